@@ -1,0 +1,88 @@
+"""The exceptions and the warning of the house.
+
+Every text says what came, what is allowed and what to do.  A failed match, a poor fit or a term at its bound is a
+result and never an exception.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+
+class AeromatchError(Exception):
+    """Root of all errors that a user's input can cause; the command line turns it into exit code 2."""
+
+
+class ParseError(AeromatchError):
+    """A text file does not hold what its format demands.
+
+    Parameters
+    ----------
+    file : str
+        Name of the file, or ``"<text>"``.
+    line : int
+        Line number, from 1; 0 when the fault belongs to the whole file.
+    found : str
+        What stands there.
+    expected : str
+        What the format asks for, and what to do.
+    """
+
+    def __init__(self, file: str, line: int, found: str, expected: str):
+        self.file, self.line, self.found, self.expected = str(file), line, found, expected
+        place = f"{file}, line {line}" if line else f"{file}"
+        super().__init__(f"{place}: found {found}; expected {expected}")
+
+
+class UnknownName(AeromatchError):
+    """A name that is not in the vocabulary or not in the file at hand."""
+
+    def __init__(self, name: str, allowed: Iterable[str], what: str = "name", hint: str = ""):
+        from difflib import get_close_matches
+
+        self.name, self.allowed = name, sorted(allowed)
+        near = get_close_matches(name, self.allowed, n=4, cutoff=0.5)
+        text = f"unknown {what} {name!r}"
+        if near:
+            text += f"; near it: {', '.join(near)}"
+        elif len(self.allowed) <= 40:
+            text += f"; allowed: {', '.join(self.allowed) or 'none'}"
+        super().__init__(text + (f"; {hint}" if hint else ""))
+
+
+class UnitError(AeromatchError):
+    """A unit that is unknown or belongs to another quantity."""
+
+
+class SchemaError(AeromatchError):
+    """An object breaks its schema; ``problems`` holds every fault found, not only the first."""
+
+    def __init__(self, what: str, problems: Sequence[str]):
+        self.what, self.problems = what, list(problems)
+        count = len(self.problems)
+        head = f"{what}: {count} problem{'s' if count != 1 else ''}"
+        super().__init__(head + "".join(f"\n  - {p}" for p in self.problems))
+
+
+class OutOfRange(AeromatchError):
+    """Values outside the range of a table, a record or a limit; ``mask`` marks them."""
+
+    def __init__(self, text: str, mask=None):
+        self.mask = mask
+        super().__init__(text)
+
+
+class IdentificationError(AeromatchError):
+    """An estimate cannot be made: too few data, no excitation or a rank defect; the text names the combination."""
+
+
+class SimulationError(AeromatchError):
+    """A simulation stopped; ``time`` says when. [s]"""
+
+    def __init__(self, text: str, time: float = float("nan")):
+        self.time = time
+        super().__init__(text)
+
+
+class AeromatchWarning(UserWarning):
+    """Something the user should know that did not stop the work."""

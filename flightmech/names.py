@@ -1,0 +1,174 @@
+"""The vocabulary: every quantity's name, unit, positive sense and description, once for the whole product.
+
+Names are the field's symbols in ASCII.  Angles are in radians.  ``S-119`` names are those of AIAA S-119 where one was
+found.  Quantities that exist once per engine take a prefix: ``engine1.thrust``.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from .errors import UnknownName
+
+
+class Quantity(NamedTuple):
+    """One row of the vocabulary: name, SI unit, sign, description, AIAA S-119 name, unit for people to read."""
+
+    name: str
+    units: str
+    sign: str
+    long_name: str
+    s119: str
+    display_units: str
+
+
+# fmt: off
+_ROWS = [
+    ("time", "s", "", "time from the start of the run", "time", "s"),
+    # air-relative motion
+    ("V", "m s-1", "", "true airspeed", "trueAirspeed", "kt"),
+    ("V_cas", "m s-1", "", "calibrated airspeed", "", "kt"),
+    ("V_eas", "m s-1", "", "equivalent airspeed", "equivalentAirspeed", "kt"),
+    ("mach", "1", "", "Mach number", "mach", "1"),
+    ("qbar", "Pa", "", "dynamic pressure", "dynamicPressure", "Pa"),
+    ("q_c", "Pa", "", "impact pressure", "", "Pa"),
+    ("alpha", "rad", "ANU", "angle of attack", "angleOfAttack", "deg"),
+    ("beta", "rad", "wind from right", "angle of sideslip", "angleOfSideslip", "deg"),
+    ("alpha_dot", "rad s-1", "ANU", "rate of angle of attack", "angleOfAttackRate", "deg/s"),
+    ("beta_dot", "rad s-1", "wind from right", "rate of angle of sideslip", "angleOfSideslipRate", "deg/s"),
+    ("u", "m s-1", "FWD", "air-relative velocity along body x", "", "m s-1"),
+    ("v", "m s-1", "RT", "air-relative velocity along body y", "", "m s-1"),
+    ("w", "m s-1", "DN", "air-relative velocity along body z", "", "m s-1"),
+    # rotation and attitude
+    ("p", "rad s-1", "RWD", "body roll rate", "eulerAngleRate_Roll", "deg/s"),
+    ("q", "rad s-1", "ANU", "body pitch rate", "bodyAngularRate_Pitch", "deg/s"),
+    ("r", "rad s-1", "ANR", "body yaw rate", "bodyAngularRate_Yaw", "deg/s"),
+    ("p_dot", "rad s-2", "RWD", "body roll acceleration", "", "deg/s2"),
+    ("q_dot", "rad s-2", "ANU", "body pitch acceleration", "", "deg/s2"),
+    ("r_dot", "rad s-2", "ANR", "body yaw acceleration", "", "deg/s2"),
+    ("phi", "rad", "RWD", "bank angle", "eulerAngle_Roll", "deg"),
+    ("theta", "rad", "ANU", "pitch attitude", "eulerAngle_Pitch", "deg"),
+    ("psi", "rad", "clockwise from north", "true heading", "eulerAngle_Yaw", "deg"),
+    ("gamma", "rad", "up", "flight-path angle relative to the ground", "", "deg"),
+    # acceleration: specific force, gravity excluded
+    ("ax", "m s-2", "FWD", "specific force at the c.g. along body x", "", "g"),
+    ("ay", "m s-2", "RT", "specific force at the c.g. along body y", "", "g"),
+    ("az", "m s-2", "DN", "specific force at the c.g. along body z", "", "g"),
+    ("nz", "1", "up", "load factor at the c.g., -az/g0", "", "1"),
+    ("dnz", "1", "up", "load factor minus one", "", "1"),
+    # place and ground-relative motion
+    ("h", "m", "up", "height of the c.g. over mean sea level", "altitudeMsl", "ft"),
+    ("h_agl", "m", "up", "height of the moment reference point over the runway", "", "ft"),
+    ("hdot", "m s-1", "up", "climb rate", "altitudeRateWrtMsl", "ft/min"),
+    ("lat", "rad", "north", "geodetic latitude", "latitude", "deg"),
+    ("lon", "rad", "east", "longitude", "longitude", "deg"),
+    ("north", "m", "north", "position north of the start", "", "m"),
+    ("east", "m", "east", "position east of the start", "", "m"),
+    ("vn", "m s-1", "north", "ground velocity north", "", "m s-1"),
+    ("ve", "m s-1", "east", "ground velocity east", "", "m s-1"),
+    ("vd", "m s-1", "down", "ground velocity down", "", "m s-1"),
+    # atmosphere
+    ("rho", "kg m-3", "", "air density", "airDensity", "kg m-3"),
+    ("p_static", "Pa", "", "ambient pressure", "ambientPressure", "hPa"),
+    ("temperature", "K", "", "ambient temperature", "ambientTemperature", "degC"),
+    ("a_sound", "m s-1", "", "speed of sound", "speedOfSound", "m s-1"),
+    ("wind_n", "m s-1", "towards north", "velocity of the air mass, north", "", "m s-1"),
+    ("wind_e", "m s-1", "towards east", "velocity of the air mass, east", "", "m s-1"),
+    ("wind_d", "m s-1", "downward", "velocity of the air mass, down", "", "m s-1"),
+    ("delta_T", "K", "warmer", "temperature offset from the standard atmosphere", "", "K"),
+    # instruments: as recorded, before correction
+    ("alpha_vane", "rad", "ANU", "angle of attack shown by the vane, atan(w/u) at the vane", "", "deg"),
+    ("beta_vane", "rad", "wind from right", "flank angle shown by the vane, atan(v/u) at the vane", "", "deg"),
+    ("ax_imu", "m s-2", "FWD", "specific force at the inertial unit along body x", "", "g"),
+    ("ay_imu", "m s-2", "RT", "specific force at the inertial unit along body y", "", "g"),
+    ("az_imu", "m s-2", "DN", "specific force at the inertial unit along body z", "", "g"),
+    ("h_baro", "m", "up", "pressure altitude, 1013.25 hPa", "", "ft"),
+    ("h_radio", "m", "up", "radio altitude: height of the antenna over the runway", "", "ft"),
+    ("h_gps", "m", "up", "satellite height of the c.g. over mean sea level", "", "ft"),
+    # controls and configuration
+    ("delta_e", "rad", "TED", "elevator deflection", "elevatorDeflection", "deg"),
+    ("delta_a", "rad", "right TED, left roll", "aileron deflection, (right - left)/2", "aileronDeflection", "deg"),
+    ("delta_a_left", "rad", "TED", "left aileron deflection", "", "deg"),
+    ("delta_a_right", "rad", "TED", "right aileron deflection", "", "deg"),
+    ("delta_r", "rad", "TEL", "rudder deflection", "rudderDeflection", "deg"),
+    ("delta_f", "rad", "TED", "flap deflection", "", "deg"),
+    ("delta_t", "rad", "TED", "elevator trim-tab deflection", "", "deg"),
+    ("delta_ta", "rad", "TED", "aileron trim-tab deflection", "", "deg"),
+    ("delta_tr", "rad", "TEL", "rudder trim-tab deflection", "", "deg"),
+    ("gear", "1", "out", "undercarriage extension, 0 in, 1 out", "", "1"),
+    ("speedbrake", "1", "out", "speed-brake extension, 0 in, 1 out", "", "1"),
+    ("brake", "1", "on", "wheel-brake pedal", "", "1"),
+    ("column", "m", "aft", "control-column travel", "", "cm"),
+    ("wheel", "rad", "right", "control-wheel travel", "", "deg"),
+    ("pedal", "m", "right foot", "pedal travel", "", "cm"),
+    ("F_column", "N", "pull", "pilot force on the column", "", "lbf"),
+    ("F_wheel", "N m", "right", "pilot torque on the wheel", "", "N m"),
+    ("F_pedal", "N", "right foot", "pilot force on the pedals", "", "lbf"),
+    ("wow_nose", "1", "on ground", "nose wheel on the ground", "", "1"),
+    ("wow_left", "1", "on ground", "left main wheel on the ground", "", "1"),
+    ("wow_right", "1", "on ground", "right main wheel on the ground", "", "1"),
+    # power plant, one per engine
+    ("throttle", "1", "forward", "power lever, 0 idle, 1 full", "", "%"),
+    ("pla", "rad", "forward", "power-lever angle", "", "deg"),
+    ("n1", "1", "", "low-pressure rotor speed, fraction", "", "%"),
+    ("n2", "1", "", "high-pressure rotor speed, fraction", "", "%"),
+    ("fuel_flow", "kg s-1", "", "fuel flow", "", "lb/h"),
+    ("thrust", "N", "FWD", "net thrust", "thrustBodyForce_X", "lbf"),
+    # coefficients
+    ("CL", "1", "up", "lift coefficient, stability axes", "liftCoefficient", "1"),
+    ("CD", "1", "aft", "drag coefficient, stability axes", "dragCoefficient", "1"),
+    ("CY", "1", "RT", "side-force coefficient, body axes", "sideforceCoefficient", "1"),
+    ("CX", "1", "FWD", "force coefficient along body x", "aeroBodyForceCoefficient_X", "1"),
+    ("CZ", "1", "DN", "force coefficient along body z", "aeroBodyForceCoefficient_Z", "1"),
+    ("Cl", "1", "RWD", "rolling-moment coefficient, body axes, span b", "aeroBodyMomentCoefficient_Roll", "1"),
+    ("Cm", "1", "ANU", "pitching-moment coefficient, body axes, mean chord cbar", "aeroBodyMomentCoefficient_Pitch", "1"),
+    ("Cn", "1", "ANR", "yawing-moment coefficient, body axes, span b", "aeroBodyMomentCoefficient_Yaw", "1"),
+    # reduced rates
+    ("phat", "1", "RWD", "reduced roll rate, p b/(2 V)", "", "1"),
+    ("qhat", "1", "ANU", "reduced pitch rate, q cbar/(2 V)", "", "1"),
+    ("rhat", "1", "ANR", "reduced yaw rate, r b/(2 V)", "", "1"),
+    ("alphadothat", "1", "ANU", "reduced rate of angle of attack, alpha_dot cbar/(2 V)", "", "1"),
+    ("betadothat", "1", "wind from right", "reduced rate of sideslip, beta_dot b/(2 V)", "", "1"),
+    # aircraft
+    ("S", "m2", "", "reference wing area", "referenceWingArea", "m2"),
+    ("cbar", "m", "", "reference chord", "referenceWingChord", "m"),
+    ("b", "m", "", "reference span", "referenceWingSpan", "m"),
+    ("mass", "kg", "", "gross mass", "totalMass", "kg"),
+    ("Ixx", "kg m2", "", "moment of inertia in roll", "bodyMomentOfInertia_Roll", "kg m2"),
+    ("Iyy", "kg m2", "", "moment of inertia in pitch", "bodyMomentOfInertia_Pitch", "kg m2"),
+    ("Izz", "kg m2", "", "moment of inertia in yaw", "bodyMomentOfInertia_Yaw", "kg m2"),
+    ("Ixy", "kg m2", "integral of xy dm", "product of inertia", "bodyProductOfInertia_XY", "kg m2"),
+    ("Ixz", "kg m2", "integral of xz dm", "product of inertia", "bodyProductOfInertia_XZ", "kg m2"),
+    ("Iyz", "kg m2", "integral of yz dm", "product of inertia", "bodyProductOfInertia_YZ", "kg m2"),
+    ("x_cg", "1", "aft", "c.g. behind the leading edge of the mean chord, in chords", "", "%"),
+    ("x_cg_b", "m", "FWD", "c.g. forward of the moment reference point", "", "m"),
+    ("y_cg_b", "m", "RT", "c.g. right of the moment reference point", "", "m"),
+    ("z_cg_b", "m", "DN", "c.g. below the moment reference point", "", "m"),
+]
+# fmt: on
+
+VOCABULARY: dict[str, Quantity] = {row[0]: Quantity(*row) for row in _ROWS}
+COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
+_ENGINE = re.compile(r"^engine[1-9]\d*\.")
+
+
+def lookup(name: str) -> Quantity:
+    """Return the vocabulary row of `name`; ``engine2.thrust`` gives the row of ``thrust``.
+
+    Raises
+    ------
+    UnknownName
+        With the near names.
+    """
+    row = VOCABULARY.get(_ENGINE.sub("", name))
+    if row is None:
+        raise UnknownName(name, VOCABULARY, "quantity")
+    return row
+
+
+def attrs(name: str) -> dict[str, str]:
+    """Return the attributes that a variable called `name` carries: units, sign and long_name."""
+    row = lookup(name)
+    found = {"units": row.units, "long_name": row.long_name}
+    return {**found, "sign": row.sign} if row.sign else found
