@@ -1,0 +1,80 @@
+"""The command ``aeromatch``: collects the command groups of the packages, each loaded when it is called."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+# group or verb: (module, attribute, one line for --help); nothing heavy is imported to print the help
+COMMANDS = {
+    "datcom": ("datcom_io.cli", "datcom", "Read Digital DATCOM listings."),
+    "db": ("aerodb.cli", "db", "Build, show and compare aero databases."),
+    "flight": ("flighttest.cli", "flight", "Read flight records, reconstruct states, identify."),
+    "fmu": ("flightmech.cli", "fmu", "Write simulation models as FMUs."),
+    "pom": ("pom.cli", "pom", "Replay recorded inputs and judge the match."),
+    "demo": ("aeromatch.demo", "demo", "Perform the whole job on the shipped T-37 example."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose members are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names in the order of the work."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return one member."""
+        if cmd_name not in COMMANDS:
+            return None
+        module, attribute, _ = COMMANDS[cmd_name]
+        return getattr(importlib.import_module(module), attribute)
+
+    def resolve_command(self, ctx: click.Context, args: list[str]):
+        """Name the near members when the name is unknown."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            from difflib import get_close_matches
+
+            near = get_close_matches(args[0], COMMANDS, n=1)
+            ctx.fail(f"no command {args[0]!r}; " + (f"did you mean {near[0]!r}?" if near else f"there are: {', '.join(COMMANDS)}"))
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the members without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, _, text) in COMMANDS.items()])
+
+
+@click.command(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="aeromatch")
+def cli() -> None:
+    """From Digital DATCOM and flight test to a proven flight model.
+
+    Exit codes: 0 done and passed, 1 a match failed, 2 usage or bad input, 3 internal fault.
+    """
+
+
+def main() -> None:
+    """Run the command; errors of the house become one clear line and exit code 2."""
+    try:
+        cli(standalone_mode=False)
+    except click.exceptions.Exit as done:
+        sys.exit(done.exit_code)
+    except click.Abort:
+        sys.exit(130)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except Exception as error:
+        from flightmech.errors import AeromatchError
+
+        if isinstance(error, AeromatchError | OSError):
+            click.echo(f"error: {error}", err=True)
+            sys.exit(2)
+        import traceback
+
+        traceback.print_exc()
+        click.echo("internal fault: please report the lines above with the command and its input", err=True)
+        sys.exit(3)
