@@ -59,9 +59,7 @@ def cli() -> None:
 def main() -> None:
     """Run the command; errors of the house become one clear line and exit code 2."""
     try:
-        cli(standalone_mode=False)
-    except click.exceptions.Exit as done:
-        sys.exit(done.exit_code)
+        code = cli(standalone_mode=False)  # click returns the code of ctx.exit() here
     except click.Abort:
         sys.exit(130)
     except click.ClickException as error:
@@ -78,3 +76,4 @@ def main() -> None:
         traceback.print_exc()
         click.echo("internal fault: please report the lines above with the command and its input", err=True)
         sys.exit(3)
+    sys.exit(code if isinstance(code, int) else 0)
