@@ -1,0 +1,104 @@
+"""One row of the tolerance table as an object: what is measured, on which channel, and how wide the band is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+_BASES = {
+    "ref_local": "of the flight value",
+    "ref_peak": "of the largest flight value",
+    "ref_scalar": "of the flight value",
+    "range_max": "of the largest value in service",
+    "first_overshoot": "of the first overshoot",
+}
+
+
+@dataclass(frozen=True)
+class Limit:
+    """One half width as the table prints it, e.g. ``Limit("absolute", 1.5, "deg")`` or ``Limit("percent", 10.0, "%")``.
+
+    ``quantity`` is ``absolute`` or ``percent`` for what can be judged; other words of the table are kept as they are.
+    """
+
+    quantity: str
+    value: float
+    unit: str
+
+    @property
+    def text(self) -> str:
+        """The limit as a person reads it."""
+        return f"{self.value:g} {self.unit}".replace(" -", "").strip()
+
+
+@dataclass(frozen=True)
+class Band:
+    """One or two limits and the rule that joins them.
+
+    ``rule`` is ``single``, ``greater_of`` or ``lesser_of``; ``base`` says of what a percentage is taken: ``ref_local``
+    (flight value at the same instant), ``ref_peak`` (largest flight magnitude of the window), ``ref_scalar`` (flight
+    value of the scalar measure), ``range_max`` (maximum of the normal operating range).
+    """
+
+    limits: tuple[Limit, ...] = ()
+    rule: str = "single"
+    base: str = ""
+
+    @property
+    def text(self) -> str:
+        """The tolerance as printed, e.g. ``10 % of the flight value or 2 deg/s, the greater``."""
+        words = [f"{x.text} {_BASES.get(self.base, '')}".strip() if x.unit == "%" else x.text for x in self.limits]
+        tail = {"greater_of": ", the greater", "lesser_of": ", the smaller"}.get(self.rule, "")
+        return " or ".join(words) + tail
+
+
+@dataclass(frozen=True)
+class Criterion:
+    """One tolerance on one parameter of one case.
+
+    Attributes
+    ----------
+    name : str
+        Unique within the case, e.g. ``pitch_angle`` or ``bank_angle trend``.
+    parameter : str
+        Name in the tolerance table; empty when the case file added the criterion.
+    channel : str
+        Signal it is judged on, house name; empty when the house has none.
+    measure : str
+        ``trace``, ``steady``, ``period`` ...
+    group : str
+        Criteria of one group are alternatives, different groups must all pass.
+    band : Band
+        The tolerance as printed.
+    window : tuple of float
+        Start and end on the clock of the record. [s]
+    applies : bool
+        False when the row's condition does not hold for the case; ``reason`` says why.
+    reason : str
+        Why the row does not apply, or why it cannot be judged.
+    kind, provenance, source, note : str
+        As in the table; ``provenance`` is ``verified``, ``partial``, ``memory`` or ``case file``.
+    """
+
+    name: str
+    parameter: str
+    channel: str
+    measure: str
+    group: str
+    band: Band
+    window: tuple[float, float]
+    applies: bool = True
+    reason: str = ""
+    kind: str = ""
+    provenance: str = ""
+    source: str = ""
+    note: str = ""
+
+    @classmethod
+    def from_dict(cls, item: Mapping[str, Any]) -> Criterion:
+        """Rebuild a criterion from ``dataclasses.asdict``."""
+        band = item["band"]
+        limits = tuple(Limit(**limit) for limit in band["limits"])
+        return cls(**{**item, "band": Band(limits, band["rule"], band["base"]), "window": (item["window"][0], item["window"][1])})

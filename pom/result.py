@@ -1,0 +1,181 @@
+"""The outcome of one case: signals, tolerances, trim and verdicts of every model against one flight record."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from flightmech.console import plain
+
+from .case import PomCase
+
+VERDICT_COLUMNS = (
+    "run",
+    "criterion",
+    "channel",
+    "measure",
+    "group",
+    "window_start",
+    "window_stop",
+    "tolerance_text",
+    "width",
+    "unit",
+    "worst",
+    "worst_ratio",
+    "at",
+    "first_exit",
+    "inside",
+    "verdict",
+    "note",
+    "provenance",
+)
+NUMBERS = ("window_start", "window_stop", "width", "worst", "worst_ratio", "at", "first_exit", "inside")
+VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
+
+
+@dataclass(frozen=True)
+class PomResult:
+    """Replay of one case by one or more models.
+
+    Attributes
+    ----------
+    case : PomCase
+        The resolved case.
+    conditions : dict of str to float
+        Initial conditions and configuration of the flight at the start of the window. [SI]
+    signals : Dataset (run, time)
+        Every compared or shown channel; run ``flight`` first, then the models; NaN where a run has no such channel. [SI]
+    tolerance : Dataset (time)
+        Half width per channel with a time-history band; NaN outside the window of the criterion. [SI]
+    inputs : Dataset (time)
+        What drove the models. [SI]
+    trim : DataFrame
+        Index ``quantity``, one column for flight and one per model: initial values, biases found (``trim.*``), residual
+        accelerations (``residual.*``). [SI]
+    verdict : DataFrame
+        One row per criterion and model, columns `VERDICT_COLUMNS`.  Times in s on the clock of the record; ``width``
+        (smallest half width in the window, or the half width of the scalar) and ``worst`` (signed, model minus flight)
+        in ``unit``, the unit of the table; ``worst_ratio`` = largest ``|difference| / half width``; ``inside`` = share of
+        samples inside; ``verdict`` one of `VERDICTS`.
+    failure : str
+        Which model crashed, hung or refused, and how; empty when all ran.  Its rows are ``invalid`` and carry the text.
+    """
+
+    case: PomCase
+    conditions: dict[str, float]
+    signals: xr.Dataset
+    tolerance: xr.Dataset
+    inputs: xr.Dataset
+    trim: pd.DataFrame
+    verdict: pd.DataFrame
+    failure: str = ""
+
+    @property
+    def runs(self) -> list[str]:
+        """Names of the models, in order, without ``flight``."""
+        return [str(run) for run in self.signals["run"].values if run != "flight"]
+
+    def groups(self, run: str) -> dict[str, str]:
+        """Return the verdict of every group that applies: the best of its alternatives."""
+        rows = self.verdict[self.verdict["run"] == run].set_index("criterion")["verdict"]
+        found: dict[str, str] = {}
+        for criterion in self.case.criteria:
+            if criterion.applies and criterion.name in rows.index:
+                verdict = str(rows[criterion.name])
+                found[criterion.group] = min(found.get(criterion.group, verdict), verdict, key=_BEST.index)
+        return found
+
+    def status(self, run: str) -> str:
+        """Return ``pass``, ``fail``, ``invalid`` or ``not_tested``.
+
+        ``pass`` when every group has a passing alternative.  A group of advisory rows only (correct trend) waits for an
+        engineer's tick and does not count; a case without any passing group is never a pass.
+        """
+        verdicts = set(self.groups(run).values())
+        for word in ("invalid", "fail", "not_tested"):
+            if word in verdicts:
+                return word
+        return "pass" if "pass" in verdicts else "not_tested"
+
+    def passed(self, run: str) -> bool:
+        """Whether `run` passes the case: every group has a passing alternative."""
+        return self.status(run) == "pass"
+
+    def worst(self, run: str) -> pd.Series | None:
+        """Return the verdict row that decides: of the alternatives the best, of the groups the worst ratio."""
+        rows = self.verdict[(self.verdict["run"] == run) & self.verdict["worst_ratio"].notna()]
+        rows = rows[rows["verdict"].isin(["pass", "fail"])]
+        if rows.empty:
+            return None
+        best = rows.loc[rows.groupby("group")["worst_ratio"].idxmin()]
+        return best.loc[best["worst_ratio"].idxmax()]
+
+    def to_json(self) -> str:
+        """Return the whole result as one JSON document; NaN becomes null."""
+        return json.dumps(plain(self._document()), ensure_ascii=False)
+
+    def _document(self) -> dict[str, Any]:
+        return {
+            "case": self.case.to_dict(),
+            "conditions": self.conditions,
+            "status": {run: self.status(run) for run in self.runs},
+            "signals": _dataset_to_dict(self.signals),
+            "tolerance": _dataset_to_dict(self.tolerance),
+            "inputs": _dataset_to_dict(self.inputs),
+            "trim": self.trim.to_dict("split"),
+            "verdict": self.verdict.to_dict("records"),
+            "failure": self.failure,
+        }
+
+    @classmethod
+    def from_json(cls, text: str) -> PomResult:
+        """Rebuild a result from `to_json`."""
+        item = json.loads(text)
+        trim = pd.DataFrame(item["trim"]["data"], item["trim"]["index"], item["trim"]["columns"], dtype=float)
+        trim.index.name = "quantity"
+        return cls(
+            case=PomCase.from_dict(item["case"]),
+            conditions={name: _number(value) for name, value in item["conditions"].items()},
+            signals=_dataset_from_dict(item["signals"]),
+            tolerance=_dataset_from_dict(item["tolerance"]),
+            inputs=_dataset_from_dict(item["inputs"]),
+            trim=trim,
+            verdict=verdict_table(item["verdict"]),
+            failure=item["failure"],
+        )
+
+
+_BEST = ("pass", "advisory", "fail", "not_tested", "invalid")
+
+
+def verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
+    """Return the verdict table of rows; numbers become float (missing: NaN), all else text."""
+    table = pd.DataFrame(rows, columns=list(VERDICT_COLUMNS))
+    for column in VERDICT_COLUMNS:
+        table[column] = table[column].astype(float) if column in NUMBERS else table[column].astype(str)
+    return table
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _dataset_to_dict(data: xr.Dataset) -> dict[str, Any]:
+    return {
+        "coords": {str(name): data[name].values.tolist() for name in data.coords},
+        "variables": {
+            str(name): {"dims": list(map(str, item.dims)), "attrs": dict(item.attrs), "values": item.values.tolist()}
+            for name, item in data.data_vars.items()
+        },
+        "attrs": dict(data.attrs),
+    }
+
+
+def _dataset_from_dict(item: dict[str, Any]) -> xr.Dataset:
+    variables = {name: (v["dims"], np.array(v["values"], float), v["attrs"]) for name, v in item["variables"].items()}
+    return xr.Dataset(variables, coords=item["coords"], attrs=item["attrs"])
