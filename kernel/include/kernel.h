@@ -1,0 +1,151 @@
+/* aeromatch simulation kernel: public interface, in reading order.
+ *
+ * An aircraft is data: one packed block of tables, terms and constants, written by flightmech.compile and read by
+ * am_load.  A model is immutable and may be shared by threads.  A simulation (am_sim) is all that moves; it is plain
+ * memory, and am_copy of it is a rollback point.  Nothing here prints, keeps a global variable or allocates inside a step.
+ *
+ * Units are SI and radians.  Body axes x forward, y right, z down; north-east-down; Euler angles 3-2-1.
+ * p, q, r are relative to inertial space.  u, v, w, V, alpha, beta are relative to the air.
+ *
+ *     am_model *m = am_load(bytes, n, text, sizeof text);      NULL: text says why
+ *     am_sim *s = am_new(m);
+ *     am_set_parameter(s, am_find(m, AM_PARAMETER, "init.V"), 80.0);
+ *     am_set_inputs(s, u);                                      inputs at the start
+ *     am_initialize(s);                                         trims when mode.trim says so
+ *     am_outputs(s, y);
+ *     am_step(s, t, dt, u0, u1);                                as often as wanted, or am_run for a whole record
+ *     am_delete(s); am_free(m);
+ */
+#ifndef AEROMATCH_KERNEL_H
+#define AEROMATCH_KERNEL_H
+
+#include <stddef.h>
+
+#if defined(_WIN32)
+#define AM_API __declspec(dllexport)
+#else
+#define AM_API __attribute__((visibility("default")))
+#endif
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct am_model am_model;
+typedef struct am_sim am_sim;
+
+/* Status of a call.  After any status but AM_OK, am_error(sim) is a sentence for the user. */
+enum {
+    AM_OK = 0,
+    AM_BAD_INDEX = 1,     /* no such input, output or parameter */
+    AM_BAD_VALUE = 2,     /* a parameter that has no physical meaning, e.g. a negative mass */
+    AM_NOT_FINITE = 3,    /* NaN or infinity in an input, a parameter or the state; am_time says when */
+    AM_BAD_ARGUMENT = 4,  /* a wrong argument of the call itself, e.g. a negative dt */
+    AM_NOT_READY = 5      /* am_initialize has not been called or has failed */
+};
+
+/* What can be counted, named and found. */
+typedef enum {
+    AM_INPUT = 0,      /* delta_e ... wind_d, engine1.throttle ... */
+    AM_OUTPUT = 1,     /* V ... out_of_range, engine1.thrust ... */
+    AM_PARAMETER = 2,  /* init.V ... mode.step, engine1.time_constant ..., term.CL.basic ... */
+    AM_VARIABLE = 3,   /* model variables that the tables and terms of this block use: columns of am_evaluate */
+    AM_TERM = 4,       /* CL/basic ...; engine terms (engine1/thrust) come first; columns of am_evaluate */
+    AM_AXIS = 5        /* table axes: the name is that of the variable, low and high are the range */
+} am_kind;
+
+/* am_entry.flags */
+enum {
+    AM_FIXED = 1,   /* a parameter that acts at am_initialize only (init.*, mode.*); others may change between steps */
+    AM_INTEGER = 2, /* an enumeration: mode.earth, mode.engine, mode.trim */
+    AM_LINEAR = 4   /* an axis that goes on linearly beyond its ends instead of holding the end value */
+};
+
+/* One row of the catalogue; the texts live as long as the model. */
+typedef struct {
+    const char *name, *units, *display_units, *description;
+    double value;     /* start value of an input or parameter; else 0 */
+    double low, high; /* range: limits of a control or parameter (-DBL_MAX, DBL_MAX: none), range of an axis */
+    int flags;
+} am_entry;
+
+/* ---- model -------------------------------------------------------------------------------------------------------- */
+
+/* Check and copy a block.  Any bytes are safe; on a fault NULL comes back and err (nerr bytes) says what and where. */
+AM_API am_model *am_load(const void *bytes, size_t n, char *err, size_t nerr);
+AM_API void am_free(am_model *model);
+
+AM_API int am_format(void);                                              /* block format this library reads */
+AM_API const char *am_title(const am_model *model);                      /* name of the aircraft */
+AM_API const char *am_meta(const am_model *model);                       /* JSON: provenance, force axes, source hash */
+AM_API int am_count(const am_model *model, am_kind kind);
+AM_API int am_entry_at(const am_model *model, am_kind kind, int i, am_entry *entry);
+AM_API int am_find(const am_model *model, am_kind kind, const char *name); /* index, or -1 */
+
+/* Names this library can compute, before any block exists: i-th of AM_INPUT, AM_OUTPUT, AM_PARAMETER or AM_VARIABLE,
+ * NULL past the end.  "engine*.x" stands for one per engine and comes after all others; in a block engine1.a engine1.b
+ * engine2.a ... follow the plain names, then (parameters) term.<name> for every term. */
+AM_API const char *am_known(am_kind kind, int i);
+
+/* ---- simulation --------------------------------------------------------------------------------------------------- */
+
+AM_API am_sim *am_new(const am_model *model);                            /* NULL: no memory */
+AM_API void am_delete(am_sim *sim);
+AM_API int am_copy(am_sim *to, const am_sim *from);                      /* both of one model; states, inputs, parameters, counters */
+AM_API const char *am_error(const am_sim *sim);                          /* text of the last failure, "" when none */
+AM_API double am_time(const am_sim *sim);                                /* time reached, or at which a step failed [s] */
+
+AM_API int am_set_parameter(am_sim *sim, int i, double value);
+AM_API int am_get_parameter(const am_sim *sim, int i, double *value);
+AM_API int am_set_input(am_sim *sim, int i, double value);
+AM_API int am_get_input(const am_sim *sim, int i, double *value);
+AM_API int am_set_inputs(am_sim *sim, const double *u);                  /* u[am_count(AM_INPUT)] */
+AM_API int am_get_inputs(const am_sim *sim, double *u);
+
+/* Put the state to init.* (body axes, wind of the present inputs), engines to their steady thrust, counters and trim.*
+ * to zero; then am_trim when mode.trim is 1 or 2.  Time is set to t. */
+AM_API int am_initialize(am_sim *sim, double t);
+
+/* Seek alpha, beta and biases of elevator, aileron, rudder and of thrust (seek = 1, N per engine) or throttle (seek = 2)
+ * so that u', v', w', p', q', r' take the values init.u_dot ... init.r_dot, with init.V gamma phi psi h p q r held.
+ * Regularised minimum-norm Newton steps inside the limits of the inputs.  A trim that leaves residuals is a result, not
+ * an error: outputs trim.u_dot ... trim.r_dot hold what is left, trim.alpha ... trim.throttle what was found. */
+AM_API int am_trim(am_sim *sim, int seek);
+
+/* Advance from t to t + dt with inputs linear from u0 to u1 (u1 == u0: held), in equal RK4 steps of at most mode.step.
+ * u1 becomes the present input.  On failure the state is that of the last good internal step. */
+AM_API int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1);
+
+/* All outputs at the present state and input: y[am_count(AM_OUTPUT)]. */
+AM_API int am_outputs(am_sim *sim, double *y);
+
+/* A whole record from an initialised simulation: t[n] rising, u[n * inputs], y[n * outputs] (row by row).
+ * hold = 0: inputs linear between samples; 1: u[k] held from t[k] to t[k + 1], as an importer without interpolation does,
+ * and the outputs at t[k + 1] are those under u[k].
+ * *done is the number of rows of y that are valid; on failure am_time and am_error tell when and why. */
+AM_API int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, double *y, size_t *done);
+
+/* ---- state access: linearisation, model exchange ------------------------------------------------------------------ */
+
+/* x: position (3) and velocity (3) in Earth axes, quaternion Earth to body (4), p q r, thrust of each engine.
+ * Earth axes are Earth-centred Earth-fixed (mode.earth = 1) or north-east-down at the start (mode.earth = 0). */
+AM_API int am_state_count(const am_model *model);
+AM_API int am_get_state(const am_sim *sim, double *x);
+AM_API int am_set_state(am_sim *sim, const double *x);
+AM_API int am_derivative(am_sim *sim, const double *x, const double *u, double *dx);
+
+/* ---- the aero model alone ----------------------------------------------------------------------------------------- */
+
+/* Evaluate the tables and terms for n rows of model variables v[n * am_count(AM_VARIABLE)] (columns in catalogue order;
+ * alphadothat, betadothat and dnz are taken as given).  Either result may be NULL.
+ * coefficients[n * 6]: CL CD CY Cl Cm Cn (or CX.. as the block's force axes say) with scales and biases of sim;
+ * terms[n * am_count(AM_TERM)]: contribution of each term with its scale.  State and counters of sim are not touched. */
+AM_API int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, double *terms);
+
+/* Out-of-range counters since am_initialize: below[axes], above[axes], in internal steps. */
+AM_API int am_out_of_range(const am_sim *sim, double *below, double *above);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
