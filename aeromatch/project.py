@@ -1,0 +1,158 @@
+"""A project: one aircraft, its listings, its flights, its test points and its Proof-of-Match cases, from one TOML file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from flightmech.configuration import Strict, load, si, validate
+from flightmech.errors import SchemaError
+from flightmech.names import lookup
+
+
+class NewTerm(Strict):
+    """A term that the listings cannot give: zero at first, with a wide standard error, for the flights to find."""
+
+    axes: dict[str, tuple[float | str, ...]] = {}
+    regressors: tuple[str, ...] = ()
+    factor: str = ""
+    stderr: float
+    comment: str = ""
+
+
+class Fit(Strict):
+    """Manoeuvres of one or more records that are fitted together by one set of models."""
+
+    name: str
+    records: tuple[str, ...]
+    manoeuvres: tuple[str, ...]
+    models: tuple[str, ...]
+
+
+class Listings(Strict):
+    """Digital DATCOM listings by what they hold."""
+
+    clean: str
+    flaps: str | None = None
+    elevator: str | None = None
+    aileron: str | None = None
+    ground: str | None = None
+    ground_flap: str | None = None
+    altitude: si("m") | None = None  # type: ignore[valid-type]
+
+
+class _File(Strict):
+    title: str
+    aircraft: str
+    names: str
+    flights: str
+    listings: Listings
+    cases: tuple[str, ...] = ()
+    held: tuple[str, ...] = ()
+    terms: dict[str, NewTerm] = {}
+    fit: tuple[Fit, ...] = ()
+    corrected_by: Literal["diagnosis"] = "diagnosis"
+
+
+@dataclass(frozen=True)
+class Project:
+    """A project as read; paths are absolute.
+
+    Attributes
+    ----------
+    title : str
+    folder, aircraft, names : Path
+        Folder of the project file, aircraft file, name map of the flight records.
+    listings : dict of str to Path
+        Digital DATCOM listings by what they hold: ``clean``, ``flaps``, ``elevator``, ``aileron``, ``ground``, ``ground_flap``.
+    altitude : float or None
+        Reference altitude of the a-priori tables. [m]
+    flights : dict of str to Path
+        Flight records by stem.
+    cases : tuple of Path
+        Proof-of-Match case files.
+    terms : dict of str to NewTerm
+        Terms that start from nothing, by ``CL/gear``.
+    held : tuple of str
+        Terms that keep their a-priori value in the identification.
+    fits : tuple of Fit
+    """
+
+    title: str
+    folder: Path
+    aircraft: Path
+    names: Path
+    listings: dict[str, Path]
+    altitude: float | None
+    flights: dict[str, Path]
+    cases: tuple[Path, ...]
+    terms: dict[str, NewTerm]
+    held: tuple[str, ...]
+    fits: tuple[Fit, ...]
+
+
+def read_project(path: str | Path) -> Project:
+    """Read a project file and check that everything it names is there.
+
+    Parameters
+    ----------
+    path : path
+        ``aeromatch.toml``.
+
+    Raises
+    ------
+    ParseError, SchemaError
+        Not TOML; or unknown keys, missing files and unknown records, all at once.
+    """
+    path = Path(path)
+    content = validate(_File, load(path), str(path))
+    folder = path.resolve().parent
+    problems: list[str] = []
+
+    def existing(name: str, place: str) -> Path:
+        file = folder / name
+        if not file.is_file():
+            problems.append(f"{place}: no file {name!r} in {folder}")
+        return file
+
+    kinds = {kind: getattr(content.listings, kind) for kind in ("clean", "flaps", "elevator", "aileron", "ground", "ground_flap")}
+    listings = {kind: existing(name, f"listings.{kind}") for kind, name in kinds.items() if name}
+    flights = {file.stem: file for file in sorted(folder.glob(content.flights))}
+    if not flights:
+        problems.append(f"flights: no file matches {content.flights!r} in {folder}")
+    for number, fit in enumerate(content.fit):
+        for record in fit.records:
+            if record not in flights:
+                problems.append(f"fit.{number}.records: no record {record!r} among {content.flights!r}")
+    for term, new in content.terms.items():
+        for axis in new.axes:
+            _known(axis, f"terms.{term}.axes", problems)
+    cases = tuple(file for pattern in content.cases for file in sorted(folder.glob(pattern)))
+    if content.cases and not cases:
+        problems.append(f"cases: no file matches {', '.join(content.cases)} in {folder}")
+    project = Project(
+        content.title,
+        folder,
+        existing(content.aircraft, "aircraft"),
+        existing(content.names, "names"),
+        listings,
+        content.listings.altitude,
+        flights,
+        cases,
+        content.terms,
+        content.held,
+        content.fit,
+    )
+    if problems:
+        raise SchemaError(str(path), problems)
+    return project
+
+
+def _known(name: str, place: str, problems: list[str]) -> None:
+    from flightmech.errors import UnknownName
+
+    try:
+        lookup(name)
+    except UnknownName as error:
+        problems.append(f"{place}: {error}")

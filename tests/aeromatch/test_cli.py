@@ -1,0 +1,42 @@
+"""The face: help stays light, unknown commands are met with the near ones, bad input ends with exit code 2."""
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = {"numpy", "scipy", "pandas", "xarray", "fmpy", "pydantic", "rich", "h5py"}
+
+
+def run(*arguments, cwd=None):
+    code = "import sys; from aeromatch.cli import main; sys.argv = ['aeromatch', *sys.argv[1:]]; main()"
+    return subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=120)
+
+
+def test_help_imports_nothing_heavy():
+    code = "import sys\nfrom click.testing import CliRunner\nfrom aeromatch.cli import cli\nCliRunner().invoke(cli, ['--help'])\nprint(*sys.modules)"
+    loaded = set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
+    assert not loaded & HEAVY
+
+
+@pytest.mark.parametrize("group", ["datcom", "db", "flight", "fmu", "pom"])
+def test_group_help_imports_nothing_heavy(group):
+    code = (
+        "import sys\nfrom click.testing import CliRunner\nfrom aeromatch.cli import cli\n"
+        f"result = CliRunner().invoke(cli, ['{group}', '--help'])\nassert result.exit_code == 0, result.output\nprint(*sys.modules)"
+    )
+    loaded = set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
+    assert not loaded & HEAVY
+
+
+def test_unknown_command_names_the_near_one():
+    done = run("fligth")
+    assert done.returncode == 2
+    assert "did you mean 'flight'?" in done.stderr
+
+
+def test_help_lists_every_group():
+    done = run("--help")
+    assert done.returncode == 0
+    for name in ("datcom", "db", "flight", "fmu", "pom", "demo"):
+        assert name in done.stdout
