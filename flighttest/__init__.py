@@ -1,0 +1,49 @@
+"""Flight test: records, state reconstruction, and identification of aerodynamic terms."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import Any
+
+_NAMES = {
+    "read": "record",
+    "manoeuvres": "record",
+    "overview": "record",
+    "faults": "record",
+    "read_names": "names_map",
+    "NameMap": "names_map",
+    "cut": "conditioning",
+    "channel": "conditioning",
+    "lowpass": "conditioning",
+    "resample": "conditioning",
+    "derivative": "differentiate",
+    "coefficients": "coefficients",
+    "Model": "model",
+    "regress": "regress",
+    "mixed": "regress",
+    "Fit": "regress",
+}
+__all__ = list(_NAMES)
+
+
+class _Package(ModuleType):
+    """Keeps the function ``flighttest.regress`` visible after someone imported the module of the same name."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _NAMES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+
+def __getattr__(name: str):
+    if name not in _NAMES:
+        raise AttributeError(f"module 'flighttest' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"flighttest.{_NAMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)
