@@ -1,27 +1,40 @@
 """Build hook: compile the C kernel with the compiler that comes as the wheel ``ziglang``.
 
-An editable or plain install compiles the machine's own target; ``AEROMATCH_TARGETS=all`` compiles every target that an
-FMU can carry.  Run as a script it compiles in place: ``python hatch_build.py``.
+An editable or plain install compiles the machine's own target and gives a wheel of that platform;
+``AEROMATCH_TARGETS=all`` compiles every target that an FMU can carry and gives a wheel for all of them (``py3-none-any``).
+Run as a script it compiles in place: ``python hatch_build.py``.
 """
 
 from __future__ import annotations
 
 import os
 import platform
+import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
+from typing import NamedTuple
 
 ROOT = Path(__file__).parent
 OUT = ROOT / "flightmech" / "_binaries"
 
-# folder (FMI 3.0 platform tuple): zig target, file name
+
+class Target(NamedTuple):
+    """One platform: zig target, file name of the library, platform tag of a wheel that carries this library only."""
+
+    zig: str
+    file: str
+    tag: str
+
+
+# folder (FMI 3.0 platform tuple): target; the oldest system named in the zig target is the one in the tag
 TARGETS = {
-    "x86_64-linux": ("x86_64-linux-gnu.2.17", "aeromatch_kernel.so"),
-    "aarch64-linux": ("aarch64-linux-gnu.2.17", "aeromatch_kernel.so"),
-    "x86_64-windows": ("x86_64-windows-gnu", "aeromatch_kernel.dll"),
-    "x86_64-darwin": ("x86_64-macos", "aeromatch_kernel.dylib"),
-    "aarch64-darwin": ("aarch64-macos", "aeromatch_kernel.dylib"),
+    "x86_64-linux": Target("x86_64-linux-gnu.2.17", "aeromatch_kernel.so", "manylinux_2_17_x86_64"),
+    "aarch64-linux": Target("aarch64-linux-gnu.2.17", "aeromatch_kernel.so", "manylinux_2_17_aarch64"),
+    "x86_64-windows": Target("x86_64-windows-gnu", "aeromatch_kernel.dll", "win_amd64"),
+    "x86_64-darwin": Target("x86_64-macos.11.0", "aeromatch_kernel.dylib", "macosx_11_0_x86_64"),
+    "aarch64-darwin": Target("aarch64-macos.11.0", "aeromatch_kernel.dylib", "macosx_11_0_arm64"),
 }
 # no contraction, no fast-math: library and FMU must agree bit for bit
 FLAGS = ["-std=c11", "-O2", "-ffp-contract=off", "-fno-sanitize=all", "-fvisibility=hidden", "-Wall", "-Wextra", "-shared", "-s"]
@@ -36,26 +49,57 @@ def native() -> str:
     return name
 
 
+def wanted() -> list[str]:
+    """Return the platform folders that ``AEROMATCH_TARGETS`` asks for: ``native`` (default) or ``all``."""
+    choice = os.environ.get("AEROMATCH_TARGETS", "native")
+    if choice not in ("native", "all"):
+        raise SystemExit(f"AEROMATCH_TARGETS is {choice!r}; allowed: native, all")
+    return list(TARGETS) if choice == "all" else [native()]
+
+
 def compile_kernel(name: str) -> Path:
     """Compile the shared library for one platform folder and return its path."""
-    target, file = TARGETS[name]
+    target = TARGETS[name]
     sources = sorted(map(str, [*(ROOT / "kernel" / "src").glob("*.c"), *(ROOT / "kernel" / "shell").glob("*.c")]))
+    if not sources:
+        raise SystemExit(f"no C sources under {ROOT / 'kernel'}; build from a whole checkout or source archive")
     include = [f"-I{ROOT / 'kernel' / folder}" for folder in ("include", "src", "shell")]
-    (OUT / name).mkdir(parents=True, exist_ok=True)
-    library = OUT / name / file
     position = [] if "windows" in name else ["-fPIC"]
     libm = ["-lm"] if "linux" in name else []
-    partial = library.with_suffix(".partial")
-    command = [sys.executable, "-m", "ziglang", "cc", "-target", target, *FLAGS, *position, *include, *sources, *libm, "-o", str(partial)]
-    subprocess.run(command, check=True)
-    os.replace(partial, library)
+    library = OUT / name / target.file
+    library.parent.mkdir(parents=True, exist_ok=True)
+    # a folder of its own: the linker leaves other files beside a Windows library, and two builds may run at once
+    with tempfile.TemporaryDirectory(dir=OUT) as folder:
+        output = Path(folder) / target.file
+        command = [
+            sys.executable,
+            "-m",
+            "ziglang",
+            "cc",
+            "-target",
+            target.zig,
+            *FLAGS,
+            *position,
+            *include,
+            *sources,
+            *libm,
+            "-o",
+            str(output),
+        ]
+        if subprocess.run(command).returncode:
+            raise SystemExit(f"the kernel did not compile for {name}; the compiler's messages stand above")
+        os.replace(output, library)
     return library
 
 
-def compile_all() -> None:
-    """Compile this machine's target, or every target when ``AEROMATCH_TARGETS`` is ``all``."""
-    for name in TARGETS if os.environ.get("AEROMATCH_TARGETS") == "all" else [native()]:
-        compile_kernel(name)
+def build() -> list[Path]:
+    """Compile what is wanted and return the libraries; others are removed, since an FMU must not carry kernels of two builds."""
+    names = wanted()
+    libraries = [compile_kernel(name) for name in names]
+    for folder in OUT.iterdir():
+        if folder.name in TARGETS and folder.name not in names:
+            shutil.rmtree(folder)
+    return libraries
 
 
 try:
@@ -68,13 +112,13 @@ else:
         """Compiles the kernel before the wheel is assembled."""
 
         def initialize(self, version: str, build_data: dict) -> None:
-            """Compile and add the libraries to the wheel."""
-            compile_all()
-            build_data["artifacts"].append("flightmech/_binaries/**")
-            if os.environ.get("AEROMATCH_TARGETS") != "all":
-                build_data["infer_tag"] = False
+            """Compile, add the libraries to the wheel and name its platform."""
+            libraries = build()
+            build_data["artifacts"] += [f"/{library.relative_to(ROOT).as_posix()}" for library in libraries]
+            if len(libraries) == 1:
+                build_data["tag"] = f"py3-none-{TARGETS[libraries[0].parent.name].tag}"
                 build_data["pure_python"] = False
 
 
 if __name__ == "__main__":
-    compile_all()
+    build()

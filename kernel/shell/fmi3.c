@@ -1,0 +1,219 @@
+/* FMI 3.0 for Co-Simulation over fmu.h. */
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+
+#include "fmu.h"
+
+typedef int fmi3Status;
+typedef uint32_t fmi3ValueReference;
+typedef void (*logger_function)(void *environment, fmi3Status status, const char *category, const char *message);
+typedef void (*update_function)(void *environment, double time, bool set_requested, bool get_allowed, bool step_finished, bool can_return,
+                                bool *return_requested, double *return_time);
+typedef void (*notice_function)(void *environment);
+typedef void (*lock_function)(void);
+
+static void tell(const fmu_logger *logger, int status, const char *text) {
+    if (logger->callback) ((logger_function)logger->callback)(logger->environment, status, "logStatusError", text);
+}
+
+static fmu_logger logger_of(const char *name, void *environment, logger_function callback) {
+    fmu_logger logger = {.tell = tell, .environment = environment, .callback = (void (*)(void))callback};
+    snprintf(logger.name, sizeof logger.name, "%s", name ? name : "");
+    return logger;
+}
+
+/* ---- life ----------------------------------------------------------------------------------------------------------- */
+
+AM_API const char *fmi3GetVersion(void) { return "3.0"; }
+
+AM_API fmu *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources, bool visible, bool logging, bool events,
+                                        bool early_return, const fmi3ValueReference intermediate[], size_t n, void *environment,
+                                        logger_function callback, update_function update) {
+    fmu_logger logger = logger_of(name, environment, callback);
+    (void)visible, (void)logging, (void)early_return, (void)intermediate, (void)update; /* only errors are logged, and they always are */
+    if (events || n) {
+        tell(&logger, FMU_ERROR, "this FMU has neither an event mode nor intermediate updates; instantiate it without them");
+        return NULL;
+    }
+    return fmu_open(resources, token, &logger);
+}
+
+AM_API fmu *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources, bool visible, bool logging,
+                                         void *environment, logger_function callback) {
+    fmu_logger logger = logger_of(name, environment, callback);
+    (void)token, (void)resources, (void)visible, (void)logging;
+    tell(&logger, FMU_ERROR, "this FMU offers Co-Simulation only");
+    return NULL;
+}
+
+AM_API fmu *fmi3InstantiateScheduledExecution(const char *name, const char *token, const char *resources, bool visible, bool logging,
+                                              void *environment, logger_function callback, notice_function clock, lock_function lock,
+                                              lock_function unlock) {
+    (void)clock, (void)lock, (void)unlock;
+    return fmi3InstantiateModelExchange(name, token, resources, visible, logging, environment, callback);
+}
+
+AM_API void fmi3FreeInstance(fmu *f) { fmu_close(f); }
+
+AM_API fmi3Status fmi3SetDebugLogging(fmu *f, bool on, size_t n, const char *const categories[]) {
+    (void)on, (void)n, (void)categories;
+    return f ? FMU_OK : FMU_ERROR;
+}
+
+AM_API fmi3Status fmi3EnterInitializationMode(fmu *f, bool tolerance_defined, double tolerance, double start, bool stop_defined,
+                                              double stop) {
+    (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop; /* the step is fixed by mode.step */
+    return fmu_set_start(f, start) ? FMU_ERROR : fmu_begin_initialization(f);
+}
+
+AM_API fmi3Status fmi3ExitInitializationMode(fmu *f) { return fmu_end_initialization(f); }
+AM_API fmi3Status fmi3Terminate(fmu *f) { return fmu_stop(f); }
+AM_API fmi3Status fmi3Reset(fmu *f) { return fmu_reset(f); }
+
+/* ---- values --------------------------------------------------------------------------------------------------------- */
+
+static int scalars(const fmu *f, size_t n, size_t nvalues) {
+    if (n == nvalues) return FMU_OK;
+    return fmu_refuse(f, "%lu values for %lu variables; every variable is a scalar", (unsigned long)nvalues, (unsigned long)n);
+}
+
+AM_API fmi3Status fmi3GetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n, double values[], size_t nvalues) {
+    return scalars(f, n, nvalues) ? FMU_ERROR : fmu_get(f, vr, n, values);
+}
+
+AM_API fmi3Status fmi3SetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n, const double values[], size_t nvalues) {
+    return scalars(f, n, nvalues) ? FMU_ERROR : fmu_set(f, vr, n, values);
+}
+
+AM_API fmi3Status fmi3GetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, int64_t values[], size_t nvalues) {
+    if (scalars(f, n, nvalues) || fmu_check_integers(f, vr, n)) return FMU_ERROR;
+    for (size_t k = 0; k < n; k++) {
+        double value;
+        if (fmu_get(f, vr + k, 1, &value)) return FMU_ERROR;
+        values[k] = llrint(value);
+    }
+    return FMU_OK;
+}
+
+AM_API fmi3Status fmi3SetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, const int64_t values[], size_t nvalues) {
+    if (scalars(f, n, nvalues) || fmu_check_integers(f, vr, n)) return FMU_ERROR;
+    for (size_t k = 0; k < n; k++) {
+        double value = (double)values[k];
+        if (fmu_set(f, vr + k, 1, &value)) return FMU_ERROR;
+    }
+    return FMU_OK;
+}
+
+/* ---- steps ---------------------------------------------------------------------------------------------------------- */
+
+AM_API fmi3Status fmi3DoStep(fmu *f, double t, double dt, bool no_set_state_prior, bool *event_needed, bool *terminate, bool *early_return,
+                             double *last_time) {
+    (void)no_set_state_prior;
+    int status = fmu_step(f, t, dt);
+    *event_needed = *terminate = *early_return = false;
+    if (f) *last_time = fmu_time(f);
+    return status;
+}
+
+/* ---- stored states -------------------------------------------------------------------------------------------------- */
+
+AM_API fmi3Status fmi3GetFMUState(fmu *f, fmu_state **state) { return fmu_take_state(f, state); }
+AM_API fmi3Status fmi3SetFMUState(fmu *f, const fmu_state *state) { return fmu_put_state(f, state); }
+
+AM_API fmi3Status fmi3FreeFMUState(fmu *f, fmu_state **state) {
+    fmu_free_state(state);
+    return f ? FMU_OK : FMU_ERROR;
+}
+
+AM_API fmi3Status fmi3SerializedFMUStateSize(fmu *f, const fmu_state *state, size_t *size) {
+    if (!f || !state) return fmu_refuse(f, "no state given");
+    *size = fmu_image_size(f);
+    return FMU_OK;
+}
+
+AM_API fmi3Status fmi3SerializeFMUState(fmu *f, const fmu_state *state, uint8_t bytes[], size_t n) {
+    return fmu_save_state(f, state, bytes, n);
+}
+
+AM_API fmi3Status fmi3DeserializeFMUState(fmu *f, const uint8_t bytes[], size_t n, fmu_state **state) {
+    return fmu_load_state(f, bytes, n, state);
+}
+
+/* ---- what the standard names and this FMU does not offer -------------------------------------------------------------
+ * Importers load every function, so all are there; the model description tells that they are not to be called. */
+
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
+#define NOT_OFFERED(function, why, ...) \
+    AM_API fmi3Status function(fmu *f, __VA_ARGS__) { return fmu_refuse(f, #function ": " why); }
+#define NOT_OFFERED_PLAIN(function, why) \
+    AM_API fmi3Status function(fmu *f) { return fmu_refuse(f, #function ": " why); }
+#define NO_VARIABLES(type, ctype) \
+    AM_API fmi3Status fmi3Get##type(fmu *f, const fmi3ValueReference vr[], size_t n, ctype values[], size_t nvalues) { \
+        return f && n == 0 ? FMU_OK : fmu_refuse(f, "fmi3Get" #type ": " NO_TYPE); \
+    } \
+    AM_API fmi3Status fmi3Set##type(fmu *f, const fmi3ValueReference vr[], size_t n, const ctype values[], size_t nvalues) { \
+        return f && n == 0 ? FMU_OK : fmu_refuse(f, "fmi3Set" #type ": " NO_TYPE); \
+    }
+#define NO_TYPE "the FMU has no variable of this type"
+#define NO_CLOCKS "the FMU has no clocks"
+#define NO_EVENTS "the FMU has no event mode"
+#define NO_DERIVATIVES "no partial derivatives are given"
+#define MODEL_EXCHANGE "belongs to Model Exchange; this FMU offers Co-Simulation only"
+#define VRS const fmi3ValueReference vr[], size_t n
+
+NO_VARIABLES(Float32, float)
+NO_VARIABLES(Int8, int8_t)
+NO_VARIABLES(UInt8, uint8_t)
+NO_VARIABLES(Int16, int16_t)
+NO_VARIABLES(UInt16, uint16_t)
+NO_VARIABLES(Int32, int32_t)
+NO_VARIABLES(UInt32, uint32_t)
+NO_VARIABLES(UInt64, uint64_t)
+NO_VARIABLES(Boolean, bool)
+NO_VARIABLES(String, char *)
+
+NOT_OFFERED(fmi3GetBinary, NO_TYPE, VRS, size_t sizes[], const uint8_t *values[], size_t nvalues)
+NOT_OFFERED(fmi3SetBinary, NO_TYPE, VRS, const size_t sizes[], const uint8_t *const values[], size_t nvalues)
+NOT_OFFERED(fmi3GetClock, NO_CLOCKS, VRS, bool values[])
+NOT_OFFERED(fmi3SetClock, NO_CLOCKS, VRS, const bool values[])
+NOT_OFFERED(fmi3GetIntervalDecimal, NO_CLOCKS, VRS, double intervals[], int qualifiers[])
+NOT_OFFERED(fmi3GetIntervalFraction, NO_CLOCKS, VRS, uint64_t counters[], uint64_t resolutions[], int qualifiers[])
+NOT_OFFERED(fmi3GetShiftDecimal, NO_CLOCKS, VRS, double shifts[])
+NOT_OFFERED(fmi3GetShiftFraction, NO_CLOCKS, VRS, uint64_t counters[], uint64_t resolutions[])
+NOT_OFFERED(fmi3SetIntervalDecimal, NO_CLOCKS, VRS, const double intervals[])
+NOT_OFFERED(fmi3SetIntervalFraction, NO_CLOCKS, VRS, const uint64_t counters[], const uint64_t resolutions[])
+NOT_OFFERED(fmi3SetShiftDecimal, NO_CLOCKS, VRS, const double shifts[])
+NOT_OFFERED(fmi3SetShiftFraction, NO_CLOCKS, VRS, const uint64_t counters[], const uint64_t resolutions[])
+NOT_OFFERED(fmi3ActivateModelPartition, NO_CLOCKS, fmi3ValueReference clock, double time)
+
+NOT_OFFERED_PLAIN(fmi3EnterEventMode, NO_EVENTS)
+NOT_OFFERED_PLAIN(fmi3EnterStepMode, NO_EVENTS)
+NOT_OFFERED_PLAIN(fmi3EvaluateDiscreteStates, NO_EVENTS)
+NOT_OFFERED(fmi3UpdateDiscreteStates, NO_EVENTS, bool *again, bool *terminate, bool *nominals_changed, bool *states_changed,
+            bool *next_defined, double *next_time)
+
+NOT_OFFERED_PLAIN(fmi3EnterConfigurationMode, "the FMU has no structural parameters")
+NOT_OFFERED_PLAIN(fmi3ExitConfigurationMode, "the FMU has no structural parameters")
+NOT_OFFERED(fmi3GetNumberOfVariableDependencies, "dependencies do not change; see modelDescription.xml", fmi3ValueReference vr, size_t *n)
+NOT_OFFERED(fmi3GetVariableDependencies, "dependencies do not change; see modelDescription.xml", fmi3ValueReference dependent,
+            size_t elements_of_dependent[], fmi3ValueReference independents[], size_t elements_of_independents[], int kinds[], size_t n)
+
+NOT_OFFERED(fmi3GetOutputDerivatives, "no output derivatives are given", VRS, const int32_t orders[], double values[], size_t nvalues)
+NOT_OFFERED(fmi3GetDirectionalDerivative, NO_DERIVATIVES, VRS, const fmi3ValueReference knowns[], size_t nknowns, const double seed[],
+            size_t nseed, double sensitivity[], size_t nsensitivity)
+NOT_OFFERED(fmi3GetAdjointDerivative, NO_DERIVATIVES, VRS, const fmi3ValueReference knowns[], size_t nknowns, const double seed[],
+            size_t nseed, double sensitivity[], size_t nsensitivity)
+
+NOT_OFFERED_PLAIN(fmi3EnterContinuousTimeMode, MODEL_EXCHANGE)
+NOT_OFFERED(fmi3CompletedIntegratorStep, MODEL_EXCHANGE, bool no_set_state_prior, bool *enter_event_mode, bool *terminate)
+NOT_OFFERED(fmi3SetTime, MODEL_EXCHANGE, double time)
+NOT_OFFERED(fmi3SetContinuousStates, MODEL_EXCHANGE, const double x[], size_t n)
+NOT_OFFERED(fmi3GetContinuousStateDerivatives, MODEL_EXCHANGE, double dx[], size_t n)
+NOT_OFFERED(fmi3GetEventIndicators, MODEL_EXCHANGE, double z[], size_t n)
+NOT_OFFERED(fmi3GetContinuousStates, MODEL_EXCHANGE, double x[], size_t n)
+NOT_OFFERED(fmi3GetNominalsOfContinuousStates, MODEL_EXCHANGE, double x[], size_t n)
+NOT_OFFERED(fmi3GetNumberOfEventIndicators, MODEL_EXCHANGE, size_t *n)
+NOT_OFFERED(fmi3GetNumberOfContinuousStates, MODEL_EXCHANGE, size_t *n)
