@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-
 _BASES = {
     "ref_local": "of the flight value",
     "ref_peak": "of the largest flight value",
@@ -30,7 +29,7 @@ class Limit:
     @property
     def text(self) -> str:
         """The limit as a person reads it."""
-        return f"{self.value:g} {self.unit}".replace(" -", "").strip()
+        return f"{self.value:g}" if self.unit in ("-", "1", "") else f"{self.value:g} {self.unit}"
 
 
 @dataclass(frozen=True)

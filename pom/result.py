@@ -82,10 +82,11 @@ class PomResult:
 
     def groups(self, run: str) -> dict[str, str]:
         """Return the verdict of every group that applies: the best of its alternatives."""
-        rows = self.verdict[self.verdict["run"] == run].set_index("criterion")["verdict"]
+        mine = self.verdict[self.verdict["run"] == run]
+        rows = dict(zip(mine["criterion"], mine["verdict"], strict=True))
         found: dict[str, str] = {}
         for criterion in self.case.criteria:
-            if criterion.applies and criterion.name in rows.index:
+            if criterion.applies and criterion.name in rows:
                 verdict = str(rows[criterion.name])
                 found[criterion.group] = min(found.get(criterion.group, verdict), verdict, key=_BEST.index)
         return found
@@ -112,8 +113,8 @@ class PomResult:
         rows = rows[rows["verdict"].isin(["pass", "fail"])]
         if rows.empty:
             return None
-        best = rows.loc[rows.groupby("group")["worst_ratio"].idxmin()]
-        return best.loc[best["worst_ratio"].idxmax()]
+        best = rows.sort_values("worst_ratio").drop_duplicates("group")
+        return best.iloc[-1]
 
     def to_json(self) -> str:
         """Return the whole result as one JSON document; NaN becomes null."""

@@ -1,0 +1,175 @@
+"""Modal measures by fit: period, time to half, damping ratio, and the lag between bank and sideslip.
+
+The free response is fitted by y = b + c t + exp(-sigma t) (A cos wd t + B sin wd t), least squares, with b, c, A, B
+eliminated at every (sigma, wd).  Picking raw extremes is fragile: it needs one noisy sample to miss a period.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from .criteria import Criterion
+from .measures import Signals
+from .tolerance import Invalid, Outcome, demand_finite, half_width, inside_window, scalar
+
+MINIMUM_CYCLES = {"2.c.9": 3.0, "2.c(9)": 3.0, "2.d.7": 6.0, "2.d(7)": 6.0}
+"""Full cycles the table asks for; time to half or double in the record will do instead."""
+
+_COARSE = 400  # samples kept for the search of a start point
+_RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / wd of the search
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A damped sine: y = offset + slope t + amplitude exp(-sigma t) cos(wd t + phase), t from the first sample."""
+
+    sigma: float
+    wd: float
+    amplitude: float
+    phase: float
+    offset: float
+    slope: float
+    residual_rms: float
+    duration: float
+
+    @property
+    def period(self) -> float:
+        """Time of one cycle, 2 pi / wd. [s]"""
+        return 2.0 * math.pi / self.wd
+
+    @property
+    def damping_ratio(self) -> float:
+        """Negative for a growing oscillation."""
+        return self.sigma / math.hypot(self.sigma, self.wd)
+
+    @property
+    def t_half(self) -> float:
+        """Time to half the amplitude; negative: time to double. [s]"""
+        return math.log(2.0) / self.sigma if self.sigma else math.inf
+
+    @property
+    def cycles(self) -> float:
+        """Full cycles in the record."""
+        return self.duration / self.period
+
+
+def fit_mode(time, y) -> Mode:
+    """Fit one damped sine with a linear trend to a free response.
+
+    Parameters
+    ----------
+    time : array (time,)
+        Rising. [s]
+    y : array (time,)
+        Free response, from the end of the input on.
+
+    Returns
+    -------
+    Mode
+
+    Raises
+    ------
+    Invalid
+        No oscillation stands out: less than half a cycle in the record, or an amplitude below twice the residual.
+    """
+    t, y = np.asarray(time, float) - float(time[0]), np.asarray(y, float)
+    scale = float(np.ptp(y)) or 1.0
+    every = max(len(t) // _COARSE, 1)
+    start = _search(t[::every], y[::every])
+
+    def residual(x):
+        return _project(t, y, x[0], x[1])[1] / scale
+
+    solution = least_squares(residual, start, x_scale=(start[1], start[1]), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    sigma, wd = float(solution.x[0]), abs(float(solution.x[1]))
+    (b, c, A, B), rest = _project(t, y, sigma, wd)
+    mode = Mode(sigma, wd, math.hypot(A, B), math.atan2(-B, A), b, c, float(np.sqrt(np.mean(rest**2))), float(t[-1]))
+    if mode.cycles < 0.5:
+        raise Invalid(f"no oscillation: the fit finds {mode.cycles:.2f} of a cycle in {mode.duration:.1f} s")
+    if mode.amplitude < 2.0 * mode.residual_rms:
+        raise Invalid(f"no oscillation stands out: amplitude {mode.amplitude:.3g}, residual {mode.residual_rms:.3g}")
+    return mode
+
+
+def _project(t: np.ndarray, y: np.ndarray, sigma: float, wd: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the linear parameters (b, c, A, B) at given (sigma, wd), and the residual."""
+    decay = np.exp(-np.clip(sigma * t, -50.0, 50.0))
+    X = np.column_stack([np.ones_like(t), t, decay * np.cos(wd * t), decay * np.sin(wd * t)])
+    theta = np.linalg.lstsq(X, y, rcond=None)[0]
+    return theta, y - X @ theta
+
+
+def _search(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Return (sigma, wd) of the best point on a grid from half a cycle in the record to eight samples a cycle."""
+    fastest = max(2.0 * math.pi / (8.0 * float(np.median(np.diff(t)))), 4.0 * math.pi / t[-1])
+    grid = [(ratio * wd, wd) for wd in np.geomspace(math.pi / t[-1], fastest, 120) for ratio in _RATIOS]
+    return min(grid, key=lambda x: float(np.sum(_project(t, y, *x)[1] ** 2)))
+
+
+def modal(criterion: Criterion, time: np.ndarray, flight: Signals, model: Signals, test_id: str = "") -> Outcome:
+    """Judge period, time to half or damping ratio of the free response.
+
+    A time to half on one side and to double on the other is a failure whatever the width: at a damping ratio of 0.01
+    the tolerance of 0.02 would pass an unstable model.
+    """
+    mask = inside_window(time, criterion.window)
+    modes = []
+    for who, signals in (("flight", flight), ("the model", model)):
+        y = signals[criterion.channel][mask]
+        demand_finite(who, time[mask], y)
+        modes.append(_fit(who, time[mask], y))
+    f, s = modes
+    asked = MINIMUM_CYCLES.get(test_id, 0.0)
+    if f.cycles < asked and abs(f.t_half) > f.duration:
+        raise Invalid(
+            f"{f.cycles:.1f} cycles and less than the time to half ({f.t_half:.0f} s) in {f.duration:.0f} s; "
+            f"the table asks for {asked:g} cycles or the time to half"
+        )
+    note = f"flight {_words(criterion.measure, f)}, model {_words(criterion.measure, s)}; {f.cycles:.1f} cycles"
+    outcome = scalar(criterion, getattr(f, criterion.measure), getattr(s, criterion.measure), float(time[mask][0]), note)
+    if criterion.measure != "period" and f.sigma * s.sigma < 0.0:
+        return replace(outcome, verdict="fail", note=f"{note}; stability differs")
+    return outcome
+
+
+def _words(measure: str, mode: Mode) -> str:
+    if measure == "damping_ratio":
+        return f"zeta {mode.damping_ratio:.4f}"
+    value = getattr(mode, measure)
+    return f"{abs(value):.2f} s{' to double' if value < 0.0 else ''}"
+
+
+def _fit(who: str, time: np.ndarray, y: np.ndarray) -> Mode:
+    try:
+        return fit_mode(time, y)
+    except Invalid as error:
+        raise Invalid(f"{who}: {error}") from None
+
+
+def peak_lag(criterion: Criterion, time: np.ndarray, flight: Signals, model: Signals) -> Outcome:
+    """Judge the time from a bank peak to the nearest sideslip peak, from the phases of the fitted mode."""
+    mask = inside_window(time, criterion.window)
+    lags, period = [], 0.0
+    for who, signals in (("flight", flight), ("the model", model)):
+        for channel in ("phi", "beta"):
+            demand_finite(f"{who} ({channel})", time[mask], signals[channel][mask])
+        mode = _fit(who, time[mask], signals["beta"][mask])
+        lags.append(_lag(mode, time[mask], signals["phi"][mask]))
+        period = period or mode.period
+    turn = period * round((lags[1] - lags[0]) / period)  # the same peak of the next cycle is no difference
+    note = f"flight {lags[0]:.2f} s, model {lags[1] - turn:.2f} s"
+    width = float(half_width(criterion, lags[0])[0])
+    if width <= 0.0:
+        raise Invalid(f"{note}; the tolerance is zero wide")
+    return scalar(criterion, lags[0], lags[1] - turn, float(time[mask][0]), note)
+
+
+def _lag(sideslip: Mode, time: np.ndarray, bank: np.ndarray) -> float:
+    """Return (phase of bank - phase of sideslip) / wd, within half a period. [s]"""
+    (_, _, A, B), _ = _project(time - time[0], bank, sideslip.sigma, sideslip.wd)
+    angle = math.remainder(math.atan2(-B, A) - sideslip.phase, 2.0 * math.pi)
+    return angle / sideslip.wd

@@ -1,0 +1,112 @@
+import math
+
+import pytest
+
+from flightmech.errors import ParseError, SchemaError
+from pom.case import PomCase, read_case
+
+
+def criteria(path):
+    return {c.name: c for c in read_case(path).criteria}
+
+
+def test_short_period_has_one_group_of_alternatives(write_case):
+    found = criteria(write_case())
+    assert {name: c.group for name, c in found.items()} == {"pitch_angle": "pitch", "pitch_rate": "pitch", "normal_acceleration": "g3"}
+    assert [c.channel for c in found.values()] == ["theta", "q", "nz"]
+    assert found["pitch_angle"].band.text == "1.5 deg"
+    assert found["normal_acceleration"].band.text == "0.1 g"
+    assert found["pitch_angle"].window == (1.0, 9.0)
+
+
+def test_every_problem_at_once(write_case):
+    path = write_case(case='windw = [1.0, 2.0]\nfeatures = ["reversible_control"]', more='[conditions]\ndelta_ff = 1\ngear = "3 ft"')
+    with pytest.raises(SchemaError) as caught:
+        read_case(path)
+    text = str(caught.value)
+    assert "case.windw: unknown key; near it: window" in text
+    assert "unknown condition 'delta_ff'; near it: delta_f" in text
+    assert "conditions.gear: unit 'ft' cannot be converted to '1'" in text
+
+
+def test_misspelt_feature_and_unknown_test_name_the_near_ones(write_case):
+    with pytest.raises(SchemaError) as caught:
+        read_case(write_case(id="2.c.100", case='features = ["reversible_control"]'))
+    assert "near it: 2.c.10" in str(caught.value)
+    assert "near it: reversible_controls" in str(caught.value)
+
+
+def test_a_missing_record_is_named(write_case, tmp_path):
+    path = write_case()
+    (tmp_path / "record.nc").unlink()
+    with pytest.raises(SchemaError, match=r"case\.record: no file"):
+        read_case(path)
+
+
+def test_broken_toml_names_its_line(tmp_path):
+    path = tmp_path / "x.toml"
+    path.write_text("[case]\nid = \n")
+    with pytest.raises(ParseError, match="line 2"):
+        read_case(path)
+
+
+def test_window_of_a_change_runs_from_5_s_before_to_15_s_after(write_case):
+    path = write_case("2.c.4", case='shortened = "short record"', more="[events]\nchange_start = 3.0\nchange_end = 5.0")
+    assert criteria(path)["airspeed"].window == (1.0, 9.0)  # -2 ... 20 s asked for, cut to the case with a stated reason
+    with pytest.raises(SchemaError, match=r"shorter than row airspeed asks \(-2 ... 20 s"):
+        read_case(write_case("2.c.4", more="[events]\nchange_start = 3.0\nchange_end = 5.0"))
+
+
+def test_a_bounding_event_must_be_marked(write_case):
+    with pytest.raises(SchemaError, match=r"unknown event 'input_end'.*mark its time in \[events\]"):
+        read_case(write_case("2.c.9"))
+
+
+def test_rows_with_a_condition_apply_only_with_the_feature(write_case):
+    assert not criteria(write_case("2.d.2"))["wheel_force"].applies
+    assert criteria(write_case("2.d.2", case='features = ["reversible_controls"]'))["wheel_force"].applies
+
+
+def test_a_tolerance_of_the_case_replaces_that_of_the_row(write_case):
+    found = criteria(write_case(more='[tolerance]\ntheta = "1 deg"\nnz = { abs = "0.1", percent = 10 }'))
+    assert found["pitch_angle"].band.text == "1 deg"
+    assert found["pitch_angle"].provenance == "case file"
+    assert found["pitch_angle"].group == "pitch"
+    assert found["normal_acceleration"].band.text == "10 % of the flight value or 0.1, the greater"
+    assert found["pitch_rate"].provenance == "verified"
+
+
+def test_a_tolerance_on_another_channel_adds_a_criterion(write_case):
+    found = criteria(write_case(more='[tolerance]\nbeta = "1 deg"'))
+    assert (found["beta"].measure, found["beta"].group) == ("trace", "beta")
+
+
+@pytest.mark.parametrize(
+    ("entry", "text"),
+    [
+        ('theta = "1.5 ft"', "unit 'ft' cannot be converted to 'rad'"),
+        ("theta = {}", "has no width"),
+        ('theta = "-1 deg"', "is not positive"),
+        ("theta = { percnt = 3 }", "near it: percent"),
+        ('thetta = "1 deg"', "near it: theta"),
+    ],
+)
+def test_wrong_tolerances_are_refused(write_case, entry, text):
+    with pytest.raises(SchemaError) as caught:
+        read_case(write_case(more=f"[tolerance]\n{entry}"))
+    assert text in str(caught.value)
+
+
+def test_conditions_carry_units(write_case):
+    case = read_case(write_case(more='[conditions]\ndelta_f = "40 deg"'))
+    assert case.conditions["delta_f"] == pytest.approx(math.radians(40.0), rel=1e-15)
+    assert PomCase.from_dict(case.to_dict()) == case
+
+
+def test_memory_rows_keep_their_mark(write_case):
+    assert criteria(write_case("2.d.3"))["bank_angle"].provenance == "memory"
+
+
+def test_measures_not_evaluated_say_so(write_case):
+    found = criteria(write_case("2.d.1"))["airspeed"]
+    assert found.reason == "measure event_value is not evaluated yet"
