@@ -1,0 +1,120 @@
+"""Faults of the program that can be seen in a listing: reported, never repaired.
+
+Both known builds (the source of January 1996 with the corrections of 2011, and the single-file edition) show them.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import groupby
+
+from .listing import Case, Listing, Message
+
+
+def report(listing: Listing) -> None:
+    """Add the reader's messages about program faults to the cases."""
+    for _, cases in groupby(listing, key=lambda case: case.run):
+        _drift_of_control_moments(list(cases))
+    for case in listing:
+        _last_mach_in_static_pages(case)
+        _pressure_on_control_pages(case)
+        _weight(case)
+        _flaps_in_ground_effect(case)
+        _power_on_missing_cells(case)
+        _dynamic_pages_repeated(case)
+
+
+def _say(case: Case, line: int, text: str) -> None:
+    case.messages.append(Message(line, text, "reader"))
+
+
+def _drift_of_control_moments(cases: list[Case]) -> None:
+    """The program keeps a part of D(CM) from one condition of a run to the next."""
+    count = 0
+    for case in cases:
+        tables = [table for _, table in case.tables("symflp")]
+        count += len(tables)
+        if tables and count > 1:
+            _say(
+                case,
+                tables[-1].lines[0],
+                f"D(CM) of {count} conditions from one program run: the program carries it from condition to condition and it drifts "
+                "(by 40 % after 18 conditions); for D(CM) that counts make one run per condition",
+            )
+
+
+def _last_mach_in_static_pages(case: Case) -> None:
+    machs = {page.condition("mach") for page, _ in case.tables("static")}
+    if len(machs) > 1:
+        _say(
+            case,
+            case.line,
+            f"{len(machs)} Mach numbers in one case: static pages carry something of the last one "
+            "(seen: CL off by 0.007, CM by 0.003, CLA by 0.02 per radian); one run per Mach number is clean",
+        )
+
+
+def _pressure_on_control_pages(case: Case) -> None:
+    """With DIM M, CM or IN the high-lift and control pages convert pressure, temperature and Reynolds number the wrong way."""
+    right = {_place(page): page.condition("p_static") for page in case.pages if page.kind == "static"}
+    for page in case.pages:
+        if page.kind != "high-lift" or page.conditions is None:
+            continue
+        pressure, wanted = page.condition("p_static"), right.get(_place(page), math.nan)
+        if abs(pressure - wanted) > 1e-3 * abs(wanted):
+            _say(
+                case,
+                page.conditions.lines[0],
+                f"pressure {pressure:g} on a control page, {wanted:g} on the static page of the same condition: with DIM {page.dim} the program "
+                "converts pressure, temperature and Reynolds number the wrong way there; those of the static page are used",
+            )
+            return
+
+
+def _place(page) -> tuple[str, ...]:
+    """Texts of Mach number, altitude and velocity, the part of the flight-condition line that is right on every page."""
+    return tuple(page.conditions.text(0, i) for i in range(3)) if page.conditions else ()
+
+
+def _weight(case: Case) -> None:
+    notes = [note for page in case.pages for note in page.notes if "VEHICLE WEIGHT" in note.text]
+    if notes and case.deck.dim in ("M", "CM"):
+        _say(
+            case,
+            notes[0].line,
+            f"with DIM {case.deck.dim} the program divides the weight by 0.2248 again at every condition: "
+            "do not use the printed weights and level-flight lift coefficients",
+        )
+
+
+def _flaps_in_ground_effect(case: Case) -> None:
+    pages = [page for page in case.pages if math.isfinite(page.ground_height) and not math.isnan(page.flap)]
+    if pages:
+        _say(
+            case,
+            pages[0].first,
+            "ground pages with flaps hold the clean configuration and the ground increment with flaps: "
+            "the flap increment of free air is not in them and must be added",
+        )
+
+
+def _power_on_missing_cells(case: Case) -> None:
+    pages = [page for page in case.pages if page.power != "off"]
+    if pages:
+        _say(
+            case,
+            pages[0].first,
+            f"{pages[0].power} power is added to cells that have no value without power: "
+            "where the page without power shows NA or NDM, the number here is the increment alone",
+        )
+
+
+def _dynamic_pages_repeated(case: Case) -> None:
+    """The dynamic page is printed again after every ground page; it must be the same one."""
+    first: dict[tuple, tuple] = {}
+    for page, table in case.tables("dynamic"):
+        rows = tuple(row.split() for row in table.rows)
+        held = first.setdefault((page.configuration, *_place(page)), rows)
+        if held != rows and any(math.isfinite(other.ground_height) for other in case.pages):
+            _say(case, table.lines[0], "this dynamic page differs from the one printed before for the same condition; the first one is used")
+            return

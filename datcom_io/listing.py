@@ -1,0 +1,268 @@
+"""What a listing holds, exactly as printed: cases, pages, tables, cells and messages, each with its line number."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from flightmech.errors import UnknownName
+
+from .blocks import BY_NAME, Column, Layout
+from .deck import Deck
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+
+class Message(NamedTuple):
+    """A message: line number from 1 (0: the whole file), text, and who says it, the ``program`` or this ``reader``."""
+
+    line: int
+    text: str
+    origin: str = "program"
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """One printed table.
+
+    Attributes
+    ----------
+    layout : Layout
+        Its kind.
+    columns : tuple of Column
+        Printed columns; in a two-way table the value column is repeated under every heading value.
+    lines : tuple of int
+        Line number of each row.
+    rows : tuple of str
+        The rows as printed.
+    values : array (row, column)
+        Printed numbers, NaN where there is none. [as printed]
+    flags : array (row, column) of uint8
+        Codes of `datcom_io.FLAGS`.
+    across : array (heading value,) or None
+        Heading values of a two-way table. [as printed]
+    across_line : int
+        Line number of the heading values, 0 without.
+    """
+
+    layout: Layout
+    columns: tuple[Column, ...]
+    lines: tuple[int, ...]
+    rows: tuple[str, ...]
+    values: np.ndarray
+    flags: np.ndarray
+    across: np.ndarray | None = None
+    across_line: int = 0
+    across_row: str = ""
+
+    @property
+    def name(self) -> str:
+        """Kind of the table, for example ``static``."""
+        return self.layout.name
+
+    def text(self, row: int, column: int) -> str:
+        """Return a cell's text as printed, without the blanks around it."""
+        place = self.columns[column]
+        return self.rows[row][place.first - 1 : place.last].strip()
+
+
+@dataclass(frozen=True, eq=False)
+class Page:
+    """One printed page.
+
+    ``kind`` is ``static``, ``dynamic``, ``high-lift``, ``auxiliary``, ``section``, ``special``, ``hypersonic``, ``final inputs``,
+    ``dump``, ``extrapolation`` or ``other``.  ``ground_height`` is the printed height [ft], infinite for FREE AIR and without
+    ground effect; ``flap`` the printed deflection [deg] or NaN; ``power`` is ``off``, ``jet`` or ``propeller``; ``per`` is ``deg``,
+    ``rad`` or empty.  ``heading`` are the heading lines below the program's name; ``notes`` the footnotes.  A page is not
+    ``parsed`` when it holds tables of a kind that is not read yet: it is located only.
+    """
+
+    kind: str
+    case: int
+    first: int
+    last: int
+    heading: tuple[str, ...] = ()
+    configuration: str = ""
+    ground_height: float = float("inf")
+    flap: float = float("nan")
+    power: str = "off"
+    dim: str = ""
+    per: str = ""
+    conditions: Table | None = None
+    tables: tuple[Table, ...] = ()
+    notes: tuple[Message, ...] = ()
+    parsed: bool = True
+
+    def table(self, name: str) -> Table | None:
+        """Return the page's table of a kind, or None."""
+        return next((table for table in self.tables if table.name == name), None)
+
+    def condition(self, name: str) -> float:
+        """Return a number of the flight-condition line by its house name, NaN when it is missing. [as printed]"""
+        if self.conditions is None:
+            return float("nan")
+        return float(self.conditions.values[0, [column.house for column in self.conditions.columns].index(name)])
+
+
+@dataclass(eq=False)
+class Case:
+    """One case: its input deck, pages and messages.
+
+    Attributes
+    ----------
+    name : str
+        CASEID, made unique within the listing; ``case 3`` where there is none.
+    ordinal : int
+        Number of the card block in the file, from 1.
+    run : int
+        Number of the program run in the file, from 1.
+    line : int
+        Line of the card block.
+    deck : Deck
+        Namelists and control cards, those replayed by SAVE included.
+    pages : list of Page
+    messages : list of Message
+    """
+
+    ordinal: int
+    run: int
+    line: int
+    file: str = ""
+    name: str = ""
+    deck: Deck = field(default_factory=Deck)
+    pages: list[Page] = field(default_factory=list)
+    messages: list[Message] = field(default_factory=list)
+
+    def tables(self, name: str) -> Iterator[tuple[Page, Table]]:
+        """Yield page and table of every table of a kind, in order."""
+        if name not in BY_NAME:
+            raise UnknownName(name, BY_NAME, "table kind")
+        for page in self.pages:
+            if name == "conditions" and page.conditions is not None:
+                yield page, page.conditions
+            for table in page.tables:
+                if table.name == name:
+                    yield page, table
+
+    def block(self, name: str) -> pd.DataFrame:
+        """Return all tables of a kind as one table of printed numbers.
+
+        Parameters
+        ----------
+        name : str
+            ``conditions static downwash dynamic symflp dcdi asyflp_cn asyflp_roll``.
+
+        Returns
+        -------
+        DataFrame (row, ...)
+            Column ``line``, then the page's ``configuration``, ``mach``, ``altitude``, ``ground_height``, ``flap``, then the printed columns by their
+            printed names; NaN where no number is printed. ``attrs["units"]`` gives the printed units.
+        """
+        from .frames import block
+
+        return block(self, name)
+
+    def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
+        """Return the case in SI and radians, under house names.
+
+        Parameters
+        ----------
+        fill_transonic : bool
+            Also fill columns that are constant in alpha on transonic pages, where the first row is the value at zero lift.
+
+        Returns
+        -------
+        DataTree
+            Leaves ``static downwash dynamic symflp asyflp``, those that the case has; see ``docs/datcom.md``.
+
+        Raises
+        ------
+        ParseError
+            The printed axes do not agree with the input deck.
+        """
+        from .dataset import case_tree
+
+        return case_tree(self, fill_transonic=fill_transonic)
+
+
+@dataclass(eq=False)
+class Listing:
+    """A whole print file.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file.
+    runs : int
+        Program runs in the file.
+    line_count : int
+    unread : list of int
+        Numbers of the lines that were not understood; lines of pages that are located only are not among them.
+    """
+
+    file: str
+    runs: int = 0
+    line_count: int = 0
+    unread: list[int] = field(default_factory=list)
+    own_messages: list[Message] = field(default_factory=list)
+    _cases: list[Case] = field(default_factory=list)
+
+    @property
+    def cases(self) -> list[str]:
+        """Names of the cases, in order."""
+        return [case.name for case in self._cases]
+
+    @property
+    def pages(self) -> list[Page]:
+        """All pages, in order."""
+        return [page for case in self._cases for page in case.pages]
+
+    @property
+    def unparsed(self) -> list[Page]:
+        """Pages that are located only: their tables are of kinds not read yet."""
+        return [page for page in self.pages if not page.parsed]
+
+    @property
+    def messages(self) -> list[Message]:
+        """All messages, of the file and of its cases, by line."""
+        return sorted([*self.own_messages, *(message for case in self._cases for message in case.messages)])
+
+    def __len__(self) -> int:
+        return len(self._cases)
+
+    def __iter__(self) -> Iterator[Case]:
+        return iter(self._cases)
+
+    def __getitem__(self, key: str | int) -> Case:
+        if isinstance(key, int):
+            if not -len(self) <= key < len(self):
+                raise UnknownName(str(key), map(str, range(len(self))), f"case number of {self.file}")
+            return self._cases[key]
+        for case in self._cases:
+            if case.name == key:
+                return case
+        raise UnknownName(key, self.cases, f"case of {self.file}")
+
+    def cells(self) -> pd.DataFrame:
+        """Return one row per printed cell.
+
+        Returns
+        -------
+        DataFrame (cell, ...)
+            ``line case page table mach altitude alpha delta delta_left delta_right delta_difference column text value flag``; numbers
+            as printed, axis values NaN where the table has no such axis, ``flag`` a word of `datcom_io.FLAGS`.
+        """
+        from .frames import cells
+
+        return cells(self)
+
+    def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
+        """Return all cases that have tables, one child per case (see `Case.to_datatree`); ``/`` in a name becomes ``|``."""
+        from .dataset import listing_tree
+
+        return listing_tree(self, fill_transonic=fill_transonic)

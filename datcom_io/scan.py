@@ -1,0 +1,261 @@
+"""Reading a listing: one pass over its lines, one page in memory at a time."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Iterable
+
+from flightmech.errors import ParseError
+
+from . import faults
+from .deck import Deck, parse_cards
+from .lines import anchor, is_progress, open_lines, with_control_column
+from .listing import Case, Listing, Message, Page
+from .pages import Line, read_page
+
+_CARD_TAIL = re.compile(r"\*\* (?:ERROR|ILLEGAL|MISSING)")
+_ERROR_CARD = "ERROR IN CARD BELOW"
+_HYPERSONIC = "AERODYNAMIC CONTROL EFFECTIVENESS AT HYPERSONIC SPEEDS"
+
+
+def read(source: str | os.PathLike[str] | Iterable[str], *, partial: bool = False) -> Listing:
+    """Read the print file (unit 6) of Digital DATCOM.
+
+    Parameters
+    ----------
+    source : path, or iterable of str
+        File, or its lines.  Line ends LF or CRLF; several program runs may follow each other; column 1 may be missing.
+    partial : bool
+        Take what is complete in a file that is cut, and say so in a message, instead of raising.
+
+    Returns
+    -------
+    Listing
+
+    Raises
+    ------
+    ParseError
+        The file is no listing, is cut (no END OF JOB), or a table has another number of rows than the deck asks for.
+
+    Notes
+    -----
+    The program's own faults are reported as messages, never repaired: see `datcom_io.faults`.
+    """
+    file = os.path.basename(os.fspath(source)) if isinstance(source, str | os.PathLike) else "<text>"
+    scanner = _Scanner(Listing(file), partial)
+    for number, line in with_control_column(open_lines(source)):
+        scanner.take(number, line)
+    return scanner.finish()
+
+
+class _Scanner:
+    """The state of the pass: which run, case, page and region the next line belongs to."""
+
+    def __init__(self, listing: Listing, partial: bool):
+        self.listing, self.partial = listing, partial
+        self.region = "banner"  # banner, echo, cards, between, page, end
+        self.case: Case | None = None
+        self.deck: Deck | None = None  # of the case before in the same run
+        self.cards: list[Line] = []
+        self.page: list[Line] = []
+        self.open_run = False  # a run that has begun and not ended
+        self.last = 0  # last line that is not blank
+
+    def take(self, number: int, line: str) -> None:
+        self.listing.line_count = number
+        if line.isspace():
+            return self._blank(number, line)
+        kind = anchor(line)
+        if kind:
+            self._open(kind, number, line)
+        elif line[0] == "1" and self.region not in ("banner", "echo"):
+            self._control_one(number, line)
+        elif not is_progress(line):
+            self._inside(number, line)
+        self.last = number
+        return None
+
+    def _blank(self, number: int, line: str) -> None:
+        if self.region == "page":
+            self.page.append((number, line))
+
+    def _open(self, kind: str, number: int, line: str) -> None:
+        if self.region == "page" and line[0] != "1" and kind in ("run", "case", "end"):
+            return self._inside(number, line)
+        self._close_page()
+        if kind == "run":
+            self._close_run()
+            self.listing.runs += 1
+            self.open_run, self.region, self.deck = True, "echo", None
+        elif kind == "case":
+            self._close_case()
+            self.open_run = True
+            self.case = self._new_case(number)
+            self.region, self.cards = "cards", []
+        elif kind == "end":
+            self._close_case()
+            self.open_run, self.region = False, "end"
+        else:
+            self._close_cards()
+            self.open_run, self.region, self.page = True, "page", [(number, line)]
+        return None
+
+    def _control_one(self, number: int, line: str) -> None:
+        if self.page and self.page[0][1].lstrip("1 ").startswith("THE FOLLOWING IS A LIST OF FINAL INPUTS"):
+            self.page.append((number, line))  # the namelist echo starts every group with a new page
+            return
+        self._close_page()
+        self._close_cards()
+        if line.strip() != "1":
+            self.region, self.page = "page", [(number, line)]
+
+    def _inside(self, number: int, line: str) -> None:
+        if self.region == "page":
+            self.page.append((number, line))
+        elif self.region == "cards":
+            self._card(number, line)
+        elif self.region == "between":
+            self._remark(number, line)
+        elif self.region == "echo" and _CARD_TAIL.search(line[81:]):
+            self.listing.own_messages.append(Message(number, f"{line[81:].strip()}: {line[1:81].strip()}"))
+        elif self.region == "banner" and line[1:].strip().startswith("***") and "NAMELIST" in line:
+            self.listing.own_messages.append(Message(number, line[1:].strip()))
+
+    def _card(self, number: int, line: str) -> None:
+        text = line[1:]
+        if "INPUT DIMENSIONS ARE IN" in text:
+            self._close_cards()
+        elif self.cards and self.cards[-1][1].startswith("NEXT CASE"):
+            self._close_cards()
+            self._remark(number, line)
+        elif line[0] == "0" or text.startswith(_ERROR_CARD):
+            if text.strip():
+                self._remark(number, line)
+        elif self.case and self.case.messages and self.case.messages[-1] == Message(self.last, _ERROR_CARD):
+            self._remark(number, line)
+        elif text.strip():
+            self.cards.append((number, text))
+
+    def _remark(self, number: int, line: str) -> None:
+        """Sort a line between the pages: with a word in it, it is a message."""
+        text = line[1:].strip()
+        if not text:
+            return
+        if not any(word.isalpha() and len(word) > 2 for word in re.split(r"[^A-Za-z]+", text)):
+            self.listing.unread.append(number)
+        elif self.case is None:
+            self.listing.own_messages.append(Message(number, text))
+        else:
+            self.case.messages.append(Message(number, text))
+
+    def _new_case(self, number: int) -> Case:
+        return Case(ordinal=len(self.listing._cases) + 1, run=max(self.listing.runs, 1), line=number, file=self.listing.file)
+
+    def _close_cards(self) -> None:
+        if self.region != "cards" or self.case is None:
+            return
+        self.region = "between"
+        self.case.deck = self.deck = parse_cards(self.cards, self.deck)
+        self.case.messages += [Message(line, text) for line, text in self.case.deck.problems]
+
+    def _close_page(self) -> None:
+        if not self.page:
+            return
+        if self.case is None:
+            self.case = self._new_case(self.page[0][0])
+        while len(self.page) > 1 and not self.page[-1][1].strip():
+            self.page.pop()
+        page, messages, unread = read_page(self.page, self.case.ordinal)
+        self.page, self.region = [], "between"
+        self.case.messages += messages
+        self.listing.unread += unread
+        self.case.pages.append(self._checked(page))
+
+    def _checked(self, page: Page) -> Page:
+        """Demand the number of rows that the deck asks for."""
+        assert self.case is not None
+        for table in page.tables:
+            wanted = self.case.deck.count(*table.layout.rows)
+            if wanted is None or len(table.rows) == wanted or (len(table.rows) < wanted and self._ends_early(page)):
+                continue
+            count, variable = len(table.rows), table.layout.rows[1]
+            found, expected = f"{count} rows in the {table.name} table", f"{wanted} rows ({variable} of the input cards)"
+            if not self.partial:
+                line = table.lines[-1]
+                raise ParseError(self.listing.file, line, found, f"{expected}; the listing is damaged: pass partial=True to take the rest")
+            self.case.messages.append(Message(table.lines[0], f"{found} instead of {expected}: left out", "reader"))
+            page = _without(page, table)
+        return page
+
+    def _ends_early(self, page: Page) -> bool:
+        assert self.case is not None
+        pages = [page] if page.kind == "static" else [page, *self.case.pages]
+        return any("ANALYSIS TERMINATED" in note.text for other in pages for note in other.notes)
+
+    def _close_case(self) -> None:
+        self._close_cards()
+        case, self.case = self.case, None
+        if case is None or not (case.pages or case.messages or case.deck.cards or case.deck.namelists):
+            return
+        self.listing._cases.append(case)
+
+    def _close_run(self) -> None:
+        """Judge a run that ends without END OF JOB: stopped by the program, or cut."""
+        stopped = self.case is not None and any("EXECUTION TERMINATING" in message.text for message in self.case.messages)
+        if self.open_run and not stopped:
+            if not self.partial:
+                raise ParseError(
+                    self.listing.file,
+                    self.last,
+                    "the end of the print",
+                    "the line END OF JOB.; the listing is cut: run the program again, or pass partial=True to take what is complete",
+                )
+            self._drop_cut_page()
+        self._close_case()
+        self.open_run = False
+
+    def _drop_cut_page(self) -> None:
+        """Leave out what may be cut: the last table when it reaches the last line, and the page when no table stays."""
+        text = "the listing is cut: no END OF JOB"
+        if self.case is not None and self.case.pages and self.case.pages[-1].last >= self.last:
+            page = self.case.pages[-1]
+            if page.tables and page.tables[-1].lines[-1] == self.last:
+                page = _without(page, page.tables[-1])
+            if page.tables:
+                self.case.pages[-1] = page
+            else:
+                self.case.pages.pop()
+            text += f"; the last table of the page at lines {page.first}-{page.last} is left out"
+        self.listing.own_messages.append(Message(self.last, text, "reader"))
+
+    def finish(self) -> Listing:
+        self._close_page()
+        self._close_cards()
+        self._close_run()
+        if not self.listing.runs and not self.listing._cases:
+            raise ParseError(
+                self.listing.file,
+                0,
+                "no page of Digital DATCOM" if self.listing.line_count else "an empty file",
+                "a print file (unit 6, for006.dat) with its input cards; for an input deck run the program first",
+            )
+        _name_cases(self.listing._cases)
+        faults.report(self.listing)
+        return self.listing
+
+
+def _without(page: Page, table) -> Page:
+    from dataclasses import replace
+
+    return replace(page, tables=tuple(other for other in page.tables if other is not table))
+
+
+def _name_cases(cases: list[Case]) -> None:
+    """Name cases by their CASEID; a second one of the same name gets `` (2)``."""
+    seen: Counter[str] = Counter()
+    for case in cases:
+        base = case.deck.caseid or f"case {case.ordinal}"
+        seen[base] += 1
+        case.name = base if seen[base] == 1 else f"{base} ({seen[base]})"
