@@ -1,0 +1,392 @@
+"""Local estimates from flight and a prior database joined into tables.
+
+A local estimate theta = (X'X)^-1 X' z of samples that follow the tables, z = B g, has the expectation H g with
+H = (X'X)^-1 X' B, whatever the local model leaves out.  Every fit is therefore an observation
+
+    theta = H g + D s + e,    s ~ N(0, 1),    e ~ N(0, C)
+
+of the nodes g of all terms of its coefficient at once.  C is its coloured-residual covariance; D holds the changes by
+one standard error of dynamic pressure, mass, inertia and each thrust, errors that all fits of a programme share.  With
+the prior g ~ N(g0, P) everything is Gaussian, and the nodes have a posterior in closed form.
+
+Prior covariance of the nodes i, j of one term, with their a-priori standard errors s and distances d along the axes:
+
+    P_ij = s_i s_j [level + (1 - level) exp(-1/2 sum (d/length)^2)]
+
+The first part is an error common to the whole table: a handbook method is wrong in the same sense over a table (LR-743
+found whole curves displaced), and it makes a correction found at some nodes count at nodes that were not flown.  The
+second part lets the shape change, over the correlation lengths, and fades away from the flown region.  By default each
+has half of the variance.  A node far from all data then keeps at least sqrt(1/2) of its a-priori standard error, however
+well the level is known; a node counts as *from flight* when its standard error is clearly, by a tenth, below that.
+Nodes of different terms are independent a priori; after the flight they are not, and a leaf has no room to say so: the
+standard errors are those of single nodes.
+
+What no fit can tell apart stays divided by the priors: a fit with one term for pitch rate and rate of incidence informs
+``qhat`` and ``alphadothat`` together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from flightmech import terms as _terms
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.units import DEGREE
+
+from .schema import coefficients, terms
+
+# correlation lengths of the correction along the axes; infinite on every axis not named here [SI]
+LENGTHS = {
+    "alpha": 5 * DEGREE,
+    "beta": 5 * DEGREE,
+    "mach": 0.25,
+    "delta_f": 15 * DEGREE,
+    "delta_e": 10 * DEGREE,
+    "delta_a": 10 * DEGREE,
+    "delta_r": 10 * DEGREE,
+    "h_agl": 2.0,
+}
+LEVEL = 0.5
+REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the first identified, below the second corrected
+SUSPECT = 0.3  # weight below which a fit is listed as suspect
+_HUBER = 2.5
+_ROUNDS = 12
+_AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")
+_FREE_AIR = 1e4  # h_agl where a fit says nothing about the ground [m]
+
+
+@dataclass(frozen=True)
+class Tabulation(Mapping):
+    """The new terms, ``{"CL/basic": leaf, ...}``, ready for `replace_terms`, and what was found on the way.
+
+    Attributes
+    ----------
+    terms : dict of str to Dataset
+        Every term that the fits say something about.  ``source`` is flight where the posterior standard error is below
+        0.9 sqrt(1 - level) of the a-priori one, and stays as it was elsewhere.
+    report : DataFrame
+        Index term; ``nodes``, ``flight`` (nodes from flight), ``corrected`` and ``identified`` (nodes with a ratio of
+        posterior to prior standard error below 0.9 and 0.5), ``ratio_least``, ``ratio_median``, ``change_rms``,
+        ``change_largest``, ``change_in_sd`` (largest change in a-priori standard errors; beyond 3 the prior standard
+        error was too small).
+    points : DataFrame
+        Index (coefficient, fit): ``rms_prior``, ``rms`` of measured minus tables with the prior and the new ones,
+        ``range`` of the coefficient, ``distance`` of the fit from the tables in its own standard errors, ``weight``,
+        ``suspect``, ``clamped`` (share of samples outside a table).
+    compatibility : DataFrame
+        Index coefficient; ``chi2`` of the fits against prior and measurement errors, ``count`` of estimates,
+        ``probability``, ``inflation`` (factor on the standard errors of all fits, from their disagreement).
+    systematic : DataFrame
+        Index (coefficient, error): ``value``, ``stderr`` of the common errors, in standard errors of the source.
+    """
+
+    terms: dict[str, xr.Dataset]
+    report: pd.DataFrame
+    points: pd.DataFrame
+    compatibility: pd.DataFrame
+    systematic: pd.DataFrame
+
+    def __getitem__(self, name: str) -> xr.Dataset:
+        return self.terms[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.terms)
+
+    def __len__(self) -> int:
+        return len(self.terms)
+
+
+def tabulate(
+    fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] = (), lengths: Mapping[str, float] | None = None, level: float = LEVEL
+) -> Tabulation:
+    """Return the terms of a database after the fits have been heard.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        Of any coefficients; used are ``estimates`` (``estimate``, ``covariance``, ``systematic``; attributes
+        ``coefficient``, ``name``), ``data`` and ``design``.
+    prior : DataTree
+        The database; its leaves need ``stderr``, a node with ``stderr`` 0 stays.  A term that the flight shall bring in
+        must be there, as zeros with a wide standard error.
+    held : sequence of str
+        Terms such as ``"CL/altitude"`` that keep their values exactly.
+    lengths : mapping, optional
+        Correlation lengths by axis that differ from `LENGTHS`; ``inf`` for fully correlated. [SI]
+    level : float
+        Share of the a-priori variance that is common to the whole table, 0 to 1.
+
+    Returns
+    -------
+    Tabulation
+
+    Raises
+    ------
+    SchemaError
+        Terms without standard errors, or force axes other than those of the fits; all faults.
+    UnknownName
+        A held term or a coefficient that the database does not have, or a variable that a table needs and the data of a
+        fit do not hold.
+
+    References
+    ----------
+    .. [Rasmussen2006] Rasmussen, Williams, Gaussian Processes for Machine Learning, MIT Press 2006, chapter 2.
+    """
+    leaves = terms(prior)
+    _demand(fits, prior, leaves, held)
+    lengths = {**LENGTHS, **(lengths or {})}
+    new: dict[str, xr.Dataset] = {}
+    tables: dict[str, list] = {"report": [], "points": [], "compatibility": [], "systematic": []}
+    for coefficient in dict.fromkeys(_coefficient(fit) for fit in fits):
+        mine = {name: leaf for name, leaf in leaves.items() if name.startswith(f"{coefficient}/")}
+        local = [fit for fit in fits if _coefficient(fit) == coefficient]
+        new |= _one_coefficient(coefficient, local, mine, held, lengths, level, tables)
+    frames = {name: pd.concat(parts) for name, parts in tables.items()}
+    return Tabulation(new, **frames)
+
+
+def prior_covariance(leaf: xr.Dataset, lengths: Mapping[str, float] | None = None, level: float = LEVEL) -> np.ndarray:
+    """Return the a-priori covariance of the nodes of a term, (nodes, nodes), in the order of ``value.ravel()``.
+
+    Parameters
+    ----------
+    leaf : Dataset
+        A term with ``stderr``.
+    lengths : mapping, optional
+        Correlation lengths by axis; default `LENGTHS`. [SI]
+    level : float
+        Share of the variance common to the whole table.
+    """
+    lengths = LENGTHS if lengths is None else lengths
+    value = leaf["value"]
+    near = np.ones((value.size, value.size))
+    places = np.meshgrid(*(value[axis].values for axis in value.dims), indexing="ij") if value.ndim else []
+    for axis, place in zip(value.dims, places):
+        distance = (place.ravel()[:, None] - place.ravel()) / lengths.get(str(axis), np.inf)
+        near *= np.exp(-0.5 * distance**2)
+    sd = leaf["stderr"].values.ravel()
+    return np.outer(sd, sd) * (level + (1.0 - level) * near)
+
+
+@dataclass(frozen=True)
+class _Observation:
+    """One fit, as linear in the free nodes."""
+
+    theta: np.ndarray  # estimates less what the held terms contribute
+    H: np.ndarray  # (estimates, free nodes)
+    D: np.ndarray  # (estimates, common errors)
+    C: np.ndarray  # (estimates, estimates)
+
+
+def _one_coefficient(coefficient, fits, leaves, held, lengths, level, tables) -> dict[str, xr.Dataset]:
+    free = {name: leaf for name, leaf in leaves.items() if name not in held}
+    sources = list(dict.fromkeys(str(name) for fit in fits for name in fit.estimates["error"].values))
+    observed = [_observe(fit, leaves, free, sources) for fit in fits]
+    g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
+    P = _block_diagonal([prior_covariance(leaf, lengths, level) for leaf in free.values()])
+    g, sd, s, s_sd, weight, inflation, distance = _posterior(observed, g0, P)
+    touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
+    new, at = {}, 0
+    for name, leaf in free.items():
+        nodes = slice(at, at := at + leaf["value"].size)
+        if touched[nodes].any():
+            new[name] = _leaf(leaf, g[nodes], sd[nodes], level, _contributors(fits, observed, nodes))
+            tables["report"].append(_term_row(name, leaf, new[name]))
+    tables["points"].append(_point_rows(coefficient, fits, leaves, {**leaves, **new}, weight, distance))
+    tables["compatibility"].append(_compatibility_row(coefficient, observed, g0, P, inflation))
+    index = pd.MultiIndex.from_product([[coefficient], sources], names=["coefficient", "error"])
+    tables["systematic"].append(pd.DataFrame({"value": s, "stderr": s_sd}, index=index))
+    return new
+
+
+def _observe(fit, leaves: Mapping[str, xr.Dataset], free: Mapping[str, xr.Dataset], sources: Sequence[str]) -> _Observation:
+    X = fit.design.values
+    Q, R = np.linalg.qr(X)
+    H = [np.linalg.solve(R, (_basis(leaf, fit.data).T @ Q).T) for leaf in free.values()]
+    fixed = sum((_evaluate(leaf, fit.data) for name, leaf in leaves.items() if name not in free), np.zeros(len(X)))
+    e = fit.estimates
+    D = np.zeros((X.shape[1], len(sources)))
+    D[:, [sources.index(str(name)) for name in e["error"].values]] = e["systematic"].values
+    return _Observation(e["estimate"].values - np.linalg.solve(R, Q.T @ fixed), np.hstack(H), D, e["covariance"].values)
+
+
+def _posterior(observed: Sequence[_Observation], g0: np.ndarray, P: np.ndarray):
+    """Nodes and common errors given the fits; fits far from the tables that the others support lose weight."""
+    H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
+    y = np.concatenate([o.theta for o in observed]) - H @ g0
+    PH = P @ H.T
+    expected = H @ PH + D @ D.T
+    ends = np.cumsum([len(o.theta) for o in observed])
+    parts = [slice(end - len(o.theta), end) for o, end in zip(observed, ends)]
+    weight, inflation = np.ones(len(observed)), 1.0
+    for _ in range(_ROUNDS):
+        noise = _block_diagonal([inflation**2 / w * o.C for o, w in zip(observed, weight)])
+        scale = np.sqrt(np.diag(expected + noise))
+        inverse = np.linalg.inv((expected + noise) / np.outer(scale, scale)) / np.outer(scale, scale)
+        residual = noise @ inverse @ y
+        distance = np.array([_distance(residual[part], o.C) for part, o in zip(parts, observed)])
+        determined = np.trace(noise @ inverse) / len(y)  # share of the residual that the tables have not taken up
+        inflation = max(1.0, float(np.median(distance)) / np.sqrt(max(determined, 0.1)))
+        weight = np.minimum(1.0, (_HUBER * inflation / np.maximum(distance, 1e-12)) ** 2)
+    gain = PH @ inverse
+    sd = np.sqrt(np.maximum(np.diag(P) - np.einsum("ij,ij->i", gain, PH), 0.0))
+    s_sd = np.sqrt(np.maximum(1.0 - np.einsum("ji,jk,ki->i", D, inverse, D), 0.0))
+    return g0 + gain @ y, sd, D.T @ inverse @ y, s_sd, weight, inflation, distance
+
+
+def _distance(residual: np.ndarray, C: np.ndarray) -> float:
+    """Rms of a residual in its own standard errors, correlations taken into account."""
+    sd = np.sqrt(np.diag(C))
+    correlation = C / np.outer(sd, sd) + 1e-9 * np.eye(len(sd))
+    return float(np.sqrt((residual / sd) @ np.linalg.solve(correlation, residual / sd) / len(sd)))
+
+
+def _leaf(leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, level: float, contributors: Sequence[str]) -> xr.Dataset:
+    shape = leaf["value"].shape
+    flown = sd.reshape(shape) < CORRECTED * np.sqrt(1.0 - level) * leaf["stderr"].values
+    known = leaf["source"].values if "source" in leaf else np.full(shape, _terms.SOURCES.index("judgement"), np.uint8)
+    new = leaf.copy(deep=True)
+    new["value"] = leaf["value"].dims, value.reshape(shape), leaf["value"].attrs
+    new["stderr"] = leaf["value"].dims, sd.reshape(shape), leaf["stderr"].attrs
+    source = np.where(flown, _terms.SOURCES.index("flight"), known).astype(np.uint8)
+    new["source"] = leaf["value"].dims, source, {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
+    words = [str(leaf.attrs.get("comment", "")), f"{int(flown.sum())} of {flown.size} nodes from flight: {', '.join(contributors)}."]
+    if set(_terms.regressors(leaf)) & {"qhat", "alphadothat"}:
+        words.append("Pitch rate and rate of incidence move alike in flight; between their terms the a-priori errors decide.")
+    words.append("Standard errors are of single nodes; their correlation is not kept.")
+    new.attrs["comment"] = " ".join(word for word in words if word)
+    line = f"tabulate: joined with {len(contributors)} fits"
+    new.attrs["history"] = f"{leaf.attrs['history']}\n{line}" if leaf.attrs.get("history") else line
+    return new
+
+
+def _contributors(fits: Sequence[Any], observed: Sequence[_Observation], nodes: slice) -> list[str]:
+    return [
+        str(fit.estimates.attrs.get("name") or f"fit {k}")
+        for k, (fit, o) in enumerate(zip(fits, observed))
+        if np.abs(o.H[:, nodes]).max() > 0
+    ]
+
+
+def _term_row(name: str, before: xr.Dataset, after: xr.Dataset) -> pd.DataFrame:
+    sd0, change = before["stderr"].values.ravel(), (after["value"] - before["value"]).values.ravel()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(sd0 > 0, after["stderr"].values.ravel() / sd0, 1.0)
+        in_sd = np.where(sd0 > 0, np.abs(change) / sd0, 0.0)
+    row = {
+        "nodes": len(ratio),
+        "flight": int((after["source"].values == _terms.SOURCES.index("flight")).sum()),
+        "corrected": int((ratio < CORRECTED).sum()),
+        "identified": int((ratio < REPLACED).sum()),
+        "ratio_least": ratio.min(),
+        "ratio_median": np.median(ratio),
+        "change_rms": np.sqrt((change**2).mean()),
+        "change_largest": change[np.abs(change).argmax()],
+        "change_in_sd": in_sd.max(),
+    }
+    return pd.DataFrame(row, index=pd.Index([name], name="term"))
+
+
+def _point_rows(coefficient, fits, before, after, weight, distance) -> pd.DataFrame:
+    rows = []
+    for fit, w, d in zip(fits, weight, distance):
+        z = fit.data[coefficient].values
+        misfit = [z - sum((_evaluate(leaf, fit.data) for leaf in leaves.values()), np.zeros(len(z))) for leaves in (before, after)]
+        rows.append(
+            {
+                "coefficient": coefficient,
+                "fit": str(fit.estimates.attrs.get("name", "")),
+                "rms_prior": np.sqrt((misfit[0] ** 2).mean()),
+                "rms": np.sqrt((misfit[1] ** 2).mean()),
+                "range": np.ptp(z),
+                "distance": d,
+                "weight": w,
+                "suspect": w < SUSPECT,
+                "clamped": max(_clamped(leaf, fit.data) for leaf in before.values()),
+            }
+        )
+    return pd.DataFrame(rows).set_index(["coefficient", "fit"])
+
+
+def _compatibility_row(coefficient: str, observed: Sequence[_Observation], g0: np.ndarray, P: np.ndarray, inflation: float) -> pd.DataFrame:
+    from scipy.stats import chi2 as chi2_distribution
+
+    H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
+    y = np.concatenate([o.theta for o in observed]) - H @ g0
+    S = H @ P @ H.T + D @ D.T + _block_diagonal([o.C for o in observed])
+    scale = np.sqrt(np.diag(S))
+    statistic = float((y / scale) @ np.linalg.solve(S / np.outer(scale, scale), y / scale))
+    row = {"chi2": statistic, "count": len(y), "probability": float(chi2_distribution.sf(statistic, len(y))), "inflation": inflation}
+    return pd.DataFrame(row, index=pd.Index([coefficient], name="coefficient"))
+
+
+def _demand(fits: Sequence[Any], prior: xr.DataTree, leaves: Mapping[str, xr.Dataset], held: Sequence[str]) -> None:
+    if not fits:
+        raise IdentificationError("no fit; tabulate needs at least one")
+    for name in held:
+        if name not in leaves:
+            raise UnknownName(name, leaves, "held term")
+    wanted = list(dict.fromkeys(_coefficient(fit) for fit in fits))
+    for name in wanted:
+        if name not in coefficients(prior):
+            raise UnknownName(name, coefficients(prior), "coefficient", "the database does not hold it with its force axes")
+    problems = []
+    if prior.attrs["force_axes"] == "wind" and set(wanted) & {"CL", "CD", "CY"}:
+        problems.append("force_axes is 'wind', the fits are of stability axes; build the database in stability axes")
+    for name, leaf in leaves.items():
+        if name.split("/")[0] in wanted and name not in held and "stderr" not in leaf:
+            problems.append(f"{name} has no stderr; give one to every node, or hold the term")
+    if problems:
+        raise SchemaError("prior", problems)
+
+
+def _conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
+    """The samples of a fit as conditions of a term; devices that were not recorded are at rest, the ground is far."""
+    found: dict[str, Any] = {}
+    for name in _terms.variables(leaf):
+        if name in data:
+            found[name] = data[name].values
+        elif name in _AT_REST:
+            found[name] = np.zeros(data.sizes["sample"])
+        elif name == "h_agl":
+            found[name] = np.full(data.sizes["sample"], _FREE_AIR)
+        else:
+            raise UnknownName(name, map(str, data.data_vars), "variable", "a table needs it and the data of the fit do not hold it")
+    return found
+
+
+def _basis(leaf: xr.Dataset, data: xr.Dataset):
+    B = _terms.basis(leaf, _conditions(leaf, data), outside="clamp")
+    # a single number without axes or regressors has no samples of its own
+    return B if B.shape[0] == data.sizes["sample"] else type(B)(np.repeat(B.toarray(), data.sizes["sample"], axis=0))
+
+
+def _evaluate(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
+    return _basis(leaf, data) @ leaf["value"].values.ravel()
+
+
+def _clamped(leaf: xr.Dataset, data: xr.Dataset) -> float:
+    """Share of the samples that lie outside the table on some axis."""
+    outside = np.zeros(data.sizes["sample"], bool)
+    for table in (leaf[name] for name in ("value", "K1", "K2") if name in leaf):
+        for axis in map(str, table.dims):
+            if axis in data:
+                x, points = data[axis].values, table[axis].values
+                outside |= (x < points[0]) | (x > points[-1])
+    return float(outside.mean())
+
+
+def _coefficient(fit: Any) -> str:
+    return str(fit.estimates.attrs["coefficient"])
+
+
+def _block_diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    from scipy.linalg import block_diag
+
+    return block_diag(*blocks)

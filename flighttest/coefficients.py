@@ -1,0 +1,232 @@
+"""Measured forces and moments as coefficients.
+
+Equation of motion of a rigid aeroplane with spinning rotors, solved for the aerodynamic force and moment::
+
+    F_A = m a - F_T
+    M_A = I omega_dot + omega x (I omega + h_e) - M_T           about the c.g.
+    M_ref = M_A + (r_cg - r_ref) x F_A                          about the moment reference point
+
+`a` is the specific force at the c.g., so gravity does not appear.  Positions count from the moment reference point.
+Valid in the air only: wheel forces are inside `a`, so samples with a wheel on the ground give NaN.
+
+Every coefficient comes with what a one-sigma error of dynamic pressure, mass, inertia and each thrust would change in
+it, sample by sample; the regression turns these into systematic errors of the derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import IdentificationError, UnknownName
+from flightmech.names import attrs
+from flightmech.units import G0
+
+from .differentiate import derivative
+
+if TYPE_CHECKING:
+    from flightmech import Aircraft
+
+ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02}
+NAMES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
+
+
+def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | None = None) -> xr.Dataset:
+    """Return the aerodynamic coefficients along a reconstructed flight path.
+
+    Parameters
+    ----------
+    path : Path or Dataset (time,)
+        A reconstruction, or its states: `V qbar alpha p q r ax ay az` at the c.g. and `engineN.thrust` for each engine
+        are needed; `p_dot q_dot r_dot` are differentiated when they are missing, `mass`, `x_cg_b`, `y_cg_b`, `z_cg_b`
+        are taken from the aircraft when they are missing. [SI]
+    aircraft : Aircraft
+        Reference lengths, inertia, engines.
+    errors : mapping, optional
+        Relative standard errors of `qbar`, `mass`, `inertia`, `thrust` (each engine by itself); missing ones keep the
+        defaults 1 %, 0.5 %, 2 %, 2 %.
+
+    Returns
+    -------
+    Dataset (time,)
+        The states, and ``CL CD`` (stability axes), ``CX CY CZ`` (body axes), ``Cl Cm Cn`` (body axes, about the moment
+        reference point), ``nz dnz``, reduced rates.  ``CL_error (error, time)`` etc. hold the change of the coefficient
+        for one standard error of each source; their rms is in the attributes ``error_qbar`` ... of the coefficient.
+
+    Raises
+    ------
+    UnknownName
+        A state that is needed and missing.
+
+    References
+    ----------
+    .. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, chapter 3.
+    """
+    states = getattr(path, "states", path)
+    data = reduced_rates(states, aircraft)
+    F_inertial, M_inertial = _inertial(data, aircraft)
+    thrust = [_thrust(data, aircraft, i) for i in range(len(aircraft.engines))]
+    F, M = F_inertial - sum(f for f, _ in thrust), M_inertial - sum(m for _, m in thrust)
+
+    def reduced(F, M):
+        return _reduced(F, M, data, aircraft)
+
+    total = reduced(F, M)
+    sigma = _sigma(errors)
+    nothing = np.zeros_like(F)
+    shares = {
+        "qbar": (sigma["qbar"], {name: -c for name, c in total.items()}),
+        "mass": (sigma["mass"], reduced(F_inertial, nothing)),
+        "inertia": (sigma["inertia"], reduced(nothing, M_inertial)),
+        **{f"thrust{i + 1}": (sigma["thrust"], reduced(-f, -m)) for i, (f, m) in enumerate(thrust)},
+    }
+    airborne = _airborne(data)
+    data = data.assign_coords(error=list(shares))
+    for name in NAMES:
+        change = np.stack([size * share[name] for size, share in shares.values()])
+        rms = np.sqrt(np.nanmean(np.where(airborne, change, np.nan) ** 2, axis=1)) if airborne.any() else np.full(len(shares), np.nan)
+        budget = {f"error_{source}": float(value) for source, value in zip(shares, rms)}
+        data[name] = "time", np.where(airborne, total[name], np.nan), {**attrs(name), **budget}
+        data[f"{name}_error"] = (
+            ("error", "time"),
+            change,
+            {"units": "1", "long_name": f"change of {name} for one standard error of the source"},
+        )
+    data["nz"] = "time", -_column(data, "az") / G0, attrs("nz")
+    data["dnz"] = "time", data["nz"].values - 1.0, attrs("dnz")
+    data.attrs["force_axes"] = "stability"
+    return data
+
+
+def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
+    """Return `states` with the reduced rates phat, qhat, rhat, alphadothat, betadothat that are missing.
+
+    Parameters
+    ----------
+    states : Dataset (time,)
+        At least `V p q r`; with `alpha_dot` and `beta_dot`, or with what they follow from: `alpha beta ax ay az phi
+        theta`. [SI]
+    aircraft : Aircraft
+        For the span and the mean chord.
+
+    Returns
+    -------
+    Dataset (time,)
+        A new Dataset.
+
+    Notes
+    -----
+    Rates are divided by 2 V: phat = p b/(2 V), qhat = q cbar/(2 V).
+    """
+    data = states.copy()
+    if "alphadothat" not in data and "alpha_dot" not in data and _has(data, "alpha", "beta", "ax", "ay", "az", "phi", "theta"):
+        for name, rate in zip(("alpha_dot", "beta_dot"), _incidence_rates(data)):
+            data[name] = "time", rate, attrs(name)
+    for name, rate, length in (
+        ("phat", "p", aircraft.b),
+        ("qhat", "q", aircraft.cbar),
+        ("rhat", "r", aircraft.b),
+        ("alphadothat", "alpha_dot", aircraft.cbar),
+        ("betadothat", "beta_dot", aircraft.b),
+    ):
+        if name not in data and rate in data:
+            data[name] = "time", _column(data, rate) * length / (2.0 * _column(data, "V")), attrs(name)
+    return data
+
+
+def _incidence_rates(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """alpha_dot and beta_dot from accelerations, air mass unaccelerated. [rad s-1]"""
+    V, al, be, p, q, r, ph, th = (_column(data, name) for name in ("V", "alpha", "beta", "p", "q", "r", "phi", "theta"))
+    ax = _column(data, "ax") - G0 * np.sin(th)
+    ay = _column(data, "ay") + G0 * np.cos(th) * np.sin(ph)
+    az = _column(data, "az") + G0 * np.cos(th) * np.cos(ph)
+    alpha_dot = q - np.tan(be) * (p * np.cos(al) + r * np.sin(al)) + (az * np.cos(al) - ax * np.sin(al)) / (V * np.cos(be))
+    beta_dot = p * np.sin(al) - r * np.cos(al) + (ay * np.cos(be) - np.sin(be) * (ax * np.cos(al) + az * np.sin(al))) / V
+    return alpha_dot, beta_dot
+
+
+def _inertial(data: xr.Dataset, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
+    """m a and I omega_dot + omega x (I omega + h_e), body axes, about the c.g. [N, N m]"""
+    omega = _vector(data, ("p", "q", "r"))
+    omega_dot = np.stack([_rate_of(data, name) for name in ("p", "q", "r")], axis=1)
+    inertia = np.array(
+        [
+            [aircraft.Ixx, -aircraft.Ixy, -aircraft.Ixz],
+            [-aircraft.Ixy, aircraft.Iyy, -aircraft.Iyz],
+            [-aircraft.Ixz, -aircraft.Iyz, aircraft.Izz],
+        ]
+    )
+    rotors = sum((engine.angular_momentum * np.asarray(engine.direction, float) for engine in aircraft.engines), np.zeros(3))
+    mass = _column(data, "mass", aircraft.mass)
+    return mass[:, None] * _vector(data, ("ax", "ay", "az")), omega_dot @ inertia + np.cross(omega, omega @ inertia + rotors)
+
+
+def _thrust(data: xr.Dataset, aircraft: Aircraft, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """Force of one engine and its moment about the c.g. [N, N m]"""
+    engine = aircraft.engines[index]
+    force = _column(data, f"engine{index + 1}.thrust")[:, None] * np.asarray(engine.direction, float)
+    return force, np.cross(np.asarray(engine.position, float) - _cg(data, aircraft), force)
+
+
+def _reduced(F: np.ndarray, M: np.ndarray, data: xr.Dataset, aircraft: Aircraft) -> dict[str, np.ndarray]:
+    """The coefficients of a force and a moment about the c.g."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        C_force = F / (_column(data, "qbar") * aircraft.S)[:, None]
+        C_moment = (M + np.cross(_cg(data, aircraft), F)) / (_column(data, "qbar") * aircraft.S)[:, None]
+    CX, CY, CZ = C_force.T
+    al = _column(data, "alpha")
+    C_moment = C_moment / np.array([aircraft.b, aircraft.cbar, aircraft.b])
+    return {
+        "CL": CX * np.sin(al) - CZ * np.cos(al),
+        "CD": -CX * np.cos(al) - CZ * np.sin(al),
+        "CX": CX,
+        "CY": CY,
+        "CZ": CZ,
+        **dict(zip(("Cl", "Cm", "Cn"), C_moment.T)),
+    }
+
+
+def _cg(data: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
+    return np.stack([_column(data, name, value) for name, value in zip(("x_cg_b", "y_cg_b", "z_cg_b"), aircraft.cg)], axis=1)
+
+
+def _airborne(data: xr.Dataset) -> np.ndarray:
+    wheels = [_column(data, str(name)) > 0.5 for name in data.data_vars if str(name).startswith("wow_")]
+    return ~np.any(wheels, axis=0) if wheels else np.ones(data.sizes["time"], bool)
+
+
+def _rate_of(data: xr.Dataset, name: str) -> np.ndarray:
+    if f"{name}_dot" in data:
+        return _column(data, f"{name}_dot")
+    steps = np.diff(data["time"].values)
+    if np.ptp(steps) > 0.01 * np.median(steps):
+        raise IdentificationError(
+            f"{name}_dot is missing and {name} steps by {steps.min():.4g} ... {steps.max():.4g} s; cut and resample first"
+        )
+    return derivative(_column(data, name), float(np.median(steps)))
+
+
+def _sigma(errors: Mapping[str, float] | None) -> dict[str, float]:
+    for name in errors or {}:
+        if name not in ERRORS:
+            raise UnknownName(name, ERRORS, "source of error")
+    return {**ERRORS, **(errors or {})}
+
+
+def _has(data: xr.Dataset, *names: str) -> bool:
+    return all(name in data for name in names)
+
+
+def _vector(data: xr.Dataset, names: tuple[str, str, str]) -> np.ndarray:
+    return np.stack([_column(data, name) for name in names], axis=1)
+
+
+def _column(data: xr.Dataset, name: str, default: float | None = None) -> np.ndarray:
+    if name not in data:
+        if default is None:
+            raise UnknownName(name, map(str, data.data_vars), "state", "the coefficients need it")
+        return np.full(data.sizes["time"], float(default))
+    return np.broadcast_to(np.asarray(data[name].values, float), (data.sizes["time"],))

@@ -1,0 +1,101 @@
+"""Which regressors the data can tell apart.
+
+References
+----------
+.. [Belsley1980] Belsley, Kuh, Welsch, Regression Diagnostics, 1980.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flightmech.errors import IdentificationError
+
+RANK = 1e-8  # smallest singular value of the regressors, scaled to unit length, against the largest
+CONDITION = 30.0
+SHARE = 0.5
+VIF = 10.0
+
+
+def demand_rank(X: np.ndarray, terms: Sequence[str]) -> None:
+    """Raise when the regressors do not determine all parameters.
+
+    Raises
+    ------
+    IdentificationError
+        Names the terms that do not move and the combinations that vanish.
+    """
+    length = np.linalg.norm(X, axis=0)
+    idle = [term for term, size in zip(terms, length) if size == 0.0]
+    if idle:
+        raise IdentificationError(
+            f"{', '.join(idle)} {'is' if len(idle) == 1 else 'are'} zero throughout; leave the term out or add a manoeuvre that moves it"
+        )
+    constant = [term for term, column in zip(terms, X.T) if np.ptp(column) <= 1e-9 * np.abs(column).max()]
+    if len(constant) > 1:
+        raise IdentificationError(
+            f"{', '.join(constant)} do not move: all of them are constants here; keep one of them or add a manoeuvre that moves the others"
+        )
+    _, s, Vt = np.linalg.svd(X / length, full_matrices=False)
+    for value, vector in zip(s, Vt):
+        if value < RANK * s[0]:
+            raise IdentificationError(
+                f"the data cannot tell apart: {combination(vector, terms)} vanishes throughout; leave a term out or add a manoeuvre"
+            )
+
+
+def correlations(X: np.ndarray, constants: np.ndarray) -> np.ndarray:
+    """Return the correlation of the regressors after their constants are taken out.
+
+    Parameters
+    ----------
+    X : array (samples, terms)
+    constants : array of bool (terms,)
+        Intercept columns.
+
+    Returns
+    -------
+    array (terms, terms)
+        1 on the diagonal; 0 in rows and columns of the constants.
+    """
+    found = np.eye(X.shape[1])
+    moving = ~constants
+    if moving.any():
+        Z = X[:, moving]
+        if constants.any():
+            Z = Z - X[:, constants] @ np.linalg.lstsq(X[:, constants], Z, rcond=None)[0]
+        Z = Z / np.linalg.norm(Z, axis=0)
+        found[np.ix_(moving, moving)] = Z.T @ Z
+    return found
+
+
+def inflation(correlation: np.ndarray) -> np.ndarray:
+    """Return the variance inflation factors: diagonal of the inverse correlation matrix."""
+    return np.diag(np.linalg.inv(correlation))
+
+
+def combinations(X: np.ndarray, terms: Sequence[str]) -> list[tuple[float, str]]:
+    """Return condition indexes above 30 on which two or more terms depend, each with the combination in words.
+
+    The regressors, the constant among them, are scaled to unit length; a term depends on a singular value when more
+    than half of its variance comes from it [Belsley1980].
+    """
+    length = np.linalg.norm(X, axis=0)
+    _, s, Vt = np.linalg.svd(X / length, full_matrices=False)
+    shares = (Vt.T / s) ** 2
+    shares /= shares.sum(axis=1, keepdims=True)
+    found = []
+    for k in range(len(s)):
+        if s[0] / s[k] > CONDITION and (shares[:, k] > SHARE).sum() >= 2:
+            found.append((float(s[0] / s[k]), combination(np.where(shares[:, k] > SHARE, Vt[k], 0.0), terms)))
+    return found
+
+
+def combination(vector: np.ndarray, terms: Sequence[str]) -> str:
+    """Return a vector over scaled regressors in words, such as ``0.71 alpha - 0.70 qhat``."""
+    order = [j for j in np.argsort(-np.abs(vector)) if abs(vector[j]) > 0.1 * np.abs(vector).max()]
+    sign = np.sign(vector[order[0]])
+    text = " ".join(f"{'-' if sign * vector[j] < 0 else '+'} {abs(vector[j]):.2f} {terms[j]}" for j in order)
+    return text.removeprefix("+ ") + " (each scaled to unit length)"

@@ -1,0 +1,138 @@
+"""What a regression found: estimates, their errors, the samples behind them; as text and as a file."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import ParseError
+
+from . import collinearity
+from .model import Model
+
+_CONTENT = "aeromatch fit"
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Estimates of one model from one or several manoeuvres.
+
+    Attributes
+    ----------
+    name : str
+    model : Model
+    estimates : Dataset (term, term_, error)
+        ``estimate``, ``stderr`` (coloured residuals), ``stderr_white``, ``stderr_systematic``, ``covariance`` and
+        ``correlation`` of the estimates (coloured), ``systematic`` (term, error): change of the estimates for one
+        standard error of each source, ``vif``, ``regressor_correlation``, ``contribution`` (rms of the term about its
+        mean over the rms of the coefficient about its mean).  Attributes: ``coefficient``, ``name``, ``R2``,
+        ``residual_rms``, ``samples``, ``manoeuvres``, ``offset`` (standard deviation of a constant between manoeuvres).
+    data : Dataset (sample,)
+        The samples used: coefficient, model variables, what tables may depend on, ``time`` and ``manoeuvre`` (from 0).
+    design : DataArray (sample, term)
+        The regressors used.
+    """
+
+    name: str
+    model: Model
+    estimates: xr.Dataset
+    data: xr.Dataset
+    design: xr.DataArray
+
+    @property
+    def residual(self) -> np.ndarray:
+        """Measured minus fitted coefficient, (sample,)."""
+        return self.data[self.model.coefficient].values - self.design.values @ self.estimates["estimate"].values
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a reader of the numbers should know: collinear terms, in words."""
+        return _remarks(self)
+
+    def report(self) -> str:
+        """Return the estimates as a text table."""
+        return _report(self)
+
+
+def save_fit(fit: Fit, path: str | os.PathLike) -> None:
+    """Write a fit to a netCDF-4 file, whole or not at all.
+
+    Parameters
+    ----------
+    fit : Fit
+    path : path
+        An older file is replaced.
+    """
+    path = Path(path)
+    about = {"content": _CONTENT, "name": fit.name, "model": str(fit.model), "reference": json.dumps(dict(fit.model.reference))}
+    tree = xr.DataTree.from_dict(
+        {"/": xr.Dataset(attrs=about), "/estimates": fit.estimates, "/data": fit.data, "/design": fit.design.to_dataset(name="design")}
+    )
+    handle, part = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+    os.close(handle)
+    try:
+        tree.to_netcdf(part, engine="h5netcdf", mode="w")
+        os.replace(part, path)
+    except BaseException:
+        Path(part).unlink(missing_ok=True)
+        raise
+
+
+def open_fit(path: str | os.PathLike) -> Fit:
+    """Read a fit that `save_fit` wrote.
+
+    Raises
+    ------
+    ParseError
+        Not such a file.
+    """
+    try:
+        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
+            tree.load()
+            if tree.attrs.get("content") != _CONTENT:
+                raise ValueError("a netCDF file of something else")
+            about, parts = tree.attrs, {name: tree[name].to_dataset(inherit=False) for name in ("estimates", "data", "design")}
+    except (OSError, KeyError, ValueError) as error:
+        if not Path(path).exists():
+            raise
+        raise ParseError(str(path), 0, str(error), "a fit as `aeromatch flight identify -o` writes it") from error
+    model = replace(Model.parse(about["model"]), reference=json.loads(about["reference"]))
+    return Fit(str(about["name"]), model, parts["estimates"], parts["data"], parts["design"]["design"])
+
+
+def _remarks(fit: Fit) -> list[str]:
+    e = fit.estimates
+    terms = [str(term) for term in e["term"].values]
+    found = [f"VIF of {term} is {v:.0f} (above {collinearity.VIF:.0f})" for term, v in zip(terms, e["vif"].values) if v > collinearity.VIF]
+    rho = e["regressor_correlation"].values
+    for i, j in zip(*np.nonzero(np.triu(np.abs(rho) > 0.9, 1))):
+        found.append(f"regressors {terms[i]} and {terms[j]} are correlated by {rho[i, j]:.2f}")
+    for index, words in collinearity.combinations(fit.design.values, terms):
+        found.append(f"condition index {index:.0f}: hardly determined is {words}")
+    if e.attrs["offset"] > e.attrs["residual_rms"]:
+        found.append(
+            f"manoeuvres differ by a constant of {e.attrs['offset']:.2g} (1 sigma), more than the residual; consider separate intercepts"
+        )
+    return found
+
+
+def _report(fit: Fit) -> str:
+    e, a = fit.estimates, fit.estimates.attrs
+    lines = [
+        f"{fit.name}: {fit.model}" if fit.name else str(fit.model),
+        f"samples {a['samples']}, manoeuvres {a['manoeuvres']}, R2 {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}",
+        f"{'term':<18}{'estimate':>11}{'stderr':>10}{'white':>10}{'system.':>10}{'t':>9}{'VIF':>8}{'share':>8}",
+    ]
+    for term in e["term"].values:
+        row = {str(name): float(e[name].sel(term=term)) for name, item in e.data_vars.items() if item.dims == ("term",)}
+        lines.append(
+            f"{term!s:<18}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{row['stderr_white']:>10.2g}{row['stderr_systematic']:>10.2g}"
+            f"{row['estimate'] / row['stderr']:>9.1f}{'-' if np.isnan(row['vif']) else format(row['vif'], '.1f'):>8}{row['contribution']:>8.2f}"
+        )
+    return "\n".join([*lines, *(f"! {text}" for text in fit.remarks)])
