@@ -138,7 +138,7 @@ AM_API int am_derivative(am_sim *sim, const double *x, const double *u, double *
 
 /* Evaluate the tables and terms for n rows of model variables v[n * am_count(AM_VARIABLE)] (columns in catalogue order;
  * alphadothat, betadothat and dnz are taken as given).  Either result may be NULL.
- * coefficients[n * 6]: CL CD CY Cl Cm Cn (or CX.. as the block's force axes say) with scales and biases of sim;
+ * coefficients[n * 6]: CL CD CY Cl Cm Cn (CX CZ CY Cl Cm Cn with body force axes), scales of sim in, biases not;
  * terms[n * am_count(AM_TERM)]: contribution of each term with its scale.  State and counters of sim are not touched. */
 AM_API int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, double *terms);
 

@@ -1,0 +1,75 @@
+/* US Standard Atmosphere 1976 below 84.852 km, moved by a temperature offset and the pressure at sea level, and air data.
+ *
+ * The offset is added to the temperature of every layer and the pressure follows hydrostatically; with an offset of
+ * zero and 101325 Pa this is the standard itself.  Constants are the standard's own. */
+#include "model.h"
+
+#include <math.h>
+
+static const double R_AIR = 8314.32 / 28.9644;   /* [J kg-1 K-1] */
+static const double EARTH_RADIUS = 6356766.0;    /* of the geopotential height [m] */
+static const double RATIO = 1.4;                 /* specific heats */
+static const double P_SEA = 101325.0, A_SEA = 340.29398803415, T_SEA = 288.15;
+/* geopotential height of the base [m], gradient [K m-1]: U.S. Standard Atmosphere 1976, table 4 */
+static const double BASE[LAYERS] = {0.0, 11000.0, 20000.0, 32000.0, 47000.0, 51000.0, 71000.0};
+static const double GRADIENT[LAYERS] = {-0.0065, 0.0, 0.001, 0.0028, 0.0, -0.0028, -0.002};
+static const double TOP = 84852.0;
+
+static double layer_pressure(const atmosphere_t *atm, int i, double H) {
+    const double dH = H - BASE[i];
+    if (GRADIENT[i] == 0.0) return atm->p[i] * exp(-G0 * dH / (R_AIR * atm->T[i]));
+    return atm->p[i] * pow((atm->T[i] + GRADIENT[i] * dH) / atm->T[i], -G0 / (R_AIR * GRADIENT[i]));
+}
+
+void set_atmosphere(atmosphere_t *atm, double delta_T, double qnh) {
+    atm->T[0] = T_SEA + delta_T;
+    atm->p[0] = qnh;
+    for (int i = 1; i < LAYERS; i++) {
+        atm->T[i] = atm->T[i - 1] + GRADIENT[i - 1] * (BASE[i] - BASE[i - 1]);
+        atm->p[i] = layer_pressure(atm, i - 1, BASE[i]);
+    }
+}
+
+/* Above the top layer the values of its upper end hold; below sea level the first layer goes on to -5 km. */
+void atmosphere_at(const atmosphere_t *atm, double h, double *T, double *p, double *rho, double *a) {
+    double H = EARTH_RADIUS * h / (EARTH_RADIUS + h);
+    H = H > TOP ? TOP : H < -5000.0 ? -5000.0 : H;
+    int i = 0;
+    while (i + 1 < LAYERS && H > BASE[i + 1]) i++;
+    *T = atm->T[i] + GRADIENT[i] * (H - BASE[i]);
+    *p = layer_pressure(atm, i, H);
+    *rho = *p / (R_AIR * *T);
+    *a = sqrt(RATIO * R_AIR * *T);
+}
+
+/* From the velocity relative to the air in body axes.  Nothing is divided by V, so that rest and 90 degrees are safe. */
+void air_data(now_t *now, const double velocity[3]) {
+    const double u = velocity[0], v = velocity[1], w = velocity[2];
+    now->u = u, now->v = v, now->w = w;
+    now->Vxz = sqrt(u * u + w * w);
+    now->V = sqrt(u * u + v * v + w * w);
+    now->ca = now->Vxz > 0.0 ? u / now->Vxz : 1.0;
+    now->sa = now->Vxz > 0.0 ? w / now->Vxz : 0.0;
+    now->cb = now->V > 0.0 ? now->Vxz / now->V : 1.0;
+    now->sb = now->V > 0.0 ? v / now->V : 0.0;
+    now->alpha = atan2(now->sa, now->ca);
+    now->beta = atan2(now->sb, now->cb);
+    now->mach = now->V / now->a;
+    now->qbar = 0.5 * now->rho * now->V * now->V;
+}
+
+/* Impact pressure over static pressure: isentropic below Mach 1, Rayleigh's pitot formula above. */
+static double impact_ratio(double mach) {
+    const double M2 = mach * mach;
+    if (mach <= 1.0) return pow(1.0 + 0.2 * M2, 3.5) - 1.0;
+    return pow(1.2 * M2, 3.5) * pow(6.0 / (7.0 * M2 - 1.0), 2.5) - 1.0;
+}
+
+double calibrated_airspeed(double mach, double p) {
+    const double ratio = p * impact_ratio(mach) / P_SEA;
+    double M = sqrt(5.0 * (pow(1.0 + ratio, 1.0 / 3.5) - 1.0));
+    /* Rayleigh's formula solved for the leading Mach number; a contraction, 1e-15 after 40 rounds at M = 1 */
+    if (M > 1.0)
+        for (int i = 0; i < 40; i++) M = sqrt((1.0 + ratio) * pow(7.0 - 1.0 / (M * M), 2.5) / (pow(6.0, 2.5) * pow(1.2, 3.5)));
+    return M * A_SEA;
+}

@@ -1,0 +1,76 @@
+/* The Earth: WGS-84 ellipsoid with J2 gravitation, or a flat plane with constant gravity in north-east-down axes. */
+#include "model.h"
+
+#include <math.h>
+
+static const double A = 6378137.0;               /* equatorial radius [m] */
+static const double F = 1.0 / 298.257223563;
+static const double MU = 3.986004418e14;         /* [m3 s-2] */
+static const double J2 = 0.00108262982;
+
+static void set3(double to[3], double x, double y, double z) { to[0] = x, to[1] = y, to[2] = z; }
+
+static void local_axes(double sin_lat, double cos_lat, double sin_lon, double cos_lon, now_t *now) {
+    set3(now->north, -sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat);
+    set3(now->east, -sin_lon, cos_lon, 0.0);
+    set3(now->down, -cos_lat * cos_lon, -cos_lat * sin_lon, -sin_lat);
+}
+
+static void flat_axes(now_t *now) {
+    set3(now->north, 1.0, 0.0, 0.0);
+    set3(now->east, 0.0, 1.0, 0.0);
+    set3(now->down, 0.0, 0.0, 1.0);
+}
+
+void place_at(double lat, double lon, double h, int earth, double position[3], now_t *now) {
+    if (earth == FLAT_EARTH) {
+        set3(position, 0.0, 0.0, -h);
+        flat_axes(now);
+        return;
+    }
+    const double e2 = F * (2.0 - F), s = sin(lat), c = cos(lat), N = A / sqrt(1.0 - e2 * s * s);
+    set3(position, (N + h) * c * cos(lon), (N + h) * c * sin(lon), (N * (1.0 - e2) + h) * s);
+    local_axes(s, c, sin(lon), cos(lon), now);
+}
+
+/* Height and local axes.  Bowring (1976), one iteration: 3e-9 m in height up to 20 km. */
+void place_of(const double position[3], int earth, now_t *now) {
+    if (earth == FLAT_EARTH) {
+        flat_axes(now);
+        now->h = -position[2];
+        return;
+    }
+    const double e2 = F * (2.0 - F), B = A * (1.0 - F);
+    const double x = position[0], y = position[1], z = position[2], P = sqrt(x * x + y * y);
+    /* parametric latitude: tan = z / (P (1 - f)) */
+    const double tb = z, tc = P * (1.0 - F), tn = sqrt(tb * tb + tc * tc), sb = tb / tn, cb = tc / tn;
+    const double ls = z + e2 * A * A / B * sb * sb * sb, lc = P - e2 * A * cb * cb * cb, ln = sqrt(ls * ls + lc * lc);
+    const double s = ls / ln, c = lc / ln;
+    now->h = P * c + z * s - A * sqrt(1.0 - e2 * s * s);
+    local_axes(s, c, P > 0.0 ? y / P : 0.0, P > 0.0 ? x / P : 1.0, now);
+}
+
+/* Latitude and longitude; on the flat Earth by the radii of curvature at the start. */
+void locate_angles(const am_sim *sim, const double position[3], now_t *now) {
+    if (sim->earth == WGS84_EARTH) {
+        now->lat = atan2(-now->down[2], now->north[2]);
+        now->lon = atan2(-now->east[0], now->east[1]);
+        return;
+    }
+    const double lat = sim->par[P_LAT], h = sim->par[P_H], e2 = F * (2.0 - F), s = sin(lat), n = 1.0 - e2 * s * s;
+    now->lat = lat + position[0] / (A * (1.0 - e2) / (n * sqrt(n)) + h);
+    now->lon = sim->par[P_LON] + position[1] / ((A / sqrt(n) + h) * cos(lat));
+}
+
+/* Mass attraction without the centrifugal part. */
+void gravitation(const double position[3], int earth, double g[3]) {
+    if (earth == FLAT_EARTH) {
+        set3(g, 0.0, 0.0, G0);
+        return;
+    }
+    const double r2 = dot(position, position), r = sqrt(r2), z2 = position[2] * position[2] / r2;
+    const double k = -MU / (r2 * r), j = 1.5 * J2 * A * A / r2;
+    g[0] = k * position[0] * (1.0 - j * (5.0 * z2 - 1.0));
+    g[1] = k * position[1] * (1.0 - j * (5.0 * z2 - 1.0));
+    g[2] = k * position[2] * (1.0 - j * (5.0 * z2 - 3.0));
+}

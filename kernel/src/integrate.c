@@ -1,0 +1,87 @@
+/* Classical Runge-Kutta with a fixed step; a step, a whole record. */
+#include "model.h"
+
+#include <math.h>
+#include <string.h>
+
+static void blend(const am_model *m, const double *u0, const double *u1, double s, double *u) {
+    for (int i = 0; i < m->count[AM_INPUT]; i++) u[i] = u0[i] + (u1[i] - u0[i]) * s;
+}
+
+static void advance(const am_model *m, const double *x, double h, const double *dx, double *to) {
+    for (int i = 0; i < am_state_count(m); i++) to[i] = x[i] + h * dx[i];
+}
+
+static void count_outside(am_sim *sim) {
+    for (uint32_t i = 0; i < sim->model->axes; i++) {
+        sim->below[i] += sim->outside[i] < 0;
+        sim->above[i] += sim->outside[i] > 0;
+    }
+}
+
+/* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step covers. */
+static void runge_kutta(am_sim *sim, double h, const double *u0, const double *u1, double s0, double s1) {
+    const am_model *m = sim->model;
+    const int n = am_state_count(m);
+    double *k1 = sim->k, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *x = sim->x, *to = sim->x_work, *u = sim->u_work;
+    blend(m, u0, u1, s0, u);
+    if (!sim->fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) derivative(sim, x, u, k1);
+    sim->fresh = false;
+    count_outside(sim);
+    blend(m, u0, u1, 0.5 * (s0 + s1), u);
+    advance(m, x, 0.5 * h, k1, to);
+    derivative(sim, to, u, k2);
+    advance(m, x, 0.5 * h, k2, to);
+    derivative(sim, to, u, k3);
+    blend(m, u0, u1, s1, u);
+    advance(m, x, h, k3, to);
+    derivative(sim, to, u, k4);
+    for (int i = 0; i < n; i++) to[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+}
+
+static int check_inputs(am_sim *sim, const double *u) {
+    for (int i = 0; i < sim->model->count[AM_INPUT]; i++)
+        if (!isfinite(u[i])) return fail(sim, AM_NOT_FINITE, "input %s is %g at t = %g s; it must be finite", sim->model->entry[AM_INPUT][i].name, u[i], sim->time);
+    return AM_OK;
+}
+
+int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1) {
+    if (!(dt >= 0.0) || !isfinite(t) || !isfinite(dt)) return fail(sim, AM_BAD_ARGUMENT, "step from t = %g s by %g s; the step must be finite and not negative", t, dt);
+    int status = ready(sim);
+    if (status != AM_OK) return status;
+    sim->time = t;
+    if ((status = check_inputs(sim, u0)) != AM_OK) return status;
+    sim->time = t + dt;
+    if ((status = check_inputs(sim, u1)) != AM_OK) return status;
+    const double parts = ceil(dt / sim->par[P_STEP] - 1e-9);
+    if (parts > 1e9) return fail(sim, AM_BAD_ARGUMENT, "%g s are more than 1e9 steps of mode.step = %g s", dt, sim->par[P_STEP]);
+    const long n = dt > 0.0 && parts < 1.0 ? 1 : (long)parts;
+    for (long i = 0; i < n; i++) {
+        const double s0 = (double)i / (double)n, s1 = (double)(i + 1) / (double)n;
+        runge_kutta(sim, dt / (double)n, u0, u1, s0, s1);
+        sim->time = t + dt * s1;
+        if (!all_finite(sim->x_work, (size_t)am_state_count(sim->model)))
+            return fail(sim, AM_NOT_FINITE, "the state is not finite at t = %g s; the model has diverged", sim->time);
+        memcpy(sim->x, sim->x_work, sizeof(double) * (size_t)am_state_count(sim->model));
+    }
+    return am_set_inputs(sim, u1);
+}
+
+int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, double *y, size_t *done) {
+    const size_t nu = (size_t)sim->model->count[AM_INPUT], ny = (size_t)sim->model->count[AM_OUTPUT];
+    *done = 0;
+    for (size_t k = 0; k < n; k++) {
+        int status;
+        if (k == 0) {
+            sim->time = t[0];
+            if ((status = check_inputs(sim, u)) == AM_OK) status = am_set_inputs(sim, u);
+        } else {
+            const double *u0 = u + (k - 1) * nu;
+            status = am_step(sim, t[k - 1], t[k] - t[k - 1], u0, hold ? u0 : u0 + nu);
+        }
+        if (status == AM_OK) status = am_outputs(sim, y + k * ny);
+        if (status != AM_OK) return status;
+        *done = k + 1;
+    }
+    return AM_OK;
+}

@@ -1,0 +1,267 @@
+/* A simulation: its memory, parameters and inputs, and the state at the start. */
+#include "model.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define EARTH_RATE 7.292115e-5 /* WGS-84 [rad s-1] */
+
+static double *take(double **at, size_t n) {
+    double *piece = *at;
+    *at += n;
+    return piece;
+}
+
+size_t sim_size(const am_model *m) {
+    const size_t nx = (size_t)am_state_count(m), nu = (size_t)m->count[AM_INPUT], np = (size_t)m->count[AM_PARAMETER], na = m->axes;
+    const size_t doubles = np + 2 * nu + 6 * nx + m->variables + m->slots + m->terms + 3 * na;
+    return sizeof(am_sim) + doubles * sizeof(double) + na * (sizeof(uint32_t) + sizeof(int8_t));
+}
+
+am_sim *am_new(const am_model *m) {
+    const size_t nx = (size_t)am_state_count(m), nu = (size_t)m->count[AM_INPUT], np = (size_t)m->count[AM_PARAMETER], na = m->axes;
+    am_sim *sim = calloc(1, m->sim_bytes);
+    if (!sim) return NULL;
+    sim->model = m;
+    double *at = (double *)(sim + 1);
+    sim->par = take(&at, np), sim->u = take(&at, nu), sim->u_work = take(&at, nu);
+    sim->x = take(&at, nx), sim->x_work = take(&at, nx), sim->k = take(&at, 4 * nx);
+    sim->var = take(&at, m->variables), sim->slot = take(&at, m->slots), sim->term = take(&at, m->terms);
+    sim->fraction = take(&at, na), sim->below = take(&at, na), sim->above = take(&at, na);
+    sim->cell = (uint32_t *)at, sim->outside = (int8_t *)(sim->cell + na);
+    sim->scale = sim->par + np - m->terms;
+    for (size_t i = 0; i < np; i++) sim->par[i] = m->entry[AM_PARAMETER][i].value;
+    for (size_t i = 0; i < nu; i++) sim->u[i] = m->entry[AM_INPUT][i].value;
+    sim->slot[0] = sim->var[A_ONE] = 1.0;
+    return sim;
+}
+
+void am_delete(am_sim *sim) { free(sim); }
+
+int am_copy(am_sim *to, const am_sim *from) {
+    if (to->model != from->model) return fail(to, AM_BAD_ARGUMENT, "a simulation can only be copied to one of the same model");
+    const size_t start = offsetof(am_sim, now);
+    if (to != from) memcpy((char *)to + start, (const char *)from + start, to->model->sim_bytes - start);
+    return AM_OK;
+}
+
+int fail(am_sim *sim, int status, const char *format, ...) {
+    va_list list;
+    va_start(list, format);
+    vsnprintf(sim->text, sizeof sim->text, format, list);
+    va_end(list);
+    return status;
+}
+
+const char *am_error(const am_sim *sim) { return sim->text; }
+
+double am_time(const am_sim *sim) { return sim->time; }
+
+int am_set_parameter(am_sim *sim, int i, double value) {
+    if (i < 0 || i >= sim->model->count[AM_PARAMETER]) return fail(sim, AM_BAD_INDEX, "there is no parameter %d", i);
+    sim->par[i] = value;
+    sim->prepared = sim->fresh = false;
+    return AM_OK;
+}
+
+int am_get_parameter(const am_sim *sim, int i, double *value) {
+    if (i < 0 || i >= sim->model->count[AM_PARAMETER]) return AM_BAD_INDEX;
+    *value = sim->par[i];
+    return AM_OK;
+}
+
+int am_set_input(am_sim *sim, int i, double value) {
+    if (i < 0 || i >= sim->model->count[AM_INPUT]) return fail(sim, AM_BAD_INDEX, "there is no input %d", i);
+    sim->u[i] = value;
+    sim->fresh = false;
+    return AM_OK;
+}
+
+int am_get_input(const am_sim *sim, int i, double *value) {
+    if (i < 0 || i >= sim->model->count[AM_INPUT]) return AM_BAD_INDEX;
+    *value = sim->u[i];
+    return AM_OK;
+}
+
+int am_set_inputs(am_sim *sim, const double *u) {
+    memcpy(sim->u, u, sizeof(double) * (size_t)sim->model->count[AM_INPUT]);
+    sim->fresh = false;
+    return AM_OK;
+}
+
+int am_get_inputs(const am_sim *sim, double *u) {
+    memcpy(u, sim->u, sizeof(double) * (size_t)sim->model->count[AM_INPUT]);
+    return AM_OK;
+}
+
+static int bad(am_sim *sim, int parameter, const char *rule) {
+    return fail(sim, AM_BAD_VALUE, "%s is %g; it must be %s", sim->model->entry[AM_PARAMETER][parameter].name, sim->par[parameter], rule);
+}
+
+/* Inertia tensor about the c.g. and its inverse; the products are integrals of xy dm and so on. */
+static int set_inertia(am_sim *sim) {
+    const double *p = sim->par;
+    const double J[3][3] = {{p[P_IXX], -p[P_IXY], -p[P_IXZ]}, {-p[P_IXY], p[P_IYY], -p[P_IYZ]}, {-p[P_IXZ], -p[P_IYZ], p[P_IZZ]}};
+    double n[3][3];
+    cross(J[1], J[2], n[0]), cross(J[2], J[0], n[1]), cross(J[0], J[1], n[2]);
+    const double det = dot(J[0], n[0]), minor = J[0][0] * J[1][1] - J[0][1] * J[1][0];
+    if (!(J[0][0] > 0.0 && minor > 0.0 && det > 0.0))
+        return fail(sim, AM_BAD_VALUE, "mass.Ixx ... mass.Iyz do not make a positive definite inertia tensor; check the moments and products");
+    memcpy(sim->J, J, sizeof J);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) sim->J_inverse[i][j] = n[j][i] / det;
+    return AM_OK;
+}
+
+static bool one_of(double value, double a, double b, double c) { return value == a || value == b || value == c; }
+
+/* Check the parameters and derive what depends on them; done again after a change. */
+static int prepare(am_sim *sim) {
+    if (sim->prepared) return AM_OK;
+    const double *p = sim->par;
+    for (int i = 0; i < sim->model->count[AM_PARAMETER]; i++)
+        if (!isfinite(p[i])) return fail(sim, AM_NOT_FINITE, "%s is %g; it must be finite", sim->model->entry[AM_PARAMETER][i].name, p[i]);
+    if (!(p[P_MASS] > 0.0)) return bad(sim, P_MASS, "positive");
+    if (!(p[P_QNH] > 0.0)) return bad(sim, P_QNH, "positive");
+    if (!(p[P_STEP] > 0.0)) return bad(sim, P_STEP, "positive");
+    if (!(p[P_V] >= 0.0)) return bad(sim, P_V, "zero or positive");
+    if (!(fabs(p[P_DELTA_T]) < 100.0)) return bad(sim, P_DELTA_T, "between -100 and 100 K");
+    if (!one_of(p[P_EARTH], FLAT_EARTH, WGS84_EARTH, WGS84_EARTH)) return bad(sim, P_EARTH, "0 (flat) or 1 (WGS-84, rotating)");
+    if (!one_of(p[P_ENGINE], THROTTLE_DRIVEN, THRUST_DRIVEN, THRUST_DRIVEN)) return bad(sim, P_ENGINE, "0 (throttle) or 2 (thrust driven)");
+    if (!one_of(p[P_TRIM], 0.0, 1.0, 2.0)) return bad(sim, P_TRIM, "0 (none), 1 (seek thrust) or 2 (seek throttle)");
+    for (uint32_t i = 0; i < sim->model->engines; i++) {
+        const int tau = P_FIXED + (int)i * P_PER_ENGINE + P_TIME_CONSTANT;
+        if (!(p[tau] >= 0.0)) return bad(sim, tau, "zero or positive");
+        if (p[P_ENGINE] == THROTTLE_DRIVEN && !sim->model->engine[i].has_table)
+            return fail(sim, AM_BAD_VALUE, "mode.engine = 0 needs a thrust table, engine%u has none; use mode.engine = 2", (unsigned)(i + 1));
+    }
+    const int status = set_inertia(sim);
+    if (status != AM_OK) return status;
+    set_atmosphere(&sim->atmosphere, p[P_DELTA_T], p[P_QNH]);
+    sim->prepared = true;
+    return AM_OK;
+}
+
+int ready(am_sim *sim) {
+    if (!sim->ready) return fail(sim, AM_NOT_READY, "the simulation has not been initialised; call am_initialize first");
+    return prepare(sim);
+}
+
+int refresh(am_sim *sim) {
+    const int status = ready(sim);
+    if (status != AM_OK || sim->fresh) return status;
+    derivative(sim, sim->x, sim->u, sim->k);
+    sim->fresh = true;
+    return AM_OK;
+}
+
+/* Pitch attitude for a climb angle over ground, with bank, alpha and beta: Stevens and Lewis (1992) eq. (3.4-2), with the
+ * climb angle relative to the air found by iteration when there is wind. */
+double start_pitch(const am_sim *sim, double alpha, double beta) {
+    const double phi = sim->par[P_PHI], V = sim->par[P_V], *wind = sim->u + U_WIND_N;
+    const double a = cos(alpha) * cos(beta), b = sin(phi) * sin(beta) + cos(phi) * sin(alpha) * cos(beta);
+    const double velocity[3] = {V * a, V * sin(beta), V * sin(alpha) * cos(beta)};
+    double climb = sin(sim->par[P_GAMMA]), theta = 0.0, C[3][3], air[3];
+    for (int i = 0; i < 20; i++) {
+        const double s = climb * climb, root = a * a - s + b * b;
+        theta = atan2(a * b + climb * sqrt(root > 0.0 ? root : 0.0), a * a - s);
+        if (wind[0] == 0.0 && wind[1] == 0.0 && wind[2] == 0.0) break;
+        euler_matrix(phi, theta, sim->par[P_PSI], C);
+        from_body(C, velocity, air);
+        const double vn = air[0] + wind[0], ve = air[1] + wind[1];
+        climb = (tan(sim->par[P_GAMMA]) * sqrt(vn * vn + ve * ve) + wind[2]) / V;
+    }
+    return theta;
+}
+
+/* State from init.* with the given flow angles and pitch attitude; engines at their steady thrust. */
+void start_state(am_sim *sim, double alpha, double beta, double theta) {
+    const double *p = sim->par, *wind = sim->u + U_WIND_N;
+    double *x = sim->x, Cn[3][3], air[3];
+    now_t *now = &sim->now;
+    place_at(p[P_LAT], p[P_LON], p[P_H], sim->earth, x, now);
+    euler_matrix(p[P_PHI], theta, p[P_PSI], Cn);
+    const double velocity[3] = {p[P_V] * cos(alpha) * cos(beta), p[P_V] * sin(beta), p[P_V] * sin(alpha) * cos(beta)};
+    from_body(Cn, velocity, air);
+    for (int i = 0; i < 3; i++) {
+        x[3 + i] = (air[0] + wind[0]) * now->north[i] + (air[1] + wind[1]) * now->east[i] + (air[2] + wind[2]) * now->down[i];
+        for (int k = 0; k < 3; k++) now->C[k][i] = Cn[k][0] * now->north[i] + Cn[k][1] * now->east[i] + Cn[k][2] * now->down[i];
+        x[10 + i] = p[P_P + i];
+    }
+    matrix_quaternion(now->C, x + 6);
+    settle_engines(sim);
+    sim->fresh = false;
+}
+
+static int check_start(am_sim *sim, double t) {
+    const am_model *m = sim->model;
+    if (!isfinite(t)) return fail(sim, AM_BAD_ARGUMENT, "the start time is %g s; it must be finite", t);
+    for (int i = 0; i < m->count[AM_INPUT]; i++)
+        if (!isfinite(sim->u[i])) return fail(sim, AM_NOT_FINITE, "input %s is %g at the start; it must be finite", m->entry[AM_INPUT][i].name, sim->u[i]);
+    return AM_OK;
+}
+
+int am_initialize(am_sim *sim, double t) {
+    sim->ready = false;
+    sim->text[0] = 0;
+    int status = prepare(sim);
+    if (status == AM_OK) status = check_start(sim, t);
+    if (status != AM_OK) return status;
+    const double *p = sim->par;
+    sim->earth = (int)p[P_EARTH], sim->drive = (int)p[P_ENGINE], sim->omega = sim->earth == WGS84_EARTH ? EARTH_RATE : 0.0;
+    sim->time = t;
+    memset(&sim->trim, 0, sizeof sim->trim);
+    memset(sim->below, 0, sizeof(double) * sim->model->axes);
+    memset(sim->above, 0, sizeof(double) * sim->model->axes);
+    start_state(sim, p[P_ALPHA], p[P_BETA], p[P_THETA]);
+    if (!all_finite(sim->x, (size_t)am_state_count(sim->model))) return fail(sim, AM_NOT_FINITE, "the state at the start is not finite; check init.* and the inputs");
+    sim->ready = true;
+    if (p[P_TRIM] != 0.0) status = am_trim(sim, (int)p[P_TRIM]);
+    sim->ready = status == AM_OK;
+    return status;
+}
+
+int am_get_state(const am_sim *sim, double *x) {
+    memcpy(x, sim->x, sizeof(double) * (size_t)am_state_count(sim->model));
+    return AM_OK;
+}
+
+int am_set_state(am_sim *sim, const double *x) {
+    if (!all_finite(x, (size_t)am_state_count(sim->model))) return fail(sim, AM_NOT_FINITE, "the state holds NaN or infinity");
+    memcpy(sim->x, x, sizeof(double) * (size_t)am_state_count(sim->model));
+    sim->fresh = false;
+    return AM_OK;
+}
+
+int am_derivative(am_sim *sim, const double *x, const double *u, double *dx) {
+    const int status = ready(sim);
+    if (status != AM_OK) return status;
+    sim->fresh = false;
+    derivative(sim, x, u, dx);
+    return AM_OK;
+}
+
+int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, double *terms) {
+    const am_model *m = sim->model;
+    const size_t nv = (size_t)m->count[AM_VARIABLE];
+    sim->fresh = false;
+    for (size_t k = 0; k < n; k++) {
+        for (size_t i = 0; i < nv; i++) sim->var[m->variable[i]] = v[k * nv + i];
+        for (int group = 0; group < GROUPS; group++) {
+            look_up(sim, group);
+            evaluate_terms(sim, group);
+        }
+        if (coefficients) sum_coefficients(m, sim->term, coefficients + k * COEFFICIENTS);
+        if (terms) memcpy(terms + k * m->terms, sim->term, sizeof(double) * m->terms);
+    }
+    return AM_OK;
+}
+
+int am_out_of_range(const am_sim *sim, double *below, double *above) {
+    memcpy(below, sim->below, sizeof(double) * sim->model->axes);
+    memcpy(above, sim->above, sizeof(double) * sim->model->axes);
+    return AM_OK;
+}

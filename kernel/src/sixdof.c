@@ -1,0 +1,158 @@
+/* Equations of motion of a rigid aircraft over a rotating ellipsoid or a flat Earth; outputs.
+ *
+ *     r' = v                                    Earth-fixed axes
+ *     v' = C^T F / m + g(r) - 2 W x v - W x (W x r)
+ *     q' = 1/2 q * (w - C W) + (1 - |q|^2) q    quaternion Earth to body; the last term holds its length
+ *     w' = J^-1 (M - w x (J w + H))             body rates relative to inertial space, H of the rotors
+ *
+ * Wind is steady in Earth axes for alpha-dot and beta-dot: the rate of a gust is not in them. */
+#include "model.h"
+
+#include <math.h>
+#include <string.h>
+
+double applied(const am_sim *sim, const double *u, int control) {
+    const double found = control <= U_DELTA_R ? sim->trim.delta[control] : 0.0;
+    return u[control] + (control <= U_DELTA_F ? sim->par[P_BIAS_DELTA_E + control] : 0.0) + found;
+}
+
+static void set_variables(am_sim *sim, const double *x, const double *u) {
+    const am_model *m = sim->model;
+    const now_t *now = &sim->now;
+    const double *par = sim->par, *cg = par + P_X_CG_B;
+    const double V = now->V > V_FLOOR ? now->V : V_FLOOR, span = 0.5 * m->b / V, chord = 0.5 * m->cbar / V;
+    double *var = sim->var, below[3];
+    from_body(now->C, cg, below); /* the reference point lies above the c.g. by this much along down */
+    var[A_ALPHA] = now->alpha, var[A_BETA] = now->beta, var[A_MACH] = now->mach;
+    var[A_H] = now->h, var[A_H_AGL] = now->h + dot(below, now->down) - par[P_RUNWAY];
+    var[A_V] = now->V, var[A_QBAR] = now->qbar;
+    var[A_PHAT] = now->rate[0] * span, var[A_QHAT] = now->rate[1] * chord, var[A_RHAT] = now->rate[2] * span;
+    var[A_P] = x[10], var[A_Q] = x[11], var[A_R] = x[12];
+    for (int i = 0; i <= U_DELTA_F - U_DELTA_E; i++) var[A_DELTA_E + i] = applied(sim, u, U_DELTA_E + i);
+    var[A_GEAR] = u[U_GEAR], var[A_SPEEDBRAKE] = u[U_SPEEDBRAKE];
+    var[A_X_CG] = m->x_ref_mac - cg[0] / m->cbar;
+    if (m->uses_phi) var[A_PHI] = atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
+}
+
+/* Air, attitude and motion relative to the air from the state. */
+static void look_around(am_sim *sim, const double *x, const double *u) {
+    now_t *now = &sim->now;
+    double air[3], velocity[3];
+    place_of(x, sim->earth, now);
+    atmosphere_at(&sim->atmosphere, now->h, &now->T, &now->p, &now->rho, &now->a);
+    quaternion_matrix(x + 6, now->C);
+    for (int i = 0; i < 3; i++)
+        air[i] = x[3 + i] - (u[U_WIND_N] * now->north[i] + u[U_WIND_E] * now->east[i] + u[U_WIND_D] * now->down[i]);
+    to_body(now->C, air, velocity);
+    air_data(now, velocity);
+    for (int i = 0; i < 3; i++) now->rate[i] = x[10 + i] - now->C[i][2] * sim->omega;
+}
+
+static void quaternion_rate(const double q[4], const double w[3], double dq[4]) {
+    const double pull = 1.0 - (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    dq[0] = 0.5 * (-q[1] * w[0] - q[2] * w[1] - q[3] * w[2]) + pull * q[0];
+    dq[1] = 0.5 * (q[0] * w[0] - q[3] * w[1] + q[2] * w[2]) + pull * q[1];
+    dq[2] = 0.5 * (q[3] * w[0] + q[0] * w[1] - q[1] * w[2]) + pull * q[2];
+    dq[3] = 0.5 * (-q[2] * w[0] + q[1] * w[1] + q[0] * w[2]) + pull * q[3];
+}
+
+/* The state of the engines to the steady thrust of the present state and inputs. */
+void settle_engines(am_sim *sim) {
+    look_around(sim, sim->x, sim->u);
+    set_variables(sim, sim->x, sim->u);
+    engine_thrust(sim, sim->x, sim->u);
+    for (uint32_t i = 0; i < sim->model->engines; i++) sim->x[RIGID_STATES + i] = sim->now.steady[i];
+}
+
+/* Gravitation, Coriolis and centrifugal acceleration in Earth axes. */
+static void field(const am_sim *sim, const double *x, double g[3]) {
+    const double W = sim->omega;
+    gravitation(x, sim->earth, g);
+    g[0] += 2.0 * W * x[4] + W * W * x[0];
+    g[1] += -2.0 * W * x[3] + W * W * x[1];
+}
+
+void derivative(am_sim *sim, const double *x, const double *u, double *dx) {
+    now_t *now = &sim->now;
+    const double *w = x + 10, mass = sim->par[P_MASS];
+    double g[3], fall[3], turn[3], thrust[3], thrust_moment[3], H[3], aero[3], arm[3], Jw[3], push[3];
+    look_around(sim, x, u);
+    set_variables(sim, x, u);
+    engine_thrust(sim, x, u);
+    engine_forces(sim, thrust, thrust_moment, H);
+    field(sim, x, g);
+    const double velocity[3] = {now->u, now->v, now->w};
+    to_body(now->C, g, fall);
+    cross(now->rate, velocity, turn);
+    for (int i = 0; i < 3; i++) fall[i] -= turn[i];
+    aero_forces(sim, thrust, fall);
+    for (int i = 0; i < 3; i++) aero[i] = now->F[i] - thrust[i];
+    cross(aero, sim->par + P_X_CG_B, arm); /* -cg x F: the force acts at the reference point */
+    to_body(sim->J, w, Jw);
+    for (int i = 0; i < 3; i++) {
+        now->M[i] += arm[i] + thrust_moment[i];
+        Jw[i] += H[i];
+    }
+    cross(Jw, w, turn);
+    for (int i = 0; i < 3; i++) turn[i] += now->M[i];
+    to_body(sim->J_inverse, turn, now->angular);
+    from_body(now->C, now->F, push);
+    for (int i = 0; i < 3; i++) {
+        dx[i] = x[3 + i];
+        dx[3 + i] = push[i] / mass + g[i];
+        dx[10 + i] = now->angular[i];
+    }
+    quaternion_rate(x + 6, now->rate, dx + 6);
+    engine_derivative(sim, x, dx);
+}
+
+static void attitude_outputs(const now_t *now, double *y) {
+    const double n = dot(now->C[0], now->north), e = dot(now->C[0], now->east), d = dot(now->C[0], now->down);
+    y[Y_PHI] = atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
+    y[Y_THETA] = atan2(-d, sqrt(n * n + e * e));
+    y[Y_PSI] = atan2(e, n);
+}
+
+static void ground_outputs(am_sim *sim, double *y) {
+    now_t *now = &sim->now;
+    const double *v = sim->x + 3;
+    locate_angles(sim, sim->x, now);
+    y[Y_H] = now->h, y[Y_H_AGL] = sim->var[A_H_AGL];
+    y[Y_LAT] = now->lat, y[Y_LON] = now->lon;
+    y[Y_VN] = dot(v, now->north), y[Y_VE] = dot(v, now->east), y[Y_VD] = dot(v, now->down);
+    y[Y_HDOT] = -y[Y_VD];
+    y[Y_GAMMA] = atan2(-y[Y_VD], sqrt(y[Y_VN] * y[Y_VN] + y[Y_VE] * y[Y_VE]));
+}
+
+static void write_outputs(am_sim *sim, double *y) {
+    const am_model *m = sim->model;
+    const now_t *now = &sim->now;
+    y[Y_V] = now->V, y[Y_V_CAS] = calibrated_airspeed(now->mach, now->p), y[Y_MACH] = now->mach, y[Y_QBAR] = now->qbar;
+    y[Y_ALPHA] = now->alpha, y[Y_BETA] = now->beta;
+    y[Y_U] = now->u, y[Y_V_BODY] = now->v, y[Y_W] = now->w;
+    y[Y_ALPHA_DOT] = now->alpha_dot, y[Y_BETA_DOT] = now->beta_dot;
+    for (int i = 0; i < 3; i++) {
+        y[Y_P + i] = sim->x[10 + i];
+        y[Y_P_DOT + i] = now->angular[i];
+        y[Y_AX + i] = now->F[i] / sim->par[P_MASS];
+        y[Y_TRIM_DELTA_E + i] = sim->trim.delta[i];
+    }
+    y[Y_NZ] = -y[Y_AZ] / G0;
+    attitude_outputs(now, y);
+    ground_outputs(sim, y);
+    memcpy(y + Y_CL, now->c, sizeof now->c);
+    y[Y_RHO] = now->rho, y[Y_P_STATIC] = now->p, y[Y_TEMPERATURE] = now->T;
+    for (int i = 0; i <= U_DELTA_F; i++) y[Y_APPLIED_DELTA_E + i] = applied(sim, sim->u, i);
+    y[Y_TRIM_ALPHA] = sim->trim.alpha, y[Y_TRIM_BETA] = sim->trim.beta;
+    y[Y_TRIM_THRUST] = sim->trim.thrust, y[Y_TRIM_THROTTLE] = sim->trim.throttle;
+    memcpy(y + Y_TRIM_U_DOT, sim->trim.residual, sizeof sim->trim.residual);
+    y[Y_OUT_OF_RANGE] = 0.0;
+    for (uint32_t i = 0; i < m->axes; i++) y[Y_OUT_OF_RANGE] += sim->below[i] + sim->above[i];
+    for (uint32_t i = 0; i < m->engines; i++) y[Y_FIXED + (int)i * Y_PER_ENGINE + Y_THRUST] = now->thrust[i];
+}
+
+int am_outputs(am_sim *sim, double *y) {
+    const int status = refresh(sim);
+    if (status == AM_OK) write_outputs(sim, y);
+    return status;
+}
