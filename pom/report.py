@@ -1,0 +1,162 @@
+"""The Proof-of-Match report: one self-contained HTML file and one JSON file with all its numbers.
+
+The page asks for nothing outside itself; its content security policy forbids it.  Equal input gives equal bytes: dates
+come from the input, keys are sorted, no host name or clock is read.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup
+
+from flightmech.console import plain
+from flightmech.errors import SchemaError, UnknownName
+
+from .sections import case, models, overview
+from .sections import provenance as origin
+from .table import rows as tolerance_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from .result import PomResult
+
+_HERE = Path(__file__).parent
+_STATIC = {
+    "uplot_css": "uplot/uPlot.min.css",
+    "report_css": "report.css",
+    "uplot_js": "uplot/uPlot.iife.min.js",
+    "report_js": "report.js",
+}
+
+
+def write_report(
+    results: Sequence[PomResult],
+    folder: str | os.PathLike,
+    *,
+    title: str,
+    provenance: origin.Provenance | None = None,
+    databases: Mapping[str, xr.DataTree] | None = None,
+    diagnoses: Mapping[str, pd.DataFrame] | None = None,
+    support: Mapping[str, pd.DataFrame] | None = None,
+    revision: str = "",
+) -> Path:
+    """Write ``report.html`` and ``results.json`` into a folder.
+
+    Parameters
+    ----------
+    results : sequence of PomResult
+        In the order of the report.
+    folder : path
+        Made when missing; both files are replaced whole, or neither.
+    title : str
+        Title of the report, e.g. the airplane and the model standard.
+    provenance : Provenance, optional
+        ``date`` of the results, ``command``, ``versions``, ``inputs`` (file to SHA-256) and ``models`` (run to ``file``
+        and ``sha256``).
+    databases : mapping of str to DataTree, optional
+        Aero databases to set against each other, the prior first; names of runs take the line code of the runs.
+    diagnoses : mapping of str to DataFrame, optional
+        Case name to the table of `pom.diagnose`.
+    support : mapping of str to DataFrame, optional
+        Term (``CL/basic``) to the flight samples that support it, columns named after the axes of the term. [SI]
+    revision : str
+        Revision of the report, as the user counts them.
+
+    Returns
+    -------
+    Path
+        Of ``report.html``.
+
+    Raises
+    ------
+    SchemaError
+        No results.
+    UnknownName
+        A diagnosis for a case that is not there, or a misspelt key of `provenance`.
+    """
+    results, provenance, databases = list(results), dict(provenance or {}), dict(databases or {})
+    diagnoses, support = dict(diagnoses or {}), dict(support or {})
+    _check(results, provenance, diagnoses)
+    document = _document(results, title, revision, provenance, diagnoses)
+    html = _html(results, title, revision, provenance, databases, diagnoses, support)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    text = json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    _write_together({folder / "results.json": text + "\n", folder / "report.html": html})
+    return folder / "report.html"
+
+
+def _check(results: Sequence[PomResult], provenance: Mapping[str, Any], diagnoses: Mapping[str, Any]) -> None:
+    if not results:
+        raise SchemaError("report", ["no results came; give the outcome of at least one case"])
+    origin.check(provenance)
+    names = {result.case.name for result in results}
+    for name in diagnoses:
+        if name not in names:
+            raise UnknownName(name, names, "case", "diagnoses are named after cases")
+
+
+def _document(results, title, revision, provenance, diagnoses) -> dict[str, Any]:
+    """Return what ``results.json`` holds: every number of the report, signals included."""
+    return {
+        "title": title,
+        "revision": revision,
+        "provenance": plain(provenance),
+        "results": [json.loads(result.to_json()) for result in results],
+        "diagnoses": {name: plain(table.to_dict("records")) for name, table in diagnoses.items()},
+    }
+
+
+def _html(results, title, revision, provenance, databases, diagnoses, support) -> str:
+    environment = Environment(
+        loader=FileSystemLoader(_HERE / "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["script_json"] = _script_json
+    keys = case.keys(results)
+    pages = [
+        {**case.page(key, result, provenance, diagnoses.get(result.case.name)), "position": i}
+        for i, (key, result) in enumerate(zip(keys, results, strict=True), 1)
+    ]
+    return environment.get_template("report.html").render(
+        title=title,
+        revision=revision,
+        matrix=overview.matrix(keys, results),
+        coverage=overview.coverage(results, tolerance_rows()),
+        cases=pages,
+        models=models.page(databases, support, case.line_styles(databases)) if databases else None,
+        origin=origin.page(provenance, results, databases),
+        verdict=case.Verdict.of,
+        **{name: Markup((_HERE / "static" / file).read_text(encoding="utf-8")) for name, file in _STATIC.items()},
+    )
+
+
+def _script_json(item: Any) -> Markup:
+    """Return JSON that cannot end the script element it stands in."""
+    text = json.dumps(plain(item), sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))
+
+
+def _write_together(files: Mapping[Path, str]) -> None:
+    """Write all files beside their places, then move them there: nobody finds half of one."""
+    ready: dict[Path, str] = {}
+    try:
+        for path, text in files.items():
+            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+            ready[path] = name
+            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+            os.chmod(name, 0o644)
+        for path, name in ready.items():
+            os.replace(name, path)
+    finally:
+        for name in ready.values():
+            Path(name).unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""Parts of the HTML report: each module turns results into what one template or one figure shows."""

@@ -1,0 +1,302 @@
+"""What the page of one case shows: header, facts, tables, and the data of its plots."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pom.result import PomResult
+
+from .case_figure import SYMBOLS, figures
+from .panels import Panel, description, panels, split_inputs
+from .quantities import MISSING, fixed, label, measured, number, percent, pretty_unit
+from .traces import TIME_STEP, Pack, step_of
+
+WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested", "advisory": "advisory"}
+# the line code of LR-743 Figs. 18 to 21; any further model takes the next free style
+_STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
+_SPARE = ("run-4", "run-5", "run-1", "run-2", "run-3")
+_ATMOSPHERE = ("h", "h_agl", "h_baro", "p_static", "temperature", "rho", "delta_T", "wind_n", "wind_e", "wind_d", "a_sound")
+_SHAPE = ("mass", "x_cg", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "delta_f", "gear", "speedbrake")
+_SURFACES = {"recorded": "recorded surface positions drive the model"}
+_ENGINE = {"thrust": "recorded thrust drives the model", "throttle": "the recorded lever drives the engine model"}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A verdict as written: word, symbol, class of its colour."""
+
+    word: str
+    symbol: str
+    css: str
+
+    @classmethod
+    def of(cls, verdict: str) -> Verdict:
+        """Return how `verdict` is written."""
+        return cls(WORDS[verdict], SYMBOLS[verdict], f"is-{verdict}")
+
+
+def line_styles(runs: Iterable[str]) -> dict[str, str]:
+    """Return the line class of every run, flight first."""
+    runs = [run for run in runs if run != "flight"]
+    taken = [_STYLES[run] for run in runs if run in _STYLES]
+    spare = [style for style in _SPARE if style not in taken] + list(_SPARE) * len(runs)
+    return {"flight": "run-0", **{run: _STYLES.get(run) or spare.pop(0) for run in runs}}
+
+
+def keys(results: Sequence[PomResult]) -> list[str]:
+    """Return a unique name per case, fit for an address."""
+    found: list[str] = []
+    for result in results:
+        stem = re.sub(r"[^A-Za-z0-9._-]+", "-", result.case.name).strip("-") or "case"
+        key, n = stem, 1
+        while key in found:
+            n += 1
+            key = f"{stem}-{n}"
+        found.append(key)
+    return found
+
+
+def page(key: str, result: PomResult, provenance: Mapping[str, Any], diagnosis: pd.DataFrame | None) -> dict[str, Any]:
+    """Return everything the template ``case.html`` needs for one case."""
+    styles = line_styles(result.runs)
+    shown = panels(result)
+    return {
+        "key": key,
+        "case": result.case,
+        "outcomes": outcomes(result, styles),
+        "failure": result.failure,
+        "hashes": _hashes(result, provenance),
+        "conditions": _conditions(result.conditions),
+        "drive": _drive(result),
+        "trim": _trim(result.trim),
+        "verdicts": _verdict_table(result),
+        "diagnosis": _diagnosis(diagnosis),
+        "notes": _notes(result),
+        "advisory": [c for c in dict.fromkeys(result.verdict.loc[result.verdict["verdict"] == "advisory", "criterion"])],
+        "styles": styles,
+        "figures": figures(key, result.signals["time"].values, shown, {**styles, "applied": "run-0"}),
+        "data": _data(result, shown, styles),
+    }
+
+
+def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Return status, deciding criterion and worst ratio of every model."""
+    rows = []
+    for run in result.runs:
+        worst = result.worst(run)
+        decided = worst is not None
+        rows.append(
+            {
+                "run": run,
+                "style": styles[run],
+                "status": result.status(run),
+                "verdict": Verdict.of(result.status(run)),
+                "ratio": float(worst["worst_ratio"]) if decided else math.nan,
+                "ratio_text": fixed(worst["worst_ratio"], 2) if decided else MISSING,
+                "criterion": words(worst["criterion"]) if decided else "",
+                "at": float(worst["at"]) if decided else math.nan,
+                "at_text": fixed(worst["at"], 2) if decided else MISSING,
+            }
+        )
+    return rows
+
+
+def words(name: str) -> str:
+    """Return a criterion's name as words."""
+    return name.replace("_", " ")
+
+
+def _hashes(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Return (what, file, SHA-256) of the record and of every model."""
+    inputs = provenance.get("inputs", {})
+    record = PurePath(result.case.record).name
+    known = [digest for file, digest in inputs.items() if PurePath(file).name == record]
+    rows = [("flight record", record, known[0] if len(known) == 1 else "")]
+    for run in result.runs:
+        model = provenance.get("models", {}).get(run, {})
+        rows.append((f"model {run}", model.get("file", ""), model.get("sha256", "")))
+    return rows
+
+
+def _conditions(conditions: Mapping[str, float]) -> list[tuple[str, list[tuple]]]:
+    parts: dict[str, list[tuple]] = {"Configuration": [], "Atmosphere": [], "Flight": []}
+    for name, value in conditions.items():
+        stem = name.rpartition(".")[2]
+        part = "Configuration" if stem in _SHAPE else "Atmosphere" if stem in _ATMOSPHERE else "Flight"
+        parts[part].append((label(name), measured(value, name)))
+    order = {"Configuration": _SHAPE, "Atmosphere": _ATMOSPHERE}
+    for part, names in order.items():
+        parts[part].sort(key=lambda row: names.index(row[0].name.rpartition(".")[2]))
+    return [(part, rows) for part, rows in parts.items() if rows]
+
+
+def _drive(result: PomResult) -> dict[str, Any]:
+    drive = result.case.drive
+    moving, still = split_inputs(result)
+    how = [
+        ("surfaces", _SURFACES.get(drive.surfaces, drive.surfaces)),
+        ("engine", _ENGINE.get(drive.engine, drive.engine)),
+        ("start", "trimmed to the flight state; what is left stands below" if drive.trim else "flight state, not trimmed"),
+        ("feedback", "none: open loop, nothing corrects the model during the run"),
+    ]
+    inputs = [(label(name), "as recorded, plotted") for name in moving]
+    inputs += [(label(name), measured(float(result.inputs[name].values[0]), name) + " held") for name in still]
+    return {"how": how, "inputs": inputs}
+
+
+def _trim(trim: pd.DataFrame) -> dict[str, Any]:
+    rows = []
+    for quantity, values in trim.iterrows():
+        shown = label(str(quantity))
+        rows.append((shown, [number(v, 3 if abs(v) < 1000 else 5) for v in _clean(shown.shown(values.to_numpy(float)), shown)]))
+    return {"columns": list(map(str, trim.columns)), "rows": rows}
+
+
+def _clean(values: np.ndarray, shown) -> np.ndarray:
+    """Set what rounding left of a solved trim equation to zero."""
+    return np.where(np.abs(values) < 1e-9, 0.0, values) if shown.name.startswith("residual.") else values
+
+
+def _verdict_table(result: PomResult) -> list[dict[str, Any]]:
+    """Return one block per criterion with one row per model; alternatives of one group follow each other."""
+    table = result.verdict
+    alternatives = table.groupby("group")["criterion"].nunique()
+    blocks = []
+    for (group, name), rows in table.groupby(["group", "criterion"], sort=False):
+        first = rows.iloc[0]
+        shown = label(first["channel"]) if first["channel"] not in ("", "nan") else None
+        blocks.append(
+            {
+                "criterion": words(str(name)),
+                "label": shown,
+                "measure": words(first["measure"]),
+                "printed": first["tolerance_text"],
+                "applied": _applied(result, first),
+                "window": f"{fixed(first['window_start'], 2)} … {fixed(first['window_stop'], 2)}",
+                "provenance": first["provenance"],
+                "alternative": alternatives[group] > 1,
+                "group": group,
+                "rows": [_verdict_row(row) for _, row in rows.iterrows()],
+            }
+        )
+    order = list(dict.fromkeys(block["group"] for block in blocks))
+    blocks.sort(key=lambda block: order.index(block["group"]))
+    for before, block in zip([None, *blocks], blocks, strict=False):
+        block["either"] = block["alternative"] and (before is None or before["group"] != block["group"])
+    return blocks
+
+
+def _verdict_row(row: pd.Series) -> dict[str, Any]:
+    verdict = Verdict.of(row["verdict"])
+    unit = pretty_unit(row["unit"])
+    return {
+        "run": row["run"],
+        "worst": f"{number(row['worst'])} {unit}".strip() if math.isfinite(row["worst"]) else MISSING,
+        "at": float(row["at"]),
+        "at_text": fixed(row["at"], 2),
+        "ratio": fixed(row["worst_ratio"], 2),
+        "inside": percent(row["inside"]),
+        "exit": float(row["first_exit"]),
+        "exit_text": fixed(row["first_exit"], 2),
+        "verdict": verdict,
+        "note": "" if row["note"] == "nan" else row["note"],
+    }
+
+
+def _applied(result: PomResult, row: pd.Series) -> str:
+    """Return the half width as applied; a width that follows the flight value shows its range."""
+    if not math.isfinite(row["width"]):
+        return MISSING
+    unit = pretty_unit(row["unit"])
+    text = number(row["width"])
+    if row["channel"] in result.tolerance and row["measure"] == "trace":
+        half = result.tolerance[row["channel"]].values
+        half = half[np.isfinite(half) & (half > 0)]
+        if len(half) and half.max() > 1.005 * half.min():
+            text += f" … {number(row['width'] * half.max() / half.min())}"
+    return f"± {text} {unit}".strip()
+
+
+def _diagnosis(diagnosis: pd.DataFrame | None) -> dict[str, Any] | None:
+    """Return the term-swap table; numbers to three digits, shares as percent."""
+    if diagnosis is None or diagnosis.empty:
+        return None
+    rows = []
+    for _, row in diagnosis.iterrows():
+        rows.append([_cell(str(name), value) for name, value in row.items()])
+    numeric = [bool(pd.api.types.is_numeric_dtype(diagnosis[c])) for c in diagnosis.columns]
+    return {"columns": [words(str(c)) for c in diagnosis.columns], "numeric": numeric, "rows": rows}
+
+
+def _cell(column: str, value: Any) -> str:
+    if isinstance(value, float) and column in ("closed", "gain", "share"):
+        return percent(value) if value >= 0 else f"{number(100 * value)} %"
+    return number(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+
+
+def _notes(result: PomResult) -> list[str]:
+    """Return what the reader must know beside the verdicts: remarks of rows, rows that do not apply."""
+    notes: list[str] = []
+    for note, rows in result.verdict.groupby("note", sort=False):
+        if note and note != "nan":
+            names = ", ".join(dict.fromkeys(words(str(c)) for c in rows["criterion"]))
+            notes.append(f"{names}: {note}")
+    notes += [f"{words(c.name)}: {c.reason}" for c in result.case.criteria if c.reason and c.reason not in "\n".join(notes)]
+    if (result.verdict["provenance"] == "memory").any():
+        notes.append("Rows marked “memory” were not read in the regulation; check them there before a certification use.")
+    return list(dict.fromkeys(notes))
+
+
+def _data(result: PomResult, shown: Sequence[Panel], styles: Mapping[str, str]) -> dict[str, Any]:
+    """Return what the script needs to draw the case: panels, runs, and the compressed traces."""
+    pack = Pack.empty()
+    time = result.signals["time"].values
+    head: dict[str, Any] = {
+        "time": pack.add(time, TIME_STEP),
+        "runs": [{"name": run, "style": styles[run]} for run in styles],
+        "panels": [],
+    }
+    for panel in shown:
+        step = step_of(panel.half, list(panel.traces.values()))
+        head["panels"].append(
+            {
+                "kind": panel.kind,
+                "channel": panel.channel,
+                "base": panel.label.base,
+                "sub": panel.label.sub,
+                "words": panel.label.words,
+                "unit": panel.label.unit,
+                "sign": panel.label.sign,
+                "alt": description(panel),
+                "limits": panel.limits,
+                "span": panel.label.least_span,
+                "decimals": max(0, math.ceil(-math.log10(step * 5))),
+                "window": panel.window,
+                "exits": panel.exits,
+                "verdicts": _panel_verdicts(panel),
+                "traces": {run: pack.add(values, step) for run, values in panel.traces.items()},
+                "half": None if panel.half is None else pack.add(panel.half, step),
+            }
+        )
+    return {"head": head, "pack": pack.text()}
+
+
+def _panel_verdicts(panel: Panel) -> list[dict[str, str]]:
+    rows = panel.rows[panel.rows["measure"] == "trace"]
+    return [
+        {
+            "run": r.run,
+            "symbol": SYMBOLS[r.verdict],
+            "ratio": fixed(r.worst_ratio, 2) if math.isfinite(r.worst_ratio) else WORDS[r.verdict],
+            "css": f"is-{r.verdict}",
+        }
+        for r in rows.itertuples()
+    ]

@@ -1,0 +1,186 @@
+"""The static figure of a case: the same panels as the page's script draws, for print and for readers without a script."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .figure import WIDTH, Frame, area, arrow, axes, clipped, curve, line, rect, spaced, svg, text
+from .panels import Panel, description
+from .quantities import fixed, number
+
+LEFT, RIGHT, HEAD, FOOT = 54.0, 12.0, 17.0, 30.0
+# a page's worth of panels: A4 less margins and caption at `WIDTH` units across 180 mm
+PAGE = 960.0
+MAIN, STRIP, SMALL, GAP = 170.0, 38.0, 66.0, 5.0
+RESIDUAL = 1.6
+SYMBOLS = {"pass": "✓", "fail": "✗", "invalid": "!", "not_tested": "–", "advisory": "○"}
+
+
+def figures(key: str, time: np.ndarray, panels: Sequence[Panel], styles: Mapping[str, str]) -> list[str]:
+    """Return the figures of a case, each at most one page high: what is judged and the inputs, then the rest.
+
+    Parameters
+    ----------
+    key : str
+        Unique name of the case in the page.
+    time : array (time,)
+        Clock of the record. [s]
+    panels : sequence of Panel
+    styles : mapping of str to str
+        Run name to the class of its line.
+    """
+    first = [p for p in panels if p.kind != "shown"]
+    pages = [page for part in (first, [p for p in panels if p.kind == "shown"]) for page in _pages(part)]
+    return [_figure(f"{key}-{i}", time, page, styles) for i, page in enumerate(pages)]
+
+
+def _height(panel: Panel) -> float:
+    main = MAIN if panel.kind == "judged" else SMALL
+    return HEAD + main + (STRIP + GAP if panel.half is not None else 0.0) + GAP
+
+
+def _pages(panels: Sequence[Panel]) -> list[list[Panel]]:
+    """Fill pages; a part that overfills one page by little is pressed onto it by `_figure`."""
+    pages: list[list[Panel]] = []
+    room = 0.0
+    for panel in panels:
+        need = _height(panel)
+        if not pages or need > room:
+            pages.append([])
+            room = 1.35 * (PAGE - FOOT)
+        pages[-1].append(panel)
+        room -= need
+    return pages
+
+
+def _figure(name: str, time: np.ndarray, panels: Sequence[Panel], styles: Mapping[str, str]) -> str:
+    heads = len(panels) * (HEAD + GAP) + FOOT + 24.0
+    bodies = sum(_height(p) - HEAD - GAP for p in panels)
+    scale = min(1.0, (PAGE - heads) / bodies)
+    parts, top = [_legend(panels, styles)], 24.0
+    for i, panel in enumerate(panels):
+        last = i == len(panels) - 1
+        body, top = _panel(f"{name}-{i}", time, panel, styles, top, scale, last)
+        parts.append(body)
+    parts.append(text(LEFT + (WIDTH - LEFT - RIGHT) / 2, top + 22, "time, s (clock of the record)", "caption", "middle"))
+    return svg(top + FOOT, "".join(parts), " ".join(description(p) + "." for p in panels))
+
+
+def _legend(panels: Sequence[Panel], styles: Mapping[str, str]) -> str:
+    runs = [run for run in styles if any(run in p.traces for p in panels)]
+    parts, x = [], LEFT
+    for run in runs:
+        parts.append(line(x, 9, x + 30, 9, f"trace {styles[run]}"))
+        parts.append(text(x + 35, 12.5, run, "caption"))
+        x += 52 + 6.4 * len(run)
+    if any(p.half is not None for p in panels):
+        parts += [rect(x, 4, 26, 10, "band"), text(x + 31, 12.5, "tolerance", "caption")]
+        parts += [rect(x + 96, 4, 26, 10, "exit"), rect(x + 96, 4, 26, 10, "hatch"), text(x + 127, 12.5, "outside", "caption")]
+    return "".join(parts)
+
+
+def _panel(name, time, panel: Panel, styles, top: float, scale: float, last: bool) -> tuple[str, float]:
+    height = (MAIN if panel.kind == "judged" else SMALL) * scale
+    x = (float(time[0]), float(time[-1]))
+    frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height, x, panel.limits)
+    strip = panel.half is not None
+    parts = [_head(panel, top + 12), axes(frame, x_labels=last and not strip)]
+    parts.append(clipped(frame, name, _inside(frame, time, panel, styles)))
+    parts += [_beyond(frame, time, values, styles[run], with_value=True) for run, values in panel.traces.items() if run != "flight"]
+    bottom = frame.bottom
+    if strip:
+        low = Frame(LEFT, bottom + GAP, frame.width, STRIP * scale, x, (-RESIDUAL, RESIDUAL))
+        parts += [_exit_ticks(frame, panel, styles), _residual(low, f"{name}-e", time, panel, styles, last)]
+        bottom = low.bottom
+    return "".join(parts), bottom + GAP
+
+
+def _head(panel: Panel, y: float) -> str:
+    shown = panel.label
+    pieces = [(shown.base, "symbol")]
+    if shown.sub:
+        pieces.append((shown.sub, "sub"))
+    unit = f", {shown.unit}" if shown.unit else ""
+    pieces.append((f"  {shown.words}{unit}", "title"))
+    body = spaced(LEFT, y, pieces)
+    rows = panel.rows[panel.rows["measure"] == "trace"]
+    words = [f"{r.run} {SYMBOLS[r.verdict]} {fixed(r.worst_ratio, 2)}" for r in rows.itertuples()]
+    return body + (text(WIDTH - RIGHT, y, "   ".join(words), "caption", "end") if words else "")
+
+
+def _inside(frame: Frame, time, panel: Panel, styles) -> str:
+    parts = []
+    flight = panel.traces.get("flight")
+    if panel.half is not None and flight is not None:
+        low, high = flight - panel.half, flight + panel.half
+        parts.append(area(frame, time, low, high, "band"))
+        parts += [curve(frame, time, edge, "edge") for edge in (low, high)]
+        for run, values in panel.traces.items():
+            if panel.exits.get(run):
+                parts.append(_exceedance(frame, time, values, low, high))
+    if panel.window:
+        parts += [line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window") for t in panel.window]
+    for run, values in panel.traces.items():
+        parts.append(curve(frame, time, values, f"trace {styles[run]}"))
+    return "".join(parts)
+
+
+def _exceedance(frame: Frame, time, values, low, high) -> str:
+    """Return the area between band and trace where the trace is outside, tinted and hatched."""
+    with np.errstate(invalid="ignore"):
+        above, below = np.where(values > high, values, high), np.where(values < low, values, low)
+    shapes = ""
+    for a, b, out in ((high, above, values > high), (below, low, values < low)):
+        wide = out | np.roll(out, 1) | np.roll(out, -1)
+        shapes += area(frame, time, np.where(wide, a, np.nan), np.where(wide, b, np.nan), "exit")
+    return shapes + shapes.replace('class="exit"', 'class="hatch"')
+
+
+def _exit_ticks(frame: Frame, panel: Panel, styles) -> str:
+    """Return bars along the time axis where runs are out, one lane per run, with a mark at each first exit."""
+    parts, lane = [], 0
+    for run, found in panel.exits.items():
+        if not found:
+            continue
+        y = frame.bottom - 2.5 - 4.0 * lane
+        for start, stop in found:
+            a, b = (float(frame.px(t)) for t in (start, stop))
+            parts.append(line(a, y, max(b, a + 1.0), y, f"lane {styles[run]}"))
+        x = float(frame.px(found[0][0]))
+        parts.append(line(x, frame.bottom - 9 - 4.0 * lane, x, frame.bottom + 4, "tickmark"))
+        lane += 1
+    return "".join(parts)
+
+
+def _beyond(frame: Frame, time, values, css: str, with_value: bool) -> str:
+    """Return an arrow, and the extreme value, where a trace leaves the scale."""
+    parts: list[str] = []
+    if not np.isfinite(values).any():
+        return ""
+    for upward in (True, False):
+        k = int(np.nanargmax(values) if upward else np.nanargmin(values))
+        if (values[k] > frame.y[1]) if upward else (values[k] < frame.y[0]):
+            x = float(np.clip(frame.px(time[k]), frame.left + 6, frame.right - 6))
+            parts.append(arrow(x, frame, upward, css))
+            if not with_value:
+                continue
+            y = frame.top + 9 if upward else frame.bottom - 3
+            side = ("end", -7) if x > frame.left + frame.width / 2 else ("start", 7)
+            parts.append(text(x + side[1], y, number(values[k]), "tick", side[0]))
+    return "".join(parts)
+
+
+def _residual(frame: Frame, name: str, time, panel: Panel, styles, last: bool) -> str:
+    flight, half = panel.traces["flight"], panel.half
+    unit_band = np.where(np.isfinite(half), 1.0, np.nan)
+    parts = [axes(frame, x_labels=last, y_ticks=(-1.0, 0.0, 1.0)), text(6, frame.top + frame.height / 2 + 3.5, "e/t", "caption")]
+    body = area(frame, time, -unit_band, unit_band, "band") + "".join(curve(frame, time, s * unit_band, "edge") for s in (1, -1))
+    for run, values in panel.traces.items():
+        if run != "flight":
+            with np.errstate(invalid="ignore", divide="ignore"):
+                ratio = np.where(half > 0, (values - flight) / half, np.nan)
+            body += curve(frame, time, ratio, f"trace {styles[run]}")
+            parts.append(_beyond(frame, time, ratio, styles[run], with_value=False))
+    return "".join(parts) + clipped(frame, name, body)

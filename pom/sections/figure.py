@@ -1,0 +1,181 @@
+"""A small SVG writer for the figures of an engineering report: frames with ticks, lines, bands, hatching, text.
+
+Colours and dashes come from the classes of ``report.css``, so that screen, dark screen and print share one look.  Lengths are
+in user units; a figure is `WIDTH` wide and is scaled to the column, 180 mm on A4 paper.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from .quantities import MINUS
+
+WIDTH = 720.0
+# a point may be left out of a line when the line stays this close to it
+SLACK = 0.15
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A rectangle of the figure with its scales; data outside `y` is clipped at the edge."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+    x: tuple[float, float]
+    y: tuple[float, float]
+
+    @property
+    def right(self) -> float:
+        """Right edge."""
+        return self.left + self.width
+
+    @property
+    def bottom(self) -> float:
+        """Lower edge."""
+        return self.top + self.height
+
+    def px(self, x):
+        """Return the place of abscissas."""
+        return self.left + (np.asarray(x, float) - self.x[0]) / (self.x[1] - self.x[0]) * self.width
+
+    def py(self, y):
+        """Return the place of ordinates, kept just outside the frame where they leave it."""
+        place = self.bottom - (np.asarray(y, float) - self.y[0]) / (self.y[1] - self.y[0]) * self.height
+        return np.clip(place, self.top - 3.0, self.bottom + 3.0)
+
+
+def ticks(low: float, high: float, most: int) -> list[float]:
+    """Return round tick values, at most about `most` of them, steps 1, 2 or 5 times a power of ten."""
+    span = high - low
+    if not span > 0 or not math.isfinite(span):
+        return [low]
+    raw = span / max(most, 1)
+    base = 10.0 ** math.floor(math.log10(raw))
+    step = next(base * m for m in (1, 2, 5, 10) if base * m >= raw * 0.999)
+    first = math.ceil(low / step - 1e-9)
+    return [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
+
+
+def tick_text(values: Sequence[float]) -> list[str]:
+    """Return tick values with just the decimals their step needs."""
+    step = abs(values[1] - values[0]) if len(values) > 1 else abs(values[0]) or 1.0
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    return [f"{v:.{decimals}f}".replace("-", MINUS) if abs(v) > step / 1e6 else f"{0:.{decimals}f}" for v in values]
+
+
+def text(x: float, y: float, words: str, css: str = "", anchor: str = "start") -> str:
+    """Return a text element; `words` is escaped."""
+    kind = f' class="{css}"' if css else ""
+    place = "" if anchor == "start" else f' text-anchor="{anchor}"'
+    return f'<text x="{x:.1f}" y="{y:.1f}"{kind}{place}>{escape(words)}</text>'
+
+
+def spaced(x: float, y: float, pieces: Sequence[tuple[str, str]], anchor: str = "start") -> str:
+    """Return a text element of (text, kind) pieces; kind ``sub`` is a subscript, all else a class."""
+    spans, shift = [], False
+    for words, kind in pieces:
+        if kind == "sub":
+            spans.append(f'<tspan class="sub" dy="3">{escape(words)}</tspan>')
+        else:
+            back = ' dy="-3"' if shift else ""
+            css = f' class="{kind}"' if kind else ""
+            spans.append(f"<tspan{css}{back}>{escape(words)}</tspan>")
+        shift = kind == "sub"
+    place = "" if anchor == "start" else f' text-anchor="{anchor}"'
+    return f'<text x="{x:.1f}" y="{y:.1f}"{place}>{"".join(spans)}</text>'
+
+
+def line(x1: float, y1: float, x2: float, y2: float, css: str) -> str:
+    """Return a straight line."""
+    return f'<line class="{css}" x1="{x1:.1f}" y1="{y1:.1f}" x2="{x2:.1f}" y2="{y2:.1f}"/>'
+
+
+def rect(x: float, y: float, width: float, height: float, css: str) -> str:
+    """Return a rectangle."""
+    return f'<rect class="{css}" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}" height="{height:.1f}"/>'
+
+
+def axes(frame: Frame, *, x_labels: bool, x_most: int = 8, y_ticks: Sequence[float] | None = None) -> str:
+    """Return grid, frame and tick labels."""
+    xs = ticks(*frame.x, x_most)
+    ys = list(y_ticks) if y_ticks is not None else ticks(*frame.y, max(2, int(frame.height / 26)))
+    parts = [line(float(frame.px(v)), frame.top, float(frame.px(v)), frame.bottom, "grid") for v in xs]
+    parts += [line(frame.left, float(frame.py(v)), frame.right, float(frame.py(v)), "grid") for v in ys]
+    parts.append(rect(frame.left, frame.top, frame.width, frame.height, "frame"))
+    for v, words in zip(ys, tick_text(ys), strict=True):
+        parts.append(text(frame.left - 5, float(frame.py(v)) + 3.5, words, "tick", "end"))
+    if x_labels:
+        for v, words in zip(xs, tick_text(xs), strict=True):
+            parts.append(text(float(frame.px(v)), frame.bottom + 12, words, "tick", "middle"))
+    return "".join(parts)
+
+
+def clipped(frame: Frame, name: str, body: str) -> str:
+    """Return `body` drawn inside the frame only; `name` must be unique in the page."""
+    box = f'<rect x="{frame.left:.1f}" y="{frame.top:.1f}" width="{frame.width:.1f}" height="{frame.height:.1f}"/>'
+    return f'<clipPath id="{escape(name)}">{box}</clipPath><g clip-path="url(#{escape(name)})">{body}</g>'
+
+
+def curve(frame: Frame, x: np.ndarray, y: np.ndarray, css: str) -> str:
+    """Return a line through the finite points, with gaps where a value is missing and without superfluous points."""
+    pieces = []
+    good = np.isfinite(y) & np.isfinite(x)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        px, py = frame.px(x[a:b]), frame.py(y[a:b])
+        keep = essential(px, py)
+        pieces.append("M" + " ".join(f"{u:.1f},{v:.1f}" for u, v in zip(px[keep], py[keep], strict=True)))
+    return f'<path class="{css}" d="{"".join(pieces)}"/>' if pieces else ""
+
+
+def area(frame: Frame, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: str) -> str:
+    """Return the areas between two lines, one per run of finite points."""
+    pieces = []
+    good = np.isfinite(low) & np.isfinite(high)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        px = frame.px(x[a:b])
+        up, down = frame.py(high[a:b]), frame.py(low[a:b])
+        ku, kd = essential(px, up), essential(px, down)[::-1]
+        points = [*zip(px[ku], up[ku], strict=True), *zip(px[kd], down[kd], strict=True)]
+        pieces.append("M" + " ".join(f"{u:.1f},{v:.1f}" for u, v in points) + "Z")
+    return f'<path class="{css}" d="{"".join(pieces)}"/>' if pieces else ""
+
+
+def essential(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
+    """Return the indices whose straight connection stays within `slack` of every point (Douglas and Peucker, all pieces at once)."""
+    keep = np.zeros(len(x), bool)
+    keep[[0, -1]] = True
+    while True:
+        at = np.flatnonzero(keep)
+        if len(at) == len(x):
+            return at
+        error = np.abs(np.interp(x, x[at], y[at]) - y)
+        piece = np.cumsum(keep) - 1
+        worst = np.lexsort((error, piece))
+        last = np.flatnonzero(np.diff(piece[worst], append=piece[-1] + 1))
+        new = worst[last][error[worst[last]] > slack]
+        if not len(new):
+            return at
+        keep[new] = True
+
+
+def arrow(x: float, frame: Frame, upward: bool, css: str) -> str:
+    """Return a mark at the edge of the frame: the line goes on beyond it."""
+    tip, foot = (frame.top + 1, frame.top + 7) if upward else (frame.bottom - 1, frame.bottom - 7)
+    return f'<path class="{css} arrow" d="M{x:.1f},{tip:.1f} {x - 4:.1f},{foot:.1f} {x + 4:.1f},{foot:.1f}Z"/>'
+
+
+def svg(height: float, body: str, words: str) -> str:
+    """Return the whole figure; `words` is its alternative text."""
+    return (
+        f'<svg class="figure" viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" aria-label="{escape(words)}" '
+        f'xmlns="http://www.w3.org/2000/svg">{body}</svg>'
+    )

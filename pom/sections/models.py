@@ -1,0 +1,258 @@
+"""Model against model: two or more databases term by term, as LR-743 sets its Figs. 1 to 4 against Figs. 12 to 15.
+
+Every panel holds one slice of a table, all databases over each other, with a band of one standard error where a database
+states it.  Filled marks are nodes that flight has touched, open marks are nodes as the prior gave them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from flightmech import terms
+from flightmech.names import COEFFICIENTS
+
+from .figure import WIDTH, Frame, area, axes, clipped, curve, line, spaced, svg, text
+from .quantities import label, number, short, symbol
+
+# always shown, replaced or not: without them the rest cannot be judged
+_ALWAYS = ("CL/basic", "CD/basic", "Cm/basic")
+_COLUMNS, _HEIGHT, _LEFT, _ROW = 3, 150.0, 46.0, 50.0
+_MOST_SLICES = 6
+_ABSCISSA = ("alpha", "beta", "mach", "h_agl", "delta_e", "delta_a", "delta_r", "delta_f")
+_FLIGHT = terms.SOURCES.index("flight")
+
+
+def page(databases: Mapping[str, xr.DataTree], support: Mapping[str, pd.DataFrame], styles: Mapping[str, str]) -> dict[str, Any]:
+    """Return everything the template ``models.html`` needs.
+
+    Parameters
+    ----------
+    databases : mapping of str to DataTree
+        Name to database, the prior first.
+    support : mapping of str to DataFrame
+        Term to the points of the flight records that support it: columns named after the term's axes. [SI]
+    styles : mapping of str to str
+        Database name to the class of its line.
+    """
+    leaves = {name: _leaves(db) for name, db in databases.items()}
+    names = sorted({term for found in leaves.values() for term in found}, key=_place)
+    drawn, same = [], []
+    for term in names:
+        holders = {name: found[term] for name, found in leaves.items() if term in found}
+        changed = len(holders) < len(leaves) or not _alike(list(holders.values()))
+        if changed or term in _ALWAYS:
+            drawn.append(_term(term, holders, list(leaves), support.get(term), styles, changed))
+        else:
+            same.append({"term": term, "leaf": _facts(next(iter(holders.values())))})
+    return {
+        "terms": drawn,
+        "same": same,
+        "databases": [_root(name, db, len(leaves[name])) for name, db in databases.items()],
+        "styles": styles,
+    }
+
+
+def _leaves(db: xr.DataTree) -> dict[str, xr.Dataset]:
+    return {
+        f"{c}/{name}": leaf.to_dataset()
+        for c in db.children
+        if c in COEFFICIENTS or c in ("CX", "CZ")
+        for name, leaf in db[c].children.items()
+    }
+
+
+def _place(term: str) -> tuple[int, bool, str]:
+    coefficient, _, name = term.partition("/")
+    return (list(COEFFICIENTS).index(coefficient) if coefficient in COEFFICIENTS else 9, name != "basic", name)
+
+
+def _alike(leaves: Sequence[xr.Dataset]) -> bool:
+    return all(
+        set(leaf) & {"value", "K1", "K2"} == set(leaves[0]) & {"value", "K1", "K2"}
+        and all(leaf[v].equals(leaves[0][v]) for v in ("value", "K1", "K2") if v in leaf)
+        and terms.regressors(leaf) == terms.regressors(leaves[0])
+        for leaf in leaves[1:]
+    )
+
+
+def _root(name: str, db: xr.DataTree, count: int) -> dict[str, Any]:
+    attrs = db.attrs
+    return {
+        "name": name,
+        "count": count,
+        **{key: str(attrs.get(key, "")) for key in ("title", "source", "history", "references", "comment", "absent")},
+    }
+
+
+def _facts(leaf: xr.Dataset) -> dict[str, str]:
+    shape = ", ".join(f"{axis} {leaf.sizes[axis]}" for axis in map(str, leaf["value"].dims)) or "scalar"
+    count = np.bincount(leaf["source"].values.ravel().astype(int), minlength=len(terms.SOURCES)) if "source" in leaf else []
+    source = ", ".join(f"{n} {word}" for word, n in zip(terms.SOURCES, count, strict=False) if n)
+    return {
+        "shape": shape,
+        "regressors": " ".join(terms.regressors(leaf)),
+        "source": source or "not stated",
+        **{key: str(leaf.attrs.get(key, "")) for key in ("references", "history", "comment")},
+    }
+
+
+def _term(term, holders, everyone, support, styles, changed) -> dict[str, Any]:
+    tables = {name: leaf["value"] for name, leaf in holders.items()}
+    lone = [name for name in everyone if name not in holders]
+    state = f"not in {', '.join(lone)}" if lone else "replaced" if changed else "unchanged"
+    item = {
+        "term": term,
+        "state": state,
+        "html": _title(term, next(iter(holders.values()))),
+        "facts": {n: _facts(x) for n, x in holders.items()},
+    }
+    if all(table.ndim == 0 for table in tables.values()):
+        item["scalars"] = [(name, number(float(leaf["value"]), 4), _stderr(leaf)) for name, leaf in holders.items()]
+        return item
+    return {
+        **item,
+        "figures": [_figure(term, quantity, holders, support, styles) for quantity in ("value", "K1", "K2") if _has(holders, quantity)],
+    }
+
+
+def _has(holders: Mapping[str, xr.Dataset], quantity: str) -> bool:
+    return any(quantity in leaf and leaf[quantity].ndim for leaf in holders.values())
+
+
+def _stderr(leaf: xr.Dataset) -> str:
+    return number(float(leaf["stderr"]), 2) if "stderr" in leaf else ""
+
+
+def _title(term: str, leaf: xr.Dataset) -> list[tuple[str, str]]:
+    """Return the contribution as (base, subscript) symbols: coefficient, then its regressors."""
+    return [symbol(term.partition("/")[0]), *(symbol(word) for word in terms.regressors(leaf))]
+
+
+def _figure(term: str, quantity: str, holders, support, styles) -> str:
+    tables = {name: leaf[quantity] for name, leaf in holders.items() if quantity in leaf}
+    axes_of = list(dict.fromkeys(str(d) for table in tables.values() for d in table.dims))
+    x_axis = next((a for a in _ABSCISSA if a in axes_of), axes_of[0])
+    slices = _slices(tables, [a for a in axes_of if a != x_axis])
+    curves = [_curves(tables, holders, quantity, x_axis, at) for at in slices]
+    low, high = _range(curves)
+    x_range = _x_range(tables, x_axis)
+    rows = -(-len(slices) // _COLUMNS)
+    width = (WIDTH - _LEFT * _COLUMNS - 10) / _COLUMNS
+    parts = [_key(tables, styles, bool(support is not None and len(support)))]
+    for i, (at, found) in enumerate(zip(slices, curves, strict=True)):
+        column, row = i % _COLUMNS, i // _COLUMNS
+        frame = Frame(_LEFT + column * (width + _LEFT), 40 + row * (_HEIGHT + _ROW), width, _HEIGHT, x_range, (low, high))
+        name = f"term-{term.replace('/', '-')}-{quantity}-{i}"
+        parts.append(_slice_head(frame, term if quantity == "value" else quantity, at, x_axis))
+        parts.append(axes(frame, x_labels=True, x_most=5))
+        parts.append(clipped(frame, name, "".join(_trace(frame, c, styles) for c in found)))
+        parts.append(_support(frame, support, x_axis, at, tables))
+    return svg(34 + rows * (_HEIGHT + _ROW) - 16, "".join(parts), f"{term} {quantity} against {x_axis} in {', '.join(tables)}")
+
+
+def _slices(tables, others: Sequence[str]) -> list[dict[str, float]]:
+    """Return the conditions of the panels: nodes of the other axes of the richest table, thinned to a handful."""
+    slices: list[dict[str, float]] = [{}]
+    for axis in others:
+        nodes = max((t[axis].values for t in tables.values() if axis in t.dims), key=len)
+        most = max(1, _MOST_SLICES // len(slices))
+        chosen = nodes[np.unique(np.linspace(0, len(nodes) - 1, min(len(nodes), most)).round().astype(int))]
+        slices = [{**at, axis: float(v)} for at in slices for v in chosen]
+    return slices
+
+
+def _curves(tables, holders, quantity, x_axis, at) -> list[dict[str, Any]]:
+    found = []
+    for name, table in tables.items():
+        leaf = holders[name]
+        here = {axis: value for axis, value in at.items() if axis in table.dims}
+        if x_axis not in table.dims:
+            table = table.expand_dims({x_axis: _x_range(tables, x_axis)})
+        cut = table.interp(here) if here else table
+        stderr = leaf["stderr"].interp(here) if quantity == "value" and "stderr" in leaf and x_axis in leaf["stderr"].dims else None
+        flown = None
+        if quantity == "value" and "source" in leaf and x_axis in leaf["source"].dims:
+            flown = leaf["source"].sel(here, method="nearest").values == _FLIGHT
+        shown = label(x_axis)
+        found.append(
+            {
+                "name": name,
+                "x": shown.shown(cut[x_axis].values),
+                "y": cut.values,
+                "stderr": None if stderr is None else stderr.values,
+                "flown": flown,
+            }
+        )
+    return found
+
+
+def _range(curves) -> tuple[float, float]:
+    values = [y for found in curves for c in found for y in (c["y"], *(_edges(c) if c["stderr"] is not None else ()))]
+    finite = np.concatenate([v[np.isfinite(v)] for v in values])
+    low, high = float(finite.min()), float(finite.max())
+    pad = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
+    return low - pad, high + pad
+
+
+def _edges(c) -> tuple[np.ndarray, np.ndarray]:
+    return c["y"] - c["stderr"], c["y"] + c["stderr"]
+
+
+def _x_range(tables, x_axis: str) -> tuple[float, float]:
+    points = np.concatenate([t[x_axis].values for t in tables.values() if x_axis in t.dims])
+    shown = label(x_axis).shown(points)
+    low, high = float(shown.min()), float(shown.max())
+    return (low, high) if high > low else (low - 1.0, high + 1.0)
+
+
+def _trace(frame: Frame, c, styles) -> str:
+    css = styles[c["name"]]
+    body = area(frame, c["x"], *_edges(c), f"error {css}-area") if c["stderr"] is not None else ""
+    body += curve(frame, c["x"], c["y"], f"trace {css}")
+    for i, (x, y) in enumerate(zip(frame.px(c["x"]), frame.py(c["y"]), strict=True)):
+        if c["flown"] is not None and np.isfinite(c["y"][i]):
+            kind = "node flown" if c["flown"][i] else "node"
+            body += f'<circle class="{kind} {css}" cx="{x:.1f}" cy="{y:.1f}" r="2.2"/>'
+    return body
+
+
+def _slice_head(frame: Frame, name: str, at: Mapping[str, float], x_axis: str) -> str:
+    where = ", ".join(f"{_plain(a)} = {short(float(label(a).shown(v)), 3)} {label(a).unit}".strip() for a, v in at.items())
+    head = text(frame.left, frame.top - 6, f"{name} at {where}" if where else name, "title")
+    shown = label(x_axis)
+    pieces = [(shown.base, "symbol"), *([(shown.sub, "sub")] if shown.sub else []), (f", {shown.unit}" if shown.unit else "", "caption")]
+    return head + spaced(frame.left + frame.width / 2, frame.bottom + 27, pieces, "middle")
+
+
+def _plain(axis: str) -> str:
+    base, sub = symbol(axis)
+    return base + (f"_{sub}" if sub else "")
+
+
+def _key(tables, styles, supported: bool) -> str:
+    parts, x = [], _LEFT
+    for name in tables:
+        parts += [line(x, 10, x + 30, 10, f"trace {styles[name]}"), text(x + 35, 13.5, name, "caption")]
+        x += 52 + 6.4 * len(name)
+    if supported:
+        parts += [line(x + 4, 4, x + 4, 14, "rug"), text(x + 12, 13.5, "flight sample", "caption")]
+    return "".join(parts)
+
+
+def _support(frame: Frame, support: pd.DataFrame | None, x_axis: str, at: Mapping[str, float], tables) -> str:
+    """Return a tick under the curve for every supporting sample that is nearest to this slice."""
+    if support is None or x_axis not in support:
+        return ""
+    near = np.ones(len(support), bool)
+    for axis, value in at.items():
+        if axis in support:
+            nodes = max((t[axis].values for t in tables.values() if axis in t.dims), key=len)
+            near &= nodes[np.abs(support[axis].to_numpy()[:, None] - nodes).argmin(axis=1)] == value
+    places = np.unique(np.round(frame.px(label(x_axis).shown(support[x_axis].to_numpy()[near])) * 2) / 2)
+    places = places[(places >= frame.left) & (places <= frame.right)]
+    return "".join(line(float(x), frame.bottom - 7, float(x), frame.bottom, "rug") for x in places)

@@ -1,0 +1,163 @@
+"""Which panels a case shows, in which order and on which scale: the one description that page script and print share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from pom.result import PomResult
+
+from .quantities import Label, fixed, label
+
+# an outlier may widen a scale by this share of the height that flight and band need, on each side
+ROOM = 0.5
+# half a band never gets less than this share of the panel because of a model's trace
+LEAST_BAND = 0.05
+MARGIN = 0.05
+# an input that moves less than this (SI) is a constant and stands in the table of inputs
+_STILL = 1e-6
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One strip of a case's plot.
+
+    Attributes
+    ----------
+    kind : {"judged", "input", "shown"}
+    label : Label
+    traces : dict of str to array (time,)
+        Run name to values; an input panel has the single run ``applied``. [display unit]
+    half : array (time,) or None
+        Half width of the band; NaN outside the window. [display unit]
+    window : tuple of float or None
+        Window of the criterion. [s]
+    exits : dict of str to list of (start, stop)
+        Spans where a run is outside its band. [s]
+    rows : DataFrame
+        Verdict rows of this channel.
+    limits : tuple of float
+        Scale of the panel over the whole record. [display unit]
+    """
+
+    kind: str
+    label: Label
+    traces: dict[str, np.ndarray]
+    half: np.ndarray | None
+    window: tuple[float, float] | None
+    exits: dict[str, list[tuple[float, float]]]
+    rows: pd.DataFrame
+    limits: tuple[float, float]
+
+    @property
+    def channel(self) -> str:
+        """House name of the quantity."""
+        return self.label.name
+
+
+def panels(result: PomResult) -> list[Panel]:
+    """Return the panels of a case: judged channels, then the inputs that move, then what proves the condition."""
+    channels = [str(name) for name in result.signals.data_vars]
+    judged = [str(c) for c in dict.fromkeys(result.verdict["channel"]) if c in channels]
+    banded = [name for name in judged if name in result.tolerance]
+    measured = [name for name in judged if name not in banded]
+    moving, _ = split_inputs(result)
+    others = [name for name in channels if name not in banded and name not in measured and name not in moving]
+    return [
+        *(_compared(result, name, "judged") for name in banded),
+        *(_compared(result, name, "judged") for name in measured),
+        *(_input(result, name) for name in moving),
+        *(_compared(result, name, "shown") for name in others),
+    ]
+
+
+def split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
+    """Return the inputs that move during the run and those that stand still."""
+    names = [str(name) for name in result.inputs.data_vars]
+    moving = [name for name in names if np.ptp(result.inputs[name].values) > _STILL * max(1.0, float(np.abs(result.inputs[name]).max()))]
+    return moving, [name for name in names if name not in moving]
+
+
+def _compared(result: PomResult, name: str, kind: str) -> Panel:
+    shown = label(name)
+    time = result.signals["time"].values
+    traces = {str(run): shown.shown(result.signals[name].sel(run=run).values) for run in result.signals["run"].values}
+    traces = {run: values for run, values in traces.items() if np.isfinite(values).any()}
+    rows = result.verdict[result.verdict["channel"] == name]
+    half = shown.width(result.tolerance[name].values) if name in result.tolerance else None
+    exits: dict[str, list[tuple[float, float]]] = {}
+    if half is not None and "flight" in traces:
+        exits = {run: spans(time, outside(values, traces["flight"], half)) for run, values in traces.items() if run != "flight"}
+    inside = np.isfinite(half) if half is not None else np.zeros(len(time), bool)
+    window = (float(time[inside][0]), float(time[inside][-1])) if inside.any() else None
+    return Panel(kind, shown, traces, half, window, exits, rows, limits(traces, half, shown.least_span))
+
+
+def _input(result: PomResult, name: str) -> Panel:
+    shown = label(name)
+    values = np.interp(result.signals["time"].values, result.inputs["time"].values, shown.shown(result.inputs[name].values))
+    traces = {"applied": values}
+    return Panel("input", shown, traces, None, None, {}, result.verdict.iloc[:0], limits(traces, None, 0.0))
+
+
+def outside(model: np.ndarray, flight: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Return where a model is outside the band; a missing value inside the window counts as outside."""
+    with np.errstate(invalid="ignore"):
+        return np.isfinite(half) & ~(np.abs(model - flight) <= half * (1.0 + 1e-12))
+
+
+def spans(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
+    """Return start and stop of every run of true samples. [s]"""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(float(time[a]), float(time[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def limits(traces: dict[str, np.ndarray], half: np.ndarray | None, least_span: float) -> tuple[float, float]:
+    """Return the scale of a panel: flight and band always fit, a model's outlier is clipped before it squeezes them.
+
+    The models may widen the scale by `ROOM` of the height on each side, as long as half a band keeps `LEAST_BAND` of the
+    panel.
+    """
+    base = traces.get("flight", next(iter(traces.values()), np.zeros(1)))
+    width = np.where(np.isfinite(half), half, 0.0) if half is not None else 0.0
+    low, high = _extent([base - width, base + width])
+    if high - low < least_span:
+        low, high = (low + high - least_span) / 2, (low + high + least_span) / 2
+    height = (high - low) or max(abs(high), 1.0) * 0.1
+    models = [v for run, v in traces.items() if v is not base]
+    far_low, far_high = _extent(models) if models else (low, high)
+    below, above = (min(max(x, 0.0), ROOM * height) for x in (low - far_low, far_high - high))
+    widest = float(np.nanmax(half)) if half is not None and np.isfinite(half).any() else np.inf
+    grown = max(height, widest / LEAST_BAND)
+    scale = min(1.0, (grown - height) / (below + above)) if below + above > 0 else 1.0
+    low, high = low - below * scale, high + above * scale
+    pad = MARGIN * ((high - low) or height)
+    return float(low - pad), float(high + pad)
+
+
+def _extent(values: Sequence[np.ndarray]) -> tuple[float, float]:
+    finite = np.concatenate([v[np.isfinite(v)] for v in values])
+    return (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+
+
+def description(panel: Panel) -> str:
+    """Return the alternative text of a panel, made from its verdicts."""
+    name = panel.label.words or panel.channel
+    head = f"{name} against time" + (f", {panel.label.unit}" if panel.label.unit else "")
+    if panel.kind == "input":
+        return f"{head}: input as applied"
+    rows = panel.rows[panel.rows["worst_ratio"].notna() & panel.rows["verdict"].isin(["pass", "fail"])]
+    parts = []
+    for row in rows.itertuples():
+        state = "within tolerance throughout" if row.inside >= 1.0 else "outside tolerance"
+        if row.measure != "trace":
+            state = row.verdict
+        parts.append(f"{row.run}: {row.criterion} {state}, {fixed(row.worst_ratio, 2)} of the tolerance" + _at(row.at))
+    return f"{head}. " + "; ".join(parts) if parts else head
+
+
+def _at(time: float) -> str:
+    return f" at {fixed(time, 1)} s" if np.isfinite(time) else ""

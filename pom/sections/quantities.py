@@ -1,0 +1,244 @@
+"""How a quantity is written for people: symbol, words, display unit, number of digits.
+
+The vocabulary's SI value becomes the display value here and nowhere else in the report.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from markupsafe import Markup
+
+from flightmech import units
+from flightmech.errors import UnknownName
+from flightmech.names import lookup
+
+MINUS = "\N{MINUS SIGN}"
+MISSING = "\N{EN DASH}"
+
+_GREEK = {
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "delta": "δ",
+    "theta": "θ",
+    "phi": "φ",
+    "psi": "ψ",
+    "rho": "ρ",
+}
+_HAT, _BAR, _DOT = "\N{COMBINING CIRCUMFLEX ACCENT}", "\N{COMBINING MACRON}", "\N{COMBINING DOT ABOVE}"
+# symbols that the rules of `symbol` would not find: base, subscript
+_SYMBOLS = {
+    "qbar": ("q" + _BAR, ""),
+    "cbar": ("c" + _BAR, ""),
+    "alphadothat": ("α" + _DOT + _HAT, ""),
+    "betadothat": ("β" + _DOT + _HAT, ""),
+    "hdot": ("h" + _DOT, ""),
+    "mach": ("M", ""),
+    "temperature": ("T", ""),
+    "a_sound": ("a", ""),
+    "time": ("t", ""),
+    "thrust": ("F", ""),
+    "dnz": ("Δn", "z"),
+    "mass": ("m", ""),
+    "thrust_drive": ("F", ""),
+    **{f"wind_{x}": ("W", x) for x in "ned"},
+    "V_cas": ("V", "CAS"),
+    "V_eas": ("V", "EAS"),
+    **{name: (name[0], name[1:]) for name in ("ax", "ay", "az", "nz", "vn", "ve", "vd", "n1", "n2", "CL", "CD", "CY", "CX", "CZ")},
+    **{name: ("C", name[1]) for name in ("Cl", "Cm", "Cn")},
+    **{name: ("I", name[1:]) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")},
+}
+# derivatives the vocabulary leaves out; trim residuals carry them
+_EXTRA = {
+    **{f"{x}_dot": (f"body acceleration along {axis}", "m s-2", "m s-2") for x, axis in (("u", "x"), ("v", "y"), ("w", "z"))},
+    "thrust_drive": ("net thrust that drives the model", "N", "lbf"),
+    "V_dot": ("rate of true airspeed", "m s-2", "m s-2"),
+}
+# load factors are judged and drawn in g, as the tolerance table prints them; the number is the same
+_IN_G = {"nz", "dnz"}
+_WORDS = {
+    "trim": "bias found by the trim",
+    "residual": "left after the trim",
+    "bias": "bias applied",
+    "applied": "as applied",
+    "term": "scale of the term",
+}
+_SILENT = {"init", "mass", "env"}
+_SUPER = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+_POWER = re.compile(r"([A-Za-z%])(\d)")
+# a panel never zooms in further than this on a quantity without tolerance
+_LEAST_SPAN = {"deg": 1.0, "deg/s": 1.0, "kt": 2.0, "ft": 10.0, "g": 0.04, "ft/min": 100.0, "%": 2.0, "lbf": 10.0, "m/s": 0.5, "": 0.02}
+SIGNS = {
+    "ANU": "aircraft nose up",
+    "ANR": "aircraft nose right",
+    "RWD": "right wing down",
+    "FWD": "forward",
+    "RT": "right",
+    "DN": "down",
+    "TED": "trailing edge down",
+    "TEL": "trailing edge left",
+}
+
+
+@dataclass(frozen=True)
+class Label:
+    """A quantity as shown.
+
+    ``base`` and ``sub`` make the symbol, ``words`` the long name, ``unit`` the display unit as printed (empty for a pure
+    number), ``sign`` the positive sense in words; ``factor`` and ``offset`` give display = SI * factor + offset.
+    """
+
+    name: str
+    base: str
+    sub: str
+    words: str
+    unit: str
+    sign: str
+    factor: float
+    offset: float
+
+    @property
+    def is_word(self) -> bool:
+        """Whether the quantity has no symbol, only a name such as ``gear``."""
+        return not self.sub and len(self.base) > 2 and self.base.isascii()
+
+    @property
+    def html(self) -> Markup:
+        """The symbol with its subscript; a plain name stays upright."""
+        if self.is_word:
+            return Markup("{}").format(self.base)
+        return Markup("<i>{}</i>{}").format(self.base, Markup("<sub>{}</sub>").format(self.sub) if self.sub else "")
+
+    @property
+    def least_span(self) -> float:
+        """Smallest height of a panel without tolerance, in display units."""
+        return _LEAST_SPAN.get(self.unit, 0.0)
+
+    def shown(self, si):
+        """Return SI values in display units."""
+        return np.asarray(si, float) * self.factor + self.offset
+
+    def width(self, si):
+        """Return an SI difference or half width in display units: the offset of a temperature stays out."""
+        return np.asarray(si, float) * self.factor
+
+
+def pretty_unit(unit: str) -> str:
+    """Return a unit as printed: ``m s-1`` becomes ``m/s``, ``kg m2`` becomes ``kg m²``, ``1`` becomes nothing."""
+    text = {"1": "", "-": "", "m s-1": "m/s", "m s-2": "m/s2", "kg m-3": "kg/m3", "degC": "°C", "rad s-1": "rad/s"}.get(unit, unit)
+    return _POWER.sub(lambda m: m.group(1) + m.group(2).translate(_SUPER), text)
+
+
+def symbol(name: str) -> tuple[str, str]:
+    """Return base and subscript of the symbol of a house name."""
+    if name in _SYMBOLS:
+        return _SYMBOLS[name]
+    head, _, tail = name.partition("_")
+    if tail == "dot":
+        return _GREEK.get(head, head) + _DOT, ""
+    if head.endswith("hat"):
+        return head[0] + _HAT, tail
+    return _GREEK.get(head, head), tail
+
+
+@cache
+def label(name: str) -> Label:
+    """Return how the quantity `name` is shown; a name outside the vocabulary keeps its own text and SI value.
+
+    Prefixes of the simulation's names (``engine1.``, ``trim.``, ``residual.`` ...) become words.
+    """
+    *prefixes, stem = name.split(".")
+    if prefixes and prefixes[0] == "term":
+        return Label(name, name, "", "scale of the term", "", "", 1.0, 0.0)
+    notes = [f"engine {p.removeprefix('engine')}" if p.startswith("engine") else _WORDS.get(p, p) for p in prefixes if p not in _SILENT]
+    try:
+        row = lookup(stem)
+    except UnknownName:
+        if stem not in _EXTRA:
+            return Label(name, name, "", "", "", "", 1.0, 0.0)
+        words, si_unit, display = _EXTRA[stem]
+        sign = ""
+    else:
+        words, si_unit, display, sign = row.long_name, row.units, row.display_units, row.sign
+    base, sub = symbol(stem)
+    sub = " ".join([sub, *(p.removeprefix("engine") for p in prefixes if p.startswith("engine"))]).strip()
+    factor, offset = _conversion(display)
+    unit = "g" if stem in _IN_G else pretty_unit(display if display != "1" else si_unit)
+    return Label(name, base, sub, ", ".join([words, *notes]), unit, SIGNS.get(sign, sign), factor, offset)
+
+
+def _conversion(display: str) -> tuple[float, float]:
+    _, factor, offset = units.parse(display)
+    return 1.0 / factor, -offset / factor
+
+
+def number(value, digits: int = 3) -> str:
+    """Return a number with `digits` significant digits, never in powers of ten between 1e-4 and 1e6; NaN becomes a dash.
+
+    Examples
+    --------
+    >>> number(1234.5), number(0.012345), number(float("nan"))
+    ('1234', '0.0123', '–')
+    """
+    if value is None:
+        return MISSING
+    if isinstance(value, str):
+        return value
+    value = float(value)
+    if not math.isfinite(value):
+        return MISSING if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
+    if value == 0.0:
+        return "0"
+    size = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
+    if -5 < size < 6:
+        text = f"{value:.{max(digits - 1 - size, 0)}f}"
+    else:
+        text = f"{value:.{digits - 1}e}"
+    return text.replace("-", MINUS)
+
+
+def fixed(value, decimals: int) -> str:
+    """Return a number with `decimals` decimals; NaN becomes a dash, minus zero loses its sign."""
+    if value is None or not math.isfinite(float(value)):
+        return MISSING
+    text = f"{float(value):.{decimals}f}"
+    return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", MINUS)
+
+
+def percent(share) -> str:
+    """Return a share as percent, never rounded up to 100 while a sample is outside.
+
+    Examples
+    --------
+    >>> percent(0.9999), percent(1.0)
+    ('99.9 %', '100 %')
+    """
+    if share is None or not math.isfinite(float(share)):
+        return MISSING
+    if share >= 1.0:
+        return "100 %"
+    return f"{math.floor(float(share) * 1000.0) / 10.0:.1f} %"
+
+
+def short(value: float, digits: int = 4) -> str:
+    """Return a number without trailing zeros, for values that are set rather than measured.
+
+    Examples
+    --------
+    >>> short(40.0), short(0.1900)
+    ('40', '0.19')
+    """
+    text = number(value, digits)
+    return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
+
+
+def measured(si: float, name: str) -> str:
+    """Return a value with its display unit, e.g. for a table of conditions."""
+    shown = label(name)
+    value = short(float(shown.shown(si)))
+    return f"{value}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
