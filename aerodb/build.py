@@ -1,0 +1,220 @@
+"""DATCOM listings to an aerodynamic database: the a-priori model.
+
+Assumptions: the aeroplane is symmetric; effects add up; increments printed for wing-body or at one altitude hold for the
+whole aeroplane and every altitude.  What has no DATCOM method is absent and counts as zero [LR743] 3.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import SchemaError
+
+from . import increments
+from .effects import Effect, rate_shift, rates_to_body, rereference, rolled_to_body, transferred, with_added
+from .leaves import leaves
+from .prior_errors import errors_with
+from .schema import SCHEME, database
+from .sources import Source, source, warn
+
+_NEAR = 5e-4  # moment centres closer than this many chords are the same: rounding of print and drawing
+_INCOMPRESSIBLE = 0.3  # below, tables may be held down to Mach 0
+
+
+class AircraftLike(Protocol):
+    """What `from_datcom` needs of an aircraft; `flightmech.Aircraft` has it."""
+
+    @property
+    def name(self) -> str:
+        """Name of the type."""
+
+    @property
+    def S(self) -> float:
+        """Reference area. [m2]"""
+
+    @property
+    def cbar(self) -> float:
+        """Reference chord. [m]"""
+
+    @property
+    def b(self) -> float:
+        """Reference span. [m]"""
+
+    @property
+    def reference(self) -> tuple[float, float, float]:
+        """Moment reference point from the drawing datum: forward, right, down. [m]"""
+
+
+def from_datcom(
+    aircraft: AircraftLike,
+    *,
+    clean: Any,
+    flaps: Any = None,
+    elevator: Any = None,
+    aileron: Any = None,
+    ground: Any = None,
+    ground_flap: Any = None,
+    ground_elevator: Any = None,
+    altitude: float | None = None,
+    stderr: Mapping[str, tuple[float, float]] | None = None,
+) -> xr.DataTree:
+    """Return the database that Digital DATCOM listings give.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Name, reference quantities and moment reference point; coefficients are referred to them.
+    clean : Listing, Case, case tree or list of them
+        The whole aeroplane, static and dynamic (card DAMP) pages.
+    flaps, elevator : as `clean`, optional
+        SYMFLP on the wing, and on the tail. One condition per program run, or D(CM) drifts; several runs may be given.
+    aileron : as `clean`, optional
+        ASYFLP with ailerons (STYPE 4).
+    ground : as `clean`, optional
+        GRNDEF, whole aeroplane without deflection.
+    ground_flap, ground_elevator : as `clean`, optional
+        GRNDEF with flap settings (wing-body), and with elevator deflections.
+    altitude : float, optional
+        Altitude of the basic tables, one of the printed ones; the middle one unless given. [m]
+    stderr : mapping of str to (float, float), optional
+        A-priori relative and absolute standard errors by term, over those of `aerodb.prior_errors`.
+
+    Returns
+    -------
+    DataTree
+        The database: forces in stability axes, moments and rates in body axes about the aircraft's reference point. Root attribute
+        ``absent`` lists the terms of the scheme that DATCOM does not give.
+
+    Raises
+    ------
+    SchemaError
+        A listing lacks the tables of its role, its conditions fill no grid, or the reference point lies off the plane of symmetry.
+    UnknownName
+        `stderr` names an unknown term.
+
+    Warns
+    -----
+    AeromatchWarning
+        Reference quantities differ by more than 1 % (coefficients are re-referenced), D(CM) comes from a loop over several
+        conditions, or ground pages with elevator are unusable.
+    """
+    prior = errors_with(stderr)
+    given = {
+        role: source(role, listing)
+        for role, listing in {
+            "clean": clean,
+            "flaps": flaps,
+            "elevator": elevator,
+            "aileron": aileron,
+            "ground": ground,
+            "ground_flap": ground_flap,
+            "ground_elevator": ground_elevator,
+        }.items()
+        if listing is not None
+    }
+    x_ref, y_ref, z_ref = (float(item) for item in aircraft.reference)
+    if abs(y_ref) > _NEAR * aircraft.cbar:
+        raise SchemaError(
+            "aircraft", [f"the moment reference point lies {y_ref:.4f} m right of the plane of symmetry; DATCOM's lies in it, set y to 0"]
+        )
+    h_ref = _reference_altitude(given["clean"], altitude)
+    effects = _referred(_effects(given, h_ref, aircraft.b, z_ref), given, aircraft)
+    machs = effects["basic"].tables["CL"]["mach"].values
+    low = 0.0 if machs[0] <= _INCOMPRESSIBLE else float(machs[0])
+    history = f"from_datcom: {'; '.join(f'{role} from {place.file}' for role, place in given.items())}"
+    found: dict[str, xr.Dataset] = {}
+    for effect in effects.values():
+        found |= leaves(effect, prior, (low, float(machs[-1])))
+    refused = [f"{c}/ground_elevator" for c in ("CL", "CD", "Cm") if "ground_elevator" in given and f"{c}/ground_elevator" not in found]
+    return database(
+        {name: found[name] for name in sorted(found, key=_place_in_scheme)},
+        title=f"{aircraft.name}: a-priori database from Digital DATCOM",
+        aircraft=aircraft.name,
+        S=float(aircraft.S),
+        cbar=float(aircraft.cbar),
+        b=float(aircraft.b),
+        x_ref=x_ref,
+        y_ref=y_ref,
+        z_ref=z_ref,
+        force_axes="stability",
+        source="Digital DATCOM",
+        references="AFFDL-TR-79-3032; LR-743",
+        history=history,
+        comment="moments and rates in body axes; DATCOM's stability-axis ones are turned by alpha at the nodes",
+        absent=" ".join([*(name for name in SCHEME if name not in found), *refused]),
+    )
+
+
+def _effects(given: Mapping[str, Source], h_ref: float, b: float, z_ref: float) -> list[tuple[str, Effect]]:
+    """Return all effects with the role they come from, as DATCOM means them."""
+    clean = given["clean"]
+    found = [("clean", effect) for effect in increments.static(clean, h_ref)]
+    found.append(("clean", increments.sideslip(clean, h_ref)))
+    if clean.has("dynamic"):
+        found += [("clean", effect) for effect in (*increments.pitch_rates(clean, h_ref), *increments.lateral_rates(clean, h_ref))]
+    if "flaps" in given:
+        found += [("flaps", effect) for effect in increments.flaps(given["flaps"], h_ref)]
+    if "elevator" in given:
+        found.append(("elevator", increments.elevator(given["elevator"], h_ref)))
+    if "aileron" in given:
+        found.append(("aileron", increments.aileron(given["aileron"], h_ref)))
+    over_ground = increments.ground(given["ground"], h_ref, b, z_ref) if "ground" in given else None
+    if over_ground is not None:
+        found.append(("ground", over_ground))
+    for role, axis in (("ground_flap", "delta_f"), ("ground_elevator", "delta_e")):
+        if role in given:
+            found.append((role, increments.ground_with(axis, given[role], over_ground, h_ref, b, z_ref)))
+    return found
+
+
+def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], aircraft: AircraftLike) -> dict[str, Effect]:
+    """Return the effects by name with the aircraft's reference quantities, in body axes, about the aircraft's reference point."""
+    new = {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b}
+    for role, place in given.items():
+        old = place.reference
+        off = [f"{key} {old[key]:.5g} against {item:.5g}" for key, item in new.items() if abs(old[key] / item - 1) > 0.01]
+        if off:
+            warn(f"{role}: {', '.join(off)}: not the reference quantities of the aircraft; the coefficients are referred to the aircraft's")
+    effects = {effect.name: rereference(effect, given[role].reference, new) for role, effect in found}
+    roles = {effect.name: role for role, effect in found}
+    for name in ("beta", "aileron"):
+        if name in effects:
+            effects[name] = rolled_to_body(effects[name])
+    if "phat" in effects:
+        effects["phat"], effects["rhat"] = rates_to_body(effects["phat"], effects["rhat"])
+    alpha = effects["basic"].tables["CL"]["alpha"]
+    for name, effect in effects.items():
+        d = _arm(given[roles[name]], aircraft)
+        if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar and effect.tables:
+            effects[name] = transferred(effect, d, aircraft.cbar, aircraft.b, alpha)
+    d = _arm(given["clean"], aircraft)
+    if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar:
+        for name, more in rate_shift(effects["basic"], effects["beta"], d, aircraft.cbar, aircraft.b).items():
+            if name in effects and effects[name].tables:
+                effects[name] = with_added(effects[name], more)
+    return effects
+
+
+def _arm(place: Source, aircraft: AircraftLike) -> tuple[float, float, float]:
+    """Return the vector from the aircraft's reference point to the listing's moment centre, body axes. [m]"""
+    x_ref, _, z_ref = aircraft.reference
+    return -place.reference["x_cg"] - x_ref, 0.0, -place.reference["z_cg"] - z_ref
+
+
+def _reference_altitude(clean: Source, altitude: float | None) -> float:
+    heights = clean.grid("static")["h"].values
+    if altitude is None:
+        return float(heights[len(heights) // 2])
+    nearest = float(heights[np.argmin(np.abs(heights - altitude))])
+    if abs(nearest - altitude) > 1.0:
+        printed = ", ".join(f"{h:.1f}" for h in heights)
+        raise SchemaError("clean", [f"altitude {altitude:.1f} m is not printed; choose one of {printed} m"])
+    return nearest
+
+
+def _place_in_scheme(name: str) -> tuple[int, str]:
+    return (SCHEME.index(name), name) if name in SCHEME else (len(SCHEME), name)

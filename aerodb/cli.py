@@ -1,0 +1,115 @@
+"""The command group ``aeromatch db``: build, show, compare and check aero databases."""
+
+from __future__ import annotations
+
+import click
+
+from flightmech.console import document, json_option, remark, table
+
+_LISTING = click.Path(exists=True, dir_okay=False)
+
+
+@click.group()
+def db() -> None:
+    """Build, show and compare aero databases."""
+
+
+@db.command()
+@click.argument("aircraft", type=_LISTING)
+@click.option("--clean", required=True, multiple=True, type=_LISTING, help="Whole aeroplane, static and dynamic pages.")
+@click.option("--flaps", multiple=True, type=_LISTING, help="SYMFLP on the wing.")
+@click.option("--elevator", multiple=True, type=_LISTING, help="SYMFLP on the tail, one condition per program run.")
+@click.option("--aileron", multiple=True, type=_LISTING, help="ASYFLP with ailerons.")
+@click.option("--ground", multiple=True, type=_LISTING, help="GRNDEF, whole aeroplane.")
+@click.option("--ground-flap", multiple=True, type=_LISTING, help="GRNDEF with flap settings.")
+@click.option("--ground-elevator", multiple=True, type=_LISTING, help="GRNDEF with elevator deflections.")
+@click.option("--altitude", help="Altitude of the basic tables, such as '10000 ft'; the middle one unless given.")
+@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The database, netCDF-4.")
+@json_option
+def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **listings: tuple[str, ...]) -> None:
+    """Build a database from the listings of AIRCRAFT (a TOML file); an option given twice takes several files."""
+    import warnings
+
+    from flightmech.aircraft import read_aircraft
+
+    import datcom_io
+    from flightmech.errors import AeromatchWarning
+    from flightmech.units import quantity
+
+    from .build import from_datcom
+    from .files import save
+    from .summary import describe, summary
+
+    craft = read_aircraft(aircraft)
+    given = {role: [datcom_io.read(path) for path in paths] for role, paths in listings.items() if paths}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        tree = from_datcom(craft, altitude=None if altitude is None else quantity(altitude, "m"), **given)
+    said = [str(warning.message) for warning in caught if issubclass(warning.category, AeromatchWarning)]
+    save(tree, output)
+    for text in said:
+        remark(f"warning: {text}")
+    if as_json:
+        document({"file": output, "attributes": tree.attrs, "terms": describe(tree), "warnings": said})
+    else:
+        click.echo(summary(tree))
+        click.echo(f"\nwritten: {output}")
+
+
+@db.command()
+@click.argument("file", type=_LISTING)
+@click.option("--term", help="One term with its numbers, such as CL/basic.")
+@json_option
+def show(file: str, term: str | None, as_json: bool) -> None:
+    """Show what a database holds, or the numbers of one term."""
+    from .files import open
+    from .schema import leaf_of
+    from .summary import describe, leaf_rows, summary
+
+    tree = open(file)
+    if term is None:
+        document({"attributes": tree.attrs, "terms": describe(tree)}) if as_json else click.echo(summary(tree))
+        return
+    leaf = leaf_of(tree, term)
+    if as_json:
+        document({"term": term, **leaf.to_dict()})
+        return
+    head, rows = leaf_rows(leaf)
+    table(head, rows, title=term, right=head)
+    for key in ("regressors", "comment", "references", "history"):
+        if leaf.attrs.get(key):
+            click.echo(f"{key}: {leaf.attrs[key]}")
+
+
+@db.command()
+@click.argument("first", type=_LISTING)
+@click.argument("second", type=_LISTING)
+@json_option
+def compare(first: str, second: str, as_json: bool) -> None:
+    """Compare two databases term by term: largest and rms difference (SECOND minus FIRST), and where."""
+    from .compare import compare as compared
+    from .files import open
+
+    frame = compared(open(first), open(second))
+    if as_json:
+        document(frame)
+        return
+    rows = [
+        (name, row.found_in, f"{row.max_difference:.4g}", f"{row.rms_difference:.4g}", f"{row.max_in_stderr:.3g}", row.at, row.note)
+        for name, row in frame.iterrows()
+    ]
+    head = ("term", "in", "largest", "rms", "in std. errors", "where", "note")
+    table(head, rows, title=f"a = {first}, b = {second}: b - a", right=head[2:5])
+
+
+@db.command()
+@click.argument("file", type=_LISTING)
+@json_option
+def check(file: str, as_json: bool) -> None:
+    """Check a database file; every problem is listed, exit code 2 when there is any."""
+    from .files import open
+    from .schema import terms
+
+    tree = open(file)
+    count = len(terms(tree))
+    document({"file": file, "terms": count, "problems": []}) if as_json else click.echo(f"{file}: sound, {count} terms")

@@ -1,0 +1,80 @@
+"""Coefficients and their contributions at given conditions, by the one term definition of `flightmech.terms`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech import terms as _terms
+from flightmech.errors import OutOfRange, UnknownName
+
+from .schema import coefficients, terms
+
+
+def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], outside: str = "raise") -> dict[str, np.ndarray]:
+    """Return what each term adds to a coefficient.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database.
+    coefficient : str
+        One of the database's coefficients, such as ``"CL"``.
+    conditions : mapping of str to array
+        Every variable the terms need, broadcast against each other; a Dataset of a manoeuvre will do. [SI]
+    outside : {"raise", "clamp"}
+        Beyond a table: raise, or follow the rule of the leaf as the simulation does.
+
+    Returns
+    -------
+    dict of str to array
+        By contribution: ``{"basic": ..., "flap": ...}``; each has the shape of the variables that term uses. [1]
+
+    Raises
+    ------
+    UnknownName
+        The coefficient, or a variable that is missing in `conditions`.
+    OutOfRange
+        With the name of the term, the axis, the range and the mask of samples.
+    """
+    if coefficient not in coefficients(db):
+        raise UnknownName(coefficient, coefficients(db), "coefficient")
+    found = {}
+    for name, leaf in terms(db).items():
+        group, _, contribution = name.partition("/")
+        if group != coefficient:
+            continue
+        try:
+            found[contribution] = _terms.evaluate(leaf, conditions, outside)
+        except OutOfRange as error:
+            raise OutOfRange(f"{name}: {error}", error.mask) from None
+        except UnknownName as error:
+            raise UnknownName(error.name, error.allowed, "condition", f"the term {name} needs it; pass it with the conditions") from None
+    return found
+
+
+def evaluate(db: xr.DataTree, coefficient: str, outside: str = "raise", **conditions: Any) -> np.ndarray:
+    """Return a coefficient, the sum of its terms.
+
+    Parameters
+    ----------
+    db, coefficient, outside
+        As in `contributions`.
+    **conditions : array
+        Every variable the terms need. [SI]
+
+    Returns
+    -------
+    array (broadcast shape of the conditions used)
+        The coefficient in the force axes of the database, moments in body axes about the moment reference point. [1]
+
+    Raises
+    ------
+    UnknownName, OutOfRange
+        As in `contributions`.
+    """
+    parts = contributions(db, coefficient, conditions, outside)
+    return np.sum(np.stack(np.broadcast_arrays(*parts.values())), axis=0) if parts else np.zeros(())

@@ -1,0 +1,135 @@
+"""What a valid database is, and how one is put together from terms."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from flightmech import terms as _terms
+from flightmech.errors import SchemaError, UnknownName
+
+FORCE_AXES = {
+    "stability": ("CL", "CD", "CY", "Cl", "Cm", "Cn"),
+    "wind": ("CL", "CD", "CY", "Cl", "Cm", "Cn"),
+    "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn"),
+}
+_TEXTS = ("title", "aircraft", "force_axes")
+_NUMBERS = ("S", "cbar", "b", "x_ref", "y_ref", "z_ref")
+_NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
+
+# The build-up of [LR743] eq. (1)-(11) by the names of the house; what a source cannot give is listed in `absent`.
+_LONGITUDINAL = (
+    "basic",
+    "altitude",
+    "flap",
+    "flap_slope",
+    "elevator",
+    "tab",
+    "qhat",
+    "alphadothat",
+    "load_factor",
+    "speedbrake",
+    "gear",
+    "ground",
+)
+_LATERAL = ("basic", "beta", "phat", "rhat", "aileron", "rudder", "betadothat", "gear", "flap")
+SCHEME = (
+    *(f"{coefficient}/{name}" for coefficient in ("CL", "CD", "Cm") for name in _LONGITUDINAL),
+    *(f"{coefficient}/{name}" for coefficient in ("CY", "Cl", "Cn") for name in _LATERAL),
+)
+
+
+def terms(db: xr.DataTree) -> dict[str, xr.Dataset]:
+    """Return the terms of a database by name, ``{"CL/basic": leaf, ...}``, in the order of the tree."""
+    nodes = [node for node in db.subtree if node.path != "/" and (node.has_data or not node.children)]
+    return {node.path.strip("/"): node.to_dataset(inherit=False) for node in nodes}
+
+
+def database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -> xr.DataTree:
+    """Return a database made of terms, checked.
+
+    Parameters
+    ----------
+    leaves : mapping of str to Dataset
+        Terms by name, ``"CL/basic"``.
+    **attributes : str or float
+        Root attributes: ``title``, ``aircraft``, ``S`` [m2], ``cbar``, ``b`` [m], ``x_ref``, ``y_ref``, ``z_ref`` (moment
+        reference point from the drawing datum, body directions) [m], ``force_axes``, and any of ``source``, ``history``,
+        ``references``, ``comment``, ``absent``.
+
+    Raises
+    ------
+    SchemaError
+        With all faults.
+    """
+    tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), **{f"/{name}": leaf for name, leaf in leaves.items()}})
+    require(tree)
+    return tree
+
+
+def check(db: xr.DataTree) -> list[str]:
+    """Return every fault of a database as a text; an empty list means it is sound."""
+    problems = _root_faults(db.attrs)
+    if db.data_vars:
+        problems.append(f"root holds the variables {', '.join(map(str, db.data_vars))}; tables belong into leaves such as CL/basic")
+    allowed = FORCE_AXES.get(str(db.attrs.get("force_axes")), ())
+    leaves = terms(db)
+    if not leaves:
+        problems.append("holds no term; a database has leaves such as CL/basic")
+    for name, leaf in leaves.items():
+        problems += [f"{name}: {fault}" for fault in _name_faults(name, allowed) + _terms.check(leaf)]
+    return problems
+
+
+def require(db: xr.DataTree) -> None:
+    """Raise a `SchemaError` with all faults of a database, if there are any."""
+    problems = check(db)
+    if problems:
+        raise SchemaError(f"database {db.attrs.get('title', '')!r}", problems)
+
+
+def leaf_of(db: xr.DataTree, name: str) -> xr.Dataset:
+    """Return one term; an unknown name raises `UnknownName` with the near ones."""
+    leaves = terms(db)
+    if name not in leaves:
+        raise UnknownName(name, leaves, "term")
+    return leaves[name]
+
+
+def coefficients(db: xr.DataTree) -> tuple[str, ...]:
+    """Return the coefficients a database may hold, by its force axes."""
+    return FORCE_AXES[str(db.attrs["force_axes"])]
+
+
+def _root_faults(attributes: Mapping) -> list[str]:
+    problems = []
+    for key in _TEXTS:
+        if not isinstance(attributes.get(key), str):
+            problems.append(f"root attribute {key} is {attributes.get(key)!r}; a text is needed")
+    for key in _NUMBERS:
+        item = attributes.get(key)
+        if not isinstance(item, int | float | np.integer | np.floating) or not np.isfinite(item):
+            problems.append(f"root attribute {key} is {item!r}; a finite number in SI is needed")
+        elif key in ("S", "cbar", "b") and item <= 0:
+            problems.append(f"root attribute {key} is {item!r}; it must be positive")
+    if isinstance(attributes.get("force_axes"), str) and attributes["force_axes"] not in FORCE_AXES:
+        problems.append(f"root attribute force_axes is {attributes['force_axes']!r}; allowed: {', '.join(FORCE_AXES)}")
+    for key, item in attributes.items():
+        if key not in _TEXTS + _NUMBERS and not isinstance(item, str | int | float | np.integer | np.floating):
+            problems.append(f"root attribute {key} is a {type(item).__name__}; only text and numbers survive in a file")
+    return problems
+
+
+def _name_faults(name: str, allowed: tuple[str, ...]) -> list[str]:
+    parts = name.split("/")
+    if len(parts) != 2:
+        return ["a term stands at <coefficient>/<contribution>, two levels, no more and no less"]
+    faults = []
+    if allowed and parts[0] not in allowed:
+        faults.append(f"unknown coefficient {parts[0]!r}; with these force_axes allowed: {', '.join(allowed)}")
+    if not _NAME.match(parts[1]):
+        faults.append(f"contribution {parts[1]!r} is not a word of letters, digits and underscores")
+    return faults
