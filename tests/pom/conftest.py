@@ -1,4 +1,11 @@
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
 import pytest
+import xarray as xr
 
 TEXT = """
 [case]
@@ -25,3 +32,85 @@ def write_case(tmp_path):
         return path
 
     return write
+
+
+PARAMETERS = ("init.V", "init.theta", "init.phi", "init.psi", "init.p", "init.q", "init.r", "init.h", "mass.mass")
+VARIABLE = '<ScalarVariable name="{}" valueReference="{}" causality="{}" variability="{}"><{} {}/></ScalarVariable>'
+DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="toy" guid="{kind}">
+<CoSimulation modelIdentifier="toy" canHandleVariableCommunicationStepSize="true" canInterpolateInputs="{interpolates}"/>
+<UnitDefinitions><Unit name="rad"/><Unit name="deg"/><Unit name="rad/s"/><Unit name="1"/></UnitDefinitions>
+<ModelVariables>
+{variables}
+</ModelVariables><ModelStructure/></fmiModelDescription>
+"""
+
+
+def describe(kind, interpolates, units, rename):
+    rows = [("delta_e", 0, "input", units.get("delta_e", "rad")), ("engine1.thrust_drive", 1, "input", "")]
+    rows += [("theta", 10, "output", units.get("theta", "rad")), ("q", 11, "output", "rad/s"), ("nz", 12, "output", "1")]
+    rows += [(name, 100 + i, "parameter", "") for i, name in enumerate(PARAMETERS)]
+    variables = []
+    for name, reference, causality, unit in rows:
+        variability = "fixed" if causality == "parameter" else "continuous"
+        kinds = (f'unit="{unit}" ' if unit else "") + ("" if causality == "output" else 'start="0"')
+        variables.append(VARIABLE.format(rename.get(name, name), reference, causality, variability, "Real", kinds))
+    variables.append(VARIABLE.format("mode.engine", 120, "parameter", "fixed", "Integer", 'start="0"'))
+    return DESCRIPTION.format(kind=kind, interpolates=str(interpolates).lower(), variables="\n".join(variables))
+
+
+@pytest.fixture(scope="session")
+def toy_library(tmp_path_factory):
+    """The shared library of the toy FMU, compiled once."""
+    from fmpy import platform, sharedLibraryExtension
+
+    place = tmp_path_factory.mktemp("toy") / f"toy{sharedLibraryExtension}"
+    source = Path(__file__).with_name("toy.c")
+    command = [
+        sys.executable,
+        "-m",
+        "ziglang",
+        "cc",
+        "-shared",
+        "-fPIC",
+        "-O1",
+        "-w",
+        "-fno-sanitize=undefined",
+        "-o",
+        str(place),
+        str(source),
+    ]
+    subprocess.run(command, check=True, capture_output=True)
+    return platform, place
+
+
+@pytest.fixture
+def toy(toy_library, tmp_path):
+    """Write a toy FMU: first-order lag, or ``crash``, ``hang``, ``error``, ``nan``."""
+    folder, library = toy_library
+
+    def write(kind="lag", interpolates=True, units=None, rename=None):
+        path = tmp_path / f"{kind}{'' if interpolates else '_held'}.fmu"
+        with zipfile.ZipFile(path, "w") as file:
+            file.writestr("modelDescription.xml", describe(kind, interpolates, units or {}, rename or {}))
+            file.write(library, f"binaries/{folder}/{library.name}")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def lag_states():
+    """Flight states of the toy itself for an elevator ramp, exact at the samples: 10 s at 50 Hz."""
+    return lag_flight(np.round(np.arange(0.0, 10.01, 0.02), 9))
+
+
+def lag_flight(time, rate=0.02, start=2.0):
+    delta_e = rate * np.maximum(time - start, 0.0)
+    after = np.maximum(time - start, 0.0)
+    theta = 2.0 * rate * (after - 0.5 * (1.0 - np.exp(-after / 0.5)))  # theta' = (2 delta_e - theta) / 0.5
+    zero = np.zeros_like(time)
+    data = {name: zero for name in ("alpha", "beta", "phi", "psi", "p", "r", "delta_a", "delta_r", "delta_f", "gear")}
+    data |= {"V": zero + 80.0, "h": zero + 1000.0, "delta_e": delta_e, "theta": theta, "q": (2.0 * delta_e - theta) / 0.5}
+    data |= {"nz": 1.0 - 4.0 * delta_e, "engine1.thrust": zero + 3000.0, "mass": zero + 2900.0}
+    return xr.Dataset({name: ("time", values) for name, values in data.items()}, coords={"time": time})

@@ -1,0 +1,158 @@
+"""What drives a model in a case: recorded inputs, the initial state, mass, air, and how it is trimmed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import OutOfRange, UnknownName
+from flightmech.units import G0
+
+from .air import offsets
+from .case import INITIAL, INPUTS, MASS, WIND, PomCase
+
+THROTTLE_DRIVEN, THRUST_DRIVEN = 0.0, 2.0  # mode.engine
+SEEK_THRUST, SEEK_THROTTLE = 1.0, 2.0  # mode.trim
+SETTLED = 0.5  # [s] over which the initial accelerations are averaged
+NEEDED = ("init.V", "init.phi", "init.theta", "init.psi", "init.p", "init.q", "init.r", "init.h")
+_ENGINE = re.compile(r"^engine(\d+)\.(thrust|throttle)$")
+
+
+@dataclass(frozen=True)
+class Job:
+    """Inputs and parameters of one replay, the same for every model.
+
+    Attributes
+    ----------
+    time : array (time,)
+        Communication points, the samples of the record. [s]
+    inputs : dict of str to array (time,)
+        [SI]
+    parameters : dict of str to float
+        ``init.*``, ``mass.*``, ``env.*``, ``mode.*``. [SI]
+    needed_inputs, needed_parameters : tuple of str
+        Without these a model cannot be flown (inputs that are zero throughout are not among them); the others are given
+        where it takes them.
+    """
+
+    time: np.ndarray
+    inputs: dict[str, np.ndarray]
+    parameters: dict[str, float]
+    needed_inputs: tuple[str, ...]
+    needed_parameters: tuple[str, ...]
+
+
+def job_of(case: PomCase, states: xr.Dataset) -> Job:
+    """Return what drives the models.
+
+    Raises
+    ------
+    OutOfRange
+        A NaN in an input or in the initial state.
+    UnknownName
+        The record has no such control or thrust.
+    """
+    time = states["time"].values.astype(float)
+    inputs = _inputs(case, states)
+    for name, values in inputs.items():
+        bad = ~np.isfinite(values)
+        if bad.any():
+            raise OutOfRange(
+                f"case {case.name}: input {name} has no value in {int(bad.sum())} of {bad.size} samples, first at "
+                f"t = {time[bad][0]:g} s; repair the record or move the window",
+                bad,
+            )
+    parameters = {**_initial(case, states), **_mass_and_air(case, states), **_modes(case, states)}
+    for name, value in parameters.items():
+        if not np.isfinite(value):
+            raise OutOfRange(f"case {case.name}: {name} has no value at the start of the window, t = {time[0]:g} s; move the window")
+    moving = tuple(name for name, values in inputs.items() if values.any())
+    return Job(time, inputs, parameters, moving, (*NEEDED, *(name for name in parameters if name in ("mode.engine", "mode.trim"))))
+
+
+def _inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
+    count = states.sizes["time"]
+    found = {}
+    for name in (*INPUTS, *WIND):
+        if name in case.conditions:
+            found[name] = np.full(count, case.conditions[name])
+        elif name in states:
+            found[name] = np.broadcast_to(states[name].values.astype(float), count).copy()
+        elif name in ("delta_e", "delta_a", "delta_r"):
+            raise UnknownName(name, map(str, states.data_vars), "recorded control", f"case {case.name} drives the surfaces as recorded")
+    control = "thrust" if case.drive.engine == "thrust" else "throttle"
+    engines = [match.group(1) for name in states.data_vars if (match := _ENGINE.match(str(name))) and match.group(2) == control]
+    if not engines:
+        raise UnknownName(f"engine1.{control}", map(str, states.data_vars), "recorded quantity", f'drive.engine is "{case.drive.engine}"')
+    for number in sorted(engines):
+        name = f"engine{number}.thrust_drive" if control == "thrust" else f"engine{number}.throttle"
+        found[name] = np.broadcast_to(states[f"engine{number}.{control}"].values.astype(float), count).copy()
+    return found
+
+
+def _initial(case: PomCase, states: xr.Dataset) -> dict[str, float]:
+    first = states.isel(time=0)
+    found = {name: float(first[name]) for name in INITIAL if name in states}
+    found.update({name: value for name, value in case.conditions.items() if name in INITIAL})
+    return {f"init.{name}": value for name, value in {**found, **accelerations(states)}.items()}
+
+
+def accelerations(states: xr.Dataset) -> dict[str, float]:
+    """Return the mean accelerations of the first half second: u', v', w' relative to the air, p', q', r'. [m s-2, rad s-2]
+
+    The model is trimmed to them: a steady flight gives zeros within the noise, a turn or a decelerating approach does not.
+    """
+    s = states.sel(time=slice(None, float(states["time"][0]) + SETTLED))
+    found = {f"{name}_dot": float(s[f"{name}_dot"].mean()) for name in "pqr" if f"{name}_dot" in s}
+    if {"u", "v", "w", "ax", "ay", "az"} <= set(s):
+        gravity = {"u": -np.sin(s["theta"]), "v": np.sin(s["phi"]) * np.cos(s["theta"]), "w": np.cos(s["phi"]) * np.cos(s["theta"])}
+        turn = {"u": s["r"] * s["v"] - s["q"] * s["w"], "v": s["p"] * s["w"] - s["r"] * s["u"], "w": s["q"] * s["u"] - s["p"] * s["v"]}
+        for name, force in (("u", "ax"), ("v", "ay"), ("w", "az")):
+            found[f"{name}_dot"] = float((s[force] + G0 * gravity[name] + turn[name]).mean())
+    return found
+
+
+def _mass_and_air(case: PomCase, states: xr.Dataset) -> dict[str, float]:
+    found = {}
+    for name in MASS:
+        if name in case.conditions:
+            found[f"mass.{name}"] = case.conditions[name]
+        elif name in states:
+            item = states[name]
+            found[f"mass.{name}"] = float(item.isel(time=0) if "time" in item.dims else item)
+    found.update(_air(states))
+    if "delta_T" in case.conditions:
+        found["env.delta_T"] = case.conditions["delta_T"]
+    return found
+
+
+def _air(states: xr.Dataset) -> dict[str, float]:
+    """Return the offsets of the standard atmosphere that give the recorded temperature and pressure at the height."""
+    if not {"h", "p_static", "temperature"} <= set(states):
+        return {}
+    first = states.isel(time=0)
+    delta_T, qnh = offsets(float(first["h"]), float(first["p_static"]), float(first["temperature"]))
+    return {"env.delta_T": delta_T, "env.qnh": qnh}
+
+
+def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
+    thrust = case.drive.engine == "thrust"
+    found = {"mode.engine": THRUST_DRIVEN if thrust else THROTTLE_DRIVEN}
+    if case.drive.trim:
+        found["mode.trim"] = SEEK_THRUST if thrust else SEEK_THROTTLE
+    if "lat" in states or "lat" in case.conditions:
+        found["mode.earth"] = 1.0
+    return found
+
+
+def configuration(case: PomCase, job: Job) -> Mapping[str, float]:
+    """Return initial conditions and configuration by house name, for the report. [SI]"""
+    found = {name.removeprefix("init.").removeprefix("mass.").removeprefix("env."): value for name, value in job.parameters.items()}
+    for name in ("delta_f", "gear", "speedbrake", *WIND):
+        if name in job.inputs:
+            found[name] = float(job.inputs[name][0])
+    return {name: value for name, value in found.items() if not name.startswith("mode.") and not name.endswith("_dot")}
