@@ -1,0 +1,295 @@
+"""The aircraft: geometry, mass, engines, limits and instruments, from a TOML file.
+
+Bare numbers are SI, texts carry their unit.  Positions are in body axes from the moment reference point; only
+`reference` itself is given from the drawing datum::
+
+    name = "T-37"
+    S = "182 ft2"
+    cbar = 1.66726
+    b = "33.83 ft"
+    reference = [-4.1, 0.0, 0.3]
+    x_ref_mac = 0.25
+    mass = 2400.0
+    Ixx = 10826.0
+    Iyy = 8135.0
+    Izz = 15162.0
+    cg = [0.0, 0.0, 0.2235]
+
+    [[engine]]
+    position = [0.0, -0.762, 0.0]
+    direction = [1.0, 0.0, 0.0]
+    time_constant = "1.2 s"
+    thrust = { throttle = [0.0, 1.0], mach = [0.0, 0.6], value = [[300.0, 150.0], [4559.0, 4100.0]] }
+
+    [limits]
+    delta_e = ["-20 deg", "17 deg"]
+
+    [instruments.imu]
+    position = [0.9, 0.25, 0.32]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import ConfigDict, Field, field_validator, model_validator
+
+from .configuration import Strict, load, si, validate
+from .errors import SchemaError, UnitError
+from .units import quantity
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Vector = tuple[float, float, float]
+
+CONTROLS = ("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "gear", "speedbrake", "throttle")
+THRUST_AXES = ("throttle", "mach", "h")
+
+
+@dataclass(frozen=True)
+class Engine:
+    """One engine.
+
+    Parameters
+    ----------
+    position : tuple of float (3,)
+        Where the thrust acts, body axes, from the moment reference point. [m]
+    direction : tuple of float (3,)
+        Unit vector of the thrust, body axes; (1, 0, 0) pushes forward.
+    thrust : Dataset, optional
+        Static thrust, a term leaf over ``throttle``, ``mach`` and ``h``. [N]
+    time_constant : float
+        First-order lag of the thrust behind its static value; 0 for none. [s]
+    angular_momentum : float
+        Of the rotors, along `direction`, right-handed. [kg m2 s-1]
+    """
+
+    position: Vector
+    direction: Vector = (1.0, 0.0, 0.0)
+    thrust: xr.Dataset | None = None
+    time_constant: float = 0.0
+    angular_momentum: float = 0.0
+
+
+@dataclass(frozen=True)
+class Aircraft:
+    """Geometry, mass and equipment of an aircraft, SI.
+
+    Parameters
+    ----------
+    name : str
+        Name of the type.
+    S, cbar, b : float
+        Reference area, chord and span. [m2, m, m]
+    mass : float
+        Gross mass. [kg]
+    Ixx, Iyy, Izz, Ixy, Ixz, Iyz : float
+        Moments and products of inertia about the c.g., products as the integrals of xy dm and so on. [kg m2]
+    reference : tuple of float (3,)
+        Moment reference point from the drawing datum, body directions. [m]
+    x_ref_mac : float
+        Its place behind the leading edge of the mean chord, in chords. [1]
+    cg : tuple of float (3,)
+        Centre of gravity from the moment reference point, body axes. [m]
+    engines : tuple of Engine
+        Engine 1 first.
+    limits : dict of str to (low, high)
+        Travel of the controls. [SI]
+    instruments : dict of str to dict
+        Tables of the instruments as in the file; `flighttest` reads them.
+    """
+
+    name: str
+    S: float
+    cbar: float
+    b: float
+    mass: float
+    Ixx: float
+    Iyy: float
+    Izz: float
+    Ixy: float = 0.0
+    Ixz: float = 0.0
+    Iyz: float = 0.0
+    reference: Vector = (0.0, 0.0, 0.0)
+    x_ref_mac: float = 0.25
+    cg: Vector = (0.0, 0.0, 0.0)
+    engines: tuple[Engine, ...] = ()
+    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    instruments: dict[str, Any] = field(default_factory=dict)
+
+
+def read_aircraft(path: str | Path) -> Aircraft:
+    """Read an aircraft file.
+
+    Parameters
+    ----------
+    path : str or path
+        TOML file; a ``thrust_file`` in it is relative to it.
+
+    Raises
+    ------
+    ParseError
+        The text is not TOML.
+    SchemaError
+        With all problems: unknown keys, missing values, wrong units, impossible numbers.
+    """
+    path = Path(path)
+    content = validate(_File, load(path), str(path))
+    problems: list[str] = []
+    engines = tuple(_engine(item, number, path.parent, problems) for number, item in enumerate(content.engine, 1))
+    if problems:
+        raise SchemaError(str(path), problems)
+    plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name != "engines"}
+    return Aircraft(engines=engines, **plain)
+
+
+_Length = si("m")
+_Vector = tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
+
+
+class _Entry(Strict):
+    """Numbers may be given as texts with units, so that nothing else is converted silently."""
+
+    model_config = ConfigDict(protected_namespaces=())
+
+
+class _EngineTable(_Entry):
+    position: _Vector
+    direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    time_constant: si("s") = 0.0  # type: ignore[valid-type]
+    angular_momentum: si("kg m2 s-1") = 0.0  # type: ignore[valid-type]
+    thrust: dict[str, Any] | None = None
+    thrust_file: str | None = None
+
+    @field_validator("direction")
+    @classmethod
+    def _unit_vector(cls, direction: Vector) -> Vector:
+        length = float(np.linalg.norm(direction))
+        if not np.isfinite(length) or length == 0.0:
+            raise ValueError("expected a direction with a length, e.g. [1, 0, 0]")
+        x, y, z = (component / length for component in direction)
+        return x, y, z
+
+    @field_validator("time_constant")
+    @classmethod
+    def _not_negative(cls, value: float) -> float:
+        if value < 0.0:
+            raise ValueError("expected zero or a positive time")
+        return value
+
+    @model_validator(mode="after")
+    def _one_source(self) -> _EngineTable:
+        if self.thrust is not None and self.thrust_file is not None:
+            raise ValueError("thrust and thrust_file are both given; keep one")
+        return self
+
+
+class _File(_Entry):
+    name: str
+    S: si("m2")  # type: ignore[valid-type]
+    cbar: _Length  # type: ignore[valid-type]
+    b: _Length  # type: ignore[valid-type]
+    reference: _Vector = (0.0, 0.0, 0.0)
+    x_ref_mac: si("1") = 0.25  # type: ignore[valid-type]
+    mass: si("kg")  # type: ignore[valid-type]
+    Ixx: si("kg m2")  # type: ignore[valid-type]
+    Iyy: si("kg m2")  # type: ignore[valid-type]
+    Izz: si("kg m2")  # type: ignore[valid-type]
+    Ixy: si("kg m2") = 0.0  # type: ignore[valid-type]
+    Ixz: si("kg m2") = 0.0  # type: ignore[valid-type]
+    Iyz: si("kg m2") = 0.0  # type: ignore[valid-type]
+    cg: _Vector = (0.0, 0.0, 0.0)
+    engine: list[_EngineTable] = Field(default_factory=list)
+    limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    instruments: dict[str, dict[str, Any]] = Field(default_factory=dict)
+
+    @field_validator("S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz")
+    @classmethod
+    def _positive(cls, value: float) -> float:
+        if not (np.isfinite(value) and value > 0.0):
+            raise ValueError("expected a positive number")
+        return value
+
+    @field_validator("limits", mode="before")
+    @classmethod
+    def _travel(cls, table: Any) -> dict[str, tuple[float, float]]:
+        if not isinstance(table, dict):
+            raise ValueError('expected a table of control = [low, high], e.g. delta_e = ["-20 deg", "17 deg"]')
+        return {name: _range(name, item) for name, item in table.items()}
+
+    @model_validator(mode="after")
+    def _inertia(self) -> _File:
+        tensor = inertia(self)
+        if not (np.linalg.eigvalsh(tensor) > 0.0).all():
+            raise ValueError("moments and products of inertia make no positive definite tensor")
+        return self
+
+
+def inertia(aircraft: Any) -> np.ndarray:
+    """Return the inertia tensor (3, 3) about the c.g., body axes. [kg m2]"""
+    Ixx, Iyy, Izz, Ixy, Ixz, Iyz = (getattr(aircraft, name) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"))
+    return np.array([[Ixx, -Ixy, -Ixz], [-Ixy, Iyy, -Iyz], [-Ixz, -Iyz, Izz]])
+
+
+def _range(name: str, item: Any) -> tuple[float, float]:
+    from .names import lookup
+
+    if name not in CONTROLS:
+        raise ValueError(f"unknown control {name}; allowed: {', '.join(CONTROLS)}")
+    if not isinstance(item, list | tuple) or len(item) != 2:
+        raise ValueError(f"{name}: expected [low, high]")
+    try:
+        low, high = (quantity(part, lookup(name).units) for part in item)
+    except UnitError as error:
+        raise ValueError(f"{name}: {error}") from error
+    if not low < high:
+        raise ValueError(f"{name}: low {low:g} is not below high {high:g}")
+    return low, high
+
+
+def _engine(item: _EngineTable, number: int, folder: Path, problems: list[str]) -> Engine:
+    thrust = None
+    try:
+        if item.thrust is not None:
+            thrust = _thrust_table(item.thrust)
+        elif item.thrust_file is not None:
+            thrust = _thrust_file(folder / item.thrust_file)
+    except (SchemaError, UnitError, ValueError, OSError) as error:
+        found = error.problems if isinstance(error, SchemaError) else [str(error)]
+        problems += [f"engine.{number}.thrust: {text}" for text in found]
+    return Engine(item.position, item.direction, thrust, item.time_constant, item.angular_momentum)
+
+
+def _thrust_table(table: Mapping[str, Any]) -> xr.Dataset:
+    from .names import lookup
+    from .terms import make
+
+    unknown = sorted(set(table) - {*THRUST_AXES, "value"})
+    if unknown:
+        raise ValueError(f"unknown key {', '.join(unknown)}; allowed: {', '.join(THRUST_AXES)}, value")
+    if "value" not in table:
+        raise ValueError("missing value, the thrust in N over the axes in the order they are written")
+    axes = {name: [quantity(point, lookup(name).units) for point in points] for name, points in table.items() if name != "value"}
+    value = np.vectorize(lambda item: quantity(item, "N"), otypes=[float])(np.array(table["value"], object))
+    shape = tuple(len(points) for points in axes.values())
+    if value.shape != shape:
+        raise ValueError(f"value has the shape {value.shape}, the axes {' '.join(axes)} have {shape}")
+    return make(value, axes)
+
+
+def _thrust_file(path: Path) -> xr.Dataset:
+    import xarray as xr
+
+    from .terms import check
+
+    with xr.open_dataset(path, engine="h5netcdf") as dataset:
+        leaf = dataset.load()
+    problems = check(leaf)
+    if problems:
+        raise SchemaError(path.name, problems)
+    return leaf

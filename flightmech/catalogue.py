@@ -1,0 +1,151 @@
+"""Names, units and start values of the inputs, outputs and parameters of a simulation model.
+
+The kernel says which names there are and in which order; this module says what they mean.  The rows travel inside the
+compiled block, so that an FMU needs no second list.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+from .aircraft import Aircraft
+from .library import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, VARIABLE, Entry, known
+from .names import lookup
+
+MOST = sys.float_info.max
+
+_RATES = {
+    "u_dot": ("m s-2", "acceleration along body x, relative to the air"),
+    "v_dot": ("m s-2", "acceleration along body y, relative to the air"),
+    "w_dot": ("m s-2", "acceleration along body z, relative to the air"),
+}
+_ENVIRONMENT = {
+    "delta_T": ("K", "K", "temperature offset from the standard atmosphere", 0.0),
+    "qnh": ("Pa", "hPa", "pressure at mean sea level", 101325.0),
+    "runway_elevation": ("m", "ft", "height of the runway over mean sea level", 0.0),
+}
+_MODES = {
+    "earth": ("0 flat, 1 WGS-84 rotating", 1.0, 0.0, 1.0),
+    "engine": ("0 throttle drives, 2 thrust_drive drives", 0.0, 0.0, 2.0),
+    "trim": ("at the start: 0 none, 1 seek thrust, 2 seek throttle", 0.0, 0.0, 2.0),
+}
+_START = {"V": 100.0, "h": 1000.0}
+
+
+def expand(kind: int, engines: int) -> list[str]:
+    """Return the names of one kind for an aircraft with `engines` engines, in the order of the kernel."""
+    plain = [name for name in known(kind) if not name.startswith("engine*.")]
+    each = [name.removeprefix("engine*.") for name in known(kind) if name.startswith("engine*.")]
+    return plain + [f"engine{i}.{name}" for i in range(1, engines + 1) for name in each]
+
+
+def inputs(aircraft: Aircraft) -> list[Entry]:
+    """Return the rows of the inputs; their range is the travel of the control."""
+    return [_input(name, aircraft) for name in expand(INPUT, len(aircraft.engines))]
+
+
+def outputs(aircraft: Aircraft) -> list[Entry]:
+    """Return the rows of the outputs."""
+    return [_output(name) for name in expand(OUTPUT, len(aircraft.engines))]
+
+
+def parameters(aircraft: Aircraft, terms: Sequence[str]) -> list[Entry]:
+    """Return the rows of the parameters; `terms` are names such as ``CL/gear``, in the order of the kernel."""
+    rows = [_parameter(name, aircraft) for name in expand(PARAMETER, len(aircraft.engines))]
+    return rows + [Entry(scale_name(name), "1", "1", f"scale of the term {name}", 1.0, -MOST, MOST, 0) for name in terms]
+
+
+def variable(name: str) -> Entry:
+    """Return the row of a model variable."""
+    row = lookup(name)
+    return Entry(name, row.units, row.display_units, row.long_name, 0.0, -MOST, MOST, 0)
+
+
+def variables(engines: int) -> list[str]:
+    """Return the names of all model variables the kernel can give to tables and regressors."""
+    return expand(VARIABLE, engines)
+
+
+def scale_name(term: str) -> str:
+    """Return the parameter that scales a term.
+
+    Examples
+    --------
+    >>> scale_name("CL/gear")
+    'term.CL.gear'
+    """
+    return "term." + term.replace("/", ".")
+
+
+def _row(name: str, like: str, description: str = "", value: float = 0.0, low: float = -MOST, high: float = MOST, flags: int = 0) -> Entry:
+    row = lookup(like)
+    sign = f", positive {row.sign}" if row.sign else ""
+    return Entry(name, row.units, row.display_units, description or row.long_name + sign, value, low, high, flags)
+
+
+def _input(name: str, aircraft: Aircraft) -> Entry:
+    kind = name.rsplit(".", 1)[-1]
+    if kind == "thrust_drive":
+        return _row(name, "thrust", "net thrust that drives when mode.engine is 2")
+    default = (0.0, 1.0) if kind in ("throttle", "gear", "speedbrake") else (-MOST, MOST)
+    low, high = aircraft.limits.get(kind, default)
+    return _row(name, kind, low=low, high=high)
+
+
+def _output(name: str) -> Entry:
+    group, _, quantity = name.rpartition(".")
+    if name == "out_of_range":
+        return Entry(name, "1", "1", "internal steps times axes outside the tables since the start", 0.0, -MOST, MOST, 0)
+    if group == "applied":
+        return _row(name, quantity, f"{lookup(quantity).long_name} as applied: input and biases")
+    if group == "trim" and quantity.endswith("_dot"):
+        return _rate(name, quantity, "left by the trim")
+    if group == "trim":
+        found = "found by the trim" if quantity in ("alpha", "beta") else "bias found by the trim"
+        return _row(name, quantity, f"{lookup(quantity).long_name}, {found}")
+    return _row(name, name)
+
+
+def _rate(name: str, quantity: str, remark: str) -> Entry:
+    if quantity in _RATES:
+        units, text = _RATES[quantity]
+        return Entry(name, units, units, f"{text}, {remark}", 0.0, -MOST, MOST, FIXED if name.startswith("init.") else 0)
+    return _row(name, quantity, f"{lookup(quantity).long_name}, {remark}", flags=FIXED if name.startswith("init.") else 0)
+
+
+def _parameter(name: str, aircraft: Aircraft) -> Entry:
+    group, _, quantity = name.partition(".")
+    if group == "init":
+        return _initial(name, quantity)
+    if group == "mass":
+        cg = dict(zip(("x_cg_b", "y_cg_b", "z_cg_b"), aircraft.cg, strict=True))
+        return _row(name, quantity, value=cg[quantity] if quantity in cg else getattr(aircraft, quantity))
+    if group == "env":
+        units, display, text, value = _ENVIRONMENT[quantity]
+        return Entry(name, units, display, text, value, -MOST, MOST, 0)
+    if group == "bias":
+        return _row(name, quantity, f"added to the {lookup(quantity).long_name}" + (" of each engine" if quantity.startswith("thr") else ""))
+    if group == "mode":
+        return _mode(name, quantity, aircraft)
+    engine = aircraft.engines[int(group.removeprefix("engine")) - 1]
+    if quantity == "time_constant":
+        return Entry(name, "s", "s", "first-order lag of the thrust", engine.time_constant, 0.0, MOST, 0)
+    return Entry(name, "kg m2 s-1", "kg m2 s-1", "angular momentum of the rotors along the thrust", engine.angular_momentum, -MOST, MOST, 0)
+
+
+def _initial(name: str, quantity: str) -> Entry:
+    if quantity.endswith("_dot"):
+        return _rate(name, quantity, "wanted by the trim")
+    text = f"{lookup(quantity).long_name} at the start"
+    notes = {"gamma": ", held by the trim", "theta": ", without trim", "alpha": ", first guess of the trim", "beta": ", first guess of the trim"}
+    return _row(name, quantity, text + notes.get(quantity, ""), value=_START.get(quantity, 0.0), flags=FIXED)
+
+
+def _mode(name: str, quantity: str, aircraft: Aircraft) -> Entry:
+    if quantity == "step":
+        return Entry(name, "s", "s", "largest internal step of the integration", 0.01, 1e-6, 1.0, FIXED)
+    text, value, low, high = _MODES[quantity]
+    if quantity == "engine" and any(engine.thrust is None for engine in aircraft.engines):
+        value = 2.0
+    return Entry(name, "1", "1", text, value, low, high, FIXED | INTEGER)

@@ -1,0 +1,129 @@
+"""A whole run of a compiled model in one call of the kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from .errors import SchemaError, UnknownName
+from .library import AXIS, INPUT, OUTPUT, Entry, Simulation
+from .names import lookup
+
+if TYPE_CHECKING:
+    from .compile import SimModel
+
+
+def simulate(
+    sim: SimModel, inputs: xr.Dataset, parameters: Mapping[str, float] | None = None, hold: str = "linear", step: float = 0.01
+) -> xr.Dataset:
+    """Simulate under recorded inputs.
+
+    Parameters
+    ----------
+    sim : SimModel
+        The compiled model.
+    inputs : Dataset (time,)
+        ``time`` [s, rising] and any of the inputs, over time or constant; other quantities of the vocabulary, such as the
+        states of a manoeuvre, are not read. [SI]
+    parameters : mapping of str to float, optional
+        Parameters, and constant values of inputs that `inputs` does not hold; without one an input is zero. [SI]
+    hold : {"linear", "zero"}
+        Inputs linear between samples, or held from each sample to the next as an importer without interpolation does.
+    step : float
+        Largest internal step. [s]
+
+    Returns
+    -------
+    Dataset (time,)
+        All outputs.  Attribute ``out_of_range`` names the tables that were left, with the share of the internal steps; it is
+        empty when none was.
+
+    Raises
+    ------
+    UnknownName
+        A parameter or input that the model does not have.
+    SchemaError
+        No time, time that does not rise.
+    SimulationError
+        An input or the state is not finite (``time`` says when), a parameter has no meaning.
+    """
+    if hold not in ("linear", "zero"):
+        raise ValueError(f"hold is {hold!r}; allowed: linear, zero")
+    time = _time(inputs)
+    values = dict(parameters or {})
+    u = _inputs(sim, inputs, values, len(time))
+    run = prepared(sim, {**values, "mode.step": step}, u[0], float(time[0]))
+    y = run.run(time, u, hold == "zero")
+    columns = {row.name: ("time", y[:, i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}
+    coords = {"time": ("time", time, {"units": "s", "long_name": lookup("time").long_name})}
+    return xr.Dataset(columns, coords, {"title": sim.title, "step": step, "hold": hold, "out_of_range": _left(sim, run)})
+
+
+def prepared(sim: SimModel, values: Mapping[str, float], u: np.ndarray, time: float = 0.0) -> Simulation:
+    """Return an initialised simulation with parameters and inputs at the start."""
+    run = Simulation(sim.model)
+    for name, value in values.items():
+        if name in sim.parameters:
+            run.set_parameter(sim.parameters.index(name), float(value))
+        elif name not in sim.inputs:
+            raise UnknownName(name, [*sim.parameters, *sim.inputs], "parameter or input")
+    run.set_inputs(u)
+    run.initialize(time)
+    return run
+
+
+def constant_inputs(sim: SimModel, values: Mapping[str, float]) -> np.ndarray:
+    """Return the inputs (inputs,) at their start values, with those in `values` set."""
+    return np.array([float(values.get(row.name, row.value)) for row in sim.entries(INPUT)])
+
+
+def attributes(row: Entry) -> dict[str, str]:
+    """Return the attributes of an output."""
+    return {"units": row.units, "long_name": row.description, "display_units": row.display_units}
+
+
+def _time(inputs: xr.Dataset) -> np.ndarray:
+    if "time" not in inputs.coords or inputs["time"].ndim != 1 or inputs.sizes["time"] < 1:
+        raise SchemaError("inputs", ["no coordinate time; give the inputs over time in s"])
+    time = inputs["time"].values.astype(float)
+    if not (np.diff(time) > 0.0).all() or not np.isfinite(time).all():
+        at = int(np.flatnonzero(~(np.diff(time) > 0.0))[0]) if len(time) > 1 else 0
+        raise SchemaError("inputs", [f"time does not rise after {time[at]:g} s (sample {at}); sort it and drop repeated samples"])
+    return time
+
+
+def _inputs(sim: SimModel, inputs: xr.Dataset, values: Mapping[str, float], count: int) -> np.ndarray:
+    u = np.tile(constant_inputs(sim, values), (count, 1))
+    for name in map(str, inputs.variables):
+        if name in sim.inputs:
+            u[:, sim.inputs.index(name)] = _column(inputs[name])
+        elif not _in_vocabulary(name):
+            raise UnknownName(name, sim.inputs, "input")
+    return u
+
+
+def _column(item: xr.DataArray) -> Any:
+    if item.dims not in ((), ("time",)):
+        raise SchemaError("inputs", [f"{item.name} has the dimensions {item.dims}; allowed are ('time',) and none"])
+    return item.values.astype(float)
+
+
+def _in_vocabulary(name: str) -> bool:
+    try:
+        lookup(name)
+    except UnknownName:
+        return False
+    return True
+
+
+def _left(sim: SimModel, run: Simulation) -> str:
+    """Return one sentence per axis that was left: where, how long, how it was continued."""
+    texts = []
+    for row, below, above in zip(sim.entries(AXIS), *run.out_of_range()):
+        for count, word, end in ((below, "below", row.low), (above, "above", row.high)):
+            if count:
+                texts.append(f"{row.name} {word} {end:g} in {int(count)} internal steps")
+    return "; ".join(dict.fromkeys(texts))

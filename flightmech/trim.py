@@ -1,0 +1,55 @@
+"""Steady states of a compiled model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import xarray as xr
+
+from .library import OUTPUT
+from .simulate import attributes, constant_inputs, prepared
+
+if TYPE_CHECKING:
+    from .compile import SimModel
+
+
+def trim(sim: SimModel, parameters: Mapping[str, float] | None = None) -> xr.Dataset:
+    """Trim to a steady flight: wings level unless the parameters say otherwise.
+
+    ``init.V gamma phi psi h p q r`` are held; angle of attack, sideslip, elevator, aileron, rudder and power are sought so that
+    the accelerations take the values ``init.u_dot ... init.r_dot`` (zero).  Power is the throttle, or the thrust when a
+    recorded thrust drives or an engine has no table.  Where controls cannot do it, the smallest accelerations are left.
+
+    Parameters
+    ----------
+    sim : SimModel
+        The compiled model.
+    parameters : mapping of str to float, optional
+        Parameters and inputs: ``{"init.V": 90.0, "init.h": 1500.0, "delta_f": 0.6}``. [SI]
+
+    Returns
+    -------
+    Dataset
+        All outputs in the trimmed state, without dimension: ``alpha``, ``theta``, ``applied.delta_e``; ``trim.delta_e`` is what the
+        trim added to the input, ``trim.u_dot ... trim.r_dot`` what is left of the accelerations.
+
+    Raises
+    ------
+    UnknownName
+        A parameter or input that the model does not have.
+    SimulationError
+        A parameter has no meaning, e.g. no speed.
+    """
+    values = {"mode.trim": _seek(sim, parameters or {}), **(parameters or {})}
+    run = prepared(sim, values, constant_inputs(sim, values))
+    y = run.outputs()
+    return xr.Dataset({row.name: ((), y[i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}, attrs={"title": sim.title})
+
+
+def _seek(sim: SimModel, parameters: Mapping[str, float]) -> float:
+    engines = any(name.startswith("engine1/") for name in sim.terms)
+    from .library import PARAMETER
+
+    mode = next(row.value for row in sim.entries(PARAMETER) if row.name == "mode.engine")
+    return 2.0 if engines and parameters.get("mode.engine", mode) == 0.0 else 1.0
