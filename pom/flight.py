@@ -71,7 +71,7 @@ def _states(case: PomCase, path: Any) -> xr.Dataset:
 
 def complete(states: xr.Dataset) -> xr.Dataset:
     """Return the states with ``V_cas``, ``nz``, ``hdot`` and ``gamma`` added, and angles unwrapped."""
-    added: dict[str, xr.DataArray] = {}
+    added: dict[str, Any] = {}
     if {"mach", "p_static"} <= set(states):
         added["V_cas"] = calibrated_airspeed(states["mach"], states["p_static"])
     if "az" in states:

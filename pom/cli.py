@@ -1,0 +1,148 @@
+"""``aeromatch pom``: check cases, run them against models, name the terms behind a miss."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from flightmech.console import document, json_option, remark, table
+
+
+@click.group()
+def pom() -> None:
+    """Replay recorded inputs and judge the match."""
+
+
+@pom.command()
+@click.argument("case", type=click.Path(dir_okay=False, path_type=Path))
+@json_option
+def check(case: Path, as_json: bool) -> None:
+    """Read one case file and print its criteria as they will be judged."""
+    from .case import read_case
+    from .verdict import unjudged
+
+    found = read_case(case)
+    if as_json:
+        document(found.to_dict())
+        return
+    rows = [
+        (c.name, c.channel, c.measure, c.group, c.band.text, f"{c.window[0]:g} ... {c.window[1]:g}", unjudged(found, c) or c.provenance)
+        for c in found.criteria
+    ]
+    title = f"{found.id}  {found.title}  ({found.standard}, {found.edition})"
+    table(("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark"), rows, title)
+
+
+@pom.command()
+@click.argument("cases", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.option("--model", "models", multiple=True, required=True, metavar="NAME=FILE.fmu", help="A model; as often as wanted.")
+@click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), help="Folder for report.html and results.json.")
+@click.option("--title", default="Proof of Match", show_default=True, help="Title of the report.")
+@click.option("--timeout", default=60.0, show_default=True, help="Wall time per model and case. [s]")
+@json_option
+@click.pass_context
+def run(
+    ctx: click.Context, cases: tuple[Path, ...], models: tuple[str, ...], output: Path | None, title: str, timeout: float, as_json: bool
+):
+    """Replay CASES (files, or folders of them) by models and print one line per case and model.
+
+    Exit code 0 when all pass, 1 when one does not.
+    """
+    from flightmech.errors import SimulationError
+
+    from .case import read_case
+    from .replay import names_of_runs, replay
+
+    runs = names_of_runs(models)
+    read = [read_case(file) for file in _files(cases)]
+    results = []
+    for case in read:
+        results.append(replay(case, runs, timeout=timeout))
+        if not as_json:
+            for line in _lines(results[-1]):
+                click.echo(line)
+    if all(r.status(name) == "invalid" and f"{name}: " in r.failure for r in results for name in runs):
+        raise SimulationError("no model could be replayed: " + results[0].failure)
+    if output is not None:
+        from .report import write_report
+
+        remark(f"report: {write_report(results, output, title=title)}")
+    statuses = [r.status(name) for r in results for name in runs]
+    if as_json:
+        document([_summary(r) for r in results])
+    else:
+        counts = ", ".join(f"{statuses.count(word)} {word}" for word in dict.fromkeys(statuses))
+        click.echo(f"{len(runs)} model{'s' if len(runs) > 1 else ''} x {len(results)} case{'s' if len(results) > 1 else ''}: {counts}")
+    ctx.exit(0 if set(statuses) == {"pass"} else 1)
+
+
+@pom.command()
+@click.argument("case", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--prior", required=True, type=click.Path(dir_okay=False, path_type=Path), help="A-priori database.")
+@click.option("--final", required=True, type=click.Path(dir_okay=False, path_type=Path), help="Database with flight-identified terms.")
+@json_option
+def diagnose(case: Path, prior: Path, final: Path, as_json: bool) -> None:
+    """Swap terms between two databases and rank which closes how much of the miss."""
+    import aerodb
+    from flightmech import read_aircraft
+    from flightmech.errors import SchemaError
+
+    from .case import read_case
+    from .diagnose import diagnose as rank
+
+    found = read_case(case)
+    if not found.aircraft:
+        raise SchemaError(f"case {case}", ["case.aircraft: missing; the kernel flies an aircraft, give its file"])
+    ranked = rank(found, aerodb.open(prior), aerodb.open(final), read_aircraft(found.aircraft))
+    if as_json:
+        document(ranked)
+        return
+    columns = list(map(str, ranked.columns))
+    rows = [[_cell(row[c]) for c in columns] for row in ranked.to_dict("records")]
+    table(columns, rows, f"{found.id}  {found.title}", right=columns[2:3] + columns[4:])
+
+
+def _files(places: tuple[Path, ...]) -> list[Path]:
+    found: list[Path] = []
+    for place in places:
+        found += sorted(place.glob("*.toml")) if place.is_dir() else [place]
+    if not found:
+        raise click.UsageError(f"no case file (*.toml) in {', '.join(map(str, places))}")
+    return found
+
+
+def _lines(result: Any) -> list[str]:
+    """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  theta 2.41 deg at 4.3 s (1.5 deg)``."""
+    case, lines = result.case, []
+    for name in result.runs:
+        status = result.status(name)
+        worst = result.worst(name)
+        said = "pass" if status == "pass" else status.upper()
+        if worst is not None:
+            at = f" at {worst['at']:.1f} s" if worst["measure"] == "trace" else ""
+            unit = "" if worst["unit"] == "1" else f" {worst['unit']}"
+            said += f"  {worst['worst_ratio']:.2f}  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} ({worst['tolerance_text']})"
+        elif status != "pass":
+            rows = result.verdict[(result.verdict["run"] == name) & (result.verdict["verdict"] == status)]
+            said += f"  {rows.iloc[0]['note']}" if len(rows) else ""
+        lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {said}")
+    return lines
+
+
+def _summary(result: Any) -> dict[str, Any]:
+    return {
+        "case": result.case.name,
+        "id": result.case.id,
+        "standard": result.case.standard,
+        "edition": result.case.edition,
+        "status": {name: result.status(name) for name in result.runs},
+        "failure": result.failure,
+        "verdict": result.verdict.to_dict("records"),
+        "trim": result.trim,
+    }
+
+
+def _cell(value: Any) -> str:
+    return f"{value:.3f}" if isinstance(value, float) else str(value)
