@@ -1,0 +1,56 @@
+"""The command group ``aeromatch fmu``: write a simulation model as an FMU, show what an FMU offers."""
+
+from __future__ import annotations
+
+import click
+
+from .console import json_option
+
+
+@click.group()
+def fmu() -> None:
+    """Write simulation models as FMUs."""
+
+
+@fmu.command()
+@click.argument("aircraft", type=click.Path(exists=True, dir_okay=False))
+@click.argument("database", type=click.Path(exists=True, dir_okay=False))
+@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The FMU to write.")
+@click.option("--fmi", "version", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="Version of the standard.")
+@json_option
+def write(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:
+    """Compile AIRCRAFT (TOML) with DATABASE (netCDF) and write the model as an FMU."""
+    import xarray as xr
+
+    from .aircraft import read_aircraft
+    from .compile import compile as compile_model
+    from .console import document, remark
+    from .fmu import write_fmu
+
+    with xr.open_datatree(database, engine="h5netcdf") as tree:
+        sim = compile_model(read_aircraft(aircraft), tree.load())
+    path = write_fmu(sim, output, version)
+    counts = {"inputs": len(sim.inputs), "outputs": len(sim.outputs), "parameters": len(sim.parameters), "terms": len(sim.terms)}
+    if as_json:
+        document({"fmu": str(path), "fmi": version, "bytes": path.stat().st_size, **counts})
+    else:
+        remark(f"{path}: FMI {version}, {', '.join(f'{count} {what}' for what, count in counts.items())}, {path.stat().st_size} bytes")
+
+
+@fmu.command()
+@click.argument("path", metavar="FMU", type=click.Path(exists=True, dir_okay=False))
+@json_option
+def show(path: str, as_json: bool) -> None:
+    """Show the variables of an FMU of any vendor, and what the standard's check finds."""
+    from .console import document, remark, table
+    from .fmu import read_fmu
+
+    found = read_fmu(path)
+    if as_json:
+        document(found)
+        return
+    columns = ("name", "causality", "variability", "unit", "start", "description")
+    rows = [["" if row[column] is None else row[column] for column in columns] for row in found["variables"]]
+    table(columns, rows, title=f"{found['model']}  FMI {found['fmi']}  {' '.join(found['platforms'])}", right=("start",))
+    for finding in found["findings"]:
+        remark(f"finding: {finding}")

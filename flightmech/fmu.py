@@ -1,0 +1,167 @@
+"""A compiled model as a Functional Mock-up Unit: the kernel's libraries, the model block, and what the standard wants to know.
+
+Writing needs no compiler: the libraries are those the package was built with, the aircraft is ``resources/model.bin``.
+The same model gives the same bytes.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import zipfile
+from collections.abc import Mapping
+from hashlib import sha256
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as installed
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .errors import ParseError, SchemaError
+from .fmu_binaries import binaries, compiled
+from .fmu_description import BASE, Description, Variable, identifier, no_limit, xml
+from .fmu_documentation import Axis, html
+from .library import AXIS, FIXED, INPUT, LINEAR, OUTPUT, PARAMETER, Entry
+
+if TYPE_CHECKING:
+    from .compile import SimModel
+
+VERSIONS = ("2.0", "3.0")
+_KINDS = {"input": INPUT, "output": OUTPUT, "parameter": PARAMETER}
+
+
+def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0") -> Path:
+    """Write a model as a co-simulation FMU; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    sim : SimModel
+        From `compile`.
+    path : path
+        The FMU to write.
+    version : {"2.0", "3.0"}
+        FMI version.  FMI 2.0 takes derivatives of inputs; FMI 3.0 runs on Linux on ARM, too.
+
+    Returns
+    -------
+    Path
+        `path`.
+
+    Raises
+    ------
+    SchemaError
+        Unknown version, a term name that no importer takes, or no compiled kernel.
+    """
+    if version not in VERSIONS:
+        raise SchemaError("FMU", [f"FMI version {version!r}; allowed: {', '.join(VERSIONS)}"])
+    description = describe(sim)
+    files = {
+        "modelDescription.xml": xml(description, version),
+        "resources/model.bin": sim.block,
+        "documentation/index.html": _documentation(sim, description).encode(),
+        **binaries(compiled(), description.identifier, version),
+    }
+    return _replace(Path(path), _zip(files))
+
+
+def describe(sim: SimModel) -> Description:
+    """Return the interface of a model as both standards describe it: all inputs, outputs and parameters of its catalogue."""
+    variables = tuple(_variable(causality, i, row) for causality, kind in _KINDS.items() for i, row in enumerate(sim.entries(kind)))
+    step = next(row.value for row in sim.entries(PARAMETER) if row.name == "mode.step")
+    return Description(sim.title, identifier(sim.title), sha256(sim.block).hexdigest(), _tool(), step, variables)
+
+
+def _variable(causality: str, index: int, row: Entry) -> Variable:
+    low, high = (None if no_limit(limit) else limit for limit in (row.low, row.high))
+    return Variable(
+        row.name,
+        causality,
+        BASE[causality] + index,
+        row.units,
+        row.display_units,
+        row.description,
+        None if causality == "output" else row.value,
+        low,
+        high,
+        bool(row.flags & FIXED),
+    )
+
+
+def _documentation(sim: SimModel, description: Description) -> str:
+    axes = [Axis(row.name, row.units, row.low, row.high, "linear" if row.flags & LINEAR else "held") for row in sim.entries(AXIS)]
+    return html(description, sim.terms, axes, sim.meta)
+
+
+def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what an FMU of any vendor says about itself.
+
+    Returns
+    -------
+    dict
+        ``model``, ``fmi``, ``token``, ``platforms``, ``variables`` (list of dict: ``name causality variability type unit
+        display_unit start description``) and ``findings``, the problems that FMPy's validation sees.
+
+    Raises
+    ------
+    ParseError
+        The file is no FMU.
+    """
+    import fmpy
+    from fmpy.validation import validate_fmu
+
+    try:
+        model = fmpy.read_model_description(str(path), validate=False)
+        platforms = sorted(fmpy.supported_platforms(str(path)))
+    except Exception as error:  # FMPy raises plain exceptions
+        raise ParseError(
+            str(path), 0, f"no readable FMU ({error})", "a zip archive with a modelDescription.xml of FMI 1.0, 2.0 or 3.0"
+        ) from error
+    return {
+        "model": model.modelName,
+        "fmi": model.fmiVersion,
+        "token": model.guid,
+        "platforms": platforms,
+        "variables": [_row(v) for v in model.modelVariables],
+        "findings": validate_fmu(str(path)),
+    }
+
+
+def _row(v: Any) -> dict[str, Any]:
+    return {
+        "name": v.name,
+        "causality": v.causality,
+        "variability": v.variability,
+        "type": v.type,
+        "unit": v.unit,
+        "display_unit": v.displayUnit,
+        "start": v.start,
+        "description": v.description,
+    }
+
+
+def _zip(files: Mapping[str, bytes]) -> bytes:
+    """Return an archive whose bytes depend on the content only."""
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as zf:
+        for name in sorted(files):
+            info = zipfile.ZipInfo(name)  # dated 1980-01-01
+            info.create_system = 3  # Unix, on every system
+            info.external_attr = (0o100755 if name.startswith("binaries/") else 0o100644) << 16
+            zf.writestr(info, files[name], zipfile.ZIP_DEFLATED, 9)
+    return archive.getvalue()
+
+
+def _replace(path: Path, data: bytes) -> Path:
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_bytes(data)
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+    return path
+
+
+def _tool() -> str:
+    try:
+        return f"aeromatch {installed('aeromatch')}"
+    except PackageNotFoundError:
+        return "aeromatch"
