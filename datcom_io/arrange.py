@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from flightmech.units import FOOT, INCH, POUND_FORCE
 
-from .cells import OK
+from .cells import OK, OVERFLOW
 from .deck import Deck
 from .listing import Case, Page
 
@@ -161,12 +161,15 @@ def _conditions(case: Case, spots: dict[int, Spot], count: int) -> list[Conditio
 def _condition(page: Page, exact: tuple[float, float]) -> Condition:
     assert page.conditions is not None
     values = []
+    wrong = page.kind == "high-lift" and page.dim != "FT"  # pressure, temperature and Reynolds number of control pages
     for column, name in enumerate(Condition._fields):
+        if wrong and name in ("p_static", "temperature", "reynolds_per_m"):
+            values.append(math.nan)
+            continue
         value = float(page.conditions.values[0, column]) if page.conditions.flags[0, column] == OK else math.nan
         if name in ("mach", "h"):
-            wanted = exact[column]
-            overflown = page.conditions.text(0, column).startswith("*")
-            value = wanted if overflown else nearest(value, [wanted], _HALF_UNIT[name])
+            overflown = page.conditions.flags[0, column] == OVERFLOW
+            value = exact[column] if overflown else nearest(value, [exact[column]], _HALF_UNIT[name])
         values.append(value * si_factor(page.conditions.columns[column].units, page.dim))
     return Condition(*values)
 
@@ -188,7 +191,9 @@ def reference(case: Case) -> dict[str, float]:
     found = {}
     for column in page.conditions.layout.columns if page and page.conditions else ():
         if column.house in given and page is not None:
-            exact = given[column.house]
-            value = nearest(page.condition(column.house), [] if exact is None else [exact], _HALF_UNIT["reference"])
+            exact, value = given[column.house], page.condition(column.house)
+            if exact is not None:
+                overflown = page.conditions.flags[0, page.conditions.columns.index(column)] == OVERFLOW
+                value = exact if overflown else nearest(value, [exact], _HALF_UNIT["reference"])
             found[column.house] = value * si_factor(column.units, page.dim)
     return found

@@ -15,7 +15,6 @@ LOOP=1 gives pairs of Mach number and altitude, so both are coordinates of ``con
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -95,8 +94,16 @@ def _root_attrs(case: Case) -> dict[str, str | float]:
         "case": case.name,
         "file": case.file,
         "moment_centre": "x_cg aft and z_cg up from the drawing datum [m]",
-        "messages": "\n".join(f"line {message.line}: {message.text}" for message in case.messages),
+        "messages": _messages(case),
     }
+
+
+def _messages(case: Case) -> str:
+    """Return the messages of a case, one line each; repeated ones once."""
+    lines: dict[str, list[int]] = {}
+    for message in case.messages:
+        lines.setdefault(message.text, []).append(message.line)
+    return "\n".join(f"line {at[0]}{f' and {len(at) - 1} more' if at[1:] else ''}: {text}" for text, at in lines.items())
 
 
 class _Maker:
@@ -168,7 +175,9 @@ class _Maker:
             found = self._with_two_way(found, yaw, pairs, difference, 2 * _HALF_UNIT)
         for side in sides:
             found = found.assign_coords({side.name: ("delta_pair", np.array(side.values) * DEGREE, {"units": "rad", "sign": "TED"})})
-        return found.assign_attrs(surface="wing", device="plain aileron")
+        words = placed[0][1].configuration
+        surface = "tail" if "STABILIZER" in words else "wing"
+        return found.assign_attrs(surface=surface, device=words.removeprefix("WING ").lower())
 
     def _with_two_way(
         self,
@@ -240,7 +249,9 @@ class _Maker:
             self._demand(table.columns[column].name, table.values[:, column], values, table.lines)
         return Axis(name, values, "deg")
 
-    def _demand(self, name: str, printed: Sequence[float], exact: Sequence[float], lines: Sequence[int], half_unit: float = _HALF_UNIT) -> None:
+    def _demand(
+        self, name: str, printed: Sequence[float], exact: Sequence[float], lines: Sequence[int], half_unit: float = _HALF_UNIT
+    ) -> None:
         """Raise when printed axis values are not the deck's, to the half unit of the print."""
         if len(printed) > len(exact):
             raise ParseError(self.case.file, lines[-1], f"{len(printed)} values of {name}", f"{len(exact)} as in the input cards")

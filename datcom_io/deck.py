@@ -18,7 +18,9 @@ Value = float | bool
 _ASSIGNMENT = re.compile(r"([A-Z][A-Z0-9]{0,7}) ?(?:\( ?(\d{1,4}) ?\))? ?=")
 _REPEAT = re.compile(r"(\d{1,4}) ?\* ?(.+)")
 _LOGICAL = re.compile(r"\.([TF])[A-Z]*\.?|([TF])")
-_CONTROL_WORDS = frozenset("DIM DERIV CASEID DAMP PART BUILD TRIM PLOT NAMELIST DUMP PRINT NACA SAVE NEXT".split())
+_CONTROL_WORDS = frozenset(
+    ["DIM", "DERIV", "CASEID", "DAMP", "PART", "BUILD", "TRIM", "PLOT", "NAMELIST", "DUMP", "PRINT", "NACA", "SAVE", "NEXT"]
+)
 _LARGEST_ARRAY = 300  # no array of the program is longer than 60
 # a new device of a saved case replaces the other one
 _REPLACES = {"SYMFLP": "ASYFLP", "ASYFLP": "SYMFLP", "PROPWR": "JETPWR", "JETPWR": "PROPWR"}

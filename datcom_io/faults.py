@@ -1,4 +1,4 @@
-"""Faults of the program that can be seen in a listing: reported, never repaired.
+"""Faults of the program and gaps that can be seen in a listing: reported, never repaired.
 
 Both known builds (the source of January 1996 with the corrections of 2011, and the single-file edition) show them.
 """
@@ -22,6 +22,8 @@ def report(listing: Listing) -> None:
         _flaps_in_ground_effect(case)
         _power_on_missing_cells(case)
         _dynamic_pages_repeated(case)
+        _reference_quantities(case)
+        _conditions_missing(case)
 
 
 def _say(case: Case, line: int, text: str) -> None:
@@ -116,5 +118,31 @@ def _dynamic_pages_repeated(case: Case) -> None:
         rows = tuple(row.split() for row in table.rows)
         held = first.setdefault((page.configuration, *_place(page)), rows)
         if held != rows and any(math.isfinite(other.ground_height) for other in case.pages):
-            _say(case, table.lines[0], "this dynamic page differs from the one printed before for the same condition; the first one is used")
+            _say(
+                case, table.lines[0], "this dynamic page differs from the one printed before for the same condition; the first one is used"
+            )
             return
+
+
+def _reference_quantities(case: Case) -> None:
+    """One case has one set of reference quantities, but a low-aspect-ratio body brings its own."""
+    found: dict[tuple[str, ...], int] = {}
+    for page, _ in case.tables("static"):
+        if page.conditions is not None:
+            found.setdefault(tuple(page.conditions.text(0, i) for i in range(6, 11)), page.first)
+    if len(found) > 1:
+        texts = "; ".join(f"line {line}: {' '.join(words)}" for words, line in found.items())
+        _say(
+            case, min(found.values()), f"the pages have different reference quantities, those of the first page stand in the tree: {texts}"
+        )
+
+
+def _conditions_missing(case: Case) -> None:
+    wanted = len(set(case.deck.conditions()))
+    found = len({_place(page) for page, _ in case.tables("static")})
+    if 0 < found < wanted:
+        _say(
+            case,
+            case.line,
+            f"{wanted} flight conditions in the input cards, {found} in the listing: the program left some out, or pages are lost",
+        )

@@ -25,6 +25,7 @@ _KINDS = (
     ("LIST OF FINAL INPUTS", "final inputs"),
     ("EXTRAPOLATION MESSAGE SUMMARY", "extrapolation"),
     ("FOLLOWING ARE", "dump"),
+    (")=", "dump"),
 )
 _LAST_HEADING_LINE = 12
 _GROUND = re.compile(r"GROUND HEIGHT= *(FREE AIR|[\d.]+)")
@@ -32,11 +33,13 @@ _FLAP = re.compile(r"FLAP DEFLECTION= *(-?[\d.]+)")
 _POWER = re.compile(r"(JET|PROPELLER) POWER EFFECTS INCLUDED")
 _UNITS = re.compile(r"(FT|IN|M|CM) +\1/SEC ")
 _WARNING = re.compile(r"WARNING\*\*\*|TAIL EFFECTS IGNORED")
-_CONTINUED = "APPLICABLE TO THE LINEAR LIFT REGION."
+_SECOND_TITLE = "APRIL 1976 VERSION OF DATCOM"  # one build breaks the title of a hypersonic page
+# second lines of a message or note
+_CONTINUED = ("TAIL EFFECTS IGNORED]", "APPLICABLE TO THE LINEAR LIFT REGION.", "ALL NAMES REFER TO NAMELIST", "FUSELAGE. FOR THIS CASE")
 # headings around tables that carry nothing of their own
 _DECORATION = re.compile(
     r"DERIVATIVE \(PER (DEGREE|RADIAN)\)$|DYNAMIC DERIVATIVES \(PER (DEGREE|RADIAN)\)$|PITCHING +ACCELERATION +ROLLING +YAWING$"
-    r"|INCREMENTS DUE TO DEFLECTION +DERIVATIVES \(PER DEGREE\)$|ALPHA$|REYNOLDS|NUMBER +NUMBER"
+    r"|INCREMENTS DUE TO DEFLECTION +DERIVATIVES \(PER DEGREE\)$"
 )
 _PER = re.compile(r"DERIVATIVE[S]? ?\(PER (DEGREE|RADIAN)\)")
 
@@ -56,7 +59,7 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[i
     """Return a page, the messages that stand on it and the numbers of its lines that were not understood."""
     anchor = next((i for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE]) if "FLIGHT CONDITIONS" in text), None)
     top = lines[1:_LAST_HEADING_LINE] if anchor is None else lines[1:anchor]
-    heading = tuple(text[1:].strip() for _, text in top if text[1:].strip())
+    heading = tuple(words for _, text in top if (words := text[1:].strip()) and words != _SECOND_TITLE)
     page = Page(_kind(lines[0][1], heading), case, lines[0][0], lines[-1][0], heading[:6])
     if page.kind in ("static", "dynamic", "high-lift") and heading[1:]:
         page = replace(page, configuration=_configuration(heading[1]))
@@ -82,7 +85,16 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[i
     return page, body.messages, body.unread if parsed else []
 
 
+def add_message(messages: list[Message], number: int, text: str) -> None:
+    """Append a message of the program, or continue the one before."""
+    if messages and text.startswith(_CONTINUED):
+        messages[-1] = messages[-1]._replace(text=f"{messages[-1].text} {text}")
+    else:
+        messages.append(Message(number, text))
+
+
 def _kind(first: str, heading: tuple[str, ...]) -> str:
+    """Return the kind of a page by its first line or the line below the program's name."""
     for words, kind in _KINDS:
         if words in first or (heading and words in heading[0]):
             return kind
@@ -177,9 +189,9 @@ def _read_body(lines: list[Line]) -> Body:
             continue
         if layout := BY_HEADING.get(heading_words(text)):
             table, after = _read_table(layout, lines, at, number)
-            if table is None:
+            if table is None and not _says_no_output(lines, at):
                 body.unread.append(number)
-            else:
+            elif table is not None:
                 body.tables.append(table)
                 at = after
             continue
@@ -187,10 +199,15 @@ def _read_body(lines: list[Line]) -> Body:
     return body
 
 
+def _says_no_output(lines: list[Line], at: int) -> bool:
+    words = next((text[1:].strip() for _, text in lines[at:] if text[1:].strip()), "")
+    return words.startswith("*NOTE* NO OUTPUT AVAILABLE")
+
+
 def _sort_line(number: int, text: str, body: Body) -> None:
     words = text[1:].strip()
     if _WARNING.search(words):
-        body.messages.append(Message(number, words))
+        add_message(body.messages, number, words)
     elif per := _PER.search(words):
         body.per = body.per or {"DEGREE": "deg", "RADIAN": "rad"}[per[1]]
         if not _DECORATION.search(heading_words(text)):
@@ -198,15 +215,15 @@ def _sort_line(number: int, text: str, body: Body) -> None:
     elif _DECORATION.match(heading_words(text)):
         return
     elif _is_note(text, words):
-        body.notes.append(Message(number, words))
+        add_message(body.notes, number, words)
     else:
         body.unread.append(number)
 
 
 def _is_note(text: str, words: str) -> bool:
-    if words == _CONTINUED:
-        return True
-    return words.startswith(("*** ", "***N", "**NOTE*", "*NOTE*", "**  CD0=", "ANALYSIS TERMINATED", "NOTE - ")) and len(words.strip("*")) > 0
+    return words.startswith(_CONTINUED) or (
+        words.startswith(("*** ", "***N", "**NOTE*", "*NOTE*", "**  CD0=", "ANALYSIS TERMINATED", "NOTE - ")) and len(words.strip("*")) > 0
+    )
 
 
 def _read_table(layout: Layout, lines: list[Line], at: int, heading: int) -> tuple[Table | None, int]:

@@ -6,18 +6,19 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable
+from dataclasses import replace
 
 from flightmech.errors import ParseError
 
 from . import faults
 from .deck import Deck, parse_cards
 from .lines import anchor, is_progress, open_lines, with_control_column
-from .listing import Case, Listing, Message, Page
-from .pages import Line, read_page
+from .listing import Case, Listing, Message, Page, Table
+from .pages import Line, add_message, read_page
 
 _CARD_TAIL = re.compile(r"\*\* (?:ERROR|ILLEGAL|MISSING)")
 _ERROR_CARD = "ERROR IN CARD BELOW"
-_HYPERSONIC = "AERODYNAMIC CONTROL EFFECTIVENESS AT HYPERSONIC SPEEDS"
+_ARRAY_DUMP = re.compile(r" +[A-Z][A-Z0-9]* *\( *\d+\)=")
 
 
 def read(source: str | os.PathLike[str] | Iterable[str], *, partial: bool = False) -> Listing:
@@ -70,7 +71,7 @@ class _Scanner:
         kind = anchor(line)
         if kind:
             self._open(kind, number, line)
-        elif line[0] == "1" and self.region not in ("banner", "echo"):
+        elif line[0] == "1" and self.region not in ("banner", "echo", "end"):
             self._control_one(number, line)
         elif not is_progress(line):
             self._inside(number, line)
@@ -113,6 +114,9 @@ class _Scanner:
 
     def _inside(self, number: int, line: str) -> None:
         if self.region == "page":
+            if ")=" in line[:20] and _ARRAY_DUMP.match(line) and not self.page[0][1].startswith((" ", "0****")):
+                self._close_page()  # card DUMP A,B prints arrays without a heading
+                self.region = "page"
             self.page.append((number, line))
         elif self.region == "cards":
             self._card(number, line)
@@ -141,14 +145,12 @@ class _Scanner:
     def _remark(self, number: int, line: str) -> None:
         """Sort a line between the pages: with a word in it, it is a message."""
         text = line[1:].strip()
-        if not text:
+        if not text.strip("*"):
             return
         if not any(word.isalpha() and len(word) > 2 for word in re.split(r"[^A-Za-z]+", text)):
             self.listing.unread.append(number)
-        elif self.case is None:
-            self.listing.own_messages.append(Message(number, text))
         else:
-            self.case.messages.append(Message(number, text))
+            add_message(self.listing.own_messages if self.case is None else self.case.messages, number, text)
 
     def _new_case(self, number: int) -> Case:
         return Case(ordinal=len(self.listing._cases) + 1, run=max(self.listing.runs, 1), line=number, file=self.listing.file)
@@ -176,6 +178,14 @@ class _Scanner:
     def _checked(self, page: Page) -> Page:
         """Demand the number of rows that the deck asks for."""
         assert self.case is not None
+        if page.tables and page.conditions is None:
+            found, expected = "no flight-condition line that can be read", "a line of numbers below the units row"
+            if not self.partial:
+                raise ParseError(
+                    self.listing.file, page.first, found, f"{expected}; the page is damaged: pass partial=True to take the rest"
+                )
+            self.case.messages.append(Message(page.first, f"{found} on the page: its tables are left out", "reader"))
+            return replace(page, tables=(), parsed=False)
         for table in page.tables:
             wanted = self.case.deck.count(*table.layout.rows)
             if wanted is None or len(table.rows) == wanted or (len(table.rows) < wanted and self._ends_early(page)):
@@ -246,9 +256,7 @@ class _Scanner:
         return self.listing
 
 
-def _without(page: Page, table) -> Page:
-    from dataclasses import replace
-
+def _without(page: Page, table: Table) -> Page:
     return replace(page, tables=tuple(other for other in page.tables if other is not table))
 
 
