@@ -15,13 +15,15 @@ it, sample by sample; the regression turns these into systematic errors of the d
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError, UnknownName
+from flightmech.errors import IdentificationError, OutOfRange, ParseError, UnknownName
 from flightmech.names import attrs
 from flightmech.units import G0
 
@@ -101,6 +103,41 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
     return data
 
 
+def between(data: xr.Dataset, start: float, stop: float) -> xr.Dataset:
+    """Return the samples of one manoeuvre, ``start <= time < stop``.
+
+    Raises
+    ------
+    OutOfRange
+        The window is not inside the data.
+    """
+    time = data["time"].values
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if not time[0] - step <= start < stop <= time[-1] + 1.5 * step:
+        raise OutOfRange(f"window {start:g} ... {stop:g} s is not inside the data, {time[0]:g} ... {time[-1]:g} s; choose one that is")
+    return data.sel(time=slice(start, stop - 0.5 * step))
+
+
+def open_states(path: str | os.PathLike) -> xr.Dataset:
+    """Return the states of a reconstruction file, group ``states`` of it, or its root.
+
+    Raises
+    ------
+    ParseError
+        Not a netCDF file, or one without states over time.
+    """
+    try:
+        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
+            states = tree.children.get("states", tree).to_dataset(inherit=False).load()
+    except (OSError, ValueError, KeyError) as error:
+        if not Path(path).exists():
+            raise
+        raise ParseError(str(path), 0, f"no netCDF-4 content ({error})", "a path as `aeromatch flight reconstruct -o` writes it") from error
+    if "time" not in states.dims:
+        raise ParseError(str(path), 0, "no states over time", "a path as `aeromatch flight reconstruct -o` writes it")
+    return states
+
+
 def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     """Return `states` with the reduced rates phat, qhat, rhat, alphadothat, betadothat that are missing.
 
@@ -123,8 +160,8 @@ def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     """
     data = states.copy()
     if "alphadothat" not in data and "alpha_dot" not in data and _has(data, "alpha", "beta", "ax", "ay", "az", "phi", "theta"):
-        for name, rate in zip(("alpha_dot", "beta_dot"), _incidence_rates(data)):
-            data[name] = "time", rate, attrs(name)
+        for name, values in zip(("alpha_dot", "beta_dot"), _incidence_rates(data)):
+            data[name] = "time", values, attrs(name)
     for name, rate, length in (
         ("phat", "p", aircraft.b),
         ("qhat", "q", aircraft.cbar),

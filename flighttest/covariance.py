@@ -55,7 +55,7 @@ def coloured(X: np.ndarray, v: np.ndarray, pieces: list[slice], steps: list[floa
         sizes.append(len(r))
     offset2 = _between(np.array(means), np.array(expected), np.array(sizes))
     inner += offset2 * np.einsum("mi,mj->ij", np.array(sums), np.array(sums))
-    R = np.linalg.qr(X, mode="r")
+    _, R = np.linalg.qr(X)
     half = np.linalg.solve(R, np.linalg.solve(R.T, inner))
     covariance = np.linalg.solve(R, np.linalg.solve(R.T, half.T))
     return 0.5 * (covariance + covariance.T) * count / (count - terms), float(np.sqrt(offset2))

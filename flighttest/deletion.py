@@ -95,11 +95,10 @@ def _partner(term: str, fits: Sequence[Fit]) -> tuple[str, float]:
     best = ("", 0.0)
     for fit in fits:
         e = fit.estimates
-        size = e["contribution"].to_series()
-        rho = e["regressor_correlation"].sel(term=term).to_series().drop(term)
-        rho = rho[[other for other in rho.index if size[other] > size[term]]]
-        if len(rho) and abs(rho).max() > abs(best[1]):
-            best = str(abs(rho).idxmax()), float(rho[abs(rho).idxmax()])
+        larger = e["contribution"].values > float(e["contribution"].sel(term=term))
+        for other, rho in zip(e["term"].values[larger], e["regressor_correlation"].sel(term=term).values[larger]):
+            if abs(rho) > abs(best[1]):
+                best = str(other), float(rho)
     return best
 
 

@@ -97,7 +97,7 @@ def open_fit(path: str | os.PathLike) -> Fit:
             tree.load()
             if tree.attrs.get("content") != _CONTENT:
                 raise ValueError("a netCDF file of something else")
-            about, parts = tree.attrs, {name: tree[name].to_dataset(inherit=False) for name in ("estimates", "data", "design")}
+            about, parts = tree.attrs, {str(name): node.to_dataset(inherit=False) for name, node in tree.children.items()}
     except (OSError, KeyError, ValueError) as error:
         if not Path(path).exists():
             raise
@@ -131,8 +131,8 @@ def _report(fit: Fit) -> str:
     ]
     for term in e["term"].values:
         row = {str(name): float(e[name].sel(term=term)) for name, item in e.data_vars.items() if item.dims == ("term",)}
-        lines.append(
-            f"{term!s:<18}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{row['stderr_white']:>10.2g}{row['stderr_systematic']:>10.2g}"
-            f"{row['estimate'] / row['stderr']:>9.1f}{'-' if np.isnan(row['vif']) else format(row['vif'], '.1f'):>8}{row['contribution']:>8.2f}"
-        )
+        vif = "-" if np.isnan(row["vif"]) else f"{row['vif']:.1f}"
+        errors = "".join(f"{row[name]:>10.2g}" for name in ("stderr", "stderr_white", "stderr_systematic"))
+        t = row["estimate"] / row["stderr"]
+        lines.append(f"{term!s:<18}{row['estimate']:>11.5g}{errors}{t:>9.1f}{vif:>8}{row['contribution']:>8.2f}")
     return "\n".join([*lines, *(f"! {text}" for text in fit.remarks)])

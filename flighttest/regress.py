@@ -134,7 +134,7 @@ def _demand_movement(samples: xr.Dataset, X: np.ndarray, terms: Sequence[str]) -
         least = LEAST_MOVEMENT.get(lookup(name).units, 0.0)
         if np.std(column) < least:
             raise IdentificationError(
-                f"{name} does not move: rms {np.std(column):.2g} about its mean, at least {least:.2g} is needed; leave the term out or add a manoeuvre"
+                f"{name} does not move: rms {np.std(column):.2g} about its mean, {least:.2g} is needed; leave it out or add a manoeuvre"
             )
 
 

@@ -1,0 +1,226 @@
+"""Tables joined from local fits and a prior, on simulated records of known tables."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from scipy.signal import lfilter
+
+from aerodb.schema import database
+from aerodb.tabulate import LEVEL, prior_covariance, tabulate
+from flighttest.model import Model
+from flighttest.regress import regress
+from flightmech import terms
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
+
+DEG = np.pi / 180
+STEP = 0.02
+POINTS = [(6, 1.5, 0.18), (2, 1.0, 0.28), (0, 1.0, 0.38), (7, 1.5, 0.25), (3, 1.0, 0.38), (1, 1.0, 0.5)]  # alpha, its amplitude, Mach
+LOCAL = Model.parse("CL = 1 + alpha + alpha**2 + qhat + delta_e")
+ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+
+
+def prior_leaves():
+    alpha, mach = np.arange(-8, 21, 2.0) * DEG, np.array([0.15, 0.3, 0.45, 0.6])
+    basic = 0.15 + (5.2 + 0.5 * mach) * alpha[:, None]
+    sd = np.hypot(0.05, 0.08 * 5.4 * np.abs(alpha))[:, None] * np.ones_like(basic)
+    return {
+        "CL/basic": terms.make(basic, {"alpha": alpha, "mach": mach}, stderr=sd, source="datcom"),
+        "CL/qhat": terms.make(8.0 + 2 * mach, {"mach": mach}, ("qhat",), stderr=2.0, source="datcom"),
+        "CL/elevator": terms.make(np.full(len(alpha), 0.5), {"alpha": alpha}, ("delta_e",), stderr=0.1, source="datcom"),
+    }
+
+
+def drawn(leaves, rng):
+    """A truth that the prior would not be surprised by."""
+    found = {}
+    for name, leaf in leaves.items():
+        P = prior_covariance(leaf)
+        change = np.linalg.cholesky(P + 1e-10 * np.diag(np.diag(P))) @ rng.normal(size=len(P))
+        found[name] = leaf.assign(value=leaf["value"] + change.reshape(leaf["value"].shape))
+    return found
+
+
+def record(truth, rng, point, duration=30.0, noise=0.004, extra=None):
+    alpha, amplitude, mach = point
+    t, k = np.arange(0, duration, STEP), np.arange(1, 16)
+
+    def multisine():
+        return np.cos(2 * np.pi * np.outer(t, k) / 30 + rng.uniform(0, 2 * np.pi, len(k))).sum(axis=1) / np.sqrt(len(k))
+
+    d = {"alpha": (alpha + amplitude * multisine()) * DEG, "qhat": 0.002 * multisine(), "delta_e": 0.04 * multisine()}
+    d |= {"mach": mach + 0.005 * multisine(), **(extra or {})}
+    c = np.exp(-STEP / 0.3)
+    e = noise * lfilter([np.sqrt(1 - c * c)], [1, -c], rng.normal(size=len(t) + 500))[500:]
+    d["CL"] = sum(terms.evaluate(leaf, d, "clamp") for leaf in truth.values()) + e
+    return xr.Dataset({name: ("time", np.broadcast_to(v, t.shape)) for name, v in d.items()}, coords={"time": t})
+
+
+def local_fits(truth, rng, **more):
+    return [regress(LOCAL, record(truth, rng, point, **more), f"point {i}") for i, point in enumerate(POINTS)]
+
+
+@pytest.fixture(scope="module")
+def study():
+    """Twenty truths drawn from the prior, flown and joined: (prior leaves, [(truth, tabulation)])."""
+    leaves = prior_leaves()
+    db = database(leaves, **ROOT)
+    found = []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        truth = drawn(leaves, rng)
+        found.append((truth, tabulate(local_fits(truth, rng), db)))
+    return leaves, found
+
+
+def test_two_standard_errors_cover_the_nodes(study):
+    """95 % measured on 24 seeds, 79 nodes each; nodes of one seed are strongly correlated, so allow 90 to 99 %."""
+    _, found = study
+    z = [(new[name]["value"] - truth[name]["value"]).values / new[name]["stderr"].values for truth, new in found for name in new]
+    assert 0.90 < np.mean(np.abs(np.concatenate([x.ravel() for x in z])) < 2) < 0.99
+
+
+def test_nodes_from_flight_are_covered_and_better_than_the_prior(study):
+    leaves, found = study
+    z, after, before = [], [], []
+    for truth, new in found:
+        for name in new:
+            flown = new[name]["source"].values == terms.SOURCES.index("flight")
+            error = (new[name]["value"] - truth[name]["value"]).values[flown]
+            z.append(error / new[name]["stderr"].values[flown])
+            if name == "CL/basic":
+                after.append(error)
+                before.append((leaves[name]["value"] - truth[name]["value"]).values[flown])
+    assert 0.90 < np.mean(np.abs(np.concatenate(z)) < 2) < 0.99
+    assert np.std(np.concatenate(after)) < 0.6 * np.std(np.concatenate(before))  # 0.4 measured
+
+
+def test_far_nodes_keep_the_prior_as_source(study):
+    leaves, found = study
+    _, new = found[0]
+    source = new["CL/basic"]["source"]
+    assert (source.sel(alpha=20 * DEG, method="nearest") == terms.SOURCES.index("datcom")).all()
+    assert (source.sel(alpha=2 * DEG, mach=0.3, method="nearest") == terms.SOURCES.index("flight")).all()
+    ratio = new["CL/basic"]["stderr"] / leaves["CL/basic"]["stderr"]
+    assert float(ratio.max()) <= 1.0
+    assert float(ratio.sel(alpha=20 * DEG, method="nearest").min()) > 0.9 * np.sqrt(1 - LEVEL)
+
+
+def test_the_new_tables_fit_the_flown_samples_down_to_the_noise(study):
+    _, found = study
+    points = pd.concat([new.points for _, new in found])
+    assert points["rms"].median() == pytest.approx(0.004, rel=0.1)  # the disturbance that was put in
+    assert points["rms_prior"].median() > 0.015
+    assert not points["suspect"].any()
+
+
+def test_the_compatibility_statistic_is_chi_squared(study):
+    """Fits against a prior that is true, 30 estimates: the mean of 20 values scatters by sqrt(60/20) = 1.7; standard errors
+    of single records are 10 to 15 % small (coverage 91 %), which lifts it a little."""
+    _, found = study
+    statistic = [new.compatibility.loc["CL", "chi2"] for _, new in found]
+    assert 24 < np.mean(statistic) < 42
+    assert (np.array([new.compatibility.loc["CL", "count"] for _, new in found]) == 30).all()
+
+
+def test_the_posterior_is_that_of_the_information_form():
+    """The closed form against (P^-1 + H' C^-1 H)^-1 written out, one fit, no robust weights at work."""
+    leaves = {"CL/basic": terms.make([0.2, 0.3, 0.5], {"alpha": [0.0, 0.05, 0.1]}, stderr=[0.05, 0.06, 0.07], source="datcom")}
+    rng = np.random.default_rng(1)
+    fit = regress(Model.parse("CL = 1 + alpha"), record(leaves, rng, (3, 1.0, 0.3), extra={}), "one")
+    new = tabulate([fit], database(leaves, **ROOT))["CL/basic"]
+    X, B = fit.design.values, terms.basis(leaves["CL/basic"], {"alpha": fit.data["alpha"].values}, "clamp").toarray()
+    H, C, P = np.linalg.lstsq(X, B, rcond=None)[0], fit.estimates["covariance"].values, prior_covariance(leaves["CL/basic"])
+    posterior = np.linalg.inv(np.linalg.inv(P) + H.T @ np.linalg.solve(C, H))
+    g0 = leaves["CL/basic"]["value"].values
+    g = posterior @ (np.linalg.solve(P, g0) + H.T @ np.linalg.solve(C, fit.estimates["estimate"].values))
+    np.testing.assert_allclose(new["value"], g, atol=1e-8)
+    np.testing.assert_allclose(new["stderr"], np.sqrt(np.diag(posterior)), atol=1e-8)
+
+
+def test_held_terms_stay_and_count():
+    leaves = prior_leaves()
+    truth = {**leaves, "CL/elevator": leaves["CL/elevator"].assign(value=leaves["CL/elevator"]["value"] + 0.05)}
+    fits = local_fits(truth, np.random.default_rng(30))
+    new = tabulate(fits, database(truth, **ROOT), held=["CL/elevator"])
+    assert "CL/elevator" not in new
+    assert new.points["rms"].max() < 0.006
+
+
+def test_a_term_that_starts_from_zero_is_brought_in():
+    leaves = prior_leaves()
+    zero = terms.make(0.0, {}, ("gear",), stderr=0.1, source="judgement", comment="Not in the prior.")
+    truth = {**leaves, "CL/gear": zero.assign(value=zero["value"] - 0.06)}
+    rng = np.random.default_rng(31)
+    clean, down = (regress(LOCAL, record(truth, rng, POINTS[1], extra={"gear": g}), f"gear {g:.0f}") for g in (0.0, 1.0))
+    new = tabulate([clean, down], database({**leaves, "CL/gear": zero}, **ROOT))
+    leaf = new["CL/gear"]
+    assert abs(float(leaf["value"]) + 0.06) < 3 * float(leaf["stderr"])
+    assert float(leaf["stderr"]) < 0.01
+    assert int(leaf["source"]) == terms.SOURCES.index("flight")
+    assert leaf.attrs["comment"].startswith("Not in the prior. 1 of 1 nodes from flight: gear 1.")
+    assert leaf.attrs["history"] == "tabulate: joined with 1 fits"
+    assert new.report.loc["CL/gear", "change_largest"] == pytest.approx(float(leaf["value"]))
+
+
+def test_a_test_point_that_contradicts_the_others_is_suspected_and_outvoted():
+    leaves = prior_leaves()
+    rng = np.random.default_rng(32)
+    points = [(a, 1.0, 0.3) for a in (1, 2, 3, 2, 1, 3, 2)]
+    data = [record(leaves, rng, point) for point in points]
+    data[3]["CL"] = data[3]["CL"] + 0.2  # a wrong trim mass, say
+    new = tabulate([regress(LOCAL, d, f"point {i}") for i, d in enumerate(data)], database(leaves, **ROOT))
+    assert new.points["suspect"].tolist() == [False, False, False, True, False, False, False]
+    at = dict(alpha=2 * DEG, mach=0.3, method="nearest")
+    assert abs(float(new["CL/basic"]["value"].sel(**at) - leaves["CL/basic"]["value"].sel(**at))) < 0.02
+
+
+def test_errors_common_to_all_fits_do_not_average_out():
+    leaves = prior_leaves()
+    rng = np.random.default_rng(33)
+    points = [(a, 1.0, 0.3) for a in (1, 2, 3, 2, 1, 3)]
+    data = [record(leaves, rng, point) for point in points]
+    wrong = [d.assign_coords(error=["qbar"]).assign(CL_error=(("error", "time"), 0.05 * d["CL"].values[None])) for d in data]
+    at = dict(alpha=2 * DEG, mach=0.3, method="nearest")
+    db = database(leaves, **ROOT)
+    free, common = (tabulate([regress(LOCAL, d) for d in parts], db) for parts in (data, wrong))
+    CL = float(leaves["CL/basic"]["value"].sel(**at))
+    assert float(free["CL/basic"]["stderr"].sel(**at)) < 0.005
+    assert float(common["CL/basic"]["stderr"].sel(**at)) > 0.6 * 0.05 * CL  # the prior helps a little against the 5 %
+    assert list(common.systematic.index) == [("CL", "qbar")]
+    assert common.systematic.loc[("CL", "qbar"), "stderr"] <= 1.0
+
+
+def test_the_prior_covariance_has_its_two_parts():
+    leaf = prior_leaves()["CL/basic"]
+    P, sd = prior_covariance(leaf), leaf["stderr"].values.ravel()
+    np.testing.assert_allclose(np.sqrt(np.diag(P)), sd, rtol=1e-12)
+    correlation = P / np.outer(sd, sd)
+    assert correlation[0, -1] == pytest.approx(LEVEL, abs=1e-3)  # opposite corners: 28 degrees and 0.45 Mach apart
+    assert correlation[0, 4] == pytest.approx(LEVEL + (1 - LEVEL) * np.exp(-0.5 * (2 / 5) ** 2))  # 2 degrees apart
+    assert np.linalg.eigvalsh(P).min() > -1e-12
+    np.testing.assert_allclose(prior_covariance(leaf, level=1.0), np.outer(sd, sd), rtol=1e-12)
+
+
+def test_nodes_with_no_error_are_facts():
+    leaves = prior_leaves()
+    leaves["CL/elevator"] = leaves["CL/elevator"].assign(stderr=leaves["CL/elevator"]["stderr"] * 0)
+    new = tabulate(local_fits(drawn(prior_leaves(), np.random.default_rng(34)), np.random.default_rng(34)), database(leaves, **ROOT))
+    np.testing.assert_array_equal(new["CL/elevator"]["value"], leaves["CL/elevator"]["value"])
+
+
+def test_unusable_input_is_refused_with_all_reasons():
+    leaves, rng = prior_leaves(), np.random.default_rng(35)
+    fit = regress(LOCAL, record(leaves, rng, POINTS[0]))
+    bare = {name: leaf.drop_vars("stderr") for name, leaf in leaves.items()}
+    with pytest.raises(SchemaError, match="(?s)prior: 3 problems.*CL/basic has no stderr.*CL/qhat has no stderr"):
+        tabulate([fit], database(bare, **ROOT))
+    with pytest.raises(SchemaError, match="fits are of stability axes"):
+        tabulate([fit], database(leaves, **{**ROOT, "force_axes": "wind"}))
+    with pytest.raises(UnknownName, match="unknown held term 'CL/tab'"):
+        tabulate([fit], database(leaves, **ROOT), held=["CL/tab"])
+    with pytest.raises(IdentificationError, match="no fit"):
+        tabulate([], database(leaves, **ROOT))
+    hot = {**leaves, "CL/n1": terms.make(0.0, {}, ("engine1.n1",), stderr=1.0, source="datcom")}
+    with pytest.raises(UnknownName, match="unknown variable 'engine1.n1'"):
+        tabulate([fit], database(hot, **ROOT))
