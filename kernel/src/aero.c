@@ -39,7 +39,7 @@ static void to_house(const am_sim *sim, double c[3]) {
 /* Rows: what alpha_dot, beta_dot (rad/s per m/s2) take from the acceleration of the air-relative velocity. */
 static void flow_rates(const now_t *now, double row[2][3]) {
     memset(row, 0, 6 * sizeof row[0][0]);
-    if (now->Vxz < V_FLOOR) return;
+    if (now->Vxz < FLOW_FLOOR) return;
     row[0][0] = -now->sa / now->Vxz, row[0][2] = now->ca / now->Vxz;
     row[1][0] = -now->ca * now->sb / now->V, row[1][1] = now->cb / now->V, row[1][2] = -now->sa * now->sb / now->V;
 }

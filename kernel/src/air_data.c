@@ -1,15 +1,16 @@
 /* US Standard Atmosphere 1976 below 84.852 km, moved by a temperature offset and the pressure at sea level, and air data.
  *
  * The offset is added to the temperature of every layer and the pressure follows hydrostatically; with an offset of
- * zero and 101325 Pa this is the standard itself.  Constants are the standard's own. */
+ * zero and 101325 Pa this is the standard itself.  Constants are those of ISO 2533 and ICAO Doc 7488, which is the same
+ * atmosphere: R with M0 = 28.96442 kg/kmol gives the 1.225 kg m-3 at sea level that the US document prints. */
 #include "model.h"
 
 #include <math.h>
 
-static const double R_AIR = 8314.32 / 28.9644;   /* [J kg-1 K-1] */
+static const double R_AIR = 287.05287;           /* [J kg-1 K-1] */
 static const double EARTH_RADIUS = 6356766.0;    /* of the geopotential height [m] */
 static const double RATIO = 1.4;                 /* specific heats */
-static const double P_SEA = 101325.0, A_SEA = 340.29398803415, T_SEA = 288.15;
+static const double P_SEA = 101325.0, A_SEA = 340.29398802608895 /* sqrt(1.4 R T) */, T_SEA = 288.15;
 /* geopotential height of the base [m], gradient [K m-1]: U.S. Standard Atmosphere 1976, table 4 */
 static const double BASE[LAYERS] = {0.0, 11000.0, 20000.0, 32000.0, 47000.0, 51000.0, 71000.0};
 static const double GRADIENT[LAYERS] = {-0.0065, 0.0, 0.001, 0.0028, 0.0, -0.0028, -0.002};

@@ -12,7 +12,8 @@
 #define MAX_AXES 4
 #define MAX_ENGINES 16
 #define G0 9.80665       /* standard gravity [m s-2] */
-#define V_FLOOR 0.1524   /* lower bound of V in reduced rates, 0.5 ft/s [m s-1] */
+#define V_FLOOR 1e-3     /* lower bound of V in reduced rates [m s-1] */
+#define FLOW_FLOOR 0.15   /* below it alpha-dot and beta-dot are zero [m s-1] */
 #define RIGID_STATES 13
 #define COEFFICIENTS 6   /* CL CD CY Cl Cm Cn; with body force axes CX CZ CY Cl Cm Cn */
 #define IMPLICIT 3       /* alphadothat, betadothat, dnz: consecutive variables from A_ALPHADOTHAT */

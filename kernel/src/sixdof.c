@@ -26,7 +26,8 @@ static void set_variables(am_sim *sim, const double *x, const double *u) {
     var[A_ALPHA] = now->alpha, var[A_BETA] = now->beta, var[A_MACH] = now->mach;
     var[A_H] = now->h, var[A_H_AGL] = now->h + dot(below, now->down) - par[P_RUNWAY];
     var[A_V] = now->V, var[A_QBAR] = now->qbar;
-    var[A_PHAT] = now->rate[0] * span, var[A_QHAT] = now->rate[1] * chord, var[A_RHAT] = now->rate[2] * span;
+    /* rates as gyros show them, relative to inertial space: the check cases and flight-test data reduction do the same */
+    var[A_PHAT] = x[10] * span, var[A_QHAT] = x[11] * chord, var[A_RHAT] = x[12] * span;
     var[A_P] = x[10], var[A_Q] = x[11], var[A_R] = x[12];
     for (int i = 0; i <= U_DELTA_F - U_DELTA_E; i++) var[A_DELTA_E + i] = applied(sim, u, U_DELTA_E + i);
     var[A_GEAR] = u[U_GEAR], var[A_SPEEDBRAKE] = u[U_SPEEDBRAKE];
