@@ -8,10 +8,10 @@ from scipy.signal import lfilter
 
 from aerodb.schema import database
 from aerodb.tabulate import LEVEL, prior_covariance, tabulate
-from flighttest.model import Model
-from flighttest.regress import regress
 from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flighttest.model import Model
+from flighttest.regress import regress
 
 DEG = np.pi / 180
 STEP = 0.02
@@ -213,7 +213,7 @@ def test_unusable_input_is_refused_with_all_reasons():
     leaves, rng = prior_leaves(), np.random.default_rng(35)
     fit = regress(LOCAL, record(leaves, rng, POINTS[0]))
     bare = {name: leaf.drop_vars("stderr") for name, leaf in leaves.items()}
-    with pytest.raises(SchemaError, match="(?s)prior: 3 problems.*CL/basic has no stderr.*CL/qhat has no stderr"):
+    with pytest.raises(SchemaError, match=r"(?s)prior: 3 problems.*CL/basic has no stderr.*CL/qhat has no stderr"):
         tabulate([fit], database(bare, **ROOT))
     with pytest.raises(SchemaError, match="fits are of stability axes"):
         tabulate([fit], database(leaves, **{**ROOT, "force_axes": "wind"}))
@@ -222,5 +222,5 @@ def test_unusable_input_is_refused_with_all_reasons():
     with pytest.raises(IdentificationError, match="no fit"):
         tabulate([], database(leaves, **ROOT))
     hot = {**leaves, "CL/n1": terms.make(0.0, {}, ("engine1.n1",), stderr=1.0, source="datcom")}
-    with pytest.raises(UnknownName, match="unknown variable 'engine1.n1'"):
+    with pytest.raises(UnknownName, match=r"unknown variable 'engine1.n1'"):
         tabulate([fit], database(hot, **ROOT))

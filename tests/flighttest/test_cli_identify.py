@@ -5,9 +5,9 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
+from flightmech.errors import AeromatchError, OutOfRange, UnknownName
 from flighttest.cli_identify import identify
 from flighttest.fit import open_fit
-from flightmech.errors import AeromatchError, OutOfRange, UnknownName
 
 AIRCRAFT = """
 name = "test"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from flighttest.coefficients import between, coefficients, open_states, reduced_rates
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, UnknownName
 from flightmech.units import G0
+from flighttest.coefficients import between, coefficients, open_states, reduced_rates
 
 STATES = ("V", "alpha", "beta", "qbar", "p", "q", "r", "p_dot", "q_dot", "r_dot", "ax", "ay", "az", "alpha_dot", "beta_dot")
 
@@ -123,7 +123,7 @@ def test_angular_accelerations_are_differentiated_when_they_are_missing():
     c = coefficients(d, plane())
     np.testing.assert_allclose(c.Cl * (4000 * 16 * 10), 11e3 * 0.6 * np.cos(2 * t), atol=11e3 * 0.6 * 1e-5)  # gain of 9 points at 0.3 Hz
     uneven = d.assign_coords(time=np.r_[t[:100], t[100:] + 0.01])
-    with pytest.raises(IdentificationError, match="p_dot is missing and p steps by 0.02 ... 0.03 s"):
+    with pytest.raises(IdentificationError, match=r"p_dot is missing and p steps by 0.02 ... 0.03 s"):
         coefficients(uneven, plane())
 
 
@@ -161,7 +161,7 @@ def test_rates_of_incidence_follow_from_accelerations():
 
 
 def test_missing_states_and_unknown_errors_are_named():
-    with pytest.raises(UnknownName, match="unknown state 'engine1.thrust'.*the coefficients need it"):
+    with pytest.raises(UnknownName, match=r"unknown state 'engine1.thrust'.*the coefficients need it"):
         coefficients(states(), plane([engine()]))
     with pytest.raises(UnknownName, match="unknown source of error 'masse'; near it: mass"):
         coefficients(states(), plane(), errors={"masse": 0.1})
@@ -171,7 +171,7 @@ def test_a_window_lies_inside_the_data():
     d = states()
     assert between(d, 0.2, 0.4).sizes["time"] == 10
     assert between(d, 0.0, 1.2).sizes["time"] == 60
-    with pytest.raises(OutOfRange, match="window 0.5 ... 9 s is not inside the data, 0 ... 1.18 s"):
+    with pytest.raises(OutOfRange, match=r"window 0.5 ... 9 s is not inside the data, 0 ... 1.18 s"):
         between(d, 0.5, 9.0)
 
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from flighttest.differentiate import derivative, derivative_gain, derivative_noise
 from flightmech.errors import IdentificationError
+from flighttest.differentiate import derivative, derivative_gain, derivative_noise
 
 STEP = 0.02
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from flightmech.units import FOOT, INCH, POUND_FORCE, SLUG
 from flighttest.coefficients import coefficients
 from flighttest.model import Model
 from flighttest.regress import regress
-from flightmech.units import FOOT, INCH, POUND_FORCE, SLUG
 
 jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
 
@@ -57,7 +57,7 @@ def flight():
     f["gear/gear-cmd-norm"] = f["gear/gear-pos-norm"] = 0.0
     f["fcs/throttle-cmd-norm"] = f["fcs/throttle-cmd-norm[1]"] = 0.6
     rows = []
-    for k in range(int(24 * 400)):
+    for k in range(24 * 400):
         f["fcs/elevator-cmd-norm"], f["fcs/aileron-cmd-norm"], f["fcs/rudder-cmd-norm"] = map(float, inputs(k / 400))
         f.run()
         if k % 4 == 3:

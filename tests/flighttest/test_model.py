@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from flighttest.model import Model, powers
 from flightmech.errors import ParseError, UnknownName
+from flighttest.model import Model, powers
 
 
 def test_a_text_becomes_a_model_with_one_spelling_of_each_term():

@@ -4,12 +4,12 @@ import xarray as xr
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
+from flightmech.errors import IdentificationError, ParseError, UnknownName
 from flighttest.covariance import coloured
 from flighttest.fit import open_fit, save_fit
 from flighttest.mixed import mixed, total_covariance
 from flighttest.model import Model
 from flighttest.regress import regress
-from flightmech.errors import IdentificationError, ParseError, UnknownName
 
 LIFT = Model.parse("CL = 1 + alpha + qhat + delta_e")
 TRUTH = np.array([0.3, 5.0, 8.0, 0.5])
@@ -54,7 +54,7 @@ def test_two_standard_errors_cover_the_truth_and_the_white_formula_does_not():
         e = regress(LIFT, record(np.random.default_rng(seed))).estimates
         inside.append(np.abs(e["estimate"].values - TRUTH) < 2 * e["stderr"].values)
         white.append(np.abs(e["estimate"].values - TRUTH) < 2 * e["stderr_white"].values)
-    assert 0.83 < np.mean(inside) < 0.99
+    assert np.mean(inside) == pytest.approx(0.91, abs=0.08)
     assert np.mean(white) < 0.5
 
 
@@ -67,7 +67,7 @@ def test_stacked_manoeuvres_cover_too_even_when_each_has_an_offset_of_its_own():
         e = regress(LIFT, parts).estimates
         inside.append(np.abs(e["estimate"].values - TRUTH) < 2 * e["stderr"].values)
         offsets.append(e.attrs["offset"])
-    assert 0.83 < np.mean(inside)
+    assert np.mean(inside) > 0.83
     assert np.median(offsets) == pytest.approx(0.01, rel=0.3)  # of six offsets, minus what the slopes take up
 
 
@@ -135,9 +135,9 @@ def test_idle_products_few_samples_and_missing_variables_are_refused():
     data = record(np.random.default_rng(8)).assign(gear=("time", np.zeros(1500)))
     with pytest.raises(IdentificationError, match=r"gear\*qhat is zero throughout; leave the term out"):
         regress(Model.parse("CL = 1 + alpha + gear*qhat"), data)
-    with pytest.raises(IdentificationError, match="19 samples for 4 terms .* at least 5 per term"):
+    with pytest.raises(IdentificationError, match=r"19 samples for 4 terms .* at least 5 per term"):
         regress(LIFT, data.isel(time=slice(0, 19)))
-    with pytest.raises(UnknownName, match="unknown variable 'beta'.*manoeuvre 0 does not hold it"):
+    with pytest.raises(UnknownName, match=r"unknown variable 'beta'.*manoeuvre 0 does not hold it"):
         regress(Model.parse("CL = 1 + beta"), data)
     with pytest.raises(IdentificationError, match="no manoeuvre for CL"):
         regress(LIFT, [])
