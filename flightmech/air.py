@@ -1,0 +1,178 @@
+"""Standard atmosphere and airspeeds on arrays.
+
+US Standard Atmosphere 1976 below 84.852 km of geopotential height, with the constants of ISO 2533 (R = 287.05287
+J kg-1 K-1).  A temperature offset moves every layer and the pressure follows hydrostatically, as in the kernel.  Air is a
+perfect gas with a ratio of specific heats of 1.4; behind Mach 1 the pitot tube sees a normal shock.
+
+References
+----------
+.. [US76] U.S. Standard Atmosphere, 1976, NOAA-S/T 76-1562, section 1.
+.. [ISO2533] ISO 2533:1975, Standard Atmosphere.
+.. [Gracey] NASA RP-1046, Measurement of Aircraft Speed and Altitude, 1980, appendix A.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .units import G0
+
+R_AIR = 287.05287
+GAMMA = 1.4
+T_SEA, P_SEA = 288.15, 101325.0
+RHO_SEA = P_SEA / (R_AIR * T_SEA)
+A_SEA = float(np.sqrt(GAMMA * R_AIR * T_SEA))
+_EARTH_RADIUS = 6356766.0
+_BASE = np.array([0.0, 11000.0, 20000.0, 32000.0, 47000.0, 51000.0, 71000.0])
+_GRADIENT = np.array([-0.0065, 0.0, 0.001, 0.0028, 0.0, -0.0028, -0.002])
+_LOWEST, _TOP = -5000.0, 84852.0
+
+
+class Air(NamedTuple):
+    """State of the air: temperature [K], p_static [Pa], rho [kg m-3], a_sound [m s-1]."""
+
+    temperature: np.ndarray
+    p_static: np.ndarray
+    rho: np.ndarray
+    a_sound: np.ndarray
+
+
+def atmosphere(h: ArrayLike, delta_T: float = 0.0, qnh: float = P_SEA) -> Air:
+    """Return the air at a height.
+
+    Parameters
+    ----------
+    h : array
+        Geometric height over mean sea level; values beyond -5 ... 84.8 km (geopotential) take those of the end. [m]
+    delta_T : float
+        Temperature offset from the standard, positive warmer. [K]
+    qnh : float
+        Pressure at mean sea level. [Pa]
+
+    Returns
+    -------
+    Air
+        Arrays of the shape of `h`.
+
+    Examples
+    --------
+    >>> round(float(atmosphere(0.0).rho), 4)
+    1.225
+    """
+    T_base, p_base = _layers(delta_T, qnh)
+    h = np.asarray(h, float)
+    H = np.clip(_EARTH_RADIUS * h / (_EARTH_RADIUS + h), _LOWEST, _TOP)
+    layer = np.maximum(np.searchsorted(_BASE, H, side="left") - 1, 0)
+    T = T_base[layer] + _GRADIENT[layer] * (H - _BASE[layer])
+    p = _pressure(p_base[layer], T_base[layer], _GRADIENT[layer], H - _BASE[layer])
+    return Air(T, p, p / (R_AIR * T), np.sqrt(GAMMA * R_AIR * T))
+
+
+def pressure_altitude(p: ArrayLike) -> np.ndarray:
+    """Return the geopotential height at which the standard atmosphere has the pressure `p` [Pa]; the altimeter at 1013.25 hPa. [m]
+
+    Examples
+    --------
+    >>> round(float(pressure_altitude(22632.06)))
+    11000
+    """
+    p = np.asarray(p, float)
+    T_base, p_base = _layers(0.0, P_SEA)
+    layer = np.maximum(np.searchsorted(-p_base, -p, side="left") - 1, 0)
+    T, L, ratio = T_base[layer], _GRADIENT[layer], p / p_base[layer]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        sloped = T / L * (ratio ** (-R_AIR * L / G0) - 1.0)
+    return _BASE[layer] + np.where(L == 0.0, -R_AIR * T / G0 * np.log(ratio), sloped)
+
+
+def impact_pressure(mach: ArrayLike, p: ArrayLike) -> np.ndarray:
+    """Return pitot minus static pressure: isentropic below Mach 1, Rayleigh's formula above. [Pa]
+
+    Parameters
+    ----------
+    mach : array
+        Mach number, not negative.
+    p : array
+        Static pressure. [Pa]
+
+    References
+    ----------
+    .. [Gracey] eq. (A12) and (A13).
+    """
+    M2 = np.square(np.asarray(mach, float))
+    above = np.maximum(M2, 1.0)
+    shock = (1.2 * above) ** 3.5 * (6.0 / (7.0 * above - 1.0)) ** 2.5
+    return np.asarray(p, float) * (np.where(M2 <= 1.0, (1.0 + 0.2 * M2) ** 3.5, shock) - 1.0)
+
+
+def mach_number(q_c: ArrayLike, p: ArrayLike) -> np.ndarray:
+    """Return the Mach number from impact and static pressure [Pa], the inverse of `impact_pressure`."""
+    ratio = 1.0 + np.asarray(q_c, float) / np.asarray(p, float)
+    mach = np.sqrt(5.0 * np.maximum(ratio ** (1.0 / 3.5) - 1.0, 0.0))
+    if np.any(mach > 1.0):
+        # Rayleigh's formula solved for the leading Mach number: a contraction by 0.42 at M = 1, less above
+        above = np.maximum(mach, 1.0)
+        for _ in range(40):
+            above = np.sqrt(ratio * (7.0 - 1.0 / above**2) ** 2.5 / (6.0**2.5 * 1.2**3.5))
+            above = np.maximum(above, 1.0)
+        mach = np.where(mach > 1.0, above, mach)
+    return mach
+
+
+def calibrated_airspeed(q_c: ArrayLike) -> np.ndarray:
+    """Return the calibrated airspeed of an impact pressure [Pa]. [m s-1]"""
+    return A_SEA * mach_number(q_c, P_SEA)
+
+
+def impact_pressure_at(V_cas: ArrayLike) -> np.ndarray:
+    """Return the impact pressure at a calibrated airspeed [m s-1], the inverse of `calibrated_airspeed`. [Pa]"""
+    return impact_pressure(np.asarray(V_cas, float) / A_SEA, P_SEA)
+
+
+def true_airspeed(V_cas: ArrayLike, p: ArrayLike, temperature: ArrayLike) -> np.ndarray:
+    """Return the true airspeed.
+
+    Parameters
+    ----------
+    V_cas : array
+        Calibrated airspeed. [m s-1]
+    p, temperature : array
+        Static pressure [Pa] and temperature [K].
+
+    Returns
+    -------
+    array
+        True airspeed. [m s-1]
+
+    Examples
+    --------
+    >>> round(float(true_airspeed(100.0, 101325.0, 288.15)), 6)
+    100.0
+    """
+    return mach_number(impact_pressure_at(V_cas), p) * np.sqrt(GAMMA * R_AIR * np.asarray(temperature, float))
+
+
+def equivalent_airspeed(V: ArrayLike, rho: ArrayLike) -> np.ndarray:
+    """Return the equivalent airspeed V sqrt(rho / rho_0). [m s-1]"""
+    return np.asarray(V, float) * np.sqrt(np.asarray(rho, float) / RHO_SEA)
+
+
+def _layers(delta_T: float, qnh: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return temperature and pressure at the base of each layer."""
+    T, p = np.empty(len(_BASE)), np.empty(len(_BASE))
+    T[0], p[0] = T_SEA + delta_T, qnh
+    for i in range(1, len(_BASE)):
+        dH = _BASE[i] - _BASE[i - 1]
+        T[i] = T[i - 1] + _GRADIENT[i - 1] * dH
+        p[i] = _pressure(p[i - 1], T[i - 1], _GRADIENT[i - 1], dH)
+    return T, p
+
+
+def _pressure(p_base, T_base, gradient, dH):
+    """Hydrostatic pressure over a layer base: [US76] eq. (33a) and (33b)."""
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        sloped = ((T_base + gradient * dH) / T_base) ** (-G0 / (R_AIR * gradient))
+    return p_base * np.where(gradient == 0.0, np.exp(-G0 * dH / (R_AIR * T_base)), sloped)
