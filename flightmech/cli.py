@@ -20,15 +20,12 @@ def fmu() -> None:
 @json_option
 def write(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:
     """Compile AIRCRAFT (TOML) with DATABASE (netCDF) and write the model as an FMU."""
-    import xarray as xr
-
     from .aircraft import read_aircraft
     from .compile import compile as compile_model
     from .console import document, remark
     from .fmu import write_fmu
 
-    with xr.open_datatree(database, engine="h5netcdf") as tree:
-        sim = compile_model(read_aircraft(aircraft), tree.load())
+    sim = compile_model(read_aircraft(aircraft), _open(database))
     path = write_fmu(sim, output, version)
     counts = {"inputs": len(sim.inputs), "outputs": len(sim.outputs), "parameters": len(sim.parameters), "terms": len(sim.terms)}
     if as_json:
@@ -54,3 +51,16 @@ def show(path: str, as_json: bool) -> None:
     table(columns, rows, title=f"{found['model']}  FMI {found['fmi']}  {' '.join(found['platforms'])}", right=("start",))
     for finding in found["findings"]:
         remark(f"finding: {finding}")
+
+
+def _open(database: str):
+    """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this package."""
+    import xarray as xr
+
+    from .errors import ParseError
+
+    try:
+        with xr.open_datatree(database, engine="h5netcdf") as tree:
+            return tree.load()
+    except (OSError, ValueError) as error:
+        raise ParseError(database, 0, f"no readable aero database ({error})", "netCDF-4 as 'aeromatch db build' writes it") from error

@@ -1,0 +1,141 @@
+"""A small synthetic model, its FMUs, and an instance driven call by call."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+import xarray as xr
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi3 import FMU3Slave
+
+import flightmech
+from flightmech.aircraft import Engine
+from flightmech.terms import make
+
+VERSIONS = ("2.0", "3.0")
+START = {"init.V": 90.0, "init.h": 3000.0, "init.gamma": 0.0, "mode.trim": 1}
+
+
+@pytest.fixture(scope="session")
+def trainer() -> flightmech.SimModel:
+    """A light trainer: every coefficient, tables of no to two axes, one engine with a lag."""
+    alpha, mach = np.array([-0.2, 0.0, 0.15, 0.3]), np.array([0.1, 0.6])
+    leaves = {
+        "/CL/basic": make([[-0.8, -0.9], [0.2, 0.25], [0.95, 1.1], [1.4, 1.5]], {"alpha": alpha, "mach": mach}, source="datcom"),
+        "/CL/delta_e": make(0.4, regressors=["delta_e"]),
+        "/CL/alphadothat": make(2.0, regressors=["alphadothat"]),
+        "/CD/basic": make([0.06, 0.025, 0.07, 0.2], {"alpha": alpha}, comment="parabola through 4 points"),
+        "/CY/beta": make(-0.6, regressors=["beta"]),
+        "/Cl/beta": make([-0.05, -0.06, -0.08, -0.1], {"alpha": alpha}, ["beta"]),
+        "/Cl/phat": make(-0.45, regressors=["phat"]),
+        "/Cl/aileron": make(-0.12, regressors=["delta_a"]),
+        "/Cm/basic": make([0.2, 0.02, -0.12, -0.35], {"alpha": alpha}),
+        "/Cm/qhat": make(-14.0, regressors=["qhat"]),
+        "/Cm/delta_e": make(-1.1, regressors=["delta_e"]),
+        "/Cn/beta": make(0.09, regressors=["beta"]),
+        "/Cn/rhat": make(-0.14, regressors=["rhat"]),
+        "/Cn/rudder": make(-0.07, regressors=["delta_r"]),
+    }
+    thrust = make([[200.0, 100.0], [9000.0, 7000.0]], {"throttle": [0.0, 1.0], "mach": mach})
+    aircraft = flightmech.Aircraft(
+        "Trainer & co",
+        17.0,
+        1.67,
+        10.3,
+        2500.0,
+        10000.0,
+        8100.0,
+        15000.0,
+        Ixz=500.0,
+        cg=(0.02, 0.0, 0.1),
+        engines=(Engine((0.0, 0.0, 0.1), thrust=thrust, time_constant=0.8),),
+    )
+    return flightmech.compile(aircraft, xr.DataTree.from_dict(leaves))
+
+
+@pytest.fixture(scope="session")
+def fmus(trainer, tmp_path_factory) -> dict[str, Path]:
+    """Both FMUs, unpacked."""
+    folder = tmp_path_factory.mktemp("fmu")
+    return {v: Path(fmpy.extract(str(flightmech.write_fmu(trainer, folder / f"v{v[0]}.fmu", v)), str(folder / v))) for v in VERSIONS}
+
+
+class Slave:
+    """An instance driven call by call; texts of the FMU's logger are kept."""
+
+    def __init__(self, folder: Path, guid: str | None = None):
+        self.model = fmpy.read_model_description(str(folder))
+        self.references = {v.name: v.valueReference for v in self.model.modelVariables}
+        self.version = self.model.fmiVersion
+        self.messages: list[str] = []
+        kind = FMU2Slave if self.version == "2.0" else FMU3Slave
+        self.fmu = kind(
+            guid=guid or self.model.guid,
+            unzipDirectory=str(folder),
+            modelIdentifier=self.model.coSimulation.modelIdentifier,
+            instanceName="one",
+        )
+
+    def open(self) -> Slave:
+        """Instantiate, with the FMU's logger."""
+        if self.version == "2.0":
+            self.logger = fmi2CallbackLoggerTYPE(lambda *message: self.messages.append(message[4].decode()))
+            self.callbacks = fmi2CallbackFunctions(logger=self.logger)
+            self.fmu.instantiate(callbacks=self.callbacks)
+        else:
+            self.fmu.instantiate(logMessage=lambda *message: self.messages.append(message[3].decode()))
+        return self
+
+    def set(self, values: dict[str, float]) -> None:
+        """Set reals."""
+        setter = self.fmu.setReal if self.version == "2.0" else self.fmu.setFloat64
+        setter([self.references[name] for name in values], list(values.values()))
+
+    def get(self, *names: str) -> list[float]:
+        """Get reals."""
+        getter = self.fmu.getReal if self.version == "2.0" else self.fmu.getFloat64
+        return getter([self.references[name] for name in names])
+
+    def start(self, values: dict[str, float] | None = None) -> Slave:
+        """Initialise at the condition of all tests, with `values` set before the end of initialization mode."""
+        self.enter()
+        self.set({**START, **(values or {})})
+        self.fmu.exitInitializationMode()
+        return self
+
+    def enter(self) -> None:
+        """Enter initialization mode at time zero."""
+        if self.version == "2.0":
+            self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+
+    def step(self, t: float, dt: float) -> None:
+        """Make a communication step."""
+        self.fmu.doStep(t, dt)
+
+
+@pytest.fixture(scope="session")
+def condition() -> dict[str, float]:
+    """Where `Slave.start` starts: trimmed level flight."""
+    return START
+
+
+@pytest.fixture(scope="session")
+def instance(fmus):
+    """Make an instance of the FMU of one version."""
+    return lambda version: Slave(fmus[version]).open()
+
+
+@pytest.fixture(scope="session")
+def stranger():
+    """Load another unpacked FMU, or one under a wrong token; `open` instantiates it."""
+    return Slave
+
+
+@pytest.fixture(params=VERSIONS)
+def slave(fmus, request) -> Slave:
+    """An instance of either version."""
+    return Slave(fmus[request.param]).open()
