@@ -123,12 +123,11 @@ def from_datcom(
         )
     h_ref = _reference_altitude(given["clean"], altitude)
     effects = _referred(_effects(given, h_ref, aircraft.b, z_ref), given, aircraft)
-    machs = effects["basic"].tables["CL"]["mach"].values
-    low = 0.0 if machs[0] <= _INCOMPRESSIBLE else float(machs[0])
+    cover = _range_of(effects["basic"].tables["CL"])
     history = f"from_datcom: {'; '.join(f'{role} from {place.file}' for role, place in given.items())}"
     found: dict[str, xr.Dataset] = {}
     for effect in effects.values():
-        found |= leaves(effect, prior, (low, float(machs[-1])))
+        found |= leaves(effect, prior, cover)
     refused = [f"{c}/ground_elevator" for c in ("CL", "CD", "Cm") if "ground_elevator" in given and f"{c}/ground_elevator" not in found]
     return database(
         {name: found[name] for name in sorted(found, key=_place_in_scheme)},
@@ -214,6 +213,16 @@ def _reference_altitude(clean: Source, altitude: float | None) -> float:
         printed = ", ".join(f"{h:.1f}" for h in heights)
         raise SchemaError("clean", [f"altitude {altitude:.1f} m is not printed; choose one of {printed} m"])
     return nearest
+
+
+def _range_of(table: xr.DataArray) -> dict[str, tuple[float, float]]:
+    """Return the Mach numbers and angles of attack that every table must cover: those of CL, and the incompressible ones."""
+    machs = table["mach"].values
+    alphas = table["alpha"].values[table.notnull().any("mach").values]
+    return {
+        "mach": (0.0 if machs[0] <= _INCOMPRESSIBLE else float(machs[0]), float(machs[-1])),
+        "alpha": (float(alphas[0]), float(alphas[-1])),
+    }
 
 
 def _place_in_scheme(name: str) -> tuple[int, str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import click
 
 from flightmech.console import document, json_option, remark, table
@@ -30,9 +32,8 @@ def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **lis
     """Build a database from the listings of AIRCRAFT (a TOML file); an option given twice takes several files."""
     import warnings
 
-    from flightmech.aircraft import read_aircraft
-
     import datcom_io
+    from flightmech.aircraft import read_aircraft
     from flightmech.errors import AeromatchWarning
     from flightmech.units import quantity
 
@@ -41,7 +42,7 @@ def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **lis
     from .summary import describe, summary
 
     craft = read_aircraft(aircraft)
-    given = {role: [datcom_io.read(path) for path in paths] for role, paths in listings.items() if paths}
+    given: dict[str, Any] = {role: [datcom_io.read(path) for path in paths] for role, paths in listings.items() if paths}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
         tree = from_datcom(craft, altitude=None if altitude is None else quantity(altitude, "m"), **given)

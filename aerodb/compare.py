@@ -80,7 +80,7 @@ def _union(*leaves: xr.Dataset | None) -> dict[str, np.ndarray]:
     points: dict[str, np.ndarray] = {}
     for leaf in leaves:
         for name in ("value", "K1", "K2") if leaf is not None else ():
-            for axis in map(str, leaf[name].dims) if name in leaf else ():  # type: ignore[union-attr, index, operator]
+            for axis in map(str, leaf[name].dims) if name in leaf else ():  # type: ignore[index, operator]
                 points[axis] = np.union1d(points.get(axis, []), leaf[axis].values)  # type: ignore[index]
     return points
 

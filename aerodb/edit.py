@@ -59,7 +59,11 @@ def _absent(db: xr.DataTree) -> list[str]:
 
 
 def _rebuilt(db: xr.DataTree, leaves: Mapping[str, xr.Dataset], absent: Iterable[str], line: str) -> xr.DataTree:
-    attributes = {**db.attrs, "absent": " ".join(dict.fromkeys(absent)), "history": _append(db.attrs.get("history", ""), line)}
+    attributes = {
+        **{str(key): item for key, item in db.attrs.items()},
+        "absent": " ".join(dict.fromkeys(absent)),
+        "history": _append(db.attrs.get("history", ""), line),
+    }
     return database(leaves, **attributes)
 
 

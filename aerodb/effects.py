@@ -136,7 +136,7 @@ def transferred(effect: Effect, d: Sequence[float], cbar: float, b: float, alpha
     tables = dict(effect.tables)
     if "CL" in tables or "CD" in tables:
         CL, CD = tables.get("CL", 0.0), tables.get("CD", 0.0)
-        sin, cos = np.sin(alpha), np.cos(alpha)
+        sin, cos = _sin_cos(alpha)
         CX, CZ = CL * sin - CD * cos, -CL * cos - CD * sin
         tables["Cm"] = tables.get("Cm", 0.0) + (dz * CX - dx * CZ) / cbar
     if "CY" in tables:
@@ -150,19 +150,26 @@ def rate_shift(basic: Effect, beta: Effect, d: Sequence[float], cbar: float, b: 
 
     Notes
     -----
-    Rotating about the new point, the old one sees alpha_old = alpha - q (dx cos(alpha) + dz sin(alpha)) / V and
-    beta_old = beta + (r dx - p dz) / V; the coefficients follow with their slopes.  The change of airspeed between the two
-    points is left out: it is smaller by C / C_alpha.  `basic` and `beta` are those about the new point.
+    Rotating about the new point, the old one sees other flow angles and another airspeed,
+
+        alpha_old - alpha = -q (dx cos(alpha) + dz sin(alpha)) / V,    beta_old - beta = (r dx - p dz) / V,
+        V_old / V - 1 = q (dz cos(alpha) - dx sin(alpha)) / V,
+
+    and stability axes that are turned by the difference of alpha.  Exact to first order in the rates.  `basic` and `beta` are
+    those about the new point.
     """
     dx, _, dz = d
-    added: dict[str, dict[str, xr.DataArray]] = {"qhat": {}, "phat": {}, "rhat": {}}
-    for coefficient, table in basic.tables.items():
-        sin, cos = _sin_cos(table)
-        added["qhat"][coefficient] = table.differentiate("alpha") * (-2.0 / cbar) * (dx * cos + dz * sin)
-    for coefficient, table in beta.tables.items():
-        added["phat"][coefficient] = table * (-2.0 * dz / b)
-        added["rhat"][coefficient] = table * (2.0 * dx / b)
-    return added
+    sin, cos = _sin_cos(next(iter(basic.tables.values())))
+    turned = 2.0 / cbar * -(dx * cos + dz * sin)  # alpha_old - alpha, and V_old / V - 1, per qhat
+    faster = 2.0 / cbar * (dz * cos - dx * sin)
+    zero = xr.DataArray(0.0)
+    tilt = {"CL": basic.tables.get("CD", zero), "CD": -basic.tables.get("CL", zero)}
+    qhat = {c: (table.differentiate("alpha") + tilt.get(c, zero)) * turned + 2.0 * table * faster for c, table in basic.tables.items()}
+    return {
+        "qhat": qhat,
+        "phat": {c: table * (-2.0 * dz / b) for c, table in beta.tables.items()},
+        "rhat": {c: table * (2.0 * dx / b) for c, table in beta.tables.items()},
+    }
 
 
 def with_added(effect: Effect, more: Mapping[str, xr.DataArray]) -> Effect:
@@ -174,4 +181,6 @@ def with_added(effect: Effect, more: Mapping[str, xr.DataArray]) -> Effect:
 
 
 def _sin_cos(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:
-    return np.sin(table["alpha"]), np.cos(table["alpha"])
+    """Return sine and cosine of the alpha axis of a table."""
+    alpha = table["alpha"].values
+    return xr.DataArray(np.sin(alpha), {"alpha": alpha}, "alpha"), xr.DataArray(np.cos(alpha), {"alpha": alpha}, "alpha")

@@ -16,7 +16,7 @@ AXIS_ORDER = ("h", "h_agl", "delta_f", "mach", "alpha", "delta_e", "delta_a")
 _HELD = 2.0  # standard error of a node held beyond the printed alphas, against the rule for printed ones
 
 
-def leaves(effect: Effect, prior: Mapping[str, tuple[float, float]], machs: tuple[float, float]) -> dict[str, xr.Dataset]:
+def leaves(effect: Effect, prior: Mapping[str, tuple[float, float]], cover: Mapping[str, tuple[float, float]]) -> dict[str, xr.Dataset]:
     """Return the terms of an effect by name.
 
     Parameters
@@ -25,47 +25,46 @@ def leaves(effect: Effect, prior: Mapping[str, tuple[float, float]], machs: tupl
         Its tables may hold NaN where the listing prints no number.
     prior : mapping of str to (float, float)
         Relative and absolute standard error by term name.
-    machs : (float, float)
-        Range every Mach axis must cover.
+    cover : mapping of str to (float, float)
+        Range that an axis must cover, where a table has it: ``mach`` and ``alpha``.
 
     Notes
     -----
     A Mach number that prints less than half as many alphas as the best one is cut off (a transonic page prints one row), and so are
     alphas that no Mach number prints.  A cell that is then missing takes the value of the nearest printed alpha of its Mach number,
-    interpolated between two, and a Mach number beyond the printed ones the value of the nearest: what the simulation does beyond a
-    table, but here for one Mach number without loss to the others.  Such nodes are marked as judgement, those held in alpha with
-    twice the standard error.
+    interpolated between two; so do the ends of the range to cover.  This is what the simulation does beyond a table, but for each
+    Mach number by itself, and it keeps a flight in the range of the basic tables inside all tables.  Such nodes are marked as
+    judgement; those held in alpha have twice the standard error.
     """
     found = {}
     for coefficient, table in effect.tables.items():
         whole, printed, notes = completed(table.transpose(*(axis for axis in AXIS_ORDER if axis in table.dims)))
         if not whole.size:
             continue
-        value, held = _covered(whole, machs), _covered(printed, machs)
+        value, ends = covered(whole, cover)
+        held = ~covered(printed, cover)[0]
+        for axis, points in ends.items():
+            held = held | (value[axis].isin(points) if axis == "alpha" else False)
+        judged = held | value["mach"].isin(ends["mach"]) if "mach" in ends else held
         name = f"{coefficient}/{effect.name}"
         leaf = _terms.make(
             value.values,
             {str(axis): value[axis].values for axis in value.dims},
             effect.regressor.split(),
-            stderr=_stderr(value, *prior[name], effect.zeros) * np.where(held, 1.0, _HELD),
+            stderr=_stderr(value, *prior[name], effect.zeros) * np.where(held.transpose(*value.dims), _HELD, 1.0),
             source="datcom",
             references=effect.references,
-            comment=joined(effect.comment, *notes, _said_of_mach(value, whole)),
+            comment=joined(effect.comment, *notes, *(_said(axis, points) for axis, points in ends.items())),
             history=f"from_datcom: {name}",
         )
-        judged = ~held
-        if "mach" in value.dims:
-            judged = judged | ~value["mach"].isin(whole["mach"].values)
-        leaf["source"] = leaf["source"].copy(
-            data=np.where(judged.transpose(*value.dims), _terms.SOURCES.index("judgement"), leaf["source"]).astype(np.uint8)
-        )
-        found[name] = leaf
+        code = np.where(judged.transpose(*value.dims), _terms.SOURCES.index("judgement"), leaf["source"]).astype(np.uint8)
+        found[name] = leaf.assign(source=leaf["source"].copy(data=code))
     return found
 
 
 def completed(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray, list[str]]:
     """Return a table without NaN, which of its cells are printed, and what was done; an empty one when nothing is printed."""
-    good = np.isfinite(table)
+    good = table.notnull()
     if bool(good.all()):
         return table, good, []
     if not bool(good.any()):
@@ -95,28 +94,34 @@ def _nearest(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.interp(x, x[good], y[good]) if good.any() else y
 
 
+def covered(table: xr.DataArray, cover: Mapping[str, tuple[float, float]]) -> tuple[xr.DataArray, dict[str, np.ndarray]]:
+    """Return a table whose axes cover ranges, the last values held, and the breakpoints that were put in."""
+    ends = {}
+    for axis, (low, high) in cover.items():
+        if axis not in table.dims:
+            continue
+        points = table[axis].values
+        ends[axis] = np.array([end for end in (low, high) if end < points[0] or end > points[-1]])
+        table = table.reindex({axis: np.union1d(points, ends[axis])}, method="nearest")
+    return table, ends
+
+
 def _dropped(keep: xr.DataArray, axis: str) -> list[str]:
     gone = keep[axis].values[~keep.values]
+    return [f"{axis} {_words(axis, gone)} not printed"] if gone.size else []
+
+
+def _said(axis: str, points: np.ndarray) -> str:
+    return f"{axis} {_words(axis, points)}: value of the nearest one held" if points.size else ""
+
+
+def _words(axis: str, points: np.ndarray) -> str:
     scale, unit = (DEGREE, " deg") if axis == "alpha" else (1.0, "")
-    return [f"{axis} {' '.join(f'{point / scale:.4g}' for point in gone)}{unit} cut off: not printed"] if gone.size else []
-
-
-def _covered(table: xr.DataArray, machs: tuple[float, float]) -> xr.DataArray:
-    """Return a table whose Mach axis covers a range, the last values held."""
-    if "mach" not in table.dims:
-        return table
-    points = table["mach"].values
-    wanted = [mach for mach in machs if mach < points[0] or mach > points[-1]]
-    return table.reindex(mach=np.union1d(points, wanted), method="nearest") if wanted else table
-
-
-def _said_of_mach(value: xr.DataArray, whole: xr.DataArray) -> str:
-    new = np.setdiff1d(value["mach"].values, whole["mach"].values) if "mach" in value.dims else np.array([])
-    return f"Mach {' and '.join(f'{mach:g}' for mach in new)}: value of the nearest computed Mach number held" if new.size else ""
+    return " ".join(f"{point / scale:.4g}" for point in points) + unit
 
 
 def _stderr(table: xr.DataArray, relative: float, absolute: float, zeros: Mapping[str, Sequence[float]]) -> np.ndarray:
-    stderr = np.hypot(relative * table, absolute)
+    stderr = ((relative * table) ** 2 + absolute**2) ** 0.5
     for axis, points in zeros.items():
         if axis in table.dims:
             stderr = stderr.where(~table[axis].isin(list(points)), 0.0)

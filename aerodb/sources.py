@@ -57,7 +57,7 @@ class Source:
         """Return a leaf over ``mach`` and ``h`` instead of ``condition``, of the configuration with the most components, without power."""
         if not self.has(leaf):
             raise SchemaError(self.role, [f"the listing {self.file} holds no {leaf} table; give the case that prints it"])
-        dataset = self.tree[leaf].to_dataset(inherit=False)
+        dataset = self.tree.children[leaf].to_dataset(inherit=False)
         if "configuration" in dataset.dims:
             parts = [len(str(name).split("-")) for name in dataset["configuration"].values]
             dataset = dataset.isel(configuration=int(np.argmax(parts)))
@@ -96,7 +96,7 @@ def source(role: str, given: Any) -> Source:
 
 def known(tables: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
     """Return the tables that hold any number."""
-    return {name: table for name, table in tables.items() if bool(np.isfinite(table).any())}
+    return {name: table for name, table in tables.items() if bool(table.notnull().any())}
 
 
 def _trees(given: Any) -> Iterable[xr.DataTree]:
@@ -108,7 +108,9 @@ def _trees(given: Any) -> Iterable[xr.DataTree]:
         for item in given:
             yield from _trees(item)
     else:
-        raise SchemaError("source", [f"found a {type(given).__name__}; give a Listing, a Case, a case tree or a list of them"])
+        raise SchemaError(
+            "source", [f"found an object of type {type(given).__name__}; give a Listing, a Case, a case tree or a list of them"]
+        )
 
 
 def warn(text: str) -> None:

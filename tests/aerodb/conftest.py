@@ -91,15 +91,21 @@ def make_case():
 
 
 @pytest.fixture(scope="session")
-def t37():
-    """Return every listing of the T-37 by name; skip without them."""
+def t37_folder():
+    """Return the folder of the T-37 listings; skip without it."""
     if not T37.is_dir():
         pytest.skip("the T-37 listings (../shared/data/datcom/t37) are not here")
+    return T37
+
+
+@pytest.fixture(scope="session")
+def t37(t37_folder):
+    """Return every listing of the T-37 by name."""
     import datcom_io
 
-    names = ("clean", "flaps", "elevator", "aileron", "ground", "ground_flap", "ground_elevator")
-    found = {name: datcom_io.read(T37 / f"t37_{name}.out") for name in names}
-    found["elevator_one_by_one"] = datcom_io.read(T37 / "t37_elevator_one_by_one.pdas.out")
+    names = ("clean", "build", "flaps", "elevator", "aileron", "ground", "ground_flap", "ground_elevator")
+    found = {name: datcom_io.read(t37_folder / f"t37_{name}.out") for name in names}
+    found["elevator_one_by_one"] = datcom_io.read(t37_folder / "t37_elevator_one_by_one.pdas.out")
     return found
 
 

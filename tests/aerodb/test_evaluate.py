@@ -27,7 +27,7 @@ def test_beyond_a_table_the_term_is_named(small):
 
 
 def test_missing_conditions_and_unknown_coefficients_are_named(small):
-    with pytest.raises(UnknownName, match="unknown condition 'qhat'.*the term CL/qhat needs it"):
+    with pytest.raises(UnknownName, match=r"unknown condition 'qhat'.*the term CL/qhat needs it"):
         aerodb.evaluate(small, "CL", mach=0.3, alpha=0.0, delta_f=0.0)
     with pytest.raises(UnknownName, match="unknown coefficient 'CX'"):
         aerodb.evaluate(small, "CX")

@@ -47,7 +47,9 @@ def test_terms_keep_their_own_breakpoints(small):
 
 
 def test_package_names_are_functions_whatever_was_imported_before():
-    code = "import aerodb.compare, aerodb.evaluate, aerodb.summary, aerodb; print(all(callable(getattr(aerodb, n)) for n in aerodb.__all__))"
+    code = (
+        "import aerodb.compare, aerodb.evaluate, aerodb.summary, aerodb; print(all(callable(getattr(aerodb, n)) for n in aerodb.__all__))"
+    )
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "True"
 
 

@@ -1,0 +1,115 @@
+import os
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import aerodb
+from flightmech import terms
+from flightmech.errors import ParseError, SchemaError
+
+AXES = ("mach", "alpha", "delta_e", "delta_f", "h_agl")
+REGRESSORS = ("qhat", "beta", "alpha", "gear")
+NUMBERS = st.floats(-1e6, 1e6, allow_subnormal=False)
+TEXT = st.text(st.characters(codec="utf-8", exclude_characters="\0", exclude_categories=["Cs"]), max_size=30)
+
+
+@st.composite
+def leaves(draw):
+    axes = draw(st.lists(st.sampled_from(AXES), max_size=3, unique=True))
+    points = {axis: np.array(sorted(draw(st.lists(NUMBERS, min_size=1, max_size=4, unique=True)))) for axis in axes}
+    shape = tuple(len(p) for p in points.values())
+    count = int(np.prod(shape))
+    values = np.array(draw(st.lists(NUMBERS, min_size=count, max_size=count))).reshape(shape)
+    stderr = draw(st.none() | st.floats(0.0, 10.0))
+    regressors = draw(st.lists(st.sampled_from(REGRESSORS), max_size=2))
+    source = draw(st.none() | st.sampled_from(terms.SOURCES))
+    outside = draw(st.sampled_from(["hold", "linear"]))
+    return terms.make(values, points, regressors, stderr=stderr, source=source, outside=outside, comment=draw(TEXT))
+
+
+@st.composite
+def databases(draw):
+    names = draw(st.lists(st.sampled_from(["CL/basic", "CL/gear", "CD/basic", "Cl/beta", "Cm/qhat"]), min_size=1, unique=True))
+    attributes = {"title": draw(TEXT), "aircraft": "any", "S": draw(st.floats(1e-3, 1e3)), "cbar": 1.5, "b": 10.0}
+    place = {"x_ref": draw(NUMBERS), "y_ref": 0.0, "z_ref": 0.0, "force_axes": "stability", "comment": draw(TEXT)}
+    return aerodb.database({name: draw(leaves()) for name in names}, **attributes, **place)
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(db=databases())
+def test_saving_and_opening_gives_the_same_tree(tmp_path, db):
+    path = tmp_path / "any.nc"
+    aerodb.save(db, path)
+    back = aerodb.open(path)
+    xr.testing.assert_identical(back, db)
+    for name, leaf in aerodb.terms(db).items():
+        assert terms.regressors(aerodb.terms(back)[name]) == terms.regressors(leaf)
+
+
+def test_plain_h5py_reads_the_file(small, tmp_path):
+    aerodb.save(small, tmp_path / "small.nc")
+    with h5py.File(tmp_path / "small.nc") as file:
+        assert file.attrs["force_axes"] == "stability"
+        assert file.attrs["S"] == 16.9
+        leaf = file["CL/basic"]
+        np.testing.assert_array_equal(leaf["value"][:, 1], [0.2, 0.2])
+        np.testing.assert_array_equal(leaf["alpha"][:], np.radians([-8.0, 0.0, 8.0, 16.0]))
+        assert leaf["alpha"].attrs["units"] == "rad"
+        assert file["CL/qhat"].attrs["regressors"] == "qhat"
+        assert leaf["source"].attrs["flag_meanings"] == "datcom flight judgement"
+
+
+def test_a_faulty_database_leaves_the_old_file_and_no_other(small, tmp_path):
+    path = tmp_path / "small.nc"
+    aerodb.save(small, path)
+    before = path.read_bytes()
+    faulty = small.copy(deep=True)
+    faulty["CL/flap"]["value"][0] = np.nan
+    with pytest.raises(SchemaError, match="CL/flap: value holds 1 NaN"):
+        aerodb.save(faulty, path)
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["small.nc"]
+
+
+def test_a_write_that_breaks_off_leaves_the_old_file(small, tmp_path, monkeypatch):
+    path = tmp_path / "small.nc"
+    aerodb.save(small, path)
+    before = path.read_bytes()
+
+    def broken(self, name, **_):
+        with open(name, "wb") as file:
+            file.write(b"half")
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr(xr.DataTree, "to_netcdf", broken)
+    with pytest.raises(OSError, match="no space left"):
+        aerodb.save(small, path)
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["small.nc"]
+
+
+def test_files_that_are_no_database(small, tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"nowhere.nc: no such file; `aeromatch db build` writes a database"):
+        aerodb.open(tmp_path / "nowhere.nc")
+    text = tmp_path / "text.nc"
+    text.write_text("not a database")
+    with pytest.raises(ParseError, match="no netCDF-4 \\(HDF5\\) signature"):
+        aerodb.open(text)
+    other = tmp_path / "other.nc"
+    xr.Dataset({"x": ("time", [1.0])}, {"time": [0.0]}).to_netcdf(other, engine="h5netcdf")
+    with pytest.raises(SchemaError, match="root holds the variables x"):
+        aerodb.open(other)
+
+
+@pytest.mark.parametrize("keep", [0.3, 0.7, 0.95])
+def test_a_truncated_file_is_a_clear_error(small, tmp_path, keep):
+    path = tmp_path / "small.nc"
+    aerodb.save(small, path)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(keep * len(content))])
+    with pytest.raises(ParseError, match="a damaged file"):
+        aerodb.open(path)
