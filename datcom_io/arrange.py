@@ -144,18 +144,12 @@ def _ground_height(page: Page, heights: Sequence[float]) -> float:
 
 def _conditions(case: Case, spots: dict[int, Spot], count: int) -> list[Condition]:
     """Return the conditions in SI, exact Mach number and altitude taken from the deck where they print as the listing shows."""
-    printed: list[Page | None] = [None] * count
-    for page in case.pages:
-        spot = spots.get(page.first)
-        if spot and (printed[spot.condition] is None or (page.kind == "static" and printed[spot.condition].kind != "static")):  # type: ignore[union-attr]
-            printed[spot.condition] = page
-    found = []
+    pages: dict[int, Page] = {}  # the first static page of each condition, or its first page
+    for page in sorted((page for page in case.pages if page.first in spots), key=lambda page: page.kind != "static"):
+        pages.setdefault(spots[page.first].condition, page)
     schedule = case.deck.conditions()
-    for i, page in enumerate(printed):
-        assert page is not None
-        exact = schedule[i] if len(schedule) == count else (math.nan, math.nan)
-        found.append(_condition(page, exact))
-    return found
+    exact = schedule if len(schedule) == count else [(math.nan, math.nan)] * count
+    return [_condition(pages[i], exact[i]) for i in range(count)]
 
 
 def _condition(page: Page, exact: tuple[float, float]) -> Condition:
@@ -177,7 +171,8 @@ def _condition(page: Page, exact: tuple[float, float]) -> Condition:
 def reference(case: Case) -> dict[str, float]:
     """Return reference area, lengths and moment centre, in SI, from the pages.
 
-    The page is right where the deck is silent (the program computes what OPTINS does not give); the deck's digits are used where they print so.
+    The page is right where the deck is silent: the program computes what OPTINS does not give.  The deck's digits are used where
+    they print as the page shows.
     """
     deck = case.deck
     given = {
@@ -187,13 +182,16 @@ def reference(case: Case) -> dict[str, float]:
         "x_cg": deck.value("SYNTHS", "XCG"),
         "z_cg": deck.value("SYNTHS", "ZCG"),
     }
-    page = next((page for page in case.pages if page.kind == "static" and page.conditions is not None), None)
-    found = {}
-    for column in page.conditions.layout.columns if page and page.conditions else ():
-        if column.house in given and page is not None:
-            exact, value = given[column.house], page.condition(column.house)
+    found: dict[str, float] = {}
+    page, table = next(
+        ((page, page.conditions) for page in case.pages if page.kind == "static" and page.conditions is not None), (None, None)
+    )
+    if page is None or table is None:
+        return found
+    for k, column in enumerate(table.columns):
+        if column.house in given:
+            exact, value = given[column.house], float(table.values[0, k])
             if exact is not None:
-                overflown = page.conditions.flags[0, page.conditions.columns.index(column)] == OVERFLOW
-                value = exact if overflown else nearest(value, [exact], _HALF_UNIT["reference"])
+                value = exact if table.flags[0, k] == OVERFLOW else nearest(value, [exact], _HALF_UNIT["reference"])
             found[column.house] = value * si_factor(column.units, page.dim)
     return found

@@ -249,9 +249,7 @@ class _Maker:
             self._demand(table.columns[column].name, table.values[:, column], values, table.lines)
         return Axis(name, values, "deg")
 
-    def _demand(
-        self, name: str, printed: Sequence[float], exact: Sequence[float], lines: Sequence[int], half_unit: float = _HALF_UNIT
-    ) -> None:
+    def _demand(self, name: str, printed: np.ndarray, exact: Sequence[float], lines: Sequence[int], half_unit: float = _HALF_UNIT) -> None:
         """Raise when printed axis values are not the deck's, to the half unit of the print."""
         if len(printed) > len(exact):
             raise ParseError(self.case.file, lines[-1], f"{len(printed)} values of {name}", f"{len(exact)} as in the input cards")

@@ -19,7 +19,7 @@ _ASSIGNMENT = re.compile(r"([A-Z][A-Z0-9]{0,7}) ?(?:\( ?(\d{1,4}) ?\))? ?=")
 _REPEAT = re.compile(r"(\d{1,4}) ?\* ?(.+)")
 _LOGICAL = re.compile(r"\.([TF])[A-Z]*\.?|([TF])")
 _CONTROL_WORDS = frozenset(
-    ["DIM", "DERIV", "CASEID", "DAMP", "PART", "BUILD", "TRIM", "PLOT", "NAMELIST", "DUMP", "PRINT", "NACA", "SAVE", "NEXT"]
+    ("DIM", "DERIV", "CASEID", "DAMP", "PART", "BUILD", "TRIM", "PLOT", "NAMELIST", "DUMP", "PRINT", "NACA", "SAVE", "NEXT")
 )
 _LARGEST_ARRAY = 300  # no array of the program is longer than 60
 # a new device of a saved case replaces the other one
@@ -43,7 +43,7 @@ class Deck:
     Attributes
     ----------
     namelists : dict
-        Namelist name to variable name to list of values (float, bool, or None where an index was not set). Arrays start at index 1 = item 0.
+        Namelist name to variable name to list of values (float, bool, or None where an index was not set); index 1 is item 0.
     cards : tuple of Card
         Control cards in order; NACA cards of a saved case come first.
     problems : tuple of (int, str)
@@ -93,7 +93,7 @@ class Deck:
         return any(card == other.name for other in self.cards)
 
     def conditions(self) -> list[tuple[float, float]]:
-        """Return the pairs of Mach number and altitude in the order of the run, NaN without altitude; empty without Mach number. [1, deck unit]"""
+        """Return Mach number and altitude in the order of the run; NaN without altitude, empty without Mach number. [1, deck unit]"""
         machs = self.schedule("FLTCON", "MACH", "NMACH")
         heights = self.schedule("FLTCON", "ALT", "NALT") or [float("nan")] * (len(machs) if self.loop == 1 else 1)
         if self.loop == 2:

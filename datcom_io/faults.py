@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from itertools import groupby
 
+from .arrange import printed_condition
 from .listing import Case, Listing, Message
 
 
@@ -58,24 +59,20 @@ def _last_mach_in_static_pages(case: Case) -> None:
 
 def _pressure_on_control_pages(case: Case) -> None:
     """With DIM M, CM or IN the high-lift and control pages convert pressure, temperature and Reynolds number the wrong way."""
-    right = {_place(page): page.condition("p_static") for page in case.pages if page.kind == "static"}
+    right = {printed_condition(page): page.condition("p_static") for page in case.pages if page.kind == "static"}
     for page in case.pages:
         if page.kind != "high-lift" or page.conditions is None:
             continue
-        pressure, wanted = page.condition("p_static"), right.get(_place(page), math.nan)
+        pressure, wanted = page.condition("p_static"), right.get(printed_condition(page), math.nan)
         if abs(pressure - wanted) > 1e-3 * abs(wanted):
             _say(
                 case,
                 page.conditions.lines[0],
-                f"pressure {pressure:g} on a control page, {wanted:g} on the static page of the same condition: with DIM {page.dim} the program "
-                "converts pressure, temperature and Reynolds number the wrong way there; those of the static page are used",
+                f"pressure {pressure:g} on a control page, {wanted:g} on the static page of the same condition: "
+                f"with DIM {page.dim} the program converts pressure, temperature and Reynolds number the wrong way there; "
+                "those of the static page are used",
             )
             return
-
-
-def _place(page) -> tuple[str, ...]:
-    """Texts of Mach number, altitude and velocity, the part of the flight-condition line that is right on every page."""
-    return tuple(page.conditions.text(0, i) for i in range(3)) if page.conditions else ()
 
 
 def _weight(case: Case) -> None:
@@ -116,11 +113,9 @@ def _dynamic_pages_repeated(case: Case) -> None:
     first: dict[tuple, tuple] = {}
     for page, table in case.tables("dynamic"):
         rows = tuple(row.split() for row in table.rows)
-        held = first.setdefault((page.configuration, *_place(page)), rows)
+        held = first.setdefault((page.configuration, *printed_condition(page)), rows)
         if held != rows and any(math.isfinite(other.ground_height) for other in case.pages):
-            _say(
-                case, table.lines[0], "this dynamic page differs from the one printed before for the same condition; the first one is used"
-            )
+            _say(case, table.lines[0], "this dynamic page differs from the one before for the same condition; the first one is used")
             return
 
 
@@ -132,14 +127,12 @@ def _reference_quantities(case: Case) -> None:
             found.setdefault(tuple(page.conditions.text(0, i) for i in range(6, 11)), page.first)
     if len(found) > 1:
         texts = "; ".join(f"line {line}: {' '.join(words)}" for words, line in found.items())
-        _say(
-            case, min(found.values()), f"the pages have different reference quantities, those of the first page stand in the tree: {texts}"
-        )
+        _say(case, min(found.values()), f"the pages differ in reference quantities; the tree has those of the first page: {texts}")
 
 
 def _conditions_missing(case: Case) -> None:
     wanted = len(set(case.deck.conditions()))
-    found = len({_place(page) for page, _ in case.tables("static")})
+    found = len({printed_condition(page) for page, _ in case.tables("static")})
     if 0 < found < wanted:
         _say(
             case,

@@ -37,7 +37,7 @@ def block(case: Case, name: str) -> pd.DataFrame:
     parts, units = [], {"altitude": "", "ground_height": "ft", "flap": "deg"}
     for page, table in case.tables(name):
         part = _wide(table) if table.across is None else _long(table)
-        place = (page.configuration, page.condition("mach"), page.condition("h"), page.ground_height, page.flap)
+        place: tuple[Any, ...] = (page.configuration, page.condition("mach"), page.condition("h"), page.ground_height, page.flap)
         for at, (column, value) in enumerate(zip(_PAGE_COLUMNS[1:], place), 1):
             part.insert(at, column, value)
         parts.append(part)
@@ -95,7 +95,7 @@ def cells(listing: Listing) -> pd.DataFrame:
                         parts[name].append(part[name] if name in part else np.full(count, np.nan))
     frame = pd.DataFrame({name: np.concatenate(parts[name]) if parts[name] else np.empty(0) for name in CELL_COLUMNS})
     for name, kinds in {**words, "flag": list(FLAGS)}.items():
-        frame[name] = pd.Categorical.from_codes(frame[name].to_numpy(dtype=int), kinds)
+        frame[name] = pd.Categorical.from_codes(frame[name].to_numpy(dtype=np.int64), pd.Index(kinds))
     return frame.astype({"line": int, "case": int})
 
 

@@ -25,7 +25,8 @@ def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
     Returns
     -------
     DataTree
-        Every leaf that occurs in any tree, concatenated along ``condition``; ``lines``, ``case`` and ``file`` tell where each condition comes from.
+        Every leaf that occurs in any tree, concatenated along ``condition``; the coordinates ``lines``, ``case`` and ``file`` tell
+        where each condition comes from.
 
     Raises
     ------
@@ -49,7 +50,7 @@ def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
     names = dict.fromkeys(name for tree in trees for name in tree.children)
     leaves = {}
     for name in names:
-        parts = [(tree, tree[name].to_dataset(inherit=False)) for tree in trees if name in tree.children]
+        parts = [(tree, tree.children[name].to_dataset(inherit=False)) for tree in trees if name in tree.children]
         faults = [fault for tree, part in parts[1:] for fault in _differences(name, tree, part, parts[0][1])]
         problems += faults
         if not faults:

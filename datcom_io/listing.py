@@ -160,8 +160,8 @@ class Case:
         Returns
         -------
         DataFrame (row, ...)
-            Column ``line``, then the page's ``configuration``, ``mach``, ``altitude``, ``ground_height``, ``flap``, then the printed columns by their
-            printed names; NaN where no number is printed. ``attrs["units"]`` gives the printed units.
+            Column ``line``, then ``configuration mach altitude ground_height flap`` of the page, then the printed columns by their
+            printed names; NaN where no number is printed.  ``attrs["units"]`` gives the printed units.
         """
         from .frames import block
 

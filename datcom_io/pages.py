@@ -234,7 +234,7 @@ def _read_table(layout: Layout, lines: list[Line], at: int, heading: int) -> tup
         if found is None:
             return None, at
         columns, across, across_line, across_row, at = found
-    rows = []
+    rows: list[tuple[int, str, list[tuple[float, int]]]] = []
     after = at
     while at < len(lines):
         number, text = lines[at]

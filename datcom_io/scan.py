@@ -17,6 +17,7 @@ from .listing import Case, Listing, Message, Page, Table
 from .pages import Line, add_message, read_page
 
 _CARD_TAIL = re.compile(r"\*\* (?:ERROR|ILLEGAL|MISSING)")
+_DIMENSIONS = "INPUT DIMENSIONS ARE IN"
 _ERROR_CARD = "ERROR IN CARD BELOW"
 _ARRAY_DUMP = re.compile(r" +[A-Z][A-Z0-9]* *\( *\d+\)=")
 
@@ -129,7 +130,7 @@ class _Scanner:
 
     def _card(self, number: int, line: str) -> None:
         text = line[1:]
-        if "INPUT DIMENSIONS ARE IN" in text:
+        if _DIMENSIONS in text:
             self._close_cards()
         elif self.cards and self.cards[-1][1].startswith("NEXT CASE"):
             self._close_cards()
@@ -145,7 +146,7 @@ class _Scanner:
     def _remark(self, number: int, line: str) -> None:
         """Sort a line between the pages: with a word in it, it is a message."""
         text = line[1:].strip()
-        if not text.strip("*"):
+        if not text.strip("*") or text.startswith(_DIMENSIONS):
             return
         if not any(word.isalpha() and len(word) > 2 for word in re.split(r"[^A-Za-z]+", text)):
             self.listing.unread.append(number)

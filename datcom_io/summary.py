@@ -14,9 +14,9 @@ from .listing import Case, Listing, Page
 def summary(listing: Listing) -> list[dict[str, Any]]:
     """Return one dict per case, of plain numbers and texts as printed.
 
-    Keys: ``case ordinal run line dim deriv mach altitude alpha pages tables located_only missing messages``; ``mach`` and ``altitude`` are the
-    printed values in order, ``alpha`` the smallest and largest [deg], ``tables`` counts tables by kind, ``located_only`` pages by
-    kind whose tables are not read, ``missing`` cells without a number by flag.
+    Keys: ``case ordinal run line dim deriv mach altitude alpha pages tables located_only missing messages``.  ``mach`` and
+    ``altitude`` are the printed values in order, ``alpha`` the smallest and largest [deg]; ``tables`` counts tables by kind,
+    ``located_only`` pages by kind whose tables are not read, ``missing`` cells without a number by flag.
     """
     return [_case(case) for case in listing]
 
