@@ -64,28 +64,15 @@ def compile_kernel(name: str) -> Path:
     if not sources:
         raise SystemExit(f"no C sources under {ROOT / 'kernel'}; build from a whole checkout or source archive")
     include = [f"-I{ROOT / 'kernel' / folder}" for folder in ("include", "src", "shell")]
-    position = [] if "windows" in name else ["-fPIC"]
-    libm = ["-lm"] if "linux" in name else []
+    system = name.split("-")[1]
+    linking = {"linux": ["-fPIC", "-lm"], "darwin": ["-fPIC", f"-Wl,-install_name,@rpath/{target.file}"], "windows": []}[system]
     library = OUT / name / target.file
     library.parent.mkdir(parents=True, exist_ok=True)
     # a folder of its own: the linker leaves other files beside a Windows library, and two builds may run at once
     with tempfile.TemporaryDirectory(dir=OUT) as folder:
         output = Path(folder) / target.file
-        command = [
-            sys.executable,
-            "-m",
-            "ziglang",
-            "cc",
-            "-target",
-            target.zig,
-            *FLAGS,
-            *position,
-            *include,
-            *sources,
-            *libm,
-            "-o",
-            str(output),
-        ]
+        compiler = [sys.executable, "-m", "ziglang", "cc", "-target", target.zig]
+        command = [*compiler, *FLAGS, *include, *sources, *linking, "-o", str(output)]
         if subprocess.run(command).returncode:
             raise SystemExit(f"the kernel did not compile for {name}; the compiler's messages stand above")
         os.replace(output, library)

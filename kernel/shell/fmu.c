@@ -88,7 +88,7 @@ static am_model *load(const char *resources, const char *token, char digest[65],
     }
     unsigned char *bytes = resource_read(path, &size, &why);
     if (!bytes) {
-        snprintf(text, ntext, "%s: %s; unpack the whole FMU before it is instantiated", path, why);
+        snprintf(text, ntext, "%.800s: %s; unpack the whole FMU before it is instantiated", path, why);
         return NULL;
     }
     sha256_hex(bytes, size, digest);
