@@ -7,15 +7,21 @@ H = (X'X)^-1 X' B, whatever the local model leaves out.  Every fit is therefore 
 
 of the nodes g of all terms of its coefficient at once.  C is its coloured-residual covariance; D holds the changes by
 one standard error of dynamic pressure, mass, inertia and each thrust, errors that all fits of a programme share.  With
-the prior g ~ N(g0, P) everything is Gaussian, and the nodes have a posterior in closed form.
+the prior g ~ N(g0, P) everything is Gaussian, and the nodes have a posterior in closed form.  The common errors s are
+*considered*, not estimated (Schmidt): they widen the standard errors, but the tables take what was measured.  Estimating
+them would use a faulty handbook value to correct the aeroplane's mass.
 
-Prior covariance of the nodes i, j of one term, with their a-priori standard errors s and distances d along the axes:
+Prior covariance of the nodes i, j of one term, with their a-priori standard errors s, values v and distances d along
+the axes:
 
-    P_ij = s_i s_j [level + (1 - level) exp(-1/2 sum (d/length)^2)]
+    P_ij = s_i s_j c_ij [level + (1 - level) exp(-1/2 sum (d/length)^2)]
+    c_ij = (r^2 v_i v_j + a^2) / sqrt((r^2 v_i^2 + a^2)(r^2 v_j^2 + a^2))
 
-The first part is an error common to the whole table: a handbook method is wrong in the same sense over a table (LR-743
+c says what kind of error the standard errors speak of: a part r proportional to the value (slope, effectiveness: nodes of
+opposite sign move apart) and a constant part a (all nodes move together); r and a are those that explain s best.  The
+level part in the bracket is common to the whole table: a handbook method is wrong in the same sense over a table (LR-743
 found whole curves displaced), and it makes a correction found at some nodes count at nodes that were not flown.  The
-second part lets the shape change, over the correlation lengths, and fades away from the flown region.  By default each
+other part lets the shape change, over the correlation lengths, and fades away from the flown region.  By default each
 has half of the variance.  A node far from all data then keeps at least sqrt(1/2) of its a-priori standard error, however
 well the level is known; a node counts as *from flight* when its standard error is clearly, by a tenth, below that.
 Nodes of different terms are independent a priori; after the flight they are not, and a leaf has no room to say so: the
@@ -82,15 +88,12 @@ class Tabulation(Mapping):
     compatibility : DataFrame
         Index coefficient; ``chi2`` of the fits against prior and measurement errors, ``count`` of estimates,
         ``probability``, ``inflation`` (factor on the standard errors of all fits, from their disagreement).
-    systematic : DataFrame
-        Index (coefficient, error): ``value``, ``stderr`` of the common errors, in standard errors of the source.
     """
 
     terms: dict[str, xr.Dataset]
     report: pd.DataFrame
     points: pd.DataFrame
     compatibility: pd.DataFrame
-    systematic: pd.DataFrame
 
     def __getitem__(self, name: str) -> xr.Dataset:
         return self.terms[name]
@@ -137,12 +140,13 @@ def tabulate(
     References
     ----------
     .. [Rasmussen2006] Rasmussen, Williams, Gaussian Processes for Machine Learning, MIT Press 2006, chapter 2.
+    .. [Schmidt1966] Schmidt, Application of state-space methods to navigation problems, Advances in Control Systems 3, 1966.
     """
     leaves = terms(prior)
     _demand(fits, prior, leaves, held)
     lengths = {**LENGTHS, **(lengths or {})}
     new: dict[str, xr.Dataset] = {}
-    tables: dict[str, list] = {"report": [], "points": [], "compatibility": [], "systematic": []}
+    tables: dict[str, list] = {"report": [], "points": [], "compatibility": []}
     for coefficient in dict.fromkeys(_coefficient(fit) for fit in fits):
         mine = {name: leaf for name, leaf in leaves.items() if name.startswith(f"{coefficient}/")}
         local = [fit for fit in fits if _coefficient(fit) == coefficient]
@@ -171,7 +175,17 @@ def prior_covariance(leaf: xr.Dataset, lengths: Mapping[str, float] | None = Non
         distance = (place.ravel()[:, None] - place.ravel()) / lengths.get(str(axis), np.inf)
         near *= np.exp(-0.5 * distance**2)
     sd = leaf["stderr"].values.ravel()
-    return np.outer(sd, sd) * (level + (1.0 - level) * near)
+    return np.outer(sd, sd) * _kind(value.values.ravel(), sd) * (level + (1.0 - level) * near)
+
+
+def _kind(v: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    """Correlation of an error proportional to the value with a constant one, in the proportion that explains `sd`."""
+    from scipy.optimize import nnls
+
+    (r2, a2), _ = nnls(np.stack([v**2, np.ones_like(v)], axis=1), sd**2)
+    joint = r2 * np.outer(v, v) + a2
+    size = np.sqrt(np.diag(joint))
+    return joint / np.outer(np.where(size > 0, size, 1.0), np.where(size > 0, size, 1.0))
 
 
 @dataclass(frozen=True)
@@ -190,7 +204,7 @@ def _one_coefficient(coefficient, fits, leaves, held, lengths, level, tables) ->
     observed = [_observe(fit, leaves, free, sources) for fit in fits]
     g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     P = _block_diagonal([prior_covariance(leaf, lengths, level) for leaf in free.values()])
-    g, sd, s, s_sd, weight, inflation, distance = _posterior(observed, g0, P)
+    g, sd, weight, inflation, distance = _posterior(observed, g0, P)
     touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
     new, at = {}, 0
     for name, leaf in free.items():
@@ -200,8 +214,6 @@ def _one_coefficient(coefficient, fits, leaves, held, lengths, level, tables) ->
             tables["report"].append(_term_row(name, leaf, new[name]))
     tables["points"].append(_point_rows(coefficient, fits, leaves, {**leaves, **new}, weight, distance))
     tables["compatibility"].append(_compatibility_row(coefficient, observed, g0, P, inflation))
-    index = pd.MultiIndex.from_product([[coefficient], sources], names=["coefficient", "error"])
-    tables["systematic"].append(pd.DataFrame({"value": s, "stderr": s_sd}, index=index))
     return new
 
 
@@ -217,27 +229,31 @@ def _observe(fit, leaves: Mapping[str, xr.Dataset], free: Mapping[str, xr.Datase
 
 
 def _posterior(observed: Sequence[_Observation], g0: np.ndarray, P: np.ndarray):
-    """Nodes and common errors given the fits; fits far from the tables that the others support lose weight."""
+    """Nodes given the fits; fits far from the tables that the others support lose weight."""
     H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
     y = np.concatenate([o.theta for o in observed]) - H @ g0
     PH = P @ H.T
-    expected = H @ PH + D @ D.T
+    expected = H @ PH
     ends = np.cumsum([len(o.theta) for o in observed])
     parts = [slice(end - len(o.theta), end) for o, end in zip(observed, ends)]
     weight, inflation = np.ones(len(observed)), 1.0
     for _ in range(_ROUNDS):
         noise = _block_diagonal([inflation**2 / w * o.C for o, w in zip(observed, weight)])
-        scale = np.sqrt(np.diag(expected + noise))
-        inverse = np.linalg.inv((expected + noise) / np.outer(scale, scale)) / np.outer(scale, scale)
+        inverse = _inverse(expected + noise)
         residual = noise @ inverse @ y
         distance = np.array([_distance(residual[part], o.C) for part, o in zip(parts, observed)])
         determined = np.trace(noise @ inverse) / len(y)  # share of the residual that the tables have not taken up
         inflation = max(1.0, float(np.median(distance)) / np.sqrt(max(determined, 0.1)))
         weight = np.minimum(1.0, (_HUBER * inflation / np.maximum(distance, 1e-12)) ** 2)
     gain = PH @ inverse
-    sd = np.sqrt(np.maximum(np.diag(P) - np.einsum("ij,ij->i", gain, PH), 0.0))
-    s_sd = np.sqrt(np.maximum(1.0 - np.einsum("ji,jk,ki->i", D, inverse, D), 0.0))
-    return g0 + gain @ y, sd, D.T @ inverse @ y, s_sd, weight, inflation, distance
+    variance = np.diag(P) - np.einsum("ij,ij->i", gain, PH) + ((gain @ D) ** 2).sum(axis=1)
+    return g0 + gain @ y, np.sqrt(np.maximum(variance, 0.0)), weight, inflation, distance
+
+
+def _inverse(S: np.ndarray) -> np.ndarray:
+    """Inverse of a covariance, scaled to unit diagonal first: terms differ by orders of magnitude."""
+    scale = np.sqrt(np.diag(S))
+    return np.linalg.inv(S / np.outer(scale, scale)) / np.outer(scale, scale)
 
 
 def _distance(residual: np.ndarray, C: np.ndarray) -> float:
@@ -319,9 +335,7 @@ def _compatibility_row(coefficient: str, observed: Sequence[_Observation], g0: n
 
     H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
     y = np.concatenate([o.theta for o in observed]) - H @ g0
-    S = H @ P @ H.T + D @ D.T + _block_diagonal([o.C for o in observed])
-    scale = np.sqrt(np.diag(S))
-    statistic = float((y / scale) @ np.linalg.solve(S / np.outer(scale, scale), y / scale))
+    statistic = float(y @ _inverse(H @ P @ H.T + D @ D.T + _block_diagonal([o.C for o in observed])) @ y)
     row = {"chi2": statistic, "count": len(y), "probability": float(chi2_distribution.sf(statistic, len(y))), "inflation": inflation}
     return pd.DataFrame(row, index=pd.Index([coefficient], name="coefficient"))
 
