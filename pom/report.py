@@ -83,11 +83,11 @@ def write_report(
     UnknownName
         A diagnosis for a case that is not there, or a misspelt key of `provenance`.
     """
-    results, provenance, databases = list(results), dict(provenance or {}), dict(databases or {})
-    diagnoses, support = dict(diagnoses or {}), dict(support or {})
-    _check(results, provenance, diagnoses)
-    document = _document(results, title, revision, provenance, diagnoses)
-    html = _html(results, title, revision, provenance, databases, diagnoses, support)
+    results, diagnoses = list(results), dict(diagnoses or {})
+    made_from: dict[str, Any] = {**(provenance or {})}
+    _check(results, made_from, diagnoses)
+    document = _document(results, title, revision, made_from, diagnoses)
+    html = _html(results, title, revision, made_from, dict(databases or {}), diagnoses, dict(support or {}))
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)

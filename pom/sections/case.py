@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
 from typing import Any
@@ -25,6 +25,13 @@ _STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
 _SPARE = ("run-4", "run-5", "run-1", "run-2", "run-3")
 _ATMOSPHERE = ("h", "h_agl", "h_baro", "p_static", "temperature", "rho", "delta_T", "wind_n", "wind_e", "wind_d", "a_sound")
 _SHAPE = ("mass", "x_cg", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "delta_f", "gear", "speedbrake")
+_STAGES = {
+    "prior": "first model as it is",
+    "single": "one term taken from the final model",
+    "sequence": "terms taken one after the other, each with all before it",
+    "final": "final model",
+}
+_LEAST_SHOWN = 0.01
 _SURFACES = {"recorded": "recorded surface positions drive the model"}
 _ENGINE = {"thrust": "recorded thrust drives the model", "throttle": "the recorded lever drives the engine model"}
 
@@ -91,19 +98,20 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
     """Return status, deciding criterion and worst ratio of every model."""
     rows = []
     for run in result.runs:
-        worst = result.worst(run)
-        decided = worst is not None
+        found = result.worst(run)
+        worst = {} if found is None else found.to_dict()
+        ratio, at = worst.get("worst_ratio", math.nan), worst.get("at", math.nan)
         rows.append(
             {
                 "run": run,
                 "style": styles[run],
                 "status": result.status(run),
                 "verdict": Verdict.of(result.status(run)),
-                "ratio": float(worst["worst_ratio"]) if decided else math.nan,
-                "ratio_text": fixed(worst["worst_ratio"], 2) if decided else MISSING,
-                "criterion": words(worst["criterion"]) if decided else "",
-                "at": float(worst["at"]) if decided else math.nan,
-                "at_text": fixed(worst["at"], 2) if decided else MISSING,
+                "ratio": ratio,
+                "ratio_text": fixed(ratio, 2),
+                "criterion": words(worst.get("criterion", "")),
+                "at": at,
+                "at_text": fixed(at, 2),
             }
         )
     return rows
@@ -121,9 +129,15 @@ def _hashes(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[str,
     known = [digest for file, digest in inputs.items() if PurePath(file).name == record]
     rows = [("flight record", record, known[0] if len(known) == 1 else "")]
     for run in result.runs:
-        model = provenance.get("models", {}).get(run, {})
+        model = provenance.get("models", {}).get(run) or _flown(str(result.signals.attrs.get(f"model.{run}", "")))
         rows.append((f"model {run}", model.get("file", ""), model.get("sha256", "")))
     return rows
+
+
+def _flown(text: str) -> dict[str, str]:
+    """Return file and hash of what `pom.replay` says of a model: ``final.fmu, FMI 2.0, sha256 ...``."""
+    file, _, rest = text.partition(", ")
+    return {"file": file, "sha256": rest.partition("sha256 ")[2]}
 
 
 def _conditions(conditions: Mapping[str, float]) -> list[tuple[str, list[tuple]]]:
@@ -162,40 +176,40 @@ def _trim(trim: pd.DataFrame) -> dict[str, Any]:
 
 def _clean(values: np.ndarray, shown) -> np.ndarray:
     """Set what rounding left of a solved trim equation to zero."""
-    return np.where(np.abs(values) < 1e-9, 0.0, values) if shown.name.startswith("residual.") else values
+    return np.where(np.abs(values) < 1e-9, 0.0, values) if shown.name.startswith("trim.") else values
 
 
 def _verdict_table(result: PomResult) -> list[dict[str, Any]]:
     """Return one block per criterion with one row per model; alternatives of one group follow each other."""
-    table = result.verdict
-    alternatives = table.groupby("group")["criterion"].nunique()
-    blocks = []
-    for (group, name), rows in table.groupby(["group", "criterion"], sort=False):
-        first = rows.iloc[0]
-        shown = label(first["channel"]) if first["channel"] not in ("", "nan") else None
+    records = result.verdict.to_dict("records")
+    applying = {c.name: c.group for c in result.case.criteria if c.applies}
+    groups = list(dict.fromkeys(row["group"] for row in records))
+    names = sorted(dict.fromkeys((row["group"], row["criterion"]) for row in records), key=lambda pair: groups.index(pair[0]))
+    blocks, begun = [], set()
+    for group, name in names:
+        rows = [row for row in records if (row["group"], row["criterion"]) == (group, name)]
+        joint = ""
+        if name in applying and list(applying.values()).count(group) > 1:
+            joint = "or" if group in begun else "either"
+            begun.add(group)
+        first = rows[0]
         blocks.append(
             {
-                "criterion": words(str(name)),
-                "label": shown,
+                "criterion": words(name),
+                "joint": joint,
+                "label": label(first["channel"]) if first["channel"] not in ("", "nan") else None,
                 "measure": words(first["measure"]),
                 "printed": first["tolerance_text"],
                 "applied": _applied(result, first),
                 "window": f"{fixed(first['window_start'], 2)} … {fixed(first['window_stop'], 2)}",
                 "provenance": first["provenance"],
-                "alternative": alternatives[group] > 1,
-                "group": group,
-                "rows": [_verdict_row(row) for _, row in rows.iterrows()],
+                "rows": [_verdict_row(row) for row in rows],
             }
         )
-    order = list(dict.fromkeys(block["group"] for block in blocks))
-    blocks.sort(key=lambda block: order.index(block["group"]))
-    for before, block in zip([None, *blocks], blocks, strict=False):
-        block["either"] = block["alternative"] and (before is None or before["group"] != block["group"])
     return blocks
 
 
-def _verdict_row(row: pd.Series) -> dict[str, Any]:
-    verdict = Verdict.of(row["verdict"])
+def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
     unit = pretty_unit(row["unit"])
     return {
         "run": row["run"],
@@ -206,12 +220,11 @@ def _verdict_row(row: pd.Series) -> dict[str, Any]:
         "inside": percent(row["inside"]),
         "exit": float(row["first_exit"]),
         "exit_text": fixed(row["first_exit"], 2),
-        "verdict": verdict,
-        "note": "" if row["note"] == "nan" else row["note"],
+        "verdict": Verdict.of(row["verdict"]),
     }
 
 
-def _applied(result: PomResult, row: pd.Series) -> str:
+def _applied(result: PomResult, row: Mapping[Hashable, Any]) -> str:
     """Return the half width as applied; a width that follows the flight value shows its range."""
     if not math.isfinite(row["width"]):
         return MISSING
@@ -225,34 +238,43 @@ def _applied(result: PomResult, row: pd.Series) -> str:
     return f"± {text} {unit}".strip()
 
 
-def _diagnosis(diagnosis: pd.DataFrame | None) -> dict[str, Any] | None:
-    """Return the term-swap table; numbers to three digits, shares as percent."""
-    if diagnosis is None or diagnosis.empty:
+def _diagnosis(table: pd.DataFrame | None) -> dict[str, Any] | None:
+    """Return the term-swap table of `pom.diagnose` in its four stages; terms that close next to nothing are counted only."""
+    if table is None or table.empty:
         return None
-    rows = []
-    for _, row in diagnosis.iterrows():
-        rows.append([_cell(str(name), value) for name, value in row.items()])
-    numeric = [bool(pd.api.types.is_numeric_dtype(diagnosis[c])) for c in diagnosis.columns]
-    return {"columns": [words(str(c)) for c in diagnosis.columns], "numeric": numeric, "rows": rows}
+    criteria = [str(c).removesuffix(" ratio") for c in table.columns if str(c).endswith(" ratio")]
+    stages = []
+    for stage, title in _STAGES.items():
+        rows = table[table["stage"] == stage].to_dict("records")
+        kept = [row for row in rows if stage != "single" or not abs(row["closes"]) < _LEAST_SHOWN]
+        stages.append({"title": title, "rows": [_swap(row, criteria) for row in kept], "hidden": len(rows) - len(kept)})
+    return {"criteria": [words(c) for c in criteria], "stages": [stage for stage in stages if stage["rows"] or stage["hidden"]]}
 
 
-def _cell(column: str, value: Any) -> str:
-    if isinstance(value, float) and column in ("closed", "gain", "share"):
-        return percent(value) if value >= 0 else f"{number(100 * value)} %"
-    return number(value) if isinstance(value, int | float) and not isinstance(value, bool) else str(value)
+def _swap(row: Mapping[Hashable, Any], criteria: Sequence[str]) -> dict[str, Any]:
+    cells = [(fixed(row[f"{c} miss"], 2), fixed(row[f"{c} ratio"], 2)) for c in criteria]
+    closes = MISSING if not math.isfinite(row["closes"]) else f"{fixed(100 * row['closes'], 0)} %"
+    return {"term": row["term"], "closes": closes, "verdict": Verdict.of(row["verdict"]), "cells": cells}
 
 
 def _notes(result: PomResult) -> list[str]:
     """Return what the reader must know beside the verdicts: remarks of rows, rows that do not apply."""
-    notes: list[str] = []
-    for note, rows in result.verdict.groupby("note", sort=False):
-        if note and note != "nan":
-            names = ", ".join(dict.fromkeys(words(str(c)) for c in rows["criterion"]))
-            notes.append(f"{names}: {note}")
-    notes += [f"{words(c.name)}: {c.reason}" for c in result.case.criteria if c.reason and c.reason not in "\n".join(notes)]
+    places: dict[str, list[tuple[str, str]]] = {}
+    for row in result.verdict.to_dict("records"):
+        for piece in row["note"].split("; ") if row["note"] not in ("", "nan") else []:
+            places.setdefault(piece, []).append((words(row["criterion"]), row["run"]))
+    notes = [f"{_where(found, result)}: {piece}" for piece, found in places.items()]
     if (result.verdict["provenance"] == "memory").any():
         notes.append("Rows marked “memory” were not read in the regulation; check them there before a certification use.")
     return list(dict.fromkeys(notes))
+
+
+def _where(found: Sequence[tuple[str, str]], result: PomResult) -> str:
+    """Return what a note speaks of: criteria and models, each left out when it is all of them."""
+    criteria, runs = list(dict.fromkeys(c for c, _ in found)), list(dict.fromkeys(r for _, r in found))
+    every = len(criteria) == result.verdict["criterion"].nunique() and len(runs) < len(result.runs)
+    parts = ([] if every else criteria) + ([] if len(runs) == len(result.runs) else runs)
+    return ", ".join(parts or criteria)
 
 
 def _data(result: PomResult, shown: Sequence[Panel], styles: Mapping[str, str]) -> dict[str, Any]:
@@ -261,7 +283,7 @@ def _data(result: PomResult, shown: Sequence[Panel], styles: Mapping[str, str]) 
     time = result.signals["time"].values
     head: dict[str, Any] = {
         "time": pack.add(time, TIME_STEP),
-        "runs": [{"name": run, "style": styles[run]} for run in styles],
+        "runs": [{"name": run, "style": style} for run, style in styles.items()],
         "panels": [],
     }
     for panel in shown:
@@ -290,13 +312,13 @@ def _data(result: PomResult, shown: Sequence[Panel], styles: Mapping[str, str]) 
 
 
 def _panel_verdicts(panel: Panel) -> list[dict[str, str]]:
-    rows = panel.rows[panel.rows["measure"] == "trace"]
+    rows = [row for row in panel.rows if row["measure"] == "trace"]
     return [
         {
-            "run": r.run,
-            "symbol": SYMBOLS[r.verdict],
-            "ratio": fixed(r.worst_ratio, 2) if math.isfinite(r.worst_ratio) else WORDS[r.verdict],
-            "css": f"is-{r.verdict}",
+            "run": row["run"],
+            "symbol": SYMBOLS[row["verdict"]],
+            "ratio": fixed(row["worst_ratio"], 2) if math.isfinite(row["worst_ratio"]) else WORDS[row["verdict"]],
+            "css": f"is-{row['verdict']}",
         }
-        for r in rows.itertuples()
+        for row in rows
     ]

@@ -69,7 +69,7 @@ def _figure(name: str, time: np.ndarray, panels: Sequence[Panel], styles: Mappin
 
 
 def _legend(panels: Sequence[Panel], styles: Mapping[str, str]) -> str:
-    runs = [run for run in styles if any(run in p.traces for p in panels)]
+    runs = [run for run in styles if run != "applied" and any(run in p.traces for p in panels)]
     parts, x = [], LEFT
     for run in runs:
         parts.append(line(x, 9, x + 30, 9, f"trace {styles[run]}"))
@@ -85,14 +85,13 @@ def _panel(name, time, panel: Panel, styles, top: float, scale: float, last: boo
     height = (MAIN if panel.kind == "judged" else SMALL) * scale
     x = (float(time[0]), float(time[-1]))
     frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height, x, panel.limits)
-    strip = panel.half is not None
-    parts = [_head(panel, top + 12), axes(frame, x_labels=last and not strip)]
+    parts = [_head(panel, top + 12), axes(frame, x_labels=last and panel.half is None)]
     parts.append(clipped(frame, name, _inside(frame, time, panel, styles)))
     parts += [_beyond(frame, time, values, styles[run], with_value=True) for run, values in panel.traces.items() if run != "flight"]
     bottom = frame.bottom
-    if strip:
+    if panel.half is not None:
         low = Frame(LEFT, bottom + GAP, frame.width, STRIP * scale, x, (-RESIDUAL, RESIDUAL))
-        parts += [_exit_ticks(frame, panel, styles), _residual(low, f"{name}-e", time, panel, styles, last)]
+        parts += [_exit_ticks(frame, panel, styles), _residual(low, f"{name}-e", time, panel, panel.half, styles, last)]
         bottom = low.bottom
     return "".join(parts), bottom + GAP
 
@@ -103,11 +102,11 @@ def _head(panel: Panel, y: float) -> str:
     if shown.sub:
         pieces.append((shown.sub, "sub"))
     unit = f", {shown.unit}" if shown.unit else ""
-    pieces.append((f"  {shown.words}{unit}", "title"))
+    pieces.append((f"\N{EN SPACE}{shown.words or shown.name}{unit}", "title"))
     body = spaced(LEFT, y, pieces)
-    rows = panel.rows[panel.rows["measure"] == "trace"]
-    words = [f"{r.run} {SYMBOLS[r.verdict]} {fixed(r.worst_ratio, 2)}" for r in rows.itertuples()]
-    return body + (text(WIDTH - RIGHT, y, "   ".join(words), "caption", "end") if words else "")
+    rows = [row for row in panel.rows if row["measure"] == "trace"]
+    words = [f"{row['run']} {SYMBOLS[row['verdict']]} {fixed(row['worst_ratio'], 2)}" for row in rows]
+    return body + (text(WIDTH - RIGHT, y, "\N{EM SPACE}".join(words), "caption", "end") if words else "")
 
 
 def _inside(frame: Frame, time, panel: Panel, styles) -> str:
@@ -172,8 +171,8 @@ def _beyond(frame: Frame, time, values, css: str, with_value: bool) -> str:
     return "".join(parts)
 
 
-def _residual(frame: Frame, name: str, time, panel: Panel, styles, last: bool) -> str:
-    flight, half = panel.traces["flight"], panel.half
+def _residual(frame: Frame, name: str, time, panel: Panel, half: np.ndarray, styles, last: bool) -> str:
+    flight = panel.traces["flight"]
     unit_band = np.where(np.isfinite(half), 1.0, np.nan)
     parts = [axes(frame, x_labels=last, y_ticks=(-1.0, 0.0, 1.0)), text(6, frame.top + frame.height / 2 + 3.5, "e/t", "caption")]
     body = area(frame, time, -unit_band, unit_band, "band") + "".join(curve(frame, time, s * unit_band, "edge") for s in (1, -1))

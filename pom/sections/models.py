@@ -16,12 +16,12 @@ import xarray as xr
 from flightmech import terms
 from flightmech.names import COEFFICIENTS
 
-from .figure import WIDTH, Frame, area, axes, clipped, curve, line, spaced, svg, text
+from .figure import WIDTH, Frame, area, axes, clipped, curve, line, spaced, svg, text, ticks
 from .quantities import label, number, short, symbol
 
 # always shown, replaced or not: without them the rest cannot be judged
 _ALWAYS = ("CL/basic", "CD/basic", "Cm/basic")
-_COLUMNS, _HEIGHT, _LEFT, _ROW = 3, 150.0, 46.0, 50.0
+_COLUMNS, _HEIGHT, _LEFT, _TOP, _FOOT, _STRIP = 3, 140.0, 46.0, 36.0, 52.0, 58.0
 _MOST_SLICES = 6
 _ABSCISSA = ("alpha", "beta", "mach", "h_agl", "delta_e", "delta_a", "delta_r", "delta_f")
 _FLIGHT = terms.SOURCES.index("flight")
@@ -49,21 +49,13 @@ def page(databases: Mapping[str, xr.DataTree], support: Mapping[str, pd.DataFram
             drawn.append(_term(term, holders, list(leaves), support.get(term), styles, changed))
         else:
             same.append({"term": term, "leaf": _facts(next(iter(holders.values())))})
-    return {
-        "terms": drawn,
-        "same": same,
-        "databases": [_root(name, db, len(leaves[name])) for name, db in databases.items()],
-        "styles": styles,
-    }
+    roots = [_root(name, db, len(leaves[name])) for name, db in databases.items()]
+    return {"terms": drawn, "same": same, "databases": roots, "styles": styles}
 
 
 def _leaves(db: xr.DataTree) -> dict[str, xr.Dataset]:
-    return {
-        f"{c}/{name}": leaf.to_dataset()
-        for c in db.children
-        if c in COEFFICIENTS or c in ("CX", "CZ")
-        for name, leaf in db[c].children.items()
-    }
+    kept = [c for c in db.children if c in (*COEFFICIENTS, "CX", "CZ")]
+    return {f"{c}/{name}": leaf.to_dataset() for c in kept for name, leaf in db[c].children.items()}
 
 
 def _place(term: str) -> tuple[int, bool, str]:
@@ -81,18 +73,16 @@ def _alike(leaves: Sequence[xr.Dataset]) -> bool:
 
 
 def _root(name: str, db: xr.DataTree, count: int) -> dict[str, Any]:
-    attrs = db.attrs
-    return {
-        "name": name,
-        "count": count,
-        **{key: str(attrs.get(key, "")) for key in ("title", "source", "history", "references", "comment", "absent")},
-    }
+    words = {key: str(db.attrs.get(key, "")) for key in ("title", "source", "history", "references")}
+    return {"name": name, "count": count, **words}
 
 
 def _facts(leaf: xr.Dataset) -> dict[str, str]:
     shape = ", ".join(f"{axis} {leaf.sizes[axis]}" for axis in map(str, leaf["value"].dims)) or "scalar"
-    count = np.bincount(leaf["source"].values.ravel().astype(int), minlength=len(terms.SOURCES)) if "source" in leaf else []
-    source = ", ".join(f"{n} {word}" for word, n in zip(terms.SOURCES, count, strict=False) if n)
+    source = ""
+    if "source" in leaf:
+        count = np.bincount(leaf["source"].values.ravel().astype(int), minlength=len(terms.SOURCES))
+        source = ", ".join(f"{n} {word}" for word, n in zip(terms.SOURCES, count, strict=True) if n)
     return {
         "shape": shape,
         "regressors": " ".join(terms.regressors(leaf)),
@@ -102,22 +92,14 @@ def _facts(leaf: xr.Dataset) -> dict[str, str]:
 
 
 def _term(term, holders, everyone, support, styles, changed) -> dict[str, Any]:
-    tables = {name: leaf["value"] for name, leaf in holders.items()}
     lone = [name for name in everyone if name not in holders]
     state = f"not in {', '.join(lone)}" if lone else "replaced" if changed else "unchanged"
-    item = {
-        "term": term,
-        "state": state,
-        "html": _title(term, next(iter(holders.values()))),
-        "facts": {n: _facts(x) for n, x in holders.items()},
-    }
-    if all(table.ndim == 0 for table in tables.values()):
+    factors = [symbol(word) for word in terms.regressors(next(iter(holders.values())))]
+    item = {"term": term, "state": state, "factors": factors, "facts": {n: _facts(x) for n, x in holders.items()}}
+    tables = [quantity for quantity in ("value", "K1", "K2") if _has(holders, quantity)]
+    if "value" not in tables:
         item["scalars"] = [(name, number(float(leaf["value"]), 4), _stderr(leaf)) for name, leaf in holders.items()]
-        return item
-    return {
-        **item,
-        "figures": [_figure(term, quantity, holders, support, styles) for quantity in ("value", "K1", "K2") if _has(holders, quantity)],
-    }
+    return {**item, "figures": [_figure(term, quantity, holders, support, styles) for quantity in tables]}
 
 
 def _has(holders: Mapping[str, xr.Dataset], quantity: str) -> bool:
@@ -128,31 +110,36 @@ def _stderr(leaf: xr.Dataset) -> str:
     return number(float(leaf["stderr"]), 2) if "stderr" in leaf else ""
 
 
-def _title(term: str, leaf: xr.Dataset) -> list[tuple[str, str]]:
-    """Return the contribution as (base, subscript) symbols: coefficient, then its regressors."""
-    return [symbol(term.partition("/")[0]), *(symbol(word) for word in terms.regressors(leaf))]
-
-
 def _figure(term: str, quantity: str, holders, support, styles) -> str:
     tables = {name: leaf[quantity] for name, leaf in holders.items() if quantity in leaf}
     axes_of = list(dict.fromkeys(str(d) for table in tables.values() for d in table.dims))
     x_axis = next((a for a in _ABSCISSA if a in axes_of), axes_of[0])
     slices = _slices(tables, [a for a in axes_of if a != x_axis])
     curves = [_curves(tables, holders, quantity, x_axis, at) for at in slices]
-    low, high = _range(curves)
-    x_range = _x_range(tables, x_axis)
-    rows = -(-len(slices) // _COLUMNS)
+    changes = [_changes(found) for found in curves]
+    strip = _STRIP if any(changes) else 0.0
+    row_height, rows = _HEIGHT + strip + _FOOT, -(-len(slices) // _COLUMNS)
     width = (WIDTH - _LEFT * _COLUMNS - 10) / _COLUMNS
     parts = [_key(tables, styles, bool(support is not None and len(support)))]
-    for i, (at, found) in enumerate(zip(slices, curves, strict=True)):
-        column, row = i % _COLUMNS, i // _COLUMNS
-        frame = Frame(_LEFT + column * (width + _LEFT), 40 + row * (_HEIGHT + _ROW), width, _HEIGHT, x_range, (low, high))
+    for i, at in enumerate(slices):
+        left, top = _LEFT + i % _COLUMNS * (width + _LEFT), _TOP + i // _COLUMNS * row_height
+        frame = Frame(left, top, width, _HEIGHT, _x_range(tables, x_axis), _range(curves))
         name = f"term-{term.replace('/', '-')}-{quantity}-{i}"
-        parts.append(_slice_head(frame, term if quantity == "value" else quantity, at, x_axis))
-        parts.append(axes(frame, x_labels=True, x_most=5))
-        parts.append(clipped(frame, name, "".join(_trace(frame, c, styles) for c in found)))
-        parts.append(_support(frame, support, x_axis, at, tables))
-    return svg(34 + rows * (_HEIGHT + _ROW) - 16, "".join(parts), f"{term} {quantity} against {x_axis} in {', '.join(tables)}")
+        parts += [_slice_head(frame, term if quantity == "value" else quantity, at), axes(frame, x_labels=not strip, x_most=5)]
+        parts += [clipped(frame, name, "".join(_trace(frame, c, styles) for c in curves[i])), _support(frame, support, x_axis, at, tables)]
+        if strip:
+            frame = Frame(left, frame.bottom + 6, width, strip - 6, frame.x, _range(changes, zero=True))
+            parts += [axes(frame, x_labels=True, x_most=5, y_ticks=ticks(*frame.y, 3))]
+            parts += [clipped(frame, f"{name}-d", "".join(_trace(frame, c, styles) for c in changes[i]))]
+        parts.append(_abscissa(frame, x_axis))
+    return svg(_TOP + rows * row_height - 16, "".join(parts), f"{term} {quantity} against {x_axis} in {', '.join(tables)}")
+
+
+def _changes(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return every later curve less the first one, on its own nodes; nothing when all are the same."""
+    first, *others = found
+    less = [{**c, "y": c["y"] - np.interp(c["x"], first["x"], first["y"]), "flown": None} for c in others]
+    return less if any(np.abs(c["y"]).max() > 0.0 for c in less) else []
 
 
 def _slices(tables, others: Sequence[str]) -> list[dict[str, float]]:
@@ -179,21 +166,14 @@ def _curves(tables, holders, quantity, x_axis, at) -> list[dict[str, Any]]:
         if quantity == "value" and "source" in leaf and x_axis in leaf["source"].dims:
             flown = leaf["source"].sel(here, method="nearest").values == _FLIGHT
         shown = label(x_axis)
-        found.append(
-            {
-                "name": name,
-                "x": shown.shown(cut[x_axis].values),
-                "y": cut.values,
-                "stderr": None if stderr is None else stderr.values,
-                "flown": flown,
-            }
-        )
+        errors = None if stderr is None else stderr.values
+        found.append({"name": name, "x": shown.shown(cut[x_axis].values), "y": cut.values, "stderr": errors, "flown": flown})
     return found
 
 
-def _range(curves) -> tuple[float, float]:
+def _range(curves, zero: bool = False) -> tuple[float, float]:
     values = [y for found in curves for c in found for y in (c["y"], *(_edges(c) if c["stderr"] is not None else ()))]
-    finite = np.concatenate([v[np.isfinite(v)] for v in values])
+    finite = np.concatenate([v[np.isfinite(v)] for v in values] + [np.zeros(int(zero))])
     low, high = float(finite.min()), float(finite.max())
     pad = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
     return low - pad, high + pad
@@ -221,12 +201,15 @@ def _trace(frame: Frame, c, styles) -> str:
     return body
 
 
-def _slice_head(frame: Frame, name: str, at: Mapping[str, float], x_axis: str) -> str:
+def _slice_head(frame: Frame, name: str, at: Mapping[str, float]) -> str:
     where = ", ".join(f"{_plain(a)} = {short(float(label(a).shown(v)), 3)} {label(a).unit}".strip() for a, v in at.items())
-    head = text(frame.left, frame.top - 6, f"{name} at {where}" if where else name, "title")
+    return text(frame.left, frame.top - 6, f"{name} at {where}" if where else name, "title")
+
+
+def _abscissa(frame: Frame, x_axis: str) -> str:
     shown = label(x_axis)
     pieces = [(shown.base, "symbol"), *([(shown.sub, "sub")] if shown.sub else []), (f", {shown.unit}" if shown.unit else "", "caption")]
-    return head + spaced(frame.left + frame.width / 2, frame.bottom + 27, pieces, "middle")
+    return spaced(frame.left + frame.width / 2, frame.bottom + 25, pieces, "middle")
 
 
 def _plain(axis: str) -> str:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from pom.result import PomResult
 
@@ -37,7 +37,7 @@ class Panel:
         Window of the criterion. [s]
     exits : dict of str to list of (start, stop)
         Spans where a run is outside its band. [s]
-    rows : DataFrame
+    rows : sequence of mapping
         Verdict rows of this channel.
     limits : tuple of float
         Scale of the panel over the whole record. [display unit]
@@ -49,7 +49,7 @@ class Panel:
     half: np.ndarray | None
     window: tuple[float, float] | None
     exits: dict[str, list[tuple[float, float]]]
-    rows: pd.DataFrame
+    rows: Sequence[Mapping[Hashable, Any]]
     limits: tuple[float, float]
 
     @property
@@ -86,7 +86,7 @@ def _compared(result: PomResult, name: str, kind: str) -> Panel:
     time = result.signals["time"].values
     traces = {str(run): shown.shown(result.signals[name].sel(run=run).values) for run in result.signals["run"].values}
     traces = {run: values for run, values in traces.items() if np.isfinite(values).any()}
-    rows = result.verdict[result.verdict["channel"] == name]
+    rows = result.verdict[result.verdict["channel"] == name].to_dict("records")
     half = shown.width(result.tolerance[name].values) if name in result.tolerance else None
     exits: dict[str, list[tuple[float, float]]] = {}
     if half is not None and "flight" in traces:
@@ -100,7 +100,7 @@ def _input(result: PomResult, name: str) -> Panel:
     shown = label(name)
     values = np.interp(result.signals["time"].values, result.inputs["time"].values, shown.shown(result.inputs[name].values))
     traces = {"applied": values}
-    return Panel("input", shown, traces, None, None, {}, result.verdict.iloc[:0], limits(traces, None, 0.0))
+    return Panel("input", shown, traces, None, None, {}, [], limits(traces, None, shown.least_span))
 
 
 def outside(model: np.ndarray, flight: np.ndarray, half: np.ndarray) -> np.ndarray:
@@ -149,15 +149,10 @@ def description(panel: Panel) -> str:
     head = f"{name} against time" + (f", {panel.label.unit}" if panel.label.unit else "")
     if panel.kind == "input":
         return f"{head}: input as applied"
-    rows = panel.rows[panel.rows["worst_ratio"].notna() & panel.rows["verdict"].isin(["pass", "fail"])]
     parts = []
-    for row in rows.itertuples():
-        state = "within tolerance throughout" if row.inside >= 1.0 else "outside tolerance"
-        if row.measure != "trace":
-            state = row.verdict
-        parts.append(f"{row.run}: {row.criterion} {state}, {fixed(row.worst_ratio, 2)} of the tolerance" + _at(row.at))
+    for row in panel.rows:
+        if row["verdict"] in ("pass", "fail"):
+            state = {"pass": "within tolerance throughout", "fail": "outside tolerance"}[row["verdict"]]
+            at = f" at {fixed(row['at'], 1)} s" if np.isfinite(row["at"]) else ""
+            parts.append(f"{row['run']}: {row['criterion'].replace('_', ' ')} {state}, {fixed(row['worst_ratio'], 2)} of the tolerance{at}")
     return f"{head}. " + "; ".join(parts) if parts else head
-
-
-def _at(time: float) -> str:
-    return f" at {fixed(time, 1)} s" if np.isfinite(time) else ""

@@ -10,7 +10,7 @@ import xarray as xr
 from flightmech.errors import UnknownName
 from pom.result import PomResult
 
-from .quantities import SIGNS, label
+from .quantities import label
 
 
 class Model(TypedDict, total=False):
@@ -59,5 +59,4 @@ def page(provenance: Mapping[str, Any], results: Sequence[PomResult], databases:
         "records": sorted({result.case.record for result in results}),
         "absent": [(name, str(db.attrs.get("absent", "")).split()) for name, db in databases.items()],
         "glossary": sorted((label(name) for name in channels), key=lambda x: x.name.lower()),
-        "signs": sorted(SIGNS.items()),
     }

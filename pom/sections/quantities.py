@@ -63,7 +63,7 @@ _EXTRA = {
 _IN_G = {"nz", "dnz"}
 _WORDS = {
     "trim": "bias found by the trim",
-    "residual": "left after the trim",
+    "left": "left after the trim",
     "bias": "bias applied",
     "applied": "as applied",
     "term": "scale of the term",
@@ -155,6 +155,8 @@ def label(name: str) -> Label:
     *prefixes, stem = name.split(".")
     if prefixes and prefixes[0] == "term":
         return Label(name, name, "", "scale of the term", "", "", 1.0, 0.0)
+    if prefixes[:1] == ["trim"] and stem.endswith("_dot"):
+        prefixes = ["left"]
     notes = [f"engine {p.removeprefix('engine')}" if p.startswith("engine") else _WORDS.get(p, p) for p in prefixes if p not in _SILENT]
     try:
         row = lookup(stem)
@@ -169,7 +171,11 @@ def label(name: str) -> Label:
     sub = " ".join([sub, *(p.removeprefix("engine") for p in prefixes if p.startswith("engine"))]).strip()
     factor, offset = _conversion(display)
     unit = "g" if stem in _IN_G else pretty_unit(display if display != "1" else si_unit)
-    return Label(name, base, sub, ", ".join([words, *notes]), unit, SIGNS.get(sign, sign), factor, offset)
+    return Label(name, base, sub, ", ".join([words, *notes]), unit, _spelt(sign), factor, offset)
+
+
+def _spelt(sign: str) -> str:
+    return re.sub("|".join(SIGNS), lambda m: SIGNS[m.group()], sign)
 
 
 def _conversion(display: str) -> tuple[float, float]:
@@ -195,10 +201,7 @@ def number(value, digits: int = 3) -> str:
     if value == 0.0:
         return "0"
     size = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
-    if -5 < size < 6:
-        text = f"{value:.{max(digits - 1 - size, 0)}f}"
-    else:
-        text = f"{value:.{digits - 1}e}"
+    text = f"{value:.{max(digits - 1 - size, 0)}f}" if -5 < size < 6 else f"{value:.{digits - 1}e}"
     return text.replace("-", MINUS)
 
 

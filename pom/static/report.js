@@ -456,6 +456,12 @@
   }).observe($("main"));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (view?.data) draw(); });
   addEventListener("hashchange", route);
+  // for scripts that drive the page: scales as drawn, and a span of time
+  window.report = {
+    limits: () => (view?.plots || []).map(({ scales: { x } }) => [x.min, x.max]),
+    scales: () => (view?.plots || []).map(({ scales: { y } }) => [y.min, y.max]),
+    zoom,
+  };
   bar();
   route();
 })();

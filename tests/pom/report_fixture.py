@@ -30,13 +30,8 @@ def short_period(u, step, lift=1.0, damping=1.0, power=1.0):
     V, La, Lt = 62.0, 1.15 * lift, 9.81 / 62.0
     A = np.array([[-La, 1.0, 0.0], [-5.2, -1.9 * damping, 0.0], [0.0, 1.0, -0.02 * Lt]])
     x = linear(A, np.array([-0.08, -9.5 * power, 0.0]), u, step)
-    return {
-        "alpha": 0.09 + x[:, 0],
-        "q": x[:, 1],
-        "theta": 0.07 + x[:, 2],
-        "nz": 1.0 + V * La * x[:, 0] / 9.81,
-        "V": V - 9.81 * step * np.cumsum(x[:, 2]),
-    }
+    speed = V - 9.81 * step * np.cumsum(x[:, 2])
+    return {"alpha": 0.09 + x[:, 0], "q": x[:, 1], "theta": 0.07 + x[:, 2], "nz": 1.0 + V * La * x[:, 0] / 9.81, "V": speed}
 
 
 def roll(u, step, damping=1.0):
@@ -96,8 +91,8 @@ def criterion(name, channel, group, window, *limits, provenance="verified", note
 
 
 def trim(columns):
-    rows = ["V", "alpha", "theta", "delta_e", "trim.delta_e", "trim.thrust", "residual.u_dot", "residual.w_dot", "residual.q_dot"]
-    values = {"flight": [62.0, 0.09, 0.07, -0.03, np.nan, np.nan, 0.012, -0.031, 0.0004]}
+    rows = ["V", "alpha", "theta", "delta_e", "trim.delta_e", "trim.thrust", "trim.u_dot", "trim.w_dot", "trim.q_dot"]
+    values = {"flight": [62.0, 0.09, 0.07, -0.03, *[np.nan] * 5]}
     for i, run in enumerate(columns):
         values[run] = [62.0, 0.09 + 0.004 * (2 - i), 0.07, -0.03, 0.011 - 0.005 * i, 120.0 - 55.0 * i, 1e-12, -3e-11, 2e-12]
     return pd.DataFrame(values, index=pd.Index(rows, name="quantity"))
@@ -134,10 +129,8 @@ def short_period_result(name="short_period_full_flaps", title="Short period, ful
     )  # fmt: skip
     data = signals(time, flight, models)
     tolerance, verdict = judge(case, data, RUNS)
-    inputs = xr.Dataset(
-        {"delta_e": ("time", u - 1.7 * DEG), "delta_a": ("time", 0 * u), "delta_f": ("time", 0 * u + 40 * DEG), "engine1.thrust_drive": ("time", 5200 + 15 * np.sin(time))},
-        {"time": time},
-    )  # fmt: skip
+    applied = {"delta_e": u - 1.7 * DEG, "delta_a": 0 * u, "delta_f": 0 * u + 40 * DEG, "engine1.thrust_drive": 5200 + 15 * np.sin(time)}
+    inputs = xr.Dataset({name: ("time", values) for name, values in applied.items()}, {"time": time})
     return PomResult(case, CONDITIONS, data, tolerance, inputs, trim(RUNS), verdict)
 
 
@@ -226,11 +219,14 @@ PROVENANCE = {
 
 
 def diagnosis():
-    return pd.DataFrame(
-        {
-            "term": ["CL/gear", "Cm/qhat", "CL/basic"],
-            "ratio_before": [1.61, 1.61, 1.61],
-            "ratio_after": [0.42, 1.48, 1.55],
-            "closed": [0.82, 0.09, 0.04],
-        }
-    )
+    """A term-swap table with the columns of `pom.diagnose`."""
+    rows = [
+        ("prior", "", 0.0, "fail", 1.21, 2.22, 0.9, 1.63),
+        ("final", "", 1.0, "pass", 0.02, 0.04, 0.03, 0.05),
+        ("single", "CL/gear", 0.82, "pass", 0.25, 0.61, 0.22, 0.42),
+        ("single", "Cm/qhat", 0.09, "fail", 1.1, 2.0, 0.84, 1.48),
+        ("single", "CL/basic", 0.004, "fail", 1.2, 2.21, 0.9, 1.62),
+        ("sequence", "CL/gear", 0.82, "pass", 0.25, 0.61, 0.22, 0.42),
+    ]
+    criteria = [f"{name} {what}" for name in ("pitch_angle", "pitch_rate") for what in ("miss", "ratio")]
+    return pd.DataFrame(rows, columns=["stage", "term", "closes", "verdict", *criteria])

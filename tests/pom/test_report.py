@@ -1,0 +1,269 @@
+"""The report without a browser: files, numbers, quantised traces, figures, escapes."""
+
+import json
+import re
+import sys
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pom
+from flightmech.errors import SchemaError, UnknownName
+from pom.result import PomResult
+from pom.sections import case, figure, panels, quantities, traces
+
+sys.path.insert(0, str(Path(__file__).parent))
+import report_fixture as fixture
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    path = write(folder)
+    return path.read_text(encoding="utf-8"), json.loads((folder / "results.json").read_text(encoding="utf-8"))
+
+
+def write(folder, **change):
+    arguments = {
+        "title": "T-37 flight model",
+        "provenance": fixture.PROVENANCE,
+        "databases": fixture.databases(),
+        "diagnoses": {"short_period_full_flaps": fixture.diagnosis()},
+        "revision": "A",
+        **change,
+    }
+    return pom.write_report(arguments.pop("results", None) or fixture.results(), folder, **arguments)
+
+
+class Table(HTMLParser):
+    """Text of the page by row of the verdict tables."""
+
+    def __init__(self):
+        super().__init__()
+        self.rows, self.key, self.case, self.row = {}, None, "", None
+
+    def handle_starttag(self, tag, attrs):
+        found = dict(attrs)
+        if tag == "article":
+            self.case = found["id"].removeprefix("case-")
+        if tag == "tr":
+            self.row = (self.case, found["data-criterion"], found["data-run"]) if "data-criterion" in found else None
+            if self.row:
+                self.rows[self.row] = ""
+
+    def handle_data(self, data):
+        if self.row:
+            self.rows[self.row] += data + " "
+
+    def handle_endtag(self, tag):
+        if tag == "tr":
+            self.row = None
+
+
+def test_results_come_back_from_json(report):
+    _, document = report
+    for item, before in zip(document["results"], fixture.results(), strict=True):
+        after = PomResult.from_json(json.dumps(item))
+        assert after.case == before.case
+        np.testing.assert_array_equal(
+            after.signals["theta" if "theta" in before.signals else "p"], before.signals["theta" if "theta" in before.signals else "p"]
+        )
+        assert after.verdict.equals(before.verdict)
+
+
+def test_equal_input_gives_equal_bytes(tmp_path):
+    first, second = write(tmp_path / "a"), write(tmp_path / "b")
+    assert first.read_bytes() == second.read_bytes()
+    assert (tmp_path / "a/results.json").read_bytes() == (tmp_path / "b/results.json").read_bytes()
+
+
+def test_every_verdict_of_the_page_is_the_one_in_json(report):
+    html, document = report
+    table = Table()
+    table.feed(html)
+    count = 0
+    for item in document["results"]:
+        for row in item["verdict"]:
+            text = table.rows[(item["case"]["name"], row["criterion"].replace("_", " "), row["run"])]
+            assert case.WORDS[row["verdict"]] in text
+            if row["worst_ratio"] is not None:
+                assert re.search(rf"\b{row['worst_ratio']:.2f}\b", text), (row["criterion"], text)
+            count += 1
+    assert count == 21  # 3 criteria x 3 models, twice, and one criterion x 3 models
+
+
+@pytest.mark.parametrize("index", [0, 1, 2])
+def test_quantised_traces_stay_below_a_500th_of_the_tolerance(index):
+    result = fixture.results()[index]
+    shown = panels.panels(result)
+    data = case._data(result, shown, case.line_styles(result.runs))
+    body = traces.unpack(data["pack"])
+    np.testing.assert_allclose(traces.restore(data["head"]["time"], body), result.signals["time"].values, atol=1e-6)
+    judged = 0
+    for panel, head in zip(shown, data["head"]["panels"], strict=True):
+        for run, values in panel.traces.items():
+            error = np.abs(traces.restore(head["traces"][run], body) - values)
+            if panel.half is not None:
+                assert np.nanmax(error) < np.nanmin(panel.half) / 500
+                assert np.nanmax(np.abs(traces.restore(head["half"], body) - panel.half)) < np.nanmin(panel.half) / 500
+                judged += 1
+            else:
+                assert np.nanmax(error) <= np.ptp(values) / 4000 + 1e-12 * np.abs(values).max() + head["traces"][run]["step"]
+    assert judged >= 3
+
+
+def test_gaps_and_large_jumps_survive_the_quantisation():
+    values = np.array([np.nan, 1.0, 1e6, np.nan, np.nan, -1e6, 0.25])
+    pack = traces.Pack.empty()
+    entry = pack.add(values, 0.01)
+    assert entry["type"] == "int32"  # 1e8 steps do not fit 16 bits
+    np.testing.assert_allclose(traces.restore(entry, traces.unpack(pack.text())), values, atol=0.005)
+    empty = pack.add(np.full(3, np.nan), 1.0)
+    assert np.isnan(traces.restore(empty, traces.unpack(pack.text()))).all()
+
+
+def test_hostile_texts_stay_text(tmp_path):
+    from dataclasses import replace
+
+    evil = '</script><script>alert(1)</script><img src=x onerror="alert(2)">&\u2028'
+    result = fixture.short_period_result()
+    result = replace(result, case=replace(result.case, title=evil, description=evil, name=evil), failure=evil)
+    result.verdict["note"] = evil
+    html = write(tmp_path, results=[result], title=evil, revision=evil, diagnoses={evil: fixture.diagnosis()}).read_text(encoding="utf-8")
+    assert "<script>alert" not in html
+    assert "<img" not in html
+    assert html.count("<script") == html.count("</script>") == 5  # class switch, uPlot, our own; head and traces of the case
+    assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))["title"] == evil
+
+
+def test_nothing_points_outside_the_file(report):
+    html, _ = report
+    assert not re.search(r"""(?:src|href|action)\s*=\s*["'](?!#|data:,)""", html)
+    assert not re.search(r"@import|url\((?!#)", html)
+    assert "default-src 'none'" in html
+
+
+def test_a_failed_writing_leaves_the_old_report(tmp_path, monkeypatch):
+    path = write(tmp_path)
+    before = path.read_bytes(), (tmp_path / "results.json").read_bytes()
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        write(tmp_path, title="another")
+    assert before == (path.read_bytes(), (tmp_path / "results.json").read_bytes())
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["report.html", "results.json"]
+
+
+def test_bad_arguments_are_told(tmp_path):
+    with pytest.raises(SchemaError, match="no results came"):
+        pom.write_report([], tmp_path, title="x")
+    with pytest.raises(UnknownName, match=r"unknown key of provenance 'comand'; near it: command"):
+        write(tmp_path, provenance={"comand": "x"})
+    with pytest.raises(UnknownName, match=r"unknown case 'short_period'.*named after cases"):
+        write(tmp_path, diagnoses={"short_period": fixture.diagnosis()})
+
+
+def test_cases_of_one_name_get_addresses_of_their_own():
+    result = fixture.roll_result()
+    assert case.keys([result, result]) == ["roll_response_clean", "roll_response_clean-2"]
+
+
+def test_line_code_of_the_figures_and_of_strangers():
+    assert case.line_styles(["flight", "datcom", "corrected", "final"]) == dict(
+        flight="run-0", datcom="run-1", corrected="run-2", final="run-3"
+    )
+    styles = case.line_styles(["final", "rival", "other"])
+    assert styles["final"] == "run-3"
+    assert len(set(styles.values())) == 4
+
+
+def test_an_outlier_is_clipped_before_it_squeezes_the_band():
+    time = np.linspace(0, 10, 201)
+    flight, half = 3.0 * np.sin(time), np.full(201, 1.5)
+    low, high = panels.limits({"flight": flight, "poor": flight + np.where(time > 5, 300.0, 0.0)}, half, 0.0)
+    assert low < -4.49
+    assert 4.5 < high < 12.0
+    assert 1.5 / (high - low) > panels.LEAST_BAND
+
+
+def test_a_missing_response_counts_as_outside():
+    time = np.arange(5.0)
+    half = np.array([np.nan, 1.0, 1.0, 1.0, np.nan])
+    mask = panels.outside(np.array([9.0, 0.5, np.nan, 2.0, 9.0]), np.zeros(5), half)
+    assert panels.spans(time, mask) == [(2.0, 3.0)]
+
+
+def test_lines_keep_their_shape_with_few_points():
+    x = np.linspace(0, 600, 3001)
+    y = 80 + 50 * np.sin(x / 40) + np.where(np.abs(x - 300) < 0.3, 30, 0)
+    keep = figure.essential(x, y, 0.15)
+    assert len(keep) < 300
+    assert np.abs(np.interp(x, x[keep], y[keep]) - y).max() <= 0.15
+
+
+def test_ticks_are_round_and_inside():
+    assert figure.tick_text(figure.ticks(-0.31, 1.02, 5)) == ["0.0", "0.5", "1.0"]
+    assert figure.tick_text(figure.ticks(-21.0, 19.0, 5)) == ["−20", "−10", "0", "10"]
+
+
+@pytest.mark.parametrize(
+    ("name", "si", "text"),
+    [
+        ("theta", np.pi / 6, "30\N{NO-BREAK SPACE}deg"),
+        ("V_cas", 1852 / 36, "100\N{NO-BREAK SPACE}kt"),
+        ("temperature", 288.15, "15\N{NO-BREAK SPACE}°C"),
+        ("nz", 1.5, "1.5\N{NO-BREAK SPACE}g"),
+        ("gear", 1.0, "1"),
+    ],
+)
+def test_values_in_display_units(name, si, text):
+    assert quantities.measured(si, name) == text
+
+
+def test_a_difference_of_temperatures_has_no_offset():
+    assert quantities.label("temperature").width(2.0) == pytest.approx(2.0)
+
+
+def test_symbols():
+    assert str(quantities.label("delta_e").html) == "<i>δ</i><sub>e</sub>"
+    assert quantities.label("engine2.thrust").words == "net thrust, engine 2"
+    assert quantities.label("trim.u_dot").words == "body acceleration along x, left after the trim"
+    assert quantities.label("trim.delta_e").words == "elevator deflection, bias found by the trim"
+    assert quantities.label("alien").words == ""
+
+
+def test_models_page_shows_what_differs_and_names_the_rest(report):
+    html, _ = report
+    drawn = dict(re.findall(r'data-term="([^"]+)">\s*<h2>[^<]*<span class="quiet">([^<;]+)', html))
+    assert drawn == {
+        "CL/basic": "replaced",
+        "CL/gear": "not in datcom",
+        "CL/qhat": "replaced",
+        "CL/tab": "not in final",
+        "CD/basic": "unchanged",
+        "Cm/basic": "unchanged",
+        "Cm/elevator": "replaced",
+    }
+    assert re.search(r'scope="row">CL/flap</th><td>alpha 11, delta_f 3', html)
+
+
+def test_supporting_samples_are_drawn_in_their_slice(tmp_path):
+    import pandas as pd
+
+    support = {"CL/basic": pd.DataFrame({"alpha": np.radians([1.0, 2.0, 3.0]), "mach": [0.12, 0.28, 0.31]})}
+    html = write(tmp_path, support=support).read_text(encoding="utf-8")
+    section = html[html.index('data-term="CL/basic"') : html.index('data-term="CL/gear"')]
+    assert section.count('class="rug"') == 1 + 3  # the key and three samples
+    assert write(tmp_path).read_text(encoding="utf-8").count('class="rug"') == 0
+
+
+def test_coverage_counts_entries_of_the_table(report):
+    html, _ = report
+    assert "2 of 75 entries have a case here" in html
+    assert re.search(r'<span class="id">2\.c\.9</span> Phugoid', html)
+
+
+def test_a_crashed_model_is_told(report):
+    html, _ = report
+    assert "Not all models ran.</strong> corrected: the FMU stopped at 6.42 s" in html

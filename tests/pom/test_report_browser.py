@@ -1,0 +1,242 @@
+"""The report in a real browser: what it asks for, draws and answers."""
+
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+import pom
+
+sys.path.insert(0, str(Path(__file__).parent))
+import report_fixture as fixture
+
+CHROMIUM = shutil.which("chromium")
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="needs chromium: apt-get install chromium")]
+WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested"}
+CASE = "#case-short_period_full_flaps"
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    return pom.write_report(
+        fixture.results(),
+        folder,
+        title="T-37 flight model",
+        provenance=fixture.PROVENANCE,
+        databases=fixture.databases(),
+        diagnoses={"short_period_full_flaps": fixture.diagnosis()},
+    ).as_uri()
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(chromium):
+    """A page that must neither complain nor ask for anything but the report itself."""
+    context = chromium.new_context(viewport={"width": 1400, "height": 1000})
+    page = context.new_page()
+    asked, said = [], []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    yield page
+    assert [url for url in asked if not url.startswith("data:")] == [page.url.partition("#")[0]]
+    assert said == []
+    context.close()
+
+
+def open_case(page, address, case=CASE):
+    page.goto(address + case)
+    page.wait_for_selector(f"{case.partition('&')[0]} .panel canvas")
+    page.wait_for_timeout(200)
+
+
+def spans(page):
+    """Limits of the time axis of every plot on the page, read back from the fields and the address."""
+    return [float(page.locator(f"{CASE} .{end}").input_value()) for end in ("from", "to")]
+
+
+PIXELS = """canvas => {
+  const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data, seen = new Set();
+  for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) seen.add(data[i] + ',' + data[i + 1] + ',' + data[i + 2]);
+  return [...seen];
+}"""
+
+
+def test_all_panels_are_drawn_in_their_colours(page, address):
+    open_case(page, address)
+    channels = page.locator(f"{CASE} .panel").evaluate_all("panels => panels.map(p => p.dataset.channel)")
+    assert channels == ["theta", "q", "nz", "delta_e", "engine1.thrust_drive", "alpha", "V"]
+    canvases = page.locator(f"{CASE} .panel canvas")
+    assert canvases.count() == 10  # three judged channels with a residual strip each, two inputs, two more
+    colours = [set(canvases.nth(i).evaluate(PIXELS)) for i in range(10)]
+    band, flight, final = "219,233,246", "0,0,0", "0,114,178"
+    assert all(len(seen) > 10 for seen in colours)
+    assert {band, flight, final} <= colours[0]
+    assert {band, final} <= colours[1]
+    assert flight in colours[7]
+    assert band not in colours[7]
+
+
+def test_a_drag_zooms_every_panel_and_a_double_click_resets(page, address):
+    open_case(page, address)
+    assert spans(page) == [4.0, 18.0]
+    area = page.locator(f"{CASE} .u-over").nth(2).bounding_box()
+    x, y = area["x"], area["y"] + area["height"] / 2
+    page.mouse.move(x + area["width"] * 0.25, y)
+    page.mouse.down()
+    page.mouse.move(x + area["width"] * 0.5, y, steps=5)
+    page.mouse.up()
+    page.wait_for_timeout(200)
+    assert spans(page) == pytest.approx([7.5, 11.0], abs=0.1)
+    limits = page.evaluate("report.limits()")
+    assert len(limits) == 10
+    assert limits == [limits[0]] * 10
+    assert limits[0] == pytest.approx([7.5, 11.0], abs=0.1)
+    assert re.search(r"#case-short_period_full_flaps&t=7\.\d+,1[01]\.\d+$", page.url)
+    page.mouse.dblclick(x + 20, y)
+    page.wait_for_timeout(200)
+    assert spans(page) == [4.0, 18.0]
+    assert page.url.endswith(CASE)
+
+
+def test_the_address_opens_the_same_view(page, address):
+    open_case(page, address, CASE + "&t=6.00,9.50")
+    assert spans(page) == [6.0, 9.5]
+    assert page.evaluate("report.limits()")[0] == [6.0, 9.5]
+
+
+def test_a_click_on_a_verdict_goes_to_the_exit(page, address):
+    open_case(page, address)
+    link = page.locator(f'{CASE} tr[data-criterion="pitch angle"][data-run="datcom"] a.jump').last
+    at = float(link.text_content())
+    link.click()
+    page.wait_for_timeout(200)
+    start, stop = spans(page)
+    assert start < at < stop
+    assert stop - start < 3.0
+
+
+def test_keys(page, address):
+    page.goto(address)
+    page.wait_for_selector("#overview:not([hidden])")
+    seen = []
+    for key in ("n", "n", "p", "f", "o"):
+        page.keyboard.press(key)
+        page.wait_for_timeout(150)
+        seen.append(page.evaluate("location.hash"))
+    assert seen == [CASE, "#case-roll_response_clean", CASE, "#case-roll_response_clean", "#overview"]
+    page.keyboard.press("?")
+    assert page.locator("#keys").is_visible()
+    page.keyboard.press("Escape")
+    assert page.locator("#keys").is_hidden()
+
+
+def test_number_keys_hide_and_show_a_trace(page, address):
+    open_case(page, address)
+    first = page.locator(f"{CASE} .panel canvas").first
+    assert "0,114,178" in first.evaluate(PIXELS)
+    page.keyboard.press("4")
+    page.wait_for_timeout(200)
+    assert "0,114,178" not in page.locator(f"{CASE} .panel canvas").first.evaluate(PIXELS)
+    assert page.locator(f'{CASE} .legend button[data-run="final"]').get_attribute("aria-pressed") == "false"
+    page.keyboard.press("4")
+    page.wait_for_timeout(200)
+    assert "0,114,178" in page.locator(f"{CASE} .panel canvas").first.evaluate(PIXELS)
+
+
+def test_one_cursor_reads_all_panels(page, address):
+    open_case(page, address)
+    area = page.locator(f"{CASE} .u-over").first.bounding_box()
+    page.mouse.move(area["x"] + area["width"] / 2, area["y"] + 40)
+    page.wait_for_timeout(150)
+    heads = page.locator(f"{CASE} .panel-values").all_text_contents()
+    assert len(heads) == 7
+    assert all(text.startswith("t 11.0") for text in heads)
+    theta = fixture.short_period_result().signals["theta"].sel(run="final").interp(time=float(heads[0].split()[1]))
+    assert f"{float(theta) * 57.29578:.2f}" in heads[0]
+
+
+def test_scales_of_script_and_print_agree(page, address):
+    open_case(page, address)
+    whole = page.evaluate("report.scales()")
+    page.evaluate("report.zoom([4.0001, 17.9999])")  # the script's own rule instead of the limits that came with the data
+    page.wait_for_timeout(200)
+    for a, b in zip(whole, page.evaluate("report.scales()"), strict=True):
+        assert b == pytest.approx(a, abs=0.01 * (a[1] - a[0]))
+
+
+def test_verdicts_of_the_overview_are_those_of_json(page, address):
+    document = json.loads(Path(address.removeprefix("file://")).with_name("results.json").read_text(encoding="utf-8"))
+    page.goto(address)
+    rows = page.locator("#matrix tbody tr")
+    for i, item in enumerate(document["results"]):
+        words = rows.nth(i).locator(".verdict").all_text_contents()
+        said = [WORDS[item["status"][run]] for run in fixture.RUNS]
+        assert [word.split(maxsplit=1)[1] for word in words] == said
+
+
+def test_filters_and_order_of_the_overview(page, address):
+    page.goto(address)
+
+    def shown():
+        return page.locator("#matrix tbody tr:visible a").all_text_contents()
+
+    assert shown() == ["Short period, full flaps, gear down", "Roll response, clean", "Elevator step in approach"]
+    page.get_by_role("button", name="not run or not judged").click()
+    assert shown() == ["Elevator step in approach"]
+    page.get_by_role("button", name="all", exact=True).click()
+    page.locator("#worst-first").check()
+    assert shown()[-1] == "Roll response, clean"  # 1.53 against 1.63
+
+
+def test_without_script_tables_and_figures_stand(chromium, address):
+    context = chromium.new_context(java_script_enabled=False, viewport={"width": 1000, "height": 900})
+    page = context.new_page()
+    page.goto(address)
+    assert page.locator("#matrix tbody tr").count() == 3
+    assert page.locator("article.case").count() == 3
+    for i in range(3):
+        case = page.locator("article.case").nth(i)
+        assert case.locator("table.verdicts tbody tr").count() >= 3
+        figure = case.locator("figure.static svg").first
+        assert figure.is_visible()
+        assert figure.bounding_box()["height"] > 200
+        assert figure.locator("path.trace").count() >= 6
+    assert page.locator(".panels").first.is_hidden()
+    context.close()
+
+
+def test_print_of_the_overview_holds_everything(chromium, address, tmp_path):
+    context = chromium.new_context()
+    page = context.new_page()
+    page.goto(address)
+    page.emulate_media(media="print")
+    assert page.locator("article.case figure.static svg").first.is_visible()
+    assert page.locator(".bar").is_hidden()
+    page.goto(address + CASE)
+    page.wait_for_timeout(200)
+    assert page.locator("article.page:visible").count() == 1
+    context.close()
+
+
+def test_a_narrow_screen_needs_no_sideways_scrolling(chromium, address):
+    context = chromium.new_context(viewport={"width": 400, "height": 800})
+    page = context.new_page()
+    for place in ("#overview", CASE, "#models", "#provenance"):
+        page.goto("about:blank")
+        page.goto(address + place)
+        page.wait_for_timeout(300)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 400, place
+    context.close()
