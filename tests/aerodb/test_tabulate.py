@@ -74,7 +74,7 @@ def study():
 
 
 def test_two_standard_errors_cover_the_nodes(study):
-    """95 % measured on 24 seeds, 79 nodes each; nodes of one seed are strongly correlated, so allow 90 to 99 %."""
+    """95 % measured, 79 nodes per seed; nodes of one seed are strongly correlated, so allow 90 to 99 %."""
     _, found = study
     z = [(new[name]["value"] - truth[name]["value"]).values / new[name]["stderr"].values for truth, new in found for name in new]
     assert 0.90 < np.mean(np.abs(np.concatenate([x.ravel() for x in z])) < 2) < 0.99
@@ -92,7 +92,7 @@ def test_nodes_from_flight_are_covered_and_better_than_the_prior(study):
                 after.append(error)
                 before.append((leaves[name]["value"] - truth[name]["value"]).values[flown])
     assert 0.90 < np.mean(np.abs(np.concatenate(z)) < 2) < 0.99
-    assert np.std(np.concatenate(after)) < 0.6 * np.std(np.concatenate(before))  # 0.4 measured
+    assert np.std(np.concatenate(after)) < 0.6 * np.std(np.concatenate(before))  # 0.35 measured
 
 
 def test_far_nodes_keep_the_prior_as_source(study):
