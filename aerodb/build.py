@@ -7,7 +7,7 @@ whole aeroplane and every altitude.  What has no DATCOM method is absent and cou
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -21,36 +21,15 @@ from .prior_errors import errors_with
 from .schema import SCHEME, database
 from .sources import Source, source, warn
 
+if TYPE_CHECKING:
+    from flightmech.aircraft import Aircraft
+
 _NEAR = 5e-4  # moment centres closer than this many chords are the same: rounding of print and drawing
 _INCOMPRESSIBLE = 0.3  # below, tables may be held down to Mach 0
 
 
-class AircraftLike(Protocol):
-    """What `from_datcom` needs of an aircraft; `flightmech.Aircraft` has it."""
-
-    @property
-    def name(self) -> str:
-        """Name of the type."""
-
-    @property
-    def S(self) -> float:
-        """Reference area. [m2]"""
-
-    @property
-    def cbar(self) -> float:
-        """Reference chord. [m]"""
-
-    @property
-    def b(self) -> float:
-        """Reference span. [m]"""
-
-    @property
-    def reference(self) -> tuple[float, float, float]:
-        """Moment reference point from the drawing datum: forward, right, down. [m]"""
-
-
 def from_datcom(
-    aircraft: AircraftLike,
+    aircraft: Aircraft,
     *,
     clean: Any,
     flaps: Any = None,
@@ -170,7 +149,7 @@ def _effects(given: Mapping[str, Source], h_ref: float, b: float, z_ref: float) 
     return found
 
 
-def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], aircraft: AircraftLike) -> dict[str, Effect]:
+def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], aircraft: Aircraft) -> dict[str, Effect]:
     """Return the effects by name with the aircraft's reference quantities, in body axes, about the aircraft's reference point."""
     new = {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b}
     for role, place in given.items():
@@ -198,7 +177,7 @@ def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], airc
     return effects
 
 
-def _arm(place: Source, aircraft: AircraftLike) -> tuple[float, float, float]:
+def _arm(place: Source, aircraft: Aircraft) -> tuple[float, float, float]:
     """Return the vector from the aircraft's reference point to the listing's moment centre, body axes. [m]"""
     x_ref, _, z_ref = aircraft.reference
     return -place.reference["x_cg"] - x_ref, 0.0, -place.reference["z_cg"] - z_ref

@@ -15,6 +15,7 @@ from flightmech.errors import SchemaError
 from .effects import Effect, joined
 from .sources import Source, known, warn
 
+_PRINTED_ZERO = 2e-4  # ground pages print 0.01 deg for no flap deflection [rad]
 FAR = 30_000.0  # second breakpoint without ground effect, so that flight at height lies inside the table [m]
 _LONGITUDINAL = ("CL", "CD", "Cm")
 _DRIFT = (
@@ -100,8 +101,9 @@ def ground(given: Source, h_ref: float, b: float, z_ref: float) -> Effect:
         Moment reference point below the drawing datum, from which DATCOM counts the height. [m]
     """
     tables, note = _over_ground(given, h_ref, b, z_ref)
-    first = {c: t.isel(_deflection(t), drop=True) for c, t in tables.items()}
-    return Effect("ground", first, zeros={"h_agl": [2 * b, FAR]}, references=given.place("static"), comment=note)
+    for axis in ("delta_f", "delta_e"):
+        tables = {c: t.sel({axis: 0.0}, method="nearest", drop=True) if axis in t.dims else t for c, t in tables.items()}
+    return Effect("ground", tables, zeros={"h_agl": [2 * b, FAR]}, references=given.place("static"), comment=note)
 
 
 def ground_with(axis: str, given: Source, clean_ground: Effect | None, h_ref: float, b: float, z_ref: float) -> Effect:
@@ -117,9 +119,12 @@ def ground_with(axis: str, given: Source, clean_ground: Effect | None, h_ref: fl
     """
     name = {"delta_f": "ground_flap", "delta_e": "ground_elevator"}[axis]
     tables, note = _over_ground(given, h_ref, b, z_ref)
-    if not all(axis in table.dims for table in tables.values()):
-        raise SchemaError(given.role, [f"the ground pages have no {axis}; give a case with GRNDEF and several deflections"])
-    zero = {c: t.sel({axis: 0.0}, method="nearest", tolerance=2e-4, drop=True) for c, t in tables.items()}  # printed 0.01 deg
+    points = tables["CL"][axis].values if axis in tables["CL"].dims else np.array([np.inf])
+    if np.abs(points).min() > _PRINTED_ZERO:
+        raise SchemaError(
+            given.role, [f"the ground pages hold no several {axis} with zero among them; give a case with GRNDEF and such deflections"]
+        )
+    zero = {c: t.isel({axis: int(np.argmin(np.abs(points)))}, drop=True) for c, t in tables.items()}
     if axis == "delta_e" and (clean_ground is None or not _agree(zero, clean_ground.tables)):
         warn(
             f"{given.role}: the ground pages at zero elevator are not those of the clean aeroplane: the program carries them from "
@@ -140,11 +145,9 @@ def _symflp(given: Source, surface: str, axis: str, h_ref: float) -> tuple[dict[
         warn(_DRIFT.format(role=given.role))
     grid = grid.rename(delta=axis).sortby(axis)
     printed = {"CL": grid["dCL"], "CD": grid["dCDmin"], "Cm": grid["dCm"]}
-    note = ""
-    if "dCDi" in grid:
-        printed["CD"] = printed["CD"] + grid["dCDi"]
-    else:
-        note = "induced-drag increment not printed"
+    induced = known({"dCDi": grid["dCDi"]} if "dCDi" in grid else {})
+    note = "" if induced else "induced-drag increment not printed"
+    printed["CD"] = sum(induced.values(), printed["CD"])
     tables = {c: _from_zero(table, axis) for c, table in known(printed).items()}
     slope = known({"slope": grid["CL_alpha_delta"]}) if np.any(grid[axis].values == 0.0) else {}
     return tables, _from_zero(slope["slope"], axis) if slope else None, note
@@ -169,10 +172,6 @@ def _exact_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
     points = table[axis].values.copy()
     points[np.argmin(np.abs(points))] = 0.0
     return table.assign_coords({axis: points}).transpose(*table.dims)
-
-
-def _deflection(table: xr.DataArray) -> dict[str, int]:
-    return {axis: int(np.argmin(np.abs(table[axis].values))) for axis in ("delta_f", "delta_e") if axis in table.dims}
 
 
 def _over_ground(given: Source, h_ref: float, b: float, z_ref: float) -> tuple[dict[str, xr.DataArray], str]:
@@ -212,6 +211,8 @@ def _faded(table: xr.DataArray, b: float, z_ref: float) -> xr.DataArray:
 
 def _agree(zero: Mapping[str, xr.DataArray], clean: Mapping[str, xr.DataArray]) -> bool:
     """Tell whether two ground effects agree within the rounding of the print (CL, CD three decimals, Cm four)."""
+    if set(zero) - set(clean):
+        return False
     for coefficient, table in zero.items():
         near = clean[coefficient].interp_like(table)
         if float(np.abs(table - near).max()) > 0.003:  # NaN where either is not printed does not count

@@ -115,4 +115,4 @@ def _trees(given: Any) -> Iterable[xr.DataTree]:
 
 def warn(text: str) -> None:
     """Tell the user something that does not stop the work."""
-    warnings.warn(text, AeromatchWarning, stacklevel=4)
+    warnings.warn(text, AeromatchWarning, stacklevel=3)

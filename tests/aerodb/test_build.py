@@ -115,6 +115,14 @@ def test_a_derivative_without_method_is_absent(craft, make_case):
     assert "Cl/phat" in aerodb.terms(db)
 
 
+def test_without_dynamic_pages_the_rates_are_absent(craft, make_case):
+    case = make_case()
+    del case["dynamic"]
+    db = aerodb.from_datcom(craft, clean=case)
+    assert {"CL/qhat", "Cl/phat", "Cn/rhat"} <= set(db.attrs["absent"].split())
+    assert "Cl/beta" in aerodb.terms(db)
+
+
 def test_conditions_that_fill_no_grid_are_refused(craft, make_case):
     case = make_case()
     case["static"] = case["static"].to_dataset().isel(condition=[0, 1, 2])

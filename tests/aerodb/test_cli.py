@@ -67,12 +67,23 @@ def test_check(file, tmp_path):
     assert run("check", str(tmp_path / "missing.nc")).exit_code == 2
 
 
-def test_build_from_listings(t37_folder, craft, tmp_path, monkeypatch):
-    import flightmech.aircraft
+AIRCRAFT = """
+name = "T-37"
+S = "182 ft2"
+cbar = "5.47 ft"
+b = "33.83 ft"
+reference = ["-9.88 ft", 0.0, 0.0]
+mass = 2100.0
+Ixx = 10826.0
+Iyy = 8135.0
+Izz = 15162.0
+cg = [0.0, 0.0, 0.2235]
+"""
 
-    monkeypatch.setattr(flightmech.aircraft, "read_aircraft", lambda path: craft)
+
+def test_build_from_listings(t37_folder, tmp_path):
     toml, output = tmp_path / "t37.toml", tmp_path / "prior.nc"
-    toml.write_text("")
+    toml.write_text(AIRCRAFT)
     listings = [f"--{role}={t37_folder / f't37_{role}.out'}" for role in ("clean", "flaps")]
     result = run("build", str(toml), *listings, "--altitude", "10000 ft", "-o", str(output))
     assert result.exit_code == 0

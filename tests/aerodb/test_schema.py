@@ -35,6 +35,12 @@ def test_a_coefficient_of_other_axes_is_refused(root):
     assert aerodb.check(aerodb.database({"CZ/basic": terms.make(0.1)}, **{**root, "force_axes": "body"})) == []
 
 
+def test_check_cases_in_the_file_are_no_terms(small):
+    small["checks/trim"] = xr.Dataset({"CL": ("case", [0.3])})
+    assert aerodb.check(small) == []
+    assert "checks/trim" not in aerodb.terms(small)
+
+
 def test_an_empty_tree_is_no_database(root):
     assert aerodb.check(xr.DataTree(xr.Dataset(attrs=root))) == ["holds no term; a database has leaves such as CL/basic"]
 

@@ -189,6 +189,20 @@ def test_derivatives_of_the_fin_show_the_axes_of_datcom(t37):
     np.testing.assert_allclose(fin(static, "Cn_beta"), -CY * l / b, atol=2e-5)
 
 
+def test_pitch_rate_is_divided_by_two_V(t37):
+    """The tail's share of CL_q is 2 (l_H/cbar) times its lift slope; with V it would be half of that. t37_build.out, Mach 0.2, alpha -8."""
+    tree = t37["build"][0].to_datatree()
+    pick = {"condition": 0, "alpha": 0}
+    static, dynamic, downwash = (
+        tree[leaf].to_dataset().isel(pick).set_index(configuration="configuration") for leaf in ("static", "dynamic", "downwash")
+    )
+    whole, wing = {"configuration": "WING-BODY-HORIZONTAL TAIL"}, {"configuration": "WING-BODY"}
+    slope = float(static["CL_alpha"].sel(whole) - static["CL_alpha"].sel(wing)) / (1 - float(downwash["epsilon_alpha"].sel(whole)))
+    arm = -float(dynamic["Cm_alphadothat"].sel(whole) / dynamic["CL_alphadothat"].sel(whole))  # l_H / cbar
+    share = float(dynamic["CL_qhat"].sel(whole) - dynamic["CL_qhat"].sel(wing))
+    assert share == pytest.approx(2 * arm * slope, rel=0.01)  # three decimals of the downwash slope, interference left out
+
+
 def test_alpha_of_every_leaf_rises_and_nodes_are_finite(t37_db):
     assert aerodb.check(t37_db) == []
     assert len(aerodb.terms(t37_db)) == 33
