@@ -1,0 +1,147 @@
+"""Blocks: any bytes are safe, a wrong block says what is wrong; the same model gives the same bytes."""
+
+from __future__ import annotations
+
+import pickle
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import flightmech
+from flightmech.errors import SchemaError
+from flightmech.library import Model, Simulation
+
+SECTIONS = ("geometry", "inputs", "outputs", "parameters", "variables", "axes", "points", "bundles", "nodes", "terms", "engines", "strings")
+
+
+def section(block: bytes, name: str) -> tuple[int, int]:
+    """Offset and count of a section."""
+    return struct.unpack_from("<2Q", block, 32 + 16 * SECTIONS.index(name))
+
+
+def patched(block: bytes, offset: int, data: bytes, seal: bool = True) -> bytes:
+    """The block with other bytes, and with a right CRC unless told otherwise."""
+    changed = block[:offset] + data + block[offset + len(data) :]
+    return changed[:24] + struct.pack("<I", zlib.crc32(changed[28:])) + changed[28:] if seal else changed
+
+
+def fly(model: Model) -> None:
+    """Use a model that was accepted: nothing may crash, whatever the numbers."""
+    run = Simulation(model)
+    u = np.zeros(model.count(0))
+    try:
+        run.set_inputs(u)
+        run.initialize()
+        run.step(0.0, 0.02, u, u)
+        run.outputs()
+        run.evaluate(np.full((3, model.count(3)), 0.1))
+    except flightmech.errors.SimulationError:
+        pass
+
+
+def test_same_model_same_bytes(sim, content, make_aircraft, make_tree):
+    shuffled = dict(sorted(content.items(), reverse=True))
+    assert flightmech.compile(make_aircraft(), make_tree(shuffled)).block == sim.block
+
+
+def test_model_survives_pickling(sim):
+    twin = pickle.loads(pickle.dumps(sim))
+    assert twin.block == sim.block
+    assert twin.outputs == sim.outputs
+
+
+def test_a_flipped_bit_is_found(sim):
+    rng = np.random.default_rng(1)
+    for offset in rng.integers(0, len(sim.block), 100):
+        changed = patched(sim.block, int(offset), bytes([sim.block[offset] ^ (1 << int(rng.integers(8)))]), seal=False)
+        with pytest.raises(SchemaError):
+            Model(changed)
+
+
+def test_truncated_and_extended_blocks(sim):
+    for length in (0, 1, 31, 32, 200, len(sim.block) // 2, len(sim.block) - 1):
+        with pytest.raises(SchemaError, match="too few|truncated"):
+            Model(sim.block[:length])
+    with pytest.raises(SchemaError, match="truncated or extended"):
+        Model(sim.block + b"\0")
+
+
+@pytest.mark.parametrize(
+    ("offset", "data", "text"),
+    [
+        (0, b"AMKERNEK", "does not begin with AMKERNEL"),
+        (8, struct.pack("<I", 2), "format 2, this library reads format 1; compile the model again"),
+        (12, struct.pack("<I", 0x04030201), "endian mark is 04030201"),
+        (28, struct.pack("<I", 13), "13 sections, expected 12"),
+    ],
+)
+def test_wrong_headers_say_what_is_wrong(offset, data, text, sim):
+    with pytest.raises(SchemaError, match=text):
+        Model(patched(sim.block, offset, data))
+
+
+@pytest.mark.parametrize(
+    ("name", "inside", "data", "text"),
+    [
+        ("points", 8, struct.pack("<d", 1e9), "does not rise"),
+        ("points", 0, struct.pack("<d", float("nan")), "breakpoint that is not finite"),
+        ("nodes", 16, struct.pack("<d", float("inf")), "table node is not finite"),
+        ("axes", 0, struct.pack("<I", 9999), "axis 0 has no variable"),
+        ("axes", 8, struct.pack("<I", 2**31), "breakpoints outside the block"),
+        ("bundles", 0, struct.pack("<I", 5), "wrong number of axes"),
+        ("bundles", 4, struct.pack("<I", 77), "axis that is not in its group"),
+        ("bundles", 20, struct.pack("<I", 2**20), "wrong number of axes or tables|nodes outside the block"),
+        ("bundles", 32, struct.pack("<Q", 2**60), "nodes outside the block"),
+        ("terms", 0, struct.pack("<I", 2**31), "term 0 has no name"),
+        ("terms", 16, struct.pack("<I", 10**6), "table outside its group"),
+        ("terms", 20, struct.pack("<I", 999), "unknown variable"),
+        ("terms", 28, struct.pack("<I", 60), "has coefficient 60"),
+        ("geometry", 0, struct.pack("<d", -1.0), "S, cbar and b must be positive"),
+        ("geometry", 32, struct.pack("<I", 3), "force axes 3"),
+        ("parameters", 16, struct.pack("<d", float("nan")), "not finite or not in order"),
+        ("inputs", 0, struct.pack("<I", 0xFFFFFFFF), "text outside the string table"),
+        ("engines", 0, struct.pack("<d", float("nan")), "engine 1 has a position or direction"),
+    ],
+)
+def test_wrong_records_say_what_is_wrong(name, inside, data, text, sim):
+    with pytest.raises(SchemaError, match=text):
+        Model(patched(sim.block, section(sim.block, name)[0] + inside, data))
+
+
+def test_sections_must_lie_inside(sim):
+    for i in range(len(SECTIONS)):
+        for entry in (struct.pack("<2Q", 2**63, 1), struct.pack("<2Q", 64, 2**61), struct.pack("<2Q", 65, 1)):
+            with pytest.raises(SchemaError):
+                Model(patched(sim.block, 32 + 16 * i, entry))
+
+
+@settings(max_examples=300, deadline=None)
+@given(data=st.data())
+def test_hostile_blocks_with_a_right_checksum_do_not_crash(data, sim):
+    block = sim.block
+    for _ in range(data.draw(st.integers(1, 4))):
+        if data.draw(st.booleans()):
+            offset, count = section(block, data.draw(st.sampled_from(SECTIONS)))
+            offset = min(offset + 4 * data.draw(st.integers(0, 60)), len(block) - 8)
+        else:
+            offset = data.draw(st.integers(28, len(block) - 8))
+        word = data.draw(st.sampled_from([b"\0\0\0\0", b"\xff\xff\xff\xff", b"\1\0\0\0", b"\0\0\xf0\x7f", b"\0\0\0\x80", b"\7\0\0\0"]))
+        block = patched(block, offset, word)
+    try:
+        model = Model(block)
+    except SchemaError:
+        return
+    fly(model)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=600))
+def test_any_bytes_are_refused(data):
+    with pytest.raises(SchemaError):
+        Model(data)
+    with pytest.raises(SchemaError):
+        Model(b"AMKERNEL" + data)

@@ -1,0 +1,82 @@
+"""Tables against SciPy: values, ends, single points, independence of history."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.interpolate import RegularGridInterpolator
+
+import flightmech
+from flightmech.library import Simulation
+from flightmech.terms import make
+
+NAMES = ("alpha", "beta", "mach", "delta_e")
+
+
+def evaluate(sim: flightmech.SimModel, **columns) -> np.ndarray:
+    """Coefficients (n, 6) at model variables given by name; others are zero."""
+    v = np.zeros((len(next(iter(columns.values()))), len(sim.variables)))
+    for name, values in columns.items():
+        v[:, sim.variables.index(name)] = values
+    return Simulation(sim.model).evaluate(v)[0]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_random_grids_agree_with_scipy(count, make_aircraft, make_tree):
+    rng = np.random.default_rng(count)
+    points = {name: np.cumsum(rng.uniform(0.05, 1.0, rng.integers(2, 9))) for name in NAMES[:count]}
+    tables = {f"CL/t{i}": rng.normal(size=[len(p) for p in points.values()]) for i in range(7)}
+    sim = flightmech.compile(make_aircraft(), make_tree({name: make(value, points) for name, value in tables.items()}))
+    x = {name: rng.uniform(p[0], p[-1], 300) for name, p in points.items()}
+    v = np.stack([x[name] if name in x else np.zeros(300) for name in sim.variables], axis=1)
+    found = Simulation(sim.model).evaluate(v)[1][:, [sim.terms.index(name) for name in tables]]
+    at = np.stack(list(x.values()), axis=1)
+    expected = np.stack([RegularGridInterpolator(tuple(points.values()), value)(at) for value in tables.values()], axis=1)
+    assert np.abs(found - expected).max() < 1e-14 * np.abs(expected).max() * 2**count  # 2**count rounded products
+
+
+def test_hold_keeps_the_end_and_linear_goes_on(make_aircraft, make_tree):
+    points = np.array([0.0, 1.0, 3.0])
+    content = {"CL/held": make([1.0, 2.0, 8.0], {"alpha": points}), "CD/linear": make([1.0, 2.0, 8.0], {"alpha": points}, outside="linear")}
+    sim = flightmech.compile(make_aircraft(), make_tree(content))
+    CL, CD = evaluate(sim, alpha=[-1.0, 0.0, 3.0, 5.0])[:, :2].T
+    assert CL.tolist() == [1.0, 1.0, 8.0, 8.0]
+    assert CD.tolist() == [0.0, 1.0, 8.0, 14.0]
+
+
+def test_axis_of_one_point_is_a_constant(make_aircraft, make_tree):
+    sim = flightmech.compile(make_aircraft(), make_tree({"CL/one": make([[3.0, 5.0]], {"mach": [0.4], "alpha": [0.0, 1.0]})}))
+    assert evaluate(sim, alpha=[0.0, 0.5, 1.0], mach=[0.1, 0.4, 0.9])[:, 0].tolist() == [3.0, 4.0, 5.0]
+
+
+def test_value_at_a_breakpoint_is_the_node(make_aircraft, make_tree):
+    points = np.linspace(-0.3, 0.4, 8)
+    nodes = np.sin(points * 9.0)
+    sim = flightmech.compile(make_aircraft(), make_tree({"CL/t": make(nodes, {"alpha": points})}))
+    assert evaluate(sim, alpha=points)[:, 0].tolist() == nodes.tolist()
+
+
+def test_result_does_not_depend_on_the_way_there(make_aircraft, make_tree):
+    rng = np.random.default_rng(3)
+    points = np.cumsum(rng.uniform(0.1, 1.0, 40))
+    sim = flightmech.compile(make_aircraft(), make_tree({"CL/t": make(rng.normal(size=40), {"alpha": points})}))
+    x = rng.uniform(points[0] - 1.0, points[-1] + 1.0, 500)
+    order = np.argsort(x)
+    assert (evaluate(sim, alpha=x)[order, 0] == evaluate(sim, alpha=x[order])[:, 0]).all()
+
+
+def test_nan_stays_nan_and_harms_nothing(make_aircraft, make_tree):
+    sim = flightmech.compile(make_aircraft(), make_tree({"CL/t": make([1.0, 2.0, 8.0], {"alpha": [0.0, 1.0, 3.0]})}))
+    found = evaluate(sim, alpha=[0.5, np.nan, np.inf, 0.5])[:, 0]
+    assert np.isnan(found[1])
+    assert found[[0, 2, 3]].tolist() == [1.5, 8.0, 1.5]
+
+
+def test_same_axes_share_a_bundle_other_breakpoints_do_not(make_aircraft, make_tree):
+    content = {
+        "CL/a": make([0.0, 1.0], {"alpha": [0.0, 1.0]}),
+        "CD/b": make([0.0, 1.0], {"alpha": [0.0, 1.0]}),
+        "Cm/c": make([0.0, 1.0], {"alpha": [0.0, 2.0]}),
+    }
+    sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
+    assert sim.axes == ("alpha", "alpha")
