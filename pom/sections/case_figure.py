@@ -115,7 +115,6 @@ def _inside(frame: Frame, time, panel: Panel, styles) -> str:
     if panel.half is not None and flight is not None:
         low, high = flight - panel.half, flight + panel.half
         parts.append(area(frame, time, low, high, "band"))
-        parts += [curve(frame, time, edge, "edge") for edge in (low, high)]
         for run, values in panel.traces.items():
             if panel.exits.get(run):
                 parts.append(_exceedance(frame, time, values, low, high))
@@ -175,7 +174,7 @@ def _residual(frame: Frame, name: str, time, panel: Panel, half: np.ndarray, sty
     flight = panel.traces["flight"]
     unit_band = np.where(np.isfinite(half), 1.0, np.nan)
     parts = [axes(frame, x_labels=last, y_ticks=(-1.0, 0.0, 1.0)), text(6, frame.top + frame.height / 2 + 3.5, "e/t", "caption")]
-    body = area(frame, time, -unit_band, unit_band, "band") + "".join(curve(frame, time, s * unit_band, "edge") for s in (1, -1))
+    body = area(frame, time, -unit_band, unit_band, "band")
     for run, values in panel.traces.items():
         if run != "flight":
             with np.errstate(invalid="ignore", divide="ignore"):

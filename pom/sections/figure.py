@@ -17,7 +17,7 @@ from .quantities import MINUS
 
 WIDTH = 720.0
 # a point may be left out of a line when the line stays this close to it
-SLACK = 0.15
+SLACK = 0.2
 
 
 @dataclass(frozen=True)
@@ -126,27 +126,43 @@ def clipped(frame: Frame, name: str, body: str) -> str:
 def curve(frame: Frame, x: np.ndarray, y: np.ndarray, css: str) -> str:
     """Return a line through the finite points, with gaps where a value is missing and without superfluous points."""
     pieces = []
-    good = np.isfinite(y) & np.isfinite(x)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
+    for a, b in stretches(np.isfinite(y) & np.isfinite(x)):
         px, py = frame.px(x[a:b]), frame.py(y[a:b])
         keep = essential(px, py)
-        pieces.append("M" + " ".join(f"{u:.1f},{v:.1f}" for u, v in zip(px[keep], py[keep], strict=True)))
+        pieces.append(_path(px[keep], py[keep]))
     return f'<path class="{css}" d="{"".join(pieces)}"/>' if pieces else ""
 
 
 def area(frame: Frame, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: str) -> str:
     """Return the areas between two lines, one per run of finite points."""
     pieces = []
-    good = np.isfinite(low) & np.isfinite(high)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
+    for a, b in stretches(np.isfinite(low) & np.isfinite(high)):
         px = frame.px(x[a:b])
         up, down = frame.py(high[a:b]), frame.py(low[a:b])
         ku, kd = essential(px, up), essential(px, down)[::-1]
-        points = [*zip(px[ku], up[ku], strict=True), *zip(px[kd], down[kd], strict=True)]
-        pieces.append("M" + " ".join(f"{u:.1f},{v:.1f}" for u, v in points) + "Z")
+        pieces.append(_path(np.concatenate([px[ku], px[kd]]), np.concatenate([up[ku], down[kd]])) + "z")
     return f'<path class="{css}" d="{"".join(pieces)}"/>' if pieces else ""
+
+
+def stretches(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Return start and end (exclusive) of every run of true samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _path(x: np.ndarray, y: np.ndarray) -> str:
+    """Return path data in tenths of a unit, relative to the point before: a third of the length of absolute numbers."""
+    places = np.rint(np.stack([x, y]) * 10.0).astype(int)
+    steps = np.diff(places).T
+    start = f"M{places[0, 0] / 10:g},{places[1, 0] / 10:g}"
+    return start + ("l" + "".join(_tenths(dx) + _tenths(dy) for dx, dy in steps.tolist()) if len(steps) else "h0")
+
+
+def _tenths(value: int) -> str:
+    """Return an integer number of tenths as short as path data allow: no leading zero, the sign as separator."""
+    sign = "-" if value < 0 else " "
+    whole, part = divmod(abs(value), 10)
+    return sign + (f"{whole or ''}.{part}" if part else str(whole))
 
 
 def essential(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from pom.result import PomResult
 
+from .figure import stretches
 from .quantities import Label, fixed, label
 
 # an outlier may widen a scale by this share of the height that flight and band need, on each side
@@ -111,8 +112,7 @@ def outside(model: np.ndarray, flight: np.ndarray, half: np.ndarray) -> np.ndarr
 
 def spans(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
     """Return start and stop of every run of true samples. [s]"""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(int)))
-    return [(float(time[a]), float(time[b - 1])) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [(float(time[a]), float(time[b - 1])) for a, b in stretches(mask)]
 
 
 def limits(traces: dict[str, np.ndarray], half: np.ndarray | None, least_span: float) -> tuple[float, float]:

@@ -456,6 +456,13 @@
   }).observe($("main"));
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (view?.data) draw(); });
   addEventListener("hashchange", route);
+
+  // ---- print: the static figures, which wait as text until they are wanted ---------------------------------------------
+  function layOutFigures() {
+    all(".static noscript").forEach((source) => { source.parentElement.innerHTML = source.textContent; });
+  }
+  addEventListener("beforeprint", layOutFigures);
+  matchMedia("print").addEventListener("change", (event) => { if (event.matches) layOutFigures(); });
   // for scripts that drive the page: scales as drawn, and a span of time
   window.report = {
     limits: () => (view?.plots || []).map(({ scales: { x } }) => [x.min, x.max]),

@@ -202,6 +202,13 @@ def test_lines_keep_their_shape_with_few_points():
     assert np.abs(np.interp(x, x[keep], y[keep]) - y).max() <= 0.15
 
 
+def test_path_data_lead_back_to_the_points():
+    frame = figure.Frame(0.0, 0.0, 100.0, 100.0, (0.0, 100.0), (100.0, 0.0))
+    x, y = np.array([0.0, 10.04, 20.0, 33.3, 34.0]), np.array([5.0, 90.0, 4.96, np.nan, 7.0])
+    found = re.findall(r"[Mlh]|-?\d*\.?\d+", figure.curve(frame, x, y, "").partition(' d="')[2])
+    assert found == ["M", "0", "5", "l", "10", "85", "10", "-85", "M", "34", "7", "h", "0"]
+
+
 def test_ticks_are_round_and_inside():
     assert figure.tick_text(figure.ticks(-0.31, 1.02, 5)) == ["0.0", "0.5", "1.0"]
     assert figure.tick_text(figure.ticks(-21.0, 19.0, 5)) == ["−20", "−10", "0", "10"]

@@ -210,7 +210,7 @@ def test_without_script_tables_and_figures_stand(chromium, address):
     for i in range(3):
         case = page.locator("article.case").nth(i)
         assert case.locator("table.verdicts tbody tr").count() >= 3
-        figure = case.locator("figure.static svg").first
+        figure = case.locator(".static svg").first
         assert figure.is_visible()
         assert figure.bounding_box()["height"] > 200
         assert figure.locator("path.trace").count() >= 6
@@ -223,7 +223,7 @@ def test_print_of_the_overview_holds_everything(chromium, address, tmp_path):
     page = context.new_page()
     page.goto(address)
     page.emulate_media(media="print")
-    assert page.locator("article.case figure.static svg").first.is_visible()
+    assert page.locator("article.case .static svg").first.is_visible()
     assert page.locator(".bar").is_hidden()
     page.goto(address + CASE)
     page.wait_for_timeout(200)
