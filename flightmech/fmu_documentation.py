@@ -12,9 +12,9 @@ from .units import from_si
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 68rem; padding: 0 1rem; color: #1b1f24 }
 h1 { font-size: 1.6rem } h2 { font-size: 1.15rem; margin-top: 2rem }
-table { border-collapse: collapse; width: 100%; font-size: 13px }
-th, td { text-align: left; vertical-align: top; padding: .25rem .6rem .25rem 0; border-bottom: 1px solid #d8dee4 }
-td.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap } code { font-size: 13px }
+table { border-collapse: collapse; font-size: 13px }
+th, td { text-align: left; vertical-align: top; padding: .25rem 1.2rem .25rem 0; border-bottom: 1px solid #d8dee4 }
+th.n, td.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap } code { font-size: 13px }
 """
 
 _DRIVING = """
@@ -99,8 +99,10 @@ def _start(v: Variable) -> str:
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[int] = ()) -> str:
-    lines = ["<table>", "<tr>" + "".join(f"<th>{escape(cell)}</th>" for cell in head) + "</tr>"]
-    for row in rows:
-        cells = (f"<td{' class=n' if i in right else ''}>{escape(cell)}</td>" for i, cell in enumerate(row))
-        lines.append("<tr>" + "".join(cells) + "</tr>")
-    return "\n".join([*lines, "</table>"])
+    lines = [_line("th", head, right), *(_line("td", row, right) for row in rows)]
+    return "<table>\n" + "\n".join(lines) + "\n</table>"
+
+
+def _line(kind: str, cells: Sequence[str], right: Sequence[int]) -> str:
+    marked = (f"<{kind}{' class=n' if i in right else ''}>{escape(cell)}</{kind}>" for i, cell in enumerate(cells))
+    return f"<tr>{''.join(marked)}</tr>"

@@ -162,6 +162,14 @@ def test_unknown_references_are_refused(slave):
         assert f"value reference {reference}" in slave.messages[-1]
 
 
+def test_an_impossible_start_is_named(slave):
+    with pytest.raises(FMICallException):
+        slave.start({"mass.mass": -1.0})
+    assert slave.messages == ["initialisation failed: mass.mass is -1; it must be positive"]
+    slave.fmu.reset()
+    slave.start()
+
+
 def test_outputs_do_not_exist_before_initialization(slave):
     with pytest.raises(FMICallException):
         slave.get("alpha")
