@@ -10,14 +10,13 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import OutOfRange, UnknownName
-from flightmech.units import G0
 
 from .air import offsets
 from .case import INITIAL, INPUTS, MASS, WIND, PomCase
 
 THROTTLE_DRIVEN, THRUST_DRIVEN = 0.0, 2.0  # mode.engine
 SEEK_THRUST, SEEK_THROTTLE = 1.0, 2.0  # mode.trim
-SETTLED = 0.5  # [s] over which the initial accelerations are averaged
+SETTLED = 0.5  # [s] from which the initial rates and accelerations are read
 NEEDED = ("init.V", "init.phi", "init.theta", "init.psi", "init.p", "init.q", "init.r", "init.h")
 _ENGINE = re.compile(r"^engine(\d+)\.(thrust|throttle)$")
 
@@ -97,22 +96,25 @@ def _inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
 def _initial(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     first = states.isel(time=0)
     found = {name: float(first[name]) for name in INITIAL if name in states}
+    found.update(starting_rates(states))
     found.update({name: value for name, value in case.conditions.items() if name in INITIAL})
-    return {f"init.{name}": value for name, value in {**found, **accelerations(states)}.items()}
+    return {f"init.{name}": value for name, value in found.items()}
 
 
-def accelerations(states: xr.Dataset) -> dict[str, float]:
-    """Return the mean accelerations of the first half second: u', v', w' relative to the air, p', q', r'. [m s-2, rad s-2]
+def starting_rates(states: xr.Dataset) -> dict[str, float]:
+    """Return p, q, r at the start and the accelerations u', v', w', p', q', r', from lines through the first half second.
 
-    The model is trimmed to them: a steady flight gives zeros within the noise, a turn or a decelerating approach does not.
+    The model is trimmed to the accelerations: a steady flight gives zeros within the noise, a turn or a decelerating
+    approach does not.  The lines keep the noise of the gyros out of the initial rates. [rad s-1, m s-2, rad s-2]
     """
-    s = states.sel(time=slice(None, float(states["time"][0]) + SETTLED))
-    found = {f"{name}_dot": float(s[f"{name}_dot"].mean()) for name in "pqr" if f"{name}_dot" in s}
-    if {"u", "v", "w", "ax", "ay", "az"} <= set(s):
-        gravity = {"u": -np.sin(s["theta"]), "v": np.sin(s["phi"]) * np.cos(s["theta"]), "w": np.cos(s["phi"]) * np.cos(s["theta"])}
-        turn = {"u": s["r"] * s["v"] - s["q"] * s["w"], "v": s["p"] * s["w"] - s["r"] * s["u"], "w": s["q"] * s["u"] - s["p"] * s["v"]}
-        for name, force in (("u", "ax"), ("v", "ay"), ("w", "az")):
-            found[f"{name}_dot"] = float((s[force] + G0 * gravity[name] + turn[name]).mean())
+    time = states["time"].values.astype(float) - float(states["time"][0])
+    early = time <= SETTLED + 1e-9
+    found = {}
+    for name in (name for name in ("u", "v", "w", "p", "q", "r") if name in states and early.sum() > 2):
+        slope, start = np.polyfit(time[early], states[name].values[early], 1)
+        found[f"{name}_dot"] = float(slope)
+        if name in "pqr":
+            found[name] = float(start)
     return found
 
 

@@ -1,4 +1,4 @@
-"""The flight side of a case: reconstructed states over the window, completed by what follows from them."""
+"""The flight side of a case: reconstructed states over the window."""
 
 from __future__ import annotations
 
@@ -9,10 +9,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import OutOfRange, SchemaError
-from flightmech.names import attrs
-from flightmech.units import G0
 
-from .air import calibrated_airspeed
 from .case import PomCase
 from .channels import WRAPPED
 
@@ -30,7 +27,7 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     Returns
     -------
     Dataset (time)
-        States, controls, thrust, mass properties; ``V_cas nz hdot gamma`` are added where they can be had. [SI]
+        States, controls, thrust, mass properties. [SI]
 
     Raises
     ------
@@ -50,7 +47,7 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
             f"case {case.name}: the window {start:g} ... {stop:g} s lies outside the record {time[0]:g} ... {time[-1]:g} s "
             f"({case.record}); choose one inside"
         )
-    return complete(states.isel(time=(time >= start - 1e-9) & (time <= stop + 1e-9)))
+    return unwrapped(states.isel(time=(time >= start - 1e-9) & (time <= stop + 1e-9)))
 
 
 def _states(case: PomCase, path: Any) -> xr.Dataset:
@@ -69,18 +66,7 @@ def _states(case: PomCase, path: Any) -> xr.Dataset:
     return flighttest.reconstruct(record, read_aircraft(case.aircraft)).states
 
 
-def complete(states: xr.Dataset) -> xr.Dataset:
-    """Return the states with ``V_cas``, ``nz``, ``hdot`` and ``gamma`` added, and angles unwrapped."""
-    added: dict[str, Any] = {}
-    if {"mach", "p_static"} <= set(states):
-        added["V_cas"] = calibrated_airspeed(states["mach"], states["p_static"])
-    if "az" in states:
-        added["nz"] = -states["az"] / G0
-    if {"vn", "ve", "vd"} <= set(states):
-        added["hdot"] = -states["vd"]
-        added["gamma"] = np.arctan2(-states["vd"], np.hypot(states["vn"], states["ve"]))
-    new: dict[str, Any] = {name: item.assign_attrs(attrs(name)) for name, item in added.items() if name not in states}
-    turned: dict[str, Any] = {
-        name: (states[name].dims, np.unwrap(states[name].values), states[name].attrs) for name in WRAPPED & set(map(str, states.data_vars))
-    }
-    return states.assign({**new, **turned})
+def unwrapped(states: xr.Dataset) -> xr.Dataset:
+    """Return the states with angles that jump by a full turn made continuous."""
+    names = WRAPPED & set(map(str, states.data_vars))
+    return states.assign({name: (states[name].dims, np.unwrap(states[name].values), states[name].attrs) for name in names})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -83,13 +84,7 @@ class PomResult:
     def groups(self, run: str) -> dict[str, str]:
         """Return the verdict of every group that applies: the best of its alternatives."""
         mine = self.verdict[self.verdict["run"] == run]
-        rows = dict(zip(mine["criterion"], mine["verdict"], strict=True))
-        found: dict[str, str] = {}
-        for criterion in self.case.criteria:
-            if criterion.applies and criterion.name in rows:
-                verdict = str(rows[criterion.name])
-                found[criterion.group] = min(found.get(criterion.group, verdict), verdict, key=_BEST.index)
-        return found
+        return group_verdicts(self.case, dict(zip(mine["criterion"], mine["verdict"], strict=True)))
 
     def status(self, run: str) -> str:
         """Return ``pass``, ``fail``, ``invalid`` or ``not_tested``.
@@ -97,11 +92,7 @@ class PomResult:
         ``pass`` when every group has a passing alternative.  A group of advisory rows only (correct trend) waits for an
         engineer's tick and does not count; a case without any passing group is never a pass.
         """
-        verdicts = set(self.groups(run).values())
-        for word in ("invalid", "fail", "not_tested"):
-            if word in verdicts:
-                return word
-        return "pass" if "pass" in verdicts else "not_tested"
+        return status_of(self.groups(run))
 
     def passed(self, run: str) -> bool:
         """Whether `run` passes the case: every group has a passing alternative."""
@@ -152,6 +143,25 @@ class PomResult:
 
 
 _BEST = ("pass", "advisory", "fail", "not_tested", "invalid")
+
+
+def group_verdicts(case: PomCase, verdicts: Mapping[str, str]) -> dict[str, str]:
+    """Return the verdict of every group of a case that applies, from the verdicts of its criteria."""
+    found: dict[str, str] = {}
+    for criterion in case.criteria:
+        if criterion.applies and criterion.name in verdicts:
+            verdict = verdicts[criterion.name]
+            found[criterion.group] = min(found.get(criterion.group, verdict), verdict, key=_BEST.index)
+    return found
+
+
+def status_of(groups: Mapping[str, str]) -> str:
+    """Return the status of a case from the verdicts of its groups, as `PomResult.status`."""
+    words = set(groups.values())
+    for word in ("invalid", "fail", "not_tested"):
+        if word in words:
+            return word
+    return "pass" if "pass" in words else "not_tested"
 
 
 def verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:

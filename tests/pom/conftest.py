@@ -1,3 +1,4 @@
+import importlib.util
 import subprocess
 import sys
 import zipfile
@@ -114,3 +115,12 @@ def lag_flight(time, rate=0.02, start=2.0):
     data |= {"V": zero + 80.0, "h": zero + 1000.0, "delta_e": delta_e, "theta": theta, "q": (2.0 * delta_e - theta) / 0.5}
     data |= {"nz": 1.0 - 4.0 * delta_e, "engine1.thrust": zero + 3000.0, "mass": zero + 2900.0}
     return xr.Dataset({name: ("time", values) for name, values in data.items()}, coords={"time": time})
+
+
+@pytest.fixture(scope="session")
+def trainer():
+    """The module ``trainer.py`` beside this file: an invented aeroplane and flights of it."""
+    spec = importlib.util.spec_from_file_location("pom_trainer", Path(__file__).with_name("trainer.py"))
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,114 @@
+"""``aeromatch pom`` as a user runs it: words in, text and exit code out."""
+
+import json
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from aeromatch.cli import main
+
+
+@pytest.fixture
+def aeromatch(tmp_path, monkeypatch, capsys):
+    def call(*words):
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(sys, "argv", ["aeromatch", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return SimpleNamespace(returncode=ended.value.code, stdout=said.out, stderr=said.err)
+
+    return call
+
+
+@pytest.fixture
+def case(write_case, lag_states, tmp_path):
+    """A case whose record is a reconstructed path in a file."""
+    path = write_case(more="trim = false")
+    lag_states.assign(alpha=lag_states["alpha"]).to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    return path
+
+
+def test_run_passes_with_code_0_and_writes_the_report(aeromatch, case, toy, tmp_path):
+    done = aeromatch("pom", "run", case, "--model", f"toy={toy()}", "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "2.c.10  A case" in done.stdout
+    assert "toy          pass  0.00" in done.stdout
+    assert "1 model x 1 case: 1 pass" in done.stdout
+    assert (tmp_path / "out" / "report.html").is_file()
+    assert json.loads((tmp_path / "out" / "results.json").read_text())["results"][0]["status"] == {"toy": "pass"}
+
+
+def test_a_failed_match_is_code_1(aeromatch, case, toy):
+    case.write_text(case.read_text() + '[conditions]\ntheta = "4 deg"\n[tolerance]\nq = { abs = "0.1 deg/s", group = "q" }\n')
+    done = aeromatch("pom", "run", case, "--model", f"toy={toy()}")
+    assert done.returncode == 1
+    assert "FAIL" in done.stdout
+    assert "pitch_rate" in done.stdout
+
+
+def test_json_is_one_document(aeromatch, case, toy):
+    done = aeromatch("pom", "run", case, "--model", f"toy={toy()}", "--json")
+    (result,) = json.loads(done.stdout)
+    assert result["status"] == {"toy": "pass"}
+    assert {row["criterion"] for row in result["verdict"]} == {"pitch_angle", "pitch_rate", "normal_acceleration"}
+
+
+def test_when_every_fmu_crashes_the_code_is_2_and_nothing_is_written(aeromatch, case, toy, tmp_path):
+    done = aeromatch("pom", "run", case, "--model", f"bad={toy('crash')}", "-o", tmp_path / "out")
+    assert done.returncode == 2
+    assert done.stderr.strip() == "error: no model could be replayed: bad: crashed: signal SIGSEGV"
+    assert not (tmp_path / "out").exists()
+
+
+def test_one_crash_among_two_models_is_a_result(aeromatch, case, toy):
+    done = aeromatch("pom", "run", case, "--model", f"bad={toy('crash')}", "--model", f"good={toy()}")
+    assert done.returncode == 1
+    assert "INVALID  crashed: signal SIGSEGV" in done.stdout
+    assert "1 invalid, 1 pass" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("pom", "run", "none.toml", "--model", "a=b.fmu"), "none.toml"),
+        (("pom", "check", "none.toml"), "none.toml"),
+        (("pom", "run", ".", "--model", "a=b.fmu"), "no case file"),
+    ],
+)
+def test_bad_words_are_code_2(aeromatch, words, text):
+    done = aeromatch(*words)
+    assert done.returncode == 2
+    assert text in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_misspelt_key_is_one_clear_error(aeromatch, case):
+    case.write_text(case.read_text().replace("title", "titel"))
+    done = aeromatch("pom", "check", case)
+    assert done.returncode == 2
+    assert "case.titel: unknown key; near it: title" in done.stderr
+
+
+def test_check_prints_the_criteria(aeromatch, case):
+    done = aeromatch("pom", "check", case)
+    assert done.returncode == 0
+    for word in ("pitch_angle", "theta", "1.5 deg", "0.1 g", "verified", "1 ... 9"):
+        assert word in done.stdout
+
+
+def test_diagnose_ranks_terms(aeromatch, write_case, trainer, tmp_path):
+    import aerodb
+
+    final = trainer.database()
+    aerodb.save(final, tmp_path / "final.nc")
+    aerodb.save(trainer.scaled(final, Cm_elevator=0.6), tmp_path / "prior.nc")
+    case = write_case(case='aircraft = "trainer.toml"')
+    pulse = [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]
+    trainer.flight(final, delta_e=pulse).to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    (tmp_path / "trainer.toml").write_text(trainer.TOML)
+    done = aeromatch("pom", "diagnose", case, "--prior", "prior.nc", "--final", "final.nc", "--json")
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)
+    assert [row["term"] for row in rows if row["stage"] == "sequence"] == ["Cm/elevator"]

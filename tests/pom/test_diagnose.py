@@ -1,0 +1,78 @@
+"""The term swap finds the terms that were spoilt."""
+
+import numpy as np
+import pytest
+
+import aerodb
+import flightmech
+import pom
+from pom.case import read_case
+from pom.diagnose import differing, fly, swap_terms
+from pom.drive import job_of
+from pom.flight import flight_states
+
+PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}
+
+
+@pytest.fixture(scope="module")
+def truth(trainer):
+    return trainer.flight(trainer.database(), **PULSE)
+
+
+@pytest.fixture
+def case(write_case):
+    return read_case(write_case())
+
+
+def test_the_spoilt_term_closes_the_gap_alone(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, Cl_phat=0.8)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
+    assert list(table["stage"]) == ["prior", "final", "single", "single", "sequence"]
+    assert table.loc[0, "verdict"] == "fail"
+    assert table.loc[1, "verdict"] == "pass"
+    assert table.loc[2, "term"] == "Cm/elevator"
+    assert table.loc[2, "closes"] == pytest.approx(1.0, abs=0.02)
+    assert table.loc[3, "closes"] == pytest.approx(0.0, abs=0.02)  # roll damping has no part in a short period
+    assert table.loc[4, "verdict"] == "pass"
+    assert pom.corrected_terms([table]) == ["Cm/elevator"]
+
+
+def test_two_spoilt_terms_make_a_sequence_of_two(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.5, CL_basic=0.6)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
+    assert set(table.loc[table["stage"] == "sequence", "term"]) == {"Cm/elevator", "CL/basic"}
+    assert table.iloc[-1]["verdict"] == "pass"
+    assert table.iloc[-1]["closes"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_swap_by_scales_is_the_swap_of_the_database(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.9)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth).set_index(["stage", "term"])
+    job = job_of(case, flight_states(case, truth))
+    outputs, _ = fly(flightmech.compile(trainer.AIRCRAFT, swap_terms(prior, final, ["CL/basic"])), job)
+    error = outputs["q"] - flight_states(case, truth)["q"].values
+    expected = np.abs(error).max() / np.radians(2.0)
+    assert table.loc[("single", "CL/basic"), "pitch_rate ratio"] == pytest.approx(expected, rel=1e-6)
+    assert table.loc[("single", "CL/basic"), "pitch_rate miss"] == pytest.approx(np.sqrt(np.mean(error**2)) / np.radians(2.0), rel=1e-6)
+
+
+def test_a_term_that_only_one_database_has_is_swapped_too(case, truth, trainer):
+    final = trainer.database()
+    prior = aerodb.delete_terms(final, ["Cm/alphadothat"])
+    assert aerodb.terms(swap_terms(final, prior, ["Cm/alphadothat"])).keys() == aerodb.terms(prior).keys()
+    assert differing(prior, final) == ["Cm/alphadothat"]
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth).set_index("stage")
+    assert table.loc["single", "closes"] == pytest.approx(1.0)
+    back = pom.diagnose(case, final, prior, trainer.AIRCRAFT, truth).set_index("stage")
+    assert np.isnan(back.loc["single", "closes"])  # the "final" one is the worse
+    assert back.loc["single", "pitch_rate miss"] == pytest.approx(table.loc["prior", "pitch_rate miss"])
+
+
+def test_equal_databases_have_no_terms_to_swap(case, truth, trainer):
+    db = trainer.database()
+    table = pom.diagnose(case, db, trainer.database(), trainer.AIRCRAFT, truth)
+    assert list(table["stage"]) == ["prior", "final"]
+    assert pom.corrected_terms([table]) == []

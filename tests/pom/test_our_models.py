@@ -1,0 +1,80 @@
+"""Replay of a flight of which the model is the truth: by FMI 2.0, by FMI 3.0, and by the kernel itself."""
+
+import numpy as np
+import pytest
+
+import aerodb
+import flightmech
+from pom.case import read_case
+from pom.diagnose import fly
+from pom.drive import job_of
+from pom.flight import flight_states
+from pom.replay import replay
+
+
+@pytest.fixture(scope="module")
+def truth(trainer):
+    return trainer.flight(
+        trainer.database(),
+        delta_e=[(0.0, 0.0), (2.0, 0.0), (2.06, -0.05), (4.0, -0.05), (4.06, 0.0)],
+        delta_a=[(0.0, 0.0), (6.0, 0.0), (6.06, -0.03), (7.0, -0.03), (7.06, 0.0)],
+    )
+
+
+@pytest.fixture(scope="module")
+def models(trainer, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("models")
+    sim = flightmech.compile(trainer.AIRCRAFT, trainer.database())
+    for version in ("2.0", "3.0"):
+        flightmech.write_fmu(sim, folder / f"{version}.fmu", version=version)
+    return sim, {version: folder / f"{version}.fmu" for version in ("2.0", "3.0")}
+
+
+def test_the_truth_is_matched_by_every_way_of_replay(write_case, truth, models, trainer):
+    sim, runs = models
+    case = read_case(write_case())
+    result = replay(case, runs, truth)
+    assert result.failure == ""
+    job = job_of(case, flight_states(case, truth))
+    direct, failure = fly(sim, job)
+    assert failure == ""
+    scale = {"theta": np.radians(1.5), "q": np.radians(2.0), "nz": 0.1}
+    for name, width in scale.items():
+        signal = result.signals[name]
+        # FMI 2.0 takes input derivatives: the same linear inputs as the direct call
+        assert np.abs(signal.sel(run="2.0").values - direct[name]).max() < 1e-9 * width
+        # FMI 3.0 has none: the middle of the step is held, an error of second order
+        assert np.abs(signal.sel(run="3.0").values - direct[name]).max() < 1e-2 * width
+        # the direct replay starts from lines through the first half second: the truth within their rounding
+        assert np.abs(signal.sel(run="flight").values - direct[name]).max() < 1e-2 * width
+    assert result.passed("2.0")
+    assert result.passed("3.0")
+
+
+def test_trim_is_reported_and_leaves_nothing(write_case, truth, models, trainer):
+    _, runs = models
+    result = replay(read_case(write_case()), {"m": runs["2.0"]}, truth)
+    trim = result.trim["m"]
+    assert abs(trim["trim.delta_e"]) < 1e-4  # the recorded elevator already trims the true model
+    assert trim[["trim.u_dot", "trim.w_dot", "trim.q_dot"]].abs().max() < 1e-6
+    assert trim["delta_e"] == pytest.approx(result.trim.loc["delta_e", "flight"], abs=1e-4)
+    assert result.trim.loc["V", "flight"] == pytest.approx(85.0, abs=1e-3)
+
+
+def test_heading_through_north_is_compared_without_a_jump(write_case, truth, models, trainer):
+    _, runs = models
+    turned = truth.assign(psi=("time", np.mod(truth["psi"].values - 6.2 + 0.002, 2.0 * np.pi)))
+    case = read_case(write_case(more='[tolerance]\npsi = "1 deg"'))
+    result = replay(case, {"m": runs["2.0"]}, turned)
+    row = result.verdict.set_index("criterion").loc["psi"]
+    assert row["verdict"] == "pass"
+    assert np.abs(np.diff(result.signals["psi"].values, axis=1)).max() < 0.1
+
+
+def test_a_trim_beyond_its_limit_is_remarked(write_case, truth, tmp_path, trainer):
+    db = trainer.database()
+    wrong = aerodb.replace_terms(db, {"Cm/basic": aerodb.terms(db)["Cm/basic"] + 0.05})  # 2.6 deg of elevator
+    flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, wrong), tmp_path / "wrong.fmu")
+    result = replay(read_case(write_case()), {"m": tmp_path / "wrong.fmu"}, truth)
+    assert all("trim.delta_e" in note and "is beyond 1 deg" in note for note in result.verdict["note"])
+    assert np.degrees(result.trim.loc["trim.delta_e", "m"]) == pytest.approx(np.degrees(0.05 / 1.1), rel=0.05)
