@@ -16,7 +16,7 @@ from flightmech.errors import SchemaError
 
 from . import increments
 from .effects import Effect, rate_shift, rates_to_body, rereference, rolled_to_body, transferred, with_added
-from .leaves import leaves
+from .leaves import completed, leaves
 from .prior_errors import errors_with
 from .schema import SCHEME, database
 from .sources import Source, source, warn
@@ -194,10 +194,10 @@ def _reference_altitude(clean: Source, altitude: float | None) -> float:
     return nearest
 
 
-def _range_of(table: xr.DataArray) -> dict[str, tuple[float, float]]:
+def _range_of(CL: xr.DataArray) -> dict[str, tuple[float, float]]:
     """Return the Mach numbers and angles of attack that every table must cover: those of CL, and the incompressible ones."""
-    machs = table["mach"].values
-    alphas = table["alpha"].values[table.notnull().any("mach").values]
+    whole, _, _ = completed(CL)
+    machs, alphas = whole["mach"].values, whole["alpha"].values
     return {
         "mach": (0.0 if machs[0] <= _INCOMPRESSIBLE else float(machs[0]), float(machs[-1])),
         "alpha": (float(alphas[0]), float(alphas[-1])),

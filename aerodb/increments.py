@@ -28,6 +28,8 @@ def static(clean: Source, h_ref: float) -> list[Effect]:
     """Return the effects ``basic`` and ``altitude``: CL, CD, Cm over Mach and alpha, and what altitude adds to them."""
     grid = clean.grid("static")
     tables = known({coefficient: grid[coefficient] for coefficient in _LONGITUDINAL})
+    if "CL" not in tables:
+        raise SchemaError(clean.role, [f"{clean.file} prints no lift coefficient; give a case whose static page has numbers"])
     basic = {coefficient: table.sel(h=h_ref, drop=True) for coefficient, table in tables.items()}
     lines = clean.place("static")
     found = [Effect("basic", basic, references=lines, comment=f"clean aeroplane at {h_ref:.0f} m")]

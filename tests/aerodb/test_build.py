@@ -123,6 +123,52 @@ def test_without_dynamic_pages_the_rates_are_absent(craft, make_case):
     assert "Cl/beta" in aerodb.terms(db)
 
 
+def test_transonic_pages_are_left_out_and_not_held_over(craft, make_case):
+    case = make_case()
+    leaf = case["static"].to_dataset()
+    transonic = leaf["mach"] > 0.3
+    for name in ("CL", "CD", "Cm"):
+        leaf[name] = leaf[name].where(~transonic | (leaf["alpha"] == leaf["alpha"][0]))  # one row is printed
+    case["static"] = leaf
+    db = aerodb.from_datcom(craft, clean=case)
+    np.testing.assert_array_equal(db["CL/basic"]["mach"], [0.0, 0.2])
+    assert "mach 0.4 not printed" in db["CL/basic"].attrs["comment"]
+
+
+def test_a_clean_case_without_lift_is_refused(craft, make_case):
+    with pytest.raises(SchemaError, match=r"by_hand.out prints no lift coefficient"):
+        aerodb.from_datcom(craft, clean=make_case(CL=np.nan))
+
+
+def grounded(case, heights=(1.0, 3.0, np.inf)):
+    """Give a case pages over ground: CL half larger at one metre, a tenth at three."""
+    leaf = case["static"].to_dataset().isel(condition=[0])
+    leaf = leaf.expand_dims(ground_height=list(heights), axis=1)
+    factor = xr.DataArray([{1.0: 1.5, 3.0: 1.1}.get(h, 1.0) for h in heights], {"ground_height": list(heights)}, "ground_height")
+    case["static"] = leaf.assign(CL=leaf["CL"] * factor)
+    del case["dynamic"]
+    return case
+
+
+def test_ground_effect_over_the_height_of_the_reference_point(craft, make_case):
+    lower = dataclasses.replace(craft, reference=(-3.0, 0.0, 0.25))  # a quarter of a metre below the datum
+    db = aerodb.from_datcom(lower, clean=make_case(), ground=grounded(make_case()))
+    leaf = db["CL/ground"]
+    np.testing.assert_allclose(leaf["h_agl"], [0.75, 2.75, 20.0, 30000.0])
+    np.testing.assert_allclose(leaf["value"].sel(h_agl=0.75), 0.5 * make_case()["static"]["CL"][0], atol=1e-15)
+    assert "mach" not in leaf.dims
+    assert leaf.attrs["comment"].startswith("computed at Mach 0.2")
+
+
+def test_ground_cases_that_cannot_be_used(craft, make_case):
+    with pytest.raises(SchemaError, match="no pages over ground beside the one in free air; give a case with GRNDEF"):
+        aerodb.from_datcom(craft, clean=make_case(), ground=make_case())
+    with pytest.raises(SchemaError, match=r"ground heights reach 25.0 m, beyond two spans \(20.0 m\)"):
+        aerodb.from_datcom(craft, clean=make_case(), ground=grounded(make_case(), (1.0, 25.0, np.inf)))
+    with pytest.raises(SchemaError, match=r"ground_flap: 1 problem(.|\n)*no several delta_f with zero among them"):
+        aerodb.from_datcom(craft, clean=make_case(), ground_flap=grounded(make_case()))
+
+
 def test_conditions_that_fill_no_grid_are_refused(craft, make_case):
     case = make_case()
     case["static"] = case["static"].to_dataset().isel(condition=[0, 1, 2])
