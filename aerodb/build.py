@@ -159,12 +159,12 @@ def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], airc
             warn(f"{role}: {', '.join(off)}: not the reference quantities of the aircraft; the coefficients are referred to the aircraft's")
     effects = {effect.name: rereference(effect, given[role].reference, new) for role, effect in found}
     roles = {effect.name: role for role, effect in found}
+    alpha = effects["basic"].tables["CL"]["alpha"]
     for name in ("beta", "aileron"):
         if name in effects:
-            effects[name] = rolled_to_body(effects[name])
+            effects[name] = rolled_to_body(effects[name], alpha)
     if "phat" in effects:
         effects["phat"], effects["rhat"] = rates_to_body(effects["phat"], effects["rhat"])
-    alpha = effects["basic"].tables["CL"]["alpha"]
     for name, effect in effects.items():
         d = _arm(given[roles[name]], aircraft)
         if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar and effect.tables:

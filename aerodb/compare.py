@@ -57,9 +57,8 @@ def _term_row(ours: xr.Dataset | None, theirs: xr.Dataset | None) -> tuple:
     assert first is not None
     second = theirs if ours is not None else None
     if second is not None and sorted(_terms.regressors(first)) != sorted(_terms.regressors(second)):
-        note = (
-            f"regressors differ: {' '.join(_terms.regressors(first)) or 'none'} in a, {' '.join(_terms.regressors(second)) or 'none'} in b"
-        )
+        here_and_there = (" ".join(_terms.regressors(leaf)) or "none" for leaf in (first, second))
+        note = "regressors differ: {} in a, {} in b".format(*here_and_there)
         return found_in, np.nan, np.nan, np.nan, "", note
     points = _union(first, second)
     mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij"))) if points else {}
@@ -67,7 +66,7 @@ def _term_row(ours: xr.Dataset | None, theirs: xr.Dataset | None) -> tuple:
     here = np.broadcast_to(_table(first, mesh), shape)
     other = np.broadcast_to(_table(second, mesh), shape) if second is not None else np.zeros(shape)
     difference = other - here if found_in != "b" else here
-    stderr = np.broadcast_to(_table(first, mesh, "stderr"), shape) if "stderr" in first else np.zeros(shape)
+    stderr = np.broadcast_to(np.abs(_table(first, mesh, "stderr")), shape) if "stderr" in first else np.zeros(shape)
     worst = np.unravel_index(np.argmax(np.abs(difference)), shape) if shape else ()
     known = stderr > 0
     in_stderr = float(np.max(np.abs(difference[known]) / stderr[known])) if known.any() else np.nan
@@ -78,19 +77,16 @@ def _term_row(ours: xr.Dataset | None, theirs: xr.Dataset | None) -> tuple:
 def _union(*leaves: xr.Dataset | None) -> dict[str, np.ndarray]:
     """Return the breakpoints of all axes of several leaves, merged axis by axis."""
     points: dict[str, np.ndarray] = {}
-    for leaf in leaves:
-        for name in ("value", "K1", "K2") if leaf is not None else ():
-            for axis in map(str, leaf[name].dims) if name in leaf else ():  # type: ignore[index, operator]
-                points[axis] = np.union1d(points.get(axis, []), leaf[axis].values)  # type: ignore[index]
+    tables = [leaf[name] for leaf in leaves if leaf is not None for name in ("value", "K1", "K2") if name in leaf]
+    for table in tables:
+        for axis in map(str, table.dims):
+            points[axis] = np.union1d(points.get(axis, []), table[axis].values)
     return points
 
 
 def _table(leaf: xr.Dataset, mesh: Mapping[str, np.ndarray], variable: str = "value") -> np.ndarray:
-    """Return value * K1 * K2, or the standard error of it, on a mesh, the leaf's own rule beyond its nodes."""
-    bare = leaf.assign_attrs(regressors="")
-    if variable == "stderr":
-        bare = bare.assign(value=leaf["stderr"])
-    return np.abs(_terms.evaluate(bare, mesh, "clamp")) if variable == "stderr" else _terms.evaluate(bare, mesh, "clamp")
+    """Return a variable of the leaf times K1 and K2 on a mesh, the leaf's own rule beyond its nodes."""
+    return _terms.evaluate(leaf.assign(value=leaf[variable]).assign_attrs(regressors=""), mesh, "clamp")
 
 
 def _coefficient_row(a: xr.DataTree, b: xr.DataTree, coefficient: str, conditions: Mapping[str, Any]) -> tuple:

@@ -82,8 +82,13 @@ def rereference(effect: Effect, old: Mapping[str, float], new: Mapping[str, floa
     return effect.with_tables(scaled)
 
 
-def rolled_to_body(effect: Effect) -> Effect:
+def rolled_to_body(effect: Effect, alpha: xr.DataArray) -> Effect:
     """Return an effect of sideslip or aileron with its moments turned from stability to body axes.
+
+    Parameters
+    ----------
+    alpha : DataArray (alpha,)
+        Breakpoints for moments that do not depend on alpha themselves. [rad]
 
     Notes
     -----
@@ -91,7 +96,7 @@ def rolled_to_body(effect: Effect) -> Effect:
     zero in the other and stays absent.
     """
     Cl, Cn = (effect.tables.get(c, xr.DataArray(0.0)) for c in ("Cl", "Cn"))
-    sin, cos = _sin_cos(Cl + Cn)
+    sin, cos = _sin_cos(_own_alpha(effect, alpha))
     turned = {"Cl": Cl * cos - Cn * sin, "Cn": Cl * sin + Cn * cos}
     return effect.with_tables({c: turned.get(c, table) for c, table in effect.tables.items()})
 
@@ -136,7 +141,7 @@ def transferred(effect: Effect, d: Sequence[float], cbar: float, b: float, alpha
     tables = dict(effect.tables)
     if "CL" in tables or "CD" in tables:
         CL, CD = tables.get("CL", 0.0), tables.get("CD", 0.0)
-        sin, cos = _sin_cos(alpha)
+        sin, cos = _sin_cos(_own_alpha(effect, alpha))
         CX, CZ = CL * sin - CD * cos, -CL * cos - CD * sin
         tables["Cm"] = tables.get("Cm", 0.0) + (dz * CX - dx * CZ) / cbar
     if "CY" in tables:
@@ -178,6 +183,11 @@ def with_added(effect: Effect, more: Mapping[str, xr.DataArray]) -> Effect:
     for coefficient, table in more.items():
         tables[coefficient] = tables[coefficient] + table if coefficient in tables else table
     return effect.with_tables(tables)
+
+
+def _own_alpha(effect: Effect, alpha: xr.DataArray) -> xr.DataArray:
+    """Return the alpha axis of an effect's tables, or another one for tables without."""
+    return next((table["alpha"] for table in effect.tables.values() if "alpha" in table.dims), alpha)
 
 
 def _sin_cos(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray]:

@@ -33,7 +33,7 @@ def test_moments_of_a_fin_turn_to_constant_arms():
     s, c = np.sin(ALPHA), np.cos(ALPHA)
     x_s, z_s = x * c + z * s, -x * s + z * c
     effect = Effect("beta", {"CY": table(CY), "Cl": -z_s * CY / b, "Cn": x_s * CY / b}, "beta")
-    turned = rolled_to_body(effect)
+    turned = rolled_to_body(effect, ALPHA)
     np.testing.assert_allclose(turned.tables["Cl"], -z * CY / b, atol=1e-15)
     np.testing.assert_allclose(turned.tables["Cn"], x * CY / b, atol=1e-15)
 
@@ -79,3 +79,13 @@ def test_other_reference_quantities_give_the_same_forces_and_moments():
     np.testing.assert_allclose(rolling.tables["Cl"], -0.46 * (16 / 18) * (10 / 10.5) ** 2, rtol=1e-14)
     steady = rereference(Effect("beta", {"Cn": table(0.05)}, "beta"), old, new)
     np.testing.assert_allclose(steady.tables["Cn"], 0.05 * (16 / 18) * (10 / 10.5), rtol=1e-14)
+
+
+def test_tables_keep_their_own_alphas():
+    other = xr.DataArray([0.1, 0.2], {"alpha": [0.01, 0.11]}, "alpha")  # not among those of the basic tables
+    moved = transferred(Effect("ground", {"CL": other}), (0.5, 0.0, 0.0), 1.0, 10.0, ALPHA)
+    np.testing.assert_allclose(moved.tables["Cm"], 0.5 * other * np.cos(other["alpha"]))
+    flat = xr.DataArray([0.0, -0.05], {"delta_a": [0.0, 0.3]}, "delta_a")
+    turned = rolled_to_body(Effect("aileron", {"Cl": flat}), ALPHA)  # no yawing moment printed
+    np.testing.assert_allclose(turned.tables["Cl"].sel(delta_a=0.3), -0.05 * np.cos(ALPHA))
+    assert set(turned.tables) == {"Cl"}
