@@ -76,11 +76,11 @@ def case_tree(case: Case, *, fill_transonic: bool = False) -> xr.DataTree:
 
 def listing_tree(listing: Listing, *, fill_transonic: bool = False) -> xr.DataTree:
     """Build the tree of `Listing.to_datatree`."""
-    trees = {case.name.replace("/", "|"): case_tree(case, fill_transonic=fill_transonic) for case in listing}
     root = xr.DataTree(xr.Dataset(attrs={"file": listing.file, "runs": listing.runs}))
-    for name, tree in trees.items():
+    for case in listing:
+        tree, name = case_tree(case, fill_transonic=fill_transonic), case.name.replace("/", "|")
         if tree.children:
-            root[name] = tree
+            root[f"{name} ({case.ordinal})" if name in root.children else name] = tree
     return root
 
 

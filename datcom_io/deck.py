@@ -183,6 +183,8 @@ def _assign(number: int, group: dict, where: str, variable: str, index: int, tex
             problems.append((number, f"{where}: {variable} has the value {item.strip()!r}, which is no number"))
             continue
         values += [value] * (min(int(repeat[1]), _LARGEST_ARRAY) if repeat else 1)
+    if not values:
+        return
     if not 0 < index <= _LARGEST_ARRAY or index - 1 + len(values) > _LARGEST_ARRAY:
         problems.append((number, f"{where}: {variable}({index}) holds {len(values)} values; an array has at most {_LARGEST_ARRAY}"))
         return

@@ -79,7 +79,7 @@ def _long(table: Table) -> pd.DataFrame:
 def cells(listing: Listing) -> pd.DataFrame:
     """Build the frame of `Listing.cells`."""
     parts: dict[str, list[np.ndarray]] = {name: [] for name in CELL_COLUMNS}
-    words: dict[str, list[str]] = {name: [] for name in ("page", "table", "column")}
+    words: dict[str, dict[str, int]] = {name: {} for name in ("page", "table", "column")}
     for case in listing:
         for page in case.pages:
             place = {"case": case.ordinal, "mach": page.condition("mach"), "altitude": page.condition("h")}
@@ -89,21 +89,15 @@ def cells(listing: Listing) -> pd.DataFrame:
                     count = len(part["value"])
                     part |= {name: np.full(count, item) for name, item in place.items()}
                     for name, item in (("page", heading), ("table", table.name)):
-                        part[name] = np.full(count, _code(words[name], item))
-                    part["column"] = np.array([_code(words["column"], name) for name in part["column"]], dtype=int)
+                        part[name] = np.full(count, words[name].setdefault(item, len(words[name])))
+                    codes = [words["column"].setdefault(name, len(words["column"])) for name in part["column"]]
+                    part["column"] = np.resize(np.array(codes, dtype=int), count)
                     for name in CELL_COLUMNS:
                         parts[name].append(part[name] if name in part else np.full(count, np.nan))
     frame = pd.DataFrame({name: np.concatenate(parts[name]) if parts[name] else np.empty(0) for name in CELL_COLUMNS})
-    for name, kinds in {**words, "flag": list(FLAGS)}.items():
+    for name, kinds in {**{name: list(known) for name, known in words.items()}, "flag": list(FLAGS)}.items():
         frame[name] = pd.Categorical.from_codes(frame[name].to_numpy(dtype=np.int64), pd.Index(kinds))
     return frame.astype({"line": int, "case": int})
-
-
-def _code(words: list[str], word: str) -> int:
-    """Return the number of a word in a growing list; the few words of a listing follow each other closely."""
-    if word not in words:
-        words.append(word)
-    return words.index(word)
 
 
 def _all_tables(page: Page) -> Iterator[Table]:
@@ -113,7 +107,7 @@ def _all_tables(page: Page) -> Iterator[Table]:
 
 
 def _heading_cells(table: Table) -> dict[str, Any]:
-    """Return the heading values of a two-way table as cells; none for another table."""
+    """Return the heading values of a two-way table as cells, none for another table; ``column`` holds the names of one line."""
     across, values = table.layout.across, table.across
     if across is None or values is None:
         return {"line": np.empty(0, int), "column": [], "text": np.empty(0, object), "value": np.empty(0), "flag": np.empty(0, int)}
@@ -121,7 +115,7 @@ def _heading_cells(table: Table) -> dict[str, Any]:
     texts = [table.across_row[across.first - 1 + shift : across.last + shift].strip(" =") for shift in shifts]
     return {
         "line": np.full(len(values), table.across_line),
-        "column": [across.name] * len(values),
+        "column": [across.name],
         "text": np.array(texts, dtype=object),
         "value": values,
         "flag": np.zeros(len(values), int),
@@ -130,12 +124,12 @@ def _heading_cells(table: Table) -> dict[str, Any]:
 
 
 def _row_cells(table: Table) -> dict[str, Any]:
-    """Return the cells of a table, row by row."""
+    """Return the cells of a table, row by row; ``column`` holds the names of one row."""
     rows, count, keys = len(table.rows), len(table.columns), table.layout.keys
     spans = [slice(column.first - 1, column.last) for column in table.columns]
     part: dict[str, Any] = {
         "line": np.repeat(table.lines, count),
-        "column": [column.name for column in table.columns] * rows,
+        "column": [column.name for column in table.columns],
         "text": np.array([row[span].strip() for row in table.rows for span in spans], dtype=object),
         "value": table.values.ravel(),
         "flag": table.flags.ravel(),

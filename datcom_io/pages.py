@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from .cells import BLANK, OK, read_cell
 from .listing import Message, Page, Table
 
 Line = tuple[int, str]
-WIDTH = 140
+Cells = tuple[list[float], list[int]]
 _KINDS = (
     ("CHARACTERISTICS AT ANGLE OF ATTACK", "static"),
     ("DYNAMIC DERIVATIVES", "dynamic"),
@@ -126,7 +128,7 @@ def _conditions(lines: list[Line], anchor: int) -> tuple[Table | None, str, int]
             number, text = lines[j]
             if not text[1:].strip():
                 continue
-            row = read_row(text, CONDITIONS.columns, 0)
+            row = read_row(text, _CONDITION_CUTS, 0)
             if row is not None:
                 return _table(CONDITIONS, CONDITIONS.columns, [(number, text, row)]), units[1], j + 1
             break
@@ -134,45 +136,59 @@ def _conditions(lines: list[Line], anchor: int) -> tuple[Table | None, str, int]
     return None, "", anchor + 1
 
 
-def read_row(text: str, columns: tuple[Column, ...], keys: int) -> list[tuple[float, int]] | None:
-    """Return the cells of a row, or None when the line does not cut into the columns.
+class Cut(NamedTuple):
+    """Where to cut a row: ends of a window, ends of the gap before it, whether it touches the window before."""
+
+    start: int
+    stop: int
+    gap: slice | None
+    touches: bool
+
+
+def cuts(columns: tuple[Column, ...]) -> list[Cut]:
+    """Return the windows of a table in order; the gap before the first one starts behind the control column."""
+    found: list[Cut] = []
+    edge = 1
+    for column in columns:
+        gap = slice(edge, column.first - 1) if column.first - 1 > edge else None
+        found.append(Cut(column.first - 1, column.last, gap, bool(found) and gap is None))
+        edge = column.last
+    return found
+
+
+def read_row(text: str, windows: list[Cut], keys: int) -> Cells | None:
+    """Return values and flags of a row, or None when the line does not cut into the columns.
 
     It cuts when every window holds a cell, no text straddles two windows or stands outside of them, and the keys are numbers.
     """
-    if "_" in text:
+    if "_" in text:  # float() would take 1_0
         return None
-    cells = []
-    edge = 1
-    for i, (_, first, last, *_) in enumerate(columns):
-        field_ = text[first - 1 : last]
-        if i < keys:
-            cell = read_cell(field_)
-            if cell is None or cell[1] != OK:
-                return None
-        elif field_.isspace() or not field_:
-            cell = (float("nan"), BLANK)
-        else:
-            cell = read_cell(field_)
-            if cell is None:
-                return None
-        if i:
-            gap = text[edge : first - 1]
-            if (gap and not gap.isspace()) or (text[edge - 1 : edge].strip() and text[first - 1 : first].strip() and not gap):
-                return None
-        cells.append(cell)
-        edge = last
-    return None if text[edge:].strip() else cells
+    values, flags = [], []
+    for start, stop, gap, touches in windows:
+        if (gap and text[gap].strip()) or (touches and text[start - 1 : start] > " " and text[start : start + 1] > " "):
+            return None
+        part = text[start:stop]
+        cell = (math.nan, BLANK) if not part or part.isspace() else read_cell(part)
+        if cell is None:
+            return None
+        values.append(cell[0])
+        flags.append(cell[1])
+    if any(flags[:keys]) or text[windows[-1].stop :].strip():
+        return None
+    return values, flags
+
+
+_CONDITION_CUTS = cuts(CONDITIONS.columns)
 
 
 def _table(layout: Layout, columns, rows, across=None, across_line=0, across_row="") -> Table:
-    cells = np.array([row for _, _, row in rows], dtype=float).reshape(len(rows), len(columns), 2)
     return Table(
         layout,
         columns,
         tuple(number for number, _, _ in rows),
         tuple(text for _, text, _ in rows),
-        cells[:, :, 0],
-        cells[:, :, 1].astype(np.uint8),
+        np.array([values for _, _, (values, _) in rows]),
+        np.array([flags for _, _, (_, flags) in rows], dtype=np.uint8),
         across,
         across_line,
         across_row,
@@ -200,7 +216,7 @@ def _read_body(lines: list[Line]) -> Body:
 
 
 def _says_no_output(lines: list[Line], at: int) -> bool:
-    words = next((text[1:].strip() for _, text in lines[at:] if text[1:].strip()), "")
+    words = next((text[1:].strip() for _, text in lines[at : at + 3] if text[1:].strip()), "")
     return words.startswith("*NOTE* NO OUTPUT AVAILABLE")
 
 
@@ -234,14 +250,15 @@ def _read_table(layout: Layout, lines: list[Line], at: int, heading: int) -> tup
         if found is None:
             return None, at
         columns, across, across_line, across_row, at = found
-    rows: list[tuple[int, str, list[tuple[float, int]]]] = []
+    windows = cuts(columns)
+    rows: list[tuple[int, str, Cells]] = []
     after = at
     while at < len(lines):
         number, text = lines[at]
         at += 1
         if not text[1:].strip() or (not rows and heading_words(text) == "ALPHA"):
             continue
-        row = read_row(text, columns, layout.keys) if text[0] == " " else None
+        row = read_row(text, windows, layout.keys) if text[0] == " " else None
         if row is None:
             break
         rows.append((number, text, row))

@@ -263,8 +263,12 @@ def _without(page: Page, table: Table) -> Page:
 
 def _name_cases(cases: list[Case]) -> None:
     """Name cases by their CASEID; a second one of the same name gets `` (2)``."""
+    used: set[str] = set()
     seen: Counter[str] = Counter()
     for case in cases:
         base = case.deck.caseid or f"case {case.ordinal}"
-        seen[base] += 1
-        case.name = base if seen[base] == 1 else f"{base} ({seen[base]})"
+        case.name = base
+        while case.name in used or seen[base] == 0:
+            seen[base] += 1
+            case.name = base if seen[base] == 1 else f"{base} ({seen[base]})"
+        used.add(case.name)

@@ -86,3 +86,9 @@ def test_faults_are_told_by_line():
         (5, "namelist without closing $: WGPLNF SSPN=1.0"),
     )
     assert found.values("FLTCON", "MACH") == [0.2, 0.3]
+
+
+def test_a_variable_without_value_is_not_given():
+    found = deck(" $BODY DS=,BLN=2.0$")
+    assert found.value("BODY", "DS") is None
+    assert found.value("BODY", "BLN") == 2.0

@@ -122,6 +122,12 @@ def test_several_runs_in_one_file(t37):
     assert listing.unread == []
 
 
+def test_equal_names_are_told_apart(elevator_lines):
+    captions = ["A (2)", "A", "A"]
+    lines = [line for caption in captions for line in (text.replace("T-37 OWN DECK ELEVATOR", caption) for text in elevator_lines)]
+    assert datcom_io.read(lines).cases == ["A (2)", "A", "A (3)"]
+
+
 def test_messages_of_the_program_and_of_the_reader(t37):
     messages = t37("t37_elevator.out").messages
     program = next(message for message in messages if message.origin == "program")
