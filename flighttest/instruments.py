@@ -1,0 +1,124 @@
+"""Specification of the instruments: where they sit, how noisy they are, and how large their constant errors may be.
+
+It stands in the aircraft file, one table per instrument; the names of the tables are free, channels carry house names::
+
+    [instruments.imu]
+    position = [0.90, 0.25, 0.32]                       # from the moment reference point, body axes
+    noise = { q = "0.03 deg/s", az_imu = 0.04 }         # one sigma of white noise, per sample as recorded
+    bias_sigma = { q = "0.03 deg/s", az_imu = 0.06 }    # one sigma of the constant error
+    [instruments.vanes]
+    factor = { alpha_vane = [1.08, 0.04] }              # upwash: mean and one sigma
+    lag = [0.05, 0.02]                                  # first-order time constant
+    [instruments.air_data]
+    static_error = [0.0, 0.02]                          # static-pressure error over impact pressure
+    delay = [0.10, 0.05]                                # latency of the whole instrument
+    minimum_speed = 25.0                                # below it the readings mean nothing
+
+A channel is used as a measurement when an instrument gives its noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, field_validator
+
+from flightmech.configuration import Strict, si, validate
+from flightmech.errors import SchemaError, UnitError, UnknownName
+from flightmech.names import lookup
+from flightmech.units import quantity
+
+IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
+
+
+def _pair(units: str) -> Any:
+    def convert(item: Any) -> tuple[float, float]:
+        if not isinstance(item, list | tuple) or len(item) != 2:
+            raise ValueError(f"expected [mean, sigma] in {units}")
+        mean, sigma = (quantity(part, units) for part in item)
+        if sigma < 0.0:
+            raise ValueError("sigma must not be negative")
+        return mean, sigma
+
+    return Annotated[tuple[float, float], BeforeValidator(convert)]
+
+
+def _per_channel(table: Any) -> dict[str, float]:
+    if not isinstance(table, dict):
+        raise ValueError("expected a table channel = value")
+    try:
+        values = {name: quantity(item, lookup(name).units) for name, item in table.items()}
+    except (UnknownName, UnitError) as error:
+        raise ValueError(str(error)) from error
+    if any(value <= 0.0 for value in values.values()):
+        raise ValueError("standard errors must be positive")
+    return values
+
+
+_Length = si("m")
+_Time = _pair("s")
+_Number = _pair("1")
+_Channels = Annotated[dict[str, float], BeforeValidator(_per_channel)]
+
+
+class Instrument(Strict):
+    """One instrument."""
+
+    position: tuple[_Length, _Length, _Length] | None = None  # type: ignore[valid-type]
+    noise: _Channels = {}
+    bias_sigma: _Channels = {}
+    factor: dict[str, _Number] = {}  # type: ignore[valid-type]
+    lag: _Time | None = None  # type: ignore[valid-type]
+    delay: _Time | None = None  # type: ignore[valid-type]
+    static_error: _Number | None = None  # type: ignore[valid-type]
+    minimum_speed: si("m s-1") = 0.0  # type: ignore[valid-type]
+    maximum: si("m") | None = None  # type: ignore[valid-type]
+
+    @field_validator("factor")
+    @classmethod
+    def _vanes_only(cls, factor: dict[str, Any]) -> dict[str, Any]:
+        wrong = sorted(set(factor) - {"alpha_vane", "beta_vane"})
+        if wrong:
+            raise ValueError(f"factors are estimated for alpha_vane and beta_vane only, not for {', '.join(wrong)}")
+        return factor
+
+
+class Instruments(Strict):
+    """All instruments of an aircraft."""
+
+    table: dict[str, Instrument]
+
+    def of(self, channel: str) -> tuple[str, Instrument] | None:
+        """Return name and specification of the instrument that gives the noise of `channel`, or None."""
+        return next(((name, item) for name, item in self.table.items() if channel in item.noise), None)
+
+    def noise(self, channel: str) -> float:
+        """Return one sigma of the noise of a channel that `of` knows."""
+        found = self.of(channel)
+        assert found is not None
+        return found[1].noise[channel]
+
+
+def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instruments:
+    """Return the specification from the tables of an aircraft file.
+
+    Parameters
+    ----------
+    content : mapping
+        Instrument name to its table, ``Aircraft.instruments``.
+
+    Raises
+    ------
+    SchemaError
+        With all problems; an inertial unit (noise of p q r ax_imu ay_imu az_imu and its position) must be there.
+    """
+    tables = {name: item if isinstance(item, dict) else item.model_dump() for name, item in content.items()}
+    found = validate(Instruments, {"table": tables}, what)
+    problems = [f"no instrument gives the noise of {name}; the reconstruction integrates it" for name in IMU if found.of(name) is None]
+    for name, item in found.table.items():
+        if item.position is None and {"ax_imu", "alpha_vane", "beta_vane", "h_radio"} & set(item.noise):
+            problems.append(f"{name}: missing position (m, body axes, from the moment reference point)")
+    if problems:
+        raise SchemaError(what, problems)
+    return found

@@ -1,0 +1,224 @@
+"""State reconstruction: from recordings with instrument errors to one consistent flight path ([LR743] 4.3).
+
+The estimator is the iterated extended Kalman smoother (Gauss-Newton on the joint density of path and constants), the
+right one for ordinary gyros: a batch output-error fit takes the inertial unit for perfect and its standard errors
+cover 30 % of the truth where they promise 95 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import IdentificationError
+
+from .assemble import Setup, assemble, windows_of
+from .constants import biases, identifiability
+from .instruments import instruments
+from .observation import R_AIR
+from .states import path_states
+from .trajectory import Problem, Solution, estimate, residuals, with_gusts
+
+if TYPE_CHECKING:
+    from flightmech import Aircraft
+
+GUST_LENGTH = 150.0  # m, of the gust model; vanes and pitot see the gusts themselves, so it matters little
+CALM = 1.1  # residual rms over noise of vanes and pitot above which the air is turbulent
+CALM_STEPS = 4
+_HELD = ("factor.", "lag.")  # turbulence hides them: gusts move vanes and aeroplane alike
+_SEES_GUSTS = ("alpha_vane", "beta_vane", "q_c")
+ACCEPT = 1.5  # residual rms over sensor noise
+
+
+@dataclass(frozen=True)
+class Path:
+    """A reconstructed flight path.
+
+    Attributes
+    ----------
+    states : Dataset (time,)
+        At the c.g., corrected: air-relative and ground velocity, attitude, rates and their derivatives, specific force,
+        wind, air data, reduced rates; controls, engine channels and mass as recorded. [SI]
+    biases : Dataset (parameter,)
+        ``estimate stderr prior prior_stderr unit``, ``correlation prior_correlation (parameter, parameter_)``.
+    residuals : Dataset (time,)
+        Reading minus model per channel, NaN where the channel has no reading.
+    fit : DataFrame
+        Per channel: readings, noise, residual rms, ratio, autocorrelation at the first lag, verdict.
+    """
+
+    states: xr.Dataset
+    biases: xr.Dataset
+    residuals: xr.Dataset
+    fit: Any
+
+    def report(self) -> str:
+        """Return the data-compatibility report as text."""
+        return _report(self)
+
+
+def reconstruct(
+    record: xr.DataTree,
+    aircraft: Aircraft,
+    windows: Sequence[tuple[float, float]] | None = None,
+    prior: xr.Dataset | None = None,
+    rate: float = 50.0,
+) -> Path:
+    """Reconstruct the flight path of a record.
+
+    Parameters
+    ----------
+    record : DataTree
+        Flight record.  Needed: inertial unit (p q r ax_imu ay_imu az_imu), phi, theta, air data; used when there: psi,
+        vn ve vd h_gps, alpha_vane, beta_vane, h_radio (with root attribute ``runway_elevation``).
+    aircraft : Aircraft
+        For cbar, b, c.g. and the instruments (see `flighttest.instruments`).
+    windows : sequence of (start, stop), optional
+        Parts to reconstruct, with common constants; the whole record without it. [s]
+    prior : Dataset, optional
+        `biases` of other runs (`combine_biases`); the constants of the instruments start from them.
+    rate : float
+        Samples per second of the path. [Hz]
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    OutOfRange
+        A window is not inside the record.
+    SchemaError
+        A needed channel is missing or holds NaN; the instrument specification is faulty.
+    IdentificationError
+        The iteration does not settle, or a constant has neither data nor a prior.
+
+    References
+    ----------
+    .. [LR743] Report LR-743, 1993, section 4.3.
+    .. [Mulder1999] Mulder et al., Prog. Aerosp. Sci. 35, 1999.
+    .. [Bell1994] Bell, SIAM J. Optim. 4, 1994.
+    """
+    setup, solution = solve(record, aircraft, windows, prior, rate)
+    return finish(record, aircraft, setup, solution)
+
+
+def solve(record: xr.DataTree, aircraft: Aircraft, windows=None, prior=None, rate: float = 50.0) -> tuple[Setup, Solution]:
+    """Return the problem of a record and its solution; arguments as in `reconstruct`."""
+    specification = instruments(aircraft.instruments, f"instruments of {getattr(aircraft, 'name', 'the aircraft')}")
+    setup = assemble(record, aircraft, specification, windows_of(record, windows), rate, prior)
+    solution = estimate(setup.problem, setup.x, setup.c, CALM_STEPS)
+    if in_calm_air(setup, solution):
+        return setup, _settle(setup.problem, solution)
+    return _in_turbulence(setup)
+
+
+def in_calm_air(setup: Setup, solution: Solution) -> bool:
+    """Return whether vanes and impact pressure keep to a path in uniformly moving air within their noise.
+
+    With an inertial unit the path hardly follows gusts, so they are left over in these residuals.
+    """
+    ratios = [1.0]
+    for sensor in setup.problem.sensors:
+        rest, _ = residuals(setup.problem, sensor, solution.x, solution.c)
+        ratios += [
+            float(np.sqrt(np.mean(r**2)) / s) for r, s, n in zip(rest.T, sensor.sigma, sensor.names, strict=True) if n in _SEES_GUSTS
+        ]
+    return max(ratios) < CALM
+
+
+def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
+    """Return problem and solution with gusts: first the constants, then with these the gusts themselves."""
+    noise = {n: s for sensor in setup.problem.sensors for n, s in zip(sensor.names, sensor.sigma, strict=True)}
+    sigma = 5.0 * np.array([noise.get(n, 1e-3) for n in _SEES_GUSTS])
+    held = [name for name in setup.problem.constants.names if name.startswith(_HELD)]
+    problem, x = with_gusts(setup.problem, setup.x, sigma, GUST_LENGTH, shown=True)
+    first = estimate(problem, x, setup.c, CALM_STEPS, held)
+    sigma = np.maximum(np.sqrt(np.mean(first.x[:, problem.gusts] ** 2, axis=0)), 0.1 * sigma)
+    problem = replace(problem, gust=sigma)
+    found = _settle(problem, first, held)
+    blowing, x = with_gusts(problem, found.x, _intensity(setup, found, sigma), GUST_LENGTH, shown=False)
+    air = _settle(blowing, estimate(blowing, x, found.c, CALM_STEPS, problem.constants.names), problem.constants.names)
+    return replace(setup, problem=blowing), replace(air, covariance=found.covariance, iterations=found.iterations + air.iterations)
+
+
+def _settle(problem: Problem, solution: Solution, held: Sequence[str] = ()) -> Solution:
+    """Return the settled solution, iterating on where it is not."""
+    if not solution.settled:
+        more = estimate(problem, solution.x, solution.c, held=held)
+        solution = replace(more, iterations=solution.iterations + more.iterations)
+    if not solution.settled:
+        raise IdentificationError(
+            f"the reconstruction did not settle in {solution.iterations} iterations; see which constants have neither data nor a prior"
+        )
+    return solution
+
+
+def _intensity(setup: Setup, solution: Solution, sigma: np.ndarray) -> np.ndarray:
+    """Return one sigma of the gusts north, east, down from what they add to the readings: w = V alpha, v = V beta, u = q_c/(rho V)."""
+    V = max(float(np.median(np.linalg.norm(solution.x[:, 3:6], axis=1))), 10.0)
+    rho = setup.problem.constants.get(solution.c, "p_reference") / (R_AIR * setup.reference[1])
+    up, across, along = sigma * np.array([V, V, 1.0 / (rho * V)])
+    level = float(np.sqrt((across**2 + along**2) / 2.0))
+    return np.array([level, level, up])
+
+
+def finish(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution) -> Path:
+    """Return the Path of a solution."""
+    import pandas as pd
+
+    found = biases(setup.problem.constants, solution.c, solution.covariance)
+    states = path_states(record, aircraft, setup, solution)
+    rest = xr.Dataset(coords={"time": states["time"]})
+    rows = []
+    for sensor in setup.problem.sensors:
+        values, k = residuals(setup.problem, sensor, solution.x, solution.c)
+        for i, name in enumerate(sensor.names):
+            column = np.full(len(setup.problem.time), np.nan)
+            column[k] = values[:, i]
+            rest[name] = "time", column
+            rows.append(_row(name, values[:, i], float(sensor.sigma[i])))
+    return Path(states, found, rest, pd.DataFrame(rows).set_index("channel"))
+
+
+def _row(name: str, rest: np.ndarray, sigma: float) -> dict[str, Any]:
+    rms = float(np.sqrt(np.mean(rest**2)))
+    spread = rest - rest.mean()
+    power = float(spread @ spread)
+    lag = float(spread[1:] @ spread[:-1] / power) if power > 0.0 else 0.0
+    verdict = "use" if rms < ACCEPT * sigma else "suspect: residual exceeds the noise"
+    return {
+        "channel": name,
+        "readings": len(rest),
+        "noise": sigma,
+        "rms": rms,
+        "ratio": rms / sigma,
+        "autocorrelation": lag,
+        "verdict": verdict,
+    }
+
+
+def _report(path: Path) -> str:
+    states = path.states
+    time = states["time"].values
+    lines = [
+        f"State reconstruction: {states.attrs.get('record', '')}, {time[0]:g} ... {time[-1]:g} s, {len(time)} samples at {states.attrs['rate']:g} Hz",
+        f"{states.attrs['iterations']} iterations; unused channels: {states.attrs['unused'] or 'none'}",
+        "",
+        f"{'constant':22s}{'estimate':>13s}{'std. error':>13s}{'prior':>13s}{'prior s.e.':>13s}  unit",
+    ]
+    for i, name in enumerate(path.biases["parameter"].values):
+        row = path.biases.isel(parameter=i, parameter_=i)
+        numbers = "".join(f"{float(row[key]):13.5g}" for key in ("estimate", "stderr", "prior", "prior_stderr"))
+        lines.append(f"{name:22s}{numbers}  {str(row['unit'].values)}")
+    lines += ["", f"{'channel':14s}{'readings':>9s}{'noise':>11s}{'rms':>11s}{'ratio':>7s}{'lag-1 ac':>9s}  verdict"]
+    for name, row in path.fit.iterrows():
+        lines.append(
+            f"{name:14s}{row.readings:9d}{row.noise:11.4g}{row.rms:11.4g}{row.ratio:7.2f}{row.autocorrelation:9.2f}  {row.verdict}"
+        )
+    words = identifiability(path.biases)
+    return "\n".join([*lines, "", "Identifiability:", *(f"  - {word}" for word in words or ["every constant is told by the data"])])

@@ -1,0 +1,357 @@
+"""The flight path as one least-squares problem: kinematics between samples, sensors at samples, priors on constants.
+
+State at each sample: attitude, ground velocity (north, east, down), height, the lagged angles behind the vanes, and in
+turbulence three more: the gust (north, east, down), or what the gusts add to the readings of the two vanes and the pitot.  The inertial unit drives it; its white noise is the process noise.  Written in
+the axes of the instruments, the residual of a step is what the gyros and accelerometers would have to be wrong by::
+
+    r_omega = W(mid) (angles_k+1 - angles_k)/dt - (omega_m - b_omega)
+    r_a     = R'(mid) [(v_k+1 - v_k)/dt - g + (2 Omega + omega_level) x v] - (a_m - b_a)
+
+so its weight is the data-sheet noise, and no process noise has to be tuned.  Minimising all residuals at once by
+Gauss-Newton is the iterated extended Kalman smoother.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flightmech.errors import IdentificationError
+
+from .bordered import NormalEquations
+from .calibrate import force_at_cg
+from .constants import Constants, inverse
+from .kinematics import rate_matrix, rates, to_body
+from .observation import Sensor
+
+ATTITUDE, VELOCITY, HEIGHT = slice(0, 3), slice(3, 6), 6
+HEIGHT_NOISE = 0.005  # m/s: closes the height equation; far below any height sensor
+VANE_NOISE = 1e-4  # rad: closes the lag equation; far below the noise of a vane
+TOLERANCE = 0.05  # largest last step of the constants, in standard errors (norm over all of them)
+ITERATIONS = 15
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Everything but the unknowns.
+
+    Attributes
+    ----------
+    time : array (N,)
+        Uniform within a segment. [s]
+    linked : array (N-1,) of bool
+        False where one window ends and the next begins.
+    omega, omega_dot, force : array (N, 3)
+        Inertial unit as recorded (not yet moved to the c.g.). [rad s-1], [rad s-2], [m s-2]
+    noise : array (6,)
+        One sigma of omega and force per sample of the grid.
+    arm, vane_arm : array (3,)
+        Inertial unit and vanes from the c.g. [m]
+    g : float
+        Gravity. [m s-2]
+    earth : (array (3,), array (3, 3))
+        Rate of the Earth and transport matrix, see `kinematics.earth`.
+    airborne : array (N,) of bool
+        Fast enough for vanes.
+    vanes : tuple of str
+        Lagged angles in the state, of ``alpha_vane``, ``beta_vane``.
+    gust : array (3,) or None
+        One sigma of the gust components north, east, down [m s-1]; or, when `shown`, of what they add to ``alpha_vane``,
+        ``beta_vane`` and ``q_c``. [rad], [rad], [Pa]
+    gust_time : float
+        Correlation time of the gusts. [s]
+    shown : bool
+        Which of the two.  Constants are estimated with the second: a mode over gusts and vane factor together would
+        take too large a factor (or too small a lag), because that makes all gusts smaller and so more probable.
+    """
+
+    time: np.ndarray
+    linked: np.ndarray
+    omega: np.ndarray
+    omega_dot: np.ndarray
+    force: np.ndarray
+    noise: np.ndarray
+    arm: np.ndarray
+    vane_arm: np.ndarray
+    g: float
+    earth: tuple[np.ndarray, np.ndarray]
+    airborne: np.ndarray
+    vanes: tuple[str, ...]
+    sensors: Sequence[Sensor]
+    constants: Constants
+    start_sigma: np.ndarray
+    gust: np.ndarray | None = None
+    gust_time: float = 1.0
+    shown: bool = False
+
+    @property
+    def dt(self) -> float:
+        """Sampling interval. [s]"""
+        return float(self.time[1] - self.time[0])
+
+    @property
+    def states(self) -> int:
+        """Number of state variables."""
+        return 7 + len(self.vanes) + (3 if self.gust is not None else 0)
+
+    @property
+    def gusts(self) -> slice:
+        """Places of the gust in the state; empty in calm air."""
+        first = 7 + len(self.vanes)
+        return slice(first, first + (3 if self.gust is not None else 0))
+
+    @property
+    def starts(self) -> np.ndarray:
+        """First sample of every segment."""
+        return np.concatenate([[0], np.flatnonzero(~self.linked) + 1])
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Estimate of the trajectory x (N, n) and the constants c (nc,), with the covariance of c."""
+
+    x: np.ndarray
+    c: np.ndarray
+    covariance: np.ndarray
+    cost: float
+    iterations: int
+    settled: bool
+
+
+def wind(problem: Problem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Return the velocity of the air mass at each state, gusts included (N, 3). [m s-1]"""
+    steady = np.array([problem.constants.get(c, name) for name in ("wind_n", "wind_e", "wind_d")])
+    blowing = problem.gust is not None and not problem.shown
+    return np.broadcast_to(steady, (len(x), 3)) + (x[:, problem.gusts] if blowing else 0.0)
+
+
+def body_rates(problem: Problem, c: np.ndarray) -> np.ndarray:
+    """Return the gyro signals without their biases (N, 3). [rad s-1]"""
+    return problem.omega - c[problem.constants.index("bias.p", "bias.q", "bias.r")]
+
+
+def specific_force(problem: Problem, c: np.ndarray) -> np.ndarray:
+    """Return the specific force at the c.g. without biases (N, 3). [m s-2]"""
+    sensed = problem.force - c[problem.constants.index("bias.ax_imu", "bias.ay_imu", "bias.az_imu")]
+    return force_at_cg(sensed, body_rates(problem, c), problem.omega_dot, problem.arm)
+
+
+def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = ITERATIONS, held: Sequence[str] = ()) -> Solution:
+    """Minimise the joint negative log density by Gauss-Newton with a Levenberg safeguard.
+
+    Parameters
+    ----------
+    problem : Problem
+    x, c : array (N, n), (nc,)
+        Start.
+    iterations : int
+        Largest number of accepted steps.
+    held : sequence of str
+        Constants that stay at their start value: the data do not inform them, and their prior uncertainty is passed on
+        to the others (Schmidt's "consider" parameters).
+
+    Returns
+    -------
+    Solution
+        ``settled`` when the last step of the constants was below 5 % of their standard errors.
+
+    Raises
+    ------
+    IdentificationError
+        No step lowers the cost.
+    """
+    free = np.array([name not in held for name in problem.constants.names])
+    equations, damping = linearise(problem, x, c), 0.0
+    for step in range(1, iterations + 1):
+        dx, dc, information = equations.solve(damping, free)
+        trial = linearise(problem, x + dx, c + dc)
+        while not trial.cost <= equations.cost * (1.0 + 1e-6):
+            damping = max(1e-4, 10.0 * damping)
+            if damping > 1e6:
+                raise IdentificationError(
+                    "the reconstruction finds no better path from its start; check signs, units and positions of the sensors"
+                )
+            dx, dc, information = equations.solve(damping, free)
+            trial = linearise(problem, x + dx, c + dc)
+        x, c, equations = x + dx, c + dc, trial
+        moved = float(np.sqrt(max(dc @ information @ dc, 0.0)))
+        settled = damping == 0.0 and moved < TOLERANCE
+        damping = damping / 100.0 if damping > 1e-4 else 0.0
+        if settled:
+            break
+    return Solution(x, c, _covariance(information, free, problem.constants.covariance), equations.cost, step, settled)
+
+
+def _covariance(information: np.ndarray, free: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """Return the covariance of the constants; those not free keep their prior one and hand it on."""
+    covariance = prior.copy()
+    f, h = np.flatnonzero(free), np.flatnonzero(~free)
+    if len(f):
+        own = inverse(information[np.ix_(f, f)])
+        follow = -own @ information[np.ix_(f, h)]
+        covariance[np.ix_(f, f)] = own + follow @ prior[np.ix_(h, h)] @ follow.T
+        covariance[np.ix_(f, h)] = follow @ prior[np.ix_(h, h)]
+        covariance[np.ix_(h, f)] = covariance[np.ix_(f, h)].T
+    return covariance
+
+
+def linearise(problem: Problem, x: np.ndarray, c: np.ndarray) -> NormalEquations:
+    """Return the normal equations of all residuals about a trajectory and constants."""
+    equations = NormalEquations(len(x), problem.states, len(c))
+    _inertial_steps(problem, x, c, equations)
+    _vane_steps(problem, x, c, equations)
+    _gust_steps(problem, x, equations)
+    for sensor in problem.sensors:
+        _add_sensor(problem, sensor, x, c, equations)
+    for k in problem.starts:
+        weight = 1.0 / problem.start_sigma[: problem.states]
+        mean = np.where(np.arange(problem.states) < 7, x[k], 0.0)  # wide and only against drift: the start itself is free
+        equations.add_state(int(k), (x[k] - mean) * weight, weight)
+    equations.add_prior(c - problem.constants.mean, problem.constants.precision())
+    return equations
+
+
+def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
+    dt, n = problem.dt, problem.states
+    difference, middle = np.diff(x[:, :7], axis=0) / dt, (x[1:, :7] + x[:-1, :7]) / 2.0
+    omega, force = body_rates(problem, c), specific_force(problem, c)
+    r = np.zeros((len(middle), 7))
+    from_angles, change = rates(middle[:, ATTITUDE], difference[:, ATTITUDE])
+    spin, transport = problem.earth
+    v = middle[:, VELOCITY]
+    carried = v @ transport.T
+    needed = difference[:, VELOCITY] - np.array([0.0, 0.0, problem.g]) + np.cross(2.0 * spin + carried, v)
+    U, turn, Rt = to_body(middle[:, ATTITUDE], needed)
+    r[:, ATTITUDE] = from_angles + (Rt @ carried[..., None])[..., 0] - (omega[1:] + omega[:-1]) / 2.0
+    r[:, VELOCITY] = U - (force[1:] + force[:-1]) / 2.0
+    r[:, HEIGHT] = difference[:, HEIGHT] + middle[:, 5]
+    # half of the derivative with respect to the middle, and the one with respect to the difference
+    half, slope = np.zeros((len(middle), 7, n)), np.zeros((len(middle), 7, n))
+    half[:, ATTITUDE, ATTITUDE] = change / 2.0
+    slope[:, ATTITUDE, ATTITUDE] = rate_matrix(middle[:, ATTITUDE]) / dt
+    half[:, VELOCITY, ATTITUDE] = turn / 2.0
+    slope[:, VELOCITY, VELOCITY] = Rt / dt
+    half[:, HEIGHT, 5] = 0.5
+    slope[:, HEIGHT, HEIGHT] = 1.0 / dt
+    weight = problem.linked[:, None] / np.append(problem.noise, HEIGHT_NOISE)
+    columns = problem.constants.index("bias.p", "bias.q", "bias.r", "bias.ax_imu", "bias.ay_imu", "bias.az_imu")
+    Jc = np.zeros((len(middle), 7, 6))
+    Jc[:, np.arange(6), np.arange(6)] = 1.0
+    w = weight[..., None]
+    equations.add_steps(r * weight, (half - slope) * w, (half + slope) * w, columns, Jc * w)
+
+
+def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the angles that vanes without lag would see (N, vanes), their derivative by state, and by steady wind."""
+    air = x[:, VELOCITY] - wind(problem, x, c)
+    U, turn, Rt = to_body(x[:, ATTITUDE], air)
+    u, v, w = (U + np.cross(body_rates(problem, c), problem.vane_arm)).T
+    angle, J, Jw = (np.zeros((len(x), len(problem.vanes), *m)) for m in ((), (problem.states,), (3,)))
+    for i, name in enumerate(problem.vanes):
+        side = w if name == "alpha_vane" else v
+        row = np.zeros((len(x), 3))
+        row[:, 0], row[:, 2 if name == "alpha_vane" else 1] = -side, u
+        row /= np.maximum(u**2 + side**2, 1.0)[:, None]
+        angle[:, i] = np.arctan2(side, u)
+        by_velocity = (row[:, None, :] @ Rt)[:, 0]
+        J[:, i, ATTITUDE] = (row[:, None, :] @ turn)[:, 0]
+        J[:, i, VELOCITY] = by_velocity
+        if problem.gust is not None and not problem.shown:
+            J[:, i, problem.gusts] = -by_velocity
+        Jw[:, i] = -by_velocity
+    return angle, J, Jw
+
+
+def lag_weights(tau: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return (E, c0, c1) of y_k+1 = E y_k + c0 x_k + c1 x_k+1, a first-order lag of an input linear between samples, and d/dtau."""
+    tau = max(tau, dt / 20.0)
+    E, s = np.exp(-dt / tau), tau / dt
+    dE, ds = E * dt / tau**2, 1.0 / dt
+    rise, d_rise = s * (1.0 - E), ds * (1.0 - E) - s * dE
+    return np.array([E, rise - E, 1.0 - rise]), np.array([dE, d_rise - dE, -d_rise])
+
+
+def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
+    if not problem.vanes:
+        return
+    count, first = len(problem.vanes), 7
+    angle, J, Jw = vane_geometry(problem, x, c)
+    lagged = x[:, first : first + count]
+    names = [name for name in ("wind_n", "wind_e", "wind_d") if name in problem.constants]
+    columns = problem.constants.index(*names, "lag.vanes")
+    (E, c0, c1), (dE, d0, d1) = lag_weights(problem.constants.get(c, "lag.vanes"), problem.dt)
+    r = lagged[1:] - E * lagged[:-1] - c0 * angle[:-1] - c1 * angle[1:]
+    A, B = -c0 * J[:-1], -c1 * J[1:]
+    for i in range(count):
+        A[:, i, first + i] -= E
+        B[:, i, first + i] += 1.0
+    of_wind = [("wind_n", "wind_e", "wind_d").index(name) for name in names]
+    Jc = np.concatenate([-c0 * Jw[:-1][..., of_wind] - c1 * Jw[1:][..., of_wind], np.zeros((len(r), count, 1))], axis=-1)
+    Jc[:, :, -1] = -dE * lagged[:-1] - d0 * angle[:-1] - d1 * angle[1:]
+    slow = ~(problem.airborne[1:] & problem.airborne[:-1])  # the vane hangs loose: its state only has to stay finite
+    r[slow], A[slow], B[slow], Jc[slow] = 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        r[slow, i] = (lagged[1:] - lagged[:-1])[slow, i]
+        A[slow, i, first + i], B[slow, i, first + i] = -1.0, 1.0
+    weight = problem.linked[:, None] / VANE_NOISE
+    w = weight[..., None]
+    equations.add_steps(r * weight, A * w, B * w, columns, Jc * w)
+
+
+def _gust_steps(problem: Problem, x: np.ndarray, equations: NormalEquations) -> None:
+    if problem.gust is None:
+        return
+    keep = np.exp(-problem.dt / np.asarray(problem.gust_time))
+    weight = problem.linked[:, None] / (problem.gust * np.sqrt(1.0 - keep**2))
+    gust = x[:, problem.gusts]
+    A, B = np.zeros((len(x) - 1, 3, problem.states)), np.zeros((len(x) - 1, 3, problem.states))
+    places = np.arange(problem.gusts.start, problem.gusts.stop)
+    A[:, np.arange(3), places], B[:, np.arange(3), places] = -keep * weight, weight
+    equations.add_steps((gust[1:] - keep * gust[:-1]) * weight, A, B, np.zeros(0, int), np.zeros((len(x) - 1, 3, 0)))
+
+
+def place(problem: Problem, sensor: Sensor, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each reading of a sensor the sample before it, k, and the fraction f of the step, its delay removed."""
+    seen = sensor.time - (problem.constants.get(c, sensor.delay) if sensor.delay else 0.0)
+    k = np.clip(np.searchsorted(problem.time, seen + 1e-9, side="right") - 1, 0, len(problem.time) - 1)
+    f = (seen - problem.time[k]) / problem.dt
+    last = ~np.append(problem.linked, False)  # of its segment: there is no step to go into
+    return k, np.where((np.abs(f) < 1e-6) | last[k], 0.0, f)
+
+
+def _at(sensor_k: np.ndarray, f: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the state at k + f and the change over the step from k."""
+    after = x[np.minimum(sensor_k + 1, len(x) - 1)]
+    return (1.0 - f)[:, None] * x[sensor_k] + f[:, None] * after, after - x[sensor_k]
+
+
+def _add_sensor(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
+    k, f = place(problem, sensor, c)
+    at, step = _at(k, f, x)
+    y, J, names, Jc = sensor.model(sensor, problem, at, c)
+    columns = problem.constants.index(*names)
+    if sensor.delay:
+        if problem.shown:
+            step = np.where(np.arange(problem.states) < problem.gusts.start, step, 0.0)
+        Jc = np.concatenate([Jc, -(J @ step[..., None]) / problem.dt], axis=-1)
+        columns = np.append(columns, problem.constants.index(sensor.delay))
+    w = 1.0 / sensor.sigma
+    equations.add_samples((y - sensor.z) * w, k, f, J * w[:, None], columns, Jc * w[:, None])
+
+
+def residuals(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return readings minus model (M, m) of a sensor and the sample each belongs to."""
+    k, f = place(problem, sensor, c)
+    at, _ = _at(k, f, x)
+    return sensor.z - sensor.model(sensor, problem, at, c)[0], k + (f > 0.5)
+
+
+def with_gusts(problem: Problem, x: np.ndarray, sigma: np.ndarray, length: float, shown: bool) -> tuple[Problem, np.ndarray]:
+    """Return the problem with gust states of given intensity and scale length, and the trajectory with zero gusts."""
+    n = 7 + len(problem.vanes)
+    speed = float(np.median(np.linalg.norm(x[:, VELOCITY], axis=1)))
+    sigma_0 = np.concatenate([problem.start_sigma[:n], sigma])
+    changed = replace(problem, gust=sigma, gust_time=length / max(speed, 10.0), shown=shown, start_sigma=sigma_0)
+    return changed, np.concatenate([x[:, :n], np.zeros((len(x), 3))], axis=1)
