@@ -29,7 +29,22 @@ _PUBLIC = {
 }
 _MODULES = ("air", "axes", "errors", "names", "terms", "units")
 
-__all__ = ["Aircraft", "Engine", "SimModel", "air", "axes", "compile", "errors", "names", "read_aircraft", "simulate", "terms", "trim", "units", "write_fmu"]
+__all__ = [
+    "Aircraft",
+    "Engine",
+    "SimModel",
+    "air",
+    "axes",
+    "compile",
+    "errors",
+    "names",
+    "read_aircraft",
+    "simulate",
+    "terms",
+    "trim",
+    "units",
+    "write_fmu",
+]
 
 
 class _Package(ModuleType):

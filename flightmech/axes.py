@@ -30,8 +30,10 @@ def rotation(phi: ArrayLike, theta: ArrayLike, psi: ArrayLike) -> np.ndarray:
 
     Examples
     --------
-    >>> rotation(0.0, 0.0, np.pi / 2).round(12)[0].tolist()
-    [0.0, 1.0, 0.0]
+    Heading east, the nose points along +east:
+
+    >>> (rotation(0.0, 0.0, np.pi / 2)[0] @ [0.0, 1.0, 0.0]).tolist()
+    1.0
     """
     phi, theta, psi = np.broadcast_arrays(*(np.asarray(angle, float) for angle in (phi, theta, psi)))
     cf, sf, ct, st, cp, sp = np.cos(phi), np.sin(phi), np.cos(theta), np.sin(theta), np.cos(psi), np.sin(psi)

@@ -125,7 +125,9 @@ def _parameter(name: str, aircraft: Aircraft) -> Entry:
         units, display, text, value = _ENVIRONMENT[quantity]
         return Entry(name, units, display, text, value, -MOST, MOST, 0)
     if group == "bias":
-        return _row(name, quantity, f"added to the {lookup(quantity).long_name}" + (" of each engine" if quantity.startswith("thr") else ""))
+        return _row(
+            name, quantity, f"added to the {lookup(quantity).long_name}" + (" of each engine" if quantity.startswith("thr") else "")
+        )
     if group == "mode":
         return _mode(name, quantity, aircraft)
     engine = aircraft.engines[int(group.removeprefix("engine")) - 1]
@@ -138,7 +140,12 @@ def _initial(name: str, quantity: str) -> Entry:
     if quantity.endswith("_dot"):
         return _rate(name, quantity, "wanted by the trim")
     text = f"{lookup(quantity).long_name} at the start"
-    notes = {"gamma": ", held by the trim", "theta": ", without trim", "alpha": ", first guess of the trim", "beta": ", first guess of the trim"}
+    notes = {
+        "gamma": ", held by the trim",
+        "theta": ", without trim",
+        "alpha": ", first guess of the trim",
+        "beta": ", first guess of the trim",
+    }
     return _row(name, quantity, text + notes.get(quantity, ""), value=_START.get(quantity, 0.0), flags=FIXED)
 
 

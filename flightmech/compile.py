@@ -173,10 +173,14 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
             problems.append(f"/{name} is no coefficient; with force_axes {axes} there are {allowed}")
     for name in ("S", "cbar", "b"):
         if name in db.attrs and not np.isclose(float(db.attrs[name]), getattr(aircraft, name), rtol=_AGREE, atol=0.0):
-            problems.append(f"{name} is {float(db.attrs[name]):.8g} in the database and {getattr(aircraft, name):.8g} in the aircraft; they must agree")
+            problems.append(
+                f"{name} is {float(db.attrs[name]):.8g} in the database and {getattr(aircraft, name):.8g} in the aircraft; they must agree"
+            )
     for name, own in zip(("x_ref", "y_ref", "z_ref"), aircraft.reference, strict=True):
         if name in db.attrs and not np.isclose(float(db.attrs[name]), own, rtol=_AGREE, atol=1e-4 * aircraft.cbar):
-            problems.append(f"{name} is {float(db.attrs[name]):.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference")
+            problems.append(
+                f"{name} is {float(db.attrs[name]):.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference"
+            )
     return problems
 
 
@@ -210,7 +214,9 @@ def _unknown(name: str, allowed: list[str]) -> str:
 
 def _meta(db: xr.DataTree, terms: list[_Term]) -> str:
     plain = {key: item for key, item in db.attrs.items() if isinstance(item, str | int | float)}
-    texts = {t.name: {key: str(t.leaf.attrs[key]) for key in ("regressors", "references", "comment") if t.leaf.attrs.get(key)} for t in terms}
+    texts = {
+        t.name: {key: str(t.leaf.attrs[key]) for key in ("regressors", "references", "comment") if t.leaf.attrs.get(key)} for t in terms
+    }
     return json.dumps({"database": plain, "force_axes": _force_axes(db), "terms": texts}, sort_keys=True, ensure_ascii=False)
 
 

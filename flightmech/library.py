@@ -36,7 +36,7 @@ class Entry(NamedTuple):
 
 
 class _Entry(ctypes.Structure):
-    _fields_ = [(name, c_char_p) for name in Entry._fields[:4]] + [(name, c_double) for name in Entry._fields[4:7]] + [("flags", c_int)]  # noqa: RUF012
+    _fields_ = [(name, c_char_p) for name in Entry._fields[:4]] + [(name, c_double) for name in Entry._fields[4:7]] + [("flags", c_int)]
 
 
 _SIGNATURES: dict[str, tuple[type | None, list]] = {

@@ -112,7 +112,9 @@ class Twin:
             lat = np.arctan2(r[2] + e2 * N * np.sin(lat), p)
         h = p * np.cos(lat) + r[2] * np.sin(lat) - self.a * np.sqrt(1.0 - e2 * np.sin(lat) ** 2)
         c, s = np.cos(lat), np.sin(lat)
-        return h, np.array([[-s * np.cos(lon), -s * np.sin(lon), c], [-np.sin(lon), np.cos(lon), 0.0], [-c * np.cos(lon), -c * np.sin(lon), -s]])
+        return h, np.array(
+            [[-s * np.cos(lon), -s * np.sin(lon), c], [-np.sin(lon), np.cos(lon), 0.0], [-c * np.cos(lon), -c * np.sin(lon), -s]]
+        )
 
     def gravity(self, r: np.ndarray) -> np.ndarray:
         if not self.earth:

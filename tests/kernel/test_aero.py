@@ -15,7 +15,15 @@ from flightmech.terms import make
 def random_variables(sim: flightmech.SimModel, n: int = 400) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Model variables that leave the tables now and then."""
     rng = np.random.default_rng(11)
-    spread = {"engine1.thrust": 4000.0, "h": 9000.0, "h_agl": 20.0, "mach": 0.9, "gear": 1.2, "engine1.throttle": 1.1, "engine2.throttle": 1.1}
+    spread = {
+        "engine1.thrust": 4000.0,
+        "h": 9000.0,
+        "h_agl": 20.0,
+        "mach": 0.9,
+        "gear": 1.2,
+        "engine1.throttle": 1.1,
+        "engine2.throttle": 1.1,
+    }
     columns = {name: rng.uniform(-0.1 if name in spread else -1.0, 1.0, n) * spread.get(name, 0.5) for name in sim.variables}
     return np.stack([columns[name] for name in sim.variables], axis=1), columns
 

@@ -53,7 +53,13 @@ CASES = {
     7: (lambda: sphere(0.1), {**DROP, "init.V": 20.0 * FT, "init.beta": -90.0 * DEG, "wind_e": 20.0 * FT}),
     9: (
         lambda: sphere(0.1),
-        {"init.V": 1000.0 * np.sqrt(2.0) * FT, "init.h": 0.0, "init.alpha": -45.0 * DEG, "init.psi": 90.0 * DEG, "init.q": -0.00417807 * DEG},
+        {
+            "init.V": 1000.0 * np.sqrt(2.0) * FT,
+            "init.h": 0.0,
+            "init.alpha": -45.0 * DEG,
+            "init.psi": 90.0 * DEG,
+            "init.q": -0.00417807 * DEG,
+        },
     ),
 }
 

@@ -1,0 +1,39 @@
+"""Texts of the exceptions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flightmech import errors
+
+
+def test_parse_error_names_file_and_line():
+    error = errors.ParseError("a.out", 12, "'NaN'", "a number")
+    assert str(error) == "a.out, line 12: found 'NaN'; expected a number"
+    assert (error.file, error.line) == ("a.out", 12)
+    assert str(errors.ParseError("a.out", 0, "nothing", "a listing")).startswith("a.out: found nothing")
+
+
+def test_unknown_name_shows_near_or_all_names():
+    assert "near it: gear" in str(errors.UnknownName("gaer", ["gear", "flap"]))
+    assert str(errors.UnknownName("xyz", ["b", "a"], "key", "see the manual")) == "unknown key 'xyz'; allowed: a, b; see the manual"
+
+
+def test_schema_error_holds_all_problems():
+    error = errors.SchemaError("database", ["one", "two"])
+    assert str(error) == "database: 2 problems\n  - one\n  - two"
+    assert error.problems == ["one", "two"]
+
+
+def test_out_of_range_and_simulation_error_carry_data():
+    assert errors.OutOfRange("text", np.array([True, False])).mask.tolist() == [True, False]
+    assert errors.SimulationError("stopped", 3.5).time == 3.5
+
+
+def test_all_are_errors_of_the_house():
+    names = ["ParseError", "UnknownName", "UnitError", "SchemaError", "OutOfRange", "IdentificationError", "SimulationError"]
+    for name in names:
+        assert issubclass(getattr(errors, name), errors.AeromatchError)
+    with pytest.raises(errors.AeromatchError):
+        raise errors.UnitError("x")

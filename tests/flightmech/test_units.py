@@ -1,0 +1,69 @@
+"""Exact factors, the parser, texts with units."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from flightmech.errors import UnitError
+from flightmech.units import _BASE, from_si, parse, quantity, to_si
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "si"),
+    [
+        (1.0, "ft", 0.3048),
+        (1.0, "kt", 1852.0 / 3600.0),
+        (1.0, "lbf", 4.4482216152605),
+        (1.0, "slug", 14.593902937206364),  # lbf s2/ft
+        (180.0, "deg", math.pi),
+        (1.0, "ft2", 0.09290304),
+        (1.0, "slug ft2", 1.3558179483314004),
+        (15.0, "degC", 288.15),
+        (59.0, "degF", 288.15),
+        (518.67, "degR", 288.15),
+        (1013.25, "hPa", 101325.0),
+        (1.0, "psf", 47.88025898033584),
+        (6.0, "deg/s", math.pi / 30.0),
+        (60.0, "ft/min", 0.3048),
+        (7.0, "m s-1", 7.0),
+        (3.0, "kg/m3", 3.0),
+        (2.0, "", 2.0),
+    ],
+)
+def test_factors_are_the_definitions(value, unit, si):
+    assert to_si(value, unit) == pytest.approx(si, rel=1e-15)
+
+
+@given(st.floats(-1e6, 1e6), st.sampled_from(sorted(_BASE)))
+def test_there_and_back(value, unit):
+    assert from_si(to_si(value, unit), unit) == pytest.approx(value, rel=1e-12, abs=1e-9)
+
+
+def test_dimension_is_checked():
+    assert parse("N")[0] == parse("kg m s-2")[0]
+    with pytest.raises(UnitError, match="'kg' cannot be converted to 'm'"):
+        to_si(1.0, "kg", "m")
+
+
+def test_unknown_units_and_offsets_in_products():
+    with pytest.raises(UnitError, match="unknown unit 'furlong'; known are"):
+        parse("furlong")
+    with pytest.raises(UnitError, match="degC has an offset and cannot stand in a product; use K"):
+        parse("m degC")
+
+
+@pytest.mark.parametrize(
+    ("text", "units", "si"), [("4000 ft", "m", 1219.2), ("-20deg", "rad", -math.pi / 9.0), (3, "m", 3.0), ("2.5e-1 1", "1", 0.25)]
+)
+def test_quantities_of_a_file(text, units, si):
+    assert quantity(text, units) == pytest.approx(si, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["12", "deg", True, "1,5 deg"])
+def test_texts_that_are_no_quantity(text):
+    with pytest.raises(UnitError, match="found|unknown unit"):
+        quantity(text, "rad")
