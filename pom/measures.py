@@ -10,6 +10,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from flightmech.names import lookup
+from flightmech.units import parse
+
 from .criteria import Criterion
 from .tolerance import Invalid, Outcome, demand_finite, difference, half_width, inside_window, scalar
 
@@ -101,11 +104,12 @@ def trend(criterion: Criterion, time: np.ndarray, flight: Signals, model: Signal
     demand_finite("flight", t, f)
     demand_finite("the model", t, s)
     s = f + difference(criterion.channel, f, s)
-    change_f, change_s = float(f[-1] - f[0]), float(s[-1] - s[0])
+    changes = [_shown(criterion.channel, float(y[-1] - y[0])) for y in (f, s)]
     correlation = float(np.corrcoef(f, s)[0, 1]) if np.ptp(f) > 0.0 and np.ptp(s) > 0.0 else float("nan")
-    ratio = float(np.ptp(s) / np.ptp(f)) if np.ptp(f) > 0.0 else float("nan")
-    agree = "same" if change_f * change_s > 0.0 else "OPPOSITE"
-    return Outcome(
-        "advisory",
-        note=f"{agree} direction of change, correlation {correlation:.2f}, ratio of ranges {ratio:.2f}; to be ticked by an engineer",
-    )
+    said = f"change of flight {changes[0]}, of model {changes[1]}, correlation {correlation:.2f}"
+    return Outcome("advisory", note=f"{said}; to be ticked by an engineer")
+
+
+def _shown(channel: str, value: float) -> str:
+    unit = lookup(channel).display_units
+    return f"{value / parse(unit)[1]:+.3g} {unit}"

@@ -75,5 +75,8 @@ def test_a_power_level_never_reached_is_invalid():
 def test_trend_is_advice_only():
     flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}
     same = trend(criterion("trend"), TIME, flight, {"phi": 0.5 * flight["phi"]})
-    assert (same.verdict, same.note.startswith("same direction of change, correlation 1.00, ratio of ranges 0.50")) == ("advisory", True)
-    assert trend(criterion("trend"), TIME, flight, {"phi": -flight["phi"]}).note.startswith("OPPOSITE")
+    # 20 (exp(-0.5) - 1) = -7.87 deg
+    assert same.note.startswith("change of flight -7.87 deg, of model -3.93 deg, correlation 1.00")
+    assert same.verdict == "advisory"
+    opposite = trend(criterion("trend"), TIME, flight, {"phi": -flight["phi"]})
+    assert "of model +7.87 deg, correlation -1.00" in opposite.note
