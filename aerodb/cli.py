@@ -96,7 +96,7 @@ def compare(first: str, second: str, as_json: bool) -> None:
         document(frame)
         return
     rows = [
-        (name, row.found_in, f"{row.max_difference:.4g}", f"{row.rms_difference:.4g}", f"{row.max_in_stderr:.3g}", row.at, row.note)
+        (name, row.found_in, f"{row.max_difference:.4g}", f"{row.rms_difference:.4g}", f"{row.max_in_stderr:.3g}", row.location, row.note)
         for name, row in frame.iterrows()
     ]
     head = ("term", "in", "largest", "rms", "in std. errors", "where", "note")

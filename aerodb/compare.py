@@ -16,7 +16,7 @@ from flightmech.units import from_si
 from .evaluate import evaluate
 from .schema import coefficients, terms
 
-COLUMNS = ("found_in", "max_difference", "rms_difference", "max_in_stderr", "at", "note")
+COLUMNS = ("found_in", "max_difference", "rms_difference", "max_in_stderr", "location", "note")
 
 
 def compare(a: xr.DataTree, b: xr.DataTree, conditions: Mapping[str, Any] | None = None) -> pd.DataFrame:
@@ -36,7 +36,7 @@ def compare(a: xr.DataTree, b: xr.DataTree, conditions: Mapping[str, Any] | None
         ``found_in`` (``both``, ``a``, ``b``; ``conditions`` for coefficients); ``max_difference``, signed, and ``rms_difference``
         of the table, regressors left out, over the union of the nodes of both (a term that is missing counts as zero);
         ``max_in_stderr``, the largest difference in standard errors of `a` (of `b` where `a` lacks the term), nodes without
-        standard error left out, NaN without any; ``at``, where the largest difference stands; ``note``.
+        standard error left out, NaN without any; ``location``, where the largest difference stands; ``note``.
 
     Notes
     -----

@@ -26,7 +26,7 @@ def test_largest_difference_where_and_in_standard_errors(small):
     assert row["max_difference"] == pytest.approx(-0.07)
     assert row["rms_difference"] == pytest.approx(0.07 / np.sqrt(3))
     assert row["max_in_stderr"] == pytest.approx(1.0)
-    assert row["at"] == "delta_f 40 deg"
+    assert row["location"] == "delta_f 40 deg"
 
 
 def test_nodes_of_both_are_looked_at(small):
@@ -34,7 +34,7 @@ def test_nodes_of_both_are_looked_at(small):
     for a, b, sign in ((small, finer, 1.0), (finer, small, -1.0)):
         row = aerodb.compare(a, b).loc["CL/flap"]
         assert row["max_difference"] == pytest.approx(sign * 0.05)
-        assert row["at"] == "delta_f 10 deg"
+        assert row["location"] == "delta_f 10 deg"
 
 
 def test_terms_of_one_side_count_against_zero(small):
@@ -50,7 +50,7 @@ def test_factor_tables_and_new_axes_are_compared_as_a_whole(small):
     geared = aerodb.replace_terms(small, {"CL/gear": terms.make([0.1, 0.2], {"mach": [0.2, 0.4]}, K1=factor)})
     row = aerodb.compare(small, geared).loc["CL/gear"]
     assert row["max_difference"] == pytest.approx(0.2)
-    assert row["at"] == "mach 0.4, gear 1"
+    assert row["location"] == "mach 0.4, gear 1"
 
 
 def test_other_regressors_are_said_and_not_compared(small):
@@ -66,4 +66,4 @@ def test_coefficients_along_conditions(small):
     row = aerodb.compare(small, other, given).loc["CL"]
     assert row["found_in"] == "conditions"
     assert row["max_difference"] == pytest.approx(-0.04)
-    assert row["at"] == "sample 2"
+    assert row["location"] == "sample 2"
