@@ -36,6 +36,7 @@ _LONG_NAMES = {
     "CN": "normal-force coefficient, body axes",
     "CA": "axial-force coefficient, body axes, positive aft",
     "xcp": "centre of pressure forward of the moment centre, in chords: CM/CN, and CMA/CLA from the first row without CM or CN on",
+    "ground_height": "height of the drawing datum (z = 0) over the ground, infinite in free air",
     "q_ratio": "dynamic pressure at the horizontal tail over that of the free stream",
     "epsilon": "downwash angle at the horizontal tail",
     "epsilon_alpha": "slope of the downwash angle with alpha",
@@ -139,10 +140,8 @@ class _Maker:
             }
             items.append(([list(axis.values).index(key[axis.name]) for axis in axes], page, table))
         found = self._stack(BY_NAME[name].columns[1:], axes, self._axis(placed, "alpha", self._alphas()), items)
-        if device not in found.coords or not self.case.deck.values("SYMFLP", "DELTA"):
-            found = found.squeeze(device, drop=True) if found.sizes.get(device) == 1 else found
-        spare = [axis.name for axis in axes if axis.name != "condition" and found.sizes.get(axis.name) == 1]
-        return found.squeeze(spare)
+        found = found.squeeze([axis.name for axis in axes if axis.name != "condition" and len(axis.values) == 1])
+        return found if self.case.deck.values("SYMFLP", "DELTA") else found.drop_vars(device, errors="ignore")
 
     def symflp(self) -> xr.Dataset | None:
         """Stack the increments of a symmetrical device, hinge moments and induced drag."""
@@ -226,7 +225,8 @@ class _Maker:
         """Return a printed column in SI and its flags, a constant column filled downwards where that is allowed."""
         at = table.columns.index(column)
         flag = table.flags[:, at].copy()
-        per_degree = column.units == "1/deg" or (column.units == "1/angle" and page.per != "rad")
+        per = page.per or self.case.deck.deriv.lower()
+        per_degree = column.units == "1/deg" or (column.units == "1/angle" and per == "deg")
         factor = DEGREE if column.units == "deg" else 1.0 / DEGREE if per_degree else 1.0
         value = np.where(flag == OK, table.values[:, at] * factor, np.nan)
         transonic = self.case.deck.regime(page.condition("mach")) == "transonic"
@@ -263,14 +263,14 @@ class _Maker:
             values = np.array(axis.values) * DEGREE if axis.units == "deg" else np.array(axis.values)
             units = {"deg": "rad"}.get(axis.units, axis.units)
             known = attrs(axis.name) if axis.name in VOCABULARY else {"units": units} if units else {}
+            if axis.name in _LONG_NAMES:
+                known["long_name"] = _LONG_NAMES[axis.name]
             coords[axis.name] = (axis.name, values, known)
         for name, units in _CONDITION_UNITS.items():
             coords[name] = ("condition", np.array([getattr(condition, name) for condition in self.conditions]), {"units": units})
         count = len(self.conditions)
         coords["case"] = ("condition", np.array([self.case.name] * count, dtype=str))
         coords["file"] = ("condition", np.array([self.case.file] * count, dtype=str))
-        if "ground_height" in coords:
-            coords["ground_height"][2]["long_name"] = "height of the moment centre's datum over the ground, infinite in free air"  # type: ignore[index]
         return coords
 
 

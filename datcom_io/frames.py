@@ -34,7 +34,7 @@ def printed_units(column: Column, page: Page) -> str:
 
 def block(case: Case, name: str) -> pd.DataFrame:
     """Build the frame of `Case.block`."""
-    parts, units = [], {"altitude": "", "ground_height": "ft", "flap": "deg"}
+    parts, units = [], {"ground_height": "ft", "flap": "deg"}
     for page, table in case.tables(name):
         part = _wide(table) if table.across is None else _long(table)
         place: tuple[Any, ...] = (page.configuration, page.condition("mach"), page.condition("h"), page.ground_height, page.flap)

@@ -57,7 +57,8 @@ def with_control_column(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
             elif anchor(" " + line.lstrip("\f")):
                 missing = True
         if missing:
-            line = "1" + line.lstrip("\f") if line.startswith("\f") else " " + line
+            text = line.lstrip("\f")
+            line = ("1" if text != line or anchor(" " + text) else " ") + text
         yield number, line or " "
 
 

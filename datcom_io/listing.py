@@ -203,6 +203,10 @@ class Listing:
     line_count : int
     unread : list of int
         Numbers of the lines that were not understood; lines of pages that are located only are not among them.
+    own_messages : list of Message
+        Messages that belong to no case.
+    in_order : list of Case
+        The cases; the listing itself iterates over them.
     """
 
     file: str
@@ -210,17 +214,17 @@ class Listing:
     line_count: int = 0
     unread: list[int] = field(default_factory=list)
     own_messages: list[Message] = field(default_factory=list)
-    _cases: list[Case] = field(default_factory=list)
+    in_order: list[Case] = field(default_factory=list)
 
     @property
     def cases(self) -> list[str]:
         """Names of the cases, in order."""
-        return [case.name for case in self._cases]
+        return [case.name for case in self.in_order]
 
     @property
     def pages(self) -> list[Page]:
         """All pages, in order."""
-        return [page for case in self._cases for page in case.pages]
+        return [page for case in self.in_order for page in case.pages]
 
     @property
     def unparsed(self) -> list[Page]:
@@ -230,20 +234,20 @@ class Listing:
     @property
     def messages(self) -> list[Message]:
         """All messages, of the file and of its cases, by line."""
-        return sorted([*self.own_messages, *(message for case in self._cases for message in case.messages)])
+        return sorted([*self.own_messages, *(message for case in self.in_order for message in case.messages)])
 
     def __len__(self) -> int:
-        return len(self._cases)
+        return len(self.in_order)
 
     def __iter__(self) -> Iterator[Case]:
-        return iter(self._cases)
+        return iter(self.in_order)
 
     def __getitem__(self, key: str | int) -> Case:
         if isinstance(key, int):
             if not -len(self) <= key < len(self):
                 raise UnknownName(str(key), map(str, range(len(self))), f"case number of {self.file}")
-            return self._cases[key]
-        for case in self._cases:
+            return self.in_order[key]
+        for case in self.in_order:
             if case.name == key:
                 return case
         raise UnknownName(key, self.cases, f"case of {self.file}")

@@ -115,8 +115,8 @@ class _Scanner:
 
     def _inside(self, number: int, line: str) -> None:
         if self.region == "page":
-            if ")=" in line[:20] and _ARRAY_DUMP.match(line) and not self.page[0][1].startswith((" ", "0****")):
-                self._close_page()  # card DUMP A,B prints arrays without a heading
+            if ")=" in line[:20] and _ARRAY_DUMP.match(line) and not self._is_dump(self.page[0][1]):
+                self._close_page()
                 self.region = "page"
             self.page.append((number, line))
         elif self.region == "cards":
@@ -125,8 +125,11 @@ class _Scanner:
             self._remark(number, line)
         elif self.region == "echo" and _CARD_TAIL.search(line[81:]):
             self.listing.own_messages.append(Message(number, f"{line[81:].strip()}: {line[1:81].strip()}"))
-        elif self.region == "banner" and line[1:].strip().startswith("***") and "NAMELIST" in line:
-            self.listing.own_messages.append(Message(number, line[1:].strip()))
+
+    @staticmethod
+    def _is_dump(first: str) -> bool:
+        """Tell whether a page is a dump; card DUMP A,B prints arrays without a heading."""
+        return anchor(first) == "dump" or _ARRAY_DUMP.match(first) is not None
 
     def _card(self, number: int, line: str) -> None:
         text = line[1:]
@@ -154,7 +157,7 @@ class _Scanner:
             add_message(self.listing.own_messages if self.case is None else self.case.messages, number, text)
 
     def _new_case(self, number: int) -> Case:
-        return Case(ordinal=len(self.listing._cases) + 1, run=max(self.listing.runs, 1), line=number, file=self.listing.file)
+        return Case(ordinal=len(self.listing.in_order) + 1, run=max(self.listing.runs, 1), line=number, file=self.listing.file)
 
     def _close_cards(self) -> None:
         if self.region != "cards" or self.case is None:
@@ -210,7 +213,7 @@ class _Scanner:
         case, self.case = self.case, None
         if case is None or not (case.pages or case.messages or case.deck.cards or case.deck.namelists):
             return
-        self.listing._cases.append(case)
+        self.listing.in_order.append(case)
 
     def _close_run(self) -> None:
         """Judge a run that ends without END OF JOB: stopped by the program, or cut."""
@@ -245,14 +248,14 @@ class _Scanner:
         self._close_page()
         self._close_cards()
         self._close_run()
-        if not self.listing.runs and not self.listing._cases:
+        if not self.listing.runs and not self.listing.in_order:
             raise ParseError(
                 self.listing.file,
                 0,
                 "no page of Digital DATCOM" if self.listing.line_count else "an empty file",
                 "a print file (unit 6, for006.dat) with its input cards; for an input deck run the program first",
             )
-        _name_cases(self.listing._cases)
+        _name_cases(self.listing.in_order)
         faults.report(self.listing)
         return self.listing
 

@@ -145,11 +145,12 @@ def test_crlf_and_a_last_line_without_end(elevator_lines, t37):
     assert listing.cells().equals(t37("t37_elevator.out").cells())
 
 
-def test_missing_control_column(elevator_lines, t37):
+@pytest.mark.parametrize("page_end", ["\f", ""])
+def test_missing_control_column(elevator_lines, t37, page_end):
     printed = []
     for line in elevator_lines:
         control, text = line[:1], line[1:]
-        printed += {"1": ["\f" + text], "0": ["", text]}.get(control, [text])
+        printed += {"1": [page_end + text], "0": ["", text]}.get(control, [text])
     ours, wanted = datcom_io.read(printed), t37("t37_elevator.out")
     np.testing.assert_array_equal(ours.cells()["value"], wanted.cells()["value"])
     assert ours.unread == []
