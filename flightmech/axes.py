@@ -150,10 +150,10 @@ def acceleration_at(acceleration: ArrayLike, rate: ArrayLike, rate_dot: ArrayLik
     ----------
     .. [Klein2006] eq. (10.5).
     """
-    w = np.asarray(rate, float)
-    return np.asarray(acceleration, float) + np.cross(rate_dot, position) + np.cross(w, np.cross(w, position))
+    w, arm = np.asarray(rate, float), np.asarray(position, float)
+    return np.asarray(acceleration, float) + np.cross(np.asarray(rate_dot, float), arm) + np.cross(w, np.cross(w, arm))
 
 
 def velocity_at(velocity: ArrayLike, rate: ArrayLike, position: ArrayLike) -> np.ndarray:
     """Return the air-relative velocity (..., 3) at `position` [m] from the c.g., as vanes and probes feel it. [m s-1]"""
-    return np.asarray(velocity, float) + np.cross(rate, position)
+    return np.asarray(velocity, float) + np.cross(np.asarray(rate, float), np.asarray(position, float))

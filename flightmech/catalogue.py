@@ -31,6 +31,12 @@ _MODES = {
     "trim": ("at the start: 0 none, 1 seek thrust, 2 seek throttle", 0.0, 0.0, 2.0),
 }
 _START = {"V": 100.0, "h": 1000.0}
+_START_NOTES = {
+    "gamma": ", used by the trim only",
+    "theta": ", not used by the trim",
+    "alpha": ", first guess of the trim",
+    "beta": ", first guess of the trim",
+}
 
 
 def expand(kind: int, engines: int) -> list[str]:
@@ -125,9 +131,8 @@ def _parameter(name: str, aircraft: Aircraft) -> Entry:
         units, display, text, value = _ENVIRONMENT[quantity]
         return Entry(name, units, display, text, value, -MOST, MOST, 0)
     if group == "bias":
-        return _row(
-            name, quantity, f"added to the {lookup(quantity).long_name}" + (" of each engine" if quantity.startswith("thr") else "")
-        )
+        whose = " of each engine" if quantity in ("thrust", "throttle") else ""
+        return _row(name, quantity, f"added to the {lookup(quantity).long_name}{whose}")
     if group == "mode":
         return _mode(name, quantity, aircraft)
     engine = aircraft.engines[int(group.removeprefix("engine")) - 1]
@@ -139,14 +144,8 @@ def _parameter(name: str, aircraft: Aircraft) -> Entry:
 def _initial(name: str, quantity: str) -> Entry:
     if quantity.endswith("_dot"):
         return _rate(name, quantity, "wanted by the trim")
-    text = f"{lookup(quantity).long_name} at the start"
-    notes = {
-        "gamma": ", held by the trim",
-        "theta": ", without trim",
-        "alpha": ", first guess of the trim",
-        "beta": ", first guess of the trim",
-    }
-    return _row(name, quantity, text + notes.get(quantity, ""), value=_START.get(quantity, 0.0), flags=FIXED)
+    text = f"{lookup(quantity).long_name} at the start{_START_NOTES.get(quantity, '')}"
+    return _row(name, quantity, text, value=_START.get(quantity, 0.0), flags=FIXED)
 
 
 def _mode(name: str, quantity: str, aircraft: Aircraft) -> Entry:

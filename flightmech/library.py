@@ -130,8 +130,8 @@ class Model:
         row, rows = _Entry(), []
         for i in range(self.count(kind)):
             library().am_entry_at(self.handle, kind, i, byref(row))
-            texts = (getattr(row, name).decode() for name in Entry._fields[:4])
-            rows.append(Entry(*texts, row.value, row.low, row.high, row.flags))
+            name, units, display_units, description = (getattr(row, column).decode() for column in Entry._fields[:4])
+            rows.append(Entry(name, units, display_units, description, row.value, row.low, row.high, row.flags))
         return tuple(rows)
 
     @property

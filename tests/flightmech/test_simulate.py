@@ -76,9 +76,9 @@ def test_tables_that_were_left_are_named(trainer, time):
 
 
 def test_unknown_names_are_refused(trainer, time):
-    with pytest.raises(UnknownName, match="unknown parameter or input 'init.Vtas'; near it: init"):
+    with pytest.raises(UnknownName, match=r"unknown parameter or input 'init.Vtas'; near it: init"):
         flightmech.simulate(trainer, over(time), {"init.Vtas": 3.0})
-    with pytest.raises(UnknownName, match="unknown input 'elevator'"):
+    with pytest.raises(UnknownName, match=r"unknown input 'elevator'"):
         flightmech.simulate(trainer, over(time, elevator=0.0))
 
 
@@ -90,7 +90,7 @@ def test_nan_in_an_input_tells_name_and_time(trainer, time):
 
 
 def test_time_must_be_there_and_rise(trainer):
-    with pytest.raises(SchemaError, match="no coordinate time"):
+    with pytest.raises(SchemaError, match=r"no coordinate time"):
         flightmech.simulate(trainer, xr.Dataset({"delta_e": 0.0}))
     with pytest.raises(SchemaError, match=r"time does not rise after 0.1 s \(sample 1\)"):
         flightmech.simulate(trainer, over(np.array([0.0, 0.1, 0.1, 0.2])))
@@ -109,5 +109,5 @@ def test_trim_dataset(trainer):
     assert float(y["trim.w_dot"]) == pytest.approx(0.0, abs=1e-11)
     assert 0.0 < float(y["trim.throttle"]) < 1.0
     assert float(y["nz"]) == pytest.approx(np.cos(float(y["theta"])), abs=0.01)
-    with pytest.raises(UnknownName, match="'init.speed'"):
+    with pytest.raises(UnknownName, match=r"'init.speed'"):
         flightmech.trim(trainer, {"init.speed": 90.0})

@@ -82,5 +82,5 @@ def test_outside_raises_or_follows_the_rule(table):
 
 
 def test_missing_condition_is_named(table):
-    with pytest.raises(UnknownName, match="unknown condition 'qhat'.*the term needs it"):
+    with pytest.raises(UnknownName, match=r"unknown condition 'qhat'.*the term needs it"):
         evaluate(table, {"alpha": 0.0, "mach": 0.5})

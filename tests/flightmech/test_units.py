@@ -45,14 +45,14 @@ def test_there_and_back(value, unit):
 
 def test_dimension_is_checked():
     assert parse("N")[0] == parse("kg m s-2")[0]
-    with pytest.raises(UnitError, match="'kg' cannot be converted to 'm'"):
+    with pytest.raises(UnitError, match=r"'kg' cannot be converted to 'm'"):
         to_si(1.0, "kg", "m")
 
 
 def test_unknown_units_and_offsets_in_products():
-    with pytest.raises(UnitError, match="unknown unit 'furlong'; known are"):
+    with pytest.raises(UnitError, match=r"unknown unit 'furlong'; known are"):
         parse("furlong")
-    with pytest.raises(UnitError, match="degC has an offset and cannot stand in a product; use K"):
+    with pytest.raises(UnitError, match=r"degC has an offset and cannot stand in a product; use K"):
         parse("m degC")
 
 
@@ -65,5 +65,5 @@ def test_quantities_of_a_file(text, units, si):
 
 @pytest.mark.parametrize("text", ["12", "deg", True, "1,5 deg"])
 def test_texts_that_are_no_quantity(text):
-    with pytest.raises(UnitError, match="found|unknown unit"):
+    with pytest.raises(UnitError, match=r"found|unknown unit"):
         quantity(text, "rad")

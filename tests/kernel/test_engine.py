@@ -73,6 +73,6 @@ def test_throttle_without_a_table_is_refused(make_aircraft, make_tree, flown):
     sim = flightmech.compile(make_aircraft(engines=(flightmech.Engine((0.0, 0.0, 0.0)),)), make_tree({"CD/basic": make(0.0)}))
     assert np.isfinite(list(flown(sim, **STILL).values())).all()  # the default is then the recorded thrust
     with pytest.raises(
-        flightmech.errors.SimulationError, match="mode.engine = 0 needs a thrust table, engine1 has none; use mode.engine = 2"
+        flightmech.errors.SimulationError, match=r"mode.engine = 0 needs a thrust table, engine1 has none; use mode.engine = 2"
     ):
         flown(sim, **STILL, mode__engine=0.0)

@@ -115,7 +115,7 @@ def test_divergence_stops_the_run_and_keeps_the_last_good_state(make_aircraft, m
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     u = np.zeros(len(sim.inputs))
     run = start(sim, init__V=200.0, init__alpha=0.1)
-    with pytest.raises(SimulationError, match="state is not finite at t = .* the model has diverged") as caught:
+    with pytest.raises(SimulationError, match=r"state is not finite at t = .* the model has diverged") as caught:
         run.step(0.0, 60.0, u, u)
     assert 0.0 < caught.value.time < 60.0
     assert np.isfinite(run.state).all()
@@ -125,14 +125,14 @@ def test_step_before_initialisation_is_refused(sim):
     from flightmech.library import Simulation
 
     u = np.zeros(len(sim.inputs))
-    with pytest.raises(SimulationError, match="has not been initialised"):
+    with pytest.raises(SimulationError, match=r"has not been initialised"):
         Simulation(sim.model).step(0.0, 0.1, u, u)
 
 
 @pytest.mark.parametrize("dt", [-0.1, np.nan, np.inf])
 def test_senseless_steps_are_refused(dt, sim, start):
     u = np.zeros(len(sim.inputs))
-    with pytest.raises(SimulationError, match="step must be finite and not negative"):
+    with pytest.raises(SimulationError, match=r"step must be finite and not negative"):
         start(sim, **FLIGHT).step(0.0, dt, u, u)
 
 

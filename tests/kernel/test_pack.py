@@ -64,9 +64,9 @@ def test_a_flipped_bit_is_found(sim):
 
 def test_truncated_and_extended_blocks(sim):
     for length in (0, 1, 31, 32, 200, len(sim.block) // 2, len(sim.block) - 1):
-        with pytest.raises(SchemaError, match="too few|truncated"):
+        with pytest.raises(SchemaError, match=r"too few|truncated"):
             Model(sim.block[:length])
-    with pytest.raises(SchemaError, match="truncated or extended"):
+    with pytest.raises(SchemaError, match=r"truncated or extended"):
         Model(sim.block + b"\0")
 
 
@@ -125,7 +125,7 @@ def test_hostile_blocks_with_a_right_checksum_do_not_crash(data, sim):
     block = sim.block
     for _ in range(data.draw(st.integers(1, 4))):
         if data.draw(st.booleans()):
-            offset, count = section(block, data.draw(st.sampled_from(SECTIONS)))
+            offset, _ = section(block, data.draw(st.sampled_from(SECTIONS)))
             offset = min(offset + 4 * data.draw(st.integers(0, 60)), len(block) - 8)
         else:
             offset = data.draw(st.integers(28, len(block) - 8))

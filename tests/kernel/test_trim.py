@@ -106,10 +106,10 @@ def test_engine_at_its_stop_leaves_a_deceleration(sim):
 
 
 def test_no_speed_is_an_error(sim):
-    with pytest.raises(SimulationError, match="init.V = 0.5 m/s; a trim needs more than 1 m/s"):
+    with pytest.raises(SimulationError, match=r"init.V = 0.5 m/s; a trim needs more than 1 m/s"):
         flightmech.trim(sim, {"init.V": 0.5})
 
 
 def test_throttle_and_recorded_thrust_contradict(sim):
-    with pytest.raises(SimulationError, match="mode.trim = 2 seeks the throttle, but mode.engine = 2"):
+    with pytest.raises(SimulationError, match=r"mode.trim = 2 seeks the throttle, but mode.engine = 2"):
         flightmech.trim(sim, {**CRUISE, "mode.engine": 2.0, "mode.trim": 2.0})
