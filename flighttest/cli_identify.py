@@ -12,10 +12,11 @@ from flightmech.console import document, json_option, table
 @click.option("--aircraft", "aircraft_file", required=True, type=click.Path(exists=True, dir_okay=False), help="Aircraft, TOML.")
 @click.option("--model", "model_text", required=True, help="For example 'CL = 1 + alpha + qhat + delta_e'.")
 @click.option("--window", "windows", type=(float, float), multiple=True, help="Start and stop [s]; several make one fit. Default: all.")
+@click.option("--cutoff", type=float, help="Low-pass all states alike first [Hz].")
 @click.option("--intercepts", type=click.Choice(["common", "separate"]), default="common", help="One constant, or one per manoeuvre.")
 @click.option("-o", "--output", type=click.Path(dir_okay=False), help="Write the fit to this netCDF file.")
 @json_option
-def identify(paths, aircraft_file, model_text, windows, intercepts, output, as_json) -> None:
+def identify(paths, aircraft_file, model_text, windows, cutoff, intercepts, output, as_json) -> None:
     """Estimate the terms of one coefficient from reconstructed paths by least squares."""
     from flightmech import read_aircraft
 
@@ -27,7 +28,7 @@ def identify(paths, aircraft_file, model_text, windows, intercepts, output, as_j
     aircraft, model = read_aircraft(aircraft_file), Model.parse(model_text)
     manoeuvres = []
     for path in paths:
-        data = coefficients(open_states(path), aircraft)
+        data = coefficients(open_states(path), aircraft, cutoff=cutoff)
         manoeuvres += [between(data, *window) for window in windows] or [data]
     fit = regress(model, manoeuvres, intercepts=intercepts)
     if output:

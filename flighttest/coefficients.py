@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ from flightmech.errors import IdentificationError, OutOfRange, ParseError, Unkno
 from flightmech.names import attrs
 from flightmech.units import G0
 
+from .conditioning import lowpass
 from .differentiate import derivative
 
 if TYPE_CHECKING:
@@ -36,7 +38,7 @@ ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02}
 NAMES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 
 
-def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | None = None) -> xr.Dataset:
+def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | None = None, cutoff: float | None = None) -> xr.Dataset:
     """Return the aerodynamic coefficients along a reconstructed flight path.
 
     Parameters
@@ -50,6 +52,9 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
     errors : mapping, optional
         Relative standard errors of `qbar`, `mass`, `inertia`, `thrust` (each engine by itself); missing ones keep the
         defaults 1 %, 0.5 %, 2 %, 2 %.
+    cutoff : float, optional
+        Low-pass all states alike first, controls included (`smoothed`): 2 to 3 times the frequency of the fastest mode
+        of motion. [Hz]
 
     Returns
     -------
@@ -68,7 +73,7 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
     .. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, chapter 3.
     """
     states = getattr(path, "states", path)
-    data = reduced_rates(states, aircraft)
+    data = reduced_rates(states if cutoff is None else smoothed(states, cutoff), aircraft)
     F_inertial, M_inertial = _inertial(data, aircraft)
     thrust = [_thrust(data, aircraft, i) for i in range(len(aircraft.engines))]
     F, M = F_inertial - sum(f for f, _ in thrust), M_inertial - sum(m for _, m in thrust)
@@ -136,6 +141,36 @@ def open_states(path: str | os.PathLike) -> xr.Dataset:
     if "time" not in states.dims:
         raise ParseError(str(path), 0, "no states over time", "a path as `aeromatch flight reconstruct -o` writes it")
     return states
+
+
+def smoothed(states: xr.Dataset, cutoff: float) -> xr.Dataset:
+    """Return states low-passed without phase, every one alike.
+
+    Noise of the regressors makes slopes too small, by noise variance over the variance that the other regressors leave:
+    5 % in a pitch damping from gyros of 0.03 deg/s.  Equations linear in the states stay true when all states go through
+    the same filter; the controls must, or their steps would be sharper than the response to them.
+
+    Parameters
+    ----------
+    states : Dataset (time,)
+        Uniform stretches, gaps allowed; wheel switches (``wow_``) are left alone. [SI]
+    cutoff : float
+        Frequency where the amplitude is 0.71. [Hz]
+
+    Raises
+    ------
+    OutOfRange
+        The cut-off is not below half the sampling rate.
+    """
+    time = states["time"].values
+    step = float(np.median(np.diff(time)))
+    edges = [0, *(np.flatnonzero(np.diff(time) > 1.5 * step) + 1), len(time)]
+    found = states.copy()
+    for name, item in states.data_vars.items():
+        if item.dims == ("time",) and np.issubdtype(item.dtype, np.floating) and not str(name).startswith("wow_"):
+            parts = [lowpass(item.values[a:b], 1.0 / step, cutoff) for a, b in pairwise(edges)]
+            found[name] = "time", np.concatenate(parts), item.attrs
+    return found
 
 
 def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
