@@ -16,7 +16,7 @@ from pom.result import PomResult
 
 from .case_figure import SYMBOLS, figures
 from .panels import Panel, description, panels, split_inputs
-from .quantities import MISSING, fixed, label, measured, number, percent, pretty_unit
+from .quantities import MISSING, fixed, label, measured, number, percent, pretty_unit, short
 from .traces import TIME_STEP, Pack, step_of
 
 WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested", "advisory": "advisory"}
@@ -162,21 +162,33 @@ def _drive(result: PomResult) -> dict[str, Any]:
         ("feedback", "none: open loop, nothing corrects the model during the run"),
     ]
     inputs = [(label(name), "as recorded, plotted") for name in moving]
-    inputs += [(label(name), measured(float(result.inputs[name].values[0]), name) + " held") for name in still]
+    inputs += [(label(name), _steady(result, name)) for name in still]
     return {"how": how, "inputs": inputs}
+
+
+def _steady(result: PomResult, name: str) -> str:
+    """Return an input that does not move: its mean, and how far the record strays from it."""
+    values = result.inputs[name].values
+    mean, stray = float(values.mean()), float(np.abs(values - values.mean()).max())
+    if stray < 1e-9 * max(1.0, abs(mean)):
+        return f"{measured(mean, name)} held"
+    shown = label(name)
+    value = f"{short(float(shown.shown(mean)), 3)} ±\N{NO-BREAK SPACE}{short(float(shown.width(stray)), 2)}"
+    return f"{value} {shown.unit}".strip() + ", as recorded"
 
 
 def _trim(trim: pd.DataFrame) -> dict[str, Any]:
     rows = []
     for quantity, values in trim.iterrows():
         shown = label(str(quantity))
-        rows.append((shown, [number(v, 3 if abs(v) < 1000 else 5) for v in _clean(shown.shown(values.to_numpy(float)), shown)]))
+        left = shown.name.startswith("trim.") and shown.name.endswith("_dot")
+        rows.append((shown, [fixed(v, 4) if left else number(v, _digits(v)) for v in shown.shown(values.to_numpy(float))]))
     return {"columns": list(map(str, trim.columns)), "rows": rows}
 
 
-def _clean(values: np.ndarray, shown) -> np.ndarray:
-    """Set what rounding left of a solved trim equation to zero."""
-    return np.where(np.abs(values) < 1e-9, 0.0, values) if shown.name.startswith("trim.") else values
+def _digits(value: float) -> int:
+    """Return the significant digits that keep a speed or a height to a tenth."""
+    return 3 if abs(value) < 100 else 4 if abs(value) < 1000 else 5
 
 
 def _verdict_table(result: PomResult) -> list[dict[str, Any]]:

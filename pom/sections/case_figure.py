@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +16,8 @@ LEFT, RIGHT, HEAD, FOOT = 54.0, 12.0, 17.0, 30.0
 PAGE = 960.0
 MAIN, STRIP, SMALL, GAP = 170.0, 38.0, 66.0, 5.0
 RESIDUAL = 1.6
+# height of one run's bar of exits above the time axis
+LANE = 4.0
 SYMBOLS = {"pass": "✓", "fail": "✗", "invalid": "!", "not_tested": "–", "advisory": "○"}
 
 
@@ -87,7 +90,8 @@ def _panel(name, time, panel: Panel, styles, top: float, scale: float, last: boo
     frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height, x, panel.limits)
     parts = [_head(panel, top + 12), axes(frame, x_labels=last and panel.half is None)]
     parts.append(clipped(frame, name, _inside(frame, time, panel, styles)))
-    parts += [_beyond(frame, time, values, styles[run], with_value=True) for run, values in panel.traces.items() if run != "flight"]
+    clear = replace(frame, height=frame.height - LANE * sum(map(bool, panel.exits.values())))
+    parts += [_beyond(clear, time, values, styles[run], with_value=True) for run, values in panel.traces.items() if run != "flight"]
     bottom = frame.bottom
     if panel.half is not None:
         low = Frame(LEFT, bottom + GAP, frame.width, STRIP * scale, x, (-RESIDUAL, RESIDUAL))
@@ -142,18 +146,18 @@ def _exit_ticks(frame: Frame, panel: Panel, styles) -> str:
     for run, found in panel.exits.items():
         if not found:
             continue
-        y = frame.bottom - 2.5 - 4.0 * lane
+        y = frame.bottom - 2.5 - LANE * lane
         for start, stop in found:
             a, b = (float(frame.px(t)) for t in (start, stop))
             parts.append(line(a, y, max(b, a + 1.0), y, f"lane {styles[run]}"))
         x = float(frame.px(found[0][0]))
-        parts.append(line(x, frame.bottom - 9 - 4.0 * lane, x, frame.bottom + 4, "tickmark"))
+        parts.append(line(x, frame.bottom - 9 - LANE * lane, x, frame.bottom + 4, "tickmark"))
         lane += 1
     return "".join(parts)
 
 
 def _beyond(frame: Frame, time, values, css: str, with_value: bool) -> str:
-    """Return an arrow, and the extreme value, where a trace leaves the scale."""
+    """Return an arrow, and the extreme value, where a trace leaves the scale of `frame`."""
     parts: list[str] = []
     if not np.isfinite(values).any():
         return ""
@@ -166,7 +170,7 @@ def _beyond(frame: Frame, time, values, css: str, with_value: bool) -> str:
                 continue
             y = frame.top + 9 if upward else frame.bottom - 3
             side = ("end", -7) if x > frame.left + frame.width / 2 else ("start", 7)
-            parts.append(text(x + side[1], y, number(values[k]), "tick", side[0]))
+            parts.append(text(x + side[1], y, number(values[k]), "tick halo", side[0]))
     return "".join(parts)
 
 

@@ -52,20 +52,19 @@ class Frame:
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
-    """Return round tick values, at most about `most` of them, steps 1, 2 or 5 times a power of ten."""
+    """Return round tick values, about `most` of them and never fewer than two, steps 1, 2 or 5 times a power of ten."""
     span = high - low
-    if not span > 0 or not math.isfinite(span):
-        return [low]
     raw = span / max(most, 1)
     base = 10.0 ** math.floor(math.log10(raw))
     step = next(base * m for m in (1, 2, 5, 10) if base * m >= raw * 0.999)
     first = math.ceil(low / step - 1e-9)
-    return [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
+    found = [k * step for k in range(first, math.floor(high / step + 1e-9) + 1)]
+    return found if len(found) > 1 else ticks(low, high, most + 1)
 
 
 def tick_text(values: Sequence[float]) -> list[str]:
     """Return tick values with just the decimals their step needs."""
-    step = abs(values[1] - values[0]) if len(values) > 1 else abs(values[0]) or 1.0
+    step = abs(values[1] - values[0])
     decimals = max(0, -math.floor(math.log10(step) + 1e-9))
     return [f"{v:.{decimals}f}".replace("-", MINUS) if abs(v) > step / 1e6 else f"{0:.{decimals}f}" for v in values]
 

@@ -18,8 +18,8 @@ ROOM = 0.5
 # half a band never gets less than this share of the panel because of a model's trace
 LEAST_BAND = 0.05
 MARGIN = 0.05
-# an input that moves less than this (SI) is a constant and stands in the table of inputs
-_STILL = 1e-6
+# an input whose half-second mean moves less than this share of a panel's least height is a constant with noise
+STILL = 0.5
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,14 @@ def panels(result: PomResult) -> list[Panel]:
 def split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
     """Return the inputs that move during the run and those that stand still."""
     names = [str(name) for name in result.inputs.data_vars]
-    moving = [name for name in names if np.ptp(result.inputs[name].values) > _STILL * max(1.0, float(np.abs(result.inputs[name]).max()))]
+    time = result.inputs["time"].values
+    count = max(1, min(len(time), round(0.5 * (len(time) - 1) / (time[-1] - time[0]))))
+    moving = []
+    for name in names:
+        shown = label(name)
+        mean = np.convolve(shown.shown(result.inputs[name].values), np.full(count, 1.0 / count), mode="valid")
+        if np.ptp(mean) > max(STILL * shown.least_span, 1e-9 * np.abs(mean).max()):
+            moving.append(name)
     return moving, [name for name in names if name not in moving]
 
 

@@ -44,6 +44,7 @@ _SYMBOLS = {
     "time": ("t", ""),
     "thrust": ("F", ""),
     "dnz": ("Δn", "z"),
+    "delta_T": ("ΔT", ""),
     "mass": ("m", ""),
     "thrust_drive": ("F", ""),
     **{f"wind_{x}": ("W", x) for x in "ned"},
@@ -57,6 +58,7 @@ _SYMBOLS = {
 _EXTRA = {
     **{f"{x}_dot": (f"body acceleration along {axis}", "m s-2", "m s-2") for x, axis in (("u", "x"), ("v", "y"), ("w", "z"))},
     "thrust_drive": ("net thrust that drives the model", "N", "lbf"),
+    "qnh": ("pressure setting of the altimeter", "Pa", "hPa"),
     "V_dot": ("rate of true airspeed", "m s-2", "m s-2"),
 }
 # load factors are judged and drawn in g, as the tolerance table prints them; the number is the same

@@ -9,7 +9,7 @@
   const DASH = { "run-0": [], "run-1": [1.5, 2.5], "run-2": [7, 3.5], "run-3": [9, 3, 2, 3], "run-4": [13, 4], "run-5": [9, 3, 2, 3, 2, 3] };
   const STEPS = [-4, -3, -2, -1, 0, 1, 2, 3, 4, 5].flatMap((n) => [1, 2, 5].map((m) => Number(`${m}e${n}`)));
   const AXIS = 58, RIGHT = 10;
-  const FLIGHT = 2.4;   // wide enough to show on both sides of a model that lies on it
+  const WIDTH = { judged: 2.2, shown: 1.9, input: 1.4 };   // of the flight line: it shows on both sides of a model that lies on it
   const HEIGHT = { judged: 178, input: 84, shown: 92, strip: 46, time: 26 };
   let view = null;   // the case on the screen: plots, span of time, hidden runs
 
@@ -175,10 +175,10 @@
       }
       lane++;
     }
-    for (const { name, style } of view.data.runs) if (name !== "flight" && !view.hidden.has(name) && panel.traces[name]) drawBeyond(plot, panel.traces[name], style, time, true);
+    for (const { name, style } of view.data.runs) if (name !== "flight" && !view.hidden.has(name) && panel.traces[name]) drawBeyond(plot, panel.traces[name], style, time, true, 4.5 * lane);
     ctx.restore();
   }
-  function drawBeyond(plot, values, style, time, withValue) {
+  function drawBeyond(plot, values, style, time, withValue, lift = 0) {
     const { ctx } = plot, box = plot.bbox, ratio = devicePixelRatio, { min, max } = plot.scales.y, [from, to] = view.span;
     let low = -1, high = -1;
     for (let i = 0; i < time.length; i++) {
@@ -188,7 +188,7 @@
     }
     for (const [i, up] of [[high, true], [low, false]]) {
       if (i < 0 || !(up ? values[i] > max : values[i] < min)) continue;
-      const edge = up ? box.top : box.top + box.height, inward = up ? 1 : -1;
+      const edge = up ? box.top : box.top + box.height - lift * ratio, inward = up ? 1 : -1;
       const x = Math.min(Math.max(plot.valToPos(time[i], "x", true), box.left + 6 * ratio), box.left + box.width - 6 * ratio);
       ctx.fillStyle = colour(style);
       ctx.beginPath();
@@ -197,7 +197,10 @@
       if (!withValue) continue;
       const right = x > box.left + box.width / 2;
       ctx.font = font(10.5 * ratio); ctx.textAlign = right ? "right" : "left"; ctx.textBaseline = up ? "top" : "bottom";
-      ctx.fillText(Number(values[i].toPrecision(3)).toString().replace("-", "\u2212"), x + (right ? -8 : 8) * ratio, edge + inward * 2 * ratio);
+      const words = Number(values[i].toPrecision(3)).toString().replace("-", "\u2212"), place = [x + (right ? -8 : 8) * ratio, edge + inward * 2 * ratio];
+      ctx.strokeStyle = colour("paper"); ctx.lineWidth = 3 * ratio; ctx.lineJoin = "round";
+      ctx.strokeText(words, ...place);
+      ctx.fillText(words, ...place);
     }
   }
   const font = (size) => `${size}px ${colour("sans")}`;
@@ -221,7 +224,7 @@
       series: [{}, ...series], bands,
     };
   }
-  const lineOf = (style, width = 1.4) => ({ stroke: () => colour(style), width: style === "run-1" ? width + 0.3 : width, dash: DASH[style], points: { show: false }, spanGaps: false });
+  const lineOf = (style, width = 1.4) => ({ stroke: () => colour(style), width: style === "run-1" ? width + 0.3 : width, dash: DASH[style].map((length) => length * devicePixelRatio), points: { show: false }, spanGaps: false });
   const hooks = {
     setCursor: [(plot) => readOut(plot.cursor.idx)],
     setSelect: [(plot) => {
@@ -248,7 +251,7 @@
     }
     const styles = Object.fromEntries(runs.map((run) => [run.name, run.style]));
     const reference = flight || panel.traces.applied;
-    if (reference) { data.push(reference); series.push({ ...lineOf("run-0", FLIGHT), show: !view.hidden.has("flight") }); }
+    if (reference) { data.push(reference); series.push({ ...lineOf("run-0", WIDTH[panel.kind]), show: !view.hidden.has("flight") }); }
     for (const { name } of runs) if (name !== "flight" && panel.traces[name]) { data.push(panel.traces[name]); series.push({ ...lineOf(styles[name]), show: !view.hidden.has(name), run: name }); }
     const setting = options(width, HEIGHT[panel.kind], withTime && !half, series, bands, () => limits(panel, view.hidden, time, view.span));
     setting.hooks = { ...hooks, drawAxes: [...hooks.drawAxes, (plot) => drawExceedance(plot, panel, time)], draw: [(plot) => drawMarks(plot, panel, time)] };
@@ -266,8 +269,8 @@
       series.push({ ...lineOf(styles[name], 1.3), show: !view.hidden.has(name), run: name });
     }
     const setting = options(width, HEIGHT.strip, withTime, series, [{ series: [1, 2], fill: () => colour("band") }], () => [-RESIDUAL, RESIDUAL], [-1, 0, 1]);
-    setting.axes[1].label = "e / t"; setting.axes[1].labelSize = 14; setting.axes[1].size = AXIS - 14; setting.axes[1].labelGap = 0; setting.axes[1].labelFont = font(10.5);
-    setting.axes[1].values = (_, splits) => splits.map((v) => fixed(v, 0));
+    const label = { label: "e / t", labelSize: 14, labelGap: 0, labelFont: font(11), size: AXIS - 14 };
+    Object.assign(setting.axes[1], label, { values: (_, splits) => splits.map((v) => fixed(v, 0)) });
     const lines = series.map((line, i) => [line, data[i + 1]]).filter(([line]) => line.run && line.show);
     setting.hooks = { ...hooks, draw: [(plot) => lines.forEach(([line, values]) => drawBeyond(plot, values, styles[line.run], time, false))] };
     return new uPlot(setting, data, host);
@@ -277,7 +280,15 @@
   async function show(page, span) {
     drop();
     const mine = (view = { page, plots: [], heads: [], hidden: new Set(), span: null, dragged: null });
-    const data = await load(page);
+    let data;
+    try {
+      data = await load(page);
+    } catch (error) {   // a browser that cannot unpack shows the figures made for print
+      console.error(error);
+      layOutFigures();
+      page.classList.add("static-only");
+      return;
+    }
     if (view !== mine) return;
     view.data = data;
     view.whole = [data.time[0], data.time[data.time.length - 1]];
@@ -391,6 +402,7 @@
     const { id, span } = address(), page = pages.find((candidate) => candidate.id === id) || pages[0];
     if (view?.page === page && view.data) { zoom(span); return; }
     pages.forEach((other) => { other.hidden = other !== page; });
+    document.documentElement.classList.add("ready");
     document.documentElement.classList.toggle("print-all", page.id === "overview");
     all(".bar a").forEach((link) => (link.hash === `#${page.id}` ? link.setAttribute("aria-current", "page") : link.removeAttribute("aria-current")));
     const at = cases.indexOf(page);

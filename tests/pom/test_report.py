@@ -212,6 +212,7 @@ def test_path_data_lead_back_to_the_points():
 def test_ticks_are_round_and_inside():
     assert figure.tick_text(figure.ticks(-0.31, 1.02, 5)) == ["0.0", "0.5", "1.0"]
     assert figure.tick_text(figure.ticks(-21.0, 19.0, 5)) == ["−20", "−10", "0", "10"]
+    assert figure.tick_text(figure.ticks(1.1, 1.9, 1)) == ["1.2", "1.4", "1.6", "1.8"]  # no multiple of 1 or 0.5 twice
 
 
 @pytest.mark.parametrize(

@@ -218,6 +218,16 @@ def test_without_script_tables_and_figures_stand(chromium, address):
     context.close()
 
 
+def test_a_browser_that_cannot_unpack_shows_the_figures(chromium, address):
+    context = chromium.new_context()
+    page = context.new_page()
+    page.add_init_script("delete window.DecompressionStream")
+    page.goto(address + CASE)
+    page.wait_for_selector(f"{CASE} .static svg")
+    assert page.locator(f"{CASE} .panels").is_hidden()
+    context.close()
+
+
 def test_print_of_the_overview_holds_everything(chromium, address, tmp_path):
     context = chromium.new_context()
     page = context.new_page()
