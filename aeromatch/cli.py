@@ -14,6 +14,7 @@ COMMANDS = {
     "flight": ("flighttest.cli", "flight", "Read flight records, reconstruct states, identify."),
     "fmu": ("flightmech.cli", "fmu", "Write simulation models as FMUs."),
     "pom": ("pom.cli", "pom", "Replay recorded inputs and judge the match."),
+    "match": ("aeromatch.demo", "match", "Perform the whole job of a project file."),
     "demo": ("aeromatch.demo", "demo", "Perform the whole job on the shipped T-37 example."),
 }
 

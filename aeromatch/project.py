@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from flightmech.configuration import Strict, load, si, validate
 from flightmech.errors import SchemaError
@@ -52,7 +51,6 @@ class _File(Strict):
     held: tuple[str, ...] = ()
     terms: dict[str, NewTerm] = {}
     fit: tuple[Fit, ...] = ()
-    corrected_by: Literal["diagnosis"] = "diagnosis"
 
 
 @dataclass(frozen=True)

@@ -13,20 +13,22 @@ def run(*arguments, cwd=None):
     return subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, timeout=120)
 
 
+def modules_after(*arguments):
+    """Return the modules that a command has imported."""
+    code = (
+        "import sys\nfrom click.testing import CliRunner\nfrom aeromatch.cli import cli\n"
+        f"done = CliRunner().invoke(cli, {list(arguments)!r})\nassert done.exit_code == 0, done.output\nprint(*sys.modules)"
+    )
+    return set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
+
+
 def test_help_imports_nothing_heavy():
-    code = "import sys\nfrom click.testing import CliRunner\nfrom aeromatch.cli import cli\nCliRunner().invoke(cli, ['--help'])\nprint(*sys.modules)"
-    loaded = set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
-    assert not loaded & HEAVY
+    assert not modules_after("--help") & HEAVY
 
 
 @pytest.mark.parametrize("group", ["datcom", "db", "flight", "fmu", "pom"])
 def test_group_help_imports_nothing_heavy(group):
-    code = (
-        "import sys\nfrom click.testing import CliRunner\nfrom aeromatch.cli import cli\n"
-        f"result = CliRunner().invoke(cli, ['{group}', '--help'])\nassert result.exit_code == 0, result.output\nprint(*sys.modules)"
-    )
-    loaded = set(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split())
-    assert not loaded & HEAVY
+    assert not modules_after(group, "--help") & HEAVY
 
 
 def test_unknown_command_names_the_near_one():

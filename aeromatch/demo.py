@@ -1,0 +1,93 @@
+"""``aeromatch match PROJECT`` and ``aeromatch demo``: the whole job from listings and flights to the report."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import click
+
+from flightmech.console import document, json_option, remark, table
+
+SHIPPED = Path(__file__).parents[1] / "data" / "t37" / "aeromatch.toml"
+jobs_option = click.option(
+    "-j", "--jobs", type=click.IntRange(1), default=lambda: os.cpu_count() or 1, show_default="one per core", help="Processes."
+)
+
+
+@click.command()
+@click.option(
+    "-o", "--output", type=click.Path(file_okay=False, path_type=Path), default=Path("out/t37"), show_default=True, help="Folder to write."
+)
+@jobs_option
+@json_option
+def demo(output: Path, jobs: int, as_json: bool) -> None:
+    """Perform the whole job on the shipped T-37 example."""
+    from flightmech.errors import SchemaError
+
+    if not SHIPPED.is_file():
+        raise SchemaError("demo", [f"no example at {SHIPPED}; run it from a checkout of the repository, the wheel holds none"])
+    _match(SHIPPED, output, jobs, as_json)
+
+
+@click.command()
+@click.argument("project", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder to write.")
+@jobs_option
+@json_option
+def match(project: Path, output: Path, jobs: int, as_json: bool) -> None:
+    """Perform the whole job of a PROJECT file: databases, FMUs and the Proof-of-Match report.
+
+    Exit code 0 when the job was done: failed rows are its result.
+    """
+    _match(project, output, jobs, as_json)
+
+
+def _match(file: Path, output: Path, jobs: int, as_json: bool) -> None:
+    from .project import read_project
+    from .workflow import perform
+
+    project = read_project(file)
+    outcome = perform(project, output, jobs, step)
+    if as_json:
+        document(outcome.to_dict())
+        return
+    _print(outcome)
+
+
+@contextmanager
+def step(text: str) -> Iterator[None]:
+    """Say on stderr what is being done, and how long it took."""
+    start = time.perf_counter()
+    click.echo(f"  {text} ...", err=True, nl=False)
+    try:
+        yield
+    except BaseException:
+        click.echo("", err=True)
+        raise
+    click.echo(f"  {time.perf_counter() - start:.1f} s", err=True)
+
+
+def _print(outcome: Any) -> None:
+    runs = list(outcome.results[0].runs)
+    rows = [(result.case.id, result.case.title, *(_cell(result, run) for run in runs)) for result in outcome.results]
+    table(("row", "case", *runs), rows, title="Verdicts: worst difference / tolerance, of the alternatives the better one")
+    for run in runs:
+        statuses = [result.status(run) for result in outcome.results]
+        click.echo(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass")
+    click.echo(f"corrected = datcom with {', '.join(outcome.corrected_terms) or 'no term'} from final")
+    for result in outcome.results:
+        if result.failure:
+            remark(f"{result.case.name}: {result.failure}")
+    click.echo(f"report: {outcome.report}")
+
+
+def _cell(result: Any, run: str) -> str:
+    worst = result.worst(run)
+    status = result.status(run)
+    ratio = "" if worst is None else f"  {worst['worst_ratio']:.2f}  {worst['criterion'].replace('_', ' ')}"
+    return (status if status == "pass" else status.upper()) + ratio

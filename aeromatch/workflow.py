@@ -1,0 +1,235 @@
+"""The main job, step by step: each step takes what the one before gives, none prints."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+import aerodb
+import datcom_io
+import flightmech
+import flighttest
+import pom
+from flightmech import Aircraft, terms
+from flightmech.errors import UnknownName
+from flightmech.names import lookup
+from flightmech.units import quantity
+from flighttest.coefficients import between
+
+from .project import Fit, NewTerm, Project
+
+Step = Callable[[str], AbstractContextManager[None]]
+
+
+def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
+    """Return the database of the project's DATCOM listings."""
+    listings: dict[str, Any] = {kind: datcom_io.read(path) for kind, path in project.listings.items()}
+    return aerodb.from_datcom(aircraft, **listings, altitude=project.altitude)
+
+
+def opened(prior: xr.DataTree, new: Mapping[str, NewTerm]) -> xr.DataTree:
+    """Return the a-priori database with the terms that DATCOM cannot give, as zeros with wide standard errors."""
+    return aerodb.replace_terms(prior, {name: _zero(term) for name, term in new.items()}, note="opened for the flights")
+
+
+def _zero(term: NewTerm) -> xr.Dataset:
+    axes = {name: [quantity(point, lookup(name).units) for point in points] for name, points in term.axes.items()}
+    factor = xr.DataArray([0.0, 1.0], dims=term.factor, coords={term.factor: [0.0, 1.0]}) if term.factor else None
+    shape = tuple(len(points) for points in axes.values())
+    return terms.make(np.zeros(shape), axes, term.regressors, stderr=term.stderr, source="judgement", K1=factor, comment=term.comment)
+
+
+def reconstruct(project: Project, aircraft: Aircraft, names: Sequence[str], jobs: int = 2) -> dict[str, Any]:
+    """Return the reconstructed paths of records, by name; the constants of the instruments are shared by all of them.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Records of the project.
+    jobs : int
+        Processes.
+
+    Returns
+    -------
+    dict of str to `flighttest.Path`
+    """
+    records = [flighttest.read(project.flights[name], project.names) for name in names]
+    return dict(zip(names, flighttest.reconstruct_programme(records, aircraft, jobs=jobs), strict=True))
+
+
+def records_of(project: Project, cases: Iterable[Any] = ()) -> list[str]:
+    """Return the records that the fits of a project and the given cases need, in order."""
+    named = [record for fit in project.fits for record in fit.records] + [Path(case.record).stem for case in cases]
+    return list(dict.fromkeys(named))
+
+
+def identify(project: Project, aircraft: Aircraft, paths: Mapping[str, Any]) -> list[Any]:
+    """Return one `flighttest.Fit` per model of every fit of the project."""
+    data = {name: flighttest.coefficients(path, aircraft) for name, path in paths.items()}
+    tables = {name: flighttest.manoeuvres(flighttest.read(project.flights[name], project.names)) for name in paths}
+    return [
+        flighttest.regress(flighttest.Model.parse(model), _windows(fit, data, tables), name=fit.name)
+        for fit in project.fits
+        for model in fit.models
+    ]
+
+
+def _windows(fit: Fit, data: Mapping[str, xr.Dataset], tables: Mapping[str, pd.DataFrame]) -> list[xr.Dataset]:
+    """Return the manoeuvres of a fit; ``"3211 elevator"`` is kind and control, ``"trim"`` a kind."""
+    found = []
+    for record in fit.records:
+        table = tables[record]
+        labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
+        for wanted in fit.manoeuvres:
+            rows = table[(labels == wanted) | (table["manoeuvre"] == wanted)]
+            if rows.empty and len(fit.records) == 1:
+                raise UnknownName(wanted, set(labels), "manoeuvre", f"fit {fit.name!r} looks for it in record {record}")
+            found += [between(data[record], start, end) for start, end in rows[["start", "end"]].itertuples(index=False)]
+    return found
+
+
+def final_database(project: Project, prior: xr.DataTree, fits: Sequence[Any]) -> tuple[xr.DataTree, Any]:
+    """Return the database after the flights, and the tabulation behind it."""
+    start = opened(prior, project.terms)
+    tabulation = aerodb.tabulate(fits, start, held=project.held)
+    return aerodb.replace_terms(start, tabulation, note="identified from flight"), tabulation
+
+
+def diagnose_all(
+    cases: Sequence[Any], paths: Mapping[str, Any], datcom: xr.DataTree, final: xr.DataTree, aircraft: Aircraft, jobs: int = -1
+) -> dict[str, pd.DataFrame]:
+    """Return the term-swap diagnosis of every case, in parallel."""
+    from joblib import Parallel, delayed
+
+    work = (delayed(pom.diagnose)(case, datcom, final, aircraft, paths[Path(case.record).stem]) for case in cases)
+    return dict(zip((case.name for case in cases), Parallel(n_jobs=jobs)(work), strict=True))
+
+
+def corrected_database(datcom: xr.DataTree, final: xr.DataTree, diagnoses: Mapping[str, pd.DataFrame]) -> tuple[xr.DataTree, list[str]]:
+    """Return the a-priori database with only the terms of the final one that the cases ask for, and their names."""
+    wanted = pom.corrected_terms(diagnoses.values())
+    return pom.swap_terms(datcom, final, wanted), wanted
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What `perform` made.
+
+    Attributes
+    ----------
+    results : list of PomResult
+        One per case.
+    corrected_terms : list of str
+        Terms that the corrected database takes from the final one.
+    tabulation : Tabulation
+        How the terms came about.
+    report : Path
+        Of ``report.html``.
+    """
+
+    results: list[Any]
+    corrected_terms: list[str]
+    tabulation: Any
+    report: Path
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the verdicts as plain data."""
+        return {
+            "report": str(self.report),
+            "corrected_terms": self.corrected_terms,
+            "cases": [
+                {
+                    "name": result.case.name,
+                    "id": result.case.id,
+                    "status": {run: result.status(run) for run in result.runs},
+                    "verdict": result.verdict.to_dict("records"),
+                    "failure": result.failure,
+                }
+                for result in self.results
+            ],
+        }
+
+
+def perform(project: Project, folder: str | Path, jobs: int, step: Step) -> Outcome:
+    """Do the whole job of a project and write databases, FMUs and report into a folder.
+
+    Parameters
+    ----------
+    project : Project
+    folder : path
+        Gets ``datcom.nc corrected.nc final.nc``, the same as ``.fmu``, and ``report/``.
+    jobs : int
+        Processes for reconstruction, diagnosis and replay.
+    step : callable
+        ``with step("text"):`` surrounds every step, for progress.
+
+    Returns
+    -------
+    Outcome
+    """
+    folder = Path(folder)
+    aircraft = flightmech.read_aircraft(project.aircraft)
+    cases = [pom.read_case(file) for file in project.cases]
+    with step(f"read {len(project.listings)} DATCOM listings, build the a-priori database"):
+        datcom = a_priori(project, aircraft)
+    names = records_of(project, cases)
+    with step(f"reconstruct the states of {len(names)} flight records"):
+        paths = reconstruct(project, aircraft, names, jobs)
+    with step(f"identify coefficients at {len({fit.name for fit in project.fits})} test points"):
+        fits = identify(project, aircraft, paths)
+    with step(f"join {len(fits)} local models and the prior into tables"):
+        final, tabulation = final_database(project, datcom, fits)
+    with step(f"swap terms on {len(cases)} cases, build the corrected database"):
+        diagnoses = diagnose_all(cases, paths, datcom, final, aircraft, jobs)
+        corrected, wanted = corrected_database(datcom, final, diagnoses)
+    databases = {"datcom": datcom, "corrected": corrected, "final": final}
+    with step("write three databases and three FMUs"):
+        folder.mkdir(parents=True, exist_ok=True)
+        fmus = {}
+        for name, db in databases.items():
+            aerodb.save(db, folder / f"{name}.nc")
+            fmus[name] = flightmech.write_fmu(flightmech.compile(aircraft, db), folder / f"{name}.fmu")
+    with step(f"replay {len(cases)} cases by three FMUs"):
+        results = replay_all(cases, fmus, paths, jobs)
+    with step("write the report"):
+        report = pom.write_report(
+            results,
+            folder / "report",
+            title=f"{project.title}: Proof of Match",
+            provenance=provenance(project, names, fmus),
+            databases=databases,
+            diagnoses=diagnoses,
+        )
+    return Outcome(results, wanted, tabulation, report)
+
+
+def replay_all(cases: Sequence[Any], fmus: Mapping[str, Path], paths: Mapping[str, Any], jobs: int) -> list[Any]:
+    """Replay every case by every FMU; the FMUs run in child processes of their own."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(jobs) as pool:
+        return list(pool.map(lambda case: pom.replay(case, fmus, paths[Path(case.record).stem]), cases))
+
+
+def provenance(project: Project, names: Sequence[str], fmus: Mapping[str, Path]) -> dict[str, Any]:
+    """Return what the report says about where its numbers come from."""
+    files = [project.aircraft, project.names, *project.listings.values(), *(project.flights[name] for name in names), *project.cases]
+    versions = ("aeromatch", "fmpy", "numpy", "scipy", "xarray")
+    return {
+        "versions": {name: version(name) for name in versions},
+        "inputs": {str(file.relative_to(project.folder)): _sha256(file) for file in files},
+        "models": {name: {"file": file.name, "sha256": _sha256(file)} for name, file in fmus.items()},
+    }
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
