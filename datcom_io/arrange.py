@@ -134,7 +134,7 @@ def _ground_delta(deck: Deck, page: Page, ordinal: int, each: int) -> float:
     deltas = deck.schedule("SYMFLP", "DELTA", "NDELTA")
     if not math.isnan(page.flap):
         return nearest(page.flap, deltas, _HALF_UNIT["flap"])
-    return deltas[ordinal] if each > 1 and ordinal < len(deltas) else 0.0
+    return deltas[ordinal] if each == len(deltas) else 0.0
 
 
 def _ground_height(page: Page, heights: Sequence[float]) -> float:

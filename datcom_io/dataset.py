@@ -211,15 +211,18 @@ class _Maker:
         outer = tuple(len(axis.values) for axis in axes)
         lines = np.full(outer, "", dtype=object)
         for where, _, table in items:
+            if lines[tuple(where)]:
+                found = f"a second {table.name} table for the place of the one at lines {lines[tuple(where)]}"
+                raise ParseError(self.case.file, table.lines[0], found, "one table per configuration, condition, height and deflection")
             lines[tuple(where)] = f"{table.lines[0]}-{table.lines[-1]}"
-        found = xr.Dataset(coords=self._coords([*axes, rows]))
+        stacked = xr.Dataset(coords=self._coords([*axes, rows]))
         for column in columns:
             value, flag = np.full((*outer, len(rows.values)), np.nan), np.full((*outer, len(rows.values)), ABSENT, np.uint8)
             for where, page, table in items:
                 part_value, part_flag = self._column(column, page, table)
                 value[tuple(where)][: len(part_value)], flag[tuple(where)][: len(part_flag)] = part_value, part_flag
-            _add(found, column, [axis.name for axis in (*axes, rows)], value, flag)
-        return found.assign_coords(lines=([axis.name for axis in axes], lines.astype(str)))
+            _add(stacked, column, [axis.name for axis in (*axes, rows)], value, flag)
+        return stacked.assign_coords(lines=([axis.name for axis in axes], lines.astype(str)))
 
     def _column(self, column: Column, page: Page, table: Table) -> tuple[np.ndarray, np.ndarray]:
         """Return a printed column in SI and its flags, a constant column filled downwards where that is allowed."""

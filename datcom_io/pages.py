@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from .blocks import BY_HEADING, CONDITIONS, Column, Layout, heading_words
-from .cells import BLANK, OK, read_cell
+from .cells import OK, read_cell
 from .listing import Message, Page, Table
+from .rows import Cells, cuts, read_row
 
 Line = tuple[int, str]
-Cells = tuple[list[float], list[int]]
 _KINDS = (
     ("CHARACTERISTICS AT ANGLE OF ATTACK", "static"),
     ("DYNAMIC DERIVATIVES", "dynamic"),
@@ -30,6 +28,7 @@ _KINDS = (
     (")=", "dump"),
 )
 _LAST_HEADING_LINE = 12
+_CONDITION_CUTS = cuts(CONDITIONS.columns)
 _GROUND = re.compile(r"GROUND HEIGHT= *(FREE AIR|[\d.]+)")
 _FLAP = re.compile(r"FLAP DEFLECTION= *(-?[\d.]+)")
 _POWER = re.compile(r"(JET|PROPELLER) POWER EFFECTS INCLUDED")
@@ -38,6 +37,7 @@ _WARNING = re.compile(r"WARNING\*\*\*|TAIL EFFECTS IGNORED")
 _SECOND_TITLE = "APRIL 1976 VERSION OF DATCOM"  # one build breaks the title of a hypersonic page
 # second lines of a message or note
 _CONTINUED = ("TAIL EFFECTS IGNORED]", "APPLICABLE TO THE LINEAR LIFT REGION.", "ALL NAMES REFER TO NAMELIST", "FUSELAGE. FOR THIS CASE")
+_NOTES = (*_CONTINUED, "*** ", "***N", "**NOTE*", "*NOTE*", "**  CD0=", "ANALYSIS TERMINATED", "NOTE - ")
 # headings around tables that carry nothing of their own
 _DECORATION = re.compile(
     r"DERIVATIVE \(PER (DEGREE|RADIAN)\)$|DYNAMIC DERIVATIVES \(PER (DEGREE|RADIAN)\)$|PITCHING +ACCELERATION +ROLLING +YAWING$"
@@ -136,52 +136,14 @@ def _conditions(lines: list[Line], anchor: int) -> tuple[Table | None, str, int]
     return None, "", anchor + 1
 
 
-class Cut(NamedTuple):
-    """Where to cut a row: ends of a window, ends of the gap before it, whether it touches the window before."""
-
-    start: int
-    stop: int
-    gap: slice | None
-    touches: bool
-
-
-def cuts(columns: tuple[Column, ...]) -> list[Cut]:
-    """Return the windows of a table in order; the gap before the first one starts behind the control column."""
-    found: list[Cut] = []
-    edge = 1
-    for column in columns:
-        gap = slice(edge, column.first - 1) if column.first - 1 > edge else None
-        found.append(Cut(column.first - 1, column.last, gap, bool(found) and gap is None))
-        edge = column.last
-    return found
-
-
-def read_row(text: str, windows: list[Cut], keys: int) -> Cells | None:
-    """Return values and flags of a row, or None when the line does not cut into the columns.
-
-    It cuts when every window holds a cell, no text straddles two windows or stands outside of them, and the keys are numbers.
-    """
-    if "_" in text:  # float() would take 1_0
-        return None
-    values, flags = [], []
-    for start, stop, gap, touches in windows:
-        if (gap and text[gap].strip()) or (touches and text[start - 1 : start] > " " and text[start : start + 1] > " "):
-            return None
-        part = text[start:stop]
-        cell = (math.nan, BLANK) if not part or part.isspace() else read_cell(part)
-        if cell is None:
-            return None
-        values.append(cell[0])
-        flags.append(cell[1])
-    if any(flags[:keys]) or text[windows[-1].stop :].strip():
-        return None
-    return values, flags
-
-
-_CONDITION_CUTS = cuts(CONDITIONS.columns)
-
-
-def _table(layout: Layout, columns, rows, across=None, across_line=0, across_row="") -> Table:
+def _table(
+    layout: Layout,
+    columns: tuple[Column, ...],
+    rows: list[tuple[int, str, Cells]],
+    across: np.ndarray | None = None,
+    across_line: int = 0,
+    across_row: str = "",
+) -> Table:
     return Table(
         layout,
         columns,
@@ -204,7 +166,7 @@ def _read_body(lines: list[Line]) -> Body:
         if not text[1:].strip():
             continue
         if layout := BY_HEADING.get(heading_words(text)):
-            table, after = _read_table(layout, lines, at, number)
+            table, after = _read_table(layout, lines, at)
             if table is None and not _says_no_output(lines, at):
                 body.unread.append(number)
             elif table is not None:
@@ -230,19 +192,17 @@ def _sort_line(number: int, text: str, body: Body) -> None:
             body.unread.append(number)
     elif _DECORATION.match(heading_words(text)):
         return
-    elif _is_note(text, words):
+    elif _is_note(words):
         add_message(body.notes, number, words)
     else:
         body.unread.append(number)
 
 
-def _is_note(text: str, words: str) -> bool:
-    return words.startswith(_CONTINUED) or (
-        words.startswith(("*** ", "***N", "**NOTE*", "*NOTE*", "**  CD0=", "ANALYSIS TERMINATED", "NOTE - ")) and len(words.strip("*")) > 0
-    )
+def _is_note(words: str) -> bool:
+    return words.startswith(_NOTES) and bool(words.strip("*"))
 
 
-def _read_table(layout: Layout, lines: list[Line], at: int, heading: int) -> tuple[Table | None, int]:
+def _read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None, int]:
     """Return the table whose heading stands before index `at`, and the index after it; None when no row follows."""
     columns, across, across_line, across_row = layout.columns, None, 0, ""
     if layout.across:
@@ -268,7 +228,7 @@ def _read_table(layout: Layout, lines: list[Line], at: int, heading: int) -> tup
     return _table(layout, columns, rows, across, across_line, across_row), after
 
 
-def _read_across(layout: Layout, lines: list[Line], at: int):
+def _read_across(layout: Layout, lines: list[Line], at: int) -> tuple[tuple[Column, ...], np.ndarray, int, str, int] | None:
     """Return columns, heading values, their line and text, and the index of the line after them."""
     across = layout.across
     assert across is not None

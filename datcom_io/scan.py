@@ -164,7 +164,7 @@ class _Scanner:
             return
         self.region = "between"
         self.case.deck = self.deck = parse_cards(self.cards, self.deck)
-        self.case.messages += [Message(line, text) for line, text in self.case.deck.problems]
+        self.case.messages += [Message(line, text, "reader") for line, text in self.case.deck.problems]
 
     def _close_page(self) -> None:
         if not self.page:

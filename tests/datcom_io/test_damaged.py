@@ -125,3 +125,12 @@ def test_garbled_lines(faults, end, partial):
 )
 def test_long_lines_do_not_hang(line):
     swallow([*LINES[64:70], line, *LINES[70:]], True)
+
+
+def test_a_page_that_comes_twice_is_not_overwritten(elevator_lines):
+    first = next(k for k, line in enumerate(elevator_lines) if "HIGH LIFT" in line) - 1
+    after = next(k for k in range(first + 1, len(elevator_lines)) if elevator_lines[k].startswith("1"))
+    case = datcom_io.read(elevator_lines[:after] + elevator_lines[first:])[0]
+    assert len(list(case.tables("symflp"))) == 6
+    with pytest.raises(ParseError, match="a second symflp table for the place of the one at lines 275-283"):
+        case.to_datatree()
