@@ -11,19 +11,9 @@ the prior g ~ N(g0, P) everything is Gaussian, and the nodes have a posterior in
 *considered*, not estimated (Schmidt): they widen the standard errors, but the tables take what was measured.  Estimating
 them would use a faulty handbook value to correct the aeroplane's mass.
 
-Prior covariance of the nodes i, j of one term, with their a-priori standard errors s, values v and distances d along
-the axes:
-
-    P_ij = s_i s_j c_ij [level + (1 - level) exp(-1/2 sum (d/length)^2)]
-    c_ij = (r^2 v_i v_j + a^2) / sqrt((r^2 v_i^2 + a^2)(r^2 v_j^2 + a^2))
-
-c says what kind of error the standard errors speak of: a part r proportional to the value (slope, effectiveness: nodes of
-opposite sign move apart) and a constant part a (all nodes move together); r and a are those that explain s best.  The
-level part in the bracket is common to the whole table: a handbook method is wrong in the same sense over a table (LR-743
-found whole curves displaced), and it makes a correction found at some nodes count at nodes that were not flown.  The
-other part lets the shape change, over the correlation lengths, and fades away from the flown region.  By default each
-has half of the variance.  A node far from all data then keeps at least sqrt(1/2) of its a-priori standard error, however
-well the level is known; a node counts as *from flight* when its standard error is clearly, by a tenth, below that.
+The prior covariance of the nodes is that of `aerodb.correlation`: half of the variance common to the whole table, the
+rest fading over the correlation lengths.  A node far from all data keeps at least sqrt(1/2) of its a-priori standard error,
+however well the level is known; a node counts as *from flight* when its standard error is clearly, by a tenth, below that.
 Nodes of different terms are independent a priori; after the flight they are not, and a leaf has no room to say so: the
 standard errors are those of single nodes.
 
@@ -43,22 +33,10 @@ import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flightmech.units import DEGREE
 
+from .correlation import LENGTHS, LEVEL, prior_covariance
 from .schema import coefficients, terms
 
-# correlation lengths of the correction along the axes; infinite on every axis not named here [SI]
-LENGTHS = {
-    "alpha": 5 * DEGREE,
-    "beta": 5 * DEGREE,
-    "mach": 0.25,
-    "delta_f": 15 * DEGREE,
-    "delta_e": 10 * DEGREE,
-    "delta_a": 10 * DEGREE,
-    "delta_r": 10 * DEGREE,
-    "h_agl": 2.0,
-}
-LEVEL = 0.5
 REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the first identified, below the second corrected
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
 _HUBER = 2.5
@@ -155,39 +133,6 @@ def tabulate(
     return Tabulation(new, **frames)
 
 
-def prior_covariance(leaf: xr.Dataset, lengths: Mapping[str, float] | None = None, level: float = LEVEL) -> np.ndarray:
-    """Return the a-priori covariance of the nodes of a term, (nodes, nodes), in the order of ``value.ravel()``.
-
-    Parameters
-    ----------
-    leaf : Dataset
-        A term with ``stderr``.
-    lengths : mapping, optional
-        Correlation lengths by axis; default `LENGTHS`. [SI]
-    level : float
-        Share of the variance common to the whole table.
-    """
-    lengths = LENGTHS if lengths is None else lengths
-    value = leaf["value"]
-    near = np.ones((value.size, value.size))
-    places = np.meshgrid(*(value[axis].values for axis in value.dims), indexing="ij") if value.ndim else []
-    for axis, place in zip(value.dims, places):
-        distance = (place.ravel()[:, None] - place.ravel()) / lengths.get(str(axis), np.inf)
-        near *= np.exp(-0.5 * distance**2)
-    sd = leaf["stderr"].values.ravel()
-    return np.outer(sd, sd) * _kind(value.values.ravel(), sd) * (level + (1.0 - level) * near)
-
-
-def _kind(v: np.ndarray, sd: np.ndarray) -> np.ndarray:
-    """Correlation of an error proportional to the value with a constant one, in the proportion that explains `sd`."""
-    from scipy.optimize import nnls
-
-    (r2, a2), _ = nnls(np.stack([v**2, np.ones_like(v)], axis=1), sd**2)
-    joint = r2 * np.outer(v, v) + a2
-    size = np.sqrt(np.diag(joint))
-    return joint / np.outer(np.where(size > 0, size, 1.0), np.where(size > 0, size, 1.0))
-
-
 @dataclass(frozen=True)
 class _Observation:
     """One fit, as linear in the free nodes."""
@@ -196,6 +141,19 @@ class _Observation:
     H: np.ndarray  # (estimates, free nodes)
     D: np.ndarray  # (estimates, common errors)
     C: np.ndarray  # (estimates, estimates)
+    bases: dict[str, Any]  # of all terms, free and held: (samples, nodes)
+
+
+@dataclass(frozen=True)
+class _Posterior:
+    """Nodes and what was found on the way; arrays by node, then by fit."""
+
+    value: np.ndarray
+    stderr: np.ndarray
+    weight: np.ndarray
+    distance: np.ndarray
+    inflation: float
+    chi2: float
 
 
 def _one_coefficient(coefficient, fits, leaves, held, lengths, level, tables) -> dict[str, xr.Dataset]:
@@ -204,31 +162,32 @@ def _one_coefficient(coefficient, fits, leaves, held, lengths, level, tables) ->
     observed = [_observe(fit, leaves, free, sources) for fit in fits]
     g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     P = _block_diagonal([prior_covariance(leaf, lengths, level) for leaf in free.values()])
-    g, sd, weight, inflation, distance = _posterior(observed, g0, P)
+    found = _posterior(observed, g0, P)
     touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
     new, at = {}, 0
     for name, leaf in free.items():
         nodes = slice(at, at := at + leaf["value"].size)
         if touched[nodes].any():
-            new[name] = _leaf(leaf, g[nodes], sd[nodes], level, _contributors(fits, observed, nodes))
+            new[name] = _leaf(leaf, found.value[nodes], found.stderr[nodes], level, _contributors(fits, observed, nodes))
             tables["report"].append(_term_row(name, leaf, new[name]))
-    tables["points"].append(_point_rows(coefficient, fits, leaves, {**leaves, **new}, weight, distance))
-    tables["compatibility"].append(_compatibility_row(coefficient, observed, g0, P, inflation))
+    tables["points"].append(_point_rows(coefficient, fits, observed, leaves, {**leaves, **new}, found))
+    tables["compatibility"].append(_compatibility_row(coefficient, sum(len(o.theta) for o in observed), found))
     return new
 
 
 def _observe(fit, leaves: Mapping[str, xr.Dataset], free: Mapping[str, xr.Dataset], sources: Sequence[str]) -> _Observation:
     X = fit.design.values
     Q, R = np.linalg.qr(X)
-    H = [np.linalg.solve(R, (_basis(leaf, fit.data).T @ Q).T) for leaf in free.values()]
-    fixed = sum((_evaluate(leaf, fit.data) for name, leaf in leaves.items() if name not in free), np.zeros(len(X)))
+    bases = {name: _basis(leaf, fit.data) for name, leaf in leaves.items()}
+    H = [np.linalg.solve(R, (bases[name].T @ Q).T) for name in free]
+    fixed = sum((bases[name] @ leaf["value"].values.ravel() for name, leaf in leaves.items() if name not in free), np.zeros(len(X)))
     e = fit.estimates
     D = np.zeros((X.shape[1], len(sources)))
     D[:, [sources.index(str(name)) for name in e["error"].values]] = e["systematic"].values
-    return _Observation(e["estimate"].values - np.linalg.solve(R, Q.T @ fixed), np.hstack(H), D, e["covariance"].values)
+    return _Observation(e["estimate"].values - np.linalg.solve(R, Q.T @ fixed), np.hstack(H), D, e["covariance"].values, bases)
 
 
-def _posterior(observed: Sequence[_Observation], g0: np.ndarray, P: np.ndarray):
+def _posterior(observed: Sequence[_Observation], g0: np.ndarray, P: np.ndarray) -> _Posterior:
     """Nodes given the fits; fits far from the tables that the others support lose weight."""
     H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
     y = np.concatenate([o.theta for o in observed]) - H @ g0
@@ -247,7 +206,8 @@ def _posterior(observed: Sequence[_Observation], g0: np.ndarray, P: np.ndarray):
         weight = np.minimum(1.0, (_HUBER * inflation / np.maximum(distance, 1e-12)) ** 2)
     gain = PH @ inverse
     variance = np.diag(P) - np.einsum("ij,ij->i", gain, PH) + ((gain @ D) ** 2).sum(axis=1)
-    return g0 + gain @ y, np.sqrt(np.maximum(variance, 0.0)), weight, inflation, distance
+    chi2 = float(y @ _inverse(expected + D @ D.T + _block_diagonal([o.C for o in observed])) @ y)
+    return _Posterior(g0 + gain @ y, np.sqrt(np.maximum(variance, 0.0)), weight, distance, inflation, chi2)
 
 
 def _inverse(S: np.ndarray) -> np.ndarray:
@@ -309,34 +269,31 @@ def _term_row(name: str, before: xr.Dataset, after: xr.Dataset) -> pd.DataFrame:
     return pd.DataFrame(row, index=pd.Index([name], name="term"))
 
 
-def _point_rows(coefficient, fits, before, after, weight, distance) -> pd.DataFrame:
+def _point_rows(coefficient: str, fits, observed, before, after, found: _Posterior) -> pd.DataFrame:
     rows = []
-    for fit, w, d in zip(fits, weight, distance):
+    for k, (fit, o) in enumerate(zip(fits, observed)):
         z = fit.data[coefficient].values
-        misfit = [z - sum((_evaluate(leaf, fit.data) for leaf in leaves.values()), np.zeros(len(z))) for leaves in (before, after)]
+        prior, new = (z - sum(B @ leaves[name]["value"].values.ravel() for name, B in o.bases.items()) for leaves in (before, after))
         rows.append(
             {
                 "coefficient": coefficient,
                 "fit": str(fit.estimates.attrs.get("name", "")),
-                "rms_prior": np.sqrt((misfit[0] ** 2).mean()),
-                "rms": np.sqrt((misfit[1] ** 2).mean()),
+                "rms_prior": np.sqrt((prior**2).mean()),
+                "rms": np.sqrt((new**2).mean()),
                 "range": np.ptp(z),
-                "distance": d,
-                "weight": w,
-                "suspect": w < SUSPECT,
+                "distance": found.distance[k],
+                "weight": found.weight[k],
+                "suspect": bool(found.weight[k] < SUSPECT),
                 "clamped": max(_clamped(leaf, fit.data) for leaf in before.values()),
             }
         )
     return pd.DataFrame(rows).set_index(["coefficient", "fit"])
 
 
-def _compatibility_row(coefficient: str, observed: Sequence[_Observation], g0: np.ndarray, P: np.ndarray, inflation: float) -> pd.DataFrame:
+def _compatibility_row(coefficient: str, count: int, found: _Posterior) -> pd.DataFrame:
     from scipy.stats import chi2 as chi2_distribution
 
-    H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
-    y = np.concatenate([o.theta for o in observed]) - H @ g0
-    statistic = float(y @ _inverse(H @ P @ H.T + D @ D.T + _block_diagonal([o.C for o in observed])) @ y)
-    row = {"chi2": statistic, "count": len(y), "probability": float(chi2_distribution.sf(statistic, len(y))), "inflation": inflation}
+    row = {"chi2": found.chi2, "count": count, "probability": float(chi2_distribution.sf(found.chi2, count)), "inflation": found.inflation}
     return pd.DataFrame(row, index=pd.Index([coefficient], name="coefficient"))
 
 
@@ -379,10 +336,6 @@ def _basis(leaf: xr.Dataset, data: xr.Dataset):
     B = _terms.basis(leaf, _conditions(leaf, data), outside="clamp")
     # a single number without axes or regressors has no samples of its own
     return B if B.shape[0] == data.sizes["sample"] else type(B)(np.repeat(B.toarray(), data.sizes["sample"], axis=0))
-
-
-def _evaluate(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
-    return _basis(leaf, data) @ leaf["value"].values.ravel()
 
 
 def _clamped(leaf: xr.Dataset, data: xr.Dataset) -> float:

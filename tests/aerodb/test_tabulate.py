@@ -6,8 +6,9 @@ import pytest
 import xarray as xr
 from scipy.signal import lfilter
 
+from aerodb.correlation import LEVEL, prior_covariance
 from aerodb.schema import database
-from aerodb.tabulate import LEVEL, prior_covariance, tabulate
+from aerodb.tabulate import tabulate
 from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.model import Model
