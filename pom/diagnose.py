@@ -31,6 +31,7 @@ from .verdict import judge
 
 LEAST_SHARE = 0.02  # of the gap: an addition that closes less is not worth a correction
 CANDIDATES = 10  # of the single swaps, the best, are tried again in every round of the sequence
+CEILING = 10.0  # miss of a criterion that fails without a number, such as a mode that is not there; no miss counts more
 _FINAL = "_of_final"
 
 
@@ -52,7 +53,7 @@ def diagnose(case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: Ai
         Columns ``stage term closes verdict`` and, for every judged criterion, its ``miss`` (rms of difference over
         half width for a time history, the ratio itself for a scalar) and ``ratio`` (largest).  ``closes`` is the share
         of the gap between the total misses of `prior` and `final` (root mean square over the groups, of each group the
-        best alternative); NaN when `final` is no better.  Stages: ``prior`` and ``final``; ``single``, one row per
+        best alternative, at most `CEILING`); NaN when `final` is no better.  Stages: ``prior`` and ``final``; ``single``, one row per
         term, best first; ``sequence``, terms added one after the other, each row with all before it.
     """
     bench = _Bench.of(case, prior, final, aircraft, path)
@@ -136,7 +137,8 @@ class _Bench:
             ratio[criterion.name] = miss[criterion.name] = found.worst_ratio
             if criterion.measure == "trace":
                 miss[criterion.name] = self._rms(criterion, outputs)
-            groups[criterion.group] = float(np.fmin(groups.get(criterion.group, np.nan), miss[criterion.name]))
+            counted = float(np.fmin(miss[criterion.name], CEILING))
+            groups[criterion.group] = min(groups.get(criterion.group, CEILING), counted)
         total = float(np.sqrt(np.mean(np.square(list(groups.values()))))) if groups else np.nan
         return _Score(stage, term, status_of(group_verdicts(self.case, verdicts)), miss, ratio, total)
 

@@ -20,6 +20,7 @@ from .tolerance import Invalid, Outcome, demand_finite, half_width, inside_windo
 MINIMUM_CYCLES = {"2.c.9": 3.0, "2.c(9)": 3.0, "2.d.7": 6.0, "2.d(7)": 6.0}
 """Full cycles the table asks for; time to half or double in the record will do instead."""
 
+LEAST_AMPLITUDE = 0.1  # of the flight's, for a mode to count as excited
 _COARSE = 250  # samples kept for the search of a start point
 _RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / wd of the search
 
@@ -121,27 +122,38 @@ def _search(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 def modal(criterion: Criterion, time: np.ndarray, flight: Signals, model: Signals, test_id: str = "") -> Outcome:
     """Judge period, time to half or damping ratio of the free response.
 
-    A time to half on one side and to double on the other is a failure whatever the width: at a damping ratio of 0.01
-    the tolerance of 0.02 would pass an unstable model.
+    A model that does not oscillate where the flight does, or with less than a tenth of its amplitude, fails: it was not
+    excited, and the mode of its rounding errors proves nothing.  A time to half on one side and to double on the other
+    is a failure whatever the width: at a damping ratio of 0.01 the tolerance of 0.02 would pass an unstable model.
     """
     mask = inside_window(time, criterion.window)
-    modes = []
+    t = time[mask]
     for who, signals in (("flight", flight), ("the model", model)):
-        y = signals[criterion.channel][mask]
-        demand_finite(who, time[mask], y)
-        modes.append(_fit(who, time[mask], y))
-    f, s = modes
+        demand_finite(who, t, signals[criterion.channel][mask])
+    f = _fit("flight", t, flight[criterion.channel][mask])
     asked = MINIMUM_CYCLES.get(test_id, 0.0)
     if f.cycles < asked and abs(f.t_half) > f.duration:
         raise Invalid(
             f"{f.cycles:.1f} cycles and less than the time to half ({f.t_half:.0f} s) in {f.duration:.0f} s; "
             f"the table asks for {asked:g} cycles or the time to half"
         )
+    try:
+        s = _excited(_fit("the model", t, model[criterion.channel][mask]), f)
+    except Invalid as error:
+        return Outcome("fail", at=float(t[0]), note=f"flight {_words(criterion.measure, f)}; {error}")
     note = f"flight {_words(criterion.measure, f)}, model {_words(criterion.measure, s)}; {f.cycles:.1f} cycles"
-    outcome = scalar(criterion, getattr(f, criterion.measure), getattr(s, criterion.measure), float(time[mask][0]), note)
+    outcome = scalar(criterion, getattr(f, criterion.measure), getattr(s, criterion.measure), float(t[0]), note)
     if criterion.measure != "period" and f.sigma * s.sigma < 0.0:
         return replace(outcome, verdict="fail", note=f"{note}; stability differs")
     return outcome
+
+
+def _excited(model: Mode, flight: Mode) -> Mode:
+    """Return the mode of a model that moves enough to be compared."""
+    share = model.amplitude / flight.amplitude
+    if share < LEAST_AMPLITUDE:
+        raise Invalid(f"the model hardly oscillates: {share:.2g} of the amplitude of the flight")
+    return model
 
 
 def _words(measure: str, mode: Mode) -> str:
@@ -167,19 +179,22 @@ def _fit(who: str, time: np.ndarray, y: np.ndarray) -> Mode:
 def peak_lag(criterion: Criterion, time: np.ndarray, flight: Signals, model: Signals) -> Outcome:
     """Judge the time from a bank peak to the nearest sideslip peak, from the phases of the fitted mode."""
     mask = inside_window(time, criterion.window)
-    lags, period = [], 0.0
+    t = time[mask]
     for who, signals in (("flight", flight), ("the model", model)):
         for channel in ("phi", "beta"):
-            demand_finite(f"{who} ({channel})", time[mask], signals[channel][mask])
-        mode = _fit(who, time[mask], signals["beta"][mask])
-        lags.append(_lag(mode, time[mask], signals["phi"][mask]))
-        period = period or mode.period
+            demand_finite(f"{who} ({channel})", t, signals[channel][mask])
+    mode = _fit("flight", t, flight["beta"][mask])
+    lags, period = [_lag(mode, t, flight["phi"][mask])], mode.period
+    try:
+        lags.append(_lag(_excited(_fit("the model", t, model["beta"][mask]), mode), t, model["phi"][mask]))
+    except Invalid as error:
+        return Outcome("fail", at=float(t[0]), note=f"flight {lags[0]:.2f} s; {error}")
     turn = period * round((lags[1] - lags[0]) / period)  # the same peak of the next cycle is no difference
     note = f"flight {lags[0]:.2f} s, model {lags[1] - turn:.2f} s"
     width = float(half_width(criterion, lags[0])[0])
     if width <= 0.0:
         raise Invalid(f"{note}; the tolerance is zero wide")
-    return scalar(criterion, lags[0], lags[1] - turn, float(time[mask][0]), note)
+    return scalar(criterion, lags[0], lags[1] - turn, float(t[0]), note)
 
 
 def _lag(sideslip: Mode, time: np.ndarray, bank: np.ndarray) -> float:

@@ -153,7 +153,7 @@ def _remark(outputs: Mapping[str, np.ndarray]) -> str:
             said.append(f"{name} {np.degrees(bias):+.2f} deg is beyond {np.degrees(limit):g} deg")
     steps = float(np.nanmax(outputs["out_of_range"])) if "out_of_range" in outputs and np.isfinite(outputs["out_of_range"]).any() else 0.0
     if steps:
-        said.append(f"{steps:.0f} table look-ups beyond the last breakpoint")
+        said.append(f"tables left in {steps:.0f} internal steps")
     return ", ".join(said)
 
 

@@ -76,3 +76,17 @@ def test_equal_databases_have_no_terms_to_swap(case, truth, trainer):
     table = pom.diagnose(case, db, trainer.database(), trainer.AIRCRAFT, truth)
     assert list(table["stage"]) == ["prior", "final"]
     assert pom.corrected_terms([table]) == []
+
+
+def test_a_missing_rudder_is_found_behind_a_dutch_roll_that_is_not_there(write_case, trainer):
+    doublet = [(0.0, 0.0), (2.0, 0.0), (2.06, 0.1), (3.0, 0.1), (3.06, -0.1), (4.0, -0.1), (4.06, 0.0)]
+    final = trainer.database()
+    truth = trainer.flight(final, delta_r=doublet)
+    path = write_case("2.d.7", more="[events]\ninput_end = 4.2")
+    path.write_text(path.read_text().replace("window = [1.0, 9.0]", "window = [1.0, 19.9]"))
+    prior = trainer.scaled(aerodb.delete_terms(final, ["Cn/rudder", "CY/rudder"]), Cl_rhat=0.9)
+    table = pom.diagnose(read_case(path), prior, final, trainer.AIRCRAFT, truth)
+    assert table.loc[0, "verdict"] == "fail"
+    assert np.isnan(table.loc[0, "period ratio"])
+    assert table.loc[1, "verdict"] == "pass"
+    assert pom.corrected_terms([table]) == ["Cn/rudder"]

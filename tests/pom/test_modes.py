@@ -75,6 +75,21 @@ def test_too_few_cycles_are_invalid_unless_the_time_to_half_is_seen():
     assert modal(criterion("period", window=window), TIME[short], fast, fast, "2.c.9").verdict == "pass"
 
 
+def test_a_model_that_does_not_oscillate_fails_and_a_flight_that_does_not_is_invalid():
+    still = {"V_cas": 90.0 + np.random.default_rng(1).normal(size=TIME.size)}
+    flight = {"V_cas": sine(38.0, 0.05)}
+    got = modal(criterion("period"), TIME, flight, still)
+    assert (got.verdict, got.note.startswith("flight 38.00 s; the model: no oscillation")) == ("fail", True)
+    with pytest.raises(Invalid, match="flight: no oscillation"):
+        modal(criterion("period"), TIME, still, flight)
+
+
+def test_the_right_mode_without_excitation_is_no_match():
+    flight, model = {"V_cas": sine(38.0, 0.05)}, {"V_cas": sine(38.0, 0.05, amplitude=0.4)}
+    got = modal(criterion("period"), TIME, flight, model)
+    assert (got.verdict, got.note) == ("fail", "flight 38.00 s; the model hardly oscillates: 0.08 of the amplitude of the flight")
+
+
 def test_noise_alone_is_no_mode():
     noise = np.random.default_rng(1).normal(size=TIME.size)
     with pytest.raises(Invalid, match="no oscillation"):

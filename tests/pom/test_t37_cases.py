@@ -1,0 +1,65 @@
+"""The shipped cases of the T-37: rows, records and windows fit together."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import flightmech
+from pom.case import read_case
+from pom.replay import replay
+from pom.verdict import unjudged
+
+FOLDER = Path(__file__).parents[2] / "data" / "t37" / "cases"
+ROWS = {
+    "21_short_period": "2.c.10",
+    "22_roll_response": "2.d.2",
+    "23_power_chop": "2.c.1",
+    "24_power_slam": "2.c.1",
+    "26_phugoid": "2.c.9",
+    "27_dutch_roll": "2.d.7",
+    "28_spiral": "2.d.4",
+    "29_flap_change": "2.c.2",
+    "30_gear_change": "2.c.4",
+    "32_rudder_response": "2.d.6",
+}
+
+
+def test_every_validation_run_without_ground_contact_has_its_case():
+    assert {file.stem for file in FOLDER.glob("*.toml")} == set(ROWS)
+    assert len({read_case(file).name for file in FOLDER.glob("*.toml")}) == len(ROWS)
+
+
+@pytest.mark.parametrize("stem", ROWS)
+def test_case_is_sound_and_inside_its_record(stem):
+    case = read_case(FOLDER / f"{stem}.toml")
+    assert case.id == ROWS[stem]
+    assert Path(case.record).stem[4:6] == stem[:2]
+    judged = [c for c in case.criteria if c.applies]
+    assert judged
+    assert not any(unjudged(case, c) for c in judged)
+    with xr.open_dataset(case.record, group="imu", engine="h5netcdf") as imu:
+        assert imu["time"].values[0] <= case.window[0]
+        assert imu["time"].values[-1] >= case.window[1]
+
+
+def test_a_recording_is_reconstructed_and_replayed(trainer, tmp_path):
+    case = read_case(FOLDER / "32_rudder_response.toml")
+    aircraft = flightmech.read_aircraft(case.aircraft)
+    x, y, z = aircraft.reference
+    db = trainer.database()
+    db.attrs |= {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b, "x_ref": x, "y_ref": y, "z_ref": z}
+    sim = flightmech.compile(aircraft, db)
+    flightmech.write_fmu(sim, tmp_path / "trainer.fmu")
+    result = replay(case, {"trainer": tmp_path / "trainer.fmu"})
+    assert result.failure == ""
+    assert np.isfinite(result.signals["r"].values).all()
+    assert result.conditions["delta_f"] == pytest.approx(np.radians(40.0), abs=0.01)
+    assert np.degrees(result.signals["r"].sel(run="flight").values).min() == pytest.approx(-3.9, abs=0.1)  # answer to the rudder
+    # the wind of the reconstruction is an input, and the start of the model is that of the flight
+    assert float(np.hypot(result.inputs["wind_n"], result.inputs["wind_e"]).mean()) > 1.0
+    assert result.trim.loc["V", "trainer"] == pytest.approx(result.trim.loc["V", "flight"], rel=1e-9)
+    assert result.trim.loc["h", "trainer"] == pytest.approx(result.trim.loc["h", "flight"], rel=1e-9)
+    air = result.trim.loc["V_cas"]  # temperature and pressure of the day are met
+    assert air["trainer"] == pytest.approx(air["flight"], rel=1e-5)
