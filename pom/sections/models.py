@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+import aerodb
 from flightmech import terms
 from flightmech.names import COEFFICIENTS
 
@@ -39,7 +40,7 @@ def page(databases: Mapping[str, xr.DataTree], support: Mapping[str, pd.DataFram
     styles : mapping of str to str
         Database name to the class of its line.
     """
-    leaves = {name: _leaves(db) for name, db in databases.items()}
+    leaves = {name: aerodb.terms(db) for name, db in databases.items()}
     names = sorted({term for found in leaves.values() for term in found}, key=_place)
     drawn, same = [], []
     for term in names:
@@ -51,11 +52,6 @@ def page(databases: Mapping[str, xr.DataTree], support: Mapping[str, pd.DataFram
             same.append({"term": term, "leaf": _facts(next(iter(holders.values())))})
     roots = [_root(name, db, len(leaves[name])) for name, db in databases.items()]
     return {"terms": drawn, "same": same, "databases": roots, "styles": styles}
-
-
-def _leaves(db: xr.DataTree) -> dict[str, xr.Dataset]:
-    kept = [c for c in db.children if c in (*COEFFICIENTS, "CX", "CZ")]
-    return {f"{c}/{name}": leaf.to_dataset() for c in kept for name, leaf in db[c].children.items()}
 
 
 def _place(term: str) -> tuple[int, bool, str]:
@@ -154,21 +150,30 @@ def _slices(tables, others: Sequence[str]) -> list[dict[str, float]]:
 
 
 def _curves(tables, holders, quantity, x_axis, at) -> list[dict[str, Any]]:
+    shown = label(x_axis)
+    points = np.concatenate([t[x_axis].values for t in tables.values() if x_axis in t.dims])
     found = []
     for name, table in tables.items():
         leaf = holders[name]
-        here = {axis: value for axis, value in at.items() if axis in table.dims}
-        if x_axis not in table.dims:
-            table = table.expand_dims({x_axis: _x_range(tables, x_axis)})
-        cut = table.interp(here) if here else table
-        stderr = leaf["stderr"].interp(here) if quantity == "value" and "stderr" in leaf and x_axis in leaf["stderr"].dims else None
-        flown = None
-        if quantity == "value" and "source" in leaf and x_axis in leaf["source"].dims:
-            flown = leaf["source"].sel(here, method="nearest").values == _FLIGHT
-        shown = label(x_axis)
-        errors = None if stderr is None else stderr.values
-        found.append({"name": name, "x": shown.shown(cut[x_axis].values), "y": cut.values, "stderr": errors, "flown": flown})
+        y = _cut(table, at)
+        x = y[x_axis].values if x_axis in y.dims else np.array([points.min(), points.max()])
+        nodal = quantity == "value" and x_axis in table.dims
+        stderr = _cut(leaf["stderr"], at).values if nodal and "stderr" in leaf else None
+        flown = _cut(leaf["source"], at, nearest=True).values == _FLIGHT if nodal and "source" in leaf else None
+        found.append({"name": name, "x": shown.shown(x), "y": np.broadcast_to(y.values, x.shape), "stderr": stderr, "flown": flown})
     return found
+
+
+def _cut(table: xr.DataArray, at: Mapping[str, float], nearest: bool = False) -> xr.DataArray:
+    """Return a table at given places of its other axes, held constant outside as the simulation does."""
+    for axis, value in at.items():
+        if axis not in table.dims:
+            continue
+        nodes = table[axis].values
+        value = float(np.clip(value, nodes[0], nodes[-1]))
+        on_node = nearest or len(nodes) == 1 or value in nodes
+        table = table.sel({axis: value}, method="nearest") if on_node else table.interp({axis: value})
+    return table
 
 
 def _range(curves, zero: bool = False) -> tuple[float, float]:

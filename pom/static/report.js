@@ -398,9 +398,12 @@
     const whole = view.span === view.whole, span = whole ? "" : `&t=${view.span.map((t) => t.toFixed(2)).join(",")}`;
     history.replaceState(null, "", `#${view.page.id}${span}`);
   }
+  const ready = () => document.documentElement.classList.contains("ready");
   function route() {
-    const { id, span } = address(), page = pages.find((candidate) => candidate.id === id) || pages[0];
-    if (view?.page === page && view.data) { zoom(span); return; }
+    const { id, span } = address(), open = pages.find((candidate) => !candidate.hidden);
+    const page = pages.find((candidate) => candidate.id === id) || (ready() ? open : pages[0]);   // "#main" of the skip link opens no page
+    if (view?.page === page && view.data) { if (page.id === id) zoom(span); return; }
+    if (ready() && page.id !== id) return;
     pages.forEach((other) => { other.hidden = other !== page; });
     document.documentElement.classList.add("ready");
     document.documentElement.classList.toggle("print-all", page.id === "overview");

@@ -12,7 +12,7 @@ import pytest
 import pom
 from flightmech.errors import SchemaError, UnknownName
 from pom.result import PomResult
-from pom.sections import case, figure, panels, quantities, traces
+from pom.sections import case, figure, models, panels, quantities, traces
 
 sys.path.insert(0, str(Path(__file__).parent))
 import report_fixture as fixture
@@ -264,6 +264,29 @@ def test_supporting_samples_are_drawn_in_their_slice(tmp_path):
     section = html[html.index('data-term="CL/basic"') : html.index('data-term="CL/gear"')]
     assert section.count('class="rug"') == 1 + 3  # the key and three samples
     assert write(tmp_path).read_text(encoding="utf-8").count('class="rug"') == 0
+
+
+def test_tables_of_unlike_axes_share_a_figure():
+    from flightmech import terms
+
+    alpha, mach = np.radians([0.0, 10.0]), [0.2, 0.6]
+    holders = {
+        "wide": terms.make([[1.0, 2.0], [3.0, 4.0]], {"alpha": alpha, "mach": mach}),
+        "narrow": terms.make([[5.0], [7.0]], {"alpha": alpha, "mach": [0.3]}),
+        "flat": terms.make([8.0, 10.0], {"mach": [0.2, 0.4]}, stderr=0.1),
+        "scalar": terms.make(6.0),
+    }
+    tables = {name: leaf["value"] for name, leaf in holders.items()}
+    curves = {c["name"]: c for c in models._curves(tables, holders, "value", "alpha", {"mach": 0.6})}
+    np.testing.assert_allclose(curves["wide"]["y"], [2.0, 4.0])
+    np.testing.assert_allclose(curves["narrow"]["y"], [5.0, 7.0])  # one node only: held
+    np.testing.assert_allclose(curves["flat"]["y"], [10.0, 10.0])  # beyond its last node: held
+    np.testing.assert_allclose(curves["scalar"]["y"], [6.0, 6.0])
+    for curve in curves.values():
+        np.testing.assert_allclose(curve["x"], [0.0, 10.0])
+    middle = {c["name"]: c for c in models._curves(tables, holders, "value", "alpha", {"mach": 0.3})}
+    np.testing.assert_allclose(middle["wide"]["y"], [1.25, 3.25])
+    assert models._figure("CL/basic", "value", holders, None, case.line_styles(holders)).startswith("<svg")
 
 
 def test_coverage_counts_entries_of_the_table(report):

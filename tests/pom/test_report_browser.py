@@ -143,6 +143,15 @@ def test_keys(page, address):
     assert page.locator("#keys").is_hidden()
 
 
+def test_the_skip_link_stays_on_its_page(page, address):
+    open_case(page, address)
+    page.locator("a.skip").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_timeout(150)
+    assert page.evaluate("document.activeElement.id") == "main"
+    assert page.locator(f"{CASE} .panel canvas").first.is_visible()
+
+
 def test_number_keys_hide_and_show_a_trace(page, address):
     open_case(page, address)
     first = page.locator(f"{CASE} .panel canvas").first
