@@ -304,7 +304,7 @@ def _data(result: PomResult, shown: Sequence[Panel], styles: Mapping[str, str]) 
             {
                 "kind": panel.kind,
                 "channel": panel.channel,
-                "base": panel.label.base,
+                "base": "" if panel.label.is_word else panel.label.base,
                 "sub": panel.label.sub,
                 "words": panel.label.words,
                 "unit": panel.label.unit,

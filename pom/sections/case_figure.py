@@ -102,11 +102,9 @@ def _panel(name, time, panel: Panel, styles, top: float, scale: float, last: boo
 
 def _head(panel: Panel, y: float) -> str:
     shown = panel.label
-    pieces = [(shown.base, "symbol")]
-    if shown.sub:
-        pieces.append((shown.sub, "sub"))
+    pieces = [] if shown.is_word else [(shown.base, "symbol"), *([(shown.sub, "sub")] if shown.sub else []), ("\N{EN SPACE}", "")]
     unit = f", {shown.unit}" if shown.unit else ""
-    pieces.append((f"\N{EN SPACE}{shown.words or shown.name}{unit}", "title"))
+    pieces.append((f"{shown.words or shown.name}{unit}", "title"))
     body = spaced(LEFT, y, pieces)
     rows = [row for row in panel.rows if row["measure"] == "trace"]
     words = [f"{row['run']} {SYMBOLS[row['verdict']]} {fixed(row['worst_ratio'], 2)}" for row in rows]

@@ -251,13 +251,11 @@
     }
     const styles = Object.fromEntries(runs.map((run) => [run.name, run.style]));
     const reference = flight || panel.traces.applied;
-    if (reference) { data.push(reference); series.push({ ...lineOf("run-0", WIDTH[panel.kind]), show: !view.hidden.has("flight") }); }
+    if (reference) { data.push(reference); series.push({ ...lineOf("run-0", WIDTH[panel.kind]), show: !flight || !view.hidden.has("flight") }); }
     for (const { name } of runs) if (name !== "flight" && panel.traces[name]) { data.push(panel.traces[name]); series.push({ ...lineOf(styles[name]), show: !view.hidden.has(name), run: name }); }
     const setting = options(width, HEIGHT[panel.kind], withTime && !half, series, bands, () => limits(panel, view.hidden, time, view.span));
     setting.hooks = { ...hooks, drawAxes: [...hooks.drawAxes, (plot) => drawExceedance(plot, panel, time)], draw: [(plot) => drawMarks(plot, panel, time)] };
-    const main = new uPlot(setting, data, host);
-    main.panel = panel;
-    view.plots.push(main);
+    view.plots.push(new uPlot(setting, data, host));
     if (half && flight) view.plots.push(drawResidual(panel, host, width, withTime, styles));
   }
   function drawResidual(panel, host, width, withTime, styles) {
@@ -322,9 +320,9 @@
     setSpanFields();
   }
   function title(panel) {
-    const symbol = element("span", { class: "symbol" }, element("i", {}, panel.base));
-    if (panel.sub) symbol.append(element("sub", {}, panel.sub));
-    const unit = panel.unit ? `, ${panel.unit}` : "", node = element("span", { class: "panel-title" }, symbol, `${panel.words || panel.channel}${unit}`);
+    const node = element("span", { class: "panel-title" });
+    if (panel.base) node.append(element("span", { class: "symbol" }, element("i", {}, panel.base), ...(panel.sub ? [element("sub", {}, panel.sub)] : [])));
+    node.append(`${panel.words || panel.channel}${panel.unit ? `, ${panel.unit}` : ""}`);
     if (panel.sign) node.append(element("span", { class: "quiet" }, `  + ${panel.sign}`));
     return node;
   }
