@@ -270,12 +270,16 @@ def _swap(row: Mapping[Hashable, Any], criteria: Sequence[str]) -> dict[str, Any
 
 
 def _notes(result: PomResult) -> list[str]:
-    """Return what the reader must know beside the verdicts: remarks of rows, rows that do not apply."""
+    """Return what the reader must know beside the verdicts: what the case sets, remarks of rows."""
     places: dict[str, list[tuple[str, str]]] = {}
     for row in result.verdict.to_dict("records"):
         for piece in row["note"].split("; ") if row["note"] not in ("", "nan") else []:
             places.setdefault(piece, []).append((words(row["criterion"]), row["run"]))
-    notes = [f"{_where(found, result)}: {piece}" for piece, found in places.items()]
+    notes = [f"The window is shorter than the table asks: {result.case.shortened}."] if result.case.shortened else []
+    if result.case.conditions:
+        given = ", ".join(f"{label(name).words or name} {measured(value, name)}" for name, value in result.case.conditions.items())
+        notes.append(f"From the case file, not from the record: {given}.")
+    notes += [f"{_where(found, result)}: {piece}" for piece, found in places.items()]
     if (result.verdict["provenance"] == "memory").any():
         notes.append("Rows marked “memory” were not read in the regulation; check them there before a certification use.")
     return list(dict.fromkeys(notes))

@@ -295,6 +295,16 @@ def test_coverage_counts_entries_of_the_table(report):
     assert re.search(r'<span class="id">2\.c\.9</span> Phugoid', html)
 
 
+def test_what_the_case_sets_against_record_and_table_is_told(tmp_path):
+    from dataclasses import replace
+
+    before = fixture.roll_result()
+    result = replace(before, case=replace(before.case, shortened="the record ends", conditions={"delta_f": np.radians(40.0)}))
+    html = write(tmp_path, results=[result], diagnoses={}).read_text(encoding="utf-8")
+    assert "The window is shorter than the table asks: the record ends." in html
+    assert "From the case file, not from the record: flap deflection 40\N{NO-BREAK SPACE}deg." in html
+
+
 def test_a_crashed_model_is_told(report):
     html, _ = report
     assert "Not all models ran.</strong> corrected: the FMU stopped at 6.42 s" in html
