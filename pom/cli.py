@@ -63,7 +63,7 @@ def run(
         if not as_json:
             for line in _lines(results[-1]):
                 click.echo(line)
-    if all(r.status(name) == "invalid" and f"{name}: " in r.failure for r in results for name in runs):
+    if all(r.failure and r.status(name) == "invalid" for r in results for name in runs):
         raise SimulationError("no model could be replayed: " + results[0].failure)
     if output is not None:
         from .report import write_report

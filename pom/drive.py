@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from flightmech.air import P_SEA, atmosphere
 from flightmech.errors import OutOfRange, UnknownName
 
-from .air import offsets
 from .case import INITIAL, INPUTS, MASS, WIND, PomCase
 
 THROTTLE_DRIVEN, THRUST_DRIVEN = 0.0, 2.0  # mode.engine
@@ -53,7 +53,7 @@ def job_of(case: PomCase, states: xr.Dataset) -> Job:
     OutOfRange
         A NaN in an input or in the initial state.
     UnknownName
-        The record has no such control or thrust.
+        The record has no such control, thrust or state.
     """
     time = states["time"].values.astype(float)
     inputs = _inputs(case, states)
@@ -66,6 +66,9 @@ def job_of(case: PomCase, states: xr.Dataset) -> Job:
                 bad,
             )
     parameters = {**_initial(case, states), **_mass_and_air(case, states), **_modes(case, states)}
+    missing = [name.removeprefix("init.") for name in NEEDED if name not in parameters]
+    if missing:
+        raise UnknownName(missing[0], map(str, states.data_vars), "state", f"case {case.name} starts from the state of the flight")
     for name, value in parameters.items():
         if not np.isfinite(value):
             raise OutOfRange(f"case {case.name}: {name} has no value at the start of the window, t = {time[0]:g} s; move the window")
@@ -136,9 +139,9 @@ def _air(states: xr.Dataset) -> dict[str, float]:
     """Return the offsets of the standard atmosphere that give the recorded temperature and pressure at the height."""
     if not {"h", "p_static", "temperature"} <= set(states):
         return {}
-    first = states.isel(time=0)
-    delta_T, qnh = offsets(float(first["h"]), float(first["p_static"]), float(first["temperature"]))
-    return {"env.delta_T": delta_T, "env.qnh": qnh}
+    h, p, T = (float(states[name].isel(time=0)) for name in ("h", "p_static", "temperature"))
+    delta_T = T - float(atmosphere(h).temperature)
+    return {"env.delta_T": delta_T, "env.qnh": P_SEA * p / float(atmosphere(h, delta_T).p_static)}  # pressure scales with that at sea level
 
 
 def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:

@@ -14,14 +14,13 @@ from flightmech.units import parse
 
 @dataclass(frozen=True)
 class Fmu:
-    """Interface of an FMU: names and units (empty: not declared) of inputs, outputs and parameters.
+    """Interface of an FMU: names and units (empty: not declared) of inputs, outputs (scalar numbers) and parameters.
 
     Attributes
     ----------
     path : Path
     version : str
         FMI version.
-    title : str
     sha256 : str
         Of the file.
     inputs, outputs, parameters : dict of str to str
@@ -30,7 +29,6 @@ class Fmu:
 
     path: Path
     version: str
-    title: str
     sha256: str
     inputs: Mapping[str, str]
     outputs: Mapping[str, str]
@@ -60,11 +58,11 @@ def read_fmu(path: str | Path) -> Fmu:
         raise ParseError(str(path), 0, f"FMI {description.fmiVersion} with {kinds}", "co-simulation of FMI 2.0 or 3.0")
     found: dict[str, dict[str, str]] = {"input": {}, "output": {}, "parameter": {}}
     for variable in description.modelVariables:
-        if variable.causality in found:
+        number = variable.type in ("Real", "Float64") and not getattr(variable, "dimensions", None)
+        if variable.causality == "parameter" or (variable.causality in found and number):
             found[variable.causality][variable.name] = variable.unit or ""
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    title = description.modelName or path.stem
-    return Fmu(path, description.fmiVersion, title, digest, found["input"], found["output"], found["parameter"])
+    return Fmu(path, description.fmiVersion, digest, found["input"], found["output"], found["parameter"])
 
 
 def check(fmu: Fmu, inputs: Iterable[str], outputs: Iterable[str], parameters: Iterable[str]) -> None:

@@ -27,12 +27,10 @@ from .verdict import bands, channels, judge, row, unjudged
 STATE = ("V", "V_cas", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "delta_e", "delta_a", "delta_r")
 FOUND = ("trim.delta_e", "trim.delta_a", "trim.delta_r", "trim.thrust", "trim.throttle")
 LEFT = ("trim.u_dot", "trim.v_dot", "trim.w_dot", "trim.p_dot", "trim.q_dot", "trim.r_dot")
-TRIM_LIMITS = {
-    "trim.delta_e": (np.radians(1.0), "deg"),
-    "trim.delta_a": (np.radians(1.0), "deg"),
-    "trim.delta_r": (np.radians(1.0), "deg"),
-}
-"""Biases beyond these are remarked: 1 deg is what a longitudinal trim allows the elevator (2.c.5, 14 CFR 60 App. A)."""
+OBSERVED = (*STATE, *(f"applied.{name}" for name in STATE if name.startswith("delta_")), *FOUND, *LEFT, "out_of_range")
+SURFACES = ("trim.delta_e", "trim.delta_a", "trim.delta_r")
+LARGEST_BIAS = np.radians(1.0)
+"""A larger bias of a surface is remarked: what a longitudinal trim allows the elevator (2.c.5, 14 CFR 60 App. A)."""
 
 
 def replay(case: PomCase, runs: Mapping[str, str | Path], path: Any = None, timeout: float = 60.0) -> PomResult:
@@ -64,12 +62,13 @@ def replay(case: PomCase, runs: Mapping[str, str | Path], path: Any = None, time
     fmus = {name: read_fmu(file) for name, file in runs.items()}
     states = flight_states(case, path)
     job = job_of(case, states)
-    wanted = judged_channels(case)
+    judged, shown = judged_channels(case), shown_channels(case, states)
     for fmu in fmus.values():
-        check(fmu, _taken(job.inputs, fmu.inputs, job.needed_inputs), wanted, _taken(job.parameters, fmu.parameters, job.needed_parameters))
+        inputs = _taken(job.inputs, fmu.inputs, job.needed_inputs)
+        check(fmu, inputs, _taken(shown, fmu.outputs, judged), _taken(job.parameters, fmu.parameters, job.needed_parameters))
     found, failures = {}, {}
     for name, fmu in fmus.items():
-        found[name], failures[name] = _fly(fmu, job, case, timeout)
+        found[name], failures[name] = _fly(fmu, job, {*shown, *OBSERVED}, timeout)
     attrs = {f"model.{name}": f"{fmu.path.name}, FMI {fmu.version}, sha256 {fmu.sha256}" for name, fmu in fmus.items()}
     return assemble(case, states, job, found, failures, attrs)
 
@@ -91,8 +90,8 @@ def _taken(given: Iterable[str], offered: Container[str], needed: Container[str]
     return [name for name in given if name in offered or name in needed]
 
 
-def _fly(fmu: Fmu, job: Job, case: PomCase, timeout: float) -> tuple[dict[str, np.ndarray], str]:
-    outputs = list(fmu.outputs)
+def _fly(fmu: Fmu, job: Job, wanted: Container[str], timeout: float) -> tuple[dict[str, np.ndarray], str]:
+    outputs = [name for name in fmu.outputs if name in wanted]
     reply = child(fmu.path).run(
         job.time,
         {name: values for name, values in job.inputs.items() if name in fmu.inputs},
@@ -147,10 +146,10 @@ def assemble(
 def _remark(outputs: Mapping[str, np.ndarray]) -> str:
     """Return what a reader must know of a run beside its verdicts: trim beyond limits, tables left."""
     said = []
-    for name, (limit, _) in TRIM_LIMITS.items():
+    for name in SURFACES:
         bias = float(outputs[name][0]) if name in outputs else 0.0
-        if abs(bias) > limit:
-            said.append(f"{name} {np.degrees(bias):+.2f} deg is beyond {np.degrees(limit):g} deg")
+        if abs(bias) > LARGEST_BIAS:
+            said.append(f"{name} {np.degrees(bias):+.2f} deg is beyond {np.degrees(LARGEST_BIAS):g} deg")
     steps = float(np.nanmax(outputs["out_of_range"])) if "out_of_range" in outputs and np.isfinite(outputs["out_of_range"]).any() else 0.0
     if steps:
         said.append(f"tables left in {steps:.0f} internal steps")

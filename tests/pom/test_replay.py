@@ -128,6 +128,10 @@ def test_an_input_that_stays_zero_may_be_missing(case, toy, lag_states):
 def test_a_missing_control_of_the_record_is_named(case, toy, lag_states):
     with pytest.raises(UnknownName, match="unknown recorded control 'delta_r'"):
         replay(case, {"toy": toy()}, lag_states.drop_vars("delta_r"))
+    with pytest.raises(UnknownName, match="unknown state 'h'"):
+        replay(case, {"toy": toy()}, lag_states.drop_vars("h"))
+    with pytest.raises(UnknownName, match=r"unknown recorded quantity 'engine1.thrust'"):
+        replay(case, {"toy": toy()}, lag_states.drop_vars("engine1.thrust"))
 
 
 def test_no_fmu(case, lag_states, tmp_path):
