@@ -4,11 +4,10 @@
  * and the force is affine in them, so a 3 x 3 linear system gives them exactly: no iteration, no delay by one step. */
 #include "model.h"
 
-#include <string.h>
-
 static double term_value(const am_sim *sim, uint32_t i) {
     const term_t *t = &sim->model->term[i];
-    return sim->scale[i] * sim->slot[t->K1] * sim->slot[t->K2] * sim->slot[t->T] * sim->var[t->v1] * sim->var[t->v2];
+    const double value = sim->scale[i] * sim->slot[t->T] * (sim->var[t->v1] * sim->var[t->v2]);
+    return t->K1 | t->K2 ? value * (sim->slot[t->K1] * sim->slot[t->K2]) : value;
 }
 
 void evaluate_terms(am_sim *sim, int group) {
@@ -17,74 +16,97 @@ void evaluate_terms(am_sim *sim, int group) {
 
 void sum_coefficients(const am_model *model, const double *term, double c[COEFFICIENTS]) {
     for (int k = 0; k < COEFFICIENTS; k++) {
-        c[k] = 0.0;
-        for (uint32_t i = model->first_of[k]; i < model->first_of[k + 1]; i++) c[k] += term[i];
+        double sum = 0.0;
+        for (uint32_t i = model->first_of[k]; i < model->first_of[k + 1]; i++) sum += term[i];
+        c[k] = sum;
     }
 }
 
-static void set_implicit(am_sim *sim, double x0, double x1, double x2) {
-    sim->var[A_ALPHADOTHAT] = x0, sim->var[A_BETADOTHAT] = x1, sim->var[A_DNZ] = x2;
+/* CL, CD (stability axes) and CY (body axis) to body axes. */
+static void house_to_body(const now_t *now, const double c[3], double f[3]) {
+    f[0] = c[0] * now->sa - c[1] * now->ca, f[1] = c[2], f[2] = -c[0] * now->ca - c[1] * now->sa;
 }
 
 /* Force coefficients of the database to CL, CD (stability axes) and CY (body axis). */
 static void to_house(const am_sim *sim, double c[3]) {
+    const now_t *now = &sim->now;
+    double f[3];
     if (sim->model->force_axes == STABILITY_AXES) return;
-    double A[3][3], S[3][3], force[3];
-    force_directions(&sim->now, sim->model->force_axes, A);
-    force_directions(&sim->now, STABILITY_AXES, S);
-    to_body(A, c, force);
-    from_body(S, force, c);
+    if (sim->model->force_axes == BODY_AXES) f[0] = c[0], f[1] = c[2], f[2] = c[1];
+    else {
+        const double x = -c[1] * now->cb - c[2] * now->sb;
+        f[0] = c[0] * now->sa + x * now->ca, f[1] = -c[1] * now->sb + c[2] * now->cb, f[2] = -c[0] * now->ca + x * now->sa;
+    }
+    c[0] = f[0] * now->sa - f[2] * now->ca, c[1] = -f[0] * now->ca - f[2] * now->sa, c[2] = f[1];
 }
 
-/* Rows: what alpha_dot, beta_dot (rad/s per m/s2) take from the acceleration of the air-relative velocity. */
-static void flow_rates(const now_t *now, double row[2][3]) {
-    memset(row, 0, 6 * sizeof row[0][0]);
+/* What alpha-dot (0) or beta-dot (1) takes from the acceleration of the air-relative velocity. [rad/s per m/s2] */
+static void flow_rate(const now_t *now, uint32_t kind, double row[3]) {
+    row[0] = row[1] = row[2] = 0.0;
     if (now->Vxz < FLOW_FLOOR) return;
-    row[0][0] = -now->sa / now->Vxz, row[0][2] = now->ca / now->Vxz;
-    row[1][0] = -now->ca * now->sb / now->V, row[1][1] = now->cb / now->V, row[1][2] = -now->sa * now->sb / now->V;
+    if (kind == 0) {
+        const double in_plane = 1.0 / now->Vxz;
+        row[0] = -now->sa * in_plane, row[2] = now->ca * in_plane;
+    } else {
+        const double along = 1.0 / now->V;
+        row[0] = -now->ca * now->sb * along, row[1] = now->cb * along, row[2] = -now->sa * now->sb * along;
+    }
 }
 
-/* x = d + M x by Cramer's rule on the rows of I - M. */
-static void solve3(double M[3][3], const double d[3], double x[3]) {
-    double R[3][3], n0[3], n1[3], n2[3];
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) R[i][j] = (i == j) - M[i][j];
-    cross(R[1], R[2], n0), cross(R[2], R[0], n1), cross(R[0], R[1], n2);
-    const double det = dot(R[0], n0);
-    for (int i = 0; i < 3; i++) x[i] = (d[0] * n0[i] + d[1] * n1[i] + d[2] * n2[i]) / det;
+/* An implicit variable is apart + row . force / mass; returns apart. */
+static double implicit_row(const am_sim *sim, uint32_t kind, const double free_fall[3], double row[3]) {
+    const now_t *now = &sim->now;
+    if (A_ALPHADOTHAT + kind == A_DNZ) {
+        row[0] = row[1] = 0.0, row[2] = -1.0 / G0;
+        return -1.0;
+    }
+    const double V = now->V > V_FLOOR ? now->V : V_FLOOR, half = 0.5 * (kind == 0 ? sim->model->cbar : sim->model->b) / V;
+    flow_rate(now, kind, row);
+    for (int i = 0; i < 3; i++) row[i] *= half;
+    return dot(row, free_fall);
+}
+
+/* A x = x in place, without pivoting: A is the unit matrix minus small couplings. */
+static void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], uint32_t n) {
+    for (uint32_t k = 0; k < n; k++)
+        for (uint32_t i = k + 1; i < n; i++) {
+            const double factor = A[i][k] / A[k][k];
+            for (uint32_t j = k; j < n; j++) A[i][j] -= factor * A[k][j];
+            x[i] -= factor * x[k];
+        }
+    for (uint32_t k = n; k-- > 0;) {
+        for (uint32_t j = k + 1; j < n; j++) x[k] -= A[k][j] * x[j];
+        x[k] /= A[k][k];
+    }
 }
 
 /* Adds the implicit terms to the coefficients c; force is the total force without them. */
-static void close_loop(am_sim *sim, const double force[3], const double free_fall[3], double S[3][3], double c[COEFFICIENTS]) {
+static void close_loop(am_sim *sim, const double force[3], const double free_fall[3], double c[COEFFICIENTS]) {
     const am_model *m = sim->model;
-    const now_t *now = &sim->now;
-    const double V = now->V > V_FLOOR ? now->V : V_FLOOR, mass = sim->par[P_MASS], qS = now->qbar * m->S;
-    double slope[IMPLICIT][COEFFICIENTS] = {{0.0}}, row[IMPLICIT][3] = {{0.0}}, M[3][3], d[3], x[3];
-    set_implicit(sim, 1.0, 1.0, 1.0);
+    const uint32_t n = m->unknowns;
+    const double per_mass = 1.0 / sim->par[P_MASS], qS = sim->now.qbar * m->S;
+    double slope[IMPLICIT][COEFFICIENTS] = {{0.0}}, push[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
+    for (uint32_t j = 0; j < n; j++) sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
     for (uint32_t i = 0; i < m->implicits; i++) slope[m->implicit[i][1]][m->term[m->implicit[i][0]].coefficient] += term_value(sim, m->implicit[i][0]);
-    flow_rates(now, row);
-    for (int k = 0; k < 3; k++) {
-        row[0][k] *= 0.5 * m->cbar / V;
-        row[1][k] *= 0.5 * m->b / V;
-    }
-    row[2][2] = -1.0 / G0;
-    const double apart[3] = {dot(row[0], free_fall), dot(row[1], free_fall), -1.0};
-    for (int j = 0; j < IMPLICIT; j++) {
-        double push[3];
+    for (uint32_t j = 0; j < n; j++) {
         to_house(sim, slope[j]);
-        to_body(S, slope[j], push);
-        for (int i = 0; i < IMPLICIT; i++) M[i][j] = dot(row[i], push) * qS / mass;
-        d[j] = apart[j] + dot(row[j], force) / mass;
+        house_to_body(&sim->now, slope[j], push[j]);
     }
-    solve3(M, d, x);
-    set_implicit(sim, x[0], x[1], x[2]);
-    for (uint32_t i = 0; i < m->implicits; i++) sim->term[m->implicit[i][0]] = term_value(sim, m->implicit[i][0]);
-    for (int k = 0; k < COEFFICIENTS; k++) c[k] += slope[0][k] * x[0] + slope[1][k] * x[1] + slope[2][k] * x[2];
+    for (uint32_t i = 0; i < n; i++) {
+        double row[3];
+        x[i] = implicit_row(sim, m->unknown[i], free_fall, row) + dot(row, force) * per_mass;
+        for (uint32_t j = 0; j < n; j++) A[i][j] = (i == j) - dot(row, push[j]) * qS * per_mass;
+    }
+    eliminate(A, x, n);
+    for (uint32_t j = 0; j < n; j++) {
+        sim->var[A_ALPHADOTHAT + m->unknown[j]] = x[j];
+        for (int k = 0; k < COEFFICIENTS; k++) c[k] += slope[j][k] * x[j];
+    }
 }
 
-static void forces_of(const am_sim *sim, double S[3][3], const double c[COEFFICIENTS], const double thrust_force[3], double F[3]) {
+static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double thrust_force[3], double F[3]) {
     const double qS = sim->now.qbar * sim->model->S;
-    to_body(S, c, F);
+    house_to_body(&sim->now, c, F);
     for (int i = 0; i < 3; i++) F[i] = qS * F[i] + thrust_force[i];
 }
 
@@ -93,24 +115,24 @@ static void forces_of(const am_sim *sim, double S[3][3], const double c[COEFFICI
 void aero_forces(am_sim *sim, const double thrust_force[3], const double free_fall[3]) {
     const am_model *m = sim->model;
     now_t *now = &sim->now;
-    double S[3][3], row[2][3], a[3];
-    force_directions(now, STABILITY_AXES, S);
-    set_implicit(sim, 0.0, 0.0, 0.0);
+    double row[3], a[3];
+    for (int j = 0; j < IMPLICIT; j++) sim->var[A_ALPHADOTHAT + j] = 0.0;
     look_up(sim, AERO_GROUP);
     evaluate_terms(sim, AERO_GROUP);
     sum_coefficients(m, sim->term, now->c);
     to_house(sim, now->c);
     for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
-    forces_of(sim, S, now->c, thrust_force, now->F);
-    if (m->implicits) {
-        close_loop(sim, now->F, free_fall, S, now->c);
-        forces_of(sim, S, now->c, thrust_force, now->F);
+    forces_of(sim, now->c, thrust_force, now->F);
+    if (m->unknowns) {
+        close_loop(sim, now->F, free_fall, now->c);
+        forces_of(sim, now->c, thrust_force, now->F);
     }
-    flow_rates(now, row);
-    for (int i = 0; i < 3; i++) a[i] = now->F[i] / sim->par[P_MASS] + free_fall[i];
-    memcpy(now->acceleration, a, sizeof a);
-    now->alpha_dot = dot(row[0], a);
-    now->beta_dot = dot(row[1], a);
+    const double per_mass = 1.0 / sim->par[P_MASS];
+    for (int i = 0; i < 3; i++) a[i] = now->acceleration[i] = now->F[i] * per_mass + free_fall[i];
+    flow_rate(now, 0, row);
+    now->alpha_dot = dot(row, a);
+    flow_rate(now, 1, row);
+    now->beta_dot = dot(row, a);
     const double qS = now->qbar * m->S;
     now->M[0] = qS * m->b * now->c[3], now->M[1] = qS * m->cbar * now->c[4], now->M[2] = qS * m->b * now->c[5];
 }

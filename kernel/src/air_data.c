@@ -49,12 +49,11 @@ void air_data(now_t *now, const double velocity[3]) {
     now->u = u, now->v = v, now->w = w;
     now->Vxz = sqrt(u * u + w * w);
     now->V = sqrt(u * u + v * v + w * w);
-    now->ca = now->Vxz > 0.0 ? u / now->Vxz : 1.0;
-    now->sa = now->Vxz > 0.0 ? w / now->Vxz : 0.0;
-    now->cb = now->V > 0.0 ? now->Vxz / now->V : 1.0;
-    now->sb = now->V > 0.0 ? v / now->V : 0.0;
-    now->alpha = atan2(now->sa, now->ca);
-    now->beta = atan2(now->sb, now->cb);
+    const double in_plane = now->Vxz > 0.0 ? 1.0 / now->Vxz : 0.0, along = now->V > 0.0 ? 1.0 / now->V : 0.0;
+    now->ca = now->Vxz > 0.0 ? u * in_plane : 1.0, now->sa = w * in_plane;
+    now->cb = now->V > 0.0 ? now->Vxz * along : 1.0, now->sb = v * along;
+    now->alpha = atan2(w, u);
+    now->beta = atan2(v, now->Vxz);
     now->mach = now->V / now->a;
     now->qbar = 0.5 * now->rho * now->V * now->V;
 }

@@ -1,14 +1,7 @@
-/* Rotations: quaternion and Euler angles (3-2-1), directions of the aerodynamic forces in body axes. */
+/* Rotations: quaternion and Euler angles (3-2-1). */
 #include "model.h"
 
 #include <math.h>
-
-void cross(const double a[3], const double b[3], double c[3]) {
-    const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
-    c[0] = x, c[1] = y, c[2] = z;
-}
-
-double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /* Turns reference to body axes; exact for any length of q. */
 void quaternion_matrix(const double q[4], double C[3][3]) {
@@ -49,23 +42,4 @@ void euler_matrix(double phi, double theta, double psi, double C[3][3]) {
     C[0][0] = ct * cp, C[0][1] = ct * sp, C[0][2] = -st;
     C[1][0] = sf * st * cp - cf * sp, C[1][1] = sf * st * sp + cf * cp, C[1][2] = sf * ct;
     C[2][0] = cf * st * cp + sf * sp, C[2][1] = cf * st * sp - sf * cp, C[2][2] = cf * ct;
-}
-
-void to_body(const double C[3][3], const double a[3], double b[3]) {
-    for (int i = 0; i < 3; i++) b[i] = dot(C[i], a);
-}
-
-void from_body(const double C[3][3], const double b[3], double a[3]) {
-    for (int i = 0; i < 3; i++) a[i] = C[0][i] * b[0] + C[1][i] * b[1] + C[2][i] * b[2];
-}
-
-/* A[i][j]: body component i of the unit force of coefficient j: CL CD CY, or CX CZ CY with body axes. */
-void force_directions(const now_t *now, int axes, double A[3][3]) {
-    const double ca = now->ca, sa = now->sa, cb = now->cb, sb = now->sb;
-    const double stability[3][3] = {{sa, -ca, 0.0}, {0.0, 0.0, 1.0}, {-ca, -sa, 0.0}};
-    const double wind[3][3] = {{sa, -ca * cb, -ca * sb}, {0.0, -sb, cb}, {-ca, -sa * cb, -sa * sb}};
-    const double body[3][3] = {{1.0, 0.0, 0.0}, {0.0, 0.0, 1.0}, {0.0, 1.0, 0.0}};
-    const double(*from)[3] = axes == WIND_AXES ? wind : axes == BODY_AXES ? body : stability;
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) A[i][j] = from[i][j];
 }

@@ -43,11 +43,11 @@ void place_of(const double position[3], int earth, now_t *now) {
     const double e2 = F * (2.0 - F), B = A * (1.0 - F);
     const double x = position[0], y = position[1], z = position[2], P = sqrt(x * x + y * y);
     /* parametric latitude: tan = z / (P (1 - f)) */
-    const double tb = z, tc = P * (1.0 - F), tn = sqrt(tb * tb + tc * tc), sb = tb / tn, cb = tc / tn;
-    const double ls = z + e2 * A * A / B * sb * sb * sb, lc = P - e2 * A * cb * cb * cb, ln = sqrt(ls * ls + lc * lc);
-    const double s = ls / ln, c = lc / ln;
+    const double tc = P * (1.0 - F), tn = 1.0 / sqrt(z * z + tc * tc), sb = z * tn, cb = tc * tn;
+    const double ls = z + e2 * A * A / B * sb * sb * sb, lc = P - e2 * A * cb * cb * cb, ln = 1.0 / sqrt(ls * ls + lc * lc);
+    const double s = ls * ln, c = lc * ln, from_axis = P > 0.0 ? 1.0 / P : 0.0;
     now->h = P * c + z * s - A * sqrt(1.0 - e2 * s * s);
-    local_axes(s, c, P > 0.0 ? y / P : 0.0, P > 0.0 ? x / P : 1.0, now);
+    local_axes(s, c, y * from_axis, P > 0.0 ? x * from_axis : 1.0, now);
 }
 
 /* Latitude and longitude; on the flat Earth by the radii of curvature at the start. */

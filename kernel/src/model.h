@@ -56,7 +56,8 @@ struct am_model {
     axis_t *axis;
     bundle_t *bundle;
     term_t *term;
-    uint32_t (*implicit)[2]; /* term, 0..2: which implicit variable multiplies it */
+    uint32_t (*implicit)[2]; /* term, place in unknown of the implicit variable that multiplies it */
+    uint32_t unknown[IMPLICIT], unknowns; /* the implicit variables in use, 0..2 from A_ALPHADOTHAT */
     engine_t *engine;
     uint32_t axes, bundles, terms, implicits, engines, slots, variables;
     uint32_t first_axis[GROUPS + 1], first_bundle[GROUPS + 1], first_term[GROUPS + 1];
@@ -111,6 +112,22 @@ struct am_sim {
     char text[200];
 };
 
+static inline double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+static inline void cross(const double a[3], const double b[3], double c[3]) {
+    const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
+    c[0] = x, c[1] = y, c[2] = z;
+}
+
+/* b = C a and a = C^T b; C turns reference to body axes, the two vectors must not be the same */
+static inline void to_body(const double C[3][3], const double a[3], double b[3]) {
+    for (int i = 0; i < 3; i++) b[i] = dot(C[i], a);
+}
+
+static inline void from_body(const double C[3][3], const double b[3], double a[3]) {
+    for (int i = 0; i < 3; i++) a[i] = C[0][i] * b[0] + C[1][i] * b[1] + C[2][i] * b[2];
+}
+
 /* names.c */
 int known_count(am_kind kind, bool per_engine);
 /* table.c */
@@ -126,14 +143,9 @@ void place_of(const double position[3], int earth, now_t *now);
 void locate_angles(const am_sim *sim, const double position[3], now_t *now);
 void gravitation(const double position[3], int earth, double g[3]);
 /* axes.c */
-void cross(const double a[3], const double b[3], double c[3]);
-double dot(const double a[3], const double b[3]);
 void quaternion_matrix(const double q[4], double C[3][3]);
 void matrix_quaternion(const double C[3][3], double q[4]);
 void euler_matrix(double phi, double theta, double psi, double C[3][3]);
-void to_body(const double C[3][3], const double a[3], double b[3]);
-void from_body(const double C[3][3], const double b[3], double a[3]);
-void force_directions(const now_t *now, int axes, double A[3][3]);
 /* aero.c */
 void evaluate_terms(am_sim *sim, int group);
 void sum_coefficients(const am_model *model, const double *term, double c[COEFFICIENTS]);

@@ -299,6 +299,13 @@ static bool factor(const reader *r, uint32_t reference, uint32_t *code) {
     return true;
 }
 
+static uint32_t unknown_place(am_model *m, uint32_t kind) {
+    for (uint32_t j = 0; j < m->unknowns; j++)
+        if (m->unknown[j] == kind) return j;
+    m->unknown[m->unknowns] = kind;
+    return m->unknowns++;
+}
+
 static bool note_implicit(reader *r, uint32_t i) {
     am_model *m = r->model;
     const term_t *t = &m->term[i];
@@ -308,7 +315,7 @@ static bool note_implicit(reader *r, uint32_t i) {
     if (first && second) return refuse(r, "model block: term %s has two of alphadothat, betadothat, dnz; only one can be solved for", name);
     if (t->coefficient >= COEFFICIENTS) return refuse(r, "model block: engine term %s cannot depend on alphadothat, betadothat or dnz", name);
     m->implicit[m->implicits][0] = i;
-    m->implicit[m->implicits++][1] = (first ? t->v1 : t->v2) - A_ALPHADOTHAT;
+    m->implicit[m->implicits++][1] = unknown_place(m, (first ? t->v1 : t->v2) - A_ALPHADOTHAT);
     return true;
 }
 

@@ -75,7 +75,7 @@ static void field(const am_sim *sim, const double *x, double g[3]) {
 
 void derivative(am_sim *sim, const double *x, const double *u, double *dx) {
     now_t *now = &sim->now;
-    const double *w = x + 10, mass = sim->par[P_MASS];
+    const double *w = x + 10, per_mass = 1.0 / sim->par[P_MASS];
     double g[3], fall[3], turn[3], thrust[3], thrust_moment[3], H[3], aero[3], arm[3], Jw[3], push[3];
     look_around(sim, x, u);
     set_variables(sim, x, u);
@@ -100,7 +100,7 @@ void derivative(am_sim *sim, const double *x, const double *u, double *dx) {
     from_body(now->C, now->F, push);
     for (int i = 0; i < 3; i++) {
         dx[i] = x[3 + i];
-        dx[3 + i] = push[i] / mass + g[i];
+        dx[3 + i] = push[i] * per_mass + g[i];
         dx[10 + i] = now->angular[i];
     }
     quaternion_rate(x + 6, now->rate, dx + 6);
