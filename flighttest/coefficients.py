@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from flightmech import Aircraft
 
 ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02}
+_REACH = 1.5  # periods of the cut-off over which the low-pass spreads a shock
 NAMES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 
 
@@ -90,7 +91,7 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
         "inertia": (sigma["inertia"], reduced(nothing, M_inertial)),
         **{f"thrust{i + 1}": (sigma["thrust"], reduced(-f, -m)) for i, (f, m) in enumerate(thrust)},
     }
-    airborne = _airborne(data)
+    airborne = _airborne(data, 0.0 if cutoff is None else _REACH / cutoff)
     data = data.assign_coords(error=list(shares))
     for name in NAMES:
         change = np.stack([size * share[name] for size, share in shares.values()])
@@ -265,9 +266,17 @@ def _cg(data: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
     return np.stack([_column(data, name, value) for name, value in zip(("x_cg_b", "y_cg_b", "z_cg_b"), aircraft.cg)], axis=1)
 
 
-def _airborne(data: xr.Dataset) -> np.ndarray:
+def _airborne(data: xr.Dataset, margin: float) -> np.ndarray:
+    """Samples without a wheel on the ground, nor within `margin` seconds of one: a filter spreads the shock."""
     wheels = [_column(data, str(name)) > 0.5 for name in data.data_vars if str(name).startswith("wow_")]
-    return ~np.any(wheels, axis=0) if wheels else np.ones(data.sizes["time"], bool)
+    if not wheels:
+        return np.ones(data.sizes["time"], bool)
+    time, down = data["time"].values, np.any(wheels, axis=0)
+    if not down.any():
+        return ~down
+    next_down = np.searchsorted(time[down], time)
+    before, after = time[down][np.maximum(next_down - 1, 0)], time[down][np.minimum(next_down, down.sum() - 1)]
+    return ~down & (np.minimum(np.abs(time - before), np.abs(after - time)) > margin)
 
 
 def _rate_of(data: xr.Dataset, name: str) -> np.ndarray:

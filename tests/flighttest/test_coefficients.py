@@ -116,6 +116,11 @@ def test_samples_with_a_wheel_on_the_ground_are_no_measurement():
     c = coefficients(d, plane())
     assert np.isfinite(c.Cm.values[:50]).all()
     assert np.isnan(c.Cm.values[50:]).all()
+    shock = d.copy(deep=True)
+    shock["az"][50:] += 100.0
+    smooth, still = coefficients(shock, plane(), cutoff=10.0), coefficients(d, plane(), cutoff=10.0)
+    assert np.isnan(smooth.CZ.values[43:]).all()  # 1.5/10 s before the touch-down
+    np.testing.assert_allclose(smooth.CZ[:42], still.CZ[:42], atol=0.01 * 100.0 * 2000 / (4000 * 16))  # 1 % of the shock
 
 
 def test_angular_accelerations_are_differentiated_when_they_are_missing():
