@@ -92,21 +92,20 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
         **{f"thrust{i + 1}": (sigma["thrust"], reduced(-f, -m)) for i, (f, m) in enumerate(thrust)},
     }
     airborne = _airborne(data, 0.0 if cutoff is None else _REACH / cutoff)
-    data = data.assign_coords(error=list(shares))
+    found: dict[str, Any] = {}
     for name in NAMES:
         change = np.stack([size * share[name] for size, share in shares.values()])
         rms = np.sqrt(np.nanmean(np.where(airborne, change, np.nan) ** 2, axis=1)) if airborne.any() else np.full(len(shares), np.nan)
         budget = {f"error_{source}": float(value) for source, value in zip(shares, rms)}
-        data[name] = "time", np.where(airborne, total[name], np.nan), {**attrs(name), **budget}
-        data[f"{name}_error"] = (
+        found[name] = "time", np.where(airborne, total[name], np.nan), {**attrs(name), **budget}
+        found[f"{name}_error"] = (
             ("error", "time"),
             change,
             {"units": "1", "long_name": f"change of {name} for one standard error of the source"},
         )
-    data["nz"] = "time", -_column(data, "az") / G0, attrs("nz")
-    data["dnz"] = "time", data["nz"].values - 1.0, attrs("dnz")
-    data.attrs["force_axes"] = "stability"
-    return data
+    nz = -_column(data, "az") / G0
+    found |= {"nz": ("time", nz, attrs("nz")), "dnz": ("time", nz - 1.0, attrs("dnz"))}
+    return data.assign_coords(error=list(shares)).assign(found).assign_attrs(force_axes="stability")
 
 
 def between(data: xr.Dataset, start: float, stop: float) -> xr.Dataset:
@@ -166,12 +165,12 @@ def smoothed(states: xr.Dataset, cutoff: float) -> xr.Dataset:
     time = states["time"].values
     step = float(np.median(np.diff(time)))
     edges = [0, *(np.flatnonzero(np.diff(time) > 1.5 * step) + 1), len(time)]
-    found = states.copy()
+    found = {}
     for name, item in states.data_vars.items():
         if item.dims == ("time",) and np.issubdtype(item.dtype, np.floating) and not str(name).startswith("wow_"):
             parts = [lowpass(item.values[a:b], 1.0 / step, cutoff) for a, b in pairwise(edges)]
             found[name] = "time", np.concatenate(parts), item.attrs
-    return found
+    return states.assign(found)
 
 
 def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:

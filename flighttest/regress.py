@@ -89,24 +89,27 @@ def _stack(model: Model, manoeuvres: Sequence[xr.Dataset]) -> tuple[xr.Dataset, 
     kept = [name for name in _KEPT if all(name in one for one in manoeuvres)]
     names = list(dict.fromkeys([model.coefficient, *model.variables, *kept]))
     error = f"{model.coefficient}_error"
-    with_errors = all(error in one for one in manoeuvres)
-    parts = []
+    with_errors = all(error in one and one["error"].equals(manoeuvres[0]["error"]) for one in manoeuvres)
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in (*names, "time", "manoeuvre", error)}
     for number, one in enumerate(manoeuvres):
         for name in (model.coefficient, *model.variables):
             if name not in one:
                 raise UnknownName(name, map(str, one.data_vars), "variable", f"manoeuvre {number} does not hold it; {model} needs it")
         size = one.sizes["time"]
         columns = {name: np.broadcast_to(np.asarray(one[name].values, float), (size,)) for name in names}
-        regressors = model.design(xr.Dataset({name: ("sample", column) for name, column in columns.items()}))
-        use = np.isfinite(columns[model.coefficient]) & np.isfinite(regressors).all(axis=1)
-        part = xr.Dataset({name: ("sample", column[use]) for name, column in columns.items()})
-        part["time"], part["manoeuvre"] = ("sample", one["time"].values.astype(float)[use]), ("sample", np.full(int(use.sum()), number))
+        use = np.logical_and.reduce([np.isfinite(columns[name]) for name in (model.coefficient, *model.variables)])
+        for name, column in columns.items():
+            parts[name].append(column[use])
+        parts["time"].append(one["time"].values.astype(float)[use])
+        parts["manoeuvre"].append(np.full(int(use.sum()), number))
         if with_errors:
-            part[error] = ("error", "sample"), one[error].values[:, use]
-            part = part.assign_coords(error=one["error"].values)
-        parts.append(part)
+            parts[error].append(one[error].values[:, use])
+    samples = xr.Dataset({name: ("sample", np.concatenate(found)) for name, found in parts.items() if name != error})
+    if with_errors:
+        samples = samples.assign_coords(error=manoeuvres[0]["error"].values)
+        samples[error] = ("error", "sample"), np.concatenate(parts[error], axis=1)
     steps = [float(np.median(np.diff(one["time"].values))) if one.sizes["time"] > 1 else 1.0 for one in manoeuvres]
-    return xr.concat(parts, "sample", data_vars="minimal", coords="minimal", compat="equals", join="exact"), steps
+    return samples, steps
 
 
 def _separate(X: np.ndarray, terms: list[str], manoeuvre: np.ndarray) -> tuple[np.ndarray, list[str]]:
