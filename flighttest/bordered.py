@@ -88,13 +88,11 @@ class NormalEquations:
             self.C[np.ix_(columns, columns)] += flat.T @ flat
             self.gc[columns] += flat.T @ r.ravel()
 
-    def solve(self, damping: float = 0.0, free: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def solve(self, free: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the Gauss-Newton step of states (N, n) and constants (nc,), and the information on the constants (nc, nc).
 
         Parameters
         ----------
-        damping : float
-            Levenberg-Marquardt factor on the diagonal; the information means something only without it.
         free : array of bool (nc,), optional
             Constants that may move; all without it.
 
@@ -107,7 +105,7 @@ class NormalEquations:
         from scipy.linalg.lapack import dpbtrf, dtbtrs
 
         samples, states, constants = self.G.shape
-        factor, fault = dpbtrf(self._band(damping), lower=1, overwrite_ab=1)
+        factor, fault = dpbtrf(self._band(), lower=1, overwrite_ab=1)
         if fault:
             k, i = divmod(fault - 1, states)
             raise IdentificationError(f"the trajectory is not determined at sample {k}, state {i}; give a sensor or a prior for it")
@@ -116,7 +114,7 @@ class NormalEquations:
         right[:, constants] = self.gx.ravel()
         Y, _ = dtbtrs(factor, right, uplo="L", trans="N", overwrite_b=1)
         YY = Y.T @ Y
-        schur = self.C * (1.0 + damping * np.eye(constants)) - YY[:-1, :-1]
+        schur = self.C - YY[:-1, :-1]
         dc = np.zeros(constants)
         move = np.arange(constants) if free is None else np.flatnonzero(free)
         if len(move):
@@ -132,7 +130,7 @@ class NormalEquations:
         dx, _ = dtbtrs(factor, rest, uplo="L", trans="T", overwrite_b=1)
         return dx.reshape(samples, states), dc, schur
 
-    def _band(self, damping: float) -> np.ndarray:
+    def _band(self) -> np.ndarray:
         """Return T in lower band storage: band[i - j, j]."""
         samples, n, _ = self.D.shape
         band = np.zeros((2 * n, samples * n), order="F")
@@ -141,7 +139,6 @@ class NormalEquations:
                 if i >= j:
                     band[i - j, j::n] = self.D[:, i, j]
                 band[n + i - j, j : (samples - 1) * n : n] = self.O[:, i, j]
-        band[0] *= 1.0 + damping
         return band
 
 

@@ -164,7 +164,7 @@ def channel(record: xr.DataTree, name: str) -> xr.DataArray:
     """
     for node in record.children.values():
         if name in node.data_vars:
-            return node[name]
+            return node.to_dataset()[name]
     raise UnknownName(
         name,
         {str(n) for node in record.children.values() for n in node.data_vars},
@@ -202,7 +202,6 @@ def _inside(leaf: str, data: xr.Dataset, start: float, stop: float) -> xr.Datase
     inside = np.flatnonzero((np.diff(time) > 3.0 * step) & (time[1:] > start) & (time[:-1] < stop))
     if len(inside):
         at = int(inside[0])
-        raise OutOfRange(
-            f"window {start:g} ... {stop:g} s; leaf {leaf} has a gap of {time[at + 1] - time[at]:.3g} s after {time[at]:g} s; cut before or after it"
-        )
+        place = f"leaf {leaf} has a gap of {time[at + 1] - time[at]:.3g} s after {time[at]:g} s"
+        raise OutOfRange(f"window {start:g} ... {stop:g} s; {place}; cut before or after it")
     return piece

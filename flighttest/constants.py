@@ -61,13 +61,13 @@ def inverse(matrix: np.ndarray) -> np.ndarray:
     return np.linalg.inv(matrix * np.outer(scale, scale)) * np.outer(scale, scale)
 
 
-def biases(constants: Constants, c: np.ndarray, covariance: np.ndarray) -> xr.Dataset:
+def biases(constants: Constants, c: np.ndarray, covariance: np.ndarray, held: tuple[str, ...] = ()) -> xr.Dataset:
     """Return the estimates as a Dataset over ``parameter``.
 
     Returns
     -------
     Dataset
-        ``estimate stderr prior prior_stderr unit`` (parameter), ``correlation prior_correlation`` (parameter, parameter_).
+        ``estimate stderr prior prior_stderr unit held`` (parameter), ``correlation prior_correlation`` (parameter, parameter_).
     """
     se, prior_se = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(constants.covariance))
     square = ("parameter", "parameter_")
@@ -79,6 +79,7 @@ def biases(constants: Constants, c: np.ndarray, covariance: np.ndarray) -> xr.Da
             "prior": ("parameter", constants.mean),
             "prior_stderr": ("parameter", prior_se),
             "unit": ("parameter", list(constants.units)),
+            "held": ("parameter", [name in held for name in names]),
             "correlation": (square, covariance / np.outer(se, se)),
             "prior_correlation": (square, constants.covariance / np.outer(prior_se, prior_se)),
         },

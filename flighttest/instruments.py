@@ -20,9 +20,9 @@ A channel is used as a measurement when an instrument gives its noise.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from pydantic import BeforeValidator, field_validator
+from pydantic import BeforeValidator, Field, field_validator
 
 from flightmech.configuration import Strict, si, validate
 from flightmech.errors import SchemaError, UnitError, UnknownName
@@ -33,6 +33,8 @@ IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
 
 
 def _pair(units: str) -> Any:
+    """Return the field type of [mean, sigma] of a quantity."""
+
     def convert(item: Any) -> tuple[float, float]:
         if not isinstance(item, list | tuple) or len(item) != 2:
             raise ValueError(f"expected [mean, sigma] in {units}")
@@ -56,9 +58,12 @@ def _per_channel(table: Any) -> dict[str, float]:
     return values
 
 
+if TYPE_CHECKING:
+    _Time: TypeAlias = tuple[float, float]
+    _Number: TypeAlias = tuple[float, float]
+else:
+    _Time, _Number = _pair("s"), _pair("1")
 _Length = si("m")
-_Time = _pair("s")
-_Number = _pair("1")
 _Channels = Annotated[dict[str, float], BeforeValidator(_per_channel)]
 
 
@@ -66,12 +71,12 @@ class Instrument(Strict):
     """One instrument."""
 
     position: tuple[_Length, _Length, _Length] | None = None  # type: ignore[valid-type]
-    noise: _Channels = {}
-    bias_sigma: _Channels = {}
-    factor: dict[str, _Number] = {}  # type: ignore[valid-type]
-    lag: _Time | None = None  # type: ignore[valid-type]
-    delay: _Time | None = None  # type: ignore[valid-type]
-    static_error: _Number | None = None  # type: ignore[valid-type]
+    noise: _Channels = Field(default_factory=dict)
+    bias_sigma: _Channels = Field(default_factory=dict)
+    factor: dict[str, _Number] = Field(default_factory=dict)
+    lag: _Time | None = None
+    delay: _Time | None = None
+    static_error: _Number | None = None
     minimum_speed: si("m s-1") = 0.0  # type: ignore[valid-type]
     maximum: si("m") | None = None  # type: ignore[valid-type]
 
@@ -89,15 +94,22 @@ class Instruments(Strict):
 
     table: dict[str, Instrument]
 
-    def of(self, channel: str) -> tuple[str, Instrument] | None:
-        """Return name and specification of the instrument that gives the noise of `channel`, or None."""
-        return next(((name, item) for name, item in self.table.items() if channel in item.noise), None)
+    def name_of(self, channel: str) -> str | None:
+        """Return the name of the instrument that gives the noise of `channel`, or None."""
+        return next((name for name, item in self.table.items() if channel in item.noise), None)
+
+    def of(self, channel: str) -> Instrument:
+        """Return the specification behind `channel`; an empty one when no instrument gives its noise."""
+        name = self.name_of(channel)
+        return self.table[name] if name else Instrument()
 
     def noise(self, channel: str) -> float:
-        """Return one sigma of the noise of a channel that `of` knows."""
-        found = self.of(channel)
-        assert found is not None
-        return found[1].noise[channel]
+        """Return one sigma of the noise of a channel that an instrument knows."""
+        return self.of(channel).noise[channel]
+
+    def delay_of(self, channel: str) -> str:
+        """Return the name of the constant that holds the latency of `channel`, or ""."""
+        return f"delay.{self.name_of(channel)}" if self.of(channel).delay else ""
 
 
 def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instruments:
@@ -115,7 +127,10 @@ def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instru
     """
     tables = {name: item if isinstance(item, dict) else item.model_dump() for name, item in content.items()}
     found = validate(Instruments, {"table": tables}, what)
-    problems = [f"no instrument gives the noise of {name}; the reconstruction integrates it" for name in IMU if found.of(name) is None]
+    problems = [f"no instrument gives the noise of {name}; the reconstruction integrates it" for name in IMU if not found.name_of(name)]
+    for name in IMU:
+        if found.name_of(name) and name not in found.of(name).bias_sigma:
+            problems.append(f"{found.name_of(name)}: missing bias_sigma of {name}")
     for name, item in found.table.items():
         if item.position is None and {"ax_imu", "alpha_vane", "beta_vane", "h_radio"} & set(item.noise):
             problems.append(f"{name}: missing position (m, body axes, from the moment reference point)")

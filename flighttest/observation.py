@@ -7,48 +7,13 @@ derivative by these (M, m, names).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from .trajectory import Problem
+from .kinematics import to_body
+from .problem import Problem, Sensor, wind
 
 GAMMA, R_AIR = 1.4, 287.05287
 LAPSE = 0.0065  # K/m, inside one run; the level is measured
-
-Model = Callable[["Sensor", "Problem", np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, tuple[str, ...], np.ndarray]]
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """Readings of channels with a common clock.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Channels.
-    time : array (M,)
-        [s]
-    z : array (M, m)
-        Readings.
-    sigma : array (m,)
-        One sigma of their white noise.
-    delay : str
-        Name of the constant that holds the latency, or "".
-    extra : dict
-        What the model needs besides: arrays (M,) or numbers.
-    """
-
-    names: tuple[str, ...]
-    time: np.ndarray
-    z: np.ndarray
-    sigma: np.ndarray
-    model: Model
-    delay: str = ""
-    extra: dict = field(default_factory=dict)
 
 
 def pick(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
@@ -134,8 +99,6 @@ def impact_and_static(problem: Problem, x: np.ndarray, c: np.ndarray, temperatur
     derivatives : list of (dq, dp)
         By air-relative velocity (M, 3), by height, by temperature, by ``p_reference``.
     """
-    from .trajectory import wind
-
     warm = problem.constants.get(c, "bias.temperature")
     T, level = temperature - warm, reference[1] - warm
     air = x[:, 3:6] - wind(problem, x, c)
@@ -163,9 +126,6 @@ def _show_gust(problem: Problem, x: np.ndarray, name: str, y: np.ndarray, J: np.
 
 def no_sideslip(sensor: Sensor, problem: Problem, x: np.ndarray, c: np.ndarray):
     """Show the air-relative velocity along body y: without a sideslip vane it is held near zero."""
-    from .kinematics import to_body
-    from .trajectory import wind
-
     U, turn, Rt = to_body(x[:, :3], x[:, 3:6] - wind(problem, x, c))
     J = np.zeros((len(x), 1, problem.states))
     J[:, 0, :3], J[:, 0, 3:6] = turn[:, 1], Rt[:, 1]

@@ -16,12 +16,14 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 
-from .assemble import Setup, assemble, windows_of
-from .constants import biases, identifiability
+from .assemble import Setup, assemble
+from .constants import identifiability
 from .instruments import instruments
 from .observation import R_AIR
+from .problem import Problem
+from .readings import windows_of
 from .states import path_states
-from .trajectory import Problem, Solution, estimate, residuals, with_gusts
+from .trajectory import Solution, estimate, residuals, with_gusts
 
 if TYPE_CHECKING:
     from flightmech import Aircraft
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
 GUST_LENGTH = 150.0  # m, of the gust model; vanes and pitot see the gusts themselves, so it matters little
 CALM = 1.1  # residual rms over noise of vanes and pitot above which the air is turbulent
 CALM_STEPS = 4
-_HELD = ("factor.", "lag.")  # turbulence hides them: gusts move vanes and aeroplane alike
+_HELD = ("factor.", "lag.", "delay.air")  # turbulence hides them: gusts move vanes and aeroplane alike
 _SEES_GUSTS = ("alpha_vane", "beta_vane", "q_c")
 ACCEPT = 1.5  # residual rms over sensor noise
 
@@ -59,6 +61,13 @@ class Path:
     def report(self) -> str:
         """Return the data-compatibility report as text."""
         return _report(self)
+
+    def summary(self) -> dict[str, Any]:
+        """Return constants, sensors and remarks as plain numbers and words."""
+        keys = ("estimate", "stderr", "prior", "prior_stderr", "unit")
+        constants = {str(n): {k: self.biases[k].sel(parameter=n).item() for k in keys} for n in self.biases["parameter"].values}
+        about = {**self.states.attrs, "samples": self.states.sizes["time"]}
+        return {**about, "constants": constants, "sensors": self.fit, "identifiability": identifiability(self.biases)}
 
 
 def reconstruct(
@@ -117,6 +126,18 @@ def solve(record: xr.DataTree, aircraft: Aircraft, windows=None, prior=None, rat
     return _in_turbulence(setup)
 
 
+def refine(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution, prior: xr.Dataset) -> Path:
+    """Return the Path of a record solved once already, with the constants of other runs as prior."""
+    constants = setup.problem.constants.with_prior(prior)
+    problem = replace(setup.problem, constants=constants)
+    if problem.gust is None:
+        setup = replace(setup, problem=problem)
+        return finish(record, aircraft, setup, _settle(problem, estimate(problem, solution.x, solution.c)))
+    c = np.where([name in setup.held for name in constants.names], constants.mean, solution.c)
+    calm = replace(setup, problem=replace(problem, gust=None), x=solution.x[:, : problem.gusts.start], c=c)
+    return finish(record, aircraft, *_in_turbulence(calm))
+
+
 def in_calm_air(setup: Setup, solution: Solution) -> bool:
     """Return whether vanes and impact pressure keep to a path in uniformly moving air within their noise.
 
@@ -135,7 +156,7 @@ def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
     """Return problem and solution with gusts: first the constants, then with these the gusts themselves."""
     noise = {n: s for sensor in setup.problem.sensors for n, s in zip(sensor.names, sensor.sigma, strict=True)}
     sigma = 5.0 * np.array([noise.get(n, 1e-3) for n in _SEES_GUSTS])
-    held = [name for name in setup.problem.constants.names if name.startswith(_HELD)]
+    held = tuple(name for name in setup.problem.constants.names if name.startswith(_HELD))
     problem, x = with_gusts(setup.problem, setup.x, sigma, GUST_LENGTH, shown=True)
     first = estimate(problem, x, setup.c, CALM_STEPS, held)
     sigma = np.maximum(np.sqrt(np.mean(first.x[:, problem.gusts] ** 2, axis=0)), 0.1 * sigma)
@@ -143,7 +164,9 @@ def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
     found = _settle(problem, first, held)
     blowing, x = with_gusts(problem, found.x, _intensity(setup, found, sigma), GUST_LENGTH, shown=False)
     air = _settle(blowing, estimate(blowing, x, found.c, CALM_STEPS, problem.constants.names), problem.constants.names)
-    return replace(setup, problem=blowing), replace(air, covariance=found.covariance, iterations=found.iterations + air.iterations)
+    return replace(setup, problem=blowing, held=held), replace(
+        air, covariance=found.covariance, iterations=found.iterations + air.iterations
+    )
 
 
 def _settle(problem: Problem, solution: Solution, held: Sequence[str] = ()) -> Solution:
@@ -171,7 +194,7 @@ def finish(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solu
     """Return the Path of a solution."""
     import pandas as pd
 
-    found = biases(setup.problem.constants, solution.c, solution.covariance)
+    found = setup.biases(solution)
     states = path_states(record, aircraft, setup, solution)
     rest = xr.Dataset(coords={"time": states["time"]})
     rows = []
@@ -206,15 +229,16 @@ def _report(path: Path) -> str:
     states = path.states
     time = states["time"].values
     lines = [
-        f"State reconstruction: {states.attrs.get('record', '')}, {time[0]:g} ... {time[-1]:g} s, {len(time)} samples at {states.attrs['rate']:g} Hz",
-        f"{states.attrs['iterations']} iterations; unused channels: {states.attrs['unused'] or 'none'}",
+        f"State reconstruction: {states.attrs['record']}, {time[0]:g} ... {time[-1]:g} s",
+        f"{len(time)} samples at {states.attrs['rate']:g} Hz, {states.attrs['iterations']} iterations",
+        f"channels not used: {states.attrs['unused'] or 'none'}; gusts [m/s]: {states.attrs['gusts']}",
         "",
         f"{'constant':22s}{'estimate':>13s}{'std. error':>13s}{'prior':>13s}{'prior s.e.':>13s}  unit",
     ]
     for i, name in enumerate(path.biases["parameter"].values):
         row = path.biases.isel(parameter=i, parameter_=i)
         numbers = "".join(f"{float(row[key]):13.5g}" for key in ("estimate", "stderr", "prior", "prior_stderr"))
-        lines.append(f"{name:22s}{numbers}  {str(row['unit'].values)}")
+        lines.append(f"{name:22s}{numbers}  {row['unit'].item()}")
     lines += ["", f"{'channel':14s}{'readings':>9s}{'noise':>11s}{'rms':>11s}{'ratio':>7s}{'lag-1 ac':>9s}  verdict"]
     for name, row in path.fit.iterrows():
         lines.append(

@@ -10,14 +10,16 @@ import xarray as xr
 from flightmech.names import attrs
 
 from .air_data import calibrated_airspeed
-from .assemble import Setup, observation_channels
-from .conditioning import SLOW, is_control, to_grid
+from .assemble import Setup
+from .conditioning import SLOW, demand_numbers, to_grid
 from .instruments import IMU
 from .kinematics import incidence_rates, rotation
 from .observation import GAMMA, R_AIR, impact_and_static
-from .trajectory import Solution, body_rates, specific_force, wind
+from .problem import body_rates, specific_force, wind
+from .readings import MEASURED
+from .trajectory import Solution
 
-_RAW = {*observation_channels(), *IMU, "V", "V_cas", "V_eas", "mach", "h_baro", "north", "east", *SLOW}
+_RAW = {*MEASURED, *IMU, "V", "V_cas", "V_eas", "mach", "h_baro", "north", "east", *SLOW}
 
 
 def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution) -> xr.Dataset:
@@ -77,18 +79,15 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
 
 
 def _recorded(record: xr.DataTree, time: np.ndarray, starts: np.ndarray, known: set[str]) -> dict[str, np.ndarray]:
-    """Return controls, engine channels and whatever else the record holds, on the clock of the path."""
+    """Return controls, engine channels and whatever else the record holds beside the instruments, on the clock of the path."""
     grids = np.split(time, starts[1:])
     columns = {}
-    for node in record.children.values():
-        for name in map(str, node.data_vars):
-            if (
-                name not in _RAW
-                and name not in known
-                and (is_control(name) or name.startswith("engine") or np.isfinite(node[name].values).all())
-            ):
-                clock, values = node["time"].values, node[name].values
-                columns[name] = np.concatenate([to_grid(clock, values, grid, name) for grid in grids])
+    for leaf, tree in record.children.items():
+        node = tree.to_dataset()
+        wanted = [str(name) for name in node.data_vars if name not in _RAW and name not in known]
+        demand_numbers({leaf: node.sel(time=slice(time[0], time[-1]))[wanted]}, "recorded inputs of a path")
+        for name in wanted:
+            columns[name] = np.concatenate([to_grid(node["time"].values, node[name].values, grid, name) for grid in grids])
     return columns
 
 
@@ -96,19 +95,18 @@ def _mass(record: xr.DataTree, time: np.ndarray, aircraft: Any, setup: Setup) ->
     """Return mass along the path: gauged mass with the recorded fuel flow between, or a straight line through it."""
     place = dict(zip(("x_cg_b", "y_cg_b", "z_cg_b"), setup.cg, strict=True))
     columns = {name: np.full(len(time), value) for name, value in place.items()}
-    node = next((node for node in record.children.values() if "mass" in node.data_vars), None)
+    node = next((node.to_dataset() for node in record.children.values() if "mass" in node.data_vars), None)
     if node is None:
         columns["mass"] = np.full(len(time), float(aircraft.mass))
         return columns
     clock, gauged = node["time"].values, node["mass"].values
-    flows = [n for n in record.children.values() for name in n.data_vars if str(name).endswith("fuel_flow")]
-    if flows:
-        engine = flows[0]
-        total = sum(engine[name].values for name in engine.data_vars if str(name).endswith("fuel_flow"))
+    engine = next((n.to_dataset() for n in record.children.values() if any(str(name).endswith("fuel_flow") for name in n.data_vars)), None)
+    if engine is not None:
+        total = np.sum([engine[name].values for name in engine.data_vars if str(name).endswith("fuel_flow")], axis=0)
         t = engine["time"].values
         burnt = np.concatenate([[0.0], np.cumsum(0.5 * (total[1:] + total[:-1]) * np.diff(t))])
         columns["mass"] = float(np.mean(gauged + np.interp(clock, t, burnt))) - np.interp(time, t, burnt)
     else:
-        slope = np.polyfit(clock - clock[0], gauged, 1 if len(clock) > 10 else 0)
-        columns["mass"] = np.polyval(slope, time - clock[0])
+        line = np.polyfit(clock - clock[0], gauged, 1 if len(clock) > 10 else 0)
+        columns["mass"] = np.polyval(line, time - clock[0])
     return columns

@@ -1,8 +1,9 @@
 """The flight path as one least-squares problem: kinematics between samples, sensors at samples, priors on constants.
 
 State at each sample: attitude, ground velocity (north, east, down), height, the lagged angles behind the vanes, and in
-turbulence three more: the gust (north, east, down), or what the gusts add to the readings of the two vanes and the pitot.  The inertial unit drives it; its white noise is the process noise.  Written in
-the axes of the instruments, the residual of a step is what the gyros and accelerometers would have to be wrong by::
+turbulence three more: the gust (north, east, down), or what the gusts add to the readings of the two vanes and the pitot.
+The inertial unit drives it; its white noise is the process noise.  Written in the axes of the instruments, the residual
+of a step is what the gyros and accelerometers would have to be wrong by::
 
     r_omega = W(mid) (angles_k+1 - angles_k)/dt - (omega_m - b_omega)
     r_a     = R'(mid) [(v_k+1 - v_k)/dt - g + (2 Omega + omega_level) x v] - (a_m - b_a)
@@ -21,91 +22,16 @@ import numpy as np
 from flightmech.errors import IdentificationError
 
 from .bordered import NormalEquations
-from .calibrate import force_at_cg
-from .constants import Constants, inverse
+from .constants import inverse
 from .kinematics import rate_matrix, rates, to_body
-from .observation import Sensor
+from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, specific_force, wind
 
-ATTITUDE, VELOCITY, HEIGHT = slice(0, 3), slice(3, 6), 6
 HEIGHT_NOISE = 0.005  # m/s: closes the height equation; far below any height sensor
 VANE_NOISE = 1e-4  # rad: closes the lag equation; far below the noise of a vane
-TOLERANCE = 0.05  # largest last step of the constants, in standard errors (norm over all of them)
-ITERATIONS = 15
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Everything but the unknowns.
-
-    Attributes
-    ----------
-    time : array (N,)
-        Uniform within a segment. [s]
-    linked : array (N-1,) of bool
-        False where one window ends and the next begins.
-    omega, omega_dot, force : array (N, 3)
-        Inertial unit as recorded (not yet moved to the c.g.). [rad s-1], [rad s-2], [m s-2]
-    noise : array (6,)
-        One sigma of omega and force per sample of the grid.
-    arm, vane_arm : array (3,)
-        Inertial unit and vanes from the c.g. [m]
-    g : float
-        Gravity. [m s-2]
-    earth : (array (3,), array (3, 3))
-        Rate of the Earth and transport matrix, see `kinematics.earth`.
-    airborne : array (N,) of bool
-        Fast enough for vanes.
-    vanes : tuple of str
-        Lagged angles in the state, of ``alpha_vane``, ``beta_vane``.
-    gust : array (3,) or None
-        One sigma of the gust components north, east, down [m s-1]; or, when `shown`, of what they add to ``alpha_vane``,
-        ``beta_vane`` and ``q_c``. [rad], [rad], [Pa]
-    gust_time : float
-        Correlation time of the gusts. [s]
-    shown : bool
-        Which of the two.  Constants are estimated with the second: a mode over gusts and vane factor together would
-        take too large a factor (or too small a lag), because that makes all gusts smaller and so more probable.
-    """
-
-    time: np.ndarray
-    linked: np.ndarray
-    omega: np.ndarray
-    omega_dot: np.ndarray
-    force: np.ndarray
-    noise: np.ndarray
-    arm: np.ndarray
-    vane_arm: np.ndarray
-    g: float
-    earth: tuple[np.ndarray, np.ndarray]
-    airborne: np.ndarray
-    vanes: tuple[str, ...]
-    sensors: Sequence[Sensor]
-    constants: Constants
-    start_sigma: np.ndarray
-    gust: np.ndarray | None = None
-    gust_time: float = 1.0
-    shown: bool = False
-
-    @property
-    def dt(self) -> float:
-        """Sampling interval. [s]"""
-        return float(self.time[1] - self.time[0])
-
-    @property
-    def states(self) -> int:
-        """Number of state variables."""
-        return 7 + len(self.vanes) + (3 if self.gust is not None else 0)
-
-    @property
-    def gusts(self) -> slice:
-        """Places of the gust in the state; empty in calm air."""
-        first = 7 + len(self.vanes)
-        return slice(first, first + (3 if self.gust is not None else 0))
-
-    @property
-    def starts(self) -> np.ndarray:
-        """First sample of every segment."""
-        return np.concatenate([[0], np.flatnonzero(~self.linked) + 1])
+GAIN = 0.01  # expected change of the cost at which the iteration has settled
+FAR = 1000.0  # cost per sample above which the path is no more than a first guess
+_MULTIPLY = ("factor.", "lag.", "delay.")
+ITERATIONS = 20
 
 
 @dataclass(frozen=True)
@@ -120,26 +46,8 @@ class Solution:
     settled: bool
 
 
-def wind(problem: Problem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Return the velocity of the air mass at each state, gusts included (N, 3). [m s-1]"""
-    steady = np.array([problem.constants.get(c, name) for name in ("wind_n", "wind_e", "wind_d")])
-    blowing = problem.gust is not None and not problem.shown
-    return np.broadcast_to(steady, (len(x), 3)) + (x[:, problem.gusts] if blowing else 0.0)
-
-
-def body_rates(problem: Problem, c: np.ndarray) -> np.ndarray:
-    """Return the gyro signals without their biases (N, 3). [rad s-1]"""
-    return problem.omega - c[problem.constants.index("bias.p", "bias.q", "bias.r")]
-
-
-def specific_force(problem: Problem, c: np.ndarray) -> np.ndarray:
-    """Return the specific force at the c.g. without biases (N, 3). [m s-2]"""
-    sensed = problem.force - c[problem.constants.index("bias.ax_imu", "bias.ay_imu", "bias.az_imu")]
-    return force_at_cg(sensed, body_rates(problem, c), problem.omega_dot, problem.arm)
-
-
 def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = ITERATIONS, held: Sequence[str] = ()) -> Solution:
-    """Minimise the joint negative log density by Gauss-Newton with a Levenberg safeguard.
+    """Minimise the joint negative log density by Gauss-Newton, halving steps that overshoot.
 
     Parameters
     ----------
@@ -147,7 +55,7 @@ def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = I
     x, c : array (N, n), (nc,)
         Start.
     iterations : int
-        Largest number of accepted steps.
+        Largest number of steps.
     held : sequence of str
         Constants that stay at their start value: the data do not inform them, and their prior uncertainty is passed on
         to the others (Schmidt's "consider" parameters).
@@ -155,33 +63,43 @@ def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = I
     Returns
     -------
     Solution
-        ``settled`` when the last step of the constants was below 5 % of their standard errors.
+        ``settled`` when the last step promised to lower the cost (twice the negative log density) by less than 0.01, or
+        promised less than one, a standard error, and brought less than 0.01: a latency that crosses a sample is a kink.
 
     Raises
     ------
     IdentificationError
-        No step lowers the cost.
+        No fraction of a step lowers the cost.
     """
     free = np.array([name not in held for name in problem.constants.names])
-    equations, damping = linearise(problem, x, c), 0.0
-    for step in range(1, iterations + 1):
-        dx, dc, information = equations.solve(damping, free)
-        trial = linearise(problem, x + dx, c + dc)
-        while not trial.cost <= equations.cost * (1.0 + 1e-6):
-            damping = max(1e-4, 10.0 * damping)
-            if damping > 1e6:
-                raise IdentificationError(
-                    "the reconstruction finds no better path from its start; check signs, units and positions of the sensors"
-                )
-            dx, dc, information = equations.solve(damping, free)
-            trial = linearise(problem, x + dx, c + dc)
-        x, c, equations = x + dx, c + dc, trial
-        moved = float(np.sqrt(max(dc @ information @ dc, 0.0)))
-        settled = damping == 0.0 and moved < TOLERANCE
-        damping = damping / 100.0 if damping > 1e-4 else 0.0
-        if settled:
-            break
+    equations, step, settled = linearise(problem, x, c), 0, False
+    while step < iterations and not settled:
+        step += 1
+        far = equations.cost > FAR * len(x)  # the readings only start the path: constants that multiply it wait
+        moving = free & ~np.array([name.startswith(_MULTIPLY) for name in problem.constants.names]) if far else free
+        dx, dc, information = equations.solve(moving)
+        gain = -float(np.vdot(equations.gx, dx) + equations.gc @ dc)
+        trial, share = _line_search(problem, x, c, dx, dc, equations.cost, gain)
+        gained = equations.cost - trial.cost
+        if gained < -GAIN and gain > 1.0:
+            raise IdentificationError(
+                "the reconstruction finds no better path from its start; check signs, units and positions of the sensors"
+            )
+        if gained > -GAIN:
+            x, c, equations = x + share * dx, c + share * dc, trial
+        settled = not far and (gain < GAIN or (gain < 1.0 and gained < GAIN))
     return Solution(x, c, _covariance(information, free, problem.constants.covariance), equations.cost, step, settled)
+
+
+def _line_search(problem: Problem, x, c, dx, dc, cost: float, gain: float) -> tuple[NormalEquations, float]:
+    """Return the equations at the best of the step's halves, while halving pays; the full step when it keeps its promise."""
+    share, best = 1.0, linearise(problem, x + dx, c + dc)
+    while gain > GAIN and cost - best.cost < 0.25 * gain * share and share > 1e-3:
+        trial = linearise(problem, x + share / 2.0 * dx, c + share / 2.0 * dc)
+        if trial.cost >= best.cost:
+            break
+        best, share = trial, share / 2.0
+    return best, share
 
 
 def _covariance(information: np.ndarray, free: np.ndarray, prior: np.ndarray) -> np.ndarray:
@@ -321,10 +239,10 @@ def place(problem: Problem, sensor: Sensor, c: np.ndarray) -> tuple[np.ndarray, 
     return k, np.where((np.abs(f) < 1e-6) | last[k], 0.0, f)
 
 
-def _at(sensor_k: np.ndarray, f: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _at(k: np.ndarray, f: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return the state at k + f and the change over the step from k."""
-    after = x[np.minimum(sensor_k + 1, len(x) - 1)]
-    return (1.0 - f)[:, None] * x[sensor_k] + f[:, None] * after, after - x[sensor_k]
+    after = x[np.minimum(k + 1, len(x) - 1)]
+    return (1.0 - f)[:, None] * x[k] + f[:, None] * after, after - x[k]
 
 
 def _add_sensor(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:

@@ -1,0 +1,129 @@
+"""``aeromatch flight``: look at flight records, cut manoeuvres, reconstruct states."""
+
+from __future__ import annotations
+
+import importlib
+
+import click
+
+from flightmech.console import document, json_option, remark, table
+
+_RECORD = click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
+_NAMES = click.option(
+    "--names", type=click.Path(exists=True, dir_okay=False), help="Name map, TOML; not needed when the file has house names."
+)
+
+
+class _Group(click.Group):
+    """Imports the verb `identify` from its own module when it is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return [*super().list_commands(ctx), "identify"]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name == "identify":
+            return importlib.import_module("flighttest.cli_identify").identify
+        return super().get_command(ctx, cmd_name)
+
+
+@click.group(cls=_Group)
+def flight() -> None:
+    """Read flight records, reconstruct states, identify."""
+
+
+@flight.command()
+@_RECORD
+@_NAMES
+@json_option
+def show(record_file: str, names: str | None, as_json: bool) -> None:
+    """Show channels, clocks, faults and manoeuvres of a record."""
+    from .record import faults, manoeuvres, overview, read
+
+    record = read(record_file, names)
+    channels, flown, found = overview(record), manoeuvres(record), faults(record)
+    facts = {key: value for key, value in record.attrs.items() if key not in ("manoeuvres", "unmapped")}
+    unmapped = record.attrs["unmapped"].split()
+    if as_json:
+        document({**facts, "channels": channels, "manoeuvres": flown, "faults": found, "unmapped": unmapped})
+        return
+    rows = [
+        (f"{c.leaf}/{c.channel}", f"{c.rate:g}", f"{c.start:g} ... {c.stop:g}", f"{c.min:.5g}", f"{c.max:.5g}", c.units, c.calibration)
+        for c in channels.itertuples()
+    ]
+    title = str(facts.get("title", record_file))
+    table(["channel", "Hz", "time [s]", "min", "max", "unit", "from"], rows, title, right=["Hz", "min", "max"])
+    if len(flown):
+        click.echo()
+        table(
+            ["manoeuvre", "control", "start [s]", "end [s]", "note"],
+            [(m.manoeuvre, m.control, f"{m.start:g}", f"{m.end:g}", m.note) for m in flown.itertuples()],
+            right=["start [s]", "end [s]"],
+        )
+    for text in found:
+        click.echo(f"! {text}")
+    if unmapped:
+        click.echo(f"columns the name map leaves out: {' '.join(unmapped)}")
+
+
+@flight.command()
+@_RECORD
+@click.argument("start", type=float)
+@click.argument("stop", type=float)
+@_NAMES
+@click.option("--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz].")
+@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="netCDF file to write.")
+@json_option
+def cut(record_file: str, start: float, stop: float, names: str | None, rate: float, output: str, as_json: bool) -> None:
+    """Cut a manoeuvre from START to STOP [s]: every channel on one clock."""
+    from .conditioning import cut as cut_record
+    from .files import save
+    from .record import read
+
+    data = cut_record(read(record_file, names), start, stop, rate)
+    save(data, output)
+    about = {"file": output, "samples": data.sizes["time"], "channels": len(data.data_vars), **data.attrs}
+    if as_json:
+        document(about)
+    else:
+        click.echo(f"{output}: {about['samples']} samples of {about['channels']} channels, {start:g} ... {stop:g} s at {rate:g} Hz")
+
+
+@flight.command()
+@click.argument("record_files", metavar="RECORD...", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
+@click.option("--aircraft", "aircraft_file", required=True, type=click.Path(exists=True, dir_okay=False), help="Aircraft, TOML.")
+@_NAMES
+@click.option("--window", "windows", type=(float, float), multiple=True, help="Start and stop [s], of a single record. Default: all of it.")
+@click.option("--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz].")
+@click.option("--jobs", type=int, default=1, show_default=True, help="Processes.")
+@click.option("-o", "--output", required=True, type=click.Path(), help="netCDF file; a folder when there are several records.")
+@json_option
+def reconstruct(record_files, aircraft_file, names, windows, rate, jobs, output, as_json) -> None:
+    """Reconstruct the states of one record, or of all runs of a programme with common instruments."""
+    from pathlib import Path as File
+
+    from flightmech import read_aircraft
+    from flightmech.errors import SchemaError
+
+    from .files import save_path
+    from .programme import reconstruct_programme
+    from .reconstruction import reconstruct as reconstruct_record
+    from .record import read
+
+    if windows and len(record_files) > 1:
+        raise SchemaError("flight reconstruct", ["--window goes with one record; give the records one at a time"])
+    aircraft = read_aircraft(aircraft_file)
+    records = [read(file, names) for file in record_files]
+    if len(records) == 1:
+        paths, targets = [reconstruct_record(records[0], aircraft, list(windows) or None, rate=rate)], [File(output)]
+    else:
+        remark(f"{len(records)} records: each alone, then each with what the others tell about the instruments")
+        paths = reconstruct_programme(records, aircraft, rate, jobs)
+        targets = [File(output) / f"{File(file).name.split('.')[0]}.nc" for file in record_files]
+        File(output).mkdir(parents=True, exist_ok=True)
+    for path, target in zip(paths, targets, strict=True):
+        save_path(path, target)
+    if as_json:
+        document([{"file": str(target), **path.summary()} for path, target in zip(paths, targets, strict=True)])
+        return
+    for path, target in zip(paths, targets, strict=True):
+        click.echo(f"{path.report()}\n\nwritten: {target}\n")

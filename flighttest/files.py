@@ -1,0 +1,50 @@
+"""Manoeuvres and reconstructed paths as netCDF files, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import xarray as xr
+
+if TYPE_CHECKING:
+    from .reconstruction import Path as FlightPath
+
+
+def save(data: xr.Dataset, path: str | Path) -> None:
+    """Write a manoeuvre or the states of a path to netCDF; an unfinished file never takes the name."""
+    _whole({"/": data}, Path(path))
+
+
+def save_path(path: FlightPath, target: str | Path) -> None:
+    """Write a reconstruction: groups ``states`` (with the report as attribute), ``biases``, ``residuals``."""
+    states = path.states.assign_attrs(report=path.report())
+    biases = path.biases.assign(held=path.biases["held"].astype("int8"))
+    _whole({"/states": states, "/residuals": path.residuals, "/biases": biases}, Path(target))
+
+
+def open_biases(path: str | Path) -> xr.Dataset:
+    """Return the constants of a reconstruction written by `save_path`, as a prior or for `combine_biases`."""
+    with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
+        found = data.load()
+    return found.assign(held=found["held"].astype(bool))
+
+
+def _whole(groups: Mapping[str, xr.Dataset], target: Path) -> None:
+    handle, name = tempfile.mkstemp(dir=target.parent or ".", prefix=f".{target.name}.", suffix=".part")
+    os.close(handle)
+    try:
+        mode: Any = "w"
+        for group, data in groups.items():
+            packed = {
+                str(n): {"zlib": True, "complevel": 4} for n, v in data.data_vars.items() if v.dims == ("time",) and v.dtype.kind == "f"
+            }
+            data.to_netcdf(name, mode=mode, group=None if group == "/" else group.strip("/"), engine="h5netcdf", encoding=packed)
+            mode = "a"
+        os.replace(name, target)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
