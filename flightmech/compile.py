@@ -113,9 +113,9 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     problems += [text for term in found for text in _leaf_problems(term.name, term.leaf, aircraft)]
     if problems:
         raise SchemaError(f"model of {aircraft.name}", problems)
-    sim = SimModel(Packer(aircraft, found, _force_axes(db), _meta(db, found)).pack())
-    assert sim.model.count(INPUT) > 0  # the kernel has accepted the block
-    return sim
+    block = Packer(aircraft, found, _force_axes(db), _meta(db, found)).pack()
+    Model(block)  # the kernel accepts it, or says why not
+    return SimModel(block)
 
 
 def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:

@@ -38,8 +38,8 @@ def simulate(
     Returns
     -------
     Dataset (time,)
-        All outputs.  Attribute ``out_of_range`` names the tables that were left, with the share of the internal steps; it is
-        empty when none was.
+        All outputs.  Attribute ``out_of_range`` names the axes whose range was left, with the number of internal steps; it
+        is empty when none was.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def _in_vocabulary(name: str) -> bool:
 
 
 def _left(sim: SimModel, run: Simulation) -> str:
-    """Return one sentence per axis that was left: where, how long, how it was continued."""
+    """Return a few words per axis that was left: where and how long."""
     texts = []
     for row, below, above in zip(sim.entries(AXIS), *run.out_of_range()):
         for count, word, end in ((below, "below", row.low), (above, "above", row.high)):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import xarray as xr
 
-from .library import OUTPUT
+from .library import OUTPUT, PARAMETER
 from .simulate import attributes, constant_inputs, prepared
 
 if TYPE_CHECKING:
@@ -49,7 +49,5 @@ def trim(sim: SimModel, parameters: Mapping[str, float] | None = None) -> xr.Dat
 
 def _seek(sim: SimModel, parameters: Mapping[str, float]) -> float:
     engines = any(name.startswith("engine1/") for name in sim.terms)
-    from .library import PARAMETER
-
     mode = next(row.value for row in sim.entries(PARAMETER) if row.name == "mode.engine")
     return 2.0 if engines and parameters.get("mode.engine", mode) == 0.0 else 1.0

@@ -87,7 +87,10 @@ static void close_loop(am_sim *sim, const double force[3], const double free_fal
     const double per_mass = 1.0 / sim->par[P_MASS], qS = sim->now.qbar * m->S;
     double slope[IMPLICIT][COEFFICIENTS] = {{0.0}}, push[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
     for (uint32_t j = 0; j < n; j++) sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
-    for (uint32_t i = 0; i < m->implicits; i++) slope[m->implicit[i][1]][m->term[m->implicit[i][0]].coefficient] += term_value(sim, m->implicit[i][0]);
+    for (uint32_t i = 0; i < m->implicits; i++) {
+        const uint32_t term = m->implicit[i][0];
+        slope[m->implicit[i][1]][m->term[term].coefficient] += term_value(sim, term);
+    }
     for (uint32_t j = 0; j < n; j++) {
         to_house(sim, slope[j]);
         house_to_body(&sim->now, slope[j], push[j]);

@@ -41,12 +41,16 @@ static void runge_kutta(am_sim *sim, double h, const double *u0, const double *u
 
 static int check_inputs(am_sim *sim, const double *u) {
     for (int i = 0; i < sim->model->count[AM_INPUT]; i++)
-        if (!isfinite(u[i])) return fail(sim, AM_NOT_FINITE, "input %s is %g at t = %g s; it must be finite", sim->model->entry[AM_INPUT][i].name, u[i], sim->time);
+        if (!isfinite(u[i])) {
+            const char *name = sim->model->entry[AM_INPUT][i].name;
+            return fail(sim, AM_NOT_FINITE, "input %s is %g at t = %g s; it must be finite", name, u[i], sim->time);
+        }
     return AM_OK;
 }
 
 int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1) {
-    if (!(dt >= 0.0) || !isfinite(t) || !isfinite(dt)) return fail(sim, AM_BAD_ARGUMENT, "step from t = %g s by %g s; the step must be finite and not negative", t, dt);
+    if (!(dt >= 0.0) || !isfinite(t) || !isfinite(dt))
+        return fail(sim, AM_BAD_ARGUMENT, "step from t = %g s by %g s; the step must be finite and not negative", t, dt);
     int status = ready(sim);
     if (status != AM_OK) return status;
     sim->time = t;

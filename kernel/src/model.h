@@ -128,6 +128,8 @@ static inline void from_body(const double C[3][3], const double b[3], double a[3
     for (int i = 0; i < 3; i++) a[i] = C[0][i] * b[0] + C[1][i] * b[1] + C[2][i] * b[2];
 }
 
+/* pack.c */
+bool all_finite(const double *a, size_t n);
 /* names.c */
 int known_count(am_kind kind, bool per_engine);
 /* table.c */
@@ -166,6 +168,5 @@ int ready(am_sim *sim);
 int refresh(am_sim *sim);
 void start_state(am_sim *sim, double alpha, double beta, double theta);
 double start_pitch(const am_sim *sim, double alpha, double beta);
-bool all_finite(const double *a, size_t n);
 
 #endif

@@ -96,15 +96,20 @@ static uint32_t crc32_of(const unsigned char *bytes, size_t n) {
 static bool check_header(reader *r, const unsigned char *bytes, size_t n) {
     header_t head;
     const size_t start = sizeof(header_t) + SECTIONS * sizeof(section_t);
-    if (!bytes || n < start) return refuse(r, "model block: %zu bytes are too few for a header of %zu; the file is truncated or no model", n, start);
+    if (!bytes || n < start)
+        return refuse(r, "model block: %zu bytes are too few for a header of %zu; the file is truncated or no model", n, start);
     memcpy(&head, bytes, sizeof head);
-    if (memcmp(head.magic, "AMKERNEL", 8) != 0) return refuse(r, "model block: does not begin with AMKERNEL; this is no model of flightmech.compile");
-    if (head.endian != ENDIAN_MARK) return refuse(r, "model block: endian mark is %08x; this machine must be little-endian", (unsigned)head.endian);
+    if (memcmp(head.magic, "AMKERNEL", 8) != 0)
+        return refuse(r, "model block: does not begin with AMKERNEL; this is no model of flightmech.compile");
+    if (head.endian != ENDIAN_MARK)
+        return refuse(r, "model block: endian mark is %08x; this machine must be little-endian", (unsigned)head.endian);
     if (head.format != AM_FORMAT)
         return refuse(r, "model block: format %u, this library reads format %d; compile the model again", (unsigned)head.format, AM_FORMAT);
-    if (head.size != n) return refuse(r, "model block: header says %llu bytes, %zu came; the file is truncated or extended", (unsigned long long)head.size, n);
+    if (head.size != n)
+        return refuse(r, "model block: header says %llu bytes, %zu came; the file is truncated or extended", (unsigned long long)head.size, n);
     const size_t from = offsetof(header_t, sections);
-    if (crc32_of(bytes + from, n - from) != head.crc) return refuse(r, "model block: CRC-32 does not agree; the bytes were changed after compilation");
+    if (crc32_of(bytes + from, n - from) != head.crc)
+        return refuse(r, "model block: CRC-32 does not agree; the bytes were changed after compilation");
     if (head.sections != SECTIONS) return refuse(r, "model block: %u sections, expected %d", (unsigned)head.sections, SECTIONS);
     return true;
 }
@@ -117,15 +122,19 @@ static bool find_sections(reader *r, size_t n) {
             return refuse(r, "model block: section %s does not lie inside the block", SECTION_NAME[i]);
         r->at[i] = r->model->block + offset;
         r->count[i] = (size_t)count;
-        if (i != STRINGS && i != NODES && i != POINTS && count > MOST) return refuse(r, "model block: section %s has too many records", SECTION_NAME[i]);
+        if (i != STRINGS && i != NODES && i != POINTS && count > MOST)
+            return refuse(r, "model block: section %s has too many records", SECTION_NAME[i]);
     }
     if (r->count[GEOMETRY] != 1) return refuse(r, "model block: geometry must have one record");
     const char *strings = r->at[STRINGS];
-    if (r->count[STRINGS] == 0 || strings[r->count[STRINGS] - 1] != 0) return refuse(r, "model block: the string table does not end with 0");
+    if (r->count[STRINGS] == 0 || strings[r->count[STRINGS] - 1] != 0)
+        return refuse(r, "model block: the string table does not end with 0");
     return true;
 }
 
-static const char *string_at(const reader *r, uint32_t offset) { return offset < r->count[STRINGS] ? (const char *)r->at[STRINGS] + offset : NULL; }
+static const char *string_at(const reader *r, uint32_t offset) {
+    return offset < r->count[STRINGS] ? (const char *)r->at[STRINGS] + offset : NULL;
+}
 
 bool all_finite(const double *a, size_t n) {
     for (size_t i = 0; i < n; i++)
@@ -159,7 +168,8 @@ static bool read_geometry(reader *r) {
     am_model *m = r->model;
     if (!(isfinite(g->S) && g->S > 0 && isfinite(g->cbar) && g->cbar > 0 && isfinite(g->b) && g->b > 0 && isfinite(g->x_ref_mac)))
         return refuse(r, "model block: S, cbar and b must be positive and x_ref_mac finite");
-    if (g->force_axes > BODY_AXES) return refuse(r, "model block: force axes %u; allowed: 0 stability, 1 wind, 2 body", (unsigned)g->force_axes);
+    if (g->force_axes > BODY_AXES)
+        return refuse(r, "model block: force axes %u; allowed: 0 stability, 1 wind, 2 body", (unsigned)g->force_axes);
     m->S = g->S, m->cbar = g->cbar, m->b = g->b, m->x_ref_mac = g->x_ref_mac, m->force_axes = (int)g->force_axes;
     m->title = string_at(r, g->title), m->meta = string_at(r, g->meta);
     if (!m->title || !m->meta) return refuse(r, "model block: title or meta lies outside the string table");
@@ -190,16 +200,17 @@ static void engine_name(char *to, size_t n, const char *pattern, uint32_t engine
 /* The catalogue must hold exactly the names of the library, in its order, so that an index is a code. */
 static bool check_names(reader *r, am_kind kind, size_t extra) {
     const am_model *m = r->model;
+    const char *section = SECTION_NAME[INPUTS + (int)kind];
     const size_t fixed = (size_t)known_count(kind, false), each = (size_t)known_count(kind, true);
     const size_t expected = fixed + each * m->engines + extra;
     if ((size_t)m->count[kind] != expected)
-        return refuse(r, "model block: %d %s, this library needs %zu; compile the model again", m->count[kind], SECTION_NAME[INPUTS + (int)kind], expected);
+        return refuse(r, "model block: %d %s, this library needs %zu; compile the model again", m->count[kind], section, expected);
     for (size_t i = 0; i < expected - extra; i++) {
         char name[64];
         if (i < fixed) snprintf(name, sizeof name, "%s", am_known(kind, (int)i));
         else engine_name(name, sizeof name, am_known(kind, (int)(fixed + (i - fixed) % each)), (uint32_t)((i - fixed) / each));
         if (strcmp(name, m->entry[kind][i].name) != 0)
-            return refuse(r, "model block: %s %zu is %s, expected %s; compile the model again", SECTION_NAME[INPUTS + (int)kind], i, m->entry[kind][i].name, name);
+            return refuse(r, "model block: %s %zu is %s, expected %s; compile the model again", section, i, m->entry[kind][i].name, name);
     }
     return true;
 }
@@ -247,7 +258,8 @@ static bool read_axes(reader *r) {
         const double *p = points + first;
         if (!all_finite(p, count)) return refuse(r, "model block: axis %u (%s) has a breakpoint that is not finite", (unsigned)i, e->name);
         for (uint32_t k = 1; k < count; k++)
-            if (!(p[k] > p[k - 1])) return refuse(r, "model block: axis %u (%s) does not rise at point %u", (unsigned)i, e->name, (unsigned)k);
+            if (!(p[k] > p[k - 1]))
+                return refuse(r, "model block: axis %u (%s) does not rise at point %u", (unsigned)i, e->name, (unsigned)k);
         if (record[i].group < group || record[i].group >= GROUPS) return refuse(r, "model block: axes are not sorted by group");
         while (group < record[i].group) m->first_axis[++group] = i;
         if (is_implicit(code)) return refuse(r, "model block: %s cannot be a table axis; it may be a regressor only", e->name);
@@ -268,7 +280,8 @@ static bool read_bundles(reader *r) {
     for (uint32_t i = 0; i < m->bundles; i++) {
         const bundle_record *b = &record[i];
         bundle_t *to = &m->bundle[i];
-        if (b->axes > MAX_AXES || b->width == 0 || b->width > MOST) return refuse(r, "model block: bundle %u has a wrong number of axes or tables", (unsigned)i);
+        if (b->axes > MAX_AXES || b->width == 0 || b->width > MOST)
+            return refuse(r, "model block: bundle %u has a wrong number of axes or tables", (unsigned)i);
         if (b->group < group || b->group >= GROUPS) return refuse(r, "model block: bundles are not sorted by group");
         while (group < b->group) m->first_bundle[++group] = i;
         size_t doubles = b->width;
@@ -313,7 +326,8 @@ static bool note_implicit(reader *r, uint32_t i) {
     if (!first && !second) return true;
     const char *name = m->entry[AM_TERM][i].name;
     if (first && second) return refuse(r, "model block: term %s has two of alphadothat, betadothat, dnz; only one can be solved for", name);
-    if (t->coefficient >= COEFFICIENTS) return refuse(r, "model block: engine term %s cannot depend on alphadothat, betadothat or dnz", name);
+    if (t->coefficient >= COEFFICIENTS)
+        return refuse(r, "model block: engine term %s cannot depend on alphadothat, betadothat or dnz", name);
     m->implicit[m->implicits][0] = i;
     m->implicit[m->implicits++][1] = unknown_place(m, (first ? t->v1 : t->v2) - A_ALPHADOTHAT);
     return true;
@@ -333,7 +347,8 @@ static bool read_terms(reader *r) {
         e->units = e->display_units = "1";
         e->low = -DBL_MAX, e->high = DBL_MAX;
         if (!e->name || !e->description) return refuse(r, "model block: term %u has no name", (unsigned)i);
-        if (b->coefficient >= COEFFICIENTS + m->engines) return refuse(r, "model block: term %s has coefficient %u", e->name, (unsigned)b->coefficient);
+        if (b->coefficient >= COEFFICIENTS + m->engines)
+            return refuse(r, "model block: term %s has coefficient %u", e->name, (unsigned)b->coefficient);
         const bool engine = b->coefficient >= COEFFICIENTS;
         const uint32_t slot[3] = {b->K1, b->K2, b->T};
         for (int k = 0; k < 3; k++)
@@ -341,9 +356,12 @@ static bool read_terms(reader *r) {
                 return refuse(r, "model block: term %s refers to a table outside its group", e->name);
         term_t *t = &m->term[i];
         *t = (term_t){b->K1, b->K2, b->T, A_ONE, A_ONE, b->coefficient};
-        if (!factor(r, b->v1, &t->v1) || !factor(r, b->v2, &t->v2)) return refuse(r, "model block: term %s refers to an unknown variable", e->name);
-        if (engine && (is_thrust(t->v1) || is_thrust(t->v2))) return refuse(r, "model block: engine term %s cannot depend on a thrust", e->name);
-        if (i && rank(b->coefficient) < rank(m->term[i - 1].coefficient)) return refuse(r, "model block: terms are not sorted by coefficient");
+        if (!factor(r, b->v1, &t->v1) || !factor(r, b->v2, &t->v2))
+            return refuse(r, "model block: term %s refers to an unknown variable", e->name);
+        if (engine && (is_thrust(t->v1) || is_thrust(t->v2)))
+            return refuse(r, "model block: engine term %s cannot depend on a thrust", e->name);
+        if (i && rank(b->coefficient) < rank(m->term[i - 1].coefficient))
+            return refuse(r, "model block: terms are not sorted by coefficient");
         if (engine) {
             e->units = e->display_units = "N";
             m->engine[b->coefficient - COEFFICIENTS].has_table = true;
@@ -383,10 +401,11 @@ static bool read_block(reader *r, const unsigned char *bytes, size_t n) {
     if (!check_header(r, bytes, n)) return false;
     if (!(r->model = calloc(1, sizeof *r->model)) || !(r->model->block = malloc(n))) return refuse(r, "model block: no memory");
     memcpy(r->model->block, bytes, n);
-    return find_sections(r, n) && reserve(r) && read_geometry(r) && read_entries(r, INPUTS, AM_INPUT) && read_entries(r, OUTPUTS, AM_OUTPUT) &&
-           read_entries(r, PARAMETERS, AM_PARAMETER) && read_entries(r, VARIABLES, AM_VARIABLE) && check_names(r, AM_INPUT, 0) &&
-           check_names(r, AM_OUTPUT, 0) && check_names(r, AM_PARAMETER, r->model->terms) && read_variables(r) && read_axes(r) && read_bundles(r) &&
-           read_terms(r) && read_engines(r) && check_scales(r);
+    if (!find_sections(r, n) || !reserve(r) || !read_geometry(r)) return false;
+    for (int kind = AM_INPUT; kind <= AM_VARIABLE; kind++)
+        if (!read_entries(r, INPUTS + kind, (am_kind)kind)) return false;
+    if (!check_names(r, AM_INPUT, 0) || !check_names(r, AM_OUTPUT, 0) || !check_names(r, AM_PARAMETER, r->model->terms)) return false;
+    return read_variables(r) && read_axes(r) && read_bundles(r) && read_terms(r) && read_engines(r) && check_scales(r);
 }
 
 am_model *am_load(const void *bytes, size_t n, char *err, size_t nerr) {

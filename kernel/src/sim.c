@@ -97,8 +97,8 @@ int am_get_inputs(const am_sim *sim, double *u) {
     return AM_OK;
 }
 
-static int bad(am_sim *sim, int parameter, const char *rule) {
-    return fail(sim, AM_BAD_VALUE, "%s is %g; it must be %s", sim->model->entry[AM_PARAMETER][parameter].name, sim->par[parameter], rule);
+static int bad(am_sim *sim, int status, int parameter, const char *rule) {
+    return fail(sim, status, "%s is %g; it must be %s", sim->model->entry[AM_PARAMETER][parameter].name, sim->par[parameter], rule);
 }
 
 /* Inertia tensor about the c.g. and its inverse; the products are integrals of xy dm and so on. */
@@ -116,25 +116,23 @@ static int set_inertia(am_sim *sim) {
     return AM_OK;
 }
 
-static bool one_of(double value, double a, double b, double c) { return value == a || value == b || value == c; }
-
 /* Check the parameters and derive what depends on them; done again after a change. */
 static int prepare(am_sim *sim) {
     if (sim->prepared) return AM_OK;
     const double *p = sim->par;
     for (int i = 0; i < sim->model->count[AM_PARAMETER]; i++)
-        if (!isfinite(p[i])) return fail(sim, AM_NOT_FINITE, "%s is %g; it must be finite", sim->model->entry[AM_PARAMETER][i].name, p[i]);
-    if (!(p[P_MASS] > 0.0)) return bad(sim, P_MASS, "positive");
-    if (!(p[P_QNH] > 0.0)) return bad(sim, P_QNH, "positive");
-    if (!(p[P_STEP] > 0.0)) return bad(sim, P_STEP, "positive");
-    if (!(p[P_V] >= 0.0)) return bad(sim, P_V, "zero or positive");
-    if (!(fabs(p[P_DELTA_T]) < 100.0)) return bad(sim, P_DELTA_T, "between -100 and 100 K");
-    if (!one_of(p[P_EARTH], FLAT_EARTH, WGS84_EARTH, WGS84_EARTH)) return bad(sim, P_EARTH, "0 (flat) or 1 (WGS-84, rotating)");
-    if (!one_of(p[P_ENGINE], THROTTLE_DRIVEN, THRUST_DRIVEN, THRUST_DRIVEN)) return bad(sim, P_ENGINE, "0 (throttle) or 2 (thrust driven)");
-    if (!one_of(p[P_TRIM], 0.0, 1.0, 2.0)) return bad(sim, P_TRIM, "0 (none), 1 (seek thrust) or 2 (seek throttle)");
+        if (!isfinite(p[i])) return bad(sim, AM_NOT_FINITE, i, "finite");
+    if (!(p[P_MASS] > 0.0)) return bad(sim, AM_BAD_VALUE, P_MASS, "positive");
+    if (!(p[P_QNH] > 0.0)) return bad(sim, AM_BAD_VALUE, P_QNH, "positive");
+    if (!(p[P_STEP] > 0.0)) return bad(sim, AM_BAD_VALUE, P_STEP, "positive");
+    if (!(p[P_V] >= 0.0)) return bad(sim, AM_BAD_VALUE, P_V, "zero or positive");
+    if (!(fabs(p[P_DELTA_T]) < 100.0)) return bad(sim, AM_BAD_VALUE, P_DELTA_T, "between -100 and 100 K");
+    if (p[P_EARTH] != FLAT_EARTH && p[P_EARTH] != WGS84_EARTH) return bad(sim, AM_BAD_VALUE, P_EARTH, "0 (flat) or 1 (WGS-84, rotating)");
+    if (p[P_ENGINE] != THROTTLE_DRIVEN && p[P_ENGINE] != THRUST_DRIVEN) return bad(sim, AM_BAD_VALUE, P_ENGINE, "0 (throttle) or 2 (thrust driven)");
+    if (p[P_TRIM] != 0.0 && p[P_TRIM] != 1.0 && p[P_TRIM] != 2.0) return bad(sim, AM_BAD_VALUE, P_TRIM, "0 (none), 1 (seek thrust) or 2 (seek throttle)");
     for (uint32_t i = 0; i < sim->model->engines; i++) {
         const int tau = P_FIXED + (int)i * P_PER_ENGINE + P_TIME_CONSTANT;
-        if (!(p[tau] >= 0.0)) return bad(sim, tau, "zero or positive");
+        if (!(p[tau] >= 0.0)) return bad(sim, AM_BAD_VALUE, tau, "zero or positive");
         if (p[P_ENGINE] == THROTTLE_DRIVEN && !sim->model->engine[i].has_table)
             return fail(sim, AM_BAD_VALUE, "mode.engine = 0 needs a thrust table, engine%u has none; use mode.engine = 2", (unsigned)(i + 1));
     }
@@ -200,7 +198,8 @@ static int check_start(am_sim *sim, double t) {
     const am_model *m = sim->model;
     if (!isfinite(t)) return fail(sim, AM_BAD_ARGUMENT, "the start time is %g s; it must be finite", t);
     for (int i = 0; i < m->count[AM_INPUT]; i++)
-        if (!isfinite(sim->u[i])) return fail(sim, AM_NOT_FINITE, "input %s is %g at the start; it must be finite", m->entry[AM_INPUT][i].name, sim->u[i]);
+        if (!isfinite(sim->u[i]))
+            return fail(sim, AM_NOT_FINITE, "input %s is %g at the start; it must be finite", m->entry[AM_INPUT][i].name, sim->u[i]);
     return AM_OK;
 }
 
@@ -217,7 +216,8 @@ int am_initialize(am_sim *sim, double t) {
     memset(sim->below, 0, sizeof(double) * sim->model->axes);
     memset(sim->above, 0, sizeof(double) * sim->model->axes);
     start_state(sim, p[P_ALPHA], p[P_BETA], p[P_THETA]);
-    if (!all_finite(sim->x, (size_t)am_state_count(sim->model))) return fail(sim, AM_NOT_FINITE, "the state at the start is not finite; check init.* and the inputs");
+    if (!all_finite(sim->x, (size_t)am_state_count(sim->model)))
+        return fail(sim, AM_NOT_FINITE, "the state at the start is not finite; check init.* and the inputs");
     sim->ready = true;
     if (p[P_TRIM] != 0.0) status = am_trim(sim, (int)p[P_TRIM]);
     sim->ready = status == AM_OK;

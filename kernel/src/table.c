@@ -39,7 +39,8 @@ static void line(double *restrict to, const double *restrict node, size_t stride
 }
 
 /* Over the four corners of the last two axes, weighed by w, put or added to the values. */
-static void plane(double *restrict to, const double *restrict n0, const size_t stride[2], const double f[2], double w, uint32_t width, bool add) {
+static void plane(double *restrict to, const double *restrict n0, const size_t stride[2], const double f[2], double w, uint32_t width,
+                  bool add) {
     const double *restrict n1 = n0 + stride[1], *restrict n2 = n0 + stride[0], *restrict n3 = n2 + stride[1];
     const double low = w * (1.0 - f[0]), high = w * f[0];
     const double w0 = low * (1.0 - f[1]), w1 = low * f[1], w2 = high * (1.0 - f[1]), w3 = high * f[1];

@@ -21,9 +21,9 @@ typedef struct {
     int seek;
     double power; /* thrust per engine for one unit of Z_POWER [N], or 1 for the throttle */
     double low[UNKNOWNS], high[UNKNOWNS];
-} task;
+} task_t;
 
-static void apply(const task *task, const double z[UNKNOWNS]) {
+static void apply(const task_t *task, const double z[UNKNOWNS]) {
     am_sim *sim = task->sim;
     for (int i = 0; i < 3; i++) sim->trim.delta[i] = z[Z_DELTA + i];
     sim->trim.alpha = z[Z_ALPHA], sim->trim.beta = z[Z_BETA];
@@ -32,7 +32,7 @@ static void apply(const task *task, const double z[UNKNOWNS]) {
 }
 
 /* Acceleration minus wanted acceleration: u' v' w' p' q' r'. */
-static void residual(const task *task, const double z[UNKNOWNS], double r[6]) {
+static void residual(const task_t *task, const double z[UNKNOWNS], double r[6]) {
     am_sim *sim = task->sim;
     apply(task, z);
     derivative(sim, sim->x, sim->u, sim->k);
@@ -42,7 +42,7 @@ static void residual(const task *task, const double z[UNKNOWNS], double r[6]) {
     }
 }
 
-static double weigh(const task *task, double r[6]) {
+static double weigh(const task_t *task, double r[6]) {
     double sum = 0.0;
     for (int i = 0; i < 6; i++) {
         if (i >= 3) r[i] *= 0.5 * task->sim->model->b;
@@ -51,7 +51,7 @@ static double weigh(const task *task, double r[6]) {
     return sum;
 }
 
-static void jacobian(const task *task, const double z[UNKNOWNS], double J[6][UNKNOWNS]) {
+static void jacobian(const task_t *task, const double z[UNKNOWNS], double J[6][UNKNOWNS]) {
     for (int j = 0; j < UNKNOWNS; j++) {
         double up[UNKNOWNS], down[UNKNOWNS], r_up[6], r_down[6];
         memcpy(up, z, sizeof up), memcpy(down, z, sizeof down);
@@ -103,7 +103,7 @@ static bool minimum_norm_step(double J[6][UNKNOWNS], const bool free[UNKNOWNS], 
 }
 
 /* One accepted step; false when no step makes the residual smaller. */
-static bool improve(const task *task, double z[UNKNOWNS], double r[6], double *size, double *lambda) {
+static bool improve(const task_t *task, double z[UNKNOWNS], double r[6], double *size, double *lambda) {
     double J[6][UNKNOWNS];
     jacobian(task, z, J);
     for (int attempt = 0; attempt < 24; attempt++, *lambda *= 10.0) {
@@ -130,7 +130,7 @@ static bool improve(const task *task, double z[UNKNOWNS], double r[6], double *s
     return false;
 }
 
-static void set_limits(task *task) {
+static void set_limits(task_t *task) {
     const am_sim *sim = task->sim;
     const am_entry *input = sim->model->entry[AM_INPUT];
     task->low[Z_ALPHA] = -ALPHA_LIMIT, task->high[Z_ALPHA] = ALPHA_LIMIT;
@@ -160,7 +160,7 @@ int am_trim(am_sim *sim, int seek) {
     if (!(sim->par[P_V] > 1.0)) return fail(sim, AM_BAD_VALUE, "init.V = %g m/s; a trim needs more than 1 m/s", sim->par[P_V]);
     memset(&sim->trim, 0, sizeof sim->trim);
     const double engines = sim->model->engines ? sim->model->engines : 1.0;
-    task task = {.sim = sim, .seek = seek, .power = seek == 2 ? 1.0 : sim->par[P_MASS] * G0 / engines};
+    task_t task = {.sim = sim, .seek = seek, .power = seek == 2 ? 1.0 : sim->par[P_MASS] * G0 / engines};
     set_limits(&task);
     double z[UNKNOWNS] = {between(sim->par[P_ALPHA], -ALPHA_LIMIT, ALPHA_LIMIT), between(sim->par[P_BETA], -BETA_LIMIT, BETA_LIMIT)};
     double r[6], lambda = 1e-6;
@@ -170,6 +170,7 @@ int am_trim(am_sim *sim, int seek) {
         if (!improve(&task, z, r, &size, &lambda)) break;
     residual(&task, z, sim->trim.residual);
     sim->fresh = false;
-    if (!isfinite(size)) return fail(sim, AM_NOT_FINITE, "the trim met accelerations that are not finite; check the model and the initial condition");
+    if (!isfinite(size))
+        return fail(sim, AM_NOT_FINITE, "the trim met accelerations that are not finite; check the model and the initial condition");
     return AM_OK;
 }

@@ -126,6 +126,29 @@ def test_euler_angles_pass_the_vertical(make_aircraft, make_tree, start):
         assert np.cos(y["theta"]) * np.cos(y["psi"]) == pytest.approx(np.cos(turned), abs=1e-9)
 
 
+def test_over_the_pole_and_the_date_line(make_aircraft, make_tree, start):
+    """Straight flight across the pole: no jump in position or speed, latitude turns, longitude changes by 180 degrees."""
+    sim = empty(make_aircraft, make_tree)
+    run = start(sim, init__lat=np.pi / 2 - 1e-4, init__lon=np.pi - 1e-9, init__V=400.0, init__h=20000.0)
+    u = np.zeros(len(sim.inputs))
+    rows = [run.outputs()]
+    for i in range(40):
+        run.step(0.1 * i, 0.1, u, u)
+        rows.append(run.outputs())
+    y = dict(zip(sim.outputs, np.array(rows).T, strict=True))
+    assert np.isfinite(np.array(rows)).all()
+    assert np.abs(np.diff(y["h"])).max() < 5.0
+    assert np.argmax(y["lat"]) not in (0, 40)
+    assert abs(y["lon"][0]) == pytest.approx(np.pi, abs=1e-6)
+    assert abs(y["lon"][-1]) < 0.1  # not 0: the Earth turns below the path
+
+
+def test_at_the_pole_itself(make_aircraft, make_tree, flown):
+    y = flown(empty(make_aircraft, make_tree), init__lat=np.pi / 2, init__V=100.0, init__h=1000.0)
+    assert np.isfinite(list(y.values())).all()
+    assert (y["lat"], y["h"]) == (pytest.approx(np.pi / 2, abs=1e-12), pytest.approx(1000.0, abs=1e-8))
+
+
 def test_products_of_inertia_couple_the_axes(make_aircraft, make_tree, flown):
     craft = {"engines": (), "cg": (0.0, 0.0, 0.0), "Ixy": 0.0, "Iyz": 0.0, "Ixz": 900.0}
     sim = flightmech.compile(make_aircraft(**craft), make_tree({"Cl/basic": make(0.01)}))
