@@ -12,8 +12,9 @@ the prior g ~ N(g0, P) everything is Gaussian, and the nodes have a posterior in
 them would use a faulty handbook value to correct the aeroplane's mass.
 
 The prior covariance of the nodes is that of `aerodb.correlation`: half of the variance common to the whole table, the
-rest fading over the correlation lengths.  A node far from all data keeps at least sqrt(1/2) of its a-priori standard error,
-however well the level is known; a node counts as *from flight* when its standard error is clearly, by a tenth, below that.
+rest fading over the correlation lengths.  Where the flights find a term further from the handbook than its standard
+errors allow, they were too small all over the table: they are multiplied by the factor, from 1 to 5, that makes the fits
+most likely.  Nodes that were not flown may so end up with a *larger* standard error than before.
 Nodes of different terms are independent a priori; after the flight they are not, and a leaf has no room to say so: the
 standard errors are those of single nodes.
 
@@ -40,7 +41,8 @@ from .schema import coefficients, terms
 REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the first identified, below the second corrected
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
 _HUBER = 2.5
-_ROUNDS = 12
+_ROUNDS = 40
+_WIDEST = 5.0  # largest factor on the a-priori standard errors of a term
 _AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")
 _FREE_AIR = 1e4  # h_agl where a fit says nothing about the ground [m]
 
@@ -52,13 +54,13 @@ class Tabulation(Mapping):
     Attributes
     ----------
     terms : dict of str to Dataset
-        Every term that the fits say something about.  ``source`` is flight where the posterior standard error is below
-        0.9 sqrt(1 - level) of the a-priori one, and stays as it was elsewhere.
+        Every term that the fits say something about.  ``source`` is flight at nodes that samples lie beside and whose
+        standard error fell below 0.9 of the a-priori one, and stays as it was elsewhere.
     report : DataFrame
         Index term; ``nodes``, ``flight`` (nodes from flight), ``corrected`` and ``identified`` (nodes with a ratio of
         posterior to prior standard error below 0.9 and 0.5), ``ratio_least``, ``ratio_median``, ``change_rms``,
-        ``change_largest``, ``change_in_sd`` (largest change in a-priori standard errors; beyond 3 the prior standard
-        error was too small).
+        ``change_largest``, ``change_in_sd`` (largest change, in a-priori standard errors), ``widened`` (factor on the
+        a-priori standard errors; above 1 they were too small).
     points : DataFrame
         Index (coefficient, fit): ``rms_prior``, ``rms`` of measured minus tables with the prior and the new ones,
         ``range`` of the coefficient, ``distance`` of the fit from the tables in its own standard errors, ``weight``,
@@ -118,6 +120,7 @@ def tabulate(
     References
     ----------
     .. [Rasmussen2006] Rasmussen, Williams, Gaussian Processes for Machine Learning, MIT Press 2006, chapter 2.
+    .. [Zhou2019] Zhou, Hu, Zhou, Lange, MM algorithms for variance components models, J. Comput. Graph. Stat. 28, 2019.
     .. [Schmidt1966] Schmidt, Application of state-space methods to navigation problems, Advances in Control Systems 3, 1966.
     """
     leaves = terms(prior)
@@ -152,6 +155,7 @@ class _Posterior:
     stderr: np.ndarray
     weight: np.ndarray
     distance: np.ndarray
+    widened: dict[str, float]
     inflation: float
     chi2: float
 
@@ -160,16 +164,13 @@ def _one_coefficient(coefficient, fits, leaves, held, lengths, level, tables) ->
     free = {name: leaf for name, leaf in leaves.items() if name not in held}
     sources = list(dict.fromkeys(str(name) for fit in fits for name in fit.estimates["error"].values))
     observed = [_observe(fit, leaves, free, sources) for fit in fits]
-    g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
-    P = _block_diagonal([prior_covariance(leaf, lengths, level) for leaf in free.values()])
-    found = _posterior(observed, g0, P)
+    found = _posterior(observed, free, lengths, level)
     touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
-    new, at = {}, 0
-    for name, leaf in free.items():
-        nodes = slice(at, at := at + leaf["value"].size)
+    new = {}
+    for (name, leaf), nodes in zip(free.items(), _slices([leaf["value"].size for leaf in free.values()])):
         if touched[nodes].any():
-            new[name] = _leaf(leaf, found.value[nodes], found.stderr[nodes], level, _contributors(fits, observed, nodes))
-            tables["report"].append(_term_row(name, leaf, new[name]))
+            new[name] = _leaf(leaf, found.value[nodes], found.stderr[nodes], touched[nodes], _contributors(fits, observed, nodes))
+            tables["report"].append(_term_row(name, leaf, new[name], found.widened[name]))
     tables["points"].append(_point_rows(coefficient, fits, observed, leaves, {**leaves, **new}, found))
     tables["compatibility"].append(_compatibility_row(coefficient, sum(len(o.theta) for o in observed), found))
     return new
@@ -187,27 +188,51 @@ def _observe(fit, leaves: Mapping[str, xr.Dataset], free: Mapping[str, xr.Datase
     return _Observation(e["estimate"].values - np.linalg.solve(R, Q.T @ fixed), np.hstack(H), D, e["covariance"].values, bases)
 
 
-def _posterior(observed: Sequence[_Observation], g0: np.ndarray, P: np.ndarray) -> _Posterior:
-    """Nodes given the fits; fits far from the tables that the others support lose weight."""
+def _posterior(observed: Sequence[_Observation], free: Mapping[str, xr.Dataset], lengths: Mapping[str, float], level: float) -> _Posterior:
+    """Nodes given the fits; fits far from the tables that the others support lose weight, priors that were too sure widen."""
     H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
+    g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     y = np.concatenate([o.theta for o in observed]) - H @ g0
-    PH = P @ H.T
-    expected = H @ PH
-    ends = np.cumsum([len(o.theta) for o in observed])
-    parts = [slice(end - len(o.theta), end) for o, end in zip(observed, ends)]
-    weight, inflation = np.ones(len(observed)), 1.0
+    priors = [prior_covariance(leaf, lengths, level) for leaf in free.values()]
+    columns = _slices([len(P) for P in priors])
+    parts = _slices([len(o.theta) for o in observed])
+    PH = [P @ H[:, at].T for P, at in zip(priors, columns)]
+    expected = np.array([H[:, at] @ part for part, at in zip(PH, columns)])
+    weight, inflation, widened = np.ones(len(observed)), 1.0, np.ones(len(priors))
     for _ in range(_ROUNDS):
         noise = _block_diagonal([inflation**2 / w * o.C for o, w in zip(observed, weight)])
-        inverse = _inverse(expected + noise)
+        tables = np.einsum("t,tij->ij", widened**2, expected)
+        widened = _widened(y, expected, tables + noise + D @ D.T, widened)
+        inverse = _inverse(tables + noise)
         residual = noise @ inverse @ y
         distance = np.array([_distance(residual[part], o.C) for part, o in zip(parts, observed)])
         determined = np.trace(noise @ inverse) / len(y)  # share of the residual that the tables have not taken up
         inflation = max(1.0, float(np.median(distance)) / np.sqrt(max(determined, 0.1)))
         weight = np.minimum(1.0, (_HUBER * inflation / np.maximum(distance, 1e-12)) ** 2)
-    gain = PH @ inverse
-    variance = np.diag(P) - np.einsum("ij,ij->i", gain, PH) + ((gain @ D) ** 2).sum(axis=1)
-    chi2 = float(y @ _inverse(expected + D @ D.T + _block_diagonal([o.C for o in observed])) @ y)
-    return _Posterior(g0 + gain @ y, np.sqrt(np.maximum(variance, 0.0)), weight, distance, inflation, chi2)
+    factor = np.repeat(widened**2, [len(P) for P in priors])
+    reach = factor[:, None] * np.vstack(PH)
+    gain = reach @ inverse
+    variance = factor * np.concatenate([np.diag(P) for P in priors]) - np.einsum("ij,ij->i", gain, reach) + ((gain @ D) ** 2).sum(axis=1)
+    chi2 = float(y @ _inverse(expected.sum(axis=0) + D @ D.T + _block_diagonal([o.C for o in observed])) @ y)
+    return _Posterior(g0 + gain @ y, np.sqrt(np.maximum(variance, 0.0)), weight, distance, dict(zip(free, widened)), inflation, chi2)
+
+
+def _widened(y: np.ndarray, expected: np.ndarray, S: np.ndarray, widened: np.ndarray) -> np.ndarray:
+    """One step towards the factors on the prior standard errors that make the fits most likely, between 1 and 5.
+
+    Multiplicative step of the variance components: k^2 <- k^2 sqrt(y'S^-1 V S^-1 y / tr(S^-1 V)) [Zhou2019].
+    """
+    inverse = _inverse(S)
+    r = inverse @ y
+    wanted = np.einsum("tij,i,j->t", expected, r, r)
+    given = np.einsum("tij,ij->t", expected, inverse)
+    step = np.divide(wanted, given, out=np.ones_like(given), where=given > 0) ** 0.25
+    return np.clip(widened * step, 1.0, _WIDEST)
+
+
+def _slices(sizes: Sequence[int]) -> list[slice]:
+    ends = np.cumsum(sizes)
+    return [slice(end - size, end) for end, size in zip(ends, sizes)]
 
 
 def _inverse(S: np.ndarray) -> np.ndarray:
@@ -223,9 +248,9 @@ def _distance(residual: np.ndarray, C: np.ndarray) -> float:
     return float(np.sqrt((residual / sd) @ np.linalg.solve(correlation, residual / sd) / len(sd)))
 
 
-def _leaf(leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, level: float, contributors: Sequence[str]) -> xr.Dataset:
+def _leaf(leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, touched: np.ndarray, contributors: Sequence[str]) -> xr.Dataset:
     shape = leaf["value"].shape
-    flown = sd.reshape(shape) < CORRECTED * np.sqrt(1.0 - level) * leaf["stderr"].values
+    flown = touched.reshape(shape) & (sd.reshape(shape) < CORRECTED * leaf["stderr"].values)
     known = leaf["source"].values if "source" in leaf else np.full(shape, _terms.SOURCES.index("judgement"), np.uint8)
     new = leaf.copy(deep=True)
     new["value"] = leaf["value"].dims, value.reshape(shape), leaf["value"].attrs
@@ -250,7 +275,7 @@ def _contributors(fits: Sequence[Any], observed: Sequence[_Observation], nodes: 
     ]
 
 
-def _term_row(name: str, before: xr.Dataset, after: xr.Dataset) -> pd.DataFrame:
+def _term_row(name: str, before: xr.Dataset, after: xr.Dataset, widened: float) -> pd.DataFrame:
     sd0, change = before["stderr"].values.ravel(), (after["value"] - before["value"]).values.ravel()
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(sd0 > 0, after["stderr"].values.ravel() / sd0, 1.0)
@@ -265,6 +290,7 @@ def _term_row(name: str, before: xr.Dataset, after: xr.Dataset) -> pd.DataFrame:
         "change_rms": np.sqrt((change**2).mean()),
         "change_largest": change[np.abs(change).argmax()],
         "change_in_sd": in_sd.max(),
+        "widened": widened,
     }
     return pd.DataFrame(row, index=pd.Index([name], name="term"))
 
