@@ -73,7 +73,7 @@ def regress(
             f"{label}{len(X)} samples for {len(terms)} terms of {model}; at least {SAMPLES_PER_TERM} per term are needed"
         )
     try:
-        _demand_movement(samples, X, terms)
+        _demand_movement(samples[model.coefficient].values, X, terms)
         collinearity.demand_rank(X, terms)
     except IdentificationError as error:
         raise IdentificationError(f"{label}{model}: {error}") from None
@@ -125,8 +125,10 @@ def _constants(terms: Sequence[str]) -> np.ndarray:
     return np.array([term == "1" or term.startswith("1[") for term in terms])
 
 
-def _demand_movement(samples: xr.Dataset, X: np.ndarray, terms: Sequence[str]) -> None:
+def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None:
     """A single variable that stays where it is cannot carry a slope beside a constant."""
+    if np.ptp(z) == 0.0:
+        raise IdentificationError("the coefficient is constant; look at its accelerations")
     if not _constants(terms).any():
         return
     for column, term in zip(X.T, terms):

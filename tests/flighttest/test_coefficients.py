@@ -225,3 +225,6 @@ def test_smoothing_respects_gaps_and_switches():
     np.testing.assert_allclose(both["q"], np.r_[smoothed(first, 5.0)["q"], smoothed(second, 5.0)["q"]], atol=1e-10)
     assert float(both["q"].std()) < 0.7 * float(d["q"].std())
     np.testing.assert_array_equal(both["wow_nose"], d["wow_nose"])
+    d["q"][90:110] = np.nan  # a dropout ends a stretch, it does not spread
+    holes = smoothed(d, 5.0)["q"].values
+    np.testing.assert_array_equal(np.isnan(holes), np.isnan(d["q"].values))

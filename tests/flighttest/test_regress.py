@@ -139,6 +139,8 @@ def test_idle_products_few_samples_and_missing_variables_are_refused():
         regress(LIFT, data.isel(time=slice(0, 19)))
     with pytest.raises(UnknownName, match=r"unknown variable 'beta'.*manoeuvre 0 does not hold it"):
         regress(Model.parse("CL = 1 + beta"), data)
+    with pytest.raises(IdentificationError, match="the coefficient is constant"):
+        regress(LIFT, data.assign(CL=0.5 + 0 * data["CL"]))
     with pytest.raises(IdentificationError, match="no manoeuvre for CL"):
         regress(LIFT, [])
 
