@@ -170,8 +170,9 @@ class _Assembly:
             rows[f"factor.{name}"] = ("1", *self.specification.of(name).factor.get(name, _EXACT))
         if self.vanes:
             rows["lag.vanes"] = ("s", *(self.specification.of(self.vanes[0]).lag or _LAG))
-        if self.specification.of("q_c").static_error:
-            rows["static_error"] = ("1", *self.specification.of("q_c").static_error)
+        static_error = self.specification.of("q_c").static_error
+        if static_error:
+            rows["static_error"] = ("1", *static_error)
         for name in known:
             delay = self.specification.of(name).delay
             if delay:

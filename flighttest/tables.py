@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gzip
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -69,26 +71,43 @@ def read_csv(path: str | Path, clock: Clock) -> tuple[dict[str, Table], dict[str
     """
     import pandas as pd
 
-    try:
-        frame = pd.read_csv(path, comment="#", skipinitialspace=True, dtype=str, nrows=2, header=None)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError) as error:
-        raise ParseError(str(path), 0, str(error), "comma-separated columns under one line of names") from error
-    heads = [str(cell).strip() for cell in frame.iloc[0]]
-    second = [str(cell).strip() for cell in frame.iloc[1]] if len(frame) > 1 else []
+    first, heads, second = _heading(path)
     has_units = bool(second) and not any(_number(cell) for cell in second)
-    units = dict(zip(heads, second, strict=True)) if has_units else {}
+    units = dict(zip(heads, second, strict=True)) if has_units and len(second) == len(heads) else {}
     names = []
     for head in heads:
         match = _HEAD.match(head)
         names.append(match.group(1) if match else head)
         if match:
             units[names[-1]] = match.group(2)
-    body = pd.read_csv(path, comment="#", skipinitialspace=True, names=names, header=None, skiprows=1 + has_units, low_memory=False)
-    columns = {name: _numbers(body[name], str(path), 2 + has_units) for name in names}
+    begin = first + has_units
+    try:
+        body = pd.read_csv(path, comment="#", skipinitialspace=True, names=names, header=None, skiprows=begin, low_memory=False)
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise ParseError(str(path), 0, str(error), "as many cells in every line as the line of names has") from error
+    columns = {name: _numbers(body[name], str(path), begin + 1) for name in names}
     if clock.column not in columns:
         raise UnknownName(clock.column, names, "time column", 'name it in the name map: [time] column = "..."')
     time = columns.pop(clock.column)
     return {"data": Table(time, columns, {k: u for k, u in units.items() if k in columns})}, {"title": Path(path).name.split(".")[0]}
+
+
+def _heading(path: str | Path) -> tuple[int, list[str], list[str]]:
+    """Return the number of lines up to the names, the names, and the cells of the line after."""
+    opened: Callable[..., Any] = gzip.open if str(path).endswith(".gz") else open
+    lines: list[tuple[int, list[str]]] = []
+    with opened(path, "rt", encoding="utf-8-sig") as file:
+        try:
+            for number, line in enumerate(file, 1):
+                if line.strip() and not line.startswith("#"):
+                    lines.append((number, [cell.strip() for cell in line.split(",")]))
+                if len(lines) == 2:
+                    break
+        except (UnicodeDecodeError, gzip.BadGzipFile) as error:
+            raise ParseError(str(path), 0, str(error), "comma-separated columns under one line of names") from error
+    if not lines:
+        raise ParseError(str(path), 0, "no line with content", "comma-separated columns under one line of names")
+    return lines[0][0], lines[0][1], lines[1][1] if len(lines) > 1 else []
 
 
 def _number(cell: str) -> bool:

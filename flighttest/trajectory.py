@@ -23,13 +23,14 @@ from flightmech.errors import IdentificationError
 
 from .bordered import NormalEquations
 from .constants import inverse
-from .kinematics import rate_matrix, rates, to_body
+from .kinematics import rate_matrix, rates, skew, to_body
 from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, specific_force, wind
 
 HEIGHT_NOISE = 0.005  # m/s: closes the height equation; far below any height sensor
 VANE_NOISE = 1e-4  # rad: closes the lag equation; far below the noise of a vane
 GAIN = 0.01  # expected change of the cost at which the iteration has settled
 FAR = 1000.0  # cost per sample above which the path is no more than a first guess
+_BEHIND = ("wind_n", "wind_e", "wind_d", "bias.p", "bias.q", "bias.r")  # constants behind what a vane sees
 _MULTIPLY = ("factor.", "lag.", "delay.")
 ITERATIONS = 20
 
@@ -157,16 +158,18 @@ def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: N
     columns = problem.constants.index("bias.p", "bias.q", "bias.r", "bias.ax_imu", "bias.ay_imu", "bias.az_imu")
     Jc = np.zeros((len(middle), 7, 6))
     Jc[:, np.arange(6), np.arange(6)] = 1.0
+    lever = skew(np.cross(omega, problem.arm)) + skew(omega) @ skew(problem.arm)
+    Jc[:, 3:6, :3] = (lever[1:] + lever[:-1]) / 2.0
     w = weight[..., None]
     equations.add_steps(r * weight, (half - slope) * w, (half + slope) * w, columns, Jc * w)
 
 
 def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the angles that vanes without lag would see (N, vanes), their derivative by state, and by steady wind."""
+    """Return the angles that vanes without lag would see (N, vanes), and their derivatives by state and by ``_BEHIND``."""
     air = x[:, VELOCITY] - wind(problem, x, c)
     U, turn, Rt = to_body(x[:, ATTITUDE], air)
     u, v, w = (U + np.cross(body_rates(problem, c), problem.vane_arm)).T
-    angle, J, Jw = (np.zeros((len(x), len(problem.vanes), *m)) for m in ((), (problem.states,), (3,)))
+    angle, J, Jw = (np.zeros((len(x), len(problem.vanes), *m)) for m in ((), (problem.states,), (6,)))
     for i, name in enumerate(problem.vanes):
         side = w if name == "alpha_vane" else v
         row = np.zeros((len(x), 3))
@@ -178,7 +181,8 @@ def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.nd
         J[:, i, VELOCITY] = by_velocity
         if problem.gust is not None and not problem.shown:
             J[:, i, problem.gusts] = -by_velocity
-        Jw[:, i] = -by_velocity
+        Jw[:, i, :3] = -by_velocity
+        Jw[:, i, 3:] = row @ skew(problem.vane_arm)
     return angle, J, Jw
 
 
@@ -197,7 +201,7 @@ def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: Norma
     count, first = len(problem.vanes), 7
     angle, J, Jw = vane_geometry(problem, x, c)
     lagged = x[:, first : first + count]
-    names = [name for name in ("wind_n", "wind_e", "wind_d") if name in problem.constants]
+    names = [name for name in _BEHIND if name in problem.constants]
     columns = problem.constants.index(*names, "lag.vanes")
     (E, c0, c1), (dE, d0, d1) = lag_weights(problem.constants.get(c, "lag.vanes"), problem.dt)
     r = lagged[1:] - E * lagged[:-1] - c0 * angle[:-1] - c1 * angle[1:]
@@ -205,8 +209,8 @@ def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: Norma
     for i in range(count):
         A[:, i, first + i] -= E
         B[:, i, first + i] += 1.0
-    of_wind = [("wind_n", "wind_e", "wind_d").index(name) for name in names]
-    Jc = np.concatenate([-c0 * Jw[:-1][..., of_wind] - c1 * Jw[1:][..., of_wind], np.zeros((len(r), count, 1))], axis=-1)
+    used = [_BEHIND.index(name) for name in names]
+    Jc = np.concatenate([-c0 * Jw[:-1][..., used] - c1 * Jw[1:][..., used], np.zeros((len(r), count, 1))], axis=-1)
     Jc[:, :, -1] = -dE * lagged[:-1] - d0 * angle[:-1] - d1 * angle[1:]
     slow = ~(problem.airborne[1:] & problem.airborne[:-1])  # the vane hangs loose: its state only has to stay finite
     r[slow], A[slow], B[slow], Jc[slow] = 0.0, 0.0, 0.0, 0.0

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.signal import lfilter
+
+import flighttest
+from flightmech.errors import IdentificationError, UnknownName
+from flightmech.terms import evaluate, make
+
+AXES = {"throttle": [0.0, 0.5, 1.0], "mach": [0.0, 0.4]}
+TABLE = make([[300.0, 150.0], [1500.0, 1000.0], [4500.0, 3800.0]], AXES)
+TAU = 1.4
+
+
+def run(seed, noise=10.0):
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, 120, 0.1)
+    throttle = np.repeat(rng.choice([0.0, 0.3, 0.6, 1.0], 8), 150)
+    mach = 0.2 + 0.15 * np.sin(0.05 * t + seed)
+    static = evaluate(TABLE, {"throttle": throttle, "mach": mach})
+    keep = np.exp(-0.1 / TAU)
+    thrust = lfilter([1 - keep], [1, -keep], static, zi=[static[0] * keep])[0] + rng.normal(0, noise, len(t))
+    data = {"mach": mach, "engine1.throttle": throttle, "engine1.thrust": thrust}
+    return xr.Dataset({n: ("time", x) for n, x in data.items()}, coords={"time": t})
+
+
+def test_table_and_lag_are_recovered():
+    fit = flighttest.fit_thrust([run(s) for s in range(3)], AXES)
+    inside = {"throttle": np.array([0.0, 0.3, 0.6, 1.0]), "mach": np.full(4, 0.25)}
+    # 10 N of noise over some hundred settled samples per node, and what the lag leaves after six seconds (e^-4 of a step)
+    np.testing.assert_allclose(evaluate(fit.leaf, inside), evaluate(TABLE, inside), atol=60.0)
+    assert fit.time_constant == pytest.approx(TAU, rel=0.1)
+    assert fit.rms_settled < 60.0
+    assert set(np.unique(fit.leaf["source"])) == {1}
+
+
+def test_engines_that_share_a_table_are_averaged():
+    data = run(0)
+    data["engine2.throttle"], data["engine2.thrust"] = data["engine1.throttle"], 1.1 * data["engine1.thrust"]
+    one, both = flighttest.fit_thrust([data], AXES), flighttest.fit_thrust([data], AXES, engines=(1, 2))
+    np.testing.assert_allclose(both.leaf["value"], 1.05 * one.leaf["value"], rtol=1e-6, atol=1e-6)
+
+
+def test_throttle_that_does_not_move():
+    data = run(0)
+    data["engine1.throttle"] = 0.5 + 0.0 * data["engine1.throttle"]
+    with pytest.raises(IdentificationError, match=r"moves by less than 0\.1"):
+        flighttest.fit_thrust([data], AXES)
+
+
+def test_missing_channel():
+    with pytest.raises(UnknownName, match=r"unknown channel 'mach'"):
+        flighttest.fit_thrust([run(0).drop_vars("mach")], AXES)
