@@ -64,7 +64,11 @@ def _kind(v: np.ndarray, sd: np.ndarray) -> np.ndarray:
     """Correlation of an error proportional to the value with a constant one, in the proportion that explains `sd`."""
     from scipy.optimize import nnls
 
-    (r2, a2), _ = nnls(np.stack([v**2, np.ones_like(v)], axis=1), sd**2)
+    known = sd > 0
+    if not known.any():
+        return np.ones((len(v), len(v)))
+    shares = np.stack([v[known] ** 2, np.ones(known.sum())], axis=1) / sd[known, None] ** 2
+    (r2, a2), _ = nnls(shares, np.ones(known.sum()))  # relative misfit, or the few nodes with large errors would decide
     joint = r2 * np.outer(v, v) + a2
     size = np.sqrt(np.diag(joint))
     return joint / np.outer(np.where(size > 0, size, 1.0), np.where(size > 0, size, 1.0))

@@ -41,7 +41,7 @@ from .schema import coefficients, terms
 REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the first identified, below the second corrected
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
 _HUBER = 2.5
-_ROUNDS = 40
+_ROUNDS, _STEPS = 4, 300  # of weighting, and of scaling within each
 _WIDEST = 5.0  # largest factor on the a-priori standard errors of a term
 _AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")
 _FREE_AIR = 1e4  # h_agl where a fit says nothing about the ground [m]
@@ -198,16 +198,15 @@ def _posterior(observed: Sequence[_Observation], free: Mapping[str, xr.Dataset],
     parts = _slices([len(o.theta) for o in observed])
     PH = [P @ H[:, at].T for P, at in zip(priors, columns)]
     expected = np.array([H[:, at] @ part for part, at in zip(PH, columns)])
-    weight, inflation, widened = np.ones(len(observed)), 1.0, np.ones(len(priors))
+    weight, scale = np.ones(len(observed)), np.ones(len(priors) + 1)
     for _ in range(_ROUNDS):
-        noise = _block_diagonal([inflation**2 / w * o.C for o, w in zip(observed, weight)])
-        tables = np.einsum("t,tij->ij", widened**2, expected)
-        widened = _widened(y, expected, tables + noise + D @ D.T, widened)
-        inverse = _inverse(tables + noise)
+        noise = _block_diagonal([o.C / w for o, w in zip(observed, weight)])
+        scale = _scales(y, np.concatenate([expected, noise[None]]), D @ D.T, scale)
+        widened, inflation = scale[:-1], float(scale[-1])
+        noise *= inflation**2
+        inverse = _inverse(np.einsum("t,tij->ij", widened**2, expected) + noise)
         residual = noise @ inverse @ y
         distance = np.array([_distance(residual[part], o.C) for part, o in zip(parts, observed)])
-        determined = np.trace(noise @ inverse) / len(y)  # share of the residual that the tables have not taken up
-        inflation = max(1.0, float(np.median(distance)) / np.sqrt(max(determined, 0.1)))
         weight = np.minimum(1.0, (_HUBER * inflation / np.maximum(distance, 1e-12)) ** 2)
     factor = np.repeat(widened**2, [len(P) for P in priors])
     reach = factor[:, None] * np.vstack(PH)
@@ -217,17 +216,23 @@ def _posterior(observed: Sequence[_Observation], free: Mapping[str, xr.Dataset],
     return _Posterior(g0 + gain @ y, np.sqrt(np.maximum(variance, 0.0)), weight, distance, dict(zip(free, widened)), inflation, chi2)
 
 
-def _widened(y: np.ndarray, expected: np.ndarray, S: np.ndarray, widened: np.ndarray) -> np.ndarray:
-    """One step towards the factors on the prior standard errors that make the fits most likely, between 1 and 5.
+def _scales(y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Return the factors on standard errors, between 1 and `_WIDEST`, that make the fits most likely.
 
-    Multiplicative step of the variance components: k^2 <- k^2 sqrt(y'S^-1 V S^-1 y / tr(S^-1 V)) [Zhou2019].
+    The covariance of `y` is ``sum(k_t^2 parts_t) + fixed``: one part per table, and last the errors of the fits.  All
+    factors are sought together, so that a prior that was too sure is not mistaken for fits that disagree.  The
+    multiplicative step k^2 <- k^2 sqrt(y'S^-1 V S^-1 y / tr(S^-1 V)) never lowers the likelihood [Zhou2019].
     """
-    inverse = _inverse(S)
-    r = inverse @ y
-    wanted = np.einsum("tij,i,j->t", expected, r, r)
-    given = np.einsum("tij,ij->t", expected, inverse)
-    step = np.divide(wanted, given, out=np.ones_like(given), where=given > 0) ** 0.25
-    return np.clip(widened * step, 1.0, _WIDEST)
+    for _ in range(_STEPS):
+        inverse = _inverse(np.einsum("t,tij->ij", scale**2, parts) + fixed)
+        r = inverse @ y
+        wanted = np.einsum("tij,i,j->t", parts, r, r)
+        given = np.einsum("tij,ij->t", parts, inverse)
+        step = np.divide(wanted, given, out=np.ones_like(given), where=given > 0) ** 0.25
+        last, scale = scale, np.clip(scale * step, 1.0, _WIDEST)
+        if np.abs(scale / last - 1.0).max() < 1e-3:
+            break
+    return scale
 
 
 def _slices(sizes: Sequence[int]) -> list[slice]:

@@ -15,13 +15,12 @@ class NewTerm(Strict):
 
     axes: dict[str, tuple[float | str, ...]] = {}
     regressors: tuple[str, ...] = ()
-    factor: str = ""
-    stderr: float
+    stderr: float | tuple[float, ...]
     comment: str = ""
 
 
 class Fit(Strict):
-    """Manoeuvres of one or more records that are fitted together by one set of models."""
+    """Manoeuvres of a record that are fitted together by each of some models; the same for each of `records`."""
 
     name: str
     records: tuple[str, ...]
@@ -48,6 +47,7 @@ class _File(Strict):
     flights: str
     listings: Listings
     cases: tuple[str, ...] = ()
+    cutoff: si("Hz") | None = None  # type: ignore[valid-type]
     held: tuple[str, ...] = ()
     terms: dict[str, NewTerm] = {}
     fit: tuple[Fit, ...] = ()
@@ -70,6 +70,8 @@ class Project:
         Flight records by stem.
     cases : tuple of Path
         Proof-of-Match case files.
+    cutoff : float or None
+        Low-pass applied before coefficients are formed. [Hz]
     terms : dict of str to NewTerm
         Terms that start from nothing, by ``CL/gear``.
     held : tuple of str
@@ -85,6 +87,7 @@ class Project:
     altitude: float | None
     flights: dict[str, Path]
     cases: tuple[Path, ...]
+    cutoff: float | None
     terms: dict[str, NewTerm]
     held: tuple[str, ...]
     fits: tuple[Fit, ...]
@@ -138,6 +141,7 @@ def read_project(path: str | Path) -> Project:
         content.listings.altitude,
         flights,
         cases,
+        content.cutoff,
         content.terms,
         content.held,
         content.fit,

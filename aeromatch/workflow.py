@@ -43,9 +43,8 @@ def opened(prior: xr.DataTree, new: Mapping[str, NewTerm]) -> xr.DataTree:
 
 def _zero(term: NewTerm) -> xr.Dataset:
     axes = {name: [quantity(point, lookup(name).units) for point in points] for name, points in term.axes.items()}
-    factor = xr.DataArray([0.0, 1.0], dims=term.factor, coords={term.factor: [0.0, 1.0]}) if term.factor else None
     shape = tuple(len(points) for points in axes.values())
-    return terms.make(np.zeros(shape), axes, term.regressors, stderr=term.stderr, source="judgement", K1=factor, comment=term.comment)
+    return terms.make(np.zeros(shape), axes, term.regressors, stderr=term.stderr, source="judgement", comment=term.comment)
 
 
 def reconstruct(project: Project, aircraft: Aircraft, names: Sequence[str], jobs: int = 2) -> dict[str, Any]:
@@ -73,27 +72,27 @@ def records_of(project: Project, cases: Iterable[Any] = ()) -> list[str]:
 
 
 def identify(project: Project, aircraft: Aircraft, paths: Mapping[str, Any]) -> list[Any]:
-    """Return one `flighttest.Fit` per model of every fit of the project."""
-    data = {name: flighttest.coefficients(path, aircraft) for name, path in paths.items()}
-    tables = {name: flighttest.manoeuvres(flighttest.read(project.flights[name], project.names)) for name in paths}
-    return [
-        flighttest.regress(flighttest.Model.parse(model), _windows(fit, data, tables), name=fit.name)
-        for fit in project.fits
-        for model in fit.models
-    ]
-
-
-def _windows(fit: Fit, data: Mapping[str, xr.Dataset], tables: Mapping[str, pd.DataFrame]) -> list[xr.Dataset]:
-    """Return the manoeuvres of a fit; ``"3211 elevator"`` is kind and control, ``"trim"`` a kind."""
+    """Return one `flighttest.Fit` per record and model of every fit of the project."""
+    names = records_of(project)
+    data = {name: flighttest.coefficients(paths[name], aircraft, cutoff=project.cutoff) for name in names}
+    tables = {name: flighttest.manoeuvres(flighttest.read(project.flights[name], project.names)) for name in names}
     found = []
-    for record in fit.records:
-        table = tables[record]
-        labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
-        for wanted in fit.manoeuvres:
-            rows = table[(labels == wanted) | (table["manoeuvre"] == wanted)]
-            if rows.empty and len(fit.records) == 1:
-                raise UnknownName(wanted, set(labels), "manoeuvre", f"fit {fit.name!r} looks for it in record {record}")
-            found += [between(data[record], start, end) for start, end in rows[["start", "end"]].itertuples(index=False)]
+    for fit in project.fits:
+        for record in fit.records:
+            windows = _windows(fit, record, data[record], tables[record])
+            found += [flighttest.regress(flighttest.Model.parse(model), windows, name=f"{record}: {fit.name}") for model in fit.models]
+    return found
+
+
+def _windows(fit: Fit, record: str, data: xr.Dataset, table: pd.DataFrame) -> list[xr.Dataset]:
+    """Return the manoeuvres of a fit; ``"3211 elevator"`` is kind and control, ``"trim"`` a kind."""
+    labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
+    found = []
+    for wanted in fit.manoeuvres:
+        rows = table[(labels == wanted) | (table["manoeuvre"] == wanted)]
+        if rows.empty:
+            raise UnknownName(wanted, set(labels), "manoeuvre", f"fit {fit.name!r} looks for it in record {record}")
+        found += [between(data, start, end) for start, end in rows[["start", "end"]].itertuples(index=False)]
     return found
 
 
@@ -184,7 +183,7 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step) -> Outc
     names = records_of(project, cases)
     with step(f"reconstruct the states of {len(names)} flight records"):
         paths = reconstruct(project, aircraft, names, jobs)
-    with step(f"identify coefficients at {len({fit.name for fit in project.fits})} test points"):
+    with step(f"identify coefficients on {len(records_of(project))} flight records"):
         fits = identify(project, aircraft, paths)
     with step(f"join {len(fits)} local models and the prior into tables"):
         final, tabulation = final_database(project, datcom, fits)

@@ -36,6 +36,7 @@ class Child:
         self._process: subprocess.Popen[bytes] | None = None
         self._folder = ""
         self._words: IO[bytes] | None = None
+        self.busy = threading.Lock()
 
     def run(
         self,
@@ -60,10 +61,11 @@ class Child:
         """
         nothing = np.full((len(time), len(outputs)), np.nan)
         job = {"time": time, "inputs": dict(inputs), "parameters": dict(parameters), "outputs": list(outputs)}
-        answer = self._ask(job, timeout)
-        if isinstance(answer, str):
-            self.close()
-            return Reply(nothing, answer)
+        with self.busy:
+            answer = self._ask(job, timeout)
+            if isinstance(answer, str):
+                self.close()
+                return Reply(nothing, answer)
         found = answer["outputs"]
         return Reply(nothing if found is None else found, answer["error"])
 
@@ -76,7 +78,7 @@ class Child:
                 pickle.dump(job, process.stdin)  # type: ignore[arg-type]
                 process.stdin.flush()  # type: ignore[union-attr]
                 answers.append(pickle.load(process.stdout))  # type: ignore[arg-type]
-            except (OSError, EOFError, pickle.UnpicklingError):
+            except Exception:  # a broken pipe or bytes that are no reply, which unpickling meets with errors of any class
                 return
 
         thread = threading.Thread(target=converse, daemon=True)
@@ -86,7 +88,10 @@ class Child:
             return f"no answer within {timeout:g} s; the process was stopped"
         if answers:
             return answers[0]
-        return f"crashed: {_ending(process.wait())}{self._last_words()}"
+        try:
+            return f"crashed: {_ending(process.wait(1.0))}{self._last_words()}"
+        except subprocess.TimeoutExpired:
+            return f"its answer could not be read; the process was stopped{self._last_words()}"
 
     def _start(self) -> subprocess.Popen[bytes]:
         if self._process is None or self._process.poll() is not None:
@@ -142,19 +147,22 @@ def _ending(code: int) -> str:
 
 
 _children: dict[tuple[str, int, int], Child] = {}
+_guard = threading.Lock()
 
 
 def child(fmu: str | Path) -> Child:
-    """Return the child that has this file loaded; a file that changed gets a new one."""
+    """Return the child that has this file loaded; a file that changed gets a new one, idle ones beyond `KEPT` go."""
     path = Path(fmu).resolve()
     state = path.stat()
     key = str(path), state.st_mtime_ns, state.st_size
-    if key not in _children:
-        for old in [k for k in _children if k[0] == key[0]] + list(_children)[: max(len(_children) - KEPT + 1, 0)]:
-            if old in _children:
-                _children.pop(old).close()
-        _children[key] = Child(path)
-    return _children[key]
+    with _guard:
+        if key not in _children:
+            surplus = list(_children)[: max(len(_children) - KEPT + 1, 0)]
+            for old in dict.fromkeys([*(k for k in _children if k[0] == key[0]), *surplus]):
+                if not _children[old].busy.locked():
+                    _children.pop(old).close()
+            _children[key] = Child(path)
+        return _children[key]
 
 
 @atexit.register
