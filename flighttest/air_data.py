@@ -1,49 +1,26 @@
-"""Air-data relations: what pressure altitude, Mach number and airspeeds say about pressures, and back.
-
-US Standard Atmosphere 1976 below 20 km; subsonic isentropic impact pressure.
-"""
+"""Air data that a record does not hold, computed back from what its air-data computer shows."""
 
 from __future__ import annotations
 
 import numpy as np
 import xarray as xr
 
+from flightmech.air import GAMMA, R_AIR, atmosphere, impact_pressure, impact_pressure_at
 from flightmech.names import attrs
 
-P0, T0, G0, R_AIR, LAPSE, TROPOPAUSE = 101325.0, 288.15, 9.80665, 287.05287, 0.0065, 11000.0
-A0 = float(np.sqrt(1.4 * R_AIR * T0))
-_P11 = P0 * (1.0 - LAPSE * TROPOPAUSE / T0) ** (G0 / (R_AIR * LAPSE))
-_H = R_AIR * (T0 - LAPSE * TROPOPAUSE) / G0
+_EARTH_RADIUS = 6356766.0  # m, of the standard atmosphere's geopotential height
 
 
-def pressure(h) -> np.ndarray:
-    """Return the standard pressure at pressure altitude `h`, below 20 km. [Pa]
+def pressure(h_baro) -> np.ndarray:
+    """Return the static pressure behind a pressure altitude, which counts geopotential metres. [Pa]
 
     Examples
     --------
-    >>> round(float(pressure(0.0)))
-    101325
+    >>> round(float(pressure(11000.0)))
+    22632
     """
-    h = np.asarray(h, float)
-    low = P0 * np.maximum(1.0 - LAPSE * h / T0, 1e-3) ** (G0 / (R_AIR * LAPSE))
-    return np.where(h <= TROPOPAUSE, low, _P11 * np.exp(-(h - TROPOPAUSE) / _H))
-
-
-def pressure_altitude(p) -> np.ndarray:
-    """Return the height where the standard atmosphere has pressure `p`, the inverse of `pressure`. [m]"""
-    p = np.asarray(p, float)
-    low = T0 / LAPSE * (1.0 - (p / P0) ** (R_AIR * LAPSE / G0))
-    return np.where(p >= _P11, low, TROPOPAUSE - _H * np.log(p / _P11))
-
-
-def impact_pressure(mach, p) -> np.ndarray:
-    """Return the impact pressure at a subsonic Mach number. [Pa]"""
-    return p * ((1.0 + 0.2 * np.asarray(mach, float) ** 2) ** 3.5 - 1.0)
-
-
-def calibrated_airspeed(q_c) -> np.ndarray:
-    """Return the calibrated airspeed for an impact pressure. [m s-1]"""
-    return A0 * np.sqrt(5.0 * ((np.maximum(q_c, 0.0) / P0 + 1.0) ** (2.0 / 7.0) - 1.0))
+    h = np.asarray(h_baro, float)
+    return atmosphere(_EARTH_RADIUS * h / (_EARTH_RADIUS - h)).p_static
 
 
 def derived(leaves: dict[str, xr.Dataset]) -> dict[str, xr.Dataset]:
@@ -77,7 +54,7 @@ def _impact(data: xr.Dataset) -> np.ndarray | None:
     if "p_static" in data and "mach" in data:
         return impact_pressure(data["mach"].values, data["p_static"].values)
     if {"p_static", "V", "temperature"} <= set(data.data_vars):
-        return impact_pressure(data["V"].values / np.sqrt(1.4 * R_AIR * data["temperature"].values), data["p_static"].values)
+        return impact_pressure(data["V"].values / np.sqrt(GAMMA * R_AIR * data["temperature"].values), data["p_static"].values)
     if "V_cas" in data:
-        return P0 * ((1.0 + 0.2 * (data["V_cas"].values / A0) ** 2) ** 3.5 - 1.0)
+        return impact_pressure_at(data["V_cas"].values)
     return None

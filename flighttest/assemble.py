@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from flightmech.air import R_AIR, pressure_altitude
 from flightmech.errors import OutOfRange
 from flightmech.names import lookup
 
 from . import observation
-from .air_data import pressure_altitude
 from .conditioning import to_grid
 from .constants import PER_RUN, Constants, biases
 from .differentiate import derivative
 from .instruments import IMU, Instruments
 from .kinematics import earth, gravity, rotation
-from .observation import LAPSE, R_AIR
+from .observation import LAPSE
 from .problem import Problem, Sensor
 from .readings import MEASURED, Channels, air_readings
 from .trajectory import Solution
@@ -27,7 +27,8 @@ from .trajectory import Solution
 WIND_SIGMA = 25.0  # m/s, of each horizontal component
 WIND_DOWN_SIGMA = 0.2  # m/s, mean over a run in air without thermals
 SIDESLIP = (3.0, 5.0)  # m/s and s: size and memory of the sideslip velocity where no vane shows it
-_START = {"phi": 0.2, "theta": 0.2, "psi": 3.0, "v": 50.0, "h": 500.0, "vane": 0.3}
+# weights that keep the start of a window from drifting where nothing holds it; without a compass the heading counts from there
+_START = {"phi": 0.2, "theta": 0.2, "psi": 3.0, "no psi": 1e-3, "v": 50.0, "h": 500.0, "vane": 0.3}
 _EXACT, _LAG = (1.0, 1e-6), (0.02, 0.01)  # factor and lag [s] of vanes whose specification says nothing
 _FAST = 20.0  # m/s, for a first wind
 _RADIO_MAXIMUM = 700.0  # m, when the instrument states none
@@ -110,7 +111,8 @@ class _Assembly:
         omega = np.stack([self.on_grid(name) for name in "pqr"], axis=1)
         pieces = np.split(omega, np.cumsum([len(grid) for grid in self.grids])[:-1])
         limit = self.specification.of(self.vanes[0]).minimum_speed if self.vanes else 0.0
-        start = [_START[name] for name in ("phi", "theta", "psi", "v", "v", "v", "h")] + [_START["vane"]] * len(self.vanes)
+        heading = "psi" if self.usable("psi") else "no psi"
+        start = [_START[name] for name in ("phi", "theta", heading, "v", "v", "v", "h")] + [_START["vane"]] * len(self.vanes)
         problem = Problem(
             time=self.time,
             linked=np.diff(self.time) < 1.5 / self.rate,
@@ -138,6 +140,8 @@ class _Assembly:
         for i, name in enumerate(("phi", "theta", "psi")):
             if name in self.channels:
                 x[:, i] = self.on_grid(name)
+        if "psi" not in self.channels:
+            x[:, 2] = self.turned(x)
         alpha = np.zeros(len(self.time))
         for i, name in enumerate(self.vanes):
             x[:, 7 + i] = self.shifted(name) / self.specification.of(name).factor.get(name, (1.0, 0.0))[0]
@@ -150,6 +154,12 @@ class _Assembly:
             x[:, 3:6] = (rotation(x[:, :3]) @ along[..., None])[..., 0]
         x[:, 6] = self.shifted("h_gps") if self.usable("h_gps") else pressure_altitude(self.air.at(self.time, self.air.p_static))
         return x
+
+    def turned(self, x: np.ndarray) -> np.ndarray:
+        """Return the heading from the start of each window, integrated from the gyros."""
+        rate = (self.on_grid("q") * np.sin(x[:, 0]) + self.on_grid("r") * np.cos(x[:, 0])) / np.cos(x[:, 1])
+        pieces = np.split(rate, np.cumsum([len(grid) for grid in self.grids])[:-1])
+        return np.concatenate([np.cumsum(np.append(0.0, (piece[1:] + piece[:-1]) / 2.0)) / self.rate for piece in pieces])
 
     def shifted(self, name: str) -> np.ndarray:
         """Return a channel on the clock of the path, its expected latency removed."""

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from flightmech.units import G0
+
 EARTH_RATE = 7.292115e-5  # rad/s, WGS-84
 EARTH_RADIUS = 6371000.0  # m, mean
 
@@ -29,7 +31,7 @@ def gravity(latitude: float | None, h: float) -> float:
     .. [NIMA] NIMA TR8350.2, WGS 84, 3rd edition, eq. (4-1) and (4-3), the height term to first order.
     """
     if latitude is None:
-        return 9.80665
+        return G0
     s2 = np.sin(latitude) ** 2
     surface = 9.7803253359 * (1.0 + 0.00193185265241 * s2) / np.sqrt(1.0 - 0.00669437999013 * s2)
     return float(surface * (1.0 - 2.0 * h / EARTH_RADIUS))

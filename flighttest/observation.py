@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from flightmech.air import GAMMA, R_AIR
+
 from .kinematics import to_body
 from .problem import Problem, Sensor, wind
 
-GAMMA, R_AIR = 1.4, 287.05287
 LAPSE = 0.0065  # K/m, inside one run; the level is measured
 
 

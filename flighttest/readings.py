@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from flightmech.air import GAMMA, R_AIR, mach_number
 from flightmech.errors import OutOfRange, SchemaError
 
 from .air_data import derived
 from .conditioning import demand_numbers, lowpass
 from .instruments import IMU, Instruments
-from .observation import GAMMA, R_AIR
 
 MEASURED = ("phi", "theta", "psi", "vn", "ve", "vd", "h_gps", "q_c", "p_static", "temperature", "alpha_vane", "beta_vane", "h_radio")
 """Channels that the reconstruction can use as measurements."""
@@ -122,5 +122,5 @@ def air_readings(channels: Channels, specification: Instruments) -> AirData:
     rate = channels.rate("q_c")
     if rate > 2.5 and len(clock) > 30:
         T, q_c = lowpass(T, rate, 0.5), lowpass(q_c, rate, 1.0)
-    mach2 = 5.0 * ((np.maximum(q_c, 0.0) / p + 1.0) ** (2.0 / 7.0) - 1.0)
-    return AirData(clock, T, np.sqrt(mach2 * GAMMA * R_AIR * T), p, (specification.of("q_c").delay or (0.0, 0.0))[0])
+    speed = mach_number(np.maximum(q_c, 0.0), p) * np.sqrt(GAMMA * R_AIR * T)
+    return AirData(clock, T, speed, p, (specification.of("q_c").delay or (0.0, 0.0))[0])

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from flightmech.air import R_AIR
 from flightmech.errors import IdentificationError
 
 from .assemble import Setup, assemble
 from .constants import identifiability
 from .instruments import instruments
-from .observation import R_AIR
 from .problem import Problem
 from .readings import windows_of
 from .states import path_states

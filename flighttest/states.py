@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
 from flightmech.names import attrs
+from flightmech.units import G0
 
-from .air_data import calibrated_airspeed
 from .assemble import Setup
 from .conditioning import SLOW, demand_numbers, to_grid
 from .instruments import IMU
 from .kinematics import incidence_rates, rotation
-from .observation import GAMMA, R_AIR, impact_and_static
+from .observation import impact_and_static
 from .problem import body_rates, specific_force, wind
 from .readings import MEASURED
 from .trajectory import Solution
@@ -61,7 +62,7 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
         betadothat=beta_dot * aircraft.b * half,
         hdot=-x[:, 5],
         gamma=np.arctan2(-x[:, 5], np.hypot(x[:, 3], x[:, 4])),
-        nz=-force[:, 2] / 9.80665,
+        nz=-force[:, 2] / G0,
     )
     if "runway_elevation" in record.attrs:
         columns["h_agl"] = x[:, 6] + R[:, 2] @ setup.cg - float(record.attrs["runway_elevation"])

@@ -23,7 +23,7 @@ from flightmech.errors import IdentificationError
 
 from .bordered import NormalEquations
 from .constants import inverse
-from .kinematics import rate_matrix, rates, skew, to_body
+from .kinematics import rate_matrix, rates, rotation, skew, to_body
 from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, specific_force, wind
 
 HEIGHT_NOISE = 0.005  # m/s: closes the height equation; far below any height sensor
@@ -87,16 +87,29 @@ def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = I
                 "the reconstruction finds no better path from its start; check signs, units and positions of the sensors"
             )
         if gained > -GAIN:
-            x, c, equations = x + share * dx, c + share * dc, trial
+            x, c, equations = moved(x, share * dx), c + share * dc, trial
         settled = not far and (gain < GAIN or (gain < 1.0 and gained < GAIN))
     return Solution(x, c, _covariance(information, free, problem.constants.covariance), equations.cost, step, settled)
 
 
+def moved(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
+    """Return the trajectory after a step: the velocity changes by it in body axes and turns along with the attitude.
+
+    To first order this is x + dx.  Without a compass the heading is free, and a straight step in north and east would
+    lengthen the velocity that it only wants to turn.
+    """
+    U, turn, Rt = to_body(x[:, ATTITUDE], x[:, VELOCITY])
+    dU = (turn @ dx[:, ATTITUDE, None] + Rt @ dx[:, VELOCITY, None])[..., 0]
+    after = x + dx
+    after[:, VELOCITY] = (rotation(after[:, ATTITUDE]) @ (U + dU)[..., None])[..., 0]
+    return after
+
+
 def _line_search(problem: Problem, x, c, dx, dc, cost: float, gain: float) -> tuple[NormalEquations, float]:
     """Return the equations at the best of the step's halves, while halving pays; the full step when it keeps its promise."""
-    share, best = 1.0, linearise(problem, x + dx, c + dc)
+    share, best = 1.0, linearise(problem, moved(x, dx), c + dc)
     while gain > GAIN and cost - best.cost < 0.25 * gain * share and share > 1e-3:
-        trial = linearise(problem, x + share / 2.0 * dx, c + share / 2.0 * dc)
+        trial = linearise(problem, moved(x, share / 2.0 * dx), c + share / 2.0 * dc)
         if trial.cost >= best.cost:
             break
         best, share = trial, share / 2.0

@@ -8,7 +8,7 @@ import xarray as xr
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from flighttest.air_data import impact_pressure
+from flightmech.air import impact_pressure
 from flighttest.kinematics import rate_matrix, rotation
 
 G = 9.80665
