@@ -201,7 +201,8 @@ def test_errors_common_to_all_fits_do_not_average_out():
     lift = float(leaves["CL/basic"]["value"].sel(**at))
     assert float(free["stderr"].sel(**at)) < 0.005
     assert float(common["stderr"].sel(**at)) == pytest.approx(0.05 * lift, rel=0.15)
-    np.testing.assert_allclose(common["value"], free["value"], rtol=1e-12)  # considered, not estimated
+    # considered, not estimated: the tables move by the scale found for the fits' own errors only, a fraction of the common one
+    assert (np.abs(common["value"] - free["value"]) < 0.2 * common["stderr"]).all()
 
 
 def test_a_constant_error_has_its_two_parts():
