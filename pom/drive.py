@@ -16,7 +16,7 @@ from .case import INITIAL, INPUTS, MASS, WIND, PomCase
 
 THROTTLE_DRIVEN, THRUST_DRIVEN = 0.0, 2.0  # mode.engine
 SEEK_THRUST, SEEK_THROTTLE = 1.0, 2.0  # mode.trim
-SETTLED = 0.5  # [s] from which the initial rates and accelerations are read
+SETTLED = 0.8  # [s] from which the initial rates, accelerations and inputs are read
 NEEDED = ("init.V", "init.phi", "init.theta", "init.psi", "init.p", "init.q", "init.r", "init.h")
 _ENGINE = re.compile(r"^engine(\d+)\.(thrust|throttle)$")
 
@@ -73,6 +73,8 @@ def job_of(case: PomCase, states: xr.Dataset) -> Job:
         if not np.isfinite(value):
             raise OutOfRange(f"case {case.name}: {name} has no value at the start of the window, t = {time[0]:g} s; move the window")
     moving = tuple(name for name, values in inputs.items() if values.any())
+    for values in inputs.values():
+        values[0] = _start(time, values)[0]  # the sample on which the model is trimmed
     return Job(time, inputs, parameters, moving, (*NEEDED, *(name for name in parameters if name in ("mode.engine", "mode.trim"))))
 
 
@@ -105,20 +107,35 @@ def _initial(case: PomCase, states: xr.Dataset) -> dict[str, float]:
 
 
 def starting_rates(states: xr.Dataset) -> dict[str, float]:
-    """Return p, q, r at the start and the accelerations u', v', w', p', q', r', from lines through the first half second.
+    """Return p, q, r at the start and the accelerations u', v', w', p', q', r', from the first part of the window.
 
-    The model is trimmed to the accelerations: a steady flight gives zeros within the noise, a turn or a decelerating
-    approach does not.  The lines keep the noise of the gyros out of the initial rates. [rad s-1, m s-2, rad s-2]
+    The model is trimmed to the accelerations: a steady flight gives zeros, a turn or a decelerating approach does not.
+    [rad s-1, m s-2, rad s-2]
     """
-    time = states["time"].values.astype(float) - float(states["time"][0])
-    early = time <= SETTLED + 1e-9
+    time = states["time"].values.astype(float)
     found = {}
-    for name in (name for name in ("u", "v", "w", "p", "q", "r") if name in states and early.sum() > 2):
-        slope, start = np.polyfit(time[early], states[name].values[early], 1)
-        found[f"{name}_dot"] = float(slope)
+    for name in (name for name in ("u", "v", "w", "p", "q", "r") if name in states and time.size > 2):
+        start, slope = _start(time, states[name].values.astype(float))
+        found[f"{name}_dot"] = slope
         if name in "pqr":
-            found[name] = float(start)
+            found[name] = start
     return found
+
+
+def _start(time: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Return value and slope of `y` at the start, from `SETTLED` seconds; a slope within its noise is zero.
+
+    Single samples carry the noise of gyros and pick-ups; a trim made on one would carry it through the whole replay.
+    """
+    early = time <= time[0] + SETTLED + 1e-9
+    t, y = time[early] - time[0], y[early]
+    if t.size < 4:
+        return float(y[0]), 0.0
+    (slope, start), residual, *_ = np.polyfit(t, y, 1, full=True)
+    spread = np.sqrt(float(residual[0]) / (t.size - 2)) if residual.size else 0.0
+    if abs(slope) < 3.0 * spread / np.sqrt(np.sum((t - t.mean()) ** 2)):
+        return float(y.mean()), 0.0
+    return float(start), float(slope)
 
 
 def _mass_and_air(case: PomCase, states: xr.Dataset) -> dict[str, float]:
