@@ -30,6 +30,7 @@ SIDESLIP = (3.0, 5.0)  # m/s and s: size and memory of the sideslip velocity whe
 # weights that keep the start of a window from drifting where nothing holds it; without a compass the heading counts from there
 _START = {"phi": 0.2, "theta": 0.2, "psi": 3.0, "no psi": 1e-3, "v": 50.0, "h": 500.0, "vane": 0.3}
 _EXACT, _LAG = (1.0, 1e-6), (0.02, 0.01)  # factor and lag [s] of vanes whose specification says nothing
+_STEEPEST = np.radians(80.0)  # Euler angles
 _FAST = 20.0  # m/s, for a first wind
 _RADIO_MAXIMUM = 700.0  # m, when the instrument states none
 
@@ -77,6 +78,11 @@ class _Assembly:
             raise OutOfRange(f"a window holds {min(map(len, self.grids))} samples at {rate:g} Hz; at least 10 are needed")
         self.time = np.concatenate(self.grids)
         self.air = air_readings(self.channels, specification)
+        steepest = float(np.abs(self.on_grid("theta")).max())
+        if steepest > _STEEPEST:
+            raise OutOfRange(
+                f"pitch attitude reaches {np.degrees(steepest):.0f} deg; Euler angles serve up to 80 deg; choose other windows"
+            )
         self.vanes = tuple(name for name in ("alpha_vane", "beta_vane") if self.usable(name))
         default = dict(zip("xyz", aircraft.cg, strict=True))
         self.cg = np.array([self.mean(f"{axis}_cg_b", default[axis]) for axis in "xyz"])

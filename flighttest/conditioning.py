@@ -16,6 +16,7 @@ from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import attrs
 
 SLOW = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "x_cg", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+GAP = 3.0  # a step of the clock longer than so many median steps is a gap
 _CONTROLS = ("delta_", "throttle", "pla", "gear", "speedbrake", "brake", "column", "wheel", "pedal", "F_", "wow_")
 
 
@@ -199,7 +200,7 @@ def _inside(leaf: str, data: xr.Dataset, start: float, stop: float) -> xr.Datase
     margin = max(1.0, 4.0 * step)
     near = np.flatnonzero((time >= start - margin) & (time <= stop + margin))
     piece = data.isel(time=slice(near[0], near[-1] + 1))
-    inside = np.flatnonzero((np.diff(time) > 3.0 * step) & (time[1:] > start) & (time[:-1] < stop))
+    inside = np.flatnonzero((np.diff(time) > GAP * step) & (time[1:] > start) & (time[:-1] < stop))
     if len(inside):
         at = int(inside[0])
         place = f"leaf {leaf} has a gap of {time[at + 1] - time[at]:.3g} s after {time[at]:g} s"

@@ -26,6 +26,7 @@ class Channels:
         leaves = {name: node.to_dataset() for name, node in record.children.items()}
         leaves.update(derived(leaves))
         self.windows = windows
+        self.title = str(record.attrs.get("title", "flight record"))
         self.leaf: dict[str, str] = {str(n): leaf for leaf, data in leaves.items() for n in data.data_vars}
         self.leaves = leaves
 
@@ -36,7 +37,7 @@ class Channels:
         """Return clock and values of a channel; heading unwrapped."""
         data = self.leaves[self.leaf[name]]
         x = data[name].values.astype(float)
-        demand_numbers({self.leaf[name]: self._near(data[[name]])}, "a channel of the reconstruction")
+        demand_numbers({self.leaf[name]: self._near(data[[name]])}, self.title)
         return data["time"].values, np.unwrap(x) if name == "psi" else x
 
     def rate(self, name: str) -> float:

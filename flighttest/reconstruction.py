@@ -118,12 +118,15 @@ def reconstruct(
 
 def solve(record: xr.DataTree, aircraft: Aircraft, windows=None, prior=None, rate: float = 50.0) -> tuple[Setup, Solution]:
     """Return the problem of a record and its solution; arguments as in `reconstruct`."""
-    specification = instruments(aircraft.instruments, f"instruments of {getattr(aircraft, 'name', 'the aircraft')}")
+    specification = instruments(aircraft.instruments, f"instruments of {aircraft.name}")
     setup = assemble(record, aircraft, specification, windows_of(record, windows), rate, prior)
-    solution = estimate(setup.problem, setup.x, setup.c, CALM_STEPS)
-    if in_calm_air(setup, solution):
-        return setup, _settle(setup.problem, solution)
-    return _in_turbulence(setup)
+    try:
+        solution = estimate(setup.problem, setup.x, setup.c, CALM_STEPS)
+        if in_calm_air(setup, solution):
+            return setup, _settle(setup.problem, solution)
+        return _in_turbulence(setup)
+    except IdentificationError as error:
+        raise IdentificationError(f"{record.attrs.get('title', 'record')}: {error}") from error
 
 
 def refine(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solution, prior: xr.Dataset) -> Path:

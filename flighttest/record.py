@@ -19,10 +19,9 @@ import xarray as xr
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
 
+from .conditioning import GAP, resample
 from .names_map import Channel, NameMap, read_names
 from .tables import Table, read_csv, read_netcdf
-
-GAP = 3.0  # a step of the clock longer than so many median steps is a gap
 
 
 def read(path: str | Path, names: str | Path | NameMap | None = None) -> xr.DataTree:
@@ -215,6 +214,4 @@ def _advance(time: np.ndarray, x: np.ndarray, delay: float, name: str) -> np.nda
     """Return the channel with a known latency removed: its value at t is what was recorded at t + delay."""
     if not delay:
         return x
-    from .conditioning import resample
-
     return resample(time, x, np.clip(time + delay, time[0], time[-1]), name)

@@ -238,7 +238,7 @@ def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: Norma
 def _gust_steps(problem: Problem, x: np.ndarray, equations: NormalEquations) -> None:
     if problem.gust is None:
         return
-    keep = np.exp(-problem.dt / np.asarray(problem.gust_time))
+    keep = np.exp(-problem.dt / problem.gust_time)
     weight = problem.linked[:, None] / (problem.gust * np.sqrt(1.0 - keep**2))
     gust = x[:, problem.gusts]
     A, B = np.zeros((len(x) - 1, 3, problem.states)), np.zeros((len(x) - 1, 3, problem.states))

@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import flighttest
-from flightmech.errors import OutOfRange, SchemaError
+from flightmech.errors import IdentificationError, OutOfRange, SchemaError
 from flighttest.constants import identifiability
 
 ERROR_FREE = {"V": 0.05, "alpha": 0.0012, "beta": 0.0012, "theta": 0.0008, "h": 0.6}  # m/s, rad, m
@@ -130,6 +130,21 @@ def test_nan_in_an_input_names_channel_and_time(flown, aircraft):
     record = flown(0)[0].copy(deep=True)
     record["imu/q"].values[500] = np.nan
     with pytest.raises(SchemaError, match=r"imu/q: 1 NaN samples, first at 10 s"):
+        flighttest.reconstruct(record, aircraft)
+
+
+def test_steep_attitude_is_refused(flown, aircraft):
+    record = flown(0)[0].copy(deep=True)
+    record["imu/theta"].values[700:710] = 1.5
+    with pytest.raises(OutOfRange, match="pitch attitude reaches 86 deg"):
+        flighttest.reconstruct(record, aircraft)
+    assert flighttest.reconstruct(record, aircraft, windows=[(20.0, 30.0)]).states.sizes["time"] == 501
+
+
+def test_wrong_sign_of_an_axis_names_the_record(flown, aircraft):
+    record = flown(0)[0].copy(deep=True)
+    record["imu/az_imu"].values[:] *= -1.0
+    with pytest.raises(IdentificationError, match="simulated 0: the reconstruction"):
         flighttest.reconstruct(record, aircraft)
 
 
