@@ -6,35 +6,34 @@ A database is an ``xarray.DataTree``; every leaf ``/<coefficient>/<contribution>
 
 from __future__ import annotations
 
-import importlib
-import sys
-import types
 from typing import TYPE_CHECKING
+
+from flightmech.lazy import load
 
 if TYPE_CHECKING:
     from .build import from_datcom
-    from .compare import compare
+    from .comparison import compare
     from .edit import delete_terms, replace_terms
-    from .evaluate import contributions, evaluate
+    from .evaluation import contributions, evaluate
     from .files import open, save
+    from .overview import summary
     from .schema import check, database, terms
-    from .summary import summary
-    from .tabulate import tabulate
+    from .tabulation import tabulate
 
 _HOME = {
     "from_datcom": "build",
-    "compare": "compare",
+    "compare": "comparison",
     "delete_terms": "edit",
     "replace_terms": "edit",
-    "contributions": "evaluate",
-    "evaluate": "evaluate",
+    "contributions": "evaluation",
+    "evaluate": "evaluation",
     "open": "files",
     "save": "files",
     "check": "schema",
     "database": "schema",
     "terms": "schema",
-    "summary": "summary",
-    "tabulate": "tabulate",
+    "summary": "overview",
+    "tabulate": "tabulation",
 }
 __all__ = [
     "check",
@@ -53,21 +52,8 @@ __all__ = [
 ]
 
 
-class _Package(types.ModuleType):
-    """The package itself: a function wins over the module of the same name, which the import system would bind."""
-
-    def __setattr__(self, name: str, value) -> None:
-        if not (name in _HOME and isinstance(value, types.ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
-
-
 def __getattr__(name: str):
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
+    return load(__name__, _HOME, name)
 
 
 def __dir__() -> list[str]:

@@ -39,7 +39,7 @@ def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **lis
 
     from .build import from_datcom
     from .files import save
-    from .summary import describe, summary
+    from .overview import describe, summary
 
     craft = read_aircraft(aircraft)
     given: dict[str, Any] = {role: [datcom_io.read(path) for path in paths] for role, paths in listings.items() if paths}
@@ -64,8 +64,8 @@ def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **lis
 def show(file: str, term: str | None, as_json: bool) -> None:
     """Show what a database holds, or the numbers of one term."""
     from .files import open
+    from .overview import describe, leaf_rows, summary
     from .schema import leaf_of
-    from .summary import describe, leaf_rows, summary
 
     tree = open(file)
     if term is None:
@@ -88,7 +88,7 @@ def show(file: str, term: str | None, as_json: bool) -> None:
 @json_option
 def compare(first: str, second: str, as_json: bool) -> None:
     """Compare two databases term by term: largest and rms difference (SECOND minus FIRST), and where."""
-    from .compare import compare as compared
+    from .comparison import compare as compared
     from .files import open
 
     frame = compared(open(first), open(second))

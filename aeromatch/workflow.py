@@ -23,7 +23,7 @@ from flightmech import Aircraft, terms
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
 from flightmech.units import quantity
-from flighttest.coefficients import between
+from pom.sections.provenance import Provenance
 
 from .project import Fit, NewTerm, Project
 
@@ -92,7 +92,7 @@ def _windows(fit: Fit, record: str, data: xr.Dataset, table: pd.DataFrame) -> li
         rows = table[(labels == wanted) | (table["manoeuvre"] == wanted)]
         if rows.empty:
             raise UnknownName(wanted, set(labels), "manoeuvre", f"fit {fit.name!r} looks for it in record {record}")
-        found += [between(data, start, end) for start, end in rows[["start", "end"]].itertuples(index=False)]
+        found += [flighttest.between(data, start, end) for start, end in rows[["start", "end"]].itertuples(index=False)]
     return found
 
 
@@ -219,7 +219,7 @@ def replay_all(cases: Sequence[Any], fmus: Mapping[str, Path], paths: Mapping[st
         return list(pool.map(lambda case: pom.replay(case, fmus, paths[Path(case.record).stem]), cases))
 
 
-def provenance(project: Project, names: Sequence[str], fmus: Mapping[str, Path]) -> dict[str, Any]:
+def provenance(project: Project, names: Sequence[str], fmus: Mapping[str, Path]) -> Provenance:
     """Return what the report says about where its numbers come from."""
     files = [project.aircraft, project.names, *project.listings.values(), *(project.flights[name] for name in names), *project.cases]
     versions = ("aeromatch", "fmpy", "numpy", "scipy", "xarray")

@@ -11,7 +11,16 @@
 
 from __future__ import annotations
 
-import importlib
+from typing import TYPE_CHECKING
+
+from flightmech.lazy import load
+
+if TYPE_CHECKING:
+    from .cells import FLAGS
+    from .deck import Deck
+    from .grid import join, to_grid
+    from .listing import Case, Listing, Message, Page, Table
+    from .scan import read
 
 _HOME = {
     "read": "scan",
@@ -25,16 +34,23 @@ _HOME = {
     "join": "grid",
     "to_grid": "grid",
 }
-__all__ = ["FLAGS", "Case", "Deck", "Listing", "Message", "Page", "Table", "join", "read", "to_grid"]
+__all__ = [
+    "FLAGS",
+    "Case",
+    "Deck",
+    "Listing",
+    "Message",
+    "Page",
+    "Table",
+    "join",
+    "read",
+    "to_grid",
+]
 
 
 def __getattr__(name: str):
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
-    globals()[name] = found
-    return found
+    return load(__name__, _HOME, name)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

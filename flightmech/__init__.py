@@ -5,30 +5,34 @@ The public names are loaded when they are first used.
 
 from __future__ import annotations
 
-import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from .aircraft import Aircraft, Engine, read_aircraft
-    from .compile import SimModel, compile
-    from .fmu import write_fmu
-    from .simulate import simulate
-    from .trim import trim
+from .lazy import load
 
-_PUBLIC = {
+if TYPE_CHECKING:
+    from . import air, axes, errors, names, terms, units
+    from .aircraft import Aircraft, Engine, read_aircraft
+    from .compiler import SimModel, compile
+    from .fmu import write_fmu
+    from .simulation import simulate
+    from .trimming import trim
+
+_HOME = {
     "read_aircraft": "aircraft",
     "Aircraft": "aircraft",
     "Engine": "aircraft",
-    "compile": "compile",
-    "SimModel": "compile",
-    "simulate": "simulate",
-    "trim": "trim",
+    "compile": "compiler",
+    "SimModel": "compiler",
+    "simulate": "simulation",
+    "trim": "trimming",
     "write_fmu": "fmu",
+    "air": "air",
+    "axes": "axes",
+    "errors": "errors",
+    "names": "names",
+    "terms": "terms",
+    "units": "units",
 }
-_MODULES = ("air", "axes", "errors", "names", "terms", "units")
-
 __all__ = [
     "Aircraft",
     "Engine",
@@ -47,22 +51,9 @@ __all__ = [
 ]
 
 
-class _Package(ModuleType):
-    """Keeps `compile`, `simulate` and `trim` the functions; the import system would bind the modules of these names."""
-
-    def __getattr__(self, name: str):
-        if name in _PUBLIC:
-            return getattr(importlib.import_module(f"{self.__name__}.{_PUBLIC[name]}"), name)
-        if name in _MODULES:
-            return importlib.import_module(f"{self.__name__}.{name}")
-        raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}; public are {', '.join(__all__)}")
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _PUBLIC and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-    def __dir__(self) -> list[str]:
-        return sorted({*super().__dir__(), *__all__})
+def __getattr__(name: str):
+    return load(__name__, _HOME, name)
 
 
-sys.modules[__name__].__class__ = _Package
+def __dir__() -> list[str]:
+    return __all__

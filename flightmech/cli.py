@@ -21,7 +21,7 @@ def fmu() -> None:
 def write(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:
     """Compile AIRCRAFT (TOML) with DATABASE (netCDF) and write the model as an FMU."""
     from .aircraft import read_aircraft
-    from .compile import compile as compile_model
+    from .compiler import compile as compile_model
     from .console import document, remark
     from .fmu import write_fmu
 

@@ -23,7 +23,7 @@ from .fmu_documentation import Axis, html
 from .library import AXIS, FIXED, INPUT, LINEAR, OUTPUT, PARAMETER, Entry
 
 if TYPE_CHECKING:
-    from .compile import SimModel
+    from .compiler import SimModel
 
 VERSIONS = ("2.0", "3.0")
 _KINDS = {"input": INPUT, "output": OUTPUT, "parameter": PARAMETER}

@@ -101,8 +101,8 @@ def to_si(value, unit: str, expected: str | None = None):
 
     Examples
     --------
-    >>> to_si(180.0, "kt", "m s-1")
-    92.6
+    >>> to_si(1000.0, "ft", "m")
+    304.8
     >>> to_si(15.0, "degC")
     288.15
     """

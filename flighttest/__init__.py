@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
-from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING
 
-_NAMES = {
+from flightmech.lazy import load
+
+if TYPE_CHECKING:
+    from .calibrate import force_at_cg, vane_angles, vane_at_cg, velocity_at
+    from .conditioning import channel, cut, lowpass, resample
+    from .deletion import decide
+    from .differentiate import derivative
+    from .files import open_biases, save_path
+    from .fit import Fit, open_fit, save_fit
+    from .mixed_estimation import mixed
+    from .model import Model
+    from .names_map import NameMap, read_names
+    from .pooling import pool, pool_fits
+    from .programme import combine_biases, reconstruct_programme
+    from .reconstruction import Path, reconstruct
+    from .record import faults, manoeuvres, overview, read
+    from .reduction import between, coefficients, open_states
+    from .regression import regress
+    from .thrust import fit_thrust
+
+_HOME = {
     "read": "record",
     "manoeuvres": "record",
     "overview": "record",
@@ -30,38 +47,60 @@ _NAMES = {
     "vane_angles": "calibrate",
     "vane_at_cg": "calibrate",
     "derivative": "differentiate",
-    "coefficients": "coefficients",
-    "between": "coefficients",
-    "open_states": "coefficients",
+    "coefficients": "reduction",
+    "between": "reduction",
+    "open_states": "reduction",
     "Model": "model",
-    "regress": "regress",
+    "regress": "regression",
     "Fit": "fit",
     "save_fit": "fit",
     "open_fit": "fit",
-    "mixed": "mixed",
-    "pool": "pool",
-    "pool_fits": "pool",
+    "mixed": "mixed_estimation",
+    "pool": "pooling",
+    "pool_fits": "pooling",
     "decide": "deletion",
 }
-__all__ = list(_NAMES)
-
-
-class _Package(ModuleType):
-    """Keeps the function ``flighttest.regress`` visible after someone imported the module of the same name."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _NAMES and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
+__all__ = [
+    "Fit",
+    "Model",
+    "NameMap",
+    "Path",
+    "between",
+    "channel",
+    "coefficients",
+    "combine_biases",
+    "cut",
+    "decide",
+    "derivative",
+    "faults",
+    "fit_thrust",
+    "force_at_cg",
+    "lowpass",
+    "manoeuvres",
+    "mixed",
+    "open_biases",
+    "open_fit",
+    "open_states",
+    "overview",
+    "pool",
+    "pool_fits",
+    "read",
+    "read_names",
+    "reconstruct",
+    "reconstruct_programme",
+    "regress",
+    "resample",
+    "save_fit",
+    "save_path",
+    "vane_angles",
+    "vane_at_cg",
+    "velocity_at",
+]
 
 
 def __getattr__(name: str):
-    if name not in _NAMES:
-        raise AttributeError(f"module 'flighttest' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"flighttest.{_NAMES[name]}"), name)
+    return load(__name__, _HOME, name)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

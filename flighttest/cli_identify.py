@@ -20,10 +20,10 @@ def identify(paths, aircraft_file, model_text, windows, cutoff, intercepts, outp
     """Estimate the terms of one coefficient from reconstructed paths by least squares."""
     from flightmech import read_aircraft
 
-    from .coefficients import between, coefficients, open_states
     from .fit import save_fit
     from .model import Model
-    from .regress import regress
+    from .reduction import between, coefficients, open_states
+    from .regression import regress
 
     aircraft, model = read_aircraft(aircraft_file), Model.parse(model_text)
     manoeuvres = []

@@ -12,7 +12,7 @@ import numpy as np
 
 from .collinearity import VIF
 from .fit import Fit
-from .pool import pool_fits
+from .pooling import pool_fits
 
 CONTRIBUTION = 0.01  # rms of the term over rms of the coefficient below which a weak term is void
 CORRELATION = 0.95

@@ -53,7 +53,7 @@ def run(
     from flightmech.errors import SimulationError
 
     from .case import read_case
-    from .replay import names_of_runs, replay
+    from .replaying import names_of_runs, replay
 
     runs = names_of_runs(models)
     read = [read_case(file) for file in _files(cases)]
@@ -90,7 +90,7 @@ def diagnose(case: Path, prior: Path, final: Path, as_json: bool) -> None:
     from flightmech.errors import SchemaError
 
     from .case import read_case
-    from .diagnose import diagnose as rank
+    from .diagnosis import diagnose as rank
 
     found = read_case(case)
     if not found.aircraft:

@@ -1,7 +1,7 @@
 /* Packed block to const model.  Every number of the block is checked before use: any bytes are safe.
  *
  * Layout, little-endian: header (32 bytes), directory of SECTIONS x {offset, count} (uint64), sections aligned to 64 bytes.
- * flightmech/compile.py writes it; the records below are the format. */
+ * flightmech/compiler.py writes it; the records below are the format. */
 #include "model.h"
 
 #include <float.h>

@@ -1,4 +1,4 @@
-"""The public page: lazy, and functions stay functions."""
+"""The public page: lazy and complete."""
 
 from __future__ import annotations
 
@@ -14,15 +14,6 @@ def test_import_is_cheap():
     code = "import sys, flightmech; print([m for m in ('numpy', 'scipy', 'xarray', 'pydantic', 'ctypes') if m in sys.modules])"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=flightmech.__path__[0] + "/..")
     assert found.stdout.strip() == "[]"
-
-
-@pytest.mark.parametrize("name", ["compile", "simulate", "trim"])
-def test_functions_are_not_shadowed_by_their_modules(name):
-    import importlib
-
-    module = importlib.import_module(f"flightmech.{name}")
-    assert getattr(flightmech, name) is getattr(module, name)
-    assert callable(getattr(flightmech, name))
 
 
 def test_all_public_names_resolve():

@@ -8,8 +8,8 @@ from click.testing import CliRunner
 from flightmech.errors import OutOfRange, SchemaError
 from flightmech.names import attrs
 from flighttest.cli import flight
-from flighttest.coefficients import open_states
 from flighttest.files import open_biases, save
+from flighttest.reduction import open_states
 
 AIRCRAFT = """
 name = "test"

@@ -3,8 +3,8 @@ import xarray as xr
 
 from flighttest.deletion import decide
 from flighttest.model import Model
-from flighttest.pool import pool_fits
-from flighttest.regress import regress
+from flighttest.pooling import pool_fits
+from flighttest.regression import regress
 
 MODEL = Model.parse("Cm = 1 + alpha + qhat + alphadothat + delta_e + delta_t")
 

@@ -11,9 +11,9 @@ import pytest
 import xarray as xr
 
 from flightmech.units import FOOT, INCH, POUND_FORCE, SLUG
-from flighttest.coefficients import coefficients
 from flighttest.model import Model
-from flighttest.regress import regress
+from flighttest.reduction import coefficients
+from flighttest.regression import regress
 
 jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
 

@@ -6,10 +6,10 @@ import pytest
 import aerodb
 import flightmech
 from pom.case import read_case
-from pom.diagnose import fly
+from pom.diagnosis import fly
 from pom.drive import job_of
 from pom.flight import flight_states
-from pom.replay import replay
+from pom.replaying import replay
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import xarray as xr
 
 import flightmech
 from pom.case import read_case
-from pom.replay import replay
+from pom.replaying import replay
 from pom.verdict import unjudged
 
 FOLDER = Path(__file__).parents[2] / "data" / "t37" / "cases"

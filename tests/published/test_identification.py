@@ -8,7 +8,7 @@ their published average).  Derivatives: gains of local polynomials at 50 samples
 import pytest
 
 from flighttest.differentiate import derivative_gain, derivative_noise
-from flighttest.pool import pool
+from flighttest.pooling import pool
 
 # name: first estimate, its error, second, its error, published average, its error
 AVERAGED = {

@@ -7,9 +7,9 @@ from scipy.signal import lfilter
 from flightmech.errors import IdentificationError, ParseError, UnknownName
 from flighttest.covariance import coloured
 from flighttest.fit import open_fit, save_fit
-from flighttest.mixed import mixed, total_covariance
+from flighttest.mixed_estimation import mixed, total_covariance
 from flighttest.model import Model
-from flighttest.regress import regress
+from flighttest.regression import regress
 
 LIFT = Model.parse("CL = 1 + alpha + qhat + delta_e")
 TRUTH = np.array([0.3, 5.0, 8.0, 0.5])

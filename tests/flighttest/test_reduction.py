@@ -6,9 +6,9 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, UnknownName
 from flightmech.units import G0
-from flighttest.coefficients import between, coefficients, open_states, reduced_rates, smoothed
 from flighttest.model import Model
-from flighttest.regress import regress
+from flighttest.reduction import between, coefficients, open_states, reduced_rates, smoothed
+from flighttest.regression import regress
 
 STATES = ("V", "alpha", "beta", "qbar", "p", "q", "r", "p_dot", "q_dot", "r_dot", "ax", "ay", "az", "alpha_dot", "beta_dot")
 

@@ -8,11 +8,11 @@ from scipy.signal import lfilter
 
 from aerodb.correlation import LEVEL, prior_covariance
 from aerodb.schema import database
-from aerodb.tabulate import tabulate
+from aerodb.tabulation import tabulate
 from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest.model import Model
-from flighttest.regress import regress
+from flighttest.regression import regress
 
 DEG = np.pi / 180
 STEP = 0.02

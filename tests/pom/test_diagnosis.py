@@ -7,7 +7,7 @@ import aerodb
 import flightmech
 import pom
 from pom.case import read_case
-from pom.diagnose import differing, fly, swap_terms
+from pom.diagnosis import differing, fly, swap_terms
 from pom.drive import job_of
 from pom.flight import flight_states
 

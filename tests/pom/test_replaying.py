@@ -7,7 +7,7 @@ import pom
 from flightmech.errors import OutOfRange, ParseError, SchemaError, UnknownName
 from pom.case import read_case
 from pom.fmus import read_fmu
-from pom.replay import names_of_runs, replay
+from pom.replaying import names_of_runs, replay
 
 NO_TRIM = "trim = false"
 

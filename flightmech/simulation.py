@@ -13,7 +13,7 @@ from .library import AXIS, INPUT, OUTPUT, Entry, Simulation
 from .names import lookup
 
 if TYPE_CHECKING:
-    from .compile import SimModel
+    from .compiler import SimModel
 
 
 def simulate(

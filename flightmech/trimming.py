@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from .library import OUTPUT, PARAMETER
-from .simulate import attributes, constant_inputs, prepared
+from .simulation import attributes, constant_inputs, prepared
 
 if TYPE_CHECKING:
-    from .compile import SimModel
+    from .compiler import SimModel
 
 
 def trim(sim: SimModel, parameters: Mapping[str, float] | None = None) -> xr.Dataset:

@@ -13,7 +13,7 @@ from flightmech import terms as _terms
 from flightmech.names import lookup
 from flightmech.units import from_si
 
-from .evaluate import evaluate
+from .evaluation import evaluate
 from .schema import coefficients, terms
 
 COLUMNS = ("found_in", "max_difference", "rms_difference", "max_in_stderr", "location", "note")
