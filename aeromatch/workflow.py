@@ -100,7 +100,9 @@ def final_database(project: Project, prior: xr.DataTree, fits: Sequence[Any]) ->
     """Return the database after the flights, and the tabulation behind it."""
     start = opened(prior, project.terms)
     tabulation = aerodb.tabulate(fits, start, held=project.held)
-    return aerodb.replace_terms(start, tabulation, note="identified from flight"), tabulation
+    final = aerodb.replace_terms(start, tabulation, note="identified from flight")
+    final.attrs["title"] = f"{project.title}: database after flight"
+    return final, tabulation
 
 
 def diagnose_all(
@@ -116,7 +118,9 @@ def diagnose_all(
 def corrected_database(datcom: xr.DataTree, final: xr.DataTree, diagnoses: Mapping[str, pd.DataFrame]) -> tuple[xr.DataTree, list[str]]:
     """Return the a-priori database with only the terms of the final one that the cases ask for, and their names."""
     wanted = pom.corrected_terms(diagnoses.values())
-    return pom.swap_terms(datcom, final, wanted), wanted
+    corrected = pom.swap_terms(datcom, final, wanted)
+    corrected.attrs["title"] = f"{datcom.attrs['aircraft']}: a-priori database with the terms that the diagnosis asks for"
+    return corrected, wanted
 
 
 @dataclass(frozen=True)
