@@ -42,7 +42,7 @@ REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
 _HUBER = 2.5
 _ROUNDS, _STEPS = 4, 300  # of weighting, and of scaling within each
-_WIDEST = 5.0  # largest factor on the a-priori standard errors of a term
+_WIDEST = 5.0  # largest factor on the standard errors of a term or of the fits
 _AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")
 _FREE_AIR = 1e4  # h_agl where a fit says nothing about the ground [m]
 
@@ -67,7 +67,7 @@ class Tabulation(Mapping):
         ``suspect``, ``clamped`` (share of samples outside a table).
     compatibility : DataFrame
         Index coefficient; ``chi2`` of the fits against prior and measurement errors, ``count`` of estimates,
-        ``probability``, ``inflation`` (factor on the standard errors of all fits, from their disagreement).
+        ``probability``, ``inflation`` (factor on the standard errors of all fits, 1 to 5, from their disagreement).
     """
 
     terms: dict[str, xr.Dataset]

@@ -251,3 +251,14 @@ def test_unusable_input_is_refused_with_all_reasons():
     hot = {**leaves, "CL/n1": terms.make(0.0, {}, ("engine1.n1",), stderr=1.0, source="datcom")}
     with pytest.raises(UnknownName, match=r"unknown variable 'engine1.n1'"):
         tabulate([fit], database(hot, **ROOT))
+
+
+def test_a_few_nodes_with_large_errors_do_not_decide_the_kind_of_the_others():
+    """Nodes held beyond the listing carry doubled errors; the constant part of the flown ones must survive them."""
+    value = np.linspace(0.2, -0.4, 15)
+    sd = np.hypot(0.02, 0.2 * value)
+    sd[-2:] *= 2.0
+    P = prior_covariance(terms.make(value, {"alpha": np.arange(-8, 21, 2.0) * DEG}, stderr=sd, source="datcom"))
+    np.testing.assert_allclose(np.diag(P), sd**2, rtol=1e-12)
+    zero = int(np.abs(value).argmin())  # where the table crosses zero only the constant part is left: neighbours move together
+    assert P[zero - 1, zero + 1] / (sd[zero - 1] * sd[zero + 1]) > 0.5
