@@ -95,6 +95,7 @@ AM_API int am_copy(am_sim *to, const am_sim *from);                      /* both
 AM_API const char *am_error(const am_sim *sim);                          /* text of the last failure, "" when none */
 AM_API double am_time(const am_sim *sim);                                /* time reached, or at which a step failed [s] */
 
+/* NaN and infinity are refused (AM_NOT_FINITE); after a refusal the old values stay. */
 AM_API int am_set_parameter(am_sim *sim, int i, double value);
 AM_API int am_get_parameter(const am_sim *sim, int i, double *value);
 AM_API int am_set_input(am_sim *sim, int i, double value);

@@ -250,7 +250,6 @@ int fmu_set(fmu *f, const uint32_t vr[], size_t n, const double values[]) {
         if (!find(f, vr[k], &kind, &i))
             return fmu_refuse(f, "no variable with the value reference %lu can be set", (unsigned long)vr[k]);
         if (may_set(f, kind, i)) return FMU_ERROR;
-        if (!isfinite(values[k])) return fmu_refuse(f, "%s is %g; give a finite value", name_of(f, kind, i), values[k]);
         if ((kind == AM_INPUT ? am_set_input : am_set_parameter)(f->sim, i, values[k]) != AM_OK)
             return fmu_refuse(f, "%s", am_error(f->sim));
         f->fresh = 0;

@@ -58,7 +58,7 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
     sim->time = t + dt;
     if ((status = check_inputs(sim, u1)) != AM_OK) return status;
     const double parts = ceil(dt / sim->par[P_STEP] - 1e-9);
-    if (parts > 1e9) return fail(sim, AM_BAD_ARGUMENT, "%g s are more than 1e9 steps of mode.step = %g s", dt, sim->par[P_STEP]);
+    if (!(parts <= 1e9)) return fail(sim, AM_BAD_ARGUMENT, "%g s are more than 1e9 steps of mode.step = %g s", dt, sim->par[P_STEP]);
     const long n = dt > 0.0 && parts < 1.0 ? 1 : (long)parts;
     for (long i = 0; i < n; i++) {
         const double s0 = (double)i / (double)n, s1 = (double)(i + 1) / (double)n;
@@ -68,7 +68,8 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
             return fail(sim, AM_NOT_FINITE, "the state is not finite at t = %g s; the model has diverged", sim->time);
         memcpy(sim->x, sim->x_work, sizeof(double) * (size_t)am_state_count(sim->model));
     }
-    return am_set_inputs(sim, u1);
+    take_inputs(sim, u1);
+    return AM_OK;
 }
 
 int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, double *y, size_t *done) {
@@ -78,7 +79,7 @@ int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, do
         int status;
         if (k == 0) {
             sim->time = t[0];
-            if ((status = check_inputs(sim, u)) == AM_OK) status = am_set_inputs(sim, u);
+            if ((status = check_inputs(sim, u)) == AM_OK) take_inputs(sim, u);
         } else {
             const double *u0 = u + (k - 1) * nu;
             status = am_step(sim, t[k - 1], t[k] - t[k - 1], u0, hold ? u0 : u0 + nu);

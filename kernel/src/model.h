@@ -164,6 +164,7 @@ void settle_engines(am_sim *sim);
 /* sim.c */
 size_t sim_size(const am_model *model);
 int fail(am_sim *sim, int status, const char *format, ...);
+void take_inputs(am_sim *sim, const double *u);
 int ready(am_sim *sim);
 int refresh(am_sim *sim);
 void start_state(am_sim *sim, double alpha, double beta, double theta);

@@ -60,8 +60,18 @@ const char *am_error(const am_sim *sim) { return sim->text; }
 
 double am_time(const am_sim *sim) { return sim->time; }
 
+void take_inputs(am_sim *sim, const double *u) {
+    memcpy(sim->u, u, sizeof(double) * (size_t)sim->model->count[AM_INPUT]);
+    sim->fresh = false;
+}
+
+static int refuse_value(am_sim *sim, am_kind kind, int i, double value) {
+    return fail(sim, AM_NOT_FINITE, "%s is %g; it must be finite", sim->model->entry[kind][i].name, value);
+}
+
 int am_set_parameter(am_sim *sim, int i, double value) {
     if (i < 0 || i >= sim->model->count[AM_PARAMETER]) return fail(sim, AM_BAD_INDEX, "there is no parameter %d", i);
+    if (!isfinite(value)) return refuse_value(sim, AM_PARAMETER, i, value);
     sim->par[i] = value;
     sim->prepared = sim->fresh = false;
     return AM_OK;
@@ -75,6 +85,7 @@ int am_get_parameter(const am_sim *sim, int i, double *value) {
 
 int am_set_input(am_sim *sim, int i, double value) {
     if (i < 0 || i >= sim->model->count[AM_INPUT]) return fail(sim, AM_BAD_INDEX, "there is no input %d", i);
+    if (!isfinite(value)) return refuse_value(sim, AM_INPUT, i, value);
     sim->u[i] = value;
     sim->fresh = false;
     return AM_OK;
@@ -87,8 +98,9 @@ int am_get_input(const am_sim *sim, int i, double *value) {
 }
 
 int am_set_inputs(am_sim *sim, const double *u) {
-    memcpy(sim->u, u, sizeof(double) * (size_t)sim->model->count[AM_INPUT]);
-    sim->fresh = false;
+    for (int i = 0; i < sim->model->count[AM_INPUT]; i++)
+        if (!isfinite(u[i])) return refuse_value(sim, AM_INPUT, i, u[i]);
+    take_inputs(sim, u);
     return AM_OK;
 }
 
@@ -97,8 +109,8 @@ int am_get_inputs(const am_sim *sim, double *u) {
     return AM_OK;
 }
 
-static int bad(am_sim *sim, int status, int parameter, const char *rule) {
-    return fail(sim, status, "%s is %g; it must be %s", sim->model->entry[AM_PARAMETER][parameter].name, sim->par[parameter], rule);
+static int bad(am_sim *sim, int parameter, const char *rule) {
+    return fail(sim, AM_BAD_VALUE, "%s is %g; it must be %s", sim->model->entry[AM_PARAMETER][parameter].name, sim->par[parameter], rule);
 }
 
 /* Inertia tensor about the c.g. and its inverse; the products are integrals of xy dm and so on. */
@@ -120,19 +132,17 @@ static int set_inertia(am_sim *sim) {
 static int prepare(am_sim *sim) {
     if (sim->prepared) return AM_OK;
     const double *p = sim->par;
-    for (int i = 0; i < sim->model->count[AM_PARAMETER]; i++)
-        if (!isfinite(p[i])) return bad(sim, AM_NOT_FINITE, i, "finite");
-    if (!(p[P_MASS] > 0.0)) return bad(sim, AM_BAD_VALUE, P_MASS, "positive");
-    if (!(p[P_QNH] > 0.0)) return bad(sim, AM_BAD_VALUE, P_QNH, "positive");
-    if (!(p[P_STEP] > 0.0)) return bad(sim, AM_BAD_VALUE, P_STEP, "positive");
-    if (!(p[P_V] >= 0.0)) return bad(sim, AM_BAD_VALUE, P_V, "zero or positive");
-    if (!(fabs(p[P_DELTA_T]) < 100.0)) return bad(sim, AM_BAD_VALUE, P_DELTA_T, "between -100 and 100 K");
-    if (p[P_EARTH] != FLAT_EARTH && p[P_EARTH] != WGS84_EARTH) return bad(sim, AM_BAD_VALUE, P_EARTH, "0 (flat) or 1 (WGS-84, rotating)");
-    if (p[P_ENGINE] != THROTTLE_DRIVEN && p[P_ENGINE] != THRUST_DRIVEN) return bad(sim, AM_BAD_VALUE, P_ENGINE, "0 (throttle) or 2 (thrust driven)");
-    if (p[P_TRIM] != 0.0 && p[P_TRIM] != 1.0 && p[P_TRIM] != 2.0) return bad(sim, AM_BAD_VALUE, P_TRIM, "0 (none), 1 (seek thrust) or 2 (seek throttle)");
+    if (!(p[P_MASS] > 0.0)) return bad(sim, P_MASS, "positive");
+    if (!(p[P_QNH] > 0.0)) return bad(sim, P_QNH, "positive");
+    if (!(p[P_STEP] > 0.0)) return bad(sim, P_STEP, "positive");
+    if (!(p[P_V] >= 0.0)) return bad(sim, P_V, "zero or positive");
+    if (!(fabs(p[P_DELTA_T]) < 100.0)) return bad(sim, P_DELTA_T, "between -100 and 100 K");
+    if (p[P_EARTH] != FLAT_EARTH && p[P_EARTH] != WGS84_EARTH) return bad(sim, P_EARTH, "0 (flat) or 1 (WGS-84, rotating)");
+    if (p[P_ENGINE] != THROTTLE_DRIVEN && p[P_ENGINE] != THRUST_DRIVEN) return bad(sim, P_ENGINE, "0 (throttle) or 2 (thrust driven)");
+    if (p[P_TRIM] != 0.0 && p[P_TRIM] != 1.0 && p[P_TRIM] != 2.0) return bad(sim, P_TRIM, "0 (none), 1 (seek thrust) or 2 (seek throttle)");
     for (uint32_t i = 0; i < sim->model->engines; i++) {
         const int tau = P_FIXED + (int)i * P_PER_ENGINE + P_TIME_CONSTANT;
-        if (!(p[tau] >= 0.0)) return bad(sim, AM_BAD_VALUE, tau, "zero or positive");
+        if (!(p[tau] >= 0.0)) return bad(sim, tau, "zero or positive");
         if (p[P_ENGINE] == THROTTLE_DRIVEN && !sim->model->engine[i].has_table)
             return fail(sim, AM_BAD_VALUE, "mode.engine = 0 needs a thrust table, engine%u has none; use mode.engine = 2", (unsigned)(i + 1));
     }
@@ -194,20 +204,11 @@ void start_state(am_sim *sim, double alpha, double beta, double theta) {
     sim->fresh = false;
 }
 
-static int check_start(am_sim *sim, double t) {
-    const am_model *m = sim->model;
-    if (!isfinite(t)) return fail(sim, AM_BAD_ARGUMENT, "the start time is %g s; it must be finite", t);
-    for (int i = 0; i < m->count[AM_INPUT]; i++)
-        if (!isfinite(sim->u[i]))
-            return fail(sim, AM_NOT_FINITE, "input %s is %g at the start; it must be finite", m->entry[AM_INPUT][i].name, sim->u[i]);
-    return AM_OK;
-}
-
 int am_initialize(am_sim *sim, double t) {
     sim->ready = false;
     sim->text[0] = 0;
+    if (!isfinite(t)) return fail(sim, AM_BAD_ARGUMENT, "the start time is %g s; it must be finite", t);
     int status = prepare(sim);
-    if (status == AM_OK) status = check_start(sim, t);
     if (status != AM_OK) return status;
     const double *p = sim->par;
     sim->earth = (int)p[P_EARTH], sim->drive = (int)p[P_ENGINE], sim->omega = sim->earth == WGS84_EARTH ? EARTH_RATE : 0.0;

@@ -166,7 +166,7 @@ def test_products_of_inertia_couple_the_axes(make_aircraft, make_tree, flown):
         ({"mode__earth": 2.0}, "mode.earth is 2; it must be 0 .flat. or 1"),
         ({"env__qnh": float("nan")}, "env.qnh is -?nan; it must be finite"),
         ({"mode__step": 0.0}, "mode.step is 0; it must be positive"),
-        ({"delta_e": float("inf")}, "input delta_e is inf at the start"),
+        ({"delta_e": float("inf")}, "delta_e is inf; it must be finite"),
     ],
 )
 def test_senseless_parameters_are_refused(values, text, sim, start):
