@@ -16,7 +16,9 @@ from .aircraft import Aircraft
 from .block import AERO_GROUP, ENGINE_BASE, ENGINE_GROUP, FORCES, MOMENTS, Packer, Term, axes
 from .errors import SchemaError, UnknownName
 from .library import AXIS, INPUT, OUTPUT, PARAMETER, TERM, VARIABLE, Entry, Model
-from .terms import check, regressors
+from .names import lookup
+from .terms import SOURCES, check, regressors
+from .units import from_si
 
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
 _AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
@@ -82,7 +84,7 @@ class SimModel:
 
     @property
     def meta(self) -> dict[str, Any]:
-        """Provenance: force axes, attributes of the database, source of each term."""
+        """Provenance: force axes, attributes of the database; range, sources and remarks of each term."""
         return json.loads(self.model.meta)
 
     def __getstate__(self) -> dict[str, bytes]:
@@ -192,7 +194,27 @@ def _unknown(name: str, allowed: list[str]) -> str:
 
 def _meta(db: xr.DataTree, terms: list[Term]) -> str:
     plain = {key: item for key, item in db.attrs.items() if isinstance(item, str | int | float)}
-    texts = {
-        t.name: {key: str(t.leaf.attrs[key]) for key in ("regressors", "references", "comment") if t.leaf.attrs.get(key)} for t in terms
-    }
+    texts = {t.name: _texts(t.leaf) for t in terms}
     return json.dumps({"database": plain, "force_axes": _force_axes(db), "terms": texts}, sort_keys=True, ensure_ascii=False)
+
+
+def _texts(leaf: xr.Dataset) -> dict[str, str]:
+    """Return what a reader of the model should know of a term."""
+    found = {"axes": ", ".join(_extent(leaf, axis) for axis in axes(leaf)), "source": _sources(leaf)}
+    found |= {key: str(leaf.attrs.get(key, "")) for key in ("regressors", "references", "comment")}
+    return {key: text for key, text in found.items() if text}
+
+
+def _extent(leaf: xr.Dataset, axis: str) -> str:
+    """Return range, display unit and number of the breakpoints: ``alpha -8 ... 20 deg (19)``."""
+    points, unit = leaf[axis].values, lookup(axis).display_units
+    ends = " ... ".join(f"{from_si(float(x), unit):.4g}" for x in dict.fromkeys((points[0], points[-1])))
+    return f"{axis} {ends}{'' if unit == '1' else ' ' + unit} ({len(points)})"
+
+
+def _sources(leaf: xr.Dataset) -> str:
+    """Return how many nodes come from where: ``datcom 30, flight 6``."""
+    if "source" not in leaf:
+        return ""
+    counts = {word: int((leaf["source"].values == flag).sum()) for flag, word in enumerate(SOURCES)}
+    return ", ".join(f"{word} {count}" for word, count in counts.items() if count)

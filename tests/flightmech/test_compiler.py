@@ -127,4 +127,40 @@ def test_provenance_travels_in_the_block():
     sim = flightmech.compile(aircraft(), tree({"source": "wind tunnel"}, CL__basic=make(0.4, comment="guess")))
     assert sim.title == "glider"
     assert sim.meta["database"]["source"] == "wind tunnel"
-    assert sim.meta["terms"]["CL/basic"]["comment"] == "guess"
+    assert sim.meta["terms"]["CL/basic"] == {"comment": "guess"}
+
+
+def test_range_and_sources_of_each_term_travel_in_the_block():
+    flap = xr.DataArray([0.5, 1.0], {"delta_f": np.radians([0.0, 40.0])}, ("delta_f",))
+    alpha = np.radians([-8.0, 0.0, 20.0])
+    leaf = make(np.ones((3, 2)), {"alpha": alpha, "mach": [0.1, 0.6]}, ["qhat"], K1=flap, source="datcom")
+    leaf["source"][1:, 0] = 1
+    slice_ = make([0.3], {"h": [1524.0]}, source="judgement")
+    terms = flightmech.compile(aircraft(), tree(Cm__qhat=leaf, CL__slice=slice_, CD__constant=make(0.02))).meta["terms"]
+    assert terms["Cm/qhat"] == {
+        "axes": "delta_f 0 ... 40 deg (2), alpha -8 ... 20 deg (3), mach 0.1 ... 0.6 (2)",
+        "source": "datcom 4, flight 2",
+        "regressors": "qhat",
+    }
+    assert terms["CL/slice"] == {"axes": "h 5000 ft (1)", "source": "judgement 1"}
+    assert terms["CD/constant"] == {}
+
+
+@pytest.mark.parametrize("table", ["value", "K1", "K2"])
+@pytest.mark.parametrize("axis", ["alphadothat", "betadothat", "dnz"])
+def test_no_table_runs_over_what_the_simulation_solves_for(table, axis):
+    """The loop through the force is closed by a linear solution, which is exact for regressors only."""
+    over = xr.DataArray([0.0, 1.0], {axis: [0.0, 1.0]}, (axis,))
+    leaf = make([0.0, 1.0], {axis: [0.0, 1.0]}) if table == "value" else make(1.0, **{table: over})
+    assert refused(tree(Cm__a=leaf)) == [f"Cm/a: {axis} cannot be an axis, the simulation solves for it; make it a regressor"]
+
+
+@pytest.mark.parametrize("pair", [("dnz", "alphadothat"), ("betadothat", "dnz"), ("alphadothat", "alphadothat")])
+def test_a_term_holds_one_of_what_the_simulation_solves_for(pair):
+    text = "only one of alphadothat, betadothat, dnz can be solved for in a term"
+    assert refused(tree(Cm__a=make(1.0, regressors=pair))) == [f"Cm/a: regressors {' '.join(pair)}: {text}"]
+
+
+def test_what_the_simulation_solves_for_may_be_scaled_by_anything_else():
+    leaf = make([1.0, 2.0], {"mach": [0.1, 0.6]}, ["alphadothat", "alpha"])
+    assert flightmech.compile(aircraft(), tree(Cm__a=leaf)).terms == ("Cm/a",)

@@ -89,6 +89,7 @@ def test_what_is_in_the_file(trainer, tmp_path):
     assert sum(name.startswith("binaries/") for name in names) >= 1
     for term in trainer.terms:
         assert f"<td>{term}</td>" in page
+    assert "<td>alpha -11.46 ... 17.19 deg (4), mach 0.1 ... 0.6 (2)</td><td></td><td>datcom 8</td>" in page
 
 
 def test_a_failed_write_leaves_the_old_file(trainer, tmp_path):

@@ -145,3 +145,15 @@ def test_any_bytes_are_refused(data):
         Model(data)
     with pytest.raises(SchemaError):
         Model(b"AMKERNEL" + data)
+
+
+def test_the_library_itself_refuses_what_it_cannot_solve_for(sim):
+    """As the compiler does: a table over, or a product of, alphadothat, betadothat and dnz."""
+    axes, terms = (section(sim.block, name)[0] for name in ("axes", "terms"))
+    implicit = [sim.variables.index(name) for name in ("alphadothat", "dnz")]
+    aero = next(i for i, name in enumerate(sim.axes) if name == "alpha")
+    with pytest.raises(SchemaError, match="dnz cannot be a table axis; it may be a regressor only"):
+        Model(patched(sim.block, axes + 24 * aero, struct.pack("<I", implicit[1])))
+    record = terms + 32 * sim.terms.index("Cm/elevator")
+    with pytest.raises(SchemaError, match="term Cm/elevator has two of alphadothat, betadothat, dnz; only one can be solved for"):
+        Model(patched(sim.block, record + 20, struct.pack("<2I", *(1 + i for i in implicit))))

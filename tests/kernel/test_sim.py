@@ -37,7 +37,7 @@ def test_of_all_inputs_none_changes_when_one_is_refused(sim, start):
     run, u = start(sim, init__V=100.0, delta_e=0.1), np.zeros(len(sim.inputs))
     before = run.outputs()
     u[sim.inputs.index("wind_d")] = np.nan
-    with pytest.raises(SimulationError, match="^wind_d is nan; it must be finite$"):
+    with pytest.raises(SimulationError, match=r"^wind_d is nan; it must be finite$"):
         run.set_inputs(u)
     assert (run.outputs() == before).all()
     assert before[sim.outputs.index("applied.delta_e")] == 0.1
