@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -158,3 +160,28 @@ def test_two_simulations_of_one_model_are_independent(sim, start):
         alone.step(0.1 * i, 0.1, u, u)
     assert (a.state == alone.state).all()
     assert not (a.state == b.state).all()
+
+
+@pytest.mark.parametrize("threads", [2, 7])
+def test_the_number_of_threads_does_not_change_a_bit(threads, sim, start):
+    """One model, a simulation of its own for every run; ctypes lets the runs go on at the same time."""
+    time = np.arange(0.0, 2.0, 0.02)
+
+    def fly(speed: float) -> np.ndarray:
+        return start(sim, **FLIGHT | {"init__V": speed}).run(time, inputs_over(sim, time, np.zeros(len(sim.inputs))), hold=False)
+
+    speeds = np.linspace(80.0, 130.0, 24)
+    with ThreadPoolExecutor(threads) as pool:
+        found = list(pool.map(fly, speeds))
+    assert all((y == fly(speed)).all() for y, speed in zip(found, speeds, strict=True))
+
+
+def test_a_thousand_simulations_of_one_model(sim, start):
+    u = np.zeros(len(sim.inputs))
+    runs = [start(sim, init__V=60.0 + 0.1 * i) for i in range(1000)]
+    for run in runs:
+        run.step(0.0, 0.02, u, u)
+    for i in (0, 499, 999):
+        alone = start(sim, init__V=60.0 + 0.1 * i)
+        alone.step(0.0, 0.02, u, u)
+        assert (alone.state == runs[i].state).all()
