@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from flightmech.console import document, json_option, remark, table
+from flightmech.console import NewFile, document, json_option, remark, table
 
 _LISTING = click.Path(exists=True, dir_okay=False)
 
@@ -26,7 +26,7 @@ def db() -> None:
 @click.option("--ground-flap", multiple=True, type=_LISTING, help="GRNDEF with flap settings.")
 @click.option("--ground-elevator", multiple=True, type=_LISTING, help="GRNDEF with elevator deflections.")
 @click.option("--altitude", help="Altitude of the basic tables, such as '10000 ft'; the middle one unless given.")
-@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The database, netCDF-4.")
+@click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @json_option
 def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **listings: tuple[str, ...]) -> None:
     """Build a database from the listings of AIRCRAFT (a TOML file); an option given twice takes several files."""

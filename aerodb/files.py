@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from pathlib import Path
 
 import h5py
 import xarray as xr
 
-from flightmech.errors import ParseError
+from flightmech.errors import ParseError, SchemaError
+from flightmech.whole import written_whole
 
-from .schema import require
+from .schema import check, require
 
 
 def save(db: xr.DataTree, path: str | os.PathLike) -> None:
@@ -30,18 +30,8 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
         With all faults; nothing is written then.
     """
     require(db)
-    path = Path(path)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    os.close(handle)
-    try:
-        db.to_netcdf(name, engine="h5netcdf", mode="w")
-        with os.fdopen(os.open(name, os.O_RDONLY), "rb") as written:
-            os.fsync(written.fileno())
-        os.chmod(name, 0o666 & ~_umask())
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    with written_whole(path) as part:
+        db.to_netcdf(part, engine="h5netcdf", mode="w")
 
 
 def open(path: str | os.PathLike) -> xr.DataTree:
@@ -66,11 +56,7 @@ def open(path: str | os.PathLike) -> xr.DataTree:
             db = tree.load()
     except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
         raise ParseError(str(path), 0, f"a damaged file ({type(error).__name__}: {error})", "a database; build or copy it again") from error
-    require(db)
+    problems = check(db)
+    if problems:
+        raise SchemaError(str(path), problems)
     return db
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

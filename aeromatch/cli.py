@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import importlib
 import sys
+import warnings
+from typing import TextIO
 
 import click
 
@@ -58,9 +60,11 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Run the command; errors of the house become one clear line and exit code 2."""
+    """Run the command; errors and warnings of the house become one clear line, errors exit code 2."""
     try:
-        code = cli(standalone_mode=False)  # click returns the code of ctx.exit() here
+        with warnings.catch_warnings():
+            warnings.showwarning = _warn
+            code = cli(standalone_mode=False)  # click returns the code of ctx.exit() here
     except click.Abort:
         sys.exit(130)
     except click.ClickException as error:
@@ -70,7 +74,7 @@ def main() -> None:
         from flightmech.errors import AeromatchError
 
         if isinstance(error, AeromatchError | OSError):
-            click.echo(f"error: {error}", err=True)
+            click.echo(f"error: {_text(error)}", err=True)
             sys.exit(2)
         import traceback
 
@@ -78,3 +82,21 @@ def main() -> None:
         click.echo("internal fault: please report the lines above with the command and its input", err=True)
         sys.exit(3)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _text(error: Exception) -> str:
+    """Return what an error says; one of the operating system without its number."""
+    if isinstance(error, OSError) and error.filename and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error)
+
+
+def _warn(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int, file: TextIO | None = None, line: str | None = None
+) -> None:
+    """Print a warning of the house as one line for the user, any other as Python does, for the developer."""
+    from flightmech.errors import AeromatchWarning
+
+    of_the_house = issubclass(category, AeromatchWarning)
+    text = f"warning: {message}" if of_the_house else warnings.formatwarning(message, category, filename, lineno, line).rstrip()
+    click.echo(text, err=True)

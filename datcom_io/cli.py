@@ -93,12 +93,13 @@ def table(file: str, name: str | None, number: int, partial: bool, as_json: bool
 
 @datcom.command()
 @_FILE
-@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="netCDF file to write.")
+@click.option("-o", "--output", required=True, type=console.NewFile(), help="netCDF file to write.")
 @_CASE
 @click.option("--join", "joined", is_flag=True, help="Put the cases together along the flight condition.")
 @_PARTIAL
 @click.option("--fill-transonic", is_flag=True, help="Fill constant columns on transonic pages too.")
-def convert(file: str, output: str, name: str | None, joined: bool, partial: bool, fill_transonic: bool) -> None:
+@console.json_option
+def convert(file: str, output: str, name: str | None, joined: bool, partial: bool, fill_transonic: bool, as_json: bool) -> None:
     """Write a listing as a netCDF tree in SI and radians: one group per case, or one case, or all joined."""
     from .grid import join
     from .scan import read
@@ -112,7 +113,10 @@ def convert(file: str, output: str, name: str | None, joined: bool, partial: boo
     else:
         tree = listing.to_datatree(fill_transonic=fill_transonic)
     write_tree(tree, output)
-    console.remark(f"wrote {output}")
+    if as_json:
+        console.document({"file": output, "groups": [node.path for node in tree.subtree if node.data_vars]})
+    else:
+        click.echo(f"written: {output}")
 
 
 def _case(listing, name: str):

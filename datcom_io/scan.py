@@ -186,7 +186,7 @@ class _Scanner:
             found, expected = "no flight-condition line that can be read", "a line of numbers below the units row"
             if not self.partial:
                 raise ParseError(
-                    self.listing.file, page.first, found, f"{expected}; the page is damaged: pass partial=True to take the rest"
+                    self.listing.file, page.first, found, f"{expected}; the page is damaged: take the rest with partial=True (--partial)"
                 )
             self.case.messages.append(Message(page.first, f"{found} on the page: its tables are left out", "reader"))
             return replace(page, tables=(), parsed=False)
@@ -198,7 +198,12 @@ class _Scanner:
             found, expected = f"{count} rows in the {table.name} table", f"{wanted} rows ({variable} of the input cards)"
             if not self.partial:
                 line = table.lines[-1]
-                raise ParseError(self.listing.file, line, found, f"{expected}; the listing is damaged: pass partial=True to take the rest")
+                raise ParseError(
+                    self.listing.file,
+                    line,
+                    found,
+                    f"{expected}; the listing is damaged: run the program again, or take the rest with partial=True (--partial)",
+                )
             self.case.messages.append(Message(table.lines[0], f"{found} instead of {expected}: left out", "reader"))
             page = _without(page, table)
         return page
@@ -224,7 +229,7 @@ class _Scanner:
                     self.listing.file,
                     self.last,
                     "the end of the print",
-                    "the line END OF JOB.; the listing is cut: run the program again, or pass partial=True to take what is complete",
+                    "the line END OF JOB.; the listing is cut: run it again, or take what is complete with partial=True (--partial)",
                 )
             self._drop_cut_page()
         self._close_case()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-import tempfile
 
 import xarray as xr
+
+from flightmech.whole import written_whole
 
 
 def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
@@ -18,13 +19,5 @@ def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
     path : path
         File to write; its folder must exist.
     """
-    folder = os.path.dirname(os.path.abspath(path))
-    handle, temporary = tempfile.mkstemp(suffix=".nc", dir=folder)
-    os.close(handle)
-    try:
-        tree.to_netcdf(temporary, engine="h5netcdf")
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    with written_whole(path) as part:
+        tree.to_netcdf(part, engine="h5netcdf")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from .console import json_option
+from .console import NewFile, json_option
 
 
 @click.group()
@@ -15,23 +15,24 @@ def fmu() -> None:
 @fmu.command()
 @click.argument("aircraft", type=click.Path(exists=True, dir_okay=False))
 @click.argument("database", type=click.Path(exists=True, dir_okay=False))
-@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="The FMU to write.")
+@click.option("-o", "--output", required=True, type=NewFile(), help="The FMU to write.")
 @click.option("--fmi", "version", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="Version of the standard.")
 @json_option
 def write(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:
     """Compile AIRCRAFT (TOML) with DATABASE (netCDF) and write the model as an FMU."""
     from .aircraft import read_aircraft
     from .compiler import compile as compile_model
-    from .console import document, remark
+    from .console import document
     from .fmu import write_fmu
 
     sim = compile_model(read_aircraft(aircraft), _open(database))
     path = write_fmu(sim, output, version)
     counts = {"inputs": len(sim.inputs), "outputs": len(sim.outputs), "parameters": len(sim.parameters), "terms": len(sim.terms)}
     if as_json:
-        document({"fmu": str(path), "fmi": version, "bytes": path.stat().st_size, **counts})
+        document({"file": str(path), "fmi": version, "bytes": path.stat().st_size, **counts})
     else:
-        remark(f"{path}: FMI {version}, {', '.join(f'{count} {what}' for what, count in counts.items())}, {path.stat().st_size} bytes")
+        click.echo(f"FMI {version}, {', '.join(f'{count} {what}' for what, count in counts.items())}, {path.stat().st_size} bytes")
+        click.echo(f"written: {path}")
 
 
 @fmu.command()

@@ -4,13 +4,41 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import shlex
 import sys
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import click
 
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else.")
+jobs_option = click.option(
+    "-j", "--jobs", type=click.IntRange(1), default=lambda: os.cpu_count() or 1, show_default="one per core", help="Processes."
+)
+
+
+class NewFile(click.Path):
+    """A file to write: its folder must be there, which is said before the work begins and not after it."""
+
+    def __init__(self) -> None:
+        super().__init__(dir_okay=False)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name when its folder is there."""
+        found = super().convert(value, param, ctx)
+        if not Path(found).parent.is_dir():
+            self.fail(f"no folder {str(Path(found).parent)!r} for the file; make it first", param, ctx)
+        return found
+
+
+def command_line() -> str:
+    """Return the command as it was given, for a report to say how it was made."""
+    return shlex.join(["aeromatch", *sys.argv[1:]])
+
+
+_ENDLESS = 100_000  # columns: a line that goes to a file or another program is not broken
 
 
 def plain(item: Any) -> Any:
@@ -39,13 +67,17 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ""
     from rich.table import Table
     from rich.text import Text
 
-    sheet = Table(title=title or None, title_justify="left", box=None, pad_edge=False, header_style="bold")
+    sheet = Table(box=None, pad_edge=False, header_style="bold")
     for column in columns:
-        sheet.add_column(column, justify="right" if column in right else "left", no_wrap=column == columns[0])
+        sheet.add_column(Text(column), justify="right" if column in right else "left", no_wrap=column == columns[0])
     for row in rows:
         sheet.add_row(*(Text("" if cell is None else str(cell)) for cell in row))
-    wide = Console().width if sys.stdout.isatty() else 160
-    Console(width=wide).print(sheet)
+    console = Console(width=None if sys.stdout.isatty() else _ENDLESS)
+    with console.capture() as capture:
+        console.print(sheet)
+    if title:
+        click.echo(title)
+    click.echo("\n".join(line.rstrip() for line in capture.get().splitlines()))
 
 
 def remark(text: str) -> None:

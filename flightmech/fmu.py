@@ -21,6 +21,7 @@ from .fmu_binaries import binaries, compiled
 from .fmu_description import BASE, Description, Variable, identifier, no_limit, xml
 from .fmu_documentation import Axis, html
 from .library import AXIS, FIXED, INPUT, LINEAR, OUTPUT, PARAMETER, Entry
+from .whole import written_whole
 
 if TYPE_CHECKING:
     from .compiler import SimModel
@@ -60,7 +61,9 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
         "documentation/index.html": _documentation(sim, description).encode(),
         **binaries(compiled(), description.identifier, version),
     }
-    return _replace(Path(path), _zip(files))
+    with written_whole(path) as part:
+        part.write_bytes(_zip(files))
+    return Path(path)
 
 
 def describe(sim: SimModel) -> Description:
@@ -148,16 +151,6 @@ def _zip(files: Mapping[str, bytes]) -> bytes:
             info.external_attr = (0o100755 if name.startswith("binaries/") else 0o100644) << 16
             zf.writestr(info, files[name], zipfile.ZIP_DEFLATED, 9)
     return archive.getvalue()
-
-
-def _replace(path: Path, data: bytes) -> Path:
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    try:
-        partial.write_bytes(data)
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
-    return path
 
 
 def _tool() -> str:

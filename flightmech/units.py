@@ -142,7 +142,7 @@ def quantity(text: str | float | int, expected: str) -> float:
         raise UnitError(f"found {text!r}; expected a number in {expected} or a text with a unit such as '1.5 {expected}'")
     if isinstance(text, int | float):
         return float(text)
-    match = _QUANTITY.match(text)
+    match = _QUANTITY.match(text) if isinstance(text, str) else None
     if not match or not match.group(2):
         raise UnitError(f"found {text!r}; expected a number and a unit such as '1.5 {expected}', or a bare number in {expected}")
     return float(to_si(float(match.group(1)), match.group(2), expected))

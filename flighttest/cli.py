@@ -6,7 +6,7 @@ import importlib
 
 import click
 
-from flightmech.console import document, json_option, remark, table
+from flightmech.console import NewFile, document, jobs_option, json_option, remark, table
 
 _RECORD = click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
 _NAMES = click.option(
@@ -71,7 +71,7 @@ def show(record_file: str, names: str | None, as_json: bool) -> None:
 @click.argument("stop", type=float)
 @_NAMES
 @click.option("--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz].")
-@click.option("-o", "--output", required=True, type=click.Path(dir_okay=False), help="netCDF file to write.")
+@click.option("-o", "--output", required=True, type=NewFile(), help="netCDF file to write.")
 @json_option
 def cut(record_file: str, start: float, stop: float, names: str | None, rate: float, output: str, as_json: bool) -> None:
     """Cut a manoeuvre from START to STOP [s]: every channel on one clock."""
@@ -85,7 +85,8 @@ def cut(record_file: str, start: float, stop: float, names: str | None, rate: fl
     if as_json:
         document(about)
     else:
-        click.echo(f"{output}: {about['samples']} samples of {about['channels']} channels, {start:g} ... {stop:g} s at {rate:g} Hz")
+        click.echo(f"{about['samples']} samples of {about['channels']} channels, {start:g} ... {stop:g} s at {rate:g} Hz")
+        click.echo(f"written: {output}")
 
 
 @flight.command()
@@ -94,27 +95,35 @@ def cut(record_file: str, start: float, stop: float, names: str | None, rate: fl
 @_NAMES
 @click.option("--window", "windows", type=(float, float), multiple=True, help="Start and stop [s], of a single record. Default: all of it.")
 @click.option("--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz].")
-@click.option("--jobs", type=int, default=1, show_default=True, help="Processes.")
+@click.option(
+    "--biases",
+    "biases_file",
+    type=click.Path(exists=True, dir_okay=False),
+    help="Reconstruction of another record; its instrument constants are the prior of a single record.",
+)
+@jobs_option
 @click.option("-o", "--output", required=True, type=click.Path(), help="netCDF file; a folder when there are several records.")
 @json_option
-def reconstruct(record_files, aircraft_file, names, windows, rate, jobs, output, as_json) -> None:
+def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, jobs, output, as_json) -> None:
     """Reconstruct the states of one record, or of all runs of a programme with common instruments."""
     from pathlib import Path as File
 
     from flightmech import read_aircraft
     from flightmech.errors import SchemaError
 
-    from .files import save_path
+    from .files import open_biases, save_path
     from .programme import reconstruct_programme
     from .reconstruction import reconstruct as reconstruct_record
     from .record import read
 
-    if windows and len(record_files) > 1:
-        raise SchemaError("flight reconstruct", ["--window goes with one record; give the records one at a time"])
-    aircraft = read_aircraft(aircraft_file)
+    if (windows or biases_file) and len(record_files) > 1:
+        raise SchemaError("flight reconstruct", ["--window and --biases go with one record; give the records one at a time"])
+    if len(record_files) == 1:
+        NewFile().convert(output, None, click.get_current_context())
+    aircraft, prior = read_aircraft(aircraft_file), open_biases(biases_file) if biases_file else None
     records = [read(file, names) for file in record_files]
     if len(records) == 1:
-        paths, targets = [reconstruct_record(records[0], aircraft, list(windows) or None, rate=rate)], [File(output)]
+        paths, targets = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)], [File(output)]
     else:
         remark(f"{len(records)} records: each alone, then each with what the others tell about the instruments")
         paths = reconstruct_programme(records, aircraft, rate, jobs)

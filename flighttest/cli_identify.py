@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from flightmech.console import document, json_option, table
+from flightmech.console import NewFile, document, json_option, table
 
 
 @click.command()
@@ -14,7 +14,7 @@ from flightmech.console import document, json_option, table
 @click.option("--window", "windows", type=(float, float), multiple=True, help="Start and stop [s]; several make one fit. Default: all.")
 @click.option("--cutoff", type=float, help="Low-pass all states alike first [Hz].")
 @click.option("--intercepts", type=click.Choice(["common", "separate"]), default="common", help="One constant, or one per manoeuvre.")
-@click.option("-o", "--output", type=click.Path(dir_okay=False), help="Write the fit to this netCDF file.")
+@click.option("-o", "--output", type=NewFile(), help="Write the fit to this netCDF file.")
 @json_option
 def identify(paths, aircraft_file, model_text, windows, cutoff, intercepts, output, as_json) -> None:
     """Estimate the terms of one coefficient from reconstructed paths by least squares."""
@@ -42,8 +42,14 @@ def identify(paths, aircraft_file, model_text, windows, cutoff, intercepts, outp
         )
         return
     shown = {"estimate": "estimate", "stderr": "std error", "stderr_white": "if white", "stderr_systematic": "systematic", "vif": "VIF"}
-    rows = [(str(term), *(f"{float(e[name].sel(term=term)):.4g}" for name in shown)) for term in e["term"].values]
+    rows = [(str(term), *(_cell(float(e[name].sel(term=term))) for name in shown)) for term in e["term"].values]
     title = f"{model}   {e.attrs['samples']} samples, R2 {e.attrs['R2']:.4f}, residual rms {e.attrs['residual_rms']:.3g}"
     table(["term", *shown.values()], rows, title, right=list(shown.values()))
     for text in fit.remarks:
         click.echo(f"! {text}")
+    if output:
+        click.echo(f"written: {output}")
+
+
+def _cell(value: float) -> str:
+    return "-" if value != value else f"{value:.4g}"

@@ -123,7 +123,7 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
     -------
     Dataset (time,)
         All channels; slow quantities (mass, c.g., inertia) as scalars, the mean over the window.  Heading is unwrapped.
-        Attributes ``record``, ``start``, ``stop``, ``rate``.
+        Attributes ``record``, ``start``, ``stop``, ``rate``, and ``latitude`` and ``runway_elevation`` where the record has them.
 
     Raises
     ------
@@ -151,7 +151,8 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
                 )
             else:
                 data[name] = "time", to_grid(time, x, grid, name), about
-    data.attrs = {"record": str(record.attrs.get("title", "")), "start": start, "stop": stop, "rate": rate}
+    place = {key: record.attrs[key] for key in ("latitude", "runway_elevation") if key in record.attrs}
+    data.attrs = {"record": str(record.attrs.get("title", "")), "start": start, "stop": stop, "rate": rate, **place}
     return data
 
 

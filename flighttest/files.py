@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import xarray as xr
+
+from flightmech.errors import ParseError
+from flightmech.whole import written_whole
 
 if TYPE_CHECKING:
     from .reconstruction import Path as FlightPath
@@ -27,24 +28,30 @@ def save_path(path: FlightPath, target: str | Path) -> None:
 
 
 def open_biases(path: str | Path) -> xr.Dataset:
-    """Return the constants of a reconstruction written by `save_path`, as a prior or for `combine_biases`."""
-    with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
-        found = data.load()
+    """Return the constants of a reconstruction written by `save_path`, as a prior or for `combine_biases`.
+
+    Raises
+    ------
+    ParseError
+        Not such a file.
+    """
+    try:
+        with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
+            found = data.load()
+    except (OSError, ValueError, KeyError) as error:
+        if not Path(path).exists():
+            raise
+        wanted = "a path as `aeromatch flight reconstruct -o` writes it"
+        raise ParseError(str(path), 0, f"no constants of a reconstruction ({error})", wanted) from error
     return found.assign(held=found["held"].astype(bool))
 
 
 def _whole(groups: Mapping[str, xr.Dataset], target: Path) -> None:
-    handle, name = tempfile.mkstemp(dir=target.parent or ".", prefix=f".{target.name}.", suffix=".part")
-    os.close(handle)
-    try:
+    with written_whole(target) as part:
         mode: Any = "w"
         for group, data in groups.items():
             packed = {
                 str(n): {"zlib": True, "complevel": 4} for n, v in data.data_vars.items() if v.dims == ("time",) and v.dtype.kind == "f"
             }
-            data.to_netcdf(name, mode=mode, group=None if group == "/" else group.strip("/"), engine="h5netcdf", encoding=packed)
+            data.to_netcdf(part, mode=mode, group=None if group == "/" else group.strip("/"), engine="h5netcdf", encoding=packed)
             mode = "a"
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise

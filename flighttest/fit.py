@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError
+from flightmech.whole import written_whole
 
 from . import collinearity
 from .model import Model
@@ -74,14 +74,8 @@ def save_fit(fit: Fit, path: str | os.PathLike) -> None:
     tree = xr.DataTree.from_dict(
         {"/": xr.Dataset(attrs=about), "/estimates": fit.estimates, "/data": fit.data, "/design": fit.design.to_dataset(name="design")}
     )
-    handle, part = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    os.close(handle)
-    try:
+    with written_whole(path) as part:
         tree.to_netcdf(part, engine="h5netcdf", mode="w")
-        os.replace(part, path)
-    except BaseException:
-        Path(part).unlink(missing_ok=True)
-        raise
 
 
 def open_fit(path: str | os.PathLike) -> Fit:

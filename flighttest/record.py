@@ -67,6 +67,7 @@ def read(path: str | Path, names: str | Path | NameMap | None = None) -> xr.Data
     used = {_locate(leaf, channel, tables, path) for leaf, channels in mapping.leaves.items() for channel in channels.values()}
     root = {key: value for key, value in root.items() if isinstance(value, str | int | float | np.integer | np.floating)}
     root.update({key: value for key, value in mapping.facts.model_dump().items() if value is not None})
+    root.setdefault("title", root.get("record") or path.name.split(".")[0])
     root["source_file"] = path.name
     root["unmapped"] = " ".join(f"{t}/{c}" for t, table in tables.items() for c in table.columns if (t, c) not in used)
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs=root), **{f"/{leaf}": data for leaf, data in leaves.items()}})
@@ -134,10 +135,8 @@ def _own_names(tables: dict[str, Table], path: Path) -> NameMap:
     """Return the map of a file that already speaks house names."""
     unknown = sorted({c for table in tables.values() for c in table.columns if not _known(c)})
     if unknown:
-        hint = (
-            f"{path.name} has {len(unknown)} columns without a house name ({', '.join(unknown[:12])}); pass names=... (a name map in TOML)"
-        )
-        raise UnknownName(unknown[0], VOCABULARY, "column", hint)
+        hint = f"{path.name} has {len(unknown)} columns without a house name ({', '.join(unknown[:12])})"
+        raise UnknownName(unknown[0], VOCABULARY, "column", f"{hint}; pass names=... (--names), a name map in TOML")
     return NameMap({name: {c: Channel(column=c) for c in table.columns} for name, table in tables.items()})
 
 

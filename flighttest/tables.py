@@ -47,9 +47,11 @@ def read_netcdf(path: str | Path) -> tuple[dict[str, Table], dict[str, Any]]:
             name = place.strip("/") or "data"
             if "time" not in group.coords:
                 raise ParseError(str(path), 0, f"group {name} without a coordinate 'time'", "every group over its own time [s]")
-            columns = {str(c): group[c].values.astype(float) for c in group.data_vars if group[c].dims == ("time",)}
+            time = group["time"].values.astype(float)
+            numbers = [c for c in group.data_vars if group[c].dims == ("time",) or (not group[c].dims and group[c].dtype.kind in "fiu")]
+            columns = {str(c): np.broadcast_to(group[c].values.astype(float), time.shape) for c in numbers}  # a scalar holds all along
             units = {c: str(group[c].attrs["units"]) for c in columns if "units" in group[c].attrs}
-            tables[name] = Table(group["time"].values.astype(float), columns, units)
+            tables[name] = Table(time, columns, units)
         group.close()
     return tables, attrs
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from markupsafe import Markup
 
 from flightmech.console import plain
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.whole import written_whole
 
 from .sections import case, models, overview
 from .sections import provenance as origin
@@ -147,16 +148,6 @@ def _script_json(item: Any) -> Markup:
 
 def _write_together(files: Mapping[Path, str]) -> None:
     """Write all files beside their places, then move them there: nobody finds half of one."""
-    ready: dict[Path, str] = {}
-    try:
+    with ExitStack() as stack:
         for path, text in files.items():
-            handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-            ready[path] = name
-            with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-                file.write(text)
-            os.chmod(name, 0o644)
-        for path, name in ready.items():
-            os.replace(name, path)
-    finally:
-        for name in ready.values():
-            Path(name).unlink(missing_ok=True)
+            stack.enter_context(written_whole(path)).write_text(text, encoding="utf-8", newline="\n")

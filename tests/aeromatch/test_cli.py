@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import warnings
 
 import pytest
 
@@ -42,3 +43,31 @@ def test_help_lists_every_group():
     assert done.returncode == 0
     for name in ("datcom", "db", "flight", "fmu", "pom", "demo"):
         assert name in done.stdout
+
+
+def test_a_missing_file_is_named_without_a_number(tmp_path):
+    done = run("match", "none.toml", "-o", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "none.toml" in done.stderr
+    assert "Errno" not in done.stderr
+
+
+def test_a_warning_of_the_house_is_one_line(capsys, monkeypatch):
+    import click
+
+    from aeromatch import cli
+    from flightmech.errors import AeromatchWarning
+
+    @click.command()
+    def warned():
+        warnings.simplefilter("default")
+        warnings.warn("look twice", AeromatchWarning, stacklevel=1)
+
+    monkeypatch.setattr(cli, "cli", warned)
+    monkeypatch.setattr(sys, "argv", ["aeromatch"])
+    before = warnings.showwarning
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 0
+    assert capsys.readouterr().err == "warning: look twice\n"
+    assert warnings.showwarning is before

@@ -85,7 +85,7 @@ def test_bad_input_is_one_line_and_exit_code_2(run, words, text):
 
 def test_convert(run, tmp_path):
     done = run("convert", DATA / "t37_elevator_one_by_one.pdas.out", "--join", "-o", tmp_path / "x.nc")
-    assert (done.returncode, done.stdout) == (0, "")
+    assert (done.returncode, done.stdout) == (0, f"written: {tmp_path / 'x.nc'}\n")
     with xr.open_datatree(tmp_path / "x.nc", engine="h5netcdf") as tree:
         assert tree["symflp"].sizes["condition"] == 6
 

@@ -41,7 +41,7 @@ def test_command_line_writes_and_shows(files, tmp_path, version):
     path = str(tmp_path / "trainer.fmu")
     wrote = CliRunner().invoke(fmu, ["write", *files, "-o", path, "--fmi", version, "--json"], catch_exceptions=False)
     document = json.loads(wrote.stdout)
-    assert (document["fmu"], document["fmi"], document["terms"]) == (path, version, 3)
+    assert (document["file"], document["fmi"], document["terms"]) == (path, version, 3)
     shown = CliRunner().invoke(fmu, ["show", path, "--json"], catch_exceptions=False)
     found = json.loads(shown.stdout)
     assert (found["model"], found["fmi"], found["findings"]) == ("Trainer", version, [])

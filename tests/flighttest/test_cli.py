@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from flightmech.errors import OutOfRange, SchemaError
+from flightmech.errors import OutOfRange, ParseError, SchemaError
 from flightmech.names import attrs
 from flighttest.cli import flight
 from flighttest.files import open_biases, save
@@ -64,6 +64,35 @@ def test_cut_writes_a_manoeuvre(files, tmp_path):
     done = call("cut", files / "run_0.nc", 2, 8, "--rate", 25, "-o", target, "--json")
     assert json.loads(done.output)["samples"] == 151
     assert xr.open_dataset(target, engine="h5netcdf").sizes["time"] == 151
+
+
+def test_a_cut_file_is_a_record_again(files, tmp_path):
+    """Slow quantities are scalars in a cut file: they must not get lost on the way back, nor the place of the record."""
+    import flighttest
+
+    record = flighttest.read(files / "run_0.nc")
+    cut = flighttest.cut(record, 2.0, 8.0).assign(mass=((), 2900.0, {"units": "kg"})).assign_attrs(runway_elevation=120.0)
+    save(cut, tmp_path / "m.nc")
+    again = flighttest.read(tmp_path / "m.nc")
+    assert again.attrs["title"] == record.attrs["title"]
+    assert again.attrs["runway_elevation"] == 120.0
+    np.testing.assert_array_equal(again["data/mass"], 2900.0)
+    assert flighttest.cut(again, 3.0, 7.0).attrs["runway_elevation"] == 120.0
+
+
+def test_constants_of_another_record_are_the_prior(files, tmp_path):
+    words = ["--aircraft", files / "aircraft.toml", "--window", 2, 10, "--json"]
+    call("reconstruct", files / "run_0.nc", *words, "-o", tmp_path / "a.nc")
+    done = call("reconstruct", files / "run_1.nc", *words, "--biases", tmp_path / "a.nc", "-o", tmp_path / "b.nc")
+    (found,) = json.loads(done.output)
+    before = open_biases(tmp_path / "a.nc").sel(parameter="bias.p")
+    assert found["constants"]["bias.p"]["prior"] == pytest.approx(float(before["estimate"]))
+    assert found["constants"]["bias.p"]["prior_stderr"] == pytest.approx(float(before["stderr"]))
+    with pytest.raises(ParseError, match="no constants of a reconstruction"):
+        call("reconstruct", files / "run_1.nc", *words, "--biases", files / "run_0.nc", "-o", tmp_path / "c.nc")
+    with pytest.raises(SchemaError, match="go with one record"):
+        call("reconstruct", files / "run_0.nc", files / "run_1.nc", *words, "--biases", tmp_path / "a.nc", "-o", tmp_path / "d")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.nc", "b.nc"]
 
 
 def test_window_outside_leaves_no_file(files, tmp_path):
