@@ -8,8 +8,8 @@ static void blend(const am_model *m, const double *u0, const double *u1, double 
     for (int i = 0; i < m->count[AM_INPUT]; i++) u[i] = u0[i] + (u1[i] - u0[i]) * s;
 }
 
-static void advance(const am_model *m, const double *x, double h, const double *dx, double *to) {
-    for (int i = 0; i < am_state_count(m); i++) to[i] = x[i] + h * dx[i];
+static void advance(int n, const double *restrict x, double h, const double *restrict dx, double *restrict to) {
+    for (int i = 0; i < n; i++) to[i] = x[i] + h * dx[i];
 }
 
 static void count_outside(am_sim *sim) {
@@ -29,12 +29,12 @@ static void runge_kutta(am_sim *sim, double h, const double *u0, const double *u
     sim->fresh = false;
     count_outside(sim);
     blend(m, u0, u1, 0.5 * (s0 + s1), u);
-    advance(m, x, 0.5 * h, k1, to);
+    advance(n, x, 0.5 * h, k1, to);
     derivative(sim, to, u, k2);
-    advance(m, x, 0.5 * h, k2, to);
+    advance(n, x, 0.5 * h, k2, to);
     derivative(sim, to, u, k3);
     blend(m, u0, u1, s1, u);
-    advance(m, x, h, k3, to);
+    advance(n, x, h, k3, to);
     derivative(sim, to, u, k4);
     for (int i = 0; i < n; i++) to[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
