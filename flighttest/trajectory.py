@@ -23,7 +23,7 @@ from flightmech.errors import IdentificationError
 
 from .bordered import NormalEquations
 from .constants import inverse
-from .kinematics import rate_matrix, rates, rotation, skew, to_body
+from .kinematics import rate_matrix, rates, skew, to_body
 from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, specific_force, wind
 
 HEIGHT_NOISE = 0.005  # m/s: closes the height equation; far below any height sensor
@@ -93,15 +93,17 @@ def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = I
 
 
 def moved(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
-    """Return the trajectory after a step: the velocity changes by it in body axes and turns along with the attitude.
+    """Return the trajectory after a step: the horizontal velocity turns along with the heading.
 
     To first order this is x + dx.  Without a compass the heading is free, and a straight step in north and east would
-    lengthen the velocity that it only wants to turn.
+    lengthen the velocity that it only wants to turn.  The vertical velocity takes the straight step, as the height does:
+    the stiff equation between the two is linear and stays fulfilled.
     """
-    U, turn, Rt = to_body(x[:, ATTITUDE], x[:, VELOCITY])
-    dU = (turn @ dx[:, ATTITUDE, None] + Rt @ dx[:, VELOCITY, None])[..., 0]
     after = x + dx
-    after[:, VELOCITY] = (rotation(after[:, ATTITUDE]) @ (U + dU)[..., None])[..., 0]
+    vn, ve, turn = x[:, 3], x[:, 4], dx[:, 2]
+    n, e = vn + dx[:, 3] + ve * turn, ve + dx[:, 4] - vn * turn  # the step less the heading's share of it
+    after[:, 3] = n * np.cos(turn) - e * np.sin(turn)
+    after[:, 4] = n * np.sin(turn) + e * np.cos(turn)
     return after
 
 
@@ -200,10 +202,16 @@ def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.nd
 
 
 def lag_weights(tau: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (E, c0, c1) of y_k+1 = E y_k + c0 x_k + c1 x_k+1, a first-order lag of an input linear between samples, and d/dtau."""
-    tau = max(tau, dt / 20.0)
-    E, s = np.exp(-dt / tau), tau / dt
-    dE, ds = E * dt / tau**2, 1.0 / dt
+    """Return (E, c0, c1) of y_k+1 = E y_k + c0 x_k + c1 x_k+1, a first-order lag of an input linear between samples, and d/dtau.
+
+    Below a twentieth of a step, E = exp(-dt/tau) is nothing and y = x - tau x', which holds for a negative lag too: a vane that is ahead
+    of an inertial unit with a latency of its own.
+    """
+    s = tau / dt
+    if s < 0.05:
+        return np.array([0.0, s, 1.0 - s]), np.array([0.0, 1.0, -1.0]) / dt
+    E, ds = np.exp(-1.0 / s), 1.0 / dt
+    dE = E * dt / tau**2
     rise, d_rise = s * (1.0 - E), ds * (1.0 - E) - s * dE
     return np.array([E, rise - E, 1.0 - rise]), np.array([dE, d_rise - dE, -d_rise])
 

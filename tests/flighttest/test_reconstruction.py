@@ -9,6 +9,7 @@ import xarray as xr
 import flighttest
 from flightmech.errors import IdentificationError, OutOfRange, SchemaError
 from flighttest.constants import identifiability
+from flighttest.trajectory import lag_weights, moved
 
 ERROR_FREE = {"V": 0.05, "alpha": 0.0012, "beta": 0.0012, "theta": 0.0008, "h": 0.6}  # m/s, rad, m
 
@@ -107,6 +108,41 @@ def test_without_sideslip_vane_sideslip_comes_from_the_side_force(flown, aircraf
     record = record.assign({"vanes": xr.DataTree(record["vanes"].to_dataset().drop_vars("beta_vane"))})
     path = flighttest.reconstruct(record, aircraft)
     assert np.corrcoef(path.states["beta"].values, truth["beta"].values)[0, 1] > 0.98
+
+
+def test_vane_ahead_of_the_inertial_unit_has_a_negative_lag(flown, aircraft):
+    record, _, truth = flown(2)
+    vanes = record["vanes"].to_dataset()
+    early = record.assign({"vanes": xr.DataTree(vanes.assign_coords(time=vanes["time"] - 0.065))})
+    unsure = copy.deepcopy(aircraft)
+    unsure.instruments["vanes"]["lag"] = [0.0, 0.05]
+    path = flighttest.reconstruct(early, unsure, windows=[(1.0, 39.0)])
+    lag = path.biases.sel(parameter="lag.vanes")
+    assert float(lag["estimate"]) < 0.0
+    known = truth.interp(time=path.states["time"])
+    assert np.std(path.states["alpha"].values - known["alpha"].values) < 0.002
+
+
+def test_lag_weights_follow_the_lag_through_zero():
+    dt = 0.02
+    for tau in (-0.05, -1e-3, 0.0, dt / 20.0, 2e-3, 0.02, 0.3):
+        weights, slope = lag_weights(tau, dt)
+        assert weights.sum() == pytest.approx(1.0)
+        near = [lag_weights(tau + step, dt)[0] for step in (-1e-7, 1e-7)]
+        # E = exp(-20) is left out below dt/20: 2e-9 over the step of 2e-7
+        np.testing.assert_allclose((near[1] - near[0]) / 2e-7, slope, atol=0.02, rtol=1e-5)
+
+
+def test_step_turns_the_velocity_with_the_heading():
+    x, dx = np.zeros((1, 7)), np.zeros((1, 7))
+    x[0, 3:6], dx[0, :3] = (80.0, 30.0, 4.0), (0.1, 0.0, 0.3)
+    dx[0, 3:5] = -30.0 * 0.3, 80.0 * 0.3  # what a turn of 0.3 rad is to first order
+    after = moved(x, dx)
+    assert np.hypot(*after[0, 3:5]) == pytest.approx(np.hypot(80.0, 30.0))
+    assert np.arctan2(after[0, 4], after[0, 3]) - np.arctan2(30.0, 80.0) == pytest.approx(0.3)
+    small = 1e-5 * np.arange(1.0, 8.0)[None]
+    np.testing.assert_allclose(moved(x, small), x + small, atol=1e-7)
+    assert after[0, 5] == 4.0  # roll and sideways steps leave the climb alone, as they do the height
 
 
 def test_lower_rate(flown, aircraft):
