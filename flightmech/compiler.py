@@ -155,6 +155,7 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
         if name not in (*FORCES[axes], *MOMENTS, *_NO_COEFFICIENT):
             allowed = ", ".join((*FORCES[axes], *MOMENTS))
             problems.append(f"/{name} is no coefficient; with force_axes {axes} there are {allowed}")
+    problems += [f"/{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would not fly" for path in _astray(db)]
     for name in ("S", "cbar", "b"):
         if name in db.attrs and not np.isclose(float(db.attrs[name]), getattr(aircraft, name), rtol=_AGREE, atol=0.0):
             problems.append(
@@ -166,6 +167,13 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
                 f"{name} is {float(db.attrs[name]):.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference"
             )
     return problems
+
+
+def _astray(db: xr.DataTree) -> Iterator[str]:
+    for node in db.subtree:
+        path = node.relative_to(db)
+        if node.data_vars and path.count("/") != 1 and path.split("/")[0] not in _NO_COEFFICIENT:
+            yield path
 
 
 def _leaf_problems(name: str, leaf: xr.Dataset, aircraft: Aircraft) -> list[str]:

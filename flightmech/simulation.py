@@ -29,7 +29,8 @@ def simulate(
         ``time`` [s, rising] and any of the inputs, over time or constant; other quantities of the vocabulary, such as the
         states of a manoeuvre, are not read. [SI]
     parameters : mapping of str to float, optional
-        Parameters, and constant values of inputs that `inputs` does not hold; without one an input is zero. [SI]
+        Parameters, and constant values of inputs that `inputs` does not hold; without one an input is zero.  ``mode.step``
+        among them goes before `step`. [SI]
     hold : {"linear", "zero"}
         Inputs linear between samples, or held from each sample to the next as an importer without interpolation does.
     step : float
@@ -53,13 +54,15 @@ def simulate(
     if hold not in ("linear", "zero"):
         raise ValueError(f"hold is {hold!r}; allowed: linear, zero")
     time = _time(inputs)
-    values = dict(parameters or {})
+    values = {"mode.step": step, **(parameters or {})}
     u = _inputs(sim, inputs, values, len(time))
-    run = prepared(sim, {**values, "mode.step": step}, u[0], float(time[0]))
+    run = prepared(sim, values, u[0], float(time[0]))
     y = run.run(time, u, hold == "zero")
     columns = {row.name: ("time", y[:, i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}
     coords = {"time": ("time", time, {"units": "s", "long_name": lookup("time").long_name})}
-    return xr.Dataset(columns, coords, {"title": sim.title, "step": step, "hold": hold, "out_of_range": _left(sim, run)})
+    return xr.Dataset(
+        columns, coords, {"title": sim.title, "step": float(values["mode.step"]), "hold": hold, "out_of_range": _left(sim, run)}
+    )
 
 
 def prepared(sim: SimModel, values: Mapping[str, float], u: np.ndarray, time: float = 0.0) -> Simulation:

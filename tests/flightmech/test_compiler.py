@@ -66,6 +66,14 @@ def test_a_broken_leaf_is_named():
     assert refused(tree(CL__basic=leaf)) == ["CL/basic: value holds 1 NaN or infinite nodes of 2; trim or fill the table first"]
 
 
+def test_a_table_that_would_not_fly_is_an_error():
+    problems = refused(tree(CL=make(0.2), CD__flap__slotted=make(0.1), CD__flap=make(0.1), checks__flown__once=make(0.0)))
+    assert problems == [
+        f"{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would not fly"
+        for path in ("/CL", "/CD/flap/slotted")
+    ]
+
+
 def test_force_axes():
     assert "attribute force_axes is 'earth'; allowed: stability, wind, body" in refused(tree({"force_axes": "earth"}, CL__a=make(1.0)))
     sim = flightmech.compile(aircraft(), tree({"force_axes": "body"}, CX__a=make(-0.02), CZ__a=make(-0.5)))

@@ -62,6 +62,13 @@ def test_hold_differs_from_linear_by_half_a_sample(trainer):
     assert np.abs(held["q"] - late["q"]).max() < 0.3 * np.abs(held["q"] - linear["q"]).max()
 
 
+def test_the_step_may_come_with_the_parameters(trainer, time):
+    u = over(time, delta_e=0.01)
+    found = flightmech.simulate(trainer, u, {**TRIMMED, "mode.step": 0.02})
+    assert found.attrs["step"] == 0.02
+    assert (found.q == flightmech.simulate(trainer, u, TRIMMED, step=0.02).q).all()
+
+
 def test_step_hardly_matters(trainer, time):
     """RK4 at 20 ms against 5 ms."""
     coarse = flightmech.simulate(trainer, over(time, delta_e=0.01), TRIMMED, step=0.02)
