@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,12 +10,9 @@ from typing import Any
 
 import click
 
-from flightmech.console import document, json_option, remark, table
+from flightmech.console import command_line, document, jobs_option, json_option, remark, table
 
 SHIPPED = Path(__file__).parents[1] / "data" / "t37" / "aeromatch.toml"
-jobs_option = click.option(
-    "-j", "--jobs", type=click.IntRange(1), default=lambda: os.cpu_count() or 1, show_default="one per core", help="Processes."
-)
 
 
 @click.command()
@@ -35,7 +31,7 @@ def demo(output: Path, jobs: int, as_json: bool) -> None:
 
 
 @click.command()
-@click.argument("project", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("project", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder to write.")
 @jobs_option
 @json_option
@@ -52,7 +48,7 @@ def _match(file: Path, output: Path, jobs: int, as_json: bool) -> None:
     from .workflow import perform
 
     project = read_project(file)
-    outcome = perform(project, output, jobs, step)
+    outcome = perform(project, output, jobs, step, command_line())
     if as_json:
         document(outcome.to_dict())
         return

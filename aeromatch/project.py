@@ -60,8 +60,8 @@ class Project:
     Attributes
     ----------
     title : str
-    folder, aircraft, names : Path
-        Folder of the project file, aircraft file, name map of the flight records.
+    file, aircraft, names : Path
+        The project file, the aircraft file, the name map of the flight records.
     listings : dict of str to Path
         Digital DATCOM listings by what they hold: ``clean``, ``flaps``, ``elevator``, ``aileron``, ``ground``, ``ground_flap``.
     altitude : float or None
@@ -80,7 +80,7 @@ class Project:
     """
 
     title: str
-    folder: Path
+    file: Path
     aircraft: Path
     names: Path
     listings: dict[str, Path]
@@ -134,7 +134,7 @@ def read_project(path: str | Path) -> Project:
         problems.append(f"cases: no file matches {', '.join(content.cases)} in {folder}")
     project = Project(
         content.title,
-        folder,
+        path.resolve(),
         existing(content.aircraft, "aircraft"),
         existing(content.names, "names"),
         listings,

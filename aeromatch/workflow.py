@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +21,6 @@ from flightmech import Aircraft, terms
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
 from flightmech.units import quantity
-from pom.sections.provenance import Provenance
 
 from .project import Fit, NewTerm, Project
 
@@ -69,6 +66,12 @@ def records_of(project: Project, cases: Iterable[Any] = ()) -> list[str]:
     """Return the records that the fits of a project and the given cases need, in order."""
     named = [record for fit in project.fits for record in fit.records] + [Path(case.record).stem for case in cases]
     return list(dict.fromkeys(named))
+
+
+def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
+    """Return every file that the results rest on, with the flight records named."""
+    flights = [project.flights[name] for name in names]
+    return [project.file, project.aircraft, project.names, *project.listings.values(), *flights, *project.cases]
 
 
 def identify(project: Project, aircraft: Aircraft, paths: Mapping[str, Any]) -> list[Any]:
@@ -162,7 +165,7 @@ class Outcome:
         }
 
 
-def perform(project: Project, folder: str | Path, jobs: int, step: Step) -> Outcome:
+def perform(project: Project, folder: str | Path, jobs: int, step: Step, command: str = "") -> Outcome:
     """Do the whole job of a project and write databases, FMUs and report into a folder.
 
     Parameters
@@ -174,6 +177,8 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step) -> Outc
         Processes for reconstruction, diagnosis and replay.
     step : callable
         ``with step("text"):`` surrounds every step, for progress.
+    command : str
+        Command line, for the report.
 
     Returns
     -------
@@ -208,7 +213,7 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step) -> Outc
             results,
             folder / "report",
             title=f"{project.title}: Proof of Match",
-            provenance=provenance(project, names, fmus),
+            provenance=pom.provenance(inputs_of(project, names), fmus, command),
             databases=databases,
             diagnoses=diagnoses,
         )
@@ -221,18 +226,3 @@ def replay_all(cases: Sequence[Any], fmus: Mapping[str, Path], paths: Mapping[st
 
     with ThreadPoolExecutor(jobs) as pool:
         return list(pool.map(lambda case: pom.replay(case, fmus, paths[Path(case.record).stem]), cases))
-
-
-def provenance(project: Project, names: Sequence[str], fmus: Mapping[str, Path]) -> Provenance:
-    """Return what the report says about where its numbers come from."""
-    files = [project.aircraft, project.names, *project.listings.values(), *(project.flights[name] for name in names), *project.cases]
-    versions = ("aeromatch", "fmpy", "numpy", "scipy", "xarray")
-    return {
-        "versions": {name: version(name) for name in versions},
-        "inputs": {str(file.relative_to(project.folder)): _sha256(file) for file in files},
-        "models": {name: {"file": file.name, "sha256": _sha256(file)} for name, file in fmus.items()},
-    }
-
-
-def _sha256(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()

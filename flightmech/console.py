@@ -28,8 +28,9 @@ class NewFile(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the name when its folder is there."""
         found = super().convert(value, param, ctx)
-        if not Path(found).parent.is_dir():
-            self.fail(f"no folder {str(Path(found).parent)!r} for the file; make it first", param, ctx)
+        folder = Path(os.fsdecode(found)).parent
+        if not folder.is_dir():
+            self.fail(f"no folder {str(folder)!r} for the file; make it first", param, ctx)
         return found
 
 

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from .case import PomCase, read_case
     from .diagnosis import corrected_terms, diagnose, swap_terms
     from .modes import fit_mode
+    from .origins import provenance
     from .replaying import replay
     from .report import write_report
     from .result import PomResult
@@ -21,6 +22,7 @@ _HOME = {
     "swap_terms": "diagnosis",
     "diagnose": "diagnosis",
     "fit_mode": "modes",
+    "provenance": "origins",
     "replay": "replaying",
     "write_report": "report",
     "PomResult": "result",
@@ -31,6 +33,7 @@ __all__ = [
     "corrected_terms",
     "diagnose",
     "fit_mode",
+    "provenance",
     "read_case",
     "replay",
     "swap_terms",

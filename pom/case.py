@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -91,6 +92,10 @@ class PomCase:
     shortened: str = ""
     show: tuple[str, ...] = SHOWN
     criteria: tuple[Criterion, ...] = ()
+
+    def files(self) -> list[str]:
+        """Return the case file and the files it names."""
+        return [name for name in (self.path, self.record, self.names, self.aircraft) if name]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the case as plain data."""
@@ -250,7 +255,7 @@ def _place(path: Path, name: str, key: str, problems: list[str]) -> str:
     place = path.parent / name
     if not place.is_file():
         problems.append(f"case.{key}: no file {place}; the name is relative to the case file")
-    return str(place)
+    return os.path.normpath(place)
 
 
 def _criteria(file: _File, problems: list[str]) -> list[Criterion]:

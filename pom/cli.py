@@ -7,7 +7,17 @@ from typing import Any
 
 import click
 
-from flightmech.console import document, json_option, remark, table
+from flightmech.console import command_line, document, json_option, table
+
+_CASE = click.argument("case", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+_BIASES = click.option(
+    "--biases",
+    "biases_file",
+    type=click.Path(exists=True, dir_okay=False),
+    help="Reconstruction of another record; its instrument constants are the prior where the record of a case is raw.",
+)
+
+_IDLE = 0.005  # share of the gap
 
 
 @click.group()
@@ -16,7 +26,7 @@ def pom() -> None:
 
 
 @pom.command()
-@click.argument("case", type=click.Path(dir_okay=False, path_type=Path))
+@_CASE
 @json_option
 def check(case: Path, as_json: bool) -> None:
     """Read one case file and print its criteria as they will be judged."""
@@ -36,15 +46,23 @@ def check(case: Path, as_json: bool) -> None:
 
 
 @pom.command()
-@click.argument("cases", nargs=-1, required=True, type=click.Path(path_type=Path))
+@click.argument("cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--model", "models", multiple=True, required=True, metavar="NAME=FILE.fmu", help="A model; as often as wanted.")
 @click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), help="Folder for report.html and results.json.")
 @click.option("--title", default="Proof of Match", show_default=True, help="Title of the report.")
 @click.option("--timeout", default=60.0, show_default=True, help="Wall time per model and case. [s]")
+@_BIASES
 @json_option
 @click.pass_context
 def run(
-    ctx: click.Context, cases: tuple[Path, ...], models: tuple[str, ...], output: Path | None, title: str, timeout: float, as_json: bool
+    ctx: click.Context,
+    cases: tuple[Path, ...],
+    models: tuple[str, ...],
+    output: Path | None,
+    title: str,
+    timeout: float,
+    biases_file: str | None,
+    as_json: bool,
 ):
     """Replay CASES (files, or folders of them) by models and print one line per case and model.
 
@@ -53,37 +71,47 @@ def run(
     from flightmech.errors import SimulationError
 
     from .case import read_case
+    from .flight import recorded_states
+    from .fmus import read_fmu
     from .replaying import names_of_runs, replay
 
-    runs = names_of_runs(models)
+    runs, biases = names_of_runs(models), _biases(biases_file)
     read = [read_case(file) for file in _files(cases)]
+    for file in runs.values():
+        read_fmu(file)  # a faulty one is refused before the reconstruction, which takes long
     results = []
     for case in read:
-        results.append(replay(case, runs, timeout=timeout))
+        results.append(replay(case, runs, recorded_states(case, biases), timeout))
         if not as_json:
             for line in _lines(results[-1]):
                 click.echo(line)
     if all(r.failure and r.status(name) == "invalid" for r in results for name in runs):
         raise SimulationError("no model could be replayed: " + results[0].failure)
+    report = None
     if output is not None:
+        from .origins import provenance
         from .report import write_report
 
-        remark(f"report: {write_report(results, output, title=title)}")
+        made_from = provenance([file for case in read for file in case.files()], runs, command_line())
+        report = write_report(results, output, title=title, provenance=made_from)
     statuses = [r.status(name) for r in results for name in runs]
     if as_json:
         document([_summary(r) for r in results])
     else:
         counts = ", ".join(f"{statuses.count(word)} {word}" for word in dict.fromkeys(statuses))
         click.echo(f"{len(runs)} model{'s' if len(runs) > 1 else ''} x {len(results)} case{'s' if len(results) > 1 else ''}: {counts}")
+        if report is not None:
+            click.echo(f"written: {report}")
     ctx.exit(0 if set(statuses) == {"pass"} else 1)
 
 
 @pom.command()
-@click.argument("case", type=click.Path(dir_okay=False, path_type=Path))
-@click.option("--prior", required=True, type=click.Path(dir_okay=False, path_type=Path), help="A-priori database.")
-@click.option("--final", required=True, type=click.Path(dir_okay=False, path_type=Path), help="Database with flight-identified terms.")
+@_CASE
+@click.option("--prior", required=True, type=click.Path(exists=True, dir_okay=False), help="A-priori database.")
+@click.option("--final", required=True, type=click.Path(exists=True, dir_okay=False), help="Database with flight-identified terms.")
+@_BIASES
 @json_option
-def diagnose(case: Path, prior: Path, final: Path, as_json: bool) -> None:
+def diagnose(case: Path, prior: str, final: str, biases_file: str | None, as_json: bool) -> None:
     """Swap terms between two databases and rank which closes how much of the miss."""
     import aerodb
     from flightmech import read_aircraft
@@ -91,17 +119,30 @@ def diagnose(case: Path, prior: Path, final: Path, as_json: bool) -> None:
 
     from .case import read_case
     from .diagnosis import diagnose as rank
+    from .flight import recorded_states
 
     found = read_case(case)
     if not found.aircraft:
         raise SchemaError(f"case {case}", ["case.aircraft: missing; the kernel flies an aircraft, give its file"])
-    ranked = rank(found, aerodb.open(prior), aerodb.open(final), read_aircraft(found.aircraft))
+    states = recorded_states(found, _biases(biases_file))
+    ranked = rank(found, aerodb.open(prior), aerodb.open(final), read_aircraft(found.aircraft), states)
     if as_json:
         document(ranked)
         return
     columns = list(map(str, ranked.columns))
-    rows = [[_cell(row[c]) for c in columns] for row in ranked.to_dict("records")]
+    idle = (ranked["stage"] == "single") & (ranked["closes"].abs() < _IDLE)
+    rows = [[_cell(row[c]) for c in columns] for row in ranked[~idle].to_dict("records")]
     table(columns, rows, f"{found.id}  {found.title}", right=columns[2:3] + columns[4:])
+    if idle.any():
+        click.echo(f"{int(idle.sum())} single terms that change less than {_IDLE:g} of the gap are left out; --json has them all")
+
+
+def _biases(file: str | None) -> Any:
+    if file is None:
+        return None
+    from flighttest import open_biases
+
+    return open_biases(file)
 
 
 def _files(places: tuple[Path, ...]) -> list[Path]:
@@ -114,7 +155,7 @@ def _files(places: tuple[Path, ...]) -> list[Path]:
 
 
 def _lines(result: Any) -> list[str]:
-    """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  theta 2.41 deg at 4.3 s (1.5 deg)``."""
+    """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s (1.5 deg)``."""
     case, lines = result.case, []
     for name in result.runs:
         status = result.status(name)
@@ -123,7 +164,8 @@ def _lines(result: Any) -> list[str]:
         if worst is not None:
             at = f" at {worst['at']:.1f} s" if worst["measure"] == "trace" else ""
             unit = "" if worst["unit"] == "1" else f" {worst['unit']}"
-            said += f"  {worst['worst_ratio']:.2f}  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} ({worst['tolerance_text']})"
+            said += f"  {worst['worst_ratio']:.2f} x tolerance"
+            said += f"  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} ({worst['tolerance_text']})"
         elif status != "pass":
             rows = result.verdict[(result.verdict["run"] == name) & (result.verdict["verdict"] == status)]
             said += f"  {rows.iloc[0]['note']}" if len(rows) else ""

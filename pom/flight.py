@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import OutOfRange, SchemaError
+import flighttest
+from flightmech import read_aircraft
+from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
 
 from .case import PomCase
 from .channels import WRAPPED
@@ -21,8 +23,7 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     ----------
     case : PomCase
     path : Path of flighttest.reconstruct, or Dataset (time), optional
-        Reconstructed path of the record.  Without it the record is read and reconstructed, or, when it is a netCDF
-        file of a reconstructed path, read only.
+        Reconstructed path of the record; without it `recorded_states`.
 
     Returns
     -------
@@ -53,17 +54,48 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
 def _states(case: PomCase, path: Any) -> xr.Dataset:
     if path is not None:
         return path if isinstance(path, xr.Dataset) else path.states
-    if Path(case.record).suffix == ".nc":
-        with xr.open_dataset(case.record, engine="h5netcdf") as found:
-            if {"V", "alpha", "theta"} <= set(found.data_vars):
-                return found.load()
+    return recorded_states(case)
+
+
+def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Dataset:
+    """Return the states of the record of a case: read when it is a reconstructed path, reconstructed when it is raw.
+
+    Parameters
+    ----------
+    case : PomCase
+    biases : Dataset, optional
+        Constants of the instruments as other records tell them (`flighttest.open_biases`), the prior of a
+        reconstruction.  Without them a raw record has only itself and the class of its instruments.
+
+    Raises
+    ------
+    SchemaError
+        The record is raw and the case names no aircraft.
+    IdentificationError
+        The reconstruction does not settle.
+    """
+    found = _path_states(case.record)
+    if found is not None:
+        return found
     if not case.aircraft:
         raise SchemaError(f"case {case.path}", ["case.aircraft: missing; the record has to be reconstructed, and that needs the aircraft"])
-    import flighttest
-    from flightmech import read_aircraft
-
     record = flighttest.read(case.record, names=case.names or None)
-    return flighttest.reconstruct(record, read_aircraft(case.aircraft)).states
+    try:
+        return flighttest.reconstruct(record, read_aircraft(case.aircraft), prior=biases).states
+    except IdentificationError as error:
+        hint = "give the constants of the instruments from other records (--biases), or a reconstructed path as the record of the case"
+        raise IdentificationError(f"case {case.name}: {error}; {hint}") from error
+
+
+def _path_states(record: str) -> xr.Dataset | None:
+    """Return the states of a file of reconstructed states; None when it is something else."""
+    if Path(record).suffix != ".nc":
+        return None
+    try:
+        found = flighttest.open_states(record)
+    except ParseError:
+        return None
+    return found if {"V", "alpha", "theta"} <= set(found.data_vars) else None
 
 
 def unwrapped(states: xr.Dataset) -> xr.Dataset:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import UnknownName
+from flightmech.errors import SchemaError
 from flightmech.names import lookup
 
 from .case import PomCase
@@ -202,13 +202,18 @@ def names_of_runs(models: tuple[str, ...]) -> dict[str, Path]:
 
     Raises
     ------
-    UnknownName
-        A word without a name, or ``flight``, which is taken.
+    SchemaError
+        Words without a name, with a name that came before, or ``flight``, which is taken; all of them.
     """
     runs: dict[str, Path] = {}
+    problems = []
     for word in models:
-        name, sign, file = word.partition("=")
-        if not sign or not name or name == "flight" or name in runs:
-            raise UnknownName(word, ["datcom=prior.fmu", "final=final.fmu"], "model", "write name=file.fmu, each name once, not 'flight'")
+        name, _, file = word.partition("=")
+        if not name or not file:
+            problems.append(f"{word!r}: write name=file.fmu, such as final=out/final.fmu")
+        elif name in (*runs, "flight"):
+            problems.append(f"{word!r}: the name {name!r} is taken; give every model its own")
         runs[name] = Path(file)
+    if problems:
+        raise SchemaError("--model", problems)
     return runs

@@ -34,10 +34,14 @@ def test_run_passes_with_code_0_and_writes_the_report(aeromatch, case, toy, tmp_
     done = aeromatch("pom", "run", case, "--model", f"toy={toy()}", "-o", tmp_path / "out")
     assert done.returncode == 0, done.stderr
     assert "2.c.10  A case" in done.stdout
-    assert "toy          pass  0.00" in done.stdout
+    assert "toy          pass  0.00 x tolerance" in done.stdout
     assert "1 model x 1 case: 1 pass" in done.stdout
     assert (tmp_path / "out" / "report.html").is_file()
-    assert json.loads((tmp_path / "out" / "results.json").read_text())["results"][0]["status"] == {"toy": "pass"}
+    found = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert found["results"][0]["status"] == {"toy": "pass"}
+    assert found["provenance"]["command"].startswith("aeromatch pom run ")
+    assert set(found["provenance"]["inputs"]) == {"case.toml", "record.nc"}
+    assert set(found["provenance"]["models"]) == {"toy"}
 
 
 def test_a_failed_match_is_code_1(aeromatch, case, toy):
@@ -112,3 +116,14 @@ def test_diagnose_ranks_terms(aeromatch, write_case, trainer, tmp_path):
     assert done.returncode == 0, done.stderr
     rows = json.loads(done.stdout)
     assert [row["term"] for row in rows if row["stage"] == "sequence"] == ["Cm/elevator"]
+    text = aeromatch("pom", "diagnose", case, "--prior", "prior.nc", "--final", "final.nc").stdout
+    assert text.splitlines()[1].split()[:4] == ["stage", "term", "closes", "verdict"]
+    assert "sequence  Cm/elevator" in text
+
+
+def test_the_record_may_be_the_file_of_a_reconstruction(aeromatch, case, toy, lag_states, tmp_path):
+    """`flight reconstruct` writes the states as a group beside constants and residuals."""
+    lag_states.to_netcdf(tmp_path / "record.nc", group="states", engine="h5netcdf")
+    lag_states[["q"]].to_netcdf(tmp_path / "record.nc", group="residuals", mode="a", engine="h5netcdf")
+    done = aeromatch("pom", "run", case, "--model", f"toy={toy()}")
+    assert (done.returncode, done.stderr) == (0, "")

@@ -1,0 +1,17 @@
+import hashlib
+
+import pom
+
+
+def test_inputs_are_named_from_their_common_folder(tmp_path):
+    (tmp_path / "a" / "deep").mkdir(parents=True)
+    files = [tmp_path / "a" / "one.toml", tmp_path / "a" / "deep" / "two.nc"]
+    for file in files:
+        file.write_text(file.name)
+    fmu = tmp_path / "model.fmu"
+    fmu.write_bytes(b"zip")
+    found = pom.provenance([*files, tmp_path / "a" / "deep" / ".." / "one.toml"], {"final": fmu}, "aeromatch pom run")
+    assert found["inputs"] == {"deep/two.nc": hashlib.sha256(b"two.nc").hexdigest(), "one.toml": hashlib.sha256(b"one.toml").hexdigest()}
+    assert found["models"] == {"final": {"file": "model.fmu", "sha256": hashlib.sha256(b"zip").hexdigest()}}
+    assert found["command"] == "aeromatch pom run"
+    assert set(found["versions"]) >= {"aeromatch", "numpy"}
