@@ -11,16 +11,20 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+import pandas as pd
 from scipy.optimize import least_squares
 
 from .criteria import Criterion
 from .measures import Signals
+from .result import PomResult
 from .tolerance import Invalid, Outcome, demand_finite, half_width, inside_window, scalar
 
 MINIMUM_CYCLES = {"2.c.9": 3.0, "2.c(9)": 3.0, "2.d.7": 6.0, "2.d(7)": 6.0}
 """Full cycles the table asks for; time to half or double in the record will do instead."""
 
 LEAST_AMPLITUDE = 0.1  # of the flight's, for a mode to count as excited
+_MEASURES = ("period", "t_half", "damping_ratio")
+_FITTED = (*_MEASURES, "cycles", "amplitude", "residual_rms")
 _COARSE = 250  # samples kept for the search of a start point
 _RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / wd of the search
 
@@ -202,3 +206,44 @@ def _lag(sideslip: Mode, time: np.ndarray, bank: np.ndarray) -> float:
     (_, _, A, B), _ = _project(time - time[0], bank, sideslip.sigma, sideslip.wd)
     angle = math.remainder(math.atan2(-B, A) - sideslip.phase, 2.0 * math.pi)
     return angle / sideslip.wd
+
+
+MODE_COLUMNS = ("run", "channel", "window_start", "window_stop", *_FITTED, "lag", "note")
+
+
+def mode_table(result: PomResult) -> pd.DataFrame:
+    """Return the modes of flight and models that the modal criteria of a case were judged by.
+
+    Parameters
+    ----------
+    result : PomResult
+
+    Returns
+    -------
+    DataFrame
+        Columns `MODE_COLUMNS`, one row per fitted channel, window and run, flight first: ``period t_half`` [s],
+        ``damping_ratio``, ``cycles`` in the window, ``amplitude residual_rms`` [SI], ``lag`` of bank behind sideslip
+        [s] on the rows of ``beta`` where that is judged; NaN and a ``note`` where no mode could be fitted.
+    """
+    fitted: dict[tuple[str, tuple[float, float]], bool] = {}
+    for criterion in result.case.criteria:
+        lags = criterion.measure == "peak_lag"
+        channel = "beta" if lags else criterion.channel
+        if criterion.applies and (lags or criterion.measure in _MEASURES) and {channel, "phi" if lags else channel} <= set(result.signals):
+            fitted[channel, criterion.window] = fitted.get((channel, criterion.window), False) or lags
+    rows = [_mode_row(result, str(run), *key, lags) for key, lags in fitted.items() for run in result.signals["run"].values]
+    return pd.DataFrame(rows, columns=list(MODE_COLUMNS))
+
+
+def _mode_row(result: PomResult, run: str, channel: str, window: tuple[float, float], lags: bool) -> dict[str, object]:
+    signals = result.signals.sel(run=run)
+    mask = inside_window(signals["time"].values, window)
+    time, y = signals["time"].values[mask], signals[channel].values[mask]
+    row: dict[str, object] = {"run": run, "channel": channel, "window_start": window[0], "window_stop": window[1], "note": ""}
+    try:
+        demand_finite(run, time, y)
+        mode = _fit(run, time, y)
+        lag = _lag(mode, time, signals["phi"].values[mask]) if lags else math.nan
+    except Invalid as error:
+        return {**row, "note": str(error).removeprefix(f"{run}: ")}
+    return {**row, **{name: getattr(mode, name) for name in _FITTED}, "lag": lag}

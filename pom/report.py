@@ -13,14 +13,15 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from flightmech.console import plain
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.whole import written_whole
 
-from .sections import case, models, overview
+from .modes import mode_table
+from .sections import case, models, overview, verdicts
 from .sections import provenance as origin
 from .table import rows as tolerance_rows
 
@@ -87,8 +88,9 @@ def write_report(
     results, diagnoses = list(results), dict(diagnoses or {})
     made_from: dict[str, Any] = {**(provenance or {})}
     _check(results, made_from, diagnoses)
-    document = _document(results, title, revision, made_from, diagnoses)
-    html = _html(results, title, revision, made_from, dict(databases or {}), diagnoses, dict(support or {}))
+    modes = [mode_table(result) for result in results]
+    document = _document(results, title, revision, made_from, diagnoses, modes)
+    html = _html(results, title, revision, made_from, dict(databases or {}), diagnoses, dict(support or {}), modes)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
@@ -106,26 +108,27 @@ def _check(results: Sequence[PomResult], provenance: Mapping[str, Any], diagnose
             raise UnknownName(name, names, "case", "diagnoses are named after cases")
 
 
-def _document(results, title, revision, provenance, diagnoses) -> dict[str, Any]:
+def _document(results, title, revision, provenance, diagnoses, modes) -> dict[str, Any]:
     """Return what ``results.json`` holds: every number of the report, signals included."""
     return {
         "title": title,
         "revision": revision,
         "provenance": plain(provenance),
         "results": [json.loads(result.to_json()) for result in results],
+        "modes": {result.case.name: plain(table.to_dict("records")) for result, table in zip(results, modes, strict=True) if len(table)},
         "diagnoses": {name: plain(table.to_dict("records")) for name, table in diagnoses.items()},
     }
 
 
-def _html(results, title, revision, provenance, databases, diagnoses, support) -> str:
+def _html(results, title, revision, provenance, databases, diagnoses, support, modes) -> str:
     environment = Environment(
-        loader=FileSystemLoader(_HERE / "templates"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=FunctionLoader(_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["script_json"] = _script_json
     keys = case.keys(results)
     pages = [
-        {**case.page(key, result, provenance, diagnoses.get(result.case.name)), "position": i}
-        for i, (key, result) in enumerate(zip(keys, results, strict=True), 1)
+        {**case.page(key, result, provenance, diagnoses.get(result.case.name), table), "position": i}
+        for i, (key, result, table) in enumerate(zip(keys, results, modes, strict=True), 1)
     ]
     return environment.get_template("report.html").render(
         title=title,
@@ -135,9 +138,15 @@ def _html(results, title, revision, provenance, databases, diagnoses, support) -
         cases=pages,
         models=models.page(databases, support, case.line_styles(databases)) if databases else None,
         origin=origin.page(provenance, results, databases),
-        verdict=case.Verdict.of,
+        verdict=verdicts.Verdict.of,
         **{name: Markup((_HERE / "static" / file).read_text(encoding="utf-8")) for name, file in _STATIC.items()},
     )
+
+
+def _template(name: str) -> str:
+    """Return a template without its indentation, which would be a tenth of the page."""
+    lines = (_HERE / "templates" / name).read_text(encoding="utf-8").splitlines()
+    return "".join(f"{line.lstrip()}\n" for line in lines)
 
 
 def _script_json(item: Any) -> Markup:

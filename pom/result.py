@@ -108,7 +108,7 @@ class PomResult:
         return best.iloc[-1]
 
     def to_json(self) -> str:
-        """Return the whole result as one JSON document; NaN becomes null."""
+        """Return the whole result as one JSON document; NaN becomes null, samples keep nine significant digits."""
         return json.dumps(plain(self._document()), ensure_ascii=False)
 
     def _document(self) -> dict[str, Any]:
@@ -180,11 +180,19 @@ def _dataset_to_dict(data: xr.Dataset) -> dict[str, Any]:
     return {
         "coords": {str(name): data[name].values.tolist() for name in data.coords},
         "variables": {
-            str(name): {"dims": list(map(str, item.dims)), "attrs": dict(item.attrs), "values": item.values.tolist()}
+            str(name): {"dims": list(map(str, item.dims)), "attrs": dict(item.attrs), "values": _rounded(item.values).tolist()}
             for name, item in data.data_vars.items()
         },
         "attrs": dict(data.attrs),
     }
+
+
+def _rounded(values: np.ndarray) -> np.ndarray:
+    """Return samples to nine significant digits: far beyond any sensor, and half the length of a double in full."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        digits = 8 - np.floor(np.log10(np.abs(values)))
+    scale = 10.0 ** np.where(np.isfinite(digits), np.clip(digits, -300, 22), 0.0)
+    return np.rint(values * scale) / scale  # scale is an exact power of ten: the quotient is the double nearest to the decimal
 
 
 def _dataset_from_dict(item: dict[str, Any]) -> xr.Dataset:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -14,40 +13,19 @@ import pandas as pd
 
 from pom.result import PomResult
 
+from . import modal, start
 from .case_figure import SYMBOLS, figures
+from .cause import cause
 from .panels import Panel, description, panels, split_inputs
-from .quantities import MISSING, fixed, label, measured, number, percent, pretty_unit, short
-from .traces import TIME_STEP, Pack, step_of
+from .quantities import fixed, label, measured, plainly, short
+from .traces import TIME_STEP, Pack, compressed, step_of
+from .verdicts import MARKS, MODAL, WORDS, Verdict, verdict_table, words
 
-WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested", "advisory": "advisory"}
 # the line code of LR-743 Figs. 18 to 21; any further model takes the next free style
 _STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
 _SPARE = ("run-4", "run-5", "run-1", "run-2", "run-3")
-_ATMOSPHERE = ("h", "h_agl", "h_baro", "p_static", "temperature", "rho", "delta_T", "wind_n", "wind_e", "wind_d", "a_sound")
-_SHAPE = ("mass", "x_cg", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "delta_f", "gear", "speedbrake")
-_STAGES = {
-    "prior": "first model as it is",
-    "single": "one term taken from the final model",
-    "sequence": "terms taken one after the other, each with all before it",
-    "final": "final model",
-}
-_LEAST_SHOWN = 0.01
 _SURFACES = {"recorded": "recorded surface positions drive the model"}
 _ENGINE = {"thrust": "recorded thrust drives the model", "throttle": "the recorded lever drives the engine model"}
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """A verdict as written: word, symbol, class of its colour."""
-
-    word: str
-    symbol: str
-    css: str
-
-    @classmethod
-    def of(cls, verdict: str) -> Verdict:
-        """Return how `verdict` is written."""
-        return cls(WORDS[verdict], SYMBOLS[verdict], f"is-{verdict}")
 
 
 def line_styles(runs: Iterable[str]) -> dict[str, str]:
@@ -71,25 +49,30 @@ def keys(results: Sequence[PomResult]) -> list[str]:
     return found
 
 
-def page(key: str, result: PomResult, provenance: Mapping[str, Any], diagnosis: pd.DataFrame | None) -> dict[str, Any]:
+def page(
+    key: str, result: PomResult, provenance: Mapping[str, Any], diagnosis: pd.DataFrame | None, modes: pd.DataFrame
+) -> dict[str, Any]:
     """Return everything the template ``case.html`` needs for one case."""
     styles = line_styles(result.runs)
-    shown = panels(result)
+    shown, time, events = panels(result), result.signals["time"].values, result.case.events
+    lines = {**styles, "applied": "run-0"}
     return {
         "key": key,
         "case": result.case,
         "outcomes": outcomes(result, styles),
         "failure": result.failure,
         "hashes": _hashes(result, provenance),
-        "conditions": _conditions(result.conditions),
+        "conditions": start.conditions(result.conditions, result.trim.index),
         "drive": _drive(result),
-        "trim": _trim(result.trim),
-        "verdicts": _verdict_table(result),
-        "diagnosis": _diagnosis(diagnosis),
+        "trim": start.trim(result.trim),
+        "verdicts": verdict_table(result),
+        "modes": modal.table(result, modes, styles),
+        "cause": cause(result, diagnosis),
         "notes": _notes(result),
         "advisory": [c for c in dict.fromkeys(result.verdict.loc[result.verdict["verdict"] == "advisory", "criterion"])],
         "styles": styles,
-        "figures": figures(key, result.signals["time"].values, shown, {**styles, "applied": "run-0"}),
+        "figures": compressed("".join(f"<figure>{figure}</figure>" for figure in figures(key, time, shown, lines, events))),
+        "plain": figures(f"{key}-plain", time, [panel for panel in shown if panel.kind == "judged"], lines, events),
         "data": _data(result, shown, styles),
     }
 
@@ -117,11 +100,6 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
     return rows
 
 
-def words(name: str) -> str:
-    """Return a criterion's name as words."""
-    return name.replace("_", " ")
-
-
 def _hashes(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return (what, file, SHA-256) of the record and of every model."""
     inputs = provenance.get("inputs", {})
@@ -138,18 +116,6 @@ def _flown(text: str) -> dict[str, str]:
     """Return file and hash of what `pom.replay` says of a model: ``final.fmu, FMI 2.0, sha256 ...``."""
     file, _, rest = text.partition(", ")
     return {"file": file, "sha256": rest.partition("sha256 ")[2]}
-
-
-def _conditions(conditions: Mapping[str, float]) -> list[tuple[str, list[tuple]]]:
-    parts: dict[str, list[tuple]] = {"Configuration": [], "Atmosphere": [], "Flight": []}
-    for name, value in conditions.items():
-        stem = name.rpartition(".")[2]
-        part = "Configuration" if stem in _SHAPE else "Atmosphere" if stem in _ATMOSPHERE else "Flight"
-        parts[part].append((label(name), measured(value, name)))
-    order = {"Configuration": _SHAPE, "Atmosphere": _ATMOSPHERE}
-    for part, names in order.items():
-        parts[part].sort(key=lambda row: names.index(row[0].name.rpartition(".")[2]))
-    return [(part, rows) for part, rows in parts.items() if rows]
 
 
 def _drive(result: PomResult) -> dict[str, Any]:
@@ -173,106 +139,18 @@ def _steady(result: PomResult, name: str) -> str:
     if stray < 1e-9 * max(1.0, abs(mean)):
         return f"{measured(mean, name)} held"
     shown = label(name)
-    value = f"{short(float(shown.shown(mean)), 3)} ±\N{NO-BREAK SPACE}{short(float(shown.width(stray)), 2)}"
+    if shown.is_word:
+        return f"{measured(mean, name)}, as recorded"
+    value = f"{plainly(float(shown.shown(mean)), shown.unit)} ±\N{NO-BREAK SPACE}{short(float(shown.width(stray)), 2)}"
     return f"{value} {shown.unit}".strip() + ", as recorded"
-
-
-def _trim(trim: pd.DataFrame) -> dict[str, Any]:
-    rows = []
-    for quantity, values in trim.iterrows():
-        shown = label(str(quantity))
-        left = shown.name.startswith("trim.") and shown.name.endswith("_dot")
-        rows.append((shown, [fixed(v, 4) if left else number(v, _digits(v)) for v in shown.shown(values.to_numpy(float))]))
-    return {"columns": list(map(str, trim.columns)), "rows": rows}
-
-
-def _digits(value: float) -> int:
-    """Return the significant digits that keep a speed or a height to a tenth."""
-    return 3 if abs(value) < 100 else 4 if abs(value) < 1000 else 5
-
-
-def _verdict_table(result: PomResult) -> list[dict[str, Any]]:
-    """Return one block per criterion with one row per model; alternatives of one group follow each other."""
-    records = result.verdict.to_dict("records")
-    applying = {c.name: c.group for c in result.case.criteria if c.applies}
-    groups = list(dict.fromkeys(row["group"] for row in records))
-    names = sorted(dict.fromkeys((row["group"], row["criterion"]) for row in records), key=lambda pair: groups.index(pair[0]))
-    blocks, begun = [], set()
-    for group, name in names:
-        rows = [row for row in records if (row["group"], row["criterion"]) == (group, name)]
-        joint = ""
-        if name in applying and list(applying.values()).count(group) > 1:
-            joint = "or" if group in begun else "either"
-            begun.add(group)
-        first = rows[0]
-        blocks.append(
-            {
-                "criterion": words(name),
-                "joint": joint,
-                "label": label(first["channel"]) if first["channel"] not in ("", "nan") else None,
-                "measure": words(first["measure"]),
-                "printed": first["tolerance_text"],
-                "applied": _applied(result, first),
-                "window": f"{fixed(first['window_start'], 2)} … {fixed(first['window_stop'], 2)}",
-                "provenance": first["provenance"],
-                "rows": [_verdict_row(row) for row in rows],
-            }
-        )
-    return blocks
-
-
-def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
-    unit = pretty_unit(row["unit"])
-    return {
-        "run": row["run"],
-        "worst": f"{number(row['worst'])} {unit}".strip() if math.isfinite(row["worst"]) else MISSING,
-        "at": float(row["at"]),
-        "at_text": fixed(row["at"], 2),
-        "ratio": fixed(row["worst_ratio"], 2),
-        "inside": percent(row["inside"]),
-        "exit": float(row["first_exit"]),
-        "exit_text": fixed(row["first_exit"], 2),
-        "verdict": Verdict.of(row["verdict"]),
-    }
-
-
-def _applied(result: PomResult, row: Mapping[Hashable, Any]) -> str:
-    """Return the half width as applied; a width that follows the flight value shows its range."""
-    if not math.isfinite(row["width"]):
-        return MISSING
-    unit = pretty_unit(row["unit"])
-    text = number(row["width"])
-    if row["channel"] in result.tolerance and row["measure"] == "trace":
-        half = result.tolerance[row["channel"]].values
-        half = half[np.isfinite(half) & (half > 0)]
-        if len(half) and half.max() > 1.005 * half.min():
-            text += f" … {number(row['width'] * half.max() / half.min())}"
-    return f"± {text} {unit}".strip()
-
-
-def _diagnosis(table: pd.DataFrame | None) -> dict[str, Any] | None:
-    """Return the term-swap table of `pom.diagnose` in its four stages; terms that close next to nothing are counted only."""
-    if table is None or table.empty:
-        return None
-    criteria = [str(c).removesuffix(" ratio") for c in table.columns if str(c).endswith(" ratio")]
-    stages = []
-    for stage, title in _STAGES.items():
-        rows = table[table["stage"] == stage].to_dict("records")
-        kept = [row for row in rows if stage != "single" or not abs(row["closes"]) < _LEAST_SHOWN]
-        stages.append({"title": title, "rows": [_swap(row, criteria) for row in kept], "hidden": len(rows) - len(kept)})
-    return {"criteria": [words(c) for c in criteria], "stages": [stage for stage in stages if stage["rows"] or stage["hidden"]]}
-
-
-def _swap(row: Mapping[Hashable, Any], criteria: Sequence[str]) -> dict[str, Any]:
-    cells = [(fixed(row[f"{c} miss"], 2), fixed(row[f"{c} ratio"], 2)) for c in criteria]
-    closes = MISSING if not math.isfinite(row["closes"]) else f"{fixed(100 * row['closes'], 0)} %"
-    return {"term": row["term"], "closes": closes, "verdict": Verdict.of(row["verdict"]), "cells": cells}
 
 
 def _notes(result: PomResult) -> list[str]:
     """Return what the reader must know beside the verdicts: what the case sets, remarks of rows."""
     places: dict[str, list[tuple[str, str]]] = {}
     for row in result.verdict.to_dict("records"):
+        if row["measure"] in MODAL and row["verdict"] in ("pass", "fail"):
+            row["note"] = "; ".join(piece for piece in row["note"].split("; ") if not _in_mode_table(piece))
         for piece in row["note"].split("; ") if row["note"] not in ("", "nan") else []:
             places.setdefault(piece, []).append((words(row["criterion"]), row["run"]))
     notes = [f"The window is shorter than the table asks: {result.case.shortened}."] if result.case.shortened else []
@@ -280,9 +158,15 @@ def _notes(result: PomResult) -> list[str]:
         given = ", ".join(f"{label(name).words or name} {measured(value, name)}" for name, value in result.case.conditions.items())
         notes.append(f"From the case file, not from the record: {given}.")
     notes += [f"{_where(found, result)}: {piece}" for piece, found in places.items()]
-    if (result.verdict["provenance"] == "memory").any():
-        notes.append("Rows marked “memory” were not read in the regulation; check them there before a certification use.")
+    marks = sorted({MARKS[p] for p in result.verdict["provenance"] if p in ("memory", "partial")})
+    if marks:
+        notes.append(f"Rows marked “{'” or “'.join(marks)}” were not read word for word in the regulation; check them there first.")
     return list(dict.fromkeys(notes))
+
+
+def _in_mode_table(piece: str) -> bool:
+    """Whether a remark only repeats numbers that stand in the table of modes."""
+    return re.match(r"flight (zeta )?-?[\d.]+|[\d.]+ cycles$|the model: ", piece) is not None
 
 
 def _where(found: Sequence[tuple[str, str]], result: PomResult) -> str:
@@ -300,10 +184,11 @@ def _data(result: PomResult, shown: Sequence[Panel], styles: Mapping[str, str]) 
     head: dict[str, Any] = {
         "time": pack.add(time, TIME_STEP),
         "runs": [{"name": run, "style": style} for run, style in styles.items()],
+        "events": [[words(name), at] for name, at in result.case.events.items()],
         "panels": [],
     }
     for panel in shown:
-        step = step_of(panel.half, list(panel.traces.values()))
+        step = step_of(panel.half, list(panel.traces.values()), panel.label.least_span)
         head["panels"].append(
             {
                 "kind": panel.kind,
@@ -314,11 +199,11 @@ def _data(result: PomResult, shown: Sequence[Panel], styles: Mapping[str, str]) 
                 "unit": panel.label.unit,
                 "sign": panel.label.sign,
                 "alt": description(panel),
-                "limits": panel.limits,
+                "limits": [float(f"{edge:.6g}") for edge in panel.limits],
                 "span": panel.label.least_span,
                 "decimals": max(0, math.ceil(-math.log10(step * 5))),
                 "window": panel.window,
-                "exits": panel.exits,
+                "exits": {run: [[round(t, 3) for t in span] for span in found] for run, found in panel.exits.items() if found},
                 "verdicts": _panel_verdicts(panel),
                 "traces": {run: pack.add(values, step) for run, values in panel.traces.items()},
                 "half": None if panel.half is None else pack.add(panel.half, step),

@@ -21,7 +21,9 @@ LANE = 4.0
 SYMBOLS = {"pass": "✓", "fail": "✗", "invalid": "!", "not_tested": "–", "advisory": "○"}
 
 
-def figures(key: str, time: np.ndarray, panels: Sequence[Panel], styles: Mapping[str, str]) -> list[str]:
+def figures(
+    key: str, time: np.ndarray, panels: Sequence[Panel], styles: Mapping[str, str], events: Mapping[str, float] | None = None
+) -> list[str]:
     """Return the figures of a case, each at most one page high: what is judged and the inputs, then the rest.
 
     Parameters
@@ -33,10 +35,12 @@ def figures(key: str, time: np.ndarray, panels: Sequence[Panel], styles: Mapping
     panels : sequence of Panel
     styles : mapping of str to str
         Run name to the class of its line.
+    events : mapping of str to float, optional
+        Name to instant, marked in every panel. [s]
     """
     first = [p for p in panels if p.kind != "shown"]
     pages = [page for part in (first, [p for p in panels if p.kind == "shown"]) for page in _pages(part)]
-    return [_figure(f"{key}-{i}", time, page, styles) for i, page in enumerate(pages)]
+    return [_figure(f"{key}-{i}", time, page, styles, events or {}) for i, page in enumerate(pages)]
 
 
 def _height(panel: Panel) -> float:
@@ -58,7 +62,7 @@ def _pages(panels: Sequence[Panel]) -> list[list[Panel]]:
     return pages
 
 
-def _figure(name: str, time: np.ndarray, panels: Sequence[Panel], styles: Mapping[str, str]) -> str:
+def _figure(name: str, time: np.ndarray, panels: Sequence[Panel], styles: Mapping[str, str], events: Mapping[str, float]) -> str:
     heads = len(panels) * (HEAD + GAP) + FOOT + 24.0
     bodies = sum(_height(p) - HEAD - GAP for p in panels)
     scale = min(1.0, (PAGE - heads) / bodies)
@@ -67,6 +71,7 @@ def _figure(name: str, time: np.ndarray, panels: Sequence[Panel], styles: Mappin
         last = i == len(panels) - 1
         body, top = _panel(f"{name}-{i}", time, panel, styles, top, scale, last)
         parts.append(body)
+    parts.append(_events(time, top - GAP, events))
     parts.append(text(LEFT + (WIDTH - LEFT - RIGHT) / 2, top + 22, "time, s (clock of the record)", "caption", "middle"))
     return svg(top + FOOT, "".join(parts), " ".join(description(p) + "." for p in panels))
 
@@ -80,7 +85,18 @@ def _legend(panels: Sequence[Panel], styles: Mapping[str, str]) -> str:
         x += 52 + 6.4 * len(run)
     if any(p.half is not None for p in panels):
         parts += [rect(x, 4, 26, 10, "band"), text(x + 31, 12.5, "tolerance", "caption")]
-        parts += [rect(x + 96, 4, 26, 10, "exit"), rect(x + 96, 4, 26, 10, "hatch"), text(x + 127, 12.5, "outside", "caption")]
+        parts += [rect(x + 96, 4, 26, 10, "exit"), text(x + 127, 12.5, "outside", "caption")]
+    return "".join(parts)
+
+
+def _events(time: np.ndarray, bottom: float, events: Mapping[str, float]) -> str:
+    """Return a line through all panels at every event, named beneath them."""
+    frame = Frame(LEFT, 24.0 + HEAD, WIDTH - LEFT - RIGHT, bottom - 24.0 - HEAD, (float(time[0]), float(time[-1])), (0.0, 1.0))
+    parts = []
+    for name, at in sorted(events.items(), key=lambda item: item[1]):
+        if time[0] < at < time[-1]:
+            x = float(frame.px(at))
+            parts += [line(x, frame.top, x, frame.bottom, "event"), text(x + 3, bottom - 3, name.replace("_", " "), "tick halo")]
     return "".join(parts)
 
 
@@ -135,7 +151,7 @@ def _exceedance(frame: Frame, time, values, low, high) -> str:
     for a, b, out in ((high, above, values > high), (below, low, values < low)):
         wide = out | np.roll(out, 1) | np.roll(out, -1)
         shapes += area(frame, time, np.where(wide, a, np.nan), np.where(wide, b, np.nan), "exit")
-    return shapes + shapes.replace('class="exit"', 'class="hatch"')
+    return shapes
 
 
 def _exit_ticks(frame: Frame, panel: Panel, styles) -> str:

@@ -17,7 +17,7 @@ from .quantities import MINUS
 
 WIDTH = 720.0
 # a point may be left out of a line when the line stays this close to it
-SLACK = 0.2
+SLACK = 0.3
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def text(x: float, y: float, words: str, css: str = "", anchor: str = "start") -
     """Return a text element; `words` is escaped."""
     kind = f' class="{css}"' if css else ""
     place = "" if anchor == "start" else f' text-anchor="{anchor}"'
-    return f'<text x="{x:.1f}" y="{y:.1f}"{kind}{place}>{escape(words)}</text>'
+    return f'<text x="{_short(x)}" y="{_short(y)}"{kind}{place}>{escape(words)}</text>'
 
 
 def spaced(x: float, y: float, pieces: Sequence[tuple[str, str]], anchor: str = "start") -> str:
@@ -105,15 +105,20 @@ def axes(frame: Frame, *, x_labels: bool, x_most: int = 8, y_ticks: Sequence[flo
     """Return grid, frame and tick labels."""
     xs = ticks(*frame.x, x_most)
     ys = list(y_ticks) if y_ticks is not None else ticks(*frame.y, max(2, int(frame.height / 26)))
-    parts = [line(float(frame.px(v)), frame.top, float(frame.px(v)), frame.bottom, "grid") for v in xs]
-    parts += [line(frame.left, float(frame.py(v)), frame.right, float(frame.py(v)), "grid") for v in ys]
-    parts.append(rect(frame.left, frame.top, frame.width, frame.height, "frame"))
-    for v, words in zip(ys, tick_text(ys), strict=True):
-        parts.append(text(frame.left - 5, float(frame.py(v)) + 3.5, words, "tick", "end"))
+    lines = [f"M{_short(frame.px(v))},{_short(frame.top)}v{_short(frame.height)}" for v in xs]
+    lines += [f"M{_short(frame.left)},{_short(frame.py(v))}h{_short(frame.width)}" for v in ys]
+    parts = [f'<path class="grid" d="{"".join(lines)}"/>', rect(frame.left, frame.top, frame.width, frame.height, "frame")]
+    words = [text(frame.left - 5, float(frame.py(v)) + 3.5, w) for v, w in zip(ys, tick_text(ys), strict=True)]
+    parts.append(f'<g class="tick" text-anchor="end">{"".join(words)}</g>')
     if x_labels:
-        for v, words in zip(xs, tick_text(xs), strict=True):
-            parts.append(text(float(frame.px(v)), frame.bottom + 12, words, "tick", "middle"))
+        words = [text(float(frame.px(v)), frame.bottom + 12, w) for v, w in zip(xs, tick_text(xs), strict=True)]
+        parts.append(f'<g class="tick" text-anchor="middle">{"".join(words)}</g>')
     return "".join(parts)
+
+
+def _short(value) -> str:
+    """Return a length in tenths of a unit without trailing zeros."""
+    return f"{round(float(value), 1):g}"
 
 
 def clipped(frame: Frame, name: str, body: str) -> str:
@@ -180,6 +185,13 @@ def essential(x: np.ndarray, y: np.ndarray, slack: float = SLACK) -> np.ndarray:
         if not len(new):
             return at
         keep[new] = True
+
+
+def dots(frame: Frame, x: np.ndarray, y: np.ndarray, css: str) -> str:
+    """Return a round mark at every finite point; its size is the width of the line of class `css`."""
+    good = np.isfinite(y)
+    places = [f"M{_short(a)},{_short(b)}h0" for a, b in zip(frame.px(x[good]), frame.py(y[good]), strict=True)]
+    return f'<path class="{css}" d="{"".join(places)}"/>' if places else ""
 
 
 def arrow(x: float, frame: Frame, upward: bool, css: str) -> str:

@@ -17,8 +17,9 @@ import aerodb
 from flightmech import terms
 from flightmech.names import COEFFICIENTS
 
-from .figure import WIDTH, Frame, area, axes, clipped, curve, line, spaced, svg, text, ticks
-from .quantities import label, number, short, symbol
+from .figure import WIDTH, Frame, area, axes, clipped, curve, dots, line, spaced, svg, text, ticks
+from .quantities import MISSING, fixed, label, number, short, symbol
+from .term_words import term_words
 
 # always shown, replaced or not: without them the rest cannot be judged
 _ALWAYS = ("CL/basic", "CD/basic", "Cm/basic")
@@ -49,9 +50,34 @@ def page(databases: Mapping[str, xr.DataTree], support: Mapping[str, pd.DataFram
         if changed or term in _ALWAYS:
             drawn.append(_term(term, holders, list(leaves), support.get(term), styles, changed))
         else:
-            same.append({"term": term, "leaf": _facts(next(iter(holders.values())))})
+            same.append({"term": term, "words": term_words(term), "leaf": _facts(next(iter(holders.values())))})
     roots = [_root(name, db, len(leaves[name])) for name, db in databases.items()]
-    return {"terms": drawn, "same": same, "databases": roots, "styles": styles}
+    return {"terms": drawn, "changes": _changed(databases, drawn), "same": same, "databases": roots, "styles": styles}
+
+
+def _changed(databases: Mapping[str, xr.DataTree], drawn: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+    """Return what the last database changes in the first, term by term."""
+    first, last = next(iter(databases)), list(databases)[-1]
+    if first == last:
+        return None
+    table = aerodb.compare(databases[first], databases[last])
+    rows = []
+    for item in drawn:
+        if item["term"] not in table.index or item["state"] == "unchanged":
+            continue
+        row = table.loc[item["term"]]
+        errors = row["max_in_stderr"]
+        rows.append(
+            {
+                **item,
+                "change": number(row["max_difference"], 2),
+                "errors": fixed(errors, 1) if np.isfinite(errors) else MISSING,
+                "where": row["location"],
+                "note": row["note"],
+                "flown": item["facts"].get(last, {}).get("flown", ""),
+            }
+        )
+    return {"first": first, "last": last, "rows": rows}
 
 
 def _place(term: str) -> tuple[int, bool, str]:
@@ -75,12 +101,14 @@ def _root(name: str, db: xr.DataTree, count: int) -> dict[str, Any]:
 
 def _facts(leaf: xr.Dataset) -> dict[str, str]:
     shape = ", ".join(f"{axis} {leaf.sizes[axis]}" for axis in map(str, leaf["value"].dims)) or "scalar"
-    source = ""
+    source = flown = ""
     if "source" in leaf:
         count = np.bincount(leaf["source"].values.ravel().astype(int), minlength=len(terms.SOURCES))
         source = ", ".join(f"{n} {word}" for word, n in zip(terms.SOURCES, count, strict=True) if n)
+        flown = f"{count[_FLIGHT]} of {count.sum()}"
     return {
         "shape": shape,
+        "flown": flown,
         "regressors": " ".join(terms.regressors(leaf)),
         "source": source or "not stated",
         **{key: str(leaf.attrs.get(key, "")) for key in ("references", "history", "comment")},
@@ -91,11 +119,25 @@ def _term(term, holders, everyone, support, styles, changed) -> dict[str, Any]:
     lone = [name for name in everyone if name not in holders]
     state = f"not in {', '.join(lone)}" if lone else "replaced" if changed else "unchanged"
     factors = [symbol(word) for word in terms.regressors(next(iter(holders.values())))]
-    item = {"term": term, "state": state, "factors": factors, "facts": {n: _facts(x) for n, x in holders.items()}}
+    item: dict[str, Any] = {"term": term, "words": term_words(term), "state": state, "factors": factors, "facts": {n: _facts(x) for n, x in holders.items()}}
+    shared = _shared(holders)
     tables = [quantity for quantity in ("value", "K1", "K2") if _has(holders, quantity)]
     if "value" not in tables:
         item["scalars"] = [(name, number(float(leaf["value"]), 4), _stderr(leaf)) for name, leaf in holders.items()]
-    return {**item, "figures": [_figure(term, quantity, holders, support, styles) for quantity in tables]}
+    return {**item, "figures": [_figure(term, quantity, holders, shared, support, styles) for quantity in tables]}
+
+
+def _shared(holders: Mapping[str, xr.Dataset]) -> dict[str, list[str]]:
+    """Return databases by the first of them that holds the very same leaf."""
+    shared: dict[str, list[str]] = {}
+    for name, leaf in holders.items():
+        twin = next((first for first in shared if _identical(leaf, holders[first])), name)
+        shared.setdefault(twin, []).append(name)
+    return shared
+
+
+def _identical(a: xr.Dataset, b: xr.Dataset) -> bool:
+    return _alike([a, b]) and all((v in a) == (v in b) and (v not in a or a[v].equals(b[v])) for v in ("stderr", "source"))
 
 
 def _has(holders: Mapping[str, xr.Dataset], quantity: str) -> bool:
@@ -106,17 +148,18 @@ def _stderr(leaf: xr.Dataset) -> str:
     return number(float(leaf["stderr"]), 2) if "stderr" in leaf else ""
 
 
-def _figure(term: str, quantity: str, holders, support, styles) -> str:
-    tables = {name: leaf[quantity] for name, leaf in holders.items() if quantity in leaf}
+def _figure(term: str, quantity: str, holders, shared, support, styles) -> str:
+    tables = {name: holders[name][quantity] for name in shared if quantity in holders[name]}
     axes_of = list(dict.fromkeys(str(d) for table in tables.values() for d in table.dims))
     x_axis = next((a for a in _ABSCISSA if a in axes_of), axes_of[0])
-    slices = _slices(tables, [a for a in axes_of if a != x_axis])
-    curves = [_curves(tables, holders, quantity, x_axis, at) for at in slices]
+    slices, curves = _distinct(
+        [(at, _curves(tables, holders, quantity, x_axis, at)) for at in _slices(tables, [a for a in axes_of if a != x_axis])]
+    )
     changes = [_changes(found) for found in curves]
     strip = _STRIP if any(changes) else 0.0
     row_height, rows = _HEIGHT + strip + _FOOT, -(-len(slices) // _COLUMNS)
     width = (WIDTH - _LEFT * _COLUMNS - 10) / _COLUMNS
-    parts = [_key(tables, styles, bool(support is not None and len(support)))]
+    parts = [_key(tables, shared, styles, bool(support is not None and len(support)))]
     for i, at in enumerate(slices):
         left, top = _LEFT + i % _COLUMNS * (width + _LEFT), _TOP + i // _COLUMNS * row_height
         frame = Frame(left, top, width, _HEIGHT, _x_range(tables, x_axis), _range(curves))
@@ -129,6 +172,19 @@ def _figure(term: str, quantity: str, holders, support, styles) -> str:
             parts += [clipped(frame, f"{name}-d", "".join(_trace(frame, c, styles) for c in changes[i]))]
         parts.append(_abscissa(frame, x_axis))
     return svg(_TOP + rows * row_height - 16, "".join(parts), f"{term} {quantity} against {x_axis} in {', '.join(tables)}")
+
+
+def _distinct(found: Sequence[tuple[dict[str, float], list[dict[str, Any]]]]) -> tuple[list[dict[str, float]], list[list[dict[str, Any]]]]:
+    """Return slices and their curves without those that show the same again."""
+    kept: list[tuple[dict[str, float], list[dict[str, Any]]]] = []
+    for at, curves in found:
+        if not any(_same_curves(curves, before) for _, before in kept):
+            kept.append((at, curves))
+    return [at for at, _ in kept], [curves for _, curves in kept]
+
+
+def _same_curves(ours: Sequence[Mapping[str, Any]], theirs: Sequence[Mapping[str, Any]]) -> bool:
+    return all(np.array_equal(a[what], b[what]) for a, b in zip(ours, theirs, strict=True) for what in ("x", "y", "stderr", "flown"))
 
 
 def _changes(found: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -199,10 +255,8 @@ def _trace(frame: Frame, c, styles) -> str:
     css = styles[c["name"]]
     body = area(frame, c["x"], *_edges(c), f"error {css}-area") if c["stderr"] is not None else ""
     body += curve(frame, c["x"], c["y"], f"trace {css}")
-    for i, (x, y) in enumerate(zip(frame.px(c["x"]), frame.py(c["y"]), strict=True)):
-        if c["flown"] is not None and np.isfinite(c["y"][i]):
-            kind = "node flown" if c["flown"][i] else "node"
-            body += f'<circle class="{kind} {css}" cx="{x:.1f}" cy="{y:.1f}" r="2.2"/>'
+    if c["flown"] is not None:
+        body += dots(frame, c["x"], c["y"], f"node {css}") + dots(frame, c["x"], np.where(c["flown"], np.nan, c["y"]), "node hollow")
     return body
 
 
@@ -222,11 +276,12 @@ def _plain(axis: str) -> str:
     return base + (f"_{sub}" if sub else "")
 
 
-def _key(tables, styles, supported: bool) -> str:
+def _key(tables, shared, styles, supported: bool) -> str:
     parts, x = [], _LEFT
     for name in tables:
-        parts += [line(x, 10, x + 30, 10, f"trace {styles[name]}"), text(x + 35, 13.5, name, "caption")]
-        x += 52 + 6.4 * len(name)
+        words = " = ".join(shared[name])
+        parts += [line(x, 10, x + 30, 10, f"trace {styles[name]}"), text(x + 35, 13.5, words, "caption")]
+        x += 52 + 6.4 * len(words)
     if supported:
         parts += [line(x + 4, 4, x + 4, 14, "rug"), text(x + 12, 13.5, "flight sample", "caption")]
     return "".join(parts)

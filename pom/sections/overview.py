@@ -8,7 +8,8 @@ from typing import Any
 
 from pom.result import PomResult
 
-from .case import Verdict, line_styles, outcomes
+from .case import line_styles, outcomes
+from .verdicts import Verdict
 
 _ORDER = ("pass", "fail", "invalid", "not_tested")
 

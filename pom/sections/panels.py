@@ -66,13 +66,20 @@ def panels(result: PomResult) -> list[Panel]:
     banded = [name for name in judged if name in result.tolerance]
     measured = [name for name in judged if name not in banded]
     moving, _ = split_inputs(result)
-    others = [name for name in channels if name not in banded and name not in measured and name not in moving]
+    driven = [_driven(name, channels) for name in moving]
+    others = [name for name in channels if name not in (*banded, *measured, *moving, *driven)]
     return [
         *(_compared(result, name, "judged") for name in banded),
         *(_compared(result, name, "judged") for name in measured),
-        *(_input(result, name) for name in moving),
+        *(_compared(result, twin, "input") if twin else _input(result, name) for name, twin in zip(moving, driven, strict=True)),
         *(_compared(result, name, "shown") for name in others),
     ]
+
+
+def _driven(name: str, channels: Sequence[str]) -> str:
+    """Return the channel that shows an input in flight and models: thrust that drives is the thrust of the record."""
+    twin = name.removesuffix("_drive")
+    return twin if twin != name and twin in channels else ""
 
 
 def split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
@@ -100,8 +107,14 @@ def _compared(result: PomResult, name: str, kind: str) -> Panel:
     if half is not None and "flight" in traces:
         exits = {run: spans(time, outside(values, traces["flight"], half)) for run, values in traces.items() if run != "flight"}
     inside = np.isfinite(half) if half is not None else np.zeros(len(time), bool)
-    window = (float(time[inside][0]), float(time[inside][-1])) if inside.any() else None
+    window = (float(time[inside][0]), float(time[inside][-1])) if inside.any() else _window(rows)
     return Panel(kind, shown, traces, half, window, exits, rows, limits(traces, half, shown.least_span))
+
+
+def _window(rows: Sequence[Mapping[Hashable, Any]]) -> tuple[float, float] | None:
+    """Return the window of a channel that is judged without a band."""
+    judged = [row for row in rows if row["verdict"] in ("pass", "fail")]
+    return (float(judged[0]["window_start"]), float(judged[0]["window_stop"])) if judged else None
 
 
 def _input(result: PomResult, name: str) -> Panel:
@@ -155,7 +168,7 @@ def description(panel: Panel) -> str:
     name = panel.label.words or panel.channel
     head = f"{name} against time" + (f", {panel.label.unit}" if panel.label.unit else "")
     if panel.kind == "input":
-        return f"{head}: input as applied"
+        return f"{head}: input as recorded"
     parts = []
     for row in panel.rows:
         if row["verdict"] in ("pass", "fail"):

@@ -61,6 +61,25 @@ _EXTRA = {
     "qnh": ("pressure setting of the altimeter", "Pa", "hPa"),
     "V_dot": ("rate of true airspeed", "m s-2", "m s-2"),
 }
+# names for a page, where the vocabulary's long name is a definition
+_SHORT = {
+    "nz": "normal load factor",
+    "delta_a": "aileron deflection",
+    "gear": "undercarriage",
+    "speedbrake": "speed-brake",
+    "h": "height over mean sea level",
+    "throttle": "power lever",
+    "gamma": "flight-path angle",
+    "delta_T": "temperature over standard",
+    "x_cg_b": "c.g. forward of moment reference",
+    "y_cg_b": "c.g. right of moment reference",
+    "z_cg_b": "c.g. below moment reference",
+    **{f"wind_{axis}": f"wind, velocity {way}" for axis, way in (("n", "north"), ("e", "east"), ("d", "down"))},
+}
+# what has two ends: the words for 0 and 1
+_ENDS = {"gear": ("up", "down"), "speedbrake": ("in", "out")}
+# decimals of a value that was measured, by display unit; elsewhere three significant digits
+_DECIMALS = {"deg": 2, "deg/s": 2, "deg/s²": 3, "kt": 1, "ft": 0, "ft/min": 0, "lbf": 1, "m/s²": 3, "g": 3, "m/s": 1, "%": 1, "kg": 0, "°C": 1, "K": 1, "hPa": 1, "m": 3}
 # load factors are judged and drawn in g, as the tolerance table prints them; the number is the same
 _IN_G = {"nz", "dnz"}
 _WORDS = {
@@ -70,6 +89,7 @@ _WORDS = {
     "applied": "as applied",
     "term": "scale of the term",
 }
+AT_END = 0.01
 _SILENT = {"init", "mass", "env"}
 _SUPER = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _POWER = re.compile(r"([A-Za-z%])(\d)")
@@ -91,7 +111,7 @@ SIGNS = {
 class Label:
     """A quantity as shown.
 
-    ``base`` and ``sub`` make the symbol, ``words`` the long name, ``unit`` the display unit as printed (empty for a pure
+    ``base`` and ``sub`` make the symbol, ``words`` the name on a page, ``meaning`` the definition, ``unit`` the display unit as printed (empty for a pure
     number), ``sign`` the positive sense in words; ``factor`` and ``offset`` give display = SI * factor + offset.
     """
 
@@ -103,6 +123,7 @@ class Label:
     sign: str
     factor: float
     offset: float
+    meaning: str = ""
 
     @property
     def is_word(self) -> bool:
@@ -173,7 +194,9 @@ def label(name: str) -> Label:
     sub = " ".join([sub, *(p.removeprefix("engine") for p in prefixes if p.startswith("engine"))]).strip()
     factor, offset = _conversion(display)
     unit = "g" if stem in _IN_G else pretty_unit(display if display != "1" else si_unit)
-    return Label(name, base, sub, ", ".join([words, *notes]), unit, _spelt(sign), factor, offset)
+    return Label(
+        name, base, sub, ", ".join([_SHORT.get(stem, words), *notes]), unit, _spelt(sign), factor, offset, ", ".join([words, *notes])
+    )
 
 
 def _spelt(sign: str) -> str:
@@ -243,7 +266,14 @@ def short(value: float, digits: int = 4) -> str:
 
 
 def measured(si: float, name: str) -> str:
-    """Return a value with its display unit, e.g. for a table of conditions."""
+    """Return a value with its display unit, e.g. for a table of conditions; an undercarriage is up, down or on its way."""
     shown = label(name)
-    value = short(float(shown.shown(si)))
-    return f"{value}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
+    stem = name.rpartition(".")[2]
+    if stem in _ENDS and (end := round(si)) in (0, 1) and abs(si - end) < AT_END:
+        return _ENDS[stem][end]
+    return f"{plainly(float(shown.shown(si)), shown.unit)}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
+
+
+def plainly(value: float, unit: str) -> str:
+    """Return a measured value with the decimals that its display unit deserves, trailing zeros kept."""
+    return fixed(value, _DECIMALS[unit]) if unit in _DECIMALS else number(value)

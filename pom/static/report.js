@@ -34,42 +34,40 @@
   const sample = (style) => {
     const node = document.createElementNS("http://www.w3.org/2000/svg", "svg");
     node.setAttribute("class", "sample");
-    node.setAttribute("viewBox", "0 0 34 8");
     node.setAttribute("aria-hidden", "true");
-    const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
+    const line = document.createElementNS("http://www.w3.org/2000/svg", "path");
     line.setAttribute("class", `trace ${style}`);
-    for (const [key, value] of [["x1", 1], ["y1", 4], ["x2", 33], ["y2", 4]]) line.setAttribute(key, value);
+    line.setAttribute("d", "M1 4h32");
     node.append(line);
     return node;
   };
 
-  // ---- data: integers of 16 or 32 bits, differenced, gzipped ---------------------------------------------------
-  async function unpack(text) {
+  // ---- data: integers of 8, 16 or 32 bits, differenced once or twice, gzipped ------------------------------------
+  const KINDS = { int8: [Int8Array, 1, -(2 ** 7)], int16: [Int16Array, 2, -(2 ** 15)], int32: [Int32Array, 4, -(2 ** 31)] };
+  function unpack(text) {
     const packed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-    return new Response(stream).arrayBuffer();
+    return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip")));
   }
   function restore(entry, buffer) {
-    const wide = entry.type === "int32", bytes = entry.count * (wide ? 4 : 2), part = buffer.slice(entry.at, entry.at + bytes);
-    const differences = wide ? new Int32Array(part) : new Int16Array(part), missing = wide ? -(2 ** 31) : -(2 ** 15);
+    const [Kind, bytes, missing] = KINDS[entry.type], differences = new Kind(buffer.slice(entry.at, entry.at + entry.count * bytes));
     const values = new Array(entry.count);
-    let level = entry.first;
+    let level = entry.first, slope = 0;
     for (let i = 0; i < entry.count; i++) {
       if (differences[i] === missing) { values[i] = null; continue; }
-      level += differences[i];
+      if (entry.order === 2) level += slope += differences[i]; else level += differences[i];
       values[i] = level * entry.step;
     }
     return values;
   }
   async function load(page) {
-    const head = JSON.parse($("script.head", page).textContent), buffer = await unpack($("script.pack", page).textContent);
+    const head = JSON.parse($("script.head", page).textContent), buffer = await unpack($("script.pack", page).textContent).arrayBuffer();
     const time = restore(head.time, buffer);
     const panels = head.panels.map((panel) => ({
       ...panel,
       half: panel.half && restore(panel.half, buffer),
       traces: Object.fromEntries(Object.entries(panel.traces).map(([run, entry]) => [run, restore(entry, buffer)])),
     }));
-    return { time, panels, runs: head.runs };
+    return { time, panels, runs: head.runs, events: head.events };
   }
 
   // ---- scales: flight and band always fit, an outlier of a model is clipped before it squeezes them -------------
@@ -156,6 +154,11 @@
       ctx.strokeStyle = colour("quiet"); ctx.lineWidth = ratio; ctx.setLineDash([2 * ratio, 2 * ratio]);
       for (const t of panel.window) if (t >= from && t <= to) { ctx.beginPath(); ctx.moveTo(x(t), box.top); ctx.lineTo(x(t), bottom); ctx.stroke(); }
       ctx.setLineDash([]);
+    }
+    ctx.strokeStyle = ctx.fillStyle = colour("quiet"); ctx.lineWidth = ratio; ctx.font = font(10.5 * ratio);
+    for (const [name, t] of view.data.events) if (t >= from && t <= to) {
+      ctx.beginPath(); ctx.moveTo(x(t), box.top); ctx.lineTo(x(t), bottom); ctx.stroke();
+      if (panel === view.data.panels[0]) { ctx.textAlign = "left"; ctx.textBaseline = "bottom"; ctx.fillText(name, x(t) + 3 * ratio, bottom - 2 * ratio); }
     }
     let lane = 0;
     for (const { name, style } of view.data.runs) {
@@ -346,7 +349,7 @@
       node.append(box, words);
       return node;
     };
-    if (view.data.panels.some((panel) => panel.half)) host.append(swatch("tolerance", ["band"]), swatch("outside", ["exit", "hatch"]));
+    if (view.data.panels.some((panel) => panel.half)) host.append(swatch("tolerance", ["band"]), swatch("outside", ["exit"]));
   }
   function toggle(name) {
     if (!view?.data || !view.data.runs.some((run) => run.name === name)) return;
@@ -399,9 +402,10 @@
   const ready = () => document.documentElement.classList.contains("ready");
   function route() {
     const { id, span } = address(), open = pages.find((candidate) => !candidate.hidden);
-    const page = pages.find((candidate) => candidate.id === id) || (ready() ? open : pages[0]);   // "#main" of the skip link opens no page
+    const target = document.getElementById(id), found = target?.closest("main > .page");   // a page, or a term on one
+    const page = found || (ready() ? open : pages[0]);   // "#main" of the skip link opens no page
     if (view?.page === page && view.data) { if (page.id === id) zoom(span); return; }
-    if (ready() && page.id !== id) return;
+    if (ready() && !found) return;
     pages.forEach((other) => { other.hidden = other !== page; });
     document.documentElement.classList.add("ready");
     document.documentElement.classList.toggle("print-all", page.id === "overview");
@@ -409,7 +413,7 @@
     const at = cases.indexOf(page);
     $("#previous").disabled = at === 0 || !cases.length;
     $("#next").disabled = at === cases.length - 1;
-    scrollTo(0, 0);
+    if (found && target !== page) target.scrollIntoView(); else scrollTo(0, 0);
     if (at >= 0) show(page, span); else drop();
   }
   const go = (page) => { if (page) location.hash = page.id; };
@@ -470,9 +474,16 @@
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if (view?.data) draw(); });
   addEventListener("hashchange", route);
 
-  // ---- print: the static figures, which wait as text until they are wanted ---------------------------------------------
+  // ---- print: the figures made for paper wait as compressed text; without them the plain ones of a reader without script -
+  const figures = new Map();
+  async function readFigures() {
+    for (const page of cases) figures.set(page, await unpack($("script.figures", page).textContent).text());
+  }
   function layOutFigures() {
-    all(".static noscript").forEach((source) => { source.parentElement.innerHTML = source.textContent; });
+    for (const page of cases) {
+      const host = $(".static", page), plain = $("noscript", host);
+      if (figures.has(page)) host.innerHTML = figures.get(page); else if (plain) host.innerHTML = plain.textContent;
+    }
   }
   addEventListener("beforeprint", layOutFigures);
   matchMedia("print").addEventListener("change", (event) => { if (event.matches) layOutFigures(); });
@@ -484,4 +495,5 @@
   };
   bar();
   route();
+  if (window.DecompressionStream) readFigures();
 })();
