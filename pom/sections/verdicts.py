@@ -1,0 +1,118 @@
+"""How verdicts are written: the words, the symbols, and the table of tolerances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pom.result import PomResult
+
+from .case_figure import SYMBOLS
+from .quantities import MISSING, fixed, label, number, percent, pretty_unit
+
+WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested", "advisory": "advisory"}
+# how a row stands to the regulation, where it was not read there word for word
+MARKS = {"memory": "from memory", "partial": "read in part", "case file": "case file"}
+MODAL = ("period", "t_half", "damping_ratio", "peak_lag")
+_MEASURES = {
+    "trace": "time history",
+    "steady": "steady state",
+    "end_value": "at the end of the window",
+    "t_half": "fitted mode",
+    "period": "fitted mode",
+    "damping_ratio": "fitted mode",
+    "peak_lag": "phase of the fitted mode",
+    "response_initial": "time to 10 % of the change",
+    "response_total": "time to 90 % of the change",
+    "trend": "correct trend",
+}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A verdict as written: word, symbol, class of its colour."""
+
+    word: str
+    symbol: str
+    css: str
+
+    @classmethod
+    def of(cls, verdict: str) -> Verdict:
+        """Return how `verdict` is written."""
+        return cls(WORDS[verdict], SYMBOLS[verdict], f"is-{verdict}")
+
+
+def words(name: str) -> str:
+    """Return a criterion's name as words."""
+    return name.replace("_", " ")
+
+
+def verdict_table(result: PomResult) -> list[dict[str, Any]]:
+    """Return one block per criterion with one row per model; alternatives of one group follow each other."""
+    records = result.verdict.to_dict("records")
+    applying = {c.name: c.group for c in result.case.criteria if c.applies}
+    groups = list(dict.fromkeys(row["group"] for row in records))
+    names = sorted(dict.fromkeys((row["group"], row["criterion"]) for row in records), key=lambda pair: groups.index(pair[0]))
+    blocks: list[dict[str, Any]] = []
+    for group, name in names:
+        rows = [row for row in records if row["criterion"] == name]
+        first = next((row for row in rows if math.isfinite(row["width"])), rows[0])
+        joint = list(applying.values()).count(group) > 1 and name in applying
+        again = joint and any(block["group"] == group and block["joint"] for block in blocks)
+        blocks.append(
+            {
+                "criterion": words(name),
+                "group": group,
+                "joint": "" if not joint else "or" if again else "either",
+                "label": label(first["channel"]) if first["channel"] else None,
+                "measure": _MEASURES.get(first["measure"], words(first["measure"])),
+                "printed": first["tolerance_text"],
+                "applied": _applied(result, first),
+                "window": f"{fixed(first['window_start'], 2)} … {fixed(first['window_stop'], 2)}",
+                "mark": MARKS.get(first["provenance"], ""),
+                "rows": [_verdict_row(row) for row in rows],
+            }
+        )
+    return blocks
+
+
+def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
+    at = math.nan if row["measure"] in MODAL else float(row["at"])  # a mode is of the whole window, not of an instant
+    return {
+        "run": row["run"],
+        "worst": _worst(row),
+        "at": at,
+        "at_text": fixed(at, 2),
+        "ratio": fixed(row["worst_ratio"], 2),
+        "inside": percent(row["inside"]),
+        "exit": float(row["first_exit"]),
+        "exit_text": fixed(row["first_exit"], 2),
+        "verdict": Verdict.of(row["verdict"]),
+    }
+
+
+def _worst(row: Mapping[Hashable, Any]) -> str:
+    """Return the difference with decimals to a hundredth of the tolerance."""
+    if not math.isfinite(row["worst"]):
+        return MISSING
+    resolved = math.isfinite(row["width"]) and row["width"] > 0.0
+    value = fixed(row["worst"], max(0, math.ceil(2.0 - math.log10(row["width"])))) if resolved else number(row["worst"])
+    return f"{value} {pretty_unit(row['unit'])}".strip()
+
+
+def _applied(result: PomResult, row: Mapping[Hashable, Any]) -> str:
+    """Return the half width as applied; a width that follows the flight value shows its range."""
+    if not math.isfinite(row["width"]):
+        return MISSING
+    unit = pretty_unit(row["unit"])
+    text = number(row["width"])
+    if row["channel"] in result.tolerance and row["measure"] == "trace":
+        half = result.tolerance[row["channel"]].values
+        half = half[np.isfinite(half) & (half > 0)]
+        if len(half) and half.max() > 1.005 * half.min():
+            text += f" … {number(row['width'] * half.max() / half.min())}"
+    return f"± {text} {unit}".strip()
