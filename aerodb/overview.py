@@ -17,13 +17,20 @@ HEAD = ("term", "axes", "times", "values", "stderr", "source")
 
 
 def describe(db: xr.DataTree) -> list[dict[str, Any]]:
-    """Return one row per term, made of texts: term, axes with ranges (display units), regressors, value and stderr range, source."""
-    return [_row(name, leaf) for name, leaf in terms(db).items()]
+    """Return one row per term, for a program.
+
+    Returns
+    -------
+    list of dict
+        ``term``, ``axes`` (of all its tables: name, breakpoints [SI], unit), ``regressors``, ``value`` and ``stderr`` (smallest and
+        largest, or None), ``source`` (name to share of the nodes).
+    """
+    return [_facts(name, leaf) for name, leaf in terms(db).items()]
 
 
 def summary(db: xr.DataTree) -> str:
     """Return a table of the terms as text: axes with ranges (angles in degrees), regressors, values, standard errors, source."""
-    rows = [tuple(row[key] for key in HEAD) for row in describe(db)]
+    rows = [_texts(row) for row in describe(db)]
     widths = [max(len(line[i]) for line in [HEAD, *rows]) for i in range(len(HEAD))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in [HEAD, *rows]]
     return "\n".join([*heading(db), "", *lines])
@@ -41,39 +48,51 @@ def heading(db: xr.DataTree) -> list[str]:
     ]
 
 
-def _row(name: str, leaf: xr.Dataset) -> dict[str, Any]:
-    tables = [leaf[key] for key in ("value", "K1", "K2") if key in leaf]
-    stderr = leaf["stderr"].values if "stderr" in leaf else np.array([])
+def _facts(name: str, leaf: xr.Dataset) -> dict[str, Any]:
+    axes = [leaf[key][str(axis)] for key in ("value", "K1", "K2") if key in leaf for axis in leaf[key].dims]
     return {
         "term": name,
-        "axes": ", ".join(_axis(table[axis]) for table in tables for axis in map(str, table.dims)) or "-",
-        "times": " ".join(_terms.regressors(leaf)) or "-",
-        "values": _span(leaf["value"].values),
-        "stderr": _span(stderr) if stderr.size else "-",
-        "source": _sources(leaf),
+        "axes": [{"name": str(p.name), "points": p.values.astype(float).tolist(), "units": lookup(str(p.name)).units} for p in axes],
+        "regressors": list(_terms.regressors(leaf)),
+        "value": _ends(leaf["value"]),
+        "stderr": _ends(leaf["stderr"]) if "stderr" in leaf else None,
+        "source": _shares(leaf),
     }
 
 
-def _axis(points: xr.DataArray) -> str:
-    unit = lookup(str(points.name)).display_units
-    low, high = (from_si(float(p), unit) for p in (points[0], points[-1]))
-    return f"{points.name}[{points.size}] {low:.4g} ... {high:.4g}{'' if unit == '1' else f' {unit}'}"
+def _ends(table: xr.DataArray) -> list[float]:
+    return [float(table.min()), float(table.max())]
 
 
-def _span(values: np.ndarray) -> str:
-    low, high = float(values.min()), float(values.max())
-    return f"{low:.4g}" if low == high else f"{low:.4g} ... {high:.4g}"
-
-
-def _sources(leaf: xr.Dataset) -> str:
-    """Name the sources of the nodes; more than one with their shares."""
+def _shares(leaf: xr.Dataset) -> dict[str, float]:
     if "source" not in leaf:
-        return "-"
+        return {}
     codes, counts = np.unique(leaf["source"].values, return_counts=True)
-    words = [_terms.SOURCES[int(code)] for code in codes]
-    if len(words) == 1:
-        return words[0]
-    return ", ".join(f"{word} {100 * count / counts.sum():.0f} %" for word, count in zip(words, counts))
+    return {_terms.SOURCES[int(code)]: float(count / counts.sum()) for code, count in zip(codes, counts)}
+
+
+def _texts(row: dict[str, Any]) -> tuple[str, ...]:
+    """Return a row of `describe` as a person reads it, in display units."""
+    shares = row["source"]
+    return (
+        row["term"],
+        ", ".join(_axis(**axis) for axis in row["axes"]) or "-",
+        " ".join(row["regressors"]) or "-",
+        _span(row["value"]),
+        _span(row["stderr"]) if row["stderr"] else "-",
+        ", ".join(f"{word} {100 * share:.0f} %" if len(shares) > 1 else word for word, share in shares.items()) or "-",
+    )
+
+
+def _axis(name: str, points: list[float], units: str) -> str:
+    shown = lookup(name).display_units
+    low, high = (from_si(x, shown) for x in (points[0], points[-1]))
+    return f"{name}[{len(points)}] {low:.6g} ... {high:.6g}{'' if shown == '1' else f' {shown}'}"
+
+
+def _span(ends: list[float]) -> str:
+    low, high = ends
+    return f"{low:.4g}" if low == high else f"{low:.4g} ... {high:.4g}"
 
 
 def leaf_rows(leaf: xr.Dataset) -> tuple[list[str], list[tuple[str, ...]]]:
@@ -96,4 +115,4 @@ def _label(axis: str) -> str:
 
 
 def _show(axis: str, value: float) -> str:
-    return f"{from_si(float(value), lookup(axis).display_units):.4g}"
+    return f"{from_si(float(value), lookup(axis).display_units):.6g}"

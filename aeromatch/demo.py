@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -60,12 +61,16 @@ def step(text: str) -> Iterator[None]:
     """Say on stderr what is being done, and how long it took."""
     start = time.perf_counter()
     click.echo(f"  {text} ...", err=True, nl=False)
+    taken = ""
+    caught: list[warnings.WarningMessage] = []
     try:
-        yield
-    except BaseException:
-        click.echo("", err=True)
-        raise
-    click.echo(f"  {time.perf_counter() - start:.1f} s", err=True)
+        with warnings.catch_warnings(record=True) as caught:
+            yield
+        taken = f"  {time.perf_counter() - start:.1f} s"
+    finally:
+        click.echo(taken, err=True)
+        for warning in caught:  # after the line, not in the middle of it
+            warnings.showwarning(warning.message, warning.category, warning.filename, warning.lineno)
 
 
 def _print(outcome: Any) -> None:

@@ -32,7 +32,11 @@ def test_show_as_json(file):
     found = json.loads(run("show", file, "--json").stdout)
     assert found["attributes"]["S"] == 16.9
     assert [row["term"] for row in found["terms"]] == ["CL/basic", "CL/qhat", "CL/flap", "Cm/qhat"]
-    assert found["terms"][1]["times"] == "qhat"
+    assert found["terms"][1]["regressors"] == ["qhat"]
+    mach, alpha = found["terms"][0]["axes"]
+    assert mach == {"name": "mach", "points": [0.2, 0.4], "units": "1"}
+    assert (alpha["units"], len(alpha["points"])) == ("rad", 4)
+    assert found["terms"][0]["source"] == {"datcom": 1.0}
 
 
 def test_show_one_term_with_its_numbers(file):
