@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+import xarray as xr
+
+from flightmech import terms
 from flightmech.configuration import Strict, load, si, validate
-from flightmech.errors import SchemaError
+from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
+from flightmech.units import quantity
+from flighttest import Model
 
 
 class NewTerm(Strict):
@@ -17,6 +24,16 @@ class NewTerm(Strict):
     regressors: tuple[str, ...] = ()
     stderr: float | tuple[float, ...]
     comment: str = ""
+
+    def leaf(self) -> xr.Dataset:
+        """Return the term, zero at every node."""
+        axes = {name: [quantity(point, lookup(name).units) for point in points] for name, points in self.axes.items()}
+        value = np.zeros(tuple(len(points) for points in axes.values()))
+        if np.ndim(self.stderr) and np.shape(self.stderr) != value.shape:
+            raise SchemaError(
+                "term", [f"stderr has {np.size(self.stderr)} values for {value.size} nodes; give one for all, or one per node"]
+            )
+        return terms.make(value, axes, self.regressors, stderr=self.stderr, source="judgement", comment=self.comment)
 
 
 class Fit(Strict):
@@ -46,11 +63,11 @@ class _File(Strict):
     names: str
     flights: str
     listings: Listings
-    cases: tuple[str, ...] = ()
+    cases: tuple[str, ...]
     cutoff: si("Hz") | None = None  # type: ignore[valid-type]
     held: tuple[str, ...] = ()
     terms: dict[str, NewTerm] = {}
-    fit: tuple[Fit, ...] = ()
+    fit: tuple[Fit, ...]
 
 
 @dataclass(frozen=True)
@@ -103,8 +120,10 @@ def read_project(path: str | Path) -> Project:
 
     Raises
     ------
-    ParseError, SchemaError
-        Not TOML; or unknown keys, missing files and unknown records, all at once.
+    ParseError
+        Not TOML.
+    SchemaError
+        All unknown keys and wrong types; when there are none, all missing files, unknown records and quantities, and faulty models.
     """
     path = Path(path)
     content = validate(_File, load(path), str(path))
@@ -125,12 +144,13 @@ def read_project(path: str | Path) -> Project:
     for number, fit in enumerate(content.fit):
         for record in fit.records:
             if record not in flights:
-                problems.append(f"fit.{number}.records: no record {record!r} among {content.flights!r}")
+                problems.append(f"fit.{number}.records: {UnknownName(record, flights, 'record')}")
+        for model in fit.models:
+            _collect(problems, f"fit.{number}.models", Model.parse, model)
     for term, new in content.terms.items():
-        for axis in new.axes:
-            _known(axis, f"terms.{term}.axes", problems)
+        _collect(problems, f"terms.{term}", new.leaf)
     cases = tuple(file for pattern in content.cases for file in sorted(folder.glob(pattern)))
-    if content.cases and not cases:
+    if not cases:
         problems.append(f"cases: no file matches {', '.join(content.cases)} in {folder}")
     project = Project(
         content.title,
@@ -151,10 +171,11 @@ def read_project(path: str | Path) -> Project:
     return project
 
 
-def _known(name: str, place: str, problems: list[str]) -> None:
-    from flightmech.errors import UnknownName
-
+def _collect(problems: list[str], place: str, act: Callable[..., object], *items: object) -> None:
+    """Call ``act(*items)``; an error of the house becomes one more problem."""
     try:
-        lookup(name)
-    except UnknownName as error:
+        act(*items)
+    except SchemaError as error:
+        problems += [f"{place}: {text}" for text in error.problems]
+    except AeromatchError as error:
         problems.append(f"{place}: {error}")

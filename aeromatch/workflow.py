@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import xarray as xr
 
@@ -17,12 +16,10 @@ import datcom_io
 import flightmech
 import flighttest
 import pom
-from flightmech import Aircraft, terms
-from flightmech.errors import UnknownName
-from flightmech.names import lookup
-from flightmech.units import quantity
+from flightmech import Aircraft
+from flightmech.errors import SchemaError, UnknownName
 
-from .project import Fit, NewTerm, Project
+from .project import Fit, Project
 
 Step = Callable[[str], AbstractContextManager[None]]
 
@@ -33,15 +30,20 @@ def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
     return aerodb.from_datcom(aircraft, **listings, altitude=project.altitude)
 
 
-def opened(prior: xr.DataTree, new: Mapping[str, NewTerm]) -> xr.DataTree:
-    """Return the a-priori database with the terms that DATCOM cannot give, as zeros with wide standard errors."""
-    return aerodb.replace_terms(prior, {name: _zero(term) for name, term in new.items()}, note="opened for the flights")
+def opened(project: Project, prior: xr.DataTree) -> xr.DataTree:
+    """Return the a-priori database with the terms that DATCOM cannot give, as zeros with wide standard errors.
 
-
-def _zero(term: NewTerm) -> xr.Dataset:
-    axes = {name: [quantity(point, lookup(name).units) for point in points] for name, points in term.axes.items()}
-    shape = tuple(len(points) for points in axes.values())
-    return terms.make(np.zeros(shape), axes, term.regressors, stderr=term.stderr, source="judgement", comment=term.comment)
+    Raises
+    ------
+    SchemaError
+        A new term is faulty, or a term to be held is not in the database; all of them.
+    """
+    db = aerodb.replace_terms(prior, {name: term.leaf() for name, term in project.terms.items()}, note="opened for the flights")
+    known = aerodb.terms(db)
+    unknown = [f"held: {UnknownName(name, known, 'term')}" for name in project.held if name not in known]
+    if unknown:
+        raise SchemaError(str(project.file), unknown)
+    return db
 
 
 def reconstruct(project: Project, aircraft: Aircraft, names: Sequence[str], jobs: int = 2) -> dict[str, Any]:
@@ -63,9 +65,20 @@ def reconstruct(project: Project, aircraft: Aircraft, names: Sequence[str], jobs
 
 
 def records_of(project: Project, cases: Iterable[Any] = ()) -> list[str]:
-    """Return the records that the fits of a project and the given cases need, in order."""
-    named = [record for fit in project.fits for record in fit.records] + [Path(case.record).stem for case in cases]
-    return list(dict.fromkeys(named))
+    """Return the records that the fits of a project and the given cases need, in order.
+
+    Raises
+    ------
+    SchemaError
+        Cases whose record is not among the flights of the project; all of them.
+    """
+    flown = {case.name: Path(case.record).stem for case in cases}
+    unknown = [
+        f"case {name}: {UnknownName(record, project.flights, 'record')}" for name, record in flown.items() if record not in project.flights
+    ]
+    if unknown:
+        raise SchemaError(str(project.file), unknown)
+    return list(dict.fromkeys([*(record for fit in project.fits for record in fit.records), *flown.values()]))
 
 
 def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
@@ -74,38 +87,52 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     return [project.file, project.aircraft, project.names, *project.listings.values(), *flights, *project.cases]
 
 
-def identify(project: Project, aircraft: Aircraft, paths: Mapping[str, Any]) -> list[Any]:
-    """Return one `flighttest.Fit` per record and model of every fit of the project."""
-    names = records_of(project)
-    data = {name: flighttest.coefficients(paths[name], aircraft, cutoff=project.cutoff) for name in names}
-    tables = {name: flighttest.manoeuvres(flighttest.read(project.flights[name], project.names)) for name in names}
-    found = []
-    for fit in project.fits:
-        for record in fit.records:
-            windows = _windows(fit, record, data[record], tables[record])
-            found += [flighttest.regress(flighttest.Model.parse(model), windows, name=f"{record}: {fit.name}") for model in fit.models]
+Windows = list[dict[str, list[tuple[float, float]]]]
+
+
+def windows_of(project: Project) -> Windows:
+    """Return start and end of the manoeuvres of every fit, by record. [s]
+
+    Raises
+    ------
+    SchemaError
+        Manoeuvres that a record does not have; all of them.
+    """
+    tables = {name: flighttest.manoeuvres(flighttest.read(project.flights[name], project.names)) for name in records_of(project)}
+    problems: list[str] = []
+    found = [{record: _windows(fit, record, tables[record], problems) for record in fit.records} for fit in project.fits]
+    if problems:
+        raise SchemaError(str(project.file), problems)
     return found
 
 
-def _windows(fit: Fit, record: str, data: xr.Dataset, table: pd.DataFrame) -> list[xr.Dataset]:
-    """Return the manoeuvres of a fit; ``"3211 elevator"`` is kind and control, ``"trim"`` a kind."""
+def _windows(fit: Fit, record: str, table: pd.DataFrame, problems: list[str]) -> list[tuple[float, float]]:
+    """Return the windows of a fit in one record; ``"3211 elevator"`` is kind and control, ``"trim"`` a kind."""
     labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
-    found = []
+    found: list[tuple[float, float]] = []
     for wanted in fit.manoeuvres:
         rows = table[(labels == wanted) | (table["manoeuvre"] == wanted)]
         if rows.empty:
-            raise UnknownName(wanted, set(labels), "manoeuvre", f"fit {fit.name!r} looks for it in record {record}")
-        found += [flighttest.between(data, start, end) for start, end in rows[["start", "end"]].itertuples(index=False)]
+            problems.append(f"fit {fit.name!r}, record {record}: {UnknownName(wanted, set(labels), 'manoeuvre')}")
+        found += [(float(start), float(end)) for start, end in zip(rows["start"], rows["end"], strict=True)]
     return found
 
 
-def final_database(project: Project, prior: xr.DataTree, fits: Sequence[Any]) -> tuple[xr.DataTree, Any]:
-    """Return the database after the flights, and the tabulation behind it."""
-    start = opened(prior, project.terms)
+def identify(project: Project, aircraft: Aircraft, paths: Mapping[str, Any], windows: Windows) -> list[Any]:
+    """Return one `flighttest.Fit` per record and model of every fit of the project; `windows` from `windows_of`."""
+    data = {name: flighttest.coefficients(paths[name], aircraft, cutoff=project.cutoff) for name in records_of(project)}
+    found = []
+    for fit, places in zip(project.fits, windows, strict=True):
+        for record, spans in places.items():
+            parts = [flighttest.between(data[record], *span) for span in spans]
+            found += [flighttest.regress(flighttest.Model.parse(model), parts, name=f"{record}: {fit.name}") for model in fit.models]
+    return found
+
+
+def final_database(project: Project, start: xr.DataTree, fits: Sequence[Any]) -> tuple[xr.DataTree, Any]:
+    """Return the database after the flights, and the tabulation behind it; `start` from `opened`."""
     tabulation = aerodb.tabulate(fits, start, held=project.held)
-    final = aerodb.replace_terms(start, tabulation, note="identified from flight")
-    final.attrs["title"] = f"{project.title}: database after flight"
-    return final, tabulation
+    return aerodb.replace_terms(start, tabulation, note="identified from flight"), tabulation
 
 
 def diagnose_all(
@@ -189,13 +216,15 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step, command
     cases = [pom.read_case(file) for file in project.cases]
     with step(f"read {len(project.listings)} DATCOM listings, build the a-priori database"):
         datcom = a_priori(project, aircraft)
+        start = opened(project, datcom)
     names = records_of(project, cases)
+    windows = windows_of(project)
     with step(f"reconstruct the states of {len(names)} flight records"):
         paths = reconstruct(project, aircraft, names, jobs)
     with step(f"identify coefficients on {len(records_of(project))} flight records"):
-        fits = identify(project, aircraft, paths)
+        fits = identify(project, aircraft, paths, windows)
     with step(f"join {len(fits)} local models and the prior into tables"):
-        final, tabulation = final_database(project, datcom, fits)
+        final, tabulation = final_database(project, start, fits)
     with step(f"swap terms on {len(cases)} cases, build the corrected database"):
         diagnoses = diagnose_all(cases, paths, datcom, final, aircraft, jobs)
         corrected, wanted = corrected_database(datcom, final, diagnoses)

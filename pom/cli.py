@@ -79,13 +79,17 @@ def run(
     read = [read_case(file) for file in _files(cases)]
     for file in runs.values():
         read_fmu(file)  # a faulty one is refused before the reconstruction, which takes long
-    results = []
+    results: list[Any] = []
+    waiting: list[str] = []
+    flown = False
     for case in read:
         results.append(replay(case, runs, recorded_states(case, biases), timeout))
-        if not as_json:
-            for line in _lines(results[-1]):
-                click.echo(line)
-    if all(r.failure and r.status(name) == "invalid" for r in results for name in runs):
+        flown = flown or not results[-1].failure or any(results[-1].status(name) != "invalid" for name in runs)
+        waiting += _lines(results[-1])
+        if flown and not as_json:
+            click.echo("\n".join(waiting))
+            waiting.clear()
+    if not flown:
         raise SimulationError("no model could be replayed: " + results[0].failure)
     report = None
     if output is not None:

@@ -1,0 +1,5 @@
+"""``python -m aeromatch`` is the command ``aeromatch``."""
+
+from .cli import main
+
+main()

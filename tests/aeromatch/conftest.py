@@ -1,0 +1,20 @@
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from aeromatch.cli import main
+
+
+@pytest.fixture
+def aeromatch(monkeypatch, capfd):
+    """The command as a user calls it, in this process: words in; exit code, stdout and stderr out."""
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["aeromatch", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capfd.readouterr()
+        return SimpleNamespace(returncode=ended.value.code, stdout=said.out, stderr=said.err)
+
+    return call
