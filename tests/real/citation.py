@@ -1,0 +1,157 @@
+"""The Citation II flights of ../shared as the stations need them: records with mass, c.g. and thrust; windows; a prior database.
+
+What the recordings lack is computed from the data set's own sheets: mass and c.g. from the loading sheet, the fuel-moment
+table and the integral of the fuel flow; thrust from the fuel flow with the points of the engine deck.  Flaps were not recorded: up.
+"""
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+import aerodb
+import flightmech
+import flighttest
+from flightmech import terms
+from flightmech.air import P_SEA, T_SEA, atmosphere
+from flightmech.names import attrs
+from flightmech.units import POUND
+
+HERE = Path(__file__).parent
+FLIGHTS = HERE.parents[1] / ".." / "shared" / "data" / "flight" / "citation_phlab"
+FILES = {2018: "20180312_1", 2019: "20190305_2", 2020: "20200310_2"}
+RECORDS = {2018: "flight_20180312_1", 2019: "flight_20190305_2_partial", 2020: "flight_20200310_2"}
+ABSENT = "the Citation II flights (../shared/data/flight/citation_phlab) are not here"
+INCH = 0.0254
+LEADING_EDGE = 261.45 * INCH  # station of the leading edge of the mean chord
+THRUST_ERROR = {"thrust": 0.05}  # deck against the flown engines; the fit of the deck itself is good to 5 N
+
+# What DATCOM does not give and the flights shall bring in, with the standard error of not knowing.
+OPENED = {
+    "CY/basic": ("", 0.01),
+    "CY/rhat": ("rhat", 0.5),
+    "CY/rudder": ("delta_r", 0.3),
+    "Cl/basic": ("", 0.002),
+    "Cl/rudder": ("delta_r", 0.05),
+    "Cn/basic": ("", 0.002),
+    "Cn/rudder": ("delta_r", 0.15),
+}
+
+
+@lru_cache
+def aircraft():
+    return flightmech.read_aircraft(HERE / "maps" / "citation.toml")
+
+
+def names(year):
+    return HERE / "maps" / f"citation_{year}.toml"
+
+
+def start(year, motion):
+    table = pd.read_csv(FLIGHTS / f"manoeuvres_{FILES[year]}.csv").set_index("motion")
+    return float(table.loc[motion, "t_start_s"])
+
+
+@lru_cache
+def record(year):
+    """Return a record; with accelerations also mass, c.g. and thrust."""
+    found = flighttest.read(FLIGHTS / f"{RECORDS[year]}.csv.gz", names(year))
+    if "engine" not in found.children:
+        return found
+    engine, air = found["engine"].to_dataset(), found["adc"].to_dataset()
+    time = engine["time"].values
+    flow = {number: engine[f"engine{number}.fuel_flow"].values for number in (1, 2)}
+    mass, x_cg_b = loading(year, np.concatenate([[0.0], np.cumsum((flow[1] + flow[2])[:-1] * np.diff(time))]))
+    columns = {"mass": mass, "x_cg_b": x_cg_b, "delta_f": np.zeros_like(mass)}  # flaps up in all manoeuvres
+    for number in (1, 2):
+        columns[f"engine{number}.thrust"] = thrust(*(air[name].values for name in ("h_baro", "mach", "temperature")), flow[number])
+    data = xr.Dataset({name: ("time", values, attrs(name)) for name, values in columns.items()}, {"time": engine["time"]})
+    return found.assign({"computed": xr.DataTree(data.assign_attrs(engine.attrs))})
+
+
+def loading(year, burnt):
+    """Return mass [kg] and c.g. forward of the moment reference point [m] after `burnt` kilograms of fuel."""
+    sheet = pd.read_csv(FLIGHTS / f"loading_{FILES[year]}.csv").set_index("item")
+    table = pd.read_csv(FLIGHTS / "fuel_moment.csv")
+    dry = sheet.drop("block_fuel")
+    fuel = float(sheet.loc["block_fuel", "mass_kg"]) - burnt
+    fuel_moment = np.interp(fuel, np.append(0.0, table["fuel_lb"] * POUND), np.append(0.0, table["moment_100inlb"] * 100.0 * POUND * INCH))
+    mass = dry["mass_kg"].sum() + fuel
+    station = ((dry["mass_kg"] * dry["arm_in"].astype(float)).sum() * INCH + fuel_moment) / mass
+    return mass, LEADING_EDGE + aircraft().x_ref_mac * aircraft().cbar - station
+
+
+def thrust(h, mach, temperature, fuel_flow):
+    """Return the net thrust of one engine [N] from the points of the engine deck, in corrected quantities."""
+    deck = pd.read_csv(FLIGHTS / "jt15d4_thrust_points.csv")
+    deck_temperature = atmosphere(deck["hp_m"].to_numpy()).temperature + deck["dT_isa_K"].to_numpy()
+    X, delta = _corrected(deck["hp_m"].to_numpy(), deck["mach"].to_numpy(), deck_temperature, deck["fuel_flow_kgps"].to_numpy())
+    theta = np.linalg.lstsq(X, deck["net_thrust_N"].to_numpy() / delta)[0]
+    X, delta = _corrected(h, mach, temperature, fuel_flow)
+    return np.maximum(delta * (X @ theta), 0.0)
+
+
+def _corrected(h, mach, temperature, fuel_flow):
+    delta = atmosphere(h).p_static / P_SEA
+    flow = fuel_flow / (delta * np.sqrt(temperature / T_SEA))
+    return np.stack([np.ones_like(flow), flow, flow**2, mach, mach * flow, mach**2], axis=1), delta
+
+
+def stationary_windows(year, *series):
+    """Return the 30 s before the stationary points of series (``clcd``, ``trim``); the crew changed power right after them."""
+    points = pd.read_csv(FLIGHTS / f"stationary_{FILES[year]}.csv")
+    times = sorted(points.loc[points["series"].isin(series), "t_s"].unique())
+    return [(time - 30.0, time - 1.0) for time in times]
+
+
+@lru_cache
+def stationary(year):
+    """Return the path through all stationary points; its constants are the prior of the manoeuvres."""
+    return flighttest.reconstruct(record(year), aircraft(), windows=stationary_windows(year, "clcd", "trim"), rate=10.0)
+
+
+@lru_cache
+def path(year, motion, begin, end):
+    """Return the path from `begin` to `end` seconds of a motion, at 50 Hz: a recording of 10 Hz still has slopes between its samples."""
+    t = start(year, motion)
+    return flighttest.reconstruct(record(year), aircraft(), windows=[(t + begin, t + end)], prior=stationary(year).biases)
+
+
+@lru_cache
+def coefficients(year, motion, begin, end):
+    return flighttest.coefficients(path(year, motion, begin, end), aircraft(), errors=THRUST_ERROR)
+
+
+@lru_cache
+def stationary_parts(year, *series):
+    data = flighttest.coefficients(stationary(year), aircraft(), errors=THRUST_ERROR)
+    return [flighttest.between(data, *window) for window in stationary_windows(year, *(series or ("clcd", "trim")))]
+
+
+def fit(model, data, name=""):
+    return flighttest.regress(flighttest.Model.parse(model), data, name=name)
+
+
+def fits_of_2018():
+    """Return the local models of one flight: lift and drag from rest points and short period, the rest from its motions."""
+    rest, pitch = stationary_parts(2018), coefficients(2018, "short_period", -3.0, 14.0)
+    lateral = [coefficients(2018, "dutch_roll", -3.0, 16.0), coefficients(2018, "aperiodic_roll", -3.0, 20.0)]
+    return [
+        fit("CL = 1 + alpha + delta_e", [*rest, pitch], "rest points and short period"),
+        fit("CD = 1 + CL**2", rest, "rest points"),
+        fit("Cm = 1 + alpha + qhat + alphadothat + delta_e", [pitch], "short period"),
+        fit("CY = 1 + beta + rhat + delta_r", lateral, "Dutch roll and roll"),
+        fit("Cl = 1 + beta + phat + rhat + delta_a + delta_r", lateral, "Dutch roll and roll"),
+        fit("Cn = 1 + beta + phat + rhat + delta_a + delta_r", lateral, "Dutch roll and roll"),
+    ]
+
+
+def similar(db):
+    """Return a database of the CE-500 for the larger Citation II: the same coefficients, other reference lengths; new terms opened."""
+    larger = db.copy()
+    larger.attrs.update(S=aircraft().S, cbar=aircraft().cbar, b=aircraft().b, aircraft=aircraft().name)
+    larger.attrs.update(zip(("x_ref", "y_ref", "z_ref"), aircraft().reference))
+    opened = {name: terms.make(0.0, {}, word.split(), stderr=stderr, source="judgement") for name, (word, stderr) in OPENED.items()}
+    return aerodb.replace_terms(larger, opened, note="geometrically similar; terms that DATCOM lacks opened")
