@@ -1,0 +1,46 @@
+"""The whole job on the shipped example."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import aerodb
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("demo") / "t37"
+    command = [sys.executable, "-m", "aeromatch", "demo", "--json", "-o", str(folder)]
+    return folder, subprocess.run(command, capture_output=True, text=True, timeout=600)
+
+
+@pytest.mark.slow
+def test_the_demo_writes_what_it_promises(done):
+    folder, run = done
+    assert run.returncode == 0, run.stderr
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    models = {f"{name}.{kind}" for name in ("datcom", "corrected", "final") for kind in ("nc", "fmu")}
+    assert names == models | {"report/report.html", "report/results.json"}
+    assert len(json.loads((folder / "report" / "results.json").read_text())["results"]) == 10
+    for name in ("datcom", "corrected", "final"):
+        assert aerodb.check(aerodb.open(folder / f"{name}.nc")) == []
+
+
+@pytest.mark.slow
+def test_flight_makes_the_model_better(done):
+    _, run = done
+    outcome = json.loads(run.stdout)
+    passes = {name: sum(case["status"][name] == "pass" for case in outcome["cases"]) for name in ("datcom", "corrected", "final")}
+    assert passes["datcom"] < passes["corrected"] <= passes["final"]
+    assert outcome["corrected_terms"]
+    assert all(case["failure"] == "" for case in outcome["cases"])
+
+
+@pytest.mark.slow
+def test_every_step_is_told_on_its_own_line(done):
+    _, run = done
+    steps = [line for line in run.stderr.splitlines() if " ... " in line]
+    assert len(steps) == 8
+    assert all(line.endswith(" s") for line in steps)

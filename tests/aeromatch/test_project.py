@@ -1,0 +1,119 @@
+import pytest
+
+from aeromatch.project import NewTerm, read_project
+from flightmech.errors import ParseError, SchemaError
+from flightmech.units import DEGREE
+
+PROJECT = """
+title = "Toy"
+aircraft = "aircraft.toml"
+names = "names.toml"
+flights = "flight/*.nc"
+cases = ["case.toml"]
+cutoff = "4 Hz"
+
+[listings]
+clean = "clean.out"
+altitude = "10000 ft"
+
+[terms."CL/gear"]
+regressors = ["gear"]
+stderr = 0.05
+
+[[fit]]
+name = "pitch"
+records = ["run_1"]
+manoeuvres = ["3211 elevator"]
+models = ["CL = 1 + alpha"]
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    """Write a project file beside the files it names."""
+    (tmp_path / "flight").mkdir()
+    for name in ("aircraft.toml", "names.toml", "case.toml", "clean.out", "flight/run_1.nc", "flight/run_2.nc"):
+        (tmp_path / name).touch()
+
+    def write(*changes):
+        text = PROJECT
+        for old, new in changes:
+            assert old in text
+            text = text.replace(old, new)
+        (tmp_path / "aeromatch.toml").write_text(text)
+        return tmp_path / "aeromatch.toml"
+
+    return write
+
+
+def problems(path):
+    with pytest.raises(SchemaError) as caught:
+        read_project(path)
+    return caught.value.problems
+
+
+def test_a_project_is_read(write, tmp_path):
+    project = read_project(write())
+    assert project.file == tmp_path / "aeromatch.toml"
+    assert list(project.flights) == ["run_1", "run_2"]
+    assert project.listings == {"clean": tmp_path / "clean.out"}
+    assert project.altitude == pytest.approx(3048.0)
+    assert project.cutoff == 4.0
+    assert project.cases == (tmp_path / "case.toml",)
+    assert project.fits[0].models == ("CL = 1 + alpha",)
+
+
+def test_all_misspelt_keys_are_told_at_once(write):
+    found = problems(write(("cutoff", "cutof"), ("regressors", "regresors"), ("manoeuvres", "maneuvers")))
+    assert "cutof: unknown key; near it: cutoff" in found
+    assert any("regresors: unknown key; near it: regressors" in text for text in found)
+    assert any(text.startswith("fit.0.maneuvers: unknown key") for text in found)
+    assert len(found) == 4  # the fourth: manoeuvres is missing
+
+
+def test_all_that_is_not_there_is_told_at_once(write):
+    changes = [
+        ('"clean.out"', '"cleen.out"'),
+        ('"aircraft.toml"', '"none.toml"'),
+        ('["case.toml"]', '["none/*.toml"]'),
+        ('["run_1"]', '["run_3"]'),
+        ('"CL = 1 + alpha"', '"CL = 1 + alfa"'),
+        ('["gear"]', '["geer"]'),
+    ]
+    found = problems(write(*changes))
+    assert len(found) == 6
+    text = "\n".join(found)
+    assert "listings.clean: no file 'cleen.out'" in text
+    assert "aircraft: no file 'none.toml'" in text
+    assert "cases: no file matches none/*.toml" in text
+    assert "fit.0.records: unknown record 'run_3'; near it: run_2, run_1" in text
+    assert "fit.0.models: unknown quantity 'alfa'; near it: alpha" in text
+    assert "terms.CL/gear: regressor: unknown quantity 'geer'; near it: gear" in text
+
+
+def test_no_flights_at_all(write):
+    assert any(text.startswith("flights: no file matches 'flight/*.csv'") for text in problems(write(("flight/*.nc", "flight/*.csv"))))
+
+
+def test_a_unit_of_another_quantity(write):
+    (found,) = problems(write(('"10000 ft"', '"10000 kt"')))
+    assert found.startswith("listings.altitude")
+
+
+def test_not_toml(write):
+    with pytest.raises(ParseError, match="line 2"):
+        read_project(write(('"Toy"', "Toy")))
+
+
+def test_a_new_term_is_zero_with_its_standard_error():
+    term = NewTerm(axes={"beta": ("-10 deg", 0.0, "10 deg")}, regressors=("gear",), stderr=(0.3, 0.0, 0.3), comment="guess")
+    leaf = term.leaf()
+    assert (leaf["value"] == 0.0).all()
+    assert leaf["beta"].values == pytest.approx([-10.0 * DEGREE, 0.0, 10.0 * DEGREE])
+    assert leaf["stderr"].values.tolist() == [0.3, 0.0, 0.3]
+    assert leaf.attrs["comment"] == "guess"
+
+
+def test_standard_errors_that_do_not_fit_the_nodes():
+    with pytest.raises(SchemaError, match="stderr has 2 values for 3 nodes"):
+        NewTerm(axes={"beta": (-0.1, 0.0, 0.1)}, stderr=(0.3, 0.3)).leaf()

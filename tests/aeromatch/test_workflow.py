@@ -1,0 +1,97 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import aerodb
+import flightmech
+from aeromatch import workflow
+from aeromatch.project import NewTerm, read_project
+from flightmech.errors import SchemaError
+
+DATA = Path(__file__).parents[2] / "data" / "t37"
+MANOEUVRES = [
+    {"manoeuvre": "3211", "control": "elevator", "start": 1.0, "end": 4.0},
+    {"manoeuvre": "doublet", "control": "elevator", "start": 4.0, "end": 6.0},
+    {"manoeuvre": "doublet", "control": "rudder", "start": 6.0, "end": 9.0},
+]
+
+
+@pytest.fixture(scope="module")
+def shipped():
+    return read_project(DATA / "aeromatch.toml")
+
+
+@pytest.fixture(scope="module")
+def prior(shipped):
+    """The a-priori database of the clean aeroplane alone."""
+    clean = replace(shipped, listings={"clean": shipped.listings["clean"]})
+    return workflow.a_priori(clean, flightmech.read_aircraft(shipped.aircraft))
+
+
+@pytest.fixture
+def project(shipped, tmp_path):
+    """A project with one small record and one fit."""
+    q = xr.Dataset({"q": ("time", np.zeros(11), {"units": "rad s-1"})}, {"time": np.arange(11.0)})
+    tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs={"manoeuvres": json.dumps(MANOEUVRES)}), "/imu": q})
+    tree.to_netcdf(tmp_path / "run_1.nc", engine="h5netcdf")
+    (tmp_path / "names.toml").write_text('[imu]\nq = "q"\n')
+    fit = shipped.fits[0].model_copy(update={"records": ("run_1",), "manoeuvres": ("3211 elevator",), "models": ("CL = 1 + alpha",)})
+    return replace(shipped, names=tmp_path / "names.toml", flights={"run_1": tmp_path / "run_1.nc"}, fits=(fit,), terms={}, held=())
+
+
+def fitted(project, *manoeuvres):
+    return replace(project, fits=(project.fits[0].model_copy(update={"manoeuvres": manoeuvres}),))
+
+
+def test_windows_by_kind_and_by_kind_and_control(project):
+    assert workflow.windows_of(fitted(project, "doublet elevator")) == [{"run_1": [(4.0, 6.0)]}]
+    assert workflow.windows_of(fitted(project, "doublet", "3211 elevator")) == [{"run_1": [(4.0, 6.0), (6.0, 9.0), (1.0, 4.0)]}]
+
+
+def test_unknown_manoeuvres_are_told_at_once(project):
+    with pytest.raises(SchemaError) as caught:
+        workflow.windows_of(fitted(project, "3211 elevater", "doublet", "sideslip"))
+    first, second = caught.value.problems
+    assert first.startswith("fit 'pitch', record run_1: unknown manoeuvre '3211 elevater'; near it: 3211 elevator")
+    assert "'sideslip'" in second
+
+
+def test_records_come_once_and_in_order(project):
+    cases = [SimpleNamespace(name="a", record="x/run_1.nc"), SimpleNamespace(name="b", record="x/run_2.nc")]
+    both = replace(project, flights={**project.flights, "run_2": Path("run_2.nc")})
+    assert workflow.records_of(both, cases) == ["run_1", "run_2"]
+
+
+def test_a_case_on_a_record_that_is_no_flight_of_the_project(project):
+    with pytest.raises(SchemaError, match="case b: unknown record 'run_2'; near it: run_1"):
+        workflow.records_of(project, [SimpleNamespace(name="b", record="x/run_2.nc")])
+
+
+def test_new_terms_are_opened_and_others_stay(project, prior):
+    terms = {"CL/gear": NewTerm(regressors=("gear",), stderr=0.05)}
+    db = workflow.opened(replace(project, terms=terms, held=("CL/altitude",)), prior)
+    gear = aerodb.terms(db)["CL/gear"]
+    assert (float(gear["value"]), float(gear["stderr"])) == (0.0, 0.05)
+    assert "CL/gear" not in db.attrs["absent"].split()
+    assert (aerodb.compare(prior, db).loc[list(aerodb.terms(prior)), "max_difference"] == 0.0).all()
+
+
+def test_a_project_without_new_terms_keeps_the_database(project, prior):
+    assert set(aerodb.terms(workflow.opened(project, prior))) == set(aerodb.terms(prior))
+
+
+def test_a_held_term_that_is_not_there(project, prior):
+    with pytest.raises(SchemaError, match="held: unknown term 'CL/altitud'; near it: CL/altitude"):
+        workflow.opened(replace(project, held=("CL/altitud",)), prior)
+
+
+def test_the_inputs_are_every_file_of_the_project(shipped):
+    names = workflow.records_of(shipped)
+    files = workflow.inputs_of(shipped, names)
+    assert {shipped.file, shipped.aircraft, *shipped.cases, *shipped.listings.values(), shipped.flights[names[0]]} <= set(files)
+    assert all(file.is_file() for file in files)
