@@ -236,14 +236,19 @@ def mode_table(result: PomResult) -> pd.DataFrame:
 
 
 def _mode_row(result: PomResult, run: str, channel: str, window: tuple[float, float], lags: bool) -> dict[str, object]:
-    signals = result.signals.sel(run=run)
-    mask = inside_window(signals["time"].values, window)
-    time, y = signals["time"].values[mask], signals[channel].values[mask]
+    mask = inside_window(result.signals["time"].values, window)
+    time = result.signals["time"].values[mask]
+
+    def samples(who: str, name: str) -> np.ndarray:
+        return result.signals[name].sel(run=who).values[mask]
+
     row: dict[str, object] = {"run": run, "channel": channel, "window_start": window[0], "window_stop": window[1], "note": ""}
     try:
-        demand_finite(run, time, y)
-        mode = _fit(run, time, y)
-        lag = _lag(mode, time, signals["phi"].values[mask]) if lags else math.nan
+        demand_finite(run, time, samples(run, channel))
+        mode = _fit(run, time, samples(run, channel))
+        if run != "flight":
+            mode = _excited(mode, _fit("flight", time, samples("flight", channel)))
+        lag = _lag(mode, time, samples(run, "phi")) if lags else math.nan
     except Invalid as error:
         return {**row, "note": str(error).removeprefix(f"{run}: ")}
     return {**row, **{name: getattr(mode, name) for name in _FITTED}, "lag": lag}

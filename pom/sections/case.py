@@ -17,7 +17,7 @@ from . import modal, start
 from .case_figure import SYMBOLS, figures
 from .cause import cause
 from .panels import Panel, description, panels, split_inputs
-from .quantities import fixed, label, measured, plainly, short
+from .quantities import MINUS, fixed, label, measured, plainly, short
 from .traces import TIME_STEP, Pack, compressed, step_of
 from .verdicts import MARKS, MODAL, WORDS, Verdict, verdict_table, words
 
@@ -49,9 +49,7 @@ def keys(results: Sequence[PomResult]) -> list[str]:
     return found
 
 
-def page(
-    key: str, result: PomResult, provenance: Mapping[str, Any], diagnosis: pd.DataFrame | None, modes: pd.DataFrame
-) -> dict[str, Any]:
+def page(key: str, result: PomResult, provenance: Mapping[str, Any], diagnosis: pd.DataFrame | None, modes: pd.DataFrame) -> dict[str, Any]:
     """Return everything the template ``case.html`` needs for one case."""
     styles = line_styles(result.runs)
     shown, time, events = panels(result), result.signals["time"].values, result.case.events
@@ -151,17 +149,36 @@ def _notes(result: PomResult) -> list[str]:
     for row in result.verdict.to_dict("records"):
         if row["measure"] in MODAL and row["verdict"] in ("pass", "fail"):
             row["note"] = "; ".join(piece for piece in row["note"].split("; ") if not _in_mode_table(piece))
-        for piece in row["note"].split("; ") if row["note"] not in ("", "nan") else []:
+        for piece in _BIAS.sub(_bias_words, row["note"]).split("; ") if row["note"] not in ("", "nan") else []:
             places.setdefault(piece, []).append((words(row["criterion"]), row["run"]))
     notes = [f"The window is shorter than the table asks: {result.case.shortened}."] if result.case.shortened else []
     if result.case.conditions:
-        given = ", ".join(f"{label(name).words or name} {measured(value, name)}" for name, value in result.case.conditions.items())
+        given = ", ".join(f"{label(name).words or name} {_given(value, name)}" for name, value in result.case.conditions.items())
         notes.append(f"From the case file, not from the record: {given}.")
     notes += [f"{_where(found, result)}: {piece}" for piece, found in places.items()]
     marks = sorted({MARKS[p] for p in result.verdict["provenance"] if p in ("memory", "partial")})
     if marks:
         notes.append(f"Rows marked “{'” or “'.join(marks)}” were not read word for word in the regulation; check them there first.")
     return list(dict.fromkeys(notes))
+
+
+def _given(value: float, name: str) -> str:
+    """Return a value as somebody set it, without trailing zeros."""
+    shown = label(name)
+    return (
+        measured(value, name)
+        if shown.is_word
+        else f"{short(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
+    )
+
+
+_BIAS = re.compile(r"trim\.(\w+) ([+-])([\d.]+) deg is beyond")
+
+
+def _bias_words(found: re.Match[str]) -> str:
+    """Return the remark of a replay on a bias in the words of the table of the trim."""
+    name, sign, size = found.groups()
+    return f"{label(name).words} biased by {sign.replace('-', MINUS)}{size} deg, beyond"
 
 
 def _in_mode_table(piece: str) -> bool:
@@ -188,7 +205,7 @@ def _data(result: PomResult, shown: Sequence[Panel], styles: Mapping[str, str]) 
         "panels": [],
     }
     for panel in shown:
-        step = step_of(panel.half, list(panel.traces.values()), panel.label.least_span)
+        step = step_of(panel.half, panel.limits)
         head["panels"].append(
             {
                 "kind": panel.kind,

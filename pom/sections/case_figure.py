@@ -93,10 +93,13 @@ def _events(time: np.ndarray, bottom: float, events: Mapping[str, float]) -> str
     """Return a line through all panels at every event, named beneath them."""
     frame = Frame(LEFT, 24.0 + HEAD, WIDTH - LEFT - RIGHT, bottom - 24.0 - HEAD, (float(time[0]), float(time[-1])), (0.0, 1.0))
     parts = []
-    for name, at in sorted(events.items(), key=lambda item: item[1]):
+    for i, (name, at) in enumerate(events.items()):
         if time[0] < at < time[-1]:
             x = float(frame.px(at))
-            parts += [line(x, frame.top, x, frame.bottom, "event"), text(x + 3, bottom - 3, name.replace("_", " "), "tick halo")]
+            parts += [
+                line(x, frame.top, x, frame.bottom, "event"),
+                text(x + 3, frame.top + 9 + 11 * (i % 2), name.replace("_", " "), "tick halo"),
+            ]
     return "".join(parts)
 
 

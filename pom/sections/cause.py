@@ -32,7 +32,7 @@ def cause(result: PomResult, table: pd.DataFrame | None) -> dict[str, Any] | Non
         return None
     names = [str(c).removesuffix(" ratio") for c in table.columns if str(c).endswith(" ratio")]
     traces = {c.name for c in result.case.criteria if c.measure == "trace"}
-    criteria = [{"name": name, "words": words(name), "is_trace": name in traces} for name in names]
+    criteria: list[dict[str, Any]] = [{"name": name, "words": words(name), "is_trace": name in traces} for name in names]
     stages = []
     for stage, title in _TITLES.items():
         rows = table[table["stage"] == stage].to_dict("records")
@@ -41,7 +41,7 @@ def cause(result: PomResult, table: pd.DataFrame | None) -> dict[str, Any] | Non
         shown = [_row(row, start, criteria) for row, start in zip(kept, starts, strict=False)]
         if rows:
             stages.append({"title": title, "named": stage in ("single", "sequence"), "rows": shown, "hidden": len(rows) - len(kept)})
-    return {"criteria": criteria, "stages": stages, "story": story(table), "columns": 4 + sum(1 + c["is_trace"] for c in criteria)}
+    return {"criteria": criteria, "stages": stages, "story": story(table), "columns": 4 + sum(2 if c["is_trace"] else 1 for c in criteria)}
 
 
 def story(table: pd.DataFrame) -> str:
@@ -75,9 +75,7 @@ def _percent(share: float) -> str:
 
 
 def _row(row: Mapping[Hashable, Any], start: float, criteria: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    cells = [
-        fixed(row[f"{c['name']} {what}"], 2) for c in criteria for what in (("miss", "ratio") if c["is_trace"] else ("ratio",))
-    ]
+    cells = [fixed(row[f"{c['name']} {what}"], 2) for c in criteria for what in (("miss", "ratio") if c["is_trace"] else ("ratio",))]
     term = str(row["term"])
     return {
         "term": term,

@@ -16,8 +16,8 @@ import numpy as np
 from .quantities import MINUS
 
 WIDTH = 720.0
-# a point may be left out of a line when the line stays this close to it
-SLACK = 0.3
+# a point may be left out of a line when the line stays this close to it: an eighth of a millimetre on paper, a third of its width
+SLACK = 0.5
 
 
 @dataclass(frozen=True)

@@ -119,7 +119,13 @@ def _term(term, holders, everyone, support, styles, changed) -> dict[str, Any]:
     lone = [name for name in everyone if name not in holders]
     state = f"not in {', '.join(lone)}" if lone else "replaced" if changed else "unchanged"
     factors = [symbol(word) for word in terms.regressors(next(iter(holders.values())))]
-    item: dict[str, Any] = {"term": term, "words": term_words(term), "state": state, "factors": factors, "facts": {n: _facts(x) for n, x in holders.items()}}
+    item: dict[str, Any] = {
+        "term": term,
+        "words": term_words(term),
+        "state": state,
+        "factors": factors,
+        "facts": {n: _facts(x) for n, x in holders.items()},
+    }
     shared = _shared(holders)
     tables = [quantity for quantity in ("value", "K1", "K2") if _has(holders, quantity)]
     if "value" not in tables:

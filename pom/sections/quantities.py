@@ -79,7 +79,24 @@ _SHORT = {
 # what has two ends: the words for 0 and 1
 _ENDS = {"gear": ("up", "down"), "speedbrake": ("in", "out")}
 # decimals of a value that was measured, by display unit; elsewhere three significant digits
-_DECIMALS = {"deg": 2, "deg/s": 2, "deg/s²": 3, "kt": 1, "ft": 0, "ft/min": 0, "lbf": 1, "m/s²": 3, "g": 3, "m/s": 1, "%": 1, "kg": 0, "°C": 1, "K": 1, "hPa": 1, "m": 3}
+_DECIMALS = {
+    "deg": 2,
+    "deg/s": 2,
+    "deg/s²": 3,
+    "kt": 1,
+    "ft": 0,
+    "ft/min": 0,
+    "lbf": 1,
+    "m/s²": 3,
+    "g": 3,
+    "m/s": 1,
+    "%": 1,
+    "kg": 0,
+    "°C": 1,
+    "K": 1,
+    "hPa": 1,
+    "m": 3,
+}
 # load factors are judged and drawn in g, as the tolerance table prints them; the number is the same
 _IN_G = {"nz", "dnz"}
 _WORDS = {
@@ -111,8 +128,9 @@ SIGNS = {
 class Label:
     """A quantity as shown.
 
-    ``base`` and ``sub`` make the symbol, ``words`` the name on a page, ``meaning`` the definition, ``unit`` the display unit as printed (empty for a pure
-    number), ``sign`` the positive sense in words; ``factor`` and ``offset`` give display = SI * factor + offset.
+    ``base`` and ``sub`` make the symbol, ``words`` the name on a page, ``meaning`` the definition, ``unit`` the display unit
+    as printed (empty for a pure number), ``sign`` the positive sense in words; ``factor`` and ``offset`` give
+    display = SI * factor + offset.
     """
 
     name: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,8 +29,12 @@ def conditions(found: Mapping[str, float], told: Collection[str]) -> list[tuple[
     if {"wind_n", "wind_e"} <= set(found):
         parts["Atmosphere"].append((_WIND, wind(found["wind_n"], found["wind_e"], found.get("wind_d", 0.0))))
     for part, names in (("Configuration", _CONFIGURATION), ("Atmosphere", _ATMOSPHERE)):
-        parts[part].sort(key=lambda row, order=names: order.index(row[0].name.rpartition(".")[2]))
+        parts[part] = sorted(parts[part], key=_place_among(names))
     return [(part, rows) for part, rows in parts.items() if rows]
+
+
+def _place_among(names: Sequence[str]) -> Callable[[tuple[Label, str]], int]:
+    return lambda row: names.index(row[0].name.rpartition(".")[2])
 
 
 _WIND = Label("wind", "W", "", "wind", "", "", 1.0, 0.0)

@@ -31,7 +31,13 @@ _CAUSES = {
     "gear": "gear extension",
     "ground": "ground effect",
 }
-_WITH = {"flap": "with flaps", "gear": "with gear down", "ground": "in ground effect", "speedbrake": "with speed-brakes", "beta": "in sideslip"}
+_WITH = {
+    "flap": "with flaps",
+    "gear": "with gear down",
+    "ground": "in ground effect",
+    "speedbrake": "with speed-brakes",
+    "beta": "in sideslip",
+}
 
 
 def term_words(term: str) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 STEPS_PER_TOLERANCE = 500
-STEPS_PER_RANGE = 1000
+STEPS_PER_HEIGHT = 1000
 TIME_STEP = 1e-6
 _MISSING = {"int8": -(2**7), "int16": -(2**15), "int32": -(2**31)}
 
@@ -53,16 +53,13 @@ def compressed(content: bytes | str) -> str:
     return base64.b64encode(squeeze.compress(content) + squeeze.flush()).decode("ascii")
 
 
-def step_of(half_width: np.ndarray | None, values: list[np.ndarray], least_span: float = 0.0) -> float:
-    """Return the step for a channel: tolerance/500 at its narrowest, or a 1000th of the range of its panel without tolerance."""
+def step_of(half_width: np.ndarray | None, scale: tuple[float, float]) -> float:
+    """Return the step for a channel: tolerance/500 at its narrowest, or a 1000th of the height of its panel without tolerance."""
     if half_width is not None:
         widths = half_width[np.isfinite(half_width) & (half_width > 0)]
         if len(widths):
             return float(widths.min()) / STEPS_PER_TOLERANCE
-    finite = np.concatenate([v[np.isfinite(v)] for v in values] or [np.zeros(0)])
-    span = max(float(np.ptp(finite)), least_span) if len(finite) else least_span
-    largest = float(np.abs(finite).max()) if len(finite) else 0.0
-    return max(span / STEPS_PER_RANGE, largest * 1e-9) or 1.0
+    return max((scale[1] - scale[0]) / STEPS_PER_HEIGHT, max(map(abs, scale)) * 1e-9) or 1.0
 
 
 def quantise(values: np.ndarray, step: float) -> tuple[int, int, np.ndarray]:

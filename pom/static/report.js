@@ -155,10 +155,10 @@
       for (const t of panel.window) if (t >= from && t <= to) { ctx.beginPath(); ctx.moveTo(x(t), box.top); ctx.lineTo(x(t), bottom); ctx.stroke(); }
       ctx.setLineDash([]);
     }
-    ctx.strokeStyle = ctx.fillStyle = colour("quiet"); ctx.lineWidth = ratio; ctx.font = font(10.5 * ratio);
-    for (const [name, t] of view.data.events) if (t >= from && t <= to) {
+    ctx.strokeStyle = ctx.fillStyle = colour("quiet"); ctx.lineWidth = ratio; ctx.font = font(10.5 * ratio); ctx.setLineDash([]);
+    for (const [i, [name, t]] of view.data.events.entries()) if (t >= from && t <= to) {
       ctx.beginPath(); ctx.moveTo(x(t), box.top); ctx.lineTo(x(t), bottom); ctx.stroke();
-      if (panel === view.data.panels[0]) { ctx.textAlign = "left"; ctx.textBaseline = "bottom"; ctx.fillText(name, x(t) + 3 * ratio, bottom - 2 * ratio); }
+      if (panel === view.data.panels[0]) { ctx.textAlign = "left"; ctx.textBaseline = "top"; halo(ctx, name, x(t) + 4 * ratio, box.top + (3 + 12 * (i % 2)) * ratio, ratio); }
     }
     let lane = 0;
     for (const { name, style } of view.data.runs) {
@@ -201,10 +201,15 @@
       const right = x > box.left + box.width / 2;
       ctx.font = font(10.5 * ratio); ctx.textAlign = right ? "right" : "left"; ctx.textBaseline = up ? "top" : "bottom";
       const words = Number(values[i].toPrecision(3)).toString().replace("-", "\u2212"), place = [x + (right ? -8 : 8) * ratio, edge + inward * 2 * ratio];
-      ctx.strokeStyle = colour("paper"); ctx.lineWidth = 3 * ratio; ctx.lineJoin = "round";
-      ctx.strokeText(words, ...place);
-      ctx.fillText(words, ...place);
+      halo(ctx, words, ...place, ratio);
     }
+  }
+  function halo(ctx, words, x, y, ratio) {
+    ctx.save();
+    ctx.setLineDash([]); ctx.strokeStyle = colour("paper"); ctx.lineWidth = 3 * ratio; ctx.lineJoin = "round";
+    ctx.strokeText(words, x, y);
+    ctx.restore();
+    ctx.fillText(words, x, y);
   }
   const font = (size) => `${size}px ${colour("sans")}`;
 

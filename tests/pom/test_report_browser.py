@@ -250,6 +250,28 @@ def test_print_of_the_overview_holds_everything(chromium, address, tmp_path):
     context.close()
 
 
+def test_figures_for_paper_show_more_than_those_without_script(chromium, address):
+    counts = []
+    for script in (True, False):
+        context = chromium.new_context(java_script_enabled=script)
+        page = context.new_page()
+        page.goto(address)
+        page.wait_for_timeout(300)
+        page.emulate_media(media="print")
+        counts.append(page.locator(f"{CASE} .static svg path.trace").count())
+        assert page.evaluate("document.documentElement.scrollWidth") <= page.viewport_size["width"]
+        context.close()
+    assert counts[0] > counts[1] > 0
+
+
+def test_a_term_of_the_cause_leads_to_its_tables(page, address):
+    open_case(page, address)
+    page.locator(f"{CASE} .cause a", has_text="CL/gear").first.click()
+    page.wait_for_timeout(200)
+    assert page.locator("#models").is_visible()
+    assert 0 <= page.locator("#term-CL-gear").bounding_box()["y"] < 300
+
+
 def test_a_narrow_screen_needs_no_sideways_scrolling(chromium, address):
     context = chromium.new_context(viewport={"width": 400, "height": 800})
     page = context.new_page()
