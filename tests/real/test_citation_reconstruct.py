@@ -97,6 +97,20 @@ def test_dutch_roll(dutch_roll, year):
     assert float(free["V"].mean()) == pytest.approx(SPEED[year][1], rel=0.03)
 
 
+def test_modes_of_the_flight_without_accelerations():
+    """2019: no path, but period and damping need none."""
+    record = flighttest.read(FLIGHTS / "flight_20190305_2_partial.csv.gz", HERE / "maps" / "citation_2019.toml")
+    motions = pd.read_csv(FLIGHTS / "manoeuvres_20190305_2.csv").set_index("motion")["t_start_s"]
+    slow = flighttest.cut(record, motions["phugoid"] + 20.0, motions["phugoid"] + 150.0, rate=10.0)
+    mode = fit_mode(slow["time"].values, slow["V"].values)
+    assert mode.period == pytest.approx(41.6, rel=0.025)
+    assert mode.damping_ratio == pytest.approx(0.051, abs=0.01)
+    fast = flighttest.cut(record, motions["dutch_roll"] + 4.0, motions["dutch_roll"] + 16.0, rate=10.0)
+    mode = fit_mode(fast["time"].values, fast["r"].values)
+    assert mode.period == pytest.approx(3.09, rel=0.02)
+    assert mode.damping_ratio == pytest.approx(0.121, abs=0.02)
+
+
 def test_vane_factor_of_the_phugoid(phugoid):
     # README: in level flight the vane shows 1.08 to 1.13 times theta - gamma; the alpha of a phugoid hardly moves (stderr 0.05)
     factor = phugoid.biases.sel(parameter="factor.alpha_vane")
