@@ -12,8 +12,8 @@ from pathlib import Path
 IMAGES = Path(__file__).parent / "images"
 
 
-def picture(report: Path, case: str, target: Path, width: int = 1400, height: int = 1000) -> Path:
-    """Write the first screen of a page of a report as PNG.
+def pictures(report: Path, case: str, folder: Path, width: int = 1400) -> list[Path]:
+    """Write the upper part of a case and of the page of the models as PNG.
 
     Parameters
     ----------
@@ -21,15 +21,15 @@ def picture(report: Path, case: str, target: Path, width: int = 1400, height: in
         ``report.html``.
     case : str
         Name of a case; empty for its first case.
-    target : Path
-        The PNG.
-    width, height : int
-        Size of the screen, in pixels of the layout; the picture has twice as many.
+    folder : Path
+        Gets ``report-case.png`` and ``report-models.png``.
+    width : int
+        Width of the pictures. [px]
 
     Returns
     -------
-    Path
-        `target`.
+    list of Path
+        The pictures; the second only when the report compares databases.
 
     Raises
     ------
@@ -41,31 +41,38 @@ def picture(report: Path, case: str, target: Path, width: int = 1400, height: in
     chromium = shutil.which("chromium")
     if chromium is None:
         raise SystemExit("needs chromium: apt-get install chromium")
-    target.parent.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    made = []
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": width, "height": height}, device_scale_factor=2, color_scheme="light")
+        page = browser.new_page(viewport={"width": width, "height": 1000}, color_scheme="light")
         page.goto(report.resolve().as_uri())
         names = page.locator("article.case").evaluate_all("cases => cases.map(c => c.dataset.key)")
         if case and case not in names:
             raise SystemExit(f"the report has no case {case!r}; it has {', '.join(names)}")
-        name = case or names[0]
-        page.goto(f"{report.resolve().as_uri()}#case-{name}")
-        page.wait_for_selector(f'[data-key="{name}"] .panel canvas')
-        page.wait_for_timeout(300)
-        page.screenshot(path=target)
+        places = {"report-case.png": (f"#case-{case or names[0]}", ".panel canvas")}
+        if page.locator("#models").count():
+            first = page.locator("#models .term .figure").first.evaluate("figure => figure.closest('.term').id")
+            places["report-models.png"] = f"#{first}", "#models .figure"
+        for name, (place, awaited) in places.items():
+            page.goto(report.resolve().as_uri() + place)
+            page.locator(awaited).first.wait_for()
+            page.wait_for_timeout(300)
+            page.screenshot(path=folder / name)
+            made.append(folder / name)
         browser.close()
-    return target
+    return made
 
 
 def main() -> None:
-    """Read the command line and take the picture."""
+    """Read the command line and take the pictures."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("report", type=Path, help="report.html")
     parser.add_argument("--case", default="", help="name of the case to show; without it the first")
-    parser.add_argument("-o", "--output", type=Path, default=IMAGES / "report-case.png", help="the picture")
+    parser.add_argument("-o", "--output", type=Path, default=IMAGES, help="folder of the pictures")
     options = parser.parse_args()
-    print(picture(options.report, options.case, options.output))
+    for path in pictures(options.report, options.case, options.output):
+        print(path)
 
 
 if __name__ == "__main__":
