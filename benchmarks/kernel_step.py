@@ -3,7 +3,7 @@
     python benchmarks/kernel_step.py
 
 The model has the size of a Citation's: 6 tables of one axis, 28 of two, 7 of three, 2 of four in 36 terms (seven terms have a
-factor table), two engines with thrust tables and lags, WGS-84 Earth.  Needs the package ``jsbsim`` (``pip install aeromatch[bench]``).
+factor table), two engines with thrust tables and lags, WGS-84 Earth.  Needs the package ``jsbsim`` (``pip install aeromatch[dev]``).
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import aerodb
 from flightmech import terms
 from flightmech.units import FOOT
 
-T37 = Path(__file__).parents[2] / ".." / "shared" / "data" / "datcom" / "t37"
+T37 = Path(__file__).parents[2] / "data" / "t37" / "datcom"
 
 
 @dataclass(frozen=True)
@@ -92,9 +92,7 @@ def make_case():
 
 @pytest.fixture(scope="session")
 def t37_folder():
-    """Return the folder of the T-37 listings; skip without it."""
-    if not T37.is_dir():
-        pytest.skip("the T-37 listings (../shared/data/datcom/t37) are not here")
+    """Return the folder of the T-37 listings."""
     return T37
 
 
