@@ -11,9 +11,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from .errors import SchemaError
-from .library import FOLDER
+from .library import FOLDER, SUFFIX
 
-SUFFIX = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
 FMI2_FOLDER = {"x86_64-linux": "linux64", "x86_64-windows": "win64", "x86_64-darwin": "darwin64", "aarch64-darwin": "darwin64"}
 
 # Mach-O universal binary: big-endian header, <mach-o/fat.h>; processor types of <mach/machine.h>, alignment 2**14

@@ -15,6 +15,7 @@ import numpy as np
 from .errors import AeromatchError, SchemaError, SimulationError
 
 FOLDER = Path(__file__).parent / "_binaries"
+SUFFIX = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
 
 INPUT, OUTPUT, PARAMETER, VARIABLE, TERM, AXIS = range(6)
 FIXED, INTEGER, LINEAR = 1, 2, 4
@@ -80,8 +81,6 @@ def library() -> ctypes.CDLL:
     AeromatchError
         When it has not been compiled.
     """
-    from .fmu_binaries import SUFFIX
-
     folder = FOLDER / _platform()
     found = [path for suffix in SUFFIX.values() for path in sorted(folder.glob(f"*{suffix}"))]
     if not found:
