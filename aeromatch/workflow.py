@@ -46,24 +46,6 @@ def opened(project: Project, prior: xr.DataTree) -> xr.DataTree:
     return db
 
 
-def reconstruct(project: Project, aircraft: Aircraft, names: Sequence[str], jobs: int = 2) -> dict[str, Any]:
-    """Return the reconstructed paths of records, by name; the constants of the instruments are shared by all of them.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Records of the project.
-    jobs : int
-        Processes.
-
-    Returns
-    -------
-    dict of str to `flighttest.Path`
-    """
-    records = [flighttest.read(project.flights[name], project.names) for name in names]
-    return dict(zip(names, flighttest.reconstruct_programme(records, aircraft, jobs=jobs), strict=True))
-
-
 def records_of(project: Project, cases: Iterable[Any] = ()) -> list[str]:
     """Return the records that the fits of a project and the given cases need, in order.
 
@@ -90,15 +72,15 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
 Windows = list[dict[str, list[tuple[float, float]]]]
 
 
-def windows_of(project: Project) -> Windows:
-    """Return start and end of the manoeuvres of every fit, by record. [s]
+def windows_of(project: Project, records: Mapping[str, xr.DataTree]) -> Windows:
+    """Return start and end of the manoeuvres of every fit, by record; `records` by name. [s]
 
     Raises
     ------
     SchemaError
         Manoeuvres that a record does not have; all of them.
     """
-    tables = {name: flighttest.manoeuvres(flighttest.read(project.flights[name], project.names)) for name in records_of(project)}
+    tables = {name: flighttest.manoeuvres(records[name]) for name in records_of(project)}
     problems: list[str] = []
     found = [{record: _windows(fit, record, tables[record], problems) for record in fit.records} for fit in project.fits]
     if problems:
@@ -132,7 +114,9 @@ def identify(project: Project, aircraft: Aircraft, paths: Mapping[str, Any], win
 def final_database(project: Project, start: xr.DataTree, fits: Sequence[Any]) -> tuple[xr.DataTree, Any]:
     """Return the database after the flights, and the tabulation behind it; `start` from `opened`."""
     tabulation = aerodb.tabulate(fits, start, held=project.held)
-    return aerodb.replace_terms(start, tabulation, note="identified from flight"), tabulation
+    final = aerodb.replace_terms(start, tabulation, note="identified from flight")
+    final.attrs["title"] = f"{project.title}: database after flight"
+    return final, tabulation
 
 
 def diagnose_all(
@@ -218,9 +202,11 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step, command
         datcom = a_priori(project, aircraft)
         start = opened(project, datcom)
     names = records_of(project, cases)
-    windows = windows_of(project)
-    with step(f"reconstruct the states of {len(names)} flight records"):
-        paths = reconstruct(project, aircraft, names, jobs)
+    with step(f"read {len(names)} flight records"):
+        records = {name: flighttest.read(project.flights[name], project.names) for name in names}
+        windows = windows_of(project, records)
+    with step("reconstruct the states; the instruments' constants are common to all records"):
+        paths = dict(zip(names, flighttest.reconstruct_programme(list(records.values()), aircraft, jobs=jobs), strict=True))
     with step(f"identify coefficients on {len(records_of(project))} flight records"):
         fits = identify(project, aircraft, paths, windows)
     with step(f"join {len(fits)} local models and the prior into tables"):

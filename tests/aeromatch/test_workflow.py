@@ -9,6 +9,7 @@ import xarray as xr
 
 import aerodb
 import flightmech
+import flighttest
 from aeromatch import workflow
 from aeromatch.project import NewTerm, read_project
 from flightmech.errors import SchemaError
@@ -48,14 +49,18 @@ def fitted(project, *manoeuvres):
     return replace(project, fits=(project.fits[0].model_copy(update={"manoeuvres": manoeuvres}),))
 
 
+def windows_of(project):
+    return workflow.windows_of(project, {name: flighttest.read(file, project.names) for name, file in project.flights.items()})
+
+
 def test_windows_by_kind_and_by_kind_and_control(project):
-    assert workflow.windows_of(fitted(project, "doublet elevator")) == [{"run_1": [(4.0, 6.0)]}]
-    assert workflow.windows_of(fitted(project, "doublet", "3211 elevator")) == [{"run_1": [(4.0, 6.0), (6.0, 9.0), (1.0, 4.0)]}]
+    assert windows_of(fitted(project, "doublet elevator")) == [{"run_1": [(4.0, 6.0)]}]
+    assert windows_of(fitted(project, "doublet", "3211 elevator")) == [{"run_1": [(4.0, 6.0), (6.0, 9.0), (1.0, 4.0)]}]
 
 
 def test_unknown_manoeuvres_are_told_at_once(project):
     with pytest.raises(SchemaError) as caught:
-        workflow.windows_of(fitted(project, "3211 elevater", "doublet", "sideslip"))
+        windows_of(fitted(project, "3211 elevater", "doublet", "sideslip"))
     first, second = caught.value.problems
     assert first.startswith("fit 'pitch', record run_1: unknown manoeuvre '3211 elevater'; near it: 3211 elevator")
     assert "'sideslip'" in second
