@@ -42,5 +42,5 @@ def test_flight_makes_the_model_better(done):
 def test_every_step_is_told_on_its_own_line(done):
     _, run = done
     steps = [line for line in run.stderr.splitlines() if " ... " in line]
-    assert len(steps) == 8
+    assert len(steps) == 9
     assert all(line.endswith(" s") for line in steps)
