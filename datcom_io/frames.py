@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from .blocks import BY_NAME, Column
 from .cells import FLAGS
-from .listing import Case, Listing, Page, Table
+from .layouts import BY_NAME
+from .layouts.form import Column
+from .listing import Case, Listing, Page
+from .tables import Printed, Table, Values
 
 _PRINTED_UNITS = {
     "length": {"FT": "ft", "IN": "in", "M": "m", "CM": "cm"},
@@ -47,8 +49,8 @@ def block(case: Case, name: str) -> pd.DataFrame:
         if table.layout.across:
             units[table.layout.across.name] = "deg"
     if not parts:
-        layout = BY_NAME[name]
-        return pd.DataFrame(columns=[*_PAGE_COLUMNS, *(column.name for column in layout.columns)])
+        columns = BY_NAME[name].columns if name in BY_NAME else ()
+        return pd.DataFrame(columns=[*_PAGE_COLUMNS, *(column.name for column in columns)])
     found = pd.concat(parts, ignore_index=True)
     found.attrs["units"] = units
     return found
@@ -84,10 +86,11 @@ def cells(listing: Listing) -> pd.DataFrame:
         for page in case.pages:
             place = {"case": case.ordinal, "mach": page.condition("mach"), "altitude": page.condition("h")}
             heading = " / ".join(page.heading)
-            for table in _all_tables(page):
-                for part in _heading_cells(table), _row_cells(table):
+            for table in _everything(page):
+                parts_of_table = (_heading_cells(table), _row_cells(table)) if isinstance(table, Table) else (_value_cells(table),)
+                for part in parts_of_table:
                     count = len(part["value"])
-                    part |= {name: np.full(count, item) for name, item in place.items()}
+                    part = {name: np.full(count, item) for name, item in place.items()} | part
                     for name, item in (("page", heading), ("table", table.name)):
                         part[name] = np.full(count, words[name].setdefault(item, len(words[name])))
                     codes = [words["column"].setdefault(name, len(words["column"])) for name in part["column"]]
@@ -100,10 +103,22 @@ def cells(listing: Listing) -> pd.DataFrame:
     return frame.astype({"line": int, "case": int})
 
 
-def _all_tables(page: Page) -> Iterator[Table]:
+def _everything(page: Page) -> Iterator[Printed]:
     if page.conditions is not None:
         yield page.conditions
-    yield from page.tables
+    yield from page.printed
+
+
+def _value_cells(group: Values) -> dict[str, Any]:
+    """Return the cells of a group of ``label = value``."""
+    return {
+        "line": np.array(group.lines),
+        "column": list(group.labels),
+        "text": np.array(group.texts, dtype=object),
+        "value": group.values,
+        "flag": group.flags,
+        **group.axes,
+    }
 
 
 def _heading_cells(table: Table) -> dict[str, Any]:

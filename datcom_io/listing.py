@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from flightmech.errors import UnknownName
 
-from .blocks import BY_NAME, Column, Layout
 from .deck import Deck
+from .layouts import NAMES
+from .tables import Printed, Table, Values
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,51 +23,6 @@ class Message(NamedTuple):
     line: int
     text: str
     origin: str = "program"
-
-
-@dataclass(frozen=True, eq=False)
-class Table:
-    """One printed table.
-
-    Attributes
-    ----------
-    layout : Layout
-        Its kind.
-    columns : tuple of Column
-        Printed columns; in a two-way table the value column is repeated under every heading value.
-    lines : tuple of int
-        Line number of each row.
-    rows : tuple of str
-        The rows as printed.
-    values : array (row, column)
-        Printed numbers, NaN where there is none. [as printed]
-    flags : array (row, column) of uint8
-        Codes of `datcom_io.FLAGS`.
-    across : array (heading value,) or None
-        Heading values of a two-way table. [as printed]
-    across_line : int
-        Line number of the heading values, 0 without.
-    """
-
-    layout: Layout
-    columns: tuple[Column, ...]
-    lines: tuple[int, ...]
-    rows: tuple[str, ...]
-    values: np.ndarray
-    flags: np.ndarray
-    across: np.ndarray | None = None
-    across_line: int = 0
-    across_row: str = ""
-
-    @property
-    def name(self) -> str:
-        """Kind of the table, for example ``static``."""
-        return self.layout.name
-
-    def text(self, row: int, column: int) -> str:
-        """Return a cell's text as printed, without the blanks around it."""
-        place = self.columns[column]
-        return self.rows[row][place.first - 1 : place.last].strip()
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +48,14 @@ class Page:
     dim: str = ""
     per: str = ""
     conditions: Table | None = None
-    tables: tuple[Table, ...] = ()
+    printed: tuple[Printed, ...] = ()
     notes: tuple[Message, ...] = ()
     parsed: bool = True
+
+    @property
+    def tables(self) -> tuple[Table, ...]:
+        """The page's tables, without its groups of ``label = value``."""
+        return tuple(item for item in self.printed if isinstance(item, Table))
 
     def table(self, name: str) -> Table | None:
         """Return the page's table of a kind, or None."""
@@ -140,14 +99,26 @@ class Case:
 
     def tables(self, name: str) -> Iterator[tuple[Page, Table]]:
         """Yield page and table of every table of a kind, in order."""
-        if name not in BY_NAME:
-            raise UnknownName(name, BY_NAME, "table kind")
+        self._demand_kind(name)
         for page in self.pages:
             if name == "conditions" and page.conditions is not None:
                 yield page, page.conditions
-            for table in page.tables:
-                if table.name == name:
+            for table in page.printed:
+                if table.name == name and isinstance(table, Table):
                     yield page, table
+
+    def values(self, name: str) -> Iterator[tuple[Page, Values]]:
+        """Yield page and group of every group of ``label = value`` of a kind, in order."""
+        self._demand_kind(name)
+        for page in self.pages:
+            for group in page.printed:
+                if group.name == name and isinstance(group, Values):
+                    yield page, group
+
+    @staticmethod
+    def _demand_kind(name: str) -> None:
+        if name not in NAMES:
+            raise UnknownName(name, NAMES, "table kind")
 
     def block(self, name: str) -> pd.DataFrame:
         """Return all tables of a kind as one table of printed numbers.

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, replace
+from functools import cache
 
-import numpy as np
+from .cells import read_cell
+from .layouts import BLOCKS, BY_HEADING, CONDITIONS
+from .layouts.form import Block, Line, heading_words
+from .listing import Message, Page
+from .rows import cuts, read_row
+from .tables import Printed, Table, make_table, read_table
 
-from .blocks import BY_HEADING, CONDITIONS, Column, Layout, heading_words
-from .cells import OK, read_cell
-from .listing import Message, Page, Table
-from .rows import Cells, cuts, read_row
-
-Line = tuple[int, str]
-_KINDS = (
+_TITLES = (
     ("CHARACTERISTICS AT ANGLE OF ATTACK", "static"),
     ("DYNAMIC DERIVATIVES", "dynamic"),
     ("CHARACTERISTICS OF HIGH LIFT", "high-lift"),
@@ -25,8 +25,8 @@ _KINDS = (
     ("LIST OF FINAL INPUTS", "final inputs"),
     ("EXTRAPOLATION MESSAGE SUMMARY", "extrapolation"),
     ("FOLLOWING ARE", "dump"),
-    (")=", "dump"),
 )
+_KINDS = (*_TITLES, (")=", "dump"))
 _LAST_HEADING_LINE = 12
 _CONDITION_CUTS = cuts(CONDITIONS.columns)
 _GROUND = re.compile(r"GROUND HEIGHT= *(FREE AIR|[\d.]+)")
@@ -50,7 +50,7 @@ _PER = re.compile(r"DERIVATIVE[S]? ?\(PER (DEGREE|RADIAN)\)")
 class Body:
     """What stands on a page besides its heading."""
 
-    tables: list[Table] = field(default_factory=list)
+    printed: list[Printed] = field(default_factory=list)
     notes: list[Message] = field(default_factory=list)
     messages: list[Message] = field(default_factory=list)
     unread: list[int] = field(default_factory=list)
@@ -60,17 +60,15 @@ class Body:
 def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[int]]:
     """Return a page, the messages that stand on it and the numbers of its lines that were not understood."""
     anchor = next((i for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE]) if "FLIGHT CONDITIONS" in text), None)
-    top = lines[1:_LAST_HEADING_LINE] if anchor is None else lines[1:anchor]
+    start = _body_start(lines) if anchor is None else 0
+    top = lines[1:start] if anchor is None else lines[1:anchor]
     heading = tuple(words for _, text in top if (words := text[1:].strip()) and words != _SECOND_TITLE)
     page = Page(_kind(lines[0][1], heading), case, lines[0][0], lines[-1][0], heading[:6])
     if page.kind in ("static", "dynamic", "high-lift") and heading[1:]:
         page = replace(page, configuration=_configuration(heading[1]))
-    if anchor is None:
-        blank = all(not text[1:].strip() for _, text in lines[1:])
-        return replace(page, parsed=blank), [], []
-    conditions, dim, after = _conditions(lines, anchor)
-    body = _read_body(lines[after:])
-    parsed = bool(body.tables) or not body.unread
+    conditions, dim, after = (None, "", start) if anchor is None else _conditions(lines, anchor)
+    body = _read_body(lines[after:], page.kind)
+    parsed = bool(body.printed) or not body.unread
     words = "\n".join(heading[1:])
     page = replace(
         page,
@@ -80,11 +78,19 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[i
         dim=dim,
         per=body.per,
         conditions=conditions,
-        tables=tuple(body.tables),
+        printed=tuple(body.printed),
         notes=tuple(body.notes),
         parsed=parsed,
     )
     return page, body.messages, body.unread if parsed else []
+
+
+def _body_start(lines: list[Line]) -> int:
+    """Return where the body of a page without flight conditions starts: behind the line that names its kind."""
+    for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE]):
+        if any(words in text for words, _ in _TITLES):
+            return i + 1
+    return 0
 
 
 def add_message(messages: list[Message], number: int, text: str) -> None:
@@ -130,51 +136,45 @@ def _conditions(lines: list[Line], anchor: int) -> tuple[Table | None, str, int]
                 continue
             row = read_row(text, _CONDITION_CUTS, 0)
             if row is not None:
-                return _table(CONDITIONS, CONDITIONS.columns, [(number, text, row)]), units[1], j + 1
+                return make_table(CONDITIONS, [(number, text, row)]), units[1], j + 1
             break
         return None, units[1], i + 1
     return None, "", anchor + 1
 
 
-def _table(
-    layout: Layout,
-    columns: tuple[Column, ...],
-    rows: list[tuple[int, str, Cells]],
-    across: np.ndarray | None = None,
-    across_line: int = 0,
-    across_row: str = "",
-) -> Table:
-    return Table(
-        layout,
-        columns,
-        tuple(number for number, _, _ in rows),
-        tuple(text for _, text, _ in rows),
-        np.array([values for _, _, (values, _) in rows]),
-        np.array([flags for _, _, (_, flags) in rows], dtype=np.uint8),
-        across,
-        across_line,
-        across_row,
-    )
-
-
-def _read_body(lines: list[Line]) -> Body:
+def _read_body(lines: list[Line], kind: str) -> Body:
     body = Body()
+    blocks = _blocks(kind)
     at = 0
     while at < len(lines):
         number, text = lines[at]
         at += 1
         if not text[1:].strip():
             continue
-        if layout := BY_HEADING.get(heading_words(text)):
-            table, after = _read_table(layout, lines, at)
+        words = heading_words(text)
+        if found := _read_block(blocks, words, lines, at - 1):
+            body.printed += found[0]
+            at = found[1]
+            continue
+        if layout := BY_HEADING.get(words):
+            table, after = read_table(layout, lines, at)
             if table is None and not _says_no_output(lines, at):
                 body.unread.append(number)
             elif table is not None:
-                body.tables.append(table)
+                body.printed.append(table)
                 at = after
             continue
         _sort_line(number, text, body)
     return body
+
+
+@cache
+def _blocks(kind: str) -> tuple[Block, ...]:
+    return tuple(block for block in BLOCKS if kind in block.pages)
+
+
+def _read_block(blocks: tuple[Block, ...], words: str, lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
+    return next((found for block in blocks if block.opens.search(words) and (found := block.read(lines, at))), None)
 
 
 def _says_no_output(lines: list[Line], at: int) -> bool:
@@ -200,52 +200,3 @@ def _sort_line(number: int, text: str, body: Body) -> None:
 
 def _is_note(words: str) -> bool:
     return words.startswith(_NOTES) and bool(words.strip("*"))
-
-
-def _read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None, int]:
-    """Return the table whose heading stands before index `at`, and the index after it; None when no row follows."""
-    columns, across, across_line, across_row = layout.columns, None, 0, ""
-    if layout.across:
-        found = _read_across(layout, lines, at)
-        if found is None:
-            return None, at
-        columns, across, across_line, across_row, at = found
-    windows = cuts(columns)
-    rows: list[tuple[int, str, Cells]] = []
-    after = at
-    while at < len(lines):
-        number, text = lines[at]
-        at += 1
-        if not text[1:].strip() or (not rows and heading_words(text) == "ALPHA"):
-            continue
-        row = read_row(text, windows, layout.keys) if text[0] == " " else None
-        if row is None:
-            break
-        rows.append((number, text, row))
-        after = at
-    if not rows:
-        return None, after
-    return _table(layout, columns, rows, across, across_line, across_row), after
-
-
-def _read_across(layout: Layout, lines: list[Line], at: int) -> tuple[tuple[Column, ...], np.ndarray, int, str, int] | None:
-    """Return columns, heading values, their line and text, and the index of the line after them."""
-    across = layout.across
-    assert across is not None
-    while at < len(lines) and not lines[at][1][1:].strip():
-        at += 1
-    if at == len(lines):
-        return None
-    number, text = lines[at]
-    start = text.find("=")
-    if not text[1:].lstrip().startswith(across.name) or not 0 <= start < across.first:
-        return None
-    columns, values = list(layout.columns), []
-    for k in range((len(text.rstrip()) - across.first) // across.step + 1):
-        shift = k * across.step
-        cell = read_cell(text[max(across.first - 1 + shift, start + 1) : across.last + shift])
-        if cell is None or cell[1] != OK:
-            return None
-        values.append(cell[0])
-        columns.append(across.cell._replace(first=across.cell.first + shift, last=across.cell.last + shift))
-    return (tuple(columns), np.array(values), number, text, at + 1) if values else None

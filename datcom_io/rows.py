@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from .blocks import Column
 from .cells import BLANK, read_cell
+from .layouts.form import Column
 
 Cells = tuple[list[float], list[int]]
 

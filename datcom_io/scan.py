@@ -12,13 +12,16 @@ from flightmech.errors import ParseError
 
 from . import faults
 from .deck import Deck, parse_cards
+from .layouts.form import Line
 from .lines import anchor, is_progress, open_lines, with_control_column
-from .listing import Case, Listing, Message, Page, Table
-from .pages import Line, add_message, read_page
+from .listing import Case, Listing, Message, Page
+from .pages import add_message, read_page
+from .tables import Table
 
 _CARD_TAIL = re.compile(r"\*\* (?:ERROR|ILLEGAL|MISSING)")
 _DIMENSIONS = "INPUT DIMENSIONS ARE IN"
 _ERROR_CARD = "ERROR IN CARD BELOW"
+_WITH_CONDITIONS = ("static", "dynamic", "high-lift", "auxiliary")
 _ARRAY_DUMP = re.compile(r" +[A-Z][A-Z0-9]* *\( *\d+\)=")
 
 
@@ -182,18 +185,19 @@ class _Scanner:
     def _checked(self, page: Page) -> Page:
         """Demand the number of rows that the deck asks for."""
         assert self.case is not None
-        if page.tables and page.conditions is None:
+        if page.tables and page.conditions is None and page.kind in _WITH_CONDITIONS:
             found, expected = "no flight-condition line that can be read", "a line of numbers below the units row"
             if not self.partial:
                 raise ParseError(
                     self.listing.file, page.first, found, f"{expected}; the page is damaged: take the rest with partial=True (--partial)"
                 )
             self.case.messages.append(Message(page.first, f"{found} on the page: its tables are left out", "reader"))
-            return replace(page, tables=(), parsed=False)
+            return replace(page, printed=(), parsed=False)
         for table in page.tables:
-            wanted = self.case.deck.count(*table.layout.rows)
+            wanted = self.case.deck.count(*table.layout.rows) if table.layout.rows else None
             if wanted is None or len(table.rows) == wanted or (len(table.rows) < wanted and self._ends_early(page)):
                 continue
+            assert table.layout.rows is not None
             count, variable = len(table.rows), table.layout.rows[1]
             found, expected = f"{count} rows in the {table.name} table", f"{wanted} rows ({variable} of the input cards)"
             if not self.partial:
@@ -266,7 +270,7 @@ class _Scanner:
 
 
 def _without(page: Page, table: Table) -> Page:
-    return replace(page, tables=tuple(other for other in page.tables if other is not table))
+    return replace(page, printed=tuple(other for other in page.printed if other is not table))
 
 
 def _name_cases(cases: list[Case]) -> None:

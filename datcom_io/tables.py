@@ -1,0 +1,204 @@
+"""Printed tables, and groups of ``label = value``: what they hold and how their lines are read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .cells import OK, read_cell
+from .layouts.form import Column, Layout, Line, heading_words
+from .rows import Cells, cuts, read_row
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """One printed table.
+
+    Attributes
+    ----------
+    layout : Layout
+        Its kind.
+    columns : tuple of Column
+        Printed columns; in a two-way table the value column is repeated under every heading value.
+    lines : tuple of int
+        Line number of each row.
+    rows : tuple of str
+        The rows as printed.
+    values : array (row, column)
+        Printed numbers, NaN where there is none. [as printed]
+    flags : array (row, column) of uint8
+        Codes of `datcom_io.FLAGS`.
+    across : array (heading value,) or None
+        Heading values of a two-way table. [as printed]
+    across_line : int
+        Line number of the heading values, 0 without.
+    """
+
+    layout: Layout
+    columns: tuple[Column, ...]
+    lines: tuple[int, ...]
+    rows: tuple[str, ...]
+    values: np.ndarray
+    flags: np.ndarray
+    across: np.ndarray | None = None
+    across_line: int = 0
+    across_row: str = ""
+
+    @property
+    def name(self) -> str:
+        """Kind of the table, for example ``static``."""
+        return self.layout.name
+
+    def text(self, row: int, column: int) -> str:
+        """Return a cell's text as printed, without the blanks around it."""
+        place = self.columns[column]
+        return self.rows[row][place.first - 1 : place.last].strip()
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """Numbers printed as ``label = value``, or alone in a line of words, in order.
+
+    Attributes
+    ----------
+    name : str
+        Kind of the group, for example ``fairing``.
+    labels : tuple of str
+        Label of each value as printed, made unique by the words of the heading above it where it must be.
+    lines : tuple of int
+        Line number of each value.
+    texts : tuple of str
+        Each value as printed.
+    values : array (value,)
+        NaN where there is no number. [as printed]
+    flags : array (value,) of uint8
+        Codes of `datcom_io.FLAGS`; a word that is no mark of a missing number is ``ok``.
+    units : tuple of str
+        Unit of each value as printed, empty where none is.
+    axes : dict of str to array (value,)
+        Axis values by house name where a line prints them, for example ``mach``.
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    lines: tuple[int, ...]
+    texts: tuple[str, ...]
+    values: np.ndarray
+    flags: np.ndarray
+    units: tuple[str, ...] = ()
+    axes: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def value(self, label: str) -> float:
+        """Return the first value of a label, NaN when it is not there. [as printed]"""
+        return float(self.values[self.labels.index(label)]) if label in self.labels else float("nan")
+
+
+Printed = Table | Values
+
+
+def make_table(
+    layout: Layout,
+    rows: Sequence[tuple[int, str, Cells]],
+    columns: tuple[Column, ...] = (),
+    across: np.ndarray | None = None,
+    across_line: int = 0,
+    across_row: str = "",
+) -> Table:
+    """Return a table of rows given as line number, text, cells; `columns` are those of the layout unless given."""
+    return Table(
+        layout,
+        columns or layout.columns,
+        tuple(number for number, _, _ in rows),
+        tuple(text for _, text, _ in rows),
+        np.array([values for _, _, (values, _) in rows]),
+        np.array([flags for _, _, (_, flags) in rows], dtype=np.uint8),
+        across,
+        across_line,
+        across_row,
+    )
+
+
+def make_values(name: str, items: Iterable[tuple[int, str, str, str]], axes: dict[str, np.ndarray] | None = None) -> Values:
+    """Return a group of values given as line number, label, text, unit."""
+    found = list(items)
+    cells = [read_cell(text) or (float("nan"), OK) for _, _, text, _ in found]
+    return Values(
+        name,
+        tuple(label for _, label, _, _ in found),
+        tuple(number for number, _, _, _ in found),
+        tuple(text.strip() for _, _, text, _ in found),
+        np.array([value for value, _ in cells]),
+        np.array([flag for _, flag in cells], dtype=np.uint8),
+        tuple(unit for _, _, _, unit in found),
+        axes or {},
+    )
+
+
+_PAIR = re.compile(r"(\S(?:.*?\S)?) *= *(\S+)(?: |$)")
+
+
+def pairs(text: str) -> list[tuple[str, str]]:
+    """Return label and value of every ``label = value`` of a line; a label may hold blanks and signs of equality.
+
+    Examples
+    --------
+    >>> pairs("   CLB/CL = 0.1616E-02     (CLB/CL)M=1.4 = 0.1000E-29")
+    [('CLB/CL', '0.1616E-02'), ('(CLB/CL)M=1.4', '0.1000E-29')]
+    """
+    found, at = [], 0
+    while pair := _PAIR.search(text, at):
+        found.append((pair[1].strip(), pair[2]))
+        at = pair.end()
+    return found
+
+
+def read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None, int]:
+    """Return the table whose heading stands before index `at`, and the index after it; None when no row follows."""
+    columns, across, across_line, across_row = layout.columns, None, 0, ""
+    if layout.across:
+        found = _read_across(layout, lines, at)
+        if found is None:
+            return None, at
+        columns, across, across_line, across_row, at = found
+    windows = cuts(columns)
+    rows: list[tuple[int, str, Cells]] = []
+    after = at
+    while at < len(lines):
+        number, text = lines[at]
+        at += 1
+        if not text[1:].strip() or (not rows and heading_words(text) == "ALPHA"):
+            continue
+        row = read_row(text, windows, layout.keys) if text[0] == " " else None
+        if row is None:
+            break
+        rows.append((number, text, row))
+        after = at
+    if not rows:
+        return None, after
+    return make_table(layout, rows, columns, across, across_line, across_row), after
+
+
+def _read_across(layout: Layout, lines: list[Line], at: int) -> tuple[tuple[Column, ...], np.ndarray, int, str, int] | None:
+    """Return columns, heading values, their line and text, and the index of the line after them."""
+    across = layout.across
+    assert across is not None
+    while at < len(lines) and not lines[at][1][1:].strip():
+        at += 1
+    if at == len(lines):
+        return None
+    number, text = lines[at]
+    start = text.find("=")
+    if not text[1:].lstrip().startswith(across.name) or not 0 <= start < across.first:
+        return None
+    columns, values = list(layout.columns), []
+    for k in range((len(text.rstrip()) - across.first) // across.step + 1):
+        shift = k * across.step
+        cell = read_cell(text[max(across.first - 1 + shift, start + 1) : across.last + shift])
+        if cell is None or cell[1] != OK:
+            return None
+        values.append(cell[0])
+        columns.append(across.cell._replace(first=across.cell.first + shift, last=across.cell.last + shift))
+    return (tuple(columns), np.array(values), number, text, at + 1) if values else None
