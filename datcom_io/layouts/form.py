@@ -53,7 +53,9 @@ class Layout(NamedTuple):
 
     ``heading`` holds the words of the line that opens it, with single blanks and without dashes; it is empty for a table that a
     `Block` finds.  The first ``keys`` columns are the row's axes.  ``rows`` names the namelist variable that tells how many rows there
-    must be, None where the print decides.  ``axes`` returns axis values (row, column) by house name where they are not printed.
+    must be, None where the print decides; ``stops`` are the words of a note that lets the table end earlier.  ``stream`` names the
+    variables whose product is the number of values of a table printed as one stream of numbers, and ``axes`` returns axis values
+    (row, column) by house name where they are not printed.
     """
 
     name: str
@@ -63,6 +65,8 @@ class Layout(NamedTuple):
     rows: tuple[str, str] | None = None
     across: Across | None = None
     axes: Callable[[Deck, Table], Mapping[str, np.ndarray]] | None = None
+    stops: str = ""
+    stream: tuple[tuple[str, str], ...] = ()
 
 
 Line = tuple[int, str]
