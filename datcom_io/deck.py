@@ -24,7 +24,7 @@ _CONTROL_WORDS = frozenset(
 _LARGEST_ARRAY = 300  # no array of the program is longer than 60
 # a new device of a saved case replaces the other one
 _REPLACES = {"SYMFLP": "ASYFLP", "ASYFLP": "SYMFLP", "PROPWR": "JETPWR", "JETPWR": "PROPWR"}
-_SPELLINGS = {"ALPHA": "ALSCHD"}
+_SPELLINGS = {("FLTCON", "ALPHA"): "ALSCHD"}  # TRNJET has an ALPHA of its own
 DIMENSIONS = ("FT", "IN", "M", "CM")
 
 
@@ -169,7 +169,7 @@ def _namelist(number: int, text: str, namelists: dict, problems: list[tuple[int,
     if pieces[0].strip(" ,"):
         problems.append((number, f"${name}: {pieces[0].strip()} stands before any variable"))
     for variable, index, values in zip(pieces[1::3], pieces[2::3], pieces[3::3]):
-        _assign(number, group, f"${name}", _SPELLINGS.get(variable, variable), int(index or 1), values, problems)
+        _assign(number, group, f"${name}", _SPELLINGS.get((name, variable), variable), int(index or 1), values, problems)
 
 
 def _assign(number: int, group: dict, where: str, variable: str, index: int, text: str, problems: list[tuple[int, str]]) -> None:
