@@ -19,12 +19,14 @@ if TYPE_CHECKING:
     from .cells import FLAGS
     from .deck import Deck
     from .grid import join, to_grid
-    from .listing import Case, Listing, Message, Page, Table
-    from .scan import read
+    from .listing import Case, DamagedListing, Listing, Message, Page, Table
+    from .scan import iterate, read
 
 _HOME = {
     "read": "scan",
+    "iterate": "scan",
     "Listing": "listing",
+    "DamagedListing": "listing",
     "Case": "listing",
     "Page": "listing",
     "Table": "listing",
@@ -37,11 +39,13 @@ _HOME = {
 __all__ = [
     "FLAGS",
     "Case",
+    "DamagedListing",
     "Deck",
     "Listing",
     "Message",
     "Page",
     "Table",
+    "iterate",
     "join",
     "read",
     "to_grid",

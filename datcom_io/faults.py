@@ -6,17 +6,20 @@ Both known builds (the source of January 1996 with the corrections of 2011, and 
 from __future__ import annotations
 
 import math
-from itertools import groupby
 
 from .arrange import printed_condition
-from .listing import Case, Listing, Message
+from .listing import Case, Message
 
 
-def report(listing: Listing) -> None:
-    """Add the reader's messages about program faults to the cases."""
-    for _, cases in groupby(listing, key=lambda case: case.run):
-        _drift_of_control_moments(list(cases))
-    for case in listing:
+class Observer:
+    """Sees the cases of a file in order and adds the reader's messages to them."""
+
+    def __init__(self) -> None:
+        self.run, self.control_tables = 0, 0
+
+    def report(self, case: Case) -> None:
+        """Add the reader's messages about the program's faults to a case."""
+        self._drift_of_control_moments(case)
         _last_mach_in_static_pages(case)
         _pressure_on_control_pages(case)
         _weight(case)
@@ -26,24 +29,23 @@ def report(listing: Listing) -> None:
         _reference_quantities(case)
         _conditions_missing(case)
 
-
-def _say(case: Case, line: int, text: str) -> None:
-    case.messages.append(Message(line, text, "reader"))
-
-
-def _drift_of_control_moments(cases: list[Case]) -> None:
-    """The program keeps a part of D(CM) from one condition of a run to the next."""
-    count = 0
-    for case in cases:
+    def _drift_of_control_moments(self, case: Case) -> None:
+        """The program keeps a part of D(CM) from one condition of a run to the next."""
+        if case.run != self.run:
+            self.run, self.control_tables = case.run, 0
         tables = [table for _, table in case.tables("symflp")]
-        count += len(tables)
-        if tables and count > 1:
+        self.control_tables += len(tables)
+        if tables and self.control_tables > 1:
             _say(
                 case,
                 tables[-1].lines[0],
-                f"D(CM) of {count} conditions from one program run: the program carries it from condition to condition and it drifts "
-                "(by 40 % after 18 conditions); for D(CM) that counts make one run per condition",
+                f"D(CM) of {self.control_tables} conditions from one program run: the program carries it from condition to condition and "
+                "it drifts (by 40 % after 18 conditions); for D(CM) that counts make one run per condition",
             )
+
+
+def _say(case: Case, line: int, text: str) -> None:
+    case.messages.append(Message(line, text, "reader"))
 
 
 def _last_mach_in_static_pages(case: Case) -> None:
@@ -110,11 +112,12 @@ def _power_on_missing_cells(case: Case) -> None:
 
 def _dynamic_pages_repeated(case: Case) -> None:
     """The dynamic page is printed again after every ground page; it must be the same one."""
+    if not any(math.isfinite(page.ground_height) for page in case.pages):
+        return
     first: dict[tuple, tuple] = {}
     for page, table in case.tables("dynamic"):
         rows = tuple(row.split() for row in table.rows)
-        held = first.setdefault((page.configuration, *printed_condition(page)), rows)
-        if held != rows and any(math.isfinite(other.ground_height) for other in case.pages):
+        if first.setdefault((page.configuration, *printed_condition(page)), rows) != rows:
             _say(case, table.lines[0], "this dynamic page differs from the one before for the same condition; the first one is used")
             return
 

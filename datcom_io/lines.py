@@ -1,4 +1,4 @@
-"""Lines of a listing as a stream, with the carriage-control column in place.
+"""Lines of a listing in blocks, with the carriage-control column in place.
 
 Column 1 of the print is the Fortran carriage control: blank, ``0`` (an empty line first), ``1`` (new page), ``+``.  A
 file that went through a printer filter has lost it: all columns lie one to the left, form feeds stand for new pages.
@@ -6,9 +6,12 @@ file that went through a printer filter has lost it: all columns lie one to the 
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
 from collections.abc import Iterable, Iterator
+from itertools import islice
+from typing import TextIO
 
 ANCHORS = {
     "CONERR - INPUT ERROR CHECKING": "run",
@@ -22,18 +25,58 @@ ANCHORS = {
 }
 _STARTS = tuple(ANCHORS)
 _PROGRESS = re.compile(r" ?(?:Return to main program from|Preparing to start the big loop|At \d+\s*$)")
+ARRAY_DUMP = re.compile(r" +[A-Z][A-Z0-9]* *\( *\d+\)=")
+_MAY_TURN = re.compile(r"1|.? *+(?:[A-Z][A-Z0-9]* *\( *\d+\)=|Return to|Preparing|At |" + "|".join(map(re.escape, _STARTS)) + ")")
+_BLOCK_CHARACTERS = 1 << 18
+_BLOCK_LINES = 4096
+_TRAILING = "\r\n\x1a "
 
 
-def open_lines(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[str]:
-    """Yield the lines of a file or of an iterable without their ends; only a line feed ends a line.
+def line_blocks(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[list[str]]:
+    """Yield the lines of a file or of an iterable in blocks, without their ends; only a line feed ends a line.
 
-    Bytes are read as ISO 8859-1, so that any byte in a CASEID survives.
+    Bytes are read as ISO 8859-1, so that any byte in a CASEID survives; a byte-order mark is dropped, and that of UTF-16, as
+    PowerShell writes it, is obeyed.  Tabs are expanded to every eighth column.
     """
-    if isinstance(source, str | os.PathLike):
-        with open(source, encoding="latin-1", newline="\n") as stream:
-            yield from (line.rstrip("\r\n\x1a ") for line in stream)
+    if not isinstance(source, str | os.PathLike):
+        rest = iter(source)
+        first = True
+        while lines := [str(line) for line in islice(rest, _BLOCK_LINES)]:
+            if first:
+                lines[0], first = lines[0].removeprefix("\ufeff"), False
+            yield _clean(lines, "".join(lines))
+        return
+    with open(source, "rb") as stream:
+        mark = stream.read(3)
+    if mark.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        encoding, skip = "utf-16", 0
     else:
-        yield from (str(line).rstrip("\r\n\x1a ") for line in source)
+        encoding, skip = "latin-1", 3 if mark == codecs.BOM_UTF8 else 0
+    with open(source, encoding=encoding, errors="replace", newline="\n") as text:
+        text.read(skip)
+        yield from _blocks(text)
+
+
+def _blocks(stream: TextIO) -> Iterator[list[str]]:
+    begun: list[str] = []  # pieces of a line whose end has not come yet
+    while block := stream.read(_BLOCK_CHARACTERS):
+        begun.append(block)
+        if "\n" in block:
+            text = "".join(begun)
+            *lines, rest = text.split("\n")
+            begun = [rest]
+            yield _clean(lines, text)
+    if rest := "".join(begun):
+        yield _clean([rest], rest)
+
+
+def _clean(lines: list[str], text: str) -> list[str]:
+    """Return lines without their ends; `text` is all of them."""
+    if "\x1a" in text:
+        lines = [line.lstrip("\x1a") for line in lines]
+    if "\t" in text:
+        lines = [line.expandtabs() for line in lines]
+    return [line.rstrip(_TRAILING) for line in lines]
 
 
 def anchor(line: str) -> str:
@@ -44,22 +87,48 @@ def anchor(line: str) -> str:
     return next(kind for words, kind in ANCHORS.items() if text.startswith(words))
 
 
-def with_control_column(lines: Iterable[str]) -> Iterator[tuple[int, str]]:
-    """Yield line number and line, with column 1 put back where a printer filter took it away.
+def turns(lines: list[str]) -> list[int]:
+    """Return the indices of lines that may open or close a part of the print, or are no part of it."""
+    match = _MAY_TURN.match
+    return [i for i, line in enumerate(lines) if match(line)]
 
-    The first line of the print proper decides: with control column it starts with ``1``.  The banner before it is passed on as it is.
+
+class ControlColumn:
+    """Puts column 1 back where a printer filter took it away.
+
+    The first line of the print proper decides, and the first line of every further program run in the file decides again:
+    with control column it starts with ``1``.  A banner before it is passed on as it is.
     """
-    missing: bool | None = None
-    for number, line in enumerate(lines, 1):
-        if missing is None:
-            if line.startswith("1") and anchor(line):
-                missing = False
-            elif anchor(" " + line.lstrip("\f")):
-                missing = True
-        if missing:
-            text = line.lstrip("\f")
-            line = ("1" if text != line or anchor(" " + text) else " ") + text
-        yield number, line or " "
+
+    def __init__(self) -> None:
+        self.missing: bool | None = None
+
+    def restore(self, lines: list[str]) -> list[str]:
+        """Return the lines of a block with column 1; none of them is empty."""
+        done: list[str] = []
+        for i, line in enumerate(lines):
+            if self.missing is None or "CONERR" in line:
+                missing = self._missing(line.lstrip("\f"))
+                if missing is not None:
+                    done += self._restored(lines[len(done) : i])
+                    self.missing = missing
+        return done + self._restored(lines[len(done) :])
+
+    @staticmethod
+    def _missing(line: str) -> bool | None:
+        if line.startswith("1") and anchor(line):
+            return False
+        return True if anchor(" " + line) else None
+
+    def _restored(self, lines: list[str]) -> list[str]:
+        if self.missing:
+            return [_with_control(line) for line in lines]
+        return [line.lstrip("\f") or " " for line in lines]
+
+
+def _with_control(line: str) -> str:
+    text = line.lstrip("\f")
+    return ("1" if text != line or anchor(" " + text) else " ") + text
 
 
 def is_progress(line: str) -> bool:

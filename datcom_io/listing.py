@@ -6,15 +6,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from flightmech.errors import UnknownName
+from flightmech.errors import ParseError, UnknownName
 
 from .deck import Deck
-from .layouts import NAMES
+from .layouts import CONDITIONS, NAMES
 from .tables import Printed, Table, Values
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+
+_CONDITION_COLUMNS = {column.house: k for k, column in enumerate(CONDITIONS.columns)}
 
 
 class Message(NamedTuple):
@@ -65,7 +67,7 @@ class Page:
         """Return a number of the flight-condition line by its house name, NaN when it is missing. [as printed]"""
         if self.conditions is None:
             return float("nan")
-        return float(self.conditions.values[0, [column.house for column in self.conditions.columns].index(name)])
+        return self.conditions.number(0, _CONDITION_COLUMNS[name])
 
 
 @dataclass(eq=False)
@@ -241,3 +243,14 @@ class Listing:
         from .dataset import listing_tree
 
         return listing_tree(self, fill_transonic=fill_transonic)
+
+
+class DamagedListing(ParseError):
+    """A listing that is damaged or cut; ``listing`` holds everything complete before the fault.
+
+    Its pages are those that ``partial=True`` gives up to the same line, the page with the fault without the table that is damaged.
+    """
+
+    def __init__(self, file: str, line: int, found: str, expected: str, listing: Listing):
+        super().__init__(file, line, found, expected)
+        self.listing = listing

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field, replace
-from functools import cache
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
 
 from .cells import read_cell
 from .layouts import BLOCKS, BY_HEADING, CONDITIONS
-from .layouts.form import Block, Line, heading_words
+from .layouts.form import Block, Layout, Line, heading_words
 from .listing import Message, Page
-from .rows import cuts, read_row
-from .tables import Printed, Table, make_table, read_table
+from .rows import windows
+from .tables import Printed, Table, read_table
 
 _TITLES = (
     ("CHARACTERISTICS AT ANGLE OF ATTACK", "static"),
@@ -28,7 +29,8 @@ _TITLES = (
 )
 _KINDS = (*_TITLES, (")=", "dump"))
 _LAST_HEADING_LINE = 12
-_CONDITION_CUTS = cuts(CONDITIONS.columns)
+_LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
+_CONDITION_WINDOWS = windows(CONDITIONS.columns, CONDITIONS.keys)
 _GROUND = re.compile(r"GROUND HEIGHT= *(FREE AIR|[\d.]+)")
 _FLAP = re.compile(r"FLAP DEFLECTION= *(-?[\d.]+)")
 _POWER = re.compile(r"(JET|PROPELLER) POWER EFFECTS INCLUDED")
@@ -63,15 +65,18 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[i
     start = _body_start(lines) if anchor is None else 0
     top = lines[1:start] if anchor is None else lines[1:anchor]
     heading = tuple(words for _, text in top if (words := text[1:].strip()) and words != _SECOND_TITLE)
-    page = Page(_kind(lines[0][1], heading), case, lines[0][0], lines[-1][0], heading[:6])
-    if page.kind in ("static", "dynamic", "high-lift") and heading[1:]:
-        page = replace(page, configuration=_configuration(heading[1]))
-    conditions, dim, after = (None, "", start) if anchor is None else _conditions(lines, anchor)
-    body = _read_body(lines[after:], page.kind)
-    parsed = bool(body.printed) or not body.unread
+    kind = _kind(lines[0][1], heading)
     words = "\n".join(heading[1:])
-    page = replace(
-        page,
+    conditions, dim, after = (None, "", start) if anchor is None else _conditions(lines, anchor)
+    body = _read_body(lines, after, kind)
+    parsed = bool(body.printed) or not body.unread
+    page = Page(
+        kind=kind,
+        case=case,
+        first=lines[0][0],
+        last=lines[-1][0],
+        heading=heading[:6],
+        configuration=_configuration(heading[1]) if kind in ("static", "dynamic", "high-lift") and heading[1:] else "",
         ground_height=_ground_height(words),
         flap=_number(_FLAP, words),
         power=power[1].lower() if (power := _POWER.search(words)) else "off",
@@ -134,47 +139,38 @@ def _conditions(lines: list[Line], anchor: int) -> tuple[Table | None, str, int]
             number, text = lines[j]
             if not text[1:].strip():
                 continue
-            row = read_row(text, _CONDITION_CUTS, 0)
-            if row is not None:
-                return make_table(CONDITIONS, [(number, text, row)]), units[1], j + 1
+            if _CONDITION_WINDOWS.hold(text):
+                return Table(CONDITIONS, CONDITIONS.columns, (number,), (text,)), units[1], j + 1
             break
         return None, units[1], i + 1
     return None, "", anchor + 1
 
 
-def _read_body(lines: list[Line], kind: str) -> Body:
+def _read_body(lines: list[Line], at: int, kind: str) -> Body:
     body = Body()
-    blocks = _blocks(kind)
-    at = 0
     while at < len(lines):
         number, text = lines[at]
         at += 1
-        if not text[1:].strip():
+        if len(text) < 2:
             continue
-        words = heading_words(text)
-        if found := _read_block(blocks, words, lines, at - 1):
+        meaning = (_meaning if len(text) <= _LONGEST_LINE else _meaning.__wrapped__)(kind, text)
+        if meaning.blocks and (found := _read_block(meaning.blocks, lines, at - 1)):
             body.printed += found[0]
-            at = found[1]
-            continue
-        if layout := BY_HEADING.get(words):
-            table, after = read_table(layout, lines, at)
-            if table is None and not _says_no_output(lines, at):
-                body.unread.append(number)
-            elif table is not None:
+            at = max(at, found[1])
+        elif meaning.layout is not None:
+            table, after = read_table(meaning.layout, lines, at)
+            if table is not None:
                 body.printed.append(table)
                 at = after
-            continue
-        _sort_line(number, text, body)
+            elif not _says_no_output(lines, at):
+                body.unread.append(number)
+        else:
+            _sort(number, meaning, body)
     return body
 
 
-@cache
-def _blocks(kind: str) -> tuple[Block, ...]:
-    return tuple(block for block in BLOCKS if kind in block.pages)
-
-
-def _read_block(blocks: tuple[Block, ...], words: str, lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    return next((found for block in blocks if block.opens.search(words) and (found := block.read(lines, at))), None)
+def _read_block(blocks: tuple[Block, ...], lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
+    return next((found for block in blocks if (found := block.read(lines, at))), None)
 
 
 def _says_no_output(lines: list[Line], at: int) -> bool:
@@ -182,21 +178,40 @@ def _says_no_output(lines: list[Line], at: int) -> bool:
     return words.startswith("*NOTE* NO OUTPUT AVAILABLE")
 
 
-def _sort_line(number: int, text: str, body: Body) -> None:
-    words = text[1:].strip()
-    if _WARNING.search(words):
-        add_message(body.messages, number, words)
-    elif per := _PER.search(words):
-        body.per = body.per or {"DEGREE": "deg", "RADIAN": "rad"}[per[1]]
-        if not _DECORATION.search(heading_words(text)):
-            body.unread.append(number)
-    elif _DECORATION.match(heading_words(text)):
-        return
-    elif _is_note(words):
-        add_message(body.notes, number, words)
+class Meaning(NamedTuple):
+    """What a line of a page may be: it opens one of the blocks, or a table, or it is a text of its own sort."""
+
+    blocks: tuple[Block, ...]
+    layout: Layout | None
+    sort: str
+    words: str
+    per: str
+
+
+@lru_cache(4096)
+def _meaning(kind: str, text: str) -> Meaning:
+    """Return what a line may be on a page of a kind; the same headings and notes stand on every page."""
+    words = heading_words(text)
+    blocks = tuple(block for block in BLOCKS if kind in block.pages and block.opens.search(words))
+    plain = text[1:].strip()
+    per = _PER.search(plain)
+    if _WARNING.search(plain):
+        sort = "message"
+    elif per or _DECORATION.match(words):
+        sort = "decoration" if _DECORATION.search(words) else "unread"
+    elif not plain:
+        sort = "decoration"
     else:
+        sort = "note" if plain.startswith(_NOTES) and plain.strip("*") else "unread"
+    return Meaning(blocks, BY_HEADING.get(words), sort, plain, {"DEGREE": "deg", "RADIAN": "rad"}[per[1]] if per else "")
+
+
+def _sort(number: int, meaning: Meaning, body: Body) -> None:
+    if meaning.sort == "message":
+        add_message(body.messages, number, meaning.words)
+        return
+    body.per = body.per or meaning.per
+    if meaning.sort == "note":
+        add_message(body.notes, number, meaning.words)
+    elif meaning.sort == "unread":
         body.unread.append(number)
-
-
-def _is_note(words: str) -> bool:
-    return words.startswith(_NOTES) and bool(words.strip("*"))

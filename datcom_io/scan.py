@@ -73,7 +73,7 @@ def iterate(source: Source, *, partial: bool = False) -> Cases:
     Examples
     --------
     >>> for case in datcom_io.iterate("for006.dat"):              # doctest: +SKIP
-    ...     case.cells().to_parquet(f"{case.ordinal}.parquet")
+    ...     print(case.name, len(case.cells()))
     """
     return Cases(source, partial)
 

@@ -5,17 +5,21 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .cells import OK, read_cell
-from .layouts.form import Column, Layout, Line, heading_words
-from .rows import Cells, cuts, read_row
+from .rows import Cells, read_field, read_fields, windows
+
+if TYPE_CHECKING:  # the layouts make tables themselves
+    from .layouts.form import Column, Layout, Line
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """One printed table.
+    """One printed table; its numbers are read from the rows when they are first used.
 
     Attributes
     ----------
@@ -27,30 +31,51 @@ class Table:
         Line number of each row.
     rows : tuple of str
         The rows as printed.
-    values : array (row, column)
-        Printed numbers, NaN where there is none. [as printed]
-    flags : array (row, column) of uint8
-        Codes of `datcom_io.FLAGS`.
     across : array (heading value,) or None
         Heading values of a two-way table. [as printed]
     across_line : int
         Line number of the heading values, 0 without.
+    across_row : str
+        That line as printed.
+    given : tuple of array, or None
+        ``values`` and ``flags`` where they are not just the cells of the rows.
     """
 
     layout: Layout
     columns: tuple[Column, ...]
     lines: tuple[int, ...]
     rows: tuple[str, ...]
-    values: np.ndarray
-    flags: np.ndarray
     across: np.ndarray | None = None
     across_line: int = 0
     across_row: str = ""
+    given: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def name(self) -> str:
         """Kind of the table, for example ``static``."""
         return self.layout.name
+
+    @cached_property
+    def cells(self) -> tuple[np.ndarray, np.ndarray]:
+        """`values` and `flags`."""
+        return self.given or read_fields(self.rows, self.columns)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Printed numbers (row, column), NaN where there is none. [as printed]"""
+        return self.cells[0]
+
+    @property
+    def flags(self) -> np.ndarray:
+        """Codes of `datcom_io.FLAGS` (row, column), uint8."""
+        return self.cells[1]
+
+    def number(self, row: int, column: int) -> float:
+        """Return one printed number, NaN where there is none; the others need not be read for it. [as printed]"""
+        if self.given is not None:
+            return float(self.given[0][row, column])
+        cell = read_field(self.text(row, column), self.columns[column].words)
+        return cell[0] if cell else float("nan")
 
     def text(self, row: int, column: int) -> str:
         """Return a cell's text as printed, without the blanks around it."""
@@ -113,11 +138,10 @@ def make_table(
         columns or layout.columns,
         tuple(number for number, _, _ in rows),
         tuple(text for _, text, _ in rows),
-        np.array([values for _, _, (values, _) in rows]),
-        np.array([flags for _, _, (_, flags) in rows], dtype=np.uint8),
         across,
         across_line,
         across_row,
+        (np.array([values for _, _, (values, _) in rows]), np.array([flags for _, _, (_, flags) in rows], dtype=np.uint8)),
     )
 
 
@@ -163,22 +187,23 @@ def read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None
         if found is None:
             return None, at
         columns, across, across_line, across_row, at = found
-    windows = cuts(columns)
-    rows: list[tuple[int, str, Cells]] = []
+    hold = windows(columns, layout.keys).hold
+    numbers: list[int] = []
+    rows: list[str] = []
     after = at
     while at < len(lines):
         number, text = lines[at]
         at += 1
-        if not text[1:].strip() or (not rows and heading_words(text) == "ALPHA"):
+        if len(text) < 2 or (not rows and text[1:].strip() == "ALPHA"):
             continue
-        row = read_row(text, windows, layout.keys) if text[0] == " " else None
-        if row is None:
+        if text[0] != " " or not hold(text):
             break
-        rows.append((number, text, row))
+        numbers.append(number)
+        rows.append(text)
         after = at
     if not rows:
         return None, after
-    return make_table(layout, rows, columns, across, across_line, across_row), after
+    return Table(layout, columns, tuple(numbers), tuple(rows), across, across_line, across_row), after
 
 
 def _read_across(layout: Layout, lines: list[Line], at: int) -> tuple[tuple[Column, ...], np.ndarray, int, str, int] | None:
