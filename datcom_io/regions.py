@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 
+from .cells import BLANK
 from .deck import Deck, parse_cards
-from .layouts.form import Line
+from .layouts.form import Layout, Line
 from .lines import ARRAY_DUMP, anchor, is_progress, turns
 from .listing import Case, DamagedListing, Listing, Message, Page
 from .pages import add_message, read_page
-from .tables import Printed
+from .tables import Printed, Table
 
 _CARD_TAIL = re.compile(r"\*\* (?:ERROR|ILLEGAL|MISSING)")
 _DIMENSIONS = "INPUT DIMENSIONS ARE IN"
@@ -205,16 +207,26 @@ class Scanner:
             return [(list(page.printed), page.first, found, "a line of numbers below the units row of the page")]
         faults: list[tuple[list[Printed], int, str, str]] = []
         for table in page.tables:
-            wanted = self.case.deck.count(*table.layout.rows) if table.layout.rows else None
-            if wanted is None or len(table.rows) == wanted or (len(table.rows) < wanted and self._ends_early(page)):
-                continue
-            assert table.layout.rows is not None
-            found = f"{len(table.rows)} rows in the {table.name} table"
-            faults.append(([table], table.lines[-1], found, f"{wanted} rows ({table.layout.rows[1]} of the input cards)"))
+            if miscount := self._miscount(page, table):
+                faults.append(([table], table.lines[-1], *miscount))
         return faults
 
-    def _ends_early(self, page: Page) -> bool:
+    def _miscount(self, page: Page, table: Table) -> tuple[str, str] | None:
+        """Return what a table has and what the input cards ask for, None where they agree."""
         assert self.case is not None
+        layout = table.layout
+        if layout.stream:
+            return _miscounted_stream(table, self.case.deck)
+        wanted = self.case.deck.count(*layout.rows) if layout.rows else None
+        count = len(table.rows)
+        if layout.rows is None or wanted is None or count == wanted or (count < wanted and self._ends_early(page, layout)):
+            return None
+        return f"{count} rows in the {table.name} table", f"{wanted} rows ({layout.rows[1]} of the input cards)"
+
+    def _ends_early(self, page: Page, layout: Layout) -> bool:
+        assert self.case is not None
+        if layout.stops:
+            return any(layout.stops in note.text for note in page.notes)
         pages = [page] if page.kind == "static" else [page, *self.case.pages]
         return any("ANALYSIS TERMINATED" in note.text for other in pages for note in other.notes)
 
@@ -257,3 +269,14 @@ class Scanner:
         if printed:
             self.case.pages.append(replace(page, printed=printed))
         return f"{text}; the last table of the page at lines {page.first}-{page.last} is left out"
+
+
+def _miscounted_stream(table: Table, deck: Deck) -> tuple[str, str] | None:
+    """Return found and expected of a table printed as one stream of values, None when it is whole."""
+    counts = [count for variable in table.layout.stream if (count := deck.count(*variable)) is not None]
+    printed = table.flags.ravel() != BLANK
+    wanted, found = math.prod(counts), int(printed.sum())
+    if len(counts) < len(table.layout.stream) or (found == wanted and printed[:found].all()):
+        return None
+    product = " x ".join(variable for _, variable in table.layout.stream)
+    return f"{found} values in the {table.name} table", f"{wanted} values ({product} of the input cards)"

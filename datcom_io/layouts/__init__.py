@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from . import clean, devices
+from . import clean, devices, tabs, trim
 from .clean import CONDITIONS
 from .form import Block, Layout
 
-_SUBJECTS = (clean, devices)
+_SUBJECTS = (clean, devices, tabs, trim)
 
 LAYOUTS: tuple[Layout, ...] = tuple(layout for subject in _SUBJECTS for layout in subject.LAYOUTS)
 BLOCKS: tuple[Block, ...] = tuple(block for subject in _SUBJECTS for block in getattr(subject, "BLOCKS", ()))
 BY_HEADING = {layout.heading: layout for layout in LAYOUTS if layout.heading}
 BY_NAME = {layout.name: layout for layout in (CONDITIONS, *LAYOUTS)}
-NAMES = tuple(dict.fromkeys((*BY_NAME, *(name for block in BLOCKS for name in block.names))))
+NAMES = tuple(dict.fromkeys((*BY_NAME, *(name for block in BLOCKS for name in block.names), *notes.NAMES)))
 """All kinds of table."""
