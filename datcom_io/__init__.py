@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from .deck import Deck
     from .grid import join, to_grid
     from .listing import Case, DamagedListing, Listing, Message, Page, Table
+    from .plot_file import read_plot
+    from .plot_table import read_for014
+    from .refining import refine
     from .scan import iterate, read
 
 _HOME = {
@@ -35,6 +38,9 @@ _HOME = {
     "FLAGS": "cells",
     "join": "grid",
     "to_grid": "grid",
+    "read_plot": "plot_file",
+    "read_for014": "plot_table",
+    "refine": "refining",
 }
 __all__ = [
     "FLAGS",
@@ -48,6 +54,9 @@ __all__ = [
     "iterate",
     "join",
     "read",
+    "read_for014",
+    "read_plot",
+    "refine",
     "to_grid",
 ]
 
