@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from . import clean, devices, tabs, trim
+from . import auxiliary, clean, devices, diagnostics, fairing, notes, sections, special, tabs, trim
 from .clean import CONDITIONS
 from .form import Block, Layout
 
-_SUBJECTS = (clean, devices, tabs, trim)
+_SUBJECTS = (clean, devices, tabs, trim, special, diagnostics, auxiliary, fairing, sections)
 
 LAYOUTS: tuple[Layout, ...] = tuple(layout for subject in _SUBJECTS for layout in subject.LAYOUTS)
 BLOCKS: tuple[Block, ...] = tuple(block for subject in _SUBJECTS for block in getattr(subject, "BLOCKS", ()))
