@@ -82,7 +82,7 @@ def control_surface(deck: Deck) -> str:
 def arrange(case: Case) -> tuple[list[Condition], dict[int, Spot]]:
     """Return the flight conditions of a case in order, and the place of each page by its first line.
 
-    Dynamic pages that repeat an earlier one, and pages without flight condition, have no place.
+    Dynamic and auxiliary pages that repeat an earlier one, and pages without flight condition, have no place.
     """
     occurrences = _occurrences(case)
     keys: dict[int, tuple[Group, int]] = {}  # page to printed condition and its occurrence
@@ -92,7 +92,7 @@ def arrange(case: Case) -> tuple[list[Condition], dict[int, Spot]]:
         times = occurrences.get(group, 1)
         each = max(1, len(pages) // times)  # pages of this heading within one condition
         for i, page in enumerate(pages):
-            if page.kind == "dynamic" and i % each:
+            if page.kind in ("dynamic", "auxiliary") and i % each:
                 continue
             if page.kind == "static" and math.isfinite(page.ground_height):
                 keys[page.first], deltas[page.first] = (group, i // each), _ground_delta(case.deck, page, i % each, each)
@@ -109,12 +109,12 @@ def arrange(case: Case) -> tuple[list[Condition], dict[int, Spot]]:
 
 
 def _groups(case: Case) -> dict[tuple, list[Page]]:
-    """Return pages with tables by heading, in order."""
+    """Return pages with tables or values by heading, in order."""
     groups: dict[tuple, list[Page]] = defaultdict(list)
     for page in case.pages:
-        if page.conditions is not None and page.tables:
+        if page.conditions is not None and page.printed:
             flap = "" if math.isnan(page.flap) else str(page.flap)
-            key = (page.kind, page.tables[0].name, page.configuration, page.power, page.ground_height, flap, *printed_condition(page))
+            key = (page.kind, page.printed[0].name, page.configuration, page.power, page.ground_height, flap, *printed_condition(page))
             groups[key].append(page)
     return groups
 
