@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
+
+import numpy as np
 
 OK, NDM, NA, BLANK, FILLED, OVERFLOW, NOT_A_NUMBER, SENTINEL, ABSENT = range(9)
 
@@ -42,6 +45,24 @@ def read_cell(text: str) -> tuple[float, int] | None:
     if -_LARGEST_SENTINEL < value < _LARGEST_SENTINEL and value != 0.0:
         return value, SENTINEL
     return value, OK
+
+
+def read_cells(texts: Iterable[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Return values and flags of many fields, each as `read_cell` does; NaN and ``ok`` where a text is no cell."""
+    values: list[float] = []
+    words: list[tuple[int, str]] = []
+    for text in texts:
+        try:
+            values.append(float(text))
+        except ValueError:
+            words.append((len(values), text))
+            values.append(0.0)
+    value, flag = np.array(values, float), np.zeros(len(values), np.uint8)
+    flag[(np.abs(value) < _LARGEST_SENTINEL) & (value != 0.0)] = SENTINEL
+    flag[~np.isfinite(value)] = NOT_A_NUMBER
+    for i, word in words:
+        value[i], flag[i] = _read_word(word.strip()) or (math.nan, OK)
+    return value, flag
 
 
 def _read_word(word: str) -> tuple[float, int] | None:

@@ -140,6 +140,20 @@ class Case:
 
         return block(self, name)
 
+    def cells(self) -> pd.DataFrame:
+        """Return one row per printed cell.
+
+        Returns
+        -------
+        DataFrame (cell, ...)
+            ``line case page table mach altitude alpha delta delta_left delta_right delta_difference``, other axes that the tables have,
+            ``column text value flag``; numbers as printed, axis values NaN where the table has no such axis, ``flag`` a word of
+            `datcom_io.FLAGS`.  ``page table column text flag`` are categorical.
+        """
+        from .cell_frame import cells
+
+        return cells([self])
+
     def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
         """Return the case in SI and radians, under house names.
 
@@ -231,10 +245,9 @@ class Listing:
         Returns
         -------
         DataFrame (cell, ...)
-            ``line case page table mach altitude alpha delta delta_left delta_right delta_difference column text value flag``; numbers
-            as printed, axis values NaN where the table has no such axis, ``flag`` a word of `datcom_io.FLAGS`.
+            As `Case.cells` of all cases.
         """
-        from .frames import cells
+        from .cell_frame import cells
 
         return cells(self)
 

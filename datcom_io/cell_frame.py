@@ -1,0 +1,251 @@
+"""All printed cells as one pandas frame.
+
+A listing prints the same few texts over and over, so every distinct text is read once and the cells are codes of texts.  The rest
+of a cell is known for its row, its table or its page, and is spread over the cells when all of them are counted.
+"""
+
+from __future__ import annotations
+
+from array import array
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
+from itertools import chain, count
+from operator import itemgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from .cells import BLANK, FLAGS, OK, read_cells
+from .layouts.form import Column
+from .listing import Case, Page
+from .tables import Table, Values
+
+AXES = ("alpha", "delta", "delta_left", "delta_right", "delta_difference")
+_FIRST = ("line", "case", "page", "table", "mach", "altitude")
+_LAST = ("column", "text", "value", "flag")
+
+
+def cells(cases: Iterable[Case]) -> pd.DataFrame:
+    """Build the frame of `Listing.cells` and `Case.cells`."""
+    gathered = _Gathered()
+    for case in cases:
+        for page in case.pages:
+            gathered.add_page(case, page)
+    return gathered.frame()
+
+
+def _codes() -> defaultdict[str, int]:
+    """Return a dict that numbers words from 0, in order of appearance."""
+    return defaultdict(count().__next__)
+
+
+class _Readings:
+    """The distinct fields of a listing: as cut from the rows to the number of a reading."""
+
+    def __init__(self) -> None:
+        number = count().__next__
+        self.cells: defaultdict[str, int] = defaultdict(number)
+        self.words: defaultdict[str, int] = defaultdict(number)  # of columns of words
+
+    def read(self) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
+        """Return the distinct texts, and for each reading the index of its text, its value and its flag."""
+        parts = [*self.cells, *self.words]
+        order = np.array([*self.cells.values(), *self.words.values()], np.intp)
+        stripped = [part.strip() for part in parts]
+        texts = dict(zip(dict.fromkeys(stripped), count()))
+        text, value, flag = np.empty(len(parts), np.int32), np.full(len(parts), np.nan), np.zeros(len(parts), np.int8)
+        text[order] = list(map(texts.__getitem__, stripped))
+        value[order[: len(self.cells)]], flag[order[: len(self.cells)]] = read_cells(self.cells)
+        flag[order[len(self.cells) :]] = [OK if word else BLANK for word in stripped[len(self.cells) :]]
+        return list(texts), text, value, flag
+
+
+class _Place(NamedTuple):
+    """What the cells of a page have in common."""
+
+    case: int
+    page: int
+    mach: float
+    altitude: float
+
+
+class _Strip(NamedTuple):
+    """Rows of equal columns: how many, the index of their pattern, and where they stand."""
+
+    rows: int
+    columns: int
+    pattern: int
+    table: int
+    case: int
+    page: int
+    mach: float
+    altitude: float
+
+
+class _Override(NamedTuple):
+    """Values of a column of the frame for cells from ``start`` on, where they are not those of the pattern."""
+
+    column: str
+    start: int
+    values: np.ndarray
+
+
+class _Gathered:
+    """What the cells are made of, in order of the print."""
+
+    def __init__(self) -> None:
+        self.pages, self.tables, self.columns = _codes(), _codes(), _codes()
+        self.readings = _Readings()
+        self.codes, self.lines = array("i"), array("i")
+        self.strips: list[_Strip] = []
+        self.patterns: dict[tuple[tuple[Column, ...], int], int] = {}
+        self.pattern_columns: list[int] = []  # codes of the column names of all patterns
+        self.pattern_start: list[int] = []
+        self.pattern_keys: list[dict[str, int]] = []
+        self.overrides: list[_Override] = []
+
+    def add_page(self, case: Case, page: Page) -> None:
+        """Gather the cells of a page."""
+        place = _Place(case.ordinal, self.pages[" / ".join(page.heading)], page.condition("mach"), page.condition("h"))
+        for item in (page.conditions, *page.printed):
+            if isinstance(item, Table):
+                self._add_heading(item, place)
+                self._add_table(case, item, place)
+            elif isinstance(item, Values):
+                self._add_values(item, place)
+
+    def _strip(self, name: str, lines: Iterable[int], rows: int, pattern: int, columns: int, place: _Place) -> None:
+        self.lines.extend(lines)
+        self.strips.append(_Strip(rows, columns, pattern, self.tables[name], *place))
+
+    def _add_table(self, case: Case, table: Table, place: _Place) -> None:
+        start = len(self.codes)
+        if any(column.words for column in table.columns):
+            self.codes.extend(self._word(column, row) for row in table.rows for column in table.columns)
+        else:
+            self.codes.extend(map(self.readings.cells.__getitem__, chain.from_iterable(map(_cutter(table.columns), table.rows))))
+        self._strip(table.name, table.lines, len(table.rows), self._pattern(table), len(table.columns), place)
+        if table.given is not None:
+            self._override("value", start, table.values)
+            self._override("flag", start, table.flags)
+        if table.across is not None and table.layout.across is not None:
+            axis = np.concatenate((np.full(table.layout.keys, np.nan), table.across))
+            self._override(table.layout.across.house, start, np.tile(axis, len(table.rows)))
+        if table.layout.axes is not None:
+            self._override_axes(table.layout.axes(case.deck, table), start)
+
+    def _add_heading(self, table: Table, place: _Place) -> None:
+        """Gather the heading values of a two-way table."""
+        across, values = table.layout.across, table.across
+        if across is None or values is None:
+            return
+        start = len(self.codes)
+        shifts = [k * across.step for k in range(len(values))]
+        texts = [table.across_row[max(0, across.first - 1 + shift) : across.last + shift].strip(" =") for shift in shifts]
+        self.codes.extend(map(self.readings.cells.__getitem__, texts))
+        pattern = self._pattern_of((Column(across.name, 1, 1),) * len(values), 0)
+        self._strip(table.name, [table.across_line], 1, pattern, len(values), place)
+        self._override("value", start, values)
+        self._override(across.house, start, values)
+
+    def _add_values(self, group: Values, place: _Place) -> None:
+        start = len(self.codes)
+        self.codes.extend(map(self.readings.cells.__getitem__, group.texts))
+        self._strip(group.name, group.lines, len(group.lines), self._pattern_of((Column("", 1, 1),), 0), 1, place)
+        self._override("column", start, np.array([self.columns[label] for label in group.labels], np.int32))
+        self._override("value", start, group.values)
+        self._override("flag", start, group.flags)
+        self._override_axes(group.axes, start)
+
+    def _override(self, column: str, start: int, values: np.ndarray) -> None:
+        self.overrides.append(_Override(column, start, np.ravel(values)))
+
+    def _override_axes(self, axes: Mapping[str, np.ndarray], start: int) -> None:
+        for name, values in axes.items():
+            self._override(name, start, values)
+
+    def _word(self, column: Column, row: str) -> int:
+        return (self.readings.words if column.words else self.readings.cells)[row[column.first - 1 : column.last]]
+
+    def _pattern(self, table: Table) -> int:
+        return self._pattern_of(table.columns, table.layout.keys)
+
+    def _pattern_of(self, columns: tuple[Column, ...], keys: int) -> int:
+        pattern = self.patterns.get((columns, keys))
+        if pattern is None:
+            self.patterns[columns, keys] = pattern = len(self.patterns)
+            self.pattern_start.append(len(self.pattern_columns))
+            self.pattern_columns += [self.columns[column.name] for column in columns]
+            self.pattern_keys.append({column.house: k for k, column in enumerate(columns[:keys]) if column.house})
+        return pattern
+
+    def frame(self) -> pd.DataFrame:
+        """Spread what is known of rows, tables and pages over the cells."""
+        strips = {name: np.array([strip[k] for strip in self.strips]) for k, name in enumerate(_Strip._fields)}
+        rows = strips["rows"].astype(np.int64)
+        of_strip = rows * strips["columns"].astype(np.int64)
+        columns_of_row = np.repeat(strips["columns"], rows).astype(np.int64)
+        pattern_of_row = np.repeat(strips["pattern"], rows).astype(np.int64)
+        start_of_row = np.cumsum(columns_of_row) - columns_of_row
+        codes = np.frombuffer(self.codes, np.int32)
+        texts, text, value, flag = self.readings.read()
+        found: dict[str, Any] = {
+            "line": np.repeat(np.frombuffer(self.lines, np.int32), columns_of_row),
+            "case": np.repeat(strips["case"].astype(np.int32), of_strip),
+            "page": np.repeat(_small(strips["page"], len(self.pages)), of_strip),
+            "table": np.repeat(_small(strips["table"], len(self.tables)), of_strip),
+            "mach": np.repeat(strips["mach"].astype(float), of_strip),
+            "altitude": np.repeat(strips["altitude"].astype(float), of_strip),
+            "column": self._columns(start_of_row, columns_of_row, pattern_of_row, len(codes)),
+            "text": text[codes],
+            "value": value[codes],
+            "flag": flag[codes],
+        }
+        self._apply_overrides(found, ("column", "value", "flag"))
+        axes = tuple(dict.fromkeys((*AXES, *(name for pattern in self.pattern_keys for name in pattern), *self._other_axes(found))))
+        for name in axes:
+            found.setdefault(name, self._axis(name, found["value"], start_of_row, columns_of_row, pattern_of_row))
+        self._apply_overrides(found, (*axes, "mach", "altitude"))
+        words = {"page": self.pages, "table": self.tables, "column": self.columns, "text": texts, "flag": FLAGS}
+        for name, kinds in words.items():
+            found[name] = pd.Categorical.from_codes(found[name], pd.Index(list(kinds), dtype="str"), validate=False)
+        order = (*_FIRST, *(name for name in axes if name not in _FIRST), *_LAST)
+        return pd.DataFrame({name: found[name] for name in order}, copy=False)
+
+    def _other_axes(self, found: Mapping[str, object]) -> Iterable[str]:
+        return (override.column for override in self.overrides if override.column not in found)
+
+    def _apply_overrides(self, found: dict[str, Any], names: tuple[str, ...]) -> None:
+        for name, start, values in self.overrides:
+            if name in names:
+                found[name][start : start + len(values)] = values
+
+    def _columns(self, start_of_row: np.ndarray, columns_of_row: np.ndarray, pattern_of_row: np.ndarray, count: int) -> np.ndarray:
+        if not self.pattern_start:
+            return np.empty(0, np.int8)
+        first = np.array(self.pattern_start)[pattern_of_row] - start_of_row
+        return _small(np.array(self.pattern_columns), len(self.columns))[np.repeat(first, columns_of_row) + np.arange(count)]
+
+    def _axis(
+        self, name: str, value: np.ndarray, start_of_row: np.ndarray, columns_of_row: np.ndarray, pattern_of_row: np.ndarray
+    ) -> np.ndarray:
+        keys = np.array([pattern.get(name, -1) for pattern in self.pattern_keys], np.int64)
+        if not len(keys) or keys.max() < 0:
+            return np.full(len(value), np.nan)
+        key = keys[pattern_of_row]
+        of_row = np.where(key < 0, np.nan, value[start_of_row + np.maximum(key, 0)])
+        return np.repeat(of_row, columns_of_row)
+
+
+def _small(codes: np.ndarray, count: int) -> np.ndarray:
+    """Return codes in the smallest type that holds `count` words."""
+    return codes.astype(np.int8 if count < 1 << 7 else np.int16 if count < 1 << 15 else np.int32)
+
+
+@lru_cache(256)
+def _cutter(columns: tuple[Column, ...]) -> Callable[[str], Iterable[str]]:
+    """Return a function that cuts a row into its fields."""
+    parts = [slice(column.first - 1, column.last) for column in columns]
+    return itemgetter(*parts) if len(parts) > 1 else lambda row: (row[parts[0]],)
