@@ -17,6 +17,7 @@ from flightmech.lazy import load
 
 if TYPE_CHECKING:
     from .cells import FLAGS
+    from .datcom_plus import read_datcom_plus_csv
     from .deck import Deck
     from .grid import join, to_grid
     from .listing import Case, DamagedListing, Listing, Message, Page, Table
@@ -39,6 +40,7 @@ _HOME = {
     "join": "grid",
     "to_grid": "grid",
     "read_plot": "plot_file",
+    "read_datcom_plus_csv": "datcom_plus",
     "read_for014": "plot_table",
     "refine": "refining",
 }
@@ -54,6 +56,7 @@ __all__ = [
     "iterate",
     "join",
     "read",
+    "read_datcom_plus_csv",
     "read_for014",
     "read_plot",
     "refine",
