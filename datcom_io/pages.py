@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from .cells import read_cell
 from .layouts import BLOCKS, BY_HEADING, CONDITIONS
+from .layouts import notes as footnotes
 from .layouts.form import Block, Layout, Line, heading_words
 from .listing import Message, Page
 from .rows import windows
@@ -20,6 +21,7 @@ _TITLES = (
     ("CHARACTERISTICS OF HIGH LIFT", "high-lift"),
     ("CONFIGURATION AUXILIARY", "auxiliary"),
     ("SECTION DEFINITION", "section"),
+    ("USER DEFINED", "section"),
     ("AERODYNAMIC CONTROL EFFECTIVENESS", "hypersonic"),
     ("SPECIAL CONTROL METHODS", "special"),
     ("TRANSVERSE-JET CONTROL", "special"),
@@ -35,22 +37,14 @@ _GROUND = re.compile(r"GROUND HEIGHT= *(FREE AIR|[\d.]+)")
 _FLAP = re.compile(r"FLAP DEFLECTION= *(-?[\d.]+)")
 _POWER = re.compile(r"(JET|PROPELLER) POWER EFFECTS INCLUDED")
 _UNITS = re.compile(r"(FT|IN|M|CM) +\1/SEC ")
-_WARNING = re.compile(r"WARNING\*\*\*|TAIL EFFECTS IGNORED|LATERAL STABILITY DERIVATIVES ARE DELETED|FUSELAGE\. FOR THIS CASE")
 _SECOND_TITLE = "APRIL 1976 VERSION OF DATCOM"  # one build breaks the title of a hypersonic page
-# second lines of a message or note
-_CONTINUED = (
-    "TAIL EFFECTS IGNORED]",
-    "APPLICABLE TO THE LINEAR LIFT REGION.",
-    "ALL NAMES REFER TO NAMELIST",
-    "FUSELAGE. FOR THIS CASE",
-    "LINES FROM THE DEFLECTED CONTROLS.",
-    "CONTROL ABOUT ITS HINGE LINE.",
-)
-_NOTES = (*_CONTINUED, "*** ", "***N", "**NOTE*", "*NOTE*", "**  CD0=", "ANALYSIS TERMINATED", "NOTE - ")
+# first line of the numbers on a page whose heading ends in a CASEID
+_NUMBERS_BEGIN = re.compile(r".? *MACH NUMBER ?=|.? TIME \(SEC\)")
 # headings around tables that carry nothing of their own
 _DECORATION = re.compile(
     r"DERIVATIVE \(PER (DEGREE|RADIAN)\)$|DYNAMIC DERIVATIVES \(PER (DEGREE|RADIAN)\)$|PITCHING +ACCELERATION +ROLLING +YAWING$"
-    r"|INCREMENTS DUE TO DEFLECTION +DERIVATIVES \(PER DEGREE\)$|\*{100,}$"  # a frame of asterisks around a message
+    r"|INCREMENTS DUE TO DEFLECTION +DERIVATIVES \(PER DEGREE\)$"
+    r"|\*{100,}$|INPUT DIMENSIONS ARE IN "  # a frame of asterisks around a message; the cards tell the dimensions
 )
 _PER = re.compile(r"DERIVATIVE[S]? ?\(PER (DEGREE|RADIAN)\)")
 
@@ -64,6 +58,7 @@ class Body:
     messages: list[Message] = field(default_factory=list)
     unread: list[int] = field(default_factory=list)
     per: str = ""
+    said: list[Message] = field(default_factory=list)  # notes or messages, where the last one went
 
 
 def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[int]]:
@@ -83,7 +78,7 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[i
         first=lines[0][0],
         last=lines[-1][0],
         heading=heading[:6],
-        configuration=_configuration(heading[1]) if kind in ("static", "dynamic", "high-lift") and heading[1:] else "",
+        configuration=_configuration(heading[1]) if kind in ("static", "dynamic", "high-lift", "auxiliary") and heading[1:] else "",
         ground_height=_ground_height(words),
         flap=_number(_FLAP, words),
         power=power[1].lower() if (power := _POWER.search(words)) else "off",
@@ -98,16 +93,15 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[i
 
 
 def _body_start(lines: list[Line]) -> int:
-    """Return where the body of a page without flight conditions starts: behind the line that names its kind."""
-    for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE]):
-        if any(words in text for words, _ in _TITLES):
-            return i + 1
-    return 0
+    """Return where the body of a page without flight conditions starts: behind the line that names its kind, and the CASEID."""
+    top = lines[:_LAST_HEADING_LINE]
+    start = next((i + 1 for i, (_, text) in enumerate(top) if any(words in text for words, _ in _TITLES)), 0)
+    return next((i for i in range(start, len(top)) if _NUMBERS_BEGIN.match(top[i][1])), start)
 
 
 def add_message(messages: list[Message], number: int, text: str) -> None:
     """Append a message of the program, or continue the one before."""
-    if messages and text.startswith(_CONTINUED):
+    if messages and footnotes.continues(text):
         messages[-1] = messages[-1]._replace(text=f"{messages[-1].text} {text}")
     else:
         messages.append(Message(number, text))
@@ -200,25 +194,24 @@ def _meaning(kind: str, text: str) -> Meaning:
     """Return what a line may be on a page of a kind; the same headings and notes stand on every page."""
     words = heading_words(text)
     blocks = tuple(block for block in BLOCKS if kind in block.pages and block.opens.search(words))
-    plain = text[1:].strip()
+    plain = footnotes.plain(text)
     per = _PER.search(plain)
-    if _WARNING.search(plain):
-        sort = "message"
-    elif per or _DECORATION.match(words):
+    if per or _DECORATION.match(words):
         sort = "decoration" if _DECORATION.search(words) else "unread"
     elif not plain:
         sort = "decoration"
     else:
-        sort = "note" if plain.startswith(_NOTES) and plain.strip("*") else "unread"
+        sort = "continued" if footnotes.continues(plain) else footnotes.sort_of(plain) or "unread"
     return Meaning(blocks, BY_HEADING.get(words), sort, plain, {"DEGREE": "deg", "RADIAN": "rad"}[per[1]] if per else "")
 
 
 def _sort(number: int, meaning: Meaning, body: Body) -> None:
-    if meaning.sort == "message":
-        add_message(body.messages, number, meaning.words)
-        return
     body.per = body.per or meaning.per
-    if meaning.sort == "note":
-        add_message(body.notes, number, meaning.words)
-    elif meaning.sort == "unread":
+    if meaning.sort == "unread":
         body.unread.append(number)
+    elif meaning.sort != "decoration":
+        if meaning.sort != "continued":
+            body.said = body.messages if meaning.sort == "message" else body.notes
+        add_message(body.said, number, meaning.words)
+        if found := footnotes.numbers(number, meaning.words):
+            body.printed.append(found)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from .cells import BLANK
 from .deck import Deck, parse_cards
+from .layouts import notes
 from .layouts.form import Layout, Line
 from .lines import ARRAY_DUMP, anchor, is_progress, turns
 from .listing import Case, DamagedListing, Listing, Message, Page
@@ -116,7 +117,9 @@ class Scanner:
             return
         self._close_page()
         self._close_cards()
-        if line.strip() != "1":
+        if notes.sort_of(line[1:].strip()) == "message":
+            self._remark(number, line)
+        elif line.strip() != "1":
             self.region, self.page = "page", [(number, line)]
 
     def _inside(self, number: int, line: str) -> None:
@@ -144,7 +147,7 @@ class Scanner:
         elif self.cards and self.cards[-1][1].startswith("NEXT CASE"):
             self._close_cards()
             self._remark(number, line)
-        elif line[0] == "0" or text.startswith(_ERROR_CARD):
+        elif line[0] == "0" or notes.sort_of(text.strip()) == "message" or notes.continues(text.strip()):
             if text.strip():
                 self._remark(number, line)
         elif self.case and self.case.messages and self.case.messages[-1] == Message(self.last, _ERROR_CARD):
@@ -202,7 +205,7 @@ class Scanner:
     def _faults(self, page: Page) -> list[tuple[list[Printed], int, str, str]]:
         """Return what is damaged on a page: the items to leave out, a line, what was found, what was expected."""
         assert self.case is not None
-        if page.tables and page.conditions is None and page.kind in _WITH_CONDITIONS:
+        if page.printed and page.conditions is None and page.kind in _WITH_CONDITIONS:
             found = "no flight-condition line that can be read"
             return [(list(page.printed), page.first, found, "a line of numbers below the units row of the page")]
         faults: list[tuple[list[Printed], int, str, str]] = []

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells import BLANK, NOT_A_NUMBER, OK, SENTINEL, read_cell
-from ..tables import Printed, Table, Values, make_table, make_values, pairs
+from ..tables import Printed, Values, make_table, make_values, pairs
 from .form import Across, Block, Column, Layout, Line, heading_words
 
 _MOST_DELTAS = 10
