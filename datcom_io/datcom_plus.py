@@ -121,7 +121,7 @@ def _blocks(file: str, lines: Sequence[str]) -> tuple[list[_Block], list[str]]:
             blocks.append(_Block(heading[1], heading[2], number))
             opened = True
         elif not text or text.startswith("*"):
-            opened = False
+            opened = opened and not text and not blocks[-1].rows  # a blank line may stand below a heading
             remarks += [f"line {number}: {text.strip('* ')}"] if text.strip("* ") else []
         elif opened and "," in text:
             blocks[-1].rows.append((number, [_cell(file, number, cell) for cell in text.split(",")]))

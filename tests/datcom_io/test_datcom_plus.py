@@ -101,12 +101,17 @@ def test_per_radian(written):
         ("   0.0, .1850E-01\n", "   0.0, .1, .2\n", "line 7: found 3 numbers in a row of the block Alpha, Cd"),
         ("      , -10.0, 10.0\n", "", "a number above the angles of attack"),
         ("Alpha, Epslon\n", "Alpha, Cd\n", "a second block Alpha, Cd"),
-        ("Alpha, Epslon\n", "Alpha, Epslon\n\n", "line 14: found the heading Alpha, Epslon without numbers"),
+        ("Alpha, Epslon\n", "Alpha, Epslon\nAlpha, CL\n", "line 14: found the heading Alpha, Epslon without numbers"),
     ],
 )
 def test_faults(written, old, new, text):
     with pytest.raises(ParseError, match=text):
         datcom_io.read_datcom_plus_csv(written(TEXT.replace(old, new, 1)), deriv="DEG")
+
+
+def test_blank_line_below_a_heading(written):
+    tree = datcom_io.read_datcom_plus_csv(written(TEXT.replace("Alpha, Cd\n", "Alpha, Cd\n\n")), deriv="DEG")
+    assert tree["static"]["CD"].size == 3
 
 
 def test_foreign_file(written):
