@@ -24,6 +24,11 @@ Bare numbers are SI, texts carry their unit.  Positions are in body axes from th
     [limits]
     delta_e = ["-20 deg", "17 deg"]
 
+    [control.delta_e]
+    S_hinge = 1.5
+    c_hinge = 0.35
+    gearing = "-1.2 rad/m"
+
     [instruments.imu]
     position = [0.9, 0.25, 0.32]
 """
@@ -49,6 +54,7 @@ Vector = tuple[float, float, float]
 
 CONTROLS = ("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "gear", "speedbrake", "throttle")
 THRUST_AXES = ("throttle", "mach", "h")
+TRAVEL = {"delta_e": ("column", "m-1"), "delta_a": ("wheel", "1"), "delta_r": ("pedal", "m-1")}  # control: what moves it, unit of its gearing
 
 
 @dataclass(frozen=True)
@@ -77,6 +83,27 @@ class Engine:
 
 
 @dataclass(frozen=True)
+class Control:
+    """What a hinge moment acts on: H = qbar S_hinge c_hinge Ch, positive as the deflection of the surface.
+
+    Parameters
+    ----------
+    S_hinge : float
+        Area behind the hinge line of all surfaces that the control moves together. [m2]
+    c_hinge : float
+        Mean chord behind the hinge line. [m]
+    gearing : float, optional
+        Deflection per travel of column, wheel or pedal, in the signs of the house; negative in an ordinary aeroplane, where a
+        column pulled aft raises the elevator.  The pilot holds the surface with F = -gearing H.
+        [rad m-1 for elevator and rudder, rad per rad of the wheel for the ailerons]
+    """
+
+    S_hinge: float
+    c_hinge: float
+    gearing: float | None = None
+
+
+@dataclass(frozen=True)
 class Aircraft:
     """Geometry, mass and equipment of an aircraft, SI.
 
@@ -102,6 +129,10 @@ class Aircraft:
         Travel of the controls. [SI]
     instruments : dict of str to dict
         Tables of the instruments as in the file; `flighttest` reads them.
+    controls : dict of str to Control
+        Hinge geometry of ``delta_e``, ``delta_a`` and ``delta_r``; ``[control.delta_e]`` in the file.
+    history : str
+        Where the numbers come from when they were computed, one line per step.
     """
 
     name: str
@@ -121,6 +152,8 @@ class Aircraft:
     engines: tuple[Engine, ...] = ()
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     instruments: dict[str, Any] = field(default_factory=dict)
+    controls: dict[str, Control] = field(default_factory=dict)
+    history: str = ""
 
 
 def read_aircraft(path: str | Path) -> Aircraft:
@@ -144,8 +177,9 @@ def read_aircraft(path: str | Path) -> Aircraft:
     engines = tuple(_engine(item, number, path.parent, problems) for number, item in enumerate(content.engine, 1))
     if problems:
         raise SchemaError(str(path), problems)
-    plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name != "engines"}
-    return Aircraft(engines=engines, **plain)
+    controls = {name: Control(**dict(item)) for name, item in content.control.items()}
+    plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in ("engines", "controls")}
+    return Aircraft(engines=engines, controls=controls, **plain)
 
 
 _Length = si("m")
@@ -189,6 +223,24 @@ class _EngineTable(_Entry):
         return self
 
 
+class _ControlTable(_Entry):
+    S_hinge: si("m2")  # type: ignore[valid-type]
+    c_hinge: _Length  # type: ignore[valid-type]
+    gearing: float | None = None
+
+    @field_validator("S_hinge", "c_hinge")
+    @classmethod
+    def _positive(cls, value: float) -> float:
+        return _positive(value)
+
+    @field_validator("gearing")
+    @classmethod
+    def _not_zero(cls, value: float | None) -> float | None:
+        if value is not None and not (np.isfinite(value) and value != 0.0):
+            raise ValueError("expected a deflection per travel other than zero; leave it out when it is not known")
+        return value
+
+
 class _File(_Entry):
     name: str
     S: si("m2")  # type: ignore[valid-type]
@@ -207,13 +259,23 @@ class _File(_Entry):
     engine: list[_EngineTable] = Field(default_factory=list)
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
     instruments: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    control: dict[str, _ControlTable] = Field(default_factory=dict)
+    history: str = ""
 
     @field_validator("S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz")
     @classmethod
     def _positive(cls, value: float) -> float:
-        if not (np.isfinite(value) and value > 0.0):
-            raise ValueError("expected a positive number")
-        return value
+        return _positive(value)
+
+    @field_validator("control", mode="before")
+    @classmethod
+    def _gearings(cls, table: Any) -> Any:
+        """Turn gearings into SI here, because their unit depends on the control."""
+        if not isinstance(table, dict):
+            return table
+        if unknown := sorted(set(table) - set(TRAVEL)):
+            raise ValueError(f"unknown control {', '.join(unknown)}; allowed: {', '.join(TRAVEL)}")
+        return {name: _with_gearing(item, TRAVEL[name][1]) for name, item in table.items()}
 
     @field_validator("limits", mode="before")
     @classmethod
@@ -234,6 +296,21 @@ def inertia(aircraft: Any) -> np.ndarray:
     """Return the inertia tensor (3, 3) about the c.g., body axes. [kg m2]"""
     Ixx, Iyy, Izz, Ixy, Ixz, Iyz = (getattr(aircraft, name) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"))
     return np.array([[Ixx, -Ixy, -Ixz], [-Ixy, Iyy, -Iyz], [-Ixz, -Iyz, Izz]])
+
+
+def _positive(value: float) -> float:
+    if not (np.isfinite(value) and value > 0.0):
+        raise ValueError("expected a positive number")
+    return value
+
+
+def _with_gearing(item: Any, units: str) -> Any:
+    if not isinstance(item, dict) or "gearing" not in item:
+        return item
+    try:
+        return {**item, "gearing": quantity(item["gearing"], units)}
+    except UnitError as error:
+        raise ValueError(f"gearing: {error}") from error
 
 
 def _range(name: str, item: Any) -> tuple[float, float]:
