@@ -1,39 +1,22 @@
-"""Input cards as a listing echoes them: namelists and control cards of one case.
+"""One case of an input deck: the cards as written, and what the program sees when SAVE has replayed those before.
 
-Card text starts in column 1 here.  A namelist opens with ``$NAME`` in column 2 and closes with a second ``$``; every
-other card is a control card.  Values unset in the program are absent here.
+Values unset in the program are absent here.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
-from .cells import OK, read_cell
+from .deck_cards import ERROR, Card, Finding, Item, Namelist, read_items
+from .deck_names import DIMENSIONS
+from .deck_values import Value, value_text
 
-Value = float | bool
-# bounded pieces and single blanks: a line of garbage must not take quadratic time
-_ASSIGNMENT = re.compile(r"([A-Z][A-Z0-9]{0,7}) ?(?:\( ?(\d{1,4}) ?\))? ?=")
-_REPEAT = re.compile(r"(\d{1,4}) ?\* ?(.+)")
-_LOGICAL = re.compile(r"\.([TF])[A-Z]*\.?|([TF])")
-_CONTROL_WORDS = frozenset(
-    ("DIM", "DERIV", "CASEID", "DAMP", "PART", "BUILD", "TRIM", "PLOT", "NAMELIST", "DUMP", "PRINT", "NACA", "SAVE", "NEXT")
-)
+Variables = dict[str, list[Value | None]]
 _LARGEST_ARRAY = 300  # no array of the program is longer than 60
-# a new device of a saved case replaces the other one
-_REPLACES = {"SYMFLP": "ASYFLP", "ASYFLP": "SYMFLP", "PROPWR": "JETPWR", "JETPWR": "PROPWR"}
-_SPELLINGS = {("FLTCON", "ALPHA"): "ALSCHD"}  # TRNJET has an ALPHA of its own
-DIMENSIONS = ("FT", "IN", "M", "CM")
-
-
-class Card(NamedTuple):
-    """A control card: line number in the file, first word, rest of the card."""
-
-    line: int
-    name: str
-    text: str
+# a new device of a case replaces the other one; the two power namelists only hide each other
+_REPLACES = {"SYMFLP": "ASYFLP", "ASYFLP": "SYMFLP"}
+_HIDES = {"PROPWR": "JETPWR", "JETPWR": "PROPWR"}
 
 
 @dataclass(frozen=True)
@@ -44,19 +27,45 @@ class Deck:
     ----------
     namelists : dict
         Namelist name to variable name to list of values (float, bool, or None where an index was not set); index 1 is item 0.
+        As the program sees them: replayed namelists included.
     cards : tuple of Card
         Control cards in order; NACA cards of a saved case come first.
-    problems : tuple of (int, str)
-        Line number and text of what could not be read.
+    items : tuple of Namelist and Card
+        The cards of this case as written, in order.
+    replayed : tuple of Namelist and Card
+        Namelists and NACA cards that SAVE brings from the cases before, as written there.
+    findings : tuple of Finding
+        What could not be read, and what the program would not read.
     dim, deriv : str
         Unit of length, ``FT IN M CM``; unit of derivatives, ``DEG RAD``.  They last until changed.
     """
 
-    namelists: dict[str, dict[str, list[Value | None]]] = field(default_factory=dict)
+    namelists: dict[str, Variables] = field(default_factory=dict)
     cards: tuple[Card, ...] = ()
-    problems: tuple[tuple[int, str], ...] = ()
+    items: tuple[Item, ...] = ()
+    replayed: tuple[Item, ...] = ()
+    findings: tuple[Finding, ...] = ()
     dim: str = "FT"
     deriv: str = "DEG"
+
+    @property
+    def problems(self) -> tuple[tuple[int, str], ...]:
+        """Line number and text of every finding that is an error."""
+        return tuple((finding.line, finding.text) for finding in self.findings if finding.severity == ERROR)
+
+    @property
+    def line(self) -> int:
+        """First line of the case, 0 when it has no cards."""
+        return self.items[0].line if self.items else 0
+
+    def line_of(self, namelist: str, variable: str = "") -> int:
+        """Return the line where a variable, or a namelist, was given last; that of the case when it is nowhere."""
+        for item in reversed((*self.replayed, *self.items)):
+            if isinstance(item, Namelist) and item.name == namelist:
+                lines = [a.line for a in item.assignments if a.variable == variable]
+                if lines or not variable:
+                    return lines[-1] if lines else item.line
+        return self.line_of(namelist) if variable else self.line
 
     def values(self, namelist: str, variable: str) -> list[float]:
         """Return an array of numbers; empty when it is not given. [as in the deck]"""
@@ -109,6 +118,32 @@ class Deck:
             return "subsonic"
         return "supersonic" if mach >= (1.4 if supersonic is None else supersonic) else "transonic"
 
+    @property
+    def sections(self) -> dict[str, str]:
+        """Surface, ``W H V F``, to its NACA type and designation, such as ``4 2415``; the last card of a surface counts."""
+        cards = [card.text for card in self.cards if card.name == "NACA"]
+        return {text[:1]: f"{text[2:3]} {text[4:].strip()}" for text in cards}
+
+    def meaning(self) -> dict[str, object]:
+        """Return all that reaches the program, comparable: equal decks in meaning give equal results.
+
+        Numbers are taken to nine digits, more than the program's single precision can tell apart.  SAVE itself and the order of
+        cards are left out.
+        """
+        switches = {card.name for card in self.cards if card.name not in ("NACA", "CASEID", "DIM", "DERIV", "SAVE", "NEXT", "DUMP")}
+        return {
+            "namelists": {
+                name: {variable: [None if x is None else value_text(x) for x in values] for variable, values in group.items()}
+                for name, group in self.namelists.items()
+            },
+            "sections": self.sections,
+            "switches": switches,
+            "dumps": [" ".join(card.text.replace(",", " ").split()) for card in self.cards if card.name == "DUMP"],
+            "caseid": self.caseid,
+            "dim": self.dim,
+            "deriv": self.deriv,
+        }
+
 
 def parse_cards(lines: Iterable[tuple[int, str]], before: Deck | None = None) -> Deck:
     """Return the deck of one case.
@@ -120,82 +155,42 @@ def parse_cards(lines: Iterable[tuple[int, str]], before: Deck | None = None) ->
     before : Deck, optional
         Deck of the case before in the same run: units are kept, namelists and NACA cards too when it has a SAVE card.
     """
-    namelists: dict[str, dict[str, list[Value | None]]] = {}
-    cards: list[Card] = []
-    problems: list[tuple[int, str]] = []
+    items, findings = read_items(lines)
+    return make_deck(items, before, findings)
+
+
+def make_deck(items: Sequence[Item], before: Deck | None = None, findings: Sequence[Finding] = ()) -> Deck:
+    """Return the deck of one case from its cards, see `parse_cards`."""
     dim, deriv = (before.dim, before.deriv) if before else ("FT", "DEG")
+    saved: tuple[Item, ...] = ()
     if before and before.has("SAVE"):
-        namelists = {name: {key: list(items) for key, items in group.items()} for name, group in before.namelists.items()}
-        cards = [card for card in before.cards if card.name == "NACA"]
-    opened: list[str] = []  # cards of the namelist whose closing $ has not come yet
-    start = 0
-    for number, text in lines:
-        if not opened:
-            if not text.lstrip().startswith("$"):
-                card = _control(number, text)
-                if card.name in _CONTROL_WORDS:
-                    cards.append(card)
-                else:
-                    problems.append((number, f"not a control card: {text.strip()}"))
-                continue
-            start, text = number, text.lstrip()[1:]
-        body, closed, _ = text.partition("$")
-        opened.append(body)
-        if closed:
-            _namelist(start, " ".join(opened), namelists, problems)
-            opened = []
-    if opened:
-        problems.append((start, f"namelist without closing $: {opened[0][:40].strip()}"))
+        saved = tuple(item for item in (*before.replayed, *before.items) if isinstance(item, Namelist) or item.name == "NACA")
+    cards = tuple(item for item in (*saved, *items) if isinstance(item, Card))
     dim = _last_word(cards, "DIM", DIMENSIONS) or dim
     deriv = _last_word(cards, "DERIV", ("DEG", "RAD")) or deriv
-    return Deck(namelists, tuple(cards), tuple(problems), dim, deriv)
+    return Deck(_resolve((*saved, *items)), cards, tuple(items), saved, tuple(findings), dim, deriv)
 
 
-def _control(number: int, text: str) -> Card:
-    words = text.split(None, 1)
-    return Card(number, words[0] if words else "", words[1].rstrip() if len(words) > 1 else "")
-
-
-def _last_word(cards: list[Card], name: str, allowed: tuple[str, ...]) -> str:
+def _last_word(cards: Sequence[Card], name: str, allowed: tuple[str, ...]) -> str:
     words = [card.text.split()[0] for card in cards if card.name == name and card.text]
     return next((word for word in reversed(words) if word in allowed), "")
 
 
-def _namelist(number: int, text: str, namelists: dict, problems: list[tuple[int, str]]) -> None:
-    name, _, body = " ".join(text.split()).partition(" ")
-    group = namelists.setdefault(name, {})
-    namelists.pop(_REPLACES.get(name, ""), None)
-    pieces = _ASSIGNMENT.split(body)
-    if pieces[0].strip(" ,"):
-        problems.append((number, f"${name}: {pieces[0].strip()} stands before any variable"))
-    for variable, index, values in zip(pieces[1::3], pieces[2::3], pieces[3::3]):
-        _assign(number, group, f"${name}", _SPELLINGS.get((name, variable), variable), int(index or 1), values, problems)
-
-
-def _assign(number: int, group: dict, where: str, variable: str, index: int, text: str, problems: list[tuple[int, str]]) -> None:
-    values: list[Value] = []
-    for item in text.split(","):
-        if not item.strip():
+def _resolve(items: Sequence[Item]) -> dict[str, Variables]:
+    """Replay the namelists in order: later values overwrite only what they name."""
+    seen: dict[str, Variables] = {}
+    hidden: dict[str, Variables] = {}
+    for item in items:
+        if isinstance(item, Card):
             continue
-        repeat = _REPEAT.fullmatch(item.strip())
-        value = _value(repeat[2] if repeat else item)
-        if value is None:
-            problems.append((number, f"{where}: {variable} has the value {item.strip()!r}, which is no number"))
-            continue
-        values += [value] * (min(int(repeat[1]), _LARGEST_ARRAY) if repeat else 1)
-    if not values:
-        return
-    if not 0 < index <= _LARGEST_ARRAY or index - 1 + len(values) > _LARGEST_ARRAY:
-        problems.append((number, f"{where}: {variable}({index}) holds {len(values)} values; an array has at most {_LARGEST_ARRAY}"))
-        return
-    held = group.setdefault(variable, [])
-    held += [None] * (index - 1 + len(values) - len(held))
-    held[index - 1 : index - 1 + len(values)] = values
-
-
-def _value(text: str) -> Value | None:
-    word = text.strip()
-    if logical := _LOGICAL.fullmatch(word):
-        return (logical[1] or logical[2]) == "T"
-    cell = read_cell(word)
-    return cell[0] if cell and cell[1] == OK else None
+        name = item.name
+        seen.pop(_REPLACES.get(name, ""), None)
+        if (other := _HIDES.get(name, "")) in seen:
+            hidden[other] = seen.pop(other)
+        group = seen.setdefault(name, hidden.pop(name, {}))
+        for assignment in item.assignments:
+            held = group.setdefault(assignment.variable, [])
+            start, stop = assignment.index - 1, assignment.index - 1 + len(assignment.values)
+            held += [None] * (stop - len(held))
+            held[start:stop] = assignment.values
+    return seen

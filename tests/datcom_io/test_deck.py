@@ -83,7 +83,11 @@ def test_faults_are_told_by_line():
         (1, "not a control card: * A COMMENT"),
         (2, "$FLTCON: MACH has the value 'ABC', which is no number"),
         (4, "$BODY: X(9999) holds 1 values; an array has at most 300"),
-        (5, "namelist without closing $: WGPLNF SSPN=1.0"),
+    )
+    assert found.findings[-1] == (
+        5,
+        "warning",
+        "namelist without closing $: WGPLNF; the program adds it in some places only: write it",
     )
     assert found.values("FLTCON", "MACH") == [0.2, 0.3]
 

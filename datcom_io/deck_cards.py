@@ -1,0 +1,268 @@
+"""Cards as written: the namelists and control cards of one case, with their lines.
+
+The program looks at columns: a namelist opens with ``$`` in column 2, a control card starts in column 1, anything else
+continues the namelist that is open.  This reader is more patient; what the program would stumble over is a `Finding`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from .deck_names import CASEID_COLUMNS, CONTROL_WORDS, SPELLINGS
+from .deck_values import Value, read_values
+
+ERROR, WARNING, NOTE = "error", "warning", "note"
+
+
+class Finding(NamedTuple):
+    """What a check found: line number from 1 (0: the whole deck), severity ``error``, ``warning`` or ``note``, and text.
+
+    An error stops the program, makes it leave out the case, or makes it print ERROR and change or drop what was asked; with a
+    warning it runs and the result needs care.
+    """
+
+    line: int
+    severity: str
+    text: str
+
+
+class Card(NamedTuple):
+    """A control card: line number in the file, first word, rest of the card."""
+
+    line: int
+    name: str
+    text: str
+
+
+class Assignment(NamedTuple):
+    """``VARIABLE(index)=values`` of a namelist, with the line it stands on."""
+
+    line: int
+    variable: str
+    index: int
+    values: tuple[Value, ...]
+
+
+class Namelist(NamedTuple):
+    """One namelist as it stands in the deck."""
+
+    line: int
+    name: str
+    assignments: tuple[Assignment, ...]
+
+
+Item = Namelist | Card
+_ASSIGN = re.compile(r"([A-Z][A-Z0-9]{0,9}) *(?:\( *(\d{1,4}) *\))? *=")
+_LARGEST_ARRAY = 300  # no array of the program is longer than 60
+_CONTINUES = re.compile(r"[-+.\d]|[A-Z][A-Z0-9]* *(?:\( *\d+ *\))? *=")
+
+
+def control_card(line: int, text: str) -> Card | None:
+    """Return the control card of a line, or None; column 1 comes first in `text`.
+
+    Examples
+    --------
+    >>> control_card(1, "NACA-W-4-2412"), control_card(2, "* A COMMENT")
+    (Card(line=1, name='NACA', text='W-4-2412'), None)
+    """
+    word = next((word for word in CONTROL_WORDS if text.startswith(word)), None)
+    if word is None:
+        return None
+    name = word.split()[0]
+    rest = text[len(name) :]
+    return Card(line, name, rest[1:].strip() if name == "NACA" else rest.strip())
+
+
+def read_items(lines: Iterable[tuple[int, str]]) -> tuple[list[Item], list[Finding]]:
+    """Read the cards of one case.
+
+    Parameters
+    ----------
+    lines : iterable of (int, str)
+        Line number and card text, column 1 of the card first.
+
+    Returns
+    -------
+    items : list of Namelist and Card
+        In order.
+    findings : list of Finding
+        What could not be read, and what the program would not read.
+    """
+    reader = _Reader()
+    for number, text in lines:
+        if text.strip():
+            reader.take(number, text)
+    reader.close_unended()
+    return reader.items, reader.findings
+
+
+class _Reader:
+    """The pass over the cards of a case: the namelist that is open, and what was found."""
+
+    def __init__(self) -> None:
+        self.items: list[Item] = []
+        self.findings: list[Finding] = []
+        self.open: list[tuple[int, str]] | None = None  # line and text of the namelist whose closing $ has not come
+        self.start = 0
+        self.name = ""  # empty: a group the program does not know as a namelist
+
+    def say(self, line: int, severity: str, text: str) -> None:
+        self.findings.append(Finding(line, severity, text))
+
+    def take(self, line: int, text: str) -> None:
+        plain = text.upper() if text[:6].upper() != "CASEID" else "CASEID" + text[6:]
+        if plain != text:
+            self.say(line, ERROR, "lower case: the program knows upper case only; write the deck with write_deck")
+            text = plain
+        body = text.lstrip()
+        if body.startswith("$"):
+            self._dollar(line, text, body)
+        elif text[0] != " ":
+            self._column_one(line, text)
+        elif self.open is not None:
+            self._continue(line, text)
+        elif body.startswith("&"):
+            self.say(line, ERROR, f"{body.split()[0]}: & opens no namelist in this program, which ignores it; write $")
+            self._begin(line, "", "")
+        elif card := control_card(line, body):
+            self.say(line, ERROR, f"{card.name} does not start in column 1: the program overlooks it; move it there")
+            self.items.append(card)
+        else:
+            self.say(line, ERROR, f"belongs to no namelist: {body[:40].strip()}; open one with $NAME")
+
+    def _column_one(self, line: int, text: str) -> None:
+        card = control_card(line, text)
+        if card is not None:
+            self._control(card, text)
+        elif self.open is not None and _CONTINUES.match(text):
+            self.say(line, ERROR, "a namelist goes on in column 1: the program takes it for a control card; leave column 1 blank")
+            self._continue(line, text)
+        else:
+            self.say(line, ERROR, f"not a control card: {text.strip()}")
+
+    def _control(self, card: Card, text: str) -> None:
+        if self.open is not None and card.name == "NACA":
+            self.say(card.line, ERROR, f"NACA card inside namelist ${self.name}: it stops the program; close the namelist with $ first")
+        if card.name == "DIM" and card.text[:2].strip() != text[4:6].strip():
+            self.say(card.line, ERROR, "the unit of a DIM card stands in columns 5-6; write DIM and one blank")
+        if len(card.text) > CASEID_COLUMNS and card.name == "CASEID":
+            self.say(card.line, WARNING, f"CASEID of {len(card.text)} characters: the program keeps {CASEID_COLUMNS}")
+            card = card._replace(text=card.text[:CASEID_COLUMNS])
+        if card.name == "DERIV" and text[:9] not in ("DERIV DEG", "DERIV RAD"):
+            self.say(card.line, ERROR, f"DERIV {card.text}: allowed are DERIV DEG and DERIV RAD, with one blank")
+        self.items.append(card)
+
+    def _dollar(self, line: int, text: str, body: str) -> None:
+        column = len(text) - len(body) + 1
+        if body[1:4] == "END" and not body[4:5].isalnum():
+            if self.open is not None:
+                self._end(line)
+            return
+        if not body[1:].strip() and self.open is not None:
+            if column <= 2:
+                self.say(
+                    line,
+                    ERROR,
+                    f"a $ alone in column {column}: the program takes it for a new namelist; close with $ behind the last value",
+                )
+            self._end(line)
+            return
+        if column != 2:
+            self.say(line, ERROR, f"$ stands in column {column}: the program looks for it in column 2 only")
+        self.close_unended()
+        name, _, rest = body[1:].partition(" ")
+        name, dollar, more = name.partition("$")
+        if not name:
+            self.say(line, ERROR, "no name follows $; write $NAME without a blank between")
+            name, _, rest = rest.lstrip().partition(" ")
+        self._begin(line, name, f"{dollar}{more} {rest}")
+
+    def _begin(self, line: int, name: str, rest: str) -> None:
+        self.open, self.start, self.name = [], line, name
+        self._continue(line, rest)
+
+    def _continue(self, line: int, text: str) -> None:
+        assert self.open is not None
+        body, closed, after = text.partition("$")
+        self.open.append((line, body))
+        if closed:
+            self._end(line)
+            self._after(line, after.strip())
+
+    def _after(self, line: int, text: str) -> None:
+        """Judge what follows a closing $ on its card."""
+        if text.partition(" ")[0] in ("", "END"):
+            return
+        lost = "=" in text
+        self.say(
+            line, ERROR if lost else WARNING, f"after the closing $: {text[:40]}; the program does not read it: put it on a card of its own"
+        )
+
+    def _end(self, line: int) -> None:
+        """Make an item of the namelist that is open."""
+        opened, self.open = self.open or [], None
+        if self.name:
+            self.items.append(Namelist(self.start, self.name, tuple(self._assignments(opened))))
+
+    def close_unended(self) -> None:
+        """Close a namelist that another one, or the end of the case, follows without ``$``."""
+        if self.open is None:
+            return
+        if self.name:
+            said = f"namelist without closing $: {self.name}"
+            self.say(self.start, WARNING, f"{said}; the program adds it in some places only: write it")
+        self._end(self.start)
+
+    def _assignments(self, lines: list[tuple[int, str]]) -> Iterable[Assignment]:
+        where, known = f"${self.name}", SPELLINGS.get(self.name, {})
+        current: Assignment | None = None
+        for line, text in lines:
+            place = 0
+            while place < len(text):
+                found = _ASSIGN.match(text, place)
+                if found:
+                    if current is not None:
+                        yield from self._complete(where, current)
+                    current = Assignment(line, known.get(found[1], found[1]), int(found[2] or 1), ())
+                    place = found.end()
+                    if text[place:].lstrip()[:1] in ("", ","):
+                        self.say(line, ERROR, f"{where}: {found[1]} has no value on its card; write it behind the =")
+                        place = max(place, text.find(",", place) + 1)
+                elif text[place] == " ":
+                    place += 1
+                else:
+                    place, values = self._values(line, text, place, where, current)
+                    if current is not None:
+                        current = current._replace(values=current.values + values)
+        if current is not None:
+            yield from self._complete(where, current)
+
+    def _values(self, line: int, text: str, place: int, where: str, current: Assignment | None) -> tuple[int, tuple[Value, ...]]:
+        """Read one value up to its comma; return the place behind it."""
+        end = text.find(",", place)
+        end = end if end >= 0 else len(text)
+        piece, behind = text[place:end], end + 1
+        if following := _ASSIGN.search(piece):
+            piece, behind = piece[: following.start()], place + following.start()
+        if current is None:
+            self.say(line, ERROR, f"{where}: {piece.strip()} stands before any variable")
+        elif not piece.strip():
+            self.say(line, ERROR, f"{where}: {current.variable} has an empty place between commas; every value must be written")
+        else:
+            if following:
+                self.say(line, ERROR, f"{where}: no comma before {following[1]}; it stops the program")
+            values, complaints = read_values(piece.strip())
+            for severity, complaint in complaints:
+                self.say(line, severity, f"{where}: {current.variable} {complaint}")
+            return behind, values
+        return behind, ()
+
+    def _complete(self, where: str, found: Assignment) -> Iterable[Assignment]:
+        last = found.index - 1 + len(found.values)
+        if not 0 < found.index <= _LARGEST_ARRAY or last > _LARGEST_ARRAY:
+            text = f"{where}: {found.variable}({found.index}) holds {len(found.values)} values; an array has at most {_LARGEST_ARRAY}"
+            self.say(found.line, ERROR, text)
+        elif found.values:
+            yield found

@@ -1,0 +1,71 @@
+"""Checking an input deck before the run: what the program would choke on, and what would make its print misleading.
+
+The rules follow the program's own tests (source of January 1996: routines CONERR, INPUT, NAMER, CHECK, MAJERR) and the faults
+seen in its prints.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+
+from . import deck_rules_aircraft, deck_rules_cards, deck_rules_flight
+from .deck import Deck
+from .deck_cards import WARNING, Finding
+from .deck_file import DeckFile, read_deck
+
+_RULES = (*deck_rules_cards.RULES, *deck_rules_flight.RULES, *deck_rules_aircraft.RULES)
+
+
+def check_deck(deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck]) -> list[Finding]:
+    """Return what the program would choke on.
+
+    Parameters
+    ----------
+    deck : DeckFile, Deck, iterable of Deck, or path
+        As `read_deck` returns it, or a file.
+
+    Returns
+    -------
+    list of Finding
+        By line: ``line``, ``severity`` and ``text``.  An ``error`` stops the program, makes it leave out the case, or makes it
+        print ERROR and change or drop what was asked; with a ``warning`` it runs and the result needs care.
+
+    Examples
+    --------
+    >>> for finding in check_deck(read_deck([" $FLTCON NMACH=1.0,MACH(1)=0.3,NALPHA=1.0,ALSCHD(1)=0.0,ALT(1)=0.0$"])):
+    ...     print(finding.line, finding.severity, finding.text)
+    1 error no $SYNTHS (synthesis data); the program leaves the case out: add it
+    1 warning $OPTINS: SREF, CBARR, BLREF not given; the program takes the theoretical wing area for SREF, the theoretical mean \
+chord of the wing for CBARR, the wing span for BLREF, and readers that look in the deck fail: write them
+    """
+    if isinstance(deck, str | os.PathLike):
+        deck = read_deck(deck)
+    found = list(deck.findings) if isinstance(deck, DeckFile) else []
+    cases = [deck] if isinstance(deck, Deck) else list(deck)
+    for case in cases:
+        found += check_case(case)
+    found += _run(cases)
+    return sorted(found, key=lambda finding: finding.line)
+
+
+def check_case(case: Deck) -> list[Finding]:
+    """Return the findings of one case by itself."""
+    return [*case.findings, *(finding for rule in _RULES for finding in rule(case))]
+
+
+def _run(cases: list[Deck]) -> Iterator[Finding]:
+    """Yield what concerns the run as a whole."""
+    yield from _drift(cases)
+    if cases and cases[-1].has("SAVE") and cases[-1].has("NEXT"):
+        line = next(card.line for card in reversed(cases[-1].cards) if card.name == "SAVE")
+        yield Finding(line, WARNING, "SAVE in the last case, before NEXT CASE: the program runs the saved case once more; take SAVE out")
+
+
+def _drift(cases: list[Deck]) -> Iterator[Finding]:
+    """The program keeps a part of D(CM) from one condition of a run to the next."""
+    flapped = [case for case in cases if "SYMFLP" in case.namelists]
+    conditions = sum(max(1, len(case.conditions())) for case in flapped)
+    if conditions > 1:
+        text = f"$SYMFLP at {conditions} flight conditions of one run: the program carries a part of D(CM) from one to the next"
+        yield Finding(flapped[0].line_of("SYMFLP"), WARNING, f"{text}; where D(CM) counts, make one run per condition (datcom split)")

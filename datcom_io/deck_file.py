@@ -1,0 +1,161 @@
+"""Reading an input deck (unit 5), plain or with the additions of DATCOM+.
+
+DATCOM+ decks hold comments (``*`` or ``#`` in column 1, ``!`` to the end of the line), blank lines, tabs and long lines, which a
+pre-processor of theirs takes away before the program runs.  They are accepted here and told: the program alone stumbles over them.
+"""
+
+from __future__ import annotations
+
+import codecs
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from flightmech.errors import ParseError
+
+from .deck import Deck, parse_cards
+from .deck_cards import ERROR, WARNING, Finding
+from .deck_names import CARD_COLUMNS
+
+
+@dataclass(frozen=True)
+class DeckFile:
+    """An input deck: its cases in the order of the run.
+
+    Attributes
+    ----------
+    file : str
+        Name of the file, or ``"<text>"``.
+    cases : tuple of Deck
+    comments : tuple of (int, str)
+        Line number and text of the comments.
+    findings : tuple of Finding
+        What the program would not read in the file as text: comments, tabs, blank and long lines.
+    """
+
+    file: str
+    cases: tuple[Deck, ...]
+    comments: tuple[tuple[int, str], ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.cases)
+
+    def __iter__(self) -> Iterator[Deck]:
+        return iter(self.cases)
+
+    def __getitem__(self, number: int) -> Deck:
+        return self.cases[number]
+
+
+def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
+    """Read an input deck of Digital DATCOM or DATCOM+.
+
+    Parameters
+    ----------
+    source : path, or iterable of str
+        File, or its lines.  Line ends LF or CRLF.
+
+    Returns
+    -------
+    DeckFile
+        One `Deck` per case: ``deck.items`` are the cards as written, ``deck.namelists`` and ``deck.cards`` what the program sees
+        with those that SAVE replays.  The last NEXT CASE may be missing.
+
+    Raises
+    ------
+    ParseError
+        There is no card in it.
+
+    Notes
+    -----
+    The reader is more patient than the program: lower case, ``$`` outside column 2 or a missing end of a namelist are taken as
+    they are meant, and told by `check_deck`.
+
+    Examples
+    --------
+    >>> deck = read_deck(["* A COMMENT", " $FLTCON NMACH=1.0,MACH(1)=0.3$", "CASEID ONE"])
+    >>> deck[0].caseid, deck[0].values("FLTCON", "MACH"), deck.comments
+    ('ONE', [0.3], ((1, 'A COMMENT'),))
+    """
+    file = os.path.basename(os.fspath(source)) if isinstance(source, str | os.PathLike) else "<text>"
+    text = _Text()
+    cases: list[Deck] = []
+    cards: list[tuple[int, str]] = []
+    for number, line in enumerate(_lines(source), 1):
+        card = text.card(number, line)
+        if not card:
+            continue
+        cards.append((number, card))
+        if card.lstrip().upper().startswith("NEXT CASE"):
+            cases.append(parse_cards(cards, cases[-1] if cases else None))
+            cards = []
+    if cards:
+        _add_last(cases, cards, text)
+    if not cases:
+        raise ParseError(
+            file, 0, "no card" if text.lines else "an empty file", "an input deck (unit 5): namelists $NAME ... $ and control cards"
+        )
+    return DeckFile(file, tuple(cases), tuple(text.comments), tuple(text.findings))
+
+
+def _lines(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[str]:
+    """Yield the lines without their ends; bytes are read as ISO 8859-1, so that any byte in a CASEID survives."""
+    if isinstance(source, str | os.PathLike):
+        with open(source, "rb") as stream:
+            source = stream.read().removeprefix(codecs.BOM_UTF8).decode("latin-1").removesuffix("\n").split("\n")
+    for line in source:
+        yield str(line).rstrip("\r\n\x1a ")
+
+
+def _add_last(cases: list[Deck], cards: list[tuple[int, str]], text: _Text) -> None:
+    """Add the case after the last NEXT CASE; without a namelist the program does not run it."""
+    last = parse_cards(cards, cases[-1] if cases else None)
+    if last.namelists or not cases:
+        cases.append(last)
+    else:
+        text.say(cards[0][0], WARNING, "cards after the last NEXT CASE without a namelist: the program does not run them")
+
+
+class _Text:
+    """The deck as text: what DATCOM+ adds to it is taken away and told."""
+
+    def __init__(self) -> None:
+        self.comments: list[tuple[int, str]] = []
+        self.findings: list[Finding] = []
+        self.lines = 0
+
+    def say(self, line: int, severity: str, text: str) -> None:
+        self.findings.append(Finding(line, severity, text))
+
+    def card(self, number: int, line: str) -> str:
+        """Return the card of a line; empty for comments and blank lines."""
+        self.lines = number
+        if "\t" in line:
+            self.say(number, ERROR, "tab: the program reads columns; write blanks")
+            line = line.replace("\t", " ")
+        if not line.strip():
+            self.say(number, WARNING, "blank line: the program flags it, and stops at two of them inside a namelist; take it out")
+            return ""
+        if line[0] in "*#":
+            return self._comment(number, line[1:])
+        is_caseid = line[:6].upper() == "CASEID"
+        if not is_caseid:  # a CASEID may hold any character
+            line, mark, comment = line.partition("!")
+            if mark:
+                self._comment(number, comment)
+        if line[CARD_COLUMNS:].strip():
+            self._too_long(number, line, is_caseid)
+        return line.rstrip()
+
+    def _comment(self, number: int, text: str) -> str:
+        self.comments.append((number, text.strip()))
+        self.say(
+            number, ERROR, "comment: only the pre-processor of DATCOM+ takes it away, the program does not run the case; use write_deck"
+        )
+        return ""
+
+    def _too_long(self, number: int, line: str, is_caseid: bool) -> None:
+        if not is_caseid:
+            text = f"{len(line.rstrip())} columns: the program reads {CARD_COLUMNS}, the rest is lost; break the line after a comma"
+            self.say(number, ERROR, text)
