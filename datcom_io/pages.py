@@ -44,7 +44,7 @@ _NUMBERS_BEGIN = re.compile(r".? *MACH NUMBER ?=|.? TIME \(SEC\)")
 _DECORATION = re.compile(
     r"DERIVATIVE \(PER (DEGREE|RADIAN)\)$|DYNAMIC DERIVATIVES \(PER (DEGREE|RADIAN)\)$|PITCHING +ACCELERATION +ROLLING +YAWING$"
     r"|INCREMENTS DUE TO DEFLECTION +DERIVATIVES \(PER DEGREE\)$"
-    r"|\*{100,}$|INPUT DIMENSIONS ARE IN "  # a frame of asterisks around a message; the cards tell the dimensions
+    r"|\*{100,}$"  # a frame of asterisks around a message
 )
 _PER = re.compile(r"DERIVATIVE[S]? ?\(PER (DEGREE|RADIAN)\)")
 

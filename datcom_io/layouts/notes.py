@@ -60,6 +60,7 @@ _MESSAGES = (
 _BLOWN = "FLAP IS NOT EXTERNALLY BLOWN"
 _FOOTNOTES = re.compile(
     r"\*{3} ?[A-Z]|\*{2,3} ?NOTE|\*NOTE\*|\*\* (?:BECAUSE|FOR CONFIGURATIONS)|\*\*  CD0=|ANALYSIS TERMINATED AT ALPHA|NOTE - "
+    r"|INPUT DIMENSIONS ARE IN "
 )
 
 FOOTNOTE_WORDS = {
@@ -106,6 +107,7 @@ _NUMBERS = (
     ("weight", "LEVEL FLIGHT LIFT COEFFICIENT", re.compile(r"LEVEL FLIGHT LIFT COEFFICIENT = *(\S+)()")),
     ("note", "CD0", re.compile(r"\*\*  CD0= *(\S+)()")),
     ("note", "ANALYSIS TERMINATED AT ALPHA", re.compile(r"ANALYSIS TERMINATED AT ALPHA= *([-+.\d*]+)()")),
+    ("note", "SCALE FACTOR", re.compile(r"SCALE FACTOR IS *(\S+)()")),
 )
 _UNITS = {"LB": "lbf", "N": "N", "ANALYSIS TERMINATED AT ALPHA": "deg"}
 NAMES = ("weight", "note")

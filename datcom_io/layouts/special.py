@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..cells import BLANK, NOT_A_NUMBER, OK, SENTINEL, read_cell
+from ..cells import BLANK, NOT_A_NUMBER, OK, read_cell
 from ..tables import Printed, Values, make_table, make_values, pairs
 from .form import Across, Block, Column, Layout, Line, heading_words
 
@@ -152,8 +152,6 @@ def _read_cells(text: str, form: _Form, count: int) -> tuple[list[float], list[i
     for k in range(1, len(flags)):
         if flags[k] == OK and abs(values[k]) >= _INFINITE:
             flags[k] = NOT_A_NUMBER
-        elif flags[k] == OK and k > count and values[k] == 0.0:
-            flags[k] = SENTINEL  # a field that belongs to no deflection
     return values, flags
 
 

@@ -180,7 +180,7 @@ _WORDS = {"": "blank", "NDM": "NDM", "NA": "NA", "NaN": "nan"}
 def test_values_and_flags_are_those_of_the_text(one):
     kinds = one.cells[["text", "flag", "value"]].drop_duplicates()
     for text, flag, value in kinds.itertuples(index=False):
-        if not text.strip("*") and text:
+        if not text.strip("*") and len(text) > 2:  # two asterisks mark a variable outside of its chart
             assert (flag, np.isnan(value)) == ("overflow", True)
         elif text in _WORDS:
             assert (flag, np.isnan(value)) == (_WORDS[text], True)
