@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from .arrange import printed_condition
+from .cells import OK
 from .listing import Case, Message
 
 
@@ -25,6 +26,7 @@ class Observer:
         _weight(case)
         _flaps_in_ground_effect(case)
         _power_on_missing_cells(case)
+        _control_tabs(case)
         _dynamic_pages_repeated(case)
         _reference_quantities(case)
         _conditions_missing(case)
@@ -108,6 +110,28 @@ def _power_on_missing_cells(case: Case) -> None:
             f"{pages[0].power} power is added to cells that have no value without power: "
             "where the page without power shows NA or NDM, the number here is the increment alone",
         )
+
+
+def _control_tabs(case: Case) -> None:
+    """With CONTAB the stick force is a coefficient divided by qbar S cbar, and one build loses D(CM) of the flap."""
+    force = next((table for _, table in case.tables("tab_force")), None)
+    if force is not None:
+        largest = max(abs(force.values[force.flags == OK]), default=0.0)
+        _say(
+            case,
+            force.lines[0],
+            f"stick forces up to {largest:.3g} lb: the program divides the coefficient by qbar S cbar where it ought to multiply; "
+            "use the hinge moments, not F(C)",
+        )
+    for _, table in case.tables("symflp") if "CONTAB" in case.deck.namelists else ():
+        lift, moment = table.values[:, 1], table.values[:, 2]
+        if not moment.any() and (abs(lift) > 0.01).any():
+            _say(
+                case,
+                table.lines[0],
+                "D(CM) is 0.0000 at every deflection though D(CL) is not: one build of the program loses it with CONTAB, and its D(CDI) "
+                "is wrong as well; run the case without CONTAB for both",
+            )
 
 
 def _dynamic_pages_repeated(case: Case) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,15 +10,18 @@ import xarray as xr
 
 from flightmech.errors import ParseError
 from flightmech.names import VOCABULARY, attrs
-from flightmech.units import DEGREE
+from flightmech.units import DEGREE, parse
 
-from .arrange import Condition, Spot
+from .arrange import Condition, Spot, si_factor
 from .cells import ABSENT, BLANK, FILLED, FLAGS, OK
+from .layouts import BY_NAME
 from .layouts.form import Column
 from .listing import Case, Page
-from .tables import Table
+from .tables import Table, Values
 
 HALF_UNIT = 0.0501  # of the axes, printed with one decimal [deg]
+_OF_DIM = {"length": "m", "area": "m2", "speed": "m s-1", "pressure": "Pa", "temperature": "K", "reynolds": "m-1"}  # unit of card DIM
+_SI = {"deg": "rad", "lbf": "N", **_OF_DIM}
 _CONDITION_UNITS = {"mach": "1", "h": "m", "V": "m s-1", "p_static": "Pa", "temperature": "K", "reynolds_per_m": "m-1"}
 _LONG_NAMES = {
     "CN": "normal-force coefficient, body axes",
@@ -28,14 +31,6 @@ _LONG_NAMES = {
     "q_ratio": "dynamic pressure at the horizontal tail over that of the free stream",
     "epsilon": "downwash angle at the horizontal tail",
     "epsilon_alpha": "slope of the downwash angle with alpha",
-    "dCL": "increment of the lift coefficient, constant in alpha",
-    "dCm": "increment of the pitching-moment coefficient",
-    "dCLmax": "increment of the largest lift coefficient",
-    "dCDmin": "increment of the smallest drag coefficient",
-    "dCDi": "increment of the induced-drag coefficient",
-    "CL_alpha_delta": "lift-curve slope of the surface with the device deflected",
-    "Ch_alpha": "hinge-moment coefficient per alpha, on twice the area moment of the control about its hinge line",
-    "Ch_delta": "hinge-moment coefficient per deflection, on twice the area moment of the control about its hinge line",
 }
 _FLAG_ATTRS = {"flag_values": " ".join(map(str, range(len(FLAGS)))), "flag_meanings": " ".join(FLAGS)}
 
@@ -58,6 +53,10 @@ class Stacker:
         """Return place, page and table of every table of a kind that has a place."""
         return [(self.spots[page.first], page, table) for page, table in self.case.tables(name) if page.first in self.spots]
 
+    def placed_values(self, name: str) -> list[tuple[Spot, Page, Values]]:
+        """Return place, page and group of every group of a kind that has a place."""
+        return [(self.spots[page.first], page, group) for page, group in self.case.values(name) if page.first in self.spots]
+
     def with_two_way(
         self,
         found: xr.Dataset,
@@ -76,25 +75,24 @@ class Stacker:
         alphas = self.axis(placed, "alpha", self.alphas())
         shape = (len(self.conditions), len(alphas.values), len(across.values))
         value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
-        lines = np.full(shape[0], "", dtype=object)
-        for spot, _, table in placed:
+        for spot, page, table in placed:
             rows, count = len(table.rows), len(table.columns) - 1
             flag[spot.condition, :rows, :count] = table.flags[:, 1:]
-            value[spot.condition, :rows, :count] = np.where(table.flags[:, 1:] == OK, table.values[:, 1:], np.nan)
-            lines[spot.condition] = f"{table.lines[0]}-{table.lines[-1]}"
+            value[spot.condition, :rows, :count] = self.si(column.cell, page, table.values[:, 1:], table.flags[:, 1:])
+        lines = self.lines(shape[:1], [((spot.condition,), table) for spot, _, table in placed])
         found = found.assign_coords({"alpha": self.coords([alphas])["alpha"]})
         add_variable(found, column.cell, ["condition", "alpha", across.name], value, flag)
-        return found.assign_coords({f"lines_{column.cell.house}": ("condition", lines.astype(str))})
+        return found.assign_coords({f"lines_{column.cell.house}": ("condition", lines)})
+
+    def over_alpha(self, name: str, placed: list[tuple[Spot, Page, Table]]) -> xr.Dataset:
+        """Return tables with one row per alpha and one page per flight condition as arrays (condition, alpha)."""
+        items = [([spot.condition], page, table) for spot, page, table in placed]
+        return self.stack(BY_NAME[name].columns[1:], [self.condition_axis()], self.axis(placed, "alpha", self.alphas()), items)
 
     def stack(self, columns: Sequence[Column], axes: list[Axis], rows: Axis, items: list[tuple[list[int], Page, Table]]) -> xr.Dataset:
         """Return tables as arrays (axes..., rows); `items` holds index along the axes, page and table."""
         outer = tuple(len(axis.values) for axis in axes)
-        lines = np.full(outer, "", dtype=object)
-        for where, _, table in items:
-            if lines[tuple(where)]:
-                found = f"a second {table.name} table for the place of the one at lines {lines[tuple(where)]}"
-                raise ParseError(self.case.file, table.lines[0], found, "one table per configuration, condition, height and deflection")
-            lines[tuple(where)] = f"{table.lines[0]}-{table.lines[-1]}"
+        lines = self.lines(outer, [(where, table) for where, _, table in items])
         stacked = xr.Dataset(coords=self.coords([*axes, rows]))
         for column in columns:
             value, flag = np.full((*outer, len(rows.values)), np.nan), np.full((*outer, len(rows.values)), ABSENT, np.uint8)
@@ -102,21 +100,38 @@ class Stacker:
                 part_value, part_flag = self.column(column, page, table)
                 value[tuple(where)][: len(part_value)], flag[tuple(where)][: len(part_flag)] = part_value, part_flag
             add_variable(stacked, column, [axis.name for axis in (*axes, rows)], value, flag)
-        return stacked.assign_coords(lines=([axis.name for axis in axes], lines.astype(str)))
+        return stacked.assign_coords(lines=([axis.name for axis in axes], lines))
+
+    def lines(self, shape: tuple[int, ...], items: Iterable[tuple[Sequence[int], Table]]) -> np.ndarray:
+        """Return the range of lines of each table at its place; two tables for one place raise."""
+        lines = np.full(shape, "", dtype=object)
+        for where, table in items:
+            if lines[tuple(where)]:
+                found = f"a second {table.name} table for the place of the one at lines {lines[tuple(where)]}"
+                raise ParseError(self.case.file, table.lines[0], found, "one table per configuration, condition, height and deflection")
+            lines[tuple(where)] = f"{table.lines[0]}-{table.lines[-1]}"
+        return lines.astype(str)
 
     def column(self, column: Column, page: Page, table: Table) -> tuple[np.ndarray, np.ndarray]:
         """Return a printed column in SI and its flags, a constant column filled downwards where that is allowed."""
         at = table.columns.index(column)
         flag = table.flags[:, at].copy()
-        per = page.per or self.case.deck.deriv.lower()
-        per_degree = column.units == "1/deg" or (column.units == "1/angle" and per == "deg")
-        factor = DEGREE if column.units == "deg" else 1.0 / DEGREE if per_degree else 1.0
-        value = np.where(flag == OK, table.values[:, at] * factor, np.nan)
+        value = self.si(column, page, table.values[:, at], flag)
         transonic = self.case.deck.regime(page.condition("mach")) == "transonic"
         if column.constant and len(flag) > 1 and (flag[1:] == BLANK).all() and (self.fill_transonic or not transonic):
             value[1:] = value[0]
             flag[1:] = FILLED if flag[0] == OK else flag[0]
         return value, flag
+
+    def si(self, column: Column, page: Page, value: np.ndarray, flag: np.ndarray) -> np.ndarray:
+        """Return printed numbers of a column in SI, NaN where there is none."""
+        if column.units == "1/angle":
+            factor = 1.0 / DEGREE if (page.per or self.case.deck.deriv.lower()) == "deg" else 1.0
+        elif column.units in _OF_DIM:
+            factor = si_factor(column.units, page.dim)
+        else:
+            factor = parse(column.units)[1]
+        return np.where(flag == OK, value * factor, np.nan)
 
     def alphas(self) -> list[float]:
         """Return the schedule of the input cards. [deg]"""
@@ -134,13 +149,22 @@ class Stacker:
             self.demand(table.columns[column].name, table.values[:, column], values, table.lines)
         return Axis(name, values, "deg")
 
-    def demand(self, name: str, printed: np.ndarray, exact: Sequence[float], lines: Sequence[int], half_unit: float = HALF_UNIT) -> None:
+    def demand(
+        self,
+        name: str,
+        printed: np.ndarray,
+        exact: Sequence[float],
+        lines: Sequence[int],
+        half_unit: float = HALF_UNIT,
+        units: str = "deg",
+    ) -> None:
         """Raise when printed axis values are not the deck's, to the half unit of the print."""
         if len(printed) > len(exact):
             raise ParseError(self.case.file, lines[-1], f"{len(printed)} values of {name}", f"{len(exact)} as in the input cards")
+        unit = f" {units}" if units != "1" else ""
         for line, shown, wanted in zip(lines, printed, exact):
             if not abs(shown - wanted) <= half_unit:
-                raise ParseError(self.case.file, line, f"{name} = {shown:g} deg", f"{wanted:g} deg as in the input cards of the case")
+                raise ParseError(self.case.file, line, f"{name} = {shown:g}{unit}", f"{wanted:g}{unit} as in the input cards of the case")
 
     def coords(self, axes: Sequence[Axis]) -> Mapping[str, object]:
         """Return the coordinates of axes, and what names a flight condition."""
@@ -162,10 +186,18 @@ class Stacker:
 
 def add_variable(dataset: xr.Dataset, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray) -> None:
     """Put a variable and its twin of flags into a Dataset."""
-    known = attrs(column.house) if column.house in VOCABULARY else {"units": "rad" if column.units == "deg" else "1"}
+    known = attrs(column.house) if column.house in VOCABULARY else {"units": _SI.get(column.units, "1")}
     if column.house in _LONG_NAMES:
         known["long_name"] = _LONG_NAMES[column.house]
     if column.units in ("1/angle", "1/deg"):
         known["per"] = "radian"
     dataset[column.house] = (dims, value, {**known, "printed_as": column.name})
     dataset[f"{column.house}_flag"] = (dims, flag, dict(_FLAG_ATTRS))
+
+
+def describe(dataset: xr.Dataset, long_names: Mapping[str, str]) -> xr.Dataset:
+    """Give variables and coordinates their long names, those that are there."""
+    for name, text in long_names.items():
+        if name in dataset.variables:
+            dataset[name].attrs["long_name"] = text
+    return dataset

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import xarray as xr
 
 from ..stacking import Stacker
-from . import clean, devices
+from . import auxiliary, clean, devices, fairing, sections, tabs, trim
 
-_SUBJECTS = (clean, devices)
+_SUBJECTS = (clean, devices, tabs, trim, auxiliary, fairing, sections)
 
 LEAVES: dict[str, Callable[[Stacker], xr.Dataset | None]] = {name: make for subject in _SUBJECTS for name, make in subject.LEAVES.items()}
