@@ -51,9 +51,7 @@ WITH_BODY = (
         ),
     ),
 )
-DIVERGENCE = (
-    Labelled("DRAG DIVERGENCE MACH NUMBER =", (Column("DRAG DIVERGENCE MACH NUMBER", 78, 83, "mach_divergence"),)),
-)
+DIVERGENCE = (Labelled("DRAG DIVERGENCE MACH NUMBER =", (Column("DRAG DIVERGENCE MACH NUMBER", 78, 83, "mach_divergence"),)),)
 FORMS = (*SURFACE, *WITH_BODY, *DIVERGENCE)
 
 

@@ -43,7 +43,7 @@ SUMMARY = (
     _alone("MACH ZERO LIFT-CURVE-SLOPE", "CL_alpha_mach_zero", "1/deg", "/DEG."),
     _alone("LEADING EDGE RADIUS", "leading_edge_radius", "1", "FRACTION CHORD"),
     _alone("MAXIMUM AIRFOIL THICKNESS", "thickness_ratio", "1", "FRACTION CHORD"),
-    _alone("DELTA-Y", "delta_y", "percent", "PERCENT CHORD"),
+    _alone("DELTA-Y", "delta_y", "%", "PERCENT CHORD"),
     _alone("CREST CRITICAL MACH", "mach_crest"),
     _alone("LOCATION", "x_crest", "1", "FRACTION CHORD"),
     _alone("LIFT-CURVE-SLOPE", "CL_alpha_crest", "1/deg", "/DEG."),
