@@ -11,6 +11,8 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 
+from .cells import ABSENT
+
 _REFERENCE = ("S", "cbar", "b", "x_cg", "z_cg")
 
 
@@ -26,7 +28,7 @@ def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
     -------
     DataTree
         Every leaf that occurs in any tree, concatenated along ``condition``; the coordinates ``lines``, ``case`` and ``file`` tell
-        where each condition comes from.
+        where each condition comes from.  Airfoil sections go along ``mach``; what belongs to no condition must be the same in all.
 
     Raises
     ------
@@ -74,20 +76,43 @@ def _same(a, b) -> bool:
 
 
 def _differences(name: str, tree: xr.DataTree, part: xr.Dataset, first: xr.Dataset) -> list[str]:
-    """Tell which axes besides the condition differ."""
+    """Tell what differs besides what goes along the joined dimension."""
     found = []
     if set(part.dims) != set(first.dims):
         return [f"{name} of {_title(tree)} has the axes {', '.join(map(str, part.dims))}, the first tree {', '.join(map(str, first.dims))}"]
     if set(part.data_vars) != set(first.data_vars):
         other = sorted(map(str, set(part.data_vars) ^ set(first.data_vars)))
         found.append(f"{name} of {_title(tree)}: {', '.join(other)} not in all trees")
-    for key, coord in first.coords.items():
-        if "condition" in coord.dims:
+    for key in _fixed(first):
+        item, other_item = first[key], part.get(key)
+        if other_item is None and key not in first.coords:
             continue
-        other_coord = part.coords.get(key)
-        if other_coord is None or other_coord.shape != coord.shape or not _equal(other_coord.values, coord.values):
+        if other_item is None or other_item.shape != item.shape or not _equal(*_in_both(key, first, part)):
             found.append(f"{name} of {_title(tree)}: {key} differs from that of the first tree")
     return found
+
+
+def _joined_dimension(part: xr.Dataset) -> str:
+    """Return the dimension along which a leaf is joined, empty for one that must be the same in all trees."""
+    return next((name for name in ("condition", "mach") if name in part.dims), "")
+
+
+def _fixed(part: xr.Dataset) -> list[str]:
+    """Return variables and coordinates that do not go along the joined dimension, without flags and lines."""
+    along = _joined_dimension(part)
+    return [
+        str(key) for key, item in part.variables.items() if along not in item.dims and key != "lines" and not str(key).endswith("_flag")
+    ]
+
+
+def _in_both(key: str, first: xr.Dataset, part: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Return the values of a variable where both trees print it."""
+    a, b = first[key].values, part[key].values
+    flag = f"{key}_flag"
+    if flag not in first or flag not in part or first[flag].shape != part[flag].shape:
+        return a, b
+    there = (first[flag].values != ABSENT) & (part[flag].values != ABSENT)
+    return a[there], b[there]
 
 
 def _equal(a: np.ndarray, b: np.ndarray) -> bool:
@@ -95,10 +120,35 @@ def _equal(a: np.ndarray, b: np.ndarray) -> bool:
 
 
 def _concatenate(parts: list[xr.Dataset]) -> xr.Dataset:
+    along = _joined_dimension(parts[0])
+    first = _completed(parts)
+    if not along:
+        return first
     joined = xr.concat(
-        parts, "condition", data_vars="minimal", coords="minimal", compat="override", join="override", combine_attrs="drop_conflicts"
+        [first, *parts[1:]],
+        along,
+        data_vars="minimal",
+        coords="minimal",
+        compat="override",
+        join="override",
+        combine_attrs="drop_conflicts",
     )
-    return joined.assign_coords(condition=np.arange(joined.sizes["condition"]))
+    return joined.assign_coords(condition=np.arange(joined.sizes["condition"])) if along == "condition" else joined
+
+
+def _completed(parts: list[xr.Dataset]) -> xr.Dataset:
+    """Return the first part, with the values that belong to no condition and that only others print."""
+    first = parts[0].copy()
+    for key in _fixed(first):
+        flag = f"{key}_flag"
+        if flag not in first:
+            continue
+        values, flags = first[key].values.copy(), first[flag].values.copy()
+        for part in parts[1:]:
+            missing = flags == ABSENT
+            values[missing], flags[missing] = part[key].values[missing], part[flag].values[missing]
+        first[key], first[flag] = first[key].copy(data=values), first[flag].copy(data=flags)
+    return first
 
 
 def to_grid(dataset: xr.Dataset) -> xr.Dataset:

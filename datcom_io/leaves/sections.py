@@ -57,12 +57,13 @@ def _surfaces(pages: Sequence[Page]) -> list[str]:
 
 def section(stacker: Stacker) -> xr.Dataset | None:
     """Stack what the section module computes."""
-    summaries = [(page, group) for page, group in stacker.case.values("section") if _surface(page)]
-    slopes = [(page, table) for page, table in stacker.case.tables(SLOPE.name) if _surface(page)]
+    case = stacker.case
+    summaries = [(page, group) for page, group in case.values("section") if _surface(page)]
+    slopes = [(page, table) for page, table in case.tables(SLOPE.name) if _surface(page)]
     if not summaries and not slopes:
         return None
     surfaces = _surfaces([page for page, _ in (*summaries, *slopes)])
-    machs = stacker.case.deck.schedule("FLTCON", "MACH", "NMACH")
+    machs = case.deck.schedule("FLTCON", "MACH", "NMACH")
     machs = machs or max((table.values[:, 0].tolist() for _, table in slopes), key=len, default=[])
     sheet = Sheet(stacker, {"surface": [name.lower() for name in surfaces], "mach": machs})
     single = [column for form in SUMMARY for column in form.numbers]
@@ -72,7 +73,9 @@ def section(stacker: Stacker) -> xr.Dataset | None:
         places = _places(stacker, table, machs)
         items += [((surfaces.index(_surface(page)), place), page, row(table, k)) for k, place in enumerate(places)]
     sheet.add(SLOPE.columns[1:], ("surface", "mach"), items)
-    return sheet.leaf(_NAMES)
+    found = sheet.leaf(_NAMES)
+    found = found.assign_coords(lines=found["lines"].broadcast_like(found["CL_alpha"]))
+    return found.assign_coords({name: ("mach", [text] * len(machs)) for name, text in (("case", case.name), ("file", case.file))})
 
 
 def _places(stacker: Stacker, table: Table, machs: Sequence[float]) -> list[int]:
@@ -100,7 +103,7 @@ def coordinates(stacker: Stacker) -> xr.Dataset | None:
     names = {_surface(page): " ".join(group.texts) for page, group in stacker.case.values("designation")}
     designations = [names.get(surface, "") for surface in surfaces]
     sheet.dataset = sheet.dataset.assign_coords(designation=("surface", designations))
-    return sheet.leaf(_COORDINATE_NAMES)
+    return sheet.leaf(_COORDINATE_NAMES, file=stacker.case.file)
 
 
 LEAVES = {"section": section, "coordinates": coordinates}
