@@ -16,6 +16,7 @@ from .arrange import Condition, Spot, si_factor
 from .cells import ABSENT, BLANK, FILLED, FLAGS, OK
 from .layouts import BY_NAME
 from .layouts.form import Column
+from .layouts.notes import FOOTNOTE_WORDS, footnotes
 from .listing import Case, Page
 from .tables import Table, Values
 
@@ -100,7 +101,17 @@ class Stacker:
                 part_value, part_flag = self.column(column, page, table)
                 value[tuple(where)][: len(part_value)], flag[tuple(where)][: len(part_flag)] = part_value, part_flag
             add_variable(stacked, column, [axis.name for axis in (*axes, rows)], value, flag)
-        return stacked.assign_coords(lines=([axis.name for axis in axes], lines))
+        dims = [axis.name for axis in axes]
+        return stacked.assign_coords(lines=(dims, lines), notes=self.notes(dims, outer, [(where, page) for where, page, _ in items]))
+
+    @staticmethod
+    def notes(dims: Sequence[str], shape: tuple[int, ...], items: Iterable[tuple[Sequence[int], Page]]) -> xr.Variable:
+        """Return the footnotes that change what a table means, as words of `FOOTNOTE_WORDS`, at the place of each table."""
+        words = np.full(shape, "", dtype=object)
+        for where, page in items:
+            words[tuple(where)] = " ".join(footnotes([note.text for note in page.notes]))
+        meant = dict.fromkeys(word for text in words.ravel() for word in text.split())
+        return xr.Variable(dims, words.astype(str), {word: FOOTNOTE_WORDS[word] for word in meant})
 
     def lines(self, shape: tuple[int, ...], items: Iterable[tuple[Sequence[int], Table]]) -> np.ndarray:
         """Return the range of lines of each table at its place; two tables for one place raise."""

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import xarray as xr
 
 from ..stacking import Stacker
-from . import auxiliary, clean, devices, fairing, sections, tabs, trim
+from . import auxiliary, clean, devices, fairing, sections, special, tabs, trim
 
-_SUBJECTS = (clean, devices, tabs, trim, auxiliary, fairing, sections)
+_SUBJECTS = (clean, devices, tabs, trim, auxiliary, fairing, sections, special)
 
 LEAVES: dict[str, Callable[[Stacker], xr.Dataset | None]] = {name: make for subject in _SUBJECTS for name, make in subject.LEAVES.items()}
