@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     from .cells import FLAGS
     from .datcom_plus import read_datcom_plus_csv
     from .deck import Deck
+    from .deck_cards import Finding
+    from .deck_check import check_deck
+    from .deck_file import DeckFile, read_deck
+    from .deck_run import Run, run_deck
+    from .deck_split import split_deck
+    from .deck_write import write_deck
     from .grid import join, to_grid
     from .listing import Case, DamagedListing, Listing, Message, Page, Table
     from .plot_file import read_plot
@@ -36,6 +42,14 @@ _HOME = {
     "Table": "listing",
     "Message": "listing",
     "Deck": "deck",
+    "DeckFile": "deck_file",
+    "Finding": "deck_cards",
+    "Run": "deck_run",
+    "check_deck": "deck_check",
+    "read_deck": "deck_file",
+    "run_deck": "deck_run",
+    "split_deck": "deck_split",
+    "write_deck": "deck_write",
     "FLAGS": "cells",
     "join": "grid",
     "to_grid": "grid",
@@ -49,18 +63,26 @@ __all__ = [
     "Case",
     "DamagedListing",
     "Deck",
+    "DeckFile",
+    "Finding",
     "Listing",
     "Message",
     "Page",
+    "Run",
     "Table",
+    "check_deck",
     "iterate",
     "join",
     "read",
     "read_datcom_plus_csv",
+    "read_deck",
     "read_for014",
     "read_plot",
     "refine",
+    "run_deck",
+    "split_deck",
     "to_grid",
+    "write_deck",
 ]
 
 

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from flightmech import console
+
+if TYPE_CHECKING:
+    from .listing import Page
+    from .tables import Printed
+
+from . import deck_cli
 
 _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False))
 _CASE = click.option("--case", "name", help="Case by its name or by its number, from 1.")
@@ -63,7 +71,6 @@ def table(file: str, name: str | None, number: int, partial: bool, as_json: bool
     """Print the tables of one page as the listing has them."""
     from flightmech.errors import UnknownName
 
-    from .frames import printed_units
     from .scan import read
     from .summary import page_row
 
@@ -71,24 +78,32 @@ def table(file: str, name: str | None, number: int, partial: bool, as_json: bool
     if not 1 <= number <= len(case.pages):
         raise UnknownName(str(number), [f"1 ... {len(case.pages)}"], f"page of case {case.name!r}")
     page = case.pages[number - 1]
-    heads = [[f"{c.name}\n[{printed_units(c, page)}]" for c in found.columns] for found in page.tables]
-    for found, head in zip(page.tables, heads):
-        if found.across is not None:
-            head[1:] = [f"{found.columns[1].name}\n{x:g} deg" for x in found.across]
-    bodies = [[[found.text(i, k) for k in range(len(found.columns))] for i in range(len(found.rows))] for found in page.tables]
+    sheets = [_sheet(item, page) for item in page.printed]
     if as_json:
-        tables = [
-            {"table": t.name, "columns": [h.split("\n") for h in head], "rows": body} for t, head, body in zip(page.tables, heads, bodies)
-        ]
+        tables = [{"table": t.name, "columns": [h.split("\n") for h in head], "rows": body} for t, (head, body) in zip(page.printed, sheets)]
         console.document({**page_row(page), "tables": tables, "notes": [note.text for note in page.notes]})
         return
     click.echo(f"{' / '.join(page.heading)}  (lines {page.first}-{page.last})")
     if not page.parsed:
         click.echo("tables of this kind of page are not read; see the lines of the file")
-    for found, head, body in zip(page.tables, heads, bodies):
-        console.table(head, body, title=f"\n{found.name}, lines {found.lines[0]}-{found.lines[-1]}", right=head)
+    for item, (head, body) in zip(page.printed, sheets):
+        console.table(head, body, title=f"\n{item.name}, lines {item.lines[0]}-{item.lines[-1]}", right=[h for h in head if h != "label"])
     for note in page.notes:
         click.echo(f"line {note.line}: {note.text}")
+
+
+def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
+    """Return headings and texts of a table or of a group of ``label = value``."""
+    from .frames import printed_units
+    from .tables import Table
+
+    if not isinstance(item, Table):
+        units = item.units or ("",) * len(item.labels)
+        return ["label", "value", "unit"], [list(row) for row in zip(item.labels, item.texts, units)]
+    heads = [f"{column.name}\n[{printed_units(column, page)}]" for column in item.columns]
+    if item.across is not None:
+        heads[1:] = [f"{item.columns[1].name}\n{x:g} deg" for x in item.across]
+    return heads, [[item.text(i, k) for k in range(len(item.columns))] for i in range(len(item.rows))]
 
 
 @datcom.command()
@@ -172,3 +187,7 @@ def _print_messages(messages: list[dict]) -> None:
     for (origin, text), at in lines.items():
         more = f" and {len(at) - 1} more" if len(at) > 1 else ""
         click.echo(f"line {at[0]}{more} ({origin}): {text}")
+
+
+for _verb in deck_cli.VERBS:
+    datcom.add_command(_verb)

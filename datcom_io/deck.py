@@ -5,10 +5,10 @@ Values unset in the program are absent here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from .deck_cards import ERROR, Card, Finding, Item, Namelist, read_items
+from .deck_cards import ERROR, Assignment, Card, Finding, Item, Namelist, read_items
 from .deck_names import DIMENSIONS
 from .deck_values import Value, value_text
 
@@ -171,6 +171,17 @@ def make_deck(items: Sequence[Item], before: Deck | None = None, findings: Seque
     return Deck(_resolve((*saved, *items)), cards, tuple(items), saved, tuple(findings), dim, deriv)
 
 
+def pieces(group: Variables) -> Iterator[Assignment]:
+    """Yield the assignments that make the variables of a namelist; a place that was not set begins a new one."""
+    for variable, values in group.items():
+        start = 0
+        while start < len(values):
+            stop = next((i for i in range(start, len(values)) if values[i] is None), len(values))
+            if stop > start:
+                yield Assignment(0, variable, start + 1, tuple(x for x in values[start:stop] if x is not None))
+            start = stop + 1
+
+
 def _last_word(cards: Sequence[Card], name: str, allowed: tuple[str, ...]) -> str:
     words = [card.text.split()[0] for card in cards if card.name == name and card.text]
     return next((word for word in reversed(words) if word in allowed), "")
@@ -190,7 +201,7 @@ def _resolve(items: Sequence[Item]) -> dict[str, Variables]:
         group = seen.setdefault(name, hidden.pop(name, {}))
         for assignment in item.assignments:
             held = group.setdefault(assignment.variable, [])
-            start, stop = assignment.index - 1, assignment.index - 1 + len(assignment.values)
+            start, stop = assignment.start - 1, assignment.start - 1 + len(assignment.values)
             held += [None] * (stop - len(held))
             held[start:stop] = assignment.values
     return seen

@@ -37,11 +37,11 @@ class Card(NamedTuple):
 
 
 class Assignment(NamedTuple):
-    """``VARIABLE(index)=values`` of a namelist, with the line it stands on."""
+    """``VARIABLE(start)=values`` of a namelist, with the line it stands on."""
 
     line: int
     variable: str
-    index: int
+    start: int
     values: tuple[Value, ...]
 
 
@@ -260,9 +260,9 @@ class _Reader:
         return behind, ()
 
     def _complete(self, where: str, found: Assignment) -> Iterable[Assignment]:
-        last = found.index - 1 + len(found.values)
-        if not 0 < found.index <= _LARGEST_ARRAY or last > _LARGEST_ARRAY:
-            text = f"{where}: {found.variable}({found.index}) holds {len(found.values)} values; an array has at most {_LARGEST_ARRAY}"
+        last = found.start - 1 + len(found.values)
+        if not 0 < found.start <= _LARGEST_ARRAY or last > _LARGEST_ARRAY:
+            text = f"{where}: {found.variable}({found.start}) holds {len(found.values)} values; an array has at most {_LARGEST_ARRAY}"
             self.say(found.line, ERROR, text)
         elif found.values:
             yield found

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 
 from .deck import Deck
@@ -33,14 +33,14 @@ def names(deck: Deck) -> Iterator[Finding]:
                 yield from _sizes(item.name, assignment, known[assignment.variable])
 
 
-def _near(name: str, allowed: dict[str, object] | dict[str, int]) -> str:
+def _near(name: str, allowed: Iterable[str]) -> str:
     near = get_close_matches(name, allowed, n=3, cutoff=0.6)
     return f"; near it: {', '.join(near)}" if near else ""
 
 
 def _sizes(name: str, found: Assignment, size: int) -> Iterator[Finding]:
     where = f"${name}: {found.variable}"
-    last = found.index - 1 + len(found.values)
+    last = found.start - 1 + len(found.values)
     if last > abs(size):
         allowed = "one value" if abs(size) == 1 else f"{abs(size)} values"
         yield Finding(found.line, ERROR, f"{where} is given up to place {last}; it holds {allowed}, {_STOPS}")

@@ -57,8 +57,8 @@ def _read(word: str) -> tuple[Value | None, str, str]:
             return None, "error", f"has the value {word}, which is too large"
         return value, "warning", "" if number[2] else f"has the value {word} without a point; the program uses it and flags a syntax error"
     if " " in word:
-        value, severity, said = _read(word.replace(" ", ""))
-        return value, severity if said else "warning", said or f"has the value {word!r} with a blank in it"
+        joined, severity, said = _read(word.replace(" ", ""))
+        return joined, severity if said else "warning", said or f"has the value {word!r} with a blank in it"
     cell = read_cell(word)
     if cell and cell[1] == OK:
         return cell[0], "error", f"has the value {word}; the program reads only E exponents in upper case"

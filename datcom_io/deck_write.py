@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from flightmech.errors import SchemaError
 from flightmech.whole import written_whole
 
-from .deck import Deck, Variables
+from .deck import Deck, pieces
 from .deck_cards import Assignment, Card, Item
 from .deck_file import DeckFile
 from .deck_names import CARD_COLUMNS, CASEID_COLUMNS, VARIABLES
@@ -91,7 +91,7 @@ def _resolved_case(case: Deck) -> Iterator[str]:
         if card.name not in left_out:
             yield _card(card)
     for name, group in case.namelists.items():
-        yield from _namelist(name, _pieces(name, group))
+        yield from _namelist(name, (word for piece in pieces(group) for word in _words(name, piece)))
     for surface, designation in case.sections.items():
         yield f"NACA {surface} {designation}".rstrip()
     if case.caseid:
@@ -110,22 +110,11 @@ def _card(card: Card) -> str:
     return f"{card.name} {card.text}".rstrip()
 
 
-def _pieces(name: str, group: Variables) -> Iterator[str]:
-    """Yield the values of a resolved namelist; a place that was not set starts a new piece."""
-    for variable, values in group.items():
-        start = 0
-        while start < len(values):
-            stop = next((i for i in range(start, len(values)) if values[i] is None), len(values))
-            if stop > start:
-                yield from _words(name, Assignment(0, variable, start + 1, tuple(x for x in values[start:stop] if x is not None)))
-            start = stop + 1
-
-
 def _words(name: str, assignment: Assignment) -> Iterator[str]:
     """Yield what may stand on one card: the variable with its first value, then value by value."""
     first, *more = map(value_text, assignment.values)
-    is_array = abs(VARIABLES.get(name, {}).get(assignment.variable, 1)) > 1 or assignment.index > 1 or bool(more)
-    yield f"{assignment.variable}({assignment.index})={first}" if is_array else f"{assignment.variable}={first}"
+    is_array = abs(VARIABLES.get(name, {}).get(assignment.variable, 1)) > 1 or assignment.start > 1 or bool(more)
+    yield f"{assignment.variable}({assignment.start})={first}" if is_array else f"{assignment.variable}={first}"
     yield from more
 
 
