@@ -30,6 +30,8 @@ class Observer:
         _dynamic_pages_repeated(case)
         _reference_quantities(case)
         _conditions_missing(case)
+        _hypersonic_flap(case)
+        _transverse_jet(case)
 
     def _drift_of_control_moments(self, case: Case) -> None:
         """The program keeps a part of D(CM) from one condition of a run to the next."""
@@ -165,4 +167,24 @@ def _conditions_missing(case: Case) -> None:
             case,
             case.line,
             f"{wanted} flight conditions in the input cards, {found} in the listing: the program left some out, or pages are lost",
+        )
+
+
+def _hypersonic_flap(case: Case) -> None:
+    """One build computes a hypersonic flap and prints nothing."""
+    machs = case.deck.schedule("FLTCON", "MACH", "NMACH")
+    wanted = "HYPEFF" in case.deck.namelists and case.deck.value("FLTCON", "HYPERS") == 1.0 and max(machs, default=0.0) >= 5.0
+    if wanted and not any(page.kind == "hypersonic" for page in case.pages):
+        _say(case, case.line, "HYPEFF is given and nothing of it is printed: one build of the program has that page switched off")
+
+
+def _transverse_jet(case: Case) -> None:
+    """The method counts in pounds per square inch, the program's atmosphere in pounds per square foot."""
+    lines = [group.lines[0] for _, group in case.values("jet")]
+    if lines and not case.deck.values("FLTCON", "PINF"):
+        _say(
+            case,
+            lines[0],
+            "the transverse-jet method wants pressures in LB/IN2 and gets that of the altitude in LB/FT2: the pressures of the page are "
+            "LB/FT2 in spite of their label, and the control-force coefficients, with all that follows from them, are too small by 144",
         )
