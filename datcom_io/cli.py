@@ -80,7 +80,9 @@ def table(file: str, name: str | None, number: int, partial: bool, as_json: bool
     page = case.pages[number - 1]
     sheets = [_sheet(item, page) for item in page.printed]
     if as_json:
-        tables = [{"table": t.name, "columns": [h.split("\n") for h in head], "rows": body} for t, (head, body) in zip(page.printed, sheets)]
+        tables = [
+            {"table": t.name, "columns": [h.split("\n") for h in head], "rows": body} for t, (head, body) in zip(page.printed, sheets)
+        ]
         console.document({**page_row(page), "tables": tables, "notes": [note.text for note in page.notes]})
         return
     click.echo(f"{' / '.join(page.heading)}  (lines {page.first}-{page.last})")

@@ -22,10 +22,11 @@ def summary(listing: Listing) -> list[dict[str, Any]]:
 
 
 def _case(case: Case) -> dict[str, Any]:
-    tables = [table for page in case.pages for table in page.tables]
+    printed = [item for page in case.pages for item in page.printed]
     flags: Counter[str] = Counter()
-    for table in tables:
-        flags.update({FLAGS[code]: count for code, count in enumerate(np.bincount(table.flags.ravel())) if count and code != OK})
+    for item in printed:
+        flags.update({FLAGS[code]: count for code, count in enumerate(np.bincount(item.flags.ravel())) if count and code != OK})
+    tables = [table for page in case.pages for table in page.tables]
     alphas = [x for table in tables if table.columns[0].house == "alpha" for x in table.values[:, 0].tolist()]
     return {
         "case": case.name,
@@ -38,7 +39,7 @@ def _case(case: Case) -> dict[str, Any]:
         "altitude": _printed(case, "h"),
         "alpha": [min(alphas), max(alphas)] if alphas else [],
         "pages": len(case.pages),
-        "tables": dict(Counter(table.name for table in tables)),
+        "tables": dict(Counter(item.name for item in printed)),
         "located_only": dict(Counter(page.kind for page in case.pages if not page.parsed)),
         "missing": {name: int(count) for name, count in flags.items()},
         "messages": [message._asdict() for message in case.messages],
@@ -60,6 +61,6 @@ def page_row(page: Page) -> dict[str, Any]:
         "ground_height": page.ground_height,
         "flap": page.flap,
         "power": page.power,
-        "tables": [table.name for table in page.tables],
+        "tables": [item.name for item in page.printed],
         "lines": f"{page.first}-{page.last}",
     }

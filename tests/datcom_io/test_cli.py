@@ -46,7 +46,7 @@ def test_show_json_with_pages(run):
     assert case["alpha"] == [-8.0, 20.0]
     assert case["missing"]["NDM"] == 45
     assert found["unread"] == []
-    assert [page["kind"] for page in found["pages"][2:6]] == ["section (located only)", "static", "dynamic", "high-lift"]
+    assert [page["kind"] for page in found["pages"][2:6]] == ["section", "static", "dynamic", "high-lift"]
 
 
 def test_table(run):
@@ -57,8 +57,19 @@ def test_table(run):
     assert found["tables"][0]["rows"][0] == ["-25.0", "-0.202", "0.4444", "0.120", "0.01167", "NDM", "-4.446E-03", "-1.155E-02"]
 
 
-def test_table_of_a_page_that_is_located_only(run):
-    assert "tables of this kind of page are not read" in run("table", DATA / "t37_elevator.out", "--page", "1").stdout
+def test_table_of_numbers_with_labels(run):
+    done = run("table", DATA / "t37_elevator.out", "--page", "1")
+    assert "section, lines 103-117" in done.stdout
+    assert "ZERO LIFT ANGLE OF ATTACK" in done.stdout
+    found = json.loads(run("table", DATA / "t37_elevator.out", "--page", "1", "--json").stdout)
+    assert found["tables"][0]["rows"][1] == ["ZERO LIFT ANGLE OF ATTACK", "-1.83645", "DEG."]
+
+
+def test_table_of_a_page_that_is_located_only(run, tmp_path):
+    lines = (DATA / "t37_elevator.out").read_text().split("\n")
+    lines[102:124] = ["                      SOMETHING ELSE"]
+    (tmp_path / "x.out").write_text("\n".join(lines))
+    assert "tables of this kind of page are not read" in run("table", tmp_path / "x.out", "--page", "1").stdout
 
 
 @pytest.mark.parametrize(
