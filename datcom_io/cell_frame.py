@@ -9,7 +9,6 @@ from __future__ import annotations
 from array import array
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
-from functools import lru_cache
 from itertools import chain, count
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -24,6 +23,7 @@ from .tables import Table, Values
 
 AXES = ("alpha", "delta", "delta_left", "delta_right", "delta_difference")
 _FIRST = ("line", "case", "page", "table", "mach", "altitude")
+_ALONE = (Column("", 1, 1),)  # a cell in a row of its own, whose column is told apart
 _LAST = ("column", "text", "value", "flag")
 
 
@@ -84,6 +84,17 @@ class _Strip(NamedTuple):
     altitude: float
 
 
+class _Pattern(NamedTuple):
+    """Equal columns of many rows: the place of their names, which of them are axes, how to cut a row."""
+
+    number: int
+    columns: tuple[Column, ...]
+    start: int
+    axes: dict[str, int]
+    cut: Callable[[str], Iterable[str]]
+    words: bool
+
+
 class _Override(NamedTuple):
     """Values of a column of the frame for cells from ``start`` on, where they are not those of the pattern."""
 
@@ -100,10 +111,8 @@ class _Gathered:
         self.readings = _Readings()
         self.codes, self.lines = array("i"), array("i")
         self.strips: list[_Strip] = []
-        self.patterns: dict[tuple[tuple[Column, ...], int], int] = {}
+        self.patterns: dict[tuple[int, int], _Pattern] = {}  # by the identity of their columns, which they keep
         self.pattern_columns: list[int] = []  # codes of the column names of all patterns
-        self.pattern_start: list[int] = []
-        self.pattern_keys: list[dict[str, int]] = []
         self.overrides: list[_Override] = []
 
     def add_page(self, case: Case, page: Page) -> None:
@@ -116,17 +125,18 @@ class _Gathered:
             elif isinstance(item, Values):
                 self._add_values(item, place)
 
-    def _strip(self, name: str, lines: Iterable[int], rows: int, pattern: int, columns: int, place: _Place) -> None:
+    def _strip(self, name: str, lines: Iterable[int], rows: int, pattern: _Pattern, place: _Place) -> None:
         self.lines.extend(lines)
-        self.strips.append(_Strip(rows, columns, pattern, self.tables[name], *place))
+        self.strips.append(_Strip(rows, len(pattern.columns), pattern.number, self.tables[name], *place))
 
     def _add_table(self, case: Case, table: Table, place: _Place) -> None:
         start = len(self.codes)
-        if any(column.words for column in table.columns):
+        pattern = self._pattern(table.columns, table.layout.keys)
+        if pattern.words:
             self.codes.extend(self._word(column, row) for row in table.rows for column in table.columns)
         else:
-            self.codes.extend(map(self.readings.cells.__getitem__, chain.from_iterable(map(_cutter(table.columns), table.rows))))
-        self._strip(table.name, table.lines, len(table.rows), self._pattern(table), len(table.columns), place)
+            self.codes.extend(map(self.readings.cells.__getitem__, chain.from_iterable(map(pattern.cut, table.rows))))
+        self._strip(table.name, table.lines, len(table.rows), pattern, place)
         if table.given is not None:
             self._override("value", start, table.values)
             self._override("flag", start, table.flags)
@@ -137,7 +147,7 @@ class _Gathered:
             self._override_axes(table.layout.axes(case.deck, table), start)
 
     def _add_heading(self, table: Table, place: _Place) -> None:
-        """Gather the heading values of a two-way table."""
+        """Gather the heading values of a two-way table, as rows of one cell."""
         across, values = table.layout.across, table.across
         if across is None or values is None:
             return
@@ -145,18 +155,19 @@ class _Gathered:
         shifts = [k * across.step for k in range(len(values))]
         texts = [table.across_row[max(0, across.first - 1 + shift) : across.last + shift].strip(" =") for shift in shifts]
         self.codes.extend(map(self.readings.cells.__getitem__, texts))
-        pattern = self._pattern_of((Column(across.name, 1, 1),) * len(values), 0)
-        self._strip(table.name, [table.across_line], 1, pattern, len(values), place)
+        self._strip(table.name, [table.across_line] * len(values), len(values), self._pattern(_ALONE, 0), place)
+        self._override("column", start, np.full(len(values), self.columns[across.name]))
         self._override("value", start, values)
         self._override(across.house, start, values)
 
     def _add_values(self, group: Values, place: _Place) -> None:
         start = len(self.codes)
         self.codes.extend(map(self.readings.cells.__getitem__, group.texts))
-        self._strip(group.name, group.lines, len(group.lines), self._pattern_of((Column("", 1, 1),), 0), 1, place)
-        self._override("column", start, np.array([self.columns[label] for label in group.labels], np.int32))
-        self._override("value", start, group.values)
-        self._override("flag", start, group.flags)
+        self._strip(group.name, group.lines, len(group.lines), self._pattern(_ALONE, 0), place)
+        self._override("column", start, np.array([self.columns[label] for label in group.labels]))
+        if group.given is not None:
+            self._override("value", start, group.values)
+            self._override("flag", start, group.flags)
         self._override_axes(group.axes, start)
 
     def _override(self, column: str, start: int, values: np.ndarray) -> None:
@@ -169,16 +180,14 @@ class _Gathered:
     def _word(self, column: Column, row: str) -> int:
         return (self.readings.words if column.words else self.readings.cells)[row[column.first - 1 : column.last]]
 
-    def _pattern(self, table: Table) -> int:
-        return self._pattern_of(table.columns, table.layout.keys)
-
-    def _pattern_of(self, columns: tuple[Column, ...], keys: int) -> int:
-        pattern = self.patterns.get((columns, keys))
+    def _pattern(self, columns: tuple[Column, ...], keys: int) -> _Pattern:
+        pattern = self.patterns.get((id(columns), keys))
         if pattern is None:
-            self.patterns[columns, keys] = pattern = len(self.patterns)
-            self.pattern_start.append(len(self.pattern_columns))
+            start = len(self.pattern_columns)
             self.pattern_columns += [self.columns[column.name] for column in columns]
-            self.pattern_keys.append({column.house: k for k, column in enumerate(columns[:keys]) if column.house})
+            axes = {column.house: k for k, column in enumerate(columns[:keys]) if column.house}
+            pattern = _Pattern(len(self.patterns), columns, start, axes, _cutter(columns), any(column.words for column in columns))
+            self.patterns[id(columns), keys] = pattern
         return pattern
 
     def frame(self) -> pd.DataFrame:
@@ -204,7 +213,7 @@ class _Gathered:
             "flag": flag[codes],
         }
         self._apply_overrides(found, ("column", "value", "flag"))
-        axes = tuple(dict.fromkeys((*AXES, *(name for pattern in self.pattern_keys for name in pattern), *self._other_axes(found))))
+        axes = self._axes(found)
         for name in axes:
             found.setdefault(name, self._axis(name, found["value"], start_of_row, columns_of_row, pattern_of_row))
         self._apply_overrides(found, (*axes, "mach", "altitude"))
@@ -214,8 +223,10 @@ class _Gathered:
         order = (*_FIRST, *(name for name in axes if name not in _FIRST), *_LAST)
         return pd.DataFrame({name: found[name] for name in order}, copy=False)
 
-    def _other_axes(self, found: Mapping[str, object]) -> Iterable[str]:
-        return (override.column for override in self.overrides if override.column not in found)
+    def _axes(self, found: Mapping[str, object]) -> tuple[str, ...]:
+        of_rows = (name for pattern in self.patterns.values() for name in pattern.axes)
+        of_cells = (override.column for override in self.overrides if override.column not in found)
+        return tuple(dict.fromkeys((*AXES, *of_rows, *of_cells)))
 
     def _apply_overrides(self, found: dict[str, Any], names: tuple[str, ...]) -> None:
         for name, start, values in self.overrides:
@@ -223,15 +234,15 @@ class _Gathered:
                 found[name][start : start + len(values)] = values
 
     def _columns(self, start_of_row: np.ndarray, columns_of_row: np.ndarray, pattern_of_row: np.ndarray, count: int) -> np.ndarray:
-        if not self.pattern_start:
+        if not self.patterns:
             return np.empty(0, np.int8)
-        first = np.array(self.pattern_start)[pattern_of_row] - start_of_row
+        first = np.array([pattern.start for pattern in self.patterns.values()])[pattern_of_row] - start_of_row
         return _small(np.array(self.pattern_columns), len(self.columns))[np.repeat(first, columns_of_row) + np.arange(count)]
 
     def _axis(
         self, name: str, value: np.ndarray, start_of_row: np.ndarray, columns_of_row: np.ndarray, pattern_of_row: np.ndarray
     ) -> np.ndarray:
-        keys = np.array([pattern.get(name, -1) for pattern in self.pattern_keys], np.int64)
+        keys = np.array([pattern.axes.get(name, -1) for pattern in self.patterns.values()], np.int64)
         if not len(keys) or keys.max() < 0:
             return np.full(len(value), np.nan)
         key = keys[pattern_of_row]
@@ -244,7 +255,6 @@ def _small(codes: np.ndarray, count: int) -> np.ndarray:
     return codes.astype(np.int8 if count < 1 << 7 else np.int16 if count < 1 << 15 else np.int32)
 
 
-@lru_cache(256)
 def _cutter(columns: tuple[Column, ...]) -> Callable[[str], Iterable[str]]:
     """Return a function that cuts a row into its fields."""
     parts = [slice(column.first - 1, column.last) for column in columns]

@@ -88,7 +88,8 @@ def read_fields(rows: Sequence[str], columns: Sequence[Column]) -> tuple[np.ndar
 class Windows:
     """The windows of a table, and the shapes of rows that are known to cut into them or not."""
 
-    def __init__(self, columns: Sequence[Column], keys: int):
+    def __init__(self, columns: tuple[Column, ...], keys: int):
+        self.columns = columns
         self.cuts, self.keys = cuts(columns), keys
         self.shapes: dict[bytes, bool] = {}
 
@@ -108,7 +109,15 @@ class Windows:
         return found
 
 
-@lru_cache(256)
+_KINDS: dict[tuple[int, int], Windows] = {}
+_MOST_KINDS = 1024
+
+
 def windows(columns: tuple[Column, ...], keys: int) -> Windows:
     """Return the windows of a kind of table, the same ones for all its tables."""
-    return Windows(columns, keys)
+    key = (id(columns), keys)  # the windows keep the columns, so no others get their id
+    if key not in _KINDS:
+        if len(_KINDS) == _MOST_KINDS:
+            _KINDS.clear()
+        _KINDS[key] = Windows(columns, keys)
+    return _KINDS[key]

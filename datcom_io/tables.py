@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .cells import OK, read_cell
+from .cells import OK, read_cell, read_cells
 from .rows import Cells, read_field, read_fields, windows
 
 if TYPE_CHECKING:  # the layouts make tables themselves
@@ -85,7 +85,7 @@ class Table:
 
 @dataclass(frozen=True, eq=False)
 class Values:
-    """Numbers printed as ``label = value``, or alone in a line of words, in order.
+    """Numbers printed as ``label = value``, or alone in a line of words, in order; they are read when they are first used.
 
     Attributes
     ----------
@@ -97,24 +97,36 @@ class Values:
         Line number of each value.
     texts : tuple of str
         Each value as printed.
-    values : array (value,)
-        NaN where there is no number. [as printed]
-    flags : array (value,) of uint8
-        Codes of `datcom_io.FLAGS`; a word that is no mark of a missing number is ``ok``.
     units : tuple of str
         Unit of each value as printed, empty where none is.
     axes : dict of str to array (value,)
         Axis values by house name where a line prints them, for example ``mach``.
+    given : tuple of array, or None
+        ``values`` and ``flags`` where they are not just those of the texts.
     """
 
     name: str
     labels: tuple[str, ...]
     lines: tuple[int, ...]
     texts: tuple[str, ...]
-    values: np.ndarray
-    flags: np.ndarray
     units: tuple[str, ...] = ()
     axes: dict[str, np.ndarray] = field(default_factory=dict)
+    given: tuple[np.ndarray, np.ndarray] | None = None
+
+    @cached_property
+    def cells(self) -> tuple[np.ndarray, np.ndarray]:
+        """`values` and `flags`."""
+        return self.given or read_cells(self.texts)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Printed numbers (value,), NaN where there is none. [as printed]"""
+        return self.cells[0]
+
+    @property
+    def flags(self) -> np.ndarray:
+        """Codes of `datcom_io.FLAGS` (value,), uint8; a word that is no mark of a missing number is ``ok``."""
+        return self.cells[1]
 
     def value(self, label: str) -> float:
         """Return the first value of a label, NaN when it is not there. [as printed]"""
@@ -145,20 +157,15 @@ def make_table(
     )
 
 
-def make_values(name: str, items: Iterable[tuple[int, str, str, str]], axes: dict[str, np.ndarray] | None = None) -> Values:
-    """Return a group of values given as line number, label, text, unit."""
-    found = list(items)
-    cells = [read_cell(text) or (float("nan"), OK) for _, _, text, _ in found]
-    return Values(
-        name,
-        tuple(label for _, label, _, _ in found),
-        tuple(number for number, _, _, _ in found),
-        tuple(text.strip() for _, _, text, _ in found),
-        np.array([value for value, _ in cells]),
-        np.array([flag for _, flag in cells], dtype=np.uint8),
-        tuple(unit for _, _, _, unit in found),
-        axes or {},
-    )
+def make_values(
+    name: str,
+    items: Iterable[tuple[int, str, str, str]],
+    axes: dict[str, np.ndarray] | None = None,
+    given: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Values:
+    """Return a group of values given as line number, label, text, unit; `given` are values and flags that the texts do not tell."""
+    lines, labels, texts, units = zip(*items) if (items := list(items)) else ((), (), (), ())
+    return Values(name, labels, lines, tuple(map(str.strip, texts)), units, axes or {}, given)
 
 
 _PAIR = re.compile(r"(\S(?:.*?\S)?) *= *(\S+)(?: |$)")
@@ -218,12 +225,20 @@ def _read_across(layout: Layout, lines: list[Line], at: int) -> tuple[tuple[Colu
     start = text.find("=")
     if not text[1:].lstrip().startswith(across.name) or not 0 <= start < across.first:
         return None
-    columns, values = list(layout.columns), []
+    values: list[float] = []
     for k in range((len(text.rstrip()) - across.first) // across.step + 1):
         shift = k * across.step
         cell = read_cell(text[max(across.first - 1 + shift, start + 1) : across.last + shift])
         if cell is None or cell[1] != OK:
             return None
         values.append(cell[0])
-        columns.append(across.cell._replace(first=across.cell.first + shift, last=across.cell.last + shift))
-    return (tuple(columns), np.array(values), number, text, at + 1) if values else None
+    return (two_way_columns(layout, len(values)), np.array(values), number, text, at + 1) if values else None
+
+
+@lru_cache(256)
+def two_way_columns(layout: Layout, count: int) -> tuple[Column, ...]:
+    """Return the columns of a two-way table with `count` heading values."""
+    across = layout.across
+    assert across is not None
+    cell, shifts = across.cell, [k * across.step for k in range(count)]
+    return (*layout.columns, *(cell._replace(first=cell.first + shift, last=cell.last + shift) for shift in shifts))

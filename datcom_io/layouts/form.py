@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
@@ -87,8 +88,16 @@ class Block(NamedTuple):
 
 
 _DASHES = re.compile("-{2,}")
+_LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
 
 
 def heading_words(line: str) -> str:
     """Return a heading line as `Layout.heading` holds it."""
+    return _known_words(line) if len(line) <= _LONGEST_LINE else _words(line)
+
+
+def _words(line: str) -> str:
     return " ".join(_DASHES.sub(" ", line[1:]).split())
+
+
+_known_words = lru_cache(4096)(_words)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..cells import BLANK, NOT_A_NUMBER, OK, read_cell
-from ..tables import Printed, Values, make_table, make_values, pairs
+from ..tables import Printed, make_table, make_values, pairs
 from .form import Across, Block, Column, Layout, Line, heading_words
 
 _MOST_DELTAS = 10
@@ -170,17 +170,9 @@ def _increments(layout: Layout, deltas: np.ndarray, rows: list, number: int, tex
     ]
     if beyond:
         lines, alphas, places, texts, numbers, flags = zip(*beyond)
-        printed.append(
-            Values(
-                "hypersonic_unused",
-                tuple(f"{across.cell.name} DELTA({k + 1})" for k in places),
-                lines,
-                texts,
-                np.array(numbers),
-                np.array(flags, dtype=np.uint8),
-                axes={"alpha": np.array(alphas)},
-            )
-        )
+        items = [(line, f"{across.cell.name} DELTA({k + 1})", shown, "") for line, k, shown in zip(lines, places, texts)]
+        given = (np.array(numbers), np.array(flags, dtype=np.uint8))
+        printed.append(make_values("hypersonic_unused", items, {"alpha": np.array(alphas)}, given))
     return printed
 
 
