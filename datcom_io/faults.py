@@ -29,6 +29,7 @@ class Observer:
         _control_tabs(case)
         _dynamic_pages_repeated(case)
         _reference_quantities(case)
+        _aspect_ratio_of_inboard_panels(case)
         _conditions_missing(case)
         _hypersonic_flap(case)
         _transverse_jet(case)
@@ -157,6 +158,20 @@ def _reference_quantities(case: Case) -> None:
     if len(found) > 1:
         texts = "; ".join(f"line {line}: {' '.join(words)}" for words, line in found.items())
         _say(case, min(found.values()), f"the pages differ in reference quantities; the tree has those of the first page: {texts}")
+
+
+def _aspect_ratio_of_inboard_panels(case: Case) -> None:
+    """The planform properties of a cranked surface take its span in feet, its area as it is printed."""
+    for page, group in case.values("planform"):
+        panels = [k for k, label in enumerate(group.labels) if label.endswith("THEORITICAL INBOARD ASPECT RATIO")]
+        if panels and page.dim != "FT":
+            _say(
+                case,
+                group.lines[panels[0]],
+                f"aspect ratio {group.texts[panels[0]]} of the theoretical inboard panel: with DIM {page.dim} the program divides the "
+                "square of a span in feet by an area in the unit of the print; do not use it",
+            )
+            return
 
 
 def _conditions_missing(case: Case) -> None:
