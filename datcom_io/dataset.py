@@ -7,7 +7,10 @@ Dimensions of the leaves, those of length one left out except ``condition`` and 
 ``downwash``  the same
 ``dynamic``   configuration, condition, alpha
 ``symflp``    condition, delta; ``dCDi``: condition, alpha, delta
-``asyflp``    condition, delta_pair; ``Cn``: condition, alpha, delta_pair
+``asyflp``    condition, delta_pair; ``Cn``: condition, alpha, delta_pair; of a tail: ``Cl``: condition, alpha, delta_pair
+``spoiler``   condition, deflection
+``tabs``      condition, alpha, delta
+``trim``      condition, alpha; so ``trim_stabilizer``
 ============  =====================================================================================
 
 LOOP=1 gives pairs of Mach number and altitude, so both are coordinates of ``condition``; `datcom_io.to_grid` unfolds a full grid.

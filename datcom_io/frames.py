@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from .cells import BLANK
 from .layouts import BY_NAME
 from .layouts.form import Column
 from .listing import Case, Page
@@ -34,7 +35,7 @@ def block(case: Case, name: str) -> pd.DataFrame:
     """Build the frame of `Case.block`."""
     parts, units = [], {"ground_height": "ft", "flap": "deg"}
     for page, table in case.tables(name):
-        part = _wide(table) if table.across is None else _long(table)
+        part = _stream(table, case) if table.layout.stream else _wide(table) if table.across is None else _long(table)
         place: tuple[Any, ...] = (page.configuration, page.condition("mach"), page.condition("h"), page.ground_height, page.flap)
         for at, (column, value) in enumerate(zip(_PAGE_COLUMNS[1:], place), 1):
             part.insert(at, column, value)
@@ -44,6 +45,8 @@ def block(case: Case, name: str) -> pd.DataFrame:
         units["altitude"] = printed_units(Column("", 1, 1, units="length"), page)
         if table.layout.across:
             units[table.layout.across.name] = "deg"
+        if table.layout.stream:
+            units |= {"ALPHA": "deg", "DELTA": "deg"}
     if not parts:
         columns = BY_NAME[name].columns if name in BY_NAME else ()
         return pd.DataFrame(columns=[*_PAGE_COLUMNS, *(column.name for column in columns)])
@@ -56,6 +59,14 @@ def _wide(table: Table) -> pd.DataFrame:
     frame = pd.DataFrame(table.values, columns=[column.name for column in table.columns])
     frame.insert(0, "line", table.lines)
     return frame
+
+
+def _stream(table: Table, case: Case) -> pd.DataFrame:
+    """Unfold a stream of values into one row per value, with the axis values that the input cards give."""
+    printed = table.flags.ravel() != BLANK
+    axes = table.layout.axes(case.deck, table) if table.layout.axes else {}
+    parts = {"line": np.repeat(table.lines, len(table.columns)), **{name.upper(): values.ravel() for name, values in axes.items()}}
+    return pd.DataFrame({name: values[printed] for name, values in {**parts, table.columns[0].name: table.values.ravel()}.items()})
 
 
 def _long(table: Table) -> pd.DataFrame:

@@ -140,3 +140,11 @@ def test_heading_that_is_not_the_cards(corpus_lines):
     lines[256] = lines[256].replace("-15.0", "-16.0")
     with pytest.raises(ParseError, match=r"line 257: found DELTA = -16 deg; expected -15 deg"):
         datcom_io.read(lines).to_datatree()
+
+
+def test_block_has_one_row_per_value(corpus):
+    block = corpus("control_tab")[0].block("tab_trim")
+    assert len(block) == 90
+    last = block.iloc[-1]  # line 324
+    assert (last["line"], last["ALPHA"], last["DELTA"], last["TRIM TAB DEFLECTION FOR ZERO STICK FORCE, DEG."]) == (324, 16.0, 19.0, 50.1)
+    assert block.attrs["units"]["TRIM TAB DEFLECTION FOR ZERO STICK FORCE, DEG."] == "deg"
