@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from .cells import BLANK, FLAGS, OK, read_cells
+from .collecting import uncollected
 from .layouts.form import Column
 from .listing import Case, Page
 from .tables import Table, Values
@@ -30,10 +31,11 @@ _LAST = ("column", "text", "value", "flag")
 def cells(cases: Iterable[Case]) -> pd.DataFrame:
     """Build the frame of `Listing.cells` and `Case.cells`."""
     gathered = _Gathered()
-    for case in cases:
-        for page in case.pages:
-            gathered.add_page(case, page)
-    return gathered.frame()
+    with uncollected():
+        for case in cases:
+            for page in case.pages:
+                gathered.add_page(case, page)
+        return gathered.frame()
 
 
 def _codes() -> defaultdict[str, int]:

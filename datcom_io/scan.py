@@ -6,6 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Iterable, Iterator
 
+from .collecting import uncollected
 from .faults import Observer
 from .lines import ControlColumn, line_blocks
 from .listing import Case, DamagedListing, Listing
@@ -40,8 +41,9 @@ def read(source: Source, *, partial: bool = False) -> Listing:
     """
     cases = iterate(source, partial=partial)
     try:
-        for case in cases:
-            cases.listing.in_order.append(case)
+        with uncollected():
+            for case in cases:
+                cases.listing.in_order.append(case)
     except DamagedListing as error:
         cases.listing.in_order += error.listing.in_order
         error.listing = cases.listing
