@@ -51,7 +51,7 @@ def _read(word: str) -> tuple[Value | None, str, str]:
     number = _NUMBER.fullmatch(word)
     if number and (number[1] or number[3]):
         value = float(word)
-        if max(int(number[1] or 0), int(number[3] or 0)) > _LARGEST_INTEGER:
+        if max(float(number[1] or 0), float(number[3] or 0)) > _LARGEST_INTEGER:
             return value, "error", f"has the value {word}: too many digits, the program's integers overflow; write {DIGITS} digits"
         if not math.isfinite(value):
             return None, "error", f"has the value {word}, which is too large"

@@ -195,6 +195,8 @@ def _read_jet(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
         unit = re.search(r"\((.+)\)$", label)
         items += [(number, label, text[span], unit[1] if unit else "") for span in spans]
         after = at
+    if not items:
+        return None
     axis = [time[0] for time in times if time is not None] * (len(items) // len(spans))
     return [make_values("jet", items, {"time": np.array(axis)})], after
 
