@@ -145,7 +145,7 @@ class _Reader:
     def _control(self, card: Card, text: str) -> None:
         if self.open is not None and card.name == "NACA":
             self.say(card.line, ERROR, f"NACA card inside namelist ${self.name}: it stops the program; close the namelist with $ first")
-        if card.name == "DIM" and card.text[:2].strip() != text[4:6].strip():
+        if card.name == "DIM" and card.text[:2].ljust(2) != text[4:6].ljust(2):
             self.say(card.line, ERROR, "the unit of a DIM card stands in columns 5-6; write DIM and one blank")
         if len(card.text) > CASEID_COLUMNS and card.name == "CASEID":
             self.say(card.line, WARNING, f"CASEID of {len(card.text)} characters: the program keeps {CASEID_COLUMNS}")
@@ -193,7 +193,7 @@ class _Reader:
 
     def _after(self, line: int, text: str) -> None:
         """Judge what follows a closing $ on its card."""
-        if text.partition(" ")[0] in ("", "END"):
+        if text.lstrip("$").partition(" ")[0] in ("", "END"):
             return
         lost = "=" in text
         self.say(

@@ -96,3 +96,101 @@ def test_a_variable_without_value_is_not_given():
     found = deck(" $BODY DS=,BLN=2.0$")
     assert found.value("BODY", "DS") is None
     assert found.value("BODY", "BLN") == 2.0
+
+
+def test_a_jet_comes_back_as_it_was_when_the_propeller_goes():
+    """The program keeps the values of a power namelist that another one only hides."""
+    first = deck(" $JETPWR AIETLJ=2.0,NENGSJ=1.0$\nSAVE\nNEXT CASE")
+    second = deck(" $PROPWR AIETLP=3.0$\nSAVE\nNEXT CASE", first)
+    third = deck(" $JETPWR AIETLJ=4.0$\nNEXT CASE", second)
+    assert "JETPWR" not in second.namelists
+    assert third.namelists == {"JETPWR": {"AIETLJ": [4.0], "NENGSJ": [1.0]}}
+
+
+def test_a_flap_replaced_within_a_case_is_gone():
+    found = deck(" $SYMFLP NDELTA=1.0,PHETE=0.05$\n $ASYFLP NDELTA=2.0$\n $SYMFLP NDELTA=3.0$")
+    assert found.namelists == {"SYMFLP": {"NDELTA": [3.0]}}
+
+
+def test_spellings_belong_to_their_namelist():
+    found = deck(" $TRNJET ALPHA(1)=1.0$\n $WGSCHR CM0=0.1,CLAM0=0.2,CM0T=0.3,ALPHA0=0.4$")
+    assert found.namelists["TRNJET"] == {"ALPHA": [1.0]}
+    assert found.namelists["WGSCHR"] == {"CMO": [0.1], "CLAMO": [0.2], "CMOT": [0.3], "ALPHAO": [0.4]}
+
+
+def test_control_cards_are_known_by_their_first_columns():
+    found = deck("NACA-W-4-2412\nCASEIDABC\nPRINT EXTRAP\nDUMP A,B\nPLOTTED\nDIM CM\nDERIV RAD")
+    assert [(card.name, card.text) for card in found.cards] == [
+        ("NACA", "W-4-2412"),
+        ("CASEID", "ABC"),
+        ("PRINT", "EXTRAP"),
+        ("DUMP", "A,B"),
+        ("PLOT", "TED"),
+        ("DIM", "CM"),
+        ("DERIV", "RAD"),
+    ]
+    assert found.sections == {"W": "4 2412"}
+    assert (found.dim, found.deriv) == ("CM", "RAD")
+    assert not found.findings
+
+
+def test_a_namelist_ends_where_the_next_begins():
+    found = deck(" $FLTCON NMACH=1.0,\n   MACH(1)=0.3\n $OPTINS SREF=2.0\n $END\n $BODY NX=1.0$ $END")
+    assert found.namelists == {"FLTCON": {"NMACH": [1.0], "MACH": [0.3]}, "OPTINS": {"SREF": [2.0]}, "BODY": {"NX": [1.0]}}
+    assert [finding.line for finding in found.findings] == [1]
+
+
+def test_lines_are_remembered():
+    first = deck(" $FLTCON NMACH=1.0,\n   MACH(1)=0.3$\nSAVE\nNEXT CASE")
+    second = deck(" $OPTINS SREF=2.0$", first)
+    assert (second.line_of("FLTCON", "MACH"), second.line_of("FLTCON"), second.line_of("OPTINS", "CBARR")) == (2, 1, 1)
+
+
+def said(text):
+    return [tuple(finding) for finding in deck(text).findings]
+
+
+def test_what_the_program_stumbles_over_in_a_namelist():
+    assert said(" $FLTCON MACH(1)=0.2 NALPHA=3.0$") == [(1, "error", "$FLTCON: no comma before NALPHA; it stops the program")]
+    assert said(" $FLTCON MACH(1)=0.2,,0.3$") == [
+        (1, "error", "$FLTCON: MACH has an empty place between commas; every value must be written")
+    ]
+    assert said(" $BODY DS=,BLN=2.0$") == [(1, "error", "$BODY: DS has no value on its card; write it behind the =")]
+    assert said(" $BODY 2.0,BLN=2.0$") == [(1, "error", "$BODY: 2.0 stands before any variable")]
+    assert said(" $BODY BLN=2$") == [
+        (1, "warning", "$BODY: BLN has the value 2 without a point; the program uses it and flags a syntax error")
+    ]
+    assert said(" $BODY BLN=2.0D1$")[0][2] == "$BODY: BLN has the value 2.0D1; the program reads only E exponents in upper case"
+    assert said(" $SYNTHS VERTUP=T$")[0][2] == "$SYNTHS: VERTUP has the value T; the program knows .TRUE. and .FALSE. with both points"
+    assert said(" $BODY BLN=1.12345678901$")[0][2].startswith("$BODY: BLN has the value 1.12345678901: too many digits")
+    assert said(" $BODY BLN=1 .5$")[0][1:] == ("warning", "$BODY: BLN has the value '1 .5' with a blank in it")
+    assert said(" $BODY X(1)=0*1.0$")[0][2] == "$BODY: X has the repeat count 0; allowed is 1 ... 300"
+
+
+def test_what_the_program_stumbles_over_in_columns():
+    assert said("  $BODY BLN=2.0$") == [(1, "error", "$ stands in column 3: the program looks for it in column 2 only")]
+    assert said(" $BODY BLN=2.0\n $")[0][2].startswith("a $ alone in column 2: the program takes it for a new namelist")
+    assert said(" $BODY BLN=2.0,\nX(1)=0.0$") == [
+        (2, "error", "a namelist goes on in column 1: the program takes it for a control card; leave column 1 blank")
+    ]
+    assert said(" DAMP") == [(1, "error", "DAMP does not start in column 1: the program overlooks it; move it there")]
+    assert said(" BLN=2.0") == [(1, "error", "belongs to no namelist: BLN=2.0; open one with $NAME")]
+    assert said(" $ BODY BLN=2.0$") == [(1, "error", "no name follows $; write $NAME without a blank between")]
+    assert said(" $BODY BLN=2.0$ $OPTINS SREF=1.0$")[0][1:] == (
+        "error",
+        "after the closing $: $OPTINS SREF=1.0$; the program does not read it: put it on a card of its own",
+    )
+    assert said(" &BODY BLN=2.0 &END\n $OPTINS SREF=1.0$")[0][2] == "&BODY: & opens no namelist in this program, which ignores it; write $"
+    assert said(" $BODY BLN=2.0,\nNACA W 4 2412\n BLA=1.0$")[0][2] == (
+        "NACA card inside namelist $BODY: it stops the program; close the namelist with $ first"
+    )
+    assert said("DERIV  RAD")[0][2] == "DERIV RAD: allowed are DERIV DEG and DERIV RAD, with one blank"
+    assert said("DIM  M")[0][2] == "the unit of a DIM card stands in columns 5-6; write DIM and one blank"
+    assert said("next case\n $body bln=2.0$") == [
+        (1, "error", "lower case: the program knows upper case only; write the deck with write_deck"),
+        (2, "error", "lower case: the program knows upper case only; write the deck with write_deck"),
+    ]
+
+
+def test_an_ampersand_group_is_left_out():
+    assert deck(" &BODY BLN=2.0 &END\n $OPTINS SREF=1.0$").namelists == {"OPTINS": {"SREF": [1.0]}}
