@@ -23,9 +23,12 @@ from .listing import Case, Page
 from .tables import Table, Values
 
 AXES = ("alpha", "delta", "delta_left", "delta_right", "delta_difference")
+_RARE_AXES = ("mach_node", "time", "xs_c", "hs_c", "dd_c", "ds_c")
 _FIRST = ("line", "case", "page", "table", "mach", "altitude")
 _ALONE = (Column("", 1, 1),)  # a cell in a row of its own, whose column is told apart
 _LAST = ("column", "text", "value", "flag")
+COLUMNS = (*_FIRST, *AXES, *_RARE_AXES, *_LAST)
+"""All columns that a frame of cells may have; the axes after ``delta_difference`` only where a table has them."""
 
 
 def cells(cases: Iterable[Case]) -> pd.DataFrame:
@@ -226,9 +229,9 @@ class _Gathered:
         return pd.DataFrame({name: found[name] for name in order}, copy=False)
 
     def _axes(self, found: Mapping[str, object]) -> tuple[str, ...]:
-        of_rows = (name for pattern in self.patterns.values() for name in pattern.axes)
-        of_cells = (override.column for override in self.overrides if override.column not in found)
-        return tuple(dict.fromkeys((*AXES, *of_rows, *of_cells)))
+        of_rows = {name for pattern in self.patterns.values() for name in pattern.axes}
+        of_cells = {override.column for override in self.overrides if override.column not in found}
+        return (*AXES, *(name for name in _RARE_AXES if name in of_rows | of_cells))
 
     def _apply_overrides(self, found: dict[str, Any], names: tuple[str, ...]) -> None:
         for name, start, values in self.overrides:

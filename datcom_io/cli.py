@@ -136,6 +136,24 @@ def convert(file: str, output: str, name: str | None, joined: bool, partial: boo
         click.echo(f"written: {output}")
 
 
+@datcom.command()
+@_FILE
+@click.option("-o", "--output", required=True, type=console.NewFile(), help="CSV file to write.")
+@_CASE
+@_PARTIAL
+@console.json_option
+def cells(file: str, output: str, name: str | None, partial: bool, as_json: bool) -> None:
+    """Write every printed cell of a listing, or of one case, as CSV: line, page, table, axes, column, text, value, flag."""
+    from .cell_file import write_cells
+    from .scan import iterate, read
+
+    count = write_cells(iterate(file, partial=partial) if name is None else [_case(read(file, partial=partial), name)], output)
+    if as_json:
+        console.document({"file": output, "cells": count})
+    else:
+        click.echo(f"written: {output}, {_count(count, 'cell')}")
+
+
 def _case(listing, name: str):
     """Return a case by its name, or by its number from 1."""
     if name not in listing.cases and name.isdecimal() and 1 <= int(name) <= len(listing):
