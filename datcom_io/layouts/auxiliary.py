@@ -10,7 +10,7 @@ import re
 from ..rows import windows
 from ..tables import Printed, make_values, read_table
 from .form import Block, Column, Layout, Line, heading_words
-from .labelled import Item, Labelled, labelled_block, read_lines, title_block
+from .labelled import Item, Labelled, labelled_block, title_block
 
 _PAGES = ("auxiliary",)
 SURFACES = ("WING", "HORIZONTAL TAIL", "VERTICAL TAIL", "VENTRAL FIN")
@@ -150,18 +150,14 @@ def _read_vortex(lines: list[Line], at: int) -> tuple[list[Printed], int] | None
     return ([table], after) if table else None
 
 
-def _read_increments(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
-    """Read the increments: two lines of ``label = value``, then three columns with one row."""
-    items, at = read_lines(INCREMENTS, lines, at)
-    if not items:
+def _read_row(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
+    """Read the one row below the heading of the derivatives per dihedral and twist."""
+    below = next((k for k in range(at + 1, len(lines)) if lines[k][1][1:].strip()), at)
+    number, row = lines[below]
+    if below == at or not windows(DIHEDRAL_AND_TWIST, 0).hold(row):
         return None
-    follow = [k for k in range(at, len(lines)) if lines[k][1][1:].strip()][:2]
-    if len(follow) == 2 and heading_words(lines[follow[0]][1]) == "CLB/GAMMA (CMO/THETA)W (CMO/THETA)H":
-        number, row = lines[follow[1]]
-        if windows(DIHEDRAL_AND_TWIST, 0).hold(row):
-            items += [(number, column.name, row[column.first - 1 : column.last], "") for column in DIHEDRAL_AND_TWIST]
-            at = follow[1] + 1
-    return [make_values("increments", items)], at
+    items = [(number, column.name, row[column.first - 1 : column.last], "") for column in DIHEDRAL_AND_TWIST]
+    return [make_values("increments", items)], below + 1
 
 
 LAYOUTS = (BODY, CANARD)
@@ -179,5 +175,6 @@ BLOCKS = (
     Block(("planform",), _PAGES, re.compile(f"^(?:{'|'.join(SURFACES)})$"), _read_surface),
     labelled_block("interference", _PAGES, (*INTERFERENCE.values(), SIDEWASH)),
     Block(("vortex",), _PAGES, re.compile(r"^ALPHA IV-B\(W\) IV-W\(H\) IV-B\(H\) GAMMA/ GAMMA/$"), _read_vortex),
-    Block(("increments",), _PAGES, re.compile(r"^CLP\(GAMMA=CL=0\) ="), _read_increments),
+    labelled_block("increments", _PAGES, INCREMENTS),
+    Block(("increments",), _PAGES, re.compile(r"^CLB/GAMMA \(CMO/THETA\)W \(CMO/THETA\)H$"), _read_row),
 )
