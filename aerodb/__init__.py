@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .evaluation import contributions, evaluate
     from .files import open, save
     from .overview import summary
+    from .rescaling import rescale
     from .schema import check, database, terms
     from .tabulation import tabulate
 
@@ -32,6 +33,7 @@ _HOME = {
     "check": "schema",
     "database": "schema",
     "terms": "schema",
+    "rescale": "rescaling",
     "summary": "overview",
     "tabulate": "tabulation",
 }
@@ -45,6 +47,7 @@ __all__ = [
     "from_datcom",
     "open",
     "replace_terms",
+    "rescale",
     "save",
     "summary",
     "tabulate",

@@ -8,6 +8,8 @@ import click
 
 from flightmech.console import NewFile, document, json_option, remark, table
 
+from .cli_characteristics import characteristics, rescale
+
 _LISTING = click.Path(exists=True, dir_okay=False)
 
 
@@ -114,3 +116,7 @@ def check(file: str, as_json: bool) -> None:
     tree = open(file)
     count = len(terms(tree))
     document({"file": file, "terms": count, "problems": []}) if as_json else click.echo(f"{file}: sound, {count} terms")
+
+
+db.add_command(characteristics)
+db.add_command(rescale)

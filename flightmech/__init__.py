@@ -10,43 +10,66 @@ from typing import TYPE_CHECKING
 from .lazy import load
 
 if TYPE_CHECKING:
-    from . import air, axes, errors, names, terms, units
-    from .aircraft import Aircraft, Engine, read_aircraft
+    from . import air, axes, errors, linear, names, similarity, terms, units
+    from .aircraft import Aircraft, Control, Engine, read_aircraft
+    from .aircraft_writing import write_aircraft
     from .compiler import SimModel, compile
+    from .eigenmodes import modes
     from .fmu import write_fmu
+    from .linear import linearize
+    from .qualities.assemble import Characteristics, characteristics
+    from .similarity import rescale
     from .simulation import simulate
     from .trimming import trim
 
 _HOME = {
     "read_aircraft": "aircraft",
     "Aircraft": "aircraft",
+    "Control": "aircraft",
     "Engine": "aircraft",
+    "write_aircraft": "aircraft_writing",
     "compile": "compiler",
     "SimModel": "compiler",
+    "linearize": "linear",
+    "modes": "eigenmodes",
+    "Characteristics": "qualities.assemble",
+    "characteristics": "qualities.assemble",
+    "rescale": "similarity",
     "simulate": "simulation",
     "trim": "trimming",
     "write_fmu": "fmu",
     "air": "air",
     "axes": "axes",
     "errors": "errors",
+    "linear": "linear",
     "names": "names",
+    "similarity": "similarity",
     "terms": "terms",
     "units": "units",
 }
 __all__ = [
     "Aircraft",
+    "Characteristics",
+    "Control",
     "Engine",
     "SimModel",
     "air",
     "axes",
+    "characteristics",
     "compile",
     "errors",
+    "linear",
+    "linearize",
+    "modes",
     "names",
     "read_aircraft",
+    "rescale",
+    "similarity",
     "simulate",
     "terms",
     "trim",
     "units",
+    "write_aircraft",
     "write_fmu",
 ]
 

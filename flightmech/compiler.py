@@ -23,7 +23,7 @@ from .units import from_si
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
 _AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
 _NEAR = 1e-4  # of the chord: two places of the moment reference that count as one
-_NO_COEFFICIENT = ("checks",)  # groups of a database that hold no terms
+_NO_COEFFICIENT = ("checks", "previous", "Ch_e", "Ch_a", "Ch_r")  # groups that are not flown: no terms, or hinge moments
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+import numpy as np
 import xarray as xr
 
 from .library import OUTPUT, PARAMETER
@@ -41,10 +42,14 @@ def trim(sim: SimModel, parameters: Mapping[str, float] | None = None) -> xr.Dat
     SimulationError
         A parameter has no meaning, e.g. no speed.
     """
-    values = {"mode.trim": _seek(sim, parameters or {}), **(parameters or {})}
-    run = prepared(sim, values, constant_inputs(sim, values))
-    y = run.outputs()
+    y = trimmed_outputs(sim, parameters or {})
     return xr.Dataset({row.name: ((), y[i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}, attrs={"title": sim.title})
+
+
+def trimmed_outputs(sim: SimModel, parameters: Mapping[str, float]) -> np.ndarray:
+    """Return the outputs (outputs,) of `trim` as the kernel gives them, for many trims in a row."""
+    values = {"mode.trim": _seek(sim, parameters), **parameters}
+    return prepared(sim, values, constant_inputs(sim, values)).outputs()
 
 
 def _seek(sim: SimModel, parameters: Mapping[str, float]) -> float:

@@ -1,0 +1,100 @@
+"""Climb at full throttle: rate, gradient, highest level speed, ceilings.
+
+Quasi-steady: the excess thrust at constant true airspeed over the weight, with the drag of level flight.
+
+References
+----------
+.. [Ruijgrok] Ruijgrok, Elements of Airplane Performance, 1996, chapters 11 and 12.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..air import atmosphere
+from ..units import FOOT
+from .lateral import full_thrust
+from .performance import NO_ENGINES, NO_LEVEL, TOLERANCE, at_end, level_speeds, lowest, required, stall
+from .point import Point
+from .rows import Row, absent
+
+CLIMB = "climb"
+NO_THRUST = "the aircraft file gives an engine no thrust table"
+_SERVICE = 100.0 * FOOT / 60.0  # climb rate left at the service ceiling [m s-1]
+
+
+def climb_rows(point: Point, speeds: tuple[float, float]) -> list[Row]:
+    """Return climb rate, climb gradient, level speed and ceilings at full throttle as rows."""
+    names = {"climb_rate_max": "m s-1", "V_climb_rate_max": "m s-1", "gamma_max": "rad", "V_gamma_max": "m s-1", "V_max": "m s-1"}
+    ceilings = {"service_ceiling": "m", "absolute_ceiling": "m"}
+    if not point.aircraft.engines or any(engine.thrust is None for engine in point.aircraft.engines):
+        return absent(CLIMB, {**names, **ceilings}, NO_THRUST if point.aircraft.engines else NO_ENGINES)
+
+    def climb(V: float) -> float:
+        return excess(point.level(V)) * V
+
+    rate = lowest(lambda V: -climb(V), speeds)
+    steep = lowest(lambda V: -excess(point.level(V)), speeds)
+    if not np.isfinite([rate, steep]).all():
+        return absent(CLIMB, {**names, **ceilings}, NO_LEVEL)
+    remark = "full throttle, constant true airspeed, drag of level flight"
+    rows = [
+        Row(CLIMB, "climb_rate_max", climb(rate), "m s-1", remark),
+        Row(CLIMB, "V_climb_rate_max", rate, "m s-1", at_end(rate, speeds)),
+        Row(CLIMB, "gamma_max", float(np.arcsin(np.clip(excess(point.level(steep)), -1.0, 1.0))), "rad", remark),
+        Row(CLIMB, "V_gamma_max", steep, "m s-1", at_end(steep, speeds)),
+    ]
+    return [*rows, *_fastest(climb, rate, speeds), *_ceilings(point)]
+
+
+def excess(flight: Point) -> float:
+    """Return the excess thrust at full throttle over the weight of a level flight: the sine of the climb angle; NaN without one. [1]"""
+    available = sum(full_thrust(flight, number) for number in range(len(flight.aircraft.engines)))
+    return (available - required(flight)) / flight.weight
+
+
+def _fastest(climb: Callable[[float], float], best: float, speeds: tuple[float, float]) -> list[Row]:
+    if climb(best) < 0.0:
+        return absent(CLIMB, {"V_max": "m s-1"}, "full throttle does not hold level flight at this height")
+    if climb(speeds[1]) > 0.0:
+        return absent(CLIMB, {"V_max": "m s-1"}, f"beyond {speeds[1]:.4g} m/s, where the tables end: thrust is still left there")
+    V = brentq(climb, best, speeds[1], xtol=TOLERANCE * best)
+    return [Row(CLIMB, "V_max", float(V), "m s-1", "full throttle, level")]
+
+
+def _ceilings(point: Point) -> list[Row]:
+    """Heights at which the best climb rate falls to 100 ft/min and to nothing, within the heights of the thrust tables."""
+    names = {"service_ceiling": _SERVICE, "absolute_ceiling": 0.0}
+    tables = [engine.thrust for engine in point.aircraft.engines if engine.thrust is not None]
+    tops = [float(leaf["h"][-1]) for leaf in tables if "h" in leaf.coords and leaf["h"].size > 1]
+    if not tops:
+        return absent(CLIMB, dict.fromkeys(names, "m"), "the thrust tables do not depend on height")
+    low, top = point["h"], min(tops)
+
+    def best(h: float) -> float:
+        flight = point.level(_usual_speed(point, h), h)
+        V = lowest(lambda V: -excess(flight.level(V)) * V, level_speeds(flight, stall(flight)))
+        return excess(flight.level(V)) * V
+
+    rows = []
+    ends = (best(low), best(top)) if low < top else (np.nan, np.nan)
+    for name, left in names.items():
+        if not low < top:
+            rows += absent(CLIMB, {name: "m"}, f"the flight is above the thrust tables, which end at {top:.5g} m")
+        elif ends[1] > left:
+            rows += absent(CLIMB, {name: "m"}, f"above the thrust tables: at their end, {top:.5g} m, it still climbs {ends[1]:.3g} m/s")
+        elif ends[0] < left:
+            rows += absent(CLIMB, {name: "m"}, f"below this height: it climbs {ends[0]:.3g} m/s here")
+        else:
+            h = brentq(lambda h, left=left: best(h) - left, low, top, xtol=1.0)
+            rows.append(Row(CLIMB, name, float(h), "m", f"{left:.3g} m/s of climb left, constant true airspeed"))
+    return rows
+
+
+def _usual_speed(point: Point, h: float) -> float:
+    """Return the speed of the same dynamic pressure at another height. [m s-1]"""
+    air = atmosphere(h, point.parameter("env.delta_T"), point.parameter("env.qnh"))
+    return float(point["V"] * np.sqrt(point["rho"] / air.rho))
