@@ -182,7 +182,8 @@ def _name(deck: DeckFile, group: tuple[Namelist, ...]) -> str:
             for mark, name in _MARKS.items():
                 if mark in text.upper():
                     return name
-    fits = [name for name, surface in (("flaps", "WGPLNF"), ("elevator", "HTPLNF")) if _fits(deck[0], surface, values)]
+    there = [(name, surface) for name, surface in (("flaps", "WGPLNF"), ("elevator", "HTPLNF")) if surface in deck[0].namelists]
+    fits = [name for name, surface in there if len(there) == 1 or _fits(deck[0], surface, values)]
     return fits[0] if len(fits) == 1 else ""
 
 
