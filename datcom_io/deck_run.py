@@ -199,7 +199,8 @@ def _listing(content: bytes, said: _Said) -> Listing:
     try:
         return read(content.decode("latin-1").split("\n"))
     except ParseError as error:
-        why = said.failure if said.broken else str(error)
+        ended = b"END OF JOB" in content
+        why = said.failure if said.broken else str(error) if ended else "it has no END OF JOB"
         raise SimulationError(
             f"the print of the program is not complete: {why}; nothing was written. Run datcom check on the deck"
         ) from None
