@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from .deck_write import write_deck
     from .grid import join, to_grid
     from .listing import Case, DamagedListing, Listing, Message, Page, Table
+    from .matlab_read import read_matlab
+    from .matlab_write import write_matlab
     from .plot_file import read_plot
     from .plot_table import read_for014
     from .refining import refine
@@ -54,6 +56,8 @@ _HOME = {
     "join": "grid",
     "to_grid": "grid",
     "read_plot": "plot_file",
+    "read_matlab": "matlab_read",
+    "write_matlab": "matlab_write",
     "read_datcom_plus_csv": "datcom_plus",
     "read_for014": "plot_table",
     "refine": "refining",
@@ -77,12 +81,14 @@ __all__ = [
     "read_datcom_plus_csv",
     "read_deck",
     "read_for014",
+    "read_matlab",
     "read_plot",
     "refine",
     "run_deck",
     "split_deck",
     "to_grid",
     "write_deck",
+    "write_matlab",
 ]
 
 

@@ -11,6 +11,8 @@ _PARTS = (
     ("BODY", "body"),
 )
 
+LOW_ASPECT_RATIO = "LOW ASPECT RATIO WINGS AND WING-BODY COMBINATIONS"
+
 
 def parts(configuration: str) -> frozenset[str]:
     """Return the parts named in a configuration line: ``body wing horizontal vertical fin panels``.
@@ -20,7 +22,7 @@ def parts(configuration: str) -> frozenset[str]:
     >>> sorted(parts("WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL"))
     ['body', 'horizontal', 'vertical', 'wing']
     """
-    if configuration.startswith("LOW ASPECT RATIO"):
+    if configuration == LOW_ASPECT_RATIO:
         return frozenset(("body", "wing"))
     return frozenset(part for words, part in _PARTS if words in configuration)
 
