@@ -52,7 +52,7 @@ SLOPE = Layout(
     "section_slope",
     "",
     (
-        Column("MACH", 32, 38, "mach"),
+        Column("MACH", 32, 38, "mach_node"),
         Column("LIFT-CURVE-SLOPE", 58, 67, "CL_alpha", "1/deg"),
         Column("XAC", 85, 94, "xac"),
     ),
