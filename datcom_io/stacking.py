@@ -14,7 +14,6 @@ from flightmech.units import DEGREE, parse
 
 from .arrange import Condition, Spot, si_factor
 from .cells import ABSENT, BLANK, FILLED, FLAGS, OK
-from .layouts import BY_NAME
 from .layouts.form import Column
 from .layouts.notes import FOOTNOTE_WORDS, footnotes
 from .listing import Case, Page
@@ -85,10 +84,10 @@ class Stacker:
         add_variable(found, column.cell, ["condition", "alpha", across.name], value, flag)
         return found.assign_coords({f"lines_{column.cell.house}": ("condition", lines)})
 
-    def over_alpha(self, name: str, placed: list[tuple[Spot, Page, Table]]) -> xr.Dataset:
-        """Return tables with one row per alpha and one page per flight condition as arrays (condition, alpha)."""
+    def over_alpha(self, placed: list[tuple[Spot, Page, Table]], alphas: Axis) -> xr.Dataset:
+        """Return tables of one kind, with one row per alpha and one page per flight condition, as arrays (condition, alpha)."""
         items = [([spot.condition], page, table) for spot, page, table in placed]
-        return self.stack(BY_NAME[name].columns[1:], [self.condition_axis()], self.axis(placed, "alpha", self.alphas()), items)
+        return self.stack(placed[0][2].columns[1:], [self.condition_axis()], alphas, items)
 
     def stack(self, columns: Sequence[Column], axes: list[Axis], rows: Axis, items: list[tuple[list[int], Page, Table]]) -> xr.Dataset:
         """Return tables as arrays (axes..., rows); `items` holds index along the axes, page and table."""

@@ -15,6 +15,8 @@ from ..listing import Page
 from ..stacking import HALF_UNIT, Axis, Stacker, add_variable, describe
 from ..tables import Table
 
+_Placed = list[tuple[Spot, Page, Table]]
+
 LONG_NAMES = {
     "dCL": "increment of the lift coefficient, constant in alpha",
     "dCm": "increment of the pitching-moment coefficient",
@@ -43,6 +45,7 @@ _DEVICES = (
 )  # FTYPE 1 to 8; for the last one no heading is printed
 _SPOILERS = ("spoiler", "spoiler_slot", "spoiler_supersonic")
 _SPOILER_CARDS = {"xs_c": "XSOC", "hs_c": "HSOC", "dd_c": "DELTAD", "ds_c": "DELTAS"}
+_HALF_UNIT_OF_DIFFERENCE = 2 * HALF_UNIT  # both angles are rounded
 _HALF_UNIT_OF_CHORD = 5.01e-5  # of spoiler heights, printed with four decimals
 
 
@@ -74,30 +77,35 @@ def asyflp(stacker: Stacker) -> xr.Dataset | None:
     roll, tail = stacker.placed("asyflp_roll"), stacker.placed("asyflp_tail")
     if not roll and not tail:
         return None
+    words = (roll or tail)[0][1].configuration
+    surface = "tail" if tail or "STABILIZER" in words else "wing"
     left, right = _sides(stacker, roll)
     difference = [one - other for one, other in zip(left, right)] or _printed_difference(tail)
     pairs = Axis("delta_pair", list(range(len(difference))))
-    # each angle is rounded, so their difference may be off by two half units
-    if tail or _is_tail(roll):
-        found = xr.Dataset(coords=stacker.coords([stacker.condition_axis(), pairs]))
-        if tail:
-            found = stacker.with_two_way(found, tail, pairs, difference, 2 * HALF_UNIT)
-        if roll:
-            listed = _rolling(stacker, roll, pairs).rename(Cl="Cl_transonic", Cl_flag="Cl_transonic_flag", lines="lines_Cl_transonic")
-            found = found.merge(listed, join="exact", compat="equals")
+    if surface == "tail":
+        found = _differential_tail(stacker, roll, tail, pairs, difference)
     else:
         found = _rolling(stacker, roll, pairs)
         if yaw := stacker.placed("asyflp_cn"):
-            found = stacker.with_two_way(found, yaw, pairs, difference, 2 * HALF_UNIT)
-    sides = {"delta_left": left, "delta_right": right} if left else {"delta_difference": difference}
+            found = stacker.with_two_way(found, yaw, pairs, difference, _HALF_UNIT_OF_DIFFERENCE)
+    sides = {"delta_left": left, "delta_right": right} if left and right else {"delta_difference": difference}
     for name, side in sides.items():
-        found = found.assign_coords({name: ("delta_pair", np.array(side) * DEGREE, {"units": "rad", "sign": "TED"})})
-    words = (roll or tail)[0][1].configuration
-    surface = "tail" if "STABILIZER" in words else "wing"
+        found = found.assign_coords({name: ("delta_pair", np.array(side[: len(difference)]) * DEGREE, {"units": "rad", "sign": "TED"})})
     return describe(found, LONG_NAMES).assign_attrs(surface=surface, device=words.removeprefix("WING ").lower())
 
 
-def _sides(stacker: Stacker, roll: list[tuple[Spot, Page, Table]]) -> tuple[list[float], list[float]]:
+def _differential_tail(stacker: Stacker, roll: _Placed, tail: _Placed, pairs: Axis, difference: list[float]) -> xr.Dataset:
+    """Return the rolling moment by alpha, and the transonic one, which the program prints without alpha."""
+    found = xr.Dataset(coords=stacker.coords([stacker.condition_axis(), pairs]))
+    if tail:
+        found = stacker.with_two_way(found, tail, pairs, difference, _HALF_UNIT_OF_DIFFERENCE)
+    if roll:
+        listed = _rolling(stacker, roll, pairs).rename(Cl="Cl_transonic", Cl_flag="Cl_transonic_flag", lines="lines_Cl_transonic")
+        found = found.merge(listed, join="exact", compat="equals")
+    return found
+
+
+def _sides(stacker: Stacker, roll: _Placed) -> tuple[list[float], list[float]]:
     """Return the deflections of left and right by the cards, checked against the printed pairs, or those. [deg]"""
     sides = []
     for k, (name, variable) in enumerate((("delta_left", "DELTAL"), ("delta_right", "DELTAR"))):
@@ -106,17 +114,13 @@ def _sides(stacker: Stacker, roll: list[tuple[Spot, Page, Table]]) -> tuple[list
     return sides[0], sides[1]
 
 
-def _printed_difference(tail: list[tuple[Spot, Page, Table]]) -> list[float]:
+def _printed_difference(tail: _Placed) -> list[float]:
     across = tail[0][2].across
     assert across is not None
     return [float(x) for x in across]
 
 
-def _is_tail(roll: list[tuple[Spot, Page, Table]]) -> bool:
-    return "STABILIZER" in roll[0][1].configuration
-
-
-def _rolling(stacker: Stacker, roll: list[tuple[Spot, Page, Table]], pairs: Axis) -> xr.Dataset:
+def _rolling(stacker: Stacker, roll: _Placed, pairs: Axis) -> xr.Dataset:
     items = [([spot.condition], page, table) for spot, page, table in roll]
     return stacker.stack(BY_NAME["asyflp_roll"].columns[2:], [stacker.condition_axis()], pairs, items)
 
@@ -138,12 +142,12 @@ def spoiler(stacker: Stacker) -> xr.Dataset | None:
             value[spot.condition, :rows], flag[spot.condition, :rows] = stacker.column(own, page, table)
         add_variable(found, column, ["condition", "deflection"], value, flag)
     lines = stacker.lines((len(stacker.conditions),), [((spot.condition,), table) for spot, _, table in placed])
-    found = found.assign_coords({"lines": ("condition", lines), **_heights(stacker, [table for _, _, table in placed])})
+    found = found.assign_coords({"lines": ("condition", lines), **_heights(stacker, [table for _, _, table in placed], count)})
     words = placed[0][1].configuration
     return describe(found, LONG_NAMES).assign_attrs(surface="wing", device=words.removeprefix("WING WITH ").lower())
 
 
-def _heights(stacker: Stacker, tables: list[Table]) -> dict[str, tuple]:
+def _heights(stacker: Stacker, tables: list[Table], count: int) -> dict[str, tuple]:
     """Return what names a deflection, by the cards, checked against every table that prints it; or as printed."""
     found: dict[str, tuple] = {}
     for house, variable in _SPOILER_CARDS.items():
@@ -154,7 +158,8 @@ def _heights(stacker: Stacker, tables: list[Table]) -> dict[str, tuple]:
                 continue
             exact = exact or [float(x) for x in table.values[:, at]]
             stacker.demand(table.columns[at].name, table.values[:, at], exact, table.lines, _HALF_UNIT_OF_CHORD, "1")
-            found[house] = ("deflection", np.array(exact), {"units": "1", "printed_as": table.columns[at].name})
+            values = [*exact, *[np.nan] * count][:count]
+            found[house] = ("deflection", np.array(values), {"units": "1", "printed_as": table.columns[at].name})
     return found
 
 

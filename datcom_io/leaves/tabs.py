@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
-from ..cells import ABSENT
+from flightmech.errors import ParseError
+
+from ..cells import ABSENT, BLANK
 from ..layouts import tabs as streams
+from ..layouts.form import Layout
 from ..stacking import Axis, Stacker, add_variable, describe
 
 _LONG_NAMES = {
@@ -22,29 +25,36 @@ _LONG_NAMES = {
 
 def tabs(stacker: Stacker) -> xr.Dataset | None:
     """Stack the value streams of control tabs as (condition, alpha, delta), alpha and delta taken from the input cards."""
-    deck = stacker.case.deck
-    alphas, deltas = stacker.alphas(), deck.schedule("SYMFLP", "DELTA", "NDELTA")
+    alphas, deltas = stacker.alphas(), stacker.case.deck.schedule("SYMFLP", "DELTA", "NDELTA")
     layouts = [layout for layout in streams.LAYOUTS if stacker.placed(layout.name)]
     if not layouts or not alphas or not deltas:
         return None
-    axes = [stacker.condition_axis(), Axis("alpha", alphas, "deg"), Axis("delta", deltas, "deg")]
-    shape, count = tuple(len(axis.values) for axis in axes), len(alphas) * len(deltas)
-    found = xr.Dataset(coords=stacker.coords(axes))
+    found = xr.Dataset(coords=stacker.coords([stacker.condition_axis(), Axis("alpha", alphas, "deg"), Axis("delta", deltas, "deg")]))
     for layout in layouts:
-        column = layout.columns[0]
-        placed = stacker.placed(layout.name)
         for _, group in stacker.case.values(layout.name):
             stacker.demand(group.labels[0], group.values, deltas, group.lines)
-        value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
-        for spot, page, table in placed:
-            flag[spot.condition].flat[:] = table.flags.ravel()[:count]
-            value[spot.condition] = stacker.si(column, page, table.values.ravel()[:count].reshape(shape[1:]), flag[spot.condition])
-        add_variable(found, column, ["condition", "alpha", "delta"], value, flag)
-        lines = stacker.lines(shape[:1], [((spot.condition,), table) for spot, _, table in placed])
-        found = found.assign_coords({f"lines_{column.house}": ("condition", lines)})
-    first_of_line = np.arange(count).reshape(shape[1:]) % streams.PER_LINE == 0
+        found = _with_stream(stacker, found, layout)
+    first_of_line = np.arange(len(alphas) * len(deltas)).reshape(len(alphas), len(deltas)) % streams.PER_LINE == 0
     found["one_decimal"] = (("alpha", "delta"), first_of_line.astype(np.uint8), {"units": "1"})
     return describe(found, _LONG_NAMES)
+
+
+def _with_stream(stacker: Stacker, found: xr.Dataset, layout: Layout) -> xr.Dataset:
+    """Add the streams of one kind as a variable (condition, alpha, delta)."""
+    column, placed = layout.columns[0], stacker.placed(layout.name)
+    shape = tuple(found.sizes[name] for name in ("condition", "alpha", "delta"))
+    count = shape[1] * shape[2]
+    value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
+    for spot, page, table in placed:
+        printed = table.flags.ravel() != BLANK
+        if printed.sum() != count or not printed[:count].all():
+            text = f"{printed.sum()} values in the {layout.name} table"
+            raise ParseError(stacker.case.file, table.lines[-1], text, f"{count} values, alphas x deflections of the input cards")
+        numbers, codes = (array.ravel()[:count].reshape(shape[1:]) for array in (table.values, table.flags))
+        value[spot.condition], flag[spot.condition] = stacker.si(column, page, numbers, codes), codes
+    add_variable(found, column, ["condition", "alpha", "delta"], value, flag)
+    lines = stacker.lines(shape[:1], [((spot.condition,), table) for spot, _, table in placed])
+    return found.assign_coords({f"lines_{column.house}": ("condition", lines)})
 
 
 LEAVES = {"tabs": tabs}

@@ -43,7 +43,7 @@ def trim(stacker: Stacker) -> xr.Dataset | None:
     placed = stacker.placed("trim")
     if not placed:
         return None
-    found = stacker.over_alpha("trim", placed)
+    found = stacker.over_alpha(placed, stacker.axis(placed, "alpha", stacker.alphas()))
     unsolved = (found["Cm_flag"] == NA).values
     for name in _AT_TRIM:
         found[name].values[unsolved] = np.nan
@@ -55,19 +55,20 @@ def trim(stacker: Stacker) -> xr.Dataset | None:
 
 def trim_stabilizer(stacker: Stacker) -> xr.Dataset | None:
     """Stack trim with an all-movable stabilizer: the tail alone, and the aircraft at trim."""
-    placed = stacker.placed("trim_stabilizer")
+    placed, aircraft = stacker.placed("trim_stabilizer"), stacker.placed("trim_stabilizer_aircraft")
     if not placed:
         return None
-    found = stacker.over_alpha("trim_stabilizer", placed)
+    alphas = stacker.axis([*placed, *aircraft], "alpha", stacker.alphas())
+    found = stacker.over_alpha(placed, alphas)
     leaked = ((found["Cm_tail_flag"] == OK) & (found["Cm_tail"] == 0.0) & (found["CL_tail"] != 0.0)).values
     found["Cm_tail"].values[leaked] = np.nan
     found["Cm_tail_flag"].values[leaked] = SENTINEL
     found["Cm_tail"].attrs["comment"] = (
         "sentinel where 0.0000 is printed for a tail with lift: the mark of a missing number in four decimals"
     )
-    if aircraft := stacker.placed("trim_stabilizer_aircraft"):
-        whole = stacker.over_alpha("trim_stabilizer_aircraft", aircraft)
-        found = found.merge(whole.rename(lines="lines_aircraft"), join="exact", compat="equals")
+    if aircraft:
+        whole = stacker.over_alpha(aircraft, alphas).rename(lines="lines_aircraft")
+        found = found.merge(whole, join="exact", compat="equals")
     found = _with_level_flight(stacker, found, "trim_stabilizer_level")
     return describe(found, _level_names(_STABILIZER_NAMES)).assign_attrs(surface="tail")
 
@@ -82,7 +83,8 @@ def _with_level_flight(stacker: Stacker, found: xr.Dataset, name: str, left_out:
             continue
         value, flag = np.full(len(stacker.conditions), np.nan), np.full(len(stacker.conditions), ABSENT, np.uint8)
         for spot, page, table in placed:
-            (value[spot.condition],), (flag[spot.condition],) = stacker.column(column, page, table)
+            row_value, row_flag = stacker.column(column, page, table)
+            value[spot.condition], flag[spot.condition] = row_value[0], row_flag[0]
         add_variable(found, column._replace(house=f"{column.house}_level"), ["condition"], value, flag)
     lines = stacker.lines((len(stacker.conditions),), [((spot.condition,), table) for spot, _, table in placed])
     return found.assign_coords(lines_level=("condition", lines))

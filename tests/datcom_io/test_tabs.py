@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import datcom_io
+from datcom_io.arrange import arrange
 from datcom_io.cells import OK
+from datcom_io.leaves.tabs import tabs
+from datcom_io.stacking import Stacker
 from flightmech.errors import ParseError
 
 DEG = math.pi / 180.0
@@ -129,9 +132,9 @@ def test_a_stream_that_is_not_whole(corpus_lines, change, found):
         datcom_io.read(lines)
     assert found in str(caught.value)
     listing = datcom_io.read(lines, partial=True)
-    tabs = listing[0].to_datatree()["tabs"]
-    assert "Ch_tab_free" not in tabs
-    assert "Ch_tab_locked" in tabs
+    found_tabs = listing[0].to_datatree()["tabs"]
+    assert "Ch_tab_free" not in found_tabs
+    assert "Ch_tab_locked" in found_tabs
     assert any("in the tab_free table instead of 90 values" in message.text for message in listing.messages)
 
 
@@ -148,3 +151,14 @@ def test_block_has_one_row_per_value(corpus):
     last = block.iloc[-1]  # line 324
     assert (last["line"], last["ALPHA"], last["DELTA"], last["TRIM TAB DEFLECTION FOR ZERO STICK FORCE, DEG."]) == (324, 16.0, 19.0, 50.1)
     assert block.attrs["units"]["TRIM TAB DEFLECTION FOR ZERO STICK FORCE, DEG."] == "deg"
+
+
+def test_stream_that_cards_without_a_count_do_not_fit(corpus_lines):
+    """Without NALPHA nothing can be held against the print while reading; the leaf then holds the schedule against it."""
+    cards = {"NALPHA=10.0,": "", "6.0,8.0,12.0,16.0$": "6.0,8.0,12.0$"}
+    lines = list(corpus_lines("control_tab"))
+    for old, new in cards.items():
+        lines = [line.replace(old, new) if "-6.0,-4.0,-2.0" in line or "NALPHA" in line else line for line in lines]
+    case = datcom_io.read(lines)[0]
+    with pytest.raises(ParseError, match="found 90 values in the tab_force table; expected 81 values, alphas x deflections"):
+        tabs(Stacker(case, *arrange(case), False))
