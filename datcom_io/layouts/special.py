@@ -142,16 +142,19 @@ def _read_deltas(text: str, form: _Form) -> np.ndarray | None:
 def _read_cells(text: str, form: _Form, count: int) -> tuple[list[float], list[int]] | None:
     """Return values and flags of a row, alpha first; None when the line is none.  Fields touch, so only their columns tell."""
     first, last = form.cell
-    fields = [text[slice(form.alpha[0] - 1, form.alpha[1])]]
     shown = max(count, -(-(len(text.rstrip()) - first + 1) // form.step))
-    fields += [text[first - 1 + k * form.step : last + k * form.step] for k in range(shown)]
-    cells = [read_cell(part) for part in fields] if shown <= _MOST_DELTAS and "_" not in text else [None]
-    if None in cells or cells[0][1] != OK:  # type: ignore[index]
+    if shown > _MOST_DELTAS or "_" in text:
         return None
-    values, flags = (list(part) for part in zip(*cells))  # type: ignore[arg-type]
-    for k in range(1, len(flags)):
-        if flags[k] == OK and abs(values[k]) >= _INFINITE:
-            flags[k] = NOT_A_NUMBER
+    spans = [slice(form.alpha[0] - 1, form.alpha[1]), *(slice(first - 1 + k * form.step, last + k * form.step) for k in range(shown))]
+    values: list[float] = []
+    flags: list[int] = []
+    for k, span in enumerate(spans):
+        cell = read_cell(text[span])
+        if cell is None or (k == 0 and cell[1] != OK):
+            return None
+        value, flag = cell
+        values.append(value)
+        flags.append(NOT_A_NUMBER if k and flag == OK and abs(value) >= _INFINITE else flag)
     return values, flags
 
 

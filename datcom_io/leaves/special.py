@@ -181,7 +181,7 @@ def _reference(stacker: Stacker, header: dict[str, float]) -> dict[str, float]:
 
 def _axis(stacker: Stacker, placed: list[tuple[Page, Table]], name: str, exact: Sequence[float]) -> Axis:
     """Return alpha or deflection: the deck's values, or the printed ones without a deck; all tables must agree. [deg]"""
-    printed = [(table.values[:, 0], table.lines) for _, table in placed]
+    printed: list[tuple[np.ndarray, Sequence[int]]] = [(table.values[:, 0], table.lines) for _, table in placed]
     if name == "delta":
         printed = [(table.across, [table.across_line] * len(table.across)) for _, table in placed if table.across is not None]
     values = list(exact) or max((shown for shown, _ in printed), key=len).tolist()

@@ -90,6 +90,7 @@ def test_fields_behind_the_last_deflection_are_cells_of_their_own(flap):
     assert unused["text"].astype(str).value_counts().to_dict() == {"1.00E-30": 100, "0.00E+00": 50}
     assert set(unused.loc[unused["text"] == "1.00E-30", "flag"]) == {"sentinel"}
     assert unused["column"].iloc[0] == "INCREMENT IN NORMAL FORCE PER SPANWISE FOOT OF CONTROL DELTA(6)"
+    assert set(unused["mach"]) == {8.0}
     assert sorted(set(unused["alpha"])) == [0.0, 4.0, 8.0, 12.0, 16.0]
 
 
