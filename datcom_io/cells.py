@@ -23,7 +23,7 @@ first row of a column that is constant in alpha; ``overflow`` asterisks; ``nan``
 """
 
 _LARGEST_SENTINEL = 1.0001e-28  # a sentinel times a unit factor: 3.2808E-30 is seen
-_NO_LETTER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+))(?:[Dd]([-+]?\d+)|([-+]\d+))")
+_NO_LETTER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))(?:[Dd]([-+]?\d+)|([-+]\d+))")
 _FAILED = re.compile(r"[-+]?(?:\d*\.?#(?:IND|QNAN|SNAN|INF)\d*|1\.#\w+)", re.IGNORECASE)
 _WORDS = {"": BLANK, "NDM": NDM, "NA": NA}
 

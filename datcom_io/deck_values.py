@@ -16,7 +16,7 @@ DIGITS = 9  # significant digits that identify any number of single precision
 _LARGEST_INTEGER = 2**31 - 1
 _LARGEST_REPEAT = 300
 _REPEAT = re.compile(r"(\d{1,4}) ?\* ?(.+)")
-_NUMBER = re.compile(r"[-+]?(\d*)(\.?)(\d*)(?:(E)[-+]?\d{1,3})?")
+_NUMBER = re.compile(r"[-+]?(\d*)(?:(\.)(\d*))?(?:(E)[-+]?\d{1,3})?")
 _LOGICAL = re.compile(r"\.([TF])[A-Z]*\.?|([TF])|TRUE|FALSE")
 _LOGICAL_FORMS = (".TRUE.", ".FALSE.", ".T.", ".F.")
 
