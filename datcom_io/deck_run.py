@@ -42,7 +42,7 @@ class Run:
     files : dict of str to Path
         ``out``, and ``for013``, ``for014`` where they were written.
     messages : tuple of Message
-        What the program said, without repetitions of the same text.
+        What the program said, every text once, and (origin ``reader``) where the cards in its print differ from those given.
     seconds : float
         Elapsed time.
     """
@@ -93,7 +93,8 @@ def run_deck(
     if not folder.is_dir():
         raise FileNotFoundError(2, "no such folder; make it first", str(folder))
     command = _command(program)
-    content = _content(read_deck(deck), deck)
+    given_deck = read_deck(deck)
+    content = _content(given_deck, deck)
     began = time.monotonic()
     failures: list[str] = []
     for more, given in _ways(content):
@@ -111,8 +112,7 @@ def run_deck(
                 continue
             files = _keep(found, folder, deck.stem)
             listing.file = files["out"].name
-            messages = {message.text: message for message in reversed(listing.messages) if message.origin == "program"}
-            return Run(listing, files, tuple(sorted(messages.values())), time.monotonic() - began)
+            return Run(listing, files, tuple(_messages(listing, given_deck)), time.monotonic() - began)
     raise SimulationError(_refusal(command, failures))
 
 
@@ -204,6 +204,17 @@ def _listing(content: bytes, said: _Said) -> Listing:
         raise SimulationError(
             f"the print of the program is not complete: {why}; nothing was written. Run datcom check on the deck"
         ) from None
+
+
+def _messages(listing: Listing, deck: DeckFile) -> Iterator[Message]:
+    """Yield what the program said, every text once, and where its echo differs from the deck."""
+    texts = {message.text: message for message in reversed(listing.messages) if message.origin == "program"}
+    yield from sorted(texts.values())
+    for number, (printed, wanted) in enumerate(zip(listing, deck), 1):
+        if printed.deck.meaning() != wanted.meaning():
+            yield Message(printed.line, f"case {number}: the cards in the print differ from those of the deck", "reader")
+    if len(listing) != len(deck):
+        yield Message(0, f"number of cases: {len(deck)} in the deck, {len(listing)} in the print", "reader")
 
 
 def _keep(found: dict[str, bytes], folder: Path, stem: str) -> dict[str, Path]:

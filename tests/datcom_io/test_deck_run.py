@@ -80,6 +80,7 @@ def test_every_known_way_to_hand_over_a_deck(build, program, deck, results):
     done = datcom_io.run_deck(deck, program(BUILDS[build]), results, timeout=20)
     assert done.listing.cases == ["T-37 OWN DECK WING-BODY AILERONS"]
     assert done.listing.file == "aileron.out"
+    assert done.messages == ()
     assert done.files["out"] == results / "aileron.out"
     assert done.files["out"].read_bytes() == LISTING.read_bytes()
     assert sorted(path.name for path in results.iterdir()) == sorted(path.name for path in done.files.values())
@@ -133,13 +134,20 @@ def test_a_failure_is_clear_and_leaves_nothing(failure, program, deck, results):
     assert (results / "aileron.out").read_text() == "old"
 
 
-def test_what_the_program_says_is_told_once(program, deck, results):
-    listing = LISTING.read_text().replace("1 END OF JOB.", "0*** ERROR *** NOT TODAY\n0*** ERROR *** NOT TODAY\n1 END OF JOB.")
-    body = f'open("for006.dat", "w").write({listing!r})'
-    done = datcom_io.run_deck(deck, program(body), results)
+def test_what_the_program_says_is_told_once(program, results):
+    body = f"open('for006.dat', 'wb').write(open({str(T37 / 't37_flaps.out')!r}, 'rb').read())"
+    done = datcom_io.run_deck(T37 / "t37_flaps.inp", program(body), results)
+    assert sum(message.origin == "program" for message in done.listing.messages) == 3
+    assert [message.text.split("***")[0] for message in done.messages] == ["WARNING"]
+
+
+def test_a_print_of_another_deck_is_told(program, deck, results):
+    deck.write_text(deck.read_text().replace("SREF=182.0", "SREF=183.0") * 2)
+    done = datcom_io.run_deck(deck, program(BUILDS["fixed names"]), results)
     assert [message.text for message in done.messages] == [
-        message.text for message in done.listing.messages if message.origin == "program"
-    ][:1]
+        "case 1: the cards in the print differ from those of the deck",
+        "number of cases: 2 in the deck, 1 in the print",
+    ]
 
 
 def test_what_is_not_there(deck, results, tmp_path):
