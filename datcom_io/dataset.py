@@ -1,17 +1,24 @@
 """A case as xarray: SI, radians, house names, a flag beside every value.
 
-Dimensions of the leaves, those of length one left out except ``condition`` and ``alpha``:
+Dimensions of the leaves; configuration, power, height and deflection of the first three are left out where they have length one:
 
-============  =====================================================================================
-``static``    configuration, power, condition, ground_height, delta_f (or delta_e), alpha
-``downwash``  the same
-``dynamic``   configuration, condition, alpha
-``symflp``    condition, delta; ``dCDi``: condition, alpha, delta
-``asyflp``    condition, delta_pair; ``Cn``: condition, alpha, delta_pair; of a tail: ``Cl``: condition, alpha, delta_pair
-``spoiler``   condition, deflection
-``tabs``      condition, alpha, delta
-``trim``      condition, alpha; so ``trim_stabilizer``
-============  =====================================================================================
+================  ============================================================================================================
+``static``        configuration, power, condition, ground_height, delta_f (or delta_e), alpha
+``downwash``      the same
+``dynamic``       configuration, condition, alpha
+``symflp``        condition, delta; ``dCDi``: condition, alpha, delta
+``asyflp``        condition, delta_pair; ``Cn``: condition, alpha, delta_pair; of a tail: ``Cl``: condition, alpha, delta_pair
+``spoiler``       condition, deflection
+``tabs``          condition, alpha, delta
+``trim``          condition, alpha; so ``trim_stabilizer``
+``auxiliary``     condition; so ``increments``
+``planform``      condition, surface, panel
+``interference``  condition, surface; ``sidewash``: condition
+``vortex``        condition, alpha; so ``canard_downwash``
+``fairing``       condition, configuration; tables: condition, configuration, node and condition, drag_node
+``section``       surface; ``CL_alpha`` and ``xac``: surface, mach
+``coordinates``   surface, point
+================  ============================================================================================================
 
 LOOP=1 gives pairs of Mach number and altitude, so both are coordinates of ``condition``; `datcom_io.to_grid` unfolds a full grid.
 """
