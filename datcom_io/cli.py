@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import click
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from .listing import Page
     from .tables import Printed
 
-from . import deck_cli
+from . import deck_cli, exchange_cli
 
 _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False))
 _CASE = click.option("--case", "name", help="Case by its name or by its number, from 1.")
@@ -30,10 +30,17 @@ def datcom() -> None:
 @_PARTIAL
 @console.json_option
 def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
-    """Show cases, conditions, tables, missing values and messages of a listing; with --case its pages too."""
+    """Show cases, conditions, tables, missing values and messages of a listing; with --case its pages too.
+
+    A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is told by what it holds; its leaves are shown.
+    """
+    from .exchange import read_other
     from .scan import read
     from .summary import page_row, summary
 
+    if (tree := read_other(file, "DEG")) is not None:
+        exchange_cli.show_tree(tree, as_json)
+        return
     listing = read(file, partial=partial)
     found = summary(listing)
     pages = None
@@ -47,7 +54,7 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
         console.document({**document, "unread": listing.unread, **({"pages": pages} if pages is not None else {})})
         return
     console.table(
-        ["no", "case", "units", "Mach", "altitude", "alpha [deg]", "tables", "located only", "missing"],
+        ["no", "case", "units", "Mach", "altitude", "alpha [deg]", "tables", "not read", "missing"],
         [_summary_row(row) for row in found],
         title=f"{listing.file}: {_count(listing.runs, 'run')}, {_count(len(listing), 'case')}, {_count(listing.line_count, 'line')}",
         right=["no"],
@@ -115,20 +122,36 @@ def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
 @click.option("--join", "joined", is_flag=True, help="Put the cases together along the flight condition.")
 @_PARTIAL
 @click.option("--fill-transonic", is_flag=True, help="Fill constant columns on transonic pages too.")
+@click.option("--deriv", type=click.Choice(["DEG", "RAD"]), help="Card DERIV of the deck, for a CSV of DATCOM+.")
 @console.json_option
-def convert(file: str, output: str, name: str | None, joined: bool, partial: bool, fill_transonic: bool, as_json: bool) -> None:
-    """Write a listing as a netCDF tree in SI and radians: one group per case, or one case, or all joined."""
+def convert(
+    file: str,
+    output: str,
+    name: str | None,
+    joined: bool,
+    partial: bool,
+    fill_transonic: bool,
+    deriv: Literal["DEG", "RAD"] | None,
+    as_json: bool,
+) -> None:
+    """Write a listing as a netCDF tree in SI and radians: one group per case, or one case, or all joined.
+
+    A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is told by what it holds.
+    """
+    from .exchange import read_other
     from .grid import join
     from .scan import read
     from .store import write_tree
 
-    listing = read(file, partial=partial)
-    if name is not None:
-        tree = _case(listing, name).to_datatree(fill_transonic=fill_transonic)
-    elif joined:
-        tree = join(case.to_datatree(fill_transonic=fill_transonic) for case in listing if case.pages)
-    else:
-        tree = listing.to_datatree(fill_transonic=fill_transonic)
+    tree = read_other(file, deriv)
+    if tree is None:
+        listing = read(file, partial=partial)
+        if name is not None:
+            tree = _case(listing, name).to_datatree(fill_transonic=fill_transonic)
+        elif joined:
+            tree = join(case.to_datatree(fill_transonic=fill_transonic) for case in listing if case.pages)
+        else:
+            tree = listing.to_datatree(fill_transonic=fill_transonic)
     write_tree(tree, output)
     if as_json:
         console.document({"file": output, "groups": [node.path for node in tree.subtree if node.data_vars]})
@@ -175,7 +198,7 @@ def _range(values: list[float], unit: str = "") -> str:
 
 def _summary_row(row: dict) -> tuple:
     tables = " ".join(f"{name} {count}" for name, count in row["tables"].items())
-    located = " ".join(f"{name} {count}" for name, count in row["located_only"].items())
+    not_read = " ".join(f"{name} {count}" for name, count in row["not_read"].items())
     missing = " ".join(f"{name} {count}" for name, count in row["missing"].items())
     alpha = " ... ".join(f"{x:g}" for x in row["alpha"])
     units = f"{row['dim']}, {row['deriv']}"
@@ -187,7 +210,7 @@ def _summary_row(row: dict) -> tuple:
         _range(row["altitude"], row["dim"].lower()),
         alpha,
         tables,
-        located,
+        not_read,
         missing,
     )
 
@@ -209,5 +232,5 @@ def _print_messages(messages: list[dict]) -> None:
         click.echo(f"line {at[0]}{more} ({origin}): {text}")
 
 
-for _verb in deck_cli.VERBS:
+for _verb in (*deck_cli.VERBS, *exchange_cli.VERBS):
     datcom.add_command(_verb)
