@@ -139,3 +139,56 @@ def stranger():
 def slave(fmus, request) -> Slave:
     """An instance of either version."""
     return Slave(fmus[request.param]).open()
+
+
+LINEAR = {
+    "CL": {"": 0.25, "alpha": 5.2},
+    "CD": {"": 0.025, "alpha alpha": 1.4},
+    "CY": {"beta": -0.7, "delta_r": 0.17},
+    "Cl": {"beta": -0.09, "phat": -0.45, "rhat": 0.11, "delta_a": -0.14, "delta_r": 0.01},
+    "Cm": {"": 0.03, "alpha": -0.8, "qhat": -14.0, "delta_e": -1.2},
+    "Cn": {"beta": 0.1, "phat": -0.04, "rhat": -0.13, "delta_a": 0.005, "delta_r": -0.08},
+}
+
+
+def linear_aircraft(**changes) -> flightmech.Aircraft:
+    """Return a jet without thrust tables, thrust through the c.g. at the moment reference point: closed forms stay short."""
+    fields = {
+        "name": "plain",
+        "S": 17.0,
+        "cbar": 1.67,
+        "b": 10.3,
+        "mass": 2400.0,
+        "Ixx": 10800.0,
+        "Iyy": 8100.0,
+        "Izz": 15100.0,
+        "engines": (Engine((0.0, 0.0, 0.0)),),
+        "limits": {"delta_e": (-0.4, 0.4), "delta_a": (-0.35, 0.35), "delta_r": (-0.35, 0.35)},
+    }
+    return flightmech.Aircraft(**(fields | changes))
+
+
+def linear_tree(**changes) -> xr.DataTree:
+    """Return constant derivatives as a tree: ``Cm={"alpha": 0.1}`` replaces single ones, leaves are taken as they are."""
+    leaves = {}
+    for coefficient in {*LINEAR, *changes}:
+        for words, value in {**LINEAR.get(coefficient, {}), **changes.get(coefficient, {})}.items():
+            name = f"/{coefficient}/{words.replace(' ', '_') or 'basic'}"
+            leaves[name] = value if isinstance(value, xr.Dataset) else make(value, regressors=words.split())
+    return xr.DataTree.from_dict(leaves)
+
+
+@pytest.fixture(scope="session")
+def plain_aircraft():
+    return linear_aircraft
+
+
+@pytest.fixture(scope="session")
+def plain_tree():
+    return linear_tree
+
+
+@pytest.fixture(scope="session")
+def plain():
+    """Compile the plain jet with changed derivatives."""
+    return lambda aircraft=None, **changes: flightmech.compile(aircraft or linear_aircraft(), linear_tree(**changes))
