@@ -34,8 +34,8 @@ class Page:
     ``kind`` is ``static``, ``dynamic``, ``high-lift``, ``auxiliary``, ``section``, ``special``, ``hypersonic``, ``final inputs``,
     ``dump``, ``extrapolation`` or ``other``.  ``ground_height`` is the printed height [ft], infinite for FREE AIR and without
     ground effect; ``flap`` the printed deflection [deg] or NaN; ``power`` is ``off``, ``jet`` or ``propeller``; ``per`` is ``deg``,
-    ``rad`` or empty.  ``heading`` are the heading lines below the program's name; ``notes`` the footnotes.  A page is not
-    ``parsed`` when it holds tables of a kind that is not read yet: it is located only.
+    ``rad`` or empty.  ``heading`` are the heading lines below the program's name; ``notes`` the footnotes; ``unread``
+    the numbers of the lines that were not understood.
     """
 
     kind: str
@@ -52,7 +52,12 @@ class Page:
     conditions: Table | None = None
     printed: tuple[Printed, ...] = ()
     notes: tuple[Message, ...] = ()
-    parsed: bool = True
+    unread: tuple[int, ...] = ()
+
+    @property
+    def parsed(self) -> bool:
+        """Whether anything on the page was understood, or nothing was left to understand."""
+        return bool(self.printed) or not self.unread
 
     @property
     def tables(self) -> tuple[Table, ...]:
@@ -64,9 +69,13 @@ class Page:
         return next((table for table in self.tables if table.name == name), None)
 
     def condition(self, name: str) -> float:
-        """Return a number of the flight-condition line by its house name, NaN when it is missing. [as printed]"""
+        """Return a number of the flight-condition line by its house name, NaN when it is missing. [as printed]
+
+        A hypersonic page has no such line, only a Mach number in its heading.
+        """
         if self.conditions is None:
-            return float("nan")
+            heading = next((item for item in self.printed if item.name == "hypersonic" and isinstance(item, Values)), None)
+            return heading.value("MACH NUMBER") if heading is not None and name == "mach" else float("nan")
         return self.conditions.number(0, _CONDITION_COLUMNS[name])
 
 
@@ -189,7 +198,7 @@ class Listing:
         Program runs in the file.
     line_count : int
     unread : list of int
-        Numbers of the lines that were not understood; lines of pages that are located only are not among them.
+        Numbers of all lines that were not understood.
     own_messages : list of Message
         Messages that belong to no case.
     in_order : list of Case
@@ -215,7 +224,7 @@ class Listing:
 
     @property
     def unparsed(self) -> list[Page]:
-        """Pages that are located only: their tables are of kinds not read yet."""
+        """Pages on which nothing was understood: the program, or another build of it, prints a kind that is not known here."""
         return [page for page in self.pages if not page.parsed]
 
     @property

@@ -61,8 +61,8 @@ class Body:
     said: list[Message] = field(default_factory=list)  # notes or messages, where the last one went
 
 
-def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[int]]:
-    """Return a page, the messages that stand on it and the numbers of its lines that were not understood."""
+def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message]]:
+    """Return a page and the messages that stand on it."""
     anchor = next((i for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE]) if "FLIGHT CONDITIONS" in text), None)
     start = _body_start(lines) if anchor is None else 0
     top = lines[1:start] if anchor is None else lines[1:anchor]
@@ -71,7 +71,6 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[i
     words = "\n".join(heading[1:])
     conditions, dim, after = (None, "", start) if anchor is None else _conditions(lines, anchor)
     body = _read_body(lines, after, kind)
-    parsed = bool(body.printed) or not body.unread
     page = Page(
         kind=kind,
         case=case,
@@ -87,9 +86,9 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[i
         conditions=conditions,
         printed=tuple(body.printed),
         notes=tuple(body.notes),
-        parsed=parsed,
+        unread=tuple(body.unread),
     )
-    return page, body.messages, body.unread if parsed else []
+    return page, body.messages
 
 
 def _body_start(lines: list[Line]) -> int:
@@ -156,7 +155,7 @@ def _read_body(lines: list[Line], at: int, kind: str) -> Body:
             continue
         meaning = (_meaning if len(text) <= _LONGEST_LINE else _meaning.__wrapped__)(kind, text)
         if meaning.blocks and (found := _read_block(meaning.blocks, lines, at - 1)):
-            body.printed += found[0]
+            body.printed += [item for item in found[0] if item.lines]
             at = max(at, found[1])
         elif meaning.layout is not None:
             table, after = read_table(meaning.layout, lines, at)

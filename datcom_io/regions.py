@@ -123,10 +123,11 @@ class Scanner:
             self.region, self.page = "page", [(number, line)]
 
     def _inside(self, number: int, line: str) -> None:
+        dumped = self.region in ("page", "between") and ")=" in line[:20] and ARRAY_DUMP.match(line) is not None
+        if dumped and not (self.page and self._is_dump(self.page[0][1])):
+            self._close_page()
+            self.region = "page"
         if self.region == "page":
-            if ")=" in line[:20] and ARRAY_DUMP.match(line) and not self._is_dump(self.page[0][1]):
-                self._close_page()
-                self.region = "page"
             self.page.append((number, line))
         elif self.region == "cards":
             self._card(number, line)
@@ -182,10 +183,10 @@ class Scanner:
             self.case = self._new_case(self.page[0][0])
         while len(self.page) > 1 and not self.page[-1][1].strip():
             self.page.pop()
-        page, messages, unread = read_page(self.page, self.case.ordinal)
+        page, messages = read_page(self.page, self.case.ordinal)
         self.page, self.region = [], "between"
         self.case.messages += messages
-        self.listing.unread += unread
+        self.listing.unread += page.unread
         self._keep(page)
 
     def _keep(self, page: Page) -> None:
@@ -195,7 +196,7 @@ class Scanner:
         left_out = [item for fault in faults for item in fault[0]]
         if left_out:
             printed = tuple(item for item in page.printed if not any(item is other for other in left_out))
-            page = replace(page, printed=printed, parsed=page.parsed and page.conditions is not None)
+            page = replace(page, printed=printed)
         self.case.pages.append(page)
         for _, line, found, expected in faults:
             if not self.partial:

@@ -14,9 +14,9 @@ from .listing import Case, Listing, Page
 def summary(listing: Listing) -> list[dict[str, Any]]:
     """Return one dict per case, of plain numbers and texts as printed.
 
-    Keys: ``case ordinal run line dim deriv mach altitude alpha pages tables located_only missing messages``.  ``mach`` and
-    ``altitude`` are the printed values in order, ``alpha`` the smallest and largest [deg]; ``tables`` counts tables by kind,
-    ``located_only`` pages by kind whose tables are not read, ``missing`` cells without a number by flag.
+    Keys: ``case ordinal run line dim deriv mach altitude alpha pages tables not_read missing messages``.  ``mach`` and
+    ``altitude`` are the printed values in order, ``alpha`` the smallest and largest [deg]; ``tables`` counts tables and groups of
+    ``label = value`` by kind, ``not_read`` pages by kind on which nothing was understood, ``missing`` cells without a number by flag.
     """
     return [_case(case) for case in listing]
 
@@ -40,7 +40,7 @@ def _case(case: Case) -> dict[str, Any]:
         "alpha": [min(alphas), max(alphas)] if alphas else [],
         "pages": len(case.pages),
         "tables": dict(Counter(item.name for item in printed)),
-        "located_only": dict(Counter(page.kind for page in case.pages if not page.parsed)),
+        "not_read": dict(Counter(page.kind for page in case.pages if not page.parsed)),
         "missing": {name: int(count) for name, count in flags.items()},
         "messages": [message._asdict() for message in case.messages],
     }
@@ -54,7 +54,7 @@ def _printed(case: Case, name: str) -> list[float]:
 def page_row(page: Page) -> dict[str, Any]:
     """Return the heading of a page as a dict: ``kind configuration mach altitude ground_height flap power tables lines``."""
     return {
-        "kind": page.kind if page.parsed else f"{page.kind} (located only)",
+        "kind": page.kind if page.parsed else f"{page.kind} (not read)",
         "configuration": page.configuration or " / ".join(page.heading[:1]),
         "mach": page.condition("mach"),
         "altitude": page.condition("h"),
