@@ -158,3 +158,38 @@ def test_unit_14_zero_is_no_number(tmp_path):
     path.write_text("STOP\n")
     with pytest.raises(ParseError, match="line 1: found 'STOP'"):
         datcom_io.read_for014(path)
+
+
+def test_every_record_against_the_dump():
+    """The same run with DUMP CASE prints the common blocks themselves, six digits each: the plot file has them rounded to five."""
+    blocks: dict[str, list[dict[str, float]]] = {}
+    for _, group in datcom_io.read(CORPUS / NAMES[0] / f"{NAMES[0]}.out")[0].values("dump"):
+        for label, value in zip(group.labels, group.values.tolist()):
+            name, place = label.rstrip(")").split("(")
+            found = blocks.setdefault(name, [])
+            if not found or place.strip() in found[-1]:
+                found.append({})
+            found[-1][place.strip()] = value
+    records = datcom_io.read_plot(CORPUS / NAMES[0] / f"{NAMES[0]}.for013")["case 1/records"]
+    count = 0
+
+    def compare(values, block, places):
+        nonlocal count
+        dumped = np.array([block[str(place)] for place in places])
+        half = 0.5 * 10.0 ** (np.floor(np.log10(np.maximum(np.abs(dumped), 1e-45))) - 4)
+        assert (np.abs(values - dumped) <= 1.1 * half).all()  # a tenth for the sixth digit of the dump
+        count += len(values)
+
+    compare(records["SYNA"].values, blocks["SYNA"][0], range(1, 20))
+    compare(records["OPT"].values, blocks["OPTI"][0], range(1, 5))
+    early = [place for place in range(1, 161) if place not in (43, 137)]  # Reynolds number and velocity are not yet set
+    compare(records["FLC"].values[[place - 1 for place in early]], blocks["FLC"][0], early)
+    for k in range(2):
+        compare(records["F"].values[k], blocks["F"][k], range(1, 139))
+        compare(records["DWASH"].values[k], blocks["DWSH"][k], range(1, 61))
+        for name in ("BODY", "WING", "HT", "VT", "BW", "BH", "BV", "BWH", "BWV", "BWHV"):
+            every = 2 if name in ("BODY", "WING") else 1  # these two are printed again with the control tables in them
+            compare(records[name].values[k], blocks[name][every * k], range(1, 201))
+        for name in ("BODY", "WING"):
+            compare(records[f"{name}_CONTROL"].values[k], blocks[name][2 * k + 1], range(1, 201))
+    assert count == 19 + 4 + 158 + 2 * (138 + 60 + 10 * 200 + 2 * 200)
