@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import xarray as xr
 
+from flightmech.errors import ParseError
 from flightmech.units import FOOT
 
 from ..arrange import Condition, nearest, si_factor
@@ -98,14 +99,14 @@ def jet(stacker: Stacker) -> xr.Dataset | None:
         column = Column(label, 0, 0, house, _pressure_unit(stacker) if units == "pressure" else units)
         value, flag = np.full((len(placed), len(times)), np.nan), np.full((len(placed), len(times)), ABSENT, np.uint8)
         for k, (page, group) in enumerate(placed):
-            at = _places(group, label)
+            at = _places(stacker, group, label)
             value[k, : len(at)] = stacker.si(column, page, group.values[at], group.flags[at])
             flag[k, : len(at)] = group.flags[at]
         _add(found, column, ["condition", "time"], value, flag)
         found[house].attrs["long_name"] = meaning
     layer = np.full((len(placed), len(times)), "", dtype=object)
     for k, (_, group) in enumerate(placed):
-        at = _places(group, "BOUNDARY LAYER")
+        at = _places(stacker, group, "BOUNDARY LAYER")
         layer[k, : len(at)] = [group.texts[i] for i in at]
     found = found.assign_coords(boundary_layer=(["condition", "time"], layer.astype(str)))
     angles = deck.schedule("TRNJET", "ALPHA", "NT")
@@ -190,14 +191,17 @@ def _axis(stacker: Stacker, placed: list[tuple[Page, Table]], name: str, exact: 
     return Axis(name, values, "deg")
 
 
-def _places(group: Values, label: str) -> list[int]:
+def _places(stacker: Stacker, group: Values, label: str) -> list[int]:
     """Return where the columns of a row of the jet page stand in its group."""
-    return [k for k, other in enumerate(group.labels) if other == label]
+    at = [k for k, other in enumerate(group.labels) if other == label]
+    if at and group.lines[at[-1]] != group.lines[at[0]]:
+        raise ParseError(stacker.case.file, group.lines[at[-1]], f"a second row {label}", "one row for each quantity of the jet")
+    return at
 
 
 def _times(stacker: Stacker, groups: list[Values]) -> list[float]:
     """Return the deck's times, or the printed ones without a deck; all pages must agree with them. [s]"""
-    rows = [(group.values[at], [group.lines[k] for k in at]) for group in groups if (at := _places(group, "TIME (SEC)"))]
+    rows = [(group.values[at], [group.lines[k] for k in at]) for group in groups if (at := _places(stacker, group, "TIME (SEC)"))]
     times = stacker.case.deck.schedule("TRNJET", "TIME", "NT") or max((shown for shown, _ in rows), key=len).tolist()
     for shown, lines in rows:
         stacker.demand("TIME", shown, times, lines, HALF_UNIT, "s")

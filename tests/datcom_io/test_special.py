@@ -259,6 +259,13 @@ def test_a_row_of_the_jet_page_that_nobody_knows(lines):
     assert leaf["F_control"].notnull().all()
 
 
+def test_a_row_of_the_jet_page_that_comes_twice(lines):
+    at = next(k for k, line in enumerate(lines) if line.startswith("0 LOCAL MACH NO."))
+    case = datcom_io.read([*lines[: at + 1], *lines[at:]])[JET]
+    with pytest.raises(ParseError, match=rf"line {at + 2}: found a second row LOCAL MACH NO."):
+        case.to_datatree()
+
+
 def test_low_aspect_ratio(corpus):
     case = corpus("low_aspect_ratio")[0]
     tree = case.to_datatree()
