@@ -56,8 +56,7 @@ class Sheet:
     def __init__(self, stacker: Stacker, axes: Mapping[str, Sequence | None]):
         self.stacker, self.axes = stacker, axes
         self.first = next(iter(axes))
-        conditions = {"condition": stacker.condition_axis()}
-        self.dataset = xr.Dataset(coords=stacker.coords(list(conditions.values())) if "condition" in axes else {})
+        self.dataset = xr.Dataset(coords=stacker.coords([stacker.condition_axis()]) if "condition" in axes else {})
         for name, values in axes.items():
             if values is not None:
                 self.dataset[name] = (name, np.array(values), attrs(name) if name in VOCABULARY else {})
