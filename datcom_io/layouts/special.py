@@ -16,6 +16,8 @@ from ..cells import BLANK, NOT_A_NUMBER, OK, read_cell
 from ..tables import Printed, make_table, make_values, pairs
 from .form import Across, Block, Column, Layout, Line, heading_words
 
+HYPERSONIC_FROM = 5.0
+"""Mach number from which the program computes a hypersonic flap."""
 _MOST_DELTAS = 10
 _INFINITE = 3.39e38  # the largest single-precision number prints as 3.40E+38: force increment zero
 

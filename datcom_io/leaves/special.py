@@ -18,13 +18,12 @@ from flightmech.units import FOOT
 from ..arrange import Condition, nearest, si_factor
 from ..cells import ABSENT
 from ..layouts.form import Column
-from ..layouts.special import HYPERSONIC
+from ..layouts.special import HYPERSONIC, HYPERSONIC_FROM
 from ..listing import Page
 from ..stacking import HALF_UNIT, Axis, Stacker, add_variable, describe
 from ..tables import Table, Values
 from .single_numbers import Item, Sheet, labelled
 
-_HYPERSONIC_FROM = 5.0  # Mach number from which the program computes a hypersonic flap
 _HALF_UNIT_MACH = 0.005  # of the hypersonic page
 _HALF_UNIT_REFERENCE = 0.0005  # ft2, ft
 _INCREMENT_NAMES = {
@@ -64,7 +63,7 @@ def hypersonic(stacker: Stacker) -> xr.Dataset | None:
     if not count:
         return None
     placed = [item for items in tables.values() for item in items]
-    schedule = [pair for pair in stacker.case.deck.conditions() if pair[0] >= _HYPERSONIC_FROM]
+    schedule = [pair for pair in stacker.case.deck.conditions() if pair[0] >= HYPERSONIC_FROM]
     headers = [_header(page) for page, _ in max(tables.values(), key=len)]
     local = _local(stacker, [_condition(stacker, header, pair) for header, pair in zip(headers, _matched(schedule, count))])
     deltas = _axis(local, placed, "delta", stacker.case.deck.schedule("HYPEFF", "HDELTA", "HNDLTA"))

@@ -190,6 +190,21 @@ def test_a_build_that_prints_no_hypersonic_page(corpus):
     assert not any("HYPEFF" in message.text for message in corpus("hypersonic", ".pdas.out")[FLAP].messages)
 
 
+def test_hypersonic_conditions_have_no_static_page(lines):
+    """A case of Mach 3 and 8 prints a static page at Mach 3 and the hypersonic pages at Mach 8."""
+    start = max(k for k, line in enumerate(lines) if line.startswith(" CASEID HYPERSONIC FLAP"))
+    static = next(k for k, line in enumerate(lines) if "CHARACTERISTICS AT ANGLE" in line) - 1
+    page = [line.replace("0 6.000", "0 3.000") for line in lines[static : static + 13]]
+    rows = [f"{alpha:7.1f}" + line[7:] for alpha, line in zip((0.0, 4.0, 8.0, 12.0, 16.0), lines[static + 13 :])]
+    cards = [line.replace("NMACH=1.0,MACH(1)=8.0", "NMACH=2.0,MACH(1)=3.0,8.0") for line in lines[: start + 1]]
+    after = next(k for k in range(start, len(lines)) if lines[k].startswith("0 INPUT DIMENSIONS")) + 1
+    case = datcom_io.read([*cards, *lines[start + 1 : after], *page, *rows, *lines[after:]])[FLAP]
+    tree = case.to_datatree()
+    assert tree["static"]["mach"].values.tolist() == [3.0]
+    assert tree["hypersonic"]["mach"].values.tolist() == [8.0]
+    assert not any("the program left some out" in message.text for message in case.messages)
+
+
 @pytest.mark.parametrize("end", [".out", ".pdas.out"])
 def test_jet_as_printed(corpus, end):
     case = corpus("hypersonic", end)[JET]
