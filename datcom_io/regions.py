@@ -197,7 +197,8 @@ class Scanner:
         if left_out:
             printed = tuple(item for item in page.printed if not any(item is other for other in left_out))
             page = replace(page, printed=printed)
-        self.case.pages.append(page)
+        if page.printed or not left_out:
+            self.case.pages.append(page)
         for _, line, found, expected in faults:
             if not self.partial:
                 raise self._damaged(line, found, f"{expected}; the listing is damaged: run the program again, {_TAKE_THE_REST}")
