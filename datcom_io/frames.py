@@ -11,7 +11,7 @@ from .cells import BLANK
 from .layouts import BY_NAME
 from .layouts.form import Column
 from .listing import Case, Page
-from .tables import Table
+from .tables import Table, Values
 
 _PRINTED_UNITS = {
     "length": {"FT": "ft", "IN": "in", "M": "m", "CM": "cm"},
@@ -36,10 +36,7 @@ def block(case: Case, name: str) -> pd.DataFrame:
     parts, units = [], {"ground_height": "ft", "flap": "deg"}
     for page, table in case.tables(name):
         part = _stream(table, case) if table.layout.stream else _wide(table) if table.across is None else _long(table)
-        place: tuple[Any, ...] = (page.configuration, page.condition("mach"), page.condition("h"), page.ground_height, page.flap)
-        for at, (column, value) in enumerate(zip(_PAGE_COLUMNS[1:], place), 1):
-            part.insert(at, column, value)
-        parts.append(part)
+        parts.append(_placed(part, page))
         columns = table.columns[: table.layout.keys + 1] if table.across is not None else table.columns
         units |= {column.name: printed_units(column, page) for column in columns}
         units["altitude"] = printed_units(Column("", 1, 1, units="length"), page)
@@ -47,12 +44,29 @@ def block(case: Case, name: str) -> pd.DataFrame:
             units[table.layout.across.name] = "deg"
         if table.layout.stream:
             units |= {"ALPHA": "deg", "DELTA": "deg"}
+    for page, group in case.values(name):
+        parts.append(_placed(_labelled(group), page))
+        units["altitude"] = printed_units(Column("", 1, 1, units="length"), page)
     if not parts:
         columns = BY_NAME[name].columns if name in BY_NAME else ()
         return pd.DataFrame(columns=[*_PAGE_COLUMNS, *(column.name for column in columns)])
     found = pd.concat(parts, ignore_index=True)
     found.attrs["units"] = units
     return found
+
+
+def _placed(part: pd.DataFrame, page: Page) -> pd.DataFrame:
+    """Put what names the page behind the line numbers."""
+    place: tuple[Any, ...] = (page.configuration, page.condition("mach"), page.condition("h"), page.ground_height, page.flap)
+    for at, (column, value) in enumerate(zip(_PAGE_COLUMNS[1:], place), 1):
+        part.insert(at, column, value)
+    return part
+
+
+def _labelled(group: Values) -> pd.DataFrame:
+    """Return a group of ``label = value`` as one row per value."""
+    units = group.units or ("",) * len(group.labels)
+    return pd.DataFrame({"line": group.lines, "label": group.labels, "text": group.texts, "value": group.values, "unit": units})
 
 
 def _wide(table: Table) -> pd.DataFrame:

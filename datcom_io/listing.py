@@ -137,13 +137,14 @@ class Case:
         Parameters
         ----------
         name : str
-            ``conditions static downwash dynamic symflp dcdi asyflp_cn asyflp_roll``.
+            ``conditions static downwash dynamic symflp`` and the others of ``docs/datcom.md``.
 
         Returns
         -------
         DataFrame (row, ...)
             Column ``line``, then ``configuration mach altitude ground_height flap`` of the page, then the printed columns by their
-            printed names; NaN where no number is printed.  ``attrs["units"]`` gives the printed units.
+            printed names, or ``label text value unit`` of numbers that are printed with labels; NaN where no number is printed.
+            ``attrs["units"]`` gives the printed units.
         """
         from .frames import block
 

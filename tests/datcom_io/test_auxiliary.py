@@ -122,6 +122,16 @@ def test_cells(listing):
     assert roll["value"].tolist()[0] == -0.40918  # touches its label
 
 
+def test_block_of_numbers_with_labels(listing):
+    frame = listing[0].block("interference")
+    assert frame.columns.tolist()[:6] == ["line", "configuration", "mach", "altitude", "ground_height", "flap"]
+    assert frame.loc[2, ["label", "text", "value", "mach"]].tolist() == ["K-B(W)", "1.923E-01", 0.1923, 0.2]
+    assert len(frame) == 4 * 11
+    body = listing[0].block("body")
+    assert body.attrs["units"]["WETTED AREA"] == "ft2"
+    assert body["WETTED AREA"].tolist() == [273.5] * 4
+
+
 def test_panels_of_a_cranked_wing(corpus):
     case = corpus("cranked_wing_ndm")[0]
     planform = case.to_datatree()["planform"].isel(condition=0)
