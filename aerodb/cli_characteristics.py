@@ -31,7 +31,9 @@ class Pairs(click.ParamType):
 @click.option("--cas", help="Calibrated airspeed instead.")
 @click.option("--mach", type=float, help="Mach number instead.")
 @click.option("--altitude", default="0", show_default=True, help="Height, such as '5000 ft'.")
-@click.option("--set", "further", multiple=True, type=Pairs(), help="More of the condition: delta_f='20 deg', gear=1, mass=2400, x_cg_b=-0.05 ...")
+@click.option(
+    "--set", "further", multiple=True, type=Pairs(), help="More of the condition: delta_f='20 deg', gear=1, mass=2400, x_cg_b=-0.05 ..."
+)
 @json_option
 def characteristics(
     database: str, aircraft: str, speed: str | None, cas: str | None, mach: float | None, altitude: str, further: tuple, as_json: bool

@@ -88,7 +88,11 @@ def rescale(
     line = f"rescale: {'; '.join(said)}{f' ({note})' if note else ''}"
     scaled = {name: _scaled(name, leaf, by.get(name, 1.0), span, wide[name.split("/")[0]], line) for name, leaf in leaves.items()}
     place = dict(zip(("x_ref", "y_ref", "z_ref"), aircraft.reference, strict=True))
-    attributes = {**{str(key): item for key, item in db.attrs.items()}, "aircraft": aircraft.name, "title": f"{aircraft.name}, by similarity"}
+    attributes = {
+        **{str(key): item for key, item in db.attrs.items()},
+        "aircraft": aircraft.name,
+        "title": f"{aircraft.name}, by similarity",
+    }
     attributes |= {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b, **place}
     history = str(db.attrs.get("history", ""))
     return database(scaled, **{**attributes, "history": f"{history}\n{line}" if history else line})

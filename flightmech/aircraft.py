@@ -54,7 +54,11 @@ Vector = tuple[float, float, float]
 
 CONTROLS = ("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "gear", "speedbrake", "throttle")
 THRUST_AXES = ("throttle", "mach", "h")
-TRAVEL = {"delta_e": ("column", "m-1"), "delta_a": ("wheel", "1"), "delta_r": ("pedal", "m-1")}  # control: what moves it, unit of its gearing
+TRAVEL = {
+    "delta_e": ("column", "m-1"),
+    "delta_a": ("wheel", "1"),
+    "delta_r": ("pedal", "m-1"),
+}  # control: what moves it, unit of its gearing
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,9 @@ def _thrust_files(engines: tuple[Engine, ...], path: Path) -> list[str]:
         if engine.thrust is None:
             files.append("")
             continue
-        twin = next((i for i, other in enumerate(engines[: number - 1]) if other.thrust is not None and other.thrust.identical(engine.thrust)), -1)
+        twin = next(
+            (i for i, other in enumerate(engines[: number - 1]) if other.thrust is not None and other.thrust.identical(engine.thrust)), -1
+        )
         if twin >= 0:
             files.append(files[twin])
             continue

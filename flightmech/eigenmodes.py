@@ -69,14 +69,15 @@ def modes(linear: xr.Dataset) -> pd.DataFrame:
         One row per real eigenvalue or conjugate pair, fastest first; columns `COLUMNS`, units in ``attrs["units"]``.  ``mode`` is
         ``phugoid``, ``short period``, ``Dutch roll``, ``roll``, ``spiral``, ``height``, ``heading`` or ``engine``; a motion that has fallen
         apart into two real ones appears twice with ``aperiodic`` in its remark; a pair made of two motions is the ``third
-        oscillation`` (phugoid and short period), the ``roll-spiral oscillation``, or ``coupled``.  ``period`` is NaN without oscillation, ``t_half``
-        NaN for a growing motion, ``t_double`` for a decaying one; ``damping_ratio`` is -real/omega_n, so -1 for an aperiodic divergence.
+        oscillation`` (phugoid and short period), the ``roll-spiral oscillation``, or ``coupled``.  ``period`` is NaN without
+        oscillation, ``t_half`` NaN for a growing motion, ``t_double`` for a decaying one; ``damping_ratio`` is -real/omega_n, so -1 for an
+        aperiodic divergence.
         ``phi_beta`` is the ratio of bank to sideslip in a lateral oscillation.  ``participation`` tells the states above 0.1.
 
     Notes
     -----
-    Where eigenvectors are parallel (repeated eigenvalues, as at the very point where a pair becomes real) participations lose their meaning;
-    the remark then says so.
+    Where eigenvectors are parallel (repeated eigenvalues, as at the very point where a pair becomes real) participations lose
+    their meaning; the remark then says so.
     """
     names = [str(name) for name in linear["state"].values]
     found = _eigen(linear["A"].values, names)

@@ -172,7 +172,9 @@ def _default_inputs(sim: SimModel, parameters: Mapping[str, float]) -> list[str]
 def _plant(sim: SimModel, parameters: dict[str, float], states: tuple[str, ...]) -> _Plant:
     """Trim, and freeze what was found as biases, so that every later start of the kernel is at a state we choose."""
     if parameters.setdefault("mode.earth", 0.0) != 0.0:
-        raise SchemaError("linear model", ["mode.earth is 1; a linear model is about a steady flight over a flat Earth, leave it out or give 0"])
+        raise SchemaError(
+            "linear model", ["mode.earth is 1; a linear model is about a steady flight over a flat Earth, leave it out or give 0"]
+        )
     if not set(_thrusts(sim)) & set(states):
         parameters |= {name: 0.0 for name in sim.parameters if name.endswith(".time_constant")}
     trimmed = trim(sim, parameters)

@@ -72,8 +72,8 @@ def characteristics(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str,
     """Return the stability, control and performance quantities of the Smetana program from any database.
 
     Neutral points stick fixed and free, manoeuvre points, elevator and stick force per g, static stick-force gradient, trim
-    curves, sideslip gradients, roll rate, minimum control speed, the modes, stall, drag polar, glide, climb, ceilings and range figures.  What database or
-    aircraft file do not give (hinge moments, gearing, thrust, fuel flow) is absent with the reason in words.
+    curves, sideslip gradients, roll rate, minimum control speed, the modes, stall, drag polar, glide, climb, ceilings and range
+    figures.  What database or aircraft file do not give (hinge moments, gearing, thrust, fuel flow) is absent with the reason in words.
 
     Parameters
     ----------
@@ -82,8 +82,8 @@ def characteristics(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str,
     db : DataTree
         Terms of the six coefficients; hinge moments ``Ch_e Ch_a Ch_r``, positive as the deflection, add the pilot's forces.
     condition : mapping of str to float
-        ``{"V": 90.0, "h": 1500.0, "delta_f": 0.35}``: one of ``V mach V_cas V_eas``, and any of ``h gamma mass x_cg_b ... delta_T``, inputs and
-        parameters of the simulation. [SI]
+        ``{"V": 90.0, "h": 1500.0, "delta_f": 0.35}``: one of ``V mach V_cas V_eas``, and any of ``h gamma mass x_cg_b ... delta_T``,
+        inputs and parameters of the simulation. [SI]
 
     Returns
     -------
@@ -131,7 +131,11 @@ def characteristics(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str,
 
 
 def _condition(point: Point) -> str:
-    words = [f"V {point['V']:.4g} m/s (CAS {point['V_cas']:.4g} m/s, Mach {point['mach']:.3f})", f"h {point['h']:.5g} m", f"mass {point.mass:.5g} kg"]
+    words = [
+        f"V {point['V']:.4g} m/s (CAS {point['V_cas']:.4g} m/s, Mach {point['mach']:.3f})",
+        f"h {point['h']:.5g} m",
+        f"mass {point.mass:.5g} kg",
+    ]
     words += [f"alpha {np.degrees(point['alpha']):.3g} deg", f"delta_e {np.degrees(point['applied.delta_e']):.3g} deg"]
     return ", ".join(words)
 

@@ -60,7 +60,7 @@ def _fastest(climb: Callable[[float], float], best: float, speeds: tuple[float, 
     if climb(best) < 0.0:
         return absent(CLIMB, {"V_max": "m s-1"}, "full throttle does not hold level flight at this height")
     if climb(speeds[1]) > 0.0:
-        return absent(CLIMB, {"V_max": "m s-1"}, f"beyond {speeds[1]:.4g} m/s, where the tables end: thrust is still left there")
+        return absent(CLIMB, {"V_max": "m s-1"}, f"beyond {speeds[1]:.4g} m/s, the end of the speeds looked at: thrust is still left there")
     V = brentq(climb, best, speeds[1], xtol=TOLERANCE * best)
     return [Row(CLIMB, "V_max", float(V), "m s-1", "full throttle, level")]
 

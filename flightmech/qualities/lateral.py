@@ -31,7 +31,13 @@ _RAMP = 0.1  # s to full aileron
 
 def sideslip(point: Point) -> list[Row]:
     """Return aileron, rudder, bank and pilot forces per sideslip of a straight flight, as rows."""
-    names = {"delta_a_per_beta": "1", "delta_r_per_beta": "1", "phi_per_beta": "1", "F_wheel_per_beta": "N m rad-1", "F_pedal_per_beta": "N rad-1"}
+    names = {
+        "delta_a_per_beta": "1",
+        "delta_r_per_beta": "1",
+        "phi_per_beta": "1",
+        "F_wheel_per_beta": "N m rad-1",
+        "F_pedal_per_beta": "N rad-1",
+    }
     slopes = {name: point.slope(name) for name in ("beta", "delta_a", "delta_r")}
     if abs(slopes["delta_r"][5]) < _SMALL:
         return absent(SIDESLIP, names, NO_RUDDER)
@@ -61,7 +67,7 @@ def sideslip(point: Point) -> list[Row]:
 
 
 def roll_rate(point: Point) -> list[Row]:
-    """Return the steady roll rate of full ailerons by the rolling moment alone, the highest one of the whole aircraft, and the wheel force."""
+    """Return roll rate of full ailerons, by the rolling moment alone and of the whole aircraft, and the wheel force, as rows."""
     names = {"roll_rate_one_degree": "rad s-1", "roll_rate_peak": "rad s-1", "F_wheel_full": "N m"}
     if abs(point.slope("delta_a")[3]) < _SMALL:
         return absent(ROLL, names, NO_AILERON)
@@ -76,13 +82,22 @@ def roll_rate(point: Point) -> list[Row]:
     angle = f"delta_a {full / DEGREE:.3g} deg"
     rows = [
         Row(ROLL, "roll_rate_one_degree", p, "rad s-1", f"{angle}: rolling moment over roll damping, one degree of freedom"),
-        Row(ROLL, "roll_rate_peak", _flown(point, full), "rad s-1", f"{angle}: highest within {_HELD:g} s from level flight, six degrees of freedom"),
+        Row(
+            ROLL,
+            "roll_rate_peak",
+            _flown(point, full),
+            "rad s-1",
+            f"{angle}: highest within {_HELD:g} s or one turn, six degrees of freedom",
+        ),
     ]
     reason = missing(point, "delta_a")
     if reason:
         return [*rows, *absent(ROLL, {"F_wheel_full": "N m"}, reason)]
     hinge = (point.hinge("Ch_a", delta_a=full) or 0.0) - (point.hinge("Ch_a") or 0.0)
-    return [*rows, Row(ROLL, "F_wheel_full", force_factor(point, "delta_a") * hinge, "N m", f"{angle}, before the roll, without springs and friction")]
+    return [
+        *rows,
+        Row(ROLL, "F_wheel_full", force_factor(point, "delta_a") * hinge, "N m", f"{angle}, before the roll, without springs and friction"),
+    ]
 
 
 def _flown(point: Point, full: float) -> float:
@@ -93,7 +108,9 @@ def _flown(point: Point, full: float) -> float:
     inputs = xr.Dataset({"delta_a": ("time", delta_a)}, {"time": time})
     seek = 2.0 if point.aircraft.engines and point.parameter("mode.engine") == 0.0 else 1.0
     flown = simulate(point.sim, inputs, {"mode.trim": seek, **point.parameters})
-    return float(flown["p"].max())
+    p = flown["p"].values
+    turned = np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(time))])
+    return float(p[turned <= 2.0 * np.pi].max())
 
 
 def minimum_control_speed(point: Point, slowest: float) -> list[Row]:

@@ -30,8 +30,8 @@ _HALVINGS = 40  # of the elevator travel: to 1e-12 rad
 _PLAIN = 15.0 * DEGREE
 _BELOW = 5.0 * DEGREE  # angles of attack below zero that the polar shows
 _FIT = (0.1, 0.7)  # of the largest lift coefficient: where the parabola is fitted
-_SLOW, _FAST = 1.02, 4.0  # of the stall speed: where level flight is looked at
-_GRID = 17
+_SLOW, _FAST = 1.02, 6.0  # of the stall speed: where level flight is looked at
+_GRID = 25
 TOLERANCE = 1e-4  # of the speeds found
 NO_ENGINES = "the aircraft file has no engines"
 NO_LEVEL = "no level flight is steady at any speed of the tables"
@@ -69,7 +69,9 @@ def polar(point: Point, mach: float | None = None) -> xr.Dataset:
         raise SimulationError("the elevator balances the pitching moment at no angle of attack; check the c.g. and the limits of delta_e")
     CL, CD = point.coefficients(**at, alpha=alpha, delta_e=delta_e)[:2]
     data = {name: ("alpha", values, attrs(name)) for name, values in (("CL", CL), ("CD", CD), ("delta_e", delta_e))}
-    return xr.Dataset({**data, "L_D": ("alpha", CL / CD, {"units": "1"})}, {"alpha": ("alpha", alpha, attrs("alpha"))}, attrs={"mach": at["mach"]})
+    return xr.Dataset(
+        {**data, "L_D": ("alpha", CL / CD, {"units": "1"})}, {"alpha": ("alpha", alpha, attrs("alpha"))}, attrs={"mach": at["mach"]}
+    )
 
 
 def alpha_range(point: Point) -> tuple[float, float]:
@@ -129,7 +131,7 @@ def polar_rows(point: Point, curve: xr.Dataset) -> list[Row]:
     """Return the parabola through the polar and the best glide as rows."""
     CL, CD = curve["CL"].values, curve["CD"].values
     low, high = _FIT[0] * CL.max(), _FIT[1] * CL.max()
-    inside = (CL >= low) & (CL <= high)
+    inside = np.clip(CL, low, high) == CL
     mach = f"trimmed, power off, Mach {curve.attrs['mach']:.3g}"
     rows = absent(POLAR, {"CD0": "1", "k": "1", "oswald": "1"}, "the polar has fewer than three points in its middle")
     if inside.sum() >= 3:
@@ -190,8 +192,8 @@ def performance_curves(point: Point, speeds: tuple[float, float], count: int = 4
     Returns
     -------
     Dataset (V,)
-        ``thrust_required``, ``thrust_available`` [N], ``L_D``, ``M_L_D``, ``climb_rate`` [m s-1]; what needs a thrust table is absent without
-        one; NaN where no steady flight is found.
+        ``thrust_required``, ``thrust_available`` [N], ``L_D``, ``M_L_D``, ``climb_rate`` [m s-1]; what needs a thrust table is
+        absent without one; NaN where no steady flight is found.
     """
     V = np.linspace(*speeds, count)
     flights = [point.level(float(x)) for x in V]

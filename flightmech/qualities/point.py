@@ -9,26 +9,24 @@ from functools import cached_property
 import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
+from scipy.optimize import root_scalar
 
 from .. import terms
-from ..air import RHO_SEA, atmosphere, impact_pressure_at, mach_number
 from ..aircraft import Aircraft
 from ..axes import lift_drag
 from ..compiler import SimModel
 from ..compiler import compile as compile_model
-from ..errors import SchemaError, SimulationError, UnknownName
+from ..errors import SimulationError
 from ..library import PARAMETER, Simulation
-from ..names import COEFFICIENTS, VOCABULARY
+from ..names import COEFFICIENTS
 from ..simulation import constant_inputs
 from ..trimming import trimmed_outputs
 from ..units import G0
+from .condition import parameters, words
 
 HINGES = ("Ch_e", "Ch_a", "Ch_r")
-SPEEDS = ("V", "mach", "V_cas", "V_eas")
 VARIABLES = ("alpha", "beta", "V", "phat", "qhat", "rhat", "alphadothat", "betadothat", "dnz", "delta_e", "delta_a", "delta_r")
 STEP = float(np.finfo(float).eps ** (1.0 / 3.0))  # of a variable's size, for central differences
-_MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-_START = ("gamma", "phi", "psi", "lat", "lon")
 _LEFT = 1e-6  # acceleration that still counts as trimmed [m s-2, rad s-2]
 
 
@@ -142,8 +140,8 @@ class Point:
 
     @property
     def excess(self) -> float:
-        """Largest acceleration that the longitudinal controls left; along x only with engines. [m s-2, rad s-2]"""
-        return max(abs(self[f"trim.{name}_dot"]) for name in ("uwq" if self.aircraft.engines else "wq"))
+        """Largest acceleration that the longitudinal controls left. [m s-2, rad s-2]"""
+        return max(abs(self[f"trim.{name}_dot"]) for name in "uwq")
 
     def level(self, V: float, h: float | None = None) -> Point:
         """Return level flight at another speed [m s-1] and height [m], with whatever thrust it takes."""
@@ -254,8 +252,7 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, floa
     aircraft, db
         Compiled together; hinge moments (``Ch_e Ch_a Ch_r``) of the database are kept beside.
     condition : mapping of str to float
-        One of ``V mach V_cas V_eas``, and any of ``h`` (0), ``gamma phi psi``, ``mass x_cg_b ... Iyz``, ``delta_T``, inputs (``delta_f``, ``gear``)
-        and parameters (``term.CL.gear``) of the simulation. [SI]
+        As in `flightmech.characteristics`; ``gamma`` of an aircraft without engines is found. [SI]
 
     Raises
     ------
@@ -267,64 +264,41 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, floa
         No steady flight is found; the text says what is left and which control is at its end.
     """
     sim = compile_model(aircraft, db)
-    point = _trimmed(Pair(aircraft, db, sim), _parameters(sim, condition))
+    point = _trimmed(Pair(aircraft, db, sim), parameters(sim, condition))
     if not point.is_trimmed:
-        raise SimulationError(f"no steady flight at {_words(condition)}: {_left(point)}; change the condition or the limits of the controls")
+        raise SimulationError(f"no steady flight at {words(condition)}: {_left(point)}; change the condition or the limits of the controls")
     return point
 
 
 def _trimmed(pair: Pair, parameters: dict[str, float]) -> Point:
-    return Point(pair, parameters, dict(zip(pair.sim.outputs, map(float, trimmed_outputs(pair.sim, parameters)), strict=True)))
+    if not pair.aircraft.engines:
+        parameters = {**parameters, "init.gamma": _glide(pair, parameters)}
+    return Point(pair, parameters, _outputs(pair, parameters))
 
 
-def _parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[str, float]:
-    given = [name for name in SPEEDS if name in condition]
-    if len(given) != 1:
-        raise SchemaError("condition", [f"holds {', '.join(given) or 'no speed'}; give one of {', '.join(SPEEDS)}"])
-    bad = [name for name, value in condition.items() if not np.isfinite(value)]
-    if bad:
-        raise SchemaError("condition", [f"{name} is {condition[name]!r}; give a finite number" for name in bad])
-    parameters = {"mode.earth": 0.0, "init.h": 0.0}
-    for name, value in condition.items():
-        if name not in SPEEDS:
-            parameters[_word(sim, name)] = float(value)
-    parameters["init.V"] = _true_airspeed(given[0], float(condition[given[0]]), parameters)
-    return parameters
+def _outputs(pair: Pair, parameters: Mapping[str, float]) -> dict[str, float]:
+    return dict(zip(pair.sim.outputs, map(float, trimmed_outputs(pair.sim, parameters)), strict=True))
 
 
-def _word(sim: SimModel, name: str) -> str:
-    found = f"mass.{name}" if name in _MASS else f"init.{name}" if name in (*_START, "h") else f"env.{name}" if name == "delta_T" else name
-    if found not in sim.parameters and found not in sim.inputs:
-        raise UnknownName(name, [*SPEEDS, "h", "delta_T", *_START, *_MASS, *sim.inputs, *sim.parameters], "condition")
-    return found
+def _glide(pair: Pair, parameters: Mapping[str, float]) -> float:
+    """Return the path angle at which an aircraft without engines neither gains nor loses speed. [rad]"""
 
+    def gain(gamma: float) -> float:
+        return _outputs(pair, {**parameters, "init.gamma": gamma})["trim.u_dot"]
 
-def _true_airspeed(kind: str, value: float, parameters: Mapping[str, float]) -> float:
-    air = atmosphere(parameters["init.h"], parameters.get("env.delta_T", 0.0), parameters.get("env.qnh", 101325.0))
-    if not value > 0.0:
-        raise SchemaError("condition", [f"{kind} is {value:g}; give a positive speed"])
-    if kind == "mach":
-        return value * float(air.a_sound)
-    if kind == "V_eas":
-        return value * float(np.sqrt(RHO_SEA / air.rho))
-    if kind == "V_cas":
-        return float(mach_number(impact_pressure_at(value), air.p_static) * air.a_sound)
-    return value
+    return float(root_scalar(gain, x0=-0.05, x1=-0.1, method="secant", xtol=1e-12, maxiter=50).root)
 
 
 def _left(point: Point) -> str:
     left = ", ".join(f"{name}_dot {point[f'trim.{name}_dot']:.3g}" for name in "uwq")
     ends = [f"{name} {np.degrees(point[f'applied.{name}']):.3g} deg" for name in ("delta_e",) if _at_end(point, name)]
-    return f"accelerations of {left} (m/s2, rad/s2) are left at alpha {np.degrees(point['alpha']):.3g} deg{', ' if ends else ''}{', '.join(ends)}"
+    place = ", ".join([f"alpha {np.degrees(point['alpha']):.3g} deg", *ends])
+    return f"accelerations of {left} (m/s2, rad/s2) are left at {place}"
 
 
 def _at_end(point: Point, control: str) -> bool:
     limits = point.aircraft.limits.get(control)
     return limits is not None and bool(np.isclose(point[f"applied.{control}"], limits, atol=1e-9).any())
-
-
-def _words(condition: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:.4g}{' ' + VOCABULARY[name].units if name in VOCABULARY else ''}" for name, value in condition.items())
 
 
 def _to_house(c: np.ndarray, force_axes: str, alpha: ArrayLike, beta: ArrayLike) -> np.ndarray:

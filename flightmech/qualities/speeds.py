@@ -60,7 +60,9 @@ def speed_stability(point: Point) -> list[Row]:
     if abs(point.slope("delta_e")[4]) < 1e-9:
         rows = absent(GROUP, {"delta_e_per_V": "rad s m-1", "neutral_point_trim": "1"}, NO_ELEVATOR)
     else:
-        rows = [Row(GROUP, "delta_e_per_V", slope, "rad s m-1", "along trimmed flights; positive (trailing edge down to fly faster) is stable")]
+        rows = [
+            Row(GROUP, "delta_e_per_V", slope, "rad s m-1", "along trimmed flights; positive (trailing edge down to fly faster) is stable")
+        ]
         rows += _neutral_point(point)
     forces = {"F_column": "N", "F_column_per_V": "N s m-1"}
     reason = missing(point, "delta_e")
@@ -70,7 +72,13 @@ def speed_stability(point: Point) -> list[Row]:
     return [
         *rows,
         Row(GROUP, "F_column", _force(point, 0.0), "N", "pull, as the tab stands"),
-        Row(GROUP, "F_column_per_V", (high - low) / (2.0 * _NUDGE * point["V"]), "N s m-1", "trimmed out at this speed; push to fly faster is negative"),
+        Row(
+            GROUP,
+            "F_column_per_V",
+            (high - low) / (2.0 * _NUDGE * point["V"]),
+            "N s m-1",
+            "trimmed out at this speed; push to fly faster is negative",
+        ),
     ]
 
 

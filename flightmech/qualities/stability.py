@@ -7,9 +7,9 @@ dq = g dn / V and
     dM:  Cm_alpha(x) dalpha + Cm_q(x) dqhat + Cm_n(x) dn + Cm_de(x) dde = 0
     dCh: Ch_alpha dalpha + Ch_q dqhat + Ch_n dn + Ch_de dde = 0                     elevator free
 
-All derivatives come from the tables at the trimmed flight.  Neutral points have Cm_alpha(x) = 0, with dde = -Ch_alpha/Ch_de dalpha when free;
-manoeuvre points have no elevator (fixed) or no hinge moment (free) per g.  Alpha is that at the c.g., as in the kernel, so a moved c.g.
-changes moments and no damping term.
+All derivatives come from the tables at the trimmed flight.  Neutral points have Cm_alpha(x) = 0, with dde = -Ch_alpha/Ch_de dalpha
+when free; manoeuvre points have no elevator (fixed) or no hinge moment (free) per g.  Alpha is that at the c.g., as in the kernel, so
+a moved c.g. changes moments and no damping term.
 
 References
 ----------
