@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -168,9 +167,6 @@ def make_values(
     return Values(name, labels, lines, tuple(map(str.strip, texts)), units, axes or {}, given)
 
 
-_PAIR = re.compile(r"(\S(?:.*?\S)?) *= *(\S+)(?: |$)")
-
-
 def pairs(text: str) -> list[tuple[str, str]]:
     """Return label and value of every ``label = value`` of a line; a label may hold blanks and signs of equality.
 
@@ -179,10 +175,15 @@ def pairs(text: str) -> list[tuple[str, str]]:
     >>> pairs("   CLB/CL = 0.1616E-02     (CLB/CL)M=1.4 = 0.1000E-29")
     [('CLB/CL', '0.1616E-02'), ('(CLB/CL)M=1.4', '0.1000E-29')]
     """
-    found, at = [], 0
-    while pair := _PAIR.search(text, at):
-        found.append((pair[1].strip(), pair[2]))
-        at = pair.end()
+    found = []
+    label, *parts = text.split("=")
+    for left, part in enumerate(parts, 1 - len(parts)):
+        value, _, rest = part.strip().partition(" ")
+        if left and not rest:  # no label before the next sign of equality: this one stands in a label
+            label += f"={part}"
+            continue
+        found.append((label.strip(), value))
+        label = rest
     return found
 
 
