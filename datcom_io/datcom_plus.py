@@ -173,9 +173,11 @@ def _one_way(file: str, found: xr.Dataset, block: _Block, house: str, deriv: str
 
 def _two_way(file: str, found: xr.Dataset, block: _Block, house: str, deriv: str) -> xr.Dataset:
     (line, head), *rows = block.rows
-    width = max(i for i, cell in enumerate(head) if cell is not None)
+    width = max((i for i, cell in enumerate(head) if cell is not None), default=0)
     if head[0] is not None:
         raise ParseError(file, line, "a number above the angles of attack", "a row of deflections with an empty first cell")
+    if not rows or not width:
+        raise ParseError(file, line, f"{width} deflections and {len(rows)} rows", "deflections, and rows of angles of attack below them")
     deltas = [cell[0] for cell in head[1 : width + 1] if cell is not None]
     values, flags = _matrix(file, block, rows, width + 1)
     found = _with_axis(file, found, block, "alpha", values[:, 0])

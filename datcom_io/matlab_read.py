@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,6 +23,7 @@ from .matlab_fields import BUILD, INDEX_DIMENSIONS, LABELS, MISSING, Field, Unit
 from .stacking import add_variable
 
 _FLAGS_OF_CONFIG = {"body": "body", "wing": "wing", "htail": "horizontal", "vtail": "vertical", "vfin": "fin"}
+_NUMERIC = "fiub"
 _LOCAL = ("hypersonic", "jet")  # leaves with conditions of their own
 
 
@@ -54,12 +56,11 @@ def read_matlab(path: str | os.PathLike[str]) -> xr.DataTree:
         No such structure in the file, a field whose size is not that of its breakpoints, or a version of the file that HDF5 tools read.
     """
     file = Path(path).name
+    data = BytesIO(Path(path).read_bytes())
     try:
-        content = loadmat(path, struct_as_record=True)
+        content = loadmat(data, struct_as_record=True)
     except NotImplementedError as error:
         raise ParseError(file, 0, "a MAT file of version 7.3", "version 7 or older; save it with the option -v7") from error
-    except OSError:
-        raise
     except Exception as error:  # scipy lets through whatever a damaged file does to it
         raise ParseError(file, 0, f"no MAT file ({error})", "a MAT file with the result of datcomimport") from error
     root = xr.DataTree(xr.Dataset(attrs={"file": file}))
@@ -116,11 +117,11 @@ class _Case:
     def numbers(self, name: str) -> list[float]:
         """Return a row vector; empty when it is not there."""
         value = self.structure.get(name, np.empty(0))
-        return [float(x) for x in np.ravel(value)] if np.issubdtype(value.dtype, np.number) else []
+        return [float(x) for x in np.ravel(value)] if value.dtype.kind in _NUMERIC else []
 
     def number_of(self, name: str, default: float) -> float:
-        """Return a scalar."""
-        return (self.numbers(name) or [default])[0]
+        """Return a scalar, the default when it is not there or no number."""
+        return next((x for x in self.numbers(name)[:1] if np.isfinite(x)), default)
 
     def text(self, name: str) -> str:
         """Return a text, an empty one when it is not there."""
@@ -166,6 +167,8 @@ class _Case:
         if array is None or array.size == 0:
             return None
         others = [axis for axis in field.axes if axis not in ("mach", "alt")]
+        if field.units != "text" and array.dtype.kind not in _NUMERIC:
+            raise self.fault(f"{field.name} without numbers", "an array of numbers")
         raw = self._with_all_indices(field, array)
         if "alt" not in field.axes:
             raw = np.repeat(raw[..., np.newaxis], max(len(self.alts), 1), axis=-1)

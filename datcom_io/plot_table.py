@@ -30,7 +30,7 @@ from .configurations import printed_name
 from .layouts import BY_NAME
 from .stacking import add_variable
 
-_RUN = re.compile(r"RUN *(\d+) *(\d+) +(\w+) +(\S.*?)\s*")
+_RUN = re.compile(r"RUN *\d{1,6} +(\d{1,4}) +\w{1,8} +(\S.*)")
 _WIDTH = 10
 _COLUMNS = {column.house: column for column in BY_NAME["static"].columns}
 _NAMES = ("CN", "Cm", "CA", "CY_beta", "Cn_beta", "Cl_beta")
@@ -88,10 +88,10 @@ def read_for014(path: str | os.PathLike[str]) -> xr.DataTree:
 
 
 def _read_run(file: str, lines: list[str], at: int) -> tuple[_Run, int]:
-    head = _RUN.fullmatch(lines[at])
+    head = _RUN.fullmatch(lines[at].rstrip())
     if head is None:
         raise ParseError(file, at + 1, repr(lines[at][:40]), "a line RUN, number, angles of attack, unit, configuration")
-    first, count = at + 1, int(head[2])
+    first, count = at + 1, int(head[1])
     if count == 0 or at + 3 + count >= len(lines):
         raise ParseError(file, len(lines), f"the end of a table of {count} rows", "at least one row, and R after the last; run again")
     (mach, reynolds), _ = _numbers(file, at + 2, lines[at + 1], 2)
@@ -100,10 +100,10 @@ def _read_run(file: str, lines: list[str], at: int) -> tuple[_Run, int]:
     at += 3 + count
     if lines[at].strip() != "R":
         raise ParseError(file, at + 1, repr(lines[at][:40]), f"R after {count} rows")
-    words = head[4].replace("VT-VF", "VT")  # VF is written with every VT, whether there is a ventral fin or not
+    words = head[2].replace("VT-VF", "VT")  # VF is written with every VT, whether there is a ventral fin or not
     made_of = frozenset(_WORDS[word] for word in re.split("[- ]", words) if word in _WORDS)
     if not made_of:
-        raise ParseError(file, first, f"the configuration {head[4]!r}", f"one made of {' '.join(_WORDS)}")
+        raise ParseError(file, first, f"the configuration {head[2]!r}", f"one made of {' '.join(_WORDS)}")
     values, flags = np.array([values for values, _ in rows]), np.array([flags for _, flags in rows], np.uint8)
     return _Run(first, printed_name(made_of), mach, reynolds, tuple(reference), values, flags), at + 1
 

@@ -100,6 +100,7 @@ def test_per_radian(written):
         ("   0.0, .1850E-01\n", "\n   0.0, .1850E-01\n", "line 8: found '0.0, .1850E-01' outside a block"),
         ("   0.0, .1850E-01\n", "   0.0, .1, .2\n", "line 7: found 3 numbers in a row of the block Alpha, Cd"),
         ("      , -10.0, 10.0\n", "", "a number above the angles of attack"),
+        ("      , -10.0, 10.0\n", "      , ,\n", "found 0 deflections and 3 rows"),
         ("Alpha, Epslon\n", "Alpha, Cd\n", "a second block Alpha, Cd"),
         ("Alpha, Epslon\n", "Alpha, Epslon\nAlpha, CL\n", "line 14: found the heading Alpha, Epslon without numbers"),
     ],

@@ -150,6 +150,12 @@ def test_faults(tmp_path):
     savemat(path, {"aero": np.array([[{**aero, "dim": "furlong"}]], object)})
     with pytest.raises(ParseError, match="dim 'FURLONG'"):
         datcom_io.read_matlab(path)
+    savemat(path, {"aero": np.array([[{**aero, "cl": "text"}]], object)})
+    with pytest.raises(ParseError, match="cl without numbers"):
+        datcom_io.read_matlab(path)
+    path.write_bytes(path.read_bytes()[:300])
+    with pytest.raises(ParseError, match="no MAT file"):
+        datcom_io.read_matlab(path)
     path.write_bytes(b"no mat file")
     with pytest.raises(ParseError, match="no MAT file"):
         datcom_io.read_matlab(path)
