@@ -44,7 +44,7 @@ def block(case: Case, name: str) -> pd.DataFrame:
             units[table.layout.across.name] = "deg"
         if table.layout.stream:
             units |= {"ALPHA": "deg", "DELTA": "deg"}
-    for page, group in case.values(name):
+    for page, group in () if parts else case.values(name):  # a kind of table may carry its headings as labelled numbers
         parts.append(_placed(_labelled(group), page))
         units["altitude"] = printed_units(Column("", 1, 1, units="length"), page)
     if not parts:
