@@ -7,7 +7,7 @@ continues the namelist that is open.  This reader is more patient; what the prog
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 from .deck_names import CASEID_COLUMNS, CONTROL_WORDS, SPELLINGS
@@ -107,6 +107,7 @@ class _Reader:
         self.open: list[tuple[int, str]] | None = None  # line and text of the namelist whose closing $ has not come
         self.start = 0
         self.name = ""  # empty: a group the program does not know as a namelist
+        self.place = 0  # among the items; control cards may stand inside a namelist
 
     def say(self, line: int, severity: str, text: str) -> None:
         self.findings.append(Finding(line, severity, text))
@@ -140,7 +141,7 @@ class _Reader:
             self.say(line, ERROR, "a namelist goes on in column 1: the program takes it for a control card; leave column 1 blank")
             self._continue(line, text)
         else:
-            self.say(line, ERROR, f"not a control card: {text.strip()}")
+            self.say(line, ERROR, f"not a control card: {text.strip()[:80]}")
 
     def _control(self, card: Card, text: str) -> None:
         if self.open is not None and card.name == "NACA":
@@ -163,9 +164,7 @@ class _Reader:
         if not body[1:].strip() and self.open is not None:
             if column <= 2:
                 self.say(
-                    line,
-                    ERROR,
-                    f"a $ alone in column {column}: the program takes it for a new namelist; close with $ behind the last value",
+                    line, ERROR, f"a $ alone in column {column}: the program takes it for a new namelist; write it behind the last value"
                 )
             self._end(line)
             return
@@ -180,7 +179,7 @@ class _Reader:
         self._begin(line, name, f"{dollar}{more} {rest}")
 
     def _begin(self, line: int, name: str, rest: str) -> None:
-        self.open, self.start, self.name = [], line, name
+        self.open, self.start, self.name, self.place = [], line, name, len(self.items)
         self._continue(line, rest)
 
     def _continue(self, line: int, text: str) -> None:
@@ -204,7 +203,7 @@ class _Reader:
         """Make an item of the namelist that is open."""
         opened, self.open = self.open or [], None
         if self.name:
-            self.items.append(Namelist(self.start, self.name, tuple(self._assignments(opened))))
+            self.items.insert(self.place, Namelist(self.start, self.name, tuple(self._assignments(opened))))
 
     def close_unended(self) -> None:
         """Close a namelist that another one, or the end of the case, follows without ``$``."""
@@ -215,54 +214,42 @@ class _Reader:
             self.say(self.start, WARNING, f"{said}; the program adds it in some places only: write it")
         self._end(self.start)
 
-    def _assignments(self, lines: list[tuple[int, str]]) -> Iterable[Assignment]:
-        where, known = f"${self.name}", SPELLINGS.get(self.name, {})
-        current: Assignment | None = None
+    def _assignments(self, lines: list[tuple[int, str]]) -> Iterator[Assignment]:
+        known = SPELLINGS.get(self.name, {})
+        variable, start, at = "", 1, 0
+        values: list[Value] = []
         for line, text in lines:
-            place = 0
-            while place < len(text):
-                found = _ASSIGN.match(text, place)
-                if found:
-                    if current is not None:
-                        yield from self._complete(where, current)
-                    current = Assignment(line, known.get(found[1], found[1]), int(found[2] or 1), ())
+            *pieces, last = text.split(",")
+            for piece in [*pieces, last] if last.strip() else pieces:
+                place = 0
+                while found := _ASSIGN.search(piece, place):
+                    if piece[place : found.start()].strip():
+                        self._value(line, piece[place : found.start()], variable, values)
+                        self.say(line, ERROR, f"${self.name}: no comma before {found[1]}; it stops the program")
+                    yield from self._complete(at, variable, start, values)
+                    variable, start, at, values = known.get(found[1], found[1]), int(found[2] or 1), line, []
                     place = found.end()
-                    if text[place:].lstrip()[:1] in ("", ","):
-                        self.say(line, ERROR, f"{where}: {found[1]} has no value on its card; write it behind the =")
-                        place = max(place, text.find(",", place) + 1)
-                elif text[place] == " ":
-                    place += 1
+                if piece[place:].strip():
+                    self._value(line, piece[place:], variable, values)
+                elif place:
+                    self.say(line, ERROR, f"${self.name}: {variable} has no value on its card; write it behind the =")
                 else:
-                    place, values = self._values(line, text, place, where, current)
-                    if current is not None:
-                        current = current._replace(values=current.values + values)
-        if current is not None:
-            yield from self._complete(where, current)
+                    self.say(line, ERROR, f"${self.name}: an empty place between commas; every value must be written")
+        yield from self._complete(at, variable, start, values)
 
-    def _values(self, line: int, text: str, place: int, where: str, current: Assignment | None) -> tuple[int, tuple[Value, ...]]:
-        """Read one value up to its comma; return the place behind it."""
-        end = text.find(",", place)
-        end = end if end >= 0 else len(text)
-        piece, behind = text[place:end], end + 1
-        if following := _ASSIGN.search(piece):
-            piece, behind = piece[: following.start()], place + following.start()
-        if current is None:
-            self.say(line, ERROR, f"{where}: {piece.strip()} stands before any variable")
-        elif not piece.strip():
-            self.say(line, ERROR, f"{where}: {current.variable} has an empty place between commas; every value must be written")
-        else:
-            if following:
-                self.say(line, ERROR, f"{where}: no comma before {following[1]}; it stops the program")
-            values, complaints = read_values(piece.strip())
-            for severity, complaint in complaints:
-                self.say(line, severity, f"{where}: {current.variable} {complaint}")
-            return behind, values
-        return behind, ()
+    def _value(self, line: int, text: str, variable: str, values: list[Value]) -> None:
+        """Read one value and add it to `values`."""
+        if not variable:
+            self.say(line, ERROR, f"${self.name}: {text.strip()[:40]} stands before any variable")
+            return
+        read, complaints = read_values(text.strip())
+        values += read
+        for severity, complaint in complaints:
+            self.say(line, severity, f"${self.name}: {variable} {complaint}")
 
-    def _complete(self, where: str, found: Assignment) -> Iterable[Assignment]:
-        last = found.start - 1 + len(found.values)
-        if not 0 < found.start <= _LARGEST_ARRAY or last > _LARGEST_ARRAY:
-            text = f"{where}: {found.variable}({found.start}) holds {len(found.values)} values; an array has at most {_LARGEST_ARRAY}"
-            self.say(found.line, ERROR, text)
-        elif found.values:
-            yield found
+    def _complete(self, line: int, variable: str, start: int, values: list[Value]) -> Iterator[Assignment]:
+        if values and (not 0 < start <= _LARGEST_ARRAY or start - 1 + len(values) > _LARGEST_ARRAY):
+            text = f"${self.name}: {variable}({start}) holds {len(values)} values; an array has at most {_LARGEST_ARRAY}"
+            self.say(line, ERROR, text)
+        elif values:
+            yield Assignment(line, variable, start, tuple(values))

@@ -6,7 +6,6 @@ digits therefore hold everything it can tell apart, and more than nine can overf
 
 from __future__ import annotations
 
-import math
 import re
 
 from .cells import OK, read_cell
@@ -15,6 +14,8 @@ Value = float | bool
 DIGITS = 9  # significant digits that identify any number of single precision
 _LARGEST_INTEGER = 2**31 - 1
 _LARGEST_REPEAT = 300
+_LARGEST = 3.4e38  # of single precision
+_SHOWN = 40  # characters of a value that a message shows
 _REPEAT = re.compile(r"(\d{1,4}) ?\* ?(.+)")
 _NUMBER = re.compile(r"[-+]?(\d*)(?:(\.)(\d*))?(?:(E)[-+]?\d{1,3})?")
 _LOGICAL = re.compile(r"\.([TF])[A-Z]*\.?|([TF])|TRUE|FALSE")
@@ -51,18 +52,28 @@ def _read(word: str) -> tuple[Value | None, str, str]:
     number = _NUMBER.fullmatch(word)
     if number and (number[1] or number[3]):
         value = float(word)
-        if max(float(number[1] or 0), float(number[3] or 0)) > _LARGEST_INTEGER:
-            return value, "error", f"has the value {word}: too many digits, the program's integers overflow; write {DIGITS} digits"
-        if not math.isfinite(value):
-            return None, "error", f"has the value {word}, which is too large"
+        if abs(value) > _LARGEST:
+            return None, "error", f"has the value {_short(word)}, which is too large"
+        if any(_overflows(digits or "") for digits in (number[1], number[3])):
+            said = f"has the value {_short(word)}: too many digits, the program's integers overflow; write {DIGITS} digits"
+            return value, "error", said
         return value, "warning", "" if number[2] else f"has the value {word} without a point; the program uses it and flags a syntax error"
     if " " in word:
         joined, severity, said = _read(word.replace(" ", ""))
         return joined, severity if said else "warning", said or f"has the value {word!r} with a blank in it"
     cell = read_cell(word)
-    if cell and cell[1] == OK:
+    if cell and cell[1] == OK and abs(cell[0]) <= _LARGEST:
         return cell[0], "error", f"has the value {word}; the program reads only E exponents in upper case"
-    return None, "error", f"has the value {word!r}, which is no number"
+    return None, "error", f"has the value {_short(word)!r}, which is no number"
+
+
+def _overflows(digits: str) -> bool:
+    significant = digits.lstrip("0")
+    return len(significant) > DIGITS + 1 or int(significant or 0) > _LARGEST_INTEGER
+
+
+def _short(word: str) -> str:
+    return word if len(word) <= _SHOWN else f"{word[:_SHOWN]}..."
 
 
 def value_text(value: Value) -> str:

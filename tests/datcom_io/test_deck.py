@@ -152,9 +152,7 @@ def said(text):
 
 def test_what_the_program_stumbles_over_in_a_namelist():
     assert said(" $FLTCON MACH(1)=0.2 NALPHA=3.0$") == [(1, "error", "$FLTCON: no comma before NALPHA; it stops the program")]
-    assert said(" $FLTCON MACH(1)=0.2,,0.3$") == [
-        (1, "error", "$FLTCON: MACH has an empty place between commas; every value must be written")
-    ]
+    assert said(" $FLTCON MACH(1)=0.2,,0.3$") == [(1, "error", "$FLTCON: an empty place between commas; every value must be written")]
     assert said(" $BODY DS=,BLN=2.0$") == [(1, "error", "$BODY: DS has no value on its card; write it behind the =")]
     assert said(" $BODY 2.0,BLN=2.0$") == [(1, "error", "$BODY: 2.0 stands before any variable")]
     assert said(" $BODY BLN=2$") == [
@@ -194,3 +192,23 @@ def test_what_the_program_stumbles_over_in_columns():
 
 def test_an_ampersand_group_is_left_out():
     assert deck(" &BODY BLN=2.0 &END\n $OPTINS SREF=1.0$").namelists == {"OPTINS": {"SREF": [1.0]}}
+
+
+def test_numbers_at_the_edge_of_the_program():
+    assert said(" $BODY BLN=1.0E99$") == [(1, "error", "$BODY: BLN has the value 1.0E99, which is too large")]
+    assert said(f" $BODY BLN={'9' * 5000}.0$")[0][2].endswith("9..., which is too large")
+    assert deck(" $BODY BLN=0.00000000002147483647$").findings == ()
+    assert "too many digits" in said(" $BODY BLN=0.2147483648$")[0][2]
+
+
+def test_control_cards_inside_a_namelist_do_not_end_it():
+    found = deck(" $BODY BLN=2.0,\nDAMP\n   BLA=3.0$\nCASEID X\nNEXT CASE")
+    assert found.namelists == {"BODY": {"BLN": [2.0], "BLA": [3.0]}}
+    assert [item.name for item in found.items] == ["BODY", "DAMP", "CASEID", "NEXT"]
+
+
+def test_a_card_of_any_length_is_read():
+    """Quadratic time would make this test hang for minutes."""
+    texts = [deck(" $BODY X=" + piece * 100_000 + "$").findings[0].text for piece in ("1.0,", "A ( ", "A  ", "1 ")]
+    assert texts[0] == "$BODY: X(1) holds 100000 values; an array has at most 300"
+    assert all("no number" in text or "a blank in it" in text or "too large" in text for text in texts[1:])
