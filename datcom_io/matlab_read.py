@@ -48,7 +48,8 @@ def read_matlab(path: str | os.PathLike[str]) -> xr.DataTree:
     -------
     DataTree
         As `Listing.to_datatree`: one child per case with tables.  NaN is flagged NDM, though it may have been any other mark; 99999
-        is flagged absent.  A column that is constant in alpha and stands in the first row only is filled where `Case.to_datatree` does.
+        is flagged absent.  A column that is constant in alpha and stands in the first row only is filled where `Case.to_datatree`
+        does.  The stick force, or its coefficient, is ``fc_con``, as printed.
 
     Raises
     ------
@@ -58,7 +59,7 @@ def read_matlab(path: str | os.PathLike[str]) -> xr.DataTree:
     file = Path(path).name
     data = BytesIO(Path(path).read_bytes())
     try:
-        content = loadmat(data, struct_as_record=True)
+        content = loadmat(data, struct_as_record=True)  # type: ignore[arg-type]  # its stubs know no streams
     except NotImplementedError as error:
         raise ParseError(file, 0, "a MAT file of version 7.3", "version 7 or older; save it with the option -v7") from error
     except Exception as error:  # scipy lets through whatever a damaged file does to it
@@ -157,6 +158,8 @@ class _Case:
         """Return the leaves of the case."""
         parts: dict[str, list[_Part]] = {}
         for field in fields(self.style):
+            if field.name == "fc_con":  # a force in pounds or a coefficient, which the structure does not tell
+                field = field._replace(house="fc_con", units="1")
             part = self._part(field)
             if part is not None:
                 parts.setdefault(field.leaf, []).append(part)

@@ -333,6 +333,9 @@ class _Lost:
                 found.append(f"leaf {name}" if len(without) == len(names) else f"leaf {name}: {' '.join(without)}")
         found += [f"configuration {name} of {' and '.join(sorted(leaves))}" for name, leaves in self.configurations.items()]
         found += sorted(self.more)
+        found += [
+            f"leaf tabs: whether fc_con is {name}" for leaf, name in self.written if leaf == "tabs" and name in ("F_stick", "CF_stick")
+        ]
         if self.marks:
             counts = ", ".join(f"{count} {name}" for name, count in sorted(self.marks.items()))
             found.append(f"which cells are what: {counts}")
