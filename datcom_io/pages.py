@@ -44,7 +44,7 @@ _NUMBERS_BEGIN = re.compile(r".? *MACH NUMBER ?=|.? TIME \(SEC\)")
 _DECORATION = re.compile(
     r"DERIVATIVE \(PER (DEGREE|RADIAN)\)$|DYNAMIC DERIVATIVES \(PER (DEGREE|RADIAN)\)$|PITCHING +ACCELERATION +ROLLING +YAWING$"
     r"|INCREMENTS DUE TO DEFLECTION +DERIVATIVES \(PER DEGREE\)$"
-    r"|\*{100,}$"  # a frame of asterisks around a message
+    r"|(?<!\*)\*{100,}$"  # a frame of asterisks around a message
 )
 _PER = re.compile(r"DERIVATIVE[S]? ?\(PER (DEGREE|RADIAN)\)")
 
@@ -57,12 +57,13 @@ class Body:
     notes: list[Message] = field(default_factory=list)
     messages: list[Message] = field(default_factory=list)
     unread: list[int] = field(default_factory=list)
+    empty: list[tuple[int, Layout]] = field(default_factory=list)  # headings without a row
     per: str = ""
     said: list[Message] = field(default_factory=list)  # notes or messages, where the last one went
 
 
-def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message]]:
-    """Return a page and the messages that stand on it."""
+def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[tuple[int, Layout]]]:
+    """Return a page, the messages that stand on it, and line and kind of the headings that no row follows."""
     anchor = next((i for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE]) if "FLIGHT CONDITIONS" in text), None)
     start = _body_start(lines) if anchor is None else 0
     top = lines[1:start] if anchor is None else lines[1:anchor]
@@ -88,7 +89,7 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message]]:
         notes=tuple(body.notes),
         unread=tuple(body.unread),
     )
-    return page, body.messages
+    return page, body.messages, body.empty
 
 
 def _body_start(lines: list[Line]) -> int:
@@ -164,6 +165,7 @@ def _read_body(lines: list[Line], at: int, kind: str) -> Body:
                 at = after
             elif not _says_no_output(lines, at):
                 body.unread.append(number)
+                body.empty.append((number, meaning.layout))
         else:
             _sort(number, meaning, body)
     return body

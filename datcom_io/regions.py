@@ -183,28 +183,28 @@ class Scanner:
             self.case = self._new_case(self.page[0][0])
         while len(self.page) > 1 and not self.page[-1][1].strip():
             self.page.pop()
-        page, messages = read_page(self.page, self.case.ordinal)
+        page, messages, empty = read_page(self.page, self.case.ordinal)
         self.page, self.region = [], "between"
         self.case.messages += messages
         self.listing.unread += page.unread
-        self._keep(page)
+        self._keep(page, empty)
 
-    def _keep(self, page: Page) -> None:
+    def _keep(self, page: Page, empty: list[tuple[int, Layout]]) -> None:
         """Put a page into its case, without what is damaged on it."""
         assert self.case is not None
-        faults = self._faults(page)
+        faults = self._faults(page, empty)
         left_out = [item for fault in faults for item in fault[0]]
         if left_out:
             printed = tuple(item for item in page.printed if not any(item is other for other in left_out))
             page = replace(page, printed=printed)
-        if page.printed or not left_out:
+        if page.printed or not faults:
             self.case.pages.append(page)
         for _, line, found, expected in faults:
             if not self.partial:
                 raise self._damaged(line, found, f"{expected}; the listing is damaged: run the program again, {_TAKE_THE_REST}")
             self.case.messages.append(Message(line, f"{found} instead of {expected}: left out", "reader"))
 
-    def _faults(self, page: Page) -> list[tuple[list[Printed], int, str, str]]:
+    def _faults(self, page: Page, empty: list[tuple[int, Layout]]) -> list[tuple[list[Printed], int, str, str]]:
         """Return what is damaged on a page: the items to leave out, a line, what was found, what was expected."""
         assert self.case is not None
         if page.printed and page.conditions is None and page.kind in _WITH_CONDITIONS:
@@ -212,21 +212,22 @@ class Scanner:
             return [(list(page.printed), page.first, found, "a line of numbers below the units row of the page")]
         faults: list[tuple[list[Printed], int, str, str]] = []
         for table in page.tables:
-            if miscount := self._miscount(page, table):
+            if table.layout.stream:
+                miscount = _miscounted_stream(table, self.case.deck)
+            else:
+                miscount = self._miscount(page, table.layout, len(table.rows))
+            if miscount:
                 faults.append(([table], table.lines[-1], *miscount))
-        return faults
+        faults += [([], line, *miscount) for line, layout in empty if (miscount := self._miscount(page, layout, 0))]
+        return sorted(faults, key=lambda fault: fault[1])
 
-    def _miscount(self, page: Page, table: Table) -> tuple[str, str] | None:
-        """Return what a table has and what the input cards ask for, None where they agree."""
+    def _miscount(self, page: Page, layout: Layout, count: int) -> tuple[str, str] | None:
+        """Return how many rows a table has and how many the input cards ask for, None where they agree."""
         assert self.case is not None
-        layout = table.layout
-        if layout.stream:
-            return _miscounted_stream(table, self.case.deck)
         wanted = self.case.deck.count(*layout.rows) if layout.rows else None
-        count = len(table.rows)
         if layout.rows is None or wanted is None or count == wanted or (count < wanted and self._ends_early(page, layout)):
             return None
-        return f"{count} rows in the {table.name} table", f"{wanted} rows ({layout.rows[1]} of the input cards)"
+        return f"{count} rows in the {layout.name} table", f"{wanted} rows ({layout.rows[1]} of the input cards)"
 
     def _ends_early(self, page: Page, layout: Layout) -> bool:
         assert self.case is not None

@@ -56,7 +56,7 @@ def read_row(text: str, windows: list[Cut], keys: int) -> Cells | None:
         return None
     values, flags = [], []
     for start, stop, gap, touches, words in windows:
-        if (gap and text[gap].strip()) or (touches and text[start - 1 : start] > " " and text[start : start + 1] > " "):
+        if (gap and text[gap].strip()) or (touches and _straddles(text, start, stop)):
             return None
         cell = read_field(text[start:stop], words)
         if cell is None:
@@ -66,6 +66,13 @@ def read_row(text: str, windows: list[Cut], keys: int) -> Cells | None:
     if any(flags[:keys]) or text[windows[-1].stop :].strip():
         return None
     return values, flags
+
+
+def _straddles(text: str, start: int, stop: int) -> bool:
+    """Tell whether text goes on over the left edge of a window; a signed number with a point may touch the one before it."""
+    if text[start - 1 : start] <= " " or text[start : start + 1] <= " ":
+        return False
+    return text[start] not in "+-" or "." not in text[start:stop]
 
 
 def read_field(part: str, words: bool = False) -> tuple[float, int] | None:
