@@ -19,6 +19,7 @@ from pathlib import Path
 from flightmech.errors import ParseError, SimulationError
 from flightmech.whole import written_whole
 
+from .deck_cards import ERROR
 from .deck_file import DeckFile, read_deck
 from .deck_write import deck_text
 from .listing import Listing, Message
@@ -127,7 +128,7 @@ def _command(program: str | os.PathLike[str] | Sequence[str]) -> list[str]:
 
 def _content(deck: DeckFile, path: Path) -> bytes:
     """Return the deck for the program: its own bytes when it is plain."""
-    plain = not deck.comments and not any(finding.severity == "error" for finding in deck.findings)
+    plain = not deck.comments and not any(finding.severity == ERROR for finding in deck.findings)
     return path.read_bytes() if plain else deck_text(deck).encode("latin-1")
 
 

@@ -69,6 +69,8 @@ def split_deck(study: str | os.PathLike[str] | DeckFile) -> dict[str, DeckFile]:
             problems.append(wrong)
             continue
         for label, run in _runs(read, name, plan, problems):
+            if label in decks:  # a condition that the deck gives twice
+                continue
             decks[label] = DeckFile(f"{label}.inp", (run,))
             faults = [finding for finding in check_deck(run) if finding.severity == ERROR]
             problems += [f"run {label}: line {finding.line} of the study: {finding.text}" for finding in faults]
@@ -99,16 +101,16 @@ def _runs(study: Study, name: str, plan: Plan, problems: list[str]) -> Iterator[
     device = name.removeprefix("ground_") if name not in ("clean", "build", "ground") else ""
     added = parse_cards(enumerate(plan.cards.split("\n"), 1))
     problems += [f"runs.{name}.cards, line {line}: {text}" for line, text in added.problems]
-    whole = make_deck([*_aircraft(study, name, device), *added.items])
-    whole = _tidy(whole)
+    whole = _tidy(make_deck([*_aircraft(study, name, device), *added.items]))
+    if "MACH" in added.namelists.get("FLTCON", {}) and any(namelist.startswith("EXPR") for namelist in whole.namelists):
+        problems.append(f"runs.{name}.cards change the Mach numbers that the EXPRnn of the study count; write the EXPRnn of the run too")
     symmetric = bool(device) and study.devices[device][0].name == "SYMFLP"
     conditions = list(_conditions(whole))
     separate = symmetric if plan.separate is None else plan.separate
     if not separate or len(conditions) < 2:
         yield name, _titled(whole, plan.caseid or _title(study.title, _label(name, device)))
         return
-    for label, flight in conditions:
-        deck = _with_namelist(whole, "FLTCON", flight)
+    for label, deck in conditions:
         said = f"{_label(name, device)} {label.replace('_', ' ').upper()}"
         yield f"{name}_{label}", _titled(deck, _title(plan.caseid, said) if plan.caseid else _title(study.title, said))
 
@@ -168,15 +170,15 @@ def _tidy(deck: Deck) -> Deck:
         group = deck.namelists.get(name, {})
         if wanted and any(len(group.get(array, ())) > wanted for array in (*needed, *others)):
             cut = {key: values[:wanted] if key in needed or key in others else values for key, values in group.items()}
-            deck = _with_namelist(deck, name, cut)
+            deck = _with_namelists(deck, {name: cut})
     return deck
 
 
-def _with_namelist(deck: Deck, name: str, group: Variables) -> Deck:
-    """Return the deck with one namelist replaced."""
+def _with_namelists(deck: Deck, changed: dict[str, Variables]) -> Deck:
+    """Return the deck with namelists replaced; those without variables are left out."""
     cards = [item for item in deck.items if isinstance(item, Card)]
-    groups = {**deck.namelists, name: group}
-    return make_deck([*cards, *(_as_item(deck, key, values) for key, values in groups.items())])
+    groups = {name: group for name, group in {**deck.namelists, **changed}.items() if group or name not in changed}
+    return make_deck([*cards, *(_as_item(deck, name, group) for name, group in groups.items())])
 
 
 def _titled(deck: Deck, caseid: str) -> Deck:
@@ -196,8 +198,8 @@ def _label(name: str, device: str) -> str:
     return said + (" IN GROUND EFFECT" if name.startswith("ground_") else "")
 
 
-def _conditions(deck: Deck) -> Iterator[tuple[str, Variables]]:
-    """Yield label and FLTCON of each flight condition, in the order of the program."""
+def _conditions(deck: Deck) -> Iterator[tuple[str, Deck]]:
+    """Yield label and deck of each flight condition, in the order of the program."""
     group = deck.namelists.get("FLTCON", {})
     speeds, heights = deck.count("FLTCON", "NMACH") or 0, deck.count("FLTCON", "NALT")
     if deck.loop == 1:
@@ -214,7 +216,14 @@ def _conditions(deck: Deck) -> Iterator[tuple[str, Variables]]:
             for variable in names:
                 if variable in group:
                     one[variable] = group[variable][place : place + 1]
-        yield _condition_label(one), one
+        yield _condition_label(one), _with_namelists(deck, {"FLTCON": one, **_experiments(deck, i)})
+
+
+def _experiments(deck: Deck, place: int) -> dict[str, Variables]:
+    """Return the experimental data of one Mach number as those of the first; the digits of EXPRnn count the Mach numbers."""
+    others: dict[str, Variables] = {name: {} for name in deck.namelists if name.startswith("EXPR")}
+    own = deck.namelists.get(f"EXPR{place + 1:02d}", {})
+    return {**others, "EXPR01": own} if others else {}
 
 
 def _condition_label(group: Variables) -> str:

@@ -193,3 +193,20 @@ def test_a_caseid_is_never_longer_than_a_card(tmp_path):
     decks = datcom_io.split_deck(write(tmp_path, text))
     assert {len(deck[0].caseid) for deck in decks.values()} == {74}
     assert decks["ground_flaps_m0.6_h20000"][0].caseid.endswith("T FLAPS, WING-BODY IN GROUND EFFECT M0.6 H20000")
+
+
+def test_experimental_data_follow_their_mach_number(tmp_path):
+    deck = study(flap=f"{FLAP}\n $EXPR02 CLB(1)=0.1,0.2$")
+    decks = datcom_io.split_deck(deck)
+    assert "EXPR02" in decks["clean"][0].namelists
+    assert [name for name in decks["flaps_m0.2_h0"][0].namelists if name.startswith("EXPR")] == []
+    assert decks["flaps_m0.3_h1000"][0].namelists["EXPR01"] == {"CLB": [0.1, 0.2]}
+    datcom_io.write_deck(deck, tmp_path / "study.inp")
+    (tmp_path / "study.toml").write_text('deck = "study.inp"\n[runs.clean]\ncards = " $FLTCON NMACH=1.0,MACH(1)=0.3$"\n')
+    with pytest.raises(SchemaError, match=r"runs.clean.cards change the Mach numbers that the EXPRnn of the study count"):
+        datcom_io.split_deck(tmp_path / "study.toml")
+
+
+def test_a_condition_given_twice_is_run_once():
+    flight = " $FLTCON NMACH=2.0,MACH(1)=0.2,0.2,NALT=2.0,ALT(1)=0.0,0.0,\n   NALPHA=2.0,ALSCHD(1)=0.0,2.0$"
+    assert list(datcom_io.split_deck(study(flap=FLAP, FLTCON=flight))) == ["clean", "flaps_m0.2_h0"]
