@@ -107,10 +107,10 @@ def run_deck(
                 if said.fatal:
                     break
                 continue
-            listing = _listing(found["out"], said)
-            if not any(case.deck.namelists for case in listing):  # it took another input for its deck
-                failures.append("it printed no case")
+            if not any(f"${name}".encode() in found["out"] for case in given_deck for name in case.namelists):
+                failures.append("it took another input for its deck")
                 continue
+            listing = _listing(found["out"], said)
             files = _keep(found, folder, deck.stem)
             listing.file = files["out"].name
             return Run(listing, files, tuple(_messages(listing, given_deck)), time.monotonic() - began)
@@ -123,7 +123,7 @@ def _command(program: str | os.PathLike[str] | Sequence[str]) -> list[str]:
     if found is None:
         there = Path(words[0]).exists()
         raise FileNotFoundError(2, "not an executable file; make it one" if there else "no such program; give its path", words[0])
-    return [str(Path(found).resolve()), *words[1:]]
+    return [os.path.abspath(found), *words[1:]]
 
 
 def _content(deck: DeckFile, path: Path) -> bytes:

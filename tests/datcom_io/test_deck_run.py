@@ -39,7 +39,7 @@ BUILDS = {
     "deck on standard input": """
         deck = sys.stdin.read()
         echo = b"1          THE FOLLOWING IS A LIST OF ALL INPUT CARDS FOR THIS CASE.\\n0\\n for005.dat\\n"
-        refused = echo + b" ERROR IN CARD BELOW\\n for005.dat\\n1 END OF JOB.\\n"
+        refused = echo + b" ERROR IN CARD BELOW\\n for005.dat\\n"
         text = LISTING if "ASYFLP" in deck else b"".join(LISTING.splitlines(True)[20:32]) + refused
         sys.stdout.buffer.write(text)
         """,
