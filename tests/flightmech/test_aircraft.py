@@ -113,3 +113,28 @@ def test_single_faults(write, old, new, text):
 def test_text_that_is_no_toml(write):
     with pytest.raises(ParseError, match="line 3"):
         read_aircraft(write('name = "x"\n\nS = = 3\n'))
+
+
+def test_hinge_geometry(write):
+    text = GOOD.replace('thrust_file = "engine.nc"', "")
+    good = (
+        text
+        + '\n[control.delta_e]\nS_hinge = "17 ft2"\nc_hinge = "1 ft"\ngearing = "-60 deg/m"\n'
+    good += "[control.delta_a]\nS_hinge = 1\nc_hinge = 0.2\n"
+    )
+    controls = read_aircraft(write(good)).controls
+    assert controls["delta_e"].S_hinge == pytest.approx(17.0 * 0.3048**2)
+    assert controls["delta_e"].gearing == pytest.approx(-np.pi / 3.0)
+    assert controls["delta_a"].gearing is None
+
+
+def test_faults_of_hinge_geometry(write):
+    text = GOOD.replace('thrust_file = "engine.nc"', "")
+    with pytest.raises(SchemaError, match="unknown control delta_f; allowed: delta_e, delta_a, delta_r"):
+        read_aircraft(write(text + "\n[control.delta_f]\nS_hinge = 1\nc_hinge = 1\n"))
+    with pytest.raises(SchemaError, match="gearing: unit 'deg/s' cannot be converted to 'm-1'"):
+        read_aircraft(write(text + '\n[control.delta_e]\nS_hinge = 1\nc_hinge = 1\ngearing = "3 deg/s"\n'))
+    with pytest.raises(SchemaError, match="expected a deflection per travel other than zero"):
+        read_aircraft(write(text + "\n[control.delta_e]\nS_hinge = 1\nc_hinge = 1\ngearing = 0\n"))
+    with pytest.raises(SchemaError, match=r"control\.delta_e\.S_hinge: expected a positive number"):
+        read_aircraft(write(text + "\n[control.delta_e]\nS_hinge = 0\nc_hinge = 1\n"))
