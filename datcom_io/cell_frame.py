@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from array import array
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping
 from itertools import chain, count
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -41,30 +41,25 @@ def cells(cases: Iterable[Case]) -> pd.DataFrame:
         return gathered.frame()
 
 
-def _codes() -> defaultdict[str, int]:
+def _codes() -> defaultdict[Hashable, int]:
     """Return a dict that numbers words from 0, in order of appearance."""
     return defaultdict(count().__next__)
 
 
-class _Readings:
-    """The distinct fields of a listing: as cut from the rows to the number of a reading."""
+def _read(fields: Collection[Hashable]) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
+    """Return the distinct texts, and for each field the index of its text, its value and its flag; a tuple holds a field of words."""
+    parts = [field if isinstance(field, str) else "" for field in fields]
+    value, flag = read_cells(parts)
+    stripped = [part.strip() for part in parts]
+    for i, field in enumerate(fields):
+        if isinstance(field, tuple):
+            stripped[i] = field[0].strip()
+            flag[i] = OK if stripped[i] else BLANK
+    texts = dict(zip(dict.fromkeys(stripped), count()))
+    return list(texts), np.array(list(map(texts.__getitem__, stripped)), np.int32), value, flag.astype(np.int8)
 
-    def __init__(self) -> None:
-        number = count().__next__
-        self.cells: defaultdict[str, int] = defaultdict(number)
-        self.words: defaultdict[str, int] = defaultdict(number)  # of columns of words
 
-    def read(self) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
-        """Return the distinct texts, and for each reading the index of its text, its value and its flag."""
-        parts = [*self.cells, *self.words]
-        order = np.array([*self.cells.values(), *self.words.values()], np.intp)
-        stripped = [part.strip() for part in parts]
-        texts = dict(zip(dict.fromkeys(stripped), count()))
-        text, value, flag = np.empty(len(parts), np.int32), np.full(len(parts), np.nan), np.zeros(len(parts), np.int8)
-        text[order] = list(map(texts.__getitem__, stripped))
-        value[order[: len(self.cells)]], flag[order[: len(self.cells)]] = read_cells(self.cells)
-        flag[order[len(self.cells) :]] = [OK if word else BLANK for word in stripped[len(self.cells) :]]
-        return list(texts), text, value, flag
+_FLAGS = pd.CategoricalDtype(pd.Index(FLAGS, dtype="str"))
 
 
 class _Place(NamedTuple):
@@ -96,8 +91,7 @@ class _Pattern(NamedTuple):
     columns: tuple[Column, ...]
     start: int
     axes: dict[str, int]
-    cut: Callable[[str], Iterable[str]]
-    words: bool
+    cut: Callable[[str], Iterable[Hashable]]
 
 
 class _Override(NamedTuple):
@@ -113,8 +107,9 @@ class _Gathered:
 
     def __init__(self) -> None:
         self.pages, self.tables, self.columns = _codes(), _codes(), _codes()
-        self.readings = _Readings()
-        self.codes, self.lines = array("i"), array("i")
+        self.rows: list[Iterable[Iterable[Hashable]]] = []  # fields of every row of every table, cut when they are counted
+        self.count = 0
+        self.lines = array("i")
         self.strips: list[_Strip] = []
         self.patterns: dict[tuple[int, int], _Pattern] = {}  # by the identity of their columns, which they keep
         self.pattern_columns: list[int] = []  # codes of the column names of all patterns
@@ -132,15 +127,13 @@ class _Gathered:
 
     def _strip(self, name: str, lines: Iterable[int], rows: int, pattern: _Pattern, place: _Place) -> None:
         self.lines.extend(lines)
+        self.count += rows * len(pattern.columns)
         self.strips.append(_Strip(rows, len(pattern.columns), pattern.number, self.tables[name], *place))
 
     def _add_table(self, case: Case, table: Table, place: _Place) -> None:
-        start = len(self.codes)
+        start = self.count
         pattern = self._pattern(table.columns, table.layout.keys)
-        if pattern.words:
-            self.codes.extend(self._word(column, row) for row in table.rows for column in table.columns)
-        else:
-            self.codes.extend(map(self.readings.cells.__getitem__, chain.from_iterable(map(pattern.cut, table.rows))))
+        self.rows.append(map(pattern.cut, table.rows))
         self._strip(table.name, table.lines, len(table.rows), pattern, place)
         if table.given is not None:
             self._override("value", start, table.values)
@@ -156,18 +149,18 @@ class _Gathered:
         across, values = table.layout.across, table.across
         if across is None or values is None:
             return
-        start = len(self.codes)
+        start = self.count
         shifts = [k * across.step for k in range(len(values))]
         texts = [table.across_row[max(0, across.first - 1 + shift) : across.last + shift].strip(" =") for shift in shifts]
-        self.codes.extend(map(self.readings.cells.__getitem__, texts))
+        self.rows.append((texts,))
         self._strip(table.name, [table.across_line] * len(values), len(values), self._pattern(_ALONE, 0), place)
         self._override("column", start, np.full(len(values), self.columns[across.name]))
         self._override("value", start, values)
         self._override(across.house, start, values)
 
     def _add_values(self, group: Values, place: _Place) -> None:
-        start = len(self.codes)
-        self.codes.extend(map(self.readings.cells.__getitem__, group.texts))
+        start = self.count
+        self.rows.append((group.texts,))
         self._strip(group.name, group.lines, len(group.lines), self._pattern(_ALONE, 0), place)
         self._override("column", start, np.array([self.columns[label] for label in group.labels]))
         if group.given is not None:
@@ -182,16 +175,13 @@ class _Gathered:
         for name, values in axes.items():
             self._override(name, start, values)
 
-    def _word(self, column: Column, row: str) -> int:
-        return (self.readings.words if column.words else self.readings.cells)[row[column.first - 1 : column.last]]
-
     def _pattern(self, columns: tuple[Column, ...], keys: int) -> _Pattern:
         pattern = self.patterns.get((id(columns), keys))
         if pattern is None:
             start = len(self.pattern_columns)
             self.pattern_columns += [self.columns[column.name] for column in columns]
             axes = {column.house: k for k, column in enumerate(columns[:keys]) if column.house}
-            pattern = _Pattern(len(self.patterns), columns, start, axes, _cutter(columns), any(column.words for column in columns))
+            pattern = _Pattern(len(self.patterns), columns, start, axes, _cutter(columns))
             self.patterns[id(columns), keys] = pattern
         return pattern
 
@@ -203,8 +193,9 @@ class _Gathered:
         columns_of_row = np.repeat(strips["columns"], rows).astype(np.int64)
         pattern_of_row = np.repeat(strips["pattern"], rows).astype(np.int64)
         start_of_row = np.cumsum(columns_of_row) - columns_of_row
-        codes = np.frombuffer(self.codes, np.int32)
-        texts, text, value, flag = self.readings.read()
+        fields = _codes()
+        codes = np.fromiter(map(fields.__getitem__, chain.from_iterable(chain.from_iterable(self.rows))), np.int32, self.count)
+        texts, text, value, flag = _read(fields)
         found: dict[str, Any] = {
             "line": np.repeat(np.frombuffer(self.lines, np.int32), columns_of_row),
             "case": np.repeat(strips["case"].astype(np.int32), of_strip),
@@ -222,9 +213,9 @@ class _Gathered:
         for name in axes:
             found.setdefault(name, self._axis(name, found["value"], start_of_row, columns_of_row, pattern_of_row))
         self._apply_overrides(found, (*axes, "mach", "altitude"))
-        words = {"page": self.pages, "table": self.tables, "column": self.columns, "text": texts, "flag": FLAGS}
-        for name, kinds in words.items():
-            found[name] = pd.Categorical.from_codes(found[name], pd.Index(list(kinds), dtype="str"), validate=False)
+        for name, words in {"page": self.pages, "table": self.tables, "column": self.columns, "text": texts}.items():
+            found[name] = pd.Categorical.from_codes(found[name], pd.Index(list(words), dtype="str"), validate=False)
+        found["flag"] = pd.Categorical.from_codes(found["flag"], dtype=_FLAGS, validate=False)
         order = (*_FIRST, *(name for name in axes if name not in _FIRST), *_LAST)
         return pd.DataFrame({name: found[name] for name in order}, copy=False)
 
@@ -260,7 +251,9 @@ def _small(codes: np.ndarray, count: int) -> np.ndarray:
     return codes.astype(np.int8 if count < 1 << 7 else np.int16 if count < 1 << 15 else np.int32)
 
 
-def _cutter(columns: tuple[Column, ...]) -> Callable[[str], Iterable[str]]:
-    """Return a function that cuts a row into its fields."""
+def _cutter(columns: tuple[Column, ...]) -> Callable[[str], Iterable[Hashable]]:
+    """Return a function that cuts a row into its fields; those of columns of words are put into tuples."""
     parts = [slice(column.first - 1, column.last) for column in columns]
+    if any(column.words for column in columns):
+        return lambda row: [(row[part],) if column.words else row[part] for part, column in zip(parts, columns)]
     return itemgetter(*parts) if len(parts) > 1 else lambda row: (row[parts[0]],)

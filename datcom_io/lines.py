@@ -26,7 +26,11 @@ ANCHORS = {
 _STARTS = tuple(ANCHORS)
 _PROGRESS = re.compile(r" ?(?:Return to main program from|Preparing to start the big loop|At \d+\s*$)")
 ARRAY_DUMP = re.compile(r" +[A-Z][A-Z0-9]* *\( *\d+\)=")
-_MAY_TURN = re.compile(r"1|.? *+(?:[A-Z][A-Z0-9]* *\( *\d+\)=|Return to|Preparing|At |" + "|".join(map(re.escape, _STARTS)) + ")")
+_MAY_TURN = re.compile(
+    r"1|[^1] *+(?=[A-Z*])(?:[A-Z][A-Z0-9]* *\( *\d+\)=|Return to|Preparing|At |"
+    + "|".join(map(re.escape, _STARTS))
+    + ")|Return to|Preparing|At "
+)
 _BLOCK_CHARACTERS = 1 << 18
 _BLOCK_LINES = 4096
 _TRAILING = "\r\n\x1a "
