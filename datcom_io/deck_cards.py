@@ -54,9 +54,9 @@ class Namelist(NamedTuple):
 
 
 Item = Namelist | Card
-_ASSIGN = re.compile(r"([A-Z][A-Z0-9]{0,9}) *(?:\( *(\d{1,4}) *\))? *=")
+_ASSIGN = re.compile(r"([A-Z][A-Z0-9]{0,9}) *+(?:\( *(\d{1,4}) *\) *+)?=")
 _LARGEST_ARRAY = 300  # no array of the program is longer than 60
-_CONTINUES = re.compile(r"[-+.\d]|[A-Z][A-Z0-9]* *(?:\( *\d+ *\))? *=")
+_CONTINUES = re.compile(r"[-+.\d]|[A-Z][A-Z0-9]* *+(?:\( *\d+ *\) *+)?=")
 
 
 def control_card(line: int, text: str) -> Card | None:

@@ -14,7 +14,7 @@ from .form import Block, Line
 
 _VARIABLE_NAME, _EQUALS = slice(1, 8), 8
 _FIELD_FIRST, _FIELD_WIDTH, _FIELD_STEP = 9, 14, 15  # G14.7 and a comma, eight on a line
-_ELEMENT = re.compile(r"([A-Z][A-Z0-9]*) *\( *(\d+)\)= *([^\s=]+)")
+_ELEMENT = re.compile(r"(?<![A-Z0-9])([A-Z][A-Z0-9]*) *\( *(\d+)\)= *([^\s=]+)")
 _MOST_VARIABLES = 4  # of a chart
 
 Item = tuple[int, str, str]  # line number, label, text
