@@ -131,7 +131,7 @@ def polar_rows(point: Point, curve: xr.Dataset) -> list[Row]:
     """Return the parabola through the polar and the best glide as rows."""
     CL, CD = curve["CL"].values, curve["CD"].values
     low, high = _FIT[0] * CL.max(), _FIT[1] * CL.max()
-    inside = np.clip(CL, low, high) == CL
+    inside = (np.clip(CL, low, high) == CL) & (np.arange(CL.size) <= np.argmax(CL))
     mach = f"trimmed, power off, Mach {curve.attrs['mach']:.3g}"
     rows = absent(POLAR, {"CD0": "1", "k": "1", "oswald": "1"}, "the polar has fewer than three points in its middle")
     if inside.sum() >= 3:

@@ -117,11 +117,8 @@ def test_text_that_is_no_toml(write):
 
 def test_hinge_geometry(write):
     text = GOOD.replace('thrust_file = "engine.nc"', "")
-    good = (
-        text
-        + '\n[control.delta_e]\nS_hinge = "17 ft2"\nc_hinge = "1 ft"\ngearing = "-60 deg/m"\n'
+    good = text + '\n[control.delta_e]\nS_hinge = "17 ft2"\nc_hinge = "1 ft"\ngearing = "-60 deg/m"\n'
     good += "[control.delta_a]\nS_hinge = 1\nc_hinge = 0.2\n"
-    )
     controls = read_aircraft(write(good)).controls
     assert controls["delta_e"].S_hinge == pytest.approx(17.0 * 0.3048**2)
     assert controls["delta_e"].gearing == pytest.approx(-np.pi / 3.0)

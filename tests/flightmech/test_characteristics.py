@@ -221,6 +221,12 @@ def test_stall_at_the_maximum_of_the_table(jet):
     assert value(jet, "V_stall") == pytest.approx(np.sqrt(2 * 2500.0 * G0 / (rho * 17.0 * 1.26)), rel=2e-3)
 
 
+def test_parabola_through_the_polar_below_the_stall(jet):
+    assert value(jet, "CD0") == pytest.approx(0.02, rel=1e-3)
+    assert value(jet, "k") == pytest.approx(0.05, rel=1e-3)
+    assert value(jet, "oswald") == pytest.approx(17.0 / (np.pi * 10.3**2 * 0.05), rel=1e-3)
+
+
 def test_level_flight(jet):
     """Minimum drag W 2 sqrt(CD0 k) at CL = sqrt(CD0/k), minimum power at CL = sqrt(3 CD0/k), M L/D at CL = sqrt(CD0/(3k))."""
     W, rho = 2500.0 * G0, float(flightmech.air.atmosphere(3000.0).rho)
