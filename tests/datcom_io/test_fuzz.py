@@ -87,3 +87,24 @@ def test_every_way_of_harm(way):
 @pytest.mark.parametrize("path", sorted((FUZZ / "seeds").glob("*.out")), ids=lambda path: path.stem)
 def test_listings_that_once_broke_a_promise(path):
     promises.keeps_promises(path.read_bytes().decode("latin-1").split("\n"))
+
+
+LONG = 400_000
+CARDS = ["1          THE FOLLOWING IS A LIST OF ALL INPUT CARDS FOR THIS CASE.", "0"]
+NAME = "1                             AUTOMATED STABILITY AND CONTROL METHODS PER APRIL 1976 VERSION OF DATCOM"
+LONG_LINES = {
+    "digits of a card": [*CARDS, f"  $FLTCON NALPHA={'0' * LONG}A$"],
+    "blanks of a card": [*CARDS, f"  $FLTCON A{' ' * LONG}B$"],
+    "digits without exponent letter": [*CARDS, f"  $FLTCON A={'1' * LONG}.$"],
+    "letters of a dump": ["0**** FOLLOWING ARE THE BASIC INPUT DATA BLOCKS ****", f"   FLC(  1)= 2.00000E+00 {'E' * LONG}"],
+    "asterisks of a frame": [NAME, f"0  -------DERIVATIVE (PER RADIAN)----{'*' * LONG} "],
+    "words of a header": [
+        *(NAME, " AERODYNAMIC CONTROL EFFECTIVENESS AT HYPERSONIC SPEEDS"),
+        f"                    MACH NUMBER= 8.00 {'1.0 ' * (LONG // 4)}",
+    ],
+}
+
+
+@pytest.mark.parametrize("lines", LONG_LINES.values(), ids=LONG_LINES)
+def test_long_lines_take_linear_time(lines):
+    promises.keeps_promises([*lines, "1 END OF JOB."])
