@@ -17,6 +17,8 @@ FORCE_AXES = {
     "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn"),
 }
 CHECKS = "checks"  # group of check cases that travel with a file; no terms
+PREVIOUS = "previous"  # group of what edits replaced; no terms of the database as it is
+GROUPS = (CHECKS, PREVIOUS)
 _TEXTS = ("title", "aircraft", "force_axes")
 _NUMBERS = ("S", "cbar", "b", "x_ref", "y_ref", "z_ref")
 _NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
@@ -46,7 +48,7 @@ SCHEME = (
 def terms(db: xr.DataTree) -> dict[str, xr.Dataset]:
     """Return the terms of a database by name, ``{"CL/basic": leaf, ...}``, in the order of the tree."""
     named = {node.path.strip("/"): node for node in db.subtree if node.path != "/" and (node.has_data or not node.children)}
-    return {name: node.to_dataset(inherit=False) for name, node in named.items() if name.split("/")[0] != CHECKS}
+    return {name: node.to_dataset(inherit=False) for name, node in named.items() if name.split("/")[0] not in GROUPS}
 
 
 def database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -> xr.DataTree:
