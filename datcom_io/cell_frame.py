@@ -41,22 +41,20 @@ def cells(cases: Iterable[Case]) -> pd.DataFrame:
         return gathered.frame()
 
 
-def _codes() -> defaultdict[Hashable, int]:
+def _codes() -> defaultdict[Any, int]:
     """Return a dict that numbers words from 0, in order of appearance."""
     return defaultdict(count().__next__)
 
 
-def _read(fields: Collection[Hashable]) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
-    """Return the distinct texts, and for each field the index of its text, its value and its flag; a tuple holds a field of words."""
-    parts = [field if isinstance(field, str) else "" for field in fields]
+def _read(fields: Collection[Hashable], words: bool) -> tuple[list[str], np.ndarray, np.ndarray, np.ndarray]:
+    """Return the distinct texts, and for each field the index of its text, its value and its flag; with `words` some are tuples."""
+    parts: list[Any] = [field[0] if isinstance(field, tuple) else field for field in fields] if words else list(fields)
+    texts = _codes()
+    text = np.fromiter(map(texts.__getitem__, map(str.strip, parts)), np.int32, len(parts))
     value, flag = read_cells(parts)
-    stripped = [part.strip() for part in parts]
-    for i, field in enumerate(fields):
-        if isinstance(field, tuple):
-            stripped[i] = field[0].strip()
-            flag[i] = OK if stripped[i] else BLANK
-    texts = dict(zip(dict.fromkeys(stripped), count()))
-    return list(texts), np.array(list(map(texts.__getitem__, stripped)), np.int32), value, flag.astype(np.int8)
+    for i in [i for i, field in enumerate(fields) if isinstance(field, tuple)] if words else ():
+        value[i], flag[i] = np.nan, OK if parts[i].strip() else BLANK
+    return list(texts), text, value, flag.astype(np.int8)
 
 
 _FLAGS = pd.CategoricalDtype(pd.Index(FLAGS, dtype="str"))
@@ -92,6 +90,7 @@ class _Pattern(NamedTuple):
     start: int
     axes: dict[str, int]
     cut: Callable[[str], Iterable[Hashable]]
+    words: bool
 
 
 class _Override(NamedTuple):
@@ -181,7 +180,7 @@ class _Gathered:
             start = len(self.pattern_columns)
             self.pattern_columns += [self.columns[column.name] for column in columns]
             axes = {column.house: k for k, column in enumerate(columns[:keys]) if column.house}
-            pattern = _Pattern(len(self.patterns), columns, start, axes, _cutter(columns))
+            pattern = _Pattern(len(self.patterns), columns, start, axes, _cutter(columns), any(column.words for column in columns))
             self.patterns[id(columns), keys] = pattern
         return pattern
 
@@ -195,7 +194,7 @@ class _Gathered:
         start_of_row = np.cumsum(columns_of_row) - columns_of_row
         fields = _codes()
         codes = np.fromiter(map(fields.__getitem__, chain.from_iterable(chain.from_iterable(self.rows))), np.int32, self.count)
-        texts, text, value, flag = _read(fields)
+        texts, text, value, flag = _read(fields, any(pattern.words for pattern in self.patterns.values()))
         found: dict[str, Any] = {
             "line": np.repeat(np.frombuffer(self.lines, np.int32), columns_of_row),
             "case": np.repeat(strips["case"].astype(np.int32), of_strip),

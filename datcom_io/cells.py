@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -47,22 +47,24 @@ def read_cell(text: str) -> tuple[float, int] | None:
     return value, OK
 
 
-def read_cells(texts: Iterable[str]) -> tuple[np.ndarray, np.ndarray]:
+def read_cells(texts: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Return values and flags of many fields, each as `read_cell` does; NaN and ``ok`` where a text is no cell."""
     values: list[float] = []
-    words: list[tuple[int, str]] = []
-    for text in texts:
+    words: list[int] = []
+    rest = iter(texts)
+    while len(values) < len(texts):
         try:
-            values.append(float(text))
+            for value in map(float, rest):
+                values.append(value)  # one by one: those before a word are kept
         except ValueError:
-            words.append((len(values), text))
+            words.append(len(values))
             values.append(0.0)
-    value, flag = np.array(values, float), np.zeros(len(values), np.uint8)
-    flag[(np.abs(value) < _LARGEST_SENTINEL) & (value != 0.0)] = SENTINEL
-    flag[~np.isfinite(value)] = NOT_A_NUMBER
-    for i, word in words:
-        value[i], flag[i] = _read_word(word.strip()) or (math.nan, OK)
-    return value, flag
+    found, flags = np.array(values, float), np.zeros(len(values), np.uint8)
+    flags[(np.abs(found) < _LARGEST_SENTINEL) & (found != 0.0)] = SENTINEL
+    flags[~np.isfinite(found)] = NOT_A_NUMBER
+    for i in words:
+        found[i], flags[i] = _read_word(texts[i].strip()) or (math.nan, OK)
+    return found, flags
 
 
 def _read_word(word: str) -> tuple[float, int] | None:

@@ -7,6 +7,7 @@ digits therefore hold everything it can tell apart, and more than nine can overf
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 
 from .cells import OK, read_cell
 
@@ -41,7 +42,7 @@ def read_values(text: str) -> tuple[tuple[Value, ...], list[tuple[str, str]]]:
     count, word = (int(repeat[1]), repeat[2].strip()) if repeat else (1, text)
     if not 0 < count <= _LARGEST_REPEAT:
         return (), [("error", f"has the repeat count {count}; allowed is 1 ... {_LARGEST_REPEAT}")]
-    value, severity, complaint = _read(word)
+    value, severity, complaint = _known(word) if len(word) <= _LONGEST_KNOWN else _read(word)
     return (() if value is None else (value,) * count), [(severity, complaint)] if complaint else []
 
 
@@ -65,6 +66,10 @@ def _read(word: str) -> tuple[Value | None, str, str]:
     if cell and cell[1] == OK and abs(cell[0]) <= _LARGEST:
         return cell[0], "error", f"has the value {word}; the program reads only E exponents in upper case"
     return None, "error", f"has the value {_short(word)!r}, which is no number"
+
+
+_known = lru_cache(4096)(_read)  # a run prints its cards once for the job and once for every case
+_LONGEST_KNOWN = 24
 
 
 def _overflows(digits: str) -> bool:

@@ -116,12 +116,11 @@ class ControlColumn:
     def restore(self, lines: list[str]) -> list[str]:
         """Return the lines of a block with column 1; none of them is empty."""
         done: list[str] = []
-        for i, line in enumerate(lines):
-            if self.missing is None or "CONERR" in line:
-                missing = self._missing(line.lstrip("\f"))
-                if missing is not None:
-                    done += self._restored(lines[len(done) : i])
-                    self.missing = missing
+        for i in range(len(lines)) if self.missing is None else [i for i, line in enumerate(lines) if "CONERR" in line]:
+            missing = self._missing(lines[i].lstrip("\f")) if self.missing is None or "CONERR" in lines[i] else None
+            if missing is not None:
+                done += self._restored(lines[len(done) : i])
+                self.missing = missing
         return done + self._restored(lines[len(done) :])
 
     @staticmethod

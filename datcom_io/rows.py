@@ -92,6 +92,11 @@ def read_fields(rows: Sequence[str], columns: Sequence[Column]) -> tuple[np.ndar
     return values, flags
 
 
+def shape_of(text: str) -> bytes:
+    """Return a line with every digit written as 0."""
+    return text.encode("latin-1", "replace").translate(_SHAPE)
+
+
 class Windows:
     """The windows of a table, and the shapes of rows that are known to cut into them or not."""
 
@@ -102,11 +107,12 @@ class Windows:
 
     def hold(self, text: str) -> bool:
         """Tell whether a line cuts into the columns."""
-        shape = text.encode("latin-1", "replace").translate(_SHAPE)
+        shape = shape_of(text)
         known = self.shapes.get(shape)
-        return self._judge(text, shape) if known is None else known
+        return self.judge(text, shape) if known is None else known
 
-    def _judge(self, text: str, shape: bytes) -> bool:
+    def judge(self, text: str, shape: bytes) -> bool:
+        """Tell the same of a line whose shape is not known yet, and remember it."""
         found = read_row(text, self.cuts, self.keys) is not None
         if b"#" in shape or not all(_PLAIN.fullmatch(text[cut.start : cut.stop].strip()) for cut in self.cuts[: self.keys]):
             return found  # it may depend on digits: 1.#QNAN, a key of 1E-30

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .cells import OK, read_cell, read_cells
-from .rows import Cells, read_field, read_fields, windows
+from .rows import Cells, read_field, read_fields, shape_of, windows
 
 if TYPE_CHECKING:  # the layouts make tables themselves
     from .layouts.form import Column, Layout, Line
@@ -195,7 +195,8 @@ def read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None
         if found is None:
             return None, at
         columns, across, across_line, across_row, at = found
-    hold = windows(columns, layout.keys).hold
+    kind = windows(columns, layout.keys)
+    known, judge = kind.shapes.get, kind.judge
     numbers: list[int] = []
     rows: list[str] = []
     after = at
@@ -204,7 +205,13 @@ def read_table(layout: Layout, lines: list[Line], at: int) -> tuple[Table | None
         at += 1
         if len(text) < 2 or (not rows and text[1:].strip() == "ALPHA"):
             continue
-        if text[0] != " " or not hold(text):
+        if text[0] != " ":
+            break
+        shape = shape_of(text)
+        holds = known(shape)
+        if holds is None:
+            holds = judge(text, shape)
+        if not holds:
             break
         numbers.append(number)
         rows.append(text)

@@ -47,7 +47,8 @@ def read_lines(forms: Sequence[Labelled], lines: list[Line], at: int, subject: s
     after = at
     while at < len(lines):
         if lines[at][1][1:].strip():
-            found = next((found for form in forms if (found := read_line(form, lines[at], subject))), None)
+            first = lines[at][1][1:].split(None, 1)[0].partition("=")[0]
+            found = next((found for form in forms if form.words.startswith(first) and (found := read_line(form, lines[at], subject))), None)
             if found is None:
                 break
             items += found
