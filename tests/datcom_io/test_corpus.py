@@ -355,3 +355,9 @@ def test_saved_cases_hold_what_the_cases_before_gave():
     assert fifth.value("FLTCON", "NALT") == 1.0  # given in the first case only
     assert fifth.values("SYNTHS", "XCG") == [6.3]  # first case
     assert fifth.values("SYNTHS", "XH") == [11.31]  # fourth case
+
+
+@pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.stem)
+def test_the_deck_alone_says_what_the_listing_says(path):
+    deck = datcom_io.read_deck(path.with_name(path.name.removesuffix(".out").removesuffix(".pdas") + ".inp"))
+    assert [case.meaning() for case in deck] == [case.deck.meaning() for case in read(path).listing]

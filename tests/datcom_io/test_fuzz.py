@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[2]
 FUZZ = ROOT / "tests" / "fuzz"
 T37 = ROOT / "data" / "t37" / "datcom"
 SHARED = ROOT / ".." / "shared" / "data" / "datcom"
+DECKS = sorted(T37.glob("*.inp"))
 EXAMPLES = int(os.environ.get("AEROMATCH_FUZZ", "0"))
 
 
@@ -82,6 +83,19 @@ def test_every_way_of_harm(way):
         promises.keeps_promises(lines, sound(path))
 
     harmed_once()
+
+
+@settings(max_examples=EXAMPLES or 40, derandomize=not EXAMPLES, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@given(st.data())
+def test_harmed_decks(data):
+    decks = [path.read_text("latin-1").split("\n") for path in DECKS]
+    times = data.draw(st.integers(1, 4))
+    promises.keeps_deck_promises(harm.harm(data.draw(st.sampled_from(decks)), decks, lambda n: data.draw(st.integers(0, n - 1)), times))
+
+
+@pytest.mark.parametrize("path", sorted((FUZZ / "seeds").glob("*.inp")), ids=lambda path: path.stem)
+def test_decks_that_once_broke_a_promise(path):
+    promises.keeps_deck_promises(path.read_text("latin-1").split("\n"))
 
 
 @pytest.mark.parametrize("path", sorted((FUZZ / "seeds").glob("*.out")), ids=lambda path: path.stem)

@@ -1,16 +1,20 @@
-"""What the reader promises about any input: it ends, raises nothing but `ParseError`, and loses no page before the fault."""
+"""What the readers promise about any input: they end and raise nothing but `ParseError`.
+
+That of listings loses no page before the fault; a deck read and written again is equal in meaning.
+"""
 
 from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
 import pandas as pd
 
 import datcom_io
-from flightmech.errors import ParseError
+from datcom_io.deck_write import deck_text
+from flightmech.errors import AeromatchError, ParseError, SchemaError
 
 Lines = list[str]
 
@@ -139,3 +143,24 @@ def same_cells(cells: pd.DataFrame, wanted: pd.DataFrame, how: str) -> None:
         # an axis that only a lost page has is no column
         a, b = (frame.reindex(columns=[column])[column].astype(object).fillna("").tolist() for frame in (cells, wanted))
         assert a == b, f"{how}: other cells than before in column {column!r}"
+
+
+def keeps_deck_promises(lines: Lines) -> None:
+    """Read lines as an input deck, check and split it, write it and read it again: equal in meaning, or one clear error."""
+    with bounded(lines):
+        read_and_write_deck(lines)
+
+
+def read_and_write_deck(lines: Lines) -> None:
+    deck = allow(datcom_io.read_deck, lines)
+    if deck is None:
+        return
+    datcom_io.check_deck(deck)
+    with suppress(AeromatchError):
+        datcom_io.split_deck(deck)
+    for resolved in (False, True):
+        with suppress(SchemaError):
+            text = deck_text(deck, resolved=resolved)
+            again = datcom_io.read_deck(text.split("\n"))
+            assert [case.meaning() for case in again] == [case.meaning() for case in deck]
+            assert deck_text(again, resolved=resolved) == text
