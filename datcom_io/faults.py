@@ -28,6 +28,7 @@ class Observer:
         _flaps_in_ground_effect(case)
         _power_on_missing_cells(case)
         _control_tabs(case)
+        _failed_arithmetic(case)
         _dynamic_pages_repeated(case)
         _reference_quantities(case)
         _aspect_ratio_of_inboard_panels(case)
@@ -136,6 +137,23 @@ def _control_tabs(case: Case) -> None:
                 "D(CM) is 0.0000 at every deflection though D(CL) is not: one build of the program loses it with CONTAB, and its D(CDI) "
                 "is wrong as well; run the case without CONTAB for both",
             )
+
+
+def _failed_arithmetic(case: Case) -> None:
+    rows = [
+        line
+        for page in case.pages
+        for table in page.tables
+        for line, row in zip(table.lines, table.rows)
+        if "NaN" in row or "Inf" in row or "#" in row
+    ]
+    if rows:
+        _say(
+            case,
+            rows[0],
+            f"{len(rows)} row{'s hold' if len(rows) > 1 else ' holds'} NaN: the program's arithmetic failed there "
+            "(seen: canards, propellers at high angles of attack); other numbers of the page may be wrong too",
+        )
 
 
 def _dynamic_pages_repeated(case: Case) -> None:

@@ -154,3 +154,11 @@ def test_a_file_of_cells_is_whole_or_not_there(tmp_path):
         write_cells(datcom_io.iterate(cut), path)
     assert [file.name for file in tmp_path.iterdir()] == ["cells.csv"]
     assert path.read_text() == "as it was"
+
+
+def test_rows_where_the_arithmetic_of_the_program_failed(elevator_lines):
+    lines = list(elevator_lines)
+    lines[187] = lines[187].replace("-0.613", "   NaN")  # line 188
+    case = next(datcom_io.iterate(lines))
+    assert [message.line for message in case.messages if message.text.startswith("1 row holds NaN")] == [188]
+    assert not any("NaN" in message.text for message in datcom_io.read(elevator_lines).messages)
