@@ -11,7 +11,7 @@ import xarray as xr
 from flightmech import terms as _terms
 from flightmech.errors import OutOfRange, UnknownName
 
-from .schema import coefficients, terms
+from .schema import HINGE, coefficients, terms
 
 
 def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], outside: str = "raise") -> dict[str, np.ndarray]:
@@ -22,7 +22,7 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
     db : DataTree
         The database.
     coefficient : str
-        One of the database's coefficients, such as ``"CL"``.
+        One of the database's coefficients, such as ``"CL"``, or a hinge moment, such as ``"Ch_e"``.
     conditions : mapping of str to array
         Every variable the terms need, broadcast against each other; a Dataset of a manoeuvre will do. [SI]
     outside : {"raise", "clamp"}
@@ -40,8 +40,9 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
     OutOfRange
         With the name of the term, the axis, the range and the mask of samples.
     """
-    if coefficient not in coefficients(db):
-        raise UnknownName(coefficient, coefficients(db), "coefficient")
+    allowed = (*coefficients(db), *HINGE)
+    if coefficient not in allowed:
+        raise UnknownName(coefficient, allowed, "coefficient")
     found = {}
     for name, leaf in terms(db).items():
         group, _, contribution = name.partition("/")

@@ -11,42 +11,25 @@ import xarray as xr
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 
+from .templates import HINGE, lr743
+
 FORCE_AXES = {
     "stability": ("CL", "CD", "CY", "Cl", "Cm", "Cn"),
     "wind": ("CL", "CD", "CY", "Cl", "Cm", "Cn"),
     "body": ("CX", "CY", "CZ", "Cl", "Cm", "Cn"),
 }
-CHECKS = "checks"  # group of check cases that travel with a file; no terms
-PREVIOUS = "previous"  # group of what edits replaced; no terms of the database as it is
-GROUPS = (CHECKS, PREVIOUS)
+CHECKS = "checks"  # group of check cases that travel with a file
+PREVIOUS = "previous"  # group of what edits replaced: /previous/e001/CL/gear is the term as it was before edit 1
+GROUPS = (CHECKS, PREVIOUS)  # groups that are no coefficients; what stands there is no term of the model
 _TEXTS = ("title", "aircraft", "force_axes")
 _NUMBERS = ("S", "cbar", "b", "x_ref", "y_ref", "z_ref")
 _NAME = re.compile(r"^[A-Za-z][A-Za-z0-9_]*$")
 
-# The build-up of [LR743] eq. (1)-(11) by the names of the house; what a source cannot give is listed in `absent`.
-_LONGITUDINAL = (
-    "basic",
-    "altitude",
-    "flap",
-    "flap_slope",
-    "elevator",
-    "tab",
-    "qhat",
-    "alphadothat",
-    "load_factor",
-    "speedbrake",
-    "gear",
-    "ground",
-)
-_LATERAL = ("basic", "beta", "phat", "rhat", "aileron", "rudder", "betadothat", "gear", "flap")
-SCHEME = (
-    *(f"{coefficient}/{name}" for coefficient in ("CL", "CD", "Cm") for name in _LONGITUDINAL),
-    *(f"{coefficient}/{name}" for coefficient in ("CY", "Cl", "Cn") for name in _LATERAL),
-)
+SCHEME = tuple(lr743())  # names of the build-up; what a source cannot give is listed in the root attribute absent
 
 
 def terms(db: xr.DataTree) -> dict[str, xr.Dataset]:
-    """Return the terms of a database by name, ``{"CL/basic": leaf, ...}``, in the order of the tree."""
+    """Return the terms of a database by name, ``{"CL/basic": leaf, ...}``, in the order of the tree; the groups `GROUPS` hold none."""
     named = {node.path.strip("/"): node for node in db.subtree if node.path != "/" and (node.has_data or not node.children)}
     return {name: node.to_dataset(inherit=False) for name, node in named.items() if name.split("/")[0] not in GROUPS}
 
@@ -78,7 +61,8 @@ def check(db: xr.DataTree) -> list[str]:
     problems = _root_faults(db.attrs)
     if db.data_vars:
         problems.append(f"root holds the variables {', '.join(map(str, db.data_vars))}; tables belong into leaves such as CL/basic")
-    allowed = FORCE_AXES.get(str(db.attrs.get("force_axes")), ())
+    axes = FORCE_AXES.get(str(db.attrs.get("force_axes")))
+    allowed = () if axes is None else (*axes, *HINGE)
     leaves = terms(db)
     if not leaves:
         problems.append("holds no term; a database has leaves such as CL/basic")
@@ -103,7 +87,7 @@ def leaf_of(db: xr.DataTree, name: str) -> xr.Dataset:
 
 
 def coefficients(db: xr.DataTree) -> tuple[str, ...]:
-    """Return the coefficients a database may hold, by its force axes."""
+    """Return the six coefficients of force and moment a database may hold, by its force axes; hinge moments are in `HINGE`."""
     return FORCE_AXES[str(db.attrs["force_axes"])]
 
 

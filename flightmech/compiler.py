@@ -23,6 +23,7 @@ from .units import from_si
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
 _AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
 _NEAR = 1e-4  # of the chord: two places of the moment reference that count as one
+_NOT_FLOWN = ("CT", "delta_s", "delta_d")  # in the vocabulary, for terms of power, spoilers and differential tail
 _NO_COEFFICIENT = ("checks", "previous", "Ch_e", "Ch_a", "Ch_r")  # groups that are not flown: no terms, or hinge moments
 
 
@@ -197,6 +198,8 @@ def _leaf_problems(name: str, leaf: xr.Dataset, aircraft: Aircraft) -> list[str]
 
 def _unknown(name: str, allowed: list[str]) -> str:
     hint = "write engine1.throttle or engine1.thrust for one engine" if name in ("throttle", "thrust") else ""
+    if name in _NOT_FLOWN:
+        hint = f"the simulation does not know {name} yet; fly the database without the term (aerodb.delete_terms)"
     return str(UnknownName(name, allowed, "model variable of the simulation", hint))
 
 
