@@ -1,14 +1,16 @@
-"""Changing a database: every edit returns a new tree and writes history."""
+"""Terms put in, taken out and chosen by name: every edit returns a new tree, writes history and keeps what it replaced."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from fnmatch import fnmatchcase
 
 import xarray as xr
 
 from flightmech.errors import UnknownName
 
-from .schema import database, terms
+from .schema import terms
+from .states import absent, noted, recorded, remark
 
 
 def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = "") -> xr.DataTree:
@@ -31,41 +33,49 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     leaves = terms(db)
     added = [name for name in new if name not in leaves]
     taken = [name for name in new if name in leaves]
-    for name, leaf in new.items():
-        line = f"replace_terms: {'replaced' if name in leaves else 'added'}{f' ({note})' if note else ''}"
-        leaves[name] = leaf.assign_attrs(history=_append(leaf.attrs.get("history", ""), line))
+    lines = {name: f"replace_terms: {'replaced' if name in leaves else 'added'}{remark(note)}" for name in new}
     said = [f"{verb} {' '.join(names)}" for verb, names in (("replaced", taken), ("added", added)) if names]
-    absent = [word for word in _absent(db) if word not in new]
-    return _rebuilt(db, leaves, absent, f"replace_terms: {', '.join(said) or 'nothing'}{f' ({note})' if note else ''}")
+    leaves |= {name: noted(leaf, lines[name]) for name, leaf in new.items()}
+    return recorded(db, leaves, "replace_terms", ", ".join(said) or "nothing", note, absent(db, without=new))
 
 
-def delete_terms(db: xr.DataTree, names: Iterable[str], note: str = "") -> xr.DataTree:
+def delete_terms(db: xr.DataTree, names: str | Iterable[str], note: str = "") -> xr.DataTree:
     """Return a database without some terms; their names go to its list `absent`.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database; it is left as it is.
+    names : str or iterable of str
+        Terms, or patterns such as ``"*/speedbrake"``.
+    note : str, optional
+        Why, such as "could not be identified".
 
     Raises
     ------
     UnknownName
         A term that the database does not have.
+    SchemaError
+        No term would be left.
     """
-    leaves, gone = terms(db), list(names)
-    for name in gone:
-        if leaves.pop(name, None) is None:
+    gone = matching(db, names)
+    leaves = {name: leaf for name, leaf in terms(db).items() if name not in gone}
+    return recorded(db, leaves, "delete_terms", " ".join(gone), note, absent(db, more=gone))
+
+
+def matching(db: xr.DataTree, names: str | Iterable[str]) -> list[str]:
+    """Return the names of the terms that a name, a pattern such as ``"Cm/*"``, or several of them mean.
+
+    Raises
+    ------
+    UnknownName
+        One of them means no term.
+    """
+    leaves = list(terms(db))
+    found: dict[str, None] = {}
+    for name in [names] if isinstance(names, str) else names:
+        meant = [leaf for leaf in leaves if fnmatchcase(leaf, name)]
+        if not meant:
             raise UnknownName(name, leaves, "term")
-    return _rebuilt(db, leaves, [*_absent(db), *gone], f"delete_terms: {' '.join(gone)}{f' ({note})' if note else ''}")
-
-
-def _absent(db: xr.DataTree) -> list[str]:
-    return str(db.attrs.get("absent", "")).split()
-
-
-def _rebuilt(db: xr.DataTree, leaves: Mapping[str, xr.Dataset], absent: Iterable[str], line: str) -> xr.DataTree:
-    attributes = {
-        **{str(key): item for key, item in db.attrs.items()},
-        "absent": " ".join(dict.fromkeys(absent)),
-        "history": _append(db.attrs.get("history", ""), line),
-    }
-    return database(leaves, **attributes)
-
-
-def _append(history: str, line: str) -> str:
-    return f"{history}\n{line}" if history else line
+        found |= dict.fromkeys(meant)
+    return list(found)

@@ -1,0 +1,209 @@
+"""What edits replaced: kept in the file, listed, and taken back.
+
+Edit number 7 leaves the group ``/previous/e007`` behind.  It holds every leaf that the edit replaced or deleted as it was before, the
+check cases that no longer hold, and in its attributes what else is needed to take the edit back: the terms that it ``added``, root
+attributes that it changed (``was_x_ref``) or that were not there (``unset``), the number of ``lines`` that the history had.  Root
+attribute ``edits`` counts the edits, also those whose states were forgotten.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+import pandas as pd
+import xarray as xr
+
+from flightmech.errors import OutOfRange, UnknownName
+
+from .schema import CHECKS, PREVIOUS, require, terms
+
+COLUMNS = ("edit", "verb", "terms", "note", "text")
+_WAS = "was_"
+
+
+def recorded(
+    db: xr.DataTree,
+    leaves: Mapping[str, xr.Dataset],
+    verb: str,
+    said: str,
+    note: str = "",
+    attributes: Mapping[str, str | float] | None = None,
+    **facts: str,
+) -> xr.DataTree:
+    """Return the database that an edit makes of `db`, with a line of history and the state before.
+
+    Parameters
+    ----------
+    leaves : mapping of str to Dataset
+        All terms after the edit.
+    verb, said, note : str
+        What was done and why; the line is ``verb: said (note)``.
+    attributes : mapping, optional
+        Root attributes that change.
+    **facts : str
+        Further attributes of the kept state.
+
+    Raises
+    ------
+    SchemaError
+        With all faults of the new database.
+    """
+    before = terms(db)
+    replaced = [name for name, leaf in leaves.items() if name in before and not leaf.identical(before[name])]
+    added = [name for name in leaves if name not in before]
+    deleted = [name for name in before if name not in leaves]
+    stale = _under(db, CHECKS) if replaced or added or deleted else {}
+    number, lines = _count(db) + 1, _lines(db)
+    old = {str(key): item for key, item in db.attrs.items()}
+    text = f"{verb}: {said}{'; check cases set aside' if stale else ''}{remark(note)}"
+    new = {**old, **(attributes or {}), "edits": number, "history": "\n".join([*lines, text])}
+    kept: dict[str, str | int | float] = {"verb": verb, "lines": len(lines)}
+    kept |= {key: str(item) for key, item in {**facts, "note": " ".join(note.split())}.items() if item}
+    kept |= {key: " ".join(names) for key, names in (("added", added), ("deleted", deleted)) if names}
+    kept |= {"order": " ".join(before)} if deleted else {}
+    kept |= {f"{_WAS}{key}": old[key] for key in new if key in old and key not in ("history", "edits") and old[key] != new[key]}
+    kept |= {"unset": " ".join(key for key in new if key not in old)} if set(new) - set(old) else {}
+    place = f"/{PREVIOUS}/{_group(number)}"
+    state = {place: xr.Dataset(attrs=kept), **{f"{place}/{name}": before[name] for name in (*replaced, *deleted)}}
+    state |= {f"{place}{path}": node for path, node in stale.items()}
+    rest = {} if stale else _under(db, CHECKS)
+    return _tree(new, leaves, {**rest, **_under(db, PREVIOUS), **state})
+
+
+def history(db: xr.DataTree) -> pd.DataFrame:
+    """Return how a database became what it is, one row per line of its history.
+
+    Returns
+    -------
+    DataFrame, index ``line``
+        ``edit`` (number, for `previous`; None where no state is kept), ``verb``, ``terms`` (replaced, added or deleted by a kept edit, one
+        string of words), ``note``, ``text`` (the line).
+    """
+    kept = {int(group.attrs["lines"]): (number, group) for number, group in _kept(db).items()}
+    rows = [_row(text, *kept.get(line, (None, None))) for line, text in enumerate(_lines(db))]
+    return pd.DataFrame(rows, columns=list(COLUMNS), index=pd.RangeIndex(1, len(rows) + 1, name="line"), dtype=object)
+
+
+def previous(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.DataTree:
+    """Return a database as it was before its last edits.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database; it is left as it is.
+    steps : int
+        Number of edits to take back.
+    edit : int, optional
+        Take back this edit and all later ones instead; numbers as in `history`.
+
+    Raises
+    ------
+    UnknownName
+        An edit whose state is not kept.
+    OutOfRange
+        More steps than states are kept, or less than one.
+    """
+    kept = _kept(db)
+    if edit is not None and edit not in kept:
+        raise UnknownName(str(edit), map(str, kept), "edit", "aerodb.history lists the edits whose states are kept")
+    if edit is None and not 1 <= steps <= len(kept):
+        raise OutOfRange(f"{steps} edits cannot be taken back; the states before {len(kept)} are kept")
+    latest_first = sorted(kept, reverse=True)
+    back = latest_first[:steps] if edit is None else [number for number in latest_first if number >= edit]
+    attributes = {str(key): item for key, item in db.attrs.items()}
+    leaves, rest = terms(db), _under(db, CHECKS)
+    for number in back:
+        attributes, leaves, checks = _taken_back(kept[number], attributes, leaves)
+        rest = checks or rest
+    gone = {_group(number) for number in back}
+    states = {path: node for path, node in _under(db, PREVIOUS).items() if not gone.intersection(path.split("/")[2:3])}
+    return _tree(attributes, leaves, {**rest, **(states if len(kept) > len(back) else {})})
+
+
+def forget(db: xr.DataTree) -> xr.DataTree:
+    """Return a database without the states before its edits, for a release; its history stays."""
+    return _tree({str(key): item for key, item in db.attrs.items()}, terms(db), _under(db, CHECKS))
+
+
+def last(db: xr.DataTree) -> Mapping[str, str | int | float]:
+    """Return what is known of the last edit whose state is kept: ``verb``, ``note`` and its facts; empty without one."""
+    kept = _kept(db)
+    return {str(key): item for key, item in kept[max(kept)].attrs.items()} if kept else {}
+
+
+def noted(leaf: xr.Dataset, line: str) -> xr.Dataset:
+    """Return a leaf with a further line in its history."""
+    known = str(leaf.attrs.get("history", ""))
+    return leaf.assign_attrs(history=f"{known}\n{line}" if known else line)
+
+
+def remark(note: str) -> str:
+    """Return the note of a user as the end of a line of history."""
+    return f" ({' '.join(note.split())})" if note.split() else ""
+
+
+def _taken_back(group: xr.DataTree, attributes: dict, leaves: dict[str, xr.Dataset]) -> tuple[dict, dict, dict]:
+    """Return root attributes, terms and check cases before an edit; no check cases where it set none aside."""
+    facts = group.attrs
+    unset, added = (str(facts.get(key, "")).split() for key in ("unset", "added"))
+    old = {key: item for key, item in attributes.items() if key not in unset}
+    if "edits" in old:
+        old["edits"] = int(old["edits"]) - 1
+    old |= {str(key).removeprefix(_WAS): item for key, item in facts.items() if str(key).startswith(_WAS)}
+    if "history" in old:
+        old["history"] = "\n".join(str(old["history"]).split("\n")[: int(facts["lines"])])
+    found = _under(group, "")
+    checks = {path: node for path, node in found.items() if path.split("/")[1] == CHECKS}
+    back = {path.strip("/"): node for path, node in found.items() if path not in checks and node.data_vars}
+    restored = {name: leaf for name, leaf in {**leaves, **back}.items() if name not in added}
+    order = str(facts.get("order", "")).split() or list(restored)
+    return old, {name: restored[name] for name in order}, checks
+
+
+def _row(text: str, number: int | None, group: xr.DataTree | None) -> tuple:
+    if group is None:
+        verb, sign, _ = text.partition(":")
+        return None, verb if sign and verb.isidentifier() else "", "", "", text
+    names = [path.strip("/") for path, node in _under(group, "").items() if node.data_vars and path.split("/")[1] != CHECKS]
+    return number, group.attrs["verb"], " ".join([*names, *str(group.attrs.get("added", "")).split()]), group.attrs.get("note", ""), text
+
+
+def _kept(db: xr.DataTree) -> dict[int, xr.DataTree]:
+    groups = db[PREVIOUS].children if PREVIOUS in db.children else {}
+    return {int(str(name)[1:]): node for name, node in groups.items()}
+
+
+def _group(number: int) -> str:
+    return f"e{number:03d}"
+
+
+def _count(db: xr.DataTree) -> int:
+    return max([int(db.attrs.get("edits", 0)), *_kept(db)])
+
+
+def _lines(db: xr.DataTree) -> list[str]:
+    return str(db.attrs["history"]).split("\n") if db.attrs.get("history") else []
+
+
+def _under(db: xr.DataTree, child: str) -> dict[str, xr.Dataset]:
+    """Return the nodes of a group by path from `db`, ``/checks/...``; all below `db` for an empty name."""
+    if child and child not in db.children:
+        return {}
+    top = db[child] if child else db
+    nodes = {f"/{node.relative_to(db)}": node.to_dataset(inherit=False) for node in top.subtree}
+    return {path: node for path, node in nodes.items() if path != "/."}
+
+
+def _tree(attributes: Mapping, leaves: Mapping[str, xr.Dataset], rest: Mapping[str, xr.Dataset]) -> xr.DataTree:
+    nodes = {"/": xr.Dataset(attrs=dict(attributes)), **{f"/{name}": leaf for name, leaf in leaves.items()}, **rest}
+    tree = xr.DataTree.from_dict(nodes)
+    require(tree)
+    return tree
+
+
+def absent(db: xr.DataTree, without: Iterable[str] = (), more: Iterable[str] = ()) -> dict[str, str]:
+    """Return the root attribute ``absent`` after names left it and others came; empty when it is as before."""
+    old = str(db.attrs.get("absent", ""))
+    gone = set(without)
+    new = " ".join(dict.fromkeys([*(name for name in old.split() if name not in gone), *more]))
+    return {"absent": new} if new != old else {}
