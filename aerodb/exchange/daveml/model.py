@@ -1,0 +1,299 @@
+"""A DAVE-ML model: variables, functions, check data; evaluated over arrays and checked against its own shots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flightmech.errors import OutOfRange, SchemaError, UnknownName
+
+from . import mathml
+from .tables import Axis, Gridded, Scattered
+from .unit_codes import same_units
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_INTERNAL_TOLERANCE = 1e-6  # relative; the format gives internal values no tolerance, NASA's outputs carry 1e-6
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Who made something, when, after which documents and in which modifications; references are refIDs and modIDs of the header."""
+
+    authors: tuple[str, ...] = ()
+    date: str = ""
+    references: tuple[str, ...] = ()
+    modifications: tuple[str, ...] = ()
+    description: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """Spread of a value: ``effect`` additive, multiplicative, percentage or absolute; ``sigmas`` 0 for a uniform distribution.
+
+    ``bounds`` holds one or two entries: an array, of one value or of the shape of the table, or the varID of the variable that holds it.
+    """
+
+    effect: str
+    sigmas: float
+    bounds: tuple[np.ndarray | str, ...]
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A document the file refers to."""
+
+    refID: str
+    author: str
+    title: str
+    date: str
+    accession: str = ""
+
+
+@dataclass(frozen=True)
+class Modification:
+    """One entry of the modification record."""
+
+    modID: str
+    date: str
+    authors: tuple[str, ...]
+    description: str
+
+
+@dataclass(frozen=True)
+class Header:
+    """The file header."""
+
+    name: str = ""
+    authors: tuple[str, ...] = ()
+    date: str = ""
+    version: str = ""
+    description: str = ""
+    references: tuple[Reference, ...] = ()
+    modifications: tuple[Modification, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """A ``variableDef``; ``low`` and ``high`` limit its value, however it came about."""
+
+    varID: str
+    name: str
+    units: str
+    line: int
+    description: str = ""
+    sign: str = ""
+    axis_system: str = ""
+    initial: float | None = None
+    low: float = -np.inf
+    high: float = np.inf
+    calculation: mathml.Expression | None = None
+    is_input: bool = False
+    is_output: bool = False
+    is_standard: bool = False
+    uncertainty: Uncertainty | None = None
+    provenance: Provenance | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Function:
+    """A table look-up that gives the variable ``output`` from the variables ``inputs``."""
+
+    name: str
+    inputs: tuple[str, ...]
+    output: str
+    axes: tuple[Axis, ...]
+    table: Gridded | Scattered
+    line: int
+    description: str = ""
+    uncertainty: Uncertainty | None = None
+    provenance: Provenance | None = None
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A value of a check case: ``key`` is a varID or a name; ``tolerance`` is absolute, NaN when the file gives none."""
+
+    key: str
+    units: str
+    value: float
+    tolerance: float = np.nan
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A ``staticShot``."""
+
+    name: str
+    inputs: tuple[Signal, ...]
+    internal: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class DaveModel:
+    """What a DAVE-ML file says.
+
+    Parameters
+    ----------
+    file : str
+        Name of the file.
+    header : Header
+        Title, authors, references, modifications.
+    variables : dict of str to Variable
+        By varID, in the order of the file.
+    functions : dict of str to Function
+        By the varID of their output.
+    order : tuple of str
+        varIDs in an order in which they can be computed.
+    shots : tuple of Shot
+        The check data.
+    notes : tuple of str
+        What in the file is deprecated, ambiguous or was put right while reading.
+    """
+
+    file: str
+    header: Header
+    variables: dict[str, Variable]
+    functions: dict[str, Function]
+    order: tuple[str, ...]
+    shots: tuple[Shot, ...] = ()
+    notes: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """varIDs of the inputs: marked as such, or neither constant nor computed."""
+        return tuple(varID for varID, variable in self.variables.items() if variable.is_input or not self._computed(variable))
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """varIDs of the outputs: marked as such, or computed and used by nothing else (the rule of the reference manual)."""
+        used = {name for function in self.functions.values() for name in function.inputs}
+        used |= {name for v in self.variables.values() if v.calculation is not None for name in mathml.names(v.calculation)}
+        final = {varID for varID in (*self.functions, *self._calculated) if varID not in used}
+        return tuple(varID for varID, variable in self.variables.items() if variable.is_output or varID in final)
+
+    def find(self, name: str) -> Variable:
+        """Return the variable of a varID, or the one of this name.
+
+        Raises
+        ------
+        UnknownName
+            There is none, or the name belongs to several.
+        """
+        if name in self.variables:
+            return self.variables[name]
+        found = [variable for variable in self.variables.values() if variable.name == name]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            raise UnknownName(name, (v.varID for v in found), "varID", f"{len(found)} variables of {self.file} have this name; give a varID")
+        raise UnknownName(name, self.variables, "variable", f"of {self.file}")
+
+    def evaluate(self, inputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """Return the outputs of the model.
+
+        Parameters
+        ----------
+        inputs : mapping of str to array
+            By varID or by name, in the units of the file, broadcast against each other.  An input with an initial value may be left out,
+            and a constant may be given another value.
+
+        Returns
+        -------
+        dict of str to array (broadcast shape of the inputs)
+            By varID, in the units of the file.  NaN where a calculation has no value.
+
+        Raises
+        ------
+        UnknownName
+            An input that the file does not have, or one that is missing.
+        SchemaError
+            A value for a variable that the model computes.
+        OutOfRange
+            An input between the points of an ungridded table.
+        """
+        values = self._values(inputs)
+        return {varID: values[varID].copy() for varID in self.outputs}
+
+    def check(self) -> pd.DataFrame:
+        """Run every shot of the check data.
+
+        Returns
+        -------
+        DataFrame
+            One row per output and internal value: ``shot kind variable expected found tolerance passed note``.  Outputs are judged by
+            the tolerance of the file, internal values, which have none, by 1e-6 of their size.
+        """
+        import pandas as pd
+
+        columns = ["shot", "kind", "variable", "expected", "found", "tolerance", "passed", "note"]
+        return pd.DataFrame([row for shot in self.shots for row in self._run(shot)], columns=columns)
+
+    @property
+    def _calculated(self) -> list[str]:
+        return [varID for varID, variable in self.variables.items() if variable.calculation is not None]
+
+    def _computed(self, variable: Variable) -> bool:
+        return variable.calculation is not None or variable.varID in self.functions or variable.initial is not None
+
+    def _values(self, inputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        given = {self.find(name).varID: np.asarray(item, float) for name, item in inputs.items()}
+        shape = np.broadcast_shapes(*(np.shape(item) for item in given.values()))
+        values: dict[str, np.ndarray] = {}
+        with np.errstate(all="ignore"):  # branches of a piecewise that do not count may divide by zero
+            for varID in self.order:
+                variable = self.variables[varID]
+                value = self._raw(variable, given, values, shape)
+                if np.isfinite((variable.low, variable.high)).any():
+                    value = np.clip(value, variable.low, variable.high)
+                values[varID] = np.broadcast_to(value, shape)
+        return values
+
+    def _raw(self, variable: Variable, given: Mapping, values: Mapping[str, np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+        varID = variable.varID
+        if variable.calculation is not None or varID in self.functions:
+            if varID in given:
+                raise SchemaError(f"inputs of {self.file}", [f"{varID} is computed by the model; leave it out"])
+            if variable.calculation is not None:
+                return mathml.evaluate(variable.calculation, values)
+            function = self.functions[varID]
+            flat = [values[name].ravel() for name in function.inputs]
+            return function.table.look_up(function.axes, flat).reshape(shape)
+        if varID in given:
+            return given[varID]
+        if variable.initial is None:
+            raise UnknownName(varID, given, "input", f"{self.file} needs {varID} ({variable.name}, in {variable.units or 'no unit'})")
+        return np.asarray(variable.initial)
+
+    def _run(self, shot: Shot) -> list[tuple]:
+        try:
+            inputs = {self.find(signal.key).varID: signal for signal in shot.inputs}
+            values = self._values({varID: signal.value for varID, signal in inputs.items()})
+        except (UnknownName, SchemaError, OutOfRange) as error:
+            return [(shot.name, "shot", "", np.nan, np.nan, np.nan, False, str(error))]
+        rows = [(shot.name, "input", v, s.value, s.value, np.nan, False, note) for v, s in inputs.items() if (note := self._unit_note(v, s))]
+        for kind, signals in (("internal", shot.internal), ("output", shot.outputs)):
+            rows += [(shot.name, kind, *self._judged(signal, values)) for signal in signals]
+        return rows
+
+    def _judged(self, signal: Signal, values: Mapping[str, np.ndarray]) -> tuple:
+        try:
+            varID = self.find(signal.key).varID
+        except UnknownName as error:
+            return signal.key, signal.value, np.nan, signal.tolerance, False, str(error)
+        found = float(values[varID])
+        allowed = _INTERNAL_TOLERANCE * max(abs(signal.value), 1e-3) if np.isnan(signal.tolerance) else signal.tolerance
+        note = self._unit_note(varID, signal)
+        # one rounding of the printed values is allowed beside the tolerance, which some files make as small as that
+        passed = abs(found - signal.value) <= allowed + 4.0 * np.spacing(abs(signal.value)) and not note
+        return varID, signal.value, found, signal.tolerance, bool(passed), note
+
+    def _unit_note(self, varID: str, signal: Signal) -> str:
+        units = self.variables[varID].units
+        return "" if same_units(signal.units, units) else f"given in {signal.units}, the variable is in {units or 'no unit'}"

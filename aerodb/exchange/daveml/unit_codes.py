@@ -1,0 +1,82 @@
+"""Units of measure as S-119 encodes them: an underscore divides, powers follow their unit (``ft_s2``, ``slugft2``, ``_deg``)."""
+
+from __future__ import annotations
+
+import re
+
+from flightmech import units
+from flightmech.errors import UnitError
+
+PURE = ("", "nd", "none", "nondimensional", "dimensionless", "frac", "fract", "fraction", "-")
+# code: unit of the house.  What drifts in published files stands beside what the standard has.
+_CODES = {
+    "deg": "deg", "degs": "deg", "degrees": "deg", "d": "deg", "rad": "rad", "rads": "rad", "radians": "rad", "r": "rad",
+    "pct": "%", "percent": "%", "nd": "1", "1": "1",
+    "ft": "ft", "f": "ft", "feet": "ft", "m": "m", "cm": "cm", "mm": "mm", "km": "km", "in": "in", "nmi": "nmi",
+    "s": "s", "sec": "s", "min": "min", "h": "h", "hr": "h", "Hz": "Hz", "rpm": "rpm",
+    "kg": "kg", "lbm": "lb", "slug": "slug", "sl": "slug", "N": "N", "lbf": "lbf", "Pa": "Pa", "hPa": "hPa", "kPa": "kPa",
+    "psf": "psf", "psi": "psi", "kt": "kt", "kts": "kt", "knots": "kt", "g": "g",
+    "K": "K", "degK": "K", "R": "degR", "degR": "degR", "C": "degC", "degC": "degC", "F": "degF", "degF": "degF",
+}  # fmt: skip
+_WORD = re.compile("(" + "|".join(sorted(map(re.escape, _CODES), key=len, reverse=True)) + r")(\d*)")
+_OUT = {"%": "pct", "1": "nd"}
+
+
+def house_unit(code: str) -> str:
+    """Return the unit of `flightmech.units` that an S-119 code stands for.
+
+    Examples
+    --------
+    >>> house_unit("slugft2"), house_unit("rad_s2"), house_unit("_deg"), house_unit("ND")
+    ('slug ft2', 'rad/s2', '1/deg', '1')
+
+    Raises
+    ------
+    UnitError
+        A code that cannot be taken apart.
+    """
+    text = code.strip()
+    if text.lower() in PURE:
+        return "1"
+    over, _, under = text.partition("_")
+    parts = [_words(part, code) for part in (over, under) if part]
+    return "/".join(parts) if over else "1/" + parts[0]
+
+
+def code_of(unit: str) -> str:
+    """Return the S-119 code of a unit of the house, such as ``"kg m2"`` or ``"m s-1"``.
+
+    Examples
+    --------
+    >>> code_of("m s-1"), code_of("kg m2"), code_of("1")
+    ('m_s', 'kgm2', 'nd')
+    """
+    over, under = "", ""
+    for word in unit.split():
+        name, power = re.fullmatch(r"(%|1|[A-Za-z]+)(-?\d*)", word).groups()  # type: ignore[union-attr]
+        if power.startswith("-"):
+            under += _OUT.get(name, name) + (power[1:] if power != "-1" else "")
+        else:
+            over += _OUT.get(name, name) + power
+    return f"{over}_{under}" if under else over
+
+
+def same_units(one: str, other: str) -> bool:
+    """Whether two codes mean the same unit; a code that cannot be read equals itself only, an empty one equals all."""
+    if not one.strip() or not other.strip() or one.strip() == other.strip():
+        return True
+    try:
+        return units.parse(house_unit(one)) == units.parse(house_unit(other))
+    except UnitError:
+        return False
+
+
+def _words(part: str, code: str) -> str:
+    words, at = [], 0
+    while at < len(part):
+        match = _WORD.match(part, at)
+        if match is None:
+            raise UnitError(f"unknown unit code {code!r}; S-119 codes are made of {', '.join(_CODES)}, powers and one underscore for 'per'")
+        words.append(_CODES[match[1]] + match[2])
+        at = match.end()
+    return " ".join(words)
