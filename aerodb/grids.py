@@ -17,6 +17,8 @@ from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import attrs
 
+from .comparison import readable
+
 JUDGEMENT = _terms.SOURCES.index("judgement")
 _NEAR = 1e-9  # of the span of an axis: breakpoints closer than this are the same; degrees come to radians on several ways
 _FACTORS = ("K1", "K2")
@@ -61,17 +63,19 @@ def rising(axis: str, points: Any) -> np.ndarray:
 def own_axis(name: str, leaf: xr.Dataset, axis: str) -> None:
     """Raise `UnknownName` when `axis` is none of the table's."""
     if axis not in leaf["value"].dims:
-        factor = next((key for key in _FACTORS if key in leaf and axis in leaf[key].dims), "")
-        hint = f"{name} has it in its factor {factor}; put a changed leaf in with replace_terms" if factor else f"of the table {name}"
+        hint = "it belongs to a factor; put a changed leaf in with replace_terms" if axis in factor_axes(leaf) else f"of the table {name}"
         raise UnknownName(axis, map(str, leaf["value"].dims), "axis", hint)
 
 
 def table(value: Any, axes: Mapping[str, Any] | None, stderr: Any, what: str) -> xr.Dataset:
     """Return a number, or a table over axes, as a leaf."""
     shape = tuple(np.size(points) for points in (axes or {}).values())
-    if np.shape(value) != shape:
-        over = f"its axes {', '.join(axes)} need {shape}" if axes else "a number, or axes for it, is needed"
-        raise SchemaError(what, [f"has the shape {np.shape(value)}; {over}"])
+    over = f"its axes {', '.join(axes)} need {shape}" if axes else "a number, or axes for it, is needed"
+    faults = [f"has the shape {np.shape(value)}; {over}"] if np.shape(value) != shape else []
+    if np.shape(stderr) not in ((), shape):
+        faults.append(f"stderr has the shape {np.shape(stderr)}; a number or the shape {shape} is needed")
+    if faults:
+        raise SchemaError(what, faults)
     return _terms.make(value, axes, stderr=stderr)
 
 
@@ -127,10 +131,11 @@ def folded(leaf: xr.Dataset) -> xr.Dataset:
     for factor in factors:
         points |= {str(axis): factor[axis].values.astype(float) for axis in factor.dims}
     one = xr.DataArray(np.ones([len(p) for p in points.values()]), dict(points), tuple(points))
-    times = one * factors[0] * (factors[1] if len(factors) > 1 else 1.0)
-    whole = {key: (one * leaf[key]).transpose(*points).values for key in ("value", "stderr", "source") if key in leaf}
-    times = times.transpose(*points).values
-    whole |= {key: whole[key] * np.abs(times) if key == "stderr" else whole[key] * times for key in ("value", "stderr") if key in whole}
+    times = one
+    for factor in factors:
+        times = times * factor
+    scale = {"value": times, "stderr": abs(times), "source": one}
+    whole = {key: (leaf[key] * scale[key]).transpose(*points).values for key in scale if key in leaf}
     new = with_table(leaf.drop_vars(list(_FACTORS), errors="ignore"), points, **whole)
     faults = _terms.check(new)
     if faults:
@@ -158,9 +163,8 @@ def added(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
         raise SchemaError("sum", [f"has the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"])
     a, b = spread(leaf, points), spread(more, points)
     value = a["value"].values + b["value"].values
-    stderr = (
-        np.hypot(*(part["stderr"].values if "stderr" in part else 0.0 for part in (a, b))) if "stderr" in leaf or "stderr" in more else None
-    )
+    errors = [part["stderr"].values for part in (a, b) if "stderr" in part]
+    stderr = np.sqrt(sum(sd**2 for sd in errors)) if errors else None
     return with_table(a, points, value, stderr, joint_source(a, b))
 
 
@@ -177,10 +181,13 @@ def known_source(leaf: xr.Dataset) -> np.ndarray:
     return leaf["source"].values if "source" in leaf else np.full(leaf["value"].shape, JUDGEMENT, np.uint8)
 
 
+def factor_axes(leaf: xr.Dataset) -> set[str]:
+    """Return the axes of the factors of a leaf."""
+    return {str(axis) for key in _FACTORS if key in leaf for axis in leaf[key].dims}
+
+
 def place(points: Mapping[str, np.ndarray], node: Sequence[int]) -> str:
     """Return where a node lies as a person reads it: ``mach 0.2, alpha 8 deg``."""
-    from .comparison import readable
-
     return ", ".join(f"{axis} {readable(axis, own[i])}" for (axis, own), i in zip(points.items(), node)) or "its only node"
 
 

@@ -16,8 +16,24 @@ import xarray as xr
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, OutOfRange, SchemaError
 
+from .comparison import readable
 from .edit import matching
-from .grids import JUDGEMENT, axes_of, folded, known_source, own_axis, place, rising, spread, table, union, union_axes, with_table, within
+from .grids import (
+    JUDGEMENT,
+    axes_of,
+    factor_axes,
+    folded,
+    known_source,
+    own_axis,
+    place,
+    rising,
+    spread,
+    table,
+    union,
+    union_axes,
+    with_table,
+    within,
+)
 from .schema import leaf_of, terms
 from .states import noted, recorded, remark
 
@@ -203,9 +219,9 @@ def extend(
     Returns
     -------
     DataTree
-        New nodes have the source ``judgement``.  Their standard error, unless given, is: of a value held, hypot(s_1, what the straight line
-        would have changed); of the straight line at t times the last interval beyond the end, hypot((1 + t) s_1, t s_2), with s_1 and s_2 of
-        the last node and the one before.
+        New nodes have the source ``judgement``.  Their standard error, unless given, at t times the last interval beyond the end, with
+        v_1, s_1 of the last node and v_2, s_2 of the one before: hypot(s_1, t (v_1 - v_2)) of a value held, for the straight line may
+        be true; hypot((1 + t) s_1, t s_2) of the straight line.
 
     Raises
     ------
@@ -230,7 +246,7 @@ def extend(
     if "stderr" in leaf and sd is None:
         raise SchemaError(f"extend {name}", ["the term has standard errors; give stderr= with the values"])
     whole = _joined(leaf, axis, new, value, sd if "stderr" in leaf else None)
-    said = f"{axis} by {' '.join(place({axis: new}, [i]).split(' ', 1)[1] for i in range(len(new)))}, {words}"
+    said = f"{axis} to {', '.join(readable(axis, x) for x in new)}, {words}"
     leaves = terms(db) | {name: noted(whole, f"extend: {said}{remark(note)}")}
     return recorded(db, leaves, "extend", f"{name} in {said}", note)
 
@@ -256,7 +272,7 @@ def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, said
 
 def _common(leaf: xr.Dataset, by: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     """Return leaf and table over one grid: the breakpoints of the leaf and those of the table between them."""
-    if set(by.dims) - set(leaf["value"].dims) & set(leaf.dims):
+    if factor_axes(leaf) & set(map(str, by["value"].dims)):
         leaf = folded(leaf)
     points = axes_of(leaf)
     for axis, more in axes_of(by).items():
@@ -292,9 +308,8 @@ def _regridded(name: str, leaf: xr.Dataset, breakpoints: Mapping[str, Any]) -> t
         new = rising(axis, wanted)
         off = new[~within(points[axis], new)]
         if off.size:
-            raise OutOfRange(
-                f"regrid {name}: {axis} = {off[0]:.6g} lies outside {points[axis][0]:.6g} ... {points[axis][-1]:.6g}; extend the table first"
-            )
+            reach = f"{points[axis][0]:.6g} ... {points[axis][-1]:.6g}"
+            raise OutOfRange(f"regrid {name}: {axis} = {off[0]:.6g} lies outside {reach}; extend the table first")
         points[axis] = new
     new_leaf = spread(leaf, points)
     both = union_axes(leaf, new_leaf)
@@ -305,7 +320,7 @@ def _regridded(name: str, leaf: xr.Dataset, breakpoints: Mapping[str, Any]) -> t
 
 
 def _beyond(name: str, leaf: xr.Dataset, axis: str, new: np.ndarray, how: Any) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return values and standard errors of nodes beyond the ends, the axis last moved to its place."""
+    """Return values of nodes beyond the ends, and their standard errors where the rule gives them."""
     if not isinstance(how, str):
         return _along(name, leaf, axis, new, how, "values"), None
     if how not in ("hold", "linear"):
