@@ -44,12 +44,13 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
     if coefficient not in allowed:
         raise UnknownName(coefficient, allowed, "coefficient")
     found = {}
+    places: dict[Any, Any] = {}
     for name, leaf in terms(db).items():
         group, _, contribution = name.partition("/")
         if group != coefficient:
             continue
         try:
-            found[contribution] = _terms.evaluate(leaf, conditions, outside)
+            found[contribution] = _terms.evaluate(leaf, conditions, outside, places)
         except OutOfRange as error:
             raise OutOfRange(f"{name}: {error}", error.mask) from None
         except UnknownName as error:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
@@ -84,3 +86,78 @@ def test_outside_raises_or_follows_the_rule(table):
 def test_missing_condition_is_named(table):
     with pytest.raises(UnknownName, match=r"unknown condition 'qhat'.*the term needs it"):
         evaluate(table, {"alpha": 0.0, "mach": 0.5})
+
+
+@st.composite
+def terms_and_conditions(draw):
+    """A term of up to four axes, one of them perhaps a single breakpoint, and conditions that are scalars, records or grids."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    names = draw(st.lists(st.sampled_from(["mach", "alpha", "delta_f", "delta_e"]), unique=True))
+    axes = {name: np.cumsum(0.3 + rng.random(draw(st.integers(1, 5)))) - 1.0 for name in names}
+    gear = xr.DataArray(rng.normal(size=3), coords={"gear": [0.0, 0.4, 1.0]}, dims="gear") if draw(st.booleans()) else None
+    words = draw(st.lists(st.sampled_from(["qhat", "alpha", "beta"]), max_size=2))
+    leaf = make(rng.normal(size=[len(p) for p in axes.values()]), axes, words, K1=gear, outside=draw(st.sampled_from(["hold", "linear"])))
+    shapes = st.sampled_from([(), (1,), (3,), (4, 1), (4, 3)])
+    return leaf, {name: rng.normal(size=draw(shapes)) for name in sorted(variables(leaf))}
+
+
+@given(terms_and_conditions())
+def test_evaluation_is_the_linear_map_without_its_matrix(case):
+    leaf, conditions = case
+    shape = np.broadcast_shapes((), *(np.shape(x) for x in conditions.values()))
+    B, nodes = basis(leaf, conditions, "clamp"), leaf["value"].values.ravel()
+    found = evaluate(leaf, conditions, "clamp")
+    assert found.shape == shape
+    rounding = 1e-13 * (abs(B) @ np.abs(nodes))  # a few dozen operations on the largest of the summands
+    assert (np.abs(found.ravel() - B @ nodes) <= rounding).all()
+
+
+def test_evaluation_of_a_long_record_crosses_its_blocks(table):
+    n = 20_001
+    along = {"alpha": np.linspace(-0.1, 0.3, n), "mach": np.linspace(0.8, 0.2, n), "qhat": np.ones(n)}
+    np.testing.assert_allclose(evaluate(table, along), basis(table, along) @ table["value"].values.ravel(), rtol=1e-13, atol=1e-15)
+
+
+def test_places_found_once_serve_the_next_term(table):
+    places: dict = {}
+    conditions = {"alpha": np.array([0.1, 0.25]), "mach": 0.4, "qhat": 1.0}
+    first = evaluate(table, conditions, places=places)
+    assert len(places) == 2
+    other = make([1.0, 2.0, 3.0, 4.0], {"alpha": ALPHA})
+    np.testing.assert_array_equal(evaluate(other, conditions, places=places), evaluate(other, conditions))
+    np.testing.assert_array_equal(evaluate(table, conditions, places=places), first)
+    assert len(places) == 2
+    with pytest.raises(OutOfRange):
+        evaluate(make([1.0, 2.0], {"alpha": [0.0, 0.2]}), conditions, places=places)
+
+
+def test_the_mask_has_a_place_for_every_sample(table):
+    with pytest.raises(OutOfRange, match="in 3 of 3 samples") as caught:
+        evaluate(table, {"alpha": [0.0, 0.1, 0.2], "mach": 0.9, "qhat": 1.0})
+    assert caught.value.mask.tolist() == [True, True, True]
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        (
+            lambda leaf: leaf["alpha"].attrs.update(units="deg"),
+            r"axis alpha is given in 'deg', a term holds 'rad': convert the breakpoints",
+        ),
+        (lambda leaf: leaf["alpha"].attrs.update(units="furlong"), r"axis alpha is given in 'furlong'"),
+        (lambda leaf: leaf["source"].__setitem__((0, 0), 7), r"source holds codes beside 0 datcom, 1 flight, 2 judgement"),
+        (lambda leaf: leaf.__setitem__("value", leaf["value"].astype(object)), "value holds object; numbers are needed"),
+        (lambda leaf: leaf.__setitem__("stderr", leaf["stderr"].astype(str)), "stderr holds <U32; numbers are needed"),
+        (lambda leaf: leaf.attrs.update(final=True), "attribute final is a bool; only text and numbers survive"),
+    ],
+)
+def test_a_leaf_that_contradicts_the_vocabulary_or_holds_no_numbers(table, change, fault):
+    change(table)
+    assert [text for text in check(table) if fault in text], check(table)
+    assert len(check(table)) == 1
+
+
+def test_another_spelling_of_the_same_unit_is_no_fault():
+    leaf = make([1.0, 2.0], {"V": [50.0, 100.0]})
+    leaf["V"].attrs["units"] = "m/s"
+    assert check(leaf) == []
