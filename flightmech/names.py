@@ -41,7 +41,7 @@ _ROWS = [
     ("v", "m s-1", "RT", "air-relative velocity along body y", "", "m s-1"),
     ("w", "m s-1", "DN", "air-relative velocity along body z", "", "m s-1"),
     # rotation and attitude
-    ("p", "rad s-1", "RWD", "body roll rate", "eulerAngleRate_Roll", "deg/s"),
+    ("p", "rad s-1", "RWD", "body roll rate", "bodyAngularRate_Roll", "deg/s"),
     ("q", "rad s-1", "ANU", "body pitch rate", "bodyAngularRate_Pitch", "deg/s"),
     ("r", "rad s-1", "ANR", "body yaw rate", "bodyAngularRate_Yaw", "deg/s"),
     ("p_dot", "rad s-2", "RWD", "body roll acceleration", "", "deg/s2"),
