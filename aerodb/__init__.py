@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from .comparison import compare
     from .edit import delete_terms, replace_terms
     from .evaluation import contributions, evaluate
+    from .exchange.jsbsim_write import export_jsbsim
     from .files import open, save
     from .overview import summary
     from .rescaling import rescale
@@ -30,6 +31,7 @@ _HOME = {
     "evaluate": "evaluation",
     "open": "files",
     "save": "files",
+    "export_jsbsim": "exchange.jsbsim_write",
     "check": "schema",
     "database": "schema",
     "terms": "schema",
@@ -44,6 +46,7 @@ __all__ = [
     "database",
     "delete_terms",
     "evaluate",
+    "export_jsbsim",
     "from_datcom",
     "open",
     "replace_terms",

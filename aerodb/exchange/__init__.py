@@ -1,0 +1,1 @@
+"""Databases in the formats of other programs."""

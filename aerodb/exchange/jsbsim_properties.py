@@ -1,0 +1,168 @@
+"""What JSBSim calls the model variables, and in which units: the tables that export and import share.
+
+A property of JSBSim carries its unit in its name.  Here it is a number times powers of *symbols*: model variables and the
+reference quantities ``S``, ``cbar``, ``b``, each in the unit JSBSim computes with (`UNIT`; 1 where that is SI).  So the
+dynamic pressure and the reference quantities of a force cancel without a rounding.
+
+Where JSBSim has no property for a variable, an exported file defines a function ``aero/aeromatch/<variable>`` in SI, and
+the import knows it again.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from flightmech.units import DEGREE, FOOT, POUND_FORCE
+
+PSF = POUND_FORCE / FOOT**2
+OWN = "aero/aeromatch/"
+COEFFICIENT = "aero/coefficient/"
+ENGINE = re.compile(r"engine([1-9]\d*)\.(throttle|thrust)$")
+UNIT = {"V": FOOT, "h": FOOT, "qbar": PSF, "thrust": POUND_FORCE}  # SI per unit in which JSBSim computes, where they differ
+RATES = {
+    "phat": ("p", "b"),
+    "qhat": ("q", "cbar"),
+    "rhat": ("r", "b"),
+    "alphadothat": ("alpha_dot", "cbar"),
+    "betadothat": ("beta_dot", "b"),
+}
+
+# variable: the property an export looks up, in the unit of `unit`
+AXIS = {
+    "alpha": "aero/alpha-rad",
+    "beta": "aero/beta-rad",
+    "mach": "velocities/mach",
+    "V": "velocities/vt-fps",
+    "qbar": "aero/qbar-psf",
+    "h": "position/h-sl-ft",
+    "phi": "attitude/phi-rad",
+    "p": "velocities/p-aero-rad_sec",
+    "q": "velocities/q-aero-rad_sec",
+    "r": "velocities/r-aero-rad_sec",
+    "delta_e": "fcs/elevator-pos-rad",
+    "delta_r": "fcs/rudder-pos-rad",
+    "delta_f": "fcs/flap-pos-rad",
+    "delta_t": "fcs/elevator-tab-pos-rad",
+    "delta_ta": "fcs/aileron-tab-pos-rad",
+    "delta_tr": "fcs/rudder-tab-pos-rad",
+    "gear": "gear/gear-pos-norm",
+    "speedbrake": "fcs/speedbrake-pos-norm",
+}
+
+# reduced rate: the properties whose product it is
+REGRESSOR = {
+    "phat": ("aero/bi2vel", "velocities/p-aero-rad_sec"),
+    "qhat": ("aero/ci2vel", "velocities/q-aero-rad_sec"),
+    "rhat": ("aero/bi2vel", "velocities/r-aero-rad_sec"),
+    "alphadothat": ("aero/ci2vel", "aero/alphadot-rad_sec"),
+    "betadothat": ("aero/bi2vel", "aero/betadot-rad_sec"),
+}
+
+_REDUCED = (
+    "<quotient><product><property>{rate}</property><property>metrics/{length}-ft</property></product>"
+    "<product><value>2</value><max><property>velocities/vt-fps</property><value>0.001</value></max></product></quotient>"
+)
+# variable JSBSim has not: the function that gives it in SI; the export fills the fields in braces
+FUNCTION = {
+    "delta_a": "<product><value>0.5</value><difference><property>fcs/right-aileron-pos-rad</property>"
+    "<property>fcs/left-aileron-pos-rad</property></difference></product>",
+    "h_agl": f"<product><value>{FOOT!r}</value><property>aero/h_b-mac-ft</property><property>metrics/bw-ft</property></product>",
+    "dnz": "<difference><property>accelerations/Nz</property><value>1</value></difference>",
+    "x_cg": "<sum><value>{x_ref_mac!r}</value><product><value>{chords_per_inch!r}</value><difference><property>inertia/cg-x-in</property>"
+    "<property>metrics/aero-rp-x-in</property></difference></product></sum>",
+    "CT": "<quotient><sum>{thrusts}</sum><product><property>aero/qbar-psf</property><property>metrics/Sw-sqft</property></product></quotient>",
+    "phat": _REDUCED.format(rate="velocities/p-aero-rad_sec", length="bw"),
+    "qhat": _REDUCED.format(rate="velocities/q-aero-rad_sec", length="cbarw"),
+    "rhat": _REDUCED.format(rate="velocities/r-aero-rad_sec", length="bw"),
+    "alphadothat": _REDUCED.format(rate="aero/alphadot-rad_sec", length="cbarw"),
+    "betadothat": _REDUCED.format(rate="aero/betadot-rad_sec", length="bw"),
+}
+
+
+def unit(variable: str) -> float:
+    """Return the unit of JSBSim in which a variable stands, in SI; that of ``engine2.thrust`` is the one of ``thrust``."""
+    return UNIT.get(variable.rsplit(".", 1)[-1], 1.0)
+
+
+def throttle(engine: int) -> str:
+    """Return the property of an engine's lever; engine 1 is the first."""
+    return "fcs/throttle-cmd-norm" + (f"[{engine - 1}]" if engine > 1 else "")
+
+
+def thrust(engine: int) -> str:
+    """Return the property of an engine's thrust."""
+    return f"fcs/engine{engine}-thrust-lbs"
+
+
+class Power(NamedTuple):
+    """The value of a property: `factor` times powers of symbols, each in the unit of `UNIT`."""
+
+    factor: float
+    symbols: Mapping[str, int]
+
+
+def _one(symbol: str, factor: float = 1.0) -> Power:
+    return Power(factor, {symbol: 1})
+
+
+# every property the import knows; ailerons are taken to move by the same angle, left = -delta_a
+PROPERTY: dict[str, Power] = {
+    **{name: _one(variable) for variable, name in AXIS.items()},
+    "aero/alpha-deg": _one("alpha", 1.0 / DEGREE),
+    "aero/beta-deg": _one("beta", 1.0 / DEGREE),
+    "attitude/roll-rad": _one("phi"),
+    "position/h-sl-meters": _one("h", FOOT),
+    "velocities/vtrue-fps": _one("V"),
+    "velocities/p-rad_sec": _one("p"),
+    "velocities/q-rad_sec": _one("q"),
+    "velocities/r-rad_sec": _one("r"),
+    "aero/alphadot-rad_sec": _one("alpha_dot"),
+    "aero/alphadot-deg_sec": _one("alpha_dot", 1.0 / DEGREE),
+    "aero/betadot-rad_sec": _one("beta_dot"),
+    "aero/betadot-deg_sec": _one("beta_dot", 1.0 / DEGREE),
+    "fcs/elevator-pos-deg": _one("delta_e", 1.0 / DEGREE),
+    "fcs/rudder-pos-deg": _one("delta_r", 1.0 / DEGREE),
+    "fcs/flap-pos-deg": _one("delta_f", 1.0 / DEGREE),
+    "fcs/left-aileron-pos-rad": _one("delta_a", -1.0),
+    "fcs/left-aileron-pos-deg": _one("delta_a", -1.0 / DEGREE),
+    "fcs/right-aileron-pos-rad": _one("delta_a"),
+    "fcs/right-aileron-pos-deg": _one("delta_a", 1.0 / DEGREE),
+    "metrics/Sw-sqft": _one("S"),
+    "metrics/cbarw-ft": _one("cbar"),
+    "metrics/bw-ft": _one("b"),
+    "aero/qbar-area": Power(1.0, {"qbar": 1, "S": 1}),
+    "aero/bi2vel": Power(0.5, {"b": 1, "V": -1}),
+    "aero/ci2vel": Power(0.5, {"cbar": 1, "V": -1}),
+    "aero/h_b-mac-ft": Power(1.0 / FOOT, {"h_agl": 1, "b": -1}),
+    **{OWN + variable: _one(variable) for variable in FUNCTION},
+}
+
+# property: the one whose magnitude it is
+MAGNITUDE = {
+    "aero/mag-beta-rad": "aero/beta-rad",
+    "aero/mag-beta-deg": "aero/beta-deg",
+    "fcs/mag-elevator-pos-rad": "fcs/elevator-pos-rad",
+    "fcs/mag-left-aileron-pos-rad": "fcs/left-aileron-pos-rad",
+    "fcs/mag-right-aileron-pos-rad": "fcs/right-aileron-pos-rad",
+    "fcs/mag-rudder-pos-rad": "fcs/rudder-pos-rad",
+}
+
+# deflection as a fraction: variable and sense; the angle at 1 must come from the user
+NORMALISED = {
+    "fcs/elevator-pos-norm": ("delta_e", 1.0),
+    "fcs/left-aileron-pos-norm": ("delta_a", -1.0),
+    "fcs/right-aileron-pos-norm": ("delta_a", 1.0),
+    "fcs/rudder-pos-norm": ("delta_r", 1.0),
+    "fcs/flap-pos-norm": ("delta_f", 1.0),
+}
+
+# all values a variable can take: within them a line or a magnitude is a table without any loss
+RANGE = {
+    "beta": (-math.pi / 2, math.pi / 2),
+    **{name: (-math.pi, math.pi) for name in ("alpha", "phi", "delta_e", "delta_a", "delta_r", "delta_f")},
+    "gear": (0.0, 1.0),
+    "speedbrake": (0.0, 1.0),
+}
