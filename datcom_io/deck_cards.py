@@ -222,7 +222,7 @@ class _Reader:
             *pieces, last = text.split(",")
             for piece in [*pieces, last] if last.strip() else pieces:
                 place = 0
-                while found := _ASSIGN.search(piece, place):
+                while "=" in piece and (found := _ASSIGN.search(piece, place)):
                     if piece[place : found.start()].strip():
                         self._value(line, piece[place : found.start()], variable, values)
                         self.say(line, ERROR, f"${self.name}: no comma before {found[1]}; it stops the program")

@@ -10,6 +10,7 @@ import codecs
 import os
 import re
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from itertools import islice
 from typing import TextIO
 
@@ -33,6 +34,7 @@ _MAY_TURN = re.compile(
 )
 _BLOCK_CHARACTERS = 1 << 18
 _BLOCK_LINES = 4096
+_LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
 _TRAILING = "\r\n\x1a "
 
 
@@ -91,10 +93,17 @@ def _clean(lines: list[str], text: str) -> list[str]:
 
 def anchor(line: str) -> str:
     """Return which part of the print a line opens: ``run case page dump end``, or an empty text."""
+    return _known_anchor(line) if len(line) <= _LONGEST_LINE else _anchor(line)
+
+
+def _anchor(line: str) -> str:
     text = line[1:].lstrip()
     if not text.startswith(_STARTS):
         return ""
     return next(kind for words, kind in ANCHORS.items() if text.startswith(words))
+
+
+_known_anchor = lru_cache(1024)(_anchor)
 
 
 def turns(lines: list[str]) -> list[int]:

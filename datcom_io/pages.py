@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
-from .cells import read_cell
+from .headings import TITLES, read_heading
 from .layouts import BLOCKS, BY_HEADING, CONDITIONS
 from .layouts import notes as footnotes
 from .layouts.form import Block, Layout, Line, heading_words
@@ -15,27 +15,9 @@ from .listing import Message, Page
 from .rows import windows
 from .tables import Printed, Table, read_table
 
-_TITLES = (
-    ("CHARACTERISTICS AT ANGLE OF ATTACK", "static"),
-    ("DYNAMIC DERIVATIVES", "dynamic"),
-    ("CHARACTERISTICS OF HIGH LIFT", "high-lift"),
-    ("CONFIGURATION AUXILIARY", "auxiliary"),
-    ("SECTION DEFINITION", "section"),
-    ("USER DEFINED", "section"),
-    ("AERODYNAMIC CONTROL EFFECTIVENESS", "hypersonic"),
-    ("SPECIAL CONTROL METHODS", "special"),
-    ("TRANSVERSE-JET CONTROL", "special"),
-    ("LIST OF FINAL INPUTS", "final inputs"),
-    ("EXTRAPOLATION MESSAGE SUMMARY", "extrapolation"),
-    ("FOLLOWING ARE", "dump"),
-)
-_KINDS = (*_TITLES, (")=", "dump"))
 _LAST_HEADING_LINE = 12
 _LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
 _CONDITION_WINDOWS = windows(CONDITIONS.columns, CONDITIONS.keys)
-_GROUND = re.compile(r"GROUND HEIGHT= *(FREE AIR|[\d.]+)")
-_FLAP = re.compile(r"FLAP DEFLECTION= *(-?[\d.]+)")
-_POWER = re.compile(r"(JET|PROPELLER) POWER EFFECTS INCLUDED")
 _UNITS = re.compile(r"(FT|IN|M|CM) +\1/SEC ")
 _SECOND_TITLE = "APRIL 1976 VERSION OF DATCOM"  # one build breaks the title of a hypersonic page
 # first line of the numbers on a page whose heading ends in a CASEID
@@ -68,20 +50,19 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[t
     start = _body_start(lines) if anchor is None else 0
     top = lines[1:start] if anchor is None else lines[1:anchor]
     heading = tuple(words for _, text in top if (words := text[1:].strip()) and words != _SECOND_TITLE)
-    kind = _kind(lines[0][1], heading)
-    words = "\n".join(heading[1:])
+    said = read_heading(lines[0][1], heading)
     conditions, dim, after = (None, "", start) if anchor is None else _conditions(lines, anchor)
-    body = _read_body(lines, after, kind)
+    body = _read_body(lines, after, said.kind)
     page = Page(
-        kind=kind,
+        kind=said.kind,
         case=case,
         first=lines[0][0],
         last=lines[-1][0],
         heading=heading[:6],
-        configuration=_configuration(heading[1]) if kind in ("static", "dynamic", "high-lift", "auxiliary") and heading[1:] else "",
-        ground_height=_ground_height(words),
-        flap=_number(_FLAP, words),
-        power=power[1].lower() if (power := _POWER.search(words)) else "off",
+        configuration=said.configuration,
+        ground_height=said.ground_height,
+        flap=said.flap,
+        power=said.power,
         dim=dim,
         per=body.per,
         conditions=conditions,
@@ -95,7 +76,7 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[t
 def _body_start(lines: list[Line]) -> int:
     """Return where the body of a page without flight conditions starts: behind the line that names its kind, and the CASEID."""
     top = lines[:_LAST_HEADING_LINE]
-    start = next((i + 1 for i, (_, text) in enumerate(top) if any(words in text for words, _ in _TITLES)), 0)
+    start = next((i + 1 for i, (_, text) in enumerate(top) if any(words in text for words, _ in TITLES)), 0)
     return next((i for i in range(start, len(top)) if _NUMBERS_BEGIN.match(top[i][1])), start)
 
 
@@ -105,29 +86,6 @@ def add_message(messages: list[Message], number: int, text: str) -> None:
         messages[-1] = messages[-1]._replace(text=f"{messages[-1].text} {text}")
     else:
         messages.append(Message(number, text))
-
-
-def _kind(first: str, heading: tuple[str, ...]) -> str:
-    """Return the kind of a page by its first line or the line below the program's name."""
-    for words, kind in _KINDS:
-        if words in first or (heading and words in heading[0]):
-            return kind
-    return "other"
-
-
-def _configuration(line: str) -> str:
-    return line.removesuffix(" CONFIGURATION")
-
-
-def _ground_height(words: str) -> float:
-    found = _GROUND.search(words)
-    return float("inf") if found is None or found[1] == "FREE AIR" else _number(_GROUND, words)
-
-
-def _number(pattern: re.Pattern[str], words: str) -> float:
-    found = pattern.search(words)
-    cell = read_cell(found[1]) if found else None
-    return cell[0] if cell else float("nan")
 
 
 def _conditions(lines: list[Line], anchor: int) -> tuple[Table | None, str, int]:

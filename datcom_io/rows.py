@@ -23,7 +23,14 @@ Cells = tuple[list[float], list[int]]
 _SHAPE = bytes.maketrans(b"123456789", b"000000000")
 _MOST_SHAPES = 4096
 _PLAIN = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)|\D*")  # also a word
-_read_again = lru_cache(1 << 16)(read_cell)
+
+
+@lru_cache(1 << 16)
+def read_again(part: str) -> tuple[float, int]:
+    """Return value and flag of a field of a row that cuts into its columns; the same texts come again and again."""
+    cell = read_cell(part)
+    assert cell is not None
+    return cell
 
 
 class Cut(NamedTuple):
@@ -87,7 +94,7 @@ def read_fields(rows: Sequence[str], columns: Sequence[Column]) -> tuple[np.ndar
     values, flags = np.empty((len(rows), len(columns))), np.empty((len(rows), len(columns)), np.uint8)
     for k, column in enumerate(columns):
         part = slice(column.first - 1, column.last)
-        cells = [read_field(row[part], True) if column.words else _read_again(row[part]) for row in rows]
+        cells = [read_field(row[part], True) if column.words else read_again(row[part]) for row in rows]
         values[:, k], flags[:, k] = zip(*cells)
     return values, flags
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .cells import OK, read_cell, read_cells
-from .rows import Cells, read_field, read_fields, shape_of, windows
+from .rows import Cells, read_again, read_fields, shape_of, windows
 
 if TYPE_CHECKING:  # the layouts make tables themselves
     from .layouts.form import Column, Layout, Line
@@ -73,8 +73,8 @@ class Table:
         """Return one printed number, NaN where there is none; the others need not be read for it. [as printed]"""
         if self.given is not None:
             return float(self.given[0][row, column])
-        cell = read_field(self.text(row, column), self.columns[column].words)
-        return cell[0] if cell else float("nan")
+        place = self.columns[column]
+        return read_again(self.rows[row][place.first - 1 : place.last])[0] if not place.words else float("nan")
 
     def text(self, row: int, column: int) -> str:
         """Return a cell's text as printed, without the blanks around it."""
