@@ -11,18 +11,33 @@ from typing import TYPE_CHECKING
 from flightmech.lazy import load
 
 if TYPE_CHECKING:
+    from .blending import blend, consistency
     from .build import from_datcom
     from .comparison import compare
     from .edit import delete_terms, replace_terms
     from .evaluation import contributions, evaluate
     from .exchange.jsbsim_write import export_jsbsim
     from .files import open, save
+    from .moving import move_reference
     from .overview import summary
     from .rescaling import rescale
     from .schema import check, database, terms
+    from .shaping import extend, regrid, regrid_error, scale, shift
+    from .states import forget, history, previous
     from .tabulation import tabulate
 
 _HOME = {
+    "blend": "blending",
+    "consistency": "blending",
+    "move_reference": "moving",
+    "extend": "shaping",
+    "regrid": "shaping",
+    "regrid_error": "shaping",
+    "scale": "shaping",
+    "shift": "shaping",
+    "forget": "states",
+    "history": "states",
+    "previous": "states",
     "from_datcom": "build",
     "compare": "comparison",
     "delete_terms": "edit",
@@ -40,18 +55,29 @@ _HOME = {
     "tabulate": "tabulation",
 }
 __all__ = [
+    "blend",
     "check",
     "compare",
+    "consistency",
     "contributions",
     "database",
     "delete_terms",
     "evaluate",
     "export_jsbsim",
+    "extend",
+    "forget",
     "from_datcom",
+    "history",
+    "move_reference",
     "open",
+    "previous",
+    "regrid",
+    "regrid_error",
     "replace_terms",
     "rescale",
     "save",
+    "scale",
+    "shift",
     "summary",
     "tabulate",
     "terms",

@@ -9,6 +9,7 @@ import click
 from flightmech.console import NewFile, document, json_option, remark, table
 
 from .cli_characteristics import characteristics, rescale
+from .edit_cli import edit, forget, history, previous
 
 _LISTING = click.Path(exists=True, dir_okay=False)
 
@@ -119,4 +120,8 @@ def check(file: str, as_json: bool) -> None:
 
 
 db.add_command(characteristics)
+db.add_command(edit)
+db.add_command(history)
+db.add_command(previous)
+db.add_command(forget)
 db.add_command(rescale)

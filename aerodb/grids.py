@@ -34,7 +34,7 @@ def union(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def within(points: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Return which of `x` lie between the first and the last breakpoint."""
-    near = _NEAR * np.ptp(np.concatenate([points, np.atleast_1d(x)]))
+    near = _NEAR * np.ptp(np.append(points, x))
     return (x >= points[0] - near) & (x <= points[-1] + near)
 
 
@@ -112,14 +112,15 @@ def spread(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Dataset:
 def with_table(leaf: xr.Dataset, points: Mapping[str, np.ndarray], value, stderr=None, source=None) -> xr.Dataset:
     """Return a leaf with another table; factors and attributes stay, standard error and source only when given."""
     dims = tuple(points)
-    new = xr.Dataset({"value": (dims, np.array(value, float), leaf["value"].attrs)}, coords=dict(points), attrs=leaf.attrs)
-    for axis in dims:
-        new[axis].attrs = dict(leaf[axis].attrs) if axis in leaf.coords else attrs(axis)
+    tables = {"value": (dims, np.array(value, float), leaf["value"].attrs)}
     if stderr is not None:
-        new["stderr"] = dims, np.array(stderr, float), leaf["stderr"].attrs if "stderr" in leaf else {}
+        tables["stderr"] = dims, np.array(stderr, float), leaf["stderr"].attrs if "stderr" in leaf else {}
     if source is not None:
-        new["source"] = dims, np.array(source, np.uint8), {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
-    return new.assign({key: leaf[key] for key in _FACTORS if key in leaf})
+        tables["source"] = dims, np.array(source, np.uint8), {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
+    coords = {axis: (axis, own, dict(leaf[axis].attrs) if axis in leaf.coords else attrs(axis)) for axis, own in points.items()}
+    new = xr.Dataset(tables, coords, leaf.attrs)
+    factors = {key: leaf[key] for key in _FACTORS if key in leaf}
+    return new.assign(factors) if factors else new
 
 
 def folded(leaf: xr.Dataset) -> xr.Dataset:

@@ -40,8 +40,8 @@ def move_reference(db: xr.DataTree, point: Sequence[float], *, tolerance: float 
     point : (3,)
         The new moment reference point from the drawing datum: x forward, y right, z down, as ``x_ref y_ref z_ref``. [m]
     tolerance : float
-        Between breakpoints, how far the moment that a force term adds may be off, as a share of the largest moment that its largest force
-        can have about the new point.  At the breakpoints it is exact.
+        How far the moment that a force term adds may be off between breakpoints, as a share of what the largest force of its kind (same
+        coefficient, same regressors) can have as moment about the new point.  At breakpoints it is exact.
     flow : {"kept", "moved"}
         Whether V, alpha and beta still mean what they meant, those at the c.g. (a pure change of moments; a simulation of the same
         aeroplane is not changed by it), or from now on those at the new point, as `from_datcom` understands them.  Then the derivatives
@@ -106,14 +106,18 @@ def _moved(leaves: Mapping[str, xr.Dataset], root: Mapping, d: np.ndarray, toler
     """Return all terms with the moments of the forces about the new point."""
     axes = str(root["force_axes"])
     reach = {angle: _reach(leaves, angle) for angle in ("alpha", "beta")}
+    largest: dict[tuple, float] = {}
+    for name, leaf in leaves.items():
+        largest[_kind(name, leaf)] = max(largest.get(_kind(name, leaf), 0.0), _size(leaf))
     new, problems = dict(leaves), []
     for name, leaf in leaves.items():
         force, contribution = name.split("/")
         if force not in FORCE_AXES[axes][:3]:
             continue
+        allowed = tolerance * largest[_kind(name, leaf)]
         for moment in _MOMENTS:
             try:
-                more = _moment(leaf, axes, force, moment, d / float(root[_LENGTHS[moment]]), reach, tolerance)
+                more = _moment(leaf, axes, force, moment, d / float(root[_LENGTHS[moment]]), reach, allowed)
                 if more is not None:
                     _put(new, moment, contribution, more.assign_attrs(comment=f"moment of {name} about the moment reference point"))
             except SchemaError as error:
@@ -124,9 +128,12 @@ def _moved(leaves: Mapping[str, xr.Dataset], root: Mapping, d: np.ndarray, toler
 
 
 def _moment(
-    leaf: xr.Dataset, axes: str, force: str, moment: str, arm: np.ndarray, reach: Mapping[str, np.ndarray], tolerance: float
+    leaf: xr.Dataset, axes: str, force: str, moment: str, arm: np.ndarray, reach: Mapping[str, np.ndarray], allowed: float
 ) -> xr.Dataset | None:
-    """Return what a force term adds to a moment coefficient, d / length being `arm`; None where it has no moment."""
+    """Return what a force term adds to a moment coefficient, d / length being `arm`; None where it has no moment.
+
+    Times the length of `arm`, `allowed` is how far it may be off between breakpoints.
+    """
     angles = _angles(axes, force, moment, arm)
     if angles is None:
         return None
@@ -140,7 +147,7 @@ def _moment(
         raise SchemaError("table", [f"would have the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"])
     coarse = spread(leaf, points)
     for angle in angles:
-        points[angle] = _refined(coarse, angle, tolerance / len(angles))
+        points[angle] = _refined(coarse, angle, allowed / len(angles))
     force_there = spread(leaf, points)
     mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij"))) if points else {}
     times = _lever(axes, force, moment, arm, mesh.get("alpha", 0.0), mesh.get("beta", 0.0))
@@ -175,18 +182,28 @@ def _lever(axes: str, force: str, moment: str, arm: np.ndarray, alpha, beta) -> 
     return np.asarray(arm[j] * e[k] - arm[k] * e[j])
 
 
-def _refined(leaf: xr.Dataset, angle: str, tolerance: float) -> np.ndarray:
-    """Return the breakpoints of an angle with as many put between them as the product with sines needs."""
+def _refined(leaf: xr.Dataset, angle: str, allowed: float) -> np.ndarray:
+    """Return the breakpoints of an angle with as many put between them as the product with its sines needs."""
     own = leaf[angle].values
     T = np.moveaxis(leaf["value"].values, leaf["value"].dims.index(angle), -1).reshape(-1, len(own))
-    if not T.any():
-        return own
+    factors = _size(leaf) / max(float(np.abs(T).max()), np.finfo(float).tiny)
     width = np.diff(own)
     slope = (np.abs(np.diff(T)) / width).max(axis=0)
     top = np.maximum(np.abs(T[:, 1:]), np.abs(T[:, :-1])).max(axis=0)
-    parts = np.ceil(width * np.sqrt((2.0 * slope + top) / (8.0 * tolerance * np.abs(T).max()))).astype(int)
+    curvature = factors * (2.0 * slope + top)
+    parts = np.ceil(width * np.sqrt(np.divide(curvature, 8.0 * allowed, out=np.zeros_like(width), where=curvature > 0))).astype(int)
     cells = [np.linspace(a, b, max(n, 1), endpoint=False) for a, b, n in zip(own, own[1:], parts)]
     return np.concatenate([*cells, own[-1:]])
+
+
+def _kind(name: str, leaf: xr.Dataset) -> tuple[str, ...]:
+    """Return what tells which terms are compared: the coefficient and what multiplies the table."""
+    return (name.split("/")[0], *sorted(_terms.regressors(leaf)))
+
+
+def _size(leaf: xr.Dataset) -> float:
+    """Return the largest value of table and factors together."""
+    return float(np.prod([np.abs(leaf[key].values).max() for key in ("value", "K1", "K2") if key in leaf]))
 
 
 def _put(leaves: dict[str, xr.Dataset], moment: str, contribution: str, more: xr.Dataset) -> None:
