@@ -102,7 +102,7 @@ class Variable:
 
 @dataclass(frozen=True, eq=False)
 class Function:
-    """A table look-up that gives the variable ``output`` from the variables ``inputs``."""
+    """A table look-up that gives the variable ``output`` from the variables ``inputs``; ``place`` counts the functions of the file."""
 
     name: str
     inputs: tuple[str, ...]
@@ -110,6 +110,7 @@ class Function:
     axes: tuple[Axis, ...]
     table: Gridded | Scattered
     line: int
+    place: int
     description: str = ""
     uncertainty: Uncertainty | None = None
     provenance: Provenance | None = None

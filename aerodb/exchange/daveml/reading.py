@@ -86,8 +86,8 @@ class _Reader:
                 raise element.error(f"a second varID {variable.varID!r}", "each varID once")
             variables[variable.varID] = variable
         functions: dict[str, Function] = {}
-        for element in self.root.all("function"):
-            function = self._function(element)
+        for place, element in enumerate(self.root.all("function")):
+            function = self._function(element, place)
             if function.output in functions:
                 raise element.error(f"a second function for {function.output}", "one function per variable")
             functions[function.output] = function
@@ -152,7 +152,7 @@ class _Reader:
             provenance=self._provenance(element),
         )
 
-    def _function(self, element: Element) -> Function:
+    def _function(self, element: Element, place: int) -> Function:
         simple = element.first("dependentVarPts")
         inputs = element.all("independentVarPts" if simple is not None else "independentVarRef")
         if not inputs:
@@ -171,7 +171,7 @@ class _Reader:
         names = tuple(e.attribute("varID") for e in inputs)
         text = _text(element, "description")
         name = element.attributes.get("name", "").strip()
-        return Function(name, names, output, axes, table, element.line, text, uncertainty, provenance)
+        return Function(name, names, output, axes, table, element.line, place, text, uncertainty, provenance)
 
     def _table(self, definition: Element) -> Element:
         """Return the element that holds the table of a functionDefn, whether it is written there or referred to."""
@@ -346,9 +346,9 @@ def _date(element: Element) -> str:
 
 
 def _text(element: Element, tag: str) -> str:
-    """Return the text of a child, indentation and line ends as single blanks except where a line was meant to end."""
+    """Return the text of a child, its lines without indentation."""
     child = element.first(tag)
-    return "" if child is None else "\n".join(" ".join(line.split()) for line in child.text.splitlines())
+    return "" if child is None else "\n".join(line.strip() for line in child.text.splitlines())
 
 
 def _order(file: str, variables: Mapping[str, Variable], functions: Mapping[str, Function]) -> tuple[str, ...]:

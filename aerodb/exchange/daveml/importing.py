@@ -1,0 +1,284 @@
+"""A DAVE-ML aerodynamic model as a database: its build-up equations multiplied out into terms, exactly or not at all."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import SchemaError, UnknownName
+from flightmech.names import attrs, lookup
+from flightmech.names import VOCABULARY
+
+from ...evaluation import contributions
+from ...schema import CHECKS, FORCE_AXES, database, terms
+from . import algebra, samples
+from .algebra import Sum
+from .descriptions import WRITER, unpacked
+from .expansion import expand
+from .leaf_building import Part, leaves_of, parts_of
+from .model import DaveModel, Shot, Variable
+from .reading import read
+from .vocabulary import COEFFICIENTS, conversion, quantity_of
+
+_REFERENCE = ("S", "cbar", "b")
+_PLACE = ("x_ref", "y_ref", "z_ref")
+_PROOFS = 500  # states at which the database is compared with the model
+_ROUNDING = 1e-11  # of the sum of the absolute contributions: some hundred roundings
+
+
+def import_daveml(
+    path: str | os.PathLike,
+    names: Mapping[str, str] | None = None,
+    *,
+    S: float | None = None,
+    cbar: float | None = None,
+    b: float | None = None,
+    force_axes: str | None = None,
+    without: Collection[str] = (),
+    checks: str = "raise",
+) -> xr.DataTree:
+    """Read the aerodynamic model of a DAVE-ML file as a database.
+
+    Tables become tables and calculations are multiplied out into *table x table x variables*; angles become radians, lengths metres,
+    ``p b / 2V`` the reduced rate ``phat``.  Look-ups over the absolute value or a limited value of a variable, and tables whose sign
+    follows that of an axis, become tables over the variable.  The result equals the model but for rounding; this is tried at 500
+    states, inside the tables and beyond, before it is returned.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    names : mapping of str to str, optional
+        Quantity of the house by varID or name, for variables that do not carry a name of S-119: ``{"ALPHA_TOT_D": "alpha"}``.
+    S, cbar, b : float, optional
+        Reference area [m2], chord and span [m] of a file that does not tell them.
+    force_axes : {"stability", "wind", "body"}, optional
+        Axes of the forces; by default those of the coefficients found, lift and drag counting as stability axes unless the file says
+        wind axes.
+    without : collection of str
+        Coefficients to leave out, because they cannot be taken over exactly: ``("CD",)``.
+    checks : {"raise", "ignore"}
+        What a check case of the file that fails does.
+
+    Returns
+    -------
+    DataTree
+        Moments about the reference point of the file.  Its check cases stand in ``/checks``, in SI.
+
+    Raises
+    ------
+    ParseError, SchemaError
+        As `read`; SchemaError also with every variable that cannot be taken over and the reason, and when reference quantities are
+        missing or differ.
+    UnknownName
+        A variable of `names` that the file does not have, or a quantity that the house does not have.
+    """
+    model = read(path, checks)
+    mine = _quantities(model, names or {})
+    geometry = _geometry(model, {"S": S, "cbar": cbar, "b": b})
+    inputs = {varID: _substitute(model.variables[varID], quantity) for varID, quantity in mine.items()}
+    sums, reasons = expand(model, inputs, geometry)
+    outputs, axes = _coefficients(model, names or {}, force_axes, without)
+    leaves, problems = {}, []
+    for coefficient, varID in outputs.items():
+        try:
+            leaves |= _leaves(model, coefficient, varID, sums, reasons)
+        except algebra.Inexact as error:
+            problems.append(f"{coefficient}: {varID} ({model.variables[varID].name}): {error}")
+    if problems:
+        hint = "leave these coefficients out with without=, or evaluate the model itself: aerodb.exchange.daveml.read(path).evaluate"
+        raise SchemaError(f"{Path(path).name} cannot be taken over exactly", [*problems, hint])
+    db = database(leaves, **_root(model, Path(path), geometry, axes, outputs))
+    _prove(db, model, mine, outputs, geometry)
+    cases = _checks(model, mine, outputs, geometry)
+    return db if cases is None else xr.DataTree.from_dict({**db.to_dict(), f"/{CHECKS}": cases})
+
+
+def _quantities(model: DaveModel, names: Mapping[str, str]) -> dict[str, str]:
+    """Return the quantity of each input, by varID."""
+    mine = {model.find(key).varID: lookup(quantity).name for key, quantity in names.items()}
+    found: dict[str, str] = {}
+    for varID in model.inputs:
+        quantity = mine.get(varID) or quantity_of(model.variables[varID])
+        if quantity and quantity in found.values():
+            other = next(key for key, item in found.items() if item == quantity)
+            raise SchemaError(model.file, [f"the inputs {other} and {varID} are both {quantity}; say which with names="])
+        if quantity:
+            found[varID] = quantity
+    return found
+
+
+def _substitute(variable: Variable, quantity: str) -> Sum:
+    factor, offset = conversion(variable, quantity)
+    return algebra.variable(quantity, factor, offset)
+
+
+def _geometry(model: DaveModel, given: Mapping[str, float | None]) -> dict[str, float]:
+    """Return S, cbar, b in SI, from the constants of the file or the caller; they must not contradict each other."""
+    found: dict[str, float] = {}
+    for variable in model.variables.values():
+        quantity = quantity_of(variable)
+        if quantity in (*_REFERENCE, *_PLACE) and variable.initial is not None and variable.varID not in model.functions:
+            factor, offset = conversion(variable, quantity)
+            found[quantity] = (variable.initial - offset) / factor
+    problems = []
+    for quantity, value in given.items():
+        if value is not None and quantity in found and not np.isclose(value, found[quantity], rtol=1e-6):
+            problems.append(f"{quantity} is {found[quantity]:.9g} in the file and {value:.9g} in the call; leave it out")
+        if value is not None:
+            found.setdefault(quantity, value)
+    problems += [f"the file does not tell {quantity}; pass {quantity}=" for quantity in _REFERENCE if quantity not in found]
+    if problems:
+        raise SchemaError(f"reference quantities of {model.file}", problems)
+    return found
+
+
+def _coefficients(model: DaveModel, names: Mapping[str, str], axes: str | None, without: Collection[str]) -> tuple[dict[str, str], str]:
+    """Return the varID of each coefficient that the file gives, and the axes of its forces."""
+    mine = {model.find(key).varID: quantity for key, quantity in names.items()}
+    found: dict[str, str] = {}
+    for varID in model.outputs:
+        quantity = mine.get(varID) or quantity_of(model.variables[varID])
+        if quantity not in COEFFICIENTS:
+            continue
+        if quantity in found:
+            raise SchemaError(model.file, [f"the outputs {found[quantity]} and {varID} are both {quantity}; say which with names="])
+        found[quantity] = varID
+    if axes is None:
+        axes = _axes_of(model, found)
+    if axes not in FORCE_AXES:
+        raise ValueError(f"force_axes is {axes!r}; allowed: {', '.join(FORCE_AXES)}")
+    for name in without:
+        if name not in COEFFICIENTS:
+            raise UnknownName(name, COEFFICIENTS, "coefficient")
+    kept = {name: found[name] for name in COEFFICIENTS if name in found and name not in without}
+    kept = {name: varID for name, varID in kept.items() if name in FORCE_AXES[axes] or name.startswith("Ch_")}
+    if not kept:
+        given = ", ".join(f"{varID} ({model.variables[varID].name})" for varID in model.outputs)
+        raise SchemaError(model.file, [f"no output is a coefficient: {given}; say which with names={{'{model.outputs[0]}': 'CL'}}, say"])
+    return kept, axes
+
+
+def _axes_of(model: DaveModel, found: Mapping[str, str]) -> str:
+    body, other = [name for name in ("CX", "CZ") if name in found], [name for name in ("CL", "CD") if name in found]
+    if body and other:
+        raise SchemaError(model.file, [f"gives both {' '.join(body)} and {' '.join(other)}; choose with force_axes="])
+    if body:
+        return "body"
+    said = " ".join(model.variables[found[name]].axis_system.lower() for name in other)
+    return "wind" if "wind" in said else "stability"
+
+
+def _leaves(model: DaveModel, coefficient: str, varID: str, sums: Mapping[str, Sum], reasons: Mapping[str, str]) -> dict[str, xr.Dataset]:
+    """Return the terms of one coefficient by name."""
+    factor, offset = conversion(model.variables[varID], coefficient)
+    if varID not in sums:
+        raise algebra.Inexact(reasons[varID])
+    parts = parts_of(model, coefficient, varID, sums)
+    if factor != 1.0 or offset != 0.0:
+        parts = [Part(part.name, algebra.scale(part.sum, 1.0 / factor), part.order, part.texts) for part in parts]
+    return leaves_of(model, coefficient, parts)
+
+
+def _root(model: DaveModel, path: Path, geometry: Mapping[str, float], axes: str, outputs: Mapping[str, str]) -> dict[str, str | float]:
+    header = model.header
+    missing = [name for name in FORCE_AXES[axes] if name not in outputs]
+    attributes: dict[str, str | float] = {
+        "title": header.name or path.stem,
+        "aircraft": header.name or path.stem,
+        "source": f"DAVE-ML file {path.name}",
+        "references": "; ".join(", ".join(filter(None, (r.author, r.title, r.accession, r.date))) for r in header.references),
+        "comment": "\n".join(filter(None, [header.description, *_remarks(model)])),
+        "absent": " ".join(f"{name}/basic" for name in missing),
+    }
+    if header.version.startswith(WRITER):
+        attributes |= unpacked(header.description)
+    values = model.check()
+    line = f"import_daveml: {path.name}, version {header.version or 'unnamed'}, {len(model.shots)} check cases with {len(values)} values, "
+    line += "all met" if values["passed"].all() else f"{int((~values['passed']).sum())} NOT met"
+    history = [str(attributes.get("history", ""))] if header.version.startswith(WRITER) else _modifications(model)
+    attributes["history"] = "\n".join(filter(None, [*history, line]))
+    return {**attributes, **dict.fromkeys(_PLACE, 0.0), **geometry, "force_axes": axes}
+
+
+def _modifications(model: DaveModel) -> list[str]:
+    return [" ".join(f"{m.date} modification {m.modID}: {m.description}".split()) for m in model.header.modifications]
+
+
+def _remarks(model: DaveModel) -> list[str]:
+    """Return what a reader of the database should know of the file."""
+    limited = [
+        f"{v.varID} is limited to {v.low:g} ... {v.high:g} {v.units} in the file; the reduced rates of the database have no such limit"
+        for v in model.variables.values()
+        if quantity_of(v) == "V" and v.varID in model.inputs and np.isfinite((v.low, v.high)).any()
+    ]
+    return [*limited, *model.notes]
+
+
+def _file_inputs(model: DaveModel, mine: Mapping[str, str], states: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return states in the variables and units of the file."""
+    found = {}
+    for varID, quantity in mine.items():
+        if quantity in states:
+            factor, offset = conversion(model.variables[varID], quantity)
+            found[varID] = factor * states[quantity] + offset
+    return found
+
+
+def _prove(db: xr.DataTree, model: DaveModel, mine: Mapping, outputs: Mapping[str, str], geometry: Mapping[str, float]) -> None:
+    """Compare the database with the model at states inside and beyond its tables."""
+    drawn = samples.draw(terms(db).values(), _PROOFS, samples.BEYOND)
+    states = samples.with_rates(drawn, geometry)
+    for quantity in mine.values():
+        states.setdefault(quantity, np.zeros(_PROOFS))
+    found = model.evaluate(_file_inputs(model, mine, states) | {v: 0.0 for v in model.inputs if v not in mine})
+    problems = []
+    for coefficient, varID in outputs.items():
+        factor, offset = conversion(model.variables[varID], coefficient)
+        parts = contributions(db, coefficient, states, outside="clamp")
+        total, size = sum(parts.values(), np.zeros(_PROOFS)), sum(map(np.abs, parts.values()), np.zeros(_PROOFS))
+        gap = np.abs(total - (found[varID] - offset) / factor)
+        if not (gap <= _ROUNDING * np.maximum(size, 1e-3)).all():
+            at = int(np.nanargmax(gap - _ROUNDING * size))
+            place = ", ".join(f"{name} {states[name][at]:.6g}" for name in sorted(drawn))
+            problems.append(f"{coefficient} differs from {varID} by {gap[at]:.3g} at {place}")
+    if problems:
+        raise SchemaError(f"{model.file}: the terms do not give the model back", problems)
+
+
+def _checks(model: DaveModel, mine: Mapping[str, str], outputs: Mapping[str, str], geometry: Mapping[str, float]) -> xr.Dataset | None:
+    """Return the check cases as a Dataset over ``case``: inputs and expected coefficients in SI, with their tolerances."""
+    if not model.shots:
+        return None
+    back = {varID: quantity for quantity, varID in outputs.items()}
+    rows = [_case(model, shot, mine, back) for shot in model.shots]
+    keys = dict.fromkeys(key for row in rows for key in row)
+    columns = {key: np.array([row.get(key, np.nan) for row in rows]) for key in keys}
+    columns = samples.with_reduced(columns, geometry)
+    cases = xr.Dataset({key: ("case", column) for key, column in columns.items()}, {"case": [shot.name for shot in model.shots]})
+    for key in columns:
+        if key in VOCABULARY:
+            cases[key].attrs.update(attrs(key))
+    cases.attrs = {"source": f"check data of {Path(model.file).name}"}
+    return cases
+
+
+def _case(model: DaveModel, shot: Shot, mine: Mapping[str, str], back: Mapping[str, str]) -> dict[str, float]:
+    row: dict[str, float] = {}
+    initial = {v: model.variables[v].initial for v in mine}
+    given = {model.find(signal.key).varID: signal.value for signal in shot.inputs}
+    for varID, value in {**{v: i for v, i in initial.items() if i is not None}, **given}.items():
+        if varID in mine:
+            factor, offset = conversion(model.variables[varID], mine[varID])
+            row[mine[varID]] = (value - offset) / factor
+    for signal in shot.outputs:
+        quantity = back.get(model.find(signal.key).varID)
+        if quantity is not None:
+            factor, offset = conversion(model.variables[model.find(signal.key).varID], quantity)
+            row[quantity] = (signal.value - offset) / factor
+            row[f"{quantity}_tolerance"] = abs(signal.tolerance / factor)
+    return row

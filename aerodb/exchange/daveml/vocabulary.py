@@ -1,0 +1,87 @@
+"""Which quantity of the house a variable of a DAVE-ML file is, in which unit and with which sign."""
+
+from __future__ import annotations
+
+import re
+
+from flightmech.errors import SchemaError, UnitError
+from flightmech.names import VOCABULARY, lookup
+from flightmech.units import parse
+
+from .model import Variable
+from .unit_codes import house_unit
+
+COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn", "Ch_e", "Ch_a", "Ch_r")
+# names seen in published files beside those of S-119 that `flightmech.names` lists; letters only, lower case
+_ALIASES = {
+    "totalcoefficientoflift": "CL",
+    "totalcoefficientofdrag": "CD",
+    "aerobodyforcecoefficienty": "CY",
+    "rollingmomentcoefficient": "Cl",
+    "pitchingmomentcoefficient": "Cm",
+    "yawingmomentcoefficient": "Cn",
+    "machnumber": "mach",
+    "longitudinalreferencelength": "cbar",
+    "lateralreferencelength": "b",
+    "referencearea": "S",
+}
+_ANGULAR = ("rad", "deg")
+_OPPOSITES = [  # words and abbreviations of S-119 for the two senses
+    ({"ted", "trailingedgedown"}, {"teu", "trailingedgeup"}),
+    ({"tel", "trailingedgeleft"}, {"ter", "trailingedgeright"}),
+    ({"rwd", "rightwingdown", "rightroll"}, {"lwd", "leftwingdown", "leftroll", "righttedleftroll"}),
+    ({"anu", "noseup", "aircraftnoseup"}, {"and", "nosedown", "aircraftnosedown"}),
+    ({"anr", "noseright", "aircraftnoseright"}, {"anl", "noseleft", "aircraftnoseleft"}),
+    ({"fwd", "forward"}, {"aft", "rearward"}),
+    ({"rt", "right"}, {"lt", "left"}),
+    ({"up"}, {"down", "dn", "dwn"}),
+    ({"windfromright", "windinrightear", "wir"}, {"windfromleft", "windinleftear", "wil"}),
+]
+
+
+def _letters(text: str) -> str:
+    return re.sub("[^a-z]", "", text.lower())
+
+
+_S119 = {_letters(row.s119): row.name for row in VOCABULARY.values() if row.s119} | _ALIASES
+
+
+def quantity_of(variable: Variable) -> str:
+    """Return the quantity of the vocabulary that a variable is by its name or varID, or ``""``.
+
+    Names of S-119 come first, in any case and with or without a unit at their end (``angleOfAttack_d``); then the names of the house.
+    """
+    for text in (variable.name, variable.varID):
+        for known in (_letters(text), _letters(re.sub("_(d|deg|rad|r)$", "", text))):
+            if known in _S119:
+                return _S119[known]
+    for text in (variable.name, variable.varID):
+        if text in VOCABULARY:
+            return text
+    return "mach" if variable.name.lower() == "mach" else ""
+
+
+def conversion(variable: Variable, quantity: str) -> tuple[float, float]:
+    """Return factor and offset of value_file = factor * value_house + offset, units and sign.
+
+    Raises
+    ------
+    SchemaError
+        A unit of another quantity, or none where an angle needs one.
+    """
+    expected = lookup(quantity).units
+    try:
+        unit = house_unit(variable.units)
+        dimension, to_si, offset = parse(unit)
+        if dimension != parse(expected)[0] or any(w in expected and not any(u in unit for u in _ANGULAR) for w in ("rad",)):
+            raise UnitError(f"unit {variable.units!r}, where {quantity} needs one such as {expected}")
+    except UnitError as error:
+        raise SchemaError(f"variable {variable.varID} ({variable.name})", [str(error)]) from None
+    sense = -1.0 if turned(variable.sign, lookup(quantity).sign) else 1.0
+    return sense / to_si, -offset / to_si
+
+
+def turned(sign: str, own: str) -> bool:
+    """Whether a sign convention is the opposite of the house's; what is not known counts as the same."""
+    theirs, ours = _letters(sign), _letters(own)
+    return any((theirs in a and ours in b) or (theirs in b and ours in a) for a, b in _OPPOSITES)
