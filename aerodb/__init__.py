@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING
 from flightmech.lazy import load
 
 if TYPE_CHECKING:
+    from . import templates
     from .blending import blend, consistency
     from .build import from_datcom
     from .comparison import compare
     from .edit import delete_terms, replace_terms
     from .evaluation import contributions, evaluate
     from .exchange.jsbsim_write import export_jsbsim
+    from .factoring import factored
     from .files import open, save
     from .moving import move_reference
     from .overview import summary
@@ -52,7 +54,9 @@ _HOME = {
     "terms": "schema",
     "rescale": "rescaling",
     "summary": "overview",
+    "factored": "factoring",
     "tabulate": "tabulation",
+    "templates": "templates",
 }
 __all__ = [
     "blend",
@@ -65,6 +69,7 @@ __all__ = [
     "evaluate",
     "export_jsbsim",
     "extend",
+    "factored",
     "forget",
     "from_datcom",
     "history",
@@ -80,6 +85,7 @@ __all__ = [
     "shift",
     "summary",
     "tabulate",
+    "templates",
     "terms",
 ]
 

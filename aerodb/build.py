@@ -14,9 +14,10 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 
-from . import increments
+from . import devices, hinges, increments
 from .effects import Effect, rate_shift, rates_to_body, rereference, rolled_to_body, transferred, with_added
 from .leaves import completed, leaves
+from .power import power as power_effect
 from .prior_errors import errors_with
 from .schema import SCHEME, database
 from .sources import Source, source, warn
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from flightmech.aircraft import Aircraft
 
 _NEAR = 5e-4  # moment centres closer than this many chords are the same: rounding of print and drawing
+_ROLL_CONTROLS = {"aileron": increments.aileron, "spoilers": devices.spoilers, "differential_tail": devices.differential_tail}
 _INCOMPRESSIBLE = 0.3  # below, tables may be held down to Mach 0
 
 
@@ -38,8 +40,13 @@ def from_datcom(
     ground: Any = None,
     ground_flap: Any = None,
     ground_elevator: Any = None,
+    power: Any = None,
+    spoilers: Any = None,
+    differential_tail: Any = None,
+    tabs: Any = None,
+    aileron_hinge: Any = None,
     altitude: float | None = None,
-    stderr: Mapping[str, tuple[float, float]] | None = None,
+    stderr: Mapping[str, tuple[float, float] | float] | None = None,
 ) -> xr.DataTree:
     """Return the database that Digital DATCOM listings give.
 
@@ -48,19 +55,29 @@ def from_datcom(
     aircraft : Aircraft
         Name, reference quantities and moment reference point; coefficients are referred to them.
     clean : Listing, Case, case tree or list of them
-        The whole aeroplane, static and dynamic (card DAMP) pages.
+        The whole aeroplane, static and dynamic (card DAMP) pages; with PART pages the tail's share of missing alpha-dot derivatives.
     flaps, elevator : as `clean`, optional
-        SYMFLP on the wing, and on the tail. One condition per program run, or D(CM) drifts; several runs may be given.
+        SYMFLP on the wing, and on the tail. One condition per program run, or D(CM) drifts; several runs may be given. An all-movable
+        stabilizer (TRIM without SYMFLP) may stand in for the elevator. Hinge moments of the elevator come along.
     aileron : as `clean`, optional
         ASYFLP with ailerons (STYPE 4).
     ground : as `clean`, optional
         GRNDEF, whole aeroplane without deflection.
     ground_flap, ground_elevator : as `clean`, optional
         GRNDEF with flap settings (wing-body), and with elevator deflections.
+    power : as `clean`, optional
+        The whole aeroplane with JETPWR or PROPWR at Mach numbers and angles of attack of `clean`, with its input cards.
+    spoilers, differential_tail : as `clean`, optional
+        ASYFLP with STYPE 1 to 3, and with STYPE 5.
+    tabs : as `clean`, optional
+        CONTAB with SYMFLP on the tail.
+    aileron_hinge : as `clean`, optional
+        SYMFLP on the wing with the geometry of the aileron, of which only the hinge moments are taken.
     altitude : float, optional
         Altitude of the basic tables, one of the printed ones; the middle one unless given. [m]
-    stderr : mapping of str to (float, float), optional
-        A-priori relative and absolute standard errors by term, over those of `aerodb.prior_errors`.
+    stderr : mapping, optional
+        A-priori relative and absolute standard errors by term, ``{"Cm/qhat": (0.5, 0.0)}``, and factors by regime and class of method,
+        ``{"transonic static": 3.0}``, over those of `aerodb.prior_errors`.
 
     Returns
     -------
@@ -79,9 +96,9 @@ def from_datcom(
     -----
     AeromatchWarning
         Reference quantities differ by more than 1 % (coefficients are re-referenced), D(CM) comes from a loop over several
-        conditions, or ground pages with elevator are unusable.
+        conditions, ground pages with elevator are unusable, a value is held into another speed regime, a spoiler of no height has a
+        moment, Mach numbers stand at altitudes of their own, or a term of a listing given has to stay absent.
     """
-    prior = errors_with(stderr)
     given = {
         role: source(role, listing)
         for role, listing in {
@@ -92,9 +109,15 @@ def from_datcom(
             "ground": ground,
             "ground_flap": ground_flap,
             "ground_elevator": ground_elevator,
+            "power": power,
+            "spoilers": spoilers,
+            "differential_tail": differential_tail,
+            "tabs": tabs,
+            "aileron_hinge": aileron_hinge,
         }.items()
         if listing is not None
     }
+    prior = errors_with(stderr, *given["clean"].regimes)
     x_ref, y_ref, z_ref = (float(item) for item in aircraft.reference)
     if abs(y_ref) > _NEAR * aircraft.cbar:
         raise SchemaError(
@@ -105,7 +128,7 @@ def from_datcom(
     cover = _range_of(effects["basic"].tables["CL"])
     history = f"from_datcom: {'; '.join(f'{role} from {place.file}' for role, place in given.items())}"
     found: dict[str, xr.Dataset] = {}
-    for effect in effects.values():
+    for effect in (*effects.values(), *_hinge_effects(given, h_ref)):
         found |= leaves(effect, prior, cover)
     refused = [f"{c}/ground_elevator" for c in ("CL", "CD", "Cm") if "ground_elevator" in given and f"{c}/ground_elevator" not in found]
     return database(
@@ -132,20 +155,37 @@ def _effects(given: Mapping[str, Source], h_ref: float, b: float, z_ref: float) 
     clean = given["clean"]
     found = [("clean", effect) for effect in increments.static(clean, h_ref)]
     found.append(("clean", increments.sideslip(clean, h_ref)))
+    found += [("clean", effect) for effect in increments.pitch_rates(clean, h_ref)]
     if clean.has("dynamic"):
-        found += [("clean", effect) for effect in (*increments.pitch_rates(clean, h_ref), *increments.lateral_rates(clean, h_ref))]
+        found += [("clean", effect) for effect in increments.lateral_rates(clean, h_ref)]
     if "flaps" in given:
         found += [("flaps", effect) for effect in increments.flaps(given["flaps"], h_ref)]
     if "elevator" in given:
-        found.append(("elevator", increments.elevator(given["elevator"], h_ref)))
-    if "aileron" in given:
-        found.append(("aileron", increments.aileron(given["aileron"], h_ref)))
+        movable = given["elevator"].has("trim_stabilizer") and not given["elevator"].has("symflp")
+        found.append(("elevator", (devices.stabilizer if movable else increments.elevator)(given["elevator"], h_ref)))
+    for role, effect in _ROLL_CONTROLS.items():
+        if role in given:
+            found.append((role, effect(given[role], h_ref)))
+    if "power" in given:
+        found.append(("power", power_effect(given["power"], clean, h_ref)))
     over_ground = increments.ground(given["ground"], h_ref, b, z_ref) if "ground" in given else None
     if over_ground is not None:
         found.append(("ground", over_ground))
     for role, axis in (("ground_flap", "delta_f"), ("ground_elevator", "delta_e")):
         if role in given:
             found.append((role, increments.ground_with(axis, given[role], over_ground, h_ref, b, z_ref)))
+    return found
+
+
+def _hinge_effects(given: Mapping[str, Source], h_ref: float) -> list[Effect]:
+    """Return the hinge moments; they have the reference of their control and no axes to turn."""
+    found: list[Effect] = []
+    if "elevator" in given and given["elevator"].has("symflp"):
+        found += hinges.elevator_hinge(given["elevator"], given["clean"], h_ref)
+    if "tabs" in given:
+        found += hinges.tabs(given["tabs"], h_ref, bool(found))
+    if "aileron_hinge" in given:
+        found += hinges.aileron_hinge(given["aileron_hinge"], h_ref)
     return found
 
 
@@ -160,7 +200,7 @@ def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], airc
     effects = {effect.name: rereference(effect, given[role].reference, new) for role, effect in found}
     roles = {effect.name: role for role, effect in found}
     alpha = effects["basic"].tables["CL"]["alpha"]
-    for name in ("beta", "aileron"):
+    for name in ("beta", "aileron", "spoiler", "differential_tail"):
         if name in effects:
             effects[name] = rolled_to_body(effects[name], alpha)
     if "phat" in effects:

@@ -9,6 +9,8 @@ import click
 from flightmech.console import NewFile, document, json_option, remark, table
 
 from .cli_characteristics import characteristics, rescale
+from .cli_listings import ListingPath, read
+from .cli_scheme import scheme
 from .edit_cli import edit, forget, history, previous
 
 _LISTING = click.Path(exists=True, dir_okay=False)
@@ -21,21 +23,28 @@ def db() -> None:
 
 @db.command()
 @click.argument("aircraft", type=_LISTING)
-@click.option("--clean", required=True, multiple=True, type=_LISTING, help="Whole aeroplane, static and dynamic pages.")
-@click.option("--flaps", multiple=True, type=_LISTING, help="SYMFLP on the wing.")
-@click.option("--elevator", multiple=True, type=_LISTING, help="SYMFLP on the tail, one condition per program run.")
-@click.option("--aileron", multiple=True, type=_LISTING, help="ASYFLP with ailerons.")
-@click.option("--ground", multiple=True, type=_LISTING, help="GRNDEF, whole aeroplane.")
-@click.option("--ground-flap", multiple=True, type=_LISTING, help="GRNDEF with flap settings.")
-@click.option("--ground-elevator", multiple=True, type=_LISTING, help="GRNDEF with elevator deflections.")
+@click.option("--clean", required=True, multiple=True, type=ListingPath(), help="Whole aeroplane, static and dynamic pages.")
+@click.option("--flaps", multiple=True, type=ListingPath(), help="SYMFLP on the wing.")
+@click.option("--elevator", multiple=True, type=ListingPath(), help="SYMFLP on the tail, one condition per program run.")
+@click.option("--aileron", multiple=True, type=ListingPath(), help="ASYFLP with ailerons.")
+@click.option("--ground", multiple=True, type=ListingPath(), help="GRNDEF, whole aeroplane.")
+@click.option("--ground-flap", multiple=True, type=ListingPath(), help="GRNDEF with flap settings.")
+@click.option("--ground-elevator", multiple=True, type=ListingPath(), help="GRNDEF with elevator deflections.")
+@click.option("--power", multiple=True, type=ListingPath(), help="JETPWR or PROPWR, at the Mach numbers of the clean listing.")
+@click.option("--spoilers", multiple=True, type=ListingPath(), help="ASYFLP with spoilers.")
+@click.option("--differential-tail", multiple=True, type=ListingPath(), help="ASYFLP with the halves of the stabilizer.")
+@click.option("--tabs", multiple=True, type=ListingPath(), help="CONTAB with SYMFLP on the tail.")
+@click.option("--aileron-hinge", multiple=True, type=ListingPath(), help="SYMFLP on the wing with the geometry of the aileron.")
 @click.option("--altitude", help="Altitude of the basic tables, such as '10000 ft'; the middle one unless given.")
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @json_option
-def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **listings: tuple[str, ...]) -> None:
-    """Build a database from the listings of AIRCRAFT (a TOML file); an option given twice takes several files."""
+def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **listings: tuple[tuple[str, str], ...]) -> None:
+    """Build a database from the listings of AIRCRAFT (a TOML file).
+
+    An option given twice takes several files; FILE:CASE takes one case of a file.
+    """
     import warnings
 
-    import datcom_io
     from flightmech.aircraft import read_aircraft
     from flightmech.errors import AeromatchWarning
     from flightmech.units import quantity
@@ -45,7 +54,7 @@ def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **lis
     from .overview import describe, summary
 
     craft = read_aircraft(aircraft)
-    given: dict[str, Any] = {role: [datcom_io.read(path) for path in paths] for role, paths in listings.items() if paths}
+    given: dict[str, Any] = {role: [read(path) for path in paths] for role, paths in listings.items() if paths}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
         tree = from_datcom(craft, altitude=None if altitude is None else quantity(altitude, "m"), **given)
@@ -125,3 +134,4 @@ db.add_command(history)
 db.add_command(previous)
 db.add_command(forget)
 db.add_command(rescale)
+db.add_command(scheme)

@@ -17,6 +17,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import xarray as xr
 
+from .templates import HINGE
+
 _LENGTH = {"Cl": "b", "Cm": "cbar", "Cn": "b"}
 _RATE_LENGTH = {"phat": "b", "rhat": "b", "betadothat": "b", "qhat": "cbar", "alphadothat": "cbar"}
 
@@ -35,6 +37,8 @@ class Effect:
         Variable that multiplies every table; empty for none.
     zeros : mapping of str to sequence of float
         Axis to the breakpoints where the effect is zero by definition.
+    judged : mapping of str to DataArray
+        Coefficient to a mask of the cells that are not the program's own numbers.
     references, comment : str
         Where it comes from, what to know about it.
 
@@ -45,6 +49,7 @@ class Effect:
     tables: Mapping[str, xr.DataArray]
     regressor: str = ""
     zeros: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    judged: Mapping[str, xr.DataArray] = field(default_factory=dict)
     references: str = ""
     comment: str = ""
 
@@ -68,12 +73,16 @@ def rereference(effect: Effect, old: Mapping[str, float], new: Mapping[str, floa
 
     Notes
     -----
-    Forces scale with S, moments with S times their length; a derivative with respect to a reduced rate x l / 2V divides by l.
+    Forces scale with S, moments with S times their length; a derivative with respect to a reduced rate x l / 2V divides by l, one
+    with respect to the thrust coefficient T / (qbar S) multiplies by S.  Hinge moments have the reference of their control.
     """
     rate = _RATE_LENGTH.get(effect.regressor)
     scaled = {}
     for coefficient, table in effect.tables.items():
-        factor = old["S"] / new["S"]
+        if coefficient in HINGE:
+            scaled[coefficient] = table
+            continue
+        factor = 1.0 if effect.regressor == "CT" else old["S"] / new["S"]
         if coefficient in _LENGTH:
             factor *= old[_LENGTH[coefficient]] / new[_LENGTH[coefficient]]
         if rate:
@@ -83,7 +92,7 @@ def rereference(effect: Effect, old: Mapping[str, float], new: Mapping[str, floa
 
 
 def rolled_to_body(effect: Effect, alpha: xr.DataArray) -> Effect:
-    """Return an effect of sideslip or aileron with its moments turned from stability to body axes.
+    """Return an effect of sideslip or of a roll control with its moments turned from stability to body axes.
 
     Parameters
     ----------
@@ -92,13 +101,20 @@ def rolled_to_body(effect: Effect, alpha: xr.DataArray) -> Effect:
 
     Notes
     -----
-    Cl_b = Cl_s cos(alpha) - Cn_s sin(alpha),  Cn_b = Cl_s sin(alpha) + Cn_s cos(alpha).  A moment without a method counts as
-    zero in the other and stays absent.
+    Cl_b = Cl_s cos(alpha) - Cn_s sin(alpha),  Cn_b = Cl_s sin(alpha) + Cn_s cos(alpha).  A moment without a method, altogether or
+    at a Mach number, counts as zero in the other and stays absent.
     """
     Cl, Cn = (effect.tables.get(c, xr.DataArray(0.0)) for c in ("Cl", "Cn"))
     sin, cos = _sin_cos(_own_alpha(effect, alpha))
-    turned = {"Cl": Cl * cos - Cn * sin, "Cn": Cl * sin + Cn * cos}
+    turned = {"Cl": Cl * cos - _known(Cn) * sin, "Cn": _known(Cl) * sin + Cn * cos}
     return effect.with_tables({c: turned.get(c, table) for c, table in effect.tables.items()})
+
+
+def _known(table: xr.DataArray) -> xr.DataArray:
+    """Return a table with zeros at the Mach numbers where it holds no number at all."""
+    if "mach" not in table.dims:
+        return table
+    return table.where(table.notnull().any([d for d in table.dims if d != "mach"]), 0.0)
 
 
 def rates_to_body(roll: Effect, yaw: Effect) -> tuple[Effect, Effect]:

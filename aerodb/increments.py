@@ -14,10 +14,12 @@ from flightmech.errors import SchemaError
 
 from .effects import Effect, joined
 from .sources import Source, known, warn
+from .tail_rates import with_tail_share
 
 _PRINTED_ZERO = 2e-4  # ground pages print 0.01 deg for no flap deflection [rad]
 FAR = 30_000.0  # second breakpoint without ground effect, so that flight at height lies inside the table [m]
 _LONGITUDINAL = ("CL", "CD", "Cm")
+_PITCH = ("qhat", "alphadothat")
 _DRIFT = (
     "{role}: D(CM) comes from a loop over several flight conditions, and the program carries something of each condition into the "
     "next (up to 40 % seen late in a list); run one condition per program run and give all runs"
@@ -40,12 +42,13 @@ def static(clean: Source, h_ref: float) -> list[Effect]:
 
 
 def pitch_rates(clean: Source, h_ref: float) -> list[Effect]:
-    """Return the effects of ``qhat`` and ``alphadothat`` on CL and Cm."""
+    """Return the effects of ``qhat`` and ``alphadothat`` on CL and Cm; without dynamic page only the tail's share of the latter."""
+    if not clean.has("dynamic"):
+        return [with_tail_share(Effect("alphadothat", {}, "alphadothat"), clean, h_ref)]
     grid = clean.grid("dynamic").sel(h=h_ref, drop=True)
-    return [
-        Effect(rate, known({c: grid[f"{c}_{rate}"] for c in ("CL", "Cm")}), rate, references=clean.place("dynamic"))
-        for rate in ("qhat", "alphadothat")
-    ]
+    lines = clean.place("dynamic")
+    q, alphadot = (Effect(rate, known({c: grid[f"{c}_{rate}"] for c in ("CL", "Cm")}), rate, references=lines) for rate in _PITCH)
+    return [q, with_tail_share(alphadot, clean, h_ref)]
 
 
 def sideslip(clean: Source, h_ref: float) -> Effect:
@@ -83,12 +86,16 @@ def flaps(given: Source, h_ref: float) -> list[Effect]:
 
 def aileron(given: Source, h_ref: float) -> Effect:
     """Return the effect of ``delta_a`` = (right - left)/2 on Cl and Cn, in stability axes."""
-    grid = _at_height(given.grid("asyflp"), h_ref)
+    grid = at_height(given.grid("asyflp"), h_ref)
+    if grid.attrs.get("surface", "wing") != "wing":
+        raise SchemaError(
+            given.role, ["the deflected surface is the tail, ailerons are needed (STYPE 4); this case goes to differential_tail="]
+        )
     delta_a = 0.5 * (grid["delta_right"] - grid["delta_left"]).values
     if np.unique(delta_a).size != delta_a.size:
         raise SchemaError(given.role, ["two pairs of deflections have the same (right - left); give pairs that differ in it"])
     grid = grid.drop_vars(["delta_left", "delta_right"]).assign_coords(delta_pair=delta_a).rename(delta_pair="delta_a").sortby("delta_a")
-    tables = known({c: _from_zero(grid[c], "delta_a") for c in ("Cl", "Cn") if c in grid})
+    tables = known({c: from_zero(grid[c], "delta_a") for c in ("Cl", "Cn") if c in grid})
     return Effect("aileron", tables, zeros={"delta_a": [0.0]}, references=given.place("asyflp"))
 
 
@@ -133,13 +140,13 @@ def ground_with(axis: str, given: Source, clean_ground: Effect | None, h_ref: fl
             "deflection to deflection; CL/ground_elevator, CD/ground_elevator and Cm/ground_elevator are left absent"
         )
         return Effect(name, {})
-    increments = {c: _exact_zero(t - zero[c], axis) for c, t in tables.items()}
+    increments = {c: exact_zero(t - zero[c], axis) for c, t in tables.items()}
     return Effect(name, increments, zeros={"h_agl": [2 * b, FAR], axis: [0.0]}, references=given.place("static"), comment=note)
 
 
 def _symflp(given: Source, surface: str, axis: str, h_ref: float) -> tuple[dict[str, xr.DataArray], xr.DataArray | None, str]:
     """Return CL, CD, Cm of a symmetrical flap, zero at zero deflection, its lift-slope increment, and a note."""
-    grid = _at_height(given.grid("symflp"), h_ref)
+    grid = at_height(given.grid("symflp"), h_ref)
     found = grid.attrs.get("surface")
     if found != surface:
         raise SchemaError(given.role, [f"the deflected surface is the {found}, the {surface} is needed; exchange flaps and elevator"])
@@ -150,26 +157,26 @@ def _symflp(given: Source, surface: str, axis: str, h_ref: float) -> tuple[dict[
     induced = known({"dCDi": grid["dCDi"]} if "dCDi" in grid else {})
     note = "" if induced else "induced-drag increment not printed"
     printed["CD"] = sum(induced.values(), printed["CD"])
-    tables = {c: _from_zero(table, axis) for c, table in known(printed).items()}
+    tables = {c: from_zero(table, axis) for c, table in known(printed).items()}
     slope = known({"slope": grid["CL_alpha_delta"]}) if np.any(grid[axis].values == 0.0) else {}
-    return tables, _from_zero(slope["slope"], axis) if slope else None, note
+    return tables, from_zero(slope["slope"], axis) if slope else None, note
 
 
-def _at_height(grid: xr.Dataset, h_ref: float) -> xr.Dataset:
+def at_height(grid: xr.Dataset, h_ref: float) -> xr.Dataset:
     """Return the altitude nearest the reference; controls are printed at few altitudes and hardly depend on it."""
     return grid.sel(h=h_ref, method="nearest", drop=True)
 
 
-def _from_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
+def from_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
     """Return increments that are zero at zero deflection: its own value taken off, or a node put in."""
     points = table[axis].values
     if np.any(points == 0.0):
-        return _exact_zero(table - table.sel({axis: 0.0}, drop=True), axis)
+        return exact_zero(table - table.sel({axis: 0.0}, drop=True), axis)
     node = xr.zeros_like(table.isel({axis: [0]})).assign_coords({axis: [0.0]})
     return xr.concat([table, node], axis).sortby(axis)
 
 
-def _exact_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
+def exact_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
     """Return a table whose breakpoint printed as nearly zero stands at zero exactly."""
     points = table[axis].values.copy()
     points[np.argmin(np.abs(points))] = 0.0
@@ -178,7 +185,7 @@ def _exact_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
 
 def _over_ground(given: Source, h_ref: float, b: float, z_ref: float) -> tuple[dict[str, xr.DataArray], str]:
     """Return page over ground minus page in free air over h_agl, fading to zero at two spans."""
-    grid = _at_height(given.grid("static"), h_ref)
+    grid = at_height(given.grid("static"), h_ref)
     if "ground_height" not in grid.dims or not np.isinf(grid["ground_height"].values).any():
         raise SchemaError(given.role, ["the case holds no pages over ground beside the one in free air; give a case with GRNDEF"])
     low = grid.sel(ground_height=np.isfinite(grid["ground_height"]))

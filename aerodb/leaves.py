@@ -11,20 +11,23 @@ from flightmech import terms as _terms
 from flightmech.units import DEGREE
 
 from .effects import Effect, joined
+from .prior_errors import PriorErrors
+from .sources import warn
 
-AXIS_ORDER = ("h", "h_agl", "delta_f", "mach", "alpha", "delta_e", "delta_a")
-_HELD = 2.0  # standard error of a node held beyond the printed alphas, against the rule for printed ones
+AXIS_ORDER = ("h", "h_agl", "delta_f", "mach", "alpha", "delta_e", "delta_a", "delta_s", "delta_d")
+_NONE = np.array([])
+_HELD = 2.0  # standard error of a node that is held or not the program's own, against the rule for printed ones
 
 
-def leaves(effect: Effect, prior: Mapping[str, tuple[float, float]], cover: Mapping[str, tuple[float, float]]) -> dict[str, xr.Dataset]:
+def leaves(effect: Effect, prior: PriorErrors, cover: Mapping[str, tuple[float, float]]) -> dict[str, xr.Dataset]:
     """Return the terms of an effect by name.
 
     Parameters
     ----------
     effect : Effect
         Its tables may hold NaN where the listing prints no number.
-    prior : mapping of str to (float, float)
-        Relative and absolute standard error by term name.
+    prior : PriorErrors
+        Standard errors by term, class of method and regime.
     cover : mapping of str to (float, float)
         Range that an axis must cover, where a table has it: ``mach`` and ``alpha``.
 
@@ -34,24 +37,30 @@ def leaves(effect: Effect, prior: Mapping[str, tuple[float, float]], cover: Mapp
     alphas that no Mach number prints.  A cell that is then missing takes the value of the nearest printed alpha of its Mach number,
     interpolated between two; so do the ends of the range to cover.  This is what the simulation does beyond a table, but for each
     Mach number by itself, and it keeps a flight in the range of the basic tables inside all tables.  Such nodes are marked as
-    judgement; those held in alpha have twice the standard error.
+    judgement; those held in alpha, those held in Mach number into another speed regime (a warning tells), and those that
+    `Effect.judged` marks have twice the standard error.
     """
-    found = {}
+    found: dict[str, xr.Dataset] = {}
+    carried: dict[tuple[float, float], list[str]] = {}
     for coefficient, table in effect.tables.items():
         whole, printed, notes = completed(table.transpose(*(axis for axis in AXIS_ORDER if axis in table.dims)))
         if not whole.size:
             continue
-        value, ends = covered(whole, cover)
-        held = ~covered(printed, cover)[0]
-        for axis, points in ends.items():
-            held = held | (value[axis].isin(points) if axis == "alpha" else False)
-        judged = held | value["mach"].isin(ends["mach"]) if "mach" in ends else held
         name = f"{coefficient}/{effect.name}"
+        if coefficient in effect.judged:
+            printed = printed & ~effect.judged[coefficient].reindex_like(printed)
+        value, ends = covered(whole, cover)
+        far = _carried(whole, ends.get("mach", _NONE), prior)
+        for end in far:
+            carried.setdefault((float(whole["mach"].max()), float(end)), []).append(name)
+        held = ~covered(printed, cover)[0]
+        held = held | _among(value, "alpha", ends.get("alpha", _NONE)) | _among(value, "mach", far)
+        judged = held | _among(value, "mach", ends.get("mach", _NONE))
         leaf = _terms.make(
             value.values,
             {str(axis): value[axis].values for axis in value.dims},
             effect.regressor.split(),
-            stderr=_stderr(value, *prior[name], effect.zeros) * np.where(held.transpose(*value.dims), _HELD, 1.0),
+            stderr=_stderr(name, value, prior, effect.zeros) * np.where(held.transpose(*value.dims), _HELD, 1.0),
             source="datcom",
             references=effect.references,
             comment=joined(effect.comment, *notes, *(_said(axis, points) for axis, points in ends.items())),
@@ -59,7 +68,17 @@ def leaves(effect: Effect, prior: Mapping[str, tuple[float, float]], cover: Mapp
         )
         code = np.where(judged.transpose(*value.dims), _terms.SOURCES.index("judgement"), leaf["source"]).astype(np.uint8)
         found[name] = leaf.assign(source=leaf["source"].copy(data=code))
+    for (last, end), names in carried.items():
+        warn(
+            f"{' '.join(names)}: nothing is printed beyond Mach {last:g}; that value is held to Mach {end:g}, another speed regime, "
+            "with twice the standard error; delete or replace it if it matters there"
+        )
     return found
+
+
+def _among(table: xr.DataArray, axis: str, points: np.ndarray) -> xr.DataArray | bool:
+    """Return a mask of the nodes that stand at some breakpoints of an axis."""
+    return table[axis].isin(list(points)) if axis in table.dims else False
 
 
 def completed(table: xr.DataArray) -> tuple[xr.DataArray, xr.DataArray, list[str]]:
@@ -120,9 +139,17 @@ def _words(axis: str, points: np.ndarray) -> str:
     return " ".join(f"{point / scale:.4g}" for point in points) + unit
 
 
-def _stderr(table: xr.DataArray, relative: float, absolute: float, zeros: Mapping[str, Sequence[float]]) -> np.ndarray:
-    stderr = ((relative * table) ** 2 + absolute**2) ** 0.5
+def _stderr(name: str, table: xr.DataArray, prior: PriorErrors, zeros: Mapping[str, Sequence[float]]) -> np.ndarray:
+    stderr = prior.stderr(name, table)
     for axis, points in zeros.items():
         if axis in table.dims:
             stderr = stderr.where(~table[axis].isin(list(points)), 0.0)
     return stderr.transpose(*table.dims).values
+
+
+def _carried(printed: xr.DataArray, ends: np.ndarray, prior: PriorErrors) -> np.ndarray:
+    """Return the Mach numbers to which a value is carried from another speed regime."""
+    if not ends.size:
+        return ends
+    last = float(printed["mach"].max())
+    return np.array([end for end in ends if end > last and prior.regime(end) != prior.regime(last)])

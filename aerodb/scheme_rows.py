@@ -65,7 +65,7 @@ LONGITUDINAL: tuple[Row, ...] = (
 )
 
 LATERAL: tuple[Row, ...] = (
-    ("basic", "", "mach alpha", "", "", "like (3)", "asymmetry of the aeroplane as built", "none: the program's aeroplane is symmetric", ""),
+    ("basic", "", "mach alpha", "", "", "like (3)", "asymmetry as built", "nothing: the program's aeroplane is symmetric", ""),
     ("beta", "", "mach alpha", "beta", "", "like (3)", "sideslip", "CYB, CLB, CNB", ""),
     ("beta_flap", "", "alpha delta_f", "beta", "", "like (2)", "sideslip, increment with flaps", _NO_METHOD, ""),
     ("beta_mach", "", "mach h", "beta", "", "like (2)", "sideslip, increment with Mach number and altitude",
@@ -85,9 +85,9 @@ LATERAL: tuple[Row, ...] = (
     ("speedbrake", "", "alpha mach", "beta", "speedbrake", "like (9)", "sideslip, increment with the speed brake", _NO_METHOD, ""),
     ("gear", "", "alpha delta_f", "beta", "gear", "like (10)", "sideslip, increment with the undercarriage", _NO_METHOD, ""),
     ("ground", "CY Cn", "alpha delta_f", "", "h_agl", "like (11)", "ground effect",
-     "none: lateral columns over ground repeat those of free air", ""),
-    ("ground", "Cl", "delta_f", "phi", "h_agl", "(14)", "rolling moment over ground that works the bank angle to zero; LR-743 multiplies CL too",
-     "none: lateral columns over ground repeat those of free air", "Cl = k h^s CL phi, k -0.078, s -1.09 at 40 deg of flap (Table 2)"),
+     "nothing: lateral columns over ground repeat those of free air", ""),
+    ("ground", "Cl", "delta_f", "phi", "h_agl", "(14)", "rolling moment over ground that levels the wings; LR-743 multiplies CL too",
+     "nothing: lateral columns over ground repeat those of free air", "Cl = k h^s CL phi, k -0.078, s -1.09 at 40 deg of flap (Table 2)"),
     ("spoiler", "", "mach alpha", "delta_s", "", "-", "spoilers as roll control",
      "Cl Cn: ASYFLP, STYPE 1 to 3: (CL)ROLL, CN over delta_s, wing-body | else no method", ""),
     ("differential_tail", "", "mach alpha", "delta_d", "", "-", "halves of the stabilizer deflected against each other",

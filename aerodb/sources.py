@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 import datcom_io
 from flightmech.errors import AeromatchWarning, SchemaError
+
+from .prior_errors import STMACH, TSMACH
+
+if TYPE_CHECKING:
+    from datcom_io.deck import Deck
 
 REFERENCES = ("S", "cbar", "b", "x_cg", "z_cg")
 _KEPT = ("delta_left", "delta_right")
@@ -31,12 +36,15 @@ class Source:
         ``S`` [m2], ``cbar``, ``b``, ``x_cg`` (aft), ``z_cg`` (up) [m].
     looped : frozenset of str
         Leaves of which one program run computed several flight conditions.
+    decks : tuple of Deck
+        Input cards of the cases; empty where only trees were given.
     """
 
     role: str
     tree: xr.DataTree
     reference: dict[str, float]
     looped: frozenset[str]
+    decks: tuple[Deck, ...] = ()
 
     @property
     def file(self) -> str:
@@ -53,21 +61,71 @@ class Source:
         ends = [int(end) for text in (lines.values.ravel() if lines is not None else ()) for end in str(text).split("-") if end.isdigit()]
         return f"{self.file}, lines {min(ends)}-{max(ends)}" if ends else self.file
 
-    def grid(self, leaf: str) -> xr.Dataset:
-        """Return a leaf over ``mach`` and ``h`` instead of ``condition``, of the configuration with the most components, without power."""
+    def card(self, namelist: str, variable: str, default: float | None = None) -> float:
+        """Return a number of the input cards, the same in all cases. [as in the deck]
+
+        Raises
+        ------
+        SchemaError
+            No cards came with the tables, the number is not given, or the cases differ in it.
+        """
+        found = {default if value is None else value for value in (deck.value(namelist, variable) for deck in self.decks)}
+        if len(found) == 1 and (value := found.pop()) is not None:
+            return value
+        name = f"{namelist} {variable}"
+        if not self.decks:
+            raise SchemaError(self.role, [f"{name} is needed and the trees hold no input cards; give the Listing or the Case itself"])
+        raise SchemaError(self.role, [f"the input cards give {'no' if not found else 'several values of'} {name}; give cases of one deck"])
+
+    @property
+    def regimes(self) -> tuple[float, float]:
+        """Last Mach number of the subsonic methods and first one of the supersonic methods."""
+        ends = {"STMACH": STMACH, "TSMACH": TSMACH}
+        return tuple(self.card("FLTCON", name, default) if self.decks else default for name, default in ends.items())  # type: ignore[return-value]
+
+    def grid(self, leaf: str, powered: bool = False) -> xr.Dataset:
+        """Return a leaf over ``mach`` and ``h`` instead of ``condition``, of the configuration with the most components.
+
+        Parameters
+        ----------
+        powered : bool
+            Take the pages with power effects; those without unless given.
+        """
         if not self.has(leaf):
             raise SchemaError(self.role, [f"the listing {self.file} holds no {leaf} table; give the case that prints it"])
         dataset = self.tree.children[leaf].to_dataset(inherit=False)
         if "configuration" in dataset.dims:
             parts = [len(str(name).split("-")) for name in dataset["configuration"].values]
             dataset = dataset.isel(configuration=int(np.argmax(parts)))
-        if "power" in dataset.dims:
-            dataset = dataset.sel(power="off")
+        dataset = self._with_power(dataset, powered)
         try:
-            found = datcom_io.to_grid(dataset)
+            found = datcom_io.to_grid(self._along_mach(dataset, leaf))
         except SchemaError as error:
             raise SchemaError(f"{self.role}, {leaf}", [*error.problems, "run the deck with LOOP=2 and every Mach number once"]) from None
         return found.drop_vars([name for name in found.coords if name not in found.dims and name not in _KEPT])
+
+    def _with_power(self, dataset: xr.Dataset, powered: bool) -> xr.Dataset:
+        if "power" not in dataset.coords:
+            return dataset
+        kinds = [str(kind) for kind in np.atleast_1d(dataset["power"].values)]
+        wanted = [kind for kind in kinds if (kind != "off") == powered]
+        if len(wanted) != 1:
+            found = f"the pages of {self.file} are computed with power {' and '.join(kinds)}"
+            wish = "one case with JETPWR or PROPWR" if powered else "a case without JETPWR and PROPWR; powered ones go to power="
+            raise SchemaError(self.role, [f"{found}; give {wish}"])
+        return dataset.sel(power=wanted[0], drop=True) if "power" in dataset.dims else dataset.drop_vars("power")
+
+    def _along_mach(self, dataset: xr.Dataset, leaf: str) -> xr.Dataset:
+        """Return a leaf whose Mach numbers stand at an altitude each as if they stood at one; any other one as it is."""
+        machs, heights = dataset["mach"].values, dataset["h"].values
+        paired = len(np.unique(machs)) == len(machs) and len(np.unique(heights)) > 1 and bool(np.isfinite(heights).all())
+        if not paired:
+            return dataset
+        if leaf == "static" and self.role == "clean":
+            places = ", ".join(f"{mach:g} at {h:.0f} m" for mach, h in zip(machs, heights))
+            warn(f"{self.role}: every Mach number stands at an altitude of its own ({places}); the tables go over Mach number alone")
+        middle = float(np.sort(heights)[len(heights) // 2])
+        return dataset.assign_coords(h=("condition", np.full(len(heights), middle), dataset["h"].attrs))
 
 
 def source(role: str, given: Any) -> Source:
@@ -78,7 +136,8 @@ def source(role: str, given: Any) -> Source:
     SchemaError
         Reference quantities are missing, or cases differ in them or in their axes.
     """
-    trees = [tree for tree in _trees(given) if tree.children]
+    parts = [(tree, deck) for tree, deck in _parts(given) if tree.children]
+    trees = [tree for tree, _ in parts]
     if not trees:
         raise SchemaError(role, ["no case with tables was given; give a Listing, a Case, a case tree or a list of them"])
     problems = [
@@ -90,8 +149,9 @@ def source(role: str, given: Any) -> Source:
     if problems:
         raise SchemaError(role, problems)
     joined = datcom_io.join(trees)
+    decks = tuple(deck for _, deck in parts if deck is not None)
     looped = {name for tree in trees for name, leaf in tree.children.items() if leaf.sizes.get("condition", 1) > 1}
-    return Source(role, joined, {key: float(joined.attrs[key]) for key in REFERENCES}, frozenset(looped))
+    return Source(role, joined, {key: float(joined.attrs[key]) for key in REFERENCES}, frozenset(looped), decks)
 
 
 def known(tables: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
@@ -99,14 +159,15 @@ def known(tables: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
     return {name: table for name, table in tables.items() if bool(table.notnull().any())}
 
 
-def _trees(given: Any) -> Iterable[xr.DataTree]:
+def _parts(given: Any) -> Iterator[tuple[xr.DataTree, Deck | None]]:
+    """Yield the case trees, with their input cards where they come from a listing."""
     if isinstance(given, xr.DataTree):
-        yield given
+        yield given, None
     elif hasattr(given, "to_datatree") and not hasattr(given, "cases"):
-        yield given.to_datatree()
+        yield given.to_datatree(), given.deck
     elif isinstance(given, Iterable):
         for item in given:
-            yield from _trees(item)
+            yield from _parts(item)
     else:
         raise SchemaError(
             "source", [f"found an object of type {type(given).__name__}; give a Listing, a Case, a case tree or a list of them"]

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 HINGE = tuple(HINGES)  # hinge moments of elevator, ailerons, rudder: coefficients with any force axes
+_COEFFICIENTS = ("CL", "CD", "Cm", "CY", "Cl", "Cn")
 _CAUSES = ("gear", "speedbrake")  # extensions 0 ... 1: without a table K1 they multiply the term themselves
 
 
@@ -122,7 +123,7 @@ def make(
         Factor table over the axis of the slot, ``{"gear": ([0, 1], [0, 1])}``. Without it the undercarriage and the speed brake
         multiply the table themselves, the c.g. factor is one, and ground effect needs ``h_agl`` among the axes.
     stderr, source, **text
-        As in `flightmech.terms.make`.
+        As in `flightmech.terms.make`: standard error of the nodes, where they come from, further attributes.
 
     Raises
     ------
@@ -139,8 +140,8 @@ def make(
     scheme = lr743()
     if name not in scheme:
         raise UnknownName(name, scheme, "term", "aeromatch db scheme lists them")
-    slot, axes = scheme[name], dict(breakpoints or {})
-    problems = _axis_faults(slot, axes, K1)
+    slot, axes, given = scheme[name], dict(breakpoints or {}), dict(K1 or {})
+    problems = _axis_faults(slot, axes, given)
     shape = tuple(len(points) for points in axes.values())
     array = np.asarray(value, float)
     if array.shape not in ((), shape):
@@ -148,11 +149,12 @@ def make(
     if problems:
         raise SchemaError(name, problems)
     words = [word for word in slot.regressors if word not in axes or word in slot.axes]
-    if slot.K1 in _CAUSES and not K1 and slot.K1 not in axes:
+    if slot.K1 in _CAUSES and not given and slot.K1 not in axes:
         words.append(slot.K1)
-    factor = None if not K1 else xr.DataArray(np.asarray(K1[slot.K1][1], float), {slot.K1: np.asarray(K1[slot.K1][0], float)}, slot.K1)
+    factors = {axis: xr.DataArray(np.asarray(pair[1], float), {axis: np.asarray(pair[0], float)}, axis) for axis, pair in given.items()}
     filled = np.broadcast_to(array, shape).copy()
-    return _terms.make(filled, axes, words, K1=factor, stderr=stderr, source=source, **text)
+    leaf = _terms.make(filled, axes, words, K1=factors.get(slot.K1), stderr=stderr, source=source)
+    return leaf.assign_attrs(text)
 
 
 def _slot(coefficient: str, row: Row) -> Slot:
@@ -163,15 +165,15 @@ def _slot(coefficient: str, row: Row) -> Slot:
     return Slot(tuple(axes.split()), tuple(regressors.split()), K1, like + equation, meaning, _given(from_datcom, coefficient), finding)
 
 
-def _axis_faults(slot: Slot, axes: Mapping[str, Any], K1: Mapping[str, Any] | None) -> list[str]:
+def _axis_faults(slot: Slot, axes: Mapping[str, Any], K1: Mapping[str, Any]) -> list[str]:
     allowed = dict.fromkeys((*slot.axes, *slot.regressors, *((slot.K1,) if slot.K1 else ())))
     problems = [f"the axis {axis} does not belong here; allowed: {', '.join(allowed) or 'none'}" for axis in axes if axis not in allowed]
-    for axis in K1 or {}:
+    for axis, pair in K1.items():
         if axis != slot.K1:
             problems.append(f"K1 over {axis} does not belong here; {f'it goes over {slot.K1}' if slot.K1 else 'the term has no factor'}")
         elif axis in axes:
             problems.append(f"{axis} is an axis of K1 and of the table; leave one of them out")
-        elif len(K1[axis]) != 2 or len(K1[axis][0]) != len(K1[axis][1]):
+        elif len(pair) != 2 or len(pair[0]) != len(pair[1]):
             problems.append(f"K1 over {axis} is no pair of breakpoints and as many factors")
     if slot.K1 == "h_agl" and not K1 and "h_agl" not in axes:
         problems.append("depends on no height; give K1 over h_agl, or h_agl among the breakpoints")
@@ -180,8 +182,6 @@ def _axis_faults(slot: Slot, axes: Mapping[str, Any], K1: Mapping[str, Any] | No
 
 def _given(text: str, coefficient: str) -> str:
     """Return what DATCOM gives for one coefficient: ``CL Cm: CLQ, CMQ | else no method`` names those it is meant for."""
-    for part in text.split("|"):
-        who, colon, what = part.strip().partition(": ")
-        if not colon or coefficient in who.split() or who == "else":
-            return (what if colon else part).strip()
-    return "no method"
+    parts = [part.strip().partition(": ") for part in text.split("|")]
+    meant = {word: what for who, _, what in parts for word in who.split() if word == "else" or word in _COEFFICIENTS}
+    return meant.get(coefficient, meant.get("else", "no method")) if meant else text

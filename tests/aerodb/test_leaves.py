@@ -4,10 +4,11 @@ import xarray as xr
 
 from aerodb.effects import Effect
 from aerodb.leaves import completed, leaves
+from aerodb.prior_errors import PriorErrors
 
 DEG = np.pi / 180
 nan = np.nan
-PRIOR = {"Cm/basic": (0.2, 0.02), "CL/flap": (0.2, 0.02)}
+PRIOR = PriorErrors({"Cm/basic": (0.2, 0.02), "CL/flap": (0.2, 0.02)}, stmach=0.9)
 
 
 def table(rows, mach=(0.2, 0.4, 0.6)):

@@ -205,4 +205,4 @@ def test_pitch_rate_is_divided_by_two_V(t37):
 
 def test_alpha_of_every_leaf_rises_and_nodes_are_finite(t37_db):
     assert aerodb.check(t37_db) == []
-    assert len(aerodb.terms(t37_db)) == 33
+    assert len(aerodb.terms(t37_db)) == 35
