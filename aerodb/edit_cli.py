@@ -22,7 +22,8 @@ _source = click.option(
     show_default=True,
     help="Where the number comes from.",
 )
-_NUMBERS = re.compile(r"^\s*((?:[-+]?[\d.]+(?:[eE][-+]?\d+)?[\s,]+)*[-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(.*?)\s*$")
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBERS = re.compile(rf"^\s*((?:{_NUMBER}[\s,]+)*{_NUMBER})\s*(.*?)\s*$")
 
 
 class Axis(click.ParamType):
