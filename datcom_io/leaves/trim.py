@@ -67,7 +67,7 @@ def trim_stabilizer(stacker: Stacker) -> xr.Dataset | None:
         "sentinel where 0.0000 is printed for a tail with lift: the mark of a missing number in four decimals"
     )
     if aircraft:
-        whole = stacker.over_alpha(aircraft, alphas).rename(lines="lines_aircraft")
+        whole = stacker.over_alpha(aircraft, alphas).drop_vars("notes").rename(lines="lines_aircraft")  # notes of the same pages
         found = found.merge(whole, join="exact", compat="equals")
     found = _with_level_flight(stacker, found, "trim_stabilizer_level")
     return describe(found, _level_names(_STABILIZER_NAMES)).assign_attrs(surface="tail")
