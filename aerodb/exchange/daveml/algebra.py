@@ -59,7 +59,10 @@ class Grid:
         flat = np.zeros(values.shape[1:])
         if len(axis.points) == 1:
             return Bent(axis.points, values, flat, flat)
-        slopes = (values[1] - values[0]) / (axis.points[1] - axis.points[0]), (values[-1] - values[-2]) / (axis.points[-1] - axis.points[-2])
+        slopes = (
+            (values[1] - values[0]) / (axis.points[1] - axis.points[0]),
+            (values[-1] - values[-2]) / (axis.points[-1] - axis.points[-2]),
+        )
         return Bent(axis.points, values, slopes[0] if axis.open_low else flat, slopes[1] if axis.open_high else flat)
 
     def replaced(self, variable: str, along: Bent) -> Grid:
@@ -144,9 +147,7 @@ def multiply(one: Sum, other: Sum) -> Sum:
     """Return the product of two sums."""
     if len(one.products) * len(other.products) > MAX_PRODUCTS:
         raise Inexact(f"more than {MAX_PRODUCTS} products")
-    return add(
-        Sum({_joined(a, b): x * y}) for a, x in one.products.items() for b, y in other.products.items()
-    )
+    return add(Sum({_joined(a, b): x * y}) for a, x in one.products.items() for b, y in other.products.items())
 
 
 def _joined(a: Product, b: Product) -> Product:
@@ -249,15 +250,15 @@ def _side(parts: list[tuple[Grid | None, float]], name: str, at: float, below: b
 
 def joined(one: Sum) -> Sum:
     """Return a sum in which tables over the same variables, with the same factors, are one table."""
-    kept: dict[tuple, tuple[Grid, float]] = {}
+    kept: dict[tuple[frozenset[str], Powers], Grid] = {}
     rest: list[Sum] = []
     for (grids, powers), coefficient in one.products.items():
         if len(grids) != 1 or not grids[0].axes:
             rest.append(Sum({(grids, powers): coefficient}))
             continue
-        key = frozenset(grids[0].variables), powers
-        kept[key] = (_scaled(grids[0], coefficient), 1.0) if key not in kept else (_total(kept[key][0], _scaled(grids[0], coefficient)), 1.0)
-    return add([*(Sum({((grid,), key[1]): factor}) for key, (grid, factor) in kept.items()), *rest])
+        key, grid = (frozenset(grids[0].variables), powers), _scaled(grids[0], coefficient)
+        kept[key] = _total(kept[key], grid) if key in kept else grid
+    return add([*(Sum({((grid,), powers): 1.0}) for (_, powers), grid in kept.items()), *rest])
 
 
 def _scaled(grid: Grid, factor: float) -> Grid:
@@ -269,7 +270,7 @@ def _total(a: Grid, b: Grid) -> Grid:
     """Return the sum of two tables over the same variables, on the breakpoints of both."""
     order = [b.variables.index(name) for name in a.variables]
     b = Grid(tuple(b.axes[i] for i in order), np.transpose(b.values, order), None, b.label)
-    for index, name in enumerate(a.variables):
+    for index in range(len(a.axes)):
         flags = [(grid.axes[index].open_low, grid.axes[index].open_high) for grid in (a, b)]
         if flags[0] != flags[1]:
             a, b = a.opened(index), b.opened(index)

@@ -156,9 +156,7 @@ def _preimages(targets: np.ndarray, inner: Bent) -> tuple[np.ndarray, list[int]]
 def _without(f: Bent, needed: np.ndarray) -> Bent:
     """Drop the nodes at which the function goes straight on, except the needed ones."""
     slopes = _slopes(f)
-    keep = [
-        bool(np.isin(point, needed)) or not _same(slopes[i], slopes[i + 1]) for i, point in enumerate(f.points)
-    ]
+    keep = [bool(np.isin(point, needed)) or not _same(slopes[i], slopes[i + 1]) for i, point in enumerate(f.points)]
     if not any(keep):
         keep[0] = True
     return Bent(f.points[keep], f.values[keep], f.left, f.right)

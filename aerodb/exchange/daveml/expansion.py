@@ -64,7 +64,9 @@ def spread(uncertainty: Uncertainty | None, values: np.ndarray) -> np.ndarray | 
     bounds = [np.asarray(bound, float) for bound in uncertainty.bounds]
     if any(bound.size not in (1, values.size) for bound in bounds):
         return None
-    sizes = [bound.reshape(values.shape) if bound.size == values.size else np.broadcast_to(bound.ravel()[0], values.shape) for bound in bounds]
+    sizes = [
+        bound.reshape(values.shape) if bound.size == values.size else np.broadcast_to(bound.ravel()[0], values.shape) for bound in bounds
+    ]
     if uncertainty.effect == "absolute":
         return None if len(sizes) < 2 else np.abs(sizes[1] - sizes[0]) / np.sqrt(12.0)
     width = sizes[0] if len(sizes) == 1 else (np.abs(sizes[0]) + np.abs(sizes[1])) / 2.0
@@ -103,7 +105,7 @@ def _limited(one: Sum, variable: Variable) -> Sum:
 
 def _reduced(one: Sum, lengths: Mapping[str, float]) -> Sum:
     """Write p/V as the reduced rate phat * 2/b, and so on."""
-    products = {}
+    products: dict[algebra.Product, float] = {}
     for (grids, powers), coefficient in one.products.items():
         counts = dict(powers)
         for name, (rate, length) in REDUCED.items():

@@ -10,8 +10,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import attrs, lookup
-from flightmech.names import VOCABULARY
+from flightmech.names import VOCABULARY, attrs, lookup
 
 from ...evaluation import contributions
 from ...schema import CHECKS, FORCE_AXES, database, terms
@@ -20,7 +19,7 @@ from .algebra import Sum
 from .descriptions import WRITER, unpacked
 from .expansion import expand
 from .leaf_building import Part, leaves_of, parts_of
-from .model import DaveModel, Shot, Variable
+from .model import DaveModel, Reference, Shot, Variable
 from .reading import read
 from .vocabulary import COEFFICIENTS, conversion, quantity_of
 
@@ -83,7 +82,8 @@ def import_daveml(
     inputs = {varID: _substitute(model.variables[varID], quantity) for varID, quantity in mine.items()}
     sums, reasons = expand(model, inputs, geometry)
     outputs, axes = _coefficients(model, names or {}, force_axes, without)
-    leaves, problems = {}, []
+    leaves: dict[str, xr.Dataset] = {}
+    problems = []
     for coefficient, varID in outputs.items():
         try:
             leaves |= _leaves(model, coefficient, varID, sums, reasons)
@@ -121,9 +121,9 @@ def _geometry(model: DaveModel, given: Mapping[str, float | None]) -> dict[str, 
     """Return S, cbar, b in SI, from the constants of the file or the caller; they must not contradict each other."""
     found: dict[str, float] = {}
     for variable in model.variables.values():
-        quantity = quantity_of(variable)
+        quantity = variable.name if variable.name in _PLACE else quantity_of(variable)
         if quantity in (*_REFERENCE, *_PLACE) and variable.initial is not None and variable.varID not in model.functions:
-            factor, offset = conversion(variable, quantity)
+            factor, offset = conversion(variable, "cbar" if quantity in _PLACE else quantity)
             found[quantity] = (variable.initial - offset) / factor
     problems = []
     for quantity, value in given.items():
@@ -155,8 +155,10 @@ def _coefficients(model: DaveModel, names: Mapping[str, str], axes: str | None, 
     for name in without:
         if name not in COEFFICIENTS:
             raise UnknownName(name, COEFFICIENTS, "coefficient")
-    kept = {name: found[name] for name in COEFFICIENTS if name in found and name not in without}
+    kept = {name: varID for name, varID in found.items() if name not in without}
     kept = {name: varID for name, varID in kept.items() if name in FORCE_AXES[axes] or name.startswith("Ch_")}
+    if model.header.version.startswith(WRITER):  # we write all totals, also of coefficients that have no term
+        kept = {name: varID for name, varID in kept.items() if model.variables[varID].calculation is not None}
     if not kept:
         given = ", ".join(f"{varID} ({model.variables[varID].name})" for varID in model.outputs)
         raise SchemaError(model.file, [f"no output is a coefficient: {given}; say which with names={{'{model.outputs[0]}': 'CL'}}, say"])
@@ -191,18 +193,23 @@ def _root(model: DaveModel, path: Path, geometry: Mapping[str, float], axes: str
         "title": header.name or path.stem,
         "aircraft": header.name or path.stem,
         "source": f"DAVE-ML file {path.name}",
-        "references": "; ".join(", ".join(filter(None, (r.author, r.title, r.accession, r.date))) for r in header.references),
+        "references": "; ".join(_cited(reference) for reference in header.references),
         "comment": "\n".join(filter(None, [header.description, *_remarks(model)])),
         "absent": " ".join(f"{name}/basic" for name in missing),
     }
     if header.version.startswith(WRITER):
-        attributes |= unpacked(header.description)
+        attributes = unpacked(header.description)
     values = model.check()
     line = f"import_daveml: {path.name}, version {header.version or 'unnamed'}, {len(model.shots)} check cases with {len(values)} values, "
     line += "all met" if values["passed"].all() else f"{int((~values['passed']).sum())} NOT met"
-    history = [str(attributes.get("history", ""))] if header.version.startswith(WRITER) else _modifications(model)
+    history = [m.description for m in header.modifications] if header.version.startswith(WRITER) else _modifications(model)
     attributes["history"] = "\n".join(filter(None, [*history, line]))
     return {**attributes, **dict.fromkeys(_PLACE, 0.0), **geometry, "force_axes": axes}
+
+
+def _cited(reference: Reference) -> str:
+    parts = (reference.author, reference.title, reference.accession, reference.date)
+    return ", ".join(part.replace(";", ",") for part in parts if part)
 
 
 def _modifications(model: DaveModel) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.names import attrs, lookup
-from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make
+from flightmech.terms import MAX_AXES, MAX_REGRESSORS, SOURCES, make
 
 from . import mathml
 from .algebra import Grid, GridAxis, Inexact, Sum
@@ -110,8 +110,7 @@ def _leaf(model: DaveModel, grids: list[Grid], powers: Mapping[str, int], factor
     )
     flags = codes(source, value.values.shape) if source else None
     if flags is not None:
-        marked = make(np.zeros(()), source="datcom")["source"].attrs
-        leaf["source"] = leaf["value"].dims, flags, marked
+        leaf["source"] = leaf["value"].dims, flags, {"flag_values": "0 1 2", "flag_meanings": " ".join(SOURCES)}
     leaf.attrs |= texts
     return leaf
 

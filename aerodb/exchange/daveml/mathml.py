@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
+from itertools import pairwise
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -54,7 +55,7 @@ def _chain(relation: Callable) -> Callable:
     """Relations may have more than two arguments: a < b < c."""
 
     def holds(*values):
-        return reduce(np.logical_and, (relation(a, b) for a, b in zip(values[:-1], values[1:], strict=True))).astype(float)
+        return reduce(np.logical_and, (relation(a, b) for a, b in pairwise(values))).astype(float)
 
     return holds
 

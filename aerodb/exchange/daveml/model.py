@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -193,7 +194,7 @@ class DaveModel:
         if len(found) == 1:
             return found[0]
         if found:
-            raise UnknownName(name, (v.varID for v in found), "varID", f"{len(found)} variables of {self.file} have this name; give a varID")
+            raise UnknownName(name, (v.varID for v in found), "varID", f"{len(found)} variables of the file have this name")
         raise UnknownName(name, self.variables, "variable", f"of {self.file}")
 
     def evaluate(self, inputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
@@ -233,8 +234,7 @@ class DaveModel:
         """
         import pandas as pd
 
-        columns = ["shot", "kind", "variable", "expected", "found", "tolerance", "passed", "note"]
-        return pd.DataFrame([row for shot in self.shots for row in self._run(shot)], columns=columns)
+        return pd.DataFrame(self._checked, columns=["shot", "kind", "variable", "expected", "found", "tolerance", "passed", "note"])
 
     @property
     def _calculated(self) -> list[str]:
@@ -272,15 +272,35 @@ class DaveModel:
             raise UnknownName(varID, given, "input", f"{self.file} needs {varID} ({variable.name}, in {variable.units or 'no unit'})")
         return np.asarray(variable.initial)
 
-    def _run(self, shot: Shot) -> list[tuple]:
+    @cached_property
+    def _checked(self) -> list[tuple]:
+        """The rows of `check`; shots with the same inputs are run together, unless that fails."""
+        groups = [list(group) for _, group in groupby(self.shots, lambda shot: tuple(signal.key for signal in shot.inputs))]
+        rows: list[tuple] = []
+        for group in groups:
+            try:
+                rows += self._run(group)
+            except (UnknownName, SchemaError, OutOfRange):
+                rows += [row for shot in group for row in self._run_alone(shot)]
+        return rows
+
+    def _run_alone(self, shot: Shot) -> list[tuple]:
         try:
-            inputs = {self.find(signal.key).varID: signal for signal in shot.inputs}
-            values = self._values({varID: signal.value for varID, signal in inputs.items()})
+            return self._run([shot])
         except (UnknownName, SchemaError, OutOfRange) as error:
             return [(shot.name, "shot", "", np.nan, np.nan, np.nan, False, str(error))]
-        rows = [(shot.name, "input", v, s.value, s.value, np.nan, False, note) for v, s in inputs.items() if (note := self._unit_note(v, s))]
-        for kind, signals in (("internal", shot.internal), ("output", shot.outputs)):
-            rows += [(shot.name, kind, *self._judged(signal, values)) for signal in signals]
+
+    def _run(self, shots: Sequence[Shot]) -> list[tuple]:
+        given = [{self.find(signal.key).varID: signal for signal in shot.inputs} for shot in shots]
+        together = self._values({varID: np.array([inputs[varID].value for inputs in given]) for varID in given[0]})
+        rows: list[tuple] = []
+        for i, (shot, inputs) in enumerate(zip(shots, given, strict=True)):
+            values = {varID: np.broadcast_to(value, len(shots))[i] for varID, value in together.items()}
+            for varID, signal in inputs.items():
+                if note := self._unit_note(varID, signal):
+                    rows.append((shot.name, "input", varID, signal.value, signal.value, np.nan, False, note))
+            for kind, signals in (("internal", shot.internal), ("output", shot.outputs)):
+                rows += [(shot.name, kind, *self._judged(signal, values)) for signal in signals]
         return rows
 
     def _judged(self, signal: Signal, values: Mapping[str, np.ndarray]) -> tuple:

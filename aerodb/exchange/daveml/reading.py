@@ -79,6 +79,8 @@ class _Reader:
     def model(self) -> DaveModel:
         self._note_dubious()
         header = self._header(self.root.need("fileHeader"))
+        for element in self.root.need("fileHeader").all("provenance"):
+            self._keep(element)
         variables: dict[str, Variable] = {}
         for element in self.root.all("variableDef"):
             variable = self._variable(element)
@@ -156,7 +158,9 @@ class _Reader:
         simple = element.first("dependentVarPts")
         inputs = element.all("independentVarPts" if simple is not None else "independentVarRef")
         if not inputs:
-            raise element.error(f"the function {element.attributes.get('name', '')!r} without inputs", "independentVarPts or independentVarRef")
+            raise element.error(
+                f"the function {element.attributes.get('name', '')!r} without inputs", "independentVarPts or independentVarRef"
+            )
         if len(inputs) > MAX_AXES:
             raise element.error(f"a function of {len(inputs)} inputs", f"at most {MAX_AXES}; split the table")
         if simple is not None:
@@ -181,7 +185,7 @@ class _Reader:
         key = "gtID" if reference.tag == "griddedTableRef" else "utID"
         name = reference.attribute(key if key in reference.attributes else "gtID")  # DAVE-ML 1.7 wrote gtID in both
         if name not in self.tables:
-            raise reference.error(f"a reference to the table {name!r}", f"one of {', '.join(self.tables) or 'none: the file has no tables'}")
+            raise reference.error(f"a reference to the table {name!r}", f"one of {', '.join(self.tables) or 'none'}")
         if self.tables[name].tag.startswith("ungridded") != (reference.tag == "ungriddedTableRef"):
             self.notes.append(f"line {reference.line}: <{reference.tag}> points at a <{self.tables[name].tag}>, which is taken")
         return self.tables[name]
@@ -237,8 +241,9 @@ class _Reader:
                 raise reference.error(f"a reference to the provenance {name!r}", "a provID that stands before it")
             return self.provenances[name]
         element = parent.first("provenance")
-        if element is None:
-            return None
+        return None if element is None else self._keep(element)
+
+    def _keep(self, element: Element) -> Provenance:
         found = Provenance(
             _authors(element),
             _date(element),
@@ -260,9 +265,8 @@ class _Reader:
 
 def _signal(element: Element) -> Signal:
     key, value, tolerance = element.need("signalName", "varID", "signalID"), element.need("signalValue"), element.first("tol")
-    return Signal(
-        key.text, _text(element, "signalUnits"), number(value.text, value), np.nan if tolerance is None else number(tolerance.text, tolerance)
-    )
+    allowed = np.nan if tolerance is None else number(tolerance.text, tolerance)
+    return Signal(key.text, _text(element, "signalUnits"), number(value.text, value), allowed)
 
 
 def _by_id(elements: Iterable[Element], key: str) -> dict[str, Element]:

@@ -12,13 +12,14 @@ from flightmech.terms import variables
 
 from .expansion import REDUCED
 
+Limits = Mapping[str, tuple[float, float]]
 SEED = 119  # of S-119
 BEYOND = 0.15  # of the range of a table, on either side
 _AIRSPEED = (30.0, 250.0)  # m/s
 _RANGES = {  # of what no table covers, by name, then by unit
     "phat": (-0.06, 0.06), "qhat": (-0.01, 0.01), "rhat": (-0.04, 0.04), "alphadothat": (-0.01, 0.01), "betadothat": (-0.02, 0.02),
-    "p": (-1.5, 1.5), "q": (-0.4, 0.4), "r": (-0.4, 0.4), "gear": (0.0, 1.0), "speedbrake": (0.0, 1.0), "mach": (0.1, 0.8), "CT": (0.0, 0.2),
-    "x_cg": (0.1, 0.4), "V": _AIRSPEED,
+    "p": (-1.5, 1.5), "q": (-0.4, 0.4), "r": (-0.4, 0.4), "gear": (0.0, 1.0), "speedbrake": (0.0, 1.0), "mach": (0.1, 0.8),
+    "CT": (0.0, 0.2), "x_cg": (0.1, 0.4), "V": _AIRSPEED,
     "rad": (-0.3, 0.3), "m": (-1.0, 1.0), "Pa": (500.0, 20000.0), "m s-1": (-10.0, 10.0), "rad s-1": (-0.5, 0.5),
 }  # fmt: skip
 
@@ -28,7 +29,7 @@ def needed(leaves: Iterable[xr.Dataset]) -> list[str]:
     return sorted(set().union(*(variables(leaf) for leaf in leaves)))
 
 
-def ranges(leaves: Iterable[xr.Dataset], limits: Mapping[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+def ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, tuple[float, float]]:
     """Return the range (low, high) of each variable: of the control, of the tables that have it as an axis, or a usual one. [SI]"""
     leaves = list(leaves)
     found: dict[str, tuple[float, float]] = {}
@@ -47,7 +48,7 @@ def ranges(leaves: Iterable[xr.Dataset], limits: Mapping[str, tuple[float, float
     return found
 
 
-def draw(leaves: Iterable[xr.Dataset], count: int, beyond: float, limits: Mapping[str, tuple[float, float]] | None = None) -> dict[str, np.ndarray]:
+def draw(leaves: Iterable[xr.Dataset], count: int, beyond: float, limits: Limits | None = None) -> dict[str, np.ndarray]:
     """Return states (count,) by variable, a Latin hypercube over the ranges widened by a share of them. [SI]"""
     random = np.random.default_rng(SEED)
     states = {}
