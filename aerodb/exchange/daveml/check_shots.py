@@ -53,7 +53,7 @@ def stored_cases(db: xr.DataTree) -> list[Case]:
     """
     if CHECKS not in db.children:
         return []
-    table = xr.Dataset(db.children[CHECKS].to_dataset(inherit=False))
+    table = db.children[CHECKS].to_dataset(inherit=False)
     needed = samples.needed(terms(db).values())
     if "case" not in table.dims or not all(name in table and table[name].dims == ("case",) for name in needed):
         return []
@@ -63,7 +63,7 @@ def stored_cases(db: xr.DataTree) -> list[Case]:
     names = (
         [str(name) for name in table["case"].values] if "case" in table.coords else [f"case {i + 1}" for i in range(table.sizes["case"])]
     )
-    made = _cases(db, names, states)
+    made = _cases(db, [f"checks: {name}" for name in names], states)
     return [case for i, one in enumerate(made) if (case := _as_stored(one, table, i)) is not None]
 
 

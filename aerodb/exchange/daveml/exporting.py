@@ -126,9 +126,7 @@ class _Writer:
         return found
 
     def _author(self) -> list[str]:
-        return element(
-            "author", {"name": str(self.db.attrs.get("author", "aeromatch")), "org": str(self.db.attrs.get("organization", "-"))}
-        )
+        return element("author", {"name": WRITER, "org": "-"})
 
     def _header(self) -> list[str]:
         attributes = {str(key): item for key, item in self.db.attrs.items()}
