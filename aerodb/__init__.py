@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from .comparison import compare
     from .edit import delete_terms, replace_terms
     from .evaluation import contributions, evaluate
+    from .exchange.daveml.exporting import export_daveml
+    from .exchange.daveml.importing import import_daveml
     from .exchange.jsbsim_write import export_jsbsim
     from .factoring import factored
     from .files import open, save
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
     from .tabulation import tabulate
 
 _HOME = {
+    "export_daveml": "exchange.daveml.exporting",
+    "import_daveml": "exchange.daveml.importing",
     "blend": "blending",
     "consistency": "blending",
     "move_reference": "moving",
@@ -67,12 +71,14 @@ __all__ = [
     "database",
     "delete_terms",
     "evaluate",
+    "export_daveml",
     "export_jsbsim",
     "extend",
     "factored",
     "forget",
     "from_datcom",
     "history",
+    "import_daveml",
     "move_reference",
     "open",
     "previous",
