@@ -64,13 +64,12 @@ def move_reference(db: xr.DataTree, point: Sequence[float], *, tolerance: float 
 
     Notes
     -----
-    A second move right after a first one starts from the tables before it, as long as they are kept: moves do not pile up breakpoints and
-    standard errors, and a move back restores the tables to the last bit.  The aircraft file must name the same point, and all its
+    A move right after others starts from the tables before them, as long as they are kept: moves do not pile up breakpoints and standard
+    errors, and a move back restores the tables to the last bit.  The aircraft file must name the same point, and all its
     positions count from there.
     """
     new, old = _checked(db, point, tolerance, flow), _point(db)
-    again = last(db)
-    base = previous(db) if again.get("verb") == _VERB and again.get("flow") == flow else db
+    base = _before_moves(db, flow)
     d, leaves = _point(base) - new, terms(base)
     said = f"from ({_metres(old)}) to ({_metres(new)}) m{', flow angles with it' if flow == 'moved' else ''}"
     if d.any():
@@ -82,6 +81,13 @@ def move_reference(db: xr.DataTree, point: Sequence[float], *, tolerance: float 
         leaves = {name: leaf if leaf is leaves.get(name) else noted(leaf, line) for name, leaf in whole.items()}
     place = {key: base.attrs[key] for key in ("absent",) if key in base.attrs} | absent(base, without=leaves)
     return recorded(db, leaves, _VERB, said, note, place | dict(zip(_KEYS, map(float, new))), flow=flow)
+
+
+def _before_moves(db: xr.DataTree, flow: str) -> xr.DataTree:
+    """Return a database before the moves of the same kind that were its last edits."""
+    while last(db).get("verb") == _VERB and last(db)["flow"] == flow:
+        db = previous(db)
+    return db
 
 
 def _checked(db: xr.DataTree, point: Sequence[float], tolerance: float, flow: str) -> np.ndarray:
