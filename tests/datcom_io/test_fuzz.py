@@ -11,7 +11,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 ROOT = Path(__file__).parents[2]
@@ -20,6 +20,18 @@ T37 = ROOT / "data" / "t37" / "datcom"
 SHARED = ROOT / ".." / "shared" / "data" / "datcom"
 DECKS = sorted(T37.glob("*.inp"))
 EXAMPLES = int(os.environ.get("AEROMATCH_FUZZ", "0"))
+
+
+def quick(examples: int) -> settings:
+    """Return the same few examples every time, not shrunk when one fails (that takes minutes), or as many new ones as asked for."""
+    return settings(
+        max_examples=EXAMPLES or examples,
+        derandomize=not EXAMPLES,
+        phases=[Phase.generate, *([Phase.shrink] if EXAMPLES else [])],
+        deadline=None,
+        database=None,
+        suppress_health_check=list(HealthCheck),
+    )
 
 
 def _load(name: str):
@@ -64,7 +76,7 @@ def others() -> list[list[str]]:
     return [sound(path).lines for path in bases()]
 
 
-@settings(max_examples=EXAMPLES or 25, derandomize=not EXAMPLES, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@quick(15)
 @given(st.data())
 def test_harmed_listings(data):
     path = data.draw(st.sampled_from(bases()))
@@ -75,7 +87,7 @@ def test_harmed_listings(data):
 
 @pytest.mark.parametrize("way", harm.WAYS, ids=lambda way: way.__name__)
 def test_every_way_of_harm(way):
-    @settings(max_examples=EXAMPLES or 2, derandomize=not EXAMPLES, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @quick(2)
     @given(st.data())
     def harmed_once(data):
         path = data.draw(st.sampled_from(bases()))
@@ -85,7 +97,7 @@ def test_every_way_of_harm(way):
     harmed_once()
 
 
-@settings(max_examples=EXAMPLES or 40, derandomize=not EXAMPLES, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+@quick(25)
 @given(st.data())
 def test_harmed_decks(data):
     decks = [path.read_text("latin-1").split("\n") for path in DECKS]
