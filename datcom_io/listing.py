@@ -175,7 +175,7 @@ class Case:
         Returns
         -------
         DataTree
-            Leaves ``static downwash dynamic symflp asyflp``, those that the case has; see ``docs/datcom.md``.
+            One leaf per family of tables, ``static downwash dynamic symflp`` ..., those that the case has; see ``docs/datcom.md``.
 
         Raises
         ------
