@@ -12,21 +12,28 @@ from flightmech.lazy import load
 
 if TYPE_CHECKING:
     from . import templates
+    from .along import read_conditions
     from .blending import blend, consistency
     from .build import from_datcom
     from .comparison import compare
+    from .drawing import save_figure
     from .edit import delete_terms, replace_terms
     from .evaluation import contributions, evaluate
     from .exchange.daveml.exporting import export_daveml
     from .exchange.daveml.importing import import_daveml
+    from .exchange.jsbsim_read import import_jsbsim
     from .exchange.jsbsim_write import export_jsbsim
     from .factoring import factored
+    from .figure_folder import write_comparison
+    from .figures import plot_comparison, plot_term
     from .files import open, save
+    from .maps import plot_difference
     from .moving import move_reference
     from .overview import summary
     from .rescaling import rescale
     from .schema import check, database, terms
     from .shaping import extend, regrid, regrid_error, scale, shift
+    from .spread import standard_error
     from .states import forget, history, previous
     from .tabulation import tabulate
 
@@ -46,6 +53,13 @@ _HOME = {
     "previous": "states",
     "from_datcom": "build",
     "compare": "comparison",
+    "plot_comparison": "figures",
+    "plot_difference": "maps",
+    "plot_term": "figures",
+    "read_conditions": "along",
+    "save_figure": "drawing",
+    "standard_error": "spread",
+    "write_comparison": "figure_folder",
     "delete_terms": "edit",
     "replace_terms": "edit",
     "contributions": "evaluation",
@@ -53,6 +67,7 @@ _HOME = {
     "open": "files",
     "save": "files",
     "export_jsbsim": "exchange.jsbsim_write",
+    "import_jsbsim": "exchange.jsbsim_read",
     "check": "schema",
     "database": "schema",
     "terms": "schema",
@@ -79,20 +94,28 @@ __all__ = [
     "from_datcom",
     "history",
     "import_daveml",
+    "import_jsbsim",
     "move_reference",
     "open",
+    "plot_comparison",
+    "plot_difference",
+    "plot_term",
     "previous",
+    "read_conditions",
     "regrid",
     "regrid_error",
     "replace_terms",
     "rescale",
     "save",
+    "save_figure",
     "scale",
     "shift",
+    "standard_error",
     "summary",
     "tabulate",
     "templates",
     "terms",
+    "write_comparison",
 ]
 
 

@@ -11,6 +11,7 @@ from flightmech.console import NewFile, document, json_option, remark, table
 from .cli_characteristics import characteristics, rescale
 from .cli_listings import ListingPath, read
 from .cli_scheme import scheme
+from .compare_cli import compare, plot
 from .edit_cli import edit, forget, history, previous
 
 _LISTING = click.Path(exists=True, dir_okay=False)
@@ -95,27 +96,6 @@ def show(file: str, term: str | None, as_json: bool) -> None:
 
 
 @db.command()
-@click.argument("first", type=_LISTING)
-@click.argument("second", type=_LISTING)
-@json_option
-def compare(first: str, second: str, as_json: bool) -> None:
-    """Compare two databases term by term: largest and rms difference (SECOND minus FIRST), and where."""
-    from .comparison import compare as compared
-    from .files import open
-
-    frame = compared(open(first), open(second))
-    if as_json:
-        document(frame)
-        return
-    rows = [
-        (name, row.found_in, f"{row.max_difference:.4g}", f"{row.rms_difference:.4g}", f"{row.max_in_stderr:.3g}", row.location, row.note)
-        for name, row in frame.iterrows()
-    ]
-    head = ("term", "in", "largest", "rms", "in std. errors", "where", "note")
-    table(head, rows, title=f"a = {first}, b = {second}: b - a", right=head[2:5])
-
-
-@db.command()
 @click.argument("file", type=_LISTING)
 @json_option
 def check(file: str, as_json: bool) -> None:
@@ -129,8 +109,10 @@ def check(file: str, as_json: bool) -> None:
 
 
 db.add_command(characteristics)
+db.add_command(compare)
 db.add_command(edit)
 db.add_command(history)
+db.add_command(plot)
 db.add_command(previous)
 db.add_command(forget)
 db.add_command(rescale)

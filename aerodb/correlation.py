@@ -49,26 +49,44 @@ def prior_covariance(leaf: xr.Dataset, lengths: Mapping[str, float] | None = Non
     level : float
         Share of the variance common to the whole table.
     """
+    nodes = np.arange(leaf["value"].size)
+    return covariance_between(leaf, nodes[:, None], nodes, lengths, level)
+
+
+def covariance_between(
+    leaf: xr.Dataset, i: np.ndarray, j: np.ndarray, lengths: Mapping[str, float] | None = None, level: float = LEVEL
+) -> np.ndarray:
+    """Return the a-priori covariance of single pairs of nodes, for tables too large for the whole matrix.
+
+    Parameters
+    ----------
+    leaf, lengths, level
+        As in `prior_covariance`.
+    i, j : array of int
+        Places of the nodes in ``value.ravel()``, broadcast against each other.
+    """
     lengths = LENGTHS if lengths is None else lengths
     value = leaf["value"]
-    near = np.ones((value.size, value.size))
     places = np.meshgrid(*(value[axis].values for axis in value.dims), indexing="ij") if value.ndim else []
+    squares = np.zeros(np.broadcast_shapes(i.shape, j.shape))
     for axis, place in zip(value.dims, places):
-        distance = (place.ravel()[:, None] - place.ravel()) / lengths.get(str(axis), np.inf)
-        near *= np.exp(-0.5 * distance**2)
-    sd = leaf["stderr"].values.ravel()
-    return np.outer(sd, sd) * _kind(value.values.ravel(), sd) * (level + (1.0 - level) * near)
+        x = place.ravel() / lengths.get(str(axis), np.inf)
+        squares += (x[i] - x[j]) ** 2
+    v, sd = value.values.ravel(), leaf["stderr"].values.ravel()
+    r2, a2 = _kind(v, sd)
+    size = np.sqrt(r2 * v**2 + a2)
+    size[size == 0.0] = 1.0
+    alike = (r2 * v[i] * v[j] + a2) / (size[i] * size[j])
+    return sd[i] * sd[j] * alike * (level + (1.0 - level) * np.exp(-0.5 * squares))
 
 
-def _kind(v: np.ndarray, sd: np.ndarray) -> np.ndarray:
-    """Correlation of an error proportional to the value with a constant one, in the proportion that explains `sd`."""
+def _kind(v: np.ndarray, sd: np.ndarray) -> tuple[float, float]:
+    """Variances of an error proportional to the value and of a constant one, in the proportion that explains `sd`."""
     from scipy.optimize import nnls
 
     known = sd > 0
     if not known.any():
-        return np.ones((len(v), len(v)))
+        return 0.0, 1.0
     shares = np.stack([v[known] ** 2, np.ones(known.sum())], axis=1) / sd[known, None] ** 2
     (r2, a2), _ = nnls(shares, np.ones(known.sum()))  # relative misfit, or the few nodes with large errors would decide
-    joint = r2 * np.outer(v, v) + a2
-    size = np.sqrt(np.diag(joint))
-    return joint / np.outer(np.where(size > 0, size, 1.0), np.where(size > 0, size, 1.0))
+    return float(r2), float(a2)

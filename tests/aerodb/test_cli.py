@@ -49,23 +49,6 @@ def test_show_one_term_with_its_numbers(file):
         run("show", file, "--term", "CL/flop")
 
 
-def test_compare_prints_the_differences(file, small, tmp_path):
-    from flightmech import terms
-
-    other = str(tmp_path / "other.nc")
-    flap = aerodb.terms(small)["CL/flap"]
-    small = aerodb.replace_terms(small, {"CL/flap": flap.assign(value=flap["value"] * 1.5)})
-    aerodb.save(aerodb.replace_terms(small, {"Cm/qhat": terms.make(-50.0, regressors=["qhat"])}), other)
-    line = next(line for line in run("compare", file, other).stdout.splitlines() if line.startswith("Cm/qhat"))
-    assert "-33" in line
-    line = next(line for line in run("compare", file, other).stdout.splitlines() if line.startswith("CL/flap"))
-    assert line.split()[1:] == ["both", "0.18", "0.1189", "2.57", "delta_f", "40", "deg"]
-    rows = {row["term"]: row for row in json.loads(run("compare", file, other, "--json").stdout)}
-    assert rows["Cm/qhat"]["max_difference"] == -33.0
-    assert rows["Cm/qhat"]["max_in_stderr"] is None
-    assert rows["CL/basic"]["max_difference"] == 0.0
-
-
 def test_check(file, tmp_path):
     assert run("check", file).stdout == f"{file}: sound, 4 terms\n"
     bad = tmp_path / "bad.nc"
