@@ -13,6 +13,7 @@ from flightmech.units import from_si
 
 from .schema import terms
 
+_FEW = 12  # absent terms that are listed one by one
 HEAD = ("term", "axes", "times", "values", "stderr", "source")
 
 
@@ -44,8 +45,22 @@ def heading(db: xr.DataTree) -> list[str]:
         str(a["title"]),
         f"S {a['S']:.4f} m2, cbar {a['cbar']:.4f} m, b {a['b']:.4f} m; moments about ({point}) m from the datum",
         f"forces in {a['force_axes']} axes, moments and rates in body axes",
-        f"absent: {a.get('absent') or 'nothing'}",
+        f"absent: {_absent(str(a.get('absent', '')).split())}",
     ]
+
+
+def _absent(names: list[str]) -> str:
+    """Return the absent terms as text; many of them by the coefficients that lack them."""
+    if len(names) <= _FEW:
+        return " ".join(names) or "nothing"
+    lacking: dict[str, list[str]] = {}
+    for name in names:
+        coefficient, _, contribution = name.partition("/")
+        lacking.setdefault(contribution, []).append(coefficient)
+    groups: dict[str, list[str]] = {}
+    for contribution, coefficients in lacking.items():
+        groups.setdefault(" ".join(coefficients), []).append(contribution)
+    return "; ".join(f"{coefficients}: {' '.join(words)}" for coefficients, words in groups.items())
 
 
 def _facts(name: str, leaf: xr.Dataset) -> dict[str, Any]:

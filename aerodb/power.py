@@ -94,7 +94,7 @@ def power(given: Source, clean: Source, h_ref: float) -> Effect:
     forces = ("CL", "Cm") if engine.jet else ("CL", "CD", "Cm")  # JETPWE sets the drag increment to zero
     whole = {c: powered[c] - free[c] for c in forces}
     itself: dict[str, xr.DataArray] = {
-        "CL": engine.CT * np.sin(powered["alpha"] + engine.incidence),
+        "CL": xr.DataArray(engine.CT * np.sin(powered["alpha"] + engine.incidence)),
         "CD": xr.DataArray(0.0),
         "Cm": xr.DataArray(-engine.CT * engine.height / given.reference["cbar"]),
     }

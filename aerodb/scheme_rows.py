@@ -1,7 +1,7 @@
 """The rows of the scheme (`aerodb.templates`): one per contribution.
 
 Columns: contribution; coefficients that have it (empty: all three of the group); axes; regressors; axis of the factor K1; equation in
-LR-743; meaning; what DATCOM gives, by coefficient (``CL Cm: this | else that``); what LR-743 4.5 found (lift, and roll over ground).
+LR-743; meaning; what DATCOM gives, by coefficient (``CL Cm: this | CD: that``, no method for others); what LR-743 4.5 found (lift, and roll over ground).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ LONGITUDINAL: tuple[Row, ...] = (
     ("flap", "", "delta_f mach alpha", "", "", "(2)", "increment of the flaps",
      "CL Cm: SYMFLP on the wing, D(CL), D(CM), wing-body | CD: SYMFLP on the wing, D(CD MIN) + D(CDI)", "replaced (Fig. 13)"),
     ("flap_slope", "", "delta_f mach", "alpha", "", "(2)", "change of slope with the flaps",
-     "CL: SYMFLP on the wing, (CLA)D less its value without deflection | else no method", "part of the table that is replaced"),
+     "CL: SYMFLP on the wing, (CLA)D less its value without deflection", "part of the table that is replaced"),
     ("elevator", "", "mach alpha", "delta_e", "", "(4)", "elevator effectiveness",
      "CL Cm: SYMFLP on the tail, D(CL), D(CM) over delta_e, or an all-movable stabilizer | CD: SYMFLP on the tail, D(CD MIN) + D(CDI)",
      "kept"),
@@ -32,11 +32,11 @@ LONGITUDINAL: tuple[Row, ...] = (
     ("tab", "", "mach alpha", "delta_t", "", "(5)", "elevator trim tab",
      "no method (CONTAB gives hinge moments only)", "could not be identified: deleted"),
     ("qhat", "", "mach h alpha", "qhat", "x_cg", "(6)", "pitch rate",
-     "CL Cm: CLQ, CMQ | else no method", "replaced by a table over alpha and flap setting (Fig. 15)"),
+     "CL Cm: CLQ, CMQ", "replaced by a table over alpha and flap setting (Fig. 15)"),
     ("qhat_flap", "", "mach delta_f alpha", "qhat", "x_cg", "(6)", "pitch rate, increment with flaps",
      _NO_METHOD, "could not be identified: deleted"),
     ("alphadothat", "", "mach h alpha", "alphadothat", "x_cg", "(7)", "rate of angle of attack",
-     "CL Cm: CLAD, CMAD; where they are missing, the tail's part from the downwash | else no method",
+     "CL Cm: CLAD, CMAD; where they are missing, the tail's part from the downwash",
      "embedded in the pitch-rate term in the normal envelope (collinear)"),
     ("alphadothat_flap", "", "mach delta_f alpha", "alphadothat", "x_cg", "(7)", "rate of angle of attack, increment with flaps",
      _NO_METHOD, "embedded in the pitch-rate term"),
@@ -72,10 +72,10 @@ LATERAL: tuple[Row, ...] = (
      "no method (elastic fin); Mach number is in beta", ""),
     ("phat", "", "mach alpha", "phat", "", "like (6)", "roll rate", "CLP, CYP, CNP", ""),
     ("phat_flap", "", "alpha delta_f", "phat", "", "like (6)", "roll rate, increment with flaps", _NO_METHOD, ""),
-    ("rhat", "", "mach alpha", "rhat", "", "like (6)", "yaw rate", "Cl Cn: CLR, CNR | else no method", ""),
+    ("rhat", "", "mach alpha", "rhat", "", "like (6)", "yaw rate", "Cl Cn: CLR, CNR", ""),
     ("rhat_flap", "", "alpha delta_f", "rhat", "", "like (6)", "yaw rate, increment with flaps", _NO_METHOD, ""),
     ("aileron", "", "mach alpha", "delta_a", "", "like (4)", "aileron effectiveness",
-     "Cl Cn: ASYFLP, STYPE 4: (CL)ROLL, CN over delta_a, wing-body | else no method", ""),
+     "Cl Cn: ASYFLP, STYPE 4: (CL)ROLL, CN over delta_a, wing-body", ""),
     ("aileron_flap", "", "alpha delta_f", "delta_a", "", "like (4)", "aileron effectiveness, increment with flaps", _NO_METHOD, ""),
     ("rudder", "", "mach alpha", "delta_r", "", "like (4)", "rudder effectiveness", _NO_METHOD, ""),
     ("rudder_flap", "", "alpha delta_f", "delta_r", "", "like (4)", "rudder effectiveness, increment with flaps", _NO_METHOD, ""),
@@ -89,9 +89,9 @@ LATERAL: tuple[Row, ...] = (
     ("ground", "Cl", "delta_f", "phi", "h_agl", "(14)", "rolling moment over ground that levels the wings; LR-743 multiplies CL too",
      "nothing: lateral columns over ground repeat those of free air", "Cl = k h^s CL phi, k -0.078, s -1.09 at 40 deg of flap (Table 2)"),
     ("spoiler", "", "mach alpha", "delta_s", "", "-", "spoilers as roll control",
-     "Cl Cn: ASYFLP, STYPE 1 to 3: (CL)ROLL, CN over delta_s, wing-body | else no method", ""),
+     "Cl Cn: ASYFLP, STYPE 1 to 3: (CL)ROLL, CN over delta_s, wing-body", ""),
     ("differential_tail", "", "mach alpha", "delta_d", "", "-", "halves of the stabilizer deflected against each other",
-     "Cl: ASYFLP, STYPE 5: (CL)ROLL over delta_d | else no method", ""),
+     "Cl: ASYFLP, STYPE 5: (CL)ROLL over delta_d", ""),
 )
 
 HINGES: dict[str, tuple[Row, ...]] = {

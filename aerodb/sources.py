@@ -99,7 +99,7 @@ class Source:
             dataset = dataset.isel(configuration=int(np.argmax(parts)))
         dataset = self._with_power(dataset, powered)
         try:
-            found = datcom_io.to_grid(self._along_mach(dataset, leaf))
+            found = datcom_io.to_grid(_along_mach(dataset))
         except SchemaError as error:
             raise SchemaError(f"{self.role}, {leaf}", [*error.problems, "run the deck with LOOP=2 and every Mach number once"]) from None
         return found.drop_vars([name for name in found.coords if name not in found.dims and name not in _KEPT])
@@ -114,18 +114,6 @@ class Source:
             wish = "one case with JETPWR or PROPWR" if powered else "a case without JETPWR and PROPWR; powered ones go to power="
             raise SchemaError(self.role, [f"{found}; give {wish}"])
         return dataset.sel(power=wanted[0], drop=True) if "power" in dataset.dims else dataset.drop_vars("power")
-
-    def _along_mach(self, dataset: xr.Dataset, leaf: str) -> xr.Dataset:
-        """Return a leaf whose Mach numbers stand at an altitude each as if they stood at one; any other one as it is."""
-        machs, heights = dataset["mach"].values, dataset["h"].values
-        paired = len(np.unique(machs)) == len(machs) and len(np.unique(heights)) > 1 and bool(np.isfinite(heights).all())
-        if not paired:
-            return dataset
-        if leaf == "static" and self.role == "clean":
-            places = ", ".join(f"{mach:g} at {h:.0f} m" for mach, h in zip(machs, heights))
-            warn(f"{self.role}: every Mach number stands at an altitude of its own ({places}); the tables go over Mach number alone")
-        middle = float(np.sort(heights)[len(heights) // 2])
-        return dataset.assign_coords(h=("condition", np.full(len(heights), middle), dataset["h"].attrs))
 
 
 def source(role: str, given: Any) -> Source:
@@ -151,7 +139,29 @@ def source(role: str, given: Any) -> Source:
     joined = datcom_io.join(trees)
     decks = tuple(deck for _, deck in parts if deck is not None)
     looped = {name for tree in trees for name, leaf in tree.children.items() if leaf.sizes.get("condition", 1) > 1}
+    if role == "clean" and "static" in joined.children:
+        _tell_pairs(role, joined.children["static"].to_dataset(inherit=False))
     return Source(role, joined, {key: float(joined.attrs[key]) for key in REFERENCES}, frozenset(looped), decks)
+
+
+def _along_mach(dataset: xr.Dataset) -> xr.Dataset:
+    """Return a leaf whose Mach numbers stand at an altitude each as if they stood at one, and any other one as it is."""
+    heights = dataset["h"].values
+    if not _paired(dataset):
+        return dataset
+    return dataset.assign_coords(h=("condition", np.full(len(heights), np.sort(heights)[len(heights) // 2]), dataset["h"].attrs))
+
+
+def _paired(dataset: xr.Dataset) -> bool:
+    """Tell whether every Mach number occurs once, and not all at one altitude."""
+    machs, heights = dataset["mach"].values, dataset["h"].values
+    return len(np.unique(machs)) == len(machs) and len(np.unique(heights)) > 1 and bool(np.isfinite(heights).all())
+
+
+def _tell_pairs(role: str, static: xr.Dataset) -> None:
+    if _paired(static):
+        places = ", ".join(f"{mach:g} at {h:.0f} m" for mach, h in zip(static["mach"].values, static["h"].values))
+        warn(f"{role}: every Mach number stands at an altitude of its own ({places}); the tables go over Mach number alone")
 
 
 def known(tables: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:

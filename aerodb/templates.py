@@ -181,7 +181,7 @@ def _axis_faults(slot: Slot, axes: Mapping[str, Any], K1: Mapping[str, Any]) -> 
 
 
 def _given(text: str, coefficient: str) -> str:
-    """Return what DATCOM gives for one coefficient: ``CL Cm: CLQ, CMQ | else no method`` names those it is meant for."""
+    """Return what DATCOM gives for one coefficient: ``CL Cm: CLQ, CMQ`` names those it is meant for, the others have no method."""
     parts = [part.strip().partition(": ") for part in text.split("|")]
-    meant = {word: what for who, _, what in parts for word in who.split() if word == "else" or word in _COEFFICIENTS}
-    return meant.get(coefficient, meant.get("else", "no method")) if meant else text
+    meant = {word: what for who, _, what in parts for word in who.split() if word in _COEFFICIENTS}
+    return meant.get(coefficient, "no method") if meant else text

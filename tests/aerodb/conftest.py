@@ -1,5 +1,6 @@
 """A small database written by hand, a small DATCOM case, and the T-37 listings where they are at hand."""
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import aerodb
 from flightmech import terms
 from flightmech.units import FOOT
 
+CORPUS = Path(__file__).parents[3] / "shared" / "data" / "datcom"
 T37 = Path(__file__).parents[2] / "data" / "t37" / "datcom"
 
 
@@ -88,6 +90,26 @@ def make_case():
         return xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), **leaves})
 
     return make
+
+
+@pytest.fixture(scope="session")
+def corpus():
+    """Return a reader of third-party listings by name, and by case; tests without them are skipped."""
+    if not CORPUS.is_dir():
+        pytest.skip("the DATCOM corpus is not at hand")
+    import datcom_io
+
+    def read(name, case=None, build=""):
+        listing = datcom_io.read(CORPUS / name / f"{name}{build}.out")
+        return listing if case is None else listing[case]
+
+    return read
+
+
+@pytest.fixture(scope="session")
+def jet(craft):
+    """Return the Citation-500-like jet of the corpus."""
+    return dataclasses.replace(craft, name="Ce-500-like", S=24.2, cbar=2.022, b=13.36, reference=(-6.3, 0.0, 0.15))
 
 
 @pytest.fixture(scope="session")

@@ -41,6 +41,22 @@ def test_check_cases_in_the_file_are_no_terms(small):
     assert "checks/trim" not in aerodb.terms(small)
 
 
+def test_what_edits_replaced_is_no_term(small, small_terms):
+    small["previous/e001/CL/gear"] = small_terms["CL/flap"]
+    assert aerodb.check(small) == []
+    assert "CL/gear" not in aerodb.terms(small)
+    assert not [name for name in aerodb.terms(small) if name.startswith("previous")]
+
+
+def test_hinge_moments_stand_beside_any_force_axes(small_terms, root):
+    hinge = terms.make(-0.3, regressors=["delta_e"])
+    for axes, name in (("stability", "CL/basic"), ("wind", "CL/basic"), ("body", "CZ/basic")):
+        db = aerodb.database({name: small_terms["CL/basic"], "Ch_e/delta": hinge, "Ch_r/beta": hinge}, **{**root, "force_axes": axes})
+        assert aerodb.check(db) == []
+    with pytest.raises(SchemaError, match="unknown coefficient 'Ch_x'"):
+        aerodb.database({"Ch_x/delta": hinge}, **root)
+
+
 def test_an_empty_tree_is_no_database(root):
     assert aerodb.check(xr.DataTree(xr.Dataset(attrs=root))) == ["holds no term; a database has leaves such as CL/basic"]
 
