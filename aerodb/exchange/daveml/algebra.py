@@ -18,6 +18,7 @@ from .bent import Bent
 
 MAX_PRODUCTS = 1000
 MAX_POWER = 16
+_ROUNDING = 1e-15
 
 
 class Inexact(Exception):
@@ -128,14 +129,16 @@ def table(grid: Grid) -> Sum:
 
 
 def add(sums: Iterable[Sum]) -> Sum:
-    """Return the sum of sums; like products are joined."""
+    """Return the sum of sums; like products are joined, and those that cancel but for rounding are gone."""
     total: dict[Product, float] = {}
+    size: dict[Product, float] = {}
     for one in sums:
         for product, coefficient in one.products.items():
             total[product] = total.get(product, 0.0) + coefficient
+            size[product] = size.get(product, 0.0) + abs(coefficient)
     if len(total) > MAX_PRODUCTS:
         raise Inexact(f"more than {MAX_PRODUCTS} products")
-    return Sum({product: coefficient for product, coefficient in total.items() if coefficient != 0.0})
+    return Sum({product: coefficient for product, coefficient in total.items() if abs(coefficient) > _ROUNDING * size[product]})
 
 
 def scale(one: Sum, factor: float) -> Sum:

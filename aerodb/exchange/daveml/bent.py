@@ -72,7 +72,7 @@ def limiter(low: float, high: float) -> Bent:
 def add(f: Bent, g: Bent) -> Bent:
     """Return f + g."""
     points = g.points if f.is_line else f.points if g.is_line else union(f.points, g.points)
-    return Bent(points, f(points) + g(points), f.left + g.left, f.right + g.right)
+    return Bent(points, f(points) + g(points), _total(f.left, g.left), _total(f.right, g.right))
 
 
 def compose(outer: Bent, inner: Bent) -> Bent:
@@ -121,6 +121,11 @@ def _slopes(f: Bent) -> np.ndarray:
     return np.concatenate([ends[0], inside, ends[1]])
 
 
+def _total(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the sum of two slopes; those that cancel but for rounding are zero."""
+    return np.where(np.abs(a + b) <= _SAME * (np.abs(a) + np.abs(b)), 0.0, a + b)
+
+
 def _same(a: np.ndarray, b: np.ndarray) -> bool:
     scale = max(float(np.abs(a).max(initial=0.0)), float(np.abs(b).max(initial=0.0)))
     return bool((np.abs(a - b) <= _SAME * scale).all())
@@ -139,7 +144,7 @@ def _preimages(targets: np.ndarray, inner: Bent) -> tuple[np.ndarray, list[int]]
     slopes = _slopes(inner)
     found: dict[float, int] = {}
     for i, slope in enumerate(slopes):
-        if slope == 0.0:
+        if abs(slope) <= _SAME * np.abs(slopes).max():
             continue
         anchor = min(max(i - 1, 0), len(inner.points) - 1)
         for node, target in enumerate(targets):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +53,8 @@ def import_daveml(
     path : path
         The file.
     names : mapping of str to str, optional
-        Quantity of the house by varID or name, for variables that do not carry a name of S-119: ``{"ALPHA_TOT_D": "alpha"}``.
+        Quantity of the house by varID or name, for variables that do not carry a name of S-119: ``{"DEFL": "delta_e"}``.  An S-119
+        unit in brackets counts instead of the file's: ``{"ALPHA_TOT_D": "alpha [deg]"}``.
     S, cbar, b : float, optional
         Reference area [m2], chord and span [m] of a file that does not tell them.
     force_axes : {"stability", "wind", "body"}, optional
@@ -76,12 +78,12 @@ def import_daveml(
     UnknownName
         A variable of `names` that the file does not have, or a quantity that the house does not have.
     """
-    model = read(path, checks)
-    mine = _quantities(model, names or {})
+    model, names = _named(read(path, checks), names or {})
+    mine = _quantities(model, names)
     geometry = _geometry(model, {"S": S, "cbar": cbar, "b": b})
     inputs = {varID: _substitute(model.variables[varID], quantity) for varID, quantity in mine.items()}
     sums, reasons = expand(model, inputs, geometry)
-    outputs, axes = _coefficients(model, names or {}, force_axes, without)
+    outputs, axes = _coefficients(model, names, force_axes, without)
     leaves: dict[str, xr.Dataset] = {}
     problems = []
     for coefficient, varID in outputs.items():
@@ -90,20 +92,31 @@ def import_daveml(
         except algebra.Inexact as error:
             problems.append(f"{coefficient}: {varID} ({model.variables[varID].name}): {error}")
     if problems:
-        hint = "leave these coefficients out with without=, or evaluate the model itself: aerodb.exchange.daveml.read(path).evaluate"
-        raise SchemaError(f"{Path(path).name} cannot be taken over exactly", [*problems, hint])
+        way = "leave them out with without=, or evaluate the model itself with aerodb.exchange.daveml.read(path).evaluate"
+        raise SchemaError(f"{Path(path).name} holds coefficients that are no exact sum of terms; {way}", problems)
     db = database(leaves, **_root(model, Path(path), geometry, axes, outputs))
     _prove(db, model, mine, outputs, geometry)
     cases = _checks(model, mine, outputs, geometry)
     return db if cases is None else xr.DataTree.from_dict({**db.to_dict(), f"/{CHECKS}": cases})
 
 
+def _named(model: DaveModel, names: Mapping[str, str]) -> tuple[DaveModel, dict[str, str]]:
+    """Return the model with the units that the names carry, and the quantities by varID."""
+    quantities, variables = {}, dict(model.variables)
+    for key, text in names.items():
+        name, _, unit = text.partition("[")
+        variable = model.find(key)
+        quantities[variable.varID] = lookup(name.strip()).name
+        if unit:
+            variables[variable.varID] = replace(variable, units=unit.strip(" ]"))
+    return replace(model, variables=variables), quantities
+
+
 def _quantities(model: DaveModel, names: Mapping[str, str]) -> dict[str, str]:
     """Return the quantity of each input, by varID."""
-    mine = {model.find(key).varID: lookup(quantity).name for key, quantity in names.items()}
     found: dict[str, str] = {}
     for varID in model.inputs:
-        quantity = mine.get(varID) or quantity_of(model.variables[varID])
+        quantity = names.get(varID) or quantity_of(model.variables[varID])
         if quantity and quantity in found.values():
             other = next(key for key, item in found.items() if item == quantity)
             raise SchemaError(model.file, [f"the inputs {other} and {varID} are both {quantity}; say which with names="])
@@ -139,10 +152,9 @@ def _geometry(model: DaveModel, given: Mapping[str, float | None]) -> dict[str, 
 
 def _coefficients(model: DaveModel, names: Mapping[str, str], axes: str | None, without: Collection[str]) -> tuple[dict[str, str], str]:
     """Return the varID of each coefficient that the file gives, and the axes of its forces."""
-    mine = {model.find(key).varID: quantity for key, quantity in names.items()}
     found: dict[str, str] = {}
     for varID in model.outputs:
-        quantity = mine.get(varID) or quantity_of(model.variables[varID])
+        quantity = names.get(varID) or quantity_of(model.variables[varID])
         if quantity not in COEFFICIENTS:
             continue
         if quantity in found:

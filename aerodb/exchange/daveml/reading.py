@@ -155,16 +155,13 @@ class _Reader:
         )
 
     def _function(self, element: Element, place: int) -> Function:
-        simple = element.first("dependentVarPts")
-        inputs = element.all("independentVarPts" if simple is not None else "independentVarRef")
+        inputs = element.all("independentVarPts") or element.all("independentVarRef")
         if not inputs:
-            raise element.error(
-                f"the function {element.attributes.get('name', '')!r} without inputs", "independentVarPts or independentVarRef"
-            )
+            raise element.error("a function without inputs", "independentVarPts or independentVarRef")
         if len(inputs) > MAX_AXES:
             raise element.error(f"a function of {len(inputs)} inputs", f"at most {MAX_AXES}; split the table")
-        if simple is not None:
-            axes = tuple(self._axis(e, numbers(e.text, e)) for e in inputs)
+        if inputs[0].tag == "independentVarPts":
+            simple, axes = element.need("dependentVarPts"), tuple(self._axis(e, numbers(e.text, e)) for e in inputs)
             table: Gridded | Scattered = _gridded(numbers(simple.text, simple), axes, simple)
             output, uncertainty, provenance = simple.attribute("varID"), None, self._provenance(element)
         else:

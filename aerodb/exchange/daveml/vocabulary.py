@@ -25,7 +25,6 @@ _ALIASES = {
     "lateralreferencelength": "b",
     "referencearea": "S",
 }
-_ANGULAR = ("rad", "deg")
 _OPPOSITES = [  # words and abbreviations of S-119 for the two senses
     ({"ted", "trailingedgedown"}, {"teu", "trailingedgeup"}),
     ({"tel", "trailingedgeleft"}, {"ter", "trailingedgeright"}),
@@ -73,8 +72,9 @@ def conversion(variable: Variable, quantity: str) -> tuple[float, float]:
     try:
         unit = house_unit(variable.units)
         dimension, to_si, offset = parse(unit)
-        if dimension != parse(expected)[0] or any(w in expected and not any(u in unit for u in _ANGULAR) for w in ("rad",)):
-            raise UnitError(f"unit {variable.units!r}, where {quantity} needs one such as {expected}")
+        if dimension != parse(expected)[0] or ("rad" in expected and "rad" not in unit and "deg" not in unit):
+            said = f"unit {variable.units!r}, where {quantity} needs one such as {expected}"
+            raise UnitError(f"{said}; name it with names={{'{variable.varID}': '{quantity} [deg]'}}, say")
     except UnitError as error:
         raise SchemaError(f"variable {variable.varID} ({variable.name})", [str(error)]) from None
     sense = -1.0 if turned(variable.sign, lookup(quantity).sign) else 1.0
