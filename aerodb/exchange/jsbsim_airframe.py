@@ -19,13 +19,15 @@ from .jsbsim_tables import factors
 
 _SLUGFT2 = SLUG * FOOT**2
 
-# control: command and position; a positive aileron command rolls right, delta_a the other way
+# control: command and position; a positive aileron command rolls right, delta_a, delta_d and delta_s roll left
 _SURFACES = {
     "delta_e": ("fcs/elevator-cmd-norm", AXIS["delta_e"]),
     "delta_r": ("fcs/rudder-cmd-norm", AXIS["delta_r"]),
     "delta_t": ("fcs/pitch-trim-cmd-norm", AXIS["delta_t"]),
     "delta_ta": ("fcs/roll-trim-cmd-norm", AXIS["delta_ta"]),
     "delta_tr": ("fcs/yaw-trim-cmd-norm", AXIS["delta_tr"]),
+    "delta_d": ("-fcs/aileron-cmd-norm", AXIS["delta_d"]),
+    "delta_s": ("-fcs/aileron-cmd-norm", AXIS["delta_s"]),
     "delta_f": ("fcs/flap-cmd-norm", AXIS["delta_f"]),
     "gear": ("gear/gear-cmd-norm", AXIS["gear"]),
     "speedbrake": ("fcs/speedbrake-cmd-norm", AXIS["speedbrake"]),

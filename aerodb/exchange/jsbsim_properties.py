@@ -48,6 +48,8 @@ AXIS = {
     "delta_t": "fcs/elevator-tab-pos-rad",
     "delta_ta": "fcs/aileron-tab-pos-rad",
     "delta_tr": "fcs/rudder-tab-pos-rad",
+    "delta_d": "fcs/stabilizer-difference-pos-rad",
+    "delta_s": "fcs/spoiler-difference-pos-norm",
     "gear": "gear/gear-pos-norm",
     "speedbrake": "fcs/speedbrake-pos-norm",
 }
@@ -73,7 +75,8 @@ FUNCTION = {
     "dnz": "<difference><property>accelerations/Nz</property><value>1</value></difference>",
     "x_cg": "<sum><value>{x_ref_mac!r}</value><product><value>{chords_per_inch!r}</value><difference><property>inertia/cg-x-in</property>"
     "<property>metrics/aero-rp-x-in</property></difference></product></sum>",
-    "CT": "<quotient><sum>{thrusts}</sum><product><property>aero/qbar-psf</property><property>metrics/Sw-sqft</property></product></quotient>",
+    "CT": "<quotient><sum><value>0</value>{thrusts}</sum><product><property>aero/qbar-psf</property>"
+    "<property>metrics/Sw-sqft</property></product></quotient>",
     "phat": _REDUCED.format(rate="velocities/p-aero-rad_sec", length="bw"),
     "qhat": _REDUCED.format(rate="velocities/q-aero-rad_sec", length="cbarw"),
     "rhat": _REDUCED.format(rate="velocities/r-aero-rad_sec", length="bw"),

@@ -159,35 +159,40 @@ def _axes(aerodynamics: ET.Element, leaves: Mapping[str, xr.Dataset], force_axes
 def _functions(axis: ET.Element, coefficient: str, leaves: Mapping[str, xr.Dataset], lengths: list[str], native: bool) -> None:
     for name, leaf in leaves.items():
         if name.split("/")[0] == coefficient:
-            product = _function(axis, name, leaf)
-            for word in ("aero/qbar-psf", "metrics/Sw-sqft", *lengths):
-                product.append(_text("property", word))
-            product.extend(factors(leaf, native))
+            scale = [_text("property", word) for word in ("aero/qbar-psf", "metrics/Sw-sqft", *lengths)]
+            _function(axis, name, leaf, [*scale, *factors(leaf, native)])
 
 
 def _hinge_moments(aerodynamics: ET.Element, leaves: Mapping[str, xr.Dataset], native: bool) -> None:
     """Write hinge-moment coefficients: functions that JSBSim evaluates after the forces and that act on nothing."""
     for name, leaf in leaves.items():
         if name.split("/")[0] in HINGE:
-            _function(aerodynamics, name, leaf, type="post").extend(factors(leaf, native))
+            _function(aerodynamics, name, leaf, factors(leaf, native), type="post")
 
 
-def _function(parent: ET.Element, name: str, leaf: xr.Dataset, **attributes: str) -> ET.Element:
+def _function(parent: ET.Element, name: str, leaf: xr.Dataset, parts: list[ET.Element], **attributes: str) -> None:
+    parent.append(ET.Comment(f" {_remark(leaf).replace('--', '- -')} "))
     function = ET.SubElement(parent, "function", {"name": COEFFICIENT + name, **attributes})
-    function.append(_text("description", _description(leaf)))
-    return ET.SubElement(function, "product")
+    if leaf.attrs.get("comment"):
+        function.append(_text("description", _line(leaf.attrs["comment"])))
+    (ET.SubElement(function, "product") if len(parts) > 1 else function).extend(parts)
 
 
-def _description(leaf: xr.Dataset) -> str:
-    """Return in one line what the table is, where its nodes come from and how far they can be trusted."""
+def _remark(leaf: xr.Dataset) -> str:
+    """Return in one line what the term is, where its nodes come from and how far they can be trusted."""
     words = [" x ".join((*regressors(leaf), f"table({', '.join(map(str, leaf['value'].dims))})"))]
     if "source" in leaf:
         flags, counts = np.unique(leaf["source"].values, return_counts=True)
         words.append("nodes: " + ", ".join(f"{SOURCES[flag]} {count}" for flag, count in zip(flags, counts)))
     if "stderr" in leaf:
         words.append(f"standard error {leaf['stderr'].values.min():.3g} ... {leaf['stderr'].values.max():.3g}")
-    words += [str(leaf.attrs[key]) for key in ("references", "comment") if leaf.attrs.get(key)]
-    return " ".join("; ".join(words).split())
+    words += [str(leaf.attrs[key]) for key in ("references", "history") if leaf.attrs.get(key)]
+    return _line("; ".join(words))
+
+
+def _line(text: object) -> str:
+    """Return a text on one line, without characters that XML cannot hold."""
+    return " ".join("".join(c if c.isprintable() or c.isspace() else " " for c in str(text)).split())
 
 
 def _text(tag: str, text: str) -> ET.Element:

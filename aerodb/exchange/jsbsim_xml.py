@@ -54,10 +54,10 @@ class Element:
     @property
     def number(self) -> float:
         """The text as one finite number."""
-        found = self.numbers()
+        found = [value for _, row in self.numbers() for value in row]
         if len(found) != 1:
             raise self.fault(f"<{self.tag}> with {len(found)} numbers", "one number")
-        return float(found[0][1][0])
+        return float(found[0])
 
     def numbers(self) -> list[tuple[int, np.ndarray]]:
         """Return the numbers of each line of the text that has any, with its line number."""

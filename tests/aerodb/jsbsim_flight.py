@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -40,10 +41,8 @@ READ = {
     **{f"{axis}_cg": (f"inertia/cg-{axis}-in", INCH) for axis in "xyz"},
     **{f"{axis}_rp": (f"metrics/aero-rp-{axis}-in", INCH) for axis in "xyz"},
 }
-COMMANDS = (
-    *(f"fcs/{name}-cmd-norm" for name in ("elevator", "aileron", "rudder", "pitch-trim", "roll-trim", "yaw-trim")),
-    *("fcs/flap-cmd-norm", "gear/gear-cmd-norm", "fcs/speedbrake-cmd-norm"),
-)
+COMMANDS = tuple(f"fcs/{name}-cmd-norm" for name in ("elevator", "aileron", "rudder", "pitch-trim", "roll-trim", "yaw-trim"))
+ONE_SIDED = ("fcs/flap-cmd-norm", "gear/gear-cmd-norm", "fcs/speedbrake-cmd-norm")
 
 
 def states(count, seed, speeds=(60.0, 320.0)):
@@ -66,9 +65,7 @@ def states(count, seed, speeds=(60.0, 320.0)):
                 "ic/r-rad_sec": draw(-0.5, 0.5),
             }
         )
-        commands.append(
-            {name: draw(0.0, 1.0) if name.startswith(("fcs/flap", "fcs/speed", "gear")) else draw(-1.0, 1.0) for name in COMMANDS}
-        )
+        commands.append({name: draw(0.0 if name in ONE_SIDED else -1.0, 1.0) for name in (*COMMANDS, *ONE_SIDED)})
     return given, commands
 
 
@@ -77,7 +74,10 @@ def fly(path, given, commands, more=(), shipped=False):
     names = [name for name, _ in READ.values()]
     job = {"file": str(path), "shipped": shipped, "states": given, "commands": commands, "read": [*names, *FORCES, *MOMENTS, *more]}
     child = Path(__file__).with_name("jsbsim_child.py")
-    ran = subprocess.run([sys.executable, str(child)], input=json.dumps(job), capture_output=True, text=True, timeout=120)
+    with tempfile.TemporaryDirectory() as elsewhere:  # aircraft files may name files that JSBSim writes
+        ran = subprocess.run(
+            [sys.executable, str(child)], input=json.dumps(job), capture_output=True, text=True, timeout=120, cwd=elsewhere
+        )
     assert ran.returncode == 0, ran.stdout[-2000:] + ran.stderr[-2000:]
     rows = np.array(json.loads(ran.stdout.splitlines()[-1]))
     found = {name: rows[:, i] * factor for i, (name, (_, factor)) in enumerate(READ.items())}

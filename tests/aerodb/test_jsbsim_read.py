@@ -1,0 +1,251 @@
+"""The aerodynamics subset of JSBSim files: round trips, the aircraft that come with JSBSim, and functions one by one."""
+
+import importlib.util
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import aerodb
+from flightmech.errors import ParseError, SchemaError, UnknownName
+from flightmech.units import DEGREE, FOOT, INCH
+
+HERE = Path(__file__).parent
+
+
+def loaded(name):
+    spec = importlib.util.spec_from_file_location(name, HERE / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+flight, writing = loaded("jsbsim_flight"), loaded("test_jsbsim_write")
+ROUNDING = 1e-12  # as in test_jsbsim_write
+S, CBAR, B = 200.0, 5.0, 30.0  # ft2, ft, ft
+METRICS = f"""<metrics><wingarea unit="FT2">{S}</wingarea><wingspan unit="FT">{B}</wingspan><chord unit="FT">{CBAR}</chord>
+<htailarea unit="FT2">40</htailarea><location name="AERORP" unit="IN"><x>100</x><y>2</y><z>-5</z></location></metrics>"""
+FORCE = "<property>aero/qbar-psf</property><property>metrics/Sw-sqft</property>"
+LINE = "<table><independentVar>{}</independentVar><tableData>\n0 1\n1 3\n</tableData></table>"
+ALPHA = LINE.format("aero/alpha-rad")
+
+
+def file(folder, body, more="", metrics=METRICS):
+    path = folder / "some.xml"
+    path.write_text(f"<fdm_config name='some'>{metrics}<aerodynamics>{more}{body}</aerodynamics></fdm_config>")
+    return path
+
+
+def lift(folder, *parts, more="", name="aero/coefficient/CLx", **options):
+    """Return the database of one lift function, a product of dynamic pressure, area and `parts`."""
+    body = f"<axis name='LIFT'><function name='{name}'><product>{FORCE}{''.join(parts)}</product></function></axis>"
+    return aerodb.import_jsbsim(file(folder, body, more), **options)
+
+
+def prop(name):
+    return f"<property>{name}</property>"
+
+
+def value(db, **conditions):
+    return float(aerodb.evaluate(db, "CL", outside="clamp", **conditions))
+
+
+@pytest.mark.parametrize("force_axes", ["stability", "wind", "body"])
+@pytest.mark.parametrize("jsbsim_min", ["1.3.1", "1.2"])
+def test_round_trip(force_axes, jsbsim_min, tmp_path):
+    """Term by term; heights, speeds and pressures go through feet: one rounding, 1e-15."""
+    db = writing.synthetic(force_axes)
+    aerodb.export_jsbsim(db, tmp_path / "test.xml", writing.craft(), jsbsim_min=jsbsim_min)
+    back = aerodb.import_jsbsim(tmp_path / "test.xml")
+    ours, theirs = aerodb.terms(db), aerodb.terms(back)
+    assert set(ours) == set(theirs)
+    for name, leaf in ours.items():
+        leaf, found = leaf.squeeze(drop=True), theirs[name]  # an axis of one breakpoint says nothing
+        assert found.attrs["regressors"] == leaf.attrs["regressors"], name
+        for table in ("value", "K1", "K2"):
+            assert (table in found) == (table in leaf), name
+            if table in leaf:
+                assert found[table].dims == leaf[table].dims, name
+                np.testing.assert_allclose(found[table], leaf[table], rtol=1e-15, err_msg=name)
+                for axis in leaf[table].dims:
+                    np.testing.assert_allclose(found[axis], leaf[axis], rtol=1e-15, err_msg=name)
+    assert back.attrs["force_axes"] == force_axes
+    for key in ("S", "cbar", "b", "x_ref", "y_ref", "z_ref"):
+        assert back.attrs[key] == pytest.approx(db.attrs[key], rel=1e-15)
+    assert back.attrs["title"] == "synthetic"
+    assert back.attrs["comment"] == ""
+
+
+@pytest.mark.parametrize("name", ["T37", "A320", "c310", "f15", "pa28"])
+def test_shipped_aircraft_fly_equal(name):
+    """Whole aircraft of the package, JSBSim's forces and moments at random states; flaps out are taken as 40 deg."""
+    jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
+    path = Path(jsbsim.get_default_root_dir()) / "aircraft" / name / f"{name}.xml"
+    db = aerodb.import_jsbsim(path, travel={"delta_f": 40 * DEGREE})
+    given, commands = flight.states(200, seed=2)
+    found, F, M = flight.fly(path, given, commands, ("fcs/flap-pos-norm",), shipped=True)
+    craft = SimpleNamespace(**{key: db.attrs[key] for key in ("S", "cbar", "b")}, x_ref_mac=0.25)
+    at = flight.conditions(found, craft) | {"delta_a": -found["left"]}
+    if name in ("T37", "A320"):  # their files move the fraction, and the angle not with it
+        at["delta_f"] = found["fcs/flap-pos-norm"] * 40 * DEGREE
+    force, moment = flight.loads(db, at, craft)
+    assert flight.worst(force, F).max() < ROUNDING
+    assert flight.worst(moment, M).max() < ROUNDING
+
+
+def test_t37_by_name(tmp_path):
+    """Numbers as they stand in T37.xml, 41 functions on its axes."""
+    jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
+    path = Path(jsbsim.get_default_root_dir()) / "aircraft" / "T37" / "T37.xml"
+    with pytest.raises(SchemaError, match=r"CDflap: fcs/flap-pos-norm is a fraction .* give travel = \{'delta_f': angle where it is 1\}"):
+        aerodb.import_jsbsim(path)
+    db = aerodb.import_jsbsim(path, travel={"delta_f": 0.7})
+    leaves = aerodb.terms(db)
+    assert len(leaves) == 41
+    assert db.attrs["force_axes"] == "wind"
+    assert leaves["Cm/Cmq"].attrs["regressors"] == "qhat"
+    assert float(leaves["Cm/Cmq"]["value"]) == pytest.approx(-50.0, rel=1e-15)
+    assert float(leaves["Cl/Clr"]["value"]) == pytest.approx(0.0926, rel=1e-15)
+    np.testing.assert_allclose(leaves["CL/CLalpha"]["value"], [-0.64, 0.08, 1.339, 0.448], rtol=1e-15)
+    assert leaves["CL/CLalpha"]["K1"].dims == ("h_agl",)
+    assert leaves["CL/CLalpha"]["h_agl"].values[-1] == pytest.approx(1.1 * 33.83 * FOOT, rel=1e-15)
+    assert float(leaves["CL/dCLflap"]["value"].max()) * 0.7 == pytest.approx(0.35 * 1.061, rel=1e-14)
+    assert leaves["Cn/DCnbDg"].attrs["regressors"] == "gear"
+    assert leaves["CL/CLalpha"].attrs["references"].endswith("aero/coefficient/CLalpha")
+    assert leaves["CL/CLalpha"].attrs["comment"] == "Lift_due_to_alpha"
+    aerodb.save(db, tmp_path / "t37.nc")
+    assert aerodb.open(tmp_path / "t37.nc").identical(db)
+
+
+def test_what_is_no_term_is_named():
+    """The F-22 has terms over its own systems, which are no model variables."""
+    jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
+    path = Path(jsbsim.get_default_root_dir()) / "aircraft" / "f22" / "f22.xml"
+    with pytest.raises(SchemaError, match="leave_out = ") as caught:
+        aerodb.import_jsbsim(path)
+    named = [problem.split(": ")[1] for problem in caught.value.problems]
+    assert all("line " in problem for problem in caught.value.problems)
+    db = aerodb.import_jsbsim(path, leave_out=named)
+    assert len(db.attrs["absent"].split()) == len(named)
+    with pytest.raises(UnknownName, match="unknown function 'aero/coefficient/nosuch'"):
+        aerodb.import_jsbsim(path, leave_out=["aero/coefficient/nosuch"])
+
+
+def test_units_and_reduced_rates(tmp_path):
+    """Degrees, feet and knots become SI; a rate over 2V/b is the reduced one, a rate alone stays."""
+    assert value(lift(tmp_path, prop("fcs/elevator-pos-deg"), "<value>0.01</value>"), delta_e=10 * DEGREE) == pytest.approx(0.1)
+    assert value(lift(tmp_path, LINE.format("aero/alpha-deg")), alpha=0.5 * DEGREE) == pytest.approx(2.0)
+    assert value(lift(tmp_path, LINE.format("position/h-sl-ft")), h=0.25 * FOOT) == pytest.approx(1.5)
+    assert value(lift(tmp_path, LINE.format("aero/h_b-mac-ft")), h_agl=0.5 * B * FOOT) == pytest.approx(2.0)
+    assert value(lift(tmp_path, prop("velocities/vt-fps")), V=7 * FOOT) == pytest.approx(7.0)
+    assert value(lift(tmp_path, prop("aero/ci2vel"), prop("velocities/q-rad_sec")), qhat=0.01) == 0.01
+    assert value(lift(tmp_path, prop("aero/bi2vel"), prop("velocities/q-rad_sec")), qhat=0.01) == pytest.approx(0.01 * B / CBAR)
+    assert value(lift(tmp_path, prop("velocities/p-aero-rad_sec")), p=0.3) == 0.3
+    # alpha-dot exists reduced only: alphadot = alphadothat 2V/c
+    assert value(lift(tmp_path, prop("aero/alphadot-rad_sec")), alphadothat=0.02, V=100.0) == pytest.approx(0.02 * 200 / (CBAR * FOOT))
+    assert value(lift(tmp_path, prop("metrics/Sh-sqft")), alpha=0.0) == 40.0
+
+
+def test_signs(tmp_path):
+    """The left aileron, a minus before a property, AXIAL and NORMAL, and X and Z of the stability frame, which are drag and lift."""
+    left = lift(tmp_path, prop("fcs/left-aileron-pos-rad"))
+    assert value(left, delta_a=0.2) == -0.2
+    assert left.attrs["comment"] == "both ailerons are taken to move by the same angle, left = -delta_a and right = delta_a"
+    assert value(lift(tmp_path, prop("-aero/alpha-rad")), alpha=0.2) == -0.2
+    table = lift(tmp_path, LINE.format("fcs/left-aileron-pos-rad"))
+    assert value(table, delta_a=-0.5) == 2.0
+    assert value(table, delta_a=0.5) == 1.0
+    function = f"<function name='f'><product>{FORCE}<value>2</value></product></function>"
+    axes = "".join(f"<axis name='{name}'>{function}</axis>" for name in ("AXIAL", "SIDE", "NORMAL"))
+    db = aerodb.import_jsbsim(file(tmp_path, axes))
+    assert db.attrs["force_axes"] == "body"
+    assert [float(aerodb.evaluate(db, name)) for name in ("CX", "CY", "CZ")] == [-2.0, 2.0, -2.0]
+    axes = "".join(f"<axis name='{name}' frame='STABILITY'>{function}</axis>" for name in "XYZ")
+    db = aerodb.import_jsbsim(file(tmp_path, axes))
+    assert db.attrs["force_axes"] == "stability"
+    assert [float(aerodb.evaluate(db, name)) for name in ("CD", "CY", "CL")] == [2.0, 2.0, 2.0]
+    assert [db.attrs[f"{axis}_ref"] for axis in "xyz"] == pytest.approx([-100 * INCH, 2 * INCH, 5 * INCH], rel=1e-15)
+
+
+def test_sums_become_terms(tmp_path):
+    """Products of sums are multiplied out, differences and constant quotients too; names are numbered."""
+    sum_ = f"<sum><value>0.5</value><product>{ALPHA}{prop('aero/beta-rad')}</product></sum>"
+    ratio = "<quotient><difference><property>velocities/mach</property><value>1</value></difference><value>4</value></quotient>"
+    db = lift(tmp_path, sum_, ratio)
+    assert set(aerodb.terms(db)) == {"CL/CLx", "CL/CLx_2", "CL/CLx_3", "CL/CLx_4"}
+    at = {"alpha": 0.3, "beta": 0.2, "mach": 0.6}
+    assert value(db, **at) == pytest.approx((0.5 + 1.6 * 0.2) * (0.6 - 1) / 4)
+    assert value(lift(tmp_path, f"<pow>{prop('aero/beta-rad')}<value>2</value></pow>"), beta=0.3) == pytest.approx(0.09)
+    assert value(lift(tmp_path, f"<avg><value>1</value>{prop('aero/beta-rad')}</avg><pi/>"), beta=0.5) == pytest.approx(0.75 * np.pi)
+
+
+def test_functions_that_others_use(tmp_path):
+    """A ground-effect factor by name becomes a factor table, and so does one through another; a circle is found."""
+    kge = f"<function name='aero/function/k'>{LINE.format('aero/h_b-mac-ft')}</function>"
+    twice = f"<function name='aero/function/k2'><product><value>2</value>{prop('aero/function/k')}</product></function>"
+    db = lift(tmp_path, prop("aero/function/k2"), ALPHA, more=kge + twice)
+    assert value(db, alpha=0.5, h_agl=0.5 * B * FOOT) == pytest.approx(2 * 2.0 * 2.0)
+    leaf = aerodb.terms(db)["CL/CLx"]
+    assert (leaf["value"].dims, leaf["K1"].dims) == (("alpha",), ("h_agl",))
+    circle = "".join(f"<function name='f/{a}'>{prop(f'f/{b}')}</function>" for a, b in ("xy", "yx"))
+    with pytest.raises(ParseError, match="the function f/x, which uses itself"):
+        lift(tmp_path, prop("f/x"), more=circle)
+
+
+def test_magnitudes_and_third_factors_are_tables(tmp_path):
+    """Exact over all values the variable can take."""
+    beta = np.array([-1.2, -0.1, 0.0, 0.7])
+    db = lift(tmp_path, prop("aero/mag-beta-rad"))
+    np.testing.assert_allclose(aerodb.evaluate(db, "CL", beta=beta), np.abs(beta), rtol=1e-15)
+    db = lift(tmp_path, f"<abs><product><value>-2</value>{prop('fcs/rudder-pos-deg')}</product></abs>")
+    np.testing.assert_allclose(aerodb.evaluate(db, "CL", delta_r=beta), 2 * np.abs(beta) / DEGREE, rtol=1e-14)
+    db = lift(tmp_path, LINE.format("aero/mag-beta-rad"))
+    np.testing.assert_allclose(aerodb.evaluate(db, "CL", beta=beta, outside="clamp"), 1 + 2 * np.minimum(np.abs(beta), 1), rtol=1e-15)
+    db = lift(tmp_path, *map(prop, ("aero/alpha-rad", "gear/gear-pos-norm", "aero/beta-rad")))
+    assert aerodb.terms(db)["CL/CLx"].attrs["regressors"] == "alpha beta"
+    assert value(db, alpha=0.2, beta=0.3, gear=0.5) == pytest.approx(0.03)
+
+
+def test_many_tables_are_multiplied_out(tmp_path):
+    names = ("aero/alpha-rad", "velocities/mach", "aero/beta-rad", "fcs/flap-pos-rad", "fcs/rudder-pos-rad")
+    db = lift(tmp_path, *(LINE.format(name) for name in names))
+    at = dict(zip(("alpha", "mach", "beta", "delta_f", "delta_r"), (0.1, 0.2, 0.3, 0.4, 0.5)))
+    assert value(db, **at) == pytest.approx(np.prod([1 + 2 * x for x in at.values()]))
+
+
+def test_blocks_with_breakpoints_of_their_own(tmp_path):
+    """JSBSim looks each block up by itself: the union of the breakpoints is the same function, beyond the ends too."""
+    blocks = (
+        "<tableData breakPoint='0'>\n 0 1\n0 0 1\n1 2 4\n</tableData>",
+        "<tableData breakPoint='2'>\n 0 0.5 2\n-1 1 1 3\n0.5 1 2 5\n</tableData>",
+    )
+    axes = zip(("row", "column", "table"), ("aero/alpha-rad", "aero/beta-rad", "velocities/mach"))
+    table = "".join(f"<independentVar lookup='{lookup}'>{name}</independentVar>" for lookup, name in axes)
+    db = lift(tmp_path, f"<table>{table}{''.join(blocks)}</table>")
+    # first block at (0.9, 0.8): rows 0 and 1 give 0.8 and 3.6; second one held at row 0.5 of it
+    first, second = 0.1 * 0.8 + 0.9 * 3.6, 2.0 + 3.0 * (0.8 - 0.5) / 1.5
+    assert value(db, alpha=0.9, beta=0.8, mach=0.5) == pytest.approx(0.75 * first + 0.25 * second)
+    assert value(db, alpha=3.0, beta=3.0, mach=0.0) == pytest.approx(4.0)
+
+
+def test_sampling_only_on_demand(tmp_path):
+    """A sine times a table over the same angle: refused with what to do, or put onto a table within the bound."""
+    parts = (f"<sin>{prop('aero/alpha-rad')}</sin>", ALPHA, LINE.format("velocities/mach"))
+    with pytest.raises(SchemaError, match=r"CLx: <sin> x table\(alpha\) is no product of tables .* give sample = largest difference"):
+        lift(tmp_path, *parts)
+    db = lift(tmp_path, *parts, sample=1e-4)
+    alpha = np.linspace(0.0, 1.0, 777)
+    found = aerodb.evaluate(db, "CL", alpha=alpha, mach=0.5)
+    assert np.abs(found - 2.0 * np.sin(alpha) * (1 + 2 * alpha)).max() < 2e-4  # the bound times the factor over Mach, 2
+    leaf = aerodb.terms(db)["CL/CLx"]
+    assert leaf["K1"].dims == ("mach",)
+    assert "sampled on" in leaf.attrs["comment"]
+    with pytest.raises(SchemaError, match=r"no table says how far beta goes; give box = \{'beta': \(low, high\)\}"):
+        lift(tmp_path, f"<cos>{prop('aero/beta-rad')}</cos>", sample=1e-3)
+    test = f"<gt>{prop('aero/beta-rad')}<value>9</value></gt>"
+    curved = f"<ifthen>{test}<value>1</value><exp>{prop('aero/beta-rad')}</exp></ifthen>"
+    db = lift(tmp_path, curved, sample=1e-3, box={"beta": (-0.5, 0.5)})
+    assert value(db, beta=0.31) == pytest.approx(np.exp(0.31), abs=1e-3)
+    with pytest.raises(SchemaError, match="needs more than 100000 nodes"):
+        lift(tmp_path, curved, sample=1e-13, box={"beta": (-0.5, 0.5)})
