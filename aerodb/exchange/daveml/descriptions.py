@@ -22,7 +22,7 @@ def packed(attributes: Mapping[str, str | float]) -> str:
         if isinstance(item, str):
             lines += f"{key}: {item}".replace("\r", "").replace("\n", f"\n{_MORE}").split("\n")
         else:
-            lines.append(f"{key}:= {float(item)!r}")
+            lines.append(f"{key}:= {item}" if isinstance(item, int | np.integer) else f"{key}:= {float(item)!r}")
     return legal("\n".join(lines))
 
 
@@ -32,8 +32,12 @@ def unpacked(text: str) -> dict[str, str | float]:
     for line in text.replace(f"\n{_MORE}", "\0").replace("\n|", "\0").split("\n"):
         match = _KEY.fullmatch(line)
         if match:
-            found[match[1]] = float(match[3]) if match[2] == ":=" else match[3].replace("\0", "\n")
+            found[match[1]] = _number(match[3]) if match[2] == ":=" else match[3].replace("\0", "\n")
     return found
+
+
+def _number(text: str) -> int | float:
+    return int(text) if re.fullmatch(r"-?\d{1,18}", text) else float(text)
 
 
 def legal(text: str) -> str:
