@@ -2,7 +2,8 @@
 
 No published reader runs on these listings today (PyDatcom 0.2.5 is Python 2 and, converted, stops at each T-37 listing), so its way is
 written down here in short: one regular expression per kind of page over the whole text, rows cut by columns.  Like it, both peers read
-static and dynamic tables only; the reader reads everything that is printed.  T-37: the clean listing, nothing but such pages; corpus: all listings.
+static and dynamic tables only; the reader reads everything that is printed.
+T-37: the clean listing, nothing but such pages; corpus: all listings.
 
 python benchmarks/datcom_reading.py [FOLDER]      the folder of the corpus, ../shared/data/datcom unless given; without it the T-37 listings
 """
