@@ -1,17 +1,17 @@
 """Two databases of one aircraft joined, each with the weight that its standard errors give it.
 
-With the values v, standard errors s and correlation matrices C of the two tables over the union of their breakpoints, rule
-``inverse_variance`` takes every node by itself,
+Rule ``inverse_variance`` takes every node of the union of the breakpoints by itself: with values v and standard errors s,
 
     v = v_1 + s_1^2/(s_1^2 + s_2^2) (v_2 - v_1),    1/s^2 = 1/s_1^2 + 1/s_2^2,    chi2 = sum (v_2 - v_1)^2/(s_1^2 + s_2^2),
 
-and rule ``correlated`` all nodes of a table together, with the covariance P of `aerodb.correlation` for the first and independent nodes,
-R = diag(s_2^2), for the second (mixed estimation [Theil1961]):
+and rule ``correlated`` all nodes of a table together (mixed estimation [Theil1961]): the second table's own nodes are independent
+observations y = H v, R = diag(s_2^2), of the first, whose errors have the covariance P of `aerodb.correlation`,
 
-    G = P (P + R)^-1,    v = v_1 + G (v_2 - v_1),    cov = P - G P,    chi2 = (v_2 - v_1)' (P + R)^-1 (v_2 - v_1).
+    G = P H' (H P H' + R)^-1,    v = v_1 + G (y - H v_1),    cov = P - G H P,    chi2 = (y - H v_1)' (H P H' + R)^-1 (y - H v_1).
 
 The first believes that the handbook is wrong at each node on its own; the second, that it is wrong along the table, so that a correction
-reaches nodes that the second database does not have.
+reaches nodes that the second database does not have.  Along an axis that only the first has, a node of the second is compared with the
+mean of the first (in H), not counted once per breakpoint.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def consistency(
     -------
     DataFrame, index ``term``
         ``nodes`` (those of `other` within the table of `db`, unless both are exact there), ``chi2``, its ``probability`` for as many
-        independent nodes (errors that go together along a table make small and large values more frequent: see ``correlated``),
+        nodes (which errors of `db` that go together along a table make too small or too large unless the rule is ``correlated``),
         ``worst``, the largest difference other - db in its standard error, signed, and ``location``.
 
     Raises
@@ -180,32 +180,51 @@ def _frame(pairs: dict[str, _Pair], rule: str) -> pd.DataFrame:
     return pd.DataFrame.from_dict(rows, orient="index", columns=list(COLUMNS)).rename_axis("term")
 
 
+@dataclass(frozen=True)
+class _Observed:
+    """The nodes of theirs within ours as observations of ours: y = H g + e, cov(e) = diag(s^2), g the nodes of a table."""
+
+    points: dict[str, np.ndarray]
+    H: np.ndarray  # (observations, nodes)
+    y: np.ndarray
+    s: np.ndarray
+
+
+def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
+    """Return what theirs says of `table`, which is ours on any grid."""
+    own, theirs = axes_of(pair.ours), axes_of(pair.theirs)
+    points = {axis: p[within(own[axis], p)] if axis in own else p for axis, p in theirs.items()}
+    rest = {axis: p for axis, p in axes_of(table).items() if axis not in points}
+    count, nodes = (int(np.prod([len(p) for p in part.values()])) for part in (points, rest))
+    mesh = dict(zip([*points, *rest], np.meshgrid(*points.values(), *rest.values(), indexing="ij"))) if points or rest else {}
+    flat = {axis: grid.ravel() for axis, grid in mesh.items()}
+    B = _terms.basis(table[["value"]].assign_attrs(regressors=""), flat, "clamp").toarray()
+    size = table["value"].size
+    H = np.broadcast_to(B, (count * nodes, size)).reshape(count, nodes, size).mean(axis=1)
+    there = pair.theirs.sel(points)
+    return _Observed(points, H, there["value"].values.ravel(), there["stderr"].values.ravel())
+
+
 def _row(pair: _Pair, rule: str) -> tuple[int, float, float, float, str]:
-    """Compare over the nodes of theirs inside ours."""
     from scipy.stats import chi2 as chi2_distribution
 
-    own = axes_of(pair.ours)
-    points = {axis: p[within(own[axis], p)] if axis in own else p for axis, p in axes_of(pair.theirs).items()}
-    points |= {axis: p for axis, p in own.items() if axis not in points}
-    if not all(len(p) for p in points.values()):
-        return 0, 0.0, 1.0, float("nan"), ""
-    ours, theirs = spread(pair.ours, points), spread(pair.theirs, points)
-    r = (theirs["value"].values - ours["value"].values).ravel()
-    total = (ours["stderr"].values ** 2 + theirs["stderr"].values ** 2).ravel()
+    seen = _observed(pair.ours, pair)
+    r = seen.y - seen.H @ pair.ours["value"].values.ravel()
+    total = (seen.H @ pair.ours["stderr"].values.ravel()) ** 2 + seen.s**2
     known = total > 0.0
     if not known.any():
         return 0, 0.0, 1.0, float("nan"), ""
-    in_errors = np.zeros_like(r)
-    in_errors[known] = r[known] / np.sqrt(total[known])
+    in_errors = np.divide(r, np.sqrt(total), out=np.zeros_like(r), where=known)
     worst = int(np.argmax(np.abs(in_errors)))
     if rule == "correlated":
-        A = prior_covariance(ours)[np.ix_(known, known)] + np.diag(theirs["stderr"].values.ravel()[known] ** 2)
+        H = seen.H[known]
+        A = H @ prior_covariance(pair.ours) @ H.T + np.diag(seen.s[known] ** 2)
         chi2 = float(r[known] @ _inverse(A) @ r[known])
     else:
         chi2 = float((in_errors**2).sum())
     count = int(known.sum())
-    at = place(points, [int(i) for i in np.unravel_index(worst, ours["value"].shape)])
-    return count, chi2, float(chi2_distribution.sf(chi2, count)), float(in_errors[worst]), at
+    at = np.unravel_index(worst, [len(p) for p in seen.points.values()]) if seen.points else ()
+    return count, chi2, float(chi2_distribution.sf(chi2, count)), float(in_errors[worst]), place(seen.points, [int(i) for i in at])
 
 
 def _blended(pair: _Pair, rule: str) -> xr.Dataset:
@@ -221,7 +240,7 @@ def _blended(pair: _Pair, rule: str) -> xr.Dataset:
     if off.any():
         at = place(points, [int(i) for i in np.argwhere(off)[0]])
         raise SchemaError("blend", [f"both are exact (standard error 0) and differ at {at} and {int(off.sum()) - 1} more nodes"])
-    joined = _together(ours, both, v2 - v1, s2) if rule == "correlated" else _apart(both, v2 - v1, s1, s2)
+    joined = _together(ours, pair) if rule == "correlated" else _apart(both, v2 - v1, s1, s2)
     value = np.where(alone, v2, v1 + joined[0])
     stderr = np.where(alone, s2, joined[1])
     source = np.where(alone | (both & (stderr < COUNTED * s1)), known_source(theirs), known_source(ours))
@@ -235,13 +254,15 @@ def _apart(both: np.ndarray, r: np.ndarray, s1: np.ndarray, s2: np.ndarray) -> t
     return share * r, np.where(both, np.sqrt(share) * s2, s1)
 
 
-def _together(ours: xr.Dataset, both: np.ndarray, r: np.ndarray, s2: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _together(ours: xr.Dataset, pair: _Pair) -> tuple[np.ndarray, np.ndarray]:
     """Return correction and standard error of all nodes of a table at once."""
-    P = prior_covariance(ours)
-    seen = np.flatnonzero(both.ravel() & (np.diag(P).reshape(r.shape) + s2**2 > 0.0).ravel())
-    G = P[:, seen] @ _inverse(P[np.ix_(seen, seen)] + np.diag(s2.ravel()[seen] ** 2))
-    variance = np.diag(P) - np.einsum("ij,ij->i", G, P[:, seen])
-    return (G @ r.ravel()[seen]).reshape(r.shape), np.sqrt(np.maximum(variance, 0.0)).reshape(r.shape)
+    P, seen, shape = prior_covariance(ours), _observed(ours, pair), ours["value"].shape
+    A = seen.H @ P @ seen.H.T + np.diag(seen.s**2)
+    known = np.diag(A) > 0.0
+    G = P @ seen.H[known].T @ _inverse(A[np.ix_(known, known)])
+    step = G @ (seen.y - seen.H @ ours["value"].values.ravel())[known]
+    variance = np.diag(P) - np.einsum("ij,ij->i", G, P @ seen.H[known].T)
+    return step.reshape(shape), np.sqrt(np.maximum(variance, 0.0)).reshape(shape)
 
 
 def _inverse(A: np.ndarray) -> np.ndarray:

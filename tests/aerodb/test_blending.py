@@ -96,6 +96,28 @@ def test_all_nodes_of_a_table_together(small):
     assert aerodb.consistency(small, other).loc["CL/basic"].chi2 == pytest.approx(4 * 0.05**2 / (0.05**2 + 0.02**2))
 
 
+def test_a_number_is_one_observation_of_the_mean_of_a_table(small):
+    one = aerodb.database({"CL/qhat": terms.make(9.0, regressors=["qhat"], stderr=1.0, source="flight")}, **small.attrs)
+    new = aerodb.terms(aerodb.blend(small, one, rule="correlated"))["CL/qhat"]
+    P, H = prior_covariance(aerodb.terms(small)["CL/qhat"]), np.full((1, 2), 0.5)
+    information = np.linalg.inv(P) + H.T @ H / 1.0**2
+    np.testing.assert_allclose(new["value"] - [8.0, 8.4], np.linalg.solve(information, H[0] * (9.0 - 8.2)), rtol=1e-9)
+    np.testing.assert_allclose(new["stderr"], np.sqrt(np.diag(np.linalg.inv(information))), rtol=1e-9)
+    row = aerodb.consistency(small, one).loc["CL/qhat"]
+    assert (row.nodes, row.location) == (1, "its only node")
+    assert row.worst == pytest.approx(0.8 / np.hypot(2.05, 1.0))
+
+
+@pytest.mark.parametrize("rule", ["inverse_variance", "correlated"])
+def test_tables_that_do_not_meet_stand_side_by_side(small, rule):
+    far = terms.make([9.0, 9.5], {"mach": [0.6, 0.7]}, ["qhat"], stderr=1.0, source="flight")
+    far = aerodb.database({"CL/qhat": far}, **small.attrs)
+    new = aerodb.terms(aerodb.blend(small, far, rule=rule))["CL/qhat"]
+    np.testing.assert_array_equal(new["value"], [8.0, 8.4, 9.0, 9.5])
+    np.testing.assert_allclose(new["stderr"], [2.0, 2.1, 1.0, 1.0], rtol=1e-12)
+    assert aerodb.consistency(small, far, rule=rule).loc["CL/qhat"].to_list()[:3] == [0, 0.0, 1.0]
+
+
 def test_exact_nodes_stay_with_the_correlated_rule(small, flown):
     flap = aerodb.terms(aerodb.blend(small, flown, "CL/flap", "correlated"))["CL/flap"]
     assert float(flap["value"][0]) == 0.0

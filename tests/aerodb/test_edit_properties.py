@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 import aerodb
 from aerodb.grids import axes_of
+from aerodb.schema import FORCE_AXES
 from flightmech import axes, terms
 from flightmech.errors import AeromatchWarning
 
@@ -29,7 +30,7 @@ thorough = settings(max_examples=12, deadline=None)
 def drawn(rng, force_axes="stability", zeros=True, most=3):
     """Return a random database: tables of few axes, some with a factor K1, without standard error or without source."""
     leaves = {}
-    for coefficient in aerodb.schema.FORCE_AXES[force_axes]:
+    for coefficient in FORCE_AXES[force_axes]:
         for cause in rng.choice(list(CAUSES), rng.integers(1, 4), replace=False):
             leaves[f"{coefficient}/{cause}"] = leaf(rng, CAUSES[cause], zeros, most)
     return aerodb.database(leaves, **ROOT, force_axes=force_axes, history="drawn", absent="CL/power")
@@ -251,7 +252,7 @@ def test_an_extended_table_is_the_old_one_inside_and_follows_the_rule_outside(se
 def body_forces(db, at):
     """Return the force coefficients in body axes (samples, 3), by matrices."""
     force_axes = db.attrs["force_axes"]
-    names = aerodb.schema.FORCE_AXES[force_axes][:3]
+    names = FORCE_AXES[force_axes][:3]
     c = {name: np.broadcast_to(aerodb.evaluate(db, name, "clamp", **at), at["alpha"].shape) for name in names}
     if force_axes == "body":
         return np.stack([c["CX"], c["CY"], c["CZ"]], axis=-1)
