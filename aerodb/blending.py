@@ -196,10 +196,12 @@ def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
     points = {axis: p[within(own[axis], p)] if axis in own else p for axis, p in theirs.items()}
     rest = {axis: p for axis, p in axes_of(table).items() if axis not in points}
     count, nodes = (int(np.prod([len(p) for p in part.values()])) for part in (points, rest))
+    size = table["value"].size
+    if not count:
+        return _Observed(points, np.zeros((0, size)), np.zeros(0), np.zeros(0))
     mesh = dict(zip([*points, *rest], np.meshgrid(*points.values(), *rest.values(), indexing="ij"))) if points or rest else {}
     flat = {axis: grid.ravel() for axis, grid in mesh.items()}
     B = _terms.basis(table[["value"]].assign_attrs(regressors=""), flat, "clamp").toarray()
-    size = table["value"].size
     H = np.broadcast_to(B, (count * nodes, size)).reshape(count, nodes, size).mean(axis=1)
     there = pair.theirs.sel(points)
     return _Observed(points, H, there["value"].values.ravel(), there["stderr"].values.ravel())
