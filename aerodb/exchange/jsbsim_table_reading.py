@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -63,7 +64,7 @@ def _regridded(values: np.ndarray, own: list[np.ndarray], grid: list[np.ndarray]
     """Return a block on the breakpoints of all blocks: the same function, for it is linear between its own and held beyond."""
     for position, (points, wanted) in enumerate(zip(own, grid)):
         if len(points) != len(wanted):
-            values = np.apply_along_axis(lambda row, x=points, at=wanted: np.interp(at, x, row), position, values)
+            values = np.apply_along_axis(partial(np.interp, wanted, points), position, values)
     return values
 
 
@@ -107,5 +108,5 @@ def _rows(data: Element) -> tuple[list[np.ndarray], np.ndarray]:
 
 
 def _rising(data: Element, points: np.ndarray, lines: Sequence[int]) -> None:
-    for at in np.flatnonzero(np.diff(points) <= 0):
+    for at in np.flatnonzero(np.diff(points) <= 0).tolist():
         raise data.fault(f"breakpoint {points[at + 1]:g} after {points[at]:g}", "breakpoints in rising order", lines[at + 1])

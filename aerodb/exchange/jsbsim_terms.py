@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 
+import numpy as np
 import xarray as xr
 
 from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make
@@ -49,13 +50,14 @@ def leaf(product: Product, per: Mapping[str, int], sizes: Mapping[str, float], s
     if len(words) > MAX_REGRESSORS:
         raise Unfit(f"{' x '.join(words)}: more than {MAX_REGRESSORS} regressors, and none of them bounded so that it could be an axis")
     tables = _merged(tables)
-    for axis in {str(axis) for table in tables for axis in table.dims}:
+    for axis in sorted(str(axis) for table in tables for axis in table.dims):
         _demand_known(axis)
-    value, *factors = tables or [xr.DataArray(1.0)]
-    shared = {f"K{number}": _like_ours(table) for number, table in enumerate(factors, 1)}
+    value, K1, K2, *_ = [*(tables or [xr.DataArray(1.0)]), None, None]
+    assert value is not None
     if note:
         text["comment"] = "; ".join(part for part in (text.get("comment", ""), note) if part)
-    return make((value * factor).values, {str(axis): value[axis].values for axis in value.dims}, words, **shared, **text)
+    found = make((value * factor).values, _grid(value), words, K1=_like_ours(K1), K2=_like_ours(K2))
+    return found.assign_attrs(text)
 
 
 def _regressors(product: Product, per: Mapping[str, int], sizes: Mapping[str, float]) -> tuple[float, list[str]]:
@@ -68,7 +70,7 @@ def _regressors(product: Product, per: Mapping[str, int], sizes: Mapping[str, fl
         raise Unfit(f"a variable to a power above {_HIGHEST}")
     factor, words = product.factor, []
     for reduced, (rate, reference) in RATES.items():
-        for _ in range(max(symbols.pop(rate, 0), 0)):
+        for _ in range(symbols.pop(rate) if symbols[rate] > 0 else 0):
             if symbols["V"] >= 0 and reduced in ("phat", "qhat", "rhat"):
                 words.append(rate)
                 continue
@@ -91,8 +93,8 @@ def _regressors(product: Product, per: Mapping[str, int], sizes: Mapping[str, fl
 def _in_order(words: list[str], product: Product) -> list[str]:
     """Return regressors in the order in which the file multiplies them."""
     place = {symbol: number for number, symbol in enumerate(product.symbols)}
-    rate = {reduced: name for reduced, (name, _) in RATES.items()}
-    return sorted(words, key=lambda word: place.get(rate.get(word, word), len(place)))
+    rate: dict[str, str] = {reduced: name for reduced, (name, _) in RATES.items()}
+    return sorted(words, key=lambda word: place.get(rate.get(word) or word, len(place)))
 
 
 def _demand_known(word: str) -> None:
@@ -118,7 +120,7 @@ def _lines(words: list[str], tables: list[xr.DataArray]) -> list[xr.DataArray]:
     """Take regressors too many off `words` and return them as tables: lines over all values the variable can take."""
     found = []
     taken = {str(axis) for table in tables for axis in table.dims}
-    for name in sorted(set(words) & set(RANGE), key=lambda name: name not in ("gear", "speedbrake", "delta_f")):
+    for name in sorted(set(words) & set(RANGE), key=lambda name: (name not in ("gear", "speedbrake", "delta_f"), name)):
         if len(words) > MAX_REGRESSORS and words.count(name) == 1 and name not in taken:
             words.remove(name)
             ends = list(RANGE[name])
@@ -138,5 +140,9 @@ def _merged(tables: list[xr.DataArray]) -> list[xr.DataArray]:
     return tables
 
 
-def _like_ours(table: xr.DataArray) -> xr.DataArray:
-    return make(table.values, {str(axis): table[axis].values for axis in table.dims})["value"]
+def _like_ours(table: xr.DataArray | None) -> xr.DataArray | None:
+    return None if table is None else make(table.values, _grid(table))["value"]
+
+
+def _grid(table: xr.DataArray) -> dict[str, np.ndarray]:
+    return {str(axis): table[axis].values for axis in table.dims}

@@ -75,8 +75,9 @@ def export_jsbsim(
     Notes
     -----
     Engines become external forces ``engine1`` ..., first-order lag included; the angular momentum of their rotors is lost.
-    The file has no landing gear, since an aircraft file has none.  Standard errors and sources of the nodes are summed up in
-    the descriptions; the database file stays the master.  `import_jsbsim` reads the file back, term by term.
+    The file has no landing gear, since an aircraft file has none.  JSBSim takes the load factor of its last step, and so do
+    terms with ``dnz``; they are solved for in our own simulation.  Standard errors and sources of the nodes are summed up in
+    comments; the database file stays the master.  `import_jsbsim` reads the file back, term by term.
     """
     require(db)
     native = tuple(int(part) for part in jsbsim_min.split(".")) >= (1, 3, 1)
@@ -102,6 +103,7 @@ def export_jsbsim(
             aerodynamics.append(_own_function(variable, aircraft))
     _axes(aerodynamics, leaves, str(db.attrs["force_axes"]), native)
     _hinge_moments(aerodynamics, leaves, native)
+    _make_printable(root)
     ET.indent(root, "  ")
     with written_whole(path) as part:
         ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
@@ -191,8 +193,18 @@ def _remark(leaf: xr.Dataset) -> str:
 
 
 def _line(text: object) -> str:
-    """Return a text on one line, without characters that XML cannot hold."""
-    return " ".join("".join(c if c.isprintable() or c.isspace() else " " for c in str(text)).split())
+    return " ".join(str(text).split())
+
+
+def _make_printable(root: ET.Element) -> None:
+    """Take out of all texts what XML cannot hold, control characters among it."""
+    for element in root.iter():
+        element.attrib.update({key: _printable(text) for key, text in element.attrib.items()})
+        element.text = _printable(element.text) if element.text else None
+
+
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() or c in "\n\t" else " " for c in text)
 
 
 def _text(tag: str, text: str) -> ET.Element:

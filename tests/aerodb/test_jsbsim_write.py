@@ -217,6 +217,7 @@ def test_what_cannot_be_written_is_named(tmp_path):
 def test_the_file_tells_what_it_holds(tmp_path):
     """Functions by the names of the terms, frames of the axes, error and source of the nodes beside them, the same bytes each time."""
     db = synthetic("stability")
+    db.attrs["title"] = "a <title> &\x0b more"
     db["CL/basic"].attrs |= {"comment": "clean -- as\nprinted", "references": "t37.out, lines 1--20"}
     for name in ("one.xml", "two.xml"):
         aerodb.export_jsbsim(db, tmp_path / name, craft())
@@ -231,5 +232,6 @@ def test_the_file_tells_what_it_holds(tmp_path):
     assert {f.get("name") for f in root.iter("function") if (f.get("name") or "").startswith("aero/coefficient/")} == {
         f"aero/coefficient/{name}" for name in aerodb.terms(db)
     }
+    assert root.findtext("fileheader/description") == "a <title> &  more"
     assert root.find(".//function[@name='aero/coefficient/CL/basic']/description").text == "clean -- as printed"
     assert float(root.findtext("metrics/wingarea")) * FOOT**2 == pytest.approx(SIZE["S"], rel=1e-15)
