@@ -1,5 +1,7 @@
 """The scheme of LR-743 against the equations of the report, and leaves made by it."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -123,6 +125,11 @@ def test_wrong_axes_are_errors():
         make("CL/basic", {"alpha": [0.0, 0.2]}, value=[1.0, 2.0, 3.0])
     with pytest.raises(UnknownName, match="unknown term 'CL/gaer'; near it: CL/gear"):
         make("CL/gaer")
+
+
+def test_the_page_of_the_model_names_every_contribution():
+    page = (Path(__file__).parents[2] / "docs" / "aero-model.md").read_text(encoding="utf-8")
+    assert {name.split("/")[1] for name in lr743()} == {name.split("/")[1] for name in lr743() if f"`{name.split('/')[1]}`" in page}
 
 
 def test_the_scheme_as_a_table_and_on_the_command_line():
