@@ -162,3 +162,12 @@ def test_rows_where_the_arithmetic_of_the_program_failed(elevator_lines):
     case = next(datcom_io.iterate(lines))
     assert [message.line for message in case.messages if message.text.startswith("1 row holds NaN")] == [188]
     assert not any("NaN" in message.text for message in datcom_io.read(elevator_lines).messages)
+
+
+def test_every_axis_of_a_layout_has_a_column():
+    from datcom_io.cell_frame import COLUMNS
+    from datcom_io.layouts import LAYOUTS
+
+    axes = {column.house for layout in LAYOUTS for column in layout.columns[: layout.keys]}
+    axes |= {layout.across.house for layout in LAYOUTS if layout.across}
+    assert axes <= set(COLUMNS)
