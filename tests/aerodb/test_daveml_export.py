@@ -92,6 +92,7 @@ def rich(root):
         "Cn/betadothat": terms.make(0.02, regressors=["betadothat"]),
         "Cn/load": terms.make([0.1, -0.1], {"h": [0.0, 10000.0]}, ["dnz"]),
         "Ch_e/alpha": terms.make(-0.2, regressors=["alpha"]),
+        "CL/jet": terms.make([1e-6, 2e-6], {"engine1.throttle": [0.0, 1.0]}, ["engine2.thrust"]),
     }  # fmt: skip
     root |= {"references": "First, 1993; Second", "history": 'built 2024-05-06\nedited: <x> & "y"', "comment": "é ∂\n| a line"}
     return aerodb.database(leaves, **root, edits=3)
@@ -111,7 +112,8 @@ def states(count=3000, seed=3):
         "r": random.uniform(-1, 1, count), "alpha_dot": random.uniform(-1, 1, count), "beta_dot": random.uniform(-1, 1, count),
         "gear": random.uniform(0, 1, count), "speedbrake": random.uniform(-0.2, 1.2, count), "delta_f": random.uniform(-0.1, 0.9, count),
         "delta_e": random.uniform(-0.3, 0.3, count), "h_agl": random.uniform(-1, 30, count), "h": random.uniform(-500, 12000, count),
-        "dnz": random.uniform(-1, 1, count),
+        "dnz": random.uniform(-1, 1, count), "engine1.throttle": random.uniform(0, 1, count),
+        "engine2.thrust": random.uniform(0, 1e4, count),
     }  # fmt: skip
 
 

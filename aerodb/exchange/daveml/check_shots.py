@@ -115,9 +115,14 @@ def _as_stored(case: Case, table: xr.Dataset, index: int) -> Case | None:
     return Case(case.name, case.inputs, case.internal, outputs)
 
 
-def _labels(quantity: str) -> dict[str, str]:
+def standard_name(quantity: str) -> str:
+    """Return the S-119 name of a quantity, or ``""``; that of one engine among several has none."""
     row = lookup(quantity)
-    return {"signalName": row.s119 or quantity, "signalUnits": code_of(row.units)}
+    return row.s119 if row.name == quantity else ""
+
+
+def _labels(quantity: str) -> dict[str, str]:
+    return {"signalName": standard_name(quantity) or quantity, "signalUnits": code_of(lookup(quantity).units)}
 
 
 def _signal(labels: Mapping[str, str], value: float, tolerance: float | None = None) -> list[str]:

@@ -47,7 +47,10 @@ def expand(model: DaveModel, inputs: Mapping[str, Sum], lengths: Mapping[str, fl
     reasons: dict[str, str] = {}
     for varID in model.order:
         try:
-            sums[varID] = _reduced(_limited(_variable(model, varID, inputs, sums, reasons), model.variables[varID]), lengths)
+            one = _variable(model, varID, inputs, sums, reasons)
+            if one is not inputs.get(varID) or one.variables != {"V"}:  # the reduced rates have no limit of airspeed
+                one = _limited(one, model.variables[varID])
+            sums[varID] = _reduced(one, lengths)
         except Inexact as error:
             reasons[varID] = str(error)
     return sums, reasons
@@ -91,8 +94,8 @@ def _variable(model: DaveModel, varID: str, inputs: Mapping, sums: Mapping, reas
 
 
 def _limited(one: Sum, variable: Variable) -> Sum:
-    """Apply the limits of a variable; true airspeed keeps its own sign and is never limited, which `importing` notes."""
-    if not np.isfinite((variable.low, variable.high)).any() or one.variables == {"V"}:
+    """Apply the limits of a variable."""
+    if not np.isfinite((variable.low, variable.high)).any():
         return one
     value = one.constant
     if value is not None:

@@ -19,7 +19,7 @@ from flightmech.whole import written_whole
 
 from ...schema import require, terms
 from . import mathml, samples
-from .check_shots import SIZES, Case, drawn_cases, shot_lines, stored_cases, totals
+from .check_shots import SIZES, Case, drawn_cases, shot_lines, standard_name, stored_cases, totals
 from .descriptions import WRITER, packed, runs
 from .expansion import REDUCED, VALUE
 from .markup import element, numbers, text
@@ -148,8 +148,8 @@ class _Writer:
         return element("provenance", {}, [*self._author(), *element("creationDate", {"date": self.today})])
 
     def _reference(self, key: str, title: str) -> list[str]:
-        year = re.findall(r"(?:19|20)\d\d(?:-\d\d(?:-\d\d)?)?", title)
-        return _required("reference", {"refID": key, "author": "", "title": title, "date": year[-1] if year else ""})
+        dates = re.findall(r"(?:19|20)\d\d(?:-\d\d(?:-\d\d)?)?", title)
+        return element("reference", {"refID": key, "author": "-", "title": title, "date": dates[-1] if dates else "-"})
 
     def _modification(self, key: str, said: str) -> list[str]:
         found = re.search(r"\d{4}-\d\d-\d\d", said)
@@ -180,20 +180,20 @@ class _Writer:
         rate, length = REDUCED[name]
         self.ids.add(name)
         made = Apply("divide", (Apply("times", (Name(rate), Name(length))), Apply("times", (Number(2.0), Name("V")))))
-        return self._variable(name, name, {}, calculation(made))
+        return self._variable(name, name, {}, _calculation(made))
 
     def _variable(self, varID: str, quantity: str, more: Mapping[str, str], inside: list[str]) -> list[str]:
-        row = lookup(quantity)
-        said = {"name": row.s119 or quantity, "varID": varID, "units": code_of(row.units), "sign": row.sign, **more}
-        flags = ["<isStdAIAA/>"] if row.s119 else []
+        row, name = lookup(quantity), standard_name(quantity)
+        said = {"name": name or quantity, "varID": varID, "units": code_of(row.units), "sign": row.sign, **more}
+        flags = ["<isStdAIAA/>"] if name else []
         return element("variableDef", said, [*element("description", {}, row.long_name), *inside, *flags])
 
     def _total(self, coefficient: str) -> list[str]:
         parts = [Name(self.term_ids[name]) for name in self.leaves if name.split("/")[0] == coefficient]
-        force = coefficient in ("CL", "CD", "CX", "CY", "CZ")
-        axes = str(self.db.attrs["force_axes"]) if force and (coefficient != "CY" or self.db.attrs["force_axes"] == "wind") else "body"
+        forces = ("CL", "CD", "CY") if self.db.attrs["force_axes"] == "wind" else ("CL", "CD", "CX", "CZ")
+        axes = self.db.attrs["force_axes"] if coefficient in forces else "body"
         more = {"axisSystem": "" if coefficient.startswith("Ch_") else f"{axes} axes", "initialValue": "" if parts else "0.0"}
-        inside = calculation(Apply("plus", tuple(parts))) if parts else []
+        inside = _calculation(Apply("plus", tuple(parts))) if parts else []
         return self._variable(self._id(coefficient), coefficient, more, [*inside, "<isOutput/>"])
 
     def _term(self, name: str, leaf: xr.Dataset) -> None:
@@ -202,7 +202,7 @@ class _Writer:
         for key in (key for key in _TABLES if key in leaf):
             factors.append(Name(self._table_variable(name, key, leaf)))
         factors += [Name(word) for word in regressors(leaf)]
-        product = calculation(Apply("times", tuple(factors)))
+        product = _calculation(Apply("times", tuple(factors)))
         texts = {str(key): item for key, item in leaf.attrs.items() if key not in ("regressors", "outside")}
         if "source" in leaf:
             texts["source"] = runs(leaf["source"].values)
@@ -264,7 +264,7 @@ class _Writer:
         return self.breakpoints[key]
 
 
-def calculation(expression: Expression) -> list[str]:
+def _calculation(expression: Expression) -> list[str]:
     """Return a calculation element."""
     return element("calculation", {}, element("math", {"xmlns": _MATH}, mathml.written(expression, "")))
 
@@ -272,11 +272,6 @@ def calculation(expression: Expression) -> list[str]:
 def _uncertainty(bounds: list[str]) -> list[str]:
     """Return standard errors: an additive normal uncertainty of one sigma."""
     return element("uncertainty", {"effect": "additive"}, element("normalPDF", {"numSigmas": "1"}, element("bounds", {}, bounds)))
-
-
-def _required(tag: str, attributes: Mapping[str, str]) -> list[str]:
-    """Return an empty element whose attributes the DTD requires, a dash for what is not known."""
-    return element(tag, {key: item or "-" for key, item in attributes.items()})
 
 
 def _letters(index: int) -> str:

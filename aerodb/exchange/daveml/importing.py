@@ -271,14 +271,15 @@ def _prove(db: xr.DataTree, model: DaveModel, mine: Mapping, outputs: Mapping[st
 
 def _checks(model: DaveModel, mine: Mapping[str, str], outputs: Mapping[str, str], geometry: Mapping[str, float]) -> xr.Dataset | None:
     """Return the check cases as a Dataset over ``case``: inputs and expected coefficients in SI, with their tolerances."""
-    if not model.shots:
+    shots = [shot for shot in model.shots if _is_known(model, shot)]
+    if not shots:
         return None
     back = {varID: quantity for quantity, varID in outputs.items()}
-    rows = [_case(model, shot, mine, back) for shot in model.shots]
+    rows = [_case(model, shot, mine, back) for shot in shots]
     keys = dict.fromkeys(key for row in rows for key in row)
     columns = {key: np.array([row.get(key, np.nan) for row in rows]) for key in keys}
     columns = samples.with_reduced(columns, geometry)
-    cases = xr.Dataset({key: ("case", column) for key, column in columns.items()}, {"case": [shot.name for shot in model.shots]})
+    cases = xr.Dataset({key: ("case", column) for key, column in columns.items()}, {"case": [shot.name for shot in shots]})
     for key in columns:
         if key in VOCABULARY:
             cases[key].attrs.update(attrs(key))
@@ -286,18 +287,27 @@ def _checks(model: DaveModel, mine: Mapping[str, str], outputs: Mapping[str, str
     return cases
 
 
+def _is_known(model: DaveModel, shot: Shot) -> bool:
+    """Whether the file has the variables that a check case speaks of; one that has not was ignored on demand."""
+    try:
+        return all(model.signal(signal) for signal in (*shot.inputs, *shot.outputs))
+    except UnknownName:
+        return False
+
+
 def _case(model: DaveModel, shot: Shot, mine: Mapping[str, str], back: Mapping[str, str]) -> dict[str, float]:
     row: dict[str, float] = {}
     initial = {v: model.variables[v].initial for v in mine}
-    given = {model.find(signal.key).varID: signal.value for signal in shot.inputs}
+    given = {model.signal(signal).varID: signal.value for signal in shot.inputs}
     for varID, value in {**{v: i for v, i in initial.items() if i is not None}, **given}.items():
         if varID in mine:
             factor, offset = conversion(model.variables[varID], mine[varID])
             row[mine[varID]] = (value - offset) / factor
     for signal in shot.outputs:
-        quantity = back.get(model.find(signal.key).varID)
+        variable = model.signal(signal)
+        quantity = back.get(variable.varID)
         if quantity is not None:
-            factor, offset = conversion(model.variables[model.find(signal.key).varID], quantity)
+            factor, offset = conversion(variable, quantity)
             row[quantity] = (signal.value - offset) / factor
             row[f"{quantity}_tolerance"] = abs(signal.tolerance / factor)
     return row

@@ -119,9 +119,10 @@ class Function:
 
 @dataclass(frozen=True)
 class Signal:
-    """A value of a check case: ``key`` is a varID or a name; ``tolerance`` is absolute, NaN when the file gives none."""
+    """A value of a check case: ``key`` is a name, or a varID; ``tolerance`` is absolute, NaN when the file gives none."""
 
     key: str
+    is_varID: bool
     units: str
     value: float
     tolerance: float = np.nan
@@ -196,6 +197,11 @@ class DaveModel:
         if found:
             raise UnknownName(name, (v.varID for v in found), "varID", f"{len(found)} variables of the file have this name")
         raise UnknownName(name, self.variables, "variable", f"of {self.file}")
+
+    def signal(self, signal: Signal) -> Variable:
+        """Return the variable of a signal, whose name counts before a varID that is the same word; raises as `find`."""
+        named = [] if signal.is_varID else [variable for variable in self.variables.values() if variable.name == signal.key]
+        return named[0] if len(named) == 1 else self.find(signal.key)
 
     def evaluate(self, inputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Return the outputs of the model.
@@ -291,7 +297,7 @@ class DaveModel:
             return [(shot.name, "shot", "", np.nan, np.nan, np.nan, False, str(error))]
 
     def _run(self, shots: Sequence[Shot]) -> list[tuple]:
-        given = [{self.find(signal.key).varID: signal for signal in shot.inputs} for shot in shots]
+        given = [{self.signal(signal).varID: signal for signal in shot.inputs} for shot in shots]
         together = self._values({varID: np.array([inputs[varID].value for inputs in given]) for varID in given[0]})
         rows: list[tuple] = []
         for i, (shot, inputs) in enumerate(zip(shots, given, strict=True)):
@@ -305,7 +311,7 @@ class DaveModel:
 
     def _judged(self, signal: Signal, values: Mapping[str, np.ndarray]) -> tuple:
         try:
-            varID = self.find(signal.key).varID
+            varID = self.signal(signal).varID
         except UnknownName as error:
             return signal.key, signal.value, np.nan, signal.tolerance, False, str(error)
         found = float(values[varID])

@@ -263,7 +263,7 @@ class _Reader:
 def _signal(element: Element) -> Signal:
     key, value, tolerance = element.need("signalName", "varID", "signalID"), element.need("signalValue"), element.first("tol")
     allowed = np.nan if tolerance is None else number(tolerance.text, tolerance)
-    return Signal(key.text, _text(element, "signalUnits"), number(value.text, value), allowed)
+    return Signal(key.text, key.tag != "signalName", _text(element, "signalUnits"), number(value.text, value), allowed)
 
 
 def _by_id(elements: Iterable[Element], key: str) -> dict[str, Element]:

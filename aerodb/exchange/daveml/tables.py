@@ -18,6 +18,7 @@ INTERPOLATE = ("linear", "discrete", "floor", "ceiling", "cubicSpline")
 EXTRAPOLATE = ("neither", "min", "max", "both")
 MAX_AXES = 8  # a look-up costs 2**axes
 _SHEAR = 1e-6
+_BLOCK = 8192  # samples looked up at a time: what they need stays small whatever the record
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +107,10 @@ class Gridded:
 
     def look_up(self, axes: Sequence[Axis], inputs: Sequence[np.ndarray]) -> np.ndarray:
         """Return the table at inputs (samples,), one per axis."""
+        starts = range(0, len(inputs[0]), _BLOCK)
+        return np.concatenate([np.zeros(0), *(self._block(axes, [x[start : start + _BLOCK] for x in inputs]) for start in starts)])
+
+    def _block(self, axes: Sequence[Axis], inputs: Sequence[np.ndarray]) -> np.ndarray:
         at, share = np.zeros((len(inputs[0]), 1), np.intp), np.ones((len(inputs[0]), 1))
         for axis, x in zip(axes, inputs, strict=True):
             node, weight = axis.weights(x)

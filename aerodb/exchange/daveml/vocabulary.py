@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from flightmech.errors import SchemaError, UnitError
+from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, lookup
 from flightmech.units import parse
 
@@ -55,9 +55,18 @@ def quantity_of(variable: Variable) -> str:
             if known in _S119:
                 return _S119[known]
     for text in (variable.name, variable.varID):
-        if text in VOCABULARY:
+        if _is_quantity(text):
             return text
     return "mach" if variable.name.lower() == "mach" else ""
+
+
+def _is_quantity(text: str) -> bool:
+    """Whether a text names a quantity of the house; those of one engine, ``engine1.thrust``, are in the vocabulary without prefix."""
+    try:
+        lookup(text)
+    except UnknownName:
+        return False
+    return True
 
 
 def conversion(variable: Variable, quantity: str) -> tuple[float, float]:
