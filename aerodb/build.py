@@ -130,7 +130,6 @@ def from_datcom(
     found: dict[str, xr.Dataset] = {}
     for effect in (*effects.values(), *_hinge_effects(given, h_ref)):
         found |= leaves(effect, prior, cover)
-    refused = [f"{c}/ground_elevator" for c in ("CL", "CD", "Cm") if "ground_elevator" in given and f"{c}/ground_elevator" not in found]
     return database(
         {name: found[name] for name in sorted(found, key=_place_in_scheme)},
         title=f"{aircraft.name}: a-priori database from Digital DATCOM",
@@ -146,7 +145,7 @@ def from_datcom(
         references="AFFDL-TR-79-3032; LR-743",
         history=history,
         comment="moments and rates in body axes; DATCOM's stability-axis ones are turned by alpha at the nodes",
-        absent=" ".join([*(name for name in SCHEME if name not in found), *refused]),
+        absent=" ".join(name for name in SCHEME if name not in found),
     )
 
 

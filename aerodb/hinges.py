@@ -33,8 +33,8 @@ def elevator_hinge(given: Source, clean: Source, h_ref: float) -> list[Effect]:
     slope = _slope("Ch_e", grid)
     if not slope:
         return found
-    place = given if given.has("downwash") else clean
-    if not place.has("downwash") or not place.decks:
+    place = next((source for source in (given, clean) if source.has("downwash") and source.decks), None)
+    if place is None:
         warn(f"{given.role}: (CH)A is per angle of attack of the tail, and no listing with downwash is at hand; Ch_e/alpha is left absent")
         return found
     epsilon = at_height(place.grid("downwash"), h_ref)["epsilon"]

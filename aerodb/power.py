@@ -73,6 +73,11 @@ def power(given: Source, clean: Source, h_ref: float) -> Effect:
     A cell without value on the unpowered page is left out: the program prints the increment alone there.
     """
     engine = thrust(given)
+    other = [key for key, item in given.reference.items() if not np.isclose(item, clean.reference[key], rtol=1e-6, atol=1e-9)]
+    if other:
+        raise SchemaError(
+            given.role, [f"{', '.join(other)} of the powered pages are not those of the clean ones; compute both with the same"]
+        )
     pages = _pages(given, True)
     h = float(pages["h"].sel(h=h_ref, method="nearest"))
     powered, free = pages.sel(h=h, drop=True), _pages(clean, False)

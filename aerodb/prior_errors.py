@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TypeGuard
 
 import numpy as np
 import xarray as xr
@@ -169,19 +170,27 @@ def errors_with(overrides: Mapping[str, tuple[float, float] | float] | None, stm
     known = [f"{regime} {kind}" for regime in REGIMES[1:] for kind in factors]
     for name, item in (overrides or {}).items():
         if name in terms:
-            if not (isinstance(item, tuple | list) and len(item) == 2 and all(map(_sound, item))):
-                raise SchemaError("stderr", [f"{name} is {item!r}; give (relative, absolute), two numbers of zero or more"])
-            terms[name] = (float(item[0]), float(item[1]))
+            terms[name] = _pair(name, item)
         elif name in known:
-            if not _sound(item):
-                raise SchemaError("stderr", [f"{name} is {item!r}; give a factor of zero or more"])
             regime, kind = name.split()
-            at = REGIMES.index(regime) - 1
-            factors[kind] = tuple(float(item) if i == at else old for i, old in enumerate(factors[kind]))  # type: ignore[arg-type, assignment]
+            transonic, supersonic = factors[kind]
+            factors[kind] = (_factor(name, item), supersonic) if regime == REGIMES[1] else (transonic, _factor(name, item))
         else:
             raise UnknownName(name, [*terms, *known], "term", "stderr= takes terms that a listing can give, and regimes with a class")
     return PriorErrors(terms, factors, stmach, tsmach)
 
 
-def _sound(number: object) -> bool:
+def _pair(name: str, item: object) -> tuple[float, float]:
+    if isinstance(item, tuple | list) and len(item) == 2 and _sound(item[0]) and _sound(item[1]):
+        return float(item[0]), float(item[1])
+    raise SchemaError("stderr", [f"{name} is {item!r}; give (relative, absolute), two numbers of zero or more"])
+
+
+def _factor(name: str, item: object) -> float:
+    if _sound(item):
+        return float(item)
+    raise SchemaError("stderr", [f"{name} is {item!r}; give a factor of zero or more"])
+
+
+def _sound(number: object) -> TypeGuard[float]:
     return isinstance(number, int | float) and not isinstance(number, bool) and bool(np.isfinite(number)) and number >= 0

@@ -1,7 +1,8 @@
 """The rows of the scheme (`aerodb.templates`): one per contribution.
 
 Columns: contribution; coefficients that have it (empty: all three of the group); axes; regressors; axis of the factor K1; equation in
-LR-743; meaning; what DATCOM gives, by coefficient (``CL Cm: this | CD: that``, no method for others); what LR-743 4.5 found (lift, and roll over ground).
+LR-743; meaning; what DATCOM gives, by coefficient (``CL Cm: this | CD: that``, no method for others); what LR-743 4.5 found (lift, and
+roll over ground).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from flightmech.errors import AeromatchWarning, SchemaError
 from .prior_errors import STMACH, TSMACH
 
 if TYPE_CHECKING:
-    from datcom_io.deck import Deck
+    from datcom_io.decks.deck import Deck
 
 REFERENCES = ("S", "cbar", "b", "x_cg", "z_cg")
 _KEPT = ("delta_left", "delta_right")
@@ -80,8 +80,9 @@ class Source:
     @property
     def regimes(self) -> tuple[float, float]:
         """Last Mach number of the subsonic methods and first one of the supersonic methods."""
-        ends = {"STMACH": STMACH, "TSMACH": TSMACH}
-        return tuple(self.card("FLTCON", name, default) if self.decks else default for name, default in ends.items())  # type: ignore[return-value]
+        if not self.decks:
+            return STMACH, TSMACH
+        return self.card("FLTCON", "STMACH", STMACH), self.card("FLTCON", "TSMACH", TSMACH)
 
     def grid(self, leaf: str, powered: bool = False) -> xr.Dataset:
         """Return a leaf over ``mach`` and ``h`` instead of ``condition``, of the configuration with the most components.

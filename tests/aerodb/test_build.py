@@ -58,6 +58,7 @@ def test_all_names_axes_and_absent_terms(craft, make_case):
     absent = db.attrs["absent"].split()
     assert {"CY/rhat", "Cn/rudder", "CL/gear", "CL/speedbrake", "CL/flap", "Cl/aileron"} <= set(absent)
     assert not set(absent) & set(aerodb.terms(db))
+    assert len(absent) == len(set(absent))
     assert db["Cl/phat"].dims == {"mach": 3, "alpha": 13}  # Mach 0 and the two of the case
     assert db.attrs["force_axes"] == "stability"
 

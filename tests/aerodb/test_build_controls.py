@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import aerodb
 import flightmech
+from aerodb.cli import db as group
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.units import DEGREE
 
+CORPUS = Path(__file__).parents[3] / "shared" / "data" / "datcom"
 AIRCRAFT = Path(__file__).parents[2] / "data" / "t37" / "aircraft.toml"
 
 
@@ -206,3 +209,16 @@ def test_aileron_hinge_from_a_flap_page_of_the_wing(jet, corpus, clean):
     assert "CL/flap" in db.attrs["absent"].split()
     with pytest.raises(SchemaError, match="the deflected surface is the tail, the wing is needed"):
         aerodb.from_datcom(jet, clean=clean, aileron_hinge=corpus("ce500_elevator"))
+
+
+def test_one_case_of_a_file_on_the_command_line(corpus, tmp_path):
+    clean, tail = (str(CORPUS / name / f"{name}.out") for name in ("ce500_clean", "spoilers_diff_tail"))
+    corpus("ce500_clean")  # skips without listings
+    case = "DIFFERENTIAL HORIZONTAL STABILIZER"
+    arguments = ["build", str(AIRCRAFT), "--clean", clean, "-o", str(tmp_path / "jet.nc"), "--json", "--differential-tail"]
+    done = CliRunner().invoke(group, [*arguments, f"{tail}:{case}"], catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "Cl/differential_tail" in aerodb.terms(aerodb.open(tmp_path / "jet.nc"))
+    wrong = CliRunner().invoke(group, [*arguments, f"{tail}x:{case}"])
+    assert wrong.exit_code == 2
+    assert "write FILE, or FILE:CASE for one case of it" in wrong.output

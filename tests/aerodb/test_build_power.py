@@ -70,6 +70,8 @@ def test_power_must_be_known_and_comparable(jet, corpus, pages):
         aerodb.from_datcom(jet, clean=power)
     with pytest.raises(SchemaError, match="the input cards hold no JETPWR or PROPWR"):
         aerodb.from_datcom(jet, clean=clean, power=clean)
+    with pytest.raises(SchemaError, match="cbar, b, x_cg, z_cg of the powered pages are not those of the clean ones"):
+        aerodb.from_datcom(jet, clean=clean, power=corpus("cz150_like")[2])
     with pytest.raises(SchemaError, match="the trees hold no input cards; give the Listing or the Case itself"):
         aerodb.from_datcom(jet, clean=clean, power=power[0].to_datatree())
     with pytest.warns(AeromatchWarning, match=INLET), pytest.raises(SchemaError, match=r"stand at 0\.0 m, the clean listing has no page"):
