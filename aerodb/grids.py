@@ -17,7 +17,7 @@ from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import attrs
 
-from .comparison import readable
+from .common_grid import readable
 
 JUDGEMENT = _terms.SOURCES.index("judgement")
 _NEAR = 1e-9  # of the span of an axis: breakpoints closer than this are the same; degrees come to radians on several ways

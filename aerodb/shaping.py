@@ -16,7 +16,7 @@ import xarray as xr
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning, OutOfRange, SchemaError
 
-from .comparison import readable
+from .common_grid import readable
 from .edit import matching
 from .grids import (
     JUDGEMENT,
