@@ -17,21 +17,21 @@ from flightmech.lazy import load
 
 if TYPE_CHECKING:
     from .cells import FLAGS
-    from .datcom_plus import read_datcom_plus_csv
-    from .deck import Deck
-    from .deck_cards import Finding
-    from .deck_check import check_deck
-    from .deck_file import DeckFile, read_deck
-    from .deck_run import Run, run_deck
-    from .deck_split import split_deck
-    from .deck_write import write_deck
+    from .decks.cards import Finding
+    from .decks.check import check_deck
+    from .decks.deck import Deck
+    from .decks.file import DeckFile, read_deck
+    from .decks.running import Run, run_deck
+    from .decks.splitting import split_deck
+    from .decks.writing import write_deck
+    from .exchange.datcom_plus import read_datcom_plus_csv
+    from .exchange.matlab_read import read_matlab
+    from .exchange.matlab_write import write_matlab
+    from .exchange.plot_file import read_plot
+    from .exchange.plot_table import read_for014
+    from .exchange.refining import refine
     from .grid import join, to_grid
     from .listing import Case, DamagedListing, Listing, Message, Page, Table
-    from .matlab_read import read_matlab
-    from .matlab_write import write_matlab
-    from .plot_file import read_plot
-    from .plot_table import read_for014
-    from .refining import refine
     from .scan import iterate, read
 
 _HOME = {
@@ -43,24 +43,24 @@ _HOME = {
     "Page": "listing",
     "Table": "listing",
     "Message": "listing",
-    "Deck": "deck",
-    "DeckFile": "deck_file",
-    "Finding": "deck_cards",
-    "Run": "deck_run",
-    "check_deck": "deck_check",
-    "read_deck": "deck_file",
-    "run_deck": "deck_run",
-    "split_deck": "deck_split",
-    "write_deck": "deck_write",
+    "Deck": "decks.deck",
+    "DeckFile": "decks.file",
+    "Finding": "decks.cards",
+    "Run": "decks.running",
+    "check_deck": "decks.check",
+    "read_deck": "decks.file",
+    "run_deck": "decks.running",
+    "split_deck": "decks.splitting",
+    "write_deck": "decks.writing",
     "FLAGS": "cells",
     "join": "grid",
     "to_grid": "grid",
-    "read_plot": "plot_file",
-    "read_matlab": "matlab_read",
-    "write_matlab": "matlab_write",
-    "read_datcom_plus_csv": "datcom_plus",
-    "read_for014": "plot_table",
-    "refine": "refining",
+    "read_plot": "exchange.plot_file",
+    "read_matlab": "exchange.matlab_read",
+    "write_matlab": "exchange.matlab_write",
+    "read_datcom_plus_csv": "exchange.datcom_plus",
+    "read_for014": "exchange.plot_table",
+    "refine": "exchange.refining",
 }
 __all__ = [
     "FLAGS",

@@ -15,7 +15,7 @@ from typing import NamedTuple
 from flightmech.units import FOOT, INCH, POUND_FORCE
 
 from .cells import OK, OVERFLOW
-from .deck import Deck
+from .decks.deck import Deck
 from .listing import Case, Page
 
 _LENGTH = {"FT": FOOT, "IN": INCH, "M": 1.0, "CM": 0.01}

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from .listing import Page
     from .tables import Printed
 
-from . import deck_cli, exchange_cli
+from .decks import cli as deck_cli
+from .exchange import cli as exchange_cli
 
 _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False))
 _CASE = click.option("--case", "name", help="Case by its name or by its number, from 1.")
@@ -34,7 +35,7 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
 
     A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is told by what it holds; its leaves are shown.
     """
-    from .exchange import read_other
+    from .exchange.recognised import read_other
     from .scan import read
     from .summary import page_row, summary
 
@@ -138,7 +139,7 @@ def convert(
 
     A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is told by what it holds.
     """
-    from .exchange import read_other
+    from .exchange.recognised import read_other
     from .grid import join
     from .scan import read
     from .store import write_tree

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from flightmech.errors import ParseError, UnknownName
 
-from .deck import Deck
+from .decks.deck import Deck
 from .layouts import CONDITIONS, NAMES
 from .tables import Printed, Table, Values
 

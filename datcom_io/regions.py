@@ -7,7 +7,7 @@ import re
 from dataclasses import replace
 
 from .cells import BLANK
-from .deck import Deck, parse_cards
+from .decks.deck import Deck, parse_cards
 from .layouts import notes
 from .layouts.form import Layout, Line
 from .lines import ARRAY_DUMP, anchor, is_progress, turns

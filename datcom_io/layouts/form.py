@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 if TYPE_CHECKING:
     import numpy as np
 
-    from ..deck import Deck
+    from ..decks.deck import Deck
     from ..tables import Printed, Table
 
 

@@ -18,7 +18,7 @@ from .devices import heading_values
 from .form import Across, Block, Column, Layout, Line
 
 if TYPE_CHECKING:
-    from ..deck import Deck
+    from ..decks.deck import Deck
     from ..tables import Table
 
 PER_LINE = 11

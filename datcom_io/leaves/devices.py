@@ -9,7 +9,7 @@ from flightmech.units import DEGREE
 
 from ..arrange import Spot, control_surface
 from ..cells import ABSENT
-from ..deck import Deck
+from ..decks.deck import Deck
 from ..layouts import BY_NAME
 from ..listing import Page
 from ..stacking import HALF_UNIT, Axis, Stacker, add_variable, describe

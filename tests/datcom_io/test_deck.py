@@ -1,6 +1,6 @@
 import math
 
-from datcom_io.deck import parse_cards
+from datcom_io.decks.deck import parse_cards
 
 
 def deck(text, before=None):

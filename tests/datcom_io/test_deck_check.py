@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 import datcom_io
-from datcom_io.deck_check import check_case
+from datcom_io.decks.check import check_case
 
 SHIPPED = Path(__file__).parents[2] / "data" / "t37" / "datcom"
 CORPUS = Path(__file__).parents[2] / ".." / "shared" / "data" / "datcom"

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import datcom_io
-from datcom_io.deck import make_deck
-from datcom_io.deck_cards import Assignment, Card, Namelist
-from datcom_io.deck_names import VARIABLES
-from datcom_io.deck_values import value_text
-from datcom_io.deck_write import deck_text
+from datcom_io.decks.cards import Assignment, Card, Namelist
+from datcom_io.decks.deck import make_deck
+from datcom_io.decks.names import VARIABLES
+from datcom_io.decks.values import value_text
+from datcom_io.decks.writing import deck_text
 from flightmech.errors import ParseError, SchemaError
 
 SHIPPED = Path(__file__).parents[2] / "data" / "t37" / "datcom"

@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 import datcom_io
-from datcom_io.deck_write import deck_text
+from datcom_io.decks.writing import deck_text
 from flightmech.errors import ParseError, SchemaError
 
 T37 = Path(__file__).parents[2] / "data" / "t37" / "datcom"

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from .deck_cards import ERROR, Assignment, Card, Finding, Item, Namelist, read_items
-from .deck_names import DIMENSIONS
-from .deck_values import Value, value_text
+from .cards import ERROR, Assignment, Card, Finding, Item, Namelist, read_items
+from .names import DIMENSIONS
+from .values import Value, value_text
 
 Variables = dict[str, list[Value | None]]
 _LARGEST_ARRAY = 300  # no array of the program is longer than 60

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from .cards import ERROR, WARNING, Finding
 from .deck import Deck
-from .deck_cards import ERROR, WARNING, Finding
-from .deck_names import DIMENSIONS
+from .names import DIMENSIONS
 
 _SURFACES = {"W": ("WG", "wing"), "H": ("HT", "horizontal tail"), "V": ("VT", "vertical tail"), "F": ("VF", "ventral fin")}
 _DIFFERENTIAL_TAIL = 5

@@ -10,8 +10,8 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from .deck_names import CASEID_COLUMNS, CONTROL_WORDS, SPELLINGS
-from .deck_values import Value, read_values
+from .names import CASEID_COLUMNS, CONTROL_WORDS, SPELLINGS
+from .values import Value, read_values
 
 ERROR, WARNING, NOTE = "error", "warning", "note"
 

@@ -12,13 +12,13 @@ from collections.abc import Iterator
 
 from flightmech.errors import SchemaError
 
+from .cards import ERROR, Card, Item, Namelist
+from .check import check_deck
 from .deck import Deck, Variables, make_deck, parse_cards, pieces
-from .deck_cards import ERROR, Card, Item, Namelist
-from .deck_check import check_deck
-from .deck_file import DeckFile
-from .deck_names import CASEID_COLUMNS, COUNTS
-from .deck_rules_aircraft import is_special
-from .deck_study import Plan, Study, is_on_tail, read_study, word_of
+from .file import DeckFile
+from .names import CASEID_COLUMNS, COUNTS
+from .rules_aircraft import is_special
+from .study import Plan, Study, is_on_tail, read_study, word_of
 
 _TAIL_NAMELISTS = ("HTPLNF", "HTSCHR", "VTPLNF", "VTSCHR", "VFPLNF", "VFSCHR", "TVTPAN")
 _TAIL_SECTIONS = "HVF"
@@ -33,7 +33,7 @@ def split_deck(study: str | os.PathLike[str] | DeckFile) -> dict[str, DeckFile]:
     ----------
     study : path or DeckFile
         A deck of one case that holds the aircraft and all its devices (each a SYMFLP or ASYFLP of its own) and GRNDEF, or a TOML
-        file that names such a deck and plans the runs (`datcom_io.deck_study`).
+        file that names such a deck and plans the runs (`datcom_io.decks.study`).
 
     Returns
     -------

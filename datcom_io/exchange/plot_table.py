@@ -25,10 +25,10 @@ import xarray as xr
 from flightmech.errors import ParseError
 from flightmech.units import DEGREE, FOOT
 
-from .cells import BLANK, FILLED, OK, SENTINEL, read_cell
+from ..cells import BLANK, FILLED, OK, SENTINEL, read_cell
+from ..layouts import BY_NAME
+from ..stacking import add_variable
 from .configurations import printed_name
-from .layouts import BY_NAME
-from .stacking import add_variable
 
 _RUN = re.compile(r"RUN *\d{1,6} +(\d{1,4}) +\w{1,8} +(\S.*)")
 _WIDTH = 10

@@ -12,10 +12,10 @@ from scipy.io import savemat
 
 from flightmech.whole import written_whole
 
-from .arrange import control_surface
-from .cells import ABSENT, BLANK, FILLED, FLAGS, OK
+from ..arrange import control_surface
+from ..cells import ABSENT, BLANK, FILLED, FLAGS, OK
+from ..listing import Case, Listing
 from .configurations import parts
-from .listing import Case, Listing
 from .matlab_fields import BUILD, MISSING, Field, Units, dimension, fields
 
 _SURFACES = {"body": "BODY", "wing": "WGPLNF", "htail": "HTPLNF", "vtail": "VTPLNF", "vfin": "VFPLNF"}

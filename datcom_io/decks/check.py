@@ -9,12 +9,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 
-from . import deck_rules_aircraft, deck_rules_cards, deck_rules_flight
+from . import rules_aircraft, rules_cards, rules_flight
+from .cards import WARNING, Finding
 from .deck import Deck
-from .deck_cards import WARNING, Finding
-from .deck_file import DeckFile, read_deck
+from .file import DeckFile, read_deck
 
-_RULES = (*deck_rules_cards.RULES, *deck_rules_flight.RULES, *deck_rules_aircraft.RULES)
+_RULES = (*rules_cards.RULES, *rules_flight.RULES, *rules_aircraft.RULES)
 
 
 def check_deck(deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck]) -> list[Finding]:

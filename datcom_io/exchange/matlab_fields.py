@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from flightmech.units import parse
 
-from .arrange import si_factor
+from ..arrange import si_factor
 
 MISSING = 99999.0
 """What a place holds that no page of the listing belongs to."""

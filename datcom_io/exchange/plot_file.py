@@ -14,12 +14,12 @@ import xarray as xr
 
 from flightmech.units import DEGREE, FOOT
 
-from .cells import ABSENT, BLANK, FILLED, OK
+from ..cells import ABSENT, BLANK, FILLED, OK
+from ..layouts import BY_NAME
+from ..layouts.form import Column
+from ..stacking import add_variable
 from .configurations import printed_name
-from .layouts import BY_NAME
-from .layouts.form import Column
 from .plot_records import CONFIGURATIONS, PlotCase, Record, read_records
-from .stacking import add_variable
 
 _COLUMNS = {column.house: column for name in ("static", "downwash", "symflp") for column in BY_NAME[name].columns}
 _STATIC = ("CD", "CL", "Cm", "CN", "CA", "CL_alpha", "Cm_alpha", "CY_beta", "Cn_beta", "Cl_beta")

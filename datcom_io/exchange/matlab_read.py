@@ -15,12 +15,12 @@ from scipy.io import loadmat
 from flightmech.errors import ParseError
 from flightmech.units import DEGREE
 
-from .cells import ABSENT, FILLED, NDM, OK
+from ..cells import ABSENT, FILLED, NDM, OK
+from ..decks.deck import DIMENSIONS
+from ..layouts.form import Column
+from ..stacking import add_variable
 from .configurations import LOW_ASPECT_RATIO, printed_name
-from .deck import DIMENSIONS
-from .layouts.form import Column
 from .matlab_fields import BUILD, INDEX_DIMENSIONS, LABELS, MISSING, Field, Units, dimension, fields
-from .stacking import add_variable
 
 _FLAGS_OF_CONFIG = {"body": "body", "wing": "wing", "htail": "horizontal", "vtail": "vertical", "vfin": "fin"}
 _NUMERIC = "fiub"

@@ -19,11 +19,11 @@ from pathlib import Path
 from flightmech.errors import ParseError, SimulationError
 from flightmech.whole import written_whole
 
-from .deck_cards import ERROR
-from .deck_file import DeckFile, read_deck
-from .deck_write import deck_text
-from .listing import Listing, Message
-from .scan import read
+from ..listing import Listing, Message
+from ..scan import read
+from .cards import ERROR
+from .file import DeckFile, read_deck
+from .writing import deck_text
 
 _DECK_NAME = "for005.dat"
 _PRINTS = ("for006.dat", "datcom.out", "output.dat", "fort.6")  # unit 6 by the names of known builds, best first

@@ -17,7 +17,7 @@ import numpy as np
 
 from flightmech.errors import ParseError
 
-from .cells import BLANK, NA, NDM, NOT_A_NUMBER, OK, OVERFLOW, SENTINEL, read_cell
+from ..cells import BLANK, NA, NDM, NOT_A_NUMBER, OK, OVERFLOW, SENTINEL, read_cell
 
 # the common block FLOLOG of the program, in its order
 LOGICALS = (

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 from flightmech.errors import ParseError
 
+from .cards import ERROR, WARNING, Finding
 from .deck import Deck, parse_cards
-from .deck_cards import ERROR, WARNING, Finding
-from .deck_names import CARD_COLUMNS
+from .names import CARD_COLUMNS
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
+from .cards import ERROR, NOTE, WARNING, Finding
 from .deck import Deck
-from .deck_cards import ERROR, NOTE, WARNING, Finding
-from .deck_names import COUNTS, VARIABLES
+from .names import COUNTS, VARIABLES
 
 
 def counts(deck: Deck) -> Iterator[Finding]:

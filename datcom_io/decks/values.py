@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
-from .cells import OK, read_cell
+from ..cells import OK, read_cell
 
 Value = float | bool
 DIGITS = 9  # significant digits that identify any number of single precision

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 @console.json_option
 def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> None:
     """Write a listing as the structure of MATLAB's datcomimport; say what it has no room for."""
+    from ..scan import read
     from .matlab_write import write_matlab
-    from .scan import read
 
     listing = read(file, partial=partial)
     left_out = write_matlab(listing, output, usenan=not zero)
@@ -42,10 +42,10 @@ def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> N
     """Show what a plot file (unit 13 or 14) holds; with --listing take its five digits into the listing's tree."""
     from flightmech.errors import SchemaError
 
-    from .exchange import plot_case, read_other
+    from ..scan import read
+    from ..store import write_tree
+    from .recognised import plot_case, read_other
     from .refining import refine
-    from .scan import read
-    from .store import write_tree
 
     tree = read_other(file, "DEG")
     if tree is None:
@@ -96,7 +96,7 @@ def _refined(case: xr.DataTree) -> dict[str, dict[str, str]]:
 
 def show_tree(tree: xr.DataTree, as_json: bool) -> None:
     """Print what the leaves of a tree hold."""
-    from .exchange import contents
+    from .recognised import contents
 
     rows = contents(tree)
     if as_json:

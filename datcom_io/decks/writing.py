@@ -10,11 +10,11 @@ from collections.abc import Iterable, Iterator
 from flightmech.errors import SchemaError
 from flightmech.whole import written_whole
 
+from .cards import Assignment, Card, Item
 from .deck import Deck, pieces
-from .deck_cards import Assignment, Card, Item
-from .deck_file import DeckFile
-from .deck_names import CARD_COLUMNS, CASEID_COLUMNS, VARIABLES
-from .deck_values import value_text
+from .file import DeckFile
+from .names import CARD_COLUMNS, CASEID_COLUMNS, VARIABLES
+from .values import value_text
 
 _NAME = re.compile(r"[A-Z][A-Z0-9]{0,9}")
 _CONTINUED = "   "

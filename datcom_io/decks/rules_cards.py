@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from difflib import get_close_matches
 
+from .cards import ERROR, WARNING, Assignment, Card, Finding, Namelist
 from .deck import Deck
-from .deck_cards import ERROR, WARNING, Assignment, Card, Finding, Namelist
-from .deck_names import DIMENSIONS, MOST_NAMELISTS, VARIABLES
+from .names import DIMENSIONS, MOST_NAMELISTS, VARIABLES
 
 _SURFACES = "WHVF"
 _AIRFOIL_TYPES = "1456S"

@@ -13,9 +13,9 @@ import xarray as xr
 
 from flightmech.errors import SchemaError, UnitError
 
-from .cells import FILLED, FLAGS, OK
+from ..cells import FILLED, FLAGS, OK
+from ..listing import Case, Listing
 from .datcom_plus import read_datcom_plus_csv
-from .listing import Case, Listing
 from .plot_file import read_plot
 from .plot_records import LOGICALS
 from .plot_table import read_for014

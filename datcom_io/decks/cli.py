@@ -19,8 +19,8 @@ _FOLDER = click.Path(file_okay=False)
 @console.json_option
 def deck_verb(deck: str, output: str | None, resolved: bool, as_json: bool) -> None:
     """Show the cases of an input deck (unit 5, plain or DATCOM+); with -o write it again."""
-    from .deck_file import read_deck
-    from .deck_write import write_deck
+    from .file import read_deck
+    from .writing import write_deck
 
     found = read_deck(deck)
     if output:
@@ -58,8 +58,8 @@ def _case_row(number: int, case) -> dict:
 @click.pass_context
 def check(ctx: click.Context, deck: str, as_json: bool) -> None:
     """Say what the program would choke on in an input deck; exit code 1 when there are errors."""
-    from .deck_check import check_deck
-    from .deck_file import read_deck
+    from .check import check_deck
+    from .file import read_deck
 
     read = read_deck(deck)
     found = check_deck(read)
@@ -93,8 +93,8 @@ def split(study: str, folder: str, as_json: bool) -> None:
 
     STUDY is a deck of one case with all devices of the aircraft, or a TOML file that names one and plans the runs.
     """
-    from .deck_split import split_deck
-    from .deck_write import write_deck
+    from .splitting import split_deck
+    from .writing import write_deck
 
     decks = split_deck(study)
     place = Path(folder)
@@ -122,7 +122,7 @@ def split(study: str, folder: str, as_json: bool) -> None:
 @click.pass_context
 def run(ctx: click.Context, deck: str, program: str, folder: str | None, timeout: float, as_json: bool) -> None:
     """Run a deck with your Digital DATCOM program and collect its files; exit code 1 when the program left out a case."""
-    from .deck_run import run_deck
+    from .running import run_deck
 
     if folder is not None:
         Path(folder).mkdir(parents=True, exist_ok=True)

@@ -14,7 +14,7 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 
-from .cells import FILLED, OK
+from ..cells import FILLED, OK
 from .configurations import parts
 
 _DECIMALS = {"CD": 3, "CL": 3, "Cm": 4, "CN": 3, "CA": 3, "q_ratio": 3, "epsilon": 3, "epsilon_alpha": 3}

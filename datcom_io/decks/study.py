@@ -26,9 +26,9 @@ from pathlib import Path
 
 from flightmech.errors import ParseError, SchemaError
 
+from .cards import Namelist
 from .deck import Deck
-from .deck_cards import Namelist
-from .deck_file import DeckFile, read_deck
+from .file import DeckFile, read_deck
 
 # word: namelist, and whether the device is on the tail
 DEVICES = {

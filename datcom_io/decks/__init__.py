@@ -1,0 +1,1 @@
+"""Input decks of Digital DATCOM: read, written, checked, split into runs and run."""
