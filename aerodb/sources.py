@@ -16,7 +16,7 @@ from flightmech.errors import AeromatchWarning, SchemaError
 from .prior_errors import STMACH, TSMACH
 
 if TYPE_CHECKING:
-    from datcom_io.decks.deck import Deck
+    from datcom_io import Deck
 
 REFERENCES = ("S", "cbar", "b", "x_cg", "z_cg")
 _KEPT = ("delta_left", "delta_right")
