@@ -1,9 +1,14 @@
-"""Files that are written whole or not at all."""
+"""Files and folders that are written whole or not at all.
+
+What is written first stands beside its place under a name that begins with a dot and ends in ``.part``; a process that is killed
+leaves it behind, where it does no harm and may be deleted.
+"""
 
 from __future__ import annotations
 
 import errno
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,13 +30,81 @@ def written_whole(path: str | os.PathLike) -> Iterator[Path]:
         Its folder is not there.
     """
     path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(path.parent))
-    part = path.with_name(f".{path.name}.{token_hex(4)}.part")
+    part = _beside(path)
     try:
         yield part
-        with part.open("r+b") as written:
-            os.fsync(written.fileno())
+        _on_disk(part)
         os.replace(part, path)
+        _on_disk(path.parent)
     finally:
         part.unlink(missing_ok=True)
+
+
+@contextmanager
+def folder_written_whole(path: str | os.PathLike) -> Iterator[Path]:
+    """Yield a new folder beside `path` to fill; it takes the name of `path` once the block has ended well.
+
+    Parameters
+    ----------
+    path : path
+        The folder; an older one, with all that is in it, stays as it was until the new one is complete on disk, and is then deleted.
+
+    Raises
+    ------
+    FileNotFoundError
+        The folder above it is not there.
+
+    Notes
+    -----
+    Linux exchanges the two in one step. Elsewhere the older one is first set aside under a name that ends in ``.old.part``.
+    """
+    path = Path(path)
+    part = _beside(path)
+    part.mkdir()
+    try:
+        yield part
+        for item in [*part.rglob("*"), part]:
+            _on_disk(item)
+        if not path.exists():
+            os.replace(part, path)
+        elif not _exchanged(part, path):
+            aside = part.with_suffix(".old.part")
+            os.replace(path, aside)
+            try:
+                os.replace(part, path)
+            except OSError:
+                os.replace(aside, path)
+                raise
+            shutil.rmtree(aside)
+        _on_disk(path.parent)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _beside(path: Path) -> Path:
+    if not path.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(path.parent))
+    return path.with_name(f".{path.name}.{token_hex(4)}.part")
+
+
+def _on_disk(path: Path) -> None:
+    """Have the system write a file, or the names in a folder, to the disk; Windows has no such call for folders."""
+    if path.is_dir() and os.name == "nt":
+        return
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _exchanged(one: Path, other: Path) -> bool:
+    """Exchange two names in one step; False where the system or the file system cannot."""
+    import ctypes
+    import sys
+
+    if sys.platform != "linux":
+        return False
+    rename = getattr(ctypes.CDLL(None), "renameat2", None)
+    here, exchange = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of linux/fcntl.h and linux/fs.h
+    return rename is not None and rename(here, os.fsencode(one), here, os.fsencode(other), exchange) == 0

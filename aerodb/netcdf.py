@@ -1,0 +1,194 @@
+"""The layout of a database file: a tree as netCDF-4, written and read through HDF5 itself.
+
+Groups are the nodes of the tree, dimension scales its breakpoints, attributes text and numbers.  The file is laid out in
+memory, in the HDF5 1.8 format that netCDF and MATLAB read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import xarray as xr
+
+LARGEST = 2**27  # bytes of one table, far above any aero table; a damaged or hostile size is refused before memory is asked for
+_NUMBERS = "iuf"
+_FORMAT = ("v108", "v108")
+_DIMENSION = "_Netcdf4Dimid"
+_COORDINATES = "coordinates"  # of a group: variables that are coordinates without being a dimension, as xarray writes them
+_HDF5 = ("CLASS", "NAME", "DIMENSION_LIST", "REFERENCE_LIST", "DIMENSION_LABELS")
+_LAYOUT = frozenset((*_HDF5, _DIMENSION, "_Netcdf4Coordinates", "_NCProperties", "_FillValue"))
+_PACKED = ("scale_factor", "add_offset", "missing_value")
+
+
+def faults(db: xr.DataTree) -> list[str]:
+    """Return what of a tree no file can hold; an empty list means that writing and reading give the same tree."""
+    return [f"{node.path.strip('/') or 'root'}: {text}" for node in db.subtree for text in _node_faults(node)]
+
+
+def _node_faults(node: xr.DataTree) -> Iterator[str]:
+    leaf = node.to_dataset(inherit=False)
+    for name, variable in leaf.variables.items():
+        if variable.dtype.kind not in _NUMBERS:
+            yield f"{name} holds {variable.dtype}; a file holds numbers"
+        for axis in variable.dims:
+            if axis not in node.coords:
+                yield f"{name} has the dimension {axis} without a coordinate; give it one"
+    owners: dict[str, Mapping] = {"": leaf.attrs, **{f" of {name}": variable.attrs for name, variable in leaf.variables.items()}}
+    for owner, attributes in owners.items():
+        for key, item in attributes.items():
+            if isinstance(item, bool) or not isinstance(item, str | int | float | np.integer | np.floating):
+                yield f"attribute {key}{owner} is a {type(item).__name__}; only text and numbers survive in a file"
+            elif isinstance(item, str) and not _writable(item):
+                yield f"attribute {key}{owner} holds a character that no file can carry (zero byte or half a surrogate pair)"
+            elif str(key) in _LAYOUT or not _writable(str(key)) or not key:
+                yield f"attribute {key!r}{owner} has a name that the file format keeps for itself; rename it"
+
+
+def _writable(text: str) -> bool:
+    with suppress(UnicodeEncodeError):
+        return "\0" not in text and bool(text.encode() or True)
+    return False
+
+
+def image(db: xr.DataTree) -> bytes:
+    """Return the content of the file of a tree without `faults`; the same tree gives the same bytes with one version of HDF5."""
+    with h5py.File("image", "w", driver="core", backing_store=False, libver=_FORMAT, track_order=True) as file:
+        _write(db, file, {})
+        file.flush()
+        return file.id.get_file_image()
+
+
+def _write(node: xr.DataTree, group: h5py.Group, scales: dict[str, h5py.Dataset]) -> None:
+    leaf = node.to_dataset(inherit=False)
+    for key, item in leaf.attrs.items():
+        group.attrs[key] = item
+    beside = [str(name) for name in leaf.coords if name not in leaf.dims]
+    if beside:
+        group.attrs[_COORDINATES] = " ".join(beside)
+    scales = dict(scales)
+    for name in sorted(map(str, leaf.variables), key=lambda name: name not in leaf.dims):
+        variable = leaf.variables[name]
+        dataset = group.create_dataset(name, data=variable.values, track_order=True)
+        for key, item in variable.attrs.items():
+            dataset.attrs[key] = item
+        if name in leaf.dims:
+            dataset.make_scale(name)
+            dataset.attrs.create(_DIMENSION, len(scales), dtype="i4")
+            scales[name] = dataset
+        else:
+            for place, axis in zip(dataset.dims, variable.dims):
+                place.attach_scale(scales[str(axis)])
+    for name, child in node.children.items():
+        _write(child, group.create_group(str(name), track_order=True), scales)
+
+
+def read(path: Path) -> tuple[xr.DataTree, list[str]]:
+    """Return the tree of a file, and what of the file is no part of a database.
+
+    Raises
+    ------
+    Exception
+        Of any kind that HDF5 finds for a damaged file.
+    """
+    with h5py.File(path, "r", locking=False) as file:  # files are replaced, never changed in place
+        reader = _Reader()
+        reader.group(file, "/", {})
+    return xr.DataTree.from_dict(reader.nodes), reader.problems
+
+
+class _Reader:
+    """Walks through a file; whatever is no part of a tree of tables becomes a problem with its place."""
+
+    def __init__(self) -> None:
+        self.nodes: dict[str, xr.Dataset] = {}
+        self.problems: list[str] = []
+
+    def group(self, group: h5py.Group, path: str, axes: Mapping[int, str]) -> None:
+        """Read one group and those in it; `axes` names dimension scales by their address in the file."""
+        self.nodes[path] = xr.Dataset()  # parents first
+        tables, below = {}, []
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                self.problems.append(f"{_place(path, name)} is a link to another place; a database holds its tables itself")
+                continue
+            item = group[name]
+            if isinstance(item, h5py.Group):
+                below.append((name, item))
+            elif isinstance(item, h5py.Dataset):
+                tables[name] = item
+            else:
+                self.problems.append(f"{_place(path, name)} is a named type of HDF5; a database holds tables")
+        axes = {**axes, **{_address(item): name for name, item in tables.items() if item.is_scale}}
+        read = {name: self._variable(item, name, _place(path, name), axes) for name, item in tables.items()}
+        attributes = self._attributes(group, _place(path))
+        beside = str(attributes.pop(_COORDINATES, "")).split()
+        try:
+            leaf = xr.Dataset({name: variable for name, variable in read.items() if variable is not None}, attrs=attributes)
+            self.nodes[path] = leaf.set_coords([name for name in beside if name in leaf])
+        except ValueError as error:  # lengths along one dimension differ
+            self.problems.append(f"{_place(path)}: {error}")
+        for name, item in below:
+            self.group(item, f"{path.rstrip('/')}/{name}", axes)
+
+    def _variable(self, item: h5py.Dataset, name: str, place: str, axes: Mapping[int, str]) -> tuple | None:
+        before = len(self.problems)
+        if item.dtype.kind not in _NUMBERS:
+            self.problems.append(f"{place} holds {'objects or texts' if item.dtype.kind == 'O' else item.dtype}; tables hold numbers")
+        elif item.size is None or item.nbytes > LARGEST:
+            self.problems.append(f"{place} has the shape {item.shape}; a table has at most {LARGEST // 2**20} MiB")
+        if item.is_virtual or item.external:
+            self.problems.append(f"{place} keeps its numbers in another file; a database holds its tables itself")
+        dims: list[str] = [name] if item.is_scale and item.ndim == 1 else []
+        for number, dimension in enumerate(item.dims if not dims else (), 1):
+            axis = axes.get(_address(dimension[0])) if len(dimension) else None
+            if axis is None:
+                self.problems.append(f"{place}: dimension {number} has no name; attach the dimension scale of its axis")
+            else:
+                dims.append(axis)
+        attributes = self._attributes(item, place)
+        for key in _PACKED:
+            if key in attributes:
+                self.problems.append(f"{place} is packed (attribute {key}); unpack the numbers before you write them")
+        if len(self.problems) > before:
+            return None
+        numbers = item[()]
+        return tuple(dims), np.asarray(numbers, numbers.dtype.newbyteorder("=")), attributes
+
+    def _attributes(self, owner: h5py.Group | h5py.Dataset, place: str) -> dict[str, str | int | float]:
+        found = {}
+        for key in owner.attrs:
+            if key in _LAYOUT:
+                continue
+            plain = _plain(owner.attrs[key])
+            if plain is None:
+                self.problems.append(f"{place}: attribute {key} is neither a text nor a number")
+            else:
+                found[key] = plain
+        return found
+
+
+def _plain(item: Any) -> str | int | float | None:
+    """Return an attribute as text or number, None when it is neither; netCDF writes single numbers as arrays of one."""
+    if isinstance(item, np.ndarray) and item.size == 1:
+        item = item.reshape(())[()]
+    if isinstance(item, bytes):
+        with suppress(UnicodeDecodeError):
+            return item.decode()
+        return None
+    if isinstance(item, str):
+        return str(item) if _writable(item) else None
+    return item.item() if isinstance(item, np.integer | np.floating) else None
+
+
+def _place(path: str, name: str = "") -> str:
+    return "/".join(part for part in (path.strip("/"), name) if part) or "root"
+
+
+def _address(item: h5py.Dataset) -> int:
+    """Return where an object stands in the file; asking HDF5 for its name takes a search through all groups."""
+    return h5py.h5o.get_info(item.id).addr
