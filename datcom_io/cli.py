@@ -22,7 +22,7 @@ _PARTIAL = click.option("--partial", is_flag=True, help="Take what is complete i
 
 @click.group()
 def datcom() -> None:
-    """Read Digital DATCOM listings."""
+    """Read Digital DATCOM listings and their neighbours; read, check, split and run decks."""
 
 
 @datcom.command()
