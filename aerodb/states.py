@@ -8,17 +8,19 @@ attribute ``edits`` counts the edits, also those whose states were forgotten.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import OutOfRange, UnknownName
+from flightmech.errors import OutOfRange, SchemaError, UnknownName
 
 from .schema import CHECKS, PREVIOUS, require, terms
 
 COLUMNS = ("edit", "verb", "terms", "note", "text")
 _WAS = "was_"
+_NAME = re.compile(r"^e\d{3,9}$")
 
 
 def recorded(
@@ -102,6 +104,8 @@ def previous(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.Dat
         An edit whose state is not kept.
     OutOfRange
         More steps than states are kept, or less than one.
+    SchemaError
+        A group under ``/previous`` that no edit wrote.
     """
     kept = _kept(db)
     if edit is not None and edit not in kept:
@@ -142,6 +146,14 @@ def remark(note: str) -> str:
     return f" ({' '.join(note.split())})" if note.split() else ""
 
 
+def absent(db: xr.DataTree, without: Iterable[str] = (), more: Iterable[str] = ()) -> dict[str, str]:
+    """Return the root attribute ``absent`` after names left it and others came; empty when it is as before."""
+    old = str(db.attrs.get("absent", ""))
+    gone = set(without)
+    new = " ".join(dict.fromkeys([*(name for name in old.split() if name not in gone), *more]))
+    return {"absent": new} if new != old else {}
+
+
 def _taken_back(group: xr.DataTree, attributes: dict, leaves: dict[str, xr.Dataset]) -> tuple[dict, dict, dict]:
     """Return root attributes, terms and check cases before an edit; no check cases where it set none aside."""
     facts = group.attrs
@@ -169,8 +181,14 @@ def _row(text: str, number: int | None, group: xr.DataTree | None) -> tuple:
 
 
 def _kept(db: xr.DataTree) -> dict[int, xr.DataTree]:
-    groups = db[PREVIOUS].children if PREVIOUS in db.children else {}
-    return {int(str(name)[1:]): node for name, node in groups.items()}
+    """Return the kept states by number of their edit; a group that no edit wrote is an error."""
+    groups = {str(name): node for name, node in db[PREVIOUS].children.items()} if PREVIOUS in db.children else {}
+    strange = [name for name, node in groups.items() if not (_NAME.match(name) and {"verb", "lines"} <= set(node.attrs))]
+    if strange:
+        raise SchemaError(
+            PREVIOUS, [f"/{PREVIOUS}/{name} is not the state before an edit; aerodb.forget drops all of them" for name in strange]
+        )
+    return {int(name[1:]): node for name, node in groups.items()}
 
 
 def _group(number: int) -> str:
@@ -199,11 +217,3 @@ def _tree(attributes: Mapping, leaves: Mapping[str, xr.Dataset], rest: Mapping[s
     tree = xr.DataTree.from_dict(nodes)
     require(tree)
     return tree
-
-
-def absent(db: xr.DataTree, without: Iterable[str] = (), more: Iterable[str] = ()) -> dict[str, str]:
-    """Return the root attribute ``absent`` after names left it and others came; empty when it is as before."""
-    old = str(db.attrs.get("absent", ""))
-    gone = set(without)
-    new = " ".join(dict.fromkeys([*(name for name in old.split() if name not in gone), *more]))
-    return {"absent": new} if new != old else {}

@@ -124,6 +124,7 @@ def test_the_flight_does_not_change(trainer, moved):
     for name in ("theta", "phi", "alpha", "beta", "q", "p"):
         reach = float(np.ptp(runs[0][name].values))
         assert reach > 0.01
+        # a moment error of the tolerance is that share of the moment a force has: the motion differs by about as much
         assert float(np.abs(runs[1][name] - runs[0][name]).max()) < 1e-4 * reach
         assert float(np.abs(runs[2][name] - runs[0][name]).max()) < 1e-2 * reach
 
@@ -148,6 +149,41 @@ def test_another_listing_of_the_same_aeroplane_agrees(make_case, craft):
         change = float(np.abs(expected - kept).max())
         assert float(np.abs(found - expected).max()) < 0.01 * change, name
     assert new.attrs["history"].endswith("m, flow angles with it")
+
+
+def test_the_whole_database_of_the_t37(t37_db):
+    """Thirty-odd terms, random conditions: the cross product of the summed forces within the tolerance."""
+    old = np.array([t37_db.attrs[key] for key in ("x_ref", "y_ref", "z_ref")])
+    point, rng, count = old + [-0.15, 0.0, 0.1], np.random.default_rng(1), 500
+    reach = {
+        "alpha": (-0.13, 0.34),
+        "mach": (0.0, 0.6),
+        "h": (0.0, 6000.0),
+        "delta_f": (0.0, 0.69),
+        "delta_e": (-0.43, 0.26),
+        "h_agl": (1, 25),
+    }
+    reach |= {"delta_a": (-0.3, 0.3), "beta": (-0.2, 0.2), "phat": (-0.05, 0.05), "rhat": (-0.02, 0.02)}
+    reach |= dict.fromkeys(("qhat", "alphadothat"), (-0.005, 0.005))
+    at = {name: rng.uniform(*ends, count) for name, ends in reach.items()}
+    new = aerodb.move_reference(t37_db, point)
+
+    def six(db, conditions):
+        found = [aerodb.evaluate(db, c, "clamp", **conditions) for c in ("CL", "CD", "CY", "Cl", "Cm", "Cn")]
+        CL, CD, CY, *moments = (np.broadcast_to(c, count) for c in found)
+        return axes.to_body(np.stack([-CD, CY, -CL], axis=-1), at["alpha"]), np.stack(moments, axis=-1)
+
+    lengths = np.array([t37_db.attrs[key] for key in ("b", "cbar", "b")])
+    F, M = six(t37_db, at)
+    expected = axes.transfer_moment(M * lengths, F, old, point) / lengths
+    F_new, found = six(new, at | {"h_agl": at["h_agl"] - 0.1})
+    np.testing.assert_allclose(F_new, F, atol=1e-14)
+    assert np.abs(expected - M)[:, 1].max() > 0.1
+    # 1e-3 of the largest lift, 1.94, for each of six terms of lift; seen 2.9e-4
+    assert np.abs(found - expected)[:, 1].max() < 6 * 1e-3 * 1.94 * np.hypot(0.15, 0.1) / lengths[1]
+    np.testing.assert_allclose(found[:, [0, 2]], expected[:, [0, 2]], atol=1e-12)
+    assert aerodb.check(new) == []
+    assert aerodb.previous(new).identical(t37_db)
 
 
 def test_moves_do_not_pile_up(trainer, moved):

@@ -6,7 +6,7 @@ import xarray as xr
 
 import aerodb
 import flightmech
-from flightmech.errors import OutOfRange, UnknownName
+from flightmech.errors import OutOfRange, SchemaError, UnknownName
 
 CHECKS = {
     "/checks/one": xr.Dataset({"alpha": ("case", [0.0, 0.1]), "CL": ("case", [0.2, 0.7])}),
@@ -84,6 +84,16 @@ def test_an_edit_that_changes_nothing_keeps_the_check_cases(checked):
     same = aerodb.move_reference(checked, [-3.0, 0.0, 0.0])
     assert same["checks/one"].to_dataset().identical(checked["checks/one"].to_dataset())
     assert aerodb.previous(same).identical(checked)
+
+
+@pytest.mark.parametrize("name", ["e001", "before", "e-01"])
+def test_a_group_that_no_edit_wrote_is_named(small, name):
+    nodes = {node.path: node.to_dataset(inherit=False) for node in small.subtree}
+    strange = xr.DataTree.from_dict({**nodes, f"/previous/{name}/CL/flap": aerodb.terms(small)["CL/flap"]})
+    for ask in (aerodb.history, aerodb.previous, lambda db: aerodb.scale(db, "CL/flap", 2.0)):
+        with pytest.raises(SchemaError, match=rf"/previous/{name} is not the state before an edit; aerodb\.forget drops"):
+            ask(strange)
+    assert aerodb.forget(strange).identical(small)
 
 
 def test_files_keep_the_states_and_the_simulation_does_not_see_them(small, tmp_path):
