@@ -122,6 +122,7 @@ def test_a_database_comes_back_term_by_term(rich, tmp_path):
     back = aerodb.import_daveml(tmp_path / "db.dml")
     mine, found = aerodb.terms(rich), aerodb.terms(back)
     assert list(found) == list(mine)
+    assert set(back.children) == {"CL", "CD", "Cl", "Cm", "Cn", "Ch_e"}
     for name, leaf in mine.items():
         xr.testing.assert_identical(found[name], leaf)
     assert back.attrs.pop("history").startswith(f"{rich.attrs['history']}\nimport_daveml: db.dml, version aeromatch ")
@@ -234,7 +235,7 @@ def test_check_cases_of_the_database_travel_with_their_own_numbers(rich, tmp_pat
         state[name] = "case", state[rate][1] * length / (2.0 * V)
     expected = aerodb.evaluate(rich, "CL", outside="clamp", **{name: column for name, (_, column) in state.items()})
     measured = {"CL": ("case", expected + [0.004, 0.004, 0.006]), "CL_tolerance": ("case", [0.005] * 3)}
-    cases = xr.Dataset({**state, **measured}, {"case": ["one", "two", "missed"]})
+    cases = xr.Dataset({**state, **measured}, {"case": [1, 2, 3]}, {"names": "one\ntwo\nmissed"})
     db = xr.DataTree.from_dict({**rich.to_dict(), "/checks": cases})
     aerodb.export_daveml(db, tmp_path / "db.dml")
     stored = {shot.name: shot for shot in read(tmp_path / "db.dml").shots if shot.name.startswith("checks: ")}
@@ -242,6 +243,10 @@ def test_check_cases_of_the_database_travel_with_their_own_numbers(rich, tmp_pat
     lift = next(signal for signal in stored["checks: one"].outputs if signal.key == "liftCoefficient")
     assert lift.value == pytest.approx(float(expected[0]) + 0.004, rel=1e-15)
     assert lift.tolerance == 0.005
+    aerodb.save(aerodb.import_daveml(tmp_path / "db.dml"), tmp_path / "db.nc")
+    kept = aerodb.open(tmp_path / "db.nc")["checks"].to_dataset()
+    assert kept.attrs["names"] == "one\ntwo"
+    assert kept["CL_tolerance"].values.tolist() == [0.005, 0.005]
 
 
 def test_an_aircraft_bounds_the_check_cases_and_must_be_the_same(rich, tmp_path):

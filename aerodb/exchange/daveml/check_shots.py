@@ -19,6 +19,7 @@ from .unit_codes import code_of
 _TOLERANCE = 1e-9  # of the largest contribution: a wrong digit of a table shows, another order of summation does not
 _LEAST = 1e-12
 SIZES = ("S", "cbar", "b")
+STORED = "checks: "  # how the name of a case begins that stands in the database
 
 
 @dataclass(frozen=True)
@@ -60,10 +61,10 @@ def stored_cases(db: xr.DataTree) -> list[Case]:
     states = {str(name): table[name].values.astype(float) for name in table.data_vars if table[name].dims == ("case",)}
     if any(name in samples.REDUCED and not {"V", samples.REDUCED[name][0]} <= set(states) for name in needed):
         return []
-    names = (
-        [str(name) for name in table["case"].values] if "case" in table.coords else [f"case {i + 1}" for i in range(table.sizes["case"])]
-    )
-    made = _cases(db, [f"checks: {name}" for name in names], states)
+    names = str(table.attrs.get("names", "")).split("\n")
+    if len(names) != table.sizes["case"]:
+        names = [str(number) for number in range(1, table.sizes["case"] + 1)]
+    made = _cases(db, [STORED + name for name in names], states)
     return [case for i, one in enumerate(made) if (case := _as_stored(one, table, i)) is not None]
 
 
@@ -72,10 +73,8 @@ def shot_lines(case: Case, term_ids: Mapping[str, str], inputs: Sequence[str]) -
     given = [line for name in inputs for line in _signal(_labels(name), case.inputs[name])]
     internal = [line for name, value in case.internal.items() for line in _signal({"varID": term_ids[name]}, value)]
     found = [line for name, (value, tolerance) in case.outputs.items() for line in _signal(_labels(name), value, tolerance)]
-    parts = (
-        [*element("checkInputs", {}, given), *element("internalValues", {}, internal)] if given else element("internalValues", {}, internal)
-    )
-    return element("staticShot", {"name": case.name}, [*parts, *element("checkOutputs", {}, found)])
+    inside = [*(element("checkInputs", {}, given) if given else []), *element("internalValues", {}, internal)]
+    return element("staticShot", {"name": case.name}, [*inside, *element("checkOutputs", {}, found)])
 
 
 def _lengths(db: xr.DataTree) -> dict[str, float]:

@@ -17,6 +17,7 @@ from ...evaluation import contributions
 from ...schema import CHECKS, FORCE_AXES, database, terms
 from . import algebra, samples
 from .algebra import Sum
+from .check_shots import STORED
 from .descriptions import WRITER, unpacked
 from .expansion import expand
 from .leaf_building import Part, leaves_of, parts_of
@@ -270,8 +271,13 @@ def _prove(db: xr.DataTree, model: DaveModel, mine: Mapping, outputs: Mapping[st
 
 
 def _checks(model: DaveModel, mine: Mapping[str, str], outputs: Mapping[str, str], geometry: Mapping[str, float]) -> xr.Dataset | None:
-    """Return the check cases as a Dataset over ``case``: inputs and expected coefficients in SI, with their tolerances."""
+    """Return the check cases as a Dataset over ``case``: inputs and expected coefficients in SI, with their tolerances.
+
+    Their names are the lines of the attribute ``names``.
+    """
     shots = [shot for shot in model.shots if _is_known(model, shot)]
+    if model.header.version.startswith(WRITER):  # the other ones of our files were drawn, and are drawn again
+        shots = [replace(shot, name=shot.name.removeprefix(STORED)) for shot in shots if shot.name.startswith(STORED)]
     if not shots:
         return None
     back = {varID: quantity for quantity, varID in outputs.items()}
@@ -279,11 +285,12 @@ def _checks(model: DaveModel, mine: Mapping[str, str], outputs: Mapping[str, str
     keys = dict.fromkeys(key for row in rows for key in row)
     columns = {key: np.array([row.get(key, np.nan) for row in rows]) for key in keys}
     columns = samples.with_reduced(columns, geometry)
-    cases = xr.Dataset({key: ("case", column) for key, column in columns.items()}, {"case": [shot.name for shot in shots]})
+    cases = xr.Dataset({key: ("case", column) for key, column in columns.items()}, {"case": np.arange(1, len(shots) + 1)})
     for key in columns:
         if key in VOCABULARY:
             cases[key].attrs.update(attrs(key))
-    cases.attrs = {"source": f"check data of {Path(model.file).name}"}
+    names = "\n".join(" ".join(shot.name.split()) for shot in shots)  # arrays of a database file are numbers
+    cases.attrs = {"source": f"check data of {Path(model.file).name}", "names": names}
     return cases
 
 
