@@ -37,6 +37,8 @@ from .grids import (
 from .schema import leaf_of, terms
 from .states import noted, recorded, remark
 
+_Work = Callable[[xr.Dataset, xr.Dataset], tuple[np.ndarray, np.ndarray | None]]  # leaf and table on one grid to value and stderr
+
 
 def scale(
     db: xr.DataTree,
@@ -245,13 +247,12 @@ def extend(
             raise SchemaError(f"extend {name}", ["stderr holds negative numbers or NaN; give zero or more"])
     if "stderr" in leaf and sd is None:
         raise SchemaError(f"extend {name}", ["the term has standard errors; give stderr= with the values"])
+    if "stderr" not in leaf and stderr is not None:
+        raise SchemaError(f"extend {name}", ["the term has no standard errors; leave stderr= out"])
     whole = _joined(leaf, axis, new, value, sd if "stderr" in leaf else None)
     said = f"{axis} to {', '.join(readable(axis, x) for x in new)}, {words}"
     leaves = terms(db) | {name: noted(whole, f"extend: {said}{remark(note)}")}
     return recorded(db, leaves, "extend", f"{name} in {said}", note)
-
-
-_Work = Callable[[xr.Dataset, xr.Dataset], tuple[np.ndarray, "np.ndarray | None"]]
 
 
 def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, said: str, source: str, note: str) -> xr.DataTree:
@@ -287,7 +288,8 @@ def _said(by: xr.Dataset) -> str:
     low, high = float(value.min()), float(value.max())
     numbers = f"{low:g}" if low == high else f"{low:g} ... {high:g}"
     doubt = f" +- {sd.max():g}" if sd.any() else ""
-    return f"{numbers}{doubt}{f' over {chr(32).join(map(str, value.dims))}' if value.ndim else ''}"
+    over = f" over {' '.join(map(str, value.dims))}" if value.ndim else ""
+    return f"{numbers}{doubt}{over}"
 
 
 def _warn_of_zeros(name: str, leaf: xr.Dataset, by: xr.Dataset) -> None:

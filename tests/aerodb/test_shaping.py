@@ -189,6 +189,8 @@ def test_a_table_without_a_slope_is_not_extended_linearly(small):
     single = aerodb.replace_terms(small, {"CL/gear": terms.make([0.1], {"mach": [0.2]}, stderr=0.05)})
     with pytest.raises(SchemaError, match="mach has one breakpoint and no slope"):
         aerodb.extend(single, "CL/gear", "mach", [0.4], "linear")
+    with pytest.raises(SchemaError, match="the term has no standard errors; leave stderr= out"):
+        aerodb.extend(aerodb.replace_terms(small, {"CL/gear": terms.make([0.1], {"mach": [0.2]})}), "CL/gear", "mach", [0.4], stderr=0.1)
     held = leaf(aerodb.extend(single, "CL/gear", "mach", [0.1, 0.4]), "CL/gear")
     np.testing.assert_allclose(held["value"], [0.1, 0.1, 0.1])
     np.testing.assert_allclose(held["stderr"], 0.05)
