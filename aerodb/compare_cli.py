@@ -136,7 +136,7 @@ def _cells(name: Any, row: pd.Series, shares: bool) -> list[str]:
     ratios = ("max_in_stderr", "max_in_stderr_b", "max_in_stderr_difference")
     cells = [name, row["found_in"], *(_number(row[key], 4) for key in numbers), *(_number(row[key], 3) for key in ratios)]
     if shares:
-        cells += ["" if row["share"] != row["share"] else f"{100 * row['share']:.1f} %", _number(row["rms_left"], 4)]
+        cells += ["" if row["share"] != row["share"] else f"{round(100 * row['share'], 1) + 0.0:.1f} %", _number(row["rms_left"], 4)]
     return [*cells, row["location"], row["note"]]
 
 

@@ -112,45 +112,50 @@ Rows = dict[str, list[Any]]
 
 def _on_nodes(pairs: Mapping[str, Pair]) -> tuple[Rows, dict[str, str]]:
     rows = {name: _node_row(*pair) for name, pair in pairs.items()}
-    grids = {}
+    grids: dict[str, str] = {}
     for coefficient, members in _by_coefficient(pairs).items():
-        points = coefficient_points(*([leaf for leaf in side if leaf is not None] for side in zip(*members.values())))
-        apart = [name for name, values in points.items() if not len(values)]
-        if apart:
-            rows[coefficient] = _nothing(_found_in(members), f"no common range of {', '.join(apart)}")
-            continue
-        grids[coefficient] = grid_text(points)
-        samples = coefficient_grid(points)
-        count = max((len(x) for x in samples.values()), default=1)
-        total_a, total_b = (_total(parts, count) for parts in zip(*_contributions(members, samples, count).values()))
-        moving = [n for n, values in points.items() if len(values) > 1]
-        at_rest = {n: neutral(n, points[n]) for n in moving if n not in ("mach", "alpha")}
-        place = _without_rest(samples, moving, at_rest)
-        note = "; ".join([f"{count} conditions", *_untold(members)])
-        rows[coefficient] = _row(_found_in(members), total_a, total_b, place, note)
+        rows[coefficient], words = _grid_row(members)
+        grids |= {coefficient: words} if words else {}
     return rows, grids
 
 
+def _grid_row(members: Mapping[str, Pair]) -> tuple[list[Any], str]:
+    """Return the row of a coefficient over its grid, and the grid in words."""
+    points = coefficient_points(*([leaf for leaf in side if leaf is not None] for side in zip(*members.values())))
+    apart = [name for name, values in points.items() if not len(values)]
+    if apart:
+        return _nothing(_found_in(members), f"no common range of {', '.join(apart)}"), ""
+    samples = coefficient_grid(points)
+    count = max((len(x) for x in samples.values()), default=1)
+    a, b = (_total(side, count) for side in zip(*_contributions(members, samples, count).values()))
+    moving = [name for name, values in points.items() if len(values) > 1]
+    at_rest = {name: neutral(name, points[name]) for name in moving if name not in ("mach", "alpha")}
+    note = "; ".join([f"{count} conditions", *_untold(members)])
+    return _row(_found_in(members), a, b, _without_rest(samples, moving, at_rest), note), grid_text(points)
+
+
 def _along(pairs: Mapping[str, Pair], conditions: Conditions) -> tuple[Rows, dict[str, str]]:
-    leaves = [leaf for pair in pairs.values() for leaf in pair if leaf is not None]
-    samples, count, prefix, left_out = flat(conditions, leaves)
-    rows: Rows = {}
-    totals: Rows = {}
+    samples, count, prefix, left_out = flat(conditions, [leaf for pair in pairs.values() for leaf in pair if leaf is not None])
     said = f"{count} samples" + (f", {left_out} more with NaN left out" if left_out else "")
+    rows: Rows = {name: [] for name in pairs}
     for coefficient, members in _by_coefficient(pairs).items():
         parts = _contributions(members, samples, count)
         total_a, total_b = (_total(side, count) for side in zip(*parts.values()))
-        d = total_b.value - total_a.value
-        for name, (here, there) in parts.items():
+        whole = total_b.value - total_a.value
+        for name, (a, b) in parts.items():
             used = ordered({v for leaf in members[name] if leaf is not None for v in _terms.variables(leaf)})
-            row = _row(_pair_found_in(members[name]), here, there, location(samples, used, prefix), beyond(members[name], samples))
-            own = there.value - here.value
-            rows[name] = [*row, float(np.mean(own * d) / np.mean(d * d)) if d.any() else np.nan, _rms(d - own)]
+            row = _row(_pair_found_in(members[name]), a, b, location(samples, used, prefix), beyond(members[name], samples))
+            rows[name] = [*row, *_shares(b.value - a.value, whole)]
         axes = ordered({axis for pair in members.values() for leaf in pair if leaf is not None for axis in axes_of(leaf)})
         note = "; ".join([said, *_untold(members)])
-        row = _row(_found_in(members), total_a, total_b, location(samples, axes, prefix), note)
-        totals[coefficient] = [*row, 1.0 if d.any() else np.nan, 0.0]
-    return {**{name: rows[name] for name in pairs}, **totals}, dict.fromkeys(totals, said)
+        rows[coefficient] = [*_row(_found_in(members), total_a, total_b, location(samples, axes, prefix), note), *_shares(whole, whole)]
+    return rows, dict.fromkeys(_by_coefficient(pairs), said)
+
+
+def _shares(own: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
+    """Return the share of one term in the mean square difference of its coefficient, and the rms that is left without it."""
+    share = float(np.mean(own * whole) / np.mean(whole**2)) if whole.any() else np.nan
+    return share, _rms(whole - own)
 
 
 def _by_coefficient(pairs: Mapping[str, Pair]) -> dict[str, dict[str, Pair]]:

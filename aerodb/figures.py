@@ -38,7 +38,8 @@ from .drawing import (
     reference_notes,
     source_handles,
 )
-from .families import Curve, Family, family, supporting
+from .families import Curve, Family, supporting
+from .families import family as curves_of
 from .symbols import axis_label, derivative_unit, equals, number, positive, printed_unit, shown, symbol, term_symbol
 from .templates import lr743
 
@@ -125,16 +126,11 @@ def plot_comparison(
     SchemaError
         A term without axes, or with other regressors in each database.
     """
-    return draw(databases, _family(databases, name, family, over, at), support)
+    return _sheet(databases, curves_of(databases, name, family, over, at), support)
 
 
-def _family(databases, name, by, over, at) -> Family:
-    return family(databases, name, by, over, at)
-
-
-def draw(databases: Mapping[str, xr.DataTree], shown_family: Family, support: Conditions | None = None) -> Figure:
+def _sheet(databases: Mapping[str, xr.DataTree], f: Family, support: Conditions | None) -> Figure:
     """Return the sheet of a family of curves."""
-    f = shown_family
     code = {name: pen for name, pen in pens(list(databases)).items() if name in f.curves}
     ticks = [supporting(support, f, i) for i in range(len(f.members))]
     several = len(f.members) > 1
