@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from secrets import token_hex
 
 import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError
+from flightmech.whole import folder_written_whole
 
 from .common_grid import Conditions, axes_of
 from .drawing import FORMATS, Figure, save_figure
@@ -55,17 +53,22 @@ def write_comparison(
     ------
     SchemaError
         The folder holds something, one database only, or another format.
+    FileNotFoundError
+        The folder above it is not there.
     """
     if len(databases) < 2:
         raise SchemaError("comparison", [f"{len(databases)} database came; give two or more"])
     if format not in FORMATS:
         raise SchemaError("figures", [f"the format is {format!r}; allowed: {', '.join(FORMATS)}"])
+    folder = Path(folder)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise SchemaError(str(folder), ["is there and not empty; name a new folder for the figures, or remove the old one"])
     names = []
-    with _whole_folder(Path(folder)) as part:
+    with folder_written_whole(folder) as part:
         for stem, draw in _plan(databases, coefficients, support):
             save_figure(draw(), part / f"{stem}.{format}")
             names.append(f"{stem}.{format}")
-    return [Path(folder) / name for name in names]
+    return [folder / name for name in names]
 
 
 Plan = Iterator[tuple[str, Callable[[], Figure]]]
@@ -95,18 +98,3 @@ def _drawable(leaves: Sequence[xr.Dataset]) -> bool:
     tables = [[leaf[name] for name in ("value", "K1", "K2", "stderr") if name in leaf] for leaf in leaves]
     first, *others = tables
     return not all(len(other) == len(first) and all(map(xr.DataArray.equals, first, other)) for other in others)
-
-
-@contextmanager
-def _whole_folder(folder: Path) -> Iterator[Path]:
-    """Yield a folder beside `folder` to write into; it takes the name once the block has ended well."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SchemaError(str(folder), ["is there and not empty; name a new folder for the figures, or remove the old one"])
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    part = folder.with_name(f".{folder.name}.{token_hex(4)}.part")
-    part.mkdir()
-    try:
-        yield part
-        os.replace(part, folder)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)

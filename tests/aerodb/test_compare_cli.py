@@ -88,7 +88,7 @@ def test_figures_of_what_differs(files, path, tmp_path):
 def test_two_axis_terms_get_a_map(small, tmp_path):
     leaf = aerodb.terms(small)["CL/basic"]
     databases = {"a": small, "b": aerodb.replace_terms(small, {"CL/basic": leaf.assign(value=leaf["value"] * 1.1)})}
-    made = aerodb.write_comparison(databases, tmp_path / "new" / "figures", "png", coefficients=["CL"])
+    made = aerodb.write_comparison(databases, tmp_path / "figures", "png", coefficients=["CL"])
     assert [file.name for file in made] == ["lift.png", "lift-basic.png", "lift-basic-map.png"]
     assert all(file.read_bytes().startswith(b"\x89PNG") for file in made)
 
