@@ -45,15 +45,24 @@ class Fit(Strict):
     models: tuple[str, ...]
 
 
-class Listings(Strict):
-    """Digital DATCOM listings by what they hold."""
+Paths = str | tuple[str, ...]
 
-    clean: str
-    flaps: str | None = None
-    elevator: str | None = None
-    aileron: str | None = None
-    ground: str | None = None
-    ground_flap: str | None = None
+
+class Listings(Strict):
+    """Digital DATCOM listings by their role in `aerodb.from_datcom`, one or several each."""
+
+    clean: Paths
+    flaps: Paths = ()
+    elevator: Paths = ()
+    aileron: Paths = ()
+    ground: Paths = ()
+    ground_flap: Paths = ()
+    ground_elevator: Paths = ()
+    power: Paths = ()
+    spoilers: Paths = ()
+    differential_tail: Paths = ()
+    tabs: Paths = ()
+    aileron_hinge: Paths = ()
     altitude: si("m") | None = None  # type: ignore[valid-type]
 
 
@@ -79,8 +88,8 @@ class Project:
     title : str
     file, aircraft, names : Path
         The project file, the aircraft file, the name map of the flight records.
-    listings : dict of str to Path
-        Digital DATCOM listings by what they hold: ``clean``, ``flaps``, ``elevator``, ``aileron``, ``ground``, ``ground_flap``.
+    listings : dict of str to tuple of Path
+        Digital DATCOM listings by their role in `aerodb.from_datcom`: ``clean``, ``flaps``, ``elevator`` ...
     altitude : float or None
         Reference altitude of the a-priori tables. [m]
     flights : dict of str to Path
@@ -100,7 +109,7 @@ class Project:
     file: Path
     aircraft: Path
     names: Path
-    listings: dict[str, Path]
+    listings: dict[str, tuple[Path, ...]]
     altitude: float | None
     flights: dict[str, Path]
     cases: tuple[Path, ...]
@@ -136,8 +145,11 @@ def read_project(path: str | Path) -> Project:
             problems.append(f"{place}: no file {name!r} in {folder}")
         return file
 
-    kinds = {kind: getattr(content.listings, kind) for kind in ("clean", "flaps", "elevator", "aileron", "ground", "ground_flap")}
-    listings = {kind: existing(name, f"listings.{kind}") for kind, name in kinds.items() if name}
+    given = {role: paths for role, paths in content.listings if role != "altitude" and paths}
+    listings = {
+        role: tuple(existing(name, f"listings.{role}") for name in ((paths,) if isinstance(paths, str) else paths))
+        for role, paths in given.items()
+    }
     flights = {file.stem: file for file in sorted(folder.glob(content.flights))}
     if not flights:
         problems.append(f"flights: no file matches {content.flights!r} in {folder}")

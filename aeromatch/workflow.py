@@ -26,7 +26,7 @@ Step = Callable[[str], AbstractContextManager[None]]
 
 def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
     """Return the database of the project's DATCOM listings."""
-    listings: dict[str, Any] = {kind: datcom_io.read(path) for kind, path in project.listings.items()}
+    listings: dict[str, Any] = {role: [datcom_io.read(path) for path in paths] for role, paths in project.listings.items()}
     return aerodb.from_datcom(aircraft, **listings, altitude=project.altitude)
 
 
@@ -66,7 +66,8 @@ def records_of(project: Project, cases: Iterable[Any] = ()) -> list[str]:
 def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     """Return every file that the results rest on, with the flight records named."""
     flights = [project.flights[name] for name in names]
-    return [project.file, project.aircraft, project.names, *project.listings.values(), *flights, *project.cases]
+    listings = [path for paths in project.listings.values() for path in paths]
+    return [project.file, project.aircraft, project.names, *listings, *flights, *project.cases]
 
 
 Windows = list[dict[str, list[tuple[float, float]]]]
@@ -198,7 +199,7 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step, command
     folder = Path(folder)
     aircraft = flightmech.read_aircraft(project.aircraft)
     cases = [pom.read_case(file) for file in project.cases]
-    with step(f"read {len(project.listings)} DATCOM listings, build the a-priori database"):
+    with step(f"read {sum(map(len, project.listings.values()))} DATCOM listings, build the a-priori database"):
         datcom = a_priori(project, aircraft)
         start = opened(project, datcom)
     names = records_of(project, cases)

@@ -52,11 +52,16 @@ def problems(path):
     return caught.value.problems
 
 
+def test_a_role_may_have_several_listings(write, tmp_path):
+    project = read_project(write(('clean = "clean.out"', 'clean = "clean.out"\nelevator = ["clean.out", "names.toml"]')))
+    assert project.listings["elevator"] == (tmp_path / "clean.out", tmp_path / "names.toml")
+
+
 def test_a_project_is_read(write, tmp_path):
     project = read_project(write())
     assert project.file == tmp_path / "aeromatch.toml"
     assert list(project.flights) == ["run_1", "run_2"]
-    assert project.listings == {"clean": tmp_path / "clean.out"}
+    assert project.listings == {"clean": (tmp_path / "clean.out",)}
     assert project.altitude == pytest.approx(3048.0)
     assert project.cutoff == 4.0
     assert project.cases == (tmp_path / "case.toml",)

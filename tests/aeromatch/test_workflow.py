@@ -98,5 +98,6 @@ def test_a_held_term_that_is_not_there(project, prior):
 def test_the_inputs_are_every_file_of_the_project(shipped):
     names = workflow.records_of(shipped)
     files = workflow.inputs_of(shipped, names)
-    assert {shipped.file, shipped.aircraft, *shipped.cases, *shipped.listings.values(), shipped.flights[names[0]]} <= set(files)
+    listings = {path for paths in shipped.listings.values() for path in paths}
+    assert {shipped.file, shipped.aircraft, *shipped.cases, *listings, shipped.flights[names[0]]} <= set(files)
     assert all(file.is_file() for file in files)
