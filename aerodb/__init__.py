@@ -19,10 +19,13 @@ if TYPE_CHECKING:
     from .drawing import save_figure
     from .edit import delete_terms, replace_terms
     from .evaluation import contributions, evaluate
+    from .exchange.check_cases import export_checkcases, run_checkcases, with_checks
+    from .exchange.csv_terms import export_csv, import_csv
     from .exchange.daveml.exporting import export_daveml
     from .exchange.daveml.importing import import_daveml
     from .exchange.jsbsim_read import import_jsbsim
     from .exchange.jsbsim_write import export_jsbsim
+    from .exchange.matlab_terms import export_matlab, import_matlab
     from .factoring import factored
     from .figure_folder import write_comparison
     from .figures import plot_comparison, plot_term
@@ -68,6 +71,13 @@ _HOME = {
     "save": "files",
     "export_jsbsim": "exchange.jsbsim_write",
     "import_jsbsim": "exchange.jsbsim_read",
+    "export_checkcases": "exchange.check_cases",
+    "run_checkcases": "exchange.check_cases",
+    "with_checks": "exchange.check_cases",
+    "export_csv": "exchange.csv_terms",
+    "import_csv": "exchange.csv_terms",
+    "export_matlab": "exchange.matlab_terms",
+    "import_matlab": "exchange.matlab_terms",
     "check": "schema",
     "database": "schema",
     "terms": "schema",
@@ -86,15 +96,20 @@ __all__ = [
     "database",
     "delete_terms",
     "evaluate",
+    "export_checkcases",
+    "export_csv",
     "export_daveml",
     "export_jsbsim",
+    "export_matlab",
     "extend",
     "factored",
     "forget",
     "from_datcom",
     "history",
+    "import_csv",
     "import_daveml",
     "import_jsbsim",
+    "import_matlab",
     "move_reference",
     "open",
     "plot_comparison",
@@ -106,6 +121,7 @@ __all__ = [
     "regrid_error",
     "replace_terms",
     "rescale",
+    "run_checkcases",
     "save",
     "save_figure",
     "scale",
@@ -115,6 +131,7 @@ __all__ = [
     "tabulate",
     "templates",
     "terms",
+    "with_checks",
     "write_comparison",
 ]
 

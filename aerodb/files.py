@@ -18,7 +18,7 @@ from flightmech.errors import ParseError, SchemaError
 from flightmech.whole import written_whole
 
 from .netcdf import faults, image, read
-from .schema import check
+from .schema import CHECKS, check
 
 _SEAL = b"\nsha256 of the bytes above: %s\n"
 _END_AT = {0: 40, 1: 44, 2: 28, 3: 28}  # byte of the superblock, by its version, with addresses of eight bytes
@@ -27,7 +27,7 @@ _LENGTH = len(_SEAL) - len(b"%s") + 2 * hashlib.sha256().digest_size
 
 
 def save(db: xr.DataTree, path: str | os.PathLike) -> None:
-    """Check a database and write it to a netCDF-4 file.
+    """Check a database, run the check cases it carries, and write it to a netCDF-4 file.
 
     Parameters
     ----------
@@ -44,6 +44,7 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
         The disk is full, say; the older file stays as it was.
     """
     problems = check(db) + faults(db)
+    problems += [] if problems else _failing_checks(db)
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", list(dict.fromkeys(problems)))
     content = image(db)
@@ -52,7 +53,7 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
 
 
 def open(path: str | os.PathLike) -> xr.DataTree:
-    """Read a database from a file, whole into memory, and check it.
+    """Read a database from a file, whole into memory, check it, and run the check cases it carries.
 
     Raises
     ------
@@ -74,9 +75,19 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
         raise ParseError(str(path), 0, f"a damaged file ({type(error).__name__}: {error})", "a database; build or copy it again") from error
     problems += check(db)
+    problems += [] if problems else _failing_checks(db)
     if problems:
         raise SchemaError(str(path), list(dict.fromkeys(problems)))
     return db
+
+
+def _failing_checks(db: xr.DataTree) -> list[str]:
+    """Return which of the check cases that travel with a database fail; most carry none."""
+    if CHECKS not in db.children:
+        return []
+    from .exchange.check_cases import failing_checks
+
+    return failing_checks(db)
 
 
 def _sealed(content: bytes) -> bytes:

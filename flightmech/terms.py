@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 SOURCES = ("datcom", "flight", "judgement")
+SOURCE_ATTRS = {"flag_values": " ".join(str(code) for code, _ in enumerate(SOURCES)), "flag_meanings": " ".join(SOURCES)}
 MAX_AXES = 4
 MAX_REGRESSORS = 2
 _TABLES = ("value", "K1", "K2")
@@ -95,7 +96,7 @@ def make(
         leaf["stderr"] = leaf["value"].dims, np.broadcast_to(np.asarray(stderr, float), array.shape).copy()
     if source is not None:
         leaf["source"] = leaf["value"].dims, np.full(array.shape, SOURCES.index(source), np.uint8)
-        leaf["source"].attrs = {"flag_values": "0 1 2", "flag_meanings": " ".join(SOURCES)}
+        leaf["source"].attrs = dict(SOURCE_ATTRS)
     leaf.attrs = {"regressors": " ".join(regressors), "outside": outside, **text}
     problems = check(leaf)
     if problems:

@@ -29,7 +29,13 @@ def leaves(draw):
     regressors = draw(st.lists(st.sampled_from(REGRESSORS), max_size=2))
     source = draw(st.none() | st.sampled_from(terms.SOURCES))
     outside = draw(st.sampled_from(["hold", "linear"]))
-    return terms.make(values, points, regressors, stderr=stderr, source=source, outside=outside, comment=draw(TEXT))
+    K1 = xr.DataArray([0.5, draw(NUMBERS)], coords={"x_cg": [0.1, 0.3]}, dims="x_cg") if draw(st.booleans()) else None
+    more = {"history": draw(TEXT)} if draw(st.booleans()) else {}
+    leaf = terms.make(values, points, regressors, stderr=stderr, source=source, K1=K1, outside=outside, comment=draw(TEXT), **more)
+    if draw(st.booleans()):
+        leaf["value"].attrs["formula"] = draw(TEXT)
+        leaf.attrs |= {"order": draw(st.integers(-(2**53), 2**53)), "exponent": draw(NUMBERS)}
+    return leaf
 
 
 @st.composite
@@ -40,15 +46,44 @@ def databases(draw):
     return aerodb.database({name: draw(leaves()) for name in names}, **attributes, **place)
 
 
+@pytest.mark.parametrize("fmt", ["netcdf", "matlab", "csv"])
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(db=databases())
-def test_saving_and_opening_gives_the_same_tree(tmp_path, db):
-    path = tmp_path / "any.nc"
-    aerodb.save(db, path)
-    back = aerodb.open(path)
+def test_there_and_back_gives_the_same_tree(tmp_path, db, fmt):
+    write, read = {
+        "netcdf": (aerodb.save, aerodb.open),
+        "matlab": (aerodb.export_matlab, aerodb.import_matlab),
+        "csv": (aerodb.export_csv, aerodb.import_csv),
+    }[fmt]
+    write(db, tmp_path / "any")
+    back = read(tmp_path / "any")
     xr.testing.assert_identical(back, db)
+    assert list(aerodb.terms(back)) == list(aerodb.terms(db))
     for name, leaf in aerodb.terms(db).items():
-        assert terms.regressors(aerodb.terms(back)[name]) == terms.regressors(leaf)
+        assert {key: item.dtype for key, item in aerodb.terms(back)[name].variables.items()} == {
+            key: item.dtype for key, item in leaf.variables.items()
+        }
+
+
+@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(db=databases(), count=st.integers(1, 5), seed=st.integers(0, 9))
+def test_check_cases_and_previous_states_travel_with_the_file(tmp_path, db, count, seed):
+    name = next(iter(aerodb.terms(db)))
+    edited = aerodb.delete_terms(db, [name]) if len(aerodb.terms(db)) > 1 else aerodb.scale(db, [name], 2.0)
+    edited = aerodb.with_checks(edited, count, seed)
+    aerodb.save(edited, tmp_path / "any.nc")
+    back = aerodb.open(tmp_path / "any.nc")
+    xr.testing.assert_identical(back, edited)
+    assert {"checks", "previous"} <= set(back.children)
+    xr.testing.assert_identical(aerodb.previous(back), aerodb.previous(edited))
+
+
+def test_the_same_database_gives_the_same_bytes(small, tmp_path):
+    for name in ("a.nc", "b.nc"):
+        aerodb.save(small.copy(deep=True), tmp_path / name)
+    assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
+    aerodb.save(aerodb.open(tmp_path / "a.nc"), tmp_path / "b.nc")
+    assert (tmp_path / "a.nc").read_bytes() == (tmp_path / "b.nc").read_bytes()
 
 
 def test_plain_h5py_reads_the_file(small, tmp_path):

@@ -1,0 +1,190 @@
+"""Check cases: states in, the contribution of every term and every coefficient out, for any other implementation of a database.
+
+The cases lie inside the cells of the tables, on breakpoints and beyond the ends, where the rule of each term holds (attribute
+``outside``).  An implementation agrees when no output differs by more than 1e-9 of the largest magnitude of its column: room for
+another order of the operations, none for another formula.  The cases may also travel in the group ``/checks`` of a database:
+inputs there, contributions in ``/checks/<coefficient>``, sums in ``/checks/coefficients``; saving and opening run them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from flightmech import terms as _terms
+from flightmech.errors import ParseError, SchemaError
+from flightmech.names import attrs, lookup
+from flightmech.whole import written_whole
+
+from ..evaluation import contributions
+from ..schema import CHECKS, coefficients, require, terms
+from .csv_text import read_csv, si_column, written_csv
+
+FORMAT = "aeromatch check cases, format 1"
+TOLERANCE = 1e-9  # of the largest magnitude of an output over the cases
+_COUNT, _SEED = 200, 0
+_SUMS = "coefficients"
+_ANGLE, _RATES = 0.35, {"phat": 0.1, "qhat": 0.03, "rhat": 0.1, "alphadothat": 0.03, "betadothat": 0.1}  # of regressors without a table
+_ON, _BEYOND, _FAR = 0.1, 0.1, 0.1  # shares of the samples on a breakpoint and beyond the ends; how far beyond, in parts of the range
+
+
+def export_checkcases(db: xr.DataTree, path: str | os.PathLike, count: int = _COUNT, seed: int = _SEED) -> None:
+    """Write a table of check cases: states in SI, contributions as ``CL/basic``, coefficients as ``CL``.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database.
+    path : path
+        CSV file to write, whole or not at all.
+    count : int
+        Number of cases.
+    seed : int
+        Of the random numbers; the same seed gives the same cases.
+    """
+    require(db)
+    inputs = _states(db, count, seed)
+    outputs = _outputs(db, inputs)
+    header = ["case", *(f"{name} [{lookup(name).units}]" for name in inputs), *outputs]
+    columns = [map(repr, values.tolist()) for values in (*inputs.values(), *outputs.values())]
+    facts: dict[str, Any] = {key: db.attrs[key] for key in ("title", "aircraft", "force_axes", "S", "cbar", "b")}
+    facts["agreement"] = f"no output differs by more than {TOLERANCE:g} of the largest magnitude of its column"
+    facts["beyond_a_table"] = "the end value holds, or the last line goes on where the term has outside = linear"
+    facts |= {"count": count, "seed": seed}
+    rows = [[str(number), *cells] for number, cells in enumerate(zip(*columns), 1)]
+    with written_whole(path) as part:
+        part.write_text(written_csv(FORMAT, facts, header, rows), encoding="utf-8", newline="")
+
+
+def run_checkcases(db: xr.DataTree, path: str | os.PathLike) -> pd.DataFrame:
+    """Return how a database agrees with a table of check cases.
+
+    Returns
+    -------
+    DataFrame, index ``output``
+        ``largest_difference`` (database minus table, signed), ``case`` (where it is), ``tolerance``, ``failed`` (number of cases beyond
+        it), ``agrees``.  A term that the database lacks counts as zero.
+
+    Raises
+    ------
+    ParseError
+        Not a table of check cases.
+    SchemaError
+        Columns or cells that cannot be read; all of them, with file and line.
+    """
+    table, problems = read_csv(Path(path))
+    if table.title != FORMAT:
+        raise ParseError(str(path), 1, repr(table.title), f"'# {FORMAT}' as aerodb.export_checkcases writes it")
+    inputs = {name: si_column(table, name, problems) for name in table.columns if table.units[name]}
+    expected = {name: si_column(table, name, problems) for name in table.columns if not table.units[name] and name != "case"}
+    missing = sorted({name for leaf in terms(db).values() for name in _terms.variables(leaf)} - set(inputs))
+    problems += [f"{Path(path).name}: no column {name} [{lookup(name).units}], which the database needs" for name in missing]
+    if problems:
+        raise SchemaError(str(path), problems)
+    found = _outputs(db, inputs)
+    rows = {name: _agreement(found.get(name, np.zeros(len(table.lines))), column) for name, column in expected.items()}
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("output")
+
+
+def with_checks(db: xr.DataTree, count: int = 20, seed: int = _SEED) -> xr.DataTree:
+    """Return a database that carries check cases in its group ``/checks``; `save` and `open` run them.
+
+    Parameters
+    ----------
+    db, count, seed
+        As in `export_checkcases`.
+    """
+    require(db)
+    inputs = _states(db, count, seed)
+    outputs = _outputs(db, inputs)
+    about = {"seed": seed, "comment": f"an implementation agrees within {TOLERANCE:g} of the largest magnitude of each output"}
+    states = xr.Dataset({name: ("case", x, attrs(name)) for name, x in inputs.items()}, {"case": np.arange(1, count + 1)}, about)
+    groups: dict[str, dict[str, np.ndarray]] = {}
+    for name, values in outputs.items():
+        coefficient, _, contribution = name.rpartition("/")
+        groups.setdefault(coefficient or _SUMS, {})[contribution] = values
+    nodes = {f"/{CHECKS}": states}
+    nodes |= {f"/{CHECKS}/{group}": xr.Dataset({name: ("case", x) for name, x in inside.items()}) for group, inside in groups.items()}
+    kept = {node.path: node.to_dataset(inherit=False) for node in db.subtree if node.path.split("/")[1] != CHECKS}
+    return xr.DataTree.from_dict({**kept, **nodes})
+
+
+def failing_checks(db: xr.DataTree) -> list[str]:
+    """Return which of the check cases in a database it does not meet; none without the group ``/checks``."""
+    if CHECKS not in db.children:
+        return []
+    group = db[CHECKS]
+    inputs = {str(name): np.asarray(x.values, float) for name, x in group.data_vars.items()}
+    outputs = [(part, name, x.values) for part, node in group.children.items() for name, x in node.data_vars.items()]
+    expected = {str(name) if part == _SUMS else f"{part}/{name}": values for part, name, values in outputs}
+    missing = sorted({name for leaf in terms(db).values() for name in _terms.variables(leaf)} - set(inputs))
+    if missing or not expected:
+        return [f"{CHECKS}: {'no inputs ' + ', '.join(missing) if missing else 'no outputs'}; make the cases anew with aerodb.with_checks"]
+    found = _outputs(db, inputs)
+    none = np.zeros(group.sizes["case"])
+    rows = {name: _agreement(found.get(name, none), column) for name, column in expected.items()}
+    return [
+        f"{CHECKS}: {name} differs by {row['largest_difference']:.3g} in case {row['case']} ({row['failed']} of {none.size} cases fail); "
+        "the terms were changed or damaged: make the cases anew with aerodb.with_checks if the change is meant"
+        for name, row in rows.items()
+        if not row["agrees"]
+    ]
+
+
+def _agreement(found: np.ndarray, expected: np.ndarray) -> dict[str, Any]:
+    difference = found - expected
+    tolerance = TOLERANCE * float(np.abs(expected).max(initial=0.0))
+    failed = int((~(np.abs(difference) <= tolerance)).sum())
+    worst = int(np.argmax(np.abs(difference)))
+    row = {"largest_difference": float(difference[worst]), "case": worst + 1, "tolerance": tolerance}
+    return {**row, "failed": failed, "agrees": failed == 0}
+
+
+def _outputs(db: xr.DataTree, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return contributions by name of the term, then the coefficients, each (cases,)."""
+    count = len(next(iter(inputs.values()), ()))
+    parts: dict[str, np.ndarray] = {}
+    sums: dict[str, np.ndarray] = {}
+    for coefficient in dict.fromkeys([*coefficients(db), *(name.partition("/")[0] for name in terms(db))]):
+        found = contributions(db, coefficient, inputs, outside="clamp")
+        columns = {f"{coefficient}/{name}": np.broadcast_to(x, count) for name, x in found.items()}
+        sums[coefficient] = np.sum(np.stack([*columns.values()]), axis=0) if columns else np.zeros(count)
+        parts |= columns
+    return {**parts, **sums}
+
+
+def _states(db: xr.DataTree, count: int, seed: int) -> dict[str, np.ndarray]:
+    """Return the model variables of a database at random cases, by name. [SI]"""
+    if count < 1:
+        raise SchemaError("check cases", [f"count is {count}; at least one case is needed"])
+    rng = np.random.default_rng(seed)
+    leaves = terms(db).values()
+    points: dict[str, np.ndarray] = {}
+    for leaf in leaves:
+        for axis in map(str, leaf.dims):
+            points[axis] = np.union1d(points.get(axis, []), leaf[axis].values.astype(float))
+    names = sorted({name for leaf in leaves for name in _terms.variables(leaf)})
+    return {name: _samples(points[name] if name in points else _span(name), count, rng) for name in names} or {"alpha": np.zeros(count)}
+
+
+def _span(name: str) -> np.ndarray:
+    half = _RATES.get(name, _ANGLE if lookup(name).units == "rad" else 0.0)
+    return np.array([-half, half]) if half else np.array([0.0, 1.0])
+
+
+def _samples(points: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Return samples that see every cell, whatever its width, the breakpoints, and what lies beyond the ends."""
+    if len(points) == 1:
+        return np.full(count, points[0])
+    kind, cell, part = rng.random(count), rng.integers(len(points) - 1, size=count), rng.random(count)
+    inside = points[cell] + part * (points[cell + 1] - points[cell])
+    step = _FAR * part * (points[-1] - points[0])
+    below = points[0] - step if points[0] < 0 else np.maximum(points[0] - step, 0.0)  # a Mach number or a height is never negative
+    beyond = np.where(rng.random(count) < 0.5, below, points[-1] + step)
+    return np.select([kind < _ON, kind < _ON + _BEYOND], [points[cell], beyond], inside)

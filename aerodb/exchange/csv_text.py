@@ -1,0 +1,137 @@
+"""CSV files with facts in comment lines: ``# key: text`` and ``# key = number`` before a header row with units in brackets.
+
+A text of several lines takes several comment lines with the same key; a backslash or a control character is written ``\\\\uXXXX``.
+Numbers are written with all their digits, so that reading gives the same ones.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from flightmech.errors import ParseError, UnitError, UnknownName
+from flightmech.names import lookup
+from flightmech.units import to_si
+
+Fact = str | int | float
+_FACT = re.compile(r"# ([A-Za-z_][\w.]*)(?:: ?(.*)| = (.+))", re.DOTALL)
+_KEY = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*")
+_HEAD = re.compile(r"(.*?)(?: \[(.*)\])?")
+_SPECIAL = re.compile(r"[\\\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff]")
+_WRITTEN = re.compile(r"\\u([0-9a-f]{4})")
+
+
+class Table(NamedTuple):
+    """A CSV file as read: its first comment line, facts, units of the columns (empty without brackets), cells, lines of the rows."""
+
+    name: str
+    title: str
+    facts: dict[str, Fact]
+    units: dict[str, str]
+    columns: dict[str, list[str]]
+    lines: list[int]
+
+
+def written_csv(title: str, facts: Mapping[str, Fact], header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return the text of a CSV file; cells must hold no comma, quote or line end."""
+    lines = [f"# {title}"]
+    for key, item in facts.items():
+        if isinstance(item, str):
+            lines += [f"# {key}: {_SPECIAL.sub(lambda match: f'{chr(92)}u{ord(match[0]):04x}', line)}" for line in item.split("\n")]
+        else:
+            lines.append(f"# {key} = {item.item() if isinstance(item, np.generic) else item!r}")
+    return "\n".join([*lines, ",".join(header), *(",".join(row) for row in rows), ""])
+
+
+def unwritable(facts: Mapping[str, Fact]) -> list[str]:
+    """Return the faults of facts whose keys cannot stand in a comment line."""
+    return [f"attribute {key!r} is not a word of letters, digits and underscores; rename it" for key in facts if not _KEY.fullmatch(key)]
+
+
+def read_csv(path: Path) -> tuple[Table, list[str]]:
+    """Return a CSV file and the faults of its lines.
+
+    Raises
+    ------
+    ParseError
+        The file is no text in UTF-8, or has no header row.
+    """
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ParseError(
+            str(path), 0, f"a byte that is not UTF-8 at {error.start}", "a CSV file; save it with the encoding UTF-8"
+        ) from None
+    problems: list[str] = []
+    lines = list(enumerate(text.replace("\r\n", "\n").split("\n"), 1))
+    comments = [(number, line) for number, line in lines if line.startswith("#")]
+    body = [(number, line) for number, line in lines if line.strip() and not line.startswith("#")]
+    if not body:
+        raise ParseError(str(path), len(lines), "no header row", "a row of column names after the comment lines")
+    facts: dict[str, Fact] = {}
+    for number, line in comments[1:]:
+        _take_fact(line, facts, problems, f"{path.name}, line {number}")
+    head = [_HEAD.fullmatch(cell.strip()) for cell in _cells(body[0][1])]
+    names = [match[1] for match in head if match]
+    columns: dict[str, list[str]] = {name: [] for name in names}
+    if len(columns) < len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        problems.append(f"{path.name}, line {body[0][0]}: the columns {', '.join(twice)} stand twice")
+    kept = []
+    for number, line in body[1:]:
+        cells = _cells(line)
+        if len(cells) != len(names):
+            problems.append(f"{path.name}, line {number}: {len(cells)} cells, the header has {len(names)}")
+            continue
+        kept.append(number)
+        for name, cell in zip(names, cells):
+            columns[name].append(cell.strip())
+    title = comments[0][1].removeprefix("#").strip() if comments else ""
+    units = {match[1]: match[2] or "" for match in head if match}
+    return Table(path.name, title, facts, units, columns, kept), problems
+
+
+def _cells(line: str) -> list[str]:
+    return next(csv.reader([line]))
+
+
+def _take_fact(line: str, facts: dict[str, Fact], problems: list[str], place: str) -> None:
+    match = _FACT.fullmatch(line)
+    if match is None:
+        problems.append(f"{place}: found {line[:60]!r}; a comment line is '# key: text' or '# key = number'")
+        return
+    key, text, number = match.groups()
+    if number is not None:
+        try:
+            facts[key] = int(number) if re.fullmatch(r"[-+]?\d+", number) else float(number)
+        except ValueError:
+            problems.append(f"{place}: {number!r} is no number; a text takes a colon: '# {key}: {number}'")
+        return
+    said = _WRITTEN.sub(lambda match: chr(int(match[1], 16)), text)
+    facts[key] = f"{facts[key]}\n{said}" if key in facts else said
+
+
+def numbers(table: Table, name: str, problems: list[str]) -> np.ndarray:
+    """Return a column as numbers; each cell that is none becomes a problem."""
+    found = np.full(len(table.lines), np.nan)
+    for place, (cell, line) in enumerate(zip(table.columns[name], table.lines)):
+        try:
+            found[place] = float(cell)
+        except ValueError:
+            problems.append(f"{table.name}, line {line}: {name} is {cell!r}; a number is needed, with a point and no thousands marks")
+    return found
+
+
+def si_column(table: Table, name: str, problems: list[str]) -> np.ndarray:
+    """Return a column converted from the unit in its brackets to SI; without brackets it is taken as it is."""
+    found, unit = numbers(table, name, problems), table.units[name]
+    try:
+        return to_si(found, unit, lookup(name).units) if unit else found
+    except (UnitError, UnknownName) as error:
+        problems.append(f"{table.name}: column {name} [{unit}]: {error}")
+        return found
