@@ -13,6 +13,7 @@ from .cli_listings import ListingPath, read
 from .cli_scheme import scheme
 from .compare_cli import compare, plot
 from .edit_cli import edit, forget, history, previous
+from .exchange.cli import export_database, import_database
 
 _LISTING = click.Path(exists=True, dir_okay=False)
 
@@ -111,7 +112,9 @@ def check(file: str, as_json: bool) -> None:
 db.add_command(characteristics)
 db.add_command(compare)
 db.add_command(edit)
+db.add_command(export_database)
 db.add_command(history)
+db.add_command(import_database)
 db.add_command(plot)
 db.add_command(previous)
 db.add_command(forget)

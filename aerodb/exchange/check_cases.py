@@ -2,8 +2,9 @@
 
 The cases lie inside the cells of the tables, on breakpoints and beyond the ends, where the rule of each term holds (attribute
 ``outside``).  An implementation agrees when no output differs by more than 1e-9 of the largest magnitude of its column: room for
-another order of the operations, none for another formula.  The cases may also travel in the group ``/checks`` of a database:
-inputs there, contributions in ``/checks/<coefficient>``, sums in ``/checks/coefficients``; saving and opening run them.
+another order of the operations, none for another formula.  The cases may also travel in the group ``/checks`` of a database,
+inputs and coefficients there, with a ``CL_tolerance`` where another source of the cases gave one, contributions in
+``/checks/terms/<coefficient>``; saving and opening run them.
 """
 
 from __future__ import annotations
@@ -24,12 +25,14 @@ from flightmech.whole import written_whole
 
 from ..evaluation import contributions
 from ..schema import CHECKS, coefficients, require, terms
+from ..templates import HINGE
 from .csv_text import read_csv, si_column, written_csv
 
 FORMAT = "aeromatch check cases, format 1"
 TOLERANCE = 1e-9  # of the largest magnitude of an output over the cases
 _COUNT, _SEED = 200, 0
-_SUMS = "coefficients"
+_ADVICE = "the terms were changed or damaged; make the cases anew with aerodb.with_checks if the change is meant"
+_TERMS, _TOLERANCE = "terms", "_tolerance"  # group of contributions; end of the name of a tolerance
 _ANGLE, _RATES = 0.35, {"phat": 0.1, "qhat": 0.03, "rhat": 0.1, "alphadothat": 0.03, "betadothat": 0.1}  # of regressors without a table
 _ON, _BEYOND, _FAR = 0.1, 0.1, 0.1  # shares of the samples on a breakpoint and beyond the ends; how far beyond, in parts of the range
 
@@ -50,7 +53,7 @@ def export_checkcases(db: xr.DataTree, path: str | os.PathLike, count: int = _CO
     """
     require(db)
     inputs = _states(db, count, seed)
-    outputs = _outputs(db, inputs)
+    outputs = _outputs(db, inputs, count)
     header = ["case", *(f"{name} [{lookup(name).units}]" for name in inputs), *outputs]
     columns = [map(repr, values.tolist()) for values in (*inputs.values(), *outputs.values())]
     facts: dict[str, Any] = {key: db.attrs[key] for key in ("title", "aircraft", "force_axes", "S", "cbar", "b")}
@@ -83,11 +86,11 @@ def run_checkcases(db: xr.DataTree, path: str | os.PathLike) -> pd.DataFrame:
         raise ParseError(str(path), 1, repr(table.title), f"'# {FORMAT}' as aerodb.export_checkcases writes it")
     inputs = {name: si_column(table, name, problems) for name in table.columns if table.units[name]}
     expected = {name: si_column(table, name, problems) for name in table.columns if not table.units[name] and name != "case"}
-    missing = sorted({name for leaf in terms(db).values() for name in _terms.variables(leaf)} - set(inputs))
+    missing = [name for name in _needed(db) if name not in inputs]
     problems += [f"{Path(path).name}: no column {name} [{lookup(name).units}], which the database needs" for name in missing]
     if problems:
         raise SchemaError(str(path), problems)
-    found = _outputs(db, inputs)
+    found = _outputs(db, inputs, len(table.lines))
     rows = {name: _agreement(found.get(name, np.zeros(len(table.lines))), column) for name, column in expected.items()}
     return pd.DataFrame.from_dict(rows, orient="index").rename_axis("output")
 
@@ -102,53 +105,68 @@ def with_checks(db: xr.DataTree, count: int = 20, seed: int = _SEED) -> xr.DataT
     """
     require(db)
     inputs = _states(db, count, seed)
-    outputs = _outputs(db, inputs)
+    outputs = _outputs(db, inputs, count)
     about = {"seed": seed, "comment": f"an implementation agrees within {TOLERANCE:g} of the largest magnitude of each output"}
-    states = xr.Dataset({name: ("case", x, attrs(name)) for name, x in inputs.items()}, {"case": np.arange(1, count + 1)}, about)
     groups: dict[str, dict[str, np.ndarray]] = {}
     for name, values in outputs.items():
-        coefficient, _, contribution = name.rpartition("/")
-        groups.setdefault(coefficient or _SUMS, {})[contribution] = values
-    nodes = {f"/{CHECKS}": states}
-    nodes |= {f"/{CHECKS}/{group}": xr.Dataset({name: ("case", x) for name, x in inside.items()}) for group, inside in groups.items()}
+        coefficient, _, last = name.rpartition("/")
+        groups.setdefault(coefficient, {})[last] = values
+    sums = groups.pop("")
+    states = xr.Dataset(
+        {name: ("case", x, attrs(name)) for name, x in {**inputs, **sums}.items()}, {"case": np.arange(1, count + 1)}, about
+    )
+    parts = {f"/{CHECKS}/{_TERMS}/{key}": xr.Dataset({name: ("case", x) for name, x in group.items()}) for key, group in groups.items()}
     kept = {node.path: node.to_dataset(inherit=False) for node in db.subtree if node.path.split("/")[1] != CHECKS}
-    return xr.DataTree.from_dict({**kept, **nodes})
+    return xr.DataTree.from_dict({**kept, f"/{CHECKS}": states, **parts})
 
 
 def failing_checks(db: xr.DataTree) -> list[str]:
-    """Return which of the check cases in a database it does not meet; none without the group ``/checks``."""
+    """Return which of the check cases in a database it does not meet; none without the group ``/checks``.
+
+    A case that lacks an input, as one of another source may, is left out.
+    """
     if CHECKS not in db.children:
         return []
-    group = db[CHECKS]
-    inputs = {str(name): np.asarray(x.values, float) for name, x in group.data_vars.items()}
-    outputs = [(part, name, x.values) for part, node in group.children.items() for name, x in node.data_vars.items()]
-    expected = {str(name) if part == _SUMS else f"{part}/{name}": values for part, name, values in outputs}
-    missing = sorted({name for leaf in terms(db).values() for name in _terms.variables(leaf)} - set(inputs))
-    if missing or not expected:
-        return [f"{CHECKS}: {'no inputs ' + ', '.join(missing) if missing else 'no outputs'}; make the cases anew with aerodb.with_checks"]
-    found = _outputs(db, inputs)
-    none = np.zeros(group.sizes["case"])
-    rows = {name: _agreement(found.get(name, none), column) for name, column in expected.items()}
-    return [
-        f"{CHECKS}: {name} differs by {row['largest_difference']:.3g} in case {row['case']} ({row['failed']} of {none.size} cases fail); "
-        "the terms were changed or damaged: make the cases anew with aerodb.with_checks if the change is meant"
-        for name, row in rows.items()
-        if not row["agrees"]
-    ]
+    group = db.children[CHECKS]
+    columns = {str(name): x.values.astype(float) for name, x in group.data_vars.items() if x.dims == ("case",)}
+    needed = _needed(db)
+    if not set(needed) <= set(columns):
+        return []
+    run = np.all([np.isfinite(columns[name]) for name in needed], axis=0) if needed else np.ones(group.sizes["case"], bool)
+    expected = {name: columns[name] for name in (*coefficients(db), *HINGE) if name in columns}
+    for coefficient, node in group.children.get(_TERMS, xr.DataTree()).children.items():
+        expected |= {f"{coefficient}/{name}": x.values for name, x in node.data_vars.items()}
+    cases, count = group.coords["case"].values[run], int(run.sum())
+    found = _outputs(db, {name: columns[name][run] for name in needed}, count)
+    problems = []
+    for name, values in expected.items():
+        allowed = columns.get(f"{name}{_TOLERANCE}")
+        row = _agreement(found.get(name, np.zeros(count)), values[run], None if allowed is None else allowed[run])
+        if not row["agrees"]:
+            text = f"{name} differs by {row['largest_difference']:.3g} in case {cases[row['case'] - 1]}"
+            problems.append(f"{CHECKS}: {text} ({row['failed']} of {count} cases fail); {_ADVICE}")
+    return problems
 
 
-def _agreement(found: np.ndarray, expected: np.ndarray) -> dict[str, Any]:
-    difference = found - expected
-    tolerance = TOLERANCE * float(np.abs(expected).max(initial=0.0))
-    failed = int((~(np.abs(difference) <= tolerance)).sum())
-    worst = int(np.argmax(np.abs(difference)))
-    row = {"largest_difference": float(difference[worst]), "case": worst + 1, "tolerance": tolerance}
-    return {**row, "failed": failed, "agrees": failed == 0}
+def _needed(db: xr.DataTree) -> list[str]:
+    return sorted({name for leaf in terms(db).values() for name in _terms.variables(leaf)})
 
 
-def _outputs(db: xr.DataTree, inputs: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _agreement(found: np.ndarray, expected: np.ndarray, allowed: np.ndarray | None = None) -> dict[str, Any]:
+    """Return how an output agrees with what is expected, NaN where nothing is; the worst case is one that fails, if any does."""
+    stated = np.isfinite(expected)
+    tolerance = np.full(len(expected), TOLERANCE * np.abs(expected[stated]).max(initial=0.0)) if allowed is None else allowed
+    difference = np.where(stated, found - expected, 0.0)
+    beyond = ~(np.abs(difference) <= tolerance) & stated
+    at = int(np.argmax(np.abs(difference) * (beyond if beyond.any() else 1.0))) if len(expected) else None
+    worst = {"largest_difference": 0.0, "case": 0, "tolerance": 0.0}
+    if at is not None:
+        worst = {"largest_difference": float(difference[at]), "case": at + 1, "tolerance": float(tolerance[at])}
+    return {**worst, "failed": int(beyond.sum()), "agrees": not beyond.any()}
+
+
+def _outputs(db: xr.DataTree, inputs: Mapping[str, np.ndarray], count: int) -> dict[str, np.ndarray]:
     """Return contributions by name of the term, then the coefficients, each (cases,)."""
-    count = len(next(iter(inputs.values()), ()))
     parts: dict[str, np.ndarray] = {}
     sums: dict[str, np.ndarray] = {}
     for coefficient in dict.fromkeys([*coefficients(db), *(name.partition("/")[0] for name in terms(db))]):
@@ -169,8 +187,9 @@ def _states(db: xr.DataTree, count: int, seed: int) -> dict[str, np.ndarray]:
     for leaf in leaves:
         for axis in map(str, leaf.dims):
             points[axis] = np.union1d(points.get(axis, []), leaf[axis].values.astype(float))
-    names = sorted({name for leaf in leaves for name in _terms.variables(leaf)})
-    return {name: _samples(points[name] if name in points else _span(name), count, rng) for name in names} or {"alpha": np.zeros(count)}
+    return {name: _samples(points[name] if name in points else _span(name), count, rng) for name in _needed(db)} or {
+        "alpha": np.zeros(count)
+    }
 
 
 def _span(name: str) -> np.ndarray:

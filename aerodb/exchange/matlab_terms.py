@@ -61,7 +61,11 @@ def export_matlab(db: xr.DataTree, path: str | os.PathLike) -> None:
     if problems:
         raise SchemaError("MAT file", problems)
     rows = [_element(name, leaf) for name, leaf in terms(db).items()]
-    content = {"conventions": _CONVENTIONS, "database": {str(key): _number(item) for key, item in db.attrs.items()}, "terms": _structures(_FIELDS, rows)}
+    content = {
+        "conventions": _CONVENTIONS,
+        "database": {str(key): _number(item) for key, item in db.attrs.items()},
+        "terms": _structures(_FIELDS, rows),
+    }
     with written_whole(path) as part:
         savemat(part, content, appendmat=False, format="5", long_field_names=True, oned_as="column")
 

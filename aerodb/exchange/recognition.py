@@ -1,0 +1,53 @@
+"""Which format a file has, by its content."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from flightmech.errors import ParseError
+
+from .csv_terms import INDEX
+
+_HEAD = 65_536  # bytes in which the first element of an XML file must begin, comments and document type before it
+_BEFORE = re.compile(rb"\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(\[.*?\]\s*)?>", re.DOTALL)
+_ELEMENT = re.compile(rb"<(?:[\w.-]+:)?([\w.-]+)")
+_ROOTS = {b"DAVEfunc": "daveml", b"fdm_config": "jsbsim"}
+_KNOWN = "a database (netCDF-4), a MAT file, a JSBSim or DAVE-ML file, or a folder of CSV files with their index"
+
+
+def recognized(path: Path) -> str:
+    """Return the format of a file or folder: ``netcdf``, ``matlab``, ``jsbsim``, ``daveml`` or ``csv``.
+
+    Raises
+    ------
+    ParseError
+        None of these.
+    """
+    if path.is_dir():
+        if (path / INDEX).is_file():
+            return "csv"
+        raise ParseError(str(path), 0, f"a folder without {INDEX}", _KNOWN)
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    if head.startswith(b"\x89HDF\r\n\x1a\n"):
+        return "netcdf"
+    if head.startswith(b"MATLAB "):
+        return "matlab"
+    root = _root(head.removeprefix(b"\xef\xbb\xbf"))
+    if root in _ROOTS:
+        return _ROOTS[root]
+    if root:
+        raise ParseError(str(path), 0, f"the XML element {root.decode(errors='replace')!r}", _KNOWN)
+    if path.name == INDEX:
+        raise ParseError(str(path), 0, "the index of a folder of CSV files", "the name of the folder")
+    raise ParseError(str(path), 0, f"the bytes {head[:16]!r}", _KNOWN)
+
+
+def _root(head: bytes) -> bytes:
+    """Return the name of the first element of an XML text, empty without one."""
+    place = 0
+    while match := _BEFORE.match(head, place):
+        place = match.end()
+    element = _ELEMENT.match(head, place)
+    return element[1] if element else b""
