@@ -96,18 +96,18 @@ def _demand_ours(folder: Path) -> None:
     if not folder.is_dir():
         raise FileExistsError(errno.EEXIST, "is a file; name a folder", str(folder))
     names = {file.name for file in folder.iterdir()}
-    if names and names != _listed(folder) | {INDEX}:
+    if names and names != _listed(folder):
         text = "holds other files than an export of terms; name another folder, or empty this one"
         raise FileExistsError(errno.EEXIST, text, str(folder))
 
 
 def _listed(folder: Path) -> set[str]:
-    """Return the files that the index of an export names; none where there is no such index."""
+    """Return the files that the index of an export names, itself among them; none where there is no such index."""
     try:
         index, _ = read_csv(folder / INDEX)
     except (OSError, ParseError):
         return set()
-    return set(index.columns.get("file", ())) if index.title == FORMAT else set()
+    return {INDEX, *index.columns.get("file", ())} if index.title == FORMAT else set()
 
 
 def import_csv(folder: str | os.PathLike) -> xr.DataTree:

@@ -3,10 +3,14 @@
 Variable ``terms`` is a structure array, one element per term; ``database`` a structure of the root attributes; ``conventions`` a
 text.  Tables are in MATLAB's order: ``values(i,j,k)`` belongs to breakpoint i of the first axis, j of the second, k of the third,
 and the first index runs fastest in memory.  Check cases and states before edits stay in the database.
+
+SciPy can crash on a damaged file of this format, which has no checksum, so ours carry one in the text of the header.
 """
 
 from __future__ import annotations
 
+import hashlib
+import io
 import os
 import re
 from collections.abc import Iterator
@@ -30,6 +34,8 @@ _TEXTS = ("outside", "references", "comment", "history")
 _FIELDS = ("name", "coefficient", "contribution", "regressors", *_TABLE, "stderr", "source", "K1", "K2", *_TEXTS, "attributes")
 _FIELD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")  # what MATLAB takes as the name of a field
 _NONE = np.zeros((0, 0))
+_SEAL = b"MATLAB 5.0 aeromatch sha256 %s"  # MATLAB asks for the first word only; it writes a text of its own when it saves
+_TEXT = 116  # bytes of the text in the header
 _CONVENTIONS = """\
 coefficient = sum of its terms; term = K1 * K2 * table(axes) * product of regressors; SI units and radians.
 terms(n).values(i,j,k): breakpoint i of axes(1), j of axes(2), k of axes(3); interpolation is linear.
@@ -66,8 +72,15 @@ def export_matlab(db: xr.DataTree, path: str | os.PathLike) -> None:
         "database": {str(key): _number(item) for key, item in db.attrs.items()},
         "terms": _structures(_FIELDS, rows),
     }
+    file = io.BytesIO()
+    savemat(file, content, appendmat=False, format="5", long_field_names=True, oned_as="column")
     with written_whole(path) as part:
-        savemat(part, content, appendmat=False, format="5", long_field_names=True, oned_as="column")
+        part.write_bytes(_sealed(file.getvalue()))
+
+
+def _sealed(content: bytes) -> bytes:
+    """Return a MAT file with the SHA-256 of what follows in the text of its header."""
+    return (_SEAL % hashlib.sha256(content[_TEXT:]).hexdigest().encode()).ljust(_TEXT) + content[_TEXT:]
 
 
 def _element(name: str, leaf: xr.Dataset) -> dict[str, Any]:
@@ -147,9 +160,12 @@ def import_matlab(path: str | os.PathLike) -> xr.DataTree:
         Everything that is wrong with the terms.
     """
     path = Path(path)
-    path.open("rb").close()
+    file = path.read_bytes()
+    if any(word in file[:_TEXT] for word in _SEAL.split()[2:4]) and file != _sealed(file):
+        raise ParseError(str(path), 0, "a damaged file (its SHA-256 is not that in its header)", "a MAT file; export or copy it again")
     try:
-        content = loadmat(path, appendmat=False, variable_names=["database", "terms"], chars_as_strings=True)
+        stream: Any = io.BytesIO(file)
+        content = loadmat(stream, variable_names=["database", "terms"])
     except NotImplementedError:
         raise ParseError(str(path), 0, "a MAT file of version 7.3", "version 5 to 7; save it with save -v7") from None
     except Exception as error:  # a damaged file makes SciPy raise ValueError, TypeError, OSError, zlib.error, MemoryError ...

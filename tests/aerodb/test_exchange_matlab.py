@@ -110,13 +110,13 @@ def test_files_that_are_none_of_ours(tmp_path):
         aerodb.import_matlab(path)
     for content in (b"", b"text", b"MATLAB 5.0 MAT-file" + bytes(300)):
         path.write_bytes(content)
-        with pytest.raises(ParseError, match="no MAT file, or a damaged one|the variables \\[\\]"):
+        with pytest.raises(ParseError, match=r"no MAT file, or a damaged one|the variables \[\]"):
             aerodb.import_matlab(path)
     savemat(path, {"terms": 1.0, "database": {"S": 1.0}})
     with pytest.raises(ParseError, match="structures 'terms' and 'database'"):
         aerodb.import_matlab(path)
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + bytes(400))
-    with pytest.raises(ParseError, match="version 7.3; expected version 5 to 7; save it with save -v7"):
+    with pytest.raises(ParseError, match=r"version 7\.3; expected version 5 to 7; save it with save -v7"):
         aerodb.import_matlab(path)
 
 
@@ -138,25 +138,27 @@ def test_all_faults_of_the_terms_are_told(small, tmp_path):
     ]
 
 
-def test_a_damaged_file_is_a_clear_error(small, tmp_path):
+@pytest.mark.parametrize("keep", [0.0, 0.01, 0.1, 0.5, 0.9, 0.999])
+def test_a_file_that_ends_early_is_a_clear_error(small, tmp_path, keep):
+    path = tmp_path / "small.mat"
+    aerodb.export_matlab(small, path)
+    content = path.read_bytes()
+    path.write_bytes(content[: int(keep * len(content))])
+    with pytest.raises(ParseError, match=r"a damaged file|no MAT file, or a damaged one"):
+        aerodb.import_matlab(path)
+
+
+def test_a_flipped_byte_is_a_clear_error(small, tmp_path):
     path = tmp_path / "small.mat"
     aerodb.export_matlab(small, path)
     content = path.read_bytes()
     rng = np.random.default_rng(8)
-    for keep in (0.1, 0.5, 0.9, 0.999):
-        path.write_bytes(content[: int(keep * len(content))])
-        with pytest.raises((ParseError, SchemaError)):
-            aerodb.import_matlab(path)
-    told = 0
-    for place in rng.integers(len(content), size=150):
+    for place in [*range(0, 128, 5), *rng.integers(128, len(content), size=300)]:
         harmed = bytearray(content)
         harmed[place] ^= int(rng.integers(1, 256))
         path.write_bytes(harmed)
-        try:
+        with pytest.raises(ParseError, match=r"a damaged file|no MAT file, or a damaged one"):
             aerodb.import_matlab(path)
-        except (ParseError, SchemaError):
-            told += 1
-    assert told > 50  # MAT files of version 5 carry no checksum: a harmed number passes
 
 
 def test_a_root_attribute_that_no_structure_takes_is_refused(small, tmp_path):
