@@ -72,7 +72,7 @@ def export_matlab(db: xr.DataTree, path: str | os.PathLike) -> None:
         "database": {str(key): _number(item) for key, item in db.attrs.items()},
         "terms": _structures(_FIELDS, rows),
     }
-    file = io.BytesIO()
+    file: Any = io.BytesIO()
     savemat(file, content, appendmat=False, format="5", long_field_names=True, oned_as="column")
     with written_whole(path) as part:
         part.write_bytes(_sealed(file.getvalue()))
