@@ -24,6 +24,7 @@ last breakpoint), ``references``, ``history``, ``comment``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -343,30 +344,39 @@ def _interpolated(leaf: xr.Dataset, name: str, conditions, outside: str, places:
             nodes = below + fraction.item() * (above - below)
         else:
             varying.append((low, fraction))
-    spread = [tuple(np.broadcast_to(item, shape).ravel() for item in place) for place in varying]
-    found = np.full(int(np.prod(shape)), nodes if not spread else np.nan)
-    for start in range(0, found.size if spread else 0, _BLOCK):
-        block = slice(start, start + _BLOCK)
-        found[block] = _multilinear(nodes, [(low[block], fraction[block]) for low, fraction in spread])
-    return found.reshape(shape)
+    if not varying:
+        return np.full(shape, nodes)
+    spread = [(np.broadcast_to(low, shape).ravel(), np.broadcast_to(fraction, shape).ravel()) for low, fraction in varying]
+    return _multilinear(nodes, spread).reshape(shape)
 
 
 def _multilinear(nodes: np.ndarray, places: Sequence[Place]) -> np.ndarray:
     """Return a table (axes...) at places along each axis, (samples,)."""
-    flat = nodes.ravel()
-    steps = [int(np.prod(nodes.shape[i + 1 :])) for i in range(nodes.ndim)]
-    base = sum(low * step for (low, _), step in zip(places, steps))
+    starts, rises = nodes[..., :-1].ravel(), np.diff(nodes).ravel()
+    sizes = (*nodes.shape[:-1], nodes.shape[-1] - 1)
+    steps = [math.prod(sizes[i + 1 :]) for i in range(len(sizes))]
+    found = np.empty(len(places[0][0]))
 
     def along(i: int, offset: int) -> np.ndarray:
-        if i == len(places):
-            return flat.take(base + offset)
+        if i == len(places) - 1:
+            value = rises[offset:].take(cell)
+            value *= fractions[i]
+            value += starts[offset:].take(cell)
+            return value
         below, above = along(i + 1, offset), along(i + 1, offset + steps[i])
         above -= below
-        above *= places[i][1]
+        above *= fractions[i]
         below += above
         return below
 
-    return along(0, 0)
+    for start in range(0, len(found), _BLOCK):
+        block = slice(start, start + _BLOCK)
+        fractions = [fraction[block] for _, fraction in places]
+        cell = places[-1][0][block].copy()
+        for (low, _), step in zip(places[:-1], steps):
+            cell += low[block] * step
+        found[block] = along(0, 0)
+    return found
 
 
 def _demand_choice(outside: str) -> None:
