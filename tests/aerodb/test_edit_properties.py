@@ -24,7 +24,7 @@ CAUSES = {"basic": (), "flap": (), "elevator": (), "beta": ("beta",), "qhat": ("
 REACH = {"qhat": 0.02, "delta_r": 0.3, "gear": 1.0}
 ROOT = {"title": "drawn", "aircraft": "none", "S": 20.0, "cbar": 1.7, "b": 11.0, "x_ref": -3.0, "y_ref": 0.0, "z_ref": 0.2}
 seeds = st.integers(0, 2**32 - 1)
-thorough = settings(max_examples=12, deadline=None)
+thorough = settings(max_examples=6, deadline=None)
 
 
 def drawn(rng, force_axes="stability", zeros=True, most=3):

@@ -18,6 +18,12 @@ NOT_HELD = ("case", "file", "notes", "power", "V", "p_static", "temperature", "r
 DEG = np.pi / 180.0
 
 
+def _listing(path):
+    """Mark what takes long: build B says what build A says, and long listings only say it more often."""
+    long = ".pdas" in path.name or path.stat().st_size > 90_000
+    return pytest.param(path, marks=pytest.mark.slow) if long else path
+
+
 @pytest.fixture
 def exported(t37, tmp_path):
     """Return a call that writes a T-37 listing and loads its first structure with scipy."""
@@ -31,7 +37,7 @@ def exported(t37, tmp_path):
 
 
 @pytest.mark.skipif(not LISTINGS, reason="the corpus of listings is not beside the repository")
-@pytest.mark.parametrize("path", LISTINGS, ids=lambda path: path.name)
+@pytest.mark.parametrize("path", [_listing(path) for path in LISTINGS], ids=lambda path: path.name)
 def test_there_and_back(path, tmp_path):
     listing = datcom_io.read(path)
     left_out = datcom_io.write_matlab(listing, tmp_path / "x.mat")
