@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from datcom_io.exchange.matlab_fields import BUILD, FIELDS, MISSING
 from scipy.io import loadmat, savemat
 
 import datcom_io
 from datcom_io.cells import ABSENT, FILLED, NDM, OK
+from datcom_io.exchange.matlab_fields import BUILD, FIELDS, MISSING
 from flightmech.errors import ParseError
 
 CORPUS = Path(__file__).parents[2] / ".." / "shared" / "data" / "datcom"
