@@ -6,6 +6,7 @@ memory, in the HDF5 1.8 format that netCDF and MATLAB read.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -57,10 +58,10 @@ def _writable(text: str) -> bool:
 
 def image(db: xr.DataTree) -> bytes:
     """Return the content of the file of a tree without `faults`; the same tree gives the same bytes with one version of HDF5."""
-    with h5py.File("image", "w", driver="core", backing_store=False, libver=_FORMAT, track_order=True) as file:
+    content = io.BytesIO()
+    with h5py.File(content, "w", libver=_FORMAT, track_order=True) as file:
         _write(db, file, {})
-        file.flush()
-        return file.id.get_file_image()
+    return content.getvalue()
 
 
 def _write(node: xr.DataTree, group: h5py.Group, scales: dict[str, h5py.Dataset]) -> None:
@@ -112,7 +113,7 @@ class _Reader:
         """Read one group and those in it; `axes` names dimension scales by their address in the file."""
         self.nodes[path] = xr.Dataset()  # parents first
         tables, below = {}, []
-        for name in group:
+        for name in _names(group):
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 self.problems.append(f"{_place(path, name)} is a link to another place; a database holds its tables itself")
                 continue
@@ -124,6 +125,7 @@ class _Reader:
             else:
                 self.problems.append(f"{_place(path, name)} is a named type of HDF5; a database holds tables")
         axes = {**axes, **{_address(item): name for name, item in tables.items() if item.is_scale}}
+        tables = {name: item for name, item in tables.items() if not (item.is_scale and _is_bare(item))}
         read = {name: self._variable(item, name, _place(path, name), axes) for name, item in tables.items()}
         attributes = self._attributes(group, _place(path))
         beside = str(attributes.pop(_COORDINATES, "")).split()
@@ -170,6 +172,21 @@ class _Reader:
             else:
                 found[key] = plain
         return found
+
+
+def _is_bare(scale: h5py.Dataset) -> bool:
+    """Whether a dimension scale is a dimension without coordinates, which netCDF writes as a variable of this name."""
+    return bytes(h5py.h5ds.get_scale_name(scale.id)).startswith(b"This is a netCDF dimension but not a netCDF variable")
+
+
+def _names(group: h5py.Group) -> list[str]:
+    """Return what stands in a group, in the order in which it was written if the file tells; older h5py has another order at the root."""
+    names: list[bytes] = []
+    try:
+        group.id.links.iterate(names.append, idx_type=h5py.h5.INDEX_CRT_ORDER)
+    except RuntimeError:  # the program that wrote the file did not keep the order
+        return list(group)
+    return [name.decode() for name in names]
 
 
 def _plain(item: Any) -> str | int | float | None:

@@ -99,10 +99,17 @@ def test_files_that_are_no_database(tmp_path):
     assert len(caught.value.problems) > 8  # with the root attributes that a database has and this file lacks
 
 
-@pytest.mark.parametrize("engine_writes", [lambda db, path: db.to_netcdf(path, engine="h5netcdf")])
-def test_a_database_that_xarray_wrote_is_one(small, tmp_path, engine_writes):
-    engine_writes(small, tmp_path / "x.nc")
+def test_a_database_that_xarray_wrote_is_one(small, tmp_path):
+    small.to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
     xr.testing.assert_identical(aerodb.open(tmp_path / "x.nc"), small)
+
+
+def test_a_dimension_without_breakpoints_is_told(small, tmp_path):
+    tree = xr.DataTree.from_dict({**small.to_dict(), "/CL/flap": xr.Dataset({"value": ("delta_f", [0.0, 0.2])})})
+    tree.to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
+    with pytest.raises(SchemaError) as caught:
+        aerodb.open(tmp_path / "x.nc")
+    assert caught.value.problems == ["CL/flap: axis delta_f has no breakpoints"]
 
 
 def test_xarray_opens_the_file(small, file):
