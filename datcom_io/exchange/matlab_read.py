@@ -59,7 +59,7 @@ def read_matlab(path: str | os.PathLike[str]) -> xr.DataTree:
     file = Path(path).name
     data = BytesIO(Path(path).read_bytes())
     try:
-        content = loadmat(data, struct_as_record=True)  # type: ignore[arg-type]  # its stubs know no streams
+        content = loadmat(data, struct_as_record=True)
     except NotImplementedError as error:
         raise ParseError(file, 0, "a MAT file of version 7.3", "version 7 or older; save it with the option -v7") from error
     except Exception as error:  # scipy lets through whatever a damaged file does to it

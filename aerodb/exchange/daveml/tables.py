@@ -92,7 +92,7 @@ class Axis:
         flat = np.zeros(len(points))
         ends = [(1, slope) if is_open else (2, flat) for slope, is_open in zip(slopes, (self.open_low, self.open_high), strict=True)]
         inside = np.clip(x, points[0], points[-1])
-        weights = CubicSpline(points, unit, bc_type=(ends[0], ends[1]))(inside)  # type: ignore[arg-type]
+        weights = CubicSpline(points, unit, bc_type=(ends[0], ends[1]))(inside)
         for slope, is_open, beyond in zip(slopes, (self.open_low, self.open_high), (x < points[0], x > points[-1]), strict=True):
             if is_open:
                 weights = weights + np.outer(np.where(beyond, x - inside, 0.0), slope)
