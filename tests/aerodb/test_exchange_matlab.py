@@ -86,8 +86,8 @@ def test_octave_interpolates_the_same_contributions(build_up, tmp_path):
     aerodb.export_matlab(build_up, tmp_path / "db.mat")
     columns = {name: x[:, None] for name, x in points.items()}
     savemat(tmp_path / "points.mat", {"points": {**columns, "case": np.zeros((300, 1))}})
-    (tmp_path / "run.m").write_text(_SCRIPT)
-    subprocess.run(["octave", "--no-gui", "--norc", "-q", "run.m"], cwd=tmp_path, check=True, capture_output=True, timeout=120)
+    (tmp_path / "contributions.m").write_text(_SCRIPT)
+    subprocess.run(["octave", "--no-gui", "--norc", "-q", "contributions.m"], cwd=tmp_path, check=True, capture_output=True, timeout=120)
     found = loadmat(tmp_path / "found.mat")["found"]
     assert found.shape == (300, len(leaves))
     for column, (name, leaf) in zip(found.T, leaves.items()):
