@@ -7,6 +7,7 @@ memory, in the HDF5 1.8 format that netCDF and MATLAB read.
 from __future__ import annotations
 
 import io
+import itertools
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -46,25 +47,27 @@ def _node_faults(node: xr.DataTree) -> Iterator[str]:
                 yield f"attribute {key}{owner} is a {type(item).__name__}; only text and numbers survive in a file"
             elif isinstance(item, str) and not _writable(item):
                 yield f"attribute {key}{owner} holds a character that no file can carry (zero byte or half a surrogate pair)"
-            elif str(key) in _LAYOUT or not _writable(str(key)) or not key:
+            elif not isinstance(key, str) or not key or not _writable(key) or key in _LAYOUT or key == _COORDINATES:
                 yield f"attribute {key!r}{owner} has a name that the file format keeps for itself; rename it"
 
 
 def _writable(text: str) -> bool:
-    with suppress(UnicodeEncodeError):
-        return "\0" not in text and bool(text.encode() or True)
-    return False
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return "\0" not in text
 
 
 def image(db: xr.DataTree) -> bytes:
     """Return the content of the file of a tree without `faults`; the same tree gives the same bytes with one version of HDF5."""
     content = io.BytesIO()
     with h5py.File(content, "w", libver=_FORMAT, track_order=True) as file:
-        _write(db, file, {})
+        _write(db, file, {}, itertools.count())
     return content.getvalue()
 
 
-def _write(node: xr.DataTree, group: h5py.Group, scales: dict[str, h5py.Dataset]) -> None:
+def _write(node: xr.DataTree, group: h5py.Group, scales: dict[str, h5py.Dataset], numbers: Iterator[int]) -> None:
     leaf = node.to_dataset(inherit=False)
     for key, item in leaf.attrs.items():
         group.attrs[key] = item
@@ -79,13 +82,13 @@ def _write(node: xr.DataTree, group: h5py.Group, scales: dict[str, h5py.Dataset]
             dataset.attrs[key] = item
         if name in leaf.dims:
             dataset.make_scale(name)
-            dataset.attrs.create(_DIMENSION, len(scales), dtype="i4")
+            dataset.attrs.create(_DIMENSION, next(numbers), dtype="i4")
             scales[name] = dataset
         else:
             for place, axis in zip(dataset.dims, variable.dims):
                 place.attach_scale(scales[str(axis)])
     for name, child in node.children.items():
-        _write(child, group.create_group(str(name), track_order=True), scales)
+        _write(child, group.create_group(str(name), track_order=True), scales, numbers)
 
 
 def read(path: Path) -> tuple[xr.DataTree, list[str]]:

@@ -100,6 +100,8 @@ def test_plain_h5py_reads_the_file(small, tmp_path):
         assert [axis[0].name for axis in leaf["value"].dims] == ["/CL/basic/mach", "/CL/basic/alpha"]
         assert [axis.label for axis in file["CL/qhat/stderr"].dims] == [""]
         assert list(file) == ["CL", "Cm"]
+        scales = [leaf[axis] for leaf in file["CL"].values() for axis in leaf if axis in ("mach", "alpha", "delta_f")]
+        assert sorted(scale.attrs["_Netcdf4Dimid"] for scale in scales) == [0, 1, 2, 3]  # netCDF finds dimensions by this number
         assert list(file["CL"]) == ["basic", "qhat", "flap"]
 
 
