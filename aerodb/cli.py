@@ -8,12 +8,12 @@ import click
 
 from flightmech.console import NewFile, document, json_option, remark, table
 
-from .cli_characteristics import characteristics, rescale
+from .characteristics_cli import characteristics, rescale
 from .cli_listings import ListingPath, read
-from .cli_scheme import scheme
 from .compare_cli import compare, plot
 from .edit_cli import edit, forget, history, previous
 from .exchange.cli import export_database, import_database
+from .scheme_cli import scheme
 
 _LISTING = click.Path(exists=True, dir_okay=False)
 

@@ -11,7 +11,7 @@ from flightmech.console import document, json_option, table
 @click.argument("coefficient", required=False)
 @json_option
 def scheme(coefficient: str | None, as_json: bool) -> None:
-    """Print the build-up of LR-743 eq. (1) to (11), of all coefficients or of one: what each term is and where it can come from."""
+    """Print the build-up of LR-743, equations (1) to (11): what each term is and where it can come from."""
     from flightmech.errors import UnknownName
 
     from .templates import scheme_table
