@@ -63,18 +63,42 @@ def export_database(file: str, fmt: str, output: str, aircraft: str | None, coun
 @click.command("import")
 @click.argument("file", type=click.Path(exists=True))
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
+@click.option("--without", multiple=True, help="jsbsim: a function to leave out; daveml: a coefficient to leave out.")
+@click.option("--travel", multiple=True, help="jsbsim: full deflection of a control that moves as a fraction, such as 'delta_f=40 deg'.")
 @json_option
-def import_database(file: str, output: str, as_json: bool) -> None:
+def import_database(file: str, output: str, without: tuple[str, ...], travel: tuple[str, ...], as_json: bool) -> None:
     """Read a database from FILE, a folder of CSV files or a file of another program; its content tells the format."""
     from ..files import save
     from ..overview import describe, summary
     from .recognition import recognized
 
     fmt = recognized(Path(file))
-    tree = _function(_IMPORTS[fmt])(file)
+    options: dict[str, Any] = {}
+    if without:
+        options[_only("--without", fmt, {"jsbsim": "leave_out", "daveml": "without"})] = without
+    if travel:
+        options[_only("--travel", fmt, {"jsbsim": "travel"})] = dict(_deflection(text) for text in travel)
+    tree = _function(_IMPORTS[fmt])(file, **options)
     save(tree, output)
     if as_json:
         document({"file": output, "format": fmt, "attributes": tree.attrs, "terms": describe(tree)})
     else:
         click.echo(summary(tree))
         click.echo(f"\n{fmt}: written {output}")
+
+
+def _only(option: str, fmt: str, names: dict[str, str]) -> str:
+    """Return what the reader of a format calls an option; refuse it for the other formats."""
+    if fmt not in names:
+        raise click.UsageError(f"{option} belongs to {' and '.join(names)}; leave it out for {fmt}")
+    return names[fmt]
+
+
+def _deflection(text: str) -> tuple[str, float]:
+    """Return control and angle [rad] of ``delta_f=40 deg``."""
+    from flightmech.units import quantity
+
+    name, sign, amount = text.partition("=")
+    if not sign:
+        raise click.UsageError(f"--travel is {text!r}; write a control and its angle, such as 'delta_f=40 deg'")
+    return name.strip(), quantity(amount, "rad")

@@ -1,6 +1,7 @@
 """``aeromatch db export`` and ``aeromatch db import``."""
 
 import json
+from pathlib import Path
 
 import pytest
 import xarray as xr
@@ -10,6 +11,7 @@ import aerodb
 from aerodb.cli import db
 from aerodb.exchange.recognition import recognized
 from flightmech.errors import ParseError
+from flightmech.units import DEGREE
 
 
 @pytest.fixture
@@ -94,3 +96,25 @@ def test_what_is_unknown_is_shown(tmp_path, content, found):
         recognized(tmp_path / "x")
     with pytest.raises(ParseError, match=r"a folder without index\.csv"):
         recognized(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--without", "CL"], "--without belongs to jsbsim and daveml; leave it out for netcdf"),
+        (["--travel", "delta_f=40 deg"], "--travel belongs to jsbsim; leave it out for netcdf"),
+    ],
+)
+def test_options_of_another_format_are_refused(file, tmp_path, options, said):
+    found = run("import", file, "-o", str(tmp_path / "back.nc"), *options)
+    assert found.exit_code == 2
+    assert said in found.output
+
+
+def test_the_t37_of_jsbsim_on_the_command_line(tmp_path):
+    jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
+    place = Path(jsbsim.get_default_root_dir()) / "aircraft" / "T37" / "T37.xml"
+    written = tmp_path / "t37.nc"
+    run("import", str(place), "--travel", "delta_f=40 deg", "--without", "aero/coefficient/DCnbDf", "-o", str(written))
+    whole = aerodb.import_jsbsim(place, travel={"delta_f": 40 * DEGREE})
+    assert set(aerodb.terms(whole)) > set(aerodb.terms(aerodb.open(written)))
