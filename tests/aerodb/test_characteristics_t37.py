@@ -19,7 +19,6 @@ from pom.modes import fit_mode
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "data" / "t37"
-IDENTIFIED = ROOT / "out" / "t37" / "final.nc"
 CONDITION = {"V": 90.0, "h": 1524.0}
 # run, channel, settling time after the input starts [s]; the motion must be free and slow modes must not bend it
 MOTIONS = {"phugoid": ("t37_26_val_phugoid", "theta", 6.0), "Dutch roll": ("t37_27_val_dutch_roll", "r", 2.2)}
@@ -34,13 +33,6 @@ def aircraft():
 def prior(aircraft, t37):
     """The DATCOM database: clean, elevator and ailerons; no rudder term."""
     return aerodb.from_datcom(aircraft, clean=t37["clean"], elevator=t37["elevator_one_by_one"], aileron=t37["aileron"])
-
-
-@pytest.fixture(scope="module")
-def identified():
-    if not IDENTIFIED.is_file():
-        pytest.skip("the identified database out/t37/final.nc is not there: './run demo' makes it")
-    return aerodb.open(IDENTIFIED)
 
 
 @pytest.fixture(scope="module")
@@ -67,11 +59,13 @@ def mode(frame, name):
     return row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("motion", "period", "ratio"), [("phugoid", 0.04, 0.02), ("Dutch roll", 0.02, 0.005)])
-def test_identified_modes_are_those_of_the_records(motion, period, ratio, aircraft, identified):
+def test_identified_modes_are_those_of_the_records(motion, period, ratio, aircraft, demo):
     """Phugoid: 1.5 cycles of a large motion with a height that changes; Dutch roll: 7 cycles, speed read 1 % wrong by the instruments."""
     fit, condition = flown(motion)
-    sim = flightmech.compile(aircraft, identified)
+    folder, _ = demo
+    sim = flightmech.compile(aircraft, aerodb.open(folder / "final.nc"))
     states = ("V", "alpha", "q", "theta", "h", "beta", "p", "r", "phi")
     ours = mode(flightmech.modes(flightmech.linearize(sim, parameters(sim, condition), states=states)), motion)
     assert ours["period"] == pytest.approx(fit.period, rel=period)

@@ -1,24 +1,15 @@
 """The whole job on the shipped example."""
 
 import json
-import subprocess
-import sys
 
 import pytest
 
 import aerodb
 
 
-@pytest.fixture(scope="module")
-def done(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("demo") / "t37"
-    command = [sys.executable, "-m", "aeromatch", "demo", "--json", "-o", str(folder)]
-    return folder, subprocess.run(command, capture_output=True, text=True, timeout=600)
-
-
 @pytest.mark.slow
-def test_the_demo_writes_what_it_promises(done):
-    folder, run = done
+def test_the_demo_writes_what_it_promises(demo):
+    folder, run = demo
     assert run.returncode == 0, run.stderr
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     models = {f"{name}.{kind}" for name in ("datcom", "corrected", "final") for kind in ("nc", "fmu")}
@@ -29,8 +20,8 @@ def test_the_demo_writes_what_it_promises(done):
 
 
 @pytest.mark.slow
-def test_flight_makes_the_model_better(done):
-    _, run = done
+def test_flight_makes_the_model_better(demo):
+    _, run = demo
     outcome = json.loads(run.stdout)
     passes = {name: sum(case["status"][name] == "pass" for case in outcome["cases"]) for name in ("datcom", "corrected", "final")}
     assert passes["datcom"] < passes["corrected"] <= passes["final"]
@@ -39,8 +30,8 @@ def test_flight_makes_the_model_better(done):
 
 
 @pytest.mark.slow
-def test_every_step_is_told_on_its_own_line(done):
-    _, run = done
+def test_every_step_is_told_on_its_own_line(demo):
+    _, run = demo
     steps = [line for line in run.stderr.splitlines() if " ... " in line]
     assert len(steps) == 9
     assert all(line.endswith(" s") for line in steps)
