@@ -35,55 +35,39 @@ Bare numbers are SI, texts carry their unit.  Positions are in body axes from th
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from .configuration import Strict, load, si, validate
 from .errors import SchemaError, UnitError
+from .submodels.engine import Engine, EngineTable, engine_of
 from .units import quantity
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 Vector = tuple[float, float, float]
 
-CONTROLS = ("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "gear", "speedbrake", "throttle")
-THRUST_AXES = ("throttle", "mach", "h")
+CONTROLS = (
+    "delta_e",
+    "delta_a",
+    "delta_r",
+    "delta_t",
+    "delta_ta",
+    "delta_tr",
+    "delta_f",
+    "delta_s",
+    "delta_d",
+    "gear",
+    "speedbrake",
+    "throttle",
+)
 TRAVEL = {
     "delta_e": ("column", "m-1"),
     "delta_a": ("wheel", "1"),
     "delta_r": ("pedal", "m-1"),
 }  # control: what moves it, unit of its gearing
-
-
-@dataclass(frozen=True)
-class Engine:
-    """One engine.
-
-    Parameters
-    ----------
-    position : tuple of float (3,)
-        Where the thrust acts, body axes, from the moment reference point. [m]
-    direction : tuple of float (3,)
-        Unit vector of the thrust, body axes; (1, 0, 0) pushes forward.
-    thrust : Dataset, optional
-        Static thrust, a term leaf over ``throttle``, ``mach`` and ``h``. [N]
-    time_constant : float
-        First-order lag of the thrust behind its static value; 0 for none. [s]
-    angular_momentum : float
-        Of the rotors, along `direction`, right-handed. [kg m2 s-1]
-    """
-
-    position: Vector
-    direction: Vector = (1.0, 0.0, 0.0)
-    thrust: xr.Dataset | None = None
-    time_constant: float = 0.0
-    angular_momentum: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -178,7 +162,7 @@ def read_aircraft(path: str | Path) -> Aircraft:
     path = Path(path)
     content = validate(_File, load(path), str(path))
     problems: list[str] = []
-    engines = tuple(_engine(item, number, path.parent, problems) for number, item in enumerate(content.engine, 1))
+    engines = tuple(engine_of(item, number, path.parent, problems) for number, item in enumerate(content.engine, 1))
     if problems:
         raise SchemaError(str(path), problems)
     controls = {name: Control(**dict(item)) for name, item in content.control.items()}
@@ -194,37 +178,6 @@ class _Entry(Strict):
     """Numbers may be given as texts with units, so that nothing else is converted silently."""
 
     model_config = ConfigDict(protected_namespaces=())
-
-
-class _EngineTable(_Entry):
-    position: _Vector
-    direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    time_constant: si("s") = 0.0  # type: ignore[valid-type]
-    angular_momentum: si("kg m2 s-1") = 0.0  # type: ignore[valid-type]
-    thrust: dict[str, Any] | None = None
-    thrust_file: str | None = None
-
-    @field_validator("direction")
-    @classmethod
-    def _unit_vector(cls, direction: Vector) -> Vector:
-        length = float(np.linalg.norm(direction))
-        if not np.isfinite(length) or length == 0.0:
-            raise ValueError("expected a direction with a length, e.g. [1, 0, 0]")
-        x, y, z = (component / length for component in direction)
-        return x, y, z
-
-    @field_validator("time_constant")
-    @classmethod
-    def _not_negative(cls, value: float) -> float:
-        if value < 0.0:
-            raise ValueError("expected zero or a positive time")
-        return value
-
-    @model_validator(mode="after")
-    def _one_source(self) -> _EngineTable:
-        if self.thrust is not None and self.thrust_file is not None:
-            raise ValueError("thrust and thrust_file are both given; keep one")
-        return self
 
 
 class _ControlTable(_Entry):
@@ -260,7 +213,7 @@ class _File(_Entry):
     Ixz: si("kg m2") = 0.0  # type: ignore[valid-type]
     Iyz: si("kg m2") = 0.0  # type: ignore[valid-type]
     cg: _Vector = (0.0, 0.0, 0.0)
-    engine: list[_EngineTable] = Field(default_factory=list)
+    engine: list[EngineTable] = Field(default_factory=list)
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
     instruments: dict[str, dict[str, Any]] = Field(default_factory=dict)
     control: dict[str, _ControlTable] = Field(default_factory=dict)
@@ -331,46 +284,3 @@ def _range(name: str, item: Any) -> tuple[float, float]:
     if not low < high:
         raise ValueError(f"{name}: low {low:g} is not below high {high:g}")
     return low, high
-
-
-def _engine(item: _EngineTable, number: int, folder: Path, problems: list[str]) -> Engine:
-    thrust = None
-    try:
-        if item.thrust is not None:
-            thrust = _thrust_table(item.thrust)
-        elif item.thrust_file is not None:
-            thrust = _thrust_file(folder / item.thrust_file)
-    except (SchemaError, UnitError, ValueError, OSError) as error:
-        found = error.problems if isinstance(error, SchemaError) else [str(error)]
-        problems += [f"engine.{number}.thrust: {text}" for text in found]
-    return Engine(item.position, item.direction, thrust, item.time_constant, item.angular_momentum)
-
-
-def _thrust_table(table: Mapping[str, Any]) -> xr.Dataset:
-    from .names import lookup
-    from .terms import make
-
-    unknown = sorted(set(table) - {*THRUST_AXES, "value"})
-    if unknown:
-        raise ValueError(f"unknown key {', '.join(unknown)}; allowed: {', '.join(THRUST_AXES)}, value")
-    if "value" not in table:
-        raise ValueError("missing value, the thrust in N over the axes in the order they are written")
-    axes = {name: [quantity(point, lookup(name).units) for point in points] for name, points in table.items() if name != "value"}
-    value = np.vectorize(lambda item: quantity(item, "N"), otypes=[float])(np.array(table["value"], object))
-    shape = tuple(len(points) for points in axes.values())
-    if value.shape != shape:
-        raise ValueError(f"value has the shape {value.shape}, the axes {' '.join(axes)} have {shape}")
-    return make(value, axes)
-
-
-def _thrust_file(path: Path) -> xr.Dataset:
-    import xarray as xr
-
-    from .terms import check
-
-    with xr.open_dataset(path, engine="h5netcdf") as dataset:
-        leaf = dataset.load()
-    problems = check(leaf)
-    if problems:
-        raise SchemaError(path.name, problems)
-    return leaf

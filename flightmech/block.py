@@ -1,4 +1,4 @@
-"""The packed block: sections and records of format 1, little-endian.
+"""The packed block: sections and records of format 2, little-endian.
 
 A header (magic, format, endian mark, size, CRC-32), a directory of sections, and the sections, each at a multiple of 64
 bytes.  ``kernel/src/pack.c`` holds the same records as C structs.  Tables whose axes have identical breakpoints and order
@@ -16,23 +16,21 @@ from typing import NamedTuple
 import numpy as np
 import xarray as xr
 
-from . import catalogue
+from . import catalogue, submodels
 from .aircraft import Aircraft
-from .library import Entry, library
+from .library import Entry, groups, library
 from .terms import regressors
 
 FORCES = {"stability": ("CL", "CD", "CY"), "wind": ("CL", "CD", "CY"), "body": ("CX", "CZ", "CY")}
 MOMENTS = ("Cl", "Cm", "Cn")
-ENGINE_GROUP, AERO_GROUP = 0, 1
-ENGINE_BASE = 6  # coefficient number of the first engine's thrust
 _TABLES = ("K1", "K2", "value")
 
 
 class Term(NamedTuple):
-    """A leaf on its way into the block: its group, the number of its coefficient, its name."""
+    """A leaf on its way into the block: the stage that evaluates it, the number of its target, its name."""
 
-    group: int
-    coefficient: int
+    stage: int
+    target: int
     name: str
     leaf: xr.Dataset
 
@@ -40,7 +38,7 @@ class Term(NamedTuple):
 class _Axis(NamedTuple):
     """What makes two axes the same axis."""
 
-    group: int
+    stage: int
     name: str
     linear: int
     points: tuple[float, ...]
@@ -64,30 +62,37 @@ class Packer:
     points: list[float] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        self.variables = sorted({v for t in self.terms for v in (*axes(t.leaf), *regressors(t.leaf))})
+        self.variables = sorted({v for t in self.terms for v in (*axes(t.leaf), *regressors(t.leaf), *_power(t.leaf)[:1])})
         found = dict.fromkeys(axis for t in self.terms for _, table in _tables(t.leaf) for axis in _axes_of(t, table))
-        self.axes = sorted(found, key=lambda axis: axis.group)
+        self.axes = sorted(found, key=lambda axis: axis.stage)
         self.numbers = {axis: number for number, axis in enumerate(self.axes)}
 
     def pack(self) -> bytes:
         """Return the block."""
         bundles, nodes, slots = self._bundles()
         names = [t.name for t in self.terms]
+        powers = {t.name: float(t.leaf.attrs["exponent"]) for t in self.terms if _power(t.leaf)}
+        items = self._items()
         sections = [
             (1, self._geometry()),
             self._entries(catalogue.inputs(self.aircraft)),
             self._entries(catalogue.outputs(self.aircraft)),
-            self._entries(catalogue.parameters(self.aircraft, names)),
+            self._entries(catalogue.parameters(self.aircraft, names, powers)),
+            self._entries(catalogue.states(self.aircraft)),
             self._entries([catalogue.variable(name) for name in self.variables]),
             (len(self.axes), b"".join(self._axis(axis) for axis in self.axes)),
             (len(self.points), np.array(self.points, "<f8").tobytes()),
             (len(bundles), b"".join(bundles)),
             (len(nodes), np.array(nodes, "<f8").tobytes()),
             (len(self.terms), b"".join(self._term(t, slots) for t in self.terms)),
-            (len(self.aircraft.engines), b"".join(struct.pack("<6d", *e.position, *e.direction) for e in self.aircraft.engines)),
+            (len(items), b"".join(items)),
         ]
         sections.append((len(self.text), bytes(self.text)))
         return _block(sections)
+
+    def _items(self) -> list[bytes]:
+        found = submodels.items(self.aircraft)
+        return [struct.pack("<2I", number, self._string(item)) for number, group in enumerate(groups()) for item in found.get(group, ())]
 
     def _string(self, text: str) -> int:
         if text not in self.strings:
@@ -107,21 +112,21 @@ class Packer:
     def _axis(self, axis: _Axis) -> bytes:
         first = len(self.points)
         self.points += axis.points
-        return struct.pack("<6I", self.variables.index(axis.name), first, len(axis.points), axis.linear, axis.group, 0)
+        return struct.pack("<6I", self.variables.index(axis.name), first, len(axis.points), axis.linear, axis.stage, 0)
 
     def _bundles(self) -> tuple[list[bytes], list[float], dict[tuple[str, str], int]]:
         """Return the records, the nodes and the slot of each table; slot 0 is the constant 1."""
         members: dict[tuple[int, tuple[int, ...]], list[tuple[str, str, np.ndarray]]] = {}
         for t in self.terms:
             for name, table in _tables(t.leaf):
-                members.setdefault((t.group, tuple(self.numbers[axis] for axis in _axes_of(t, table))), []).append(
+                members.setdefault((t.stage, tuple(self.numbers[axis] for axis in _axes_of(t, table))), []).append(
                     (t.name, name, table.values)
                 )
         records: list[bytes] = []
         nodes: list[float] = []
         slots: dict[tuple[str, str], int] = {}
-        for (group, numbers), tables in sorted(members.items(), key=lambda item: item[0][0]):
-            records.append(struct.pack("<8IQ", len(numbers), *numbers, *[0] * (4 - len(numbers)), len(tables), group, 0, len(nodes)))
+        for (stage, numbers), tables in sorted(members.items(), key=lambda item: item[0][0]):
+            records.append(struct.pack("<8IQ", len(numbers), *numbers, *[0] * (4 - len(numbers)), len(tables), stage, 0, len(nodes)))
             nodes += np.stack([values for *_, values in tables], axis=-1).astype(float).ravel().tolist()
             for term, name, _ in tables:
                 slots[term, name] = len(slots) + 1
@@ -131,7 +136,15 @@ class Packer:
         factors = [self.variables.index(word) + 1 for word in regressors(t.leaf)]
         tables = [slots.get((t.name, name), 0) for name in _TABLES]
         text = str(t.leaf.attrs.get("comment", ""))
-        return struct.pack("<8I", self._string(t.name), self._string(text), *tables, *factors, *[0] * (2 - len(factors)), t.coefficient)
+        power = _power(t.leaf)
+        place, floor = (self.variables.index(power[0]) + 1, float(t.leaf.attrs["floor"])) if power else (0, 0.0)
+        packed = (self._string(t.name), self._string(text), *tables, *factors, *[0] * (2 - len(factors)), t.target, place, 0)
+        return struct.pack("<10Id", *packed, floor)
+
+
+def _power(leaf: xr.Dataset) -> tuple[str, ...]:
+    """Return the variable of the power factor, () without one."""
+    return tuple(str(leaf.attrs.get("power", "")).split())
 
 
 def _tables(leaf: xr.Dataset) -> list[tuple[str, xr.DataArray]]:
@@ -140,7 +153,7 @@ def _tables(leaf: xr.Dataset) -> list[tuple[str, xr.DataArray]]:
 
 def _axes_of(t: Term, table: xr.DataArray) -> list[_Axis]:
     linear = int(t.leaf.attrs.get("outside", "hold") == "linear")
-    return [_Axis(t.group, str(axis), linear, tuple(table[axis].values.astype(float).tolist())) for axis in table.dims]
+    return [_Axis(t.stage, str(axis), linear, tuple(table[axis].values.astype(float).tolist())) for axis in table.dims]
 
 
 def _block(sections: list[tuple[int, bytes]]) -> bytes:

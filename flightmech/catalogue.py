@@ -7,10 +7,11 @@ compiled block, so that an FMU needs no second list.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
+from . import submodels
 from .aircraft import Aircraft
-from .library import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, VARIABLE, Entry, known
+from .library import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, Entry, groups, known
 from .names import lookup
 
 MOST = sys.float_info.max
@@ -25,9 +26,19 @@ _ENVIRONMENT = {
     "qnh": ("Pa", "hPa", "pressure at mean sea level", 101325.0),
     "runway_elevation": ("m", "ft", "height of the runway over mean sea level", 0.0),
 }
+_AXES = "of the Earth axes"
+_STATES = {
+    **{axis: ("m", f"position along {axis} {_AXES}") for axis in "xyz"},
+    **{f"v{axis}": ("m s-1", f"velocity along {axis} {_AXES}") for axis in "xyz"},
+    **{f"q{i}": ("1", "attitude quaternion, Earth to body axes") for i in range(4)},
+    "p": ("rad s-1", "roll rate relative to inertial space"),
+    "q": ("rad s-1", "pitch rate relative to inertial space"),
+    "r": ("rad s-1", "yaw rate relative to inertial space"),
+}
 _MODES = {
-    "earth": ("0 flat, 1 WGS-84 rotating", 1.0, 0.0, 1.0),
-    "engine": ("0 throttle drives, 2 thrust_drive drives", 0.0, 0.0, 2.0),
+    "earth": ("0 flat, 1 WGS-84 rotating, 2 sphere at rest, 3 rotating sphere", 1.0, 0.0, 3.0),
+    "engine": ("0 the lever drives, 1 N1, 2 thrust_drive", 0.0, 0.0, 2.0),
+    "controls": ("0 the surfaces drive, 1 the cockpit positions, 2 the pilot's forces", 0.0, 0.0, 2.0),
     "trim": ("at the start: 0 none, 1 seek thrust, 2 seek throttle", 0.0, 0.0, 2.0),
 }
 _START = {"V": 100.0, "h": 1000.0}
@@ -39,38 +50,64 @@ _START_NOTES = {
 }
 
 
-def expand(kind: int, engines: int) -> list[str]:
-    """Return the names of one kind for an aircraft with `engines` engines, in the order of the kernel."""
-    plain = [name for name in known(kind) if not name.startswith("engine*.")]
-    each = [name.removeprefix("engine*.") for name in known(kind) if name.startswith("engine*.")]
-    return plain + [f"engine{i}.{name}" for i in range(1, engines + 1) for name in each]
+def expand(kind: int, items: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return the names of one kind in the order of a block; `items` are those of `submodels.items`."""
+    return [name for _, _, name in _expanded(kind, items)]
+
+
+def _expanded(kind: int, items: Mapping[str, Sequence[str]]) -> Iterator[tuple[str, str, str]]:
+    """Return group, item and name."""
+    for group in groups():
+        patterns = [row.pattern for row in known(kind) if row.group == group]
+        for item in items.get(group, ()):
+            for pattern in patterns:
+                yield group, item, pattern.replace("*", item)
+
+
+def stages(kind: int, items: Mapping[str, Sequence[str]]) -> dict[str, int]:
+    """Return the stage of every variable or target (`flightmech.library`: VARIABLE, TARGET) by its name."""
+    stage = {(row.group, row.pattern): row.stage for row in known(kind)}
+    return {pattern.replace("*", item): at for (group, pattern), at in stage.items() for item in items.get(group, ())}
 
 
 def inputs(aircraft: Aircraft) -> list[Entry]:
     """Return the rows of the inputs; their range is the travel of the control."""
-    return [_input(name, aircraft) for name in expand(INPUT, len(aircraft.engines))]
+    return _rows(INPUT, aircraft, _input)
 
 
 def outputs(aircraft: Aircraft) -> list[Entry]:
     """Return the rows of the outputs."""
-    return [_output(name) for name in expand(OUTPUT, len(aircraft.engines))]
+    return _rows(OUTPUT, aircraft, lambda name, _: _output(name))
 
 
-def parameters(aircraft: Aircraft, terms: Sequence[str]) -> list[Entry]:
-    """Return the rows of the parameters; `terms` are names such as ``CL/gear``, in the order of the kernel."""
-    rows = [_parameter(name, aircraft) for name in expand(PARAMETER, len(aircraft.engines))]
-    return rows + [Entry(scale_name(name), "1", "1", f"scale of the term {name}", 1.0, -MOST, MOST, 0) for name in terms]
+def states(aircraft: Aircraft) -> list[Entry]:
+    """Return the rows of the states."""
+    return _rows(STATE, aircraft, lambda name, _: _state(name))
+
+
+def parameters(aircraft: Aircraft, terms: Sequence[str], powers: Mapping[str, float]) -> list[Entry]:
+    """Return the rows of the parameters.
+
+    `terms` are names such as ``CL/gear``, in the order of the kernel; `powers` are the exponents of those with a power factor.
+    """
+    rows = _rows(PARAMETER, aircraft, _parameter)
+    rows += [Entry(scale_name(name), "1", "1", f"scale of the term {name}", 1.0, -MOST, MOST, 0) for name in terms]
+    return rows + [
+        Entry(power_name(name), "1", "1", f"exponent of the power factor of {name}", value, -MOST, MOST, 0) for name, value in powers.items()
+    ]
+
+
+def _rows(kind: int, aircraft: Aircraft, core: Callable[[str, Aircraft], Entry]) -> list[Entry]:
+    return [
+        submodels.row(kind, group, item, name, aircraft) if group else core(name, aircraft)
+        for group, item, name in _expanded(kind, submodels.items(aircraft))
+    ]
 
 
 def variable(name: str) -> Entry:
     """Return the row of a model variable."""
     row = lookup(name)
     return Entry(name, row.units, row.display_units, row.long_name, 0.0, -MOST, MOST, 0)
-
-
-def variables(engines: int) -> list[str]:
-    """Return the names of all model variables the kernel can give to tables and regressors."""
-    return expand(VARIABLE, engines)
 
 
 def scale_name(term: str) -> str:
@@ -84,6 +121,11 @@ def scale_name(term: str) -> str:
     return "term." + term.replace("/", ".")
 
 
+def power_name(term: str) -> str:
+    """Return the parameter that is the exponent of a term's power factor."""
+    return "power." + term.replace("/", ".")
+
+
 def _row(name: str, like: str, description: str = "", value: float = 0.0, low: float = -MOST, high: float = MOST, flags: int = 0) -> Entry:
     row = lookup(like)
     sign = f", positive {row.sign}" if row.sign else ""
@@ -91,12 +133,15 @@ def _row(name: str, like: str, description: str = "", value: float = 0.0, low: f
 
 
 def _input(name: str, aircraft: Aircraft) -> Entry:
-    kind = name.rsplit(".", 1)[-1]
-    if kind == "thrust_drive":
-        return _row(name, "thrust", "net thrust that drives when mode.engine is 2")
-    default = (0.0, 1.0) if kind in ("throttle", "gear", "speedbrake") else (-MOST, MOST)
-    low, high = aircraft.limits.get(kind, default)
-    return _row(name, kind, low=low, high=high)
+    default = (0.0, 1.0) if name in ("gear", "speedbrake") else (-MOST, MOST)
+    low, high = aircraft.limits.get(name, default)
+    return _row(name, name, low=low, high=high)
+
+
+def _state(name: str) -> Entry:
+    quantity = name.removeprefix("state.")
+    units, text = _STATES[quantity]
+    return Entry(name, units, lookup(quantity).display_units if quantity in "pqr" else units, text, 0.0, -MOST, MOST, 0)
 
 
 def _output(name: str) -> Entry:
@@ -133,12 +178,7 @@ def _parameter(name: str, aircraft: Aircraft) -> Entry:
     if group == "bias":
         whose = " of each engine" if quantity in ("thrust", "throttle") else ""
         return _row(name, quantity, f"added to the {lookup(quantity).long_name}{whose}")
-    if group == "mode":
-        return _mode(name, quantity, aircraft)
-    engine = aircraft.engines[int(group.removeprefix("engine")) - 1]
-    if quantity == "time_constant":
-        return Entry(name, "s", "s", "first-order lag of the thrust", engine.time_constant, 0.0, MOST, 0)
-    return Entry(name, "kg m2 s-1", "kg m2 s-1", "angular momentum of the rotors along the thrust", engine.angular_momentum, -MOST, MOST, 0)
+    return _mode(name, quantity, aircraft)
 
 
 def _initial(name: str, quantity: str) -> Entry:

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from . import catalogue
+from . import catalogue, submodels
 from .aircraft import Aircraft
-from .block import AERO_GROUP, ENGINE_BASE, ENGINE_GROUP, FORCES, MOMENTS, Packer, Term, axes
+from .block import FORCES, MOMENTS, Packer, Term, axes
 from .errors import SchemaError, UnknownName
-from .library import AXIS, INPUT, OUTPUT, PARAMETER, TERM, VARIABLE, Entry, Model
+from .library import AXIS, INPUT, OUTPUT, PARAMETER, STATE, TARGET, TERM, VARIABLE, Entry, Model
 from .names import lookup
 from .terms import SOURCES, check, regressors
 from .units import from_si
@@ -23,8 +23,8 @@ from .units import from_si
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
 _AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
 _NEAR = 1e-4  # of the chord: two places of the moment reference that count as one
-_NOT_FLOWN = ("CT", "delta_s", "delta_d")  # in the vocabulary, for terms of power, spoilers and differential tail
-_NO_COEFFICIENT = ("checks", "previous", "Ch_e", "Ch_a", "Ch_r")  # groups that are not flown: no terms, or hinge moments
+_HINGES = ("Ch_e", "Ch_a", "Ch_r")
+_NO_COEFFICIENT = ("checks", "previous")  # groups of a database that hold no terms
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,13 @@ class SimModel:
         return _names(self.entries(PARAMETER))
 
     @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Names of the continuous states."""
+        return _names(self.entries(STATE))
+
+    @cached_property
     def terms(self) -> tuple[str, ...]:
-        """Names of the terms, ``CL/basic`` and so on; engine terms first."""
+        """Names of the terms, ``CL/basic`` and so on, in the order of their evaluation."""
         return _names(self.entries(TERM))
 
     @cached_property
@@ -111,9 +116,9 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
         With all problems: faults of a term, an axis or regressor that the simulation does not know, a geometry that
         differs from the aircraft's.
     """
-    found = list(_collect(aircraft, db))
+    found = _collect(aircraft, db)
     problems = _root_problems(aircraft, db)
-    problems += [text for term in found for text in _leaf_problems(term.name, term.leaf, aircraft)]
+    problems += [text for term in found for text in _leaf_problems(term.name, term.leaf, term.stage, aircraft)]
     if problems:
         raise SchemaError(f"model of {aircraft.name}", problems)
     block = Packer(aircraft, found, _force_axes(db), _meta(db, found)).pack()
@@ -129,21 +134,18 @@ def _force_axes(db: xr.DataTree) -> str:
     return str(db.attrs.get("force_axes", "stability"))
 
 
-def _collect(aircraft: Aircraft, db: xr.DataTree) -> Iterator[Term]:
-    for number, engine in enumerate(aircraft.engines):
-        if engine.thrust is not None:
-            name = f"engine{number + 1}"
-            yield Term(ENGINE_GROUP, ENGINE_BASE + number, f"{name}/thrust", _renamed(engine.thrust, {"throttle": f"{name}.throttle"}))
-    for index, coefficient in enumerate((*FORCES.get(_force_axes(db), FORCES["stability"]), *MOMENTS)):
+def _collect(aircraft: Aircraft, db: xr.DataTree) -> list[Term]:
+    """Return all terms in the order of their evaluation."""
+    items = submodels.items(aircraft)
+    stage, number = catalogue.stages(TARGET, items), {name: i for i, name in enumerate(catalogue.expand(TARGET, items))}
+    forces = FORCES.get(_force_axes(db), FORCES["stability"])
+    found = [Term(stage[target], number[target], name, leaf) for target, name, leaf in submodels.terms(aircraft)]
+    for target, coefficient in zip((*FORCES["stability"], *MOMENTS, *_HINGES), (*forces, *MOMENTS, *_HINGES), strict=True):
         if coefficient in db.children:
             for contribution in sorted(db[coefficient].children):
                 leaf = db[coefficient][contribution].to_dataset()
-                yield Term(AERO_GROUP, index, f"{coefficient}/{contribution}", leaf)
-
-
-def _renamed(leaf: xr.Dataset, own: Mapping[str, str]) -> xr.Dataset:
-    renamed = leaf.rename({name: new for name, new in own.items() if name in leaf.dims})
-    return renamed.assign_attrs(regressors=" ".join(own.get(word, word) for word in regressors(leaf)))
+                found.append(Term(stage[target], number[target], f"{coefficient}/{contribution}", leaf))
+    return sorted(found, key=lambda term: term[:2])
 
 
 def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
@@ -153,7 +155,7 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
         problems.append(f"attribute force_axes is {axes!r}; allowed: {', '.join(FORCES)}")
         axes = "stability"
     for name in map(str, db.children):
-        if name not in (*FORCES[axes], *MOMENTS, *_NO_COEFFICIENT):
+        if name not in (*FORCES[axes], *MOMENTS, *_HINGES, *_NO_COEFFICIENT):
             allowed = ", ".join((*FORCES[axes], *MOMENTS))
             problems.append(f"/{name} is no coefficient; with force_axes {axes} there are {allowed}")
     problems += [f"/{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would not fly" for path in _astray(db)]
@@ -177,30 +179,34 @@ def _astray(db: xr.DataTree) -> Iterator[str]:
             yield path
 
 
-def _leaf_problems(name: str, leaf: xr.Dataset, aircraft: Aircraft) -> list[str]:
+def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, aircraft: Aircraft) -> list[str]:
     problems = check(leaf)
     if problems:
         return [f"{name}: {text}" for text in problems]
-    allowed = catalogue.variables(len(aircraft.engines))
-    for axis in axes(leaf):
-        if axis in IMPLICIT:
-            problems.append(f"{name}: {axis} cannot be an axis, the simulation solves for it; make it a regressor")
-        elif axis not in allowed:
-            problems.append(f"{name}: axis: {_unknown(axis, allowed)}")
-    words = regressors(leaf)
-    problems += [f"{name}: regressor: {_unknown(word, allowed)}" for word in words if word not in allowed]
+    known = catalogue.stages(VARIABLE, submodels.items(aircraft))
+    problems += [f"{name}: axis: {text}" for axis in axes(leaf) for text in _axis_problems(axis, known, stage)]
+    words = [*regressors(leaf), *str(leaf.attrs.get("power", "")).split()]
+    problems += [f"{name}: regressor: {text}" for word in words for text in _variable_problems(word, known, stage)]
     if sum(word in IMPLICIT for word in words) > 1:
         problems.append(f"{name}: regressors {' '.join(words)}: only one of {', '.join(IMPLICIT)} can be solved for in a term")
-    if name.startswith("engine") and {*axes(leaf), *words} & {*IMPLICIT, *(v for v in allowed if v.endswith(".thrust"))}:
-        problems.append(f"{name}: a thrust table cannot depend on a thrust or on {', '.join(IMPLICIT)}")
     return problems
 
 
-def _unknown(name: str, allowed: list[str]) -> str:
-    hint = "write engine1.throttle or engine1.thrust for one engine" if name in ("throttle", "thrust") else ""
-    if name in _NOT_FLOWN:
-        hint = f"the simulation does not know {name} yet; fly the database without the term (aerodb.delete_terms)"
-    return str(UnknownName(name, allowed, "model variable of the simulation", hint))
+def _axis_problems(axis: str, known: Mapping[str, int], stage: int) -> list[str]:
+    if axis in IMPLICIT:
+        return [f"{axis} cannot be an axis, the simulation solves for it; make it a regressor"]
+    if axis == "CL":
+        return ["CL cannot be an axis, it is known after the tables; make it a regressor"]
+    return _variable_problems(axis, known, stage)
+
+
+def _variable_problems(name: str, known: Mapping[str, int], stage: int) -> list[str]:
+    if name not in known:
+        hint = "write engine1.throttle or engine1.thrust for one engine" if name in ("throttle", "thrust") else ""
+        return [str(UnknownName(name, list(known), "model variable of the simulation", hint))]
+    if known[name] > stage:
+        return [f"{name} is found only after this table is evaluated; it cannot depend on it"]
+    return []
 
 
 def _meta(db: xr.DataTree, terms: list[Term]) -> str:

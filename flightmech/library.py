@@ -17,7 +17,7 @@ from .errors import AeromatchError, SchemaError, SimulationError
 FOLDER = Path(__file__).parent / "_binaries"
 SUFFIX = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
 
-INPUT, OUTPUT, PARAMETER, VARIABLE, TERM, AXIS = range(6)
+INPUT, OUTPUT, PARAMETER, STATE, VARIABLE, TARGET, TERM, AXIS = range(8)
 FIXED, INTEGER, LINEAR = 1, 2, 4
 
 _doubles = POINTER(c_double)
@@ -50,6 +50,9 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_entry_at": (c_int, [c_void_p, c_int, c_int, POINTER(_Entry)]),
     "am_find": (c_int, [c_void_p, c_int, c_char_p]),
     "am_known": (c_char_p, [c_int, c_int]),
+    "am_known_group": (c_char_p, [c_int, c_int]),
+    "am_known_stage": (c_int, [c_int, c_int]),
+    "am_group": (c_char_p, [c_int]),
     "am_new": (c_void_p, [c_void_p]),
     "am_delete": (None, [c_void_p]),
     "am_copy": (c_int, [c_void_p, c_void_p]),
@@ -67,6 +70,7 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_get_state": (c_int, [c_void_p, _doubles]),
     "am_set_state": (c_int, [c_void_p, _doubles]),
     "am_derivative": (c_int, [c_void_p, _doubles, _doubles, _doubles]),
+    "am_complete_step": (c_int, [c_void_p, c_double]),
     "am_evaluate": (c_int, [c_void_p, c_size_t, _doubles, _doubles, _doubles]),
     "am_out_of_range": (c_int, [c_void_p, _doubles, _doubles]),
 }
@@ -99,13 +103,31 @@ def _platform() -> str:
     return f"{machine}-{platform.system().lower()}"
 
 
+class Known(NamedTuple):
+    """A name that the kernel can compute: its group, the pattern with a star for the item's name, the stage of a variable or target."""
+
+    group: str
+    pattern: str
+    stage: int
+
+
 @cache
-def known(kind: int) -> tuple[str, ...]:
-    """Return the names the kernel can compute; ``engine*.x`` stands for one per engine."""
-    names: list[str] = []
-    while (name := library().am_known(kind, len(names))) is not None:
-        names.append(name.decode())
-    return tuple(names)
+def groups() -> tuple[str, ...]:
+    """Return the groups of names, in the order of a block; the core is ``""``."""
+    found: list[str] = []
+    while (name := library().am_group(len(found))) is not None:
+        found.append(name.decode())
+    return tuple(found)
+
+
+@cache
+def known(kind: int) -> tuple[Known, ...]:
+    """Return the names of one kind that the kernel can compute."""
+    kernel, found = library(), []
+    while (name := kernel.am_known(kind, len(found))) is not None:
+        i = len(found)
+        found.append(Known(kernel.am_known_group(kind, i).decode(), name.decode(), kernel.am_known_stage(kind, i)))
+    return tuple(found)
 
 
 class Model:
@@ -204,7 +226,7 @@ class Simulation:
 
     @property
     def state(self) -> np.ndarray:
-        """State (states,): position, velocity, quaternion, body rates, thrust of each engine."""
+        """State (states,): position, velocity, quaternion, body rates, then the submodels; `entries` of STATE names them."""
         x = np.empty(library().am_state_count(self.model.handle))
         self._demand(library().am_get_state(self.handle, _pointer(x)))
         return x

@@ -48,16 +48,18 @@ enum {
 typedef enum {
     AM_INPUT = 0,      /* delta_e ... wind_d, engine1.throttle ... */
     AM_OUTPUT = 1,     /* V ... out_of_range, engine1.thrust ... */
-    AM_PARAMETER = 2,  /* init.V ... mode.step, engine1.time_constant ..., term.CL.basic ... */
-    AM_VARIABLE = 3,   /* model variables that the tables and terms of this block use: columns of am_evaluate */
-    AM_TERM = 4,       /* CL/basic ...; engine terms (engine1/thrust) come first; columns of am_evaluate */
-    AM_AXIS = 5        /* table axes: the name is that of the variable, low and high are the range */
+    AM_PARAMETER = 2,  /* init.V ... mode.step, engine1.time_constant ..., term.CL.basic ..., power.CL.ground ... */
+    AM_STATE = 3,      /* state.x ... state.r, state.engine1.thrust ... */
+    AM_VARIABLE = 4,   /* model variables that the tables and terms of this block use: columns of am_evaluate */
+    AM_TARGET = 5,     /* what terms add to: CL ..., engine1.thrust ...; only am_known tells of it */
+    AM_TERM = 6,       /* CL/basic ..., engine1/thrust ..., in order of evaluation; columns of am_evaluate */
+    AM_AXIS = 7        /* table axes: the name is that of the variable, low and high are the range */
 } am_kind;
 
 /* am_entry.flags */
 enum {
     AM_FIXED = 1,   /* a parameter that acts at am_initialize only (init.*, mode.*); others may change between steps */
-    AM_INTEGER = 2, /* an enumeration: mode.earth, mode.engine, mode.trim */
+    AM_INTEGER = 2, /* an enumeration: mode.earth, mode.engine, mode.controls, mode.trim */
     AM_LINEAR = 4   /* an axis that goes on linearly beyond its ends instead of holding the end value */
 };
 
@@ -82,10 +84,16 @@ AM_API int am_count(const am_model *model, am_kind kind);
 AM_API int am_entry_at(const am_model *model, am_kind kind, int i, am_entry *entry);
 AM_API int am_find(const am_model *model, am_kind kind, const char *name); /* index, or -1 */
 
-/* Names this library can compute, before any block exists: i-th of AM_INPUT, AM_OUTPUT, AM_PARAMETER or AM_VARIABLE,
- * NULL past the end.  "engine*.x" stands for one per engine and comes after all others; in a block engine1.a engine1.b
- * engine2.a ... follow the plain names, then (parameters) term.<name> for every term. */
+/* Names this library can compute, before any block exists: the i-th of AM_INPUT ... AM_TARGET, NULL past the end.  Names come
+ * in groups (am_group: "" the core, "weather", "engine" ...).  A group has items; those of the core and the weather are
+ * always there, the others once per item of the aircraft, with the item's name in place of the star: engine*.throttle
+ * becomes engine1.throttle, gear.*.force gear.nose.force.  In a block the groups stand in this order, all names of the first
+ * item before those of the second; term.<name> for every term and power.<name> for every power factor follow the parameters. */
 AM_API const char *am_known(am_kind kind, int i);
+AM_API const char *am_known_group(am_kind kind, int i);
+/* Variables: the first stage of the evaluation that may use it; targets: the stage that evaluates it; -1 past the end. */
+AM_API int am_known_stage(am_kind kind, int i);
+AM_API const char *am_group(int i);
 
 /* ---- simulation --------------------------------------------------------------------------------------------------- */
 
@@ -128,12 +136,16 @@ AM_API int am_run(am_sim *sim, size_t n, const double *t, const double *u, int h
 
 /* ---- state access: linearisation, model exchange ------------------------------------------------------------------ */
 
-/* x: position (3) and velocity (3) in Earth axes, quaternion Earth to body (4), p q r, thrust of each engine.
- * Earth axes are Earth-centred Earth-fixed (mode.earth = 1) or north-east-down at the start (mode.earth = 0). */
+/* x as AM_STATE lists it: position (3) and velocity (3) in Earth axes, quaternion Earth to body (4), p q r, then the submodels.
+ * Earth axes are Earth-centred Earth-fixed, or north-east-down at the start on the flat Earth (mode.earth = 0).
+ * What is not a state, such as a control system with friction, stands still in am_derivative. */
 AM_API int am_state_count(const am_model *model);
 AM_API int am_get_state(const am_sim *sim, double *x);
 AM_API int am_set_state(am_sim *sim, const double *x);
 AM_API int am_derivative(am_sim *sim, const double *x, const double *u, double *dx);
+
+/* Model exchange: an accepted step of the importer ends at t; moves what is no state from am_time to t. */
+AM_API int am_complete_step(am_sim *sim, double t);
 
 /* ---- the aero model alone ----------------------------------------------------------------------------------------- */
 

@@ -2,23 +2,52 @@
  *
  * alpha-dot, beta-dot and the load factor depend on the forces that depend on them.  All three are affine in the force
  * and the force is affine in them, so a 3 x 3 linear system gives them exactly: no iteration, no delay by one step. */
+#include "elementary.h"
 #include "model.h"
+
+static double power_value(const am_sim *sim, uint32_t place) {
+    const power_t *power = &sim->model->power[place];
+    const double v = sim->var[power->variable];
+    return am_pow(v > power->floor ? v : power->floor, sim->exponent[place]);
+}
 
 static double term_value(const am_sim *sim, uint32_t i) {
     const term_t *t = &sim->model->term[i];
-    const double value = sim->scale[i] * sim->slot[t->T] * (sim->var[t->v1] * sim->var[t->v2]);
-    return t->K1 | t->K2 ? value * (sim->slot[t->K1] * sim->slot[t->K2]) : value;
+    double value = sim->scale[i] * sim->slot[t->T] * (sim->var[t->v1] * sim->var[t->v2]);
+    if (t->K1 | t->K2) value *= sim->slot[t->K1] * sim->slot[t->K2];
+    return t->power ? value * power_value(sim, t->power - 1) : value;
 }
 
-void evaluate_terms(am_sim *sim, int group) {
-    for (uint32_t i = sim->model->first_term[group]; i < sim->model->first_term[group + 1]; i++) sim->term[i] = term_value(sim, i);
+void evaluate_terms(am_sim *sim, int stage) {
+    for (uint32_t i = sim->model->first_term[stage]; i < sim->model->first_term[stage + 1]; i++) sim->term[i] = term_value(sim, i);
+}
+
+static double sum_of_target(const am_model *m, const double *term, uint32_t target) {
+    double sum = 0.0;
+    for (uint32_t i = m->first_of[target]; i < m->end_of[target]; i++) sum += term[i];
+    return sum;
 }
 
 void sum_coefficients(const am_model *model, const double *term, double c[COEFFICIENTS]) {
-    for (int k = 0; k < COEFFICIENTS; k++) {
-        double sum = 0.0;
-        for (uint32_t i = model->first_of[k]; i < model->first_of[k + 1]; i++) sum += term[i];
-        c[k] = sum;
+    for (uint32_t k = 0; k < COEFFICIENTS; k++) c[k] = sum_of_target(model, term, k);
+}
+
+void evaluate_stage(am_sim *sim, int stage) {
+    const am_model *m = sim->model;
+    look_up(sim, stage);
+    evaluate_terms(sim, stage);
+    for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) sim->sum[m->term[i].target] = 0.0;
+    for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) sim->sum[m->term[i].target] += sim->term[i];
+}
+
+/* The terms with CL as a factor, once CL is known; they were zero in the sums. */
+static void add_late(am_sim *sim, double c[COEFFICIENTS]) {
+    const am_model *m = sim->model;
+    sim->var[A_CL] = c[0];
+    for (uint32_t k = 0; k < m->lates; k++) {
+        const uint32_t i = m->late[k];
+        sim->term[i] = term_value(sim, i);
+        c[m->term[i].target] += sim->term[i];
     }
 }
 
@@ -84,12 +113,12 @@ static void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], uint32_t
 static void close_loop(am_sim *sim, const double force[3], const double free_fall[3], double c[COEFFICIENTS]) {
     const am_model *m = sim->model;
     const uint32_t n = m->unknowns;
-    const double per_mass = 1.0 / sim->par[P_MASS], qS = sim->now.qbar * m->S;
+    const double per_mass = 1.0 / sim->now.mass, qS = sim->now.qbar * m->S;
     double slope[IMPLICIT][COEFFICIENTS] = {{0.0}}, push[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
     for (uint32_t j = 0; j < n; j++) sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
     for (uint32_t i = 0; i < m->implicits; i++) {
         const uint32_t term = m->implicit[i][0];
-        slope[m->implicit[i][1]][m->term[term].coefficient] += term_value(sim, term);
+        slope[m->implicit[i][1]][m->term[term].target] += term_value(sim, term);
     }
     for (uint32_t j = 0; j < n; j++) {
         to_house(sim, slope[j]);
@@ -107,30 +136,32 @@ static void close_loop(am_sim *sim, const double force[3], const double free_fal
     }
 }
 
-static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double thrust_force[3], double F[3]) {
+static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double applied[3], double F[3]) {
     const double qS = sim->now.qbar * sim->model->S;
     house_to_body(&sim->now, c, F);
-    for (int i = 0; i < 3; i++) F[i] = qS * F[i] + thrust_force[i];
+    for (int i = 0; i < 3; i++) F[i] = qS * F[i] + applied[i];
 }
 
 /* Sets coefficients, force, aerodynamic moment about the reference point and the flow rates.
- * free_fall: acceleration of the air-relative velocity in body axes without any force but gravity. */
-void aero_forces(am_sim *sim, const double thrust_force[3], const double free_fall[3]) {
+ * applied: the other forces but gravity (thrust, gear); free_fall: acceleration of the air-relative velocity in body axes without any force but gravity. */
+void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]) {
     const am_model *m = sim->model;
     now_t *now = &sim->now;
     double row[3], a[3];
     for (int j = 0; j < IMPLICIT; j++) sim->var[A_ALPHADOTHAT + j] = 0.0;
-    look_up(sim, AERO_GROUP);
-    evaluate_terms(sim, AERO_GROUP);
+    sim->var[A_CL] = 0.0;
+    look_up(sim, STAGE_AERO);
+    evaluate_terms(sim, STAGE_AERO);
     sum_coefficients(m, sim->term, now->c);
     to_house(sim, now->c);
     for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
-    forces_of(sim, now->c, thrust_force, now->F);
+    forces_of(sim, now->c, applied, now->F);
     if (m->unknowns) {
         close_loop(sim, now->F, free_fall, now->c);
-        forces_of(sim, now->c, thrust_force, now->F);
+        forces_of(sim, now->c, applied, now->F);
     }
-    const double per_mass = 1.0 / sim->par[P_MASS];
+    if (m->lates) add_late(sim, now->c);
+    const double per_mass = 1.0 / sim->now.mass;
     for (int i = 0; i < 3; i++) a[i] = now->acceleration[i] = now->F[i] * per_mass + free_fall[i];
     flow_rate(now, 0, row);
     now->alpha_dot = dot(row, a);

@@ -19,23 +19,37 @@ static void count_outside(am_sim *sim) {
     }
 }
 
-/* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step covers. */
-static void runge_kutta(am_sim *sim, double h, const double *u0, const double *u1, double s0, double s1) {
+/* The discrete part of the submodels from t to t + h; u0 and u1 are the inputs at both ends. */
+void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1) {
+    weather_advance(sim, t, h, u0, u1);
+    engine_advance(sim, t, h, u0, u1);
+    control_advance(sim, t, h, u0, u1);
+}
+
+static void slope(am_sim *sim, double t, double h, double part, const double *x, const double *u, double *k) {
+    sim->part = part, sim->clock = t + part * h;
+    derivative(sim, x, u, k);
+}
+
+/* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step from t covers. */
+static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const double *u1, double s0, double s1) {
     const am_model *m = sim->model;
     const int n = am_state_count(m);
     double *k1 = sim->k, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *x = sim->x, *to = sim->x_work, *u = sim->u_work;
+    const bool fresh = sim->fresh;
+    blend(m, u0, u1, s1, sim->u_end);
     blend(m, u0, u1, s0, u);
-    if (!sim->fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) derivative(sim, x, u, k1);
+    if (m->memories) advance_memory(sim, t, h, u, sim->u_end);
+    if (!fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) slope(sim, t, h, 0.0, x, u, k1);
     sim->fresh = false;
     count_outside(sim);
     blend(m, u0, u1, 0.5 * (s0 + s1), u);
     advance(n, x, 0.5 * h, k1, to);
-    derivative(sim, to, u, k2);
+    slope(sim, t, h, 0.5, to, u, k2);
     advance(n, x, 0.5 * h, k2, to);
-    derivative(sim, to, u, k3);
-    blend(m, u0, u1, s1, u);
+    slope(sim, t, h, 0.5, to, u, k3);
     advance(n, x, h, k3, to);
-    derivative(sim, to, u, k4);
+    slope(sim, t, h, 1.0, to, sim->u_end, k4);
     for (int i = 0; i < n; i++) to[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
 
@@ -62,7 +76,7 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
     const long n = dt > 0.0 && parts < 1.0 ? 1 : (long)parts;
     for (long i = 0; i < n; i++) {
         const double s0 = (double)i / (double)n, s1 = (double)(i + 1) / (double)n;
-        runge_kutta(sim, dt / (double)n, u0, u1, s0, s1);
+        runge_kutta(sim, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
         sim->time = t + dt * s1;
         if (!all_finite(sim->x_work, (size_t)am_state_count(sim->model)))
             return fail(sim, AM_NOT_FINITE, "the state is not finite at t = %g s; the model has diverged", sim->time);

@@ -8,20 +8,23 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define AM_FORMAT 1
+#define AM_FORMAT 2
 #define MAX_AXES 4
 #define MAX_ENGINES 16
+#define MAX_ITEMS 16     /* of one group */
 #define G0 9.80665       /* standard gravity [m s-2] */
 #define V_FLOOR 1e-3     /* lower bound of V in reduced rates [m s-1] */
+#define QBAR_FLOOR 1.0   /* lower bound of the dynamic pressure in the thrust coefficient [Pa] */
 #define FLOW_FLOOR 0.15   /* below it alpha-dot and beta-dot are zero [m s-1] */
-#define RIGID_STATES 13
 #define COEFFICIENTS 6   /* CL CD CY Cl Cm Cn; with body force axes CX CZ CY Cl Cm Cn */
 #define IMPLICIT 3       /* alphadothat, betadothat, dnz: consecutive variables from A_ALPHADOTHAT */
+#define NAME_SIZE 80     /* of a name with the item in place of the star */
 
-enum { ENGINE_GROUP, AERO_GROUP, GROUPS };
 enum { STABILITY_AXES, WIND_AXES, BODY_AXES };
-enum { FLAT_EARTH, WGS84_EARTH };
-enum { THROTTLE_DRIVEN = 0, THRUST_DRIVEN = 2 };
+enum { FLAT_EARTH, WGS84_EARTH, SPHERE_FIXED, SPHERE_ROTATING };
+enum { LEVER_DRIVEN, N1_DRIVEN, THRUST_DRIVEN };
+enum { SURFACE_DRIVEN, POSITION_DRIVEN, FORCE_DRIVEN };
+enum { NAMED_KINDS = AM_TARGET + 1 }; /* kinds whose names are those of the lists: AM_INPUT ... AM_TARGET */
 
 typedef struct {
     const double *point;
@@ -39,29 +42,39 @@ typedef struct {
 typedef struct {
     uint32_t K1, K2, T; /* slots of table values; 0 is the constant 1 */
     uint32_t v1, v2;    /* variables; A_ONE is the constant 1 */
-    uint32_t coefficient; /* 0..5, or 6 + engine */
+    uint32_t target;
+    uint32_t power;     /* 0 none, else 1 + place among the power factors */
 } term_t;
 
+/* A factor max(v, floor)^exponent; the exponent is a parameter. */
 typedef struct {
-    double position[3], direction[3];
-    bool has_table;
-} engine_t;
+    uint32_t variable;
+    double floor;
+} power_t;
 
 struct am_model {
     unsigned char *block;
     const char *title, *meta;
     am_entry *entry[AM_AXIS + 1];
     int count[AM_AXIS + 1];
+    uint32_t items[GROUPS];
+    uint32_t first[NAMED_KINDS][GROUPS]; /* where the names of a group begin, and how many an item has */
+    uint32_t per[NAMED_KINDS][GROUPS];
+    uint32_t total[NAMED_KINDS];
+    uint32_t first_memory[GROUPS], first_work[GROUPS], memories, works;
+    const char *item[GROUPS][MAX_ITEMS];
     uint32_t *variable; /* code of each catalogued variable */
     axis_t *axis;
     bundle_t *bundle;
     term_t *term;
+    power_t *power;
     uint32_t (*implicit)[2]; /* term, place in unknown of the implicit variable that multiplies it */
     uint32_t unknown[IMPLICIT], unknowns; /* the implicit variables in use, 0..2 from A_ALPHADOTHAT */
-    engine_t *engine;
-    uint32_t axes, bundles, terms, implicits, engines, slots, variables;
-    uint32_t first_axis[GROUPS + 1], first_bundle[GROUPS + 1], first_term[GROUPS + 1];
-    uint32_t first_of[COEFFICIENTS + 1]; /* terms of coefficient c: first_of[c] ... first_of[c + 1] - 1 */
+    uint32_t *late; /* terms with CL as a factor */
+    uint32_t axes, bundles, terms, powers, implicits, lates, slots;
+    uint32_t first_axis[STAGES + 1], first_bundle[STAGES + 1], first_term[STAGES + 1];
+    uint32_t *target_stage, *first_of; /* terms of target t: first_of[t] ... end_of[t] - 1 */
+    uint32_t *end_of;
     double S, cbar, b, x_ref_mac;
     int force_axes;
     bool uses_phi;
@@ -83,6 +96,8 @@ typedef struct {
     double u, v, w, V, Vxz, alpha, beta, mach, qbar;
     double ca, sa, cb, sb;                       /* cosine and sine of alpha and beta */
     double rate[3];                              /* body rates relative to Earth and air */
+    double gust_rate[3];                         /* rotation of the air about the body axes */
+    double mass, cg[3], J[3][3], J_inverse[3][3]; /* of the moment; cg from the moment reference point */
     double F[3], M[3];                           /* non-gravitational force, moment about the c.g., body axes */
     double acceleration[3], angular[3];          /* d(u, v, w)/dt relative to the air, d(p, q, r)/dt */
     double alpha_dot, beta_dot;
@@ -97,20 +112,53 @@ typedef struct {
 /* The pointers lead into the same piece of memory, after the struct; am_copy copies everything from `now` on. */
 struct am_sim {
     const am_model *model;
-    double *par, *scale, *u, *x, *var, *slot, *term, *fraction, *below, *above;
-    double *x_work, *k, *u_work;
+    double *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *below, *above;
+    double *memory; /* discrete part of the submodels */
+    double *work;   /* what the submodels found in the last derivative */
+    double *x_work, *k, *u_work, *u_end;
     uint32_t *cell;
     int8_t *outside; /* -1 below, 0 inside, 1 above */
     now_t now;
     atmosphere_t atmosphere;
     trim_t trim;
-    double J[3][3], J_inverse[3][3], omega;
-    double time;
-    int earth, drive;
+    double omega; /* of the Earth */
+    double time;  /* reached */
+    double clock; /* of the derivative that is being evaluated */
+    double part;  /* its place in the internal step, 0 ... 1 */
+    int earth, drive, controls;
     bool prepared, ready;
-    bool fresh; /* now, slots and first slope k belong to the present x, u and parameters */
+    bool fresh; /* now, slots and first slope k belong to the present x, u, memory and parameters */
     char text[200];
 };
+
+static inline uint32_t items(const am_model *m, int group) { return m->items[group]; }
+
+/* Index of the first name of one kind that belongs to an item of a group. */
+static inline uint32_t place(const am_model *m, int kind, int group, uint32_t item) {
+    return m->first[kind][group] + item * m->per[kind][group];
+}
+
+/* The piece of an array that belongs to an item. */
+static inline double *par_of(const am_sim *sim, int group, uint32_t item) { return sim->par + place(sim->model, AM_PARAMETER, group, item); }
+static inline double *var_of(const am_sim *sim, int group, uint32_t item) { return sim->var + place(sim->model, AM_VARIABLE, group, item); }
+static inline double *sum_of(const am_sim *sim, int group, uint32_t item) { return sim->sum + place(sim->model, AM_TARGET, group, item); }
+static inline const double *input_of(const am_sim *sim, const double *u, int group, uint32_t item) {
+    return u + place(sim->model, AM_INPUT, group, item);
+}
+static inline double *output_of(const am_sim *sim, double *y, int group, uint32_t item) {
+    return y + place(sim->model, AM_OUTPUT, group, item);
+}
+static inline const double *state_of(const am_sim *sim, const double *x, int group, uint32_t item) {
+    return x + place(sim->model, AM_STATE, group, item);
+}
+static inline double *rate_of(const am_sim *sim, double *dx, int group, uint32_t item) { return dx + place(sim->model, AM_STATE, group, item); }
+double *memory_of(const am_sim *sim, int group, uint32_t item);
+double *work_of(const am_sim *sim, int group, uint32_t item);
+
+static inline bool has_terms(const am_model *m, int group, uint32_t item, uint32_t target) {
+    const uint32_t t = place(m, AM_TARGET, group, item) + target;
+    return m->first_of[t] < m->end_of[t];
+}
 
 static inline double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
@@ -131,9 +179,14 @@ static inline void from_body(const double C[3][3], const double b[3], double a[3
 /* pack.c */
 bool all_finite(const double *a, size_t n);
 /* names.c */
-int known_count(am_kind kind, bool per_engine);
+const char *group_pattern(int kind, int group, uint32_t code); /* NULL past the last */
+uint32_t group_size(int kind, int group);
+int pattern_stage(int kind, int group, uint32_t code); /* of a variable or target */
+void item_name(char to[NAME_SIZE], const char *pattern, const char *item);
+uint32_t memory_size(int group);
+uint32_t work_size(int group);
 /* table.c */
-void look_up(am_sim *sim, int group);
+void look_up(am_sim *sim, int stage);
 /* air_data.c */
 void set_atmosphere(atmosphere_t *atm, double delta_T, double qnh);
 void atmosphere_at(const atmosphere_t *atm, double h, double *T, double *p, double *rho, double *a);
@@ -149,21 +202,49 @@ void quaternion_matrix(const double q[4], double C[3][3]);
 void matrix_quaternion(const double C[3][3], double q[4]);
 void euler_matrix(double phi, double theta, double psi, double C[3][3]);
 /* aero.c */
-void evaluate_terms(am_sim *sim, int group);
+void evaluate_stage(am_sim *sim, int stage); /* tables, terms and sums of a stage */
+void evaluate_terms(am_sim *sim, int stage);
 void sum_coefficients(const am_model *model, const double *term, double c[COEFFICIENTS]);
-void aero_forces(am_sim *sim, const double thrust_force[3], const double free_fall[3]);
+void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]);
+/* weather.c */
+int weather_check(am_sim *sim);
+void weather_start(am_sim *sim, double t);
+void weather_advance(am_sim *sim, double t, double h, const double *u0, const double *u1);
+void weather_wind(am_sim *sim, const double *u, double wind[3]);
+void weather_outputs(am_sim *sim, double *y);
+/* fuel.c */
+int fuel_check(am_sim *sim);
+void fuel_start(am_sim *sim, double t);
+void mass_now(am_sim *sim, const double *x);
+void fuel_outputs(am_sim *sim, double *y);
 /* engine.c */
+int engine_check(am_sim *sim);
+void engine_start(am_sim *sim, double t);
+void engine_advance(am_sim *sim, double t, double h, const double *u0, const double *u1);
+void engine_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3], double H[3], double *dx);
 double applied_throttle(const am_sim *sim, const double *u, uint32_t engine);
-void engine_thrust(am_sim *sim, const double *x, const double *u);
-void engine_forces(const am_sim *sim, double F[3], double M[3], double H[3]);
-void engine_derivative(const am_sim *sim, const double *x, double *dx);
+void engine_outputs(am_sim *sim, double *y);
+/* gear.c */
+int gear_check(am_sim *sim);
+void gear_start(am_sim *sim, double t);
+void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3], double *dx);
+void gear_outputs(am_sim *sim, double *y);
+/* control.c */
+int control_check(am_sim *sim);
+void control_start(am_sim *sim, double t);
+void control_advance(am_sim *sim, double t, double h, const double *u0, const double *u1);
+double control_deflection(const am_sim *sim, const double *u, int control);
+void control_outputs(am_sim *sim, double *y);
 /* sixdof.c */
 double applied(const am_sim *sim, const double *u, int control);
+void look_around(am_sim *sim, const double *x, const double *u);
 void derivative(am_sim *sim, const double *x, const double *u, double *dx);
-void settle_engines(am_sim *sim);
+/* integrate.c */
+void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1);
 /* sim.c */
 size_t sim_size(const am_model *model);
 int fail(am_sim *sim, int status, const char *format, ...);
+int bad_parameter(am_sim *sim, uint32_t parameter, const char *rule); /* fails with: <name> is <value>; it must be <rule> */
 void take_inputs(am_sim *sim, const double *u);
 int ready(am_sim *sim);
 int refresh(am_sim *sim);

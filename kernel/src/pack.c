@@ -15,7 +15,7 @@
 #define NO_STRING UINT32_MAX
 #define MOST 1000000u /* upper bound of any count; keeps products inside 64 bits */
 
-enum { GEOMETRY, INPUTS, OUTPUTS, PARAMETERS, VARIABLES, AXES, POINTS, BUNDLES, NODES, TERMS, ENGINES, STRINGS, SECTIONS };
+enum { GEOMETRY, INPUTS, OUTPUTS, PARAMETERS, STATES, VARIABLES, AXES, POINTS, BUNDLES, NODES, TERMS, ITEMS, STRINGS, SECTIONS };
 
 typedef struct {
     char magic[8];
@@ -40,28 +40,30 @@ typedef struct {
 } entry_record;
 
 typedef struct {
-    uint32_t variable, first, count, linear, group, reserved;
+    uint32_t variable, first, count, linear, stage, reserved;
 } axis_record;
 
 typedef struct {
-    uint32_t axes, axis[MAX_AXES], width, group, reserved;
+    uint32_t axes, axis[MAX_AXES], width, stage, reserved;
     uint64_t first; /* index of the first node in NODES */
 } bundle_record;
 
 typedef struct {
-    uint32_t name, description, K1, K2, T, v1, v2, coefficient; /* v1, v2: 0 none, else variable + 1 */
+    uint32_t name, description, K1, K2, T, v1, v2, target, power, reserved; /* v1, v2, power: 0 none, else variable + 1 */
+    double floor;                                                            /* of the power's variable */
 } term_record;
 
 typedef struct {
-    double position[3], direction[3];
-} engine_record;
+    uint32_t group, name;
+} item_record;
 
 static const size_t RECORD[SECTIONS] = {
-    sizeof(geometry_record), sizeof(entry_record),  sizeof(entry_record), sizeof(entry_record), sizeof(entry_record), sizeof(axis_record),
-    sizeof(double),          sizeof(bundle_record), sizeof(double),       sizeof(term_record),  sizeof(engine_record), 1,
+    sizeof(geometry_record), sizeof(entry_record), sizeof(entry_record),  sizeof(entry_record), sizeof(entry_record),
+    sizeof(entry_record),    sizeof(axis_record),  sizeof(double),        sizeof(bundle_record), sizeof(double),
+    sizeof(term_record),     sizeof(item_record),  1,
 };
 static const char *const SECTION_NAME[SECTIONS] = {
-    "geometry", "inputs", "outputs", "parameters", "variables", "axes", "points", "bundles", "nodes", "terms", "engines", "strings",
+    "geometry", "inputs", "outputs", "parameters", "states", "variables", "axes", "points", "bundles", "nodes", "terms", "items", "strings",
 };
 
 typedef struct {
@@ -146,10 +148,10 @@ bool all_finite(const double *a, size_t n) {
 static bool reserve(reader *r) {
     am_model *m = r->model;
     m->axes = (uint32_t)r->count[AXES], m->bundles = (uint32_t)r->count[BUNDLES];
-    m->terms = (uint32_t)r->count[TERMS], m->engines = (uint32_t)r->count[ENGINES];
-    if (m->engines > MAX_ENGINES) return refuse(r, "model block: %u engines; at most %d are possible", (unsigned)m->engines, MAX_ENGINES);
+    m->terms = (uint32_t)r->count[TERMS];
     m->count[AM_INPUT] = (int)r->count[INPUTS], m->count[AM_OUTPUT] = (int)r->count[OUTPUTS];
-    m->count[AM_PARAMETER] = (int)r->count[PARAMETERS], m->count[AM_VARIABLE] = (int)r->count[VARIABLES];
+    m->count[AM_PARAMETER] = (int)r->count[PARAMETERS], m->count[AM_STATE] = (int)r->count[STATES];
+    m->count[AM_VARIABLE] = (int)r->count[VARIABLES];
     m->count[AM_TERM] = (int)m->terms, m->count[AM_AXIS] = (int)m->axes;
     for (int kind = AM_INPUT; kind <= AM_AXIS; kind++)
         if (!(m->entry[kind] = calloc((size_t)m->count[kind] + 1, sizeof(am_entry)))) return refuse(r, "model block: no memory");
@@ -158,8 +160,9 @@ static bool reserve(reader *r) {
     m->bundle = calloc(m->bundles + 1, sizeof *m->bundle);
     m->term = calloc(m->terms + 1, sizeof *m->term);
     m->implicit = calloc(m->terms + 1, sizeof *m->implicit);
-    m->engine = calloc(m->engines + 1, sizeof *m->engine);
-    if (!m->variable || !m->axis || !m->bundle || !m->term || !m->implicit || !m->engine) return refuse(r, "model block: no memory");
+    m->late = calloc(m->terms + 1, sizeof *m->late);
+    m->power = calloc(m->terms + 1, sizeof *m->power);
+    if (!m->variable || !m->axis || !m->bundle || !m->term || !m->implicit || !m->late || !m->power) return refuse(r, "model block: no memory");
     return true;
 }
 
@@ -192,48 +195,93 @@ static bool read_entries(reader *r, int section, am_kind kind) {
     return true;
 }
 
-/* "engine*.x" with the number of the engine in place of the star. */
-static void engine_name(char *to, size_t n, const char *pattern, uint32_t engine) {
-    snprintf(to, n, "engine%u%s", (unsigned)(engine + 1), pattern + strlen("engine*"));
+/* Items of the groups, sorted by group; core and weather have exactly one, which has no name. */
+static bool read_items(reader *r) {
+    am_model *m = r->model;
+    const item_record *record = r->at[ITEMS];
+    for (size_t i = 0; i < r->count[ITEMS]; i++) {
+        const uint32_t group = record[i].group;
+        const char *name = string_at(r, record[i].name);
+        if (group >= GROUPS || !name || (i && group < record[i - 1].group)) return refuse(r, "model block: item %zu has a wrong group or name", i);
+        if (m->items[group] == MAX_ITEMS) return refuse(r, "model block: more than %d items %s", MAX_ITEMS, am_group((int)group));
+        if (strlen(name) >= NAME_SIZE / 2) return refuse(r, "model block: the name of item %zu is too long", i);
+        m->item[group][m->items[group]++] = name;
+    }
+    if (m->items[G_CORE] != 1 || m->items[G_WEATHER] != 1) return refuse(r, "model block: core and weather must be there once");
+    if (m->items[G_FUEL] > 1 || m->items[G_GEAR] > 1) return refuse(r, "model block: fuel and gear can be there only once");
+    if (m->items[G_SPOOL] && m->items[G_SPOOL] != m->items[G_ENGINE])
+        return refuse(r, "model block: %u engines have spools, of %u", (unsigned)m->items[G_SPOOL], (unsigned)m->items[G_ENGINE]);
+    if (m->items[G_CONTACT] && !m->items[G_GEAR]) return refuse(r, "model block: contacts without a gear");
+    return true;
+}
+
+/* Where the names of each group begin. */
+static bool lay_out(reader *r) {
+    am_model *m = r->model;
+    for (int kind = 0; kind < NAMED_KINDS; kind++) {
+        uint32_t next = kind == AM_VARIABLE; /* variable 0 is the constant 1 */
+        for (int group = 0; group < GROUPS; group++) {
+            m->per[kind][group] = group_size(kind, group);
+            m->first[kind][group] = group == G_CORE ? 0 : next;
+            next += m->items[group] * m->per[kind][group];
+        }
+        m->total[kind] = next;
+    }
+    for (int group = 0; group < GROUPS; group++) {
+        m->first_memory[group] = m->memories, m->first_work[group] = m->works;
+        m->memories += m->items[group] * memory_size(group), m->works += m->items[group] * work_size(group);
+    }
+    m->target_stage = calloc(3 * (size_t)m->total[AM_TARGET] + 1, sizeof *m->target_stage);
+    if (!m->target_stage) return refuse(r, "model block: no memory");
+    m->first_of = m->target_stage + m->total[AM_TARGET], m->end_of = m->first_of + m->total[AM_TARGET];
+    for (int group = 0; group < GROUPS; group++)
+        for (uint32_t item = 0; item < m->items[group]; item++)
+            for (uint32_t code = 0; code < m->per[AM_TARGET][group]; code++)
+                m->target_stage[place(m, AM_TARGET, group, item) + code] = (uint32_t)pattern_stage(AM_TARGET, group, code);
+    return true;
 }
 
 /* The catalogue must hold exactly the names of the library, in its order, so that an index is a code. */
 static bool check_names(reader *r, am_kind kind, size_t extra) {
     const am_model *m = r->model;
     const char *section = SECTION_NAME[INPUTS + (int)kind];
-    const size_t fixed = (size_t)known_count(kind, false), each = (size_t)known_count(kind, true);
-    const size_t expected = fixed + each * m->engines + extra;
+    const size_t expected = m->total[kind] + extra;
     if ((size_t)m->count[kind] != expected)
         return refuse(r, "model block: %d %s, this library needs %zu; compile the model again", m->count[kind], section, expected);
-    for (size_t i = 0; i < expected - extra; i++) {
-        char name[64];
-        if (i < fixed) snprintf(name, sizeof name, "%s", am_known(kind, (int)i));
-        else engine_name(name, sizeof name, am_known(kind, (int)(fixed + (i - fixed) % each)), (uint32_t)((i - fixed) / each));
-        if (strcmp(name, m->entry[kind][i].name) != 0)
-            return refuse(r, "model block: %s %zu is %s, expected %s; compile the model again", section, i, m->entry[kind][i].name, name);
-    }
+    for (int group = 0; group < GROUPS; group++)
+        for (uint32_t item = 0; item < m->items[group]; item++)
+            for (uint32_t code = 0; code < m->per[kind][group]; code++) {
+                char name[NAME_SIZE];
+                const uint32_t i = place(m, (int)kind, group, item) + code;
+                item_name(name, group_pattern((int)kind, group, code), m->item[group][item]);
+                if (strcmp(name, m->entry[kind][i].name) != 0)
+                    return refuse(r, "model block: %s %u is %s, expected %s; compile the model again", section, (unsigned)i,
+                                  m->entry[kind][i].name, name);
+            }
     return true;
 }
 
-static bool variable_code(const am_model *m, const char *name, uint32_t *code) {
-    const int fixed = known_count(AM_VARIABLE, false), each = known_count(AM_VARIABLE, true);
-    for (int i = 0; i < fixed; i++)
-        if (strcmp(name, am_known(AM_VARIABLE, i)) == 0) return *code = (uint32_t)i + 1, true;
-    for (uint32_t engine = 0; engine < m->engines; engine++)
-        for (int i = 0; i < each; i++) {
-            char known[64];
-            engine_name(known, sizeof known, am_known(AM_VARIABLE, fixed + i), engine);
-            if (strcmp(name, known) == 0) return *code = (uint32_t)(A_FIXED + (int)engine * each + i), true;
-        }
+static bool variable_code(const am_model *m, const char *name, uint32_t *code, int *stage) {
+    for (int group = 0; group < GROUPS; group++)
+        for (uint32_t item = 0; item < m->items[group]; item++)
+            for (uint32_t i = 0; i < m->per[AM_VARIABLE][group]; i++) {
+                char known[NAME_SIZE];
+                item_name(known, group_pattern(AM_VARIABLE, group, i), m->item[group][item]);
+                if (strcmp(name, known) != 0) continue;
+                *code = place(m, AM_VARIABLE, group, item) + i + (group == G_CORE); /* the constant 1 goes before the core */
+                *stage = pattern_stage(AM_VARIABLE, group, i);
+                return true;
+            }
     return false;
 }
 
 static bool read_variables(reader *r) {
     am_model *m = r->model;
-    m->variables = (uint32_t)(A_FIXED + A_PER_ENGINE * (int)m->engines);
     for (int i = 0; i < m->count[AM_VARIABLE]; i++) {
         const char *name = m->entry[AM_VARIABLE][i].name;
-        if (!variable_code(m, name, &m->variable[i])) return refuse(r, "model block: unknown variable %s", name);
+        int stage;
+        if (!variable_code(m, name, &m->variable[i], &stage)) return refuse(r, "model block: unknown variable %s", name);
+        m->entry[AM_VARIABLE][i].value = stage;
         m->uses_phi |= m->variable[i] == A_PHI;
     }
     return true;
@@ -241,13 +289,14 @@ static bool read_variables(reader *r) {
 
 static bool is_implicit(uint32_t code) { return code >= A_ALPHADOTHAT && code < A_ALPHADOTHAT + IMPLICIT; }
 
-static bool is_thrust(uint32_t code) { return code >= A_FIXED && (code - A_FIXED) % A_PER_ENGINE == A_THRUST; }
+/* A stage must not read what is found only after it. */
+static bool known_in(const reader *r, uint32_t variable, uint32_t stage) { return r->model->entry[AM_VARIABLE][variable].value <= stage; }
 
 static bool read_axes(reader *r) {
     am_model *m = r->model;
     const axis_record *record = r->at[AXES];
     const double *points = r->at[POINTS];
-    uint32_t group = ENGINE_GROUP;
+    uint32_t stage = 0;
     for (uint32_t i = 0; i < m->axes; i++) {
         if (record[i].variable >= r->count[VARIABLES]) return refuse(r, "model block: axis %u has no variable", (unsigned)i);
         const uint32_t code = m->variable[record[i].variable], count = record[i].count, first = record[i].first;
@@ -260,34 +309,34 @@ static bool read_axes(reader *r) {
         for (uint32_t k = 1; k < count; k++)
             if (!(p[k] > p[k - 1]))
                 return refuse(r, "model block: axis %u (%s) does not rise at point %u", (unsigned)i, e->name, (unsigned)k);
-        if (record[i].group < group || record[i].group >= GROUPS) return refuse(r, "model block: axes are not sorted by group");
-        while (group < record[i].group) m->first_axis[++group] = i;
-        if (is_implicit(code)) return refuse(r, "model block: %s cannot be a table axis; it may be a regressor only", e->name);
-        if (group == ENGINE_GROUP && is_thrust(code)) return refuse(r, "model block: %s cannot be an axis of an engine table", e->name);
+        if (record[i].stage < stage || record[i].stage >= STAGES) return refuse(r, "model block: axes are not sorted by stage");
+        while (stage < record[i].stage) m->first_axis[++stage] = i;
+        if (is_implicit(code) || code == A_CL) return refuse(r, "model block: %s cannot be a table axis; it may be a regressor only", e->name);
+        if (!known_in(r, record[i].variable, stage)) return refuse(r, "model block: %s is not yet known where a table needs it", e->name);
         m->axis[i] = (axis_t){p, count, code, record[i].linear != 0};
         e->low = p[0], e->high = p[count - 1], e->value = 0.0;
         e->flags = record[i].linear ? AM_LINEAR : 0;
     }
-    while (group < GROUPS) m->first_axis[++group] = m->axes;
+    while (stage < STAGES) m->first_axis[++stage] = m->axes;
     return true;
 }
 
 static bool read_bundles(reader *r) {
     am_model *m = r->model;
     const bundle_record *record = r->at[BUNDLES];
-    uint32_t group = ENGINE_GROUP;
+    uint32_t stage = 0;
     m->slots = 1;
     for (uint32_t i = 0; i < m->bundles; i++) {
         const bundle_record *b = &record[i];
         bundle_t *to = &m->bundle[i];
         if (b->axes > MAX_AXES || b->width == 0 || b->width > MOST)
             return refuse(r, "model block: bundle %u has a wrong number of axes or tables", (unsigned)i);
-        if (b->group < group || b->group >= GROUPS) return refuse(r, "model block: bundles are not sorted by group");
-        while (group < b->group) m->first_bundle[++group] = i;
+        if (b->stage < stage || b->stage >= STAGES) return refuse(r, "model block: bundles are not sorted by stage");
+        while (stage < b->stage) m->first_bundle[++stage] = i;
         size_t doubles = b->width;
         for (uint32_t k = b->axes; k-- > 0;) {
-            if (b->axis[k] < m->first_axis[group] || b->axis[k] >= m->first_axis[group + 1])
-                return refuse(r, "model block: bundle %u refers to an axis that is not in its group", (unsigned)i);
+            if (b->axis[k] < m->first_axis[stage] || b->axis[k] >= m->first_axis[stage + 1])
+                return refuse(r, "model block: bundle %u refers to an axis that is not in its stage", (unsigned)i);
             const uint32_t count = m->axis[b->axis[k]].count;
             to->axis[k] = b->axis[k];
             to->stride[k] = count > 1 ? doubles : 0;
@@ -301,7 +350,7 @@ static bool read_bundles(reader *r) {
         m->slots += b->width;
         if (m->slots > MOST) return refuse(r, "model block: too many tables");
     }
-    while (group < GROUPS) m->first_bundle[++group] = m->bundles;
+    while (stage < STAGES) m->first_bundle[++stage] = m->bundles;
     if (!all_finite(r->at[NODES], r->count[NODES])) return refuse(r, "model block: a table node is not finite");
     return true;
 }
@@ -319,81 +368,97 @@ static uint32_t unknown_place(am_model *m, uint32_t kind) {
     return m->unknowns++;
 }
 
-static bool note_implicit(reader *r, uint32_t i) {
+/* A term may hold one of alphadothat, betadothat, dnz, which are solved for, or CL, which is known after all terms of CL. */
+static bool note_special(reader *r, uint32_t i) {
     am_model *m = r->model;
     const term_t *t = &m->term[i];
-    const bool first = is_implicit(t->v1), second = is_implicit(t->v2);
-    if (!first && !second) return true;
     const char *name = m->entry[AM_TERM][i].name;
+    const bool first = is_implicit(t->v1), second = is_implicit(t->v2), lift = t->v1 == A_CL || t->v2 == A_CL;
     if (first && second) return refuse(r, "model block: term %s has two of alphadothat, betadothat, dnz; only one can be solved for", name);
-    if (t->coefficient >= COEFFICIENTS)
-        return refuse(r, "model block: engine term %s cannot depend on alphadothat, betadothat or dnz", name);
+    if (lift && (first || second || t->target < T_ROLL || t->target > T_YAW))
+        return refuse(r, "model block: term %s uses CL, which only terms of Cl, Cm and Cn without alphadothat, betadothat, dnz can", name);
+    if ((first || second || lift) && t->target >= COEFFICIENTS)
+        return refuse(r, "model block: term %s cannot depend on alphadothat, betadothat, dnz or CL", name);
+    if (lift) m->late[m->lates++] = i;
+    if (!first && !second) return true;
     m->implicit[m->implicits][0] = i;
     m->implicit[m->implicits++][1] = unknown_place(m, (first ? t->v1 : t->v2) - A_ALPHADOTHAT);
     return true;
 }
 
-/* Engine terms first, then CL CD CY Cl Cm Cn. */
-static uint32_t rank(uint32_t coefficient) { return coefficient >= COEFFICIENTS ? coefficient - COEFFICIENTS : MAX_ENGINES + coefficient; }
+static bool read_power(reader *r, const term_record *b, term_t *t, const char *name) {
+    am_model *m = r->model;
+    uint32_t code;
+    if (!b->power) return true;
+    if (!factor(r, b->power, &code) || !known_in(r, b->power - 1, m->target_stage[b->target]) || is_implicit(code) || code == A_CL)
+        return refuse(r, "model block: term %s has a power of an unknown variable", name);
+    if (!(b->floor > 0.0) || !isfinite(b->floor)) return refuse(r, "model block: term %s: the floor of its power must be positive", name);
+    m->power[m->powers++] = (power_t){code, b->floor};
+    t->power = m->powers;
+    return true;
+}
+
+/* First slot of each stage. */
+static void slots_of(const am_model *m, uint32_t first[STAGES + 1]) {
+    for (int stage = 0; stage <= STAGES; stage++)
+        first[stage] = m->first_bundle[stage] < m->bundles ? m->bundle[m->first_bundle[stage]].slot : m->slots;
+}
+
+static bool read_term(reader *r, uint32_t i, const uint32_t first_slot[STAGES + 1]) {
+    am_model *m = r->model;
+    const term_record *b = (const term_record *)r->at[TERMS] + i;
+    am_entry *e = &m->entry[AM_TERM][i];
+    term_t *t = &m->term[i];
+    e->name = string_at(r, b->name), e->description = string_at(r, b->description);
+    e->units = e->display_units = "1";
+    e->low = -DBL_MAX, e->high = DBL_MAX;
+    if (!e->name || !e->description) return refuse(r, "model block: term %u has no name", (unsigned)i);
+    if (b->target >= m->total[AM_TARGET]) return refuse(r, "model block: term %s has target %u", e->name, (unsigned)b->target);
+    const uint32_t stage = m->target_stage[b->target], slot[3] = {b->K1, b->K2, b->T}, v[2] = {b->v1, b->v2};
+    for (int k = 0; k < 3; k++)
+        if (slot[k] && (slot[k] < first_slot[stage] || slot[k] >= first_slot[stage + 1]))
+            return refuse(r, "model block: term %s refers to a table outside its stage", e->name);
+    *t = (term_t){b->K1, b->K2, b->T, A_ONE, A_ONE, b->target, 0};
+    if (!factor(r, b->v1, &t->v1) || !factor(r, b->v2, &t->v2)) return refuse(r, "model block: term %s refers to an unknown variable", e->name);
+    for (int k = 0; k < 2; k++)
+        if (v[k] && !known_in(r, v[k] - 1, stage))
+            return refuse(r, "model block: term %s depends on %s, which is not yet known there", e->name, m->entry[AM_VARIABLE][v[k] - 1].name);
+    return read_power(r, b, t, e->name) && note_special(r, i);
+}
 
 static bool read_terms(reader *r) {
     am_model *m = r->model;
-    const term_record *record = r->at[TERMS];
-    const uint32_t split = m->first_bundle[AERO_GROUP] < m->bundles ? m->bundle[m->first_bundle[AERO_GROUP]].slot : m->slots;
+    uint32_t first_slot[STAGES + 1], stage = 0;
+    slots_of(m, first_slot);
     for (uint32_t i = 0; i < m->terms; i++) {
-        const term_record *b = &record[i];
-        am_entry *e = &m->entry[AM_TERM][i];
-        e->name = string_at(r, b->name), e->description = string_at(r, b->description);
-        e->units = e->display_units = "1";
-        e->low = -DBL_MAX, e->high = DBL_MAX;
-        if (!e->name || !e->description) return refuse(r, "model block: term %u has no name", (unsigned)i);
-        if (b->coefficient >= COEFFICIENTS + m->engines)
-            return refuse(r, "model block: term %s has coefficient %u", e->name, (unsigned)b->coefficient);
-        const bool engine = b->coefficient >= COEFFICIENTS;
-        const uint32_t slot[3] = {b->K1, b->K2, b->T};
-        for (int k = 0; k < 3; k++)
-            if (slot[k] >= m->slots || (slot[k] && (slot[k] < split) != engine))
-                return refuse(r, "model block: term %s refers to a table outside its group", e->name);
-        term_t *t = &m->term[i];
-        *t = (term_t){b->K1, b->K2, b->T, A_ONE, A_ONE, b->coefficient};
-        if (!factor(r, b->v1, &t->v1) || !factor(r, b->v2, &t->v2))
-            return refuse(r, "model block: term %s refers to an unknown variable", e->name);
-        if (engine && (is_thrust(t->v1) || is_thrust(t->v2)))
-            return refuse(r, "model block: engine term %s cannot depend on a thrust", e->name);
-        if (i && rank(b->coefficient) < rank(m->term[i - 1].coefficient))
-            return refuse(r, "model block: terms are not sorted by coefficient");
-        if (engine) {
-            e->units = e->display_units = "N";
-            m->engine[b->coefficient - COEFFICIENTS].has_table = true;
-            m->first_term[AERO_GROUP] = i + 1;
-        }
-        if (!note_implicit(r, i)) return false;
+        if (!read_term(r, i, first_slot)) return false;
+        const uint32_t target = m->term[i].target;
+        if (m->target_stage[target] < stage || (i && m->target_stage[target] == stage && target < m->term[i - 1].target))
+            return refuse(r, "model block: terms are not sorted by stage and target");
+        while (stage < m->target_stage[target]) m->first_term[++stage] = i;
+        if (i == 0 || target != m->term[i - 1].target) m->first_of[target] = i;
+        m->end_of[target] = i + 1;
     }
-    m->first_term[GROUPS] = m->terms;
-    uint32_t i = m->first_term[AERO_GROUP];
-    for (uint32_t c = 0; c <= COEFFICIENTS; c++) {
-        while (i < m->terms && m->term[i].coefficient < c) i++;
-        m->first_of[c] = i;
-    }
+    while (stage < STAGES) m->first_term[++stage] = m->terms;
     return true;
 }
 
-static bool read_engines(reader *r) {
-    const engine_record *record = r->at[ENGINES];
-    for (uint32_t i = 0; i < r->model->engines; i++) {
-        if (!all_finite(record[i].position, 3) || !all_finite(record[i].direction, 3))
-            return refuse(r, "model block: engine %u has a position or direction that is not finite", (unsigned)(i + 1));
-        memcpy(r->model->engine[i].position, record[i].position, sizeof record[i].position);
-        memcpy(r->model->engine[i].direction, record[i].direction, sizeof record[i].direction);
-    }
-    return true;
-}
-
+/* The last parameters scale the terms; the exponents of the power factors follow, in the order of the terms. */
 static bool check_scales(reader *r) {
     const am_model *m = r->model;
+    const am_entry *e = m->entry[AM_PARAMETER] + m->total[AM_PARAMETER];
     for (uint32_t i = 0; i < m->terms; i++)
-        if (strncmp(m->entry[AM_PARAMETER][m->count[AM_PARAMETER] - (int)m->terms + (int)i].name, "term.", 5) != 0)
+        if (strncmp(e[i].name, "term.", 5) != 0)
             return refuse(r, "model block: the scale of term %s is not a parameter term.*", m->entry[AM_TERM][i].name);
+    for (uint32_t i = 0; i < m->powers; i++)
+        if (strncmp(e[m->terms + i].name, "power.", 6) != 0)
+            return refuse(r, "model block: parameter %s stands where an exponent power.* must be", e[m->terms + i].name);
+    return true;
+}
+
+/* The stage of a variable stood in its entry while the block was read. */
+static bool forget_stages(reader *r) {
+    for (int i = 0; i < r->model->count[AM_VARIABLE]; i++) r->model->entry[AM_VARIABLE][i].value = 0.0;
     return true;
 }
 
@@ -404,8 +469,9 @@ static bool read_block(reader *r, const unsigned char *bytes, size_t n) {
     if (!find_sections(r, n) || !reserve(r) || !read_geometry(r)) return false;
     for (int kind = AM_INPUT; kind <= AM_VARIABLE; kind++)
         if (!read_entries(r, INPUTS + kind, (am_kind)kind)) return false;
-    if (!check_names(r, AM_INPUT, 0) || !check_names(r, AM_OUTPUT, 0) || !check_names(r, AM_PARAMETER, r->model->terms)) return false;
-    return read_variables(r) && read_axes(r) && read_bundles(r) && read_terms(r) && read_engines(r) && check_scales(r);
+    if (!read_items(r) || !lay_out(r) || !read_variables(r) || !read_axes(r) || !read_bundles(r) || !read_terms(r)) return false;
+    return check_names(r, AM_INPUT, 0) && check_names(r, AM_OUTPUT, 0) && check_names(r, AM_STATE, 0) &&
+           check_names(r, AM_PARAMETER, (size_t)r->model->terms + r->model->powers) && check_scales(r) && forget_stages(r);
 }
 
 am_model *am_load(const void *bytes, size_t n, char *err, size_t nerr) {
@@ -427,7 +493,9 @@ void am_free(am_model *model) {
     free(model->bundle);
     free(model->term);
     free(model->implicit);
-    free(model->engine);
+    free(model->late);
+    free(model->power);
+    free(model->target_stage);
     free(model->block);
     free(model);
 }

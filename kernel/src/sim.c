@@ -15,9 +15,17 @@ static double *take(double **at, size_t n) {
     return piece;
 }
 
+double *memory_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->memory + sim->model->first_memory[group] + item * memory_size(group);
+}
+
+double *work_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->work + sim->model->first_work[group] + item * work_size(group);
+}
+
 size_t sim_size(const am_model *m) {
     const size_t nx = (size_t)am_state_count(m), nu = (size_t)m->count[AM_INPUT], np = (size_t)m->count[AM_PARAMETER], na = m->axes;
-    const size_t doubles = np + 2 * nu + 6 * nx + m->variables + m->slots + m->terms + 3 * na;
+    const size_t doubles = np + 3 * nu + 6 * nx + m->total[AM_VARIABLE] + m->slots + m->terms + m->total[AM_TARGET] + 3 * na + m->memories + m->works;
     return sizeof(am_sim) + doubles * sizeof(double) + na * (sizeof(uint32_t) + sizeof(int8_t));
 }
 
@@ -27,15 +35,16 @@ am_sim *am_new(const am_model *m) {
     if (!sim) return NULL;
     sim->model = m;
     double *at = (double *)(sim + 1);
-    sim->par = take(&at, np), sim->u = take(&at, nu), sim->u_work = take(&at, nu);
+    sim->par = take(&at, np), sim->u = take(&at, nu), sim->u_work = take(&at, nu), sim->u_end = take(&at, nu);
     sim->x = take(&at, nx), sim->x_work = take(&at, nx), sim->k = take(&at, 4 * nx);
-    sim->var = take(&at, m->variables), sim->slot = take(&at, m->slots), sim->term = take(&at, m->terms);
+    sim->var = take(&at, m->total[AM_VARIABLE]), sim->slot = take(&at, m->slots), sim->term = take(&at, m->terms);
+    sim->sum = take(&at, m->total[AM_TARGET]), sim->memory = take(&at, m->memories), sim->work = take(&at, m->works);
     sim->fraction = take(&at, na), sim->below = take(&at, na), sim->above = take(&at, na);
     sim->cell = (uint32_t *)at, sim->outside = (int8_t *)(sim->cell + na);
-    sim->scale = sim->par + np - m->terms;
+    sim->scale = sim->par + m->total[AM_PARAMETER], sim->exponent = sim->scale + m->terms;
     for (size_t i = 0; i < np; i++) sim->par[i] = m->entry[AM_PARAMETER][i].value;
     for (size_t i = 0; i < nu; i++) sim->u[i] = m->entry[AM_INPUT][i].value;
-    sim->slot[0] = sim->var[A_ONE] = 1.0;
+    sim->slot[0] = sim->var[A_ONE] = sim->part = 1.0;
     return sim;
 }
 
@@ -109,45 +118,49 @@ int am_get_inputs(const am_sim *sim, double *u) {
     return AM_OK;
 }
 
-static int bad(am_sim *sim, int parameter, const char *rule) {
+int bad_parameter(am_sim *sim, uint32_t parameter, const char *rule) {
     return fail(sim, AM_BAD_VALUE, "%s is %g; it must be %s", sim->model->entry[AM_PARAMETER][parameter].name, sim->par[parameter], rule);
 }
 
-/* Inertia tensor about the c.g. and its inverse; the products are integrals of xy dm and so on. */
+/* Mass properties without fuel: inertia tensor about the c.g. and its inverse; the products are integrals of xy dm and so on. */
 static int set_inertia(am_sim *sim) {
     const double *p = sim->par;
+    now_t *now = &sim->now;
     const double J[3][3] = {{p[P_IXX], -p[P_IXY], -p[P_IXZ]}, {-p[P_IXY], p[P_IYY], -p[P_IYZ]}, {-p[P_IXZ], -p[P_IYZ], p[P_IZZ]}};
     double n[3][3];
     cross(J[1], J[2], n[0]), cross(J[2], J[0], n[1]), cross(J[0], J[1], n[2]);
     const double det = dot(J[0], n[0]), minor = J[0][0] * J[1][1] - J[0][1] * J[1][0];
     if (!(J[0][0] > 0.0 && minor > 0.0 && det > 0.0))
         return fail(sim, AM_BAD_VALUE, "mass.Ixx ... mass.Iyz do not make a positive definite inertia tensor; check the moments and products");
-    memcpy(sim->J, J, sizeof J);
+    memcpy(now->J, J, sizeof J);
+    memcpy(now->cg, p + P_X_CG_B, sizeof now->cg);
+    now->mass = p[P_MASS];
     for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) sim->J_inverse[i][j] = n[j][i] / det;
+        for (int j = 0; j < 3; j++) now->J_inverse[i][j] = n[j][i] / det;
     return AM_OK;
 }
+
+static bool whole(double value, int most) { return value >= 0.0 && value <= most && value == floor(value); }
 
 /* Check the parameters and derive what depends on them; done again after a change. */
 static int prepare(am_sim *sim) {
     if (sim->prepared) return AM_OK;
     const double *p = sim->par;
-    if (!(p[P_MASS] > 0.0)) return bad(sim, P_MASS, "positive");
-    if (!(p[P_QNH] > 0.0)) return bad(sim, P_QNH, "positive");
-    if (!(p[P_STEP] > 0.0)) return bad(sim, P_STEP, "positive");
-    if (!(p[P_V] >= 0.0)) return bad(sim, P_V, "zero or positive");
-    if (!(fabs(p[P_DELTA_T]) < 100.0)) return bad(sim, P_DELTA_T, "between -100 and 100 K");
-    if (p[P_EARTH] != FLAT_EARTH && p[P_EARTH] != WGS84_EARTH) return bad(sim, P_EARTH, "0 (flat) or 1 (WGS-84, rotating)");
-    if (p[P_ENGINE] != THROTTLE_DRIVEN && p[P_ENGINE] != THRUST_DRIVEN) return bad(sim, P_ENGINE, "0 (throttle) or 2 (thrust driven)");
-    if (p[P_TRIM] != 0.0 && p[P_TRIM] != 1.0 && p[P_TRIM] != 2.0) return bad(sim, P_TRIM, "0 (none), 1 (seek thrust) or 2 (seek throttle)");
-    for (uint32_t i = 0; i < sim->model->engines; i++) {
-        const int tau = P_FIXED + (int)i * P_PER_ENGINE + P_TIME_CONSTANT;
-        if (!(p[tau] >= 0.0)) return bad(sim, tau, "zero or positive");
-        if (p[P_ENGINE] == THROTTLE_DRIVEN && !sim->model->engine[i].has_table)
-            return fail(sim, AM_BAD_VALUE, "mode.engine = 0 needs a thrust table, engine%u has none; use mode.engine = 2", (unsigned)(i + 1));
+    if (!(p[P_MASS] > 0.0)) return bad_parameter(sim, P_MASS, "positive");
+    if (!(p[P_QNH] > 0.0)) return bad_parameter(sim, P_QNH, "positive");
+    if (!(p[P_STEP] > 0.0)) return bad_parameter(sim, P_STEP, "positive");
+    if (!(p[P_V] >= 0.0)) return bad_parameter(sim, P_V, "zero or positive");
+    if (!(fabs(p[P_DELTA_T]) < 100.0)) return bad_parameter(sim, P_DELTA_T, "between -100 and 100 K");
+    if (!whole(p[P_EARTH], SPHERE_ROTATING)) return bad_parameter(sim, P_EARTH, "0 (flat), 1 (WGS-84), 2 (sphere at rest) or 3 (rotating sphere)");
+    if (!whole(p[P_ENGINE], THRUST_DRIVEN)) return bad_parameter(sim, P_ENGINE, "0 (lever), 1 (N1) or 2 (thrust driven)");
+    if (!whole(p[P_CONTROLS], FORCE_DRIVEN)) return bad_parameter(sim, P_CONTROLS, "0 (surfaces), 1 (cockpit positions) or 2 (pilot forces)");
+    if (!whole(p[P_TRIM], 2)) return bad_parameter(sim, P_TRIM, "0 (none), 1 (seek thrust) or 2 (seek throttle)");
+    sim->drive = (int)p[P_ENGINE], sim->controls = (int)p[P_CONTROLS];
+    int (*const check[])(am_sim *) = {set_inertia, weather_check, fuel_check, engine_check, gear_check, control_check};
+    for (size_t i = 0; i < sizeof check / sizeof check[0]; i++) {
+        const int status = check[i](sim);
+        if (status != AM_OK) return status;
     }
-    const int status = set_inertia(sim);
-    if (status != AM_OK) return status;
     set_atmosphere(&sim->atmosphere, p[P_DELTA_T], p[P_QNH]);
     sim->prepared = true;
     return AM_OK;
@@ -161,6 +174,7 @@ int ready(am_sim *sim) {
 int refresh(am_sim *sim) {
     const int status = ready(sim);
     if (status != AM_OK || sim->fresh) return status;
+    sim->clock = sim->time, sim->part = 1.0;
     derivative(sim, sim->x, sim->u, sim->k);
     sim->fresh = true;
     return AM_OK;
@@ -185,7 +199,7 @@ double start_pitch(const am_sim *sim, double alpha, double beta) {
     return theta;
 }
 
-/* State from init.* with the given flow angles and pitch attitude; engines at their steady thrust. */
+/* State from init.* with the given flow angles and pitch attitude; the submodels settle. */
 void start_state(am_sim *sim, double alpha, double beta, double theta) {
     const double *p = sim->par, *wind = sim->u + U_WIND_N;
     double *x = sim->x, Cn[3][3], air[3];
@@ -200,7 +214,13 @@ void start_state(am_sim *sim, double alpha, double beta, double theta) {
         x[10 + i] = p[P_P + i];
     }
     matrix_quaternion(now->C, x + 6);
-    settle_engines(sim);
+    sim->clock = sim->time, sim->part = 1.0;
+    weather_start(sim, sim->time);
+    fuel_start(sim, sim->time);
+    look_around(sim, x, sim->u);
+    engine_start(sim, sim->time);
+    gear_start(sim, sim->time);
+    control_start(sim, sim->time);
     sim->fresh = false;
 }
 
@@ -211,7 +231,8 @@ int am_initialize(am_sim *sim, double t) {
     int status = prepare(sim);
     if (status != AM_OK) return status;
     const double *p = sim->par;
-    sim->earth = (int)p[P_EARTH], sim->drive = (int)p[P_ENGINE], sim->omega = sim->earth == WGS84_EARTH ? EARTH_RATE : 0.0;
+    sim->earth = (int)p[P_EARTH];
+    sim->omega = sim->earth == WGS84_EARTH || sim->earth == SPHERE_ROTATING ? EARTH_RATE : 0.0;
     sim->time = t;
     memset(&sim->trim, 0, sizeof sim->trim);
     memset(sim->below, 0, sizeof(double) * sim->model->axes);
@@ -241,7 +262,19 @@ int am_derivative(am_sim *sim, const double *x, const double *u, double *dx) {
     const int status = ready(sim);
     if (status != AM_OK) return status;
     sim->fresh = false;
+    sim->clock = sim->time, sim->part = 1.0;
     derivative(sim, x, u, dx);
+    return AM_OK;
+}
+
+int am_complete_step(am_sim *sim, double t) {
+    const int status = ready(sim);
+    if (status != AM_OK) return status;
+    if (!(t >= sim->time) || !isfinite(t))
+        return fail(sim, AM_BAD_ARGUMENT, "a step is completed at %g s, but the simulation stands at %g s", t, sim->time);
+    if (t > sim->time) advance_memory(sim, sim->time, t - sim->time, sim->u, sim->u);
+    sim->time = t;
+    sim->fresh = false;
     return AM_OK;
 }
 
@@ -251,9 +284,9 @@ int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, do
     sim->fresh = false;
     for (size_t k = 0; k < n; k++) {
         for (size_t i = 0; i < nv; i++) sim->var[m->variable[i]] = v[k * nv + i];
-        for (int group = 0; group < GROUPS; group++) {
-            look_up(sim, group);
-            evaluate_terms(sim, group);
+        for (int stage = 0; stage < STAGES; stage++) {
+            look_up(sim, stage);
+            evaluate_terms(sim, stage);
         }
         if (coefficients) sum_coefficients(m, sim->term, coefficients + k * COEFFICIENTS);
         if (terms) memcpy(terms + k * m->terms, sim->term, sizeof(double) * m->terms);

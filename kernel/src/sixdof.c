@@ -5,6 +5,8 @@
  *     q' = 1/2 q * (w - C W) + (1 - |q|^2) q    quaternion Earth to body; the last term holds its length
  *     w' = J^-1 (M - w x (J w + H))             body rates relative to inertial space, H of the rotors
  *
+ * F and M of the air, the engines and the ground; the discrete part of the submodels stands still in a derivative.
+ *
  * Wind is steady in Earth axes for alpha-dot and beta-dot: the rate of a gust is not in them. */
 #include "model.h"
 
@@ -12,41 +14,44 @@
 #include <string.h>
 
 double applied(const am_sim *sim, const double *u, int control) {
-    const double found = control <= U_DELTA_R ? sim->trim.delta[control] : 0.0;
-    return u[control] + (control <= U_DELTA_F ? sim->par[P_BIAS_DELTA_E + control] : 0.0) + found;
+    const bool flown = control <= U_DELTA_R, biased = control <= U_DELTA_D;
+    const double deflection = flown && sim->controls != SURFACE_DRIVEN ? control_deflection(sim, u, control) : u[control];
+    return deflection + (biased ? sim->par[P_BIAS_DELTA_E + control] : 0.0) + (flown ? sim->trim.delta[control] : 0.0);
 }
 
 static void set_variables(am_sim *sim, const double *x, const double *u) {
     const am_model *m = sim->model;
     const now_t *now = &sim->now;
-    const double *par = sim->par, *cg = par + P_X_CG_B;
     const double V = now->V > V_FLOOR ? now->V : V_FLOOR, span = 0.5 * m->b / V, chord = 0.5 * m->cbar / V;
     double *var = sim->var, below[3];
-    from_body(now->C, cg, below); /* the reference point lies above the c.g. by this much along down */
+    from_body(now->C, now->cg, below); /* the reference point lies above the c.g. by this much along down */
     var[A_ALPHA] = now->alpha, var[A_BETA] = now->beta, var[A_MACH] = now->mach;
-    var[A_H] = now->h, var[A_H_AGL] = now->h + dot(below, now->down) - par[P_RUNWAY];
+    var[A_H] = now->h, var[A_H_AGL] = now->h + dot(below, now->down) - sim->par[P_RUNWAY];
     var[A_V] = now->V, var[A_QBAR] = now->qbar;
     /* rates as gyros show them, relative to inertial space: the check cases and flight-test data reduction do the same */
-    var[A_PHAT] = x[10] * span, var[A_QHAT] = x[11] * chord, var[A_RHAT] = x[12] * span;
-    var[A_P] = x[10], var[A_Q] = x[11], var[A_R] = x[12];
-    for (int i = 0; i <= U_DELTA_F - U_DELTA_E; i++) var[A_DELTA_E + i] = applied(sim, u, U_DELTA_E + i);
+    const double p = x[X_P] - now->gust_rate[0], q = x[X_Q] - now->gust_rate[1], r = x[X_R] - now->gust_rate[2];
+    var[A_PHAT] = p * span, var[A_QHAT] = q * chord, var[A_RHAT] = r * span;
+    var[A_P] = p, var[A_Q] = q, var[A_R] = r;
+    for (int i = 0; i <= U_DELTA_D; i++) var[A_DELTA_E + i] = applied(sim, u, i);
     var[A_GEAR] = u[U_GEAR], var[A_SPEEDBRAKE] = u[U_SPEEDBRAKE];
-    var[A_X_CG] = m->x_ref_mac - cg[0] / m->cbar;
+    var[A_X_CG] = m->x_ref_mac - now->cg[0] / m->cbar;
     if (m->uses_phi) var[A_PHI] = atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
 }
 
-/* Air, attitude and motion relative to the air from the state. */
-static void look_around(am_sim *sim, const double *x, const double *u) {
+/* Air, attitude, motion relative to the air, mass and the variables of the tables from the state. */
+void look_around(am_sim *sim, const double *x, const double *u) {
     now_t *now = &sim->now;
-    double air[3], velocity[3];
+    double air[3], velocity[3], wind[3];
     place_of(x, sim->earth, now);
     atmosphere_at(&sim->atmosphere, now->h, &now->T, &now->p, &now->rho, &now->a);
-    quaternion_matrix(x + 6, now->C);
-    for (int i = 0; i < 3; i++)
-        air[i] = x[3 + i] - (u[U_WIND_N] * now->north[i] + u[U_WIND_E] * now->east[i] + u[U_WIND_D] * now->down[i]);
+    quaternion_matrix(x + X_Q0, now->C);
+    weather_wind(sim, u, wind);
+    for (int i = 0; i < 3; i++) air[i] = x[X_VX + i] - (wind[0] * now->north[i] + wind[1] * now->east[i] + wind[2] * now->down[i]);
     to_body(now->C, air, velocity);
     air_data(now, velocity);
-    for (int i = 0; i < 3; i++) now->rate[i] = x[10 + i] - now->C[i][2] * sim->omega;
+    for (int i = 0; i < 3; i++) now->rate[i] = x[X_P + i] - now->C[i][2] * sim->omega;
+    mass_now(sim, x);
+    set_variables(sim, x, u);
 }
 
 static void quaternion_rate(const double q[4], const double w[3], double dq[4]) {
@@ -57,14 +62,6 @@ static void quaternion_rate(const double q[4], const double w[3], double dq[4]) 
     dq[3] = 0.5 * (-q[2] * w[0] + q[1] * w[1] + q[0] * w[2]) + pull * q[3];
 }
 
-/* The state of the engines to the steady thrust of the present state and inputs. */
-void settle_engines(am_sim *sim) {
-    look_around(sim, sim->x, sim->u);
-    set_variables(sim, sim->x, sim->u);
-    engine_thrust(sim, sim->x, sim->u);
-    for (uint32_t i = 0; i < sim->model->engines; i++) sim->x[RIGID_STATES + i] = sim->now.steady[i];
-}
-
 /* Gravitation, Coriolis and centrifugal acceleration in Earth axes. */
 static void field(const am_sim *sim, const double *x, double g[3]) {
     const double W = sim->omega;
@@ -73,38 +70,46 @@ static void field(const am_sim *sim, const double *x, double g[3]) {
     g[1] += -2.0 * W * x[3] + W * W * x[1];
 }
 
+static void set_thrust_coefficient(am_sim *sim) {
+    const double qbar = sim->now.qbar > QBAR_FLOOR ? sim->now.qbar : QBAR_FLOOR;
+    double thrust = 0.0;
+    for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) thrust += sim->now.thrust[i];
+    sim->var[A_CT] = thrust / (qbar * sim->model->S);
+}
+
 void derivative(am_sim *sim, const double *x, const double *u, double *dx) {
     now_t *now = &sim->now;
-    const double *w = x + 10, per_mass = 1.0 / sim->par[P_MASS];
-    double g[3], fall[3], turn[3], thrust[3], thrust_moment[3], H[3], aero[3], arm[3], Jw[3], push[3];
+    const double *w = x + X_P;
+    double g[3], fall[3], turn[3], push[3], moment[3], H[3], ground[3], ground_moment[3], aero[3], arm[3], Jw[3];
     look_around(sim, x, u);
-    set_variables(sim, x, u);
-    engine_thrust(sim, x, u);
-    engine_forces(sim, thrust, thrust_moment, H);
+    const double per_mass = 1.0 / now->mass;
+    engine_forces(sim, x, u, push, moment, H, dx);
+    set_thrust_coefficient(sim);
+    gear_forces(sim, x, u, ground, ground_moment, dx);
+    for (int i = 0; i < 3; i++) push[i] += ground[i], moment[i] += ground_moment[i];
     field(sim, x, g);
     const double velocity[3] = {now->u, now->v, now->w};
     to_body(now->C, g, fall);
     cross(now->rate, velocity, turn);
     for (int i = 0; i < 3; i++) fall[i] -= turn[i];
-    aero_forces(sim, thrust, fall);
-    for (int i = 0; i < 3; i++) aero[i] = now->F[i] - thrust[i];
-    cross(aero, sim->par + P_X_CG_B, arm); /* -cg x F: the force acts at the reference point */
-    to_body(sim->J, w, Jw);
+    aero_forces(sim, push, fall);
+    for (int i = 0; i < 3; i++) aero[i] = now->F[i] - push[i];
+    cross(aero, now->cg, arm); /* -cg x F: the force acts at the reference point */
+    to_body(now->J, w, Jw);
     for (int i = 0; i < 3; i++) {
-        now->M[i] += arm[i] + thrust_moment[i];
+        now->M[i] += arm[i] + moment[i];
         Jw[i] += H[i];
     }
     cross(Jw, w, turn);
     for (int i = 0; i < 3; i++) turn[i] += now->M[i];
-    to_body(sim->J_inverse, turn, now->angular);
+    to_body(now->J_inverse, turn, now->angular);
     from_body(now->C, now->F, push);
     for (int i = 0; i < 3; i++) {
-        dx[i] = x[3 + i];
-        dx[3 + i] = push[i] * per_mass + g[i];
-        dx[10 + i] = now->angular[i];
+        dx[X_X + i] = x[X_VX + i];
+        dx[X_VX + i] = push[i] * per_mass + g[i];
+        dx[X_P + i] = now->angular[i];
     }
-    quaternion_rate(x + 6, now->rate, dx + 6);
-    engine_derivative(sim, x, dx);
+    quaternion_rate(x + X_Q0, now->rate, dx + X_Q0);
 }
 
 static void attitude_outputs(const now_t *now, double *y) {
@@ -135,21 +140,25 @@ static void write_outputs(am_sim *sim, double *y) {
     for (int i = 0; i < 3; i++) {
         y[Y_P + i] = sim->x[10 + i];
         y[Y_P_DOT + i] = now->angular[i];
-        y[Y_AX + i] = now->F[i] / sim->par[P_MASS];
+        y[Y_AX + i] = now->F[i] / now->mass;
         y[Y_TRIM_DELTA_E + i] = sim->trim.delta[i];
     }
     y[Y_NZ] = -y[Y_AZ] / G0;
     attitude_outputs(now, y);
     ground_outputs(sim, y);
     memcpy(y + Y_CL, now->c, sizeof now->c);
-    y[Y_RHO] = now->rho, y[Y_P_STATIC] = now->p, y[Y_TEMPERATURE] = now->T;
-    for (int i = 0; i <= U_DELTA_F; i++) y[Y_APPLIED_DELTA_E + i] = applied(sim, sim->u, i);
+    y[Y_RHO] = now->rho, y[Y_P_STATIC] = now->p, y[Y_TEMPERATURE] = now->T, y[Y_MASS] = now->mass;
+    for (int i = 0; i <= U_DELTA_D; i++) y[Y_APPLIED_DELTA_E + i] = applied(sim, sim->u, i);
     y[Y_TRIM_ALPHA] = sim->trim.alpha, y[Y_TRIM_BETA] = sim->trim.beta;
     y[Y_TRIM_THRUST] = sim->trim.thrust, y[Y_TRIM_THROTTLE] = sim->trim.throttle;
     memcpy(y + Y_TRIM_U_DOT, sim->trim.residual, sizeof sim->trim.residual);
     y[Y_OUT_OF_RANGE] = 0.0;
     for (uint32_t i = 0; i < m->axes; i++) y[Y_OUT_OF_RANGE] += sim->below[i] + sim->above[i];
-    for (uint32_t i = 0; i < m->engines; i++) y[Y_FIXED + (int)i * Y_PER_ENGINE + Y_THRUST] = now->thrust[i];
+    weather_outputs(sim, y);
+    fuel_outputs(sim, y);
+    engine_outputs(sim, y);
+    gear_outputs(sim, y);
+    control_outputs(sim, y);
 }
 
 int am_outputs(am_sim *sim, double *y) {

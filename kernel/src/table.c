@@ -73,8 +73,8 @@ static void interpolate(am_sim *sim, const bundle_t *bundle) {
         }
 }
 
-void look_up(am_sim *sim, int group) {
+void look_up(am_sim *sim, int stage) {
     const am_model *m = sim->model;
-    for (uint32_t i = m->first_axis[group]; i < m->first_axis[group + 1]; i++) locate(sim, i);
-    for (uint32_t i = m->first_bundle[group]; i < m->first_bundle[group + 1]; i++) interpolate(sim, &m->bundle[i]);
+    for (uint32_t i = m->first_axis[stage]; i < m->first_axis[stage + 1]; i++) locate(sim, i);
+    for (uint32_t i = m->first_bundle[stage]; i < m->first_bundle[stage + 1]; i++) interpolate(sim, &m->bundle[i]);
 }

@@ -141,8 +141,8 @@ static void set_limits(task_t *task) {
     }
     task->low[Z_POWER] = -1.0, task->high[Z_POWER] = 1.0;
     if (task->seek != 2) return;
-    for (uint32_t k = 0; k < sim->model->engines; k++) {
-        const am_entry *throttle = &input[U_FIXED + (int)k * U_PER_ENGINE + U_THROTTLE];
+    for (uint32_t k = 0; k < items(sim->model, G_ENGINE); k++) {
+        const am_entry *throttle = &input[place(sim->model, AM_INPUT, G_ENGINE, k) + U_THROTTLE];
         const double at = applied_throttle(sim, sim->u, k);
         task->low[Z_POWER] = fmax(task->low[Z_POWER], fmin(throttle->low - at, 0.0));
         task->high[Z_POWER] = fmin(task->high[Z_POWER], fmax(throttle->high - at, 0.0));
@@ -159,7 +159,7 @@ int am_trim(am_sim *sim, int seek) {
         return fail(sim, AM_BAD_VALUE, "mode.trim = 2 seeks the throttle, but mode.engine = 2 flies a given thrust; use mode.trim = 1");
     if (!(sim->par[P_V] > 1.0)) return fail(sim, AM_BAD_VALUE, "init.V = %g m/s; a trim needs more than 1 m/s", sim->par[P_V]);
     memset(&sim->trim, 0, sizeof sim->trim);
-    const double engines = sim->model->engines ? sim->model->engines : 1.0;
+    const double engines = items(sim->model, G_ENGINE) ? items(sim->model, G_ENGINE) : 1.0;
     task_t task = {.sim = sim, .seek = seek, .power = seek == 2 ? 1.0 : sim->par[P_MASS] * G0 / engines};
     set_limits(&task);
     double z[UNKNOWNS] = {between(sim->par[P_ALPHA], -ALPHA_LIMIT, ALPHA_LIMIT), between(sim->par[P_BETA], -BETA_LIMIT, BETA_LIMIT)};

@@ -1,0 +1,11 @@
+#ifndef AEROMATCH_FUEL_H
+#define AEROMATCH_FUEL_H
+#define AM_FUEL_INPUTS(X)
+#define AM_FUEL_OUTPUTS(X)
+#define AM_FUEL_PARAMETERS(X)
+#define AM_FUEL_STATES(X)
+#define AM_FUEL_VARIABLES(X)
+#define AM_FUEL_TARGETS(X)
+#define D_PER_FUEL 0
+#define W_PER_FUEL 0
+#endif
