@@ -79,7 +79,7 @@ class Packer:
             self._entries(catalogue.outputs(self.aircraft)),
             self._entries(catalogue.parameters(self.aircraft, names, powers)),
             self._entries(catalogue.states(self.aircraft)),
-            self._entries([catalogue.variable(name) for name in self.variables]),
+            self._entries(catalogue.variables(self.variables, self.aircraft)),
             (len(self.axes), b"".join(self._axis(axis) for axis in self.axes)),
             (len(self.points), np.array(self.points, "<f8").tobytes()),
             (len(bundles), b"".join(bundles)),

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from . import submodels
 from .aircraft import Aircraft
-from .library import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, Entry, groups, known
+from .library import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, VARIABLE, Entry, groups, known
 from .names import lookup
 
 MOST = sys.float_info.max
@@ -104,10 +104,10 @@ def _rows(kind: int, aircraft: Aircraft, core: Callable[[str, Aircraft], Entry])
     ]
 
 
-def variable(name: str) -> Entry:
-    """Return the row of a model variable."""
-    row = lookup(name)
-    return Entry(name, row.units, row.display_units, row.long_name, 0.0, -MOST, MOST, 0)
+def variables(names: Sequence[str], aircraft: Aircraft) -> list[Entry]:
+    """Return the rows of model variables."""
+    rows = {row.name: row for row in _rows(VARIABLE, aircraft, lambda name, _: _row(name, name))}
+    return [rows[name] for name in names]
 
 
 def scale_name(term: str) -> str:

@@ -184,7 +184,7 @@ def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, aircraft: Aircraft) 
     if problems:
         return [f"{name}: {text}" for text in problems]
     known = catalogue.stages(VARIABLE, submodels.items(aircraft))
-    problems += [f"{name}: axis: {text}" for axis in axes(leaf) for text in _axis_problems(axis, known, stage)]
+    problems += [f"{name}: {text}" for axis in axes(leaf) for text in _axis_problems(axis, known, stage)]
     words = [*regressors(leaf), *str(leaf.attrs.get("power", "")).split()]
     problems += [f"{name}: regressor: {text}" for word in words for text in _variable_problems(word, known, stage)]
     if sum(word in IMPLICIT for word in words) > 1:
@@ -197,7 +197,7 @@ def _axis_problems(axis: str, known: Mapping[str, int], stage: int) -> list[str]
         return [f"{axis} cannot be an axis, the simulation solves for it; make it a regressor"]
     if axis == "CL":
         return ["CL cannot be an axis, it is known after the tables; make it a regressor"]
-    return _variable_problems(axis, known, stage)
+    return [f"axis: {text}" for text in _variable_problems(axis, known, stage)]
 
 
 def _variable_problems(name: str, known: Mapping[str, int], stage: int) -> list[str]:

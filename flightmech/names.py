@@ -156,18 +156,19 @@ _ROWS = [
 
 VOCABULARY: dict[str, Quantity] = {row[0]: Quantity(*row) for row in _ROWS}
 COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
-_ENGINE = re.compile(r"^engine[1-9]\d*\.")
+_ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|column|wheel|pedal)\.")  # what quantities of a submodel begin with
 
 
 def lookup(name: str) -> Quantity:
-    """Return the vocabulary row of `name`; ``engine2.thrust`` gives the row of ``thrust``.
+    """Return the vocabulary row of `name`; ``engine2.thrust`` gives the row of ``thrust``, ``gear.nose.compression`` that of
+    ``compression``.
 
     Raises
     ------
     UnknownName
         With the near names.
     """
-    row = VOCABULARY.get(_ENGINE.sub("", name))
+    row = VOCABULARY.get(_ITEM.sub("", name))
     if row is None:
         raise UnknownName(name, VOCABULARY, "quantity")
     return row

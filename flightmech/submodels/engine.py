@@ -13,7 +13,7 @@ from pydantic import ConfigDict, field_validator, model_validator
 
 from ..configuration import Strict, si
 from ..errors import SchemaError, UnitError
-from ..library import INPUT, OUTPUT, STATE, Entry
+from ..library import INPUT, OUTPUT, STATE, VARIABLE, Entry
 from ..names import lookup
 from ..terms import regressors
 from ..units import quantity
@@ -102,8 +102,8 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
         return _like(name, "throttle", *aircraft.limits.get("throttle", (0.0, 1.0)))
     if kind == INPUT:
         return _like(name, "thrust")._replace(description="net thrust that drives when mode.engine is 2")
-    if kind in (OUTPUT, STATE):
-        return _like(name, "thrust")
+    if kind in (OUTPUT, STATE, VARIABLE):
+        return _like(name, quantity_)
     place = dict(zip("xyz", engine.position, strict=True))
     if quantity_ in place:
         text = f"place of the thrust from the moment reference point, body {quantity_}"

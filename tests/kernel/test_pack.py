@@ -15,7 +15,7 @@ import flightmech
 from flightmech.errors import SchemaError
 from flightmech.library import Model, Simulation
 
-SECTIONS = ("geometry", "inputs", "outputs", "parameters", "variables", "axes", "points", "bundles", "nodes", "terms", "engines", "strings")
+SECTIONS = ("geometry", "inputs", "outputs", "parameters", "states", "variables", "axes", "points", "bundles", "nodes", "terms", "items", "strings")
 
 
 def section(block: bytes, name: str) -> tuple[int, int]:
@@ -38,7 +38,7 @@ def fly(model: Model) -> None:
         run.initialize()
         run.step(0.0, 0.02, u, u)
         run.outputs()
-        run.evaluate(np.full((3, model.count(3)), 0.1))
+        run.evaluate(np.full((3, model.count(4)), 0.1))
     except flightmech.errors.SimulationError:
         pass
 
@@ -74,9 +74,9 @@ def test_truncated_and_extended_blocks(sim):
     ("offset", "data", "text"),
     [
         (0, b"AMKERNEK", "does not begin with AMKERNEL"),
-        (8, struct.pack("<I", 2), "format 2, this library reads format 1; compile the model again"),
+        (8, struct.pack("<I", 1), "format 1, this library reads format 2; compile the model again"),
         (12, struct.pack("<I", 0x04030201), "endian mark is 04030201"),
-        (28, struct.pack("<I", 13), "13 sections, expected 12"),
+        (28, struct.pack("<I", 12), "12 sections, expected 13"),
     ],
 )
 def test_wrong_headers_say_what_is_wrong(offset, data, text, sim):
@@ -93,18 +93,20 @@ def test_wrong_headers_say_what_is_wrong(offset, data, text, sim):
         ("axes", 0, struct.pack("<I", 9999), "axis 0 has no variable"),
         ("axes", 8, struct.pack("<I", 2**31), "breakpoints outside the block"),
         ("bundles", 0, struct.pack("<I", 5), "wrong number of axes"),
-        ("bundles", 4, struct.pack("<I", 77), "axis that is not in its group"),
+        ("bundles", 4, struct.pack("<I", 77), "axis that is not in its stage"),
         ("bundles", 20, struct.pack("<I", 2**20), "wrong number of axes or tables|nodes outside the block"),
         ("bundles", 32, struct.pack("<Q", 2**60), "nodes outside the block"),
         ("terms", 0, struct.pack("<I", 2**31), "term 0 has no name"),
-        ("terms", 16, struct.pack("<I", 10**6), "table outside its group"),
+        ("terms", 16, struct.pack("<I", 10**6), "table outside its stage"),
         ("terms", 20, struct.pack("<I", 999), "unknown variable"),
-        ("terms", 28, struct.pack("<I", 60), "has coefficient 60"),
+        ("terms", 28, struct.pack("<I", 60), "has target 60"),
         ("geometry", 0, struct.pack("<d", -1.0), "S, cbar and b must be positive"),
         ("geometry", 32, struct.pack("<I", 3), "force axes 3"),
         ("parameters", 16, struct.pack("<d", float("nan")), "not finite or not in order"),
         ("inputs", 0, struct.pack("<I", 0xFFFFFFFF), "text outside the string table"),
-        ("engines", 0, struct.pack("<d", float("nan")), "engine 1 has a position or direction"),
+        ("terms", 32, struct.pack("<I", 999), "power of an unknown variable"),
+        ("items", 0, struct.pack("<I", 99), "item 0 has a wrong group or name"),
+        ("items", 8, struct.pack("<I", 0), "core and weather must be there once"),
     ],
 )
 def test_wrong_records_say_what_is_wrong(name, inside, data, text, sim):
@@ -154,6 +156,6 @@ def test_the_library_itself_refuses_what_it_cannot_solve_for(sim):
     aero = next(i for i, name in enumerate(sim.axes) if name == "alpha")
     with pytest.raises(SchemaError, match="dnz cannot be a table axis; it may be a regressor only"):
         Model(patched(sim.block, axes + 24 * aero, struct.pack("<I", implicit[1])))
-    record = terms + 32 * sim.terms.index("Cm/elevator")
+    record = terms + 48 * sim.terms.index("Cm/elevator")
     with pytest.raises(SchemaError, match="term Cm/elevator has two of alphadothat, betadothat, dnz; only one can be solved for"):
         Model(patched(sim.block, record + 20, struct.pack("<2I", *(1 + i for i in implicit))))
