@@ -19,7 +19,7 @@ import xarray as xr
 from . import catalogue, submodels
 from .aircraft import Aircraft
 from .library import Entry, groups, library
-from .terms import regressors
+from .terms import power, regressors
 
 FORCES = {"stability": ("CL", "CD", "CY"), "wind": ("CL", "CD", "CY"), "body": ("CX", "CZ", "CY")}
 MOMENTS = ("Cl", "Cm", "Cn")
@@ -62,7 +62,7 @@ class Packer:
     points: list[float] = field(default_factory=list, init=False)
 
     def __post_init__(self) -> None:
-        self.variables = sorted({v for t in self.terms for v in (*axes(t.leaf), *regressors(t.leaf), *_power(t.leaf)[:1])})
+        self.variables = sorted({v for t in self.terms for v in (*axes(t.leaf), *regressors(t.leaf), *_powered(t.leaf))})
         found = dict.fromkeys(axis for t in self.terms for _, table in _tables(t.leaf) for axis in _axes_of(t, table))
         self.axes = sorted(found, key=lambda axis: axis.stage)
         self.numbers = {axis: number for number, axis in enumerate(self.axes)}
@@ -71,7 +71,7 @@ class Packer:
         """Return the block."""
         bundles, nodes, slots = self._bundles()
         names = [t.name for t in self.terms]
-        powers = {t.name: float(t.leaf.attrs["exponent"]) for t in self.terms if _power(t.leaf)}
+        powers = {t.name: factor.exponent for t in self.terms if (factor := power(t.leaf))}
         items = self._items()
         sections = [
             (1, self._geometry()),
@@ -136,15 +136,16 @@ class Packer:
         factors = [self.variables.index(word) + 1 for word in regressors(t.leaf)]
         tables = [slots.get((t.name, name), 0) for name in _TABLES]
         text = str(t.leaf.attrs.get("comment", ""))
-        power = _power(t.leaf)
-        place, floor = (self.variables.index(power[0]) + 1, float(t.leaf.attrs["floor"])) if power else (0, 0.0)
+        factor = power(t.leaf)
+        place, floor = (self.variables.index(factor.variable) + 1, factor.floor) if factor else (0, 0.0)
         packed = (self._string(t.name), self._string(text), *tables, *factors, *[0] * (2 - len(factors)), t.target, place, 0)
         return struct.pack("<10Id", *packed, floor)
 
 
-def _power(leaf: xr.Dataset) -> tuple[str, ...]:
-    """Return the variable of the power factor, () without one."""
-    return tuple(str(leaf.attrs.get("power", "")).split())
+def _powered(leaf: xr.Dataset) -> list[str]:
+    """Return the variable of the power factor, if there is one."""
+    factor = power(leaf)
+    return [factor.variable] if factor else []
 
 
 def _tables(leaf: xr.Dataset) -> list[tuple[str, xr.DataArray]]:

@@ -93,7 +93,8 @@ def parameters(aircraft: Aircraft, terms: Sequence[str], powers: Mapping[str, fl
     rows = _rows(PARAMETER, aircraft, _parameter)
     rows += [Entry(scale_name(name), "1", "1", f"scale of the term {name}", 1.0, -MOST, MOST, 0) for name in terms]
     return rows + [
-        Entry(power_name(name), "1", "1", f"exponent of the power factor of {name}", value, -MOST, MOST, 0) for name, value in powers.items()
+        Entry(power_name(name), "1", "1", f"exponent of the power factor of {name}", value, -MOST, MOST, 0)
+        for name, value in powers.items()
     ]
 
 

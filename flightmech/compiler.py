@@ -17,7 +17,7 @@ from .block import FORCES, MOMENTS, Packer, Term, axes
 from .errors import SchemaError, UnknownName
 from .library import AXIS, INPUT, OUTPUT, PARAMETER, STATE, TARGET, TERM, VARIABLE, Entry, Model
 from .names import lookup
-from .terms import SOURCES, check, regressors
+from .terms import SOURCES, check, power, regressors
 from .units import from_si
 
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
@@ -185,8 +185,10 @@ def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, aircraft: Aircraft) 
         return [f"{name}: {text}" for text in problems]
     known = catalogue.stages(VARIABLE, submodels.items(aircraft))
     problems += [f"{name}: {text}" for axis in axes(leaf) for text in _axis_problems(axis, known, stage)]
-    words = [*regressors(leaf), *str(leaf.attrs.get("power", "")).split()]
+    words, factor = regressors(leaf), power(leaf)
     problems += [f"{name}: regressor: {text}" for word in words for text in _variable_problems(word, known, stage)]
+    if factor:
+        problems += [f"{name}: power: {text}" for text in _axis_problems(factor.variable, known, stage)]
     if sum(word in IMPLICIT for word in words) > 1:
         problems.append(f"{name}: regressors {' '.join(words)}: only one of {', '.join(IMPLICIT)} can be solved for in a term")
     return problems

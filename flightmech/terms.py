@@ -7,7 +7,11 @@ A term's contribution to its coefficient is
 with `value` a table (of 0 to 4 axes), `K1` and `K2` optional tables over axes that `value` does not have, and `v1`,
 `v2` the optional regressors, model variables such as ``qhat`` or ``delta_e``.  Tables are multilinear between
 breakpoints, so a contribution is *linear in the node values*: `basis` returns that linear map, and simulation,
-regression and comparison all rest on it.
+regression and comparison all rest on it.  A term may carry a power of one more variable as a factor,
+
+    max(v, floor) ** exponent                                       [LR743] eq. (13) and (14): h^s
+
+which is where a contribution is not linear: the exponent is a parameter of its own, the nodes stay linear.
 
 A leaf is a plain ``xarray.Dataset``:
 
@@ -18,20 +22,22 @@ A leaf is a plain ``xarray.Dataset``:
 ``source``      optional, shape of ``value``: 0 datcom, 1 flight, 2 judgement
 ==============  ====================================================================================
 
-Attributes (text only): ``regressors`` (words), ``outside`` (``hold`` or ``linear``: what the simulation does beyond the
-last breakpoint), ``references``, ``history``, ``comment``.
+Attributes: ``regressors`` (words), ``outside`` (``hold`` or ``linear``: what the simulation does beyond the last
+breakpoint), ``references``, ``history``, ``comment``; of the power factor ``power`` (the variable) and the numbers
+``exponent`` and ``floor`` (positive, in the unit of the variable).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 
-from .errors import OutOfRange, SchemaError, UnitError, UnknownName
+from .errors import SchemaError, UnitError, UnknownName
+from .interpolation import Place, demand_inside, inside, multilinear, place
 from .names import attrs, lookup
 from .units import parse
 
@@ -43,8 +49,22 @@ SOURCE_ATTRS = {"flag_values": " ".join(str(code) for code, _ in enumerate(SOURC
 MAX_AXES = 4
 MAX_REGRESSORS = 2
 _TABLES = ("value", "K1", "K2")
-Place = tuple[np.ndarray, np.ndarray]
-_BLOCK = 8192  # samples interpolated at a time: what they need stays in the cache of the processor
+_NUMBER = int | float | np.integer | np.floating
+
+
+class Power(NamedTuple):
+    """The factor max(variable, floor) ** exponent of a term; `floor` is positive, in the unit of the variable."""
+
+    variable: str
+    exponent: float
+    floor: float
+
+    def at(self, v) -> np.ndarray:
+        """Return the factor at values of the variable. [unit of the variable to the power `exponent`]"""
+        return np.maximum(np.asarray(v, float), self.floor) ** self.exponent
+
+    def __str__(self) -> str:
+        return f"max({self.variable}, {self.floor:g})^{self.exponent:g}"
 
 
 def make(
@@ -56,6 +76,7 @@ def make(
     source: str | None = None,
     K1: xr.DataArray | None = None,
     K2: xr.DataArray | None = None,
+    power: Power | None = None,
     outside: str = "hold",
     **text: str,
 ) -> xr.Dataset:
@@ -75,6 +96,8 @@ def make(
         Where the nodes come from.
     K1, K2 : DataArray, optional
         Factor tables over axes that `value` does not have.
+    power : Power, optional
+        Power of a variable that multiplies the table.
     outside : {"hold", "linear"}
         Value beyond the last breakpoint in simulation.
     **text : str
@@ -99,6 +122,8 @@ def make(
         leaf["source"] = leaf["value"].dims, np.full(array.shape, SOURCES.index(source), np.uint8)
         leaf["source"].attrs = dict(SOURCE_ATTRS)
     leaf.attrs = {"regressors": " ".join(regressors), "outside": outside, **text}
+    if power is not None:
+        leaf.attrs |= {"power": power.variable, "exponent": float(power.exponent), "floor": float(power.floor)}
     problems = check(leaf)
     if problems:
         raise SchemaError("term", problems)
@@ -108,6 +133,33 @@ def make(
 def regressors(leaf: xr.Dataset) -> tuple[str, ...]:
     """Return the regressors of a leaf, in order."""
     return tuple(str(leaf.attrs.get("regressors", "")).split())
+
+
+def power(leaf: xr.Dataset) -> Power | None:
+    """Return the power factor of a leaf, or None."""
+    if not leaf.attrs.get("power"):
+        return None
+    return Power(str(leaf.attrs["power"]), float(leaf.attrs["exponent"]), float(leaf.attrs["floor"]))
+
+
+def multipliers(leaf: xr.Dataset) -> tuple[str, ...]:
+    """Return what multiplies the tables of a leaf, in words and sorted: tables are comparable when these are equal.
+
+    Examples
+    --------
+    >>> multipliers(make(-0.078, regressors=["phi", "CL"], power=Power("h_agl", -1.09, 1.0)))
+    ('CL', 'max(h_agl, 1)^-1.09', 'phi')
+    """
+    factor = power(leaf)
+    return tuple(sorted((*regressors(leaf), *(() if factor is None else (str(factor),)))))
+
+
+def bare(leaf: xr.Dataset) -> xr.Dataset:
+    """Return a leaf without regressors and power factor: its tables alone."""
+    attributes = {key: item for key, item in leaf.attrs.items() if key not in ("power", "exponent", "floor")}
+    found = leaf.copy(deep=False)
+    found.attrs = {**attributes, "regressors": ""}
+    return found
 
 
 def check(leaf: xr.Dataset) -> list[str]:
@@ -139,10 +191,11 @@ def check(leaf: xr.Dataset) -> list[str]:
         problems.append(f"has {len(words)} regressors ({' '.join(words)}); at most {MAX_REGRESSORS} are allowed")
     for word in words:
         problems += _unknown(word, "regressor")
+    problems += _check_power(leaf.attrs)
     if leaf.attrs.get("outside", "hold") not in ("hold", "linear"):
         problems.append(f"attribute outside is {leaf.attrs['outside']!r}; allowed: hold, linear")
     for key, item in leaf.attrs.items():
-        if isinstance(item, bool) or not isinstance(item, str | int | float | np.integer | np.floating):
+        if isinstance(item, bool) or not isinstance(item, str | _NUMBER):
             problems.append(f"attribute {key} is a {type(item).__name__}; only text and numbers survive in a file")
     return problems
 
@@ -164,6 +217,21 @@ def _check_beside(leaf: xr.Dataset, name: str) -> list[str]:
     elif name == "source" and not np.isin(table.values, range(len(SOURCES))).all():
         codes = ", ".join(f"{code} {word}" for code, word in enumerate(SOURCES))
         problems.append(f"source holds codes beside {codes}")
+    return problems
+
+
+def _check_power(attributes: Mapping[Any, Any]) -> list[str]:
+    """Return the faults of a power factor."""
+    parts = {key: attributes[key] for key in ("exponent", "floor") if key in attributes}
+    variable = attributes.get("power", "")
+    if not variable:
+        return [f"attribute {' and '.join(parts)} without power: name the variable in the attribute power"] if parts else []
+    problems = _unknown(str(variable), "power")
+    for key in ("exponent", "floor"):
+        if not isinstance(parts.get(key), _NUMBER) or not math.isfinite(parts[key]):
+            problems.append(f"power {variable}: attribute {key} is {parts.get(key)!r}; a finite number is needed")
+        elif key == "floor" and parts[key] <= 0:
+            problems.append(f"power {variable}: attribute floor is {parts[key]:g}; it must be positive, so that the power is finite")
     return problems
 
 
@@ -206,9 +274,10 @@ def _unknown(name: str, what: str) -> list[str]:
 
 
 def variables(leaf: xr.Dataset) -> set[str]:
-    """Return the names of all model variables a leaf needs: axes of all its tables and regressors."""
+    """Return the names of all model variables a leaf needs: axes of all its tables, regressors, variable of the power."""
     axes = {str(d) for name in _TABLES if name in leaf for d in leaf[name].dims}
-    return axes | set(regressors(leaf))
+    factor = power(leaf)
+    return axes | set(regressors(leaf)) | (set() if factor is None else {factor.variable})
 
 
 def evaluate(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise", places: dict[Any, Place] | None = None) -> np.ndarray:
@@ -247,6 +316,9 @@ def evaluate(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "ra
             found = found * _interpolated(leaf, name, conditions, outside, {} if places is None else places)
     for name in regressors(leaf):
         found = found * np.asarray(_get(name, conditions), float)
+    factor = power(leaf)
+    if factor is not None:
+        found = found * factor.at(_get(factor.variable, conditions))
     return np.asarray(found)
 
 
@@ -261,7 +333,7 @@ def basis(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise
     Returns
     -------
     sparse array (samples, nodes)
-        ``basis @ value.ravel()`` is the contribution; factors ``K1``, ``K2`` and regressors are inside.
+        ``basis @ value.ravel()`` is the contribution; factors ``K1``, ``K2``, regressors and power are inside.
     """
     from scipy.sparse import csr_array
 
@@ -273,6 +345,9 @@ def basis(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "raise
             weights = weights * (share * leaf[name].values.ravel()[at]).sum(axis=1)[:, None]
     for name in regressors(leaf):
         weights = weights * _values(name, conditions, shape)[:, None]
+    factor = power(leaf)
+    if factor is not None:
+        weights = weights * factor.at(_values(factor.variable, conditions, shape))[:, None]
     rows = np.repeat(np.arange(len(columns)), columns.shape[1])
     return csr_array((weights.ravel(), (rows, columns.ravel())), shape=(len(columns), leaf["value"].size))
 
@@ -301,22 +376,13 @@ def _corners(table: xr.DataArray, conditions, shape: tuple[int, ...], outside: s
         points = table[axis].values.astype(float)
         x = _values(axis, conditions, shape)
         if outside == "raise":
-            _demand_inside(axis, points, x)
-        low, fraction = _place(points, x, rule)
+            demand_inside(axis, points, x)
+        low, fraction = place(points, x, rule)
         step = int(len(points) > 1)
         columns = (columns * len(points))[:, :, None] + np.stack([low, low + step], axis=1)[:, None, :]
         weights = weights[:, :, None] * np.stack([1.0 - fraction, fraction], axis=1)[:, None, :]
         columns, weights = columns.reshape(count, -1), weights.reshape(count, -1)
     return columns, weights
-
-
-def _place(points: np.ndarray, x: np.ndarray, rule: str) -> Place:
-    """Return the breakpoint below each sample and how far on the way to the next one it lies."""
-    if len(points) == 1:
-        return np.zeros(x.shape, np.intp), np.zeros(x.shape)
-    low = (points.searchsorted(x, side="right") - 1).clip(0, len(points) - 2)
-    fraction = (x - points.take(low)) / np.diff(points).take(low)
-    return low, fraction.clip(0.0, 1.0) if rule == "hold" else fraction
 
 
 def _interpolated(leaf: xr.Dataset, name: str, conditions, outside: str, places: dict[Any, Place]) -> np.ndarray:
@@ -332,9 +398,9 @@ def _interpolated(leaf: xr.Dataset, name: str, conditions, outside: str, places:
         shape = np.broadcast_shapes(shape, x.shape)
         key = (axis, points.tobytes(), outside, rule)
         if key not in places:
-            if outside == "raise" and not _inside(points, x).all():
-                _demand_inside(axis, points, _values(axis, conditions, _shape(leaf, conditions)))
-            places[key] = _place(points, x, rule)
+            if outside == "raise" and not inside(points, x).all():
+                demand_inside(axis, points, _values(axis, conditions, _shape(leaf, conditions)))
+            places[key] = place(points, x, rule)
         low, fraction = places[key]
         if len(points) == 1:
             nodes = nodes.take(0, axis=len(varying))
@@ -347,53 +413,9 @@ def _interpolated(leaf: xr.Dataset, name: str, conditions, outside: str, places:
     if not varying:
         return np.full(shape, nodes)
     spread = [(np.broadcast_to(low, shape).ravel(), np.broadcast_to(fraction, shape).ravel()) for low, fraction in varying]
-    return _multilinear(nodes, spread).reshape(shape)
-
-
-def _multilinear(nodes: np.ndarray, places: Sequence[Place]) -> np.ndarray:
-    """Return a table (axes...) at places along each axis, (samples,)."""
-    starts, rises = nodes[..., :-1].ravel(), np.diff(nodes).ravel()
-    sizes = (*nodes.shape[:-1], nodes.shape[-1] - 1)
-    steps = [math.prod(sizes[i + 1 :]) for i in range(len(sizes))]
-    found = np.empty(len(places[0][0]))
-
-    def along(i: int, offset: int) -> np.ndarray:
-        if i == len(places) - 1:
-            value = rises[offset:].take(cell)
-            value *= fractions[i]
-            value += starts[offset:].take(cell)
-            return value
-        below, above = along(i + 1, offset), along(i + 1, offset + steps[i])
-        above -= below
-        above *= fractions[i]
-        below += above
-        return below
-
-    for start in range(0, len(found), _BLOCK):
-        block = slice(start, start + _BLOCK)
-        fractions = [fraction[block] for _, fraction in places]
-        cell = places[-1][0][block].copy()
-        for (low, _), step in zip(places[:-1], steps):
-            cell += low[block] * step
-        found[block] = along(0, 0)
-    return found
+    return multilinear(nodes, spread).reshape(shape)
 
 
 def _demand_choice(outside: str) -> None:
     if outside not in ("raise", "clamp"):
         raise ValueError(f"outside is {outside!r}; allowed: raise, clamp")
-
-
-def _inside(points: np.ndarray, x: np.ndarray) -> np.ndarray:
-    return (x >= points[0]) & (x <= points[-1])
-
-
-def _demand_inside(axis: str, points: np.ndarray, x: np.ndarray) -> None:
-    mask = ~_inside(points, x)
-    if mask.any():
-        worst = x[mask][np.argmax(np.abs(x[mask] - np.clip(x[mask], points[0], points[-1])))]
-        raise OutOfRange(
-            f"{axis} = {worst:.6g} lies outside {points[0]:.6g} ... {points[-1]:.6g} in {int(mask.sum())} of {len(x)} samples, "
-            f"first at sample {int(np.argmax(mask))}; extend the table or pass outside='clamp'",
-            mask,
-        )

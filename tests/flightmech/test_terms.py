@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.terms import SOURCES, basis, check, evaluate, make, regressors, variables
+from flightmech.terms import SOURCES, Power, bare, basis, check, evaluate, make, multipliers, power, regressors, variables
 
 ALPHA, MACH = np.array([-0.1, 0.0, 0.2, 0.3]), np.array([0.2, 0.5, 0.8])
 
@@ -161,3 +161,50 @@ def test_another_spelling_of_the_same_unit_is_no_fault():
     leaf = make([1.0, 2.0], {"V": [50.0, 100.0]})
     leaf["V"].attrs["units"] = "m/s"
     assert check(leaf) == []
+
+
+@pytest.fixture
+def ground() -> xr.Dataset:
+    """Lift slope over ground, [LR743] table 2: 0.506 times 4.87, exponent -1.75; the floor of 2 m is ours."""
+    flap = {"delta_f": [0.0, 0.7]}
+    return make([2.0, 0.506 * 4.87], flap, ["alpha"], power=Power("h_agl", -1.75, 2.0), stderr=0.1)
+
+
+def test_a_power_multiplies_the_table(ground):
+    at = {"delta_f": 0.7, "alpha": 0.1, "h_agl": np.array([3.0, 2.0, 0.5, -1.0])}
+    at_the_floor = 0.506 * 4.87 * 0.1 * 2.0**-1.75
+    expected = [0.506 * 4.87 * 0.1 * 3.0**-1.75, at_the_floor, at_the_floor, at_the_floor]
+    np.testing.assert_allclose(evaluate(ground, at), expected, rtol=1e-14)  # rounding
+    np.testing.assert_allclose(basis(ground, at) @ ground["value"].values, expected, rtol=1e-14)
+    assert variables(ground) == {"delta_f", "alpha", "h_agl"}
+    assert power(ground) == Power("h_agl", -1.75, 2.0)
+
+
+def test_a_bare_leaf_keeps_its_table_and_other_attributes(ground):
+    assert multipliers(ground) == ("alpha", "max(h_agl, 2)^-1.75")
+    alone = bare(ground.assign_attrs(comment="kept"))
+    assert power(alone) is None and multipliers(alone) == ()
+    assert alone.attrs["comment"] == "kept"
+    assert power(ground) is not None  # the leaf itself is untouched
+    np.testing.assert_allclose(evaluate(alone, {"delta_f": 0.0}), 2.0, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("change", "fault"),
+    [
+        ({"power": "height"}, "power: unknown quantity 'height'"),
+        ({"exponent": "steep"}, "attribute exponent is 'steep'; a finite number is needed"),
+        ({"exponent": np.inf}, "attribute exponent is inf; a finite number is needed"),
+        ({"floor": 0.0}, "attribute floor is 0; it must be positive"),
+        ({"power": ""}, "attribute exponent and floor without power"),
+    ],
+)
+def test_faults_of_a_power(ground, change, fault):
+    assert fault in " ".join(check(ground.assign_attrs(change)))
+
+
+def test_a_power_without_exponent_or_floor(ground):
+    for key in ("exponent", "floor"):
+        lacking = ground.copy()
+        del lacking.attrs[key]
+        assert check(lacking) == [f"power h_agl: attribute {key} is None; a finite number is needed"]

@@ -15,7 +15,21 @@ import flightmech
 from flightmech.errors import SchemaError
 from flightmech.library import Model, Simulation
 
-SECTIONS = ("geometry", "inputs", "outputs", "parameters", "states", "variables", "axes", "points", "bundles", "nodes", "terms", "items", "strings")
+SECTIONS = (
+    "geometry",
+    "inputs",
+    "outputs",
+    "parameters",
+    "states",
+    "variables",
+    "axes",
+    "points",
+    "bundles",
+    "nodes",
+    "terms",
+    "items",
+    "strings",
+)
 
 
 def section(block: bytes, name: str) -> tuple[int, int]:
