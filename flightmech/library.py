@@ -123,7 +123,8 @@ def groups() -> tuple[str, ...]:
 @cache
 def known(kind: int) -> tuple[Known, ...]:
     """Return the names of one kind that the kernel can compute."""
-    kernel, found = library(), []
+    kernel = library()
+    found: list[Known] = []
     while (name := kernel.am_known(kind, len(found))) is not None:
         i = len(found)
         found.append(Known(kernel.am_known_group(kind, i).decode(), name.decode(), kernel.am_known_stage(kind, i)))

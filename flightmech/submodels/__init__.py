@@ -31,7 +31,7 @@ _OWNER = {
 
 def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     """Return the names of the items of every group; the core and groups of one item have the empty name."""
-    found = {"": ("",)}
+    found: dict[str, tuple[str, ...]] = {"": ("",)}
     for module in MODULES:
         found |= module.items(aircraft)
     return found

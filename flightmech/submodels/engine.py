@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 Vector = tuple[float, float, float]
 MOST = sys.float_info.max
 THRUST_AXES = ("throttle", "mach", "h")
-_Vector = tuple[si("m"), si("m"), si("m")]  # type: ignore[misc]
+_Length = si("m")
+_Vector = tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ class EngineTable(Strict):
         return value
 
     @model_validator(mode="after")
-    def _one_source(self) -> _EngineTable:
+    def _one_source(self) -> EngineTable:
         if self.thrust is not None and self.thrust_file is not None:
             raise ValueError("thrust and thrust_file are both given; keep one")
         return self
