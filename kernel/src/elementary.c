@@ -253,7 +253,8 @@ static inline double exponential(double high, double low) {
     const double n = (high * 0x1.71547652b82fep+6 + TO_INTEGER) - TO_INTEGER; /* of ln 2 / 64 */
     const int k = (int)n, e = k >> 6;
     const double r = ((high - n * 0x1.62e42fefa0000p-7) - n * 0x1.cf79abc9e3b3ap-46) + low, r2 = r * r;
-    const double more = r + r2 * ((0.5 + r * 0x1.5555555555555p-3) + r2 * ((0x1.5555555555555p-5 + r * 0x1.1111111111111p-7) + r2 * 0x1.6c16c16c16c17p-10));
+    const double fourth = 0x1.5555555555555p-5 + r * 0x1.1111111111111p-7 + r2 * 0x1.6c16c16c16c17p-10; /* 1/4! 1/5! 1/6! */
+    const double more = r + r2 * ((0.5 + r * 0x1.5555555555555p-3) + r2 * fourth);
     const double *two = POWER_OF_TWO[k & 63], value = two[0] + (two[1] + two[0] * more);
     if (e > -1022 && e < 1024) return value * power_of_two(e);
     return e > 0 ? value * power_of_two(e - 1) * 2.0 : value * power_of_two(e + 200) * 0x1p-200;
