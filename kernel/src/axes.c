@@ -1,4 +1,5 @@
 /* Rotations: quaternion and Euler angles (3-2-1). */
+#include "elementary.h"
 #include "model.h"
 
 #include <math.h>
@@ -38,7 +39,10 @@ void matrix_quaternion(const double C[3][3], double q[4]) {
 
 /* Turns north-east-down to body axes. */
 void euler_matrix(double phi, double theta, double psi, double C[3][3]) {
-    const double cf = cos(phi), sf = sin(phi), ct = cos(theta), st = sin(theta), cp = cos(psi), sp = sin(psi);
+    double cf, sf, ct, st, cp, sp;
+    am_sincos(phi, &sf, &cf);
+    am_sincos(theta, &st, &ct);
+    am_sincos(psi, &sp, &cp);
     C[0][0] = ct * cp, C[0][1] = ct * sp, C[0][2] = -st;
     C[1][0] = sf * st * cp - cf * sp, C[1][1] = sf * st * sp + cf * cp, C[1][2] = sf * ct;
     C[2][0] = cf * st * cp + sf * sp, C[2][1] = cf * st * sp - sf * cp, C[2][2] = cf * ct;
