@@ -40,6 +40,16 @@ class _Entry(ctypes.Structure):
     _fields_ = [(name, c_char_p) for name in Entry._fields[:4]] + [(name, c_double) for name in Entry._fields[4:7]] + [("flags", c_int)]
 
 
+class _Mover(ctypes.Structure):
+    _fields_ = [("kind", c_int), ("index", c_int), ("unknown", c_int)]
+
+
+class _TrimTask(ctypes.Structure):
+    _fields_ = [(name, c_int) for name in ("path", "movers", "unknowns", "goals")]
+    _fields_ += [("mover", POINTER(_Mover)), ("low", _doubles), ("high", _doubles), ("size", _doubles)]
+    _fields_ += [("goal", POINTER(c_int)), ("wanted", _doubles)]
+
+
 _SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_load": (c_void_p, [c_char_p, c_size_t, c_char_p, c_size_t]),
     "am_free": (None, [c_void_p]),
@@ -63,6 +73,7 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_set_inputs": (c_int, [c_void_p, _doubles]),
     "am_initialize": (c_int, [c_void_p, c_double]),
     "am_trim": (c_int, [c_void_p, c_int]),
+    "am_trim_for": (c_int, [c_void_p, POINTER(_TrimTask), _doubles, _doubles, _doubles, _doubles]),
     "am_step": (c_int, [c_void_p, c_double, c_double, _doubles, _doubles]),
     "am_outputs": (c_int, [c_void_p, _doubles]),
     "am_run": (c_int, [c_void_p, c_size_t, _doubles, _doubles, c_int, _doubles, POINTER(c_size_t)]),
@@ -205,6 +216,42 @@ class Simulation:
     def trim(self, seek: int) -> None:
         """Trim by thrust (1) or throttle (2)."""
         self._demand(library().am_trim(self.handle, seek))
+
+    def trim_for(
+        self,
+        path: int,
+        movers: Sequence[tuple[int, int, int]],
+        search: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+        goals: Sequence[int],
+        wanted: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Seek unknowns so that outputs take wanted values, as ``am_trim_for`` of kernel.h.
+
+        Parameters
+        ----------
+        path : int
+            0 climb angle given, 1 pitch attitude given, 2 on the ground.
+        movers : sequence of (int, int, int)
+            INPUT or PARAMETER, its index, the unknown it follows.
+        search : tuple of array (unknown,)
+            First guess, lower and upper limits, sizes.
+        goals, wanted : sequence (goal,)
+            Indices of outputs and their wanted values.
+
+        Returns
+        -------
+        found, outputs, left, jacobian : array
+            (unknown,), (output,), (goal,) and (goal, unknown), the last two weighed as accelerations. [m s-2]
+        """
+        n, m = len(search[0]), len(goals)
+        found, low, high, size = (np.array(item, float) for item in search)
+        aims = _checked(wanted, (m,))
+        y, left, jacobian = np.empty(self.model.count(OUTPUT)), np.empty(m), np.empty((m, n))
+        task = _TrimTask(path, len(movers), n, m, (_Mover * len(movers))(*(_Mover(*mover) for mover in movers)))
+        task.low, task.high, task.size = map(_pointer, (low, high, size))
+        task.goal, task.wanted = (c_int * m)(*goals), _pointer(aims)
+        self._demand(library().am_trim_for(self.handle, byref(task), *map(_pointer, (found, y, left, jacobian))))
+        return found, y, left, jacobian
 
     def step(self, time: float, dt: float, u0: np.ndarray, u1: np.ndarray) -> None:
         """Advance by `dt` with inputs linear from `u0` to `u1`. [s]"""

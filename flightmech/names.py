@@ -47,6 +47,7 @@ _ROWS = [
     ("p_dot", "rad s-2", "RWD", "body roll acceleration", "", "deg/s2"),
     ("q_dot", "rad s-2", "ANU", "body pitch acceleration", "", "deg/s2"),
     ("r_dot", "rad s-2", "ANR", "body yaw acceleration", "", "deg/s2"),
+    ("psi_dot", "rad s-1", "clockwise from above", "rate of turn", "", "deg/s"),
     ("phi", "rad", "RWD", "bank angle", "eulerAngle_Roll", "deg"),
     ("theta", "rad", "ANU", "pitch attitude", "eulerAngle_Pitch", "deg"),
     ("psi", "rad", "clockwise from north", "true heading", "eulerAngle_Yaw", "deg"),

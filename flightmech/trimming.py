@@ -2,25 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
-from .library import OUTPUT, PARAMETER
+from .errors import SchemaError
+from .library import INPUT, OUTPUT, PARAMETER, Simulation
 from .simulation import attributes, constant_inputs, prepared
+from .trim_request import Request, request
 
 if TYPE_CHECKING:
     from .compiler import SimModel
 
+_DONE = 1e-6  # what is left of a residual that counts as nothing [m s-2]: a ten-millionth of gravity
+_AT_LIMIT = 1e-9  # of the size of an unknown
+_NO_EFFECT = 1e-8  # slope, of the largest one
+_SAME = 1e-6  # singular value of the normalised slopes, of the largest one
+_PART = 0.1  # of a direction without effect: a component that is named
+_STATE = ("V", "alpha", "beta", "theta", "p", "q", "r")  # what a trim sets without being among its unknowns
 
-def trim(sim: SimModel, parameters: Mapping[str, float] | None = None) -> xr.Dataset:
-    """Trim to a steady flight: wings level unless the parameters say otherwise.
 
-    ``init.V gamma phi psi h p q r`` are held; angle of attack, sideslip, elevator, aileron, rudder and power are sought so that
-    the accelerations take the values ``init.u_dot ... init.r_dot`` (zero).  Power is the throttle, or the thrust when a
-    recorded thrust drives or an engine has no table.  Where controls cannot do it, the smallest accelerations are left.
+def trim(
+    sim: SimModel,
+    parameters: Mapping[str, float] | None = None,
+    kind: str | None = None,
+    unknowns: Sequence[str] | None = None,
+    fixed: Mapping[str, float] | None = None,
+    residuals: Sequence[str] | None = None,
+) -> xr.Dataset:
+    """Trim to a steady flight, or to rest on the ground.
+
+    Called with parameters alone it is the trim that every run starts with (``mode.trim``): ``init.V gamma phi psi h p q r psi_dot`` are
+    held; angle of attack, sideslip, elevator, aileron, rudder and power are sought, controls and power as biases on the inputs, so
+    that the accelerations take the values ``init.u_dot ... init.r_dot`` (zero).
+
+    With any other argument the flight is described by plain names.  Sought in every kind in the air: alpha, the three surfaces and
+    power (throttle or thrust, by ``mode.engine``); the six accelerations vanish.
+
+    ========== ============ =============================== ==============================================
+    kind       also sought  give one of                     remarks
+    ========== ============ =============================== ==============================================
+    level      beta                                         gamma, phi, psi_dot are 0; beta given: phi sought
+    climb      beta         gamma, hdot, theta, power       power given: gamma sought
+    turn       beta psi_dot phi, psi_dot, nz                ay vanishes; beta given: ay does not;
+                                                            psi_dot or nz given: phi sought
+    sideslip   phi          beta, delta_r, phi              delta_r or phi given: beta sought
+    pull_up    beta q       nz, q                           lowest point of a loop, gamma 0
+    engine_out phi          engine1.failed = 1 ...          beta is 0; phi or delta_r given: beta sought
+    ground     h theta phi  V (0 is rest)                   w_dot p_dot q_dot vanish; u_dot given: power sought
+    ========== ============ =============================== ==============================================
 
     Parameters
     ----------
@@ -28,26 +60,86 @@ def trim(sim: SimModel, parameters: Mapping[str, float] | None = None) -> xr.Dat
         The compiled model.
     parameters : mapping of str to float, optional
         Parameters and inputs: ``{"init.V": 90.0, "init.h": 1500.0, "delta_f": 0.6}``. [SI]
+    kind : str, optional
+        As in the table; ``level`` unless given.
+    unknowns : sequence of str, optional
+        What is sought instead of what the kind seeks: ``alpha beta gamma theta phi psi V h p q r psi_dot``, any input, any parameter,
+        ``throttle`` or ``thrust`` of all engines alike.
+    fixed : mapping of str to float, optional
+        What is held: the same names; an acceleration ``u_dot ... r_dot``; any output (``nz hdot V_cas mach`` ...), which becomes a
+        residual; ``engine1.failed`` 1 takes the thrust of an engine away.  What is given is no longer sought, and its partner in the
+        table is. [SI]
+    residuals : sequence of str, optional
+        What vanishes instead of what the kind demands: ``u_dot ... r_dot`` and any output.
 
     Returns
     -------
     Dataset
-        All outputs in the trimmed state, without dimension: ``alpha``, ``theta``, ``applied.delta_e``; ``trim.delta_e`` is what the
-        trim added to the input, ``trim.u_dot ... trim.r_dot`` what is left of the accelerations.
+        All outputs in the trimmed state, without dimension: ``alpha``, ``theta``, ``applied.delta_e``; ``trim.u_dot ... trim.r_dot`` is
+        what is left of the accelerations.
+
+        Unless called with parameters alone also: ``found low high`` over ``unknown``, with ``limit`` -1 or 1 at the lower or upper
+        one; ``wanted left`` over ``residual``; ``start`` over ``quantity``, for `start_of`.  Attributes: ``converged`` (1 or 0),
+        ``at_limit``, ``without_effect`` (unknowns that change no residual), ``alike`` (unknowns that cannot be told apart), ``rank``,
+        and ``verdict``, which says all this in words.  A trim that does not come about is a result: the residuals are as small as
+        the limits allow.
 
     Raises
     ------
     UnknownName
-        A parameter or input that the model does not have.
+        A kind, parameter, input or quantity that the model does not have.
+    SchemaError
+        A request that contradicts itself: more residuals than unknowns, a quantity fixed and sought, nothing given of what the kind needs.
     SimulationError
         A parameter has no meaning, e.g. no speed.
+
+    Notes
+    -----
+    Body rates follow from the turn: p = -psi_dot sin(theta), q = psi_dot sin(phi) cos(theta), r = psi_dot cos(phi) cos(theta), plus,
+    over a round Earth, the rate of the horizon.  In a climb u_dot = 0 holds the true airspeed, not the calibrated one.
+    Unknowns in surplus are shared out by the smallest norm, angles in rad, throttle in parts of its travel.
+
+    References
+    ----------
+    .. [Stevens] Stevens and Lewis, Aircraft Control and Simulation, 1992, section 3.4: rate-of-climb and turn-coordination constraints.
     """
-    y = trimmed_outputs(sim, parameters or {})
-    return xr.Dataset({row.name: ((), y[i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}, attrs={"title": sim.title})
+    if kind is None and unknowns is None and fixed is None and residuals is None:
+        return _outputs(sim, trimmed_outputs(sim, parameters or {}))
+    asked = request(sim, parameters or {}, kind or "level", unknowns, residuals, fixed or {})
+    run = prepared(sim, asked.values, constant_inputs(sim, asked.values))
+    places = {**{name: (PARAMETER, i) for i, name in enumerate(sim.parameters)}, **{name: (INPUT, i) for i, name in enumerate(sim.inputs)}}
+    movers = [(*places[item], unknown) for unknown, items in enumerate(asked.movers) for item in items]
+    goals = [sim.outputs.index(name) for name in asked.outputs]
+    found, y, left, jacobian = run.trim_for(asked.path, movers, asked.search, goals, asked.wanted)
+    return _outputs(sim, y).assign(_search(sim, run, asked, found, y)).assign_attrs(_findings(asked, found, left, jacobian, y[goals]))
+
+
+def start_of(trimmed: xr.Dataset) -> dict[str, float]:
+    """Return the parameters and inputs with which a simulation starts in a trimmed state.
+
+    Parameters
+    ----------
+    trimmed : Dataset
+        As from `trim` with a kind.
+
+    Returns
+    -------
+    dict of str to float
+        For the `parameters` of `simulate`, `linearize` or an FMU: what the trim was given, what it found, ``init.*`` of the state, and
+        ``mode.trim`` 0. [SI]
+
+    Raises
+    ------
+    SchemaError
+        The trim was one without a kind, which puts biases on the inputs: give its parameters to `simulate` instead.
+    """
+    if "start" not in trimmed:
+        raise SchemaError("trimmed state", ["no variable start; trim with a kind, e.g. kind='level'"])
+    return dict(zip(map(str, trimmed["quantity"].values), map(float, trimmed["start"].values), strict=True))
 
 
 def trimmed_outputs(sim: SimModel, parameters: Mapping[str, float]) -> np.ndarray:
-    """Return the outputs (outputs,) of `trim` as the kernel gives them, for many trims in a row."""
+    """Return the outputs (outputs,) of the trim at the start as the kernel gives them, for many trims in a row."""
     values = {"mode.trim": _seek(sim, parameters), **parameters}
     return prepared(sim, values, constant_inputs(sim, values)).outputs()
 
@@ -56,3 +148,77 @@ def _seek(sim: SimModel, parameters: Mapping[str, float]) -> float:
     engines = any(name.startswith("engine1/") for name in sim.terms)
     mode = next(row.value for row in sim.entries(PARAMETER) if row.name == "mode.engine")
     return 2.0 if engines and parameters.get("mode.engine", mode) == 0.0 else 1.0
+
+
+def _outputs(sim: SimModel, y: np.ndarray) -> xr.Dataset:
+    return xr.Dataset({row.name: ((), y[i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}, attrs={"title": sim.title})
+
+
+def _search(sim: SimModel, run: Simulation, asked: Request, found: np.ndarray, y: np.ndarray) -> dict[str, tuple]:
+    units = {row.name: row.units for kind in (OUTPUT, INPUT, PARAMETER) for row in sim.entries(kind)}
+    _, low, high, size = asked.search
+    near = _AT_LIMIT * size
+    goals = np.array([sim.outputs.index(name) for name in asked.outputs])
+    start = {**asked.values, **{item: found[k] for k, items in enumerate(asked.movers) for item in items}}
+    start |= {f"init.{name}": run.parameter(sim.parameters.index(f"init.{name}")) for name in _STATE}
+    return {
+        "unknown": ("unknown", list(asked.unknowns)),
+        "unknown_units": ("unknown", [units[items[0]] for items in asked.movers]),
+        "found": ("unknown", found),
+        "low": ("unknown", low),
+        "high": ("unknown", high),
+        "limit": ("unknown", np.where(found <= low + near, -1, np.where(found >= high - near, 1, 0))),
+        "residual": ("residual", list(asked.residuals)),
+        "residual_units": ("residual", [units[name] for name in asked.outputs]),
+        "wanted": ("residual", asked.wanted),
+        "left": ("residual", y[goals] - asked.wanted),
+        "quantity": ("quantity", list(start)),
+        "start": ("quantity", np.array(list(start.values()))),
+    }
+
+
+def _findings(asked: Request, found: np.ndarray, left: np.ndarray, jacobian: np.ndarray, reached: np.ndarray) -> dict[str, str | int]:
+    _, low, high, size = asked.search
+    near = _AT_LIMIT * size
+    stops = [
+        f"{name} at its {'lower' if z <= a + e else 'upper'} limit {a if z <= a + e else b:.6g}"
+        for name, z, a, b, e in zip(asked.unknowns, found, low, high, near, strict=True)
+        if z <= a + e or z >= b - e
+    ]
+    idle, alike, rank = _rank(asked.unknowns, jacobian)
+    converged = bool(np.abs(left).max() <= _DONE)
+    rest = [
+        f"{name} {value - aim:.3g}"
+        for name, value, aim, part in zip(asked.residuals, reached, asked.wanted, left, strict=True)
+        if abs(part) > _DONE
+    ]
+    words = ["trimmed" if converged else "not trimmed", *stops]
+    words += [f"left over: {', '.join(rest)}"] if rest else []
+    words += [f"without effect: {', '.join(idle)}"] if idle else []
+    words += [f"only together: {', '.join(alike)}"] if alike else []
+    return {
+        "kind": asked.kind,
+        "converged": int(converged),
+        "at_limit": " ".join(
+            name for name, z, a, b, e in zip(asked.unknowns, found, low, high, near, strict=True) if z <= a + e or z >= b - e
+        ),
+        "without_effect": " ".join(idle),
+        "alike": " ".join(alike),
+        "rank": rank,
+        "verdict": "; ".join(words),
+    }
+
+
+def _rank(unknowns: Sequence[str], jacobian: np.ndarray) -> tuple[list[str], list[str], int]:
+    """Return the unknowns without effect, those whose effects are not independent, and the number of independent ones."""
+    norm = np.linalg.norm(jacobian, axis=0)
+    works = norm > _NO_EFFECT * norm.max(initial=0.0)
+    idle = [name for name, moves in zip(unknowns, works, strict=True) if not moves]
+    if not works.any():
+        return idle, [], 0
+    _, sizes, directions = np.linalg.svd(jacobian[:, works] / norm[works])
+    rank = int((sizes > _SAME * sizes[0]).sum())
+    names = np.array(unknowns)[works]
+    if rank == min(jacobian.shape[0], len(names)):
+        return idle, [], rank
+    return idle, [str(name) for name in names[(np.abs(directions[rank:]) > _PART).any(axis=0)]], rank

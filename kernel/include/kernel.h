@@ -116,10 +116,40 @@ AM_API int am_get_inputs(const am_sim *sim, double *u);
 AM_API int am_initialize(am_sim *sim, double t);
 
 /* Seek alpha, beta and biases of elevator, aileron, rudder and of thrust (seek = 1, N per engine) or throttle (seek = 2)
- * so that u', v', w', p', q', r' take the values init.u_dot ... init.r_dot, with init.V gamma phi psi h p q r held.
+ * so that u', v', w', p', q', r' take the values init.u_dot ... init.r_dot, with init.V gamma phi psi h p q r psi_dot held.
  * Regularised minimum-norm Newton steps inside the limits of the inputs.  A trim that leaves residuals is a result, not
  * an error: outputs trim.u_dot ... trim.r_dot hold what is left, trim.alpha ... trim.throttle what was found. */
 AM_API int am_trim(am_sim *sim, int seek);
+
+/* What a trim moves: row `index` of the inputs or parameters follows unknown `unknown`; several may follow one, as the
+ * throttles of all engines do. */
+typedef struct {
+    int kind, index, unknown;
+} am_mover;
+
+/* What ties the start together. */
+enum {
+    AM_PATH_GAMMA = 0, /* theta follows from init.gamma */
+    AM_PATH_THETA = 1, /* init.theta is given, the climb angle follows */
+    AM_PATH_GROUND = 2 /* init.V is the speed over the ground along init.psi; airspeed and flow angles follow with attitude and wind */
+};
+
+typedef struct {
+    int path, movers, unknowns, goals;
+    const am_mover *mover;              /* [movers] */
+    const double *low, *high, *size;    /* [unknowns]: limits; what one step of the search should be of the order of */
+    const int *goal;                    /* [goals]: outputs; trim.u_dot ... trim.r_dot: accelerations less init.u_dot ... init.r_dot */
+    const double *wanted;               /* [goals] */
+} am_trim_task;
+
+/* Seek unknowns so that outputs take wanted values, inside limits, by steps of the smallest norm; no more goals than unknowns.
+ * init.p q r are here rates against the horizon; the turn init.psi_dot about the vertical comes on top.
+ * found[unknowns]: in the first guess, out what was found.  The simulation then stands in the steady flight, and inputs and
+ * init.* hold it: am_initialize with mode.trim = 0 comes back to it.
+ * y[outputs]: the outputs there.  left[goals]: what is left, output less wanted value, weighed as an acceleration (m/s2; rotations
+ * times half the span, angles and load factors times g).  jacobian[goals * unknowns] (NULL: not asked for): slope of `left` over one
+ * size of each unknown.  A trim that leaves residuals is a result, not an error. */
+AM_API int am_trim_for(am_sim *sim, const am_trim_task *task, double *found, double *y, double *left, double *jacobian);
 
 /* Advance from t to t + dt with inputs linear from u0 to u1 (u1 == u0: held), in equal RK4 steps of at most mode.step.
  * u1 becomes the present input.  On failure the state is that of the last good internal step. */

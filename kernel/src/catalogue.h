@@ -42,7 +42,7 @@ enum { STAGE_MASS, STAGE_ENGINE, STAGE_GEAR, STAGE_AERO, STAGE_HINGE, STAGES };
     X(P_V, "init.V") X(P_ALPHA, "init.alpha") X(P_BETA, "init.beta") X(P_GAMMA, "init.gamma") X(P_PHI, "init.phi") \
     X(P_THETA, "init.theta") X(P_PSI, "init.psi") X(P_P, "init.p") X(P_Q, "init.q") X(P_R, "init.r") X(P_H, "init.h") \
     X(P_LAT, "init.lat") X(P_LON, "init.lon") X(P_U_DOT, "init.u_dot") X(P_V_DOT, "init.v_dot") X(P_W_DOT, "init.w_dot") \
-    X(P_P_DOT, "init.p_dot") X(P_Q_DOT, "init.q_dot") X(P_R_DOT, "init.r_dot") \
+    X(P_P_DOT, "init.p_dot") X(P_Q_DOT, "init.q_dot") X(P_R_DOT, "init.r_dot") X(P_PSI_DOT, "init.psi_dot") \
     X(P_MASS, "mass.mass") X(P_X_CG_B, "mass.x_cg_b") X(P_Y_CG_B, "mass.y_cg_b") X(P_Z_CG_B, "mass.z_cg_b") \
     X(P_IXX, "mass.Ixx") X(P_IYY, "mass.Iyy") X(P_IZZ, "mass.Izz") X(P_IXY, "mass.Ixy") X(P_IXZ, "mass.Ixz") X(P_IYZ, "mass.Iyz") \
     X(P_DELTA_T, "env.delta_T") X(P_QNH, "env.qnh") X(P_RUNWAY, "env.runway_elevation") \

@@ -1,0 +1,112 @@
+#include "least_norm.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdbool.h>
+#include <string.h>
+
+#define STEPS 100
+#define ATTEMPTS 24    /* tenfold dampings of one step */
+#define NOTHING 1e-26  /* sum of squares that counts as solved */
+
+static double evaluate(const system_t *s, const double *z, double *r) {
+    double sum = 0.0;
+    s->residual(s->task, z, r);
+    for (int i = 0; i < s->equations; i++) sum += r[i] * r[i];
+    return sum;
+}
+
+void differences(const system_t *s, const double *z, jacobian_t J) {
+    for (int j = 0; j < s->unknowns; j++) {
+        double moved[LARGEST_SYSTEM], up[LARGEST_SYSTEM], down[LARGEST_SYSTEM];
+        memcpy(moved, z, sizeof(double) * (size_t)s->unknowns);
+        moved[j] = z[j] + NUDGE;
+        evaluate(s, moved, up);
+        moved[j] = z[j] - NUDGE;
+        evaluate(s, moved, down);
+        for (int i = 0; i < s->equations; i++) J[i][j] = (up[i] - down[i]) / (2.0 * NUDGE);
+    }
+}
+
+/* Cholesky solution of the positive definite A y = r, in place. */
+static bool solve(int n, jacobian_t A, double *r) {
+    for (int j = 0; j < n; j++) {
+        for (int k = 0; k < j; k++) A[j][j] -= A[j][k] * A[j][k];
+        if (!(A[j][j] > 0.0)) return false;
+        A[j][j] = sqrt(A[j][j]);
+        for (int i = j + 1; i < n; i++) {
+            for (int k = 0; k < j; k++) A[i][j] -= A[i][k] * A[j][k];
+            A[i][j] /= A[j][j];
+        }
+    }
+    for (int i = 0; i < n; i++) {
+        for (int k = 0; k < i; k++) r[i] -= A[i][k] * r[k];
+        r[i] /= A[i][i];
+    }
+    for (int i = n - 1; i >= 0; i--) {
+        for (int k = i + 1; k < n; k++) r[i] -= A[k][i] * r[k];
+        r[i] /= A[i][i];
+    }
+    return true;
+}
+
+static bool minimum_norm_step(const system_t *s, jacobian_t J, const bool *free, const double *r, double lambda, double *dz) {
+    const int n = s->equations;
+    jacobian_t A;
+    double y[LARGEST_SYSTEM], trace = 0.0;
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < n; k++) {
+            A[i][k] = 0.0;
+            for (int j = 0; j < s->unknowns; j++) A[i][k] += free[j] ? J[i][j] * J[k][j] : 0.0;
+        }
+    for (int i = 0; i < n; i++) trace += A[i][i];
+    for (int i = 0; i < n; i++) A[i][i] += lambda * trace + DBL_MIN;
+    memcpy(y, r, sizeof(double) * (size_t)n);
+    if (!solve(n, A, y)) return false;
+    for (int j = 0; j < s->unknowns; j++) {
+        dz[j] = 0.0;
+        for (int i = 0; i < n; i++) dz[j] -= free[j] ? J[i][j] * y[i] : 0.0;
+    }
+    return true;
+}
+
+/* The step to `next`, unknowns that press against a limit taken out; false when the equations cannot be solved. */
+static bool step_inside(const system_t *s, jacobian_t J, const double *z, const double *r, double lambda, double *next) {
+    bool free[LARGEST_SYSTEM], moved = true;
+    double dz[LARGEST_SYSTEM];
+    for (int j = 0; j < s->unknowns; j++) free[j] = true;
+    while (moved) {
+        if (!minimum_norm_step(s, J, free, r, lambda, dz)) return false;
+        moved = false;
+        for (int j = 0; j < s->unknowns; j++) {
+            next[j] = z[j] + dz[j];
+            const bool stuck = (z[j] >= s->high[j] && dz[j] > 0.0) || (z[j] <= s->low[j] && dz[j] < 0.0);
+            if (free[j] && stuck) free[j] = false, moved = true;
+            next[j] = next[j] > s->high[j] ? s->high[j] : next[j] < s->low[j] ? s->low[j] : next[j];
+        }
+    }
+    return true;
+}
+
+/* One accepted step; false when no step makes the residual smaller. */
+static bool improve(const system_t *s, double *z, double *r, double *size, double *lambda) {
+    jacobian_t J;
+    differences(s, z, J);
+    for (int attempt = 0; attempt < ATTEMPTS; attempt++, *lambda *= 10.0) {
+        double next[LARGEST_SYSTEM], r_next[LARGEST_SYSTEM];
+        if (!step_inside(s, J, z, r, *lambda, next)) continue;
+        const double size_next = evaluate(s, next, r_next);
+        if (!(size_next < *size)) continue;
+        memcpy(z, next, sizeof(double) * (size_t)s->unknowns), memcpy(r, r_next, sizeof(double) * (size_t)s->equations);
+        *size = size_next, *lambda = *lambda > 1e-14 ? *lambda * 0.01 : *lambda;
+        return true;
+    }
+    return false;
+}
+
+double least_norm(const system_t *s, double *z) {
+    double r[LARGEST_SYSTEM], lambda = 1e-6, size = evaluate(s, z, r);
+    for (int i = 0; i < STEPS && size > NOTHING; i++)
+        if (!improve(s, z, r, &size, &lambda)) break;
+    return size;
+}
