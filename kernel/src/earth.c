@@ -1,4 +1,6 @@
-/* The Earth: WGS-84 ellipsoid with J2 gravitation, or a flat plane with constant gravity in north-east-down axes. */
+/* The Earth: WGS-84 ellipsoid with J2 gravitation, a sphere with inverse-square gravitation, or a flat plane with constant
+ * gravity in north-east-down axes. */
+#include "elementary.h"
 #include "model.h"
 
 #include <math.h>
@@ -7,6 +9,9 @@ static const double A = 6378137.0;               /* equatorial radius [m] */
 static const double F = 1.0 / 298.257223563;
 static const double MU = 3.986004418e14;         /* [m3 s-2] */
 static const double J2 = 0.00108262982;
+static const double SPHERE = 6371007.1809;       /* radius of the sphere: NASA/TM-2015-218675, table 73 [m] */
+
+static bool spherical(int earth) { return earth == SPHERE_FIXED || earth == SPHERE_ROTATING; }
 
 static void set3(double to[3], double x, double y, double z) { to[0] = x, to[1] = y, to[2] = z; }
 
@@ -28,38 +33,55 @@ void place_at(double lat, double lon, double h, int earth, double position[3], n
         flat_axes(now);
         return;
     }
-    const double e2 = F * (2.0 - F), s = sin(lat), c = cos(lat), N = A / sqrt(1.0 - e2 * s * s);
-    set3(position, (N + h) * c * cos(lon), (N + h) * c * sin(lon), (N * (1.0 - e2) + h) * s);
-    local_axes(s, c, sin(lon), cos(lon), now);
+    double s, c, sin_lon, cos_lon;
+    am_sincos(lat, &s, &c);
+    am_sincos(lon, &sin_lon, &cos_lon);
+    const double e2 = spherical(earth) ? 0.0 : F * (2.0 - F), N = spherical(earth) ? SPHERE : A / sqrt(1.0 - e2 * s * s);
+    set3(position, (N + h) * c * cos_lon, (N + h) * c * sin_lon, (N * (1.0 - e2) + h) * s);
+    local_axes(s, c, sin_lon, cos_lon, now);
 }
 
-/* Height and local axes.  Bowring (1976), one iteration: 3e-9 m in height up to 20 km. */
+/* Sine and cosine of the geodetic latitude, P from the axis.  Bowring (1976), one iteration: 3e-9 m in height up to 20 km. */
+static double ellipsoid_height(double P, double z, double *s, double *c) {
+    const double e2 = F * (2.0 - F), B = A * (1.0 - F);
+    /* parametric latitude: tan = z / (P (1 - f)) */
+    const double tc = P * (1.0 - F), tn = 1.0 / sqrt(z * z + tc * tc), sb = z * tn, cb = tc * tn;
+    const double ls = z + e2 * A * A / B * sb * sb * sb, lc = P - e2 * A * cb * cb * cb, ln = 1.0 / sqrt(ls * ls + lc * lc);
+    *s = ls * ln, *c = lc * ln;
+    return P * *c + z * *s - A * sqrt(1.0 - e2 * *s * *s);
+}
+
+static double sphere_height(double P, double z, double *s, double *c) {
+    const double r = sqrt(P * P + z * z);
+    *s = z / r, *c = P / r;
+    return r - SPHERE;
+}
+
+/* Height and local axes. */
 void place_of(const double position[3], int earth, now_t *now) {
     if (earth == FLAT_EARTH) {
         flat_axes(now);
         now->h = -position[2];
         return;
     }
-    const double e2 = F * (2.0 - F), B = A * (1.0 - F);
-    const double x = position[0], y = position[1], z = position[2], P = sqrt(x * x + y * y);
-    /* parametric latitude: tan = z / (P (1 - f)) */
-    const double tc = P * (1.0 - F), tn = 1.0 / sqrt(z * z + tc * tc), sb = z * tn, cb = tc * tn;
-    const double ls = z + e2 * A * A / B * sb * sb * sb, lc = P - e2 * A * cb * cb * cb, ln = 1.0 / sqrt(ls * ls + lc * lc);
-    const double s = ls * ln, c = lc * ln, from_axis = P > 0.0 ? 1.0 / P : 0.0;
-    now->h = P * c + z * s - A * sqrt(1.0 - e2 * s * s);
+    const double x = position[0], y = position[1], z = position[2], P = sqrt(x * x + y * y), from_axis = P > 0.0 ? 1.0 / P : 0.0;
+    double s, c;
+    now->h = spherical(earth) ? sphere_height(P, z, &s, &c) : ellipsoid_height(P, z, &s, &c);
     local_axes(s, c, y * from_axis, P > 0.0 ? x * from_axis : 1.0, now);
 }
 
 /* Latitude and longitude; on the flat Earth by the radii of curvature at the start. */
 void locate_angles(const am_sim *sim, const double position[3], now_t *now) {
-    if (sim->earth == WGS84_EARTH) {
-        now->lat = atan2(-now->down[2], now->north[2]);
-        now->lon = atan2(-now->east[0], now->east[1]);
+    if (sim->earth != FLAT_EARTH) {
+        now->lat = am_atan2(-now->down[2], now->north[2]);
+        now->lon = am_atan2(-now->east[0], now->east[1]);
         return;
     }
-    const double lat = sim->par[P_LAT], h = sim->par[P_H], e2 = F * (2.0 - F), s = sin(lat), n = 1.0 - e2 * s * s;
-    now->lat = lat + position[0] / (A * (1.0 - e2) / (n * sqrt(n)) + h);
-    now->lon = sim->par[P_LON] + position[1] / ((A / sqrt(n) + h) * cos(lat));
+    double s, c;
+    am_sincos(sim->par[P_LAT], &s, &c);
+    const double h = sim->par[P_H], e2 = F * (2.0 - F), n = 1.0 - e2 * s * s;
+    now->lat = sim->par[P_LAT] + position[0] / (A * (1.0 - e2) / (n * sqrt(n)) + h);
+    now->lon = sim->par[P_LON] + position[1] / ((A / sqrt(n) + h) * c);
 }
 
 /* Mass attraction without the centrifugal part. */
@@ -69,7 +91,7 @@ void gravitation(const double position[3], int earth, double g[3]) {
         return;
     }
     const double r2 = dot(position, position), r = sqrt(r2), z2 = position[2] * position[2] / r2;
-    const double k = -MU / (r2 * r), j = 1.5 * J2 * A * A / r2;
+    const double k = -MU / (r2 * r), j = spherical(earth) ? 0.0 : 1.5 * J2 * A * A / r2;
     g[0] = k * position[0] * (1.0 - j * (5.0 * z2 - 1.0));
     g[1] = k * position[1] * (1.0 - j * (5.0 * z2 - 1.0));
     g[2] = k * position[2] * (1.0 - j * (5.0 * z2 - 3.0));

@@ -211,6 +211,7 @@ int weather_check(am_sim *sim);
 void weather_start(am_sim *sim, double t);
 void weather_advance(am_sim *sim, double t, double h, const double *u0, const double *u1);
 void weather_wind(am_sim *sim, const double *u, double wind[3]);
+void steady_wind(const am_sim *sim, const double *u, double h, double wind[3]); /* n, e, d without gusts */
 void weather_outputs(am_sim *sim, double *y);
 /* fuel.c */
 int fuel_check(am_sim *sim);

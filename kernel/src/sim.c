@@ -183,10 +183,11 @@ int refresh(am_sim *sim) {
 /* Pitch attitude for a climb angle over ground, with bank, alpha and beta: Stevens and Lewis (1992) eq. (3.4-2), with the
  * climb angle relative to the air found by iteration when there is wind. */
 double start_pitch(const am_sim *sim, double alpha, double beta) {
-    const double phi = sim->par[P_PHI], V = sim->par[P_V], *wind = sim->u + U_WIND_N;
+    const double phi = sim->par[P_PHI], V = sim->par[P_V];
     const double a = cos(alpha) * cos(beta), b = sin(phi) * sin(beta) + cos(phi) * sin(alpha) * cos(beta);
     const double velocity[3] = {V * a, V * sin(beta), V * sin(alpha) * cos(beta)};
-    double climb = sin(sim->par[P_GAMMA]), theta = 0.0, C[3][3], air[3];
+    double climb = sin(sim->par[P_GAMMA]), theta = 0.0, C[3][3], air[3], wind[3];
+    steady_wind(sim, sim->u, sim->par[P_H], wind);
     for (int i = 0; i < 20; i++) {
         const double s = climb * climb, root = a * a - s + b * b;
         theta = atan2(a * b + climb * sqrt(root > 0.0 ? root : 0.0), a * a - s);
@@ -201,10 +202,11 @@ double start_pitch(const am_sim *sim, double alpha, double beta) {
 
 /* State from init.* with the given flow angles and pitch attitude; the submodels settle. */
 void start_state(am_sim *sim, double alpha, double beta, double theta) {
-    const double *p = sim->par, *wind = sim->u + U_WIND_N;
-    double *x = sim->x, Cn[3][3], air[3];
+    const double *p = sim->par;
+    double *x = sim->x, Cn[3][3], air[3], wind[3];
     now_t *now = &sim->now;
     place_at(p[P_LAT], p[P_LON], p[P_H], sim->earth, x, now);
+    steady_wind(sim, sim->u, p[P_H], wind);
     euler_matrix(p[P_PHI], theta, p[P_PSI], Cn);
     const double velocity[3] = {p[P_V] * cos(alpha) * cos(beta), p[P_V] * sin(beta), p[P_V] * sin(alpha) * cos(beta)};
     from_body(Cn, velocity, air);
