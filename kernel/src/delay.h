@@ -1,0 +1,14 @@
+/* A pure delay of a signal that is linear between knots and may jump: exact, whatever the steps that bring the knots. */
+#ifndef AEROMATCH_DELAY_H
+#define AEROMATCH_DELAY_H
+
+#include <stdbool.h>
+
+#define DELAY_KNOTS 512
+#define DELAY_DOUBLES (2 + 2 * DELAY_KNOTS) /* what a delay needs of the discrete memory */
+
+void delay_start(double *line, double t, double value);                  /* value since ever */
+void delay_record(double *line, double t, double value, double delay);   /* linear from the knot before; a second one at the same t jumps */
+double delay_read(const double *line, double t, bool after);             /* at a jump: the value after or before it */
+
+#endif
