@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _START = ("V", "alpha", "beta", "gamma", "theta", "phi", "psi", "h", "p", "q", "r", "psi_dot")
 _DRIVES = {0.0: "throttle", 1.0: "n1_drive", 2.0: "thrust_drive"}
+_ENGINE_OUTPUTS = ("thrust", "n1", "n2")
 _ANGLE, _RATE = 1.5, 3.0  # limits of attitude and climb angle [rad], of rates [rad s-1]
 _LIMITS = {
     "alpha": (-0.6, 0.6, 1.0),
@@ -93,13 +94,15 @@ class _Reader:
         return self.values.get(name, self.rows[name].value)
 
     def _plain(self, name: str) -> str:
-        """Return one name for what drives all engines, the name as it came otherwise."""
-        shown = {"throttle": "throttle", "thrust": "thrust_drive", "n1": "n1_drive"}
+        """Return the name of the input for what drives an engine, ``power`` for what drives all, start values without their prefix."""
         plain = name.removeprefix("init.") if name.removeprefix("init.") in _START else name
-        return "power" if shown.get(plain, plain) == self.drive else plain
+        engine, _, quantity = plain.rpartition(".")
+        if quantity != self.drive.removesuffix("_drive"):
+            return plain
+        return f"{engine}.{self.drive}" if engine else "power"
 
     def _shown(self, name: str) -> str:
-        return self.drive.removesuffix("_drive") if name == "power" else name
+        return (self.drive if name == "power" else name).removesuffix("_drive")
 
     def _failures(self) -> set[str]:
         found = set()
@@ -129,8 +132,14 @@ class _Reader:
         if unknowns is not None:
             return unknowns
         given = {**self.given, **dict.fromkeys(self._missing(), 0.0)}
-        freed = [self.kind.frees.get(name, SOUGHT_BY.get(name, name)) for name in given]
+        freed = [self.kind.frees.get(name) or self._brought_about_by(name) for name in given]
         return [name for name in dict.fromkeys((*self.kind.unknowns, *freed)) if name not in given]
+
+    def _brought_about_by(self, output: str) -> str:
+        engine, _, quantity = output.rpartition(".")
+        if engine in self.engines and quantity in _ENGINE_OUTPUTS:
+            return f"{engine}.{self.drive}"
+        return SOUGHT_BY.get(output, output)
 
     def _missing(self) -> tuple[str, ...]:
         return () if self._power() else ("power",)
@@ -151,8 +160,6 @@ class _Reader:
             return self._power()
         if name in ACCELERATIONS or f"init.{name}" in self.rows:
             return (f"init.{name}",)
-        if name == "thrust" or (name.endswith(".thrust") and self.drive == "thrust_drive"):
-            return (f"{name}_drive",)
         if name in self.rows:
             return (name,)
         if name not in self.sim.outputs:
@@ -195,7 +202,9 @@ class _Reader:
     def _movers(self, name: str) -> tuple[str, ...]:
         items = self._settable(name)
         if not items:
-            raise UnknownName(name, {*_START, "throttle", "thrust", *self.rows}, "unknown", "an output cannot be moved, it can be fixed")
+            raise UnknownName(
+                name, {*_START, "throttle", "thrust", *self.rows}, "quantity to seek", "an output cannot be moved, it can be fixed"
+            )
         return items
 
     def _guess(self, sought: Sequence[str]) -> None:
