@@ -69,7 +69,7 @@ _PARAMETERS = {
         for axis, way in (("u", "longitudinal"), ("v", "lateral"), ("w", "vertical"))
     },
     **{
-        f"turbulence.L_{axis}": ("m", "ft", f"scale length of the {way} gust as in MIL-F-8785C; negative: by height", -1.0, -_MOST, _MOST, 0)
+        f"turbulence.L_{axis}": ("m", "ft", f"scale length of the {way} gust, MIL-F-8785C; negative: by height", -1.0, -_MOST, _MOST, 0)
         for axis, way in (("u", "longitudinal"), ("v", "lateral"), ("w", "vertical"))
     },
     **{
