@@ -1,4 +1,4 @@
-"""Engines: static thrust with a first-order lag."""
+"""Engines: static thrust with a first-order lag, or a full deck (`flightmech.submodels.deck`)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ..errors import SchemaError, UnitError
 from ..library import INPUT, OUTPUT, STATE, VARIABLE, Entry
 from ..names import lookup
 from ..terms import regressors
-from ..units import quantity
+from .deck import OWN, Deck, DeckTable, deck_of, leaf_of
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -45,7 +45,9 @@ class Engine:
     time_constant : float
         First-order lag of the thrust behind its static value; 0 for none. [s]
     angular_momentum : float
-        Of the rotors, along `direction`, right-handed. [kg m2 s-1]
+        Of the rotors, along `direction`, right-handed; with a deck on top of what its spools have. [kg m2 s-1]
+    deck : Deck, optional
+        Governor, spools and tables in place of `thrust`; every engine of an aircraft has one or none has.
     """
 
     position: Vector
@@ -53,6 +55,7 @@ class Engine:
     thrust: xr.Dataset | None = None
     time_constant: float = 0.0
     angular_momentum: float = 0.0
+    deck: Deck | None = None
 
 
 class EngineTable(Strict):
@@ -66,6 +69,7 @@ class EngineTable(Strict):
     angular_momentum: si("kg m2 s-1") = 0.0  # type: ignore[valid-type]
     thrust: dict[str, Any] | None = None
     thrust_file: str | None = None
+    deck: DeckTable | None = None
 
     @field_validator("direction")
     @classmethod
@@ -85,43 +89,88 @@ class EngineTable(Strict):
 
     @model_validator(mode="after")
     def _one_source(self) -> EngineTable:
-        if self.thrust is not None and self.thrust_file is not None:
-            raise ValueError("thrust and thrust_file are both given; keep one")
+        given = [name for name in ("thrust", "thrust_file", "deck") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} are {'both' if len(given) == 2 else 'all'} given; keep one")
         return self
 
 
+# quantity: unit, unit for people, description, least value
+_CONSTANTS: dict[str, tuple[str, str, str, float]] = {
+    "time_constant": ("s", "s", "first-order lag of the thrust", 0.0),
+    "angular_momentum": ("kg m2 s-1", "kg m2 s-1", "angular momentum of the rotors along the thrust", -MOST),
+    "lever_delay": ("s", "s", "transport delay of the power lever", 0.0),
+    "pla_idle": ("rad", "deg", "lever angle at throttle 0", -MOST),
+    "pla_full": ("rad", "deg", "lever angle at throttle 1", -MOST),
+    "n1_rundown": ("s", "s", "time constant of n1 towards windmilling", 0.0),
+    "n2_rundown": ("s", "s", "time constant of n2 towards windmilling", 0.0),
+    "starter_speed": ("1", "%", "speed to which the starter turns the gas generator", 0.0),
+    "starter_time": ("s", "s", "time constant of the starter", 0.0),
+    "light_speed": ("1", "%", "least speed of the gas generator to light", 0.0),
+    "sustain_speed": ("1", "%", "speed of the gas generator below which the flame goes out", 0.0),
+    "flame_time": ("s", "s", "time constant of the flame", 0.0),
+    "itt_time": ("s", "s", "lag of the inter-turbine temperature", 0.0),
+    "n1_rated": ("rad s-1", "rpm", "rotor speed at n1 = 1, right-handed about the thrust", -MOST),
+    "n2_rated": ("rad s-1", "rpm", "rotor speed at n2 = 1, right-handed about the thrust", -MOST),
+    "n1_inertia": ("kg m2", "kg m2", "moment of inertia of the n1 rotor", 0.0),
+    "n2_inertia": ("kg m2", "kg m2", "moment of inertia of the n2 rotor", 0.0),
+}
+_DRIVES = {
+    "thrust_drive": ("thrust", "net thrust that drives when mode.engine is 2"),
+    "n1_drive": ("n1", "n1 that drives when mode.engine is 1"),
+}
+_SWITCHES = ("cutoff", "starter", "ignition", "flameout")
+
+
 def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
-    """Return the items of the groups: engines are numbered from 1."""
-    return {"engine": tuple(str(number) for number in range(1, len(aircraft.engines) + 1)), "spool": ()}
+    """Return the items of the groups: engines are numbered from 1, all have spools or none has.
+
+    Raises
+    ------
+    SchemaError
+        Some engines have a deck and some have none.
+    """
+    numbers = tuple(str(number) for number in range(1, len(aircraft.engines) + 1))
+    without = [number for number, engine in zip(numbers, aircraft.engines, strict=True) if engine.deck is None]
+    if without and len(without) < len(numbers):
+        raise SchemaError(aircraft.name, [f"engine {', '.join(without)} has no deck and others have one; give every engine one or none"])
+    return {"engine": numbers, "spool": () if without else numbers}
 
 
 def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
     """Return the catalogue row of a name of an engine."""
-    quantity_ = name.rsplit(".", 1)[-1]
+    word = name.rsplit(".", 1)[-1]
     engine = aircraft.engines[int(item) - 1]
-    if kind == INPUT and quantity_ == "throttle":
-        return _like(name, "throttle", *aircraft.limits.get("throttle", (0.0, 1.0)))
+    if word in _DRIVES:
+        like, text = _DRIVES[word]
+        return _like(name, like)._replace(description=text)
     if kind == INPUT:
-        return _like(name, "thrust")._replace(description="net thrust that drives when mode.engine is 2")
+        return _like(name, word, *((0.0, 1.0) if word in _SWITCHES else aircraft.limits.get(word, (0.0, 1.0))))
     if kind in (OUTPUT, STATE, VARIABLE):
-        return _like(name, quantity_)
-    place = dict(zip("xyz", engine.position, strict=True))
-    if quantity_ in place:
-        text = f"place of the thrust from the moment reference point, body {quantity_}"
-        return Entry(name, "m", "m", text, place[quantity_], -MOST, MOST, 0)
-    direction = dict(zip(("direction_x", "direction_y", "direction_z"), engine.direction, strict=True))
-    if quantity_ in direction:
-        return Entry(name, "1", "1", f"direction of the thrust, body {quantity_[-1]}", direction[quantity_], -1.0, 1.0, 0)
-    if quantity_ == "time_constant":
-        return Entry(name, "s", "s", "first-order lag of the thrust", engine.time_constant, 0.0, MOST, 0)
-    return Entry(name, "kg m2 s-1", "kg m2 s-1", "angular momentum of the rotors along the thrust", engine.angular_momentum, -MOST, MOST, 0)
+        return _like(name, word)
+    if word in _CONSTANTS:
+        units, display, text, low = _CONSTANTS[word]
+        return Entry(name, units, display, text, getattr(engine if hasattr(engine, word) else engine.deck, word), low, MOST, 0)
+    return _geometry(name, word, engine)
+
+
+def _geometry(name: str, word: str, engine: Engine) -> Entry:
+    axis = word.removesuffix("_inlet")[-1]
+    if word.startswith("direction"):
+        return Entry(name, "1", "1", f"direction of the thrust, body {axis}", engine.direction["xyz".index(axis)], -1.0, 1.0, 0)
+    at_inlet = word.endswith("_inlet") and engine.deck is not None and engine.deck.inlet is not None
+    at = engine.deck.inlet if at_inlet else engine.position  # type: ignore[union-attr]
+    what = "ram drag" if word.endswith("_inlet") else "thrust"
+    text = f"place of the {what} from the moment reference point, body {axis}"
+    return Entry(name, "m", "m", text, at["xyz".index(axis)], -MOST, MOST, 0)  # type: ignore[index]
 
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
-    """Return the thrust tables."""
+    """Return the tables of thrust and of the decks."""
     for number, engine in enumerate(aircraft.engines, 1):
-        if engine.thrust is not None:
-            yield f"engine{number}.thrust", f"engine{number}/thrust", _renamed(engine.thrust, {"throttle": f"engine{number}.throttle"})
+        tables = {} if engine.thrust is None else {"thrust": engine.thrust}
+        for target, leaf in (tables if engine.deck is None else engine.deck.tables).items():
+            yield f"engine{number}.{target}", f"engine{number}/{target}", _renamed(leaf, {name: f"engine{number}.{name}" for name in OWN})
 
 
 def _like(name: str, quantity_: str, low: float = -MOST, high: float = MOST) -> Entry:
@@ -136,33 +185,27 @@ def _renamed(leaf: xr.Dataset, own: Mapping[str, str]) -> xr.Dataset:
 
 
 def engine_of(item: EngineTable, number: int, folder: Path, problems: list[str]) -> Engine:
-    """Return engine `number` of a file in `folder`; what is wrong with its table goes to `problems`."""
-    thrust = None
+    """Return engine `number` of a file in `folder`; what is wrong with its tables goes to `problems`."""
+    thrust = deck = None
+    key = "deck" if item.deck is not None else "thrust"
     try:
         if item.thrust is not None:
             thrust = _thrust_table(item.thrust)
         elif item.thrust_file is not None:
             thrust = _thrust_file(folder / item.thrust_file)
+        elif item.deck is not None:
+            deck = deck_of(item.deck, folder)
     except (SchemaError, UnitError, ValueError, OSError) as error:
         found = error.problems if isinstance(error, SchemaError) else [str(error)]
-        problems += [f"engine.{number}.thrust: {text}" for text in found]
-    return Engine(item.position, item.direction, thrust, item.time_constant, item.angular_momentum)
+        problems += [f"engine.{number}.{key}: {text}" for text in found]
+    return Engine(item.position, item.direction, thrust, item.time_constant, item.angular_momentum, deck)
 
 
 def _thrust_table(table: Mapping[str, Any]) -> xr.Dataset:
-    from ..terms import make
-
     unknown = sorted(set(table) - {*THRUST_AXES, "value"})
     if unknown:
         raise ValueError(f"unknown key {', '.join(unknown)}; allowed: {', '.join(THRUST_AXES)}, value")
-    if "value" not in table:
-        raise ValueError("missing value, the thrust in N over the axes in the order they are written")
-    axes = {name: [quantity(point, lookup(name).units) for point in points] for name, points in table.items() if name != "value"}
-    value = np.vectorize(lambda item: quantity(item, "N"), otypes=[float])(np.array(table["value"], object))
-    shape = tuple(len(points) for points in axes.values())
-    if value.shape != shape:
-        raise ValueError(f"value has the shape {value.shape}, the axes {' '.join(axes)} have {shape}")
-    return make(value, axes)
+    return leaf_of(table, "N")
 
 
 def _thrust_file(path: Path) -> xr.Dataset:
