@@ -45,6 +45,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from .configuration import Strict, load, si, validate
 from .errors import SchemaError, UnitError
 from .submodels.engine import Engine, EngineTable, engine_of
+from .submodels.landing_gear import GearTable, LandingGear, gear_of
 from .units import quantity
 
 Vector = tuple[float, float, float]
@@ -119,6 +120,8 @@ class Aircraft:
         Tables of the instruments as in the file; `flighttest` reads them.
     controls : dict of str to Control
         Hinge geometry of ``delta_e``, ``delta_a`` and ``delta_r``; ``[control.delta_e]`` in the file.
+    gear : LandingGear, optional
+        Wheels, skids, steering and runway; ``[gear]`` in the file.
     history : str
         Where the numbers come from when they were computed, one line per step.
     """
@@ -141,6 +144,7 @@ class Aircraft:
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     instruments: dict[str, Any] = field(default_factory=dict)
     controls: dict[str, Control] = field(default_factory=dict)
+    gear: LandingGear | None = None
     history: str = ""
 
 
@@ -163,11 +167,12 @@ def read_aircraft(path: str | Path) -> Aircraft:
     content = validate(_File, load(path), str(path))
     problems: list[str] = []
     engines = tuple(engine_of(item, number, path.parent, problems) for number, item in enumerate(content.engine, 1))
+    gear = gear_of(content.gear, problems) if content.gear else None
     if problems:
         raise SchemaError(str(path), problems)
     controls = {name: Control(**dict(item)) for name, item in content.control.items()}
-    plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in ("engines", "controls")}
-    return Aircraft(engines=engines, controls=controls, **plain)
+    plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in ("engines", "controls", "gear")}
+    return Aircraft(engines=engines, controls=controls, gear=gear, **plain)
 
 
 _Length = si("m")
@@ -217,6 +222,7 @@ class _File(_Entry):
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
     instruments: dict[str, dict[str, Any]] = Field(default_factory=dict)
     control: dict[str, _ControlTable] = Field(default_factory=dict)
+    gear: GearTable | None = None
     history: str = ""
 
     @field_validator("S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz")

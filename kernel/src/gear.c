@@ -1,6 +1,269 @@
+/* Landing gear: legs, wheels and skids on a level runway at env.runway_elevation.
+ *
+ * In the order of LR-743 4.5.4: deflections and their rates, vertical forces, then side and longitudinal forces (tyre.c),
+ * steering (steering.c).  A leg with tyre_stiffness is a strut in series with a tyre, without unsprung mass:
+ *
+ *     Fz = tyre_stiffness (deflection - s)                                  zero when negative: the ground never pulls
+ *     Fz = preload + stiffness s + table + damping s' + orifice s' |s'|     solved for s', between the stops 0 and stroke
+ *
+ * with own damping constants in extension; without tyre_stiffness (a rigid wheel, a skid) s is the deflection itself.
+ * Deflection is measured along the vertical: rake and friction of the strut and the inertia of the wheel are not there. */
+#include "elementary.h"
 #include "model.h"
+#include "steering.h"
+#include "tyre.h"
 
-int gear_check(am_sim *sim) { return (void)sim, AM_OK; }
-void gear_start(am_sim *sim, double t) { (void)sim, (void)t; }
-void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3], double *dx) { (void)sim, (void)x, (void)u, (void)dx; for (int i = 0; i < 3; i++) F[i] = M[i] = 0.0; }
-void gear_outputs(am_sim *sim, double *y) { (void)sim, (void)y; }
+#include <math.h>
+#include <string.h>
+
+#define STRUT_LAG 0.01     /* shortest time constant of strut and tyre: holds the rate of s below 1 / STRUT_LAG [s] */
+#define STOP_LAG 0.02      /* in which a strut reaches its stop [s] */
+#define FASTEST_WET 103.0  /* the wet polynomial ends here: 200 kt [m s-1] */
+#define LOCKING 0.1        /* part above the greatest friction over which an excess of brake locks the wheel */
+#define UPRIGHT 1e-3       /* floor of the length of the heading in the ground plane */
+#define SLIP_FLOOR 1e-3    /* below it the slip angle is zero [m s-1] */
+#define BISECTIONS 52      /* halvings of a stroke: to rounding */
+
+enum { DRY, WET, ICY };
+
+typedef struct {
+    double arm[3];                /* from the c.g. to the point on the ground */
+    double deflection, sink;      /* of leg and tyre together, and its rate */
+    double forward[3], right[3];  /* wheel axes in the ground plane */
+    double v[2];                  /* velocity over ground in wheel axes */
+} place_t;
+
+static double between(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
+
+static int refuse(am_sim *sim, const double *parameter, const char *rule) { return bad_parameter(sim, (uint32_t)(parameter - sim->par), rule); }
+
+static int check_contact(am_sim *sim, const double *p) {
+    static const int POSITIVE[] = {P_CONTACT_STROKE, P_CONTACT_SIDE, P_CONTACT_CORNERING_LOAD};
+    static const int NOT_NEGATIVE[] = {P_CONTACT_RADIUS,      P_CONTACT_STIFFNESS, P_CONTACT_PRELOAD,     P_CONTACT_DAMPING,
+                                       P_CONTACT_DAMPING_EXT, P_CONTACT_ORIFICE,   P_CONTACT_ORIFICE_EXT, P_CONTACT_TYRE,
+                                       P_CONTACT_CORNERING,   P_CONTACT_LOSS,      P_CONTACT_ROLLING,     P_CONTACT_BRAKE,
+                                       P_CONTACT_FRICTION};
+    for (size_t k = 0; k < sizeof POSITIVE / sizeof *POSITIVE; k++)
+        if (!(p[POSITIVE[k]] > 0.0)) return refuse(sim, p + POSITIVE[k], "positive");
+    for (size_t k = 0; k < sizeof NOT_NEGATIVE / sizeof *NOT_NEGATIVE; k++)
+        if (!(p[NOT_NEGATIVE[k]] >= 0.0)) return refuse(sim, p + NOT_NEGATIVE[k], "zero or positive");
+    if (p[P_CONTACT_PRELOAD] > 0.0 && p[P_CONTACT_TYRE] == 0.0)
+        return refuse(sim, p + P_CONTACT_PRELOAD, "zero without a tyre_stiffness, or the ground would push at a touch with the whole preload");
+    if (p[P_CONTACT_FRICTION] == 0.0 && p[P_CONTACT_CORNERING] == 0.0)
+        return refuse(sim, p + P_CONTACT_CORNERING, "positive for a wheel; a skid has a friction instead");
+    if (p[P_CONTACT_LOSS] > 2.0 * TYRE_LAG) /* more would give energy back where the rubber is renewed */
+        return refuse(sim, p + P_CONTACT_LOSS, "at most 0.04 s");
+    if (p[P_CONTACT_RETRACTS] != 0.0 && p[P_CONTACT_RETRACTS] != 1.0) return refuse(sim, p + P_CONTACT_RETRACTS, "0 (fixed) or 1 (retracts)");
+    return AM_OK;
+}
+
+static int check_runway(am_sim *sim, const double *p) {
+    static const int NOT_NEGATIVE[] = {P_MU_DRY, P_MU_ICY};
+    for (size_t k = 0; k < sizeof NOT_NEGATIVE / sizeof *NOT_NEGATIVE; k++)
+        if (!(p[NOT_NEGATIVE[k]] >= 0.0)) return refuse(sim, p + NOT_NEGATIVE[k], "zero or positive");
+    if (p[P_RUNWAY_CONDITION] != DRY && p[P_RUNWAY_CONDITION] != WET && p[P_RUNWAY_CONDITION] != ICY)
+        return refuse(sim, p + P_RUNWAY_CONDITION, "0 (dry), 1 (wet) or 2 (icy)");
+    if (!(p[P_SKID_RATIO] >= 0.0 && p[P_SKID_RATIO] <= 1.0)) return refuse(sim, p + P_SKID_RATIO, "between 0 and 1");
+    if (!(p[P_ANTISKID] >= 0.0 && p[P_ANTISKID] <= 1.0)) return refuse(sim, p + P_ANTISKID, "between 0 (none) and 1");
+    return AM_OK;
+}
+
+int gear_check(am_sim *sim) {
+    if (!items(sim->model, G_GEAR)) return AM_OK;
+    int status = check_runway(sim, par_of(sim, G_GEAR, 0));
+    if (status == AM_OK) status = steering_check(sim);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT) && status == AM_OK; i++) status = check_contact(sim, par_of(sim, G_CONTACT, i));
+    return status;
+}
+
+/* Where the leg meets the runway.  The tyre is round: its lowest point lies a radius below the axle at any attitude. */
+static void place_contact(const am_sim *sim, const double *p, const double down[3], const double ground[3], double angle, place_t *at) {
+    const now_t *now = &sim->now;
+    const double R = p[P_CONTACT_RADIUS], point[3] = {p[P_CONTACT_X], p[P_CONTACT_Y], p[P_CONTACT_Z] - R};
+    const double heading[3] = {am_cos(angle), am_sin(angle), 0.0}, across = dot(heading, down);
+    double length = 0.0, velocity[3];
+    for (int i = 0; i < 3; i++) at->arm[i] = point[i] - now->cg[i] + R * down[i];
+    at->deflection = dot(at->arm, down) - (now->h - sim->par[P_RUNWAY]);
+    for (int i = 0; i < 3; i++) {
+        at->arm[i] -= at->deflection * down[i];
+        at->forward[i] = heading[i] - across * down[i];
+        length += at->forward[i] * at->forward[i];
+    }
+    length = fmax(sqrt(length), UPRIGHT);
+    for (int i = 0; i < 3; i++) at->forward[i] /= length;
+    cross(down, at->forward, at->right);
+    cross(now->rate, at->arm, velocity);
+    for (int i = 0; i < 3; i++) velocity[i] += ground[i];
+    at->sink = dot(velocity, down);
+    at->v[0] = dot(velocity, at->forward), at->v[1] = dot(velocity, at->right);
+}
+
+static double strut_spring(const am_sim *sim, uint32_t i, double s) {
+    const double *p = par_of(sim, G_CONTACT, i);
+    return p[P_CONTACT_PRELOAD] + p[P_CONTACT_STIFFNESS] * s + sum_of(sim, G_CONTACT, i)[T_CONTACT_STRUT];
+}
+
+/* s' from damping s' + orifice s' |s'| = force, then inside the stops. */
+static double strut_rate(const double *p, double s, double force) {
+    const bool in = force >= 0.0;
+    const double orifice = p[in ? P_CONTACT_ORIFICE : P_CONTACT_ORIFICE_EXT];
+    const double c = fmax(p[in ? P_CONTACT_DAMPING : P_CONTACT_DAMPING_EXT], (p[P_CONTACT_TYRE] + p[P_CONTACT_STIFFNESS]) * STRUT_LAG);
+    const double rate = 2.0 * force / (c + sqrt(c * c + 4.0 * orifice * fabs(force)));
+    return between(rate, -s / STOP_LAG, fmax(p[P_CONTACT_STROKE] - s, 0.0) / STOP_LAG);
+}
+
+/* Vertical force of a leg that is out; sets the rate of s. */
+static double leg_force(const am_sim *sim, uint32_t i, const place_t *at, double s, double *rate) {
+    const double *p = par_of(sim, G_CONTACT, i);
+    if (p[P_CONTACT_TYRE] > 0.0) {
+        const double tyre = p[P_CONTACT_TYRE] * fmax(at->deflection - s, 0.0);
+        *rate = strut_rate(p, s, tyre - strut_spring(sim, i, s));
+        return tyre;
+    }
+    *rate = -s / STOP_LAG;
+    if (!(at->deflection > 0.0)) return 0.0;
+    const bool in = at->sink >= 0.0;
+    const double c = p[in ? P_CONTACT_DAMPING : P_CONTACT_DAMPING_EXT], orifice = p[in ? P_CONTACT_ORIFICE : P_CONTACT_ORIFICE_EXT];
+    return fmax(strut_spring(sim, i, at->deflection) + (c + orifice * fabs(at->sink)) * at->sink, 0.0);
+}
+
+/* Compression of the strut, as its transducer shows it. */
+static double compression(const double *p, double s, double deflection) {
+    return p[P_CONTACT_TYRE] > 0.0 ? s : fmax(deflection, 0.0);
+}
+
+static double runway_friction(const double *p, double speed) {
+    if (p[P_RUNWAY_CONDITION] == DRY) return p[P_MU_DRY];
+    if (p[P_RUNWAY_CONDITION] == ICY) return p[P_MU_ICY];
+    const double V = fmin(speed, FASTEST_WET);
+    return fmax(p[P_MU_WET_0] + V * (p[P_MU_WET_1] + V * (p[P_MU_WET_2] + V * p[P_MU_WET_3])), 0.0);
+}
+
+static double brake_pedal(const double *u, double y) {
+    const double left = between(u[U_BRAKE_LEFT], 0.0, 1.0), right = between(u[U_BRAKE_RIGHT], 0.0, 1.0);
+    return y < 0.0 ? left : y > 0.0 ? right : 0.5 * (left + right);
+}
+
+/* Brake force that the anti-skid system lets through, and what it does to the friction when the wheel locks. */
+static double set_friction(const double *gear, const double *p, double pedal, double speed, tyre_t *tyre) {
+    tyre->mu = runway_friction(gear, speed);
+    double brake = pedal * p[P_CONTACT_BRAKE];
+    if (gear[P_ANTISKID] > 0.0) brake = fmin(brake, gear[P_ANTISKID] * tyre->mu * tyre->load);
+    tyre->brake = brake + p[P_CONTACT_ROLLING] * tyre->load;
+    const double grip = tyre->mu * tyre->load, excess = tyre->brake - grip;
+    const double locked = excess > LOCKING * grip ? 1.0 : excess > 0.0 ? excess / (LOCKING * grip) : 0.0;
+    tyre->mu *= 1.0 - (1.0 - gear[P_SKID_RATIO]) * locked;
+    return brake;
+}
+
+static void contact_outputs(const double *p, double s, const place_t *at, const tyre_t *tyre, const footprint_t *patch, double brake, double *found) {
+    const double speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
+    found[Y_CONTACT_WOW] = tyre->load > 0.0;
+    found[Y_CONTACT_COMPRESSION] = compression(p, s, at->deflection);
+    found[Y_CONTACT_TYRE] = p[P_CONTACT_TYRE] > 0.0 ? fmax(at->deflection - s, 0.0) : 0.0;
+    found[Y_CONTACT_FX] = patch->F[0], found[Y_CONTACT_FY] = patch->F[1], found[Y_CONTACT_FZ] = tyre->load;
+    found[Y_CONTACT_SLIP] = tyre->load > 0.0 && speed > SLIP_FLOOR ? am_atan2(at->v[1], fabs(at->v[0])) : 0.0;
+    found[Y_CONTACT_BRAKE] = brake;
+}
+
+/* Forces of one contact, the rates of its states, and what a steered wheel hands on. */
+static void contact_forces(am_sim *sim, uint32_t i, const place_t *at, const double *x, const double *u, double *dx, footprint_t *patch, tyre_t *tyre) {
+    const double *p = par_of(sim, G_CONTACT, i), *own = state_of(sim, x, G_CONTACT, i), out = between(u[U_GEAR], 0.0, 1.0);
+    double *rate = rate_of(sim, dx, G_CONTACT, i), brake = 0.0;
+    *tyre = (tyre_t){.stiffness = p[P_CONTACT_SIDE], .loss = p[P_CONTACT_LOSS], .mu = p[P_CONTACT_FRICTION], .brake = INFINITY};
+    tyre->load = leg_force(sim, i, at, own[X_CONTACT_STROKE], rate + X_CONTACT_STROKE) * (p[P_CONTACT_RETRACTS] != 0.0 ? out : 1.0);
+    if (p[P_CONTACT_FRICTION] == 0.0) {
+        const double speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]), pedal = brake_pedal(input_of(sim, u, G_GEAR, 0), p[P_CONTACT_Y]);
+        tyre->cornering = cornering_stiffness(p[P_CONTACT_CORNERING], p[P_CONTACT_CORNERING_LOAD], tyre->load);
+        brake = set_friction(par_of(sim, G_GEAR, 0), p, pedal, speed, tyre);
+    }
+    tyre_forces(tyre, own + X_CONTACT_LONG, at->v, patch);
+    rate[X_CONTACT_LONG] = patch->rate[0], rate[X_CONTACT_SIDE] = patch->rate[1];
+    contact_outputs(p, own[X_CONTACT_STROKE], at, tyre, patch, brake, work_of(sim, G_CONTACT, i));
+}
+
+static void add_force(const place_t *at, const double down[3], double load, const double plane[2], double F[3], double M[3]) {
+    double force[3], moment[3];
+    for (int k = 0; k < 3; k++) force[k] = plane[0] * at->forward[k] + plane[1] * at->right[k] - load * down[k];
+    cross(at->arm, force, moment);
+    for (int k = 0; k < 3; k++) F[k] += force[k], M[k] += moment[k];
+}
+
+static void add_steered(double share, const place_t *at, const tyre_t *tyre, const footprint_t *patch, steered_t *wheel) {
+    if (share == 0.0) return;
+    wheel->side += share * patch->F[1];
+    wheel->grip += fabs(share) * tyre->mu * tyre->load;
+    wheel->renewal = patch->renewal;
+    wheel->speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
+    wheel->across = share > 0.0 ? at->v[1] : -at->v[1];
+}
+
+/* Places of all contacts under the state in now; compressions into the variables, and the tables over them. */
+static void place_contacts(am_sim *sim, const double *x, const double down[3], place_t at[MAX_ITEMS]) {
+    const double angle = steering_angle(sim, x);
+    double ground[3];
+    to_body(sim->now.C, x + X_VX, ground);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        const double *p = par_of(sim, G_CONTACT, i), s = state_of(sim, x, G_CONTACT, i)[X_CONTACT_STROKE];
+        place_contact(sim, p, down, ground, angle * p[P_CONTACT_STEERING], at + i);
+        var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = compression(p, s, at[i].deflection);
+    }
+    evaluate_stage(sim, STAGE_GEAR);
+}
+
+/* Force and moment about the c.g., body axes; rates of the states of gear and contacts. */
+void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3], double *dx) {
+    place_t at[MAX_ITEMS];
+    steered_t wheel = {0};
+    double down[3];
+    for (int k = 0; k < 3; k++) F[k] = M[k] = 0.0;
+    if (!items(sim->model, G_GEAR)) return;
+    to_body(sim->now.C, sim->now.down, down);
+    place_contacts(sim, x, down, at);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        footprint_t patch;
+        tyre_t tyre;
+        contact_forces(sim, i, at + i, x, u, dx, &patch, &tyre);
+        add_force(at + i, down, tyre.load, patch.F, F, M);
+        add_steered(par_of(sim, G_CONTACT, i)[P_CONTACT_STEERING], at + i, &tyre, &patch, &wheel);
+    }
+    wheel.yaw = dot(sim->now.rate, down);
+    double *found = work_of(sim, G_GEAR, 0);
+    found[Y_GEAR_STEERING] = steering_angle(sim, x);
+    found[Y_GEAR_STEERING_MOMENT] = steering_derivative(sim, x, u, &wheel, dx);
+    for (int k = 0; k < 3; k++) found[Y_GEAR_FX + k] = F[k], found[Y_GEAR_MX + k] = M[k];
+}
+
+void gear_outputs(am_sim *sim, double *y) {
+    if (!items(sim->model, G_GEAR)) return;
+    memcpy(output_of(sim, y, G_GEAR, 0), work_of(sim, G_GEAR, 0), sizeof(double) * Y_PER_GEAR);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++)
+        memcpy(output_of(sim, y, G_CONTACT, i), work_of(sim, G_CONTACT, i), sizeof(double) * Y_PER_CONTACT);
+}
+
+/* Struts where spring and tyre balance at the height and attitude of the start, by bisection for all legs at once, since
+ * their tables are looked up together; tyres without deflection along the ground. */
+void gear_start(am_sim *sim, double t) {
+    (void)t;
+    if (!items(sim->model, G_GEAR)) return;
+    const uint32_t n = items(sim->model, G_CONTACT);
+    place_t at[MAX_ITEMS];
+    double down[3], low[MAX_ITEMS], high[MAX_ITEMS];
+    steering_start(sim, sim->x);
+    for (uint32_t i = 0; i < n; i++)
+        for (int k = 0; k < X_PER_CONTACT; k++) rate_of(sim, sim->x, G_CONTACT, i)[k] = 0.0;
+    to_body(sim->now.C, sim->now.down, down);
+    place_contacts(sim, sim->x, down, at);
+    for (uint32_t i = 0; i < n; i++)
+        low[i] = 0.0, high[i] = fmin(fmax(at[i].deflection, 0.0), par_of(sim, G_CONTACT, i)[P_CONTACT_STROKE]);
+    for (int round = 0; round < BISECTIONS; round++) {
+        for (uint32_t i = 0; i < n; i++) var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.5 * (low[i] + high[i]);
+        evaluate_stage(sim, STAGE_GEAR);
+        for (uint32_t i = 0; i < n; i++) {
+            const double s = 0.5 * (low[i] + high[i]), tyre = par_of(sim, G_CONTACT, i)[P_CONTACT_TYRE] * (at[i].deflection - s);
+            *(tyre > strut_spring(sim, i, s) ? low + i : high + i) = s;
+        }
+    }
+    for (uint32_t i = 0; i < n; i++)
+        if (par_of(sim, G_CONTACT, i)[P_CONTACT_TYRE] > 0.0) rate_of(sim, sim->x, G_CONTACT, i)[X_CONTACT_STROKE] = 0.5 * (low[i] + high[i]);
+}
