@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from . import air, axes, errors, linear, names, similarity, terms, units
     from .aircraft import Aircraft, Control, Engine, read_aircraft
     from .aircraft_writing import write_aircraft
+    from .batch import simulate_batch
     from .compiler import SimModel, compile
     from .eigenmodes import modes
     from .fmu import write_fmu
@@ -36,6 +37,7 @@ _HOME = {
     "characteristics": "qualities.assemble",
     "rescale": "similarity",
     "simulate": "simulation",
+    "simulate_batch": "batch",
     "trim": "trimming",
     "write_fmu": "fmu",
     "air": "air",
@@ -66,6 +68,7 @@ __all__ = [
     "rescale",
     "similarity",
     "simulate",
+    "simulate_batch",
     "terms",
     "trim",
     "units",

@@ -77,6 +77,11 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_step": (c_int, [c_void_p, c_double, c_double, _doubles, _doubles]),
     "am_outputs": (c_int, [c_void_p, _doubles]),
     "am_run": (c_int, [c_void_p, c_size_t, _doubles, _doubles, c_int, _doubles, POINTER(c_size_t)]),
+    "am_record": (
+        c_int,
+        [c_void_p, c_size_t, _doubles, _doubles, c_int, POINTER(c_int), c_size_t, _doubles, _doubles, POINTER(c_size_t)],
+    ),
+    "am_batch": (c_int, [c_void_p, c_void_p, c_size_t, c_size_t, POINTER(c_int), POINTER(c_size_t), c_void_p]),
     "am_state_count": (c_int, [c_void_p]),
     "am_get_state": (c_int, [c_void_p, _doubles]),
     "am_set_state": (c_int, [c_void_p, _doubles]),
@@ -157,6 +162,10 @@ class Model:
     def count(self, kind: int) -> int:
         """Return the number of inputs, outputs and so on."""
         return library().am_count(self.handle, kind)
+
+    def find(self, kind: int, name: str) -> int:
+        """Return the index of a name, -1 when there is none; parameters of tables are found here only, such as ``node.CL.basic[3,1]``."""
+        return library().am_find(self.handle, kind, name.encode())
 
     def entries(self, kind: int) -> tuple[Entry, ...]:
         """Return the catalogue of one kind, in the order of the kernel's arrays."""
@@ -271,6 +280,17 @@ class Simulation:
         y, done = np.empty((len(t), self.model.count(OUTPUT))), c_size_t()
         self._demand(library().am_run(self.handle, len(t), _pointer(t), _pointer(inputs), int(hold), _pointer(y), byref(done)))
         return y
+
+    def record(self, time: np.ndarray, u: np.ndarray, hold: bool, outputs: np.ndarray, terms: bool) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the outputs of the indices `outputs` (time, chosen) and, on demand, the contribution of every term (time, terms)."""
+        t = _checked(time, (len(time),))
+        inputs = _checked(u, (len(t), self.model.count(INPUT)))
+        chosen = np.ascontiguousarray(outputs, np.intc)
+        y, done = np.empty((len(t), len(chosen))), c_size_t()
+        parts = np.empty((len(t), self.model.count(TERM))) if terms else None
+        pointers = _pointer(t), _pointer(inputs), int(hold), chosen.ctypes.data_as(POINTER(c_int)), len(chosen), _pointer(y)
+        self._demand(library().am_record(self.handle, len(t), *pointers, None if parts is None else _pointer(parts), byref(done)))
+        return y, parts
 
     @property
     def state(self) -> np.ndarray:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from .errors import SchemaError, UnknownName
-from .library import AXIS, INPUT, OUTPUT, Entry, Simulation
+from .library import AXIS, INPUT, OUTPUT, PARAMETER, Entry, Simulation
 from .names import lookup
 
 if TYPE_CHECKING:
@@ -17,7 +17,13 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    sim: SimModel, inputs: xr.Dataset, parameters: Mapping[str, float] | None = None, hold: str = "linear", step: float = 0.01
+    sim: SimModel,
+    inputs: xr.Dataset,
+    parameters: Mapping[str, float] | None = None,
+    hold: str = "linear",
+    step: float = 0.01,
+    outputs: Sequence[str] | None = None,
+    terms: bool = False,
 ) -> xr.Dataset:
     """Simulate under recorded inputs.
 
@@ -35,11 +41,16 @@ def simulate(
         Inputs linear between samples, or held from each sample to the next as an importer without interpolation does.
     step : float
         Largest internal step. [s]
+    outputs : sequence of str, optional
+        The outputs that are returned; all without it.
+    terms : bool
+        Return the contribution of every term as well.
 
     Returns
     -------
     Dataset (time,)
-        All outputs.  Attribute ``out_of_range`` names the axes whose range was left, with the number of internal steps; it
+        The outputs; with `terms` also ``contribution`` (time, term), which sums to the coefficients with those of ``bias.*``, and to
+        the targets of the engines and the gear.  Attribute ``out_of_range`` names the axes whose range was left, with the number of internal steps; it
         is empty when none was.
 
     Raises
@@ -51,15 +62,19 @@ def simulate(
     SimulationError
         An input or the state is not finite (``time`` says when), a parameter has no meaning.
     """
-    if hold not in ("linear", "zero"):
-        raise ValueError(f"hold is {hold!r}; allowed: linear, zero")
-    time = _time(inputs)
+    check_hold(hold)
+    time = read_time(inputs)
     values = {"mode.step": step, **(parameters or {})}
-    u = _inputs(sim, inputs, values, len(time))
+    u = read_inputs(sim, inputs, values, len(time))
+    chosen = output_indices(sim, outputs)
     run = prepared(sim, values, u[0], float(time[0]))
-    y = run.run(time, u, hold == "zero")
-    columns = {row.name: ("time", y[:, i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}
-    coords = {"time": ("time", time, {"units": "s", "long_name": lookup("time").long_name})}
+    y, parts = run.record(time, u, hold == "zero", chosen, terms)
+    rows = sim.entries(OUTPUT)
+    columns: dict[str, Any] = {rows[i].name: ("time", y[:, k], attributes(rows[i])) for k, i in enumerate(chosen)}
+    coords: dict[str, Any] = {"time": ("time", time, {"units": "s", "long_name": lookup("time").long_name})}
+    if parts is not None:
+        columns["contribution"] = (("time", "term"), parts, {"long_name": "contribution of each term to its coefficient"})
+        coords["term"] = ("term", list(sim.terms))
     return xr.Dataset(
         columns, coords, {"title": sim.title, "step": float(values["mode.step"]), "hold": hold, "out_of_range": _left(sim, run)}
     )
@@ -69,13 +84,37 @@ def prepared(sim: SimModel, values: Mapping[str, float], u: np.ndarray, time: fl
     """Return an initialised simulation with parameters and inputs at the start."""
     run = Simulation(sim.model)
     for name, value in values.items():
-        if name in sim.parameters:
-            run.set_parameter(sim.parameters.index(name), float(value))
-        elif name not in sim.inputs:
-            raise UnknownName(name, [*sim.parameters, *sim.inputs], "parameter or input")
+        if name not in sim.inputs:
+            run.set_parameter(index_of_parameter(sim, name), float(value))
     run.set_inputs(u)
     run.initialize(time)
     return run
+
+
+def index_of_parameter(sim: SimModel, name: str) -> int:
+    """Return the index of a parameter, among them those of the tables: ``node.CL.basic[3,1]``, ``table.CL.basic``, ``offset.CL.basic``."""
+    index = sim.model.find(PARAMETER, name)
+    if index < 0:
+        hint = "a table has node.CL.basic[3,1] with one index per axis, table.CL.basic and offset.CL.basic"
+        near = [*sim.parameters, *sim.inputs]
+        raise UnknownName(name, near, "parameter or input", hint if name.split(".")[0] in ("node", "table", "offset") else "")
+    return index
+
+
+def output_indices(sim: SimModel, outputs: Sequence[str] | None) -> np.ndarray:
+    """Return the indices of the named outputs, of all when None."""
+    if outputs is None:
+        return np.arange(len(sim.outputs))
+    unknown = [name for name in outputs if name not in sim.outputs]
+    if unknown:
+        raise UnknownName(unknown[0], sim.outputs, "output")
+    return np.array([sim.outputs.index(name) for name in outputs], int)
+
+
+def check_hold(hold: str) -> None:
+    """Refuse a rule of the inputs that is not known."""
+    if hold not in ("linear", "zero"):
+        raise ValueError(f"hold is {hold!r}; allowed: linear, zero")
 
 
 def constant_inputs(sim: SimModel, values: Mapping[str, float]) -> np.ndarray:
@@ -88,7 +127,8 @@ def attributes(row: Entry) -> dict[str, str]:
     return {"units": row.units, "long_name": row.description, "display_units": row.display_units}
 
 
-def _time(inputs: xr.Dataset) -> np.ndarray:
+def read_time(inputs: xr.Dataset) -> np.ndarray:
+    """Return the time (time,) of a record; it must rise. [s]"""
     if "time" not in inputs.coords or inputs["time"].ndim != 1 or inputs.sizes["time"] < 1:
         raise SchemaError("inputs", ["no coordinate time; give the inputs over time in s"])
     time = inputs["time"].values.astype(float)
@@ -98,7 +138,8 @@ def _time(inputs: xr.Dataset) -> np.ndarray:
     return time
 
 
-def _inputs(sim: SimModel, inputs: xr.Dataset, values: Mapping[str, float], count: int) -> np.ndarray:
+def read_inputs(sim: SimModel, inputs: xr.Dataset, values: Mapping[str, float], count: int) -> np.ndarray:
+    """Return the inputs (time, inputs): recorded ones, else the constant ones of `values`, else their start values."""
     u = np.tile(constant_inputs(sim, values), (count, 1))
     for name in map(str, inputs.variables):
         if name in sim.inputs:

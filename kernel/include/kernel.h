@@ -34,6 +34,8 @@ extern "C" {
 typedef struct am_model am_model;
 typedef struct am_sim am_sim;
 
+#define AM_TEXT 200 /* bytes of the text of a failure */
+
 /* Status of a call.  After any status but AM_OK, am_error(sim) is a sentence for the user. */
 enum {
     AM_OK = 0,
@@ -103,7 +105,9 @@ AM_API int am_copy(am_sim *to, const am_sim *from);                      /* both
 AM_API const char *am_error(const am_sim *sim);                          /* text of the last failure, "" when none */
 AM_API double am_time(const am_sim *sim);                                /* time reached, or at which a step failed [s] */
 
-/* NaN and infinity are refused (AM_NOT_FINITE); after a refusal the old values stay. */
+/* NaN and infinity are refused (AM_NOT_FINITE); after a refusal the old values stay.  Beside the catalogued parameters every
+ * table has some that only am_find knows: its nodes (node.CL.basic[3,1], node.CL.gear.K1[0]), a scale (table.CL.basic, start
+ * value 1) and an offset (offset.CL.basic).  They change this simulation, not the model; at most 256 of them. */
 AM_API int am_set_parameter(am_sim *sim, int i, double value);
 AM_API int am_get_parameter(const am_sim *sim, int i, double *value);
 AM_API int am_set_input(am_sim *sim, int i, double value);
@@ -163,6 +167,25 @@ AM_API int am_outputs(am_sim *sim, double *y);
  * and the outputs at t[k + 1] are those under u[k].
  * *done is the number of rows of y that are valid; on failure am_time and am_error tell when and why. */
 AM_API int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, double *y, size_t *done);
+
+/* The same with a choice of outputs, y[n * outputs] (output NULL: all of them), and, when terms is given, the contribution of
+ * every term: terms[n * am_count(AM_TERM)], scales and implicit variables included. */
+AM_API int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold, const int *output, size_t outputs, double *y,
+                     double *terms, size_t *done);
+
+/* Runs of one record from one simulation, each with its own parameters; runs first ... last - 1 are flown, so that threads can
+ * share a batch.  Each run starts with am_initialize at t[0].  status, done and text have one place per run. */
+typedef struct {
+    size_t samples, parameters, outputs;
+    const double *t, *u;     /* t[samples], u[samples * inputs] */
+    const int *parameter;    /* indices; values[runs * parameters] */
+    const double *values;
+    const int *output;       /* indices */
+    double *y;               /* y[runs * samples * outputs] */
+    int hold;
+} am_batch_task;
+AM_API int am_batch(const am_sim *base, const am_batch_task *task, size_t first, size_t last, int *status, size_t *done,
+                    char (*text)[AM_TEXT]);
 
 /* ---- state access: linearisation, model exchange ------------------------------------------------------------------ */
 

@@ -34,7 +34,7 @@ void sum_coefficients(const am_model *model, const double *term, double c[COEFFI
 
 void evaluate_stage(am_sim *sim, int stage) {
     const am_model *m = sim->model;
-    look_up(sim, stage);
+    look_up_changed(sim, stage);
     evaluate_terms(sim, stage);
     for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) sim->sum[m->term[i].target] = 0.0;
     for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) sim->sum[m->term[i].target] += sim->term[i];
@@ -136,6 +136,12 @@ static void close_loop(am_sim *sim, const double force[3], const double free_fal
     }
 }
 
+void contributions(const am_sim *sim, double *term) {
+    const am_model *m = sim->model;
+    for (uint32_t i = 0; i < m->terms; i++) term[i] = sim->term[i];
+    for (uint32_t i = 0; i < m->implicits; i++) term[m->implicit[i][0]] = term_value(sim, m->implicit[i][0]);
+}
+
 static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double applied[3], double F[3]) {
     const double qS = sim->now.qbar * sim->model->S;
     house_to_body(&sim->now, c, F);
@@ -150,7 +156,7 @@ void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]
     double row[3], a[3];
     for (int j = 0; j < IMPLICIT; j++) sim->var[A_ALPHADOTHAT + j] = 0.0;
     sim->var[A_CL] = 0.0;
-    look_up(sim, STAGE_AERO);
+    look_up_changed(sim, STAGE_AERO);
     evaluate_terms(sim, STAGE_AERO);
     sum_coefficients(m, sim->term, now->c);
     to_house(sim, now->c);

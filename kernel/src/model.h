@@ -18,6 +18,7 @@
 #define FLOW_FLOOR 0.15   /* below it alpha-dot and beta-dot are zero [m s-1] */
 #define COEFFICIENTS 6   /* CL CD CY Cl Cm Cn; with body force axes CX CZ CY Cl Cm Cn */
 #define IMPLICIT 3       /* alphadothat, betadothat, dnz: consecutive variables from A_ALPHADOTHAT */
+#define MAX_PATCHES 256  /* changed nodes, scales and offsets of tables in one simulation */
 #define NAME_SIZE 80     /* of a name with the item in place of the star */
 
 enum { STABILITY_AXES, WIND_AXES, BODY_AXES };
@@ -109,13 +110,20 @@ typedef struct {
     double alpha, beta, delta[3], thrust, throttle, residual[6];
 } trim_t;
 
+/* A changed node, or a scale or offset of a whole table (slot). */
+enum { PATCH_NODE, PATCH_SCALE, PATCH_OFFSET };
+typedef struct {
+    uint32_t index, kind, stage, bundle, slot, at[MAX_AXES];
+    double value; /* of a node: the change */
+} patch_t;
+
 /* The pointers lead into the same piece of memory, after the struct; am_copy copies everything from `now` on. */
 struct am_sim {
     const am_model *model;
     double *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *below, *above;
     double *memory; /* discrete part of the submodels */
     double *work;   /* what the submodels found in the last derivative */
-    double *x_work, *k, *u_work, *u_end;
+    double *x_work, *k, *u_work, *u_end, *y_work;
     uint32_t *cell;
     int8_t *outside; /* -1 below, 0 inside, 1 above */
     now_t now;
@@ -128,7 +136,9 @@ struct am_sim {
     int earth, drive, controls;
     bool prepared, ready;
     bool fresh; /* now, slots and first slope k belong to the present x, u, memory and parameters */
-    char text[200];
+    uint32_t patches;
+    char text[AM_TEXT];
+    patch_t patch[MAX_PATCHES];
 };
 
 static inline uint32_t items(const am_model *m, int group) { return m->items[group]; }
@@ -187,6 +197,12 @@ uint32_t memory_size(int group);
 uint32_t work_size(int group);
 /* table.c */
 void look_up(am_sim *sim, int stage);
+/* nodes.c */
+void look_up_changed(am_sim *sim, int stage); /* with the changes of nodes and tables */
+int set_table_parameter(am_sim *sim, uint32_t index, double value);
+int get_table_parameter(const am_sim *sim, uint32_t index, double *value);
+int find_table_parameter(const am_model *m, const char *name);
+void check_patches(am_sim *sim);
 /* air_data.c */
 void set_atmosphere(atmosphere_t *atm, double delta_T, double qnh);
 void atmosphere_at(const atmosphere_t *atm, double h, double *T, double *p, double *rho, double *a);
@@ -204,6 +220,7 @@ void euler_matrix(double phi, double theta, double psi, double C[3][3]);
 /* aero.c */
 void evaluate_stage(am_sim *sim, int stage); /* tables, terms and sums of a stage */
 void evaluate_terms(am_sim *sim, int stage);
+void contributions(const am_sim *sim, double *term); /* of every term at the last derivative, implicit ones included */
 void sum_coefficients(const am_model *model, const double *term, double c[COEFFICIENTS]);
 void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]);
 /* weather.c */

@@ -106,7 +106,7 @@ int am_entry_at(const am_model *model, am_kind kind, int i, am_entry *entry) {
 int am_find(const am_model *model, am_kind kind, const char *name) {
     for (int i = 0; i < am_count(model, kind); i++)
         if (strcmp(model->entry[kind][i].name, name) == 0) return i;
-    return -1;
+    return kind == AM_PARAMETER ? find_table_parameter(model, name) : -1;
 }
 
 int am_state_count(const am_model *model) { return model->count[AM_STATE]; }

@@ -25,7 +25,7 @@ double *work_of(const am_sim *sim, int group, uint32_t item) {
 
 size_t sim_size(const am_model *m) {
     const size_t nx = (size_t)am_state_count(m), nu = (size_t)m->count[AM_INPUT], np = (size_t)m->count[AM_PARAMETER], na = m->axes;
-    const size_t doubles = np + 3 * nu + 6 * nx + m->total[AM_VARIABLE] + m->slots + m->terms + m->total[AM_TARGET] + 3 * na + m->memories + m->works;
+    const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx + m->total[AM_VARIABLE] + m->slots + m->terms + m->total[AM_TARGET] + 3 * na + m->memories + m->works;
     return sizeof(am_sim) + doubles * sizeof(double) + na * (sizeof(uint32_t) + sizeof(int8_t));
 }
 
@@ -35,7 +35,7 @@ am_sim *am_new(const am_model *m) {
     if (!sim) return NULL;
     sim->model = m;
     double *at = (double *)(sim + 1);
-    sim->par = take(&at, np), sim->u = take(&at, nu), sim->u_work = take(&at, nu), sim->u_end = take(&at, nu);
+    sim->par = take(&at, np), sim->u = take(&at, nu), sim->u_work = take(&at, nu), sim->u_end = take(&at, nu), sim->y_work = take(&at, (size_t)m->count[AM_OUTPUT]);
     sim->x = take(&at, nx), sim->x_work = take(&at, nx), sim->k = take(&at, 4 * nx);
     sim->var = take(&at, m->total[AM_VARIABLE]), sim->slot = take(&at, m->slots), sim->term = take(&at, m->terms);
     sim->sum = take(&at, m->total[AM_TARGET]), sim->memory = take(&at, m->memories), sim->work = take(&at, m->works);
@@ -79,15 +79,22 @@ static int refuse_value(am_sim *sim, am_kind kind, int i, double value) {
 }
 
 int am_set_parameter(am_sim *sim, int i, double value) {
-    if (i < 0 || i >= sim->model->count[AM_PARAMETER]) return fail(sim, AM_BAD_INDEX, "there is no parameter %d", i);
-    if (!isfinite(value)) return refuse_value(sim, AM_PARAMETER, i, value);
-    sim->par[i] = value;
+    if (i < 0) return fail(sim, AM_BAD_INDEX, "there is no parameter %d", i);
+    const bool catalogued = i < sim->model->count[AM_PARAMETER];
+    if (!isfinite(value) && catalogued) return refuse_value(sim, AM_PARAMETER, i, value);
+    if (!isfinite(value)) return fail(sim, AM_NOT_FINITE, "a node, scale or offset of a table is %g; it must be finite", value);
+    if (catalogued) sim->par[i] = value;
+    else {
+        const int status = set_table_parameter(sim, (uint32_t)i, value);
+        if (status != AM_OK) return status;
+    }
     sim->prepared = sim->fresh = false;
     return AM_OK;
 }
 
 int am_get_parameter(const am_sim *sim, int i, double *value) {
-    if (i < 0 || i >= sim->model->count[AM_PARAMETER]) return AM_BAD_INDEX;
+    if (i < 0) return AM_BAD_INDEX;
+    if (i >= sim->model->count[AM_PARAMETER]) return get_table_parameter(sim, (uint32_t)i, value);
     *value = sim->par[i];
     return AM_OK;
 }
@@ -287,7 +294,7 @@ int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, do
     for (size_t k = 0; k < n; k++) {
         for (size_t i = 0; i < nv; i++) sim->var[m->variable[i]] = v[k * nv + i];
         for (int stage = 0; stage < STAGES; stage++) {
-            look_up(sim, stage);
+            look_up_changed(sim, stage);
             evaluate_terms(sim, stage);
         }
         if (coefficients) sum_coefficients(m, sim->term, coefficients + k * COEFFICIENTS);
