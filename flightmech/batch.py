@@ -7,13 +7,13 @@ import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from ctypes import POINTER, byref, c_double, c_int, c_size_t
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from .errors import SchemaError, SimulationError
-from .library import INPUT, OUTPUT, Simulation, library
+from .library import OUTPUT, Simulation, library
 from .simulation import attributes, check_hold, index_of_parameter, output_indices, read_inputs, read_time
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def simulate_batch(
             raise SimulationError(f"run {run}: {texts[run]}", float(time[min(done[run], len(time) - 1)]))
         y[run, done[run] :] = np.nan
     rows = [sim.entries(OUTPUT)[i] for i in chosen]
-    columns = {row.name: (("run", "time"), y[:, :, k], attributes(row)) for k, row in enumerate(rows)}
+    columns: dict[str, Any] = {row.name: (("run", "time"), y[:, :, k], attributes(row)) for k, row in enumerate(rows)}
     columns["failure"] = ("run", np.array(texts, object), {"long_name": "why a run ended early"})
     coords = {"time": ("time", time, {"units": "s"}), **{name: ("run", values[:, k]) for k, name in enumerate(varied)}}
     return xr.Dataset(columns, coords, {"title": sim.title, "step": float(constant["mode.step"]), "hold": hold})

@@ -49,9 +49,9 @@ def simulate(
     Returns
     -------
     Dataset (time,)
-        The outputs; with `terms` also ``contribution`` (time, term), which sums to the coefficients with those of ``bias.*``, and to
-        the targets of the engines and the gear.  Attribute ``out_of_range`` names the axes whose range was left, with the number of internal steps; it
-        is empty when none was.
+        The outputs; with `terms` also ``contribution`` (time, term), which sums to the coefficients (with ``bias.*``) and to the
+        targets of the submodels.  Attribute ``out_of_range`` names the axes whose range was left, with the number of internal
+        steps; it is empty when none was.
 
     Raises
     ------

@@ -68,7 +68,7 @@ def test_wrong_batches_are_refused(sim, record):
         flightmech.simulate_batch(sim, record, {"mass.mass": [1.0, 2.0], "init.V": [1.0, 2.0, 3.0]})
     with pytest.raises(SchemaError, match="lengths found: none"):
         flightmech.simulate_batch(sim, record, {})
-    with pytest.raises(UnknownName, match="unknown output 'thta'; near it: .*theta"):
+    with pytest.raises(UnknownName, match=r"unknown output 'thta'; near it: .*theta"):
         flightmech.simulate_batch(sim, record, VARIED, outputs=["thta"])
 
 
