@@ -67,9 +67,9 @@ def modes(linear: xr.Dataset) -> pd.DataFrame:
     -------
     DataFrame
         One row per real eigenvalue or conjugate pair, fastest first; columns `COLUMNS`, units in ``attrs["units"]``.  ``mode`` is
-        ``phugoid``, ``short period``, ``Dutch roll``, ``roll``, ``spiral``, ``height``, ``heading`` or ``engine``; a motion that has fallen
-        apart into two real ones appears twice with ``aperiodic`` in its remark; a pair made of two motions is the ``third
-        oscillation`` (phugoid and short period), the ``roll-spiral oscillation``, or ``coupled``.  ``period`` is NaN without
+        ``phugoid``, ``short period``, ``Dutch roll``, ``roll``, ``spiral``, ``height``, ``heading``, ``engine``, ``fuel`` or ``gear``; a
+        motion that has fallen apart into two real ones appears twice with ``aperiodic`` in its remark; a pair made of two motions is the
+        ``third oscillation`` (phugoid and short period), the ``roll-spiral oscillation``, or ``coupled``.  ``period`` is NaN without
         oscillation, ``t_half`` NaN for a growing motion, ``t_double`` for a decaying one; ``damping_ratio`` is -real/omega_n, so -1 for an
         aperiodic divergence.
         ``phi_beta`` is the ratio of bank to sideslip in a lateral oscillation.  ``participation`` tells the states above 0.1.
@@ -126,7 +126,8 @@ def _row(item: _Eigen, names: list[str]) -> dict[str, object]:
 
 
 def _motion(state: str) -> str:
-    return _MOTION.get(state, "engine")
+    group = state.partition(".")[0]
+    return _MOTION.get(state) or ("engine" if group.startswith("engine") else group)
 
 
 def _name(item: _Eigen) -> tuple[str, list[str]]:

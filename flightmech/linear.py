@@ -4,6 +4,10 @@ States and inputs are moved one at a time, everything else is held, and the kern
 eps^(1/3) of the size of a variable (6e-6 rad, 6e-6 of the speed) balances what is cut off, h^2 f'''/6, against what is rounded off,
 eps f / h: both stay near 1e-10 of the entry.  A second pass with half the step gives ``error``, so that the reader sees it.
 
+Beside the rigid body any state of the submodels can be chosen: thrust and spools of the engines, fuel, tyres.  What is not chosen
+follows at once where the start of a run settles it (engines) and stands still otherwise (fuel).  Control circuits with friction are
+no states: the surfaces are held where the trim left them.
+
 The tables are piecewise linear: the slope is that of the cell the flight is in.  On a breakpoint, where it jumps, the mean of both
 sides comes out and attribute ``kinks`` says for which variable.
 """
@@ -17,9 +21,10 @@ import numpy as np
 import xarray as xr
 
 from .errors import SchemaError, UnknownName
-from .library import OUTPUT, PARAMETER, Simulation
+from .library import OUTPUT, PARAMETER, STATE, Simulation
 from .names import attrs
 from .simulation import constant_inputs, prepared
+from .trim_request import DRIVES
 from .trimming import trim
 from .units import G0
 
@@ -37,6 +42,11 @@ _LATERAL_OUTPUTS = (*LATERAL, "ay", "v", "p_dot", "r_dot", "beta_dot", "CY", "Cl
 _FOUND = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")  # biases that a trim finds
 _STEP = float(np.finfo(float).eps ** (1.0 / 3.0))
 _HEIGHT = 1e4  # over which the air changes by its own size [m]
+_RIGID = 13  # states of the rigid body in the kernel
+_TYRE = 0.1  # deflection of a tyre [m]
+_HOT = 1e3  # turbine temperature [K]
+_CIRCUITS = ("column", "wheel", "pedal")
+_SURFACES = ("delta_e", "delta_a", "delta_r")
 _JUMP = 1e-6  # of the largest entry of a row: smallest difference of one-sided slopes that counts as a kink
 _NOISE = 0.1  # of the size of a rate, per size of a variable: slopes below it are rounding
 
@@ -50,6 +60,7 @@ class _Plant(NamedTuple):
     x: np.ndarray
     u: np.ndarray
     trimmed: xr.Dataset
+    places: dict[str, tuple[int, str]]
 
 
 def linearize(
@@ -67,11 +78,11 @@ def linearize(
     sim : SimModel
         The compiled model.
     parameters : mapping of str to float, optional
-        Condition, as in `trim`: ``{"init.V": 90.0, "init.h": 1500.0, "delta_f": 0.6}``; ``mode.trim`` 0 takes the state of ``init.*`` as
-        it is. [SI]
+        Condition, as in `trim` without a kind: ``{"init.V": 90.0, "init.h": 1500.0, "delta_f": 0.6}``; ``mode.trim`` 0 takes the state of
+        ``init.*`` as it is, so that `start_of` of a trimmed turn or climb gives the linear model about it. [SI]
     states : sequence of str
-        Any of ``V alpha q theta h beta p r phi psi`` and ``engine1.thrust`` ...; a state left out is held.  Without the thrust of an engine
-        among them thrust follows speed, height and throttle at once.
+        Any of ``V alpha q theta h beta p r phi psi``; a state left out is held.  Also any state of the submodels, by its name without
+        ``state.``: ``engine1.thrust engine1.n1 fuel`` ...; without those of the engines thrust follows speed, height and throttle at once.
     inputs : sequence of str, optional
         Inputs of the model; elevator, aileron, rudder and what drives the engines unless given.  The wind is a steady one: a gust is
         a jump of ``alpha`` or ``beta``.
@@ -86,7 +97,8 @@ def linearize(
     Dataset
         ``A (state, state_)``, ``B (state, input)``, ``C (output, state_)``, ``D (output, input)``: rate of the state = A dx + B du, output
         = C dx + D du.  ``x``, ``u``, ``y`` is the point, ``x_dot`` what the trim left; ``A_error`` ... ``D_error`` the change
-        of each entry with half the step; ``state_units`` ... the units [SI].  Attributes ``title``, ``condition``, ``kinks``.
+        of each entry with half the step; ``state_units`` ... the units [SI].  Attributes ``title``, ``condition``, ``kinks``,
+        ``left_out`` (states of the submodels that were not chosen), ``held`` (what is no state: control circuits).
 
     Raises
     ------
@@ -98,7 +110,7 @@ def linearize(
         The condition has no meaning.
     """
     chosen = tuple(_default_inputs(sim, parameters or {}) if inputs is None else inputs)
-    _demand(states, (*_ALLOWED, *_thrusts(sim)), "state")
+    _demand(states, (*_ALLOWED, *_submodel_states(sim)), "state")
     _demand(chosen, sim.inputs, "input")
     _demand(outputs, sim.outputs, "output")
     _demand(steps or {}, (*states, *chosen), "state or input")
@@ -141,9 +153,9 @@ def subset(linear: xr.Dataset, which: str) -> xr.Dataset:
 
 
 def _coupling(linear: xr.Dataset, states: Sequence[str]) -> float:
-    names = [str(name) for name in linear["state"].values]
+    names, units = ([str(item) for item in linear[column].values] for column in ("state", "state_units"))
     V, weight = linear.attrs["V"], linear.attrs["weight"]
-    size = np.array([V if name in ("V", "h") else weight if name.endswith(".thrust") else 1.0 for name in names])
+    size = np.array([V if name in ("V", "h") else _submodel_size(unit, weight) for name, unit in zip(names, units, strict=True)])
     A = linear["A"].values / size[:, None] * size[None, :]
     inside = np.isin(names, states)
     cut = np.abs(A[np.ix_(inside, ~inside)]).max(initial=0.0)
@@ -156,8 +168,10 @@ def _demand(names: Iterable[str], allowed: Sequence[str], what: str) -> None:
             raise UnknownName(name, allowed, what)
 
 
-def _thrusts(sim: SimModel) -> list[str]:
-    return [name for name in sim.outputs if name.startswith("engine") and name.endswith(".thrust")]
+def _submodel_states(sim: SimModel) -> dict[str, tuple[int, str]]:
+    """Return place and units of the states beside those of the rigid body, by their names without ``state.``."""
+    rows = enumerate(sim.entries(STATE))
+    return {row.name.removeprefix("state."): (i, row.units) for i, row in rows if i >= _RIGID}
 
 
 def _mode(sim: SimModel, parameters: Mapping[str, float], name: str) -> float:
@@ -165,46 +179,46 @@ def _mode(sim: SimModel, parameters: Mapping[str, float], name: str) -> float:
 
 
 def _default_inputs(sim: SimModel, parameters: Mapping[str, float]) -> list[str]:
-    drive = "throttle" if _mode(sim, parameters, "mode.engine") == 0.0 else "thrust_drive"
-    return ["delta_e", "delta_a", "delta_r", *(name for name in sim.inputs if name.startswith("engine") and name.endswith(f".{drive}"))]
+    drive = DRIVES[_mode(sim, parameters, "mode.engine")]
+    return [*_SURFACES, *(name for name in sim.inputs if name.startswith("engine") and name.endswith(f".{drive}"))]
 
 
 def _plant(sim: SimModel, parameters: dict[str, float], states: tuple[str, ...]) -> _Plant:
     """Trim, and freeze what was found as biases, so that every later start of the kernel is at a state we choose."""
     if parameters.setdefault("mode.earth", 0.0) != 0.0:
-        raise SchemaError(
-            "linear model", ["mode.earth is 1; a linear model is about a steady flight over a flat Earth, leave it out or give 0"]
-        )
-    if not set(_thrusts(sim)) & set(states):
+        earth = f"mode.earth is {parameters['mode.earth']:g}"
+        raise SchemaError("linear model", [f"{earth}; a linear model is about a steady flight over a flat Earth, leave it out or give 0"])
+    places = _submodel_states(sim)
+    if not any(name in states for name in places if name.endswith(".thrust")):
         parameters |= {name: 0.0 for name in sim.parameters if name.endswith(".time_constant")}
     trimmed = trim(sim, parameters)
-    values = {**parameters, "mode.trim": 0.0}
+    values = {**parameters, "mode.trim": 0.0, "mode.controls": 0.0}
     values |= {f"init.{name}": float(trimmed[name]) for name in (*_ALLOWED,)}
     for name in _FOUND:
         values[f"bias.{name}"] = _mode(sim, parameters, f"bias.{name}") + float(trimmed[f"trim.{name}"])
-    run = prepared(sim, values, constant_inputs(sim, values))
-    return _Plant(sim, run, states, np.array([float(trimmed[name]) for name in states]), constant_inputs(sim, values), trimmed)
+    values |= {name: float(trimmed[f"applied.{name}"]) - values[f"bias.{name}"] for name in _SURFACES}
+    u = constant_inputs(sim, values)
+    run = prepared(sim, values, u)
+    state = run.state
+    x = np.array([state[places[name][0]] if name in places else float(trimmed[name]) for name in states])
+    return _Plant(sim, run, states, x, u, trimmed, places)
 
 
 def _rates(plant: _Plant, x: np.ndarray, u: np.ndarray, outputs: Sequence[str]) -> np.ndarray:
     """Return the rates of the states and the outputs at a state and an input."""
-    sim, run = plant.sim, plant.run
-    thrusts = {}
-    for name, value in zip(plant.states, x, strict=True):
-        if name.startswith("engine"):
-            thrusts[name] = value
-        else:
-            run.set_parameter(sim.parameters.index(f"init.{name}"), float(value))
+    sim, run, places = plant.sim, plant.run, plant.places
+    point = dict(zip(plant.states, map(float, x), strict=True))
+    for name in point.keys() - places.keys():
+        run.set_parameter(sim.parameters.index(f"init.{name}"), point[name])
     run.set_inputs(u)
     run.initialize()
-    state, engines = run.state, _thrusts(sim)
-    first = len(state) - len(engines)
-    for name, value in thrusts.items():
-        state[first + engines.index(name)] = value
+    state = run.state
+    for name in point.keys() & places.keys():
+        state[places[name][0]] = point[name]
     run.state = state
     y = dict(zip(sim.outputs, run.outputs(), strict=True))
-    lag = dict(zip(engines, run.derivative(state, u)[first:], strict=True)) if thrusts else {}
-    return np.array([*(lag[name] if name in lag else _rate(y, name) for name in plant.states), *(y[name] for name in outputs)])
+    slopes = run.derivative(state, u)
+    return np.array([*(slopes[places[name][0]] if name in places else _rate(y, name) for name in point), *(y[name] for name in outputs)])
 
 
 def _rate(y: Mapping[str, float], state: str) -> float:
@@ -222,9 +236,13 @@ def _rate(y: Mapping[str, float], state: str) -> float:
 
 def _size(plant: _Plant, name: str) -> float:
     """Return the size of a state: over which the rates change by their own size."""
-    if name == "V":
-        return float(plant.trimmed["V"])
-    return _weight(plant) if name.endswith(".thrust") else _HEIGHT if name == "h" else 1.0
+    if name in plant.places:
+        return _submodel_size(plant.places[name][1], _weight(plant))
+    return float(plant.trimmed["V"]) if name == "V" else _HEIGHT if name == "h" else 1.0
+
+
+def _submodel_size(units: str, weight: float) -> float:
+    return {"N": weight, "kg": weight / G0, "K": _HOT, "m": _TYRE}.get(units, 1.0)
 
 
 def _input_size(plant: _Plant, name: str) -> float:
@@ -272,13 +290,23 @@ def _dataset(plant: _Plant, inputs: tuple[str, ...], outputs: tuple[str, ...], J
     data["x_dot"] = "state", _rates(plant, plant.x, plant.u, ())
     data["u"] = "input", np.array([_applied(plant, name) for name in inputs])
     data["y"] = "output", np.array([y[name] for name in outputs])
-    data["state_units"] = "state", np.array([attrs(name)["units"] for name in plant.states], object)
+    data["state_units"] = (
+        "state",
+        np.array([plant.places[name][1] if name in plant.places else attrs(name)["units"] for name in plant.states], object),
+    )
     data["input_units"] = "input", np.array([attrs(_quantity(name))["units"] for name in inputs], object)
     data["output_units"] = "output", np.array([units[name] for name in outputs], object)
     coords = {"state": list(plant.states), "state_": list(plant.states), "input": list(inputs), "output": list(outputs)}
     condition = f"V {y['V']:.6g} m/s, h {y['h']:.6g} m, alpha {np.degrees(y['alpha']):.4g} deg, gamma {np.degrees(y['gamma']):.4g} deg"
     numbers = {"V": y["V"], "weight": _weight(plant)}
-    return xr.Dataset(data, coords, attrs={"title": plant.sim.title, "condition": condition, "kinks": kinks, **numbers})
+    left_out = " ".join(name for name in plant.places if name not in plant.states)
+    texts = {"title": plant.sim.title, "condition": condition, "kinks": kinks, "left_out": left_out, "held": _held(plant)}
+    return xr.Dataset(data, coords, attrs={**texts, **numbers})
+
+
+def _held(plant: _Plant) -> str:
+    circuits = [name for name in _CIRCUITS if f"{name}.mass" in plant.sim.parameters]
+    return f"control circuits of {', '.join(circuits)}: surfaces held where the trim left them" if circuits else ""
 
 
 def _applied(plant: _Plant, name: str) -> float:

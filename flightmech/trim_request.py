@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     from .compiler import SimModel
 
 _START = ("V", "alpha", "beta", "gamma", "theta", "phi", "psi", "h", "p", "q", "r", "psi_dot")
-_DRIVES = {0.0: "throttle", 1.0: "n1_drive", 2.0: "thrust_drive"}
+DRIVES = {0.0: "throttle", 1.0: "n1_drive", 2.0: "thrust_drive"}  # input that drives an engine, by mode.engine
 _ENGINE_OUTPUTS = ("thrust", "n1", "n2")
 _ANGLE, _RATE = 1.5, 3.0  # limits of attitude and climb angle [rad], of rates [rad s-1]
 _LIMITS = {
@@ -70,7 +69,7 @@ class _Reader:
         for name in self.values:
             if name not in self.rows:
                 raise UnknownName(name, self.rows, "parameter or input")
-        self.drive = _DRIVES[self._value("mode.engine")]
+        self.drive = DRIVES[self._value("mode.engine")]
         self.engines = [name.removesuffix(f".{self.drive}") for name in sim.inputs if name.endswith(f".{self.drive}")]
         self.given = {self._plain(name): float(value) for name, value in fixed.items()}
         self.failed = self._failures()
@@ -112,10 +111,14 @@ class _Reader:
                 raise UnknownName(name, [f"{item}.failed" for item in self.engines], "engine")
             if self.given.pop(name):
                 found.add(engine)
-                scale = re.compile(rf"term\.{engine}\.")
-                self.values |= {item: 0.0 for item in self.sim.parameters if scale.match(item)}
-                self.values |= {item: 0.0 for item in (f"{engine}.thrust_drive",) if item in self.rows}
+                self.values |= self._without(engine)
         return found
+
+    def _without(self, engine: str) -> dict[str, float]:
+        """Return what stops an engine: no recorded thrust; fuel cut off, so that it windmills; else no thrust at all."""
+        if self.drive == "thrust_drive":
+            return {f"{engine}.thrust_drive": 0.0}
+        return {f"{engine}.cutoff": 1.0} if f"{engine}.cutoff" in self.rows else {f"term.{engine}.thrust": 0.0}
 
     def _power(self, sought: Iterable[str] = ()) -> tuple[str, ...]:
         """Return the inputs that drive the engines that run and are not named one by one."""

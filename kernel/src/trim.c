@@ -132,9 +132,10 @@ static void start_rates(am_sim *sim) {
 
 /* Airspeed and flow angles of a speed init.V over the ground along the heading, climbing by init.gamma. */
 static void flow_on_ground(const am_sim *sim, double flow[3]) {
-    const double *p = sim->par, *wind = sim->u + U_WIND_N, level = p[P_V] * am_cos(p[P_GAMMA]);
+    const double *p = sim->par, level = p[P_V] * am_cos(p[P_GAMMA]);
     const double ground[3] = {level * am_cos(p[P_PSI]), level * am_sin(p[P_PSI]), -p[P_V] * am_sin(p[P_GAMMA])};
-    double C[3][3], air[3], b[3];
+    double C[3][3], wind[3], air[3], b[3];
+    steady_wind(sim, sim->u, p[P_H], wind);
     for (int i = 0; i < 3; i++) air[i] = ground[i] - wind[i];
     euler_matrix(p[P_PHI], p[P_THETA], p[P_PSI], C);
     to_body(C, air, b);
