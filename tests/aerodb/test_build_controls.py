@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from click.testing import CliRunner
 
 import aerodb
@@ -81,10 +82,14 @@ def test_a_yawing_moment_without_method_leaves_the_roll(spoiled):
     assert found == pytest.approx(1.5369e-2 * np.cos(8 * DEGREE), abs=5e-7)
 
 
-def test_what_the_simulation_does_not_know_is_refused_with_what_to_do(spoiled, jet):
-    with pytest.raises(SchemaError, match=r"Cl/spoiler: axis: (.|\n)*does not know delta_s yet; fly the database without the term"):
-        flightmech.compile(flown(jet), spoiled)
-    flightmech.compile(flown(jet), aerodb.delete_terms(spoiled, ["Cl/spoiler", "Cn/spoiler"]))
+def test_a_spoiler_rolls_the_aeroplane_in_flight(spoiled, jet):
+    sim = flightmech.compile(flown(jet), spoiled)
+    at = {"init.V": 100.0, "init.h": 1000.0, "init.alpha": 0.0, "mode.engine": 2.0}
+    inputs = xr.Dataset({"delta_s": ("time", [0.09, 0.09])}, {"time": [0.0, 0.01]})
+    start = flightmech.simulate(sim, inputs, at, terms=True).isel(time=0)
+    expected = table(spoiled, "Cl/spoiler", mach=float(start["mach"]), alpha=0.0, delta_s=0.09)
+    assert float(start["contribution"].sel(term="Cl/spoiler")) == pytest.approx(expected, rel=1e-9)
+    assert expected < 0
 
 
 def test_slot_deflector_of_another_case_of_the_file(jet, corpus, clean):
@@ -178,12 +183,17 @@ def test_tab_locked_stands_in_for_the_page(jet, corpus, clean):
     assert {"CL/tab", "CD/tab", "Cm/tab"} <= set(db.attrs["absent"].split())
 
 
-def test_hinge_moments_are_evaluated_but_not_flown(hinged, jet):
+def test_hinge_moments_are_evaluated_and_do_not_move_the_aeroplane(hinged, jet):
     given = {"mach": 0.25, "alpha": 8 * DEGREE, "delta_e": 0.0, "delta_t": 10 * DEGREE}
     parts = aerodb.contributions(hinged, "Ch_e", given)
     assert set(parts) == {"alpha", "delta", "tab", "tab_gearing"}
     assert parts["tab"] == pytest.approx(-0.06, rel=2e-3)
-    assert not [name for name in flightmech.compile(flown(jet), hinged).terms if name.startswith("Ch_")]
+    sim = flightmech.compile(flown(jet), hinged)
+    bare = flightmech.compile(flown(jet), aerodb.delete_terms(hinged, [name for name in aerodb.terms(hinged) if name.startswith("Ch_")]))
+    assert {name for name in sim.terms if name.startswith("Ch_")} == {f"Ch_e/{name}" for name in parts}
+    inputs = xr.Dataset({"delta_e": ("time", [0.0, -0.05, 0.0])}, {"time": [0.0, 0.2, 0.4]})
+    at = {"init.V": 100.0, "init.h": 1000.0, "mode.engine": 2.0}
+    assert flightmech.simulate(sim, inputs, at)["q"].equals(flightmech.simulate(bare, inputs, at)["q"])
 
 
 def test_without_downwash_the_angle_of_attack_of_the_tail_is_not_known(jet, corpus, clean):
