@@ -19,7 +19,8 @@ static void count_outside(am_sim *sim) {
     }
 }
 
-/* The discrete part of the submodels from t to t + h; u0 and u1 are the inputs at both ends. */
+/* The discrete part of the submodels from t to t + h; u0 and u1 are the inputs at both ends.  One that jumps at t clears
+ * sim->fresh, so that the first slope is found anew. */
 void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1) {
     weather_advance(sim, t, h, u0, u1);
     engine_advance(sim, t, h, u0, u1);
@@ -36,11 +37,10 @@ static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const
     const am_model *m = sim->model;
     const int n = am_state_count(m);
     double *k1 = sim->k, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *x = sim->x, *to = sim->x_work, *u = sim->u_work;
-    const bool fresh = sim->fresh;
     blend(m, u0, u1, s1, sim->u_end);
     blend(m, u0, u1, s0, u);
     if (m->memories) advance_memory(sim, t, h, u, sim->u_end);
-    if (!fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) slope(sim, t, h, 0.0, x, u, k1);
+    if (!sim->fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) slope(sim, t, h, 0.0, x, u, k1);
     sim->fresh = false;
     count_outside(sim);
     blend(m, u0, u1, 0.5 * (s0 + s1), u);
