@@ -139,14 +139,14 @@ static event_t event_of(const linkage_t *c, const motion_t *m, const piece_t *p,
     const double v = m->v[i], q = m->q[i], to = q + p->h * p->w[i], drift = p->h / p->a[i];
     event_t e = {kind, i, 0.0, 0.0};
     if (kind == REVERSAL) {
-        e.start = c->breakout[i] > 0.0 ? v : 0.0;
+        e.start = c->breakout[i] > 0.0 && p->w[i] > p->low[i] && p->w[i] < p->high[i] ? v : 0.0;
         e.end = 2.0 * p->w[i] - v - 2.0 / p->a[i] * (signed_force(c->friction[i], v) - p->friction[i]);
     } else if (kind == NEUTRAL) {
         e.start = c->preload > 0.0 ? q - c->neutral : 0.0;
         e.end = to - c->neutral - drift * (signed_force(c->preload, e.start) - p->preload);
     } else {
         const double gap = kind == HIGH_STOP ? c->high[i] - to : to - c->low[i];
-        e.start = kind == HIGH_STOP ? c->high[i] - q : q - c->low[i];
+        e.start = fmax(kind == HIGH_STOP ? c->high[i] - q : q - c->low[i], 0.0);
         e.end = gap - drift * fmax(kind == HIGH_STOP ? p->stop[i] : -p->stop[i], 0.0);
     }
     return e;
@@ -168,12 +168,13 @@ static event_t first_event(const linkage_t *c, const motion_t *m, const piece_t 
 
 /* Shorten the piece so that it ends with the event: regula falsi with halved weights.  False when the search fails. */
 static bool end_at(const linkage_t *c, const motion_t *m, double t, const event_t *first, piece_t *p) {
+    const double least = SHORTEST * p->h;
     double h0 = 0.0, h1 = p->h, e0 = first->start, e1 = first->end;
     for (int iteration = 0, side = 0; iteration < 40; iteration++) {
-        const double h = (h0 * e1 - h1 * e0) / (e1 - e0);
+        const double h = fmax(h0 + (h1 - h0) * (e0 / (e0 - e1)), least);
         solve(c, m, t, h, p);
         const event_t e = event_of(c, m, p, first->kind, first->body);
-        if (fabs(e.end) <= 1e-12 * fabs(first->start)) return true;
+        if (fabs(e.end) <= 1e-12 * fabs(first->start) || (h == least && (e.end > 0.0) != (e0 > 0.0))) return true;
         if ((e.end > 0.0) == (e0 > 0.0)) {
             h0 = h, e0 = e.end;
             if (side == 1) e1 *= 0.5;
