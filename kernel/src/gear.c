@@ -3,11 +3,11 @@
  * In the order of LR-743 4.5.4: deflections and their rates, vertical forces, then side and longitudinal forces (tyre.c),
  * steering (steering.c).  A leg with tyre_stiffness is a strut in series with a tyre, without unsprung mass:
  *
- *     Fz = tyre_stiffness (deflection - s)                                  zero when negative: the ground never pulls
- *     Fz = preload + stiffness s + table + damping s' + orifice s' |s'|     solved for s', between the stops 0 and stroke
+ *     F = tyre_stiffness (deflection - s)                                  zero when negative: the ground never pulls
+ *     F = preload + stiffness s + table + damping s' + orifice s' |s'|     solved for s', between the stops 0 and stroke
  *
  * with own damping constants in extension; without tyre_stiffness (a rigid wheel, a skid) s is the deflection itself.
- * Deflection is measured along the vertical: rake and friction of the strut and the inertia of the wheel are not there. */
+ * Legs stand along body z: rake and friction of the strut and the inertia of the wheel are not there. */
 #include "elementary.h"
 #include "model.h"
 #include "steering.h"
@@ -21,6 +21,8 @@
 #define FASTEST_WET 103.0  /* the wet polynomial ends here: 200 kt [m s-1] */
 #define LOCKING 0.1        /* part above the greatest friction over which an excess of brake locks the wheel */
 #define UPRIGHT 1e-3       /* floor of the length of the heading in the ground plane */
+#define LEANING 0.2        /* floor of the cosine between leg and vertical: beyond 78 deg the leg is as stiff as there */
+#define PASSES 3           /* for the load and the forces in the plane that depend on each other through the lean of the leg */
 #define SLIP_FLOOR 1e-3    /* below it the slip angle is zero [m s-1] */
 #define BISECTIONS 52      /* halvings of a stroke: to rounding */
 
@@ -28,10 +30,16 @@ enum { DRY, WET, ICY };
 
 typedef struct {
     double arm[3];                /* from the c.g. to the point on the ground */
-    double deflection, sink;      /* of leg and tyre together, and its rate */
+    double deflection, sink;      /* of leg and tyre together along the leg, and its rate */
     double forward[3], right[3];  /* wheel axes in the ground plane */
-    double v[2];                  /* velocity over ground in wheel axes */
+    double v[2], turn;            /* velocity of the point over ground in wheel axes, and their rate of turn */
+    double upright;               /* cosine between leg and vertical */
 } place_t;
+
+typedef struct {
+    footprint_t print;
+    double brake; /* that the anti-skid system lets through */
+} contact_t;
 
 static double between(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
@@ -76,26 +84,33 @@ int gear_check(am_sim *sim) {
     return status;
 }
 
-/* Where the leg meets the runway.  The tyre is round: its lowest point lies a radius below the axle at any attitude. */
+/* Where the leg, along body z, meets the runway.  The tyre is round in the plane of symmetry: pitch moves its lowest point
+ * along the rim.  Velocity is that of the point where the leg stands, a function of the attitude and height alone: so a
+ * wheel held by friction comes back to its place whatever the aircraft on it does. */
 static void place_contact(const am_sim *sim, const double *p, const double down[3], const double ground[3], double angle, place_t *at) {
     const now_t *now = &sim->now;
-    const double R = p[P_CONTACT_RADIUS], point[3] = {p[P_CONTACT_X], p[P_CONTACT_Y], p[P_CONTACT_Z] - R};
+    const double R = p[P_CONTACT_RADIUS], in_plane = fmax(sqrt(down[0] * down[0] + down[2] * down[2]), UPRIGHT);
+    const double rim[3] = {R * down[0] / in_plane, 0.0, R * (down[2] / in_plane - 1.0)};
     const double heading[3] = {am_cos(angle), am_sin(angle), 0.0}, across = dot(heading, down);
-    double length = 0.0, velocity[3];
-    for (int i = 0; i < 3; i++) at->arm[i] = point[i] - now->cg[i] + R * down[i];
-    at->deflection = dot(at->arm, down) - (now->h - sim->par[P_RUNWAY]);
+    double velocity[3], swing[3], level = 0.0;
+    at->upright = fmax(down[2], LEANING);
+    for (int i = 0; i < 3; i++) at->arm[i] = p[P_CONTACT_X + i] + rim[i] - now->cg[i];
+    at->deflection = (dot(at->arm, down) - (now->h - sim->par[P_RUNWAY])) / at->upright;
+    at->arm[2] -= at->deflection;
     for (int i = 0; i < 3; i++) {
-        at->arm[i] -= at->deflection * down[i];
         at->forward[i] = heading[i] - across * down[i];
-        length += at->forward[i] * at->forward[i];
+        level += at->forward[i] * at->forward[i];
     }
-    length = fmax(sqrt(length), UPRIGHT);
-    for (int i = 0; i < 3; i++) at->forward[i] /= length;
+    level = fmax(sqrt(level), UPRIGHT);
+    for (int i = 0; i < 3; i++) at->forward[i] /= level;
     cross(down, at->forward, at->right);
+    cross(now->rate, heading, swing);
     cross(now->rate, at->arm, velocity);
     for (int i = 0; i < 3; i++) velocity[i] += ground[i];
-    at->sink = dot(velocity, down);
+    at->sink = dot(velocity, down) / at->upright;
+    velocity[2] -= at->sink;
     at->v[0] = dot(velocity, at->forward), at->v[1] = dot(velocity, at->right);
+    at->turn = dot(swing, at->right) / level;
 }
 
 static double strut_spring(const am_sim *sim, uint32_t i, double s) {
@@ -112,7 +127,7 @@ static double strut_rate(const double *p, double s, double force) {
     return between(rate, -s / STOP_LAG, fmax(p[P_CONTACT_STROKE] - s, 0.0) / STOP_LAG);
 }
 
-/* Vertical force of a leg that is out; sets the rate of s. */
+/* Force along a leg that is out; sets the rate of s. */
 static double leg_force(const am_sim *sim, uint32_t i, const place_t *at, double s, double *rate) {
     const double *p = par_of(sim, G_CONTACT, i);
     if (p[P_CONTACT_TYRE] > 0.0) {
@@ -156,30 +171,44 @@ static double set_friction(const double *gear, const double *p, double pedal, do
     return brake;
 }
 
-static void contact_outputs(const double *p, double s, const place_t *at, const tyre_t *tyre, const footprint_t *patch, double brake, double *found) {
+static void contact_outputs(const double *p, double s, const place_t *at, const tyre_t *tyre, const contact_t *contact, double *found) {
     const double speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
     found[Y_CONTACT_WOW] = tyre->load > 0.0;
     found[Y_CONTACT_COMPRESSION] = compression(p, s, at->deflection);
     found[Y_CONTACT_TYRE] = p[P_CONTACT_TYRE] > 0.0 ? fmax(at->deflection - s, 0.0) : 0.0;
-    found[Y_CONTACT_FX] = patch->F[0], found[Y_CONTACT_FY] = patch->F[1], found[Y_CONTACT_FZ] = tyre->load;
+    found[Y_CONTACT_FX] = contact->print.F[0], found[Y_CONTACT_FY] = contact->print.F[1], found[Y_CONTACT_FZ] = tyre->load;
     found[Y_CONTACT_SLIP] = tyre->load > 0.0 && speed > SLIP_FLOOR ? am_atan2(at->v[1], fabs(at->v[0])) : 0.0;
-    found[Y_CONTACT_BRAKE] = brake;
+    found[Y_CONTACT_BRAKE] = contact->brake;
 }
 
-/* Forces of one contact, the rates of its states, and what a steered wheel hands on. */
-static void contact_forces(am_sim *sim, uint32_t i, const place_t *at, const double *x, const double *u, double *dx, footprint_t *patch, tyre_t *tyre) {
-    const double *p = par_of(sim, G_CONTACT, i), *own = state_of(sim, x, G_CONTACT, i), out = between(u[U_GEAR], 0.0, 1.0);
-    double *rate = rate_of(sim, dx, G_CONTACT, i), brake = 0.0;
-    *tyre = (tyre_t){.stiffness = p[P_CONTACT_SIDE], .loss = p[P_CONTACT_LOSS], .mu = p[P_CONTACT_FRICTION], .brake = INFINITY};
-    tyre->load = leg_force(sim, i, at, own[X_CONTACT_STROKE], rate + X_CONTACT_STROKE) * (p[P_CONTACT_RETRACTS] != 0.0 ? out : 1.0);
-    if (p[P_CONTACT_FRICTION] == 0.0) {
-        const double speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]), pedal = brake_pedal(input_of(sim, u, G_GEAR, 0), p[P_CONTACT_Y]);
-        tyre->cornering = cornering_stiffness(p[P_CONTACT_CORNERING], p[P_CONTACT_CORNERING_LOAD], tyre->load);
-        brake = set_friction(par_of(sim, G_GEAR, 0), p, pedal, speed, tyre);
+/* The leg carries what its spring and damper push and what the ground pushes along it: Fz from the balance of the wheel along
+ * the leg, with the forces in the ground plane that depend on it in turn. */
+static void ground_forces(const am_sim *sim, uint32_t i, const place_t *at, const double *u, const double *z, double leg, tyre_t *tyre, contact_t *found) {
+    const double *p = par_of(sim, G_CONTACT, i), speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
+    const double v[2] = {at->v[0] + at->turn * z[1], at->v[1] - at->turn * z[0]}; /* the rubber on the ground does not turn with the wheel */
+    const double pedal = brake_pedal(input_of(sim, u, G_GEAR, 0), p[P_CONTACT_Y]);
+    *tyre = (tyre_t){.stiffness = p[P_CONTACT_SIDE], .loss = p[P_CONTACT_LOSS], .load = leg / at->upright};
+    for (int pass = 0; pass < PASSES; pass++) {
+        tyre->mu = p[P_CONTACT_FRICTION], tyre->brake = INFINITY, tyre->cornering = found->brake = 0.0;
+        if (p[P_CONTACT_FRICTION] == 0.0) {
+            tyre->cornering = cornering_stiffness(p[P_CONTACT_CORNERING], p[P_CONTACT_CORNERING_LOAD], tyre->load);
+            found->brake = set_friction(par_of(sim, G_GEAR, 0), p, pedal, speed, tyre);
+        }
+        tyre_forces(tyre, z, v, &found->print);
+        if (!(leg > 0.0)) break;
+        const double along = found->print.F[0] * at->forward[2] + found->print.F[1] * at->right[2];
+        tyre->load = fmax((leg + along) / at->upright, 0.0);
     }
-    tyre_forces(tyre, own + X_CONTACT_LONG, at->v, patch);
-    rate[X_CONTACT_LONG] = patch->rate[0], rate[X_CONTACT_SIDE] = patch->rate[1];
-    contact_outputs(p, own[X_CONTACT_STROKE], at, tyre, patch, brake, work_of(sim, G_CONTACT, i));
+}
+
+/* Forces of one contact and the rates of its states. */
+static void contact_forces(am_sim *sim, uint32_t i, const place_t *at, const double *x, const double *u, double *dx, tyre_t *tyre, contact_t *found) {
+    const double *p = par_of(sim, G_CONTACT, i), *own = state_of(sim, x, G_CONTACT, i), out = between(u[U_GEAR], 0.0, 1.0);
+    double *rate = rate_of(sim, dx, G_CONTACT, i);
+    const double leg = leg_force(sim, i, at, own[X_CONTACT_STROKE], rate + X_CONTACT_STROKE) * (p[P_CONTACT_RETRACTS] != 0.0 ? out : 1.0);
+    ground_forces(sim, i, at, u, own + X_CONTACT_LONG, leg, tyre, found);
+    rate[X_CONTACT_LONG] = found->print.rate[0], rate[X_CONTACT_SIDE] = found->print.rate[1];
+    contact_outputs(p, own[X_CONTACT_STROKE], at, tyre, found, work_of(sim, G_CONTACT, i));
 }
 
 static void add_force(const place_t *at, const double down[3], double load, const double plane[2], double F[3], double M[3]) {
@@ -221,11 +250,11 @@ void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], dou
     to_body(sim->now.C, sim->now.down, down);
     place_contacts(sim, x, down, at);
     for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
-        footprint_t patch;
+        contact_t contact;
         tyre_t tyre;
-        contact_forces(sim, i, at + i, x, u, dx, &patch, &tyre);
-        add_force(at + i, down, tyre.load, patch.F, F, M);
-        add_steered(par_of(sim, G_CONTACT, i)[P_CONTACT_STEERING], at + i, &tyre, &patch, &wheel);
+        contact_forces(sim, i, at + i, x, u, dx, &tyre, &contact);
+        add_force(at + i, down, tyre.load, contact.print.F, F, M);
+        add_steered(par_of(sim, G_CONTACT, i)[P_CONTACT_STEERING], at + i, &tyre, &contact.print, &wheel);
     }
     wheel.yaw = dot(sim->now.rate, down);
     double *found = work_of(sim, G_GEAR, 0);
