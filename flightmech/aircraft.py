@@ -45,6 +45,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 from .configuration import Strict, load, si, validate
 from .errors import SchemaError, UnitError
 from .submodels.engine import Engine, EngineTable, engine_of
+from .submodels.fuel import Fuel, FuelTable, fuel_of
 from .submodels.landing_gear import GearTable, LandingGear, gear_of
 from .units import quantity
 
@@ -122,6 +123,8 @@ class Aircraft:
         Hinge geometry of ``delta_e``, ``delta_a`` and ``delta_r``; ``[control.delta_e]`` in the file.
     gear : LandingGear, optional
         Wheels, skids, steering and runway; ``[gear]`` in the file.
+    fuel : Fuel, optional
+        Fuel on board, part of `mass`; without it the mass does not change.
     history : str
         Where the numbers come from when they were computed, one line per step.
     """
@@ -145,6 +148,7 @@ class Aircraft:
     instruments: dict[str, Any] = field(default_factory=dict)
     controls: dict[str, Control] = field(default_factory=dict)
     gear: LandingGear | None = None
+    fuel: Fuel | None = None
     history: str = ""
 
 
@@ -171,8 +175,9 @@ def read_aircraft(path: str | Path) -> Aircraft:
     if problems:
         raise SchemaError(str(path), problems)
     controls = {name: Control(**dict(item)) for name, item in content.control.items()}
-    plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in ("engines", "controls", "gear")}
-    return Aircraft(engines=engines, controls=controls, gear=gear, **plain)
+    built: dict[str, Any] = {"engines": engines, "controls": controls, "gear": gear, "fuel": fuel_of(content.fuel) if content.fuel else None}
+    plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in built}
+    return Aircraft(**built, **plain)
 
 
 _Length = si("m")
@@ -223,6 +228,7 @@ class _File(_Entry):
     instruments: dict[str, dict[str, Any]] = Field(default_factory=dict)
     control: dict[str, _ControlTable] = Field(default_factory=dict)
     gear: GearTable | None = None
+    fuel: FuelTable | None = None
     history: str = ""
 
     @field_validator("S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz")

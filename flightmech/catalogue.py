@@ -193,6 +193,6 @@ def _mode(name: str, quantity: str, aircraft: Aircraft) -> Entry:
     if quantity == "step":
         return Entry(name, "s", "s", "largest internal step of the integration", 0.01, 1e-6, 1.0, FIXED)
     text, value, low, high = _MODES[quantity]
-    if quantity == "engine" and any(engine.thrust is None for engine in aircraft.engines):
+    if quantity == "engine" and any(engine.thrust is None and engine.deck is None for engine in aircraft.engines):
         value = 2.0
     return Entry(name, "1", "1", text, value, low, high, FIXED | INTEGER)

@@ -57,6 +57,10 @@ class Engine:
     angular_momentum: float = 0.0
     deck: Deck | None = None
 
+    def __post_init__(self) -> None:
+        if self.thrust is not None and self.deck is not None:
+            raise SchemaError("engine", ["thrust and deck are both given; keep one"])
+
 
 class EngineTable(Strict):
     """An ``[[engine]]`` of the aircraft file."""

@@ -171,12 +171,12 @@ def fuel_of(item: FuelTable) -> Fuel:
 
 def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
     """Return the items of the groups."""
-    return {"fuel": () if _fuel(aircraft) is None else ("",)}
+    return {"fuel": () if aircraft.fuel is None else ("",)}
 
 
 def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
     """Return the catalogue row of a name of the fuel."""
-    fuel, word = _fuel(aircraft), name.rsplit(".", 1)[-1]
+    fuel, word = aircraft.fuel, name.rsplit(".", 1)[-1]
     assert fuel is not None, "names of the group fuel are asked for only where there is fuel"
     if kind == PARAMETER and name == "init.fuel":
         return Entry(name, "kg", "lb", "fuel on board at the start, part of mass.mass", fuel.mass, 0.0, MOST, FIXED)
@@ -191,10 +191,5 @@ def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entr
 
 def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
     """Return the tables."""
-    fuel = _fuel(aircraft)
-    for name, leaf in ({} if fuel is None else fuel.tables).items():
+    for name, leaf in ({} if aircraft.fuel is None else aircraft.fuel.tables).items():
         yield f"fuel.{name}", f"fuel/{name}", leaf
-
-
-def _fuel(aircraft: Aircraft) -> Fuel | None:
-    return getattr(aircraft, "fuel", None)
