@@ -15,7 +15,6 @@ void image_save(const am_sim *sim, void *image) { memcpy(image, (const char *)si
 void image_restore(am_sim *sim, const void *image) {
     memcpy((char *)sim + MOVING, image, image_size(sim->model));
     sim->text[sizeof sim->text - 1] = 0;
-    check_patches(sim);
-    for (uint32_t i = 0; i < sim->model->axes; i++) /* with the patches the only indices among the bytes */
-        if (sim->cell[i] >= sim->model->axis[i].count) sim->cell[i] = 0;
+    check_patches(sim); /* these and the cells are the only indices among the bytes */
+    settle_cells(sim);
 }

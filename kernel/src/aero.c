@@ -19,35 +19,55 @@ static double term_value(const am_sim *sim, uint32_t i) {
 }
 
 void evaluate_terms(am_sim *sim, int stage) {
-    for (uint32_t i = sim->model->first_term[stage]; i < sim->model->first_term[stage + 1]; i++) sim->term[i] = term_value(sim, i);
+    const am_model *m = sim->model;
+    const double *scale = sim->scale, *slot = sim->slot, *var = sim->var;
+    double *term = sim->term;
+    for (const plain_t *t = m->plain + m->first_plain[stage], *end = m->plain + m->first_plain[stage + 1]; t < end; t++)
+        term[t->place] = scale[t->term] * slot[t->T] * var[t->v];
+    for (const factored_t *t = m->factored + m->first_factored[stage], *end = m->factored + m->first_factored[stage + 1]; t < end; t++)
+        term[t->place] = scale[t->term] * slot[t->T] * var[t->v] * slot[t->K];
+    for (uint32_t k = m->first_mixed[stage]; k < m->first_mixed[stage + 1]; k++) term[m->term[m->mixed[k]].place] = term_value(sim, m->mixed[k]);
 }
 
-static double sum_of_target(const am_model *m, const double *term, uint32_t target) {
-    double sum = 0.0;
-    for (uint32_t i = m->first_of[target]; i < m->end_of[target]; i++) sum += term[i];
-    return sum;
+void evaluate_special(am_sim *sim) {
+    const am_model *m = sim->model;
+    for (uint32_t k = 0; k < m->implicits; k++) sim->term[m->term[m->implicit[k][0]].place] = term_value(sim, m->implicit[k][0]);
+    for (uint32_t k = 0; k < m->lates; k++) sim->term[m->term[m->late[k]].place] = term_value(sim, m->late[k]);
 }
 
-void sum_coefficients(const am_model *model, const double *term, double c[COEFFICIENTS]) {
-    for (uint32_t k = 0; k < COEFFICIENTS; k++) c[k] = sum_of_target(model, term, k);
+/* They are added once their variable is known. */
+static void leave_out_special(am_sim *sim) {
+    const am_model *m = sim->model;
+    for (uint32_t k = 0; k < m->implicits; k++) sim->term[m->term[m->implicit[k][0]].place] = 0.0;
+    for (uint32_t k = 0; k < m->lates; k++) sim->term[m->term[m->late[k]].place] = 0.0;
+}
+
+void sum_coefficients(const am_sim *sim, double c[COEFFICIENTS]) {
+    double sum[ROW] = {0.0};
+    const double *term = sim->term, *end = term + ROW * (size_t)sim->model->rows;
+    for (; term < end; term += ROW)
+        for (int k = 0; k < ROW; k++) sum[k] += term[k];
+    for (int k = 0; k < COEFFICIENTS; k++) c[k] = sum[k];
 }
 
 void evaluate_stage(am_sim *sim, int stage) {
     const am_model *m = sim->model;
     look_up_changed(sim, stage);
     evaluate_terms(sim, stage);
-    for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) sim->sum[m->term[i].target] = 0.0;
-    for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) sim->sum[m->term[i].target] += sim->term[i];
+    for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) {
+        const uint32_t target = m->term[i].target;
+        sim->sum[target] = (i == m->first_of[target] ? 0.0 : sim->sum[target]) + sim->term[m->term[i].place];
+    }
 }
 
-/* The terms with CL as a factor, once CL is known; they were zero in the sums. */
+/* The terms with CL as a factor, once CL is known. */
 static void add_late(am_sim *sim, double c[COEFFICIENTS]) {
     const am_model *m = sim->model;
     sim->var[A_CL] = c[0];
     for (uint32_t k = 0; k < m->lates; k++) {
         const uint32_t i = m->late[k];
-        sim->term[i] = term_value(sim, i);
-        c[m->term[i].target] += sim->term[i];
+        sim->term[m->term[i].place] = term_value(sim, i);
+        c[m->term[i].target] += sim->term[m->term[i].place];
     }
 }
 
@@ -138,7 +158,7 @@ static void close_loop(am_sim *sim, const double force[3], const double free_fal
 
 void contributions(const am_sim *sim, double *term) {
     const am_model *m = sim->model;
-    for (uint32_t i = 0; i < m->terms; i++) term[i] = sim->term[i];
+    for (uint32_t i = 0; i < m->terms; i++) term[i] = sim->term[m->term[i].place];
     for (uint32_t i = 0; i < m->implicits; i++) term[m->implicit[i][0]] = term_value(sim, m->implicit[i][0]);
 }
 
@@ -154,11 +174,10 @@ void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]
     const am_model *m = sim->model;
     now_t *now = &sim->now;
     double row[3], a[3];
-    for (int j = 0; j < IMPLICIT; j++) sim->var[A_ALPHADOTHAT + j] = 0.0;
-    sim->var[A_CL] = 0.0;
     look_up_changed(sim, STAGE_AERO);
     evaluate_terms(sim, STAGE_AERO);
-    sum_coefficients(m, sim->term, now->c);
+    leave_out_special(sim);
+    sum_coefficients(sim, now->c);
     to_house(sim, now->c);
     for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
     forces_of(sim, now->c, applied, now->F);

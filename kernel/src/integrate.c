@@ -14,8 +14,8 @@ static void advance(int n, const double *restrict x, double h, const double *res
 
 static void count_outside(am_sim *sim) {
     for (uint32_t i = 0; i < sim->model->axes; i++) {
-        sim->below[i] += sim->outside[i] < 0;
-        sim->above[i] += sim->outside[i] > 0;
+        if (sim->cell[i] == 0) sim->below[i] += 1.0;
+        if (sim->cell[i] == sim->model->axis[i].cells - 1) sim->above[i] += 1.0;
     }
 }
 

@@ -19,6 +19,9 @@
 #define COEFFICIENTS 6   /* CL CD CY Cl Cm Cn; with body force axes CX CZ CY Cl Cm Cn */
 #define IMPLICIT 3       /* alphadothat, betadothat, dnz: consecutive variables from A_ALPHADOTHAT */
 #define MAX_PATCHES 256  /* changed nodes, scales and offsets of tables in one simulation */
+#define SPILL 3          /* doubles and slots that a look-up touches beyond the last table of a bundle */
+#define FARTHEST 1e150   /* most of a breakpoint; beyond it a variable counts as this */
+#define ROW 8            /* terms side by side: one of each coefficient, two empty */
 #define NAME_SIZE 80     /* of a name with the item in place of the star */
 
 enum { STABILITY_AXES, WIND_AXES, BODY_AXES };
@@ -27,14 +30,25 @@ enum { LEVER_DRIVEN, N1_DRIVEN, THRUST_DRIVEN };
 enum { SURFACE_DRIVEN, POSITION_DRIVEN, FORCE_DRIVEN };
 enum { NAMED_KINDS = AM_TARGET + 1 }; /* kinds whose names are those of the lists: AM_INPUT ... AM_TARGET */
 
+/* Where x lies from `from` up to that of the next cell, the fraction of the way between two nodes is start + (x - point) per_step. */
 typedef struct {
-    const double *point;
-    uint32_t count, variable;
-    bool linear;
+    double from, point, per_step, start;
+} cell_t;
+
+/* The cells of count breakpoints: below the first, between two, the last itself, beyond it; behind them one that nothing reaches. */
+typedef struct {
+    const cell_t *cell;
+    uint32_t cells, count, variable;
 } axis_t;
 
+/* Node at the lower end of a cell. */
+static inline uint32_t lower_node(const axis_t *axis, uint32_t cell) {
+    const uint32_t most = axis->count > 1 ? axis->count - 2 : 0, node = cell ? cell - 1 : 0;
+    return node < most ? node : most;
+}
+
 typedef struct {
-    const double *node;
+    size_t first; /* node of the model */
     size_t stride[MAX_AXES]; /* doubles from a node to the next along the axis; 0 when the axis has one point */
     uint32_t axis[MAX_AXES];
     uint32_t axes, width, slot;
@@ -45,7 +59,17 @@ typedef struct {
     uint32_t v1, v2;    /* variables; A_ONE is the constant 1 */
     uint32_t target;
     uint32_t power;     /* 0 none, else 1 + place among the power factors */
+    uint32_t place;     /* of its value in am_sim.term: row by row, a column for each coefficient, then the other stages */
 } term_t;
+
+/* The frequent forms of a term, T v and K T v. */
+typedef struct {
+    uint32_t term, place, T, v;
+} plain_t;
+
+typedef struct {
+    uint32_t term, place, T, v, K;
+} factored_t;
 
 /* A factor max(v, floor)^exponent; the exponent is a parameter. */
 typedef struct {
@@ -66,14 +90,20 @@ struct am_model {
     const char *item[GROUPS][MAX_ITEMS];
     uint32_t *variable; /* code of each catalogued variable */
     axis_t *axis;
+    cell_t *cell;
+    const double *node;
     bundle_t *bundle;
     term_t *term;
+    plain_t *plain;
+    factored_t *factored;
+    uint32_t *mixed; /* terms of other forms, those with CL or an implicit variable apart */
     power_t *power;
     uint32_t (*implicit)[2]; /* term, place in unknown of the implicit variable that multiplies it */
     uint32_t unknown[IMPLICIT], unknowns; /* the implicit variables in use, 0..2 from A_ALPHADOTHAT */
     uint32_t *late; /* terms with CL as a factor */
-    uint32_t axes, bundles, terms, powers, implicits, lates, slots;
+    uint32_t axes, bundles, terms, powers, implicits, lates, slots, plains, factoreds, mixeds, rows, places;
     uint32_t first_axis[STAGES + 1], first_bundle[STAGES + 1], first_term[STAGES + 1];
+    uint32_t first_plain[STAGES + 1], first_factored[STAGES + 1], first_mixed[STAGES + 1];
     uint32_t *target_stage, *first_of; /* terms of target t: first_of[t] ... end_of[t] - 1 */
     uint32_t *end_of;
     double S, cbar, b, x_ref_mac;
@@ -124,8 +154,8 @@ struct am_sim {
     double *memory; /* discrete part of the submodels */
     double *work;   /* what the submodels found in the last derivative */
     double *x_work, *k, *u_work, *u_end, *y_work;
-    uint32_t *cell;
-    int8_t *outside; /* -1 below, 0 inside, 1 above */
+    uint32_t *cell;   /* of each axis */
+    uint32_t *corner; /* of each bundle: the node that all its lower nodes make */
     now_t now;
     atmosphere_t atmosphere;
     trim_t trim;
@@ -197,6 +227,7 @@ uint32_t memory_size(int group);
 uint32_t work_size(int group);
 /* table.c */
 void look_up(am_sim *sim, int stage);
+void settle_cells(am_sim *sim);
 /* nodes.c */
 void look_up_changed(am_sim *sim, int stage); /* with the changes of nodes and tables */
 int set_table_parameter(am_sim *sim, uint32_t index, double value);
@@ -221,7 +252,8 @@ void euler_matrix(double phi, double theta, double psi, double C[3][3]);
 void evaluate_stage(am_sim *sim, int stage); /* tables, terms and sums of a stage */
 void evaluate_terms(am_sim *sim, int stage);
 void contributions(const am_sim *sim, double *term); /* of every term at the last derivative, implicit ones included */
-void sum_coefficients(const am_model *model, const double *term, double c[COEFFICIENTS]);
+void evaluate_special(am_sim *sim); /* terms with CL or an implicit variable, as these stand */
+void sum_coefficients(const am_sim *sim, double c[COEFFICIENTS]);
 void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]);
 /* weather.c */
 int weather_check(am_sim *sim);

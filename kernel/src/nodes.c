@@ -56,9 +56,9 @@ static bool decode(const am_model *m, uint32_t index, patch_t *patch) {
 
 static double node_value(const am_model *m, const patch_t *patch) {
     const bundle_t *bundle = &m->bundle[patch->bundle];
-    size_t at = patch->slot - bundle->slot;
+    size_t at = bundle->first + patch->slot - bundle->slot;
     for (uint32_t k = 0; k < bundle->axes; k++) at += patch->at[k] * bundle->stride[k];
-    return bundle->node[at];
+    return m->node[at];
 }
 
 static double unchanged(const am_model *m, const patch_t *patch) {
@@ -103,7 +103,7 @@ static double weight(const am_sim *sim, const patch_t *patch) {
     const bundle_t *bundle = &sim->model->bundle[patch->bundle];
     double w = 1.0;
     for (uint32_t k = 0; k < bundle->axes; k++) {
-        const uint32_t cell = sim->cell[bundle->axis[k]];
+        const uint32_t cell = lower_node(&sim->model->axis[bundle->axis[k]], sim->cell[bundle->axis[k]]);
         const double f = sim->fraction[bundle->axis[k]];
         w *= patch->at[k] == cell ? 1.0 - f : patch->at[k] == cell + 1 ? f : 0.0;
     }

@@ -70,6 +70,7 @@ typedef struct {
     am_model *model;
     size_t count[SECTIONS];
     const void *at[SECTIONS];
+    uint32_t first_slot[STAGES + 1]; /* as the block counts, without gaps */
     char *err;
     size_t nerr;
 } reader;
@@ -157,13 +158,18 @@ static bool reserve(reader *r) {
         if (!(m->entry[kind] = calloc((size_t)m->count[kind] + 1, sizeof(am_entry)))) return refuse(r, "model block: no memory");
     m->variable = calloc(r->count[VARIABLES] + 1, sizeof *m->variable);
     m->axis = calloc(m->axes + 1, sizeof *m->axis);
+    m->cell = calloc(r->count[POINTS] + 3 * (size_t)m->axes + 1, sizeof *m->cell);
     m->bundle = calloc(m->bundles + 1, sizeof *m->bundle);
     m->term = calloc(m->terms + 1, sizeof *m->term);
     m->implicit = calloc(m->terms + 1, sizeof *m->implicit);
     m->late = calloc(m->terms + 1, sizeof *m->late);
     m->power = calloc(m->terms + 1, sizeof *m->power);
-    if (!m->variable || !m->axis || !m->bundle || !m->term || !m->implicit || !m->late || !m->power) return refuse(r, "model block: no memory");
-    return true;
+    m->plain = calloc(m->terms + 1, sizeof *m->plain);
+    m->factored = calloc(m->terms + 1, sizeof *m->factored);
+    m->mixed = calloc(m->terms + 1, sizeof *m->mixed);
+    const bool tables = m->variable && m->axis && m->cell && m->bundle;
+    const bool terms = m->term && m->implicit && m->late && m->power && m->plain && m->factored && m->mixed;
+    return (tables && terms) || refuse(r, "model block: no memory");
 }
 
 static bool read_geometry(reader *r) {
@@ -292,28 +298,62 @@ static bool is_implicit(uint32_t code) { return code >= A_ALPHADOTHAT && code < 
 /* A stage must not read what is found only after it. */
 static bool known_in(const reader *r, uint32_t variable, uint32_t stage) { return r->model->entry[AM_VARIABLE][variable].value <= stage; }
 
+static bool check_points(reader *r, uint32_t i, const double *p, uint32_t count) {
+    const char *name = r->model->entry[AM_AXIS][i].name;
+    for (uint32_t k = 0; k < count; k++) {
+        if (!(fabs(p[k]) < FARTHEST))
+            return refuse(r, "model block: axis %u (%s) has a breakpoint that is not finite or beyond %g", (unsigned)i, name, FARTHEST);
+        if (k == 0) continue;
+        if (!(p[k] > p[k - 1])) return refuse(r, "model block: axis %u (%s) does not rise at point %u", (unsigned)i, name, (unsigned)k);
+        if (!(1.0 / (p[k] - p[k - 1]) < FARTHEST))
+            return refuse(r, "model block: axis %u (%s) has a step at point %u that is too small", (unsigned)i, name, (unsigned)k);
+    }
+    return true;
+}
+
+/* The smallest number above x. */
+static double next_above(double x) {
+    uint64_t bits;
+    if (x == 0.0) return 0x1p-1074;
+    memcpy(&bits, &x, sizeof bits);
+    bits += x > 0.0 ? 1 : (uint64_t)-1;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+/* Fills count + 3 cells. */
+static void lay_cells(const double *p, uint32_t count, bool linear, cell_t *to) {
+    const uint32_t last = count - 1;
+    const double first_rise = last ? 1.0 / (p[1] - p[0]) : 0.0, last_rise = last ? 1.0 / (p[last] - p[last - 1]) : 0.0, end = last ? 1.0 : 0.0;
+    to[0] = (cell_t){-FARTHEST, p[0], linear ? first_rise : 0.0, 0.0};
+    for (uint32_t k = 0; k < last; k++) to[1 + k] = (cell_t){p[k], p[k], 1.0 / (p[k + 1] - p[k]), 0.0};
+    to[count] = (cell_t){p[last], p[last], 0.0, end};
+    to[count + 1] = (cell_t){next_above(p[last]), p[last], linear ? last_rise : 0.0, end};
+    to[count + 2] = (cell_t){.from = FARTHEST};
+}
+
 static bool read_axes(reader *r) {
     am_model *m = r->model;
     const axis_record *record = r->at[AXES];
     const double *points = r->at[POINTS];
-    uint32_t stage = 0;
+    uint32_t stage = 0, next = 0;
     for (uint32_t i = 0; i < m->axes; i++) {
         if (record[i].variable >= r->count[VARIABLES]) return refuse(r, "model block: axis %u has no variable", (unsigned)i);
         const uint32_t code = m->variable[record[i].variable], count = record[i].count, first = record[i].first;
         am_entry *e = &m->entry[AM_AXIS][i];
         *e = m->entry[AM_VARIABLE][record[i].variable];
-        if (count == 0 || first > r->count[POINTS] || count > r->count[POINTS] - first)
+        if (count == 0 || first != next || count > r->count[POINTS] - first)
             return refuse(r, "model block: axis %u (%s) has breakpoints outside the block", (unsigned)i, e->name);
+        next += count;
         const double *p = points + first;
-        if (!all_finite(p, count)) return refuse(r, "model block: axis %u (%s) has a breakpoint that is not finite", (unsigned)i, e->name);
-        for (uint32_t k = 1; k < count; k++)
-            if (!(p[k] > p[k - 1]))
-                return refuse(r, "model block: axis %u (%s) does not rise at point %u", (unsigned)i, e->name, (unsigned)k);
+        if (!check_points(r, i, p, count)) return false;
         if (record[i].stage < stage || record[i].stage >= STAGES) return refuse(r, "model block: axes are not sorted by stage");
         while (stage < record[i].stage) m->first_axis[++stage] = i;
         if (is_implicit(code) || code == A_CL) return refuse(r, "model block: %s cannot be a table axis; it may be a regressor only", e->name);
         if (!known_in(r, record[i].variable, stage)) return refuse(r, "model block: %s is not yet known where a table needs it", e->name);
-        m->axis[i] = (axis_t){p, count, code, record[i].linear != 0};
+        cell_t *cell = m->cell + first + 3 * (size_t)i;
+        lay_cells(p, count, record[i].linear != 0, cell);
+        m->axis[i] = (axis_t){cell, count + 2, count, code};
         e->low = p[0], e->high = p[count - 1], e->value = 0.0;
         e->flags = record[i].linear ? AM_LINEAR : 0;
     }
@@ -324,15 +364,17 @@ static bool read_axes(reader *r) {
 static bool read_bundles(reader *r) {
     am_model *m = r->model;
     const bundle_record *record = r->at[BUNDLES];
-    uint32_t stage = 0;
-    m->slots = 1;
+    uint32_t stage = 0, slot = 1;
+    m->node = r->at[NODES];
+    r->first_slot[0] = slot;
+    if (r->count[NODES] > UINT32_MAX) return refuse(r, "model block: too many nodes");
     for (uint32_t i = 0; i < m->bundles; i++) {
         const bundle_record *b = &record[i];
         bundle_t *to = &m->bundle[i];
         if (b->axes > MAX_AXES || b->width == 0 || b->width > MOST)
             return refuse(r, "model block: bundle %u has a wrong number of axes or tables", (unsigned)i);
         if (b->stage < stage || b->stage >= STAGES) return refuse(r, "model block: bundles are not sorted by stage");
-        while (stage < b->stage) m->first_bundle[++stage] = i;
+        while (stage < b->stage) m->first_bundle[++stage] = i, r->first_slot[stage] = slot;
         size_t doubles = b->width;
         for (uint32_t k = b->axes; k-- > 0;) {
             if (b->axis[k] < m->first_axis[stage] || b->axis[k] >= m->first_axis[stage + 1])
@@ -345,12 +387,13 @@ static bool read_bundles(reader *r) {
         }
         if (b->first > r->count[NODES] || doubles > r->count[NODES] - b->first)
             return refuse(r, "model block: bundle %u has nodes outside the block", (unsigned)i);
-        to->node = (const double *)r->at[NODES] + b->first;
-        to->axes = b->axes, to->width = b->width, to->slot = m->slots;
-        m->slots += b->width;
-        if (m->slots > MOST) return refuse(r, "model block: too many tables");
+        to->first = (size_t)b->first;
+        to->axes = b->axes, to->width = b->width, to->slot = slot + SPILL * stage;
+        slot += b->width;
+        if (slot > MOST) return refuse(r, "model block: too many tables");
     }
-    while (stage < STAGES) m->first_bundle[++stage] = m->bundles;
+    while (stage < STAGES) m->first_bundle[++stage] = m->bundles, r->first_slot[stage] = slot;
+    m->slots = slot + SPILL * STAGES;
     if (!all_finite(r->at[NODES], r->count[NODES])) return refuse(r, "model block: a table node is not finite");
     return true;
 }
@@ -398,13 +441,39 @@ static bool read_power(reader *r, const term_record *b, term_t *t, const char *n
     return true;
 }
 
-/* First slot of each stage. */
-static void slots_of(const am_model *m, uint32_t first[STAGES + 1]) {
-    for (int stage = 0; stage <= STAGES; stage++)
-        first[stage] = m->first_bundle[stage] < m->bundles ? m->bundle[m->first_bundle[stage]].slot : m->slots;
+static bool is_special(const term_t *t) { return is_implicit(t->v1) || is_implicit(t->v2) || t->v1 == A_CL || t->v2 == A_CL; }
+
+/* Gives a term the list of its stage that its form allows. */
+static void list_term(am_model *m, uint32_t i) {
+    const term_t *t = &m->term[i];
+    const uint32_t v = t->v1 == A_ONE ? t->v2 : t->v1;
+    if (is_special(t)) return;
+    if (t->K2 || t->power || (t->v1 != A_ONE && t->v2 != A_ONE)) m->mixed[m->mixeds++] = i;
+    else if (t->K1) m->factored[m->factoreds++] = (factored_t){i, t->place, t->T, v, t->K1};
+    else m->plain[m->plains++] = (plain_t){i, t->place, t->T, v};
 }
 
-static bool read_term(reader *r, uint32_t i, const uint32_t first_slot[STAGES + 1]) {
+static void end_stage(am_model *m, uint32_t stage, uint32_t end) {
+    m->first_term[stage] = end;
+    m->first_plain[stage] = m->plains, m->first_factored[stage] = m->factoreds, m->first_mixed[stage] = m->mixeds;
+}
+
+/* Places and lists of the terms, once all are read. */
+static void place_terms(am_model *m) {
+    uint32_t stage = 0;
+    for (uint32_t t = 0; t < COEFFICIENTS; t++)
+        if (m->end_of[t] - m->first_of[t] > m->rows) m->rows = m->end_of[t] - m->first_of[t];
+    m->places = m->rows * ROW;
+    for (uint32_t i = 0; i < m->terms; i++) {
+        const uint32_t target = m->term[i].target;
+        m->term[i].place = target < COEFFICIENTS ? (i - m->first_of[target]) * ROW + target : m->places++;
+        while (stage < m->target_stage[target]) end_stage(m, ++stage, i);
+        list_term(m, i);
+    }
+    while (stage < STAGES) end_stage(m, ++stage, m->terms);
+}
+
+static bool read_term(reader *r, uint32_t i) {
     am_model *m = r->model;
     const term_record *b = (const term_record *)r->at[TERMS] + i;
     am_entry *e = &m->entry[AM_TERM][i];
@@ -414,11 +483,15 @@ static bool read_term(reader *r, uint32_t i, const uint32_t first_slot[STAGES + 
     e->low = -DBL_MAX, e->high = DBL_MAX;
     if (!e->name || !e->description) return refuse(r, "model block: term %u has no name", (unsigned)i);
     if (b->target >= m->total[AM_TARGET]) return refuse(r, "model block: term %s has target %u", e->name, (unsigned)b->target);
-    const uint32_t stage = m->target_stage[b->target], slot[3] = {b->K1, b->K2, b->T}, v[2] = {b->v1, b->v2};
-    for (int k = 0; k < 3; k++)
-        if (slot[k] && (slot[k] < first_slot[stage] || slot[k] >= first_slot[stage + 1]))
+    const uint32_t stage = m->target_stage[b->target], v[2] = {b->v1, b->v2};
+    uint32_t slot[3] = {b->K1, b->K2, b->T};
+    for (int k = 0; k < 3; k++) {
+        if (!slot[k]) continue;
+        if (slot[k] < r->first_slot[stage] || slot[k] >= r->first_slot[stage + 1])
             return refuse(r, "model block: term %s refers to a table outside its stage", e->name);
-    *t = (term_t){b->K1, b->K2, b->T, A_ONE, A_ONE, b->target, 0};
+        slot[k] += SPILL * stage;
+    }
+    *t = (term_t){.K1 = slot[0], .K2 = slot[1], .T = slot[2], .v1 = A_ONE, .v2 = A_ONE, .target = b->target};
     if (!factor(r, b->v1, &t->v1) || !factor(r, b->v2, &t->v2)) return refuse(r, "model block: term %s refers to an unknown variable", e->name);
     for (int k = 0; k < 2; k++)
         if (v[k] && !known_in(r, v[k] - 1, stage))
@@ -428,18 +501,17 @@ static bool read_term(reader *r, uint32_t i, const uint32_t first_slot[STAGES + 
 
 static bool read_terms(reader *r) {
     am_model *m = r->model;
-    uint32_t first_slot[STAGES + 1], stage = 0;
-    slots_of(m, first_slot);
+    uint32_t stage = 0;
     for (uint32_t i = 0; i < m->terms; i++) {
-        if (!read_term(r, i, first_slot)) return false;
+        if (!read_term(r, i)) return false;
         const uint32_t target = m->term[i].target;
         if (m->target_stage[target] < stage || (i && m->target_stage[target] == stage && target < m->term[i - 1].target))
             return refuse(r, "model block: terms are not sorted by stage and target");
-        while (stage < m->target_stage[target]) m->first_term[++stage] = i;
+        stage = m->target_stage[target];
         if (i == 0 || target != m->term[i - 1].target) m->first_of[target] = i;
         m->end_of[target] = i + 1;
     }
-    while (stage < STAGES) m->first_term[++stage] = m->terms;
+    place_terms(m);
     return true;
 }
 
@@ -464,7 +536,7 @@ static bool forget_stages(reader *r) {
 
 static bool read_block(reader *r, const unsigned char *bytes, size_t n) {
     if (!check_header(r, bytes, n)) return false;
-    if (!(r->model = calloc(1, sizeof *r->model)) || !(r->model->block = malloc(n))) return refuse(r, "model block: no memory");
+    if (!(r->model = calloc(1, sizeof *r->model)) || !(r->model->block = calloc(1, n + SPILL * sizeof(double)))) return refuse(r, "model block: no memory");
     memcpy(r->model->block, bytes, n);
     if (!find_sections(r, n) || !reserve(r) || !read_geometry(r)) return false;
     for (int kind = AM_INPUT; kind <= AM_VARIABLE; kind++)
@@ -495,6 +567,10 @@ void am_free(am_model *model) {
     free(model->implicit);
     free(model->late);
     free(model->power);
+    free(model->plain);
+    free(model->factored);
+    free(model->mixed);
+    free(model->cell);
     free(model->target_stage);
     free(model->block);
     free(model);

@@ -25,8 +25,8 @@ double *work_of(const am_sim *sim, int group, uint32_t item) {
 
 size_t sim_size(const am_model *m) {
     const size_t nx = (size_t)am_state_count(m), nu = (size_t)m->count[AM_INPUT], np = (size_t)m->count[AM_PARAMETER], na = m->axes;
-    const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx + m->total[AM_VARIABLE] + m->slots + m->terms + m->total[AM_TARGET] + 3 * na + m->memories + m->works;
-    return sizeof(am_sim) + doubles * sizeof(double) + na * (sizeof(uint32_t) + sizeof(int8_t));
+    const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx + m->total[AM_VARIABLE] + m->slots + m->places + m->total[AM_TARGET] + 3 * na + m->memories + m->works;
+    return sizeof(am_sim) + doubles * sizeof(double) + (na + m->bundles) * sizeof(uint32_t);
 }
 
 am_sim *am_new(const am_model *m) {
@@ -37,14 +37,15 @@ am_sim *am_new(const am_model *m) {
     double *at = (double *)(sim + 1);
     sim->par = take(&at, np), sim->u = take(&at, nu), sim->u_work = take(&at, nu), sim->u_end = take(&at, nu), sim->y_work = take(&at, (size_t)m->count[AM_OUTPUT]);
     sim->x = take(&at, nx), sim->x_work = take(&at, nx), sim->k = take(&at, 4 * nx);
-    sim->var = take(&at, m->total[AM_VARIABLE]), sim->slot = take(&at, m->slots), sim->term = take(&at, m->terms);
+    sim->var = take(&at, m->total[AM_VARIABLE]), sim->slot = take(&at, m->slots), sim->term = take(&at, m->places);
     sim->sum = take(&at, m->total[AM_TARGET]), sim->memory = take(&at, m->memories), sim->work = take(&at, m->works);
     sim->fraction = take(&at, na), sim->below = take(&at, na), sim->above = take(&at, na);
-    sim->cell = (uint32_t *)at, sim->outside = (int8_t *)(sim->cell + na);
+    sim->cell = (uint32_t *)at, sim->corner = sim->cell + na;
     sim->scale = sim->par + m->total[AM_PARAMETER], sim->exponent = sim->scale + m->terms;
     for (size_t i = 0; i < np; i++) sim->par[i] = m->entry[AM_PARAMETER][i].value;
     for (size_t i = 0; i < nu; i++) sim->u[i] = m->entry[AM_INPUT][i].value;
     sim->slot[0] = sim->var[A_ONE] = sim->part = 1.0;
+    settle_cells(sim);
     return sim;
 }
 
@@ -297,8 +298,9 @@ int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, do
             look_up_changed(sim, stage);
             evaluate_terms(sim, stage);
         }
-        if (coefficients) sum_coefficients(m, sim->term, coefficients + k * COEFFICIENTS);
-        if (terms) memcpy(terms + k * m->terms, sim->term, sizeof(double) * m->terms);
+        evaluate_special(sim);
+        if (coefficients) sum_coefficients(sim, coefficients + k * COEFFICIENTS);
+        for (uint32_t i = 0; terms && i < m->terms; i++) terms[k * m->terms + i] = sim->term[m->term[i].place];
     }
     return AM_OK;
 }
