@@ -18,20 +18,20 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import ParseError, SchemaError
 from .fmu_binaries import binaries, compiled
-from .fmu_description import BASE, Description, Variable, identifier, no_limit, xml
+from .fmu_description import Description, describe
 from .fmu_documentation import Axis, html
-from .library import AXIS, FIXED, INPUT, LINEAR, OUTPUT, PARAMETER, Entry
+from .fmu_xml import xml
+from .library import AXIS, LINEAR
 from .whole import written_whole
 
 if TYPE_CHECKING:
     from .compiler import SimModel
 
 VERSIONS = ("2.0", "3.0")
-_KINDS = {"input": INPUT, "output": OUTPUT, "parameter": PARAMETER}
 
 
 def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0") -> Path:
-    """Write a model as a co-simulation FMU; the file appears whole or not at all.
+    """Write a model as an FMU for co-simulation and model exchange; the file appears whole or not at all.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
     path : path
         The FMU to write.
     version : {"2.0", "3.0"}
-        FMI version.  FMI 2.0 takes derivatives of inputs; FMI 3.0 runs on Linux on ARM, too.
+        FMI version.  FMI 2.0 takes derivatives of inputs; FMI 3.0 flies whole records in one step and runs on Linux on ARM, too.
 
     Returns
     -------
@@ -54,7 +54,7 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
     """
     if version not in VERSIONS:
         raise SchemaError("FMU", [f"FMI version {version!r}; allowed: {', '.join(VERSIONS)}"])
-    description = describe(sim)
+    description = describe(sim, sha256(sim.block).hexdigest(), _tool())
     files = {
         "modelDescription.xml": xml(description, version),
         "resources/model.bin": sim.block,
@@ -64,29 +64,6 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
     with written_whole(path) as part:
         part.write_bytes(_zip(files))
     return Path(path)
-
-
-def describe(sim: SimModel) -> Description:
-    """Return the interface of a model as both standards describe it: all inputs, outputs and parameters of its catalogue."""
-    variables = tuple(_variable(causality, i, row) for causality, kind in _KINDS.items() for i, row in enumerate(sim.entries(kind)))
-    step = next(row.value for row in sim.entries(PARAMETER) if row.name == "mode.step")
-    return Description(sim.title, identifier(sim.title), sha256(sim.block).hexdigest(), _tool(), step, variables)
-
-
-def _variable(causality: str, index: int, row: Entry) -> Variable:
-    low, high = (None if no_limit(limit) else limit for limit in (row.low, row.high))
-    return Variable(
-        row.name,
-        causality,
-        BASE[causality] + index,
-        row.units,
-        row.display_units,
-        row.description,
-        None if causality == "output" else row.value,
-        low,
-        high,
-        bool(row.flags & FIXED),
-    )
 
 
 def _documentation(sim: SimModel, description: Description) -> str:

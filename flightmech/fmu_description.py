@@ -1,48 +1,71 @@
-"""modelDescription.xml of FMI 2.0 and FMI 3.0, generated from the catalogue of a compiled model.
-
-References
-----------
-.. [FMI2] Functional Mock-up Interface for Model Exchange and Co-Simulation 2.0, 2014, section 2.2 and 4.3.
-.. [FMI3] Functional Mock-up Interface 3.0, 2022, section 2.4 and 4.3.
-"""
+"""What an FMU tells about a model: its variables, as both standards see them."""
 
 from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from xml.etree import ElementTree as ET
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from .errors import SchemaError
-from .units import parse
+from .library import FIXED, INPUT, INTEGER, OUTPUT, PARAMETER, STATE, Entry
+
+if TYPE_CHECKING:
+    from .compiler import SimModel
 
 # value references: base of the kind + index in the catalogue, as in kernel/shell/fmu.h
-BASE = {"input": 1000, "output": 10000, "parameter": 100000}
+BASE = {"input": 1000, "output": 10000, "state": 50000, "derivative": 60000, "parameter": 100000}
 TIME = 0
+REPLAY = {"replay.n": 70000, "replay.t": 70001, "replay.u": 70002, "replay.y": 70003}
 
 # the values that an enumeration of the kernel can take; names as importers show them
 CHOICES = {
-    "mode.earth": {"flat": 0, "WGS84_rotating": 1},
-    "mode.engine": {"throttle": 0, "thrust_driven": 2},
+    "mode.earth": {"flat": 0, "WGS84_rotating": 1, "sphere_at_rest": 2, "sphere_rotating": 3},
+    "mode.engine": {"lever": 0, "N1": 1, "thrust": 2},
+    "mode.controls": {"surfaces": 0, "cockpit_positions": 1, "pilot_forces": 2},
     "mode.trim": {"none": 0, "seek_thrust": 1, "seek_throttle": 2},
+    "turbulence.mode": {"none": 0, "Dryden": 1},
 }
 
-FMI2_CAPABILITIES = (
-    "canHandleVariableCommunicationStepSize",
-    "canInterpolateInputs",
-    "canNotUseMemoryManagementFunctions",
-    "canGetAndSetFMUstate",
-    "canSerializeFMUstate",
-)
-FMI3_CAPABILITIES = ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState")
+# typical sizes by unit, for the tolerances of an importer's solver, as in kernel/shell/exchange.c
+NOMINAL = {"m": 1000.0, "m s-1": 100.0, "rad s-1": 0.1, "rad": 0.1, "N": 1e4, "kg": 1000.0}
+
+# states 0 ... 12 of every model, in the order of kernel.h
+_POSITION, _VELOCITY, _ATTITUDE, _RATES = range(3), range(3, 6), range(6, 10), range(10, 13)
+
+# what the kinematics alone fix, no submodel can change it: output to the states it depends on
+_KINEMATIC = {
+    **dict.fromkeys(("lat", "lon", "h", "rho", "p_static", "temperature"), (*_POSITION,)),
+    **dict.fromkeys(("vn", "ve", "vd", "hdot", "gamma"), (*_POSITION, *_VELOCITY)),
+    **dict.fromkeys(("phi", "theta", "psi"), (*_POSITION, *_ATTITUDE)),
+    **dict.fromkeys(("p", "q", "r"), (*_RATES,)),
+}
 
 _STRUCTURED = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*", re.ASCII)
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One variable of the interface; `start` is None for outputs, `low` and `high` None where there is no limit."""
+    """One scalar of the interface.
+
+    Attributes
+    ----------
+    causality : str
+        ``input``, ``output``, ``parameter``, or ``state`` and ``derivative``, which the standards call local.
+    reference : int
+        Value reference.
+    start, low, high, nominal : float or None
+        Start value of inputs and parameters; limits and typical size where there are any. [units]
+    fixed : bool
+        A parameter that acts at initialisation only.
+    integer : bool
+        An enumeration, or a whole number.
+    state : int or None
+        Of a derivative: the reference of its state.
+    dependencies : tuple of int or None
+        References of the states and inputs that an output or derivative depends on; None: on all of them.
+    """
 
     name: str
     causality: str
@@ -54,6 +77,10 @@ class Variable:
     low: float | None = None
     high: float | None = None
     fixed: bool = False
+    integer: bool = False
+    nominal: float | None = None
+    state: int | None = None
+    dependencies: tuple[int, ...] | None = None
 
     @property
     def variability(self) -> str:
@@ -75,10 +102,27 @@ class Description:
     variables: tuple[Variable, ...]
 
     def __post_init__(self) -> None:
-        bad = [v.name for v in self.variables if not _STRUCTURED.fullmatch(v.name)]
+        bad = [v.name for v in self.variables if v.causality != "derivative" and not _STRUCTURED.fullmatch(v.name)]
         if bad:
             hint = "letters, digits and underscores, parts joined by dots; rename the term"
             raise SchemaError("model description", [f"{name!r} is no FMI variable name: {hint}" for name in bad])
+
+    def of(self, causality: str) -> list[Variable]:
+        """Return the variables of one causality, in the order of the kernel."""
+        return [v for v in self.variables if v.causality == causality]
+
+
+def describe(sim: SimModel, token: str, tool: str) -> Description:
+    """Return the interface of a model: all inputs, outputs, parameters and states of its catalogue."""
+    parameters = sim.entries(PARAMETER)
+    step = next(row.value for row in parameters if row.name == "mode.step")
+    variables = (
+        *(_scalar("input", i, row) for i, row in enumerate(sim.entries(INPUT))),
+        *(_scalar("output", i, row) for i, row in enumerate(sim.entries(OUTPUT))),
+        *(_scalar("parameter", i, row) for i, row in enumerate(parameters)),
+        *_states(sim.entries(STATE)),
+    )
+    return Description(sim.title, identifier(sim.title), token, tool, step, variables)
 
 
 def identifier(title: str) -> str:
@@ -93,149 +137,53 @@ def identifier(title: str) -> str:
     return word if word[:1].isalpha() else f"model_{word}".rstrip("_")
 
 
-def xml(description: Description, version: str) -> bytes:
-    """Return modelDescription.xml for FMI `version` ``"2.0"`` or ``"3.0"``."""
-    root = _fmi2(description) if version == "2.0" else _fmi3(description)
-    ET.indent(root)
-    return ET.tostring(root, encoding="UTF-8", xml_declaration=True) + b"\n"
-
-
-def _root(description: Description, version: str, token: str) -> ET.Element:
-    return ET.Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": version,
-            "modelName": description.title,
-            token: description.token,
-            "description": f"Flight simulation model of {description.title}",
-            "generationTool": description.tool,
-            "variableNamingConvention": "structured",
-        },
-    )
-
-
-def _capabilities(root: ET.Element, description: Description, names: Sequence[str]) -> None:
-    ET.SubElement(root, "CoSimulation", {"modelIdentifier": description.identifier, **dict.fromkeys(names, "true")})
-
-
-def _fmi2(description: Description) -> ET.Element:
-    root = _root(description, "2.0", "guid")
-    _capabilities(root, description, FMI2_CAPABILITIES)
-    _units(root, description.variables)
-    types = ET.SubElement(root, "TypeDefinitions")
-    for name, items in _enumerations(description):
-        _items(ET.SubElement(ET.SubElement(types, "SimpleType", name=name), "Enumeration"), items)
-    _experiment(root, description)
-    variables = ET.SubElement(root, "ModelVariables")
-    for v in description.variables:
-        scalar = ET.SubElement(variables, "ScalarVariable", _head(v))
-        if v.name in CHOICES:
-            ET.SubElement(scalar, "Enumeration", declaredType=v.name, start=str(_choice(v)))
-        else:
-            ET.SubElement(scalar, "Real", _real(v))
-    structure = ET.SubElement(root, "ModelStructure")
-    indices = [str(i) for i, v in enumerate(description.variables, 1) if v.causality == "output"]
-    for part in ("Outputs", "InitialUnknowns"):
-        element = ET.SubElement(structure, part)
-        for index in indices:
-            ET.SubElement(element, "Unknown", index=index)
-    return root
-
-
-def _fmi3(description: Description) -> ET.Element:
-    root = _root(description, "3.0", "instantiationToken")
-    _capabilities(root, description, FMI3_CAPABILITIES)
-    _units(root, description.variables)
-    types = ET.SubElement(root, "TypeDefinitions")
-    for name, items in _enumerations(description):
-        _items(ET.SubElement(types, "EnumerationType", name=name), items)
-    _experiment(root, description)
-    variables = ET.SubElement(root, "ModelVariables")
-    time = {"name": "time", "valueReference": str(TIME), "causality": "independent", "variability": "continuous", "unit": "s"}
-    ET.SubElement(variables, "Float64", {**time, "description": "simulated time"})
-    for v in description.variables:
-        if v.name in CHOICES:
-            ET.SubElement(variables, "Enumeration", {**_head(v), "declaredType": v.name, "start": str(_choice(v))})
-        else:
-            ET.SubElement(variables, "Float64", {**_head(v), **_real(v)})
-    structure = ET.SubElement(root, "ModelStructure")
-    references = [str(v.reference) for v in description.variables if v.causality == "output"]
-    for part in ("Output", "InitialUnknown"):
-        for reference in references:
-            ET.SubElement(structure, part, valueReference=reference)
-    return root
-
-
-def _head(v: Variable) -> dict[str, str]:
-    return {
-        "name": v.name,
-        "valueReference": str(v.reference),
-        "description": v.description,
-        "causality": v.causality,
-        "variability": v.variability,
-    }
-
-
-def _real(v: Variable) -> dict[str, str]:
-    found = {"unit": v.units}
-    if v.display_units != v.units:
-        found["displayUnit"] = v.display_units
-    for key, value in (("min", v.low), ("max", v.high), ("start", v.start)):
-        if value is not None:
-            found[key] = repr(value)
-    return found
-
-
-def _choice(v: Variable) -> int:
-    return int(v.start or 0.0)
-
-
-def _enumerations(description: Description) -> Iterable[tuple[str, dict[str, int]]]:
-    return ((v.name, CHOICES[v.name]) for v in description.variables if v.name in CHOICES)
-
-
-def _items(parent: ET.Element, items: dict[str, int]) -> None:
-    for name, value in items.items():
-        ET.SubElement(parent, "Item", name=name, value=str(value))
-
-
-def _experiment(root: ET.Element, description: Description) -> None:
-    categories = ET.SubElement(root, "LogCategories")
-    ET.SubElement(categories, "Category", name="logStatusError", description="why a call was refused or failed")
-    ET.SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=repr(description.step))
-
-
-def _units(root: ET.Element, variables: Sequence[Variable]) -> None:
-    """Define every unit in use by its base units, and every display unit by its factor to them."""
-    used: dict[str, set[str]] = {"s": set()}
-    for v in variables:
-        used.setdefault(v.units, set()).add(v.display_units)
-    definitions = ET.SubElement(root, "UnitDefinitions")
-    for units, displays in sorted(used.items()):
-        unit = ET.SubElement(definitions, "Unit", name=units)
-        ET.SubElement(unit, "BaseUnit", base_units(units))
-        for display in sorted(displays - {units}):
-            _, factor, offset = parse(display)  # SI = value * factor + offset; FMI: display = SI * factor + offset
-            attributes = {"name": display, "factor": repr(1.0 / factor)}
-            ET.SubElement(unit, "DisplayUnit", {**attributes, "offset": repr(-offset / factor)} if offset else attributes)
-
-
-def base_units(units: str) -> dict[str, str]:
-    """Return the exponents of an SI unit as FMI names them, zeros left out.
+def rate_units(units: str) -> str:
+    """Return the unit of a rate of change.
 
     Examples
     --------
-    >>> base_units("rad s-1")
-    {'s': '-1', 'rad': '1'}
+    >>> rate_units("m s-1"), rate_units("N"), rate_units("1")
+    ('m s-2', 'N s-1', 's-1')
     """
-    dimension, factor, offset = parse(units)
-    if factor != 1.0 or offset:
-        raise SchemaError("model description", [f"{units!r} is not an SI unit; the catalogue of the kernel holds SI units only"])
-    radians = sum(int(power or 1) for power in re.findall(r"\brad\^?(-?\d*)", units))
-    exponents = dict(zip(("m", "kg", "s", "K", "rad"), (*dimension, radians), strict=True))
-    return {name: str(power) for name, power in exponents.items() if power}
+    head, seconds, power = units.partition("s-")
+    if seconds and power.isdigit():
+        return f"{head}s-{int(power) + 1}"
+    return "s-1" if units == "1" else f"{units} s-1"
 
 
-def no_limit(value: float) -> bool:
-    """Tell whether a catalogue limit means none."""
-    return abs(value) >= sys.float_info.max
+def _scalar(causality: str, index: int, row: Entry) -> Variable:
+    low, high = (None if abs(limit) >= sys.float_info.max else limit for limit in (row.low, row.high))
+    return Variable(
+        row.name,
+        causality,
+        BASE[causality] + index,
+        row.units,
+        row.display_units,
+        row.description,
+        None if causality == "output" else row.value,
+        low,
+        high,
+        bool(row.flags & FIXED),
+        bool(row.flags & INTEGER),
+        None if causality == "parameter" else NOMINAL.get(row.units),
+        dependencies=_references(_KINEMATIC.get(row.name)) if causality == "output" else None,
+    )
+
+
+def _states(rows: Sequence[Entry]) -> Iterator[Variable]:
+    for i, row in enumerate(rows):
+        yield replace(_scalar("state", i, row), start=None)
+    for i, row in enumerate(rows):
+        units, text = rate_units(row.units), f"time derivative of {row.description}"
+        reference, state = BASE["derivative"] + i, BASE["state"] + i
+        yield Variable(f"der({row.name})", "derivative", reference, units, units, text, state=state, dependencies=_references(_rate_of(i)))
+
+
+def _rate_of(state: int) -> tuple[int, ...] | None:
+    if state in _POSITION:
+        return (_VELOCITY[state],)
+    return (*_ATTITUDE, *_RATES) if state in _ATTITUDE else None
+
+
+def _references(states: tuple[int, ...] | None) -> tuple[int, ...] | None:
+    return None if states is None else tuple(BASE["state"] + i for i in states)

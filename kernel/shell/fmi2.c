@@ -1,4 +1,4 @@
-/* FMI 2.0 for Co-Simulation over fmu.h.  Types are those of the standard on every platform served here. */
+/* FMI 2.0, co-simulation and model exchange, over fmu.h.  Types are those of the standard on every platform served here. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -20,11 +20,11 @@ typedef struct {
 } callback_functions;
 
 typedef struct {
-    fmi2Boolean states[5];
-    double next_event_time;
+    fmi2Boolean again, terminate, nominals_changed, states_changed, next_defined;
+    double next_time;
 } event_info;
 
-enum { CO_SIMULATION = 1 };
+enum { MODEL_EXCHANGE, CO_SIMULATION };
 enum { DO_STEP_STATUS, PENDING_STATUS, LAST_SUCCESSFUL_TIME, TERMINATED };
 
 static void tell(const fmu_logger *logger, int status, const char *text) {
@@ -56,15 +56,15 @@ AM_API fmu *fmi2Instantiate(const char *name, int type, const char *guid, const 
         logger.environment = callbacks->environment;
     }
     snprintf(logger.name, sizeof logger.name, "%s", name ? name : "");
-    if (type != CO_SIMULATION) {
-        tell(&logger, FMU_ERROR, "this FMU offers Co-Simulation only");
+    if (type != CO_SIMULATION && type != MODEL_EXCHANGE) {
+        tell(&logger, FMU_ERROR, "unknown type of instance; FMI 2.0 knows model exchange (0) and co-simulation (1)");
         return NULL;
     }
     if (resource_path(resources, folder, sizeof folder) != 0) {
         tell(&logger, FMU_ERROR, "the resource location is not a file URI; give file:///<folder>/resources");
         return NULL;
     }
-    return fmu_open(folder, guid, &logger);
+    return fmu_open(folder, guid, type == CO_SIMULATION ? FMU_CO_SIMULATION : FMU_MODEL_EXCHANGE, &logger);
 }
 
 AM_API void fmi2FreeInstance(fmu *f) { fmu_close(f); }
@@ -87,14 +87,19 @@ AM_API fmi2Status fmi2Reset(fmu *f) { return fmu_reset(f); }
 
 /* ---- values --------------------------------------------------------------------------------------------------------- */
 
-AM_API fmi2Status fmi2GetReal(fmu *f, const fmi2ValueReference vr[], size_t n, double values[]) { return fmu_get(f, vr, n, values); }
-AM_API fmi2Status fmi2SetReal(fmu *f, const fmi2ValueReference vr[], size_t n, const double values[]) { return fmu_set(f, vr, n, values); }
+AM_API fmi2Status fmi2GetReal(fmu *f, const fmi2ValueReference vr[], size_t n, double values[]) {
+    return fmu_get(f, vr, n, values, n);
+}
+
+AM_API fmi2Status fmi2SetReal(fmu *f, const fmi2ValueReference vr[], size_t n, const double values[]) {
+    return fmu_set(f, vr, n, values, n);
+}
 
 AM_API fmi2Status fmi2GetInteger(fmu *f, const fmi2ValueReference vr[], size_t n, int values[]) {
     if (fmu_check_integers(f, vr, n)) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
         double value;
-        if (fmu_get(f, vr + k, 1, &value)) return FMU_ERROR;
+        if (fmu_get(f, vr + k, 1, &value, 1)) return FMU_ERROR;
         values[k] = (int)lrint(value);
     }
     return FMU_OK;
@@ -104,7 +109,7 @@ AM_API fmi2Status fmi2SetInteger(fmu *f, const fmi2ValueReference vr[], size_t n
     if (fmu_check_integers(f, vr, n)) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
         double value = values[k];
-        if (fmu_set(f, vr + k, 1, &value)) return FMU_ERROR;
+        if (fmu_set(f, vr + k, 1, &value, 1)) return FMU_ERROR;
     }
     return FMU_OK;
 }
@@ -134,6 +139,37 @@ AM_API fmi2Status fmi2GetBooleanStatus(fmu *f, int kind, fmi2Boolean *value) {
     return FMU_OK;
 }
 
+/* ---- model exchange ------------------------------------------------------------------------------------------------- */
+
+AM_API fmi2Status fmi2EnterEventMode(fmu *f) { return fmu_begin_event(f); }
+AM_API fmi2Status fmi2EnterContinuousTimeMode(fmu *f) { return fmu_begin_continuous(f); }
+
+AM_API fmi2Status fmi2NewDiscreteStates(fmu *f, event_info *info) {
+    event_info found = {0};
+    int status = fmu_update_discrete(f, &found.next_time);
+    found.next_defined = status == FMU_OK && isfinite(found.next_time);
+    *info = found;
+    return status;
+}
+
+AM_API fmi2Status fmi2CompletedIntegratorStep(fmu *f, fmi2Boolean no_set_state_prior, fmi2Boolean *enter_event_mode,
+                                              fmi2Boolean *terminate) {
+    (void)no_set_state_prior;
+    *enter_event_mode = *terminate = 0;
+    return fmu_complete_step(f, enter_event_mode);
+}
+
+AM_API fmi2Status fmi2SetTime(fmu *f, double time) { return fmu_set_time(f, time); }
+AM_API fmi2Status fmi2SetContinuousStates(fmu *f, const double x[], size_t n) { return fmu_set_states(f, x, n); }
+AM_API fmi2Status fmi2GetContinuousStates(fmu *f, double x[], size_t n) { return fmu_get_states(f, x, n); }
+AM_API fmi2Status fmi2GetDerivatives(fmu *f, double dx[], size_t n) { return fmu_get_derivatives(f, dx, n); }
+AM_API fmi2Status fmi2GetNominalsOfContinuousStates(fmu *f, double x[], size_t n) { return fmu_get_nominals(f, x, n); }
+
+AM_API fmi2Status fmi2GetEventIndicators(fmu *f, double z[], size_t n) {
+    (void)z;
+    return fmu_get_indicators(f, n);
+}
+
 /* ---- stored states -------------------------------------------------------------------------------------------------- */
 
 AM_API fmi2Status fmi2GetFMUstate(fmu *f, fmu_state **state) { return fmu_take_state(f, state); }
@@ -145,9 +181,7 @@ AM_API fmi2Status fmi2FreeFMUstate(fmu *f, fmu_state **state) {
 }
 
 AM_API fmi2Status fmi2SerializedFMUstateSize(fmu *f, const fmu_state *state, size_t *size) {
-    if (!f || !state) return fmu_refuse(f, "no state given");
-    *size = fmu_image_size(f);
-    return FMU_OK;
+    return fmu_state_size(f, state, size);
 }
 
 AM_API fmi2Status fmi2SerializeFMUstate(fmu *f, const fmu_state *state, char bytes[], size_t n) {
@@ -171,7 +205,6 @@ AM_API fmi2Status fmi2DeSerializeFMUstate(fmu *f, const char bytes[], size_t n, 
         return f && n == 0 ? FMU_OK : fmu_refuse(f, #function ": the FMU has no variable of this type"); \
     }
 #define ASYNCHRONOUS "steps are never left pending"
-#define MODEL_EXCHANGE "belongs to Model Exchange; this FMU offers Co-Simulation only"
 
 NO_VARIABLES(fmi2GetBoolean, fmi2Boolean)
 NO_VARIABLES(fmi2SetBoolean, const fmi2Boolean)
@@ -187,15 +220,3 @@ NOT_OFFERED(fmi2GetRealOutputDerivatives, "no output derivatives are given", con
             double values[])
 NOT_OFFERED(fmi2GetDirectionalDerivative, "no directional derivatives are given", const fmi2ValueReference unknowns[], size_t nu,
             const fmi2ValueReference knowns[], size_t nk, const double seed[], double sensitivity[])
-
-AM_API fmi2Status fmi2EnterEventMode(fmu *f) { return fmu_refuse(f, "fmi2EnterEventMode: " MODEL_EXCHANGE); }
-AM_API fmi2Status fmi2EnterContinuousTimeMode(fmu *f) { return fmu_refuse(f, "fmi2EnterContinuousTimeMode: " MODEL_EXCHANGE); }
-NOT_OFFERED(fmi2NewDiscreteStates, MODEL_EXCHANGE, event_info *info)
-NOT_OFFERED(fmi2CompletedIntegratorStep, MODEL_EXCHANGE, fmi2Boolean no_set_state_prior, fmi2Boolean *enter_event_mode,
-            fmi2Boolean *terminate)
-NOT_OFFERED(fmi2SetTime, MODEL_EXCHANGE, double time)
-NOT_OFFERED(fmi2SetContinuousStates, MODEL_EXCHANGE, const double x[], size_t n)
-NOT_OFFERED(fmi2GetDerivatives, MODEL_EXCHANGE, double dx[], size_t n)
-NOT_OFFERED(fmi2GetEventIndicators, MODEL_EXCHANGE, double z[], size_t n)
-NOT_OFFERED(fmi2GetContinuousStates, MODEL_EXCHANGE, double x[], size_t n)
-NOT_OFFERED(fmi2GetNominalsOfContinuousStates, MODEL_EXCHANGE, double x[], size_t n)

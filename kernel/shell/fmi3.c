@@ -1,4 +1,4 @@
-/* FMI 3.0 for Co-Simulation over fmu.h. */
+/* FMI 3.0, co-simulation and model exchange, over fmu.h. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -36,22 +36,23 @@ AM_API fmu *fmi3InstantiateCoSimulation(const char *name, const char *token, con
         tell(&logger, FMU_ERROR, "this FMU has neither an event mode nor intermediate updates; instantiate it without them");
         return NULL;
     }
-    return fmu_open(resources, token, &logger);
+    return fmu_open(resources, token, FMU_CO_SIMULATION, &logger);
 }
 
 AM_API fmu *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources, bool visible, bool logging,
                                          void *environment, logger_function callback) {
     fmu_logger logger = logger_of(name, environment, callback);
-    (void)token, (void)resources, (void)visible, (void)logging;
-    tell(&logger, FMU_ERROR, "this FMU offers Co-Simulation only");
-    return NULL;
+    (void)visible, (void)logging;
+    return fmu_open(resources, token, FMU_MODEL_EXCHANGE, &logger);
 }
 
 AM_API fmu *fmi3InstantiateScheduledExecution(const char *name, const char *token, const char *resources, bool visible, bool logging,
                                               void *environment, logger_function callback, notice_function clock, lock_function lock,
                                               lock_function unlock) {
-    (void)clock, (void)lock, (void)unlock;
-    return fmi3InstantiateModelExchange(name, token, resources, visible, logging, environment, callback);
+    fmu_logger logger = logger_of(name, environment, callback);
+    (void)token, (void)resources, (void)visible, (void)logging, (void)clock, (void)lock, (void)unlock;
+    tell(&logger, FMU_ERROR, "this FMU offers no scheduled execution");
+    return NULL;
 }
 
 AM_API void fmi3FreeInstance(fmu *f) { fmu_close(f); }
@@ -73,24 +74,24 @@ AM_API fmi3Status fmi3Reset(fmu *f) { return fmu_reset(f); }
 
 /* ---- values --------------------------------------------------------------------------------------------------------- */
 
-static int scalars(const fmu *f, size_t n, size_t nvalues) {
-    if (n == nvalues) return FMU_OK;
-    return fmu_refuse(f, "%lu values for %lu variables; every variable is a scalar", (unsigned long)nvalues, (unsigned long)n);
-}
-
 AM_API fmi3Status fmi3GetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n, double values[], size_t nvalues) {
-    return scalars(f, n, nvalues) ? FMU_ERROR : fmu_get(f, vr, n, values);
+    return fmu_get(f, vr, n, values, nvalues);
 }
 
 AM_API fmi3Status fmi3SetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n, const double values[], size_t nvalues) {
-    return scalars(f, n, nvalues) ? FMU_ERROR : fmu_set(f, vr, n, values);
+    return fmu_set(f, vr, n, values, nvalues);
+}
+
+static int scalars(const fmu *f, size_t n, size_t nvalues) {
+    if (n == nvalues) return FMU_OK;
+    return fmu_refuse(f, "%lu values for %lu variables; every variable of this type is a scalar", (unsigned long)nvalues, (unsigned long)n);
 }
 
 AM_API fmi3Status fmi3GetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, int64_t values[], size_t nvalues) {
     if (scalars(f, n, nvalues) || fmu_check_integers(f, vr, n)) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
         double value;
-        if (fmu_get(f, vr + k, 1, &value)) return FMU_ERROR;
+        if (fmu_get(f, vr + k, 1, &value, 1)) return FMU_ERROR;
         values[k] = llrint(value);
     }
     return FMU_OK;
@@ -100,10 +101,21 @@ AM_API fmi3Status fmi3SetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, 
     if (scalars(f, n, nvalues) || fmu_check_integers(f, vr, n)) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
         double value = (double)values[k];
-        if (fmu_set(f, vr + k, 1, &value)) return FMU_ERROR;
+        if (fmu_set(f, vr + k, 1, &value, 1)) return FMU_ERROR;
     }
     return FMU_OK;
 }
+
+AM_API fmi3Status fmi3GetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n, uint64_t values[], size_t nvalues) {
+    return scalars(f, n, nvalues) ? FMU_ERROR : fmu_get_samples(f, vr, n, values);
+}
+
+AM_API fmi3Status fmi3SetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n, const uint64_t values[], size_t nvalues) {
+    return scalars(f, n, nvalues) ? FMU_ERROR : fmu_set_samples(f, vr, n, values);
+}
+
+AM_API fmi3Status fmi3EnterConfigurationMode(fmu *f) { return fmu_begin_configuration(f); }
+AM_API fmi3Status fmi3ExitConfigurationMode(fmu *f) { return fmu_end_configuration(f); }
 
 /* ---- steps ---------------------------------------------------------------------------------------------------------- */
 
@@ -114,6 +126,44 @@ AM_API fmi3Status fmi3DoStep(fmu *f, double t, double dt, bool no_set_state_prio
     *event_needed = *terminate = *early_return = false;
     if (f) *last_time = fmu_time(f);
     return status;
+}
+
+/* ---- model exchange ------------------------------------------------------------------------------------------------- */
+
+AM_API fmi3Status fmi3EnterEventMode(fmu *f) { return fmu_begin_event(f); }
+AM_API fmi3Status fmi3EnterContinuousTimeMode(fmu *f) { return fmu_begin_continuous(f); }
+
+AM_API fmi3Status fmi3UpdateDiscreteStates(fmu *f, bool *again, bool *terminate, bool *nominals_changed, bool *states_changed,
+                                           bool *next_defined, double *next_time) {
+    *again = *terminate = *nominals_changed = *states_changed = false;
+    int status = fmu_update_discrete(f, next_time);
+    *next_defined = status == FMU_OK && isfinite(*next_time);
+    return status;
+}
+
+AM_API fmi3Status fmi3CompletedIntegratorStep(fmu *f, bool no_set_state_prior, bool *enter_event_mode, bool *terminate) {
+    (void)no_set_state_prior;
+    int event = 0, status = fmu_complete_step(f, &event);
+    *enter_event_mode = event;
+    *terminate = false;
+    return status;
+}
+
+AM_API fmi3Status fmi3SetTime(fmu *f, double time) { return fmu_set_time(f, time); }
+AM_API fmi3Status fmi3SetContinuousStates(fmu *f, const double x[], size_t n) { return fmu_set_states(f, x, n); }
+AM_API fmi3Status fmi3GetContinuousStates(fmu *f, double x[], size_t n) { return fmu_get_states(f, x, n); }
+AM_API fmi3Status fmi3GetContinuousStateDerivatives(fmu *f, double dx[], size_t n) { return fmu_get_derivatives(f, dx, n); }
+AM_API fmi3Status fmi3GetNominalsOfContinuousStates(fmu *f, double x[], size_t n) { return fmu_get_nominals(f, x, n); }
+AM_API fmi3Status fmi3GetNumberOfContinuousStates(fmu *f, size_t *n) { return fmu_count_states(f, n); }
+
+AM_API fmi3Status fmi3GetEventIndicators(fmu *f, double z[], size_t n) {
+    (void)z;
+    return fmu_get_indicators(f, n);
+}
+
+AM_API fmi3Status fmi3GetNumberOfEventIndicators(fmu *f, size_t *n) {
+    *n = 0;
+    return fmu_get_indicators(f, 0);
 }
 
 /* ---- stored states -------------------------------------------------------------------------------------------------- */
@@ -127,9 +177,7 @@ AM_API fmi3Status fmi3FreeFMUState(fmu *f, fmu_state **state) {
 }
 
 AM_API fmi3Status fmi3SerializedFMUStateSize(fmu *f, const fmu_state *state, size_t *size) {
-    if (!f || !state) return fmu_refuse(f, "no state given");
-    *size = fmu_image_size(f);
-    return FMU_OK;
+    return fmu_state_size(f, state, size);
 }
 
 AM_API fmi3Status fmi3SerializeFMUState(fmu *f, const fmu_state *state, uint8_t bytes[], size_t n) {
@@ -159,9 +207,8 @@ AM_API fmi3Status fmi3DeserializeFMUState(fmu *f, const uint8_t bytes[], size_t 
     }
 #define NO_TYPE "the FMU has no variable of this type"
 #define NO_CLOCKS "the FMU has no clocks"
-#define NO_EVENTS "the FMU has no event mode"
+#define NO_STEPS "co-simulation has no event mode here"
 #define NO_DERIVATIVES "no partial derivatives are given"
-#define MODEL_EXCHANGE "belongs to Model Exchange; this FMU offers Co-Simulation only"
 #define VRS const fmi3ValueReference vr[], size_t n
 
 NO_VARIABLES(Float32, float)
@@ -171,7 +218,6 @@ NO_VARIABLES(Int16, int16_t)
 NO_VARIABLES(UInt16, uint16_t)
 NO_VARIABLES(Int32, int32_t)
 NO_VARIABLES(UInt32, uint32_t)
-NO_VARIABLES(UInt64, uint64_t)
 NO_VARIABLES(Boolean, bool)
 NO_VARIABLES(String, char *)
 
@@ -189,14 +235,9 @@ NOT_OFFERED(fmi3SetShiftDecimal, NO_CLOCKS, VRS, const double shifts[])
 NOT_OFFERED(fmi3SetShiftFraction, NO_CLOCKS, VRS, const uint64_t counters[], const uint64_t resolutions[])
 NOT_OFFERED(fmi3ActivateModelPartition, NO_CLOCKS, fmi3ValueReference clock, double time)
 
-NOT_OFFERED_PLAIN(fmi3EnterEventMode, NO_EVENTS)
-NOT_OFFERED_PLAIN(fmi3EnterStepMode, NO_EVENTS)
-NOT_OFFERED_PLAIN(fmi3EvaluateDiscreteStates, NO_EVENTS)
-NOT_OFFERED(fmi3UpdateDiscreteStates, NO_EVENTS, bool *again, bool *terminate, bool *nominals_changed, bool *states_changed,
-            bool *next_defined, double *next_time)
+NOT_OFFERED_PLAIN(fmi3EnterStepMode, NO_STEPS)
+NOT_OFFERED_PLAIN(fmi3EvaluateDiscreteStates, "discrete states are updated by fmi3UpdateDiscreteStates only")
 
-NOT_OFFERED_PLAIN(fmi3EnterConfigurationMode, "the FMU has no structural parameters")
-NOT_OFFERED_PLAIN(fmi3ExitConfigurationMode, "the FMU has no structural parameters")
 NOT_OFFERED(fmi3GetNumberOfVariableDependencies, "dependencies do not change; see modelDescription.xml", fmi3ValueReference vr, size_t *n)
 NOT_OFFERED(fmi3GetVariableDependencies, "dependencies do not change; see modelDescription.xml", fmi3ValueReference dependent,
             size_t elements_of_dependent[], fmi3ValueReference independents[], size_t elements_of_independents[], int kinds[], size_t n)
@@ -206,14 +247,3 @@ NOT_OFFERED(fmi3GetDirectionalDerivative, NO_DERIVATIVES, VRS, const fmi3ValueRe
             size_t nseed, double sensitivity[], size_t nsensitivity)
 NOT_OFFERED(fmi3GetAdjointDerivative, NO_DERIVATIVES, VRS, const fmi3ValueReference knowns[], size_t nknowns, const double seed[],
             size_t nseed, double sensitivity[], size_t nsensitivity)
-
-NOT_OFFERED_PLAIN(fmi3EnterContinuousTimeMode, MODEL_EXCHANGE)
-NOT_OFFERED(fmi3CompletedIntegratorStep, MODEL_EXCHANGE, bool no_set_state_prior, bool *enter_event_mode, bool *terminate)
-NOT_OFFERED(fmi3SetTime, MODEL_EXCHANGE, double time)
-NOT_OFFERED(fmi3SetContinuousStates, MODEL_EXCHANGE, const double x[], size_t n)
-NOT_OFFERED(fmi3GetContinuousStateDerivatives, MODEL_EXCHANGE, double dx[], size_t n)
-NOT_OFFERED(fmi3GetEventIndicators, MODEL_EXCHANGE, double z[], size_t n)
-NOT_OFFERED(fmi3GetContinuousStates, MODEL_EXCHANGE, double x[], size_t n)
-NOT_OFFERED(fmi3GetNominalsOfContinuousStates, MODEL_EXCHANGE, double x[], size_t n)
-NOT_OFFERED(fmi3GetNumberOfEventIndicators, MODEL_EXCHANGE, size_t *n)
-NOT_OFFERED(fmi3GetNumberOfContinuousStates, MODEL_EXCHANGE, size_t *n)

@@ -8,13 +8,37 @@
 /* What am_copy copies: everything behind the pointers, free of addresses. */
 static const size_t MOVING = offsetof(am_sim, now);
 
+uint64_t image_layout(void) { return (uint64_t)AM_FORMAT << 32 | sizeof(am_sim); }
+
 size_t image_size(const am_model *model) { return model->sim_bytes - MOVING; }
 
 void image_save(const am_sim *sim, void *image) { memcpy(image, (const char *)sim + MOVING, image_size(sim->model)); }
 
-void image_restore(am_sim *sim, const void *image) {
+/* A byte that is neither 0 nor 1 is no bool. */
+static bool truth(const bool *stored) {
+    unsigned char byte;
+    memcpy(&byte, stored, 1);
+    return byte == 1;
+}
+
+static bool sound(const am_sim *sim) {
+    const am_model *m = sim->model;
+    return sim->earth >= FLAT_EARTH && sim->earth <= SPHERE_ROTATING && all_finite(&sim->time, 1) && all_finite(&sim->omega, 1) &&
+           all_finite(sim->par, (size_t)m->count[AM_PARAMETER]) && all_finite(sim->u, (size_t)m->count[AM_INPUT]) &&
+           all_finite(sim->x, (size_t)am_state_count(m)) && all_finite(sim->memory, m->memories);
+}
+
+int image_restore(am_sim *sim, const void *image) {
     memcpy((char *)sim + MOVING, image, image_size(sim->model));
     sim->text[sizeof sim->text - 1] = 0;
+    sim->ready = truth(&sim->ready);
+    sim->prepared = sim->fresh = false;
     check_patches(sim); /* these and the cells are the only indices among the bytes */
     settle_cells(sim);
+    return sound(sim) ? 0 : -1;
+}
+
+const double *image_memory(const am_sim *sim, size_t *n) {
+    *n = sim->model->memories;
+    return sim->memory;
 }

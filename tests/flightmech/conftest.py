@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
 import xarray as xr
-from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
-from fmpy.fmi3 import FMU3Slave
+from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
+from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 import flightmech
 from flightmech.aircraft import Engine
@@ -63,15 +64,19 @@ def fmus(trainer, tmp_path_factory) -> dict[str, Path]:
     return {v: Path(fmpy.extract(str(flightmech.write_fmu(trainer, folder / f"v{v[0]}.fmu", v)), str(folder / v))) for v in VERSIONS}
 
 
-class Slave:
-    """An instance driven call by call; texts of the FMU's logger are kept."""
+description = cache(fmpy.read_model_description)
+KINDS = {"2.0": (FMU2Slave, FMU2Model), "3.0": (FMU3Slave, FMU3Model)}
 
-    def __init__(self, folder: Path, guid: str | None = None):
-        self.model = fmpy.read_model_description(str(folder))
+
+class Slave:
+    """An instance driven call by call, for co-simulation or model exchange; texts of the FMU's logger are kept."""
+
+    def __init__(self, folder: Path, guid: str | None = None, exchange: bool = False):
+        self.model = description(str(folder))
         self.references = {v.name: v.valueReference for v in self.model.modelVariables}
         self.version = self.model.fmiVersion
         self.messages: list[str] = []
-        kind = FMU2Slave if self.version == "2.0" else FMU3Slave
+        kind = KINDS[self.version][exchange]
         self.fmu = kind(
             guid=guid or self.model.guid,
             unzipDirectory=str(folder),
@@ -127,6 +132,12 @@ def condition() -> dict[str, float]:
 def instance(fmus):
     """Make an instance of the FMU of one version."""
     return lambda version: Slave(fmus[version]).open()
+
+
+@pytest.fixture(scope="session")
+def exchange(fmus):
+    """Make an instance for model exchange of the FMU of one version."""
+    return lambda version: Slave(fmus[version], exchange=True).open()
 
 
 @pytest.fixture(scope="session")

@@ -75,7 +75,7 @@ def test_same_model_same_bytes(trainer, tmp_path, version):
 
 def test_the_interface_is_the_catalogue(trainer, fmus):
     for version in VERSIONS:
-        variables = fmpy.read_model_description(str(fmus[version])).modelVariables
+        variables = [v for v in fmpy.read_model_description(str(fmus[version])).modelVariables if not v.name.startswith("replay.")]
         for causality, names in (("input", trainer.inputs), ("output", trainer.outputs), ("parameter", trainer.parameters)):
             assert [v.name for v in variables if v.causality == causality] == list(names)
 

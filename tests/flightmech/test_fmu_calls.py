@@ -134,7 +134,7 @@ def test_a_damaged_model_is_refused(trainer, tmp_path, version, change, stranger
         (lambda s: s.set({"delta_e": float("nan")}), "delta_e is nan; it must be finite"),
         (lambda s: s.set({"mass.mass": float("inf")}), "mass.mass is inf; it must be finite"),
         (lambda s: s.set({"init.V": 80.0}), "init.V acts at initialisation only; set it before the end of initialization mode, or reset"),
-        (lambda s: s.set({"alpha": 0.1}), "alpha is an output and cannot be set"),
+        (lambda s: s.set({"alpha": 0.1}), "alpha is computed by the model and cannot be set"),
         (lambda s: s.step(5.0, 0.02), "step from t = 5 s, but the instance stands at 0 s"),
         (lambda s: s.step(0.0, -0.02), "step size is -0.02 s; give a positive, finite step"),
         (lambda s: s.step(0.0, float("nan")), "step size is nan s"),

@@ -10,7 +10,8 @@ import pytest
 from fmpy import read_model_description
 
 from flightmech.errors import SchemaError
-from flightmech.fmu_description import Description, Variable, base_units, identifier, xml
+from flightmech.fmu_description import Description, Variable, identifier
+from flightmech.fmu_xml import base_units, xml
 
 VARIABLES = (
     Variable("delta_e", "input", 1000, "rad", "deg", "elevator deflection", 0.0, -0.3, 0.2),

@@ -1,10 +1,13 @@
 """Replay of a flight of which the model is the truth: by FMI 2.0, by FMI 3.0, and by the kernel itself."""
 
+import tempfile
+
 import numpy as np
 import pytest
 
 import aerodb
 import flightmech
+from pom import worker
 from pom.case import read_case
 from pom.diagnosis import fly
 from pom.drive import job_of
@@ -41,14 +44,49 @@ def test_the_truth_is_matched_by_every_way_of_replay(write_case, truth, models, 
     scale = {"theta": np.radians(1.5), "q": np.radians(2.0), "nz": 0.1}
     for name, width in scale.items():
         signal = result.signals[name]
-        # FMI 2.0 takes input derivatives: the same linear inputs as the direct call
+        # FMI 2.0 takes input derivatives, FMI 3.0 the whole record: the same linear inputs as the direct call, whose time
+        # does not start at zero
         assert np.abs(signal.sel(run="2.0").values - direct[name]).max() < 1e-9 * width
-        # FMI 3.0 has none: the middle of the step is held, an error of second order
-        assert np.abs(signal.sel(run="3.0").values - direct[name]).max() < 1e-2 * width
+        assert np.abs(signal.sel(run="3.0").values - direct[name]).max() < 1e-9 * width
         # the direct replay starts from lines through the first half second: the truth within their rounding
         assert np.abs(signal.sel(run="flight").values - direct[name]).max() < 1e-2 * width
     assert result.passed("2.0")
     assert result.passed("3.0")
+
+
+def test_the_levels_of_replay_agree_within_their_holds(write_case, truth, models, trainer):
+    """The whole record in one step, input derivatives, and the middle of each step held, on one job."""
+    _, runs = models
+    job = job_of(read_case(write_case()), flight_states(read_case(write_case()), truth))
+    with tempfile.TemporaryDirectory() as folder:
+        whole = worker.Model(str(runs["3.0"]), f"{folder}/3")
+        inputs = {name: values for name, values in job.inputs.items() if name in whole.variables}
+        parameters = {name: value for name, value in job.parameters.items() if name in whole.variables}
+        task = {"time": job.time, "inputs": inputs, "parameters": parameters, "outputs": ["theta", "q"]}
+        assert whole.takes_records
+        record = worker.replay(whole, task)
+        whole.takes_records = False
+        middle = worker.replay(whole, task)
+        sloped = worker.replay(worker.Model(str(runs["2.0"]), f"{folder}/2"), task)
+    assert (record["error"], middle["error"], sloped["error"]) == ("", "", "")
+    assert np.ptp(record["outputs"][:, 0]) > 0.02
+    np.testing.assert_allclose(sloped["outputs"], record["outputs"], rtol=0.0, atol=1e-11)
+    difference = np.abs(middle["outputs"] - record["outputs"]).max()
+    assert 1e-8 < difference < 3e-4  # held middles of 20 ms: second order, seen at the kinks of the doublets
+
+
+def test_a_record_that_diverges_keeps_what_was_flown(models):
+    _, runs = models
+    time = 0.02 * np.arange(101)
+    with tempfile.TemporaryDirectory() as folder:
+        model = worker.Model(str(runs["3.0"]), folder)
+        task = {"time": time, "inputs": {}, "parameters": {"mass.Iyy": 1.0, "init.V": 80.0, "init.alpha": 0.1}, "outputs": ["theta"]}
+        found = worker.replay(model, task)
+    assert found["error"].startswith("the replay failed: ")
+    assert "replay failed after" in found["error"]
+    count = np.isfinite(found["outputs"][:, 0]).sum()
+    assert 0 < count < 101
+    assert np.isnan(found["outputs"][count:]).all()
 
 
 def test_trim_is_reported_and_leaves_nothing(write_case, truth, models, trainer):
