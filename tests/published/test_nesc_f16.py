@@ -147,8 +147,8 @@ def test_supersonic_trim():
 @pytest.mark.parametrize("case", RECORDED)
 def test_nearer_to_a_tool_than_the_tools_to_each_other(case):
     """In every recorded column the nearest tool differs less from ours than the two tools that agree best from each other."""
-    run, end = records.as_recorded(fly(case)), SCENARIOS[case].duration
-    ours = [records.differences(run, records.published(case, tool), end) for tool in records.TOOLS]
+    run, end = records.as_recorded(fly(case), f16.aircraft()), SCENARIOS[case].duration
+    ours = [records.differences(run, records.published(case, tool), end) for tool in records.tools(case)]
     spread = records.spreads(case, end).values()
     compared = {name for pair in spread for name in pair}
     assert len(compared) > 30
@@ -165,7 +165,7 @@ ADAMS = {"13p1": (2e-3, 1e-2, 4e-3, 5e-2), "13p3": (4e-2, 7e-2, 6e-2, 0.6)}
 @pytest.mark.parametrize(("case", "adams"), [*((case, False) for case in TOOL_5), *((case, True) for case in ADAMS)])
 def test_close_to_tool_5(case, adams):
     run = fly(case, hold=0.01, adams=True) if adams else fly(case)
-    found = records.differences(records.as_recorded(run), records.published(case, "05"), SCENARIOS[case].duration)
+    found = records.differences(records.as_recorded(run, f16.aircraft()), records.published(case, "05"), SCENARIOS[case].duration)
     groups = ("altitudeMsl_ft",), ("feVelocity_ft_s_",), ("eulerAngle_deg_",), ("bodyAngularRateWrtEi_deg_s_",)
     for group, bound in zip(groups, (ADAMS if adams else TOOL_5)[case], strict=True):
         assert max(value for name, value in found.items() if name.startswith(group)) < bound, group

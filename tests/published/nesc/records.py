@@ -10,9 +10,16 @@ from itertools import combinations
 import numpy as np
 import xarray as xr
 
-from .f16 import DATA, DEG, FT, KT, LBF, SLUG, aircraft
+import flightmech
 
-TOOLS = ("02", "04", "05")
+from .f16 import DATA, DEG, FT, KT, LBF, SLUG
+
+GROUPS = {  # columns by the start of their names
+    "height [ft]": "altitudeMsl_ft", "latitude [deg]": "latitude_deg", "longitude [deg]": "longitude_deg",
+    "velocity over ground [ft/s]": "feVelocity_ft_s_", "attitude [deg]": "eulerAngle_deg_",
+    "inertial rates [deg/s]": "bodyAngularRateWrtEi_deg_s_", "Mach number": "mach", "air density [slug/ft3]": "airDensity_slug_ft3",
+    "aerodynamic force [lbf]": "aero_bodyForce_lbf_", "aerodynamic moment [ft lbf]": "aero_bodyMoment_ftlbf_",
+}  # fmt: skip
 LOADS = ("aero_bodyForce_lbf_", "aero_bodyMoment_ftlbf_")
 ANGLES = ("longitude_deg", "eulerAngle_deg_Yaw", "eulerAngle_deg_Roll")  # compared modulo one turn
 PSF, DENSITY = LBF / FT**2, SLUG / FT**3
@@ -40,26 +47,30 @@ def published(case: str, tool: str) -> Columns:
     return {**columns, "time": np.round(columns["time"], 3)}
 
 
-def has_records(case: str) -> bool:
-    """Whether there are trajectories of a case."""
-    return any(DATA.glob(f"Atmos_{case}_*/*.csv"))
+def tools(case: str) -> tuple[str, ...]:
+    """Return the numbers of the tools that have a trajectory of a case; none when there is no record."""
+    return tuple(sorted(path.stem[-2:] for path in DATA.glob(f"Atmos_{case}_*/*.csv")))
 
 
-def as_recorded(run: xr.Dataset) -> Columns:
-    """Return our run in the names and units of the records; moments about the centre of mass, as tools 4 and 5 write them."""
+def as_recorded(run: xr.Dataset, craft: flightmech.Aircraft | None = None) -> Columns:
+    """Return our run in the names and units of the records; with the aircraft also forces, and moments about the centre of mass."""
     y = {str(name): run[name].values for name in run.data_vars}
     found: Columns = {"time": np.round(run.time.values, 3), "altitudeMsl_ft": y["h"] / FT, "mach": y["mach"]}
     found |= {"longitude_deg": y["lon"] / DEG, "latitude_deg": y["lat"] / DEG, "altitudeRateWrtMsl_ft_min": y["hdot"] / FT * 60.0}
     found |= {f"feVelocity_ft_s_{axis}": y[name] / FT for axis, name in zip("XYZ", ("vn", "ve", "vd"), strict=True)}
     for axis, angle, rate in zip(("Roll", "Pitch", "Yaw"), ("phi", "theta", "psi"), "pqr", strict=True):
         found[f"eulerAngle_deg_{axis}"], found[f"bodyAngularRateWrtEi_deg_s_{axis}"] = y[angle] / DEG, y[rate] / DEG
-    found |= {"trueAirspeed_nmi_h": y["V"] / KT, "dynamicPressure_lbf_ft2": y["qbar"] / PSF, "speedOfSound_ft_s": y["V"] / y["mach"] / FT}
+    found |= {
+        "trueAirspeed_nmi_h": y["V"] / KT,
+        "dynamicPressure_lbf_ft2": y["qbar"] / PSF,
+        "speedOfSound_ft_s": np.divide(y["V"], y["mach"], out=np.full(len(y["V"]), np.nan), where=y["mach"] > 0.0) / FT,
+    }
     found |= {"airDensity_slug_ft3": y["rho"] / DENSITY, "ambientPressure_lbf_ft2": y["p_static"] / PSF}
-    return found | {"ambientTemperature_dgR": y["temperature"] * 1.8} | _loads(y) | _place(y, run.time.values)
+    found |= {"ambientTemperature_dgR": y["temperature"] * 1.8, **_place(y, run.time.values)}
+    return found if craft is None else found | _loads(y, craft)
 
 
-def _loads(y: Mapping[str, np.ndarray]) -> Columns:
-    craft = aircraft()
+def _loads(y: Mapping[str, np.ndarray], craft: flightmech.Aircraft) -> Columns:
     qS = y["qbar"] * craft.S
     force = qS * np.array(
         [
@@ -110,9 +121,15 @@ def differences(a: Columns, b: Columns, until: float = np.inf) -> dict[str, floa
 def _largest(name: str, difference: np.ndarray) -> float:
     if name in ANGLES:
         difference = (difference + 180.0) % 360.0 - 180.0
-    return float(np.abs(difference).max())
+    return float(np.nanmax(np.abs(difference)))
 
 
 def spreads(case: str, until: float = np.inf) -> dict[tuple[str, str], dict[str, float]]:
     """Return the largest differences of each two tools."""
-    return {(a, b): differences(published(case, a), published(case, b), until) for a, b in combinations(TOOLS, 2)}
+    return {(a, b): differences(published(case, a), published(case, b), until) for a, b in combinations(tools(case), 2)}
+
+
+def grouped(found: Mapping[str, float]) -> dict[str, float]:
+    """Return the largest difference of each of `GROUPS` that has a column."""
+    columns = {group: [value for name, value in found.items() if name.startswith(start)] for group, start in GROUPS.items()}
+    return {group: max(values) for group, values in columns.items() if values}
