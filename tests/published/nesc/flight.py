@@ -19,8 +19,8 @@ from flightmech.simulation import attributes
 
 from .f16 import DEG, FT, KT, MODELS, aircraft, compiled
 from .law import function_of
-from .records import EARTH_RADIUS, EARTH_RATE, ECCENTRICITY_2, published
-from .scenarios import SCENARIOS, Scenario
+from .records import EARTH_RADIUS, EARTH_RATE, ECCENTRICITY_2
+from .scenarios import SCENARIOS, Commands, Scenario
 
 RHO_0 = 1.225  # [kg/m3] of equivalent airspeed
 NUDGE = 1e-6
@@ -63,6 +63,7 @@ class Flight:
         variable = {row.name: i for i, row in enumerate(self.model.entries(VARIABLE))}
         self.alpha, self.rates = variable["alpha"], [variable[name] for name in ("phat", "qhat", "rhat")]
         self.states = np.zeros((2, len(variable)))
+        self.last_rate: np.ndarray | None = None
         for name, value in {**start, "mode.earth": 1.0, "mode.step": step}.items():
             self.run.set_parameter(self.parameter[name], value)
 
@@ -84,6 +85,13 @@ class Flight:
         self._damp(y)
         return y
 
+    def adams_step(self, dt: float) -> None:
+        """Advance by the second-order Adams-Bashforth formula; the first step is Euler's."""
+        x = self.run.state
+        rate = self.run.derivative(x, self.u)
+        self.run.state = x + dt * (rate if self.last_rate is None else 1.5 * rate - 0.5 * self.last_rate)
+        self.last_rate = rate
+
     def _damp(self, y: Mapping[str, float]) -> None:
         craft, turn = aircraft(), axes(y["phi"], y["theta"], y["psi"]) @ earth_turn(y["lat"])
         self.states[:, self.alpha] = y["alpha"]
@@ -95,22 +103,17 @@ class Flight:
             self.run.set_parameter(index, value)
 
 
-def start_of(case: str, tool: str = "") -> dict[str, float]:
-    """Return initial parameters: as the scenario says, in steady level flight over the turning Earth, or as a tool wrote its first line."""
+def start_of(case: str) -> dict[str, float]:
+    """Return initial parameters: steady level flight over the turning Earth as the scenario says, Euler angles steady."""
     s = SCENARIOS[case].start
     lat, psi, V, h = s["lat"] * DEG, s["psi"] * DEG, s["V"] * FT, s["h"] * FT
     start = {"init.V": V, "init.h": h, "init.lat": lat, "init.lon": s["lon"] * DEG, "init.psi": psi}
-    if not tool:
-        turn = earth_turn(lat) + level_turn(lat, h, V * math.cos(psi), V * math.sin(psi))
-        theta = trim({**start, **_rates(axes(0.0, 0.0, psi) @ turn)})["alpha"]
-        return {**start, **_rates(axes(0.0, theta, psi) @ turn)}
-    first = {name: float(values[0]) for name, values in published(case, tool).items()}
-    rates = [first[f"bodyAngularRateWrtEi_deg_s_{axis}"] * DEG for axis in ("Roll", "Pitch", "Yaw")]
-    speed = math.hypot(*(first[f"feVelocity_ft_s_{axis}"] * FT for axis in "XYZ"))
-    return {**start, "init.V": speed, **_rates(rates)}
+    turn = earth_turn(lat) + level_turn(lat, h, V * math.cos(psi), V * math.sin(psi))
+    theta = trim({**start, **_rates(axes(0.0, 0.0, psi) @ turn)})["alpha"]
+    return {**start, **_rates(axes(0.0, theta, psi) @ turn)}
 
 
-def _rates(rates) -> dict[str, float]:
+def _rates(rates: np.ndarray) -> dict[str, float]:
     return dict(zip(("init.p", "init.q", "init.r"), map(float, rates), strict=True))
 
 
@@ -142,8 +145,8 @@ def _unsteady(flight: Flight, z: np.ndarray) -> np.ndarray:
 
 
 @cache
-def fly(case: str, hold: float = 0.0, tool: str = "", adams: bool = False) -> xr.Dataset:
-    """Return a scenario at 10 Hz: all outputs of the kernel, ``delta_e`` to ``lever`` as commanded.
+def fly(case: str, hold: float = 0.0, adams: bool = False) -> xr.Dataset:
+    """Return a scenario at 10 Hz: all outputs of the kernel, and ``delta_e delta_a delta_r`` [rad] and ``lever`` [1] as commanded.
 
     Parameters
     ----------
@@ -151,19 +154,17 @@ def fly(case: str, hold: float = 0.0, tool: str = "", adams: bool = False) -> xr
         Of `SCENARIOS`.
     hold : float
         Step of the kernel, over which the controls are held; zero takes that of the scenario. [s]
-    tool : str
-        Start with the speed and the body rates in the first line of this tool's record.
     adams : bool
         Integrate the kernel's derivative by the second-order Adams-Bashforth formula, as tool 5 does, instead of the kernel's steps.
     """
     scenario = SCENARIOS[case]
-    hold, start = hold or scenario.hold, start_of(case, tool)
+    hold, start = hold or scenario.hold, start_of(case)
     steady = trim(start)
-    law = _law(scenario, steady) if scenario.law else None
+    law = _law(scenario, scenario.commands, steady) if scenario.commands else None
     flight = Flight(start, hold)
     flight.put(delta_e=steady["delta_e"], lever=steady["lever"])
     flight.begin(steady["alpha"])
-    every, rows, deviation, slope = round(0.1 / hold), [], 0.0, None
+    every, rows, deviation = round(0.1 / hold), [], 0.0
     for i in range(round(scenario.duration / hold) + 1):
         t = i * hold
         y = flight.outputs()
@@ -174,10 +175,7 @@ def fly(case: str, hold: float = 0.0, tool: str = "", adams: bool = False) -> xr
             rows.append([t, *flight.run.outputs(), *flight.u])
         deviation += hold * _drift(y, scenario)
         if adams:
-            x = flight.run.state
-            now = flight.run.derivative(x, flight.u)
-            flight.run.state = x + hold * (now if slope is None else 1.5 * now - 0.5 * slope)
-            slope = now
+            flight.adams_step(hold)
         else:
             flight.run.step(t, hold, flight.u, flight.u)
     return _dataset(flight, np.array(rows))
@@ -189,14 +187,14 @@ def _drift(y: Mapping[str, float], scenario: Scenario) -> float:
     return (y["ve"] * math.cos(course) - y["vn"] * math.sin(course)) / FT
 
 
-def _law(scenario: Scenario, steady: Mapping[str, float]):
+def _law(scenario: Scenario, commands: Commands, steady: Mapping[str, float]) -> Commands:
     """Return the control law as a function of time, outputs and deviation to controls in SI; rates relative to the Earth."""
     design = dict.fromkeys(("trimmedAlpha", "trimmedTheta"), steady["alpha"] / DEG) if scenario.at_trim else {}
     law, fixed = function_of(daveml.read(MODELS / scenario.law), design), _pilot(steady)
 
     def controls(t: float, y: Mapping[str, float], deviation: float) -> dict[str, float]:
         rates = np.array([y["p"], y["q"], y["r"]]) - axes(y["phi"], y["theta"], y["psi"]) @ earth_turn(y["lat"])
-        found = law({**fixed, **_sensed(y), **dict(zip(("pb", "qb", "rb"), rates, strict=True)), **scenario.commands(t, y, deviation)})
+        found = law({**fixed, **_sensed(y), **dict(zip(("pb", "qb", "rb"), rates, strict=True)), **commands(t, y, deviation)})
         return {"delta_e": found["el"] * DEG, "delta_a": found["ail"] * DEG, "delta_r": found["rdr"] * DEG, "lever": found["PWR"] / 100.0}
 
     return controls
@@ -215,7 +213,7 @@ def _sensed(y: Mapping[str, float]) -> dict[str, float]:
 
 def _dataset(flight: Flight, rows: np.ndarray) -> xr.Dataset:
     outputs = flight.model.entries(OUTPUT)
-    columns = {row.name: ("time", rows[:, 1 + i], attributes(row)) for i, row in enumerate(outputs)}
+    columns: dict[str, tuple] = {row.name: ("time", rows[:, 1 + i], attributes(row)) for i, row in enumerate(outputs)}
     controls = rows[:, 1 + len(outputs) :]
     for name in ("delta_e", "delta_a", "delta_r", "engine1.throttle"):
         columns["lever" if "." in name else name] = ("time", controls[:, flight.model.inputs.index(name)])
