@@ -24,7 +24,7 @@ from .errors import SchemaError, UnknownName
 from .library import OUTPUT, PARAMETER, STATE, Simulation
 from .names import attrs
 from .simulation import constant_inputs, prepared
-from .trim_request import DRIVES
+from .trim_request import DRIVES, RIGID
 from .trimming import trim
 from .units import G0
 
@@ -42,7 +42,6 @@ _LATERAL_OUTPUTS = (*LATERAL, "ay", "v", "p_dot", "r_dot", "beta_dot", "CY", "Cl
 _FOUND = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")  # biases that a trim finds
 _STEP = float(np.finfo(float).eps ** (1.0 / 3.0))
 _HEIGHT = 1e4  # over which the air changes by its own size [m]
-_RIGID = 13  # states of the rigid body in the kernel
 _TYRE = 0.1  # deflection of a tyre [m]
 _HOT = 1e3  # turbine temperature [K]
 _CIRCUITS = ("column", "wheel", "pedal")
@@ -171,7 +170,7 @@ def _demand(names: Iterable[str], allowed: Sequence[str], what: str) -> None:
 def _submodel_states(sim: SimModel) -> dict[str, tuple[int, str]]:
     """Return place and units of the states beside those of the rigid body, by their names without ``state.``."""
     rows = enumerate(sim.entries(STATE))
-    return {row.name.removeprefix("state."): (i, row.units) for i, row in rows if i >= _RIGID}
+    return {row.name.removeprefix("state."): (i, row.units) for i, row in rows if i >= RIGID}
 
 
 def _mode(sim: SimModel, parameters: Mapping[str, float], name: str) -> float:

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 ACCELERATIONS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
+CLIMB = "hddot"  # acceleration upward: no output, but the kernel knows it
 BY_GAMMA, BY_THETA, ON_GROUND = range(3)
 _SURFACES = ("delta_e", "delta_a", "delta_r")
 _STRAIGHT = {"gamma": 0.0, "phi": 0.0, "psi_dot": 0.0}
@@ -72,8 +73,8 @@ KINDS = {
     ),
     "ground": Kind(
         ("h", "theta", "phi"),
-        ("w_dot", "p_dot", "q_dot"),
-        fixed={"V": 0.0, "gamma": 0.0, "psi_dot": 0.0},
+        (CLIMB, "p_dot", "q_dot"),
+        fixed={"V": 0.0, "gamma": 0.0, "psi_dot": 0.0, "gear": 1.0},
         frees={"u_dot": "power"},
         path=ON_GROUND,
     ),

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from .errors import SchemaError, UnknownName
-from .library import INPUT, PARAMETER, Entry
-from .trim_kinds import ACCELERATIONS, BY_GAMMA, BY_THETA, KINDS, ON_GROUND, SOUGHT_BY, Kind
+from .library import INPUT, PARAMETER, STATE, Entry
+from .trim_kinds import ACCELERATIONS, BY_GAMMA, BY_THETA, CLIMB, KINDS, ON_GROUND, SOUGHT_BY, Kind
 from .units import G0
 
 if TYPE_CHECKING:
@@ -29,6 +30,8 @@ _LIMITS = {
     **dict.fromkeys(("p", "q", "r", "psi_dot"), (-_RATE, _RATE, 1.0)),
 }  # low, high, size; alpha and beta as in the kernel's own trim
 _FORCE = 100.0  # size of a pilot force [N]
+_TYRE = 0.2  # most deflection of a tyre along the ground [m]
+RIGID = 13  # states of the rigid body in the kernel, which come first
 
 
 class Request(NamedTuple):
@@ -64,6 +67,7 @@ class _Reader:
 
     def __init__(self, sim: SimModel, parameters: Mapping[str, float], kind: str, fixed: Mapping[str, float]):
         self.sim, self.name, self.kind = sim, kind, KINDS[kind]
+        self.states = {row.name: row for row in sim.entries(STATE)[RIGID:]}
         self.rows: dict[str, Entry] = {row.name: row for row in (*sim.entries(PARAMETER), *sim.entries(INPUT))}
         self.values = {str(name): float(value) for name, value in parameters.items()} | {"mode.trim": 0.0}
         for name in self.values:
@@ -78,12 +82,14 @@ class _Reader:
         sought = self._sought(None if unknowns is None else [self._plain(name) for name in unknowns])
         self._defaults(sought)
         path = self._path(sought)
-        goals = self._goals(residuals, path)
+        if path == ON_GROUND:
+            self._stand(sought if unknowns is None else [])
+        goals = self._goals(residuals or self.kind.residuals, path)
         self._refuse(sought, goals)
         self._guess(sought)
         movers = tuple(self._movers(name) for name in sought)
         limits = np.array([self._limits(name, items[0], path) for name, items in zip(sought, movers, strict=True)])
-        guess = np.array([self._value(items[0]) for items in movers])
+        guess = np.array([self._start_guess(name, items[0], path) for name, items in zip(sought, movers, strict=True)])
         names = tuple(self._shown(name) for name in sought)
         search = (guess, limits[:, 0], limits[:, 1], limits[:, 2])
         outputs = tuple(f"trim.{name}" if name in ACCELERATIONS else name for name in goals)
@@ -91,6 +97,16 @@ class _Reader:
 
     def _value(self, name: str) -> float:
         return self.values.get(name, self.rows[name].value)
+
+    def _stand(self, sought: list[str]) -> None:
+        """At rest the tyres hold what pulls along the ground, and nothing accelerates."""
+        tyres = [name for name in self.states if name.endswith((".tyre_x", ".tyre_y"))]
+        if not tyres:
+            raise SchemaError(f"trim, kind {self.name}", ["the aircraft has no landing gear; give it [gear] in its file"])
+        if self._value("init.V") == 0.0:
+            wheels = [name for name in tyres if self._value(f"{name.rpartition('.')[0]}.friction") == 0.0]
+            sought += [name for name in wheels if name not in self.given]
+            self.kind = replace(self.kind, residuals=ACCELERATIONS)
 
     def _plain(self, name: str) -> str:
         """Return the name of the input for what drives an engine, ``power`` for what drives all, start values without their prefix."""
@@ -155,7 +171,7 @@ class _Reader:
             held.pop("gamma", None)
         self.given = held | self.given
         for name, value in self.given.items():
-            self.values |= dict.fromkeys(self._settable(name), value)
+            self.values |= dict.fromkeys((item for item in self._settable(name) if item not in self.states), value)
 
     def _settable(self, name: str) -> tuple[str, ...]:
         """Return the parameters and inputs that are this quantity; none when it is an output or an acceleration."""
@@ -163,7 +179,7 @@ class _Reader:
             return self._power()
         if name in ACCELERATIONS or f"init.{name}" in self.rows:
             return (f"init.{name}",)
-        if name in self.rows:
+        if name in self.rows or name in self.states:
             return (name,)
         if name not in self.sim.outputs:
             raise UnknownName(name, {*_START, *ACCELERATIONS, "throttle", "thrust", *self.rows, *self.sim.outputs}, "quantity")
@@ -174,9 +190,9 @@ class _Reader:
             return ON_GROUND
         return BY_THETA if "theta" in (*sought, *self.given) else BY_GAMMA
 
-    def _goals(self, residuals: Sequence[str] | None, path: int) -> dict[str, float]:
+    def _goals(self, residuals: Sequence[str], path: int) -> dict[str, float]:
         dropped = {self.kind.drops[name] for name in self.given if name in self.kind.drops}
-        goals = {name: 0.0 for name in residuals or self.kind.residuals if residuals or name not in dropped}
+        goals = {name: 0.0 for name in residuals if residuals is not self.kind.residuals or name not in dropped}
         followers = {BY_GAMMA: ("theta",), BY_THETA: ("gamma",), ON_GROUND: ("alpha", "beta")}[path]
         for name, value in self.given.items():
             if name in ACCELERATIONS:
@@ -184,8 +200,8 @@ class _Reader:
             elif name in followers or not self._settable(name):
                 goals[name] = value
         for name in goals:
-            if name not in ACCELERATIONS and name not in self.sim.outputs:
-                raise UnknownName(name, {*ACCELERATIONS, *self.sim.outputs}, "residual")
+            if name not in (*ACCELERATIONS, CLIMB) and name not in self.sim.outputs:
+                raise UnknownName(name, {*ACCELERATIONS, CLIMB, *self.sim.outputs}, "residual")
         return goals
 
     def _refuse(self, sought: Sequence[str], goals: Mapping[str, float]) -> None:
@@ -224,12 +240,20 @@ class _Reader:
         if "q" in sought:
             self.values["init.q"] = (load - 1.0) * g / V
 
+    def _start_guess(self, name: str, item: str, path: int) -> float:
+        if path == ON_GROUND and name in ("h", "theta"):
+            return np.nan  # standing: the kernel knows
+        return 0.0 if item in self.states else self._value(item)
+
     def _limits(self, name: str, item: str, path: int) -> tuple[float, float, float]:
         if name == "h" and path == ON_GROUND:
             runway = self._value("env.runway_elevation")
             return runway - 20.0, runway + 50.0, 10.0
         if name in _LIMITS:
             return _LIMITS[name]
+        if item in self.states:
+            row = self.states[item]
+            return (-_TYRE, _TYRE, 0.05 * _TYRE) if ".tyre_" in item else (row.low, row.high, 1.0)
         row, weight = self.rows[item], self._value("mass.mass") * G0
         if item.endswith(".thrust_drive"):
             return max(row.low, -weight), min(row.high, weight), weight

@@ -9,19 +9,14 @@ import numpy as np
 import xarray as xr
 
 from .errors import SchemaError
-from .library import INPUT, OUTPUT, PARAMETER, Simulation
+from .library import INPUT, OUTPUT, PARAMETER, STATE
 from .simulation import attributes, constant_inputs, prepared
-from .trim_request import Request, request
+from .trim_kinds import CLIMB
+from .trim_request import request
+from .trim_result import Search
 
 if TYPE_CHECKING:
     from .compiler import SimModel
-
-_DONE = 1e-6  # what is left of a residual that counts as nothing [m s-2]: a ten-millionth of gravity
-_AT_LIMIT = 1e-9  # of the size of an unknown
-_NO_EFFECT = 1e-8  # slope, of the largest one
-_SAME = 1e-6  # singular value of the normalised slopes, of the largest one
-_PART = 0.1  # of a direction without effect: a component that is named
-_STATE = ("V", "alpha", "beta", "theta", "p", "q", "r")  # what a trim sets without being among its unknowns
 
 
 def trim(
@@ -107,11 +102,13 @@ def trim(
         return _outputs(sim, trimmed_outputs(sim, parameters or {}))
     asked = request(sim, parameters or {}, kind or "level", unknowns, residuals, fixed or {})
     run = prepared(sim, asked.values, constant_inputs(sim, asked.values))
-    places = {**{name: (PARAMETER, i) for i, name in enumerate(sim.parameters)}, **{name: (INPUT, i) for i, name in enumerate(sim.inputs)}}
+    places = {row.name: (kind, i) for kind in (STATE, PARAMETER, INPUT) for i, row in enumerate(sim.entries(kind))}
     movers = [(*places[item], unknown) for unknown, items in enumerate(asked.movers) for item in items]
-    goals = [sim.outputs.index(name) for name in asked.outputs]
+    goals = [-1 if name == CLIMB else sim.outputs.index(name) for name in asked.outputs]
     found, y, left, jacobian = run.trim_for(asked.path, movers, asked.search, goals, asked.wanted)
-    return _outputs(sim, y).assign(_search(sim, run, asked, found, y)).assign_attrs(_findings(asked, found, left, jacobian, y[goals]))
+    rest = np.where(np.array(goals) < 0, left, y[goals] - asked.wanted)
+    search = Search(asked, found, rest, left, jacobian)
+    return _outputs(sim, y).assign(search.variables(sim, run)).assign_attrs(search.attributes())
 
 
 def start_of(trimmed: xr.Dataset) -> dict[str, float]:
@@ -152,73 +149,3 @@ def _seek(sim: SimModel, parameters: Mapping[str, float]) -> float:
 
 def _outputs(sim: SimModel, y: np.ndarray) -> xr.Dataset:
     return xr.Dataset({row.name: ((), y[i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}, attrs={"title": sim.title})
-
-
-def _search(sim: SimModel, run: Simulation, asked: Request, found: np.ndarray, y: np.ndarray) -> dict[str, tuple]:
-    units = {row.name: row.units for kind in (OUTPUT, INPUT, PARAMETER) for row in sim.entries(kind)}
-    _, low, high, size = asked.search
-    near = _AT_LIMIT * size
-    goals = np.array([sim.outputs.index(name) for name in asked.outputs])
-    start = {**asked.values, **{item: found[k] for k, items in enumerate(asked.movers) for item in items}}
-    start |= {f"init.{name}": run.parameter(sim.parameters.index(f"init.{name}")) for name in _STATE}
-    return {
-        "unknown": ("unknown", list(asked.unknowns)),
-        "unknown_units": ("unknown", [units[items[0]] for items in asked.movers]),
-        "found": ("unknown", found),
-        "low": ("unknown", low),
-        "high": ("unknown", high),
-        "limit": ("unknown", np.where(found <= low + near, -1, np.where(found >= high - near, 1, 0))),
-        "residual": ("residual", list(asked.residuals)),
-        "residual_units": ("residual", [units[name] for name in asked.outputs]),
-        "wanted": ("residual", asked.wanted),
-        "left": ("residual", y[goals] - asked.wanted),
-        "quantity": ("quantity", list(start)),
-        "start": ("quantity", np.array(list(start.values()))),
-    }
-
-
-def _findings(asked: Request, found: np.ndarray, left: np.ndarray, jacobian: np.ndarray, reached: np.ndarray) -> dict[str, str | int]:
-    _, low, high, size = asked.search
-    near = _AT_LIMIT * size
-    stops = [
-        f"{name} at its {'lower' if z <= a + e else 'upper'} limit {a if z <= a + e else b:.6g}"
-        for name, z, a, b, e in zip(asked.unknowns, found, low, high, near, strict=True)
-        if z <= a + e or z >= b - e
-    ]
-    idle, alike, rank = _rank(asked.unknowns, jacobian)
-    converged = bool(np.abs(left).max() <= _DONE)
-    rest = [
-        f"{name} {value - aim:.3g}"
-        for name, value, aim, part in zip(asked.residuals, reached, asked.wanted, left, strict=True)
-        if abs(part) > _DONE
-    ]
-    words = ["trimmed" if converged else "not trimmed", *stops]
-    words += [f"left over: {', '.join(rest)}"] if rest else []
-    words += [f"without effect: {', '.join(idle)}"] if idle else []
-    words += [f"only together: {', '.join(alike)}"] if alike else []
-    return {
-        "kind": asked.kind,
-        "converged": int(converged),
-        "at_limit": " ".join(
-            name for name, z, a, b, e in zip(asked.unknowns, found, low, high, near, strict=True) if z <= a + e or z >= b - e
-        ),
-        "without_effect": " ".join(idle),
-        "alike": " ".join(alike),
-        "rank": rank,
-        "verdict": "; ".join(words),
-    }
-
-
-def _rank(unknowns: Sequence[str], jacobian: np.ndarray) -> tuple[list[str], list[str], int]:
-    """Return the unknowns without effect, those whose effects are not independent, and the number of independent ones."""
-    norm = np.linalg.norm(jacobian, axis=0)
-    works = norm > _NO_EFFECT * norm.max(initial=0.0)
-    idle = [name for name, moves in zip(unknowns, works, strict=True) if not moves]
-    if not works.any():
-        return idle, [], 0
-    _, sizes, directions = np.linalg.svd(jacobian[:, works] / norm[works])
-    rank = int((sizes > _SAME * sizes[0]).sum())
-    names = np.array(unknowns)[works]
-    if rank == min(jacobian.shape[0], len(names)):
-        return idle, [], rank
-    return idle, [str(name) for name in names[(np.abs(directions[rank:]) > _PART).any(axis=0)]], rank

@@ -122,11 +122,13 @@ AM_API int am_initialize(am_sim *sim, double t);
 /* Seek alpha, beta and biases of elevator, aileron, rudder and of thrust (seek = 1, N per engine) or throttle (seek = 2)
  * so that u', v', w', p', q', r' take the values init.u_dot ... init.r_dot, with init.V gamma phi psi h p q r psi_dot held.
  * Regularised minimum-norm Newton steps inside the limits of the inputs.  A trim that leaves residuals is a result, not
- * an error: outputs trim.u_dot ... trim.r_dot hold what is left, trim.alpha ... trim.throttle what was found. */
+ * an error: outputs trim.u_dot ... trim.r_dot hold what is left, trim.alpha ... trim.throttle what was found.
+ * seek = 3 stands on the runway instead, rolling with init.V over the ground along init.psi (0: at rest): height, pitch, bank and, at
+ * rest, deflections of the tyres, so that the legs carry the aircraft and, at rest, nothing accelerates. */
 AM_API int am_trim(am_sim *sim, int seek);
 
-/* What a trim moves: row `index` of the inputs or parameters follows unknown `unknown`; several may follow one, as the
- * throttles of all engines do. */
+/* What a trim moves: row `index` of the inputs, parameters or states of submodels follows unknown `unknown`; several may follow
+ * one, as the throttles of all engines do. */
 typedef struct {
     int kind, index, unknown;
 } am_mover;
@@ -138,18 +140,21 @@ enum {
     AM_PATH_GROUND = 2 /* init.V is the speed over the ground along init.psi; airspeed and flow angles follow with attitude and wind */
 };
 
+enum { AM_GOAL_CLIMB = -1 }; /* in place of an output: acceleration upward */
+
 typedef struct {
     int path, movers, unknowns, goals;
     const am_mover *mover;              /* [movers] */
     const double *low, *high, *size;    /* [unknowns]: limits; what one step of the search should be of the order of */
-    const int *goal;                    /* [goals]: outputs; trim.u_dot ... trim.r_dot: accelerations less init.u_dot ... init.r_dot */
+    const int *goal;                    /* [goals]: outputs or AM_GOAL_CLIMB; trim.u_dot ... trim.r_dot: accelerations less init.u_dot ... */
     const double *wanted;               /* [goals] */
 } am_trim_task;
 
 /* Seek unknowns so that outputs take wanted values, inside limits, by steps of the smallest norm; no more goals than unknowns.
  * init.p q r are here rates against the horizon; the turn init.psi_dot about the vertical comes on top.
- * found[unknowns]: in the first guess, out what was found.  The simulation then stands in the steady flight, and inputs and
- * init.* hold it: am_initialize with mode.trim = 0 comes back to it.
+ * found[unknowns]: in the first guess (NaN: as it is now; standing, for init.h and init.theta on the ground), out what was found.
+ * The simulation is then in that state, and inputs and init.* hold it: am_initialize with mode.trim = 0 (3 on the ground) comes
+ * back to it.
  * y[outputs]: the outputs there.  left[goals]: what is left, output less wanted value, weighed as an acceleration (m/s2; rotations
  * times half the span, angles and load factors times g).  jacobian[goals * unknowns] (NULL: not asked for): slope of `left` over one
  * size of each unknown.  A trim that leaves residuals is a result, not an error. */

@@ -6,7 +6,7 @@
 #ifndef AEROMATCH_LEAST_NORM_H
 #define AEROMATCH_LEAST_NORM_H
 
-#define LARGEST_SYSTEM 32 /* unknowns, and equations */
+#define LARGEST_SYSTEM 40 /* unknowns, and equations */
 #define NUDGE 1e-6        /* of the central differences */
 
 typedef struct {
