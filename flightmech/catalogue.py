@@ -39,6 +39,7 @@ _MODES = {
     "earth": ("0 flat, 1 WGS-84 rotating, 2 sphere at rest, 3 rotating sphere", 1.0, 0.0, 3.0),
     "engine": ("0 the lever drives, 1 N1, 2 thrust_drive", 0.0, 0.0, 2.0),
     "controls": ("0 the surfaces drive, 1 the cockpit positions, 2 the pilot's forces", 0.0, 0.0, 2.0),
+    "rates": ("body rates of the aerodynamics: 0 relative to inertial space as gyros show them, 1 to the Earth", 0.0, 0.0, 1.0),
     "trim": ("at the start: 0 none, 1 seek thrust, 2 seek throttle, 3 stand on the ground", 0.0, 0.0, 3.0),
 }
 _START = {"V": 100.0, "h": 1000.0}

@@ -52,7 +52,8 @@ enum { STAGE_MASS, STAGE_ENGINE, STAGE_GEAR, STAGE_AERO, STAGE_HINGE, STAGES };
     X(P_BIAS_THRUST, "bias.thrust") X(P_BIAS_THROTTLE, "bias.throttle") \
     X(P_BIAS_CL, "bias.CL") X(P_BIAS_CD, "bias.CD") X(P_BIAS_CY, "bias.CY") \
     X(P_BIAS_ROLL, "bias.Cl") X(P_BIAS_PITCH, "bias.Cm") X(P_BIAS_YAW, "bias.Cn") \
-    X(P_EARTH, "mode.earth") X(P_ENGINE, "mode.engine") X(P_CONTROLS, "mode.controls") X(P_TRIM, "mode.trim") X(P_STEP, "mode.step")
+    X(P_EARTH, "mode.earth") X(P_ENGINE, "mode.engine") X(P_CONTROLS, "mode.controls") X(P_RATES, "mode.rates") \
+    X(P_TRIM, "mode.trim") X(P_STEP, "mode.step")
 
 /* Position and velocity in Earth axes, quaternion Earth to body, body rates relative to inertial space. */
 #define AM_CORE_STATES(X) \

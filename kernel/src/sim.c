@@ -162,6 +162,7 @@ static int prepare(am_sim *sim) {
     if (!whole(p[P_EARTH], SPHERE_ROTATING)) return bad_parameter(sim, P_EARTH, "0 (flat), 1 (WGS-84), 2 (sphere at rest) or 3 (rotating sphere)");
     if (!whole(p[P_ENGINE], THRUST_DRIVEN)) return bad_parameter(sim, P_ENGINE, "0 (lever), 1 (N1) or 2 (thrust driven)");
     if (!whole(p[P_CONTROLS], FORCE_DRIVEN)) return bad_parameter(sim, P_CONTROLS, "0 (surfaces), 1 (cockpit positions) or 2 (pilot forces)");
+    if (!whole(p[P_RATES], RATES_OF_EARTH)) return bad_parameter(sim, P_RATES, "0 (as gyros show them) or 1 (relative to the Earth)");
     if (!whole(p[P_TRIM], 3)) return bad_parameter(sim, P_TRIM, "0 (none), 1 (seek thrust), 2 (seek throttle) or 3 (on the ground)");
     sim->drive = (int)p[P_ENGINE], sim->controls = (int)p[P_CONTROLS];
     int (*const check[])(am_sim *) = {set_inertia, weather_check, fuel_check, engine_check, gear_check, control_check};

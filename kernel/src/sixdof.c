@@ -28,8 +28,9 @@ static void set_variables(am_sim *sim, const double *x, const double *u) {
     var[A_ALPHA] = now->alpha, var[A_BETA] = now->beta, var[A_MACH] = now->mach;
     var[A_H] = now->h, var[A_H_AGL] = now->h + dot(below, now->down) - sim->par[P_RUNWAY];
     var[A_V] = now->V, var[A_QBAR] = now->qbar;
-    /* rates as gyros show them, relative to inertial space: the check cases and flight-test data reduction do the same */
-    const double p = x[X_P] - now->gust_rate[0], q = x[X_Q] - now->gust_rate[1], r = x[X_R] - now->gust_rate[2];
+    /* as gyros show them, which flight-test data reduction uses, or relative to the Earth and its air */
+    const double *rate = sim->par[P_RATES] == RATES_OF_EARTH ? now->rate : x + X_P;
+    const double p = rate[0] - now->gust_rate[0], q = rate[1] - now->gust_rate[1], r = rate[2] - now->gust_rate[2];
     var[A_PHAT] = p * span, var[A_QHAT] = q * chord, var[A_RHAT] = r * span;
     var[A_P] = p, var[A_Q] = q, var[A_R] = r;
     for (int i = 0; i <= U_DELTA_D; i++) var[A_DELTA_E + i] = applied(sim, u, i);
