@@ -146,7 +146,7 @@ typedef struct {
     int path, movers, unknowns, goals;
     const am_mover *mover;              /* [movers] */
     const double *low, *high, *size;    /* [unknowns]: limits; what one step of the search should be of the order of */
-    const int *goal;                    /* [goals]: outputs or AM_GOAL_CLIMB; trim.u_dot ... trim.r_dot: accelerations less init.u_dot ... */
+    const int *goal;                    /* [goals]: outputs or AM_GOAL_CLIMB; trim.u_dot ...: accelerations less init.u_dot ... */
     const double *wanted;               /* [goals] */
 } am_trim_task;
 
