@@ -72,6 +72,7 @@ def flown(**values: float) -> dict[str, float]:
     surfaces = {name: values.pop(name) for name in ("delta_e", "delta_a", "delta_r") if name in values}
     flight = Flight({"init.h": feet * FT, "init.V": 300.0, **{f"init.{name}": value for name, value in values.items()}}, 0.01)
     flight.put(lever=lever, **surfaces)
+    flight.run.set_parameter(flight.parameter["mode.rates"], 0.0)  # the rates given are those of the state
     flight.run.set_inputs(flight.u)
     flight.run.initialize()
     return dict(zip(flight.names, flight.run.outputs().tolist(), strict=True))

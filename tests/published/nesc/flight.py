@@ -1,7 +1,6 @@
 """Flying the F-16 scenarios: trim over the rotating Earth, the control law in the loop of the kernel's steps.
 
-The tools take the damping of the F-16 from the body rates relative to the rotating Earth, with which the air turns, the kernel from those
-relative to inertial space; `Flight` gives the difference to the coefficients as a bias.
+The tools take the damping of the F-16 from the body rates relative to the rotating Earth, with which the air turns (mode.rates 1).
 """
 
 from __future__ import annotations
@@ -14,10 +13,10 @@ import numpy as np
 import xarray as xr
 
 from aerodb.exchange import daveml
-from flightmech.library import OUTPUT, VARIABLE, Simulation
+from flightmech.library import OUTPUT, Simulation
 from flightmech.simulation import attributes
 
-from .f16 import DEG, FT, KT, MODELS, aircraft, compiled
+from .f16 import DEG, FT, KT, MODELS, compiled
 from .law import function_of
 from .records import EARTH_RADIUS, EARTH_RATE, ECCENTRICITY_2
 from .scenarios import SCENARIOS, Commands, Scenario
@@ -58,13 +57,9 @@ class Flight:
         self.run = Simulation(self.model.model)
         self.u = np.zeros(len(self.model.inputs))
         self.names = {name: i for i, name in enumerate(self.model.outputs)}
-        self.bias = [self.model.parameters.index(f"bias.{name}") for name in ("CL", "CD", "CY", "Cl", "Cm", "Cn")]
         self.parameter = {name: i for i, name in enumerate(self.model.parameters)}
-        variable = {row.name: i for i, row in enumerate(self.model.entries(VARIABLE))}
-        self.alpha, self.rates = variable["alpha"], [variable[name] for name in ("phat", "qhat", "rhat")]
-        self.states = np.zeros((2, len(variable)))
         self.last_rate: np.ndarray | None = None
-        for name, value in {**start, "mode.earth": 1.0, "mode.step": step}.items():
+        for name, value in {**start, "mode.earth": 1.0, "mode.rates": 1.0, "mode.step": step}.items():
             self.run.set_parameter(self.parameter[name], value)
 
     def put(self, **controls: float) -> None:
@@ -80,10 +75,8 @@ class Flight:
         self.run.initialize()
 
     def outputs(self) -> dict[str, float]:
-        """Return the outputs by name, and make the damping that of the present state: it counts from now on."""
-        y = dict(zip(self.names, self.run.outputs().tolist(), strict=True))
-        self._damp(y)
-        return y
+        """Return the outputs by name."""
+        return dict(zip(self.names, self.run.outputs().tolist(), strict=True))
 
     def adams_step(self, dt: float) -> None:
         """Advance by the second-order Adams-Bashforth formula; the first step is Euler's."""
@@ -91,16 +84,6 @@ class Flight:
         rate = self.run.derivative(x, self.u)
         self.run.state = x + dt * (rate if self.last_rate is None else 1.5 * rate - 0.5 * self.last_rate)
         self.last_rate = rate
-
-    def _damp(self, y: Mapping[str, float]) -> None:
-        craft, turn = aircraft(), axes(y["phi"], y["theta"], y["psi"]) @ earth_turn(y["lat"])
-        self.states[:, self.alpha] = y["alpha"]
-        self.states[1, self.rates] = turn * (craft.b, craft.cbar, craft.b) / (2.0 * y["V"])
-        both, _ = self.run.evaluate(self.states)
-        X, Z, Y, *moments = both[0] - both[1]
-        sa, ca = math.sin(y["alpha"]), math.cos(y["alpha"])
-        for index, value in zip(self.bias, (X * sa - Z * ca, -X * ca - Z * sa, Y, *moments), strict=True):
-            self.run.set_parameter(index, value)
 
 
 def start_of(case: str) -> dict[str, float]:
