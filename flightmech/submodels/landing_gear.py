@@ -351,9 +351,7 @@ def gear_of(table: GearTable, problems: list[str]) -> LandingGear:
     contacts = tuple(_contact(item, problems) for item in table.contact)
     steering = Steering(**{**dict(table.steering), "order": ORDERS[table.steering.order]})
     plain = {name: getattr(table, name) for name in ("mu_dry", "mu_icy", "skid_ratio", "antiskid")}
-    return LandingGear(
-        contacts, steering, CONDITIONS.index(table.condition), mu_wet=wet_friction(table.tyre_pressure), **plain
-    )
+    return LandingGear(contacts, steering, CONDITIONS.index(table.condition), mu_wet=wet_friction(table.tyre_pressure), **plain)
 
 
 def _contact(item: ContactTable, problems: list[str]) -> Contact:
@@ -507,7 +505,14 @@ def _contact_parameter(name: str, word: str, contact: Contact) -> Entry:
     value = place[word] if word in place else float(getattr(contact, word))
     high = {"retracts": 1.0, "loss": 0.04}.get(word, MOST)
     return Entry(
-        name, units, display, f"{contact.name}: {text}", value, -MOST if word in _SIGNED else 0.0, high, INTEGER if word == "retracts" else 0
+        name,
+        units,
+        display,
+        f"{contact.name}: {text}",
+        value,
+        -MOST if word in _SIGNED else 0.0,
+        high,
+        INTEGER if word == "retracts" else 0,
     )
 
 
