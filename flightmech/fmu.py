@@ -11,7 +11,7 @@ import os
 import zipfile
 from collections.abc import Mapping
 from hashlib import sha256
-from importlib.metadata import PackageNotFoundError
+from importlib.metadata import PackageNotFoundError, distribution
 from importlib.metadata import version as installed
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +20,7 @@ from .errors import ParseError, SchemaError
 from .fmu_binaries import binaries, compiled
 from .fmu_description import Description, describe
 from .fmu_documentation import Axis, html
+from .fmu_plots import figures
 from .fmu_xml import xml
 from .library import AXIS, LINEAR
 from .whole import written_whole
@@ -59,6 +60,7 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
         "modelDescription.xml": xml(description, version),
         "resources/model.bin": sim.block,
         "documentation/index.html": _documentation(sim, description).encode(),
+        **_license(),
         **binaries(compiled(), description.identifier, version),
     }
     with written_whole(path) as part:
@@ -68,7 +70,7 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
 
 def _documentation(sim: SimModel, description: Description) -> str:
     axes = [Axis(row.name, row.units, row.low, row.high, "linear" if row.flags & LINEAR else "held") for row in sim.entries(AXIS)]
-    return html(description, sim.terms, axes, sim.meta)
+    return html(description, sim.terms, axes, sim.meta, figures(sim))
 
 
 def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
@@ -128,6 +130,15 @@ def _zip(files: Mapping[str, bytes]) -> bytes:
             info.external_attr = (0o100755 if name.startswith("binaries/") else 0o100644) << 16
             zf.writestr(info, files[name], zipfile.ZIP_DEFLATED, 9)
     return archive.getvalue()
+
+
+def _license() -> dict[str, bytes]:
+    """Return the licence of the libraries, which whoever passes them on has to pass on as well."""
+    try:
+        text = distribution("aeromatch").read_text("licenses/LICENSE")
+    except PackageNotFoundError:
+        text = None
+    return {"documentation/licenses/aeromatch-kernel.txt": text.encode()} if text else {}
 
 
 def _tool() -> str:

@@ -1,4 +1,4 @@
-"""Small line plots of the tables of a model, drawn by flying its own block: what is seen is what the FMU computes."""
+"""Small line plots of the tables of a model, drawn by evaluating its own block: what is seen is what the FMU computes."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from .library import Simulation
-from .names import lookup
+from .catalogue import power_name
+from .library import VARIABLE, Entry, Simulation
 from .units import from_si, to_si
 
 if TYPE_CHECKING:
     from .compiler import SimModel
 
 WIDTH, HEIGHT = 300, 180
-LEFT, RIGHT, TOP, BOTTOM = 56, 10, 12, 34
+LEFT, RIGHT, TOP, BOTTOM, LEGEND = 56, 12, 12, 34, 62
 SHADES = ("#08306b", "#2171b5", "#4292c6", "#74a9cf", "#a6bddb")  # one hue, dark to light with the second axis
 POINTS = 121
 
@@ -46,26 +46,32 @@ class Figure(NamedTuple):
 def figures(sim: SimModel) -> Iterator[Figure]:
     """Yield a figure per term, in the order of the model.
 
-    The first axis runs, the second is at up to five values, others are in their middle; a regressor that is no axis is one,
-    so that the plot is per unit of it.
+    The first axis runs, the second is at up to five values, others are in their middle.  A regressor that is no axis is one
+    and a power factor is left out, so that the plot is per unit of them.
     """
-    run, texts = Simulation(sim.model), sim.meta.get("terms", {})
+    run, texts = _without_powers(sim), sim.meta.get("terms", {})
+    rows = {row.name: row for row in sim.entries(VARIABLE)}
     for column, term in enumerate(sim.terms):
         text: Mapping[str, str] = texts.get(term, {})
-        spans, words = axes_of(text.get("axes", "")), text.get("regressors", "").split()
+        spans = axes_of(text.get("axes", ""))
         middle = {span.name: 0.5 * (span.low + span.high) for span in spans}
-        units = {word: 1.0 for word in words if word not in middle}
+        units = {word: 1.0 for word in text.get("regressors", "").split() if word not in middle}
+        per = [f"per unit of {' '.join(units)}"] if units else []
+        if power_name(term) in sim.parameters:
+            per.append("without its power factor")
         if not spans:
-            yield Figure(term, "", _contribution(sim, run, column, units)[0], _per(units))
+            yield Figure(term, "", float(_contribution(sim, run, column, units)[0]), "; ".join(per))
             continue
         x = np.linspace(spans[0].low, spans[0].high, POINTS)
-        levels = _levels(spans[1]) if len(spans) > 1 else [0.0]
-        curves = []
-        for level in levels:
-            values = {**units, **middle, **({spans[1].name: level} if len(spans) > 1 else {}), spans[0].name: x}
-            curves.append(_contribution(sim, run, column, values))
-        labels = [_shown(spans[1].name, level) for level in levels] if len(spans) > 1 else []
-        yield Figure(term, _svg(term, spans[0], x, curves, labels), None, _caption(spans, middle, units))
+        levels = _levels(spans[1]) if len(spans) > 1 else []
+        curves = [
+            _contribution(sim, run, column, {**units, **middle, **({spans[1].name: level} if levels else {}), spans[0].name: x})
+            for level in levels or [0.0]
+        ]
+        labels = [_shown(rows[spans[1].name], level) for level in levels]
+        held = [f"{span.name} = {_shown(rows[span.name], middle[span.name])}" for span in spans[2:]]
+        said = [*per, *([f"shades: {spans[1].name}"] if levels else []), *held]
+        yield Figure(term, _svg(term, rows[spans[0].name], x, curves, labels), None, "; ".join(said))
 
 
 def axes_of(text: str) -> list[Span]:
@@ -79,9 +85,17 @@ def axes_of(text: str) -> list[Span]:
     found = []
     for match in _AXIS.finditer(text.replace(", ", "\n")):
         unit = match["unit"] or "1"
-        low, high = (to_si(float(match[end] or match["low"]), unit) for end in ("low", "high"))
+        low, high = (float(to_si(float(match[end] or match["low"]), unit)) for end in ("low", "high"))
         found.append(Span(match["name"], low, high, int(match["count"])))
     return found
+
+
+def _without_powers(sim: SimModel) -> Simulation:
+    run = Simulation(sim.model)
+    for i, name in enumerate(sim.parameters):
+        if name.startswith("power."):
+            run.set_parameter(i, 0.0)
+    return run
 
 
 def _contribution(sim: SimModel, run: Simulation, column: int, values: Mapping[str, float | np.ndarray]) -> np.ndarray:
@@ -92,37 +106,26 @@ def _contribution(sim: SimModel, run: Simulation, column: int, values: Mapping[s
     return run.evaluate(rows)[1][:, column]
 
 
-def _levels(span: Span) -> Sequence[float]:
+def _levels(span: Span) -> list[float]:
     return np.linspace(span.low, span.high, min(span.count, len(SHADES))).tolist()
 
 
-def _shown(name: str, value: float) -> str:
-    unit = lookup(name).display_units
-    return f"{from_si(value, unit):.3g}{'' if unit == '1' else ' ' + unit}"
+def _shown(row: Entry, value: float) -> str:
+    return f"{from_si(value, row.display_units):.3g}{'' if row.display_units == '1' else ' ' + row.display_units}"
 
 
-def _per(units: Mapping[str, float]) -> str:
-    return f"per unit of {' '.join(units)}" if units else ""
-
-
-def _caption(spans: Sequence[Span], middle: Mapping[str, float], units: Mapping[str, float]) -> str:
-    held = [f"{span.name} = {_shown(span.name, middle[span.name])}" for span in spans[2:]]
-    shades = [f"shades: {spans[1].name}"] if len(spans) > 1 else []
-    return "; ".join(text for text in (_per(units), *shades, *held) if text)
-
-
-def _svg(term: str, span: Span, x: np.ndarray, curves: Sequence[np.ndarray], labels: Sequence[str]) -> str:
+def _svg(term: str, axis: Entry, x: np.ndarray, curves: Sequence[np.ndarray], labels: Sequence[str]) -> str:
     low, high = float(min(map(np.min, curves))), float(max(map(np.max, curves)))
     if high == low:
         low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
-    right = WIDTH - RIGHT - (58 if labels else 0)
+    right, bottom = WIDTH - RIGHT - (LEGEND if labels else 0), HEIGHT - BOTTOM
     px = LEFT + (x - x[0]) / ((x[-1] - x[0]) or 1.0) * (right - LEFT)
 
     def py(y):
-        return HEIGHT - BOTTOM - (y - low) / (high - low) * (HEIGHT - BOTTOM - TOP)
+        return bottom - (y - low) / (high - low) * (bottom - TOP)
 
-    parts = [f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(term)} over {escape(span.name)}">']
-    parts += [_line(LEFT, right, py(tick), f"{tick:.3g}") for tick in (low, 0.5 * (low + high), high)]
+    parts = [f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(term)} over {escape(axis.name)}">']
+    parts += [_tick(right, py(value), f"{value:.3g}") for value in (low, 0.5 * (low + high), high)]
     if low < 0.0 < high:
         parts.append(f'<path d="M{LEFT} {py(0.0):.1f}H{right}" class="zero"/>')
     for curve, shade in zip(curves, _shades(len(curves)), strict=True):
@@ -130,16 +133,14 @@ def _svg(term: str, span: Span, x: np.ndarray, curves: Sequence[np.ndarray], lab
         parts.append(f'<polyline points="{points}" stroke="{shade}"/>')
     for i, (label, shade) in enumerate(zip(labels, _shades(len(labels)), strict=True)):
         y = TOP + 8 + 14 * i
-        parts.append(
-            f'<path d="M{right + 6} {y - 4}h10" stroke="{shade}" stroke-width="2"/><text x="{right + 19}" y="{y}">{escape(label)}</text>'
-        )
-    bottom = HEIGHT - BOTTOM + 14
-    unit = lookup(span.name).display_units
-    parts.append(f'<text x="{LEFT}" y="{bottom}">{from_si(float(x[0]), unit):.3g}</text>')
-    parts.append(f'<text x="{right}" y="{bottom}" text-anchor="end">{from_si(float(x[-1]), unit):.3g}</text>')
-    name = escape(span.name + ("" if unit == "1" else f" [{unit}]"))
-    parts.append(f'<text x="{(LEFT + right) / 2:.0f}" y="{bottom + 12}" text-anchor="middle">{name}</text></svg>')
-    return "".join(parts)
+        parts.append(f'<path d="M{right + 6} {y - 4}h10" stroke="{shade}" stroke-width="2"/>')
+        parts.append(_text(right + 19, y, label))
+    unit = axis.display_units
+    ends = [f"{from_si(float(end), unit):.3g}" for end in (x[0], x[-1])]
+    parts.append(_text(LEFT, bottom + 14, ends[0]))
+    parts.append(_text(right, bottom + 14, ends[1], "end"))
+    parts.append(_text((LEFT + right) // 2, bottom + 26, axis.name + ("" if unit == "1" else f" [{unit}]"), "middle"))
+    return "".join(parts) + "</svg>"
 
 
 def _shades(count: int) -> Sequence[str]:
@@ -148,5 +149,9 @@ def _shades(count: int) -> Sequence[str]:
     return [SHADES[round(i * (len(SHADES) - 1) / (count - 1))] for i in range(count)]
 
 
-def _line(left: float, right: float, y: float, text: str) -> str:
-    return f'<path d="M{left} {y:.1f}H{right}" class="grid"/><text x="{left - 5}" y="{y + 3:.1f}" text-anchor="end">{text}</text>'
+def _tick(right: float, y: float, text: str) -> str:
+    return f'<path d="M{LEFT} {y:.1f}H{right}" class="grid"/>' + _text(LEFT - 5, round(y + 3.0, 1), text, "end")
+
+
+def _text(x: float, y: float, text: str, anchor: str = "") -> str:
+    return f'<text x="{x}" y="{y}"{f" text-anchor={chr(34)}{anchor}{chr(34)}" if anchor else ""}>{escape(text)}</text>'

@@ -85,6 +85,7 @@ def test_what_is_in_the_file(trainer, tmp_path):
         names = zf.namelist()
         page = zf.read("documentation/index.html").decode()
         assert zf.read("resources/model.bin") == trainer.block
+        assert b"Apache License" in zf.read("documentation/licenses/aeromatch-kernel.txt")
     assert {"modelDescription.xml", "resources/model.bin", "documentation/index.html"} < set(names)
     assert sum(name.startswith("binaries/") for name in names) >= 1
     for term in trainer.terms:

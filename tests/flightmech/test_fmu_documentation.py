@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from xml.etree import ElementTree as ET
 
-from flightmech.fmu_description import Description, Variable
+from flightmech.fmu import _documentation
+from flightmech.fmu_description import Description, Variable, describe
 from flightmech.fmu_documentation import Axis, html
+from flightmech.library import STATE
 
 DESCRIPTION = Description(
     "T-37 <final>",
@@ -14,7 +17,7 @@ DESCRIPTION = Description(
     "aeromatch",
     0.01,
     (
-        Variable("delta_e", "input", 1000, "rad", "deg", "elevator deflection", 0.0),
+        Variable("delta_e", "input", 1000, "rad", "deg", "elevator deflection", 0.0, -0.5),
         Variable("V", "output", 10000, "m s-1", "kt", "true airspeed"),
         Variable("init.V", "parameter", 100000, "m s-1", "kt", "true airspeed at the start", 92.6, fixed=True),
         Variable("mode.trim", "parameter", 100001, "1", "1", "trim at the start", 1.0, fixed=True),
@@ -56,9 +59,33 @@ def test_terms_axes_and_provenance():
 
 def test_variables_show_si_and_display_units():
     found = tables()
-    assert found["Inputs"][1:] == [["delta_e", "rad", "0 (0 deg)", "continuous", "elevator deflection"]]
-    assert found["Outputs"][1:] == [["V", "m s-1", "", "continuous", "true airspeed"]]
+    assert found["Inputs"][1:] == [["delta_e", "rad", "0 (0 deg)", "-0.5 (-28.6479 deg)", "", "continuous", "elevator deflection"]]
+    assert found["Outputs"][1:] == [["V", "m s-1", "continuous", "true airspeed"]]
     assert found["Parameters"][1:] == [
         ["init.V", "m s-1", "92.6 (180 kt)", "fixed", "true airspeed at the start"],
         ["mode.trim", "1", "seek_thrust", "fixed", "trim at the start"],
     ]
+    assert found["Enumerations"][1:] == [["mode.trim", "0 none, 1 seek_thrust, 2 seek_throttle"]]
+
+
+def test_submodels_are_told_with_their_items(trainer):
+    page = _documentation(trainer, describe(trainer, "ab12", "aeromatch"))
+    row = next(line for line in page.split("\n") if line.startswith("<tr><td>engine</td>"))
+    assert row.startswith("<tr><td>engine</td><td>1</td><td>thrust and its lever arm, first-order lag</td>")
+    counts = [int(cell) for cell in re.findall(r"<td class=n>(\d+)</td>", row)]
+    assert counts == [sum(name.startswith(f"{prefix}engine1.") for name in names) for prefix, names in kinds(trainer)]
+    assert "<td>weather</td>" in page
+    assert "<td>circuit</td>" not in page
+
+
+def kinds(sim):
+    """Return inputs, outputs, parameters and states with the prefix of their names."""
+    states = [row.name for row in sim.entries(STATE)]
+    return ("", sim.inputs), ("", sim.outputs), ("", sim.parameters), ("state.", states)
+
+
+def test_the_page_holds_no_link_to_the_outside(trainer):
+    page = _documentation(trainer, describe(trainer, "ab12", "aeromatch"))
+    assert not re.search(r"(src|href)=[\"'](?!#)", page)
+    anchors = set(re.findall(r'href="#([^"]+)"', page))
+    assert anchors == set(re.findall(r'<h2 id="([^"]+)"', page))
