@@ -44,6 +44,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from .configuration import Strict, load, si, validate
 from .errors import SchemaError, UnitError
+from .submodels.controls import Circuit, CircuitsTable, circuits_of
 from .submodels.engine import Engine, EngineTable, engine_of
 from .submodels.fuel import Fuel, FuelTable, fuel_of
 from .submodels.landing_gear import GearTable, LandingGear, gear_of
@@ -121,6 +122,8 @@ class Aircraft:
         Tables of the instruments as in the file; `flighttest` reads them.
     controls : dict of str to Control
         Hinge geometry of ``delta_e``, ``delta_a`` and ``delta_r``; ``[control.delta_e]`` in the file.
+    circuits : dict of str to Circuit
+        What moves with ``column``, ``wheel`` and ``pedal``; ``[circuit.column]`` in the file.
     gear : LandingGear, optional
         Wheels, skids, steering and runway; ``[gear]`` in the file.
     fuel : Fuel, optional
@@ -147,6 +150,7 @@ class Aircraft:
     limits: dict[str, tuple[float, float]] = field(default_factory=dict)
     instruments: dict[str, Any] = field(default_factory=dict)
     controls: dict[str, Control] = field(default_factory=dict)
+    circuits: dict[str, Circuit] = field(default_factory=dict)
     gear: LandingGear | None = None
     fuel: Fuel | None = None
     history: str = ""
@@ -172,10 +176,12 @@ def read_aircraft(path: str | Path) -> Aircraft:
     problems: list[str] = []
     engines = tuple(engine_of(item, number, path.parent, problems) for number, item in enumerate(content.engine, 1))
     gear = gear_of(content.gear, problems) if content.gear else None
+    controls = {name: Control(**dict(item)) for name, item in content.control.items()}
+    circuits = circuits_of(content.circuit, controls, problems)
     if problems:
         raise SchemaError(str(path), problems)
-    controls = {name: Control(**dict(item)) for name, item in content.control.items()}
-    built: dict[str, Any] = {"engines": engines, "controls": controls, "gear": gear, "fuel": fuel_of(content.fuel) if content.fuel else None}
+    built: dict[str, Any] = {"engines": engines, "controls": controls, "circuits": circuits, "gear": gear}
+    built["fuel"] = fuel_of(content.fuel) if content.fuel else None
     plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in built}
     return Aircraft(**built, **plain)
 
@@ -227,6 +233,7 @@ class _File(_Entry):
     limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
     instruments: dict[str, dict[str, Any]] = Field(default_factory=dict)
     control: dict[str, _ControlTable] = Field(default_factory=dict)
+    circuit: CircuitsTable = CircuitsTable()  # type: ignore[valid-type]
     gear: GearTable | None = None
     fuel: FuelTable | None = None
     history: str = ""
