@@ -5,8 +5,8 @@ eps^(1/3) of the size of a variable (6e-6 rad, 6e-6 of the speed) balances what 
 eps f / h: both stay near 1e-10 of the entry.  A second pass with half the step gives ``error``, so that the reader sees it.
 
 Beside the rigid body any state of the submodels can be chosen: thrust and spools of the engines, fuel, tyres.  What is not chosen
-follows at once where the start of a run settles it (engines) and stands still otherwise (fuel).  Control circuits with friction are
-no states: the surfaces are held where the trim left them.
+follows at once where the start of a run settles it (engines) and stands still otherwise (fuel, landing gear).  Control circuits
+with friction are no states: the surfaces are held where the trim left them.
 
 The tables are piecewise linear: the slope is that of the cell the flight is in.  On a breakpoint, where it jumps, the mean of both
 sides comes out and attribute ``kinks`` says for which variable.
@@ -25,7 +25,7 @@ from .library import OUTPUT, PARAMETER, STATE, Simulation
 from .names import attrs
 from .simulation import constant_inputs, prepared
 from .trim_request import DRIVES, RIGID
-from .trimming import trim
+from .trimming import seek
 from .units import G0
 
 if TYPE_CHECKING:
@@ -58,8 +58,9 @@ class _Plant(NamedTuple):
     states: tuple[str, ...]
     x: np.ndarray
     u: np.ndarray
-    trimmed: xr.Dataset
+    trimmed: dict[str, float]
     places: dict[str, tuple[int, str]]
+    state: np.ndarray
 
 
 def linearize(
@@ -190,17 +191,17 @@ def _plant(sim: SimModel, parameters: dict[str, float], states: tuple[str, ...])
     places = _submodel_states(sim)
     if not any(name in states for name in places if name.endswith(".thrust")):
         parameters |= {name: 0.0 for name in sim.parameters if name.endswith(".time_constant")}
-    trimmed = trim(sim, parameters)
+    start = {"mode.trim": seek(sim, parameters), **parameters}
+    run = prepared(sim, start, constant_inputs(sim, start))
+    trimmed, state = dict(zip(sim.outputs, map(float, run.outputs()), strict=True)), run.state
     values = {**parameters, "mode.trim": 0.0, "mode.controls": 0.0}
-    values |= {f"init.{name}": float(trimmed[name]) for name in (*_ALLOWED,)}
+    values |= {f"init.{name}": trimmed[name] for name in _ALLOWED}
     for name in _FOUND:
-        values[f"bias.{name}"] = _mode(sim, parameters, f"bias.{name}") + float(trimmed[f"trim.{name}"])
-    values |= {name: float(trimmed[f"applied.{name}"]) - values[f"bias.{name}"] for name in _SURFACES}
+        values[f"bias.{name}"] = _mode(sim, parameters, f"bias.{name}") + trimmed[f"trim.{name}"]
+    values |= {name: trimmed[f"applied.{name}"] - values[f"bias.{name}"] for name in _SURFACES}
     u = constant_inputs(sim, values)
-    run = prepared(sim, values, u)
-    state = run.state
-    x = np.array([state[places[name][0]] if name in places else float(trimmed[name]) for name in states])
-    return _Plant(sim, run, states, x, u, trimmed, places)
+    x = np.array([state[places[name][0]] if name in places else trimmed[name] for name in states])
+    return _Plant(sim, prepared(sim, values, u), states, x, u, trimmed, places, state)
 
 
 def _rates(plant: _Plant, x: np.ndarray, u: np.ndarray, outputs: Sequence[str]) -> np.ndarray:
@@ -212,8 +213,8 @@ def _rates(plant: _Plant, x: np.ndarray, u: np.ndarray, outputs: Sequence[str]) 
     run.set_inputs(u)
     run.initialize()
     state = run.state
-    for name in point.keys() & places.keys():
-        state[places[name][0]] = point[name]
+    for name, (at, _) in places.items():
+        state[at] = point[name] if name in point else plant.state[at] if name.startswith("gear.") else state[at]
     run.state = state
     y = dict(zip(sim.outputs, run.outputs(), strict=True))
     slopes = run.derivative(state, u)
@@ -237,7 +238,7 @@ def _size(plant: _Plant, name: str) -> float:
     """Return the size of a state: over which the rates change by their own size."""
     if name in plant.places:
         return _submodel_size(plant.places[name][1], _weight(plant))
-    return float(plant.trimmed["V"]) if name == "V" else _HEIGHT if name == "h" else 1.0
+    return plant.trimmed["V"] if name == "V" else _HEIGHT if name == "h" else 1.0
 
 
 def _submodel_size(units: str, weight: float) -> float:
@@ -245,7 +246,7 @@ def _submodel_size(units: str, weight: float) -> float:
 
 
 def _input_size(plant: _Plant, name: str) -> float:
-    return float(plant.trimmed["V"]) if name.startswith("wind") else _weight(plant) if name.endswith(".thrust_drive") else 1.0
+    return plant.trimmed["V"] if name.startswith("wind") else _weight(plant) if name.endswith(".thrust_drive") else 1.0
 
 
 def _weight(plant: _Plant) -> float:
@@ -283,7 +284,7 @@ def _dataset(plant: _Plant, inputs: tuple[str, ...], outputs: tuple[str, ...], J
     dims = {"A": ("state", "state_"), "B": ("state", "input"), "C": ("output", "state_"), "D": ("output", "input")}
     data: dict[str, tuple] = {name: (dims[name], J[block]) for name, block in blocks.items()}
     data |= {f"{name}_error": (dims[name], error[block]) for name, block in blocks.items()}
-    y = dict(zip(plant.sim.outputs, (float(plant.trimmed[name]) for name in plant.sim.outputs), strict=True))
+    y = plant.trimmed
     units = {row.name: row.units for row in plant.sim.entries(OUTPUT)}
     data["x"] = "state", plant.x
     data["x_dot"] = "state", _rates(plant, plant.x, plant.u, ())
@@ -311,7 +312,7 @@ def _held(plant: _Plant) -> str:
 def _applied(plant: _Plant, name: str) -> float:
     """Return an input as it acts: what was given, and what the trim found."""
     if f"applied.{name}" in plant.sim.outputs:
-        return float(plant.trimmed[f"applied.{name}"])
+        return plant.trimmed[f"applied.{name}"]
     kind = _quantity(name).rpartition(".")[2]
     bias = plant.run.parameter(plant.sim.parameters.index(f"bias.{kind}")) if kind in _FOUND else 0.0
     return float(plant.u[plant.sim.inputs.index(name)]) + bias

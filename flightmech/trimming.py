@@ -137,11 +137,12 @@ def start_of(trimmed: xr.Dataset) -> dict[str, float]:
 
 def trimmed_outputs(sim: SimModel, parameters: Mapping[str, float]) -> np.ndarray:
     """Return the outputs (outputs,) of the trim at the start as the kernel gives them, for many trims in a row."""
-    values = {"mode.trim": _seek(sim, parameters), **parameters}
+    values = {"mode.trim": seek(sim, parameters), **parameters}
     return prepared(sim, values, constant_inputs(sim, values)).outputs()
 
 
-def _seek(sim: SimModel, parameters: Mapping[str, float]) -> float:
+def seek(sim: SimModel, parameters: Mapping[str, float]) -> float:
+    """Return the ``mode.trim`` of a trim that says nothing about it: throttle where levers drive engines with tables, else thrust."""
     engines = any(name.startswith("engine1/") for name in sim.terms)
     mode = next(row.value for row in sim.entries(PARAMETER) if row.name == "mode.engine")
     return 2.0 if engines and parameters.get("mode.engine", mode) == 0.0 else 1.0
