@@ -32,37 +32,38 @@ static double between(double x, double low, double high) { return x < low ? low 
 /* Force over mu Fz and over z / yield: 3 at rest, 1 when all of the patch slides. */
 static double chord(double part) { return part < 1.0 ? 3.0 - part * (3.0 - part) : 1.0 / part; }
 
+/* Where the deflection would go in TYRE_LAG, brought back to what the ground holds. */
 static void slide(const double w[2], double yield, const double z[2], double rate[2]) {
     const double size = length(w), back = size > yield ? yield / size : 1.0;
     for (int i = 0; i < 2; i++) rate[i] = (back * w[i] - z[i]) / TYRE_LAG;
 }
 
-/* The wheel turns under the longitudinal force B; returns its circumferential speed. */
-static double turn(const double w[2], double most, double yield, const double z[2], double v, double rate[2]) {
-    const double x = between(w[0], -fmin(most, yield), fmin(most, yield)), room = sqrt(fmax(yield * yield - x * x, 0.0));
+/* The wheel turns under the longitudinal force at which the deflection x is `most`; returns the rate of renewal. */
+static double turn(const tyre_t *tyre, double k, double most, double yield, const double z[2], const double v[2], double rate[2]) {
+    const double ahead = z[0] + TYRE_LAG * v[0], x = between(ahead, -fmin(most, yield), fmin(most, yield));
     rate[0] = (x - z[0]) / TYRE_LAG;
-    if (fabs(w[1]) > room) rate[1] = (between(w[1], -room, room) - z[1]) / TYRE_LAG;
-    return v - rate[0];
+    const double renewal = fmin(fabs(v[0] - rate[0]) * k / tyre->cornering, 1.0 / TYRE_LAG);
+    const double room = sqrt(fmax(yield * yield - x * x, 0.0)), across = v[1] - renewal * z[1], y = z[1] + TYRE_LAG * across;
+    rate[1] = fabs(y) > room ? (between(y, -room, room) - z[1]) / TYRE_LAG : across;
+    return renewal;
 }
 
-void tyre_forces(const tyre_t *tyre, const double z[2], const double v[2], footprint_t *patch) {
+void tyre_forces(const tyre_t *tyre, const double z[2], const double v[2], footprint_t *print) {
     const double most = tyre->mu * tyre->load, speed = length(v), C = tyre->cornering;
     if (!(tyre->load > 0.0)) {
-        for (int i = 0; i < 2; i++) patch->F[i] = 0.0, patch->rate[i] = -z[i] / TYRE_LAG;
-        patch->renewal = 1.0 / TYRE_LAG;
+        for (int i = 0; i < 2; i++) print->F[i] = 0.0, print->rate[i] = -z[i] / TYRE_LAG;
+        print->renewal = 1.0 / TYRE_LAG;
         return;
     }
     const double k = C > 0.0 && tyre->stiffness * TYRE_LAG * speed > C ? C / (TYRE_LAG * speed) : tyre->stiffness;
     const double yield = 3.0 * most / k + NEAR, w[2] = {z[0] + TYRE_LAG * v[0], z[1] + TYRE_LAG * v[1]};
-    double roll = 0.0;
-    for (int i = 0; i < 2; i++) patch->rate[i] = v[i];
-    if (most * chord(length(w) / yield) * fabs(w[0]) / yield > tyre->brake)
-        roll = turn(w, tyre->brake * yield / (most * chord(length(z) / yield)), yield, z, v[0], patch->rate);
+    for (int i = 0; i < 2; i++) print->rate[i] = v[i];
+    print->renewal = 0.0;
+    if (C > 0.0 && most * chord(length(w) / yield) * fabs(w[0]) / yield > tyre->brake)
+        print->renewal = turn(tyre, k, tyre->brake * yield / (most * chord(length(z) / yield)), yield, z, v, print->rate);
     else if (length(w) > yield)
-        slide(w, yield, z, patch->rate);
-    patch->renewal = C > 0.0 ? fmin(fabs(roll) * k / C, 1.0 / TYRE_LAG) : 0.0;
-    patch->rate[1] -= patch->renewal * z[1];
-    const double damped[2] = {z[0] + tyre->loss * patch->rate[0], z[1] + tyre->loss * patch->rate[1]};
+        slide(w, yield, z, print->rate);
+    const double damped[2] = {z[0] + tyre->loss * print->rate[0], z[1] + tyre->loss * print->rate[1]};
     const double scale = -most * chord(length(damped) / yield) / yield;
-    for (int i = 0; i < 2; i++) patch->F[i] = scale * damped[i];
+    for (int i = 0; i < 2; i++) print->F[i] = scale * damped[i];
 }

@@ -202,7 +202,7 @@ def twin(sim, gear: LandingGear, x: np.ndarray, u: dict[str, float]) -> tuple[np
         speed, seen = np.hypot(*v), v + turn * np.array([z[1], -z[0]])
         for _ in range(3):
             plane, slip = plane_forces(gear, leg, load, speed, z, seen, u, lag)
-            used, load = load, max((push + plane[0] * forward[2] + plane[1] * right[2]) / lean, 0.0) if push > 0.0 else 0.0
+            load = max((push + plane[0] * forward[2] + plane[1] * right[2]) / lean, 0.0) if push > 0.0 else 0.0
         force = plane[0] * forward + plane[1] * right - load * down
         F, M = F + force, M + np.cross(arm, force)
         rates[leg.name] = np.array([rate, *slip])
@@ -238,17 +238,15 @@ def plane_forces(gear, leg, load, speed, z, v, u, lag):
         size = np.hypot(*w) / full
         return 3.0 - 3.0 * size + size**2 if size < 1.0 else 1.0 / size
 
-    ahead, roll = z + lag * v, 0.0
+    ahead = z + lag * v
     if abs(brush(ahead)[0]) > B:
         most = min(B * full / (mu * load * chord(z)), full)
         x = np.clip(ahead[0], -most, most)
+        renewal = min(abs(v[0] - (x - z[0]) / lag) * k / cornering, 1.0 / lag)
         room = np.sqrt(max(full**2 - x**2, 0.0))
-        rate = (np.array([x, np.clip(ahead[1], -room, room)]) - z) / lag
-        roll = v[0] - rate[0]
+        rate = (np.array([x, np.clip(ahead[1] - lag * renewal * z[1], -room, room)]) - z) / lag
     else:
         rate = (ahead * min(1.0, full / np.hypot(*ahead)) - z) / lag if np.hypot(*ahead) else 0.0 * z
-    if cornering:
-        rate[1] -= min(abs(roll) * k / cornering, 1.0 / lag) * z[1]
     return -brush(z + leg.loss * rate), rate
 
 
