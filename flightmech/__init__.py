@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .eigenmodes import modes
     from .fmu import write_fmu
     from .linear import linearize
+    from .parts import different_parts, swap_parts
     from .qualities.assemble import Characteristics, characteristics
     from .similarity import rescale
     from .simulation import simulate
@@ -32,6 +33,8 @@ _HOME = {
     "compile": "compiler",
     "SimModel": "compiler",
     "linearize": "linear",
+    "different_parts": "parts",
+    "swap_parts": "parts",
     "modes": "eigenmodes",
     "Characteristics": "qualities.assemble",
     "characteristics": "qualities.assemble",
@@ -59,6 +62,7 @@ __all__ = [
     "axes",
     "characteristics",
     "compile",
+    "different_parts",
     "errors",
     "linear",
     "linearize",
@@ -69,6 +73,7 @@ __all__ = [
     "similarity",
     "simulate",
     "simulate_batch",
+    "swap_parts",
     "terms",
     "trim",
     "units",

@@ -61,6 +61,7 @@ _ROWS = [
     # place and ground-relative motion
     ("h", "m", "up", "height of the c.g. over mean sea level", "altitudeMsl", "ft"),
     ("h_agl", "m", "up", "height of the moment reference point over the runway", "", "ft"),
+    ("runway_elevation", "m", "up", "height of the runway over mean sea level", "", "ft"),
     ("hdot", "m s-1", "up", "climb rate", "altitudeRateWrtMsl", "ft/min"),
     ("lat", "rad", "north", "geodetic latitude", "latitude", "deg"),
     ("lon", "rad", "east", "longitude", "longitude", "deg"),

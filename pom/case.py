@@ -20,11 +20,13 @@ from .criteria import Criterion
 from .override import override
 
 T = TypeVar("T")
-INPUTS = ("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "gear", "speedbrake")
+SURFACES = ("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "delta_s", "delta_d")
+BRAKES = ("brake_left", "brake_right")
+INPUTS = (*SURFACES, "gear", "speedbrake", "delta_nw", *BRAKES)
 WIND = ("wind_n", "wind_e", "wind_d")
 INITIAL = ("V", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "lat", "lon")
 MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-CONDITIONS = (*INPUTS, *WIND, *INITIAL, *MASS, "delta_T")
+CONDITIONS = (*INPUTS, *WIND, *INITIAL, *MASS, "delta_T", "runway_elevation")
 SHOWN = ("V_cas", "h", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "nz")
 
 
@@ -37,14 +39,15 @@ class Drive:
     surfaces : str
         ``recorded``: recorded surface positions.
     engine : str
-        ``thrust``: recorded thrust drives; ``throttle``: the recorded lever drives the engine model.
-    trim : bool
-        Trim the model to the flight condition at the start of the window; its biases are reported.
+        ``thrust``: recorded thrust drives; ``n1``: the recorded fan speed; ``throttle``: the recorded lever drives the engine model.
+    trim : bool or "ground"
+        Trim the model to the flight condition at the start of the window; its biases are reported.  ``ground``: it stands or
+        rolls on its wheels, whose height and attitude are sought; the surfaces stay as recorded.
     """
 
     surfaces: str = "recorded"
     engine: str = "thrust"
-    trim: bool = True
+    trim: bool | str = True
 
 
 @dataclass(frozen=True)
@@ -142,8 +145,8 @@ class _Case(Strict):
 
 class _Drive(Strict):
     surfaces: Literal["recorded"] = "recorded"
-    engine: Literal["thrust", "throttle"] = "thrust"
-    trim: bool = True
+    engine: Literal["thrust", "n1", "throttle"] = "thrust"
+    trim: bool | Literal["ground"] = True
 
 
 class _File(Strict):

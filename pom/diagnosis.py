@@ -4,13 +4,15 @@ Every term that differs is put alone from the final database into the a-priori o
 kernel, with the inputs, the initial state and the trim of the case.  Then terms are added one by one, the best first,
 until the case passes or nothing helps any more.
 
-One compiled model holds the differing terms of both databases; the scale parameters of the terms, 0 or 1, choose.
+One compiled model holds the differing terms of both databases; the scale parameters of the terms, 0 or 1, choose.  Parts of the
+aircraft that differ (`flightmech.parts`: tables of the engines, legs of the gear ...) are exchanged in the same way, by a
+compiled model for every choice of parts.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,7 @@ import aerodb
 import flightmech
 from flightmech import Aircraft
 from flightmech.errors import SimulationError
+from flightmech.parts import different_parts, swap_parts
 
 from .case import PomCase
 from .drive import Job, job_of
@@ -35,8 +38,10 @@ CEILING = 10.0  # miss of a criterion that fails without a number, such as a mod
 _FINAL = "_of_final"
 
 
-def diagnose(case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: Aircraft, path: Any = None) -> pd.DataFrame:
-    """Rank the terms by how much of the miss of `prior` each closes.
+def diagnose(
+    case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: Aircraft, path: Any = None, apriori: Aircraft | None = None
+) -> pd.DataFrame:
+    """Rank the terms, and the parts of the aircraft, by how much of the miss of `prior` each closes.
 
     Parameters
     ----------
@@ -44,8 +49,11 @@ def diagnose(case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: Ai
     prior, final : DataTree
         Two databases of one aircraft.
     aircraft : Aircraft
+        Of the final model.
     path : Path of flighttest.reconstruct or Dataset (time), optional
         As in `replay`.
+    apriori : Aircraft, optional
+        Of the a-priori model, when its engines, gear or control circuits are others.
 
     Returns
     -------
@@ -56,10 +64,10 @@ def diagnose(case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: Ai
         best alternative, at most `CEILING`); NaN when `final` is no better.  Stages: ``prior`` and ``final``; ``single``, one row per
         term, best first; ``sequence``, terms added one after the other, each row with all before it.
     """
-    bench = _Bench.of(case, prior, final, aircraft, path)
-    start, end = bench.score("prior", ""), bench.score("final", "", bench.terms)
+    bench = _Bench.of(case, prior, final, (apriori or aircraft, aircraft), path)
+    start, end = bench.score("prior", ""), bench.score("final", "", [*bench.terms, *bench.parts])
     gap = start.total - end.total
-    singles = sorted((bench.score("single", name, [name]) for name in bench.terms), key=_total)
+    singles = sorted((bench.score("single", name, [name]) for name in (*bench.terms, *bench.parts)), key=_total)
     rows = [start, end, *singles, *_sequence(bench, start, gap, [row.term for row in singles[:CANDIDATES]])]
     return pd.DataFrame([row.record(start.total, gap) for row in rows])
 
@@ -104,27 +112,38 @@ def _sequence(bench: _Bench, start: _Score, gap: float, candidates: list[str]) -
 
 @dataclass(frozen=True)
 class _Bench:
-    """A case and a model that holds the differing terms of both databases."""
+    """A case, a database that holds the differing terms of both, and what differs: terms, then parts of the aircraft."""
 
     case: PomCase
     job: Job
     flight: dict[str, np.ndarray]
-    sim: Any
+    both: xr.DataTree
+    aircraft: tuple[Aircraft, Aircraft]
     terms: tuple[str, ...]
+    parts: tuple[str, ...]
+    sims: dict[frozenset[str], Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: Aircraft, path: Any) -> _Bench:
+    def of(cls, case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft], path: Any) -> _Bench:
         states = flight_states(case, path)
         job = job_of(case, states)
         flight = {str(name): np.broadcast_to(item.values, job.time.size) for name, item in states.data_vars.items() if item.ndim < 2}
         names = tuple(differing(prior, final))
         theirs = aerodb.terms(final)
         both = aerodb.replace_terms(prior, {name + _FINAL: theirs[name] for name in names if name in theirs})
-        return cls(case, job, flight, flightmech.compile(aircraft, both), names)
+        return cls(case, job, flight, both, aircraft, names, tuple(different_parts(*aircraft)))
+
+    def sim(self, names: Collection[str]) -> Any:
+        """Return the compiled model with those of the named parts that are of the final aircraft."""
+        chosen = frozenset(names) & frozenset(self.parts)
+        if chosen not in self.sims:
+            prior, final = self.aircraft
+            self.sims[chosen] = flightmech.compile(swap_parts(prior, final, [name for name in self.parts if name in chosen]), self.both)
+        return self.sims[chosen]
 
     def score(self, stage: str, term: str, names: Collection[str] = ()) -> _Score:
-        """Replay with `names` taken from the final database and judge."""
-        outputs, failure = fly(self.sim, replace(self.job, parameters={**self.job.parameters, **self._scales(names)}))
+        """Replay with the terms and parts `names` taken from the final model and judge."""
+        outputs, failure = fly(self.sim(names), replace(self.job, parameters={**self.job.parameters, **self._scales(names)}))
         miss: dict[str, float] = {}
         ratio: dict[str, float] = {}
         verdicts: dict[str, str] = {}
@@ -191,21 +210,24 @@ def _same(a: xr.Dataset | None, b: xr.Dataset | None) -> bool:
     if a is None or b is None:
         return False
     tables = [name for name in ("value", "K1", "K2") if name in a or name in b]
-    rules = all(a.attrs.get(key) == b.attrs.get(key) for key in ("regressors", "outside"))
+    rules = all(a.attrs.get(key) == b.attrs.get(key) for key in ("regressors", "outside", "power", "exponent", "floor"))
     return rules and all(name in a and name in b and a[name].equals(b[name]) for name in tables)
 
 
 def swap_terms(prior: xr.DataTree, final: xr.DataTree, names: Iterable[str]) -> xr.DataTree:
-    """Return `prior` with the named terms as they are in `final`; a term that `final` does not have is taken out."""
-    names = list(names)
-    theirs = aerodb.terms(final)
+    """Return `prior` with the named terms as they are in `final`; a term that `final` does not have is taken out.
+
+    Names that are terms of neither, such as parts of the aircraft, are passed over.
+    """
+    theirs, ours = aerodb.terms(final), aerodb.terms(prior)
+    names = [name for name in names if name in theirs or name in ours]
     swapped = aerodb.replace_terms(prior, {name: theirs[name] for name in names if name in theirs}, "term swap")
     gone = [name for name in names if name not in theirs]
     return aerodb.delete_terms(swapped, gone, "term swap") if gone else swapped
 
 
 def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
-    """Return the terms that the sequences of several diagnoses needed, in the order of the share each closes alone.
+    """Return the terms and parts that the sequences of several diagnoses needed, in the order of the share each closes alone.
 
     Parameters
     ----------
@@ -214,7 +236,8 @@ def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
 
     Notes
     -----
-    The corrected database of LR-743 is ``swap_terms(prior, final, corrected_terms(diagnoses))``.
+    The corrected database of LR-743 is ``swap_terms(prior, final, corrected_terms(diagnoses))``, its aircraft
+    ``flightmech.swap_parts`` with the same names; each takes what is its own.
     """
     share: dict[str, float] = {}
     for table in diagnoses:

@@ -12,13 +12,17 @@ import xarray as xr
 from flightmech.air import P_SEA, atmosphere
 from flightmech.errors import OutOfRange, UnknownName
 
-from .case import INITIAL, INPUTS, MASS, WIND, PomCase
+from .case import BRAKES, INITIAL, INPUTS, MASS, WIND, PomCase
 
-THROTTLE_DRIVEN, THRUST_DRIVEN = 0.0, 2.0  # mode.engine
-SEEK_THRUST, SEEK_THROTTLE = 1.0, 2.0  # mode.trim
+# what drives the engines: the recorded quantity, the input it becomes, mode.engine
+ENGINE_DRIVES = {"throttle": ("throttle", "throttle", 0.0), "n1": ("n1", "n1_drive", 1.0), "thrust": ("thrust", "thrust_drive", 2.0)}
+SEEK_THRUST, SEEK_THROTTLE, SEEK_GROUND = 1.0, 2.0, 3.0  # mode.trim
+NEAR = 100.0  # [m] height under which the radio altitude tells of the runway
+RELEASED = 0.02  # [1] brake pedal under which it counts as up
+STANDING = 0.3  # [m s-1] ground speed that is the noise of the reconstruction
 SETTLED = 0.8  # [s] from which the initial rates, accelerations and inputs are read
 NEEDED = ("init.V", "init.phi", "init.theta", "init.psi", "init.p", "init.q", "init.r", "init.h")
-_ENGINE = re.compile(r"^engine(\d+)\.(thrust|throttle)$")
+_ENGINE = re.compile(r"^engine(\d+)\.(thrust|n1|throttle)$")
 
 
 @dataclass(frozen=True)
@@ -86,24 +90,32 @@ def _inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
             found[name] = np.full(count, case.conditions[name])
         elif name in states:
             found[name] = np.broadcast_to(states[name].values.astype(float), count).copy()
+        elif name in BRAKES and "brake" in states:
+            pedal = np.clip(np.broadcast_to(states["brake"].values.astype(float), count), 0.0, 1.0)
+            found[name] = np.where(pedal > RELEASED, pedal, 0.0)
         elif name in ("delta_e", "delta_a", "delta_r"):
             raise UnknownName(name, map(str, states.data_vars), "recorded control", f"case {case.name} drives the surfaces as recorded")
-    control = "thrust" if case.drive.engine == "thrust" else "throttle"
+    control, drive, _ = ENGINE_DRIVES[case.drive.engine]
     engines = [match.group(1) for name in states.data_vars if (match := _ENGINE.match(str(name))) and match.group(2) == control]
     if not engines:
         raise UnknownName(f"engine1.{control}", map(str, states.data_vars), "recorded quantity", f'drive.engine is "{case.drive.engine}"')
     for number in sorted(engines):
-        name = f"engine{number}.thrust_drive" if control == "thrust" else f"engine{number}.throttle"
-        found[name] = np.broadcast_to(states[f"engine{number}.{control}"].values.astype(float), count).copy()
+        found[f"engine{number}.{drive}"] = np.broadcast_to(states[f"engine{number}.{control}"].values.astype(float), count).copy()
     return found
 
 
 def _initial(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     first = states.isel(time=0)
     found = {name: float(first[name]) for name in INITIAL if name in states}
-    found.update(starting_rates(states))
+    found.update(_rolling(first) if case.drive.trim == "ground" else starting_rates(states))
     found.update({name: value for name, value in case.conditions.items() if name in INITIAL})
     return {f"init.{name}": value for name, value in found.items()}
+
+
+def _rolling(first: xr.Dataset) -> dict[str, float]:
+    """Return the start of an aircraft on its wheels: its speed over the ground, zero when it stands; nothing else moves."""
+    speed = float(np.hypot(first["vn"], first["ve"]))
+    return {"V": speed if speed > STANDING else 0.0, "gamma": 0.0, "p": 0.0, "q": 0.0, "r": 0.0}
 
 
 def starting_rates(states: xr.Dataset) -> dict[str, float]:
@@ -149,7 +161,22 @@ def _mass_and_air(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     found.update(_air(states))
     if "delta_T" in case.conditions:
         found["env.delta_T"] = case.conditions["delta_T"]
-    return found
+    runway = case.conditions.get("runway_elevation", _runway(states))
+    return found if runway is None else {**found, "env.runway_elevation": runway}
+
+
+def _runway(states: xr.Dataset) -> float | None:
+    """Return the elevation of the runway from heights over it; None when the flight never came near one. [m]"""
+    if not {"h", "h_agl", "phi", "theta"} <= set(states):
+        return None
+    near = np.isfinite(states["h_agl"].values) & (states["h_agl"].values < NEAR)
+    if not near.any():
+        return None
+    phi, theta = states["phi"].values, states["theta"].values
+    x, y, z = (states[name].values if name in states else 0.0 for name in ("x_cg_b", "y_cg_b", "z_cg_b"))
+    # h_agl is that of the moment reference point, which lies above the c.g. by the c.g.'s vector along down
+    down = -np.sin(theta) * x + np.cos(theta) * (np.sin(phi) * y + np.cos(phi) * z)
+    return float(np.median((states["h"].values + down - states["h_agl"].values)[near]))
 
 
 def _air(states: xr.Dataset) -> dict[str, float]:
@@ -162,10 +189,11 @@ def _air(states: xr.Dataset) -> dict[str, float]:
 
 
 def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
-    thrust = case.drive.engine == "thrust"
-    found = {"mode.engine": THRUST_DRIVEN if thrust else THROTTLE_DRIVEN}
-    if case.drive.trim:
-        found["mode.trim"] = SEEK_THRUST if thrust else SEEK_THROTTLE
+    found = {"mode.engine": ENGINE_DRIVES[case.drive.engine][2]}
+    if case.drive.trim == "ground":
+        found["mode.trim"] = SEEK_GROUND
+    elif case.drive.trim:
+        found["mode.trim"] = SEEK_THROTTLE if case.drive.engine == "throttle" else SEEK_THRUST
     if "lat" in states or "lat" in case.conditions:
         found["mode.earth"] = 1.0
     return found

@@ -25,7 +25,16 @@ from .verdicts import MARKS, MODAL, WORDS, Verdict, verdict_table, words
 _STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
 _SPARE = ("run-4", "run-5", "run-1", "run-2", "run-3")
 _SURFACES = {"recorded": "recorded surface positions drive the model"}
-_ENGINE = {"thrust": "recorded thrust drives the model", "throttle": "the recorded lever drives the engine model"}
+_ENGINE = {
+    "thrust": "recorded thrust drives the model",
+    "n1": "the recorded fan speed drives the engine model",
+    "throttle": "the recorded lever drives the engine model",
+}
+_START = {
+    True: "trimmed to the flight state; what is left stands below",
+    False: "flight state, not trimmed",
+    "ground": "on its wheels at the recorded speed; height and attitude from the landing gear",
+}
 
 
 def line_styles(runs: Iterable[str]) -> dict[str, str]:
@@ -122,7 +131,7 @@ def _drive(result: PomResult) -> dict[str, Any]:
     how = [
         ("surfaces", _SURFACES.get(drive.surfaces, drive.surfaces)),
         ("engine", _ENGINE.get(drive.engine, drive.engine)),
-        ("start", "trimmed to the flight state; what is left stands below" if drive.trim else "flight state, not trimmed"),
+        ("start", _START[drive.trim]),
         ("feedback", "none: open loop, nothing corrects the model during the run"),
     ]
     inputs = [(label(name), "as recorded, plotted") for name in moving]
