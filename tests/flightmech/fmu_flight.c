@@ -29,7 +29,7 @@ typedef void *instance;
 typedef const uint32_t *references;
 enum { REPLAY_N = 70000, REPLAY_T, REPLAY_U, REPLAY_Y };
 
-static void tell(void *environment, int status, const char *category, const char *message) {
+static void say(void *environment, int status, const char *category, const char *message) {
     (void)environment, (void)status, (void)category;
     fprintf(stderr, "%s\n", message);
 }
@@ -65,7 +65,7 @@ int main(int argc, char **argv) {
     double *t = malloc((n + nu + ny) * sizeof *t), *u = t + n, *y = u + nu;
     need(t && fread(t, sizeof *t, n + nu, file) == n + nu, "arrays");
 
-    instance f = fmi3InstantiateCoSimulation("flight", argv[3], argv[2], false, false, false, false, NULL, 0, NULL, tell, NULL);
+    instance f = fmi3InstantiateCoSimulation("flight", argv[3], argv[2], false, false, false, false, NULL, 0, NULL, say, NULL);
     need(f != NULL, "instance");
     const uint32_t arrays[] = {REPLAY_N, REPLAY_T, REPLAY_U, REPLAY_Y};
     const uint64_t count = n;

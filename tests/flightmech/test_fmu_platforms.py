@@ -6,12 +6,14 @@ import os
 import shutil
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
 import xarray as xr
+from fmpy.validation import validate_fmu
 
 import flightmech
 from flightmech import fmu
@@ -57,7 +59,7 @@ def record() -> xr.Dataset:
 def direct(trainer, record, condition, libraries) -> np.ndarray:
     """The outputs of the kernel of this machine, every one at every sample."""
     found = flightmech.simulate(trainer, record, condition)
-    assert np.ptp(found["theta"]) > 0.1
+    assert np.ptp(found["theta"].values) > 0.05
     return np.stack([found[name].values for name in trainer.outputs], axis=1)
 
 
@@ -69,7 +71,7 @@ def unpacked(trainer, libraries, tmp_path_factory) -> Path:
         patch.setattr(fmu, "compiled", lambda: libraries)
         flightmech.write_fmu(trainer, folder / "two.fmu", "2.0")
         path = flightmech.write_fmu(trainer, folder / "all.fmu", "3.0")
-    assert fmpy.validation.validate_fmu(str(path)) == []
+    assert validate_fmu(str(path)) == []
     return Path(fmpy.extract(str(path), str(folder / "all")))
 
 
@@ -81,12 +83,9 @@ def test_one_fmu_carries_every_platform(unpacked):
         "x86_64-linux",
         "x86_64-windows",
     ]
-    assert sorted(fmpy.supported_platforms(str(unpacked.parent / "two.fmu"))) == [
-        "aarch64-darwin",
-        "x86_64-darwin",
-        "x86_64-linux",
-        "x86_64-windows",
-    ] or {"darwin64", "linux64", "win64"} <= set(fmpy.supported_platforms(str(unpacked.parent / "two.fmu")))
+    with zipfile.ZipFile(unpacked.parent / "two.fmu") as archive:
+        folders = {name.split("/")[1] for name in archive.namelist() if name.startswith("binaries/")}
+    assert folders == {"linux64", "win64", "darwin64"}
 
 
 @pytest.mark.parametrize("platform", RUNNERS)
