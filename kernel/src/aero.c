@@ -35,24 +35,23 @@ void evaluate_special(am_sim *sim) {
     for (uint32_t k = 0; k < m->lates; k++) sim->term[m->term[m->late[k]].place] = term_value(sim, m->late[k]);
 }
 
-/* They are added once their variable is known. */
-static void leave_out_special(am_sim *sim) {
+void leave_out_special(am_sim *sim) {
     const am_model *m = sim->model;
     for (uint32_t k = 0; k < m->implicits; k++) sim->term[m->term[m->implicit[k][0]].place] = 0.0;
     for (uint32_t k = 0; k < m->lates; k++) sim->term[m->term[m->late[k]].place] = 0.0;
 }
 
+/* One value after another: they have just been written one by one, and a load of several would wait for the stores. */
 void sum_coefficients(const am_sim *sim, double c[COEFFICIENTS]) {
-    double sum[ROW] = {0.0};
-    const double *term = sim->term, *end = term + ROW * (size_t)sim->model->rows;
-    for (; term < end; term += ROW)
-        for (int k = 0; k < ROW; k++) sum[k] += term[k];
-    for (int k = 0; k < COEFFICIENTS; k++) c[k] = sum[k];
+    double CL = 0.0, CD = 0.0, CY = 0.0, Cl = 0.0, Cm = 0.0, Cn = 0.0;
+    for (const double *term = sim->term, *end = term + ROW * (size_t)sim->model->rows; term < end; term += ROW)
+        CL += term[T_CL], CD += term[T_CD], CY += term[T_CY], Cl += term[T_ROLL], Cm += term[T_PITCH], Cn += term[T_YAW];
+    c[T_CL] = CL, c[T_CD] = CD, c[T_CY] = CY, c[T_ROLL] = Cl, c[T_PITCH] = Cm, c[T_YAW] = Cn;
 }
 
 void evaluate_stage(am_sim *sim, int stage) {
     const am_model *m = sim->model;
-    look_up_changed(sim, stage);
+    look_up(sim, stage);
     evaluate_terms(sim, stage);
     for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) {
         const uint32_t target = m->term[i].target;
@@ -66,8 +65,7 @@ static void add_late(am_sim *sim, double c[COEFFICIENTS]) {
     sim->var[A_CL] = c[0];
     for (uint32_t k = 0; k < m->lates; k++) {
         const uint32_t i = m->late[k];
-        sim->term[m->term[i].place] = term_value(sim, i);
-        c[m->term[i].target] += sim->term[m->term[i].place];
+        c[m->term[i].target] += term_value(sim, i);
     }
 }
 
@@ -93,13 +91,8 @@ static void to_house(const am_sim *sim, double c[3]) {
 static void flow_rate(const now_t *now, uint32_t kind, double row[3]) {
     row[0] = row[1] = row[2] = 0.0;
     if (now->Vxz < FLOW_FLOOR) return;
-    if (kind == 0) {
-        const double in_plane = 1.0 / now->Vxz;
-        row[0] = -now->sa * in_plane, row[2] = now->ca * in_plane;
-    } else {
-        const double along = 1.0 / now->V;
-        row[0] = -now->ca * now->sb * along, row[1] = now->cb * along, row[2] = -now->sa * now->sb * along;
-    }
+    if (kind == 0) row[0] = -now->sa * now->per_Vxz, row[2] = now->ca * now->per_Vxz;
+    else row[0] = -now->ca * now->sb * now->per_V, row[1] = now->cb * now->per_V, row[2] = -now->sa * now->sb * now->per_V;
 }
 
 /* An implicit variable is apart + row . force / mass; returns apart. */
@@ -109,14 +102,14 @@ static double implicit_row(const am_sim *sim, uint32_t kind, const double free_f
         row[0] = row[1] = 0.0, row[2] = -1.0 / G0;
         return -1.0;
     }
-    const double V = now->V > V_FLOOR ? now->V : V_FLOOR, half = 0.5 * (kind == 0 ? sim->model->cbar : sim->model->b) / V;
+    const double half = 0.5 * (kind == 0 ? sim->model->cbar : sim->model->b) * now->per_V; /* no rate below FLOW_FLOOR */
     flow_rate(now, kind, row);
     for (int i = 0; i < 3; i++) row[i] *= half;
     return dot(row, free_fall);
 }
 
 /* A x = x in place, without pivoting: A is the unit matrix minus small couplings. */
-static void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], uint32_t n) {
+static inline void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], uint32_t n) {
     for (uint32_t k = 0; k < n; k++)
         for (uint32_t i = k + 1; i < n; i++) {
             const double factor = A[i][k] / A[k][k];
@@ -129,13 +122,15 @@ static void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], uint32_t
     }
 }
 
-/* Adds the implicit terms to the coefficients c; force is the total force without them. */
-static void close_loop(am_sim *sim, const double force[3], const double free_fall[3], double c[COEFFICIENTS]) {
+/* Adds the implicit terms to the coefficients c; force is the total force without them, n the number of unknowns. */
+static inline void close_loop(am_sim *sim, const double force[3], const double free_fall[3], double c[COEFFICIENTS], uint32_t n) {
     const am_model *m = sim->model;
-    const uint32_t n = m->unknowns;
     const double per_mass = 1.0 / sim->now.mass, qS = sim->now.qbar * m->S;
-    double slope[IMPLICIT][COEFFICIENTS] = {{0.0}}, push[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
-    for (uint32_t j = 0; j < n; j++) sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
+    double slope[IMPLICIT][COEFFICIENTS], push[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
+    for (uint32_t j = 0; j < n; j++) {
+        sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
+        for (int k = 0; k < COEFFICIENTS; k++) slope[j][k] = 0.0;
+    }
     for (uint32_t i = 0; i < m->implicits; i++) {
         const uint32_t term = m->implicit[i][0];
         slope[m->implicit[i][1]][m->term[term].target] += term_value(sim, term);
@@ -156,10 +151,19 @@ static void close_loop(am_sim *sim, const double force[3], const double free_fal
     }
 }
 
+/* The compiler unrolls each. */
+static void solve_implicit(am_sim *sim, const double force[3], const double free_fall[3], double c[COEFFICIENTS]) {
+    const uint32_t n = sim->model->unknowns;
+    if (n == 1) close_loop(sim, force, free_fall, c, 1);
+    else if (n == 2) close_loop(sim, force, free_fall, c, 2);
+    else close_loop(sim, force, free_fall, c, 3);
+}
+
 void contributions(const am_sim *sim, double *term) {
     const am_model *m = sim->model;
     for (uint32_t i = 0; i < m->terms; i++) term[i] = sim->term[m->term[i].place];
     for (uint32_t i = 0; i < m->implicits; i++) term[m->implicit[i][0]] = term_value(sim, m->implicit[i][0]);
+    for (uint32_t i = 0; i < m->lates; i++) term[m->late[i]] = term_value(sim, m->late[i]);
 }
 
 static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double applied[3], double F[3]) {
@@ -174,15 +178,14 @@ void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]
     const am_model *m = sim->model;
     now_t *now = &sim->now;
     double row[3], a[3];
-    look_up_changed(sim, STAGE_AERO);
+    look_up(sim, STAGE_AERO);
     evaluate_terms(sim, STAGE_AERO);
-    leave_out_special(sim);
     sum_coefficients(sim, now->c);
     to_house(sim, now->c);
     for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
     forces_of(sim, now->c, applied, now->F);
     if (m->unknowns) {
-        close_loop(sim, now->F, free_fall, now->c);
+        solve_implicit(sim, now->F, free_fall, now->c);
         forces_of(sim, now->c, applied, now->F);
     }
     if (m->lates) add_late(sim, now->c);

@@ -79,9 +79,10 @@ void air_data(now_t *now, const double velocity[3]) {
     now->u = u, now->v = v, now->w = w;
     now->Vxz = sqrt(u * u + w * w);
     now->V = sqrt(u * u + v * v + w * w);
-    const double in_plane = now->Vxz > 0.0 ? 1.0 / now->Vxz : 0.0, along = now->V > 0.0 ? 1.0 / now->V : 0.0;
-    now->ca = now->Vxz > 0.0 ? u * in_plane : 1.0, now->sa = w * in_plane;
-    now->cb = now->V > 0.0 ? now->Vxz * along : 1.0, now->sb = v * along;
+    now->per_Vxz = now->Vxz > 0.0 ? 1.0 / now->Vxz : 0.0;
+    now->per_V = now->V > 0.0 ? 1.0 / now->V : 0.0;
+    now->ca = now->Vxz > 0.0 ? u * now->per_Vxz : 1.0, now->sa = w * now->per_Vxz;
+    now->cb = now->V > 0.0 ? now->Vxz * now->per_V : 1.0, now->sb = v * now->per_V;
     now->alpha = am_atan2(w, u);
     now->beta = am_atan2(v, now->Vxz);
     now->mach = now->V / now->a;

@@ -32,24 +32,30 @@ static void slope(am_sim *sim, double t, double h, double part, const double *x,
     derivative(sim, x, u, k);
 }
 
+/* Inputs at a part of u0 ... u1; u0 itself when they are held. */
+static const double *inputs_at(const am_sim *sim, const double *u0, const double *u1, double s, double *u) {
+    if (u0 == u1) return u0;
+    blend(sim->model, u0, u1, s, u);
+    return u;
+}
+
 /* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step from t covers. */
 static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const double *u1, double s0, double s1) {
     const am_model *m = sim->model;
     const int n = am_state_count(m);
-    double *k1 = sim->k, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *x = sim->x, *to = sim->x_work, *u = sim->u_work;
-    blend(m, u0, u1, s1, sim->u_end);
-    blend(m, u0, u1, s0, u);
-    if (m->memories) advance_memory(sim, t, h, u, sim->u_end);
+    double *k1 = sim->k, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *x = sim->x, *to = sim->x_work;
+    const double *u_end = inputs_at(sim, u0, u1, s1, sim->u_end), *u = inputs_at(sim, u0, u1, s0, sim->u_work);
+    if (m->memories) advance_memory(sim, t, h, u, u_end);
     if (!sim->fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) slope(sim, t, h, 0.0, x, u, k1);
     sim->fresh = false;
     count_outside(sim);
-    blend(m, u0, u1, 0.5 * (s0 + s1), u);
+    u = inputs_at(sim, u0, u1, 0.5 * (s0 + s1), sim->u_work);
     advance(n, x, 0.5 * h, k1, to);
     slope(sim, t, h, 0.5, to, u, k2);
     advance(n, x, 0.5 * h, k2, to);
     slope(sim, t, h, 0.5, to, u, k3);
     advance(n, x, h, k3, to);
-    slope(sim, t, h, 1.0, to, sim->u_end, k4);
+    slope(sim, t, h, 1.0, to, u_end, k4);
     for (int i = 0; i < n; i++) to[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
 

@@ -87,7 +87,7 @@ struct am_model {
     uint32_t first[NAMED_KINDS][GROUPS]; /* where the names of a group begin, and how many an item has */
     uint32_t per[NAMED_KINDS][GROUPS];
     uint32_t total[NAMED_KINDS];
-    uint32_t first_memory[GROUPS], first_work[GROUPS], memories, works;
+    uint32_t first_memory[GROUPS], first_work[GROUPS], per_memory[GROUPS], per_work[GROUPS], memories, works;
     const char *item[GROUPS][MAX_ITEMS];
     uint32_t *variable; /* code of each catalogued variable */
     axis_t *axis;
@@ -126,6 +126,7 @@ typedef struct {
     double T, p, rho, a;
     double C[3][3];                              /* Earth to body */
     double u, v, w, V, Vxz, alpha, beta, mach, qbar;
+    double per_V, per_Vxz;                       /* their reciprocals, 0 at rest */
     double ca, sa, cb, sb;                       /* cosine and sine of alpha and beta */
     double rate[3];                              /* body rates relative to Earth and air */
     double gust_rate[3];                         /* rotation of the air about the body axes */
@@ -193,8 +194,12 @@ static inline const double *state_of(const am_sim *sim, const double *x, int gro
     return x + place(sim->model, AM_STATE, group, item);
 }
 static inline double *rate_of(const am_sim *sim, double *dx, int group, uint32_t item) { return dx + place(sim->model, AM_STATE, group, item); }
-double *memory_of(const am_sim *sim, int group, uint32_t item);
-double *work_of(const am_sim *sim, int group, uint32_t item);
+static inline double *memory_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->memory + sim->model->first_memory[group] + item * sim->model->per_memory[group];
+}
+static inline double *work_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->work + sim->model->first_work[group] + item * sim->model->per_work[group];
+}
 
 static inline bool has_terms(const am_model *m, int group, uint32_t item, uint32_t target) {
     const uint32_t t = place(m, AM_TARGET, group, item) + target;
@@ -230,7 +235,7 @@ uint32_t work_size(int group);
 void look_up(am_sim *sim, int stage);
 void settle_cells(am_sim *sim);
 /* nodes.c */
-void look_up_changed(am_sim *sim, int stage); /* with the changes of nodes and tables */
+void apply_patches(am_sim *sim, int stage); /* the changes of nodes and tables, after a look-up */
 int set_table_parameter(am_sim *sim, uint32_t index, double value);
 int get_table_parameter(const am_sim *sim, uint32_t index, double *value);
 int find_table_parameter(const am_model *m, const char *name);
@@ -253,7 +258,8 @@ void euler_matrix(double phi, double theta, double psi, double C[3][3]);
 void evaluate_stage(am_sim *sim, int stage); /* tables, terms and sums of a stage */
 void evaluate_terms(am_sim *sim, int stage);
 void contributions(const am_sim *sim, double *term); /* of every term at the last derivative, implicit ones included */
-void evaluate_special(am_sim *sim); /* terms with CL or an implicit variable, as these stand */
+void evaluate_special(am_sim *sim);  /* terms with CL or an implicit variable, as these stand */
+void leave_out_special(am_sim *sim); /* their places are zero but between these two calls */
 void sum_coefficients(const am_sim *sim, double c[COEFFICIENTS]);
 void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]);
 /* weather.c */

@@ -110,8 +110,7 @@ static double weight(const am_sim *sim, const patch_t *patch) {
     return w;
 }
 
-void look_up_changed(am_sim *sim, int stage) {
-    look_up(sim, stage);
+void apply_patches(am_sim *sim, int stage) {
     for (uint32_t i = 0; i < sim->patches; i++) {
         const patch_t *patch = &sim->patch[i];
         if (patch->stage != (uint32_t)stage) continue;

@@ -140,9 +140,9 @@ static const char *string_at(const reader *r, uint32_t offset) {
 }
 
 bool all_finite(const double *a, size_t n) {
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(a[i])) return false;
-    return true;
+    double nothing = 0.0; /* NaN and infinity by zero are NaN, and stay it */
+    for (size_t i = 0; i < n; i++) nothing += a[i] * 0.0;
+    return nothing == 0.0;
 }
 
 /* One zeroed piece of memory for the arrays of the model, carved in order. */
@@ -234,8 +234,9 @@ static bool lay_out(reader *r) {
         m->total[kind] = next;
     }
     for (int group = 0; group < GROUPS; group++) {
+        m->per_memory[group] = memory_size(group), m->per_work[group] = work_size(group);
         m->first_memory[group] = m->memories, m->first_work[group] = m->works;
-        m->memories += m->items[group] * memory_size(group), m->works += m->items[group] * work_size(group);
+        m->memories += m->items[group] * m->per_memory[group], m->works += m->items[group] * m->per_work[group];
     }
     m->target_stage = calloc(3 * (size_t)m->total[AM_TARGET] + 1, sizeof *m->target_stage);
     if (!m->target_stage) return refuse(r, "model block: no memory");

@@ -15,14 +15,6 @@ static double *take(double **at, size_t n) {
     return piece;
 }
 
-double *memory_of(const am_sim *sim, int group, uint32_t item) {
-    return sim->memory + sim->model->first_memory[group] + item * memory_size(group);
-}
-
-double *work_of(const am_sim *sim, int group, uint32_t item) {
-    return sim->work + sim->model->first_work[group] + item * work_size(group);
-}
-
 size_t sim_size(const am_model *m) {
     const size_t nx = (size_t)am_state_count(m), nu = (size_t)m->count[AM_INPUT], np = (size_t)m->count[AM_PARAMETER], na = m->axes;
     const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx + m->total[AM_VARIABLE] + m->slots + m->places + m->total[AM_TARGET] + 3 * na + m->memories + m->works;
@@ -296,13 +288,14 @@ int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, do
     for (size_t k = 0; k < n; k++) {
         for (size_t i = 0; i < nv; i++) sim->var[m->variable[i]] = v[k * nv + i];
         for (int stage = 0; stage < STAGES; stage++) {
-            look_up_changed(sim, stage);
+            look_up(sim, stage);
             evaluate_terms(sim, stage);
         }
         evaluate_special(sim);
         if (coefficients) sum_coefficients(sim, coefficients + k * COEFFICIENTS);
         for (uint32_t i = 0; terms && i < m->terms; i++) terms[k * m->terms + i] = sim->term[m->term[i].place];
     }
+    leave_out_special(sim);
     return AM_OK;
 }
 

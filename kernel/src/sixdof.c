@@ -22,7 +22,7 @@ double applied(const am_sim *sim, const double *u, int control) {
 static void set_variables(am_sim *sim, const double *x, const double *u) {
     const am_model *m = sim->model;
     const now_t *now = &sim->now;
-    const double V = now->V > V_FLOOR ? now->V : V_FLOOR, span = 0.5 * m->b / V, chord = 0.5 * m->cbar / V;
+    const double per_V = now->V > V_FLOOR ? now->per_V : 1.0 / V_FLOOR, span = 0.5 * m->b * per_V, chord = 0.5 * m->cbar * per_V;
     double *var = sim->var, below[3];
     from_body(now->C, now->cg, below); /* the reference point lies above the c.g. by this much along down */
     var[A_ALPHA] = now->alpha, var[A_BETA] = now->beta, var[A_MACH] = now->mach;

@@ -110,4 +110,5 @@ void look_up(am_sim *sim, int stage) {
     double *slot = sim->slot;
     for (uint32_t i = m->first_bundle[stage], end = m->first_bundle[stage + 1]; i < end; i++)
         interpolate(&m->bundle[i], node + corner[i], fraction, slot);
+    if (sim->patches) apply_patches(sim, stage);
 }
