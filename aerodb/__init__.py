@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .figure_folder import write_comparison
     from .figures import plot_comparison, plot_term
     from .files import open, save
+    from .ground_effect import bank_in_ground_effect, in_ground_effect, with_height_table
     from .maps import plot_difference
     from .moving import move_reference
     from .overview import summary
@@ -84,10 +85,14 @@ _HOME = {
     "rescale": "rescaling",
     "summary": "overview",
     "factored": "factoring",
+    "bank_in_ground_effect": "ground_effect",
+    "in_ground_effect": "ground_effect",
+    "with_height_table": "ground_effect",
     "tabulate": "tabulation",
     "templates": "templates",
 }
 __all__ = [
+    "bank_in_ground_effect",
     "blend",
     "check",
     "compare",
@@ -110,6 +115,7 @@ __all__ = [
     "import_daveml",
     "import_jsbsim",
     "import_matlab",
+    "in_ground_effect",
     "move_reference",
     "open",
     "plot_comparison",
@@ -132,6 +138,7 @@ __all__ = [
     "templates",
     "terms",
     "with_checks",
+    "with_height_table",
     "write_comparison",
 ]
 

@@ -54,7 +54,7 @@ def completed(conditions: xr.Dataset, *databases: xr.DataTree) -> tuple[xr.Datas
 
     needed = {(name, v) for db in databases for name, leaf in terms(db).items() for v in _terms.variables(leaf)}
     added: dict[str, Any] = {}
-    said = []
+    said, lift = [], []
     for term, name in sorted(needed):
         if name in conditions or name in added:
             continue
@@ -64,9 +64,27 @@ def completed(conditions: xr.Dataset, *databases: xr.DataTree) -> tuple[xr.Datas
             added[name] = ((), AT_REST.get(name, FREE_AIR), attrs(name))
             taken = f"as {readable(name, AT_REST[name])}" if name in AT_REST else "in free air"
             said.append(f"{name} is not in the record; taken {taken}")
+        elif name == "CL":
+            lift.append(term)
         else:
             raise UnknownName(name, map(str, conditions.variables), "condition", f"{term} needs it and the record does not hold it")
-    return conditions.assign(added), said
+    whole = conditions.assign(added)
+    if lift:
+        whole["CL"] = _lift(whole, lift[0], databases)
+        said.append("CL is not in the record; taken from the terms of the first database")
+    return whole, said
+
+
+def _lift(conditions: xr.Dataset, term: str, databases: Iterable[xr.DataTree]) -> xr.DataArray:
+    from .evaluation import contributions
+
+    given = {str(name): conditions[name] for name in conditions}
+    parts = next((contributions(db, "CL", given, "clamp") for db in databases if "CL" in db.children), None)
+    if parts is None:
+        raise UnknownName("CL", map(str, conditions.variables), "condition", f"{term} needs it and neither record nor database holds it")
+    dims = ("time",) if "time" in conditions.dims else tuple(conditions.dims)
+    shape = tuple(conditions.sizes[dim] for dim in dims)
+    return xr.DataArray(np.broadcast_to(sum(parts.values()), shape).copy(), dims=dims, attrs=attrs("CL"))
 
 
 def flat(conditions: Conditions, leaves: Iterable[xr.Dataset]) -> tuple[dict[str, np.ndarray], int, Callable[[int], str], int]:

@@ -162,8 +162,8 @@ def _pairs(db: xr.DataTree, other: xr.DataTree, names: str | Iterable[str] | Non
         problems += [
             f"{name}: no stderr {where}; give one to every node" for leaf, where in zip(pair, ("here", "there")) if "stderr" not in leaf
         ]
-        if sorted(_terms.regressors(pair[0])) != sorted(_terms.regressors(pair[1])):
-            words = [" ".join(_terms.regressors(leaf)) or "none" for leaf in pair]
+        words = [" ".join(_terms.multipliers(leaf)) or "none" for leaf in pair]
+        if words[0] != words[1]:
             problems.append(f"{name}: regressors {words[0]} here and {words[1]} there; only tables of the same meaning can be joined")
         found[name] = _Pair(*pair) if same_factors(*pair) else _Pair(folded(pair[0]), folded(pair[1]))
     if problems:
@@ -201,7 +201,7 @@ def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
         return _Observed(points, np.zeros((0, size)), np.zeros(0), np.zeros(0))
     mesh = dict(zip([*points, *rest], np.meshgrid(*points.values(), *rest.values(), indexing="ij"))) if points or rest else {}
     flat = {axis: grid.ravel() for axis, grid in mesh.items()}
-    B = _terms.basis(table[["value"]].assign_attrs(regressors=""), flat, "clamp").toarray()
+    B = _terms.basis(_terms.bare(table[["value"]]), flat, "clamp").toarray()
     H = np.broadcast_to(B, (count * nodes, size)).reshape(count, nodes, size).mean(axis=1)
     there = pair.theirs.sel(points)
     return _Observed(points, H, there["value"].values.ravel(), there["stderr"].values.ravel())

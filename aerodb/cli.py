@@ -77,6 +77,8 @@ def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **lis
 @json_option
 def show(file: str, term: str | None, as_json: bool) -> None:
     """Show what a database holds, or the numbers of one term."""
+    from flightmech.terms import power
+
     from .files import open
     from .overview import describe, leaf_rows, summary
     from .schema import leaf_of
@@ -91,9 +93,10 @@ def show(file: str, term: str | None, as_json: bool) -> None:
         return
     head, rows = leaf_rows(leaf)
     table(head, rows, title=term, right=head)
-    for key in ("regressors", "comment", "references", "history"):
-        if leaf.attrs.get(key):
-            click.echo(f"{key}: {leaf.attrs[key]}")
+    said = {key: leaf.attrs.get(key) for key in ("regressors", "comment", "references", "history")}
+    for key, text in {"power": power(leaf), **said}.items():
+        if text:
+            click.echo(f"{key}: {text}")
 
 
 @db.command()

@@ -18,6 +18,7 @@ from flightmech.names import VOCABULARY, lookup
 from flightmech.units import DEGREE, from_si
 
 TABLES = ("value", "K1", "K2")
+FREE_AIR = 1e4  # h_agl from here on is no height over ground [m]
 # ends of a variable that multiplies tables and is no axis of any: what brisk manoeuvres of a trainer or business jet reach [SI]
 REACH: dict[str, tuple[float, ...]] = {
     "alpha": (-5 * DEGREE, 10 * DEGREE),
@@ -30,12 +31,13 @@ REACH: dict[str, tuple[float, ...]] = {
     "betadothat": (-0.02, 0.02),
     "dnz": (-1.0, 1.0),
     "CT": (0.0, 0.2),
+    "CL": (0.0, 1.5),
+    "h_agl": (2.0, 5.0, 15.0, FREE_AIR),
     **dict.fromkeys(("gear", "speedbrake"), (0.0, 1.0)),
     **dict.fromkeys(("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_d"), (-10 * DEGREE, 10 * DEGREE)),
     **dict.fromkeys(("delta_f", "delta_s"), (0.0, 40 * DEGREE)),
 }
 _IN_FULL = ("mach", "alpha")
-FREE_AIR = 1e4  # h_agl from here on is no height over ground [m]
 
 Place = Callable[[int], str]
 Conditions = Mapping[str, Any] | xr.Dataset

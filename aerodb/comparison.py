@@ -166,13 +166,13 @@ def _by_coefficient(pairs: Mapping[str, Pair]) -> dict[str, dict[str, Pair]]:
 
 
 def _node_row(ours: xr.Dataset | None, theirs: xr.Dataset | None) -> list[Any]:
-    if ours is not None and theirs is not None and sorted(_terms.regressors(ours)) != sorted(_terms.regressors(theirs)):
-        here, there = (" ".join(_terms.regressors(leaf)) or "none" for leaf in (ours, theirs))
+    if ours is not None and theirs is not None and _terms.multipliers(ours) != _terms.multipliers(theirs):
+        here, there = (" ".join(_terms.multipliers(leaf)) or "none" for leaf in (ours, theirs))
         return _nothing("both", f"regressors differ: {here} in a, {there} in b")
     points = breakpoints(leaf for leaf in (ours, theirs) if leaf is not None)
     samples = mesh(points)
     count = int(np.prod([len(p) for p in points.values()]))
-    a, b = (contribution(leaf if leaf is None else leaf.assign_attrs(regressors=""), samples, count) for leaf in (ours, theirs))
+    a, b = (contribution(leaf if leaf is None else _terms.bare(leaf), samples, count) for leaf in (ours, theirs))
     return _row(_pair_found_in((ours, theirs)), a, b, location(samples, points), "")
 
 

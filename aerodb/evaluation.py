@@ -24,7 +24,8 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
     coefficient : str
         One of the database's coefficients, such as ``"CL"``, or a hinge moment, such as ``"Ch_e"``.
     conditions : mapping of str to array
-        Every variable the terms need, broadcast against each other; a Dataset of a manoeuvre will do. [SI]
+        Every variable the terms need, broadcast against each other; a Dataset of a manoeuvre will do.  ``CL`` as a regressor of
+        other coefficients may be left out where the database holds it: it is the sum of its terms then, as in the simulation. [SI]
     outside : {"raise", "clamp"}
         Beyond a table: raise, or follow the rule of the leaf as the simulation does.
 
@@ -43,6 +44,7 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
     allowed = (*coefficients(db), *HINGE)
     if coefficient not in allowed:
         raise UnknownName(coefficient, allowed, "coefficient")
+    conditions = _with_lift(db, coefficient, conditions, outside)
     found = {}
     places: dict[Any, Any] = {}
     for name, leaf in terms(db).items():
@@ -56,6 +58,14 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
         except UnknownName as error:
             raise UnknownName(error.name, error.allowed, "condition", f"the term {name} needs it; pass it with the conditions") from None
     return found
+
+
+def _with_lift(db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], outside: str) -> Mapping[str, Any]:
+    """Return conditions with the lift coefficient where terms of another coefficient ask for it and it is not given."""
+    asked = any("CL" in _terms.variables(leaf) for name, leaf in terms(db).items() if name.split("/")[0] == coefficient)
+    if not asked or "CL" in conditions or coefficient == "CL" or "CL" not in coefficients(db):
+        return conditions
+    return {**{str(name): conditions[name] for name in conditions}, "CL": evaluate(db, "CL", outside, **conditions)}
 
 
 def evaluate(db: xr.DataTree, coefficient: str, outside: str = "raise", **conditions: Any) -> np.ndarray:

@@ -49,7 +49,7 @@ def factored(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
     axes = {str(name): rest[name].values for name in rest.dims}
     stderr = np.hypot(leaf["stderr"].transpose(axis, ...).values[at], worst) if "stderr" in leaf else None
     factor = xr.DataArray(K1, {axis: (axis, value[axis].values, attrs(axis))}, axis)
-    made = _terms.make(table.reshape(rest.shape), axes, _terms.regressors(leaf), K1=factor, stderr=stderr)
+    made = _terms.make(table.reshape(rest.shape), axes, _terms.regressors(leaf), K1=factor, stderr=stderr, power=_terms.power(leaf))
     if "source" in leaf:
         source = leaf["source"].transpose(axis, ...).isel({axis: at}, drop=True)
         made["source"] = rest.dims, source.values, dict(leaf["source"].attrs)

@@ -66,6 +66,8 @@ class Family:
         Breakpoints by variable, of all databases. [SI]
     curves : dict of str to list of Curve or None
         Database to one curve per member, None where its table does not reach.
+    power : Power or None
+        The power factor that multiplies the table too.
     """
 
     name: str
@@ -76,6 +78,7 @@ class Family:
     regressors: tuple[str, ...]
     points: dict[str, np.ndarray]
     curves: dict[str, list[Curve | None]]
+    power: _terms.Power | None = None
 
     @property
     def is_term(self) -> bool:
@@ -122,7 +125,7 @@ def family(
     curves = {label: [source.curve(label, over, {**held, **({by: x} if by else {})}) for x in members] for label in source.labels}
     if by:
         members, curves = _distinct(members, curves)
-    return Family(name, over, by, members, held, source.regressors, source.points, curves)
+    return Family(name, over, by, members, held, source.regressors, source.points, curves, source.power)
 
 
 @dataclass(frozen=True)
@@ -170,7 +173,7 @@ def surface(
             difference[i, inside] = np.interp(x[inside], b.x, b.y) - np.interp(x[inside], a.x, a.y)
             stderr[i, inside] = np.interp(x[inside], a.x, a.stderr)
     lone: dict[str, list[Curve | None]] = {label: [] for label in (first, last)}
-    return Surface(Family(name, over, by, (), held, source.regressors, source.points, lone), x, y, difference, stderr)
+    return Surface(Family(name, over, by, (), held, source.regressors, source.points, lone, source.power), x, y, difference, stderr)
 
 
 def supporting(support: Conditions | None, shown: Family, member: int) -> np.ndarray:
@@ -225,7 +228,8 @@ class _TermSource:
         if not self.points:
             raise SchemaError(name, ["has no axis and therefore no curve; `aeromatch db show --term` prints the number"])
         self.regressors = _terms.regressors(next(iter(self.leaves.values())))
-        apart = [f"{label} has {' '.join(_terms.regressors(leaf)) or 'none'}" for label, leaf in self.leaves.items()]
+        self.power = _terms.power(next(iter(self.leaves.values())))
+        apart = [f"{label} has {' '.join(_terms.multipliers(leaf)) or 'none'}" for label, leaf in self.leaves.items()]
         if len({text.split(" has ")[1] for text in apart}) > 1:
             raise SchemaError(name, [f"regressors differ: {', '.join(apart)}; compare the coefficient {name.split('/')[0]} instead"])
 
@@ -242,7 +246,7 @@ class _TermSource:
         return float(table[axis].values[int(np.argmax(size.values))])
 
     def curve(self, label: str, over: str, place: Mapping[str, float]) -> Curve | None:
-        leaf = self.leaves[label].assign_attrs(regressors="")
+        leaf = _terms.bare(self.leaves[label])
         own = axes_of(leaf)
         if any(not own[axis][0] <= value <= own[axis][-1] for axis, value in place.items() if axis in own):
             return None
@@ -256,6 +260,7 @@ class _CoefficientSource:
     """Curves of a whole coefficient, in the range that all databases cover."""
 
     regressors: tuple[str, ...] = ()
+    power: _terms.Power | None = None
     order = ("mach", *_BY)
 
     def __init__(self, databases: Mapping[str, xr.DataTree], name: str):

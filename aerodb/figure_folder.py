@@ -93,7 +93,7 @@ def _plan(databases: Mapping[str, xr.DataTree], coefficients: Sequence[str], sup
 
 def _drawable(leaves: Sequence[xr.Dataset]) -> bool:
     """Whether a term has curves, the same regressors everywhere, and something that differs."""
-    if not any(axes_of(leaf) for leaf in leaves) or len({_terms.regressors(leaf) for leaf in leaves}) > 1:
+    if not any(axes_of(leaf) for leaf in leaves) or len({_terms.multipliers(leaf) for leaf in leaves}) > 1:
         return False
     tables = [[leaf[name] for name in ("value", "K1", "K2", "stderr") if name in leaf] for leaf in leaves]
     first, *others = tables

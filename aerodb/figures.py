@@ -177,11 +177,15 @@ def _ordinate(f: Family) -> str:
 
 
 def _head_lines(f: Family) -> list[str]:
-    times = "".join(rf"\,{symbol(name)}" for name in f.regressors)
+    times = "".join(rf"\,{symbol(name)}" for name in f.regressors) + _power_symbol(f)
     unit = printed_unit(f.by) if f.by else ""
     by = f", curves by ${symbol(f.by)}$" + (f" [{unit}]" if unit else "") if f.by else ""
     first = f"${quantity_symbol(f)}$" + (f" times ${times}$" if times else "") + f" over ${symbol(f.over)}${by}"
     return [first + held_text(f)]
+
+
+def _power_symbol(f: Family) -> str:
+    return rf"\,\max({symbol(f.power.variable)}, {f.power.floor:g})^{{{f.power.exponent:g}}}" if f.power is not None else ""
 
 
 def held_text(f: Family) -> str:

@@ -87,11 +87,11 @@ def spread(leaf: xr.Dataset, points: Mapping[str, np.ndarray]) -> xr.Dataset:
     points : mapping of str to array
         All axes of the new table in order, those of the leaf among them. [SI]
     """
-    bare = leaf[["value"]].assign_attrs(regressors="")
+    alone = _terms.bare(leaf[["value"]])
     mesh = dict(zip(points, np.meshgrid(*points.values(), indexing="ij"))) if points else {}
     shape = tuple(len(p) for p in points.values())
     own = np.broadcast_shapes(*(mesh[axis].shape for axis in axes_of(leaf)), ())
-    B = _terms.basis(bare, mesh, "clamp")
+    B = _terms.basis(alone, mesh, "clamp")
 
     def there(nodes: np.ndarray, weights) -> np.ndarray:
         return np.broadcast_to((weights @ nodes.ravel()).reshape(own), shape)
@@ -144,13 +144,23 @@ def folded(leaf: xr.Dataset) -> xr.Dataset:
     return new
 
 
+def without_formula(leaf: xr.Dataset) -> xr.Dataset:
+    """Return a leaf whose factors no longer say which formula they came from: their breakpoints have changed."""
+    changed = {}
+    for key in _FACTORS:
+        if key in leaf and "formula" in leaf[key].attrs:
+            changed[key] = leaf[key].copy()
+            del changed[key].attrs["formula"]
+    return leaf.assign(changed)
+
+
 def same_factors(first: xr.Dataset, second: xr.Dataset) -> bool:
     """Tell whether two leaves have the same factor tables."""
     return all((key in first) == (key in second) and (key not in first or first[key].equals(second[key])) for key in _FACTORS)
 
 
 def added(leaf: xr.Dataset, more: xr.Dataset) -> xr.Dataset:
-    """Return the sum of two leaves with the same regressors, over the union of their breakpoints; errors count as independent.
+    """Return the sum of two leaves that the same things multiply, over the union of their breakpoints; errors count as independent.
 
     Raises
     ------

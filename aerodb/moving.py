@@ -19,7 +19,7 @@ from flightmech import terms as _terms
 from flightmech.errors import SchemaError
 
 from .effects import Effect, rate_shift
-from .grids import added, axes_of, factor_axes, folded, same_factors, spread, union, union_axes, with_table
+from .grids import added, axes_of, factor_axes, folded, same_factors, spread, union, union_axes, with_table, without_formula
 from .schema import FORCE_AXES, terms
 from .states import absent, last, noted, previous, recorded, remark
 
@@ -59,7 +59,8 @@ def move_reference(db: xr.DataTree, point: Sequence[float], *, tolerance: float 
     Raises
     ------
     SchemaError
-        A point that is not three finite numbers, a table that would have too many axes, an unknown `flow`, or ``"moved"`` with
+        A point that is not three finite numbers, a table that would have too many axes, a power of the height over the runway when
+        the point changes its height, an unknown `flow`, or ``"moved"`` with
         other than stability axes, or out of the plane of symmetry.
 
     Notes
@@ -72,6 +73,7 @@ def move_reference(db: xr.DataTree, point: Sequence[float], *, tolerance: float 
     base = _before_moves(db, flow)
     d, leaves = _point(base) - new, terms(base)
     said = f"from ({_metres(old)}) to ({_metres(new)}) m{', flow angles with it' if flow == 'moved' else ''}"
+    _demand_countable(leaves, float(d[2]))
     if d.any():
         whole = _moved(leaves, base.attrs, d, tolerance)
         if flow == "moved":
@@ -204,7 +206,7 @@ def _refined(leaf: xr.Dataset, angle: str, allowed: float) -> np.ndarray:
 
 def _kind(name: str, leaf: xr.Dataset) -> tuple[str, ...]:
     """Return what tells which terms are compared: the coefficient and what multiplies the table."""
-    return (name.split("/")[0], *sorted(_terms.regressors(leaf)))
+    return (name.split("/")[0], *_terms.multipliers(leaf))
 
 
 def _size(leaf: xr.Dataset) -> float:
@@ -221,7 +223,7 @@ def _put(leaves: dict[str, xr.Dataset], moment: str, contribution: str, more: xr
 
 
 def _joins(leaf: xr.Dataset, more: xr.Dataset) -> bool:
-    if sorted(_terms.regressors(leaf)) != sorted(_terms.regressors(more)):
+    if _terms.multipliers(leaf) != _terms.multipliers(more):
         return False
     axes = set(union_axes(leaf, more))
     return len(axes if same_factors(leaf, more) else axes | factor_axes(leaf) | factor_axes(more)) <= _terms.MAX_AXES
@@ -246,7 +248,7 @@ def _with_rates(leaves: dict[str, xr.Dataset], root: Mapping, d: np.ndarray) -> 
 def _effect(leaves: Mapping[str, xr.Dataset], name: str, coefficients: Sequence[str], regressor: str) -> Effect:
     """Return terms of one name as an effect, over their common breakpoints."""
     own = {c: folded(leaves[f"{c}/{name}"]) for c in coefficients if f"{c}/{name}" in leaves}
-    own = {c: leaf for c, leaf in own.items() if " ".join(_terms.regressors(leaf)) == regressor}
+    own = {c: leaf for c, leaf in own.items() if " ".join(_terms.multipliers(leaf)) == regressor}
     points = union_axes(*own.values()) if own else {}
     return Effect(name, {c: spread(leaf, points)["value"] for c, leaf in own.items()}, regressor)
 
@@ -264,6 +266,18 @@ def _as_leaf(table: xr.DataArray, origin: xr.Dataset, rate: str) -> xr.Dataset:
     return leaf.assign_attrs(regressors=rate, comment="what the flow angles at the moment reference point add")
 
 
+def _demand_countable(leaves: Mapping[str, xr.Dataset], by: float) -> None:
+    """Raise when a power of a height would have to be counted from another point: (h + c)^s is no h^s."""
+    powers = {name: _terms.power(leaf) for name, leaf in leaves.items()}
+    problems = [
+        f"{name}: the factor {power} cannot be counted from a point {by:.4g} m lower; make it a table first (aerodb.with_height_table)"
+        for name, power in powers.items()
+        if power is not None and power.variable == "h_agl" and by != 0.0
+    ]
+    if problems:
+        raise SchemaError(_VERB, problems)
+
+
 def _raised(leaf: xr.Dataset, by: float) -> xr.Dataset:
     """Return a leaf with its heights over the runway counted from another point."""
     if "h_agl" not in leaf.coords or by == 0.0:
@@ -271,7 +285,7 @@ def _raised(leaf: xr.Dataset, by: float) -> xr.Dataset:
     attributes = leaf["h_agl"].attrs
     new = leaf.assign_coords(h_agl=leaf["h_agl"].values + by)
     new["h_agl"].attrs = attributes
-    return new
+    return without_formula(new)
 
 
 def _reach(leaves: Mapping[str, xr.Dataset], angle: str) -> np.ndarray:

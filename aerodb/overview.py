@@ -23,7 +23,8 @@ def describe(db: xr.DataTree) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        ``term``, ``axes`` (of all its tables: name, breakpoints [SI], unit), ``regressors``, ``value`` and ``stderr`` (smallest and
+        ``term``, ``axes`` (of all its tables: name, breakpoints [SI], unit), ``regressors``, ``power`` (factor in words, or
+        empty), ``value`` and ``stderr`` (smallest and
         largest, or None), ``source`` (name to share of the nodes).
     """
     return [_facts(name, leaf) for name, leaf in terms(db).items()]
@@ -69,6 +70,7 @@ def _facts(name: str, leaf: xr.Dataset) -> dict[str, Any]:
         "term": name,
         "axes": [{"name": str(p.name), "points": p.values.astype(float).tolist(), "units": lookup(str(p.name)).units} for p in axes],
         "regressors": list(_terms.regressors(leaf)),
+        "power": str(_terms.power(leaf) or ""),
         "value": _ends(leaf["value"]),
         "stderr": _ends(leaf["stderr"]) if "stderr" in leaf else None,
         "source": _shares(leaf),
@@ -92,7 +94,7 @@ def _texts(row: dict[str, Any]) -> tuple[str, ...]:
     return (
         row["term"],
         ", ".join(_axis(**axis) for axis in row["axes"]) or "-",
-        " ".join(row["regressors"]) or "-",
+        " ".join(filter(None, [*row["regressors"], row["power"]])) or "-",
         _span(row["value"]),
         _span(row["stderr"]) if row["stderr"] else "-",
         ", ".join(f"{word} {100 * share:.0f} %" if len(shares) > 1 else word for word, share in shares.items()) or "-",

@@ -1,7 +1,7 @@
 """The database of a similar aircraft: coefficients kept, lengths changed, doubt added ([LR743] section 2.3).
 
 Shapes that are alike have the same coefficients at the same Mach number; what is not alike widens the standard errors.  Heights over the
-ground are counted in spans, so their breakpoints grow with the span; Mach numbers, heights over sea level and angles stay.
+ground are counted in spans, so their breakpoints and floors grow with the span; Mach numbers, heights over sea level and angles stay.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from flightmech import terms as _terms
 from flightmech.aircraft import Aircraft
 from flightmech.errors import SchemaError, UnknownName
 
+from .grids import without_formula
 from .schema import database, require, terms
 
 # coefficient: (relative, absolute); the absolute one for the basic term only, increments are zero without their cause
@@ -135,5 +136,10 @@ def _scaled(name: str, leaf: xr.Dataset, by: float, span: float, wide: tuple[flo
         attributes = new["h_agl"].attrs
         new = new.assign_coords(h_agl=new["h_agl"].values * span)
         new["h_agl"].attrs = attributes
+        new = without_formula(new)
+    power = _terms.power(leaf)
+    if power is not None and power.variable == "h_agl":  # max(h/span, floor)^s
+        part = span**-power.exponent
+        new = new.assign(value=new["value"] * part, stderr=new["stderr"] * part).assign_attrs(floor=power.floor * span)
     history = str(leaf.attrs.get("history", ""))
     return new.assign_attrs(history=f"{history}\n{line}" if history else line)

@@ -105,6 +105,7 @@ def make(
     *,
     value: Any = 0.0,
     K1: Mapping[str, Sequence[float]] | None = None,
+    power: _terms.Power | None = None,
     stderr: Any = None,
     source: str | None = None,
     **text: str,
@@ -122,6 +123,8 @@ def make(
     K1 : mapping of str to (breakpoints, factors), optional
         Factor table over the axis of the slot, ``{"gear": ([0, 1], [0, 1])}``. Without it the undercarriage and the speed brake
         multiply the table themselves, the c.g. factor is one, and ground effect needs ``h_agl`` among the axes.
+    power : Power, optional
+        Power factor, ground effect in closed form; a power of ``h_agl`` is the height that ground effect needs.
     stderr, source, **text
         As in `flightmech.terms.make`: standard error of the nodes, where they come from, further attributes.
 
@@ -141,7 +144,7 @@ def make(
     if name not in scheme:
         raise UnknownName(name, scheme, "term", "aeromatch db scheme lists them")
     slot, axes, given = scheme[name], dict(breakpoints or {}), dict(K1 or {})
-    problems = _axis_faults(slot, axes, given)
+    problems = _axis_faults(slot, axes, given, "" if power is None else power.variable)
     shape = tuple(len(points) for points in axes.values())
     array = np.asarray(value, float)
     if array.shape not in ((), shape):
@@ -153,7 +156,7 @@ def make(
         words.append(slot.K1)
     factors = {axis: xr.DataArray(np.asarray(pair[1], float), {axis: np.asarray(pair[0], float)}, axis) for axis, pair in given.items()}
     filled = np.broadcast_to(array, shape).copy()
-    leaf = _terms.make(filled, axes, words, K1=factors.get(slot.K1), stderr=stderr, source=source)
+    leaf = _terms.make(filled, axes, words, K1=factors.get(slot.K1), power=power, stderr=stderr, source=source)
     return leaf.assign_attrs(text)
 
 
@@ -165,7 +168,7 @@ def _slot(coefficient: str, row: Row) -> Slot:
     return Slot(tuple(axes.split()), tuple(regressors.split()), K1, like + equation, meaning, _given(from_datcom, coefficient), finding)
 
 
-def _axis_faults(slot: Slot, axes: Mapping[str, Any], K1: Mapping[str, Any]) -> list[str]:
+def _axis_faults(slot: Slot, axes: Mapping[str, Any], K1: Mapping[str, Any], power: str) -> list[str]:
     allowed = dict.fromkeys((*slot.axes, *slot.regressors, *((slot.K1,) if slot.K1 else ())))
     problems = [f"the axis {axis} does not belong here; allowed: {', '.join(allowed) or 'none'}" for axis in axes if axis not in allowed]
     for axis, pair in K1.items():
@@ -175,8 +178,8 @@ def _axis_faults(slot: Slot, axes: Mapping[str, Any], K1: Mapping[str, Any]) -> 
             problems.append(f"{axis} is an axis of K1 and of the table; leave one of them out")
         elif len(pair) != 2 or len(pair[0]) != len(pair[1]):
             problems.append(f"K1 over {axis} is no pair of breakpoints and as many factors")
-    if slot.K1 == "h_agl" and not K1 and "h_agl" not in axes:
-        problems.append("depends on no height; give K1 over h_agl, or h_agl among the breakpoints")
+    if slot.K1 == "h_agl" and not K1 and "h_agl" not in (*axes, power):
+        problems.append("depends on no height; give K1 over h_agl, h_agl among the breakpoints, or a power of it")
     return problems
 
 

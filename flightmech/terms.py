@@ -24,7 +24,7 @@ A leaf is a plain ``xarray.Dataset``:
 
 Attributes: ``regressors`` (words), ``outside`` (``hold`` or ``linear``: what the simulation does beyond the last
 breakpoint), ``references``, ``history``, ``comment``; of the power factor ``power`` (the variable) and the numbers
-``exponent`` and ``floor`` (positive, in the unit of the variable).
+``exponent`` (-10 to 10) and ``floor`` (positive, in the unit of the variable).
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ SOURCES = ("datcom", "flight", "judgement")
 SOURCE_ATTRS = {"flag_values": " ".join(str(code) for code, _ in enumerate(SOURCES)), "flag_meanings": " ".join(SOURCES)}
 MAX_AXES = 4
 MAX_REGRESSORS = 2
+MAX_EXPONENT = 10
 _TABLES = ("value", "K1", "K2")
 _NUMBER = int | float | np.integer | np.floating
 
@@ -230,6 +231,8 @@ def _check_power(attributes: Mapping[Any, Any]) -> list[str]:
     for key in ("exponent", "floor"):
         if not isinstance(parts.get(key), _NUMBER) or not math.isfinite(parts[key]):
             problems.append(f"power {variable}: attribute {key} is {parts.get(key)!r}; a finite number is needed")
+        elif key == "exponent" and abs(parts[key]) > MAX_EXPONENT:
+            problems.append(f"power {variable}: attribute exponent is {parts[key]:g}; allowed: {-MAX_EXPONENT} to {MAX_EXPONENT}")
         elif key == "floor" and parts[key] <= 0:
             problems.append(f"power {variable}: attribute floor is {parts[key]:g}; it must be positive, so that the power is finite")
     return problems

@@ -34,6 +34,7 @@ _COUNT, _SEED = 200, 0
 _ADVICE = "the terms were changed or damaged; make the cases anew with aerodb.with_checks if the change is meant"
 _TERMS, _TOLERANCE = "terms", "_tolerance"  # group of contributions; end of the name of a tolerance
 _ANGLE, _RATES = 0.35, {"phat": 0.1, "qhat": 0.03, "rhat": 0.1, "alphadothat": 0.03, "betadothat": 0.1}  # of regressors without a table
+_OF_FLOOR = (0.5, 1.0, 3.0, 20.0)  # where a power factor is asked, in parts of its floor
 _ON, _BEYOND, _FAR = 0.1, 0.1, 0.1  # shares of the samples on a breakpoint and beyond the ends; how far beyond, in parts of the range
 
 
@@ -149,7 +150,9 @@ def failing_checks(db: xr.DataTree) -> list[str]:
 
 
 def _needed(db: xr.DataTree) -> list[str]:
-    return sorted({name for leaf in terms(db).values() for name in _terms.variables(leaf)})
+    """Return the inputs of the cases: all variables of the terms but the lift coefficient, which the terms themselves give."""
+    found = {name for leaf in terms(db).values() for name in _terms.variables(leaf)}
+    return sorted(found - ({"CL"} & set(coefficients(db))))
 
 
 def _agreement(found: np.ndarray, expected: np.ndarray, allowed: np.ndarray | None = None) -> dict[str, Any]:
@@ -187,6 +190,9 @@ def _states(db: xr.DataTree, count: int, seed: int) -> dict[str, np.ndarray]:
     for leaf in leaves:
         for axis in map(str, leaf.dims):
             points[axis] = np.union1d(points.get(axis, []), leaf[axis].values.astype(float))
+        power = _terms.power(leaf)
+        if power is not None:
+            points[power.variable] = np.union1d(points.get(power.variable, []), power.floor * np.array(_OF_FLOOR))
     return {name: _samples(points[name] if name in points else _span(name), count, rng) for name in _needed(db)} or {
         "alpha": np.zeros(count)
     }

@@ -24,7 +24,7 @@ import xarray as xr
 
 from flightmech.aircraft import Aircraft
 from flightmech.errors import SchemaError
-from flightmech.terms import SOURCES, regressors, variables
+from flightmech.terms import SOURCES, power, regressors, variables
 from flightmech.whole import written_whole
 
 from ..schema import HINGE, require, terms
@@ -116,6 +116,9 @@ def _leaf_problems(leaf: xr.Dataset, aircraft: Aircraft, reach: Mapping[str, tup
         f"{variable} is nothing that JSBSim knows or that can be computed from what it knows; leave the term out (aerodb.delete_terms)"
         for variable in sorted(variables(leaf) - known)
     ]
+    factor = power(leaf)
+    if factor is not None:
+        problems.append(f"the factor {factor} is a formula, and the export writes tables; make it one first (aerodb.with_height_table)")
     if leaf.attrs.get("outside", "hold") == "linear":
         axes = [str(axis) for axis in leaf.dims if axis not in reach]
         if axes:

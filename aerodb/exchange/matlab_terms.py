@@ -41,6 +41,7 @@ coefficient = sum of its terms; term = K1 * K2 * table(axes) * product of regres
 terms(n).values(i,j,k): breakpoint i of axes(1), j of axes(2), k of axes(3); interpolation is linear.
 Beyond the ends: outside = 'hold' keeps the end value (clip the inputs), 'linear' goes on with the last line.
 stderr is the standard error of each node; source is 0 datcom, 1 flight, 2 judgement; empty where the term has none.
+A term with attributes power, exponent, floor is multiplied by max(v, floor)^exponent too, v the variable that power names.
 A table without axes is a scalar; K1, K2 are factor tables over other axes, empty where the term has none.
 interpn(t.breakpoints{:}, t.values, x1, x2, ...) gives a table of two and more axes, interp1 one of a single axis."""
 

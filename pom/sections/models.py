@@ -89,7 +89,7 @@ def _alike(leaves: Sequence[xr.Dataset]) -> bool:
     return all(
         set(leaf) & {"value", "K1", "K2"} == set(leaves[0]) & {"value", "K1", "K2"}
         and all(leaf[v].equals(leaves[0][v]) for v in ("value", "K1", "K2") if v in leaf)
-        and terms.regressors(leaf) == terms.regressors(leaves[0])
+        and terms.multipliers(leaf) == terms.multipliers(leaves[0])
         for leaf in leaves[1:]
     )
 
@@ -109,7 +109,7 @@ def _facts(leaf: xr.Dataset) -> dict[str, str]:
     return {
         "shape": shape,
         "flown": flown,
-        "regressors": " ".join(terms.regressors(leaf)),
+        "regressors": " ".join(terms.multipliers(leaf)),
         "source": source or "not stated",
         **{key: str(leaf.attrs.get(key, "")) for key in ("references", "history", "comment")},
     }

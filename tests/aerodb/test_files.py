@@ -31,10 +31,12 @@ def leaves(draw):
     outside = draw(st.sampled_from(["hold", "linear"]))
     K1 = xr.DataArray([0.5, draw(NUMBERS)], coords={"x_cg": [0.1, 0.3]}, dims="x_cg") if draw(st.booleans()) else None
     more = {"history": draw(TEXT)} if draw(st.booleans()) else {}
-    leaf = terms.make(values, points, regressors, stderr=stderr, source=source, K1=K1, outside=outside, comment=draw(TEXT), **more)
+    power = draw(st.none() | st.builds(terms.Power, st.just("h_agl"), st.floats(-10.0, 10.0), st.floats(1e-3, 1e3)))
+    facts = {"outside": outside, "comment": draw(TEXT), **more}
+    leaf = terms.make(values, points, regressors, stderr=stderr, source=source, K1=K1, power=power, **facts)
     if draw(st.booleans()):
         leaf["value"].attrs["formula"] = draw(TEXT)
-        leaf.attrs |= {"order": draw(st.integers(-(2**53), 2**53)), "exponent": draw(NUMBERS)}
+        leaf.attrs |= {"order": draw(st.integers(-(2**53), 2**53)), "weight": draw(NUMBERS)}
     return leaf
 
 

@@ -116,7 +116,7 @@ def test_wrong_axes_are_errors():
         make("CL/gear", {"gear": [0.0, 1.0]}, K1={"gear": ([0.0, 1.0], [0.0, 1.0])})
     with pytest.raises(SchemaError, match="is no pair of breakpoints and as many factors"):
         make("CL/gear", {}, K1={"gear": ([0.0, 1.0], [0.0])})
-    with pytest.raises(SchemaError, match="depends on no height; give K1 over h_agl, or h_agl among the breakpoints"):
+    with pytest.raises(SchemaError, match="depends on no height; give K1 over h_agl, h_agl among the breakpoints, or a power of it"):
         make("CL/ground", {"alpha": [0.0, 0.2]})
     with pytest.raises(SchemaError, match=r"value has the shape \(3,\), the breakpoints alpha have \(2,\)"):
         make("CL/basic", {"alpha": [0.0, 0.2]}, value=[1.0, 2.0, 3.0])

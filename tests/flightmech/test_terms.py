@@ -183,7 +183,8 @@ def test_a_power_multiplies_the_table(ground):
 def test_a_bare_leaf_keeps_its_table_and_other_attributes(ground):
     assert multipliers(ground) == ("alpha", "max(h_agl, 2)^-1.75")
     alone = bare(ground.assign_attrs(comment="kept"))
-    assert power(alone) is None and multipliers(alone) == ()
+    assert power(alone) is None
+    assert multipliers(alone) == ()
     assert alone.attrs["comment"] == "kept"
     assert power(ground) is not None  # the leaf itself is untouched
     np.testing.assert_allclose(evaluate(alone, {"delta_f": 0.0}), 2.0, rtol=1e-15)
@@ -195,6 +196,7 @@ def test_a_bare_leaf_keeps_its_table_and_other_attributes(ground):
         ({"power": "height"}, "power: unknown quantity 'height'"),
         ({"exponent": "steep"}, "attribute exponent is 'steep'; a finite number is needed"),
         ({"exponent": np.inf}, "attribute exponent is inf; a finite number is needed"),
+        ({"exponent": -1450.0}, "attribute exponent is -1450; allowed: -10 to 10"),
         ({"floor": 0.0}, "attribute floor is 0; it must be positive"),
         ({"power": ""}, "attribute exponent and floor without power"),
     ],

@@ -14,7 +14,7 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
-from flightmech.terms import regressors
+from flightmech.terms import power, regressors, variables
 from flightmech.whole import written_whole
 
 from ...schema import require, terms
@@ -63,11 +63,12 @@ def export_daveml(db: xr.DataTree, path: str | os.PathLike, aircraft: Aircraft |
     Raises
     ------
     SchemaError
-        A database with faults, or one of another aircraft.
+        A database with faults, one of another aircraft, or a term with a power factor or the lift coefficient as a factor.
     """
     require(db)
     if shots < 1:
         raise ValueError(f"shots is {shots}; a file has at least one")
+    _demand_tables(db)
     if aircraft is not None:
         _demand_same(db, aircraft)
     limits = aircraft.limits if aircraft is not None else {}
@@ -76,6 +77,19 @@ def export_daveml(db: xr.DataTree, path: str | os.PathLike, aircraft: Aircraft |
     lines = [_HEAD, *element("DAVEfunc", {"xmlns": _NAMESPACE}, writer.lines(cases))]
     with written_whole(path) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+
+
+def _demand_tables(db: xr.DataTree) -> None:
+    problems = []
+    for name, leaf in terms(db).items():
+        if power(leaf) is not None:
+            problems.append(
+                f"{name}: the factor {power(leaf)} is a formula, and the file takes tables; make it one first (aerodb.with_height_table)"
+            )
+        if "CL" in variables(leaf):
+            problems.append(f"{name}: the lift coefficient is an output of the file and no input; leave the term out (aerodb.delete_terms)")
+    if problems:
+        raise SchemaError("DAVE-ML file", problems)
 
 
 def _demand_same(db: xr.DataTree, aircraft: Aircraft) -> None:
