@@ -24,7 +24,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 
 from ..configuration import Strict, si
-from ..errors import SchemaError, UnitError
+from ..errors import AeromatchError, SchemaError, UnknownName
 from ..units import quantity
 
 if TYPE_CHECKING:
@@ -150,15 +150,18 @@ def deck_of(item: DeckTable, folder: Path) -> Deck:
     SchemaError
         With all problems of its tables.
     """
+    from ..terms import make
+
     tables: dict[str, xr.Dataset] = {}
     problems: list[str] = []
     if item.file is not None:
         tables |= open_tables(folder / item.file)
     for target, content in item.tables.items():
         try:
-            tables[target] = leaf_of(content, TARGETS.get(target, "1"))
-        except (SchemaError, UnitError, ValueError) as error:
+            tables[target] = leaf_of(content, TARGETS[target]) if target in TARGETS else make(0.0)
+        except (AeromatchError, ValueError) as error:
             problems += [f"{target}: {text}" for text in getattr(error, "problems", [str(error)])]
+            tables[target] = make(1.0)  # its place is taken: what else is wrong is still found
     problems += _problems(tables)
     if problems:
         raise SchemaError("engine deck", problems)
@@ -226,8 +229,6 @@ def write_tables(tables: Mapping[str, xr.Dataset], path: Path, **attributes: str
 
 def _problems(tables: Mapping[str, xr.Dataset]) -> Iterator[str]:
     for target in sorted(set(tables) - set(TARGETS)):
-        from ..errors import UnknownName
-
         yield str(UnknownName(target, TARGETS, "table of an engine deck"))
     if not {"thrust", "corrected_thrust"} & set(tables):
         yield "no table of the thrust; give corrected_thrust or thrust"
