@@ -1,10 +1,11 @@
-"""The command group ``aeromatch fmu``: write a simulation model as an FMU, show what an FMU offers."""
+"""The command group ``aeromatch fmu``: write a simulation model as an FMU, show what an FMU offers, trim a model."""
 
 from __future__ import annotations
 
 import click
 
 from .console import NewFile, json_option
+from .trim_cli import trim
 
 
 @click.group()
@@ -20,12 +21,11 @@ def fmu() -> None:
 @json_option
 def write(aircraft: str, database: str, output: str, version: str, as_json: bool) -> None:
     """Compile AIRCRAFT (TOML) with DATABASE (netCDF) and write the model as an FMU."""
-    from .aircraft import read_aircraft
-    from .compiler import compile as compile_model
     from .console import document
     from .fmu import write_fmu
+    from .model_files import compile_files
 
-    sim = compile_model(read_aircraft(aircraft), _open(database))
+    sim = compile_files(aircraft, database)
     path = write_fmu(sim, output, version)
     counts = {"inputs": len(sim.inputs), "outputs": len(sim.outputs), "parameters": len(sim.parameters), "terms": len(sim.terms)}
     if as_json:
@@ -54,14 +54,4 @@ def show(path: str, as_json: bool) -> None:
         remark(f"finding: {finding}")
 
 
-def _open(database: str):
-    """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this package."""
-    import xarray as xr
-
-    from .errors import ParseError
-
-    try:
-        with xr.open_datatree(database, engine="h5netcdf") as tree:
-            return tree.load()
-    except (OSError, ValueError) as error:
-        raise ParseError(database, 0, f"no readable aero database ({error})", "netCDF-4 as 'aeromatch db build' writes it") from error
+fmu.add_command(trim)

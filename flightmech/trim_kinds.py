@@ -44,7 +44,7 @@ class Kind:
 
 
 KINDS = {
-    "level": Kind(("alpha", "beta", *_SURFACES, "power"), fixed=_STRAIGHT, frees={"beta": "phi"}),
+    "level": Kind(("alpha", "beta", *_SURFACES, "power"), fixed=_STRAIGHT, frees={"beta": "phi", "power": "V"}),
     "climb": Kind(
         ("alpha", "beta", *_SURFACES, "power"),
         fixed={"phi": 0.0, "psi_dot": 0.0},

@@ -10,6 +10,7 @@ import numpy as np
 
 from .errors import SchemaError, UnknownName
 from .library import INPUT, PARAMETER, STATE, Entry
+from .submodels.controls import MOVES
 from .trim_kinds import ACCELERATIONS, BY_GAMMA, BY_THETA, CLIMB, KINDS, ON_GROUND, SOUGHT_BY, Kind
 from .units import G0
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 _START = ("V", "alpha", "beta", "gamma", "theta", "phi", "psi", "h", "p", "q", "r", "psi_dot")
 DRIVES = {0.0: "throttle", 1.0: "n1_drive", 2.0: "thrust_drive"}  # input that drives an engine, by mode.engine
+POSITIONS, FORCES = 1.0, 2.0  # mode.controls
+_TABS = {"column": "delta_t", "wheel": "delta_ta", "pedal": "delta_tr"}  # what takes a force off the pilot
 _ENGINE_OUTPUTS = ("thrust", "n1", "n2")
 _ANGLE, _RATE = 1.5, 3.0  # limits of attitude and climb angle [rad], of rates [rad s-1]
 _LIMITS = {
@@ -59,7 +62,9 @@ def request(
     """Return the request for a kind of flight, as `flightmech.trim` describes it."""
     if kind not in KINDS:
         raise UnknownName(kind, KINDS, "kind of trim")
-    return _Reader(sim, parameters, kind, fixed).read(unknowns, residuals)
+    modes = {name: value for name, value in fixed.items() if name.startswith("mode.")}
+    others = {name: value for name, value in fixed.items() if name not in modes}
+    return _Reader(sim, {**parameters, **modes}, kind, others).read(unknowns, residuals)
 
 
 class _Reader:
@@ -75,7 +80,9 @@ class _Reader:
                 raise UnknownName(name, self.rows, "parameter or input")
         self.drive = DRIVES[self._value("mode.engine")]
         self.engines = [name.removesuffix(f".{self.drive}") for name in sim.inputs if name.endswith(f".{self.drive}")]
-        self.given = {self._plain(name): float(value) for name, value in fixed.items()}
+        self.controls = self._value("mode.controls")
+        self.circuits = {surface: item for item, surface in MOVES.items() if f"{item}.mass" in self.rows}
+        self.given = {self._held(self._plain(name)): float(value) for name, value in fixed.items()}
         self.failed = self._failures()
 
     def read(self, unknowns: Sequence[str] | None, residuals: Sequence[str] | None) -> Request:
@@ -84,7 +91,7 @@ class _Reader:
         path = self._path(sought)
         if path == ON_GROUND:
             self._stand(sought if unknowns is None else [])
-        goals = self._goals(residuals or self.kind.residuals, path)
+        goals = self._goals(residuals or self.kind.residuals, path) | self._forces(sought)
         self._refuse(sought, goals)
         self._guess(sought)
         movers = tuple(self._movers(name) for name in sought)
@@ -116,6 +123,20 @@ class _Reader:
             return plain
         return f"{engine}.{self.drive}" if engine else "power"
 
+    def _held(self, name: str) -> str:
+        """Return the output for travel, force and deflection of a control circuit that something else drives."""
+        item = name.removeprefix("F_")
+        if item in self.circuits.values():
+            driving = {POSITIONS: item, FORCES: f"F_{item}"}.get(self.controls)
+            return name if name == driving else f"applied.{name}"
+        return f"applied.{name}" if name in self.circuits and self.controls == POSITIONS else name
+
+    def _forces(self, sought: Sequence[str]) -> dict[str, float]:
+        """With forces driving, a given or sought one holds the deflection by itself: the kernel has nothing to add."""
+        named = {*sought, *self.given}
+        forced = self.circuits.values() if self.controls == FORCES else ()
+        return {f"trim.F_{item}": 0.0 for item in forced if f"F_{item}" in named}
+
     def _shown(self, name: str) -> str:
         return (self.drive if name == "power" else name).removesuffix("_drive")
 
@@ -146,18 +167,23 @@ class _Reader:
         wanted = self.kind.one_of
         named = {*self.given, *(unknowns or ())}
         self.given |= {name: self.values[f"init.{name}"] for name in wanted if f"init.{name}" in self.values and name not in named}
-        if wanted and not {*wanted} & {*self.given, *(unknowns or ())} and "power" not in self._missing():
+        said = {name.removeprefix("applied.") for name in (*self.given, *(unknowns or ()), *self._missing())}
+        if wanted and not said & {*wanted}:
             raise SchemaError(f"trim, kind {self.name}", [f"no value of {_or(map(self._shown, wanted))}; give one in fixed"])
         if unknowns is not None:
             return unknowns
         given = {**self.given, **dict.fromkeys(self._missing(), 0.0)}
-        freed = [self.kind.frees.get(name) or self._brought_about_by(name) for name in given]
-        return [name for name in dict.fromkeys((*self.kind.unknowns, *freed)) if name not in given]
+        freed = [self.kind.frees.get(name.removeprefix("applied.")) or self._brought_about_by(name) for name in given]
+        sought = [self.circuits.get(name, name) if self.controls == POSITIONS else name for name in self.kind.unknowns]
+        forces = [f"F_{item}" for item in self.circuits.values()] if self.controls == FORCES else []
+        return [name for name in dict.fromkeys((*sought, *forces, *freed)) if name not in given]
 
     def _brought_about_by(self, output: str) -> str:
         engine, _, quantity = output.rpartition(".")
         if engine in self.engines and quantity in _ENGINE_OUTPUTS:
             return f"{engine}.{self.drive}"
+        if output.startswith(("applied.F_", "F_")):
+            return _TABS.get(output.rpartition("F_")[2], output)
         return SOUGHT_BY.get(output, output)
 
     def _missing(self) -> tuple[str, ...]:

@@ -39,15 +39,22 @@ def trim(
     ========== ============ =============================== ==============================================
     kind       also sought  give one of                     remarks
     ========== ============ =============================== ==============================================
-    level      beta                                         gamma, phi, psi_dot are 0; beta given: phi sought
+    level      beta                                         gamma, phi, psi_dot are 0; beta given: phi sought;
+                                                            power given: V sought
     climb      beta         gamma, hdot, theta, power       power given: gamma sought
     turn       beta psi_dot phi, psi_dot, nz                ay vanishes; beta given: ay does not;
                                                             psi_dot or nz given: phi sought
     sideslip   phi          beta, delta_r, phi              delta_r or phi given: beta sought
     pull_up    beta q       nz, q                           lowest point of a loop, gamma 0
     engine_out phi          engine1.failed = 1 ...          beta is 0; phi or delta_r given: beta sought
-    ground     h theta phi  V (0 is rest)                   w_dot p_dot q_dot vanish; u_dot given: power sought
+    ground     h theta phi  V (0 is rest)                   of accelerations only those upward and in pitch and
+               (alone)                                      roll vanish; u_dot given: power sought; at rest all
+                                                            vanish, and the deflections of the tyres are sought
     ========== ============ =============================== ==============================================
+
+    With ``mode.controls`` 1 the travel of a control circuit is sought in place of its surface, with 2 also the force that holds it
+    (without friction).  A given ``F_column``, ``F_wheel`` or ``F_pedal`` asks for the trim tab.  On the ground V is the speed over the
+    ground along the heading, and the brakes are inputs like others.
 
     Parameters
     ----------

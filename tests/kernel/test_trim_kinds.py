@@ -14,6 +14,7 @@ import xarray as xr
 import flightmech
 from flightmech import axes
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.submodels.deck import Deck
 from flightmech.terms import make
 from flightmech.trimming import start_of
 
@@ -252,6 +253,30 @@ def test_engine_out_by_hand(steady):
     assert 0.07 * sought(level)["delta_r"] == near(0.1 * beta - 0.8 * T / (QS * SPAN), rel=1e-4)  # the thrust changes with alpha
 
 
+DECK = {
+    "n1_command": make([0.3, 1.0], {"throttle": [0.0, 1.0]}),
+    "n1_up_time": make(1.0),
+    "corrected_thrust": make([0.0, 9000.0], {"corrected_n1": [0.2, 1.0]}),
+    "corrected_n1_windmill": make([0.0, 0.3], {"mach": [0.0, 0.6]}),
+    "windmill_thrust": make(-0.05, regressors=["qbar"]),
+}
+
+
+def test_a_dead_engine_with_a_deck_windmills(plain):
+    """Fuel cut off: 0.05 m2 times dynamic pressure of drag on its side, n1 as the air turns it; the other one at full power climbs."""
+    engines = tuple(flightmech.Engine((0.0, y, 0.0), deck=Deck(DECK)) for y in (-0.8, 0.8))
+    found = flightmech.trim(plain(engines=engines), LEVEL, kind="engine_out", fixed={"engine1.failed": 1.0, "throttle": 1.0})
+    assert found.attrs["verdict"] == "trimmed"
+    y, deflection = numbers(found), sought(found)
+    assert y["engine1.thrust"] == near(-0.05 * y["qbar"])
+    theta = y["temperature"] / 288.15 * (1.0 + 0.2 * y["mach"] ** 2)  # of the total temperature
+    assert y["engine1.n1"] == near(0.3 / 0.6 * y["mach"] * np.sqrt(theta))
+    assert (y["engine2.n1"], deflection["gamma"] > 0.0) == (near(1.0), True)
+    yaw = 0.8 * (y["engine1.thrust"] - y["engine2.thrust"])
+    assert deflection["delta_r"] == near(yaw / (0.07 * y["qbar"] * 17.0 * SPAN))
+    assert start_of(found)["engine1.cutoff"] == 1.0
+
+
 def test_minimum_control_speed_by_hand(steady):
     """Full rudder, 5 deg of bank towards the live engine, full thrust there: the speed is sought.  Two equations for beta and qS."""
     thrust, full, bank = 9000.0, -0.35, np.radians(5.0)
@@ -320,6 +345,14 @@ def test_one_engine_at_a_given_thrust(sim):
     assert found.attrs["verdict"] == "trimmed"
     assert float(found["engine1.thrust"]) == near(800.0)
     assert sought(found)["engine1.throttle"] != sought(found)["throttle"]
+
+
+def test_power_given_in_level_flight_asks_for_the_speed(sim):
+    level = flightmech.trim(sim, {**CRUISE, "mode.earth": 0.0}, kind="level")
+    asked = flightmech.trim(
+        sim, {**CRUISE, "init.V": 130.0, "mode.earth": 0.0}, kind="level", fixed={"throttle": sought(level)["throttle"]}
+    )
+    assert sought(asked)["V"] == near(110.0)
 
 
 def test_given_accelerations(steady):
