@@ -176,12 +176,13 @@ def read_aircraft(path: str | Path) -> Aircraft:
     problems: list[str] = []
     engines = tuple(engine_of(item, number, path.parent, problems) for number, item in enumerate(content.engine, 1))
     gear = gear_of(content.gear, problems) if content.gear else None
+    fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
     controls = {name: Control(**dict(item)) for name, item in content.control.items()}
     circuits = circuits_of(content.circuit, controls, problems)
     if problems:
         raise SchemaError(str(path), problems)
     built: dict[str, Any] = {"engines": engines, "controls": controls, "circuits": circuits, "gear": gear}
-    built["fuel"] = fuel_of(content.fuel) if content.fuel else None
+    built["fuel"] = fuel
     plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in built}
     return Aircraft(**built, **plain)
 

@@ -1,13 +1,16 @@
-"""An aircraft to a TOML file that `read_aircraft` reads back the same; thrust tables go to netCDF files beside it."""
+"""An aircraft to a TOML file that `read_aircraft` reads back the same; tables of engines and fuel go to netCDF files beside it."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from .aircraft import Aircraft, Engine
+from .submodels.deck import CONSTANTS, Deck, write_tables
+from .submodels.fuel import Fuel
 from .whole import written_whole
 
 _PLAIN = ("name", "S", "cbar", "b", "reference", "x_ref_mac", "mass", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "cg")
@@ -21,7 +24,7 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
     aircraft : Aircraft
         The aircraft.
     path : str or path
-        TOML file; thrust tables are written beside it as ``<name>_engine1.nc`` and so on, each table once.
+        TOML file; tables are written beside it as ``<name>_engine1.nc`` and so on, those that engines share once, and ``<name>_fuel.nc``.
 
     Returns
     -------
@@ -29,19 +32,24 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
         The TOML file.
     """
     path = Path(path)
-    files = _thrust_files(aircraft.engines, path)
+    files = _engine_files(aircraft.engines, path)
     lines = [f"{name} = {_value(getattr(aircraft, name))}" for name in _PLAIN]
     if aircraft.history:
         lines.append(f"history = {_value(aircraft.history)}")
     for engine, file in zip(aircraft.engines, files, strict=True):
         lines += ["", "[[engine]]", f"position = {_value(engine.position)}", f"direction = {_value(engine.direction)}"]
         lines += [f"{name} = {_value(getattr(engine, name))}" for name in ("time_constant", "angular_momentum")]
-        lines += [f"thrust_file = {_value(file)}"] if file else []
+        lines += [f"thrust_file = {_value(file)}"] if engine.thrust is not None else []
+        lines += _deck(engine.deck, file) if engine.deck is not None else []
+    lines += _fuel(aircraft.fuel, path) if aircraft.fuel is not None else []
     if aircraft.limits:
         lines += ["", "[limits]", *(f"{name} = {_value(travel)}" for name, travel in aircraft.limits.items())]
     for name, control in aircraft.controls.items():
         lines += ["", f"[control.{name}]", f"S_hinge = {control.S_hinge!r}", f"c_hinge = {control.c_hinge!r}"]
         lines += [f"gearing = {control.gearing!r}"] if control.gearing is not None else []
+    for name, circuit in aircraft.circuits.items():
+        changed = [f.name for f in fields(circuit) if getattr(circuit, f.name) != f.default]
+        lines += ["", f"[circuit.{name}]", *(f"{key} = {_value(getattr(circuit, key))}" for key in changed)]
     for name, table in aircraft.instruments.items():
         lines += ["", f"[instruments.{name}]", *(f"{_key(key)} = {_value(item)}" for key, item in table.items())]
     with written_whole(path) as part:
@@ -49,23 +57,46 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
     return path
 
 
-def _thrust_files(engines: tuple[Engine, ...], path: Path) -> list[str]:
-    """Write the thrust tables; engines with the same table share a file."""
+def _engine_files(engines: tuple[Engine, ...], path: Path) -> list[str]:
+    """Write the tables of the engines; engines with the same tables share a file, one without has the name ""."""
     files: list[str] = []
     for number, engine in enumerate(engines, 1):
-        if engine.thrust is None:
+        twin = next((i for i, other in enumerate(engines[: number - 1]) if _same_tables(other, engine)), -1)
+        if engine.thrust is None and engine.deck is None:
             files.append("")
-            continue
-        twin = next(
-            (i for i, other in enumerate(engines[: number - 1]) if other.thrust is not None and other.thrust.identical(engine.thrust)), -1
-        )
-        if twin >= 0:
+        elif twin >= 0:
             files.append(files[twin])
-            continue
-        files.append(f"{path.stem}_engine{number}.nc")
-        with written_whole(path.with_name(files[-1])) as part:
-            engine.thrust.to_netcdf(part, engine="h5netcdf")
+        else:
+            files.append(f"{path.stem}_engine{number}.nc")
+            with written_whole(path.with_name(files[-1])) as part:
+                if engine.thrust is not None:
+                    engine.thrust.to_netcdf(part, engine="h5netcdf")
+                else:
+                    write_tables(engine.deck.tables, part)  # type: ignore[union-attr]
     return files
+
+
+def _same_tables(one: Engine, other: Engine) -> bool:
+    if one.thrust is not None and other.thrust is not None:
+        return bool(one.thrust.identical(other.thrust))
+    if one.deck is None or other.deck is None or set(one.deck.tables) != set(other.deck.tables):
+        return False
+    return all(leaf.identical(other.deck.tables[name]) for name, leaf in one.deck.tables.items())
+
+
+def _deck(deck: Deck, file: str) -> list[str]:
+    lines = ["", "[engine.deck]", f"file = {_value(file)}", *(f"{name} = {_value(getattr(deck, name))}" for name in CONSTANTS)]
+    return lines + ([f"inlet = {_value(deck.inlet)}"] if deck.inlet is not None else [])
+
+
+def _fuel(fuel: Fuel, path: Path) -> list[str]:
+    lines = ["", "[fuel]", f"mass = {_value(fuel.mass)}", f"position = {_value(fuel.position)}"]
+    if not fuel.tables:
+        return lines
+    file = f"{path.stem}_fuel.nc"
+    with written_whole(path.with_name(file)) as part:
+        write_tables(fuel.tables, part)
+    return [*lines, f"file = {_value(file)}"]
 
 
 def _key(name: str) -> str:

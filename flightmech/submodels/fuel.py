@@ -15,6 +15,8 @@ or tanks, emptied in the order in which they are written, those with the same ``
         { position = [0.1, 2.0, 0.1], capacity = "120 kg", order = 1 },
         { position = [-0.2, 0.0, 0.2], capacity = "200 kg", order = 2 },
     ]
+
+or ``file``, a netCDF with a leaf per moment over ``fuel``, on top of ``position``.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +34,7 @@ from ..configuration import Strict, si
 from ..errors import SchemaError
 from ..library import FIXED, PARAMETER, Entry
 from ..names import lookup
+from .deck import open_tables
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -149,11 +153,12 @@ class FuelTable(Strict):
     mass: si("kg")  # type: ignore[valid-type]
     position: tuple[_Length, _Length, _Length] | None = None  # type: ignore[valid-type]
     tank: list[TankTable] = Field(default_factory=list)
+    file: str | None = None
 
     @model_validator(mode="after")
     def _plausible(self) -> FuelTable:
-        if self.position is not None and self.tank:
-            raise ValueError("position and tank are both given; keep one")
+        if self.tank and (self.position is not None or self.file is not None):
+            raise ValueError(f"{'position' if self.position is not None else 'file'} and tank are both given; keep one")
         if not (np.isfinite(self.mass) and self.mass >= 0.0):
             raise ValueError("expected zero or a positive mass")
         room = sum(tank.capacity for tank in self.tank)
@@ -162,11 +167,15 @@ class FuelTable(Strict):
         return self
 
 
-def fuel_of(item: FuelTable) -> Fuel:
-    """Return the fuel of an aircraft file."""
-    if not item.tank:
-        return Fuel(item.mass, item.position or (0.0, 0.0, 0.0))
-    return Fuel(item.mass, tables=tank_tables([Tank(**dict(tank)) for tank in item.tank]))
+def fuel_of(item: FuelTable, folder: Path, problems: list[str]) -> Fuel | None:
+    """Return the fuel of an aircraft file in `folder`; what is wrong with its tables goes to `problems`."""
+    if item.tank:
+        return Fuel(item.mass, tables=tank_tables([Tank(**dict(tank)) for tank in item.tank]))
+    try:
+        return Fuel(item.mass, item.position or (0.0, 0.0, 0.0), open_tables(folder / item.file) if item.file else {})
+    except (SchemaError, OSError) as error:
+        problems += [f"fuel: {text}" for text in getattr(error, "problems", [str(error)])]
+        return None
 
 
 def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:

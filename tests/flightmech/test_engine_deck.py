@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -110,6 +111,17 @@ def test_tables_from_a_file(file, tmp_path):
     assert set(flightmech.read_aircraft(path).engines[0].deck.tables) == set(tables)
 
 
+def test_written_and_read_again(file, tmp_path):
+    aircraft = flightmech.read_aircraft(file())
+    tanks = Fuel(200.0, tables=tank_tables([Tank((1.0, 2.0, 3.0), 150.0), Tank((-1.0, 0.0, 0.0), 100.0, order=2)]))
+    twins = replace(aircraft, engines=aircraft.engines * 2, fuel=tanks)
+    db = xr.DataTree.from_dict({"/CD/basic": make(0.0)})
+    for craft in (aircraft, twins):
+        again = flightmech.read_aircraft(flightmech.write_aircraft(craft, tmp_path / "again.toml"))
+        assert flightmech.compile(again, db).block == flightmech.compile(craft, db).block
+    assert sorted(path.name for path in tmp_path.glob("*.nc")) == ["again_engine1.nc", "again_fuel.nc"]
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -136,6 +148,7 @@ def test_tables_from_a_file(file, tmp_path):
             "thrust = { throttle = [0.0, 1.0], value = [0.0, 1.0] }",
             "engine.0: thrust and deck are both given; keep one",
         ),
+        ('mass = "380 kg"', 'mass = 2.0\nfile = "none.nc"', "fuel: .*none.nc"),
         ('mass = "380 kg"', "mass = -1.0", "fuel: expected zero or a positive mass"),
         (
             'mass = "380 kg"',
