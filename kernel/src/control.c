@@ -22,6 +22,7 @@
 #define SETTLING 12 /* iterations of the cable stretch at the start */
 #define LEAST_STIFFNESS 0.1 /* of a cable less what the air takes from it, in parts of the cable: holds the iteration together */
 #define LARGEST 1e9 /* of any constant, so that no product of them overflows */
+#define MOST_PARTS 1e6 /* sub-steps of one step */
 
 static double limited(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
@@ -78,7 +79,7 @@ int control_check(am_sim *sim) {
         const double *p = par_of(sim, G_CIRCUIT, i);
         const int control = circuit_control(sim->model, i);
         if (control < 0 || i >= MAX_CIRCUITS)
-            return fail(sim, AM_BAD_VALUE, "circuit %s is unknown; allowed: column, wheel and pedal, each once", sim->model->item[G_CIRCUIT][i]);
+            return fail(sim, AM_BAD_VALUE, "circuit %s is unknown; allowed: column, wheel, pedal", sim->model->item[G_CIRCUIT][i]);
         if (!order_fits(control, p[P_CIRCUIT_ORDER]))
             return refuse(sim, p + P_CIRCUIT_ORDER, control == U_DELTA_A ? "2, 4 or 6" : "2 or 4");
         int status = check_values(sim, p);
@@ -313,7 +314,7 @@ static void advance_bodies(am_sim *sim, uint32_t item, double h, const course_t 
     set_loads(sim, item, h, course, &c);
     c.driven = sim->controls == POSITION_DRIVEN, c.drive = drive;
     memcpy(m.q, d + D_TRAVEL, sizeof m.q), memcpy(m.v, d + D_RATE, sizeof m.v);
-    linkage_advance(&c, &m, h, (int)ceil(h / par_of(sim, G_CIRCUIT, item)[P_CIRCUIT_STEP] - 1e-9));
+    linkage_advance(&c, &m, h, (int)limited(ceil(h / par_of(sim, G_CIRCUIT, item)[P_CIRCUIT_STEP] - 1e-9), 1.0, MOST_PARTS));
     for (int i = 1; i < c.bodies; i++) d[D_ACCELERATION + i] = (m.v[i] - d[D_RATE + i]) / h;
     memcpy(d + D_TRAVEL, m.q, sizeof m.q), memcpy(d + D_RATE, m.v, sizeof m.v);
     memcpy(d + D_FRICTION, m.friction, sizeof m.friction), memcpy(d + D_STOP, m.stop, sizeof m.stop);

@@ -1,8 +1,9 @@
 /* Geometry of a control circuit, masses and friction reduced to the travel in the cockpit, and the loads on it.
  *
  * The surface follows its end of the linkage, travel s there: delta = rigging + gearing s + gearing_slope s^2 / 2.  Of two
- * ailerons the right one has delta(s), the left one delta(-s), so that gearing_slope is their differential.  A moment H about the hinge is the
- * force H d(delta)/ds; masses and dampers at the hinge are reduced with the gearing at s = 0, as the constant mass of [LR743] is.
+ * ailerons the right one has delta(s), the left one delta(-s), so that gearing_slope is their differential.  A moment H about the
+ * hinge is the force H d(delta)/ds; masses and dampers at the hinge are reduced with the gearing at s = 0, as the constant mass of
+ * [LR743] is.
  *
  *     H = qbar S_hinge c_hinge Ch           each aileron has half the area, its own deflection and alpha +- p arm / V
  *     unbalance (specific force at hinge)   a tail-heavy surface falls
