@@ -69,6 +69,7 @@ class Listings(Strict):
 class _File(Strict):
     title: str
     aircraft: str
+    apriori: str | None = None
     names: str
     flights: str
     listings: Listings
@@ -88,6 +89,8 @@ class Project:
     title : str
     file, aircraft, names : Path
         The project file, the aircraft file, the name map of the flight records.
+    apriori : Path or None
+        The aircraft as it was known before the flights, when its engines, gear or control circuits were others.
     listings : dict of str to tuple of Path
         Digital DATCOM listings by their role in `aerodb.from_datcom`: ``clean``, ``flaps``, ``elevator`` ...
     altitude : float or None
@@ -108,6 +111,7 @@ class Project:
     title: str
     file: Path
     aircraft: Path
+    apriori: Path | None
     names: Path
     listings: dict[str, tuple[Path, ...]]
     altitude: float | None
@@ -168,6 +172,7 @@ def read_project(path: str | Path) -> Project:
         content.title,
         path.resolve(),
         existing(content.aircraft, "aircraft"),
+        existing(content.apriori, "apriori") if content.apriori else None,
         existing(content.names, "names"),
         listings,
         content.listings.altitude,

@@ -67,7 +67,13 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     """Return every file that the results rest on, with the flight records named."""
     flights = [project.flights[name] for name in names]
     listings = [path for paths in project.listings.values() for path in paths]
-    return [project.file, project.aircraft, project.names, *listings, *flights, *project.cases]
+    aircraft = [project.aircraft, *([project.apriori] if project.apriori else [])]
+    return [project.file, *aircraft, project.names, *listings, *flights, *project.cases]
+
+
+def before_flight(project: Project, aircraft: Aircraft) -> Aircraft:
+    """Return the aircraft of the a-priori model: that of the project's file `apriori`, or the same."""
+    return flightmech.read_aircraft(project.apriori) if project.apriori else aircraft
 
 
 Windows = list[dict[str, list[tuple[float, float]]]]
@@ -121,17 +127,26 @@ def final_database(project: Project, start: xr.DataTree, fits: Sequence[Any]) ->
 
 
 def diagnose_all(
-    cases: Sequence[Any], paths: Mapping[str, Any], datcom: xr.DataTree, final: xr.DataTree, aircraft: Aircraft, jobs: int = -1
+    cases: Sequence[Any],
+    paths: Mapping[str, Any],
+    datcom: xr.DataTree,
+    final: xr.DataTree,
+    aircraft: Aircraft,
+    apriori: Aircraft | None = None,
+    jobs: int = -1,
 ) -> dict[str, pd.DataFrame]:
-    """Return the term-swap diagnosis of every case, in parallel."""
+    """Return the term-swap diagnosis of every case, in parallel; `apriori` is the aircraft before the flights."""
     from joblib import Parallel, delayed
 
-    work = (delayed(pom.diagnose)(case, datcom, final, aircraft, paths[Path(case.record).stem]) for case in cases)
+    work = (delayed(pom.diagnose)(case, datcom, final, aircraft, paths[Path(case.record).stem], apriori) for case in cases)
     return dict(zip((case.name for case in cases), Parallel(n_jobs=jobs)(work), strict=True))
 
 
 def corrected_database(datcom: xr.DataTree, final: xr.DataTree, diagnoses: Mapping[str, pd.DataFrame]) -> tuple[xr.DataTree, list[str]]:
-    """Return the a-priori database with only the terms of the final one that the cases ask for, and their names."""
+    """Return the a-priori database with only the terms of the final one that the cases ask for, and their names.
+
+    Names of parts of the aircraft are among them; they are for `flightmech.swap_parts`.
+    """
     wanted = pom.corrected_terms(diagnoses.values())
     corrected = pom.swap_terms(datcom, final, wanted)
     corrected.attrs["title"] = f"{datcom.attrs['aircraft']}: a-priori database with the terms that the diagnosis asks for"
@@ -147,7 +162,7 @@ class Outcome:
     results : list of PomResult
         One per case.
     corrected_terms : list of str
-        Terms that the corrected database takes from the final one.
+        Terms, and parts of the aircraft, that the corrected model takes from the final one.
     tabulation : Tabulation
         How the terms came about.
     report : Path
@@ -198,6 +213,7 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step, command
     """
     folder = Path(folder)
     aircraft = flightmech.read_aircraft(project.aircraft)
+    apriori = before_flight(project, aircraft)
     cases = [pom.read_case(file) for file in project.cases]
     with step(f"read {sum(map(len, project.listings.values()))} DATCOM listings, build the a-priori database"):
         datcom = a_priori(project, aircraft)
@@ -213,15 +229,16 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step, command
     with step(f"join {len(fits)} local models and the prior into tables"):
         final, tabulation = final_database(project, start, fits)
     with step(f"swap terms on {len(cases)} cases, build the corrected database"):
-        diagnoses = diagnose_all(cases, paths, datcom, final, aircraft, jobs)
+        diagnoses = diagnose_all(cases, paths, datcom, final, aircraft, apriori, jobs)
         corrected, wanted = corrected_database(datcom, final, diagnoses)
     databases = {"datcom": datcom, "corrected": corrected, "final": final}
+    flown = {"datcom": apriori, "corrected": flightmech.swap_parts(apriori, aircraft, wanted), "final": aircraft}
     with step("write three databases and three FMUs"):
         folder.mkdir(parents=True, exist_ok=True)
         fmus = {}
         for name, db in databases.items():
             aerodb.save(db, folder / f"{name}.nc")
-            fmus[name] = flightmech.write_fmu(flightmech.compile(aircraft, db), folder / f"{name}.fmu")
+            fmus[name] = flightmech.write_fmu(flightmech.compile(flown[name], db), folder / f"{name}.fmu")
     with step(f"replay {len(cases)} cases by three FMUs"):
         results = replay_all(cases, fmus, paths, jobs)
     with step("write the report"):
