@@ -8,6 +8,7 @@
  * F and M of the air, the engines and the ground; the discrete part of the submodels stands still in a derivative.
  *
  * Wind is steady in Earth axes for alpha-dot and beta-dot: the rate of a gust is not in them. */
+#include "elementary.h"
 #include "model.h"
 
 #include <math.h>
@@ -36,7 +37,7 @@ static void set_variables(am_sim *sim, const double *x, const double *u) {
     for (int i = 0; i <= U_DELTA_D; i++) var[A_DELTA_E + i] = applied(sim, u, i);
     var[A_GEAR] = u[U_GEAR], var[A_SPEEDBRAKE] = u[U_SPEEDBRAKE];
     var[A_X_CG] = m->x_ref_mac - now->cg[0] / m->cbar;
-    if (m->uses_phi) var[A_PHI] = atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
+    if (m->uses_phi) var[A_PHI] = am_atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
 }
 
 /* Air, attitude, motion relative to the air, mass and the variables of the tables from the state. */
@@ -115,9 +116,9 @@ void derivative(am_sim *sim, const double *x, const double *u, double *dx) {
 
 static void attitude_outputs(const now_t *now, double *y) {
     const double n = dot(now->C[0], now->north), e = dot(now->C[0], now->east), d = dot(now->C[0], now->down);
-    y[Y_PHI] = atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
-    y[Y_THETA] = atan2(-d, sqrt(n * n + e * e));
-    y[Y_PSI] = atan2(e, n);
+    y[Y_PHI] = am_atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
+    y[Y_THETA] = am_atan2(-d, sqrt(n * n + e * e));
+    y[Y_PSI] = am_atan2(e, n);
 }
 
 static void ground_outputs(am_sim *sim, double *y) {
@@ -128,7 +129,7 @@ static void ground_outputs(am_sim *sim, double *y) {
     y[Y_LAT] = now->lat, y[Y_LON] = now->lon;
     y[Y_VN] = dot(v, now->north), y[Y_VE] = dot(v, now->east), y[Y_VD] = dot(v, now->down);
     y[Y_HDOT] = -y[Y_VD];
-    y[Y_GAMMA] = atan2(-y[Y_VD], sqrt(y[Y_VN] * y[Y_VN] + y[Y_VE] * y[Y_VE]));
+    y[Y_GAMMA] = am_atan2(-y[Y_VD], sqrt(y[Y_VN] * y[Y_VN] + y[Y_VE] * y[Y_VE]));
 }
 
 static void write_outputs(am_sim *sim, double *y) {

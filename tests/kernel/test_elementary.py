@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import flightmech
+
 pytest.importorskip("ziglang", reason="elementary.c is compiled on its own, which needs pip install aeromatch[dev]")
 
 SOURCE = Path(__file__).parents[2] / "kernel" / "src"
@@ -167,3 +169,55 @@ def test_results_are_those_of_every_platform(library):
     for name in TWO:
         digest.update(call(library, name, 0.25 + step / 64.0, step[::-1] / 16.0 - 4.0).tobytes())
     assert digest.hexdigest() == "5bfee45cb57abe2346751f457d1062998933db9de4b3e653b6eaa8fcc54d0571"
+
+
+# <math.h> of C11 without what is exact or correctly rounded everywhere: ceil fabs floor fmax fmin sqrt
+ROUNDED = (
+    *(
+        "acos",
+        "acosh",
+        "asin",
+        "asinh",
+        "atan",
+        "atan2",
+        "atanh",
+        "cbrt",
+        "cos",
+        "cosh",
+        "erf",
+        "erfc",
+        "exp",
+        "exp2",
+        "expm1",
+        "fma",
+        "fmod",
+    ),
+    *(
+        "frexp",
+        "hypot",
+        "ldexp",
+        "lgamma",
+        "log",
+        "log10",
+        "log1p",
+        "log2",
+        "nextafter",
+        "pow",
+        "remainder",
+        "sin",
+        "sincos",
+        "sinh",
+        "tan",
+    ),
+    *("tanh", "tgamma"),
+)
+
+
+def test_the_library_imports_no_function_that_differs_between_platforms():
+    """Imported names stand between zero bytes in the tables of ELF and Mach-O files, in the latter with an underscore."""
+    libraries = [path for kind in ("so", "dylib") for path in (Path(flightmech.__file__).parent / "_binaries").glob(f"*/*.{kind}")]
+    for path in libraries:
+        content = path.read_bytes()
+        assert any(name in content for name in (b"\0memcpy\0", b"\0_memcpy\0")), f"{path.parent.name}: no table of imported names was found"
+        found = [name for name in ROUNDED if any(f"\0{mark}{name}\0".encode() in content for mark in ("", "_"))]
+        assert not found, f"{path.parent.name}: {', '.join(found)}"
