@@ -25,7 +25,8 @@ int engine_check(am_sim *sim) {
         const uint32_t tau = place(m, AM_PARAMETER, G_ENGINE, i) + P_TIME_CONSTANT;
         if (!(sim->par[tau] >= 0.0)) return bad_parameter(sim, tau, "zero or positive");
         if (sim->drive != THRUST_DRIVEN && !has_thrust(sim, i))
-            return fail(sim, AM_BAD_VALUE, "mode.engine = %d needs a thrust table, engine%u has none; use mode.engine = 2", sim->drive, (unsigned)(i + 1));
+            return fail(sim, AM_BAD_VALUE, "mode.engine = %d needs a thrust table, engine%u has none; use mode.engine = 2", sim->drive,
+                        (unsigned)(i + 1));
         const int status = decked(sim) ? spool_check(sim, i) : AM_OK;
         if (status != AM_OK) return status;
     }

@@ -16,7 +16,8 @@ enum { S = 0, I = 3, MOMENTS = 9 }; /* S: x y z; I: xx yy zz xy xz yz, products 
 
 /* Adds m times the second moments of a point at r. */
 static void add_point(double m, const double r[3], double moment[6]) {
-    moment[0] += m * (r[1] * r[1] + r[2] * r[2]), moment[1] += m * (r[0] * r[0] + r[2] * r[2]), moment[2] += m * (r[0] * r[0] + r[1] * r[1]);
+    const double xx = r[0] * r[0], yy = r[1] * r[1], zz = r[2] * r[2];
+    moment[0] += m * (yy + zz), moment[1] += m * (xx + zz), moment[2] += m * (xx + yy);
     moment[3] += m * (r[0] * r[1]), moment[4] += m * (r[0] * r[2]), moment[5] += m * (r[1] * r[2]);
 }
 
@@ -64,11 +65,12 @@ void mass_now(am_sim *sim, const double *x) {
 int fuel_check(am_sim *sim) {
     if (!items(sim->model, G_FUEL)) return AM_OK;
     const uint32_t start = place(sim->model, AM_PARAMETER, G_FUEL, 0) + P_FUEL_START;
-    if (!(sim->par[start] >= 0.0 && sim->par[start] < sim->par[P_MASS])) return bad_parameter(sim, start, "zero or positive, and less than mass.mass");
-    fuel_moments(sim, sim->par[start], memory_of(sim, G_FUEL, 0));
+    const double fuel = sim->par[start];
+    if (!(fuel >= 0.0 && fuel < sim->par[P_MASS])) return bad_parameter(sim, start, "zero or positive, and less than mass.mass");
+    fuel_moments(sim, fuel, memory_of(sim, G_FUEL, 0));
     if (!set_mass(sim, 0.0))
-        return fail(sim, AM_BAD_VALUE, "without its fuel the aircraft has no positive definite inertia; check init.fuel, fuel.* and mass.*");
-    set_mass(sim, sim->par[start]);
+        return fail(sim, AM_BAD_VALUE, "without its fuel the aircraft has no positive definite inertia; check init.fuel, fuel.*, mass.*");
+    set_mass(sim, fuel);
     return AM_OK;
 }
 

@@ -16,21 +16,22 @@
 #include <math.h>
 
 #define LENGTH(a) (sizeof(a) / sizeof(a)[0])
-#define ON 0.5          /* switches among the inputs */
-#define QUICKEST 0.02   /* least time constant, for RK4 with 10 ms [s] */
-#define T_STANDARD 288.15 /* [K] */
+#define ON 0.5              /* switches among the inputs */
+#define QUICKEST 0.02       /* least time constant, for RK4 with 10 ms [s] */
+#define T_STANDARD 288.15   /* [K] */
 #define P_STANDARD 101325.0 /* [Pa] */
-#define GAS_HALF 0.2    /* (gamma - 1) / 2 of air */
+#define GAS_HALF 0.2        /* (gamma - 1) / 2 of air */
+#define STILL 1e-15         /* of a speed that no longer moves */
 
 enum { N1, N2, SPOOLS };
-
-#define STILL 1e-15     /* of a speed that no longer moves */
 
 static double summed(const am_sim *sim, uint32_t i, int target) { return sum_of(sim, G_SPOOL, i)[target]; }
 
 static bool given(const am_sim *sim, uint32_t i, int target) { return has_terms(sim->model, G_SPOOL, i, target); }
 
-static bool governed(const am_sim *sim, uint32_t i, int s) { return given(sim, i, T_N1_COMMAND + s) || given(sim, i, T_CORRECTED_N1_COMMAND + s); }
+static bool governed(const am_sim *sim, uint32_t i, int s) {
+    return given(sim, i, T_N1_COMMAND + s) || given(sim, i, T_CORRECTED_N1_COMMAND + s);
+}
 
 /* The spool of the gas generator, which the starter turns: N2, or N1 in an engine with one spool. */
 static int core_spool(const am_sim *sim, uint32_t i) { return governed(sim, i, N2) ? N2 : N1; }
@@ -40,7 +41,8 @@ static double root_theta(const am_sim *sim, uint32_t i) { return sqrt(var_of(sim
 double delayed_lever(const am_sim *sim, const double *u, uint32_t i) {
     const double delay = par_of(sim, G_SPOOL, i)[P_LEVER_DELAY];
     if (!(delay > 0.0)) return input_of(sim, u, G_ENGINE, i)[U_THROTTLE];
-    return delay_read(memory_of(sim, G_SPOOL, i), sim->clock - delay, sim->part < 1.0); /* a jump belongs to the step that begins with it */
+    /* a jump belongs to the step that begins with it */
+    return delay_read(memory_of(sim, G_SPOOL, i), sim->clock - delay, sim->part < 1.0);
 }
 
 void spool_variables(am_sim *sim, uint32_t i, const double *x, const double *u) {
@@ -132,9 +134,9 @@ deck_t spool_deck(am_sim *sim, uint32_t i, const double *x, const double *u, dou
     double *rate = rate_of(sim, dx, G_SPOOL, i), *work = work_of(sim, G_SPOOL, i);
     deck_t deck = {0};
     for (int k = 0; k < SPOOLS; k++) {
-        rate[X_N1 + k] = held(sim, i, k) ? 0.0 : b * burning_rate(sim, i, k, s[X_N1 + k]) + (1.0 - b) * idle_rate(sim, u, i, k, s[X_N1 + k]);
-        const double inertia = p[P_N1_INERTIA + k] * p[P_N1_RATED + k];
-        deck.momentum += inertia * v[A_N1 + k], deck.torque += inertia * rate[X_N1 + k];
+        const double n = s[X_N1 + k], full = p[P_N1_INERTIA + k] * p[P_N1_RATED + k];
+        rate[X_N1 + k] = held(sim, i, k) ? 0.0 : b * burning_rate(sim, i, k, n) + (1.0 - b) * idle_rate(sim, u, i, k, n);
+        deck.momentum += full * v[A_N1 + k], deck.torque += full * rate[X_N1 + k];
     }
     rate[X_BURNING] = ((burns(sim, i, x, u) ? 1.0 : 0.0) - b) / p[P_FLAME_TIME];
     rate[X_ITT] = p[P_ITT_TIME] > 0.0 ? (itt - s[X_ITT]) / p[P_ITT_TIME] : 0.0;
@@ -172,13 +174,18 @@ bool spool_settle(am_sim *sim, uint32_t i, double *x, const double *u) {
 void spool_advance(am_sim *sim, uint32_t i, double t, double h, double lever0, double lever1) {
     double *line = memory_of(sim, G_SPOOL, i);
     const double delay = par_of(sim, G_SPOOL, i)[P_LEVER_DELAY];
+    if (!(delay > 0.0)) {
+        delay_start(line, t + h, lever1);
+        return;
+    }
     delay_record(line, t, lever0, delay);
     delay_record(line, t + h, lever1, delay);
     if (delay_read(line, t - delay, true) != delay_read(line, t - delay, false)) sim->fresh = false; /* the jump arrives now */
 }
 
 int spool_check(am_sim *sim, uint32_t i) {
-    static const uint32_t TIMES[] = {P_N1_RUNDOWN, P_N2_RUNDOWN, P_STARTER_TIME, P_FLAME_TIME}, POSITIVE[] = {P_LEVER_DELAY, P_N1_INERTIA, P_N2_INERTIA};
+    static const uint32_t POSITIVE[] = {P_LEVER_DELAY, P_N1_INERTIA, P_N2_INERTIA};
+    static const uint32_t TIMES[] = {P_N1_RUNDOWN, P_N2_RUNDOWN, P_STARTER_TIME, P_FLAME_TIME};
     const uint32_t first = place(sim->model, AM_PARAMETER, G_SPOOL, i);
     const double *p = par_of(sim, G_SPOOL, i);
     for (size_t k = 0; k < LENGTH(POSITIVE); k++)
