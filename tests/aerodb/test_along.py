@@ -3,6 +3,7 @@ import pytest
 import xarray as xr
 
 import aerodb
+from aerodb.along import completed
 from flightmech import terms
 from flightmech.errors import ParseError, UnknownName
 
@@ -61,3 +62,20 @@ def test_other_files_are_refused(small, tmp_path):
     aerodb.save(small, tmp_path / "db.nc")
     with pytest.raises(ParseError, match="found CL, Cm; expected states over one clock"):
         aerodb.read_conditions(tmp_path / "db.nc", small)
+
+
+def test_lift_that_multiplies_a_moment_comes_from_the_terms(states, small, tmp_path):
+    """A record may hold the lift coefficient itself, and that one is taken then."""
+    roll = aerodb.replace_terms(small, {"Cl/ground": aerodb.bank_in_ground_effect(-0.078, -1.09, 1.7)})
+    low = states.assign(delta_f=0.0, h_agl=3.0, phi=("time", [0.1, 0.1]))
+    low.to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
+    found, said = aerodb.read_conditions(tmp_path / "path.nc", roll)
+    assert said == ["CL is not in the record; taken from the terms of the first database"]
+    lift = aerodb.evaluate(small, "CL", **{str(name): found[name] for name in found})
+    np.testing.assert_allclose(found["CL"], lift, rtol=1e-15)
+    assert found["CL"].dims == ("time",)
+    frame = aerodb.compare(roll, roll, found)
+    assert frame.loc["Cl/ground", "value_a"] == pytest.approx(float(-0.078 * 3.0**-1.09 * 0.1 * lift[0]))
+    given, said = completed(low.assign(CL=1.0), roll)
+    assert said == []
+    assert float(given["CL"]) == 1.0
