@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -459,6 +460,21 @@ def test_the_runway_may_lie_anywhere(stand, start):
         y = named(stand, run)
         found.append([y["theta"], y["gear.nose.Fz"], y["gear.left.compression"], y["h_agl"]])
     np.testing.assert_allclose(found[0], found[1], rtol=2e-3)
+
+
+@pytest.mark.parametrize(("thrust", "theta"), [(238.0, 3.27), (4430.0, 0.22)], ids=["idle", "full"])
+def test_t37_stands_on_its_brakes_as_recorded(thrust, theta, compiled, start):
+    """Runs 17 and 25 before the roll, 2150 kg: pitch attitude in degrees against the brakes at idle and at full power."""
+    gear = flightmech.read_aircraft(Path(__file__).parents[2] / "data" / "t37" / "aircraft.toml").gear
+    assert gear is not None
+    sim = compiled(gear, engines=tuple(replace(engine, position=(0.0, engine.position[1], 0.0)) for engine in ENGINES))
+    drive = {"engine1__thrust_drive": thrust, "engine2__thrust_drive": thrust}
+    run = start(sim, **(STANDING | drive | {"mode__engine": 2.0, "brake_left": 1.0, "brake_right": 1.0}))
+    u = inputs(sim, brake_left=1.0, brake_right=1.0, **drive)
+    run.step(0.0, 40.0, u, u)
+    y = named(sim, run)
+    assert np.degrees(y["theta"]) == pytest.approx(theta, abs=0.1)  # bias of the recorded attitude: 0.07 deg
+    assert abs(y["u"]) < 1e-6
 
 
 @pytest.mark.parametrize(
