@@ -24,8 +24,10 @@ CHOICES = {
     "mode.earth": {"flat": 0, "WGS84_rotating": 1, "sphere_at_rest": 2, "sphere_rotating": 3},
     "mode.engine": {"lever": 0, "N1": 1, "thrust": 2},
     "mode.controls": {"surfaces": 0, "cockpit_positions": 1, "pilot_forces": 2},
-    "mode.trim": {"none": 0, "seek_thrust": 1, "seek_throttle": 2},
+    "mode.rates": {"inertial": 0, "relative_to_Earth": 1},
+    "mode.trim": {"none": 0, "seek_thrust": 1, "seek_throttle": 2, "stand_on_ground": 3},
     "turbulence.mode": {"none": 0, "Dryden": 1},
+    "gear.condition": {"dry": 0, "wet": 1, "icy": 2},
 }
 
 # typical sizes by unit, for the tolerances of an importer's solver, as in kernel/shell/exchange.c
@@ -171,12 +173,13 @@ def _scalar(causality: str, index: int, row: Entry) -> Variable:
 
 
 def _states(rows: Sequence[Entry]) -> Iterator[Variable]:
+    names = [f"state.{row.name.removeprefix('state.')}" for row in rows]  # a state may be called like an output
     for i, row in enumerate(rows):
-        yield replace(_scalar("state", i, row), start=None)
+        yield replace(_scalar("state", i, row), name=names[i], start=None)
     for i, row in enumerate(rows):
         units, text = rate_units(row.units), f"time derivative of {row.description}"
         reference, state = BASE["derivative"] + i, BASE["state"] + i
-        yield Variable(f"der({row.name})", "derivative", reference, units, units, text, state=state, dependencies=_references(_rate_of(i)))
+        yield Variable(f"der({names[i]})", "derivative", reference, units, units, text, state=state, dependencies=_references(_rate_of(i)))
 
 
 def _rate_of(state: int) -> tuple[int, ...] | None:

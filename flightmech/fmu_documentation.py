@@ -28,8 +28,8 @@ svg polyline { fill: none; stroke-width: 1.6 } svg .grid { stroke: #e3e7eb } svg
 
 _DRIVING = """
 <p>Set parameters, then inputs, in initialization mode. With <code>mode.trim</code> = 1 or 2 the end of initialization
-seeks a steady state at the initial airspeed, flight path, bank, heading, height and rates; the outputs
-<code>trim.*</code> hold what was found and the accelerations that are left. All values are SI and radians.</p>
+seeks a steady state at the initial airspeed, flight path, bank, heading, height and rates, with 3 the aircraft stands on its
+gear; the outputs <code>trim.*</code> hold what was found and the accelerations that are left. All values are SI and radians.</p>
 <h3>Co-simulation</h3>
 <p>Inputs are held over a communication step. FMI 2.0 importers may set first derivatives of the inputs at the start
 of a step: they are then linear inside that step, and held again after it. Outputs follow the inputs without delay: after a
@@ -130,7 +130,8 @@ def _submodels(description: Description) -> str:
 
 
 def _patterns(group: str, kind: int) -> list[str]:
-    return [row.pattern for row in known(kind) if row.group == group]
+    patterns = [row.pattern for row in known(kind) if row.group == group]
+    return [f"state.{pattern.removeprefix('state.')}" for pattern in patterns] if kind == STATE else patterns
 
 
 def _items(description: Description, group: str) -> list[str]:

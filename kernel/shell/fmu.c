@@ -37,9 +37,7 @@ static int allocate(fmu *f) {
     f->parameters = (size_t)am_count(f->model, AM_PARAMETER);
     f->states = (size_t)am_state_count(f->model);
     if (!(f->sim = am_new(f->model))) return FMU_ERROR;
-    size_t memories;
-    image_memory(f->sim, &memories);
-    f->u0 = calloc(3 * f->inputs + f->outputs + 2 * f->states + memories, sizeof(double));
+    f->u0 = calloc(3 * f->inputs + f->outputs + 2 * f->states + image_memories(f->model), sizeof(double));
     if (!f->u0 || replay_resize(f, 1)) return FMU_ERROR;
     f->u1 = f->u0 + f->inputs;
     f->slopes = f->u1 + f->inputs;

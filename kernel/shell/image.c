@@ -38,7 +38,9 @@ int image_restore(am_sim *sim, const void *image) {
     return sound(sim) ? 0 : -1;
 }
 
+size_t image_memories(const am_model *model) { return model->memories; }
+
 const double *image_memory(const am_sim *sim, size_t *n) {
-    *n = sim->model->memories;
+    *n = sim->controls == SURFACE_DRIVEN ? sim->model->first_memory[G_CIRCUIT] : sim->model->memories; /* circuits stand last */
     return sim->memory;
 }

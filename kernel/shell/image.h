@@ -12,7 +12,8 @@ size_t image_size(const am_model *model);
 void image_save(const am_sim *sim, void *image); /* image[image_size] */
 int image_restore(am_sim *sim, const void *image); /* -1: no simulation can be in such a state */
 
-/* The discrete part of the submodels: what moves and is no state. */
+/* The discrete part of the submodels, as far as it acts on the flight: surfaces that are driven carry their circuits along. */
 const double *image_memory(const am_sim *sim, size_t *n);
+size_t image_memories(const am_model *model); /* the largest n */
 
 #endif

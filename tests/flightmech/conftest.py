@@ -13,7 +13,11 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2CallbackFunctions, fmi2CallbackL
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 import flightmech
-from flightmech.aircraft import Engine
+from flightmech.aircraft import Control, Engine
+from flightmech.submodels.controls import Circuit
+from flightmech.submodels.deck import Deck
+from flightmech.submodels.fuel import Fuel
+from flightmech.submodels.landing_gear import Contact, LandingGear, Steering
 from flightmech.terms import make
 
 VERSIONS = ("2.0", "3.0")
@@ -66,6 +70,53 @@ def fmus(trainer, tmp_path_factory) -> dict[str, Path]:
 
 description = cache(fmpy.read_model_description)
 KINDS = {"2.0": (FMU2Slave, FMU2Model), "3.0": (FMU3Slave, FMU3Model)}
+
+
+def everything_aircraft() -> flightmech.Aircraft:
+    """Return the plain jet with every submodel: deck of a turbofan with a slow lever, fuel, tricycle gear, column and pedals."""
+    leg = {"stiffness": 80e3, "damping": 8e3, "tyre_stiffness": 3e5, "side_stiffness": 2e5, "cornering_stiffness": 45e3, "rolling": 0.02}
+    gear = LandingGear(
+        (
+            Contact("nose", (1.6, 0.0, 0.8), steering=1.0, **leg),
+            Contact("left", (-0.2, -0.8, 0.8), brake=8e3, **leg),
+            Contact("right", (-0.2, 0.8, 0.8), brake=8e3, **leg),
+        ),
+        Steering(stiffness=2000.0),
+    )
+    deck = Deck(
+        {
+            "n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+            "n2_up_time": make(0.5),
+            "n2_down_time": make(0.8),
+            "thrust": make([0.0, 9000.0], {"n2": [0.5, 1.0]}),
+            "fuel_flow": make([0.02, 0.15], {"n2": [0.5, 1.0]}),
+        },
+        lever_delay=0.3,
+    )
+    return linear_aircraft(
+        engines=(Engine((0.0, 0.0, 0.0), deck=deck),),
+        fuel=Fuel(400.0, (-0.1, 0.0, 0.0)),
+        gear=gear,
+        controls={"delta_e": Control(1.5, 0.3, -1.5), "delta_r": Control(1.0, 0.3, -2.0)},
+        circuits={
+            "column": Circuit((-0.2, 0.2), 5.0, friction=15.0, damping=40.0, stiffness=400.0),
+            "pedal": Circuit((-0.1, 0.1), 5.0, order=4, inertia=1.0, friction=20.0, damping=60.0, stiffness=800.0, cable_stiffness=2e4),
+        },
+    )
+
+
+@pytest.fixture(scope="session")
+def everything() -> flightmech.SimModel:
+    """The plain jet with every submodel."""
+    return flightmech.compile(everything_aircraft(), linear_tree())
+
+
+@pytest.fixture(scope="session")
+def whole(everything, tmp_path_factory) -> dict[str, Path]:
+    """FMUs of the jet with every submodel, unpacked."""
+    folder = tmp_path_factory.mktemp("whole")
+    files = {v: flightmech.write_fmu(everything, folder / f"v{v[0]}.fmu", v) for v in VERSIONS}
+    return {v: Path(fmpy.extract(str(path), str(folder / v))) for v, path in files.items()}
 
 
 class Slave:

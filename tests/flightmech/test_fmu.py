@@ -15,6 +15,8 @@ from fmpy.validation import validate_fmu
 import flightmech
 from flightmech.errors import ParseError, SchemaError
 from flightmech.fmu import read_fmu, write_fmu
+from flightmech.fmu_description import CHOICES
+from flightmech.library import INTEGER, PARAMETER
 
 VERSIONS = ("2.0", "3.0")
 TRACE = ("V", "alpha", "beta", "p", "q", "r", "phi", "theta", "psi", "h", "az", "CL", "Cm", "engine1.thrust")
@@ -65,6 +67,19 @@ def test_the_standard_finds_nothing(trainer, tmp_path, version):
     assert validate_fmu(str(path)) == []
     assert read_fmu(path)["findings"] == []
     assert os.listdir(tmp_path) == ["x.fmu"]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_standard_finds_nothing_in_a_model_with_every_submodel(everything, tmp_path, version):
+    assert validate_fmu(str(write_fmu(everything, tmp_path / "x.fmu", version))) == []
+
+
+def test_every_mode_is_an_enumeration_of_all_its_values(everything):
+    """A value that the enumeration leaves out could not be set by an importer."""
+    modes = [row for row in everything.entries(PARAMETER) if row.name.startswith("mode.") and row.flags & INTEGER]
+    assert {row.name for row in modes} == {name for name in CHOICES if name.startswith("mode.")}
+    for row in modes:
+        assert sorted(CHOICES[row.name].values()) == list(range(int(row.low), int(row.high) + 1)), row.name
 
 
 @pytest.mark.parametrize("version", VERSIONS)

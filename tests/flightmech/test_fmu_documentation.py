@@ -65,7 +65,7 @@ def test_variables_show_si_and_display_units():
         ["init.V", "m s-1", "92.6 (180 kt)", "fixed", "true airspeed at the start"],
         ["mode.trim", "1", "seek_thrust", "fixed", "trim at the start"],
     ]
-    assert found["Enumerations"][1:] == [["mode.trim", "0 none, 1 seek_thrust, 2 seek_throttle"]]
+    assert found["Enumerations"][1:] == [["mode.trim", "0 none, 1 seek_thrust, 2 seek_throttle, 3 stand_on_ground"]]
 
 
 def test_submodels_are_told_with_their_items(trainer):

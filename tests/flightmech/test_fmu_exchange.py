@@ -136,8 +136,10 @@ def test_nominals_are_those_of_the_description(exchange, version):
 
 
 @pytest.mark.parametrize("earth", [0.0, 1.0])
-def test_what_is_not_among_the_dependencies_has_no_effect(trainer, fmus, condition, earth):
-    model = fmpy.read_model_description(str(fmus["3.0"]))
+@pytest.mark.parametrize("name", ["trainer", "everything"])
+def test_what_is_not_among_the_dependencies_has_no_effect(request, fmus, whole, condition, name, earth):
+    trainer = request.getfixturevalue(name)
+    model = fmpy.read_model_description(str((fmus if name == "trainer" else whole)["3.0"]))
     run = prepared(trainer, {**condition, "mode.earth": earth}, np.zeros(len(trainer.inputs)))
     rows = [row.name for row in trainer.entries(OUTPUT)]
     state, u = run.state, np.zeros(len(trainer.inputs))
@@ -234,3 +236,64 @@ def test_a_stored_state_keeps_time_and_mode(exchange, version):
     assert rates_of(me).tolist() == before.tolist()
     put_states(me, x)
     assert me.get("time" if version == "3.0" else "V") == ([2.5] if version == "3.0" else me.get("V"))
+
+
+# ---- what is no state
+
+
+FORCE = [(0.0, 0.0), (0.5, 0.0), (0.5, 40.0), (1.5, 40.0), (1.5, -30.0), (2.5, -30.0), (2.5, 0.0), (4.0, 0.0)]
+GUSTY = {"turbulence.mode": 1, "turbulence.seed": 3, "turbulence.sigma_u": 2.0, "turbulence.sigma_w": 2.0}
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(("case", "signals"), [({"mode.controls": 2}, ("theta", "applied.column")), (GUSTY, ("theta", "alpha"))])
+def test_what_is_no_state_lags_by_a_step_of_the_kernel(whole, condition, version, case, signals):
+    """A control system with friction, and turbulence, stand still between events `mode.step` apart: an error of first order."""
+    force, errors = np.array(FORCE, [("time", float), ("F_column", float)]), []
+    for step in (0.01, 0.005):
+        options = {
+            "stop_time": 4.0,
+            "output_interval": 0.05,
+            "start_values": {**condition, **case, "mode.step": step},
+            "input": force,
+            "output": signals,
+            "record_events": False,
+        }
+        cs = fmpy.simulate_fmu(str(whole[version]), **options)
+        me = fmpy.simulate_fmu(str(whole[version]), fmi_type="ModelExchange", **options)
+        np.testing.assert_allclose(me["time"], cs["time"], atol=1e-12)
+        errors.append([abs(me[name] - cs[name]).max() for name in signals])
+        assert all(error < 0.05 * np.ptp(cs[name]) for error, name in zip(errors[-1], signals, strict=True))
+    assert np.divide(*errors) == pytest.approx(2.0, rel=0.1)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(
+    ("case", "expected"), [({}, [0.01, None]), ({"mode.controls": 2}, [0.01, 0.02, 0.03]), (GUSTY, [0.01, 0.02, 0.03])]
+)
+def test_events_are_asked_for_while_something_moves(fmus, whole, stranger, version, case, expected):
+    me = stranger((whole if case else fmus)[version], exchange=True).open().start(case)
+    found, time = [], 0.0
+    while len(found) < len(expected):
+        info = (me.fmu.newDiscreteStates if version == "2.0" else me.fmu.updateDiscreteStates)()
+        assert [bool(word) for word in info[:2]] == [False, False]
+        found.append(info[5] if info[4] else None)
+        me.fmu.enterContinuousTimeMode()
+        if info[4]:
+            time = info[5]
+            me.fmu.setTime(time)
+            me.fmu.enterEventMode()
+    assert found == [None if time is None else pytest.approx(time, abs=1e-12) for time in expected]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_what_begins_to_move_asks_for_event_mode(exchange, version):
+    me = exchange(version).start()
+    open_continuous(me)
+    me.fmu.setTime(0.1)
+    assert [bool(word) for word in me.fmu.completedIntegratorStep()] == [False, False]
+    me.fmu.enterEventMode()
+    me.set({"turbulence.mode": 1, "turbulence.sigma_w": 2.0})
+    open_continuous(me)
+    me.fmu.setTime(0.2)
+    assert [bool(word) for word in me.fmu.completedIntegratorStep()] == [True, False]

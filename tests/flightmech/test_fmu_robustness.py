@@ -127,11 +127,13 @@ def test_a_head_without_meaning_is_refused(instance, kept, offset, form, value, 
     assert message in slave.messages[-1]
 
 
-def test_hostile_states_never_crash(fmus, tmp_path, kept):
-    """Random bits under a right seal: refused, or flown to an error or to numbers."""
-    image = tmp_path / "state.bin"
-    image.write_bytes(kept)
-    assert int(child("fmu_states_child.py", fmus["3.0"], image, HEAD)) > 100
+@pytest.mark.parametrize("case", [{"mode.controls": 2, "mode.engine": 0}, {"turbulence.mode": 1, "turbulence.sigma_w": 2.0}])
+def test_hostile_states_never_crash(whole, stranger, tmp_path, case):
+    """Random bits under a right seal, every submodel at work: refused, or flown to an error or to numbers."""
+    slave, image = stranger(whole["3.0"]).open().start({"mode.trim": 0, **case}), tmp_path / "state.bin"
+    slave.step(0.0, 0.5)
+    image.write_bytes(slave.fmu.serializeFMUState(slave.fmu.getFMUState()))
+    assert int(child("fmu_states_child.py", whole["3.0"], image, HEAD)) > 100
 
 
 def test_memory_does_not_grow_with_runs(instance):
