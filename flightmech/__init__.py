@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from .qualities.assemble import Characteristics, characteristics
     from .similarity import rescale
     from .simulation import simulate
-    from .trimming import trim
+    from .trimming import start_of, trim
 
 _HOME = {
     "read_aircraft": "aircraft",
@@ -41,6 +41,7 @@ _HOME = {
     "rescale": "similarity",
     "simulate": "simulation",
     "simulate_batch": "batch",
+    "start_of": "trimming",
     "trim": "trimming",
     "write_fmu": "fmu",
     "air": "air",
@@ -73,6 +74,7 @@ __all__ = [
     "similarity",
     "simulate",
     "simulate_batch",
+    "start_of",
     "swap_parts",
     "terms",
     "trim",

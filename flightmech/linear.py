@@ -179,7 +179,7 @@ def _mode(sim: SimModel, parameters: Mapping[str, float], name: str) -> float:
 
 
 def _default_inputs(sim: SimModel, parameters: Mapping[str, float]) -> list[str]:
-    drive = DRIVES[_mode(sim, parameters, "mode.engine")]
+    drive = DRIVES.get(_mode(sim, parameters, "mode.engine"), "throttle")
     return [*_SURFACES, *(name for name in sim.inputs if name.startswith("engine") and name.endswith(f".{drive}"))]
 
 

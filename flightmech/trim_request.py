@@ -11,7 +11,7 @@ import numpy as np
 from .errors import SchemaError, UnknownName
 from .library import INPUT, PARAMETER, STATE, Entry
 from .submodels.controls import MOVES
-from .trim_kinds import ACCELERATIONS, BY_GAMMA, BY_THETA, CLIMB, KINDS, ON_GROUND, SOUGHT_BY, Kind
+from .trim_kinds import ACCELERATIONS, BY_GAMMA, BY_THETA, CLIMB, KINDS, ON_GROUND, SOUGHT_BY
 from .units import G0
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class _Reader:
         for name in self.values:
             if name not in self.rows:
                 raise UnknownName(name, self.rows, "parameter or input")
-        self.drive = DRIVES[self._value("mode.engine")]
+        self.drive = DRIVES.get(self._value("mode.engine"), "throttle")  # of a mode that is none the kernel says so
         self.engines = [name.removesuffix(f".{self.drive}") for name in sim.inputs if name.endswith(f".{self.drive}")]
         self.controls = self._value("mode.controls")
         self.circuits = {surface: item for item, surface in MOVES.items() if f"{item}.mass" in self.rows}
@@ -290,6 +290,3 @@ class _Reader:
 def _or(names: Iterable[str]) -> str:
     *first, last = names
     return f"{', '.join(first)} or {last}" if first else last
-
-
-__all__ = ["Kind", "Request", "request"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -106,7 +107,7 @@ def trim(
     .. [Stevens] Stevens and Lewis, Aircraft Control and Simulation, 1992, section 3.4: rate-of-climb and turn-coordination constraints.
     """
     if kind is None and unknowns is None and fixed is None and residuals is None:
-        return _outputs(sim, trimmed_outputs(sim, parameters or {}))
+        return _result(sim, trimmed_outputs(sim, parameters or {}))
     asked = request(sim, parameters or {}, kind or "level", unknowns, residuals, fixed or {})
     run = prepared(sim, asked.values, constant_inputs(sim, asked.values))
     places = {row.name: (kind, i) for kind in (STATE, PARAMETER, INPUT) for i, row in enumerate(sim.entries(kind))}
@@ -115,7 +116,7 @@ def trim(
     found, y, left, jacobian = run.trim_for(asked.path, movers, asked.search, goals, asked.wanted)
     rest = np.where(np.array(goals) < 0, left, y[goals] - asked.wanted)
     search = Search(asked, found, rest, left, jacobian)
-    return _outputs(sim, y).assign(search.variables(sim, run)).assign_attrs(search.attributes())
+    return _result(sim, y, search.variables(sim, run), search.attributes())
 
 
 def start_of(trimmed: xr.Dataset) -> dict[str, float]:
@@ -155,5 +156,6 @@ def seek(sim: SimModel, parameters: Mapping[str, float]) -> float:
     return 2.0 if engines and parameters.get("mode.engine", mode) == 0.0 else 1.0
 
 
-def _outputs(sim: SimModel, y: np.ndarray) -> xr.Dataset:
-    return xr.Dataset({row.name: ((), y[i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}, attrs={"title": sim.title})
+def _result(sim: SimModel, y: np.ndarray, search: Mapping = MappingProxyType({}), findings: Mapping = MappingProxyType({})) -> xr.Dataset:
+    outputs = {row.name: ((), y[i], attributes(row)) for i, row in enumerate(sim.entries(OUTPUT))}
+    return xr.Dataset({**outputs, **search}, attrs={"title": sim.title, **findings})

@@ -76,10 +76,14 @@ int trim_not_finite(am_sim *sim) {
     return fail(sim, AM_NOT_FINITE, "the trim met accelerations that are not finite; check the model and the initial condition");
 }
 
+int trim_too_slow(am_sim *sim) {
+    return fail(sim, AM_BAD_VALUE, "init.V = %g m/s; a trim needs more than 1 m/s", sim->par[P_V]);
+}
+
 static int trim_biases(am_sim *sim, int seek) {
     if (seek == 2 && sim->drive == THRUST_DRIVEN)
         return fail(sim, AM_BAD_VALUE, "mode.trim = 2 seeks the throttle, but mode.engine = 2 flies a given thrust; use mode.trim = 1");
-    if (!(sim->par[P_V] > 1.0)) return fail(sim, AM_BAD_VALUE, "init.V = %g m/s; a trim needs more than 1 m/s", sim->par[P_V]);
+    if (!(sim->par[P_V] > 1.0)) return trim_too_slow(sim);
     const double engines = items(sim->model, G_ENGINE) ? items(sim->model, G_ENGINE) : 1.0;
     task_t task = {.sim = sim, .seek = seek, .power = seek == 2 ? 1.0 : sim->par[P_MASS] * G0 / engines};
     system_t system = {.unknowns = UNKNOWNS, .equations = 6, .residual = weighed, .task = &task};

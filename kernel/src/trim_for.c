@@ -168,6 +168,7 @@ static int check_task(am_sim *sim, const am_trim_task *ask) {
             return fail(sim, AM_BAD_INDEX, "there is no output %d", ask->goal[i]);
     if (ask->path < AM_PATH_GAMMA || ask->path > AM_PATH_GROUND)
         return fail(sim, AM_BAD_ARGUMENT, "path %d of the trim; allowed: 0 (gamma), 1 (theta), 2 (ground)", ask->path);
+    if (ask->path != AM_PATH_GROUND && !(sim->par[P_V] > 1.0)) return trim_too_slow(sim);
     return AM_OK;
 }
 

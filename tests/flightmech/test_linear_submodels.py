@@ -8,13 +8,12 @@ import xarray as xr
 from scipy.linalg import expm
 
 import flightmech
-from flightmech import linear
+from flightmech import linear, start_of
 from flightmech.errors import UnknownName
 from flightmech.submodels.deck import Deck
 from flightmech.submodels.fuel import Fuel
 from flightmech.submodels.landing_gear import Contact, LandingGear, Steering
 from flightmech.terms import make
-from flightmech.trimming import start_of
 from flightmech.units import G0
 
 V, H = 90.0, 1500.0

@@ -10,10 +10,10 @@ import pytest
 import xarray as xr
 
 import flightmech
+from flightmech import start_of
 from flightmech.aircraft import Control
 from flightmech.submodels.controls import Circuit
 from flightmech.terms import make
-from flightmech.trimming import start_of
 
 CRUISE = {"init.V": 110.0, "init.h": 3000.0, "mode.earth": 0.0}
 AREA, CHORD, GEARING = 1.5, 0.35, -1.2

@@ -12,11 +12,10 @@ import pytest
 import xarray as xr
 
 import flightmech
-from flightmech import axes
-from flightmech.errors import SchemaError, UnknownName
+from flightmech import axes, start_of
+from flightmech.errors import SchemaError, SimulationError, UnknownName
 from flightmech.submodels.deck import Deck
 from flightmech.terms import make
-from flightmech.trimming import start_of
 
 G0 = 9.80665
 V, QS, MASS, SPAN = 100.0, 104125.0, 2300.0, 10.3
@@ -404,6 +403,16 @@ def test_wind_in_a_climb_is_over_the_ground(sim):
 def test_requests_that_contradict_themselves(arguments, text, sim):
     with pytest.raises(SchemaError, match=text):
         flightmech.trim(sim, CRUISE, **arguments)
+
+
+def test_no_speed_is_an_error(sim):
+    with pytest.raises(SimulationError, match=r"init.V = 0.5 m/s; a trim needs more than 1 m/s"):
+        flightmech.trim(sim, {"init.V": 0.5}, kind="level")
+
+
+def test_a_mode_that_is_none_is_refused_by_the_kernel(sim):
+    with pytest.raises(SimulationError, match=r"mode.engine is 7; it must be 0"):
+        flightmech.trim(sim, CRUISE, fixed={"mode.engine": 7.0})
 
 
 @pytest.mark.parametrize(
