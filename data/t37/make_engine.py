@@ -34,7 +34,7 @@ SPEED = [0.58, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1]  # correct
 GOVERNED = [0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 1.0]  # n2
 FAR = 0.03  # gap between command and speed in which the limit governs
 WINDOW = 4  # samples over which a rate is observed
-STILL = (6.0, 0.02)  # s and throttle: settled when the lever moved by less during the time before
+STILL = (10.0, 0.02)  # s and throttle: settled when the lever moved by less during the time before
 SMOOTH = 0.03  # weight of a second difference of a table against one sample per node
 CHANNELS = ("n1", "n2", "fuel_flow", "thrust", "throttle")
 
