@@ -23,6 +23,7 @@
 #define UPRIGHT 1e-3       /* floor of the length of the heading in the ground plane */
 #define LEANING 0.2        /* floor of the cosine between leg and vertical: beyond 78 deg the leg is as stiff as there */
 #define PASSES 3           /* for the load and the forces in the plane that depend on each other through the lean of the leg */
+#define NOTHING 1e-9       /* a deflection that is none [m] */
 #define SLIP_FLOOR 1e-3    /* below it the slip angle is zero [m s-1] */
 #define BISECTIONS 52      /* halvings of a stroke: to rounding */
 
@@ -240,6 +241,35 @@ static void place_contacts(am_sim *sim, const double *x, const double down[3], p
     evaluate_stage(sim, STAGE_GEAR);
 }
 
+/* True when nothing can touch the ground at any attitude and no strut or tyre has anything left to give back. */
+static bool clear(const am_sim *sim, const double *x) {
+    const double *cg = sim->now.cg, height = sim->now.h - sim->par[P_RUNWAY];
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        const double *p = par_of(sim, G_CONTACT, i), *own = state_of(sim, x, G_CONTACT, i);
+        double reach = 2.0 * p[P_CONTACT_RADIUS];
+        for (int k = 0; k < 3; k++) reach += fabs(p[P_CONTACT_X + k]) + fabs(cg[k]);
+        if (height < reach) return false;
+        for (int k = 0; k < X_PER_CONTACT; k++)
+            if (fabs(own[k]) > NOTHING) return false;
+    }
+    return true;
+}
+
+/* Away from the ground only the steering moves. */
+static void fly(am_sim *sim, const double *x, const double *u, double *dx) {
+    const steered_t airborne = {0};
+    double *found = work_of(sim, G_GEAR, 0);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        memset(rate_of(sim, dx, G_CONTACT, i), 0, sizeof(double) * X_PER_CONTACT);
+        memset(work_of(sim, G_CONTACT, i), 0, sizeof(double) * W_PER_CONTACT);
+        var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.0;
+    }
+    evaluate_stage(sim, STAGE_GEAR);
+    memset(found, 0, sizeof(double) * W_PER_GEAR);
+    found[Y_GEAR_STEERING] = steering_angle(sim, x);
+    found[Y_GEAR_STEERING_MOMENT] = steering_derivative(sim, x, u, &airborne, dx);
+}
+
 /* Force and moment about the c.g., body axes; rates of the states of gear and contacts. */
 void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3], double *dx) {
     place_t at[MAX_ITEMS];
@@ -247,6 +277,10 @@ void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], dou
     double down[3];
     for (int k = 0; k < 3; k++) F[k] = M[k] = 0.0;
     if (!items(sim->model, G_GEAR)) return;
+    if (clear(sim, x)) {
+        fly(sim, x, u, dx);
+        return;
+    }
     to_body(sim->now.C, sim->now.down, down);
     place_contacts(sim, x, down, at);
     for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {

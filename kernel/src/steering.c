@@ -14,6 +14,7 @@
 
 #define FASTEST 100.0     /* of springs over inertia and dampers over inertia: what the integration follows [rad s-1] */
 #define TWIST 0.1         /* of the tyre at which all of its patch slips [rad] */
+#define ARRIVED 1e-9      /* rates of an airborne wheel that are none [rad s-1, rad s-2] */
 #define STOP_RATE 50.0    /* undamped frequency of wheel and stop [rad s-1] */
 
 enum { QUASI_STATIC = 0, SECOND_ORDER = 2, FOURTH_ORDER = 4 };
@@ -79,6 +80,14 @@ static double wheel_acceleration(const double *p, const steered_t *wheel, const 
     return (spring - p[P_STEERING_DAMPING] * rate - p[P_STEERING_TRAIL] * wheel->side - scrub - stop) / I;
 }
 
+/* An airborne wheel has arrived: without this it would go on for ever by ever smaller, and slower, numbers. */
+static void arrive(const steered_t *wheel, double *rate) {
+    if (wheel->grip > 0.0) return;
+    for (int i = 0; i < X_PER_GEAR; i++)
+        if (fabs(rate[i]) > ARRIVED) return;
+    for (int i = 0; i < X_PER_GEAR; i++) rate[i] = 0.0;
+}
+
 /* Rates of the states; returns the moment of the spring on the wheel. */
 double steering_derivative(am_sim *sim, const double *x, const double *u, const steered_t *wheel, double *dx) {
     const double *p = par_of(sim, G_GEAR, 0), *own = state_of(sim, x, G_GEAR, 0), aim = command(sim, u);
@@ -88,6 +97,7 @@ double steering_derivative(am_sim *sim, const double *x, const double *u, const 
     for (int i = 0; i < X_PER_GEAR; i++) rate[i] = 0.0;
     if (order == QUASI_STATIC) {
         rate[X_STEERING] = quasi_static_rate(p, wheel, own[X_STEERING], aim);
+        arrive(wheel, rate);
         return spring;
     }
     rate[X_STEERING] = own[X_STEERING_RATE];
@@ -98,5 +108,6 @@ double steering_derivative(am_sim *sim, const double *x, const double *u, const 
         rate[X_ARM] = own[X_ARM_RATE];
         rate[X_ARM_RATE] = (p[P_ARM_STIFFNESS] * (aim - own[X_ARM]) - p[P_ARM_DAMPING] * own[X_ARM_RATE] - spring) / p[P_ARM_INERTIA];
     }
+    arrive(wheel, rate);
     return spring;
 }
