@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 static int one_run(am_sim *sim, const am_batch_task *task, size_t run, size_t *done) {
+    if (task->samples == 0) return fail(sim, AM_BAD_ARGUMENT, "a batch needs a record of at least one sample");
     const double *values = task->values + run * task->parameters;
     for (size_t i = 0; i < task->parameters; i++) {
         const int status = am_set_parameter(sim, task->parameter[i], values[i]);

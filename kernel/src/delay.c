@@ -53,6 +53,11 @@ void delay_record(double *line, double t, double value, double delay) {
     append(line, t, value);
 }
 
+bool delay_sound(const double *line, bool started) {
+    const double first = line[FIRST], count = line[COUNT];
+    return first >= 0.0 && first < DELAY_KNOTS && first == floor(first) && count >= (started ? 1.0 : 0.0) && count <= DELAY_KNOTS && count == floor(count);
+}
+
 double delay_read(const double *line, double t, bool after) {
     const double limit = after ? t + NEAR : t - NEAR;
     int low = -1, high = (int)line[COUNT]; /* the last knot up to the limit, and the next */

@@ -9,6 +9,7 @@
 
 void delay_start(double *line, double t, double value);                  /* value since ever */
 void delay_record(double *line, double t, double value, double delay);   /* linear from the knot before; a second one at the same t jumps */
+bool delay_sound(const double *line, bool started);                      /* bytes from outside: whether no knot lies beyond the ring */
 double delay_read(const double *line, double t, bool after);             /* at a jump: the value after or before it */
 
 #endif

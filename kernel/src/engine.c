@@ -106,6 +106,12 @@ void engine_start(am_sim *sim, double t) {
         rate_of(sim, sim->x, G_ENGINE, i)[X_LAGGED] = decked(sim) ? spool_thrust(sim, i, sim->x) : sum_of(sim, G_ENGINE, i)[T_THRUST];
 }
 
+bool engine_sound(const am_sim *sim) {
+    for (uint32_t i = 0; i < items(sim->model, G_SPOOL); i++)
+        if (!delay_sound(memory_of(sim, G_SPOOL, i), sim->ready)) return false;
+    return true;
+}
+
 void engine_advance(am_sim *sim, double t, double h, const double *u0, const double *u1) {
     for (uint32_t i = 0; i < items(sim->model, G_SPOOL); i++)
         spool_advance(sim, i, t, h, input_of(sim, u0, G_ENGINE, i)[U_THROTTLE], input_of(sim, u1, G_ENGINE, i)[U_THROTTLE]);

@@ -69,8 +69,8 @@ static int check_inputs(am_sim *sim, const double *u) {
 }
 
 int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1) {
-    if (!(dt >= 0.0) || !isfinite(t) || !isfinite(dt))
-        return fail(sim, AM_BAD_ARGUMENT, "step from t = %g s by %g s; the step must be finite and not negative", t, dt);
+    if (!(dt >= 0.0 && fabs(t) <= LATEST && fabs(t + dt) <= LATEST))
+        return fail(sim, AM_BAD_ARGUMENT, "step from t = %g s by %g s; the step must be finite and not negative, times within 1e10 s", t, dt);
     int status = ready(sim);
     if (status != AM_OK) return status;
     sim->time = t;
@@ -84,8 +84,7 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
         const double s0 = (double)i / (double)n, s1 = (double)(i + 1) / (double)n;
         runge_kutta(sim, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
         sim->time = t + dt * s1;
-        if (!all_finite(sim->x_work, (size_t)am_state_count(sim->model)))
-            return fail(sim, AM_NOT_FINITE, "the state is not finite at t = %g s; the model has diverged", sim->time);
+        if ((status = check_finite(sim, AM_STATE, sim->x_work)) != AM_OK) return status;
         memcpy(sim->x, sim->x_work, sizeof(double) * (size_t)am_state_count(sim->model));
     }
     take_inputs(sim, u1);
@@ -97,8 +96,9 @@ static int sample(am_sim *sim, const int *output, size_t outputs, double *y, dou
     if (status != AM_OK) return status;
     if (output)
         for (size_t i = 0; i < outputs; i++) y[i] = sim->y_work[output[i]];
-    if (terms) contributions(sim, terms);
-    return AM_OK;
+    if (!terms) return AM_OK;
+    contributions(sim, terms);
+    return check_finite(sim, AM_TERM, terms);
 }
 
 int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold, const int *output, size_t outputs, double *y, double *terms,
@@ -111,6 +111,7 @@ int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold,
     for (size_t k = 0; k < n; k++) {
         int status;
         if (k == 0) {
+            if (!(fabs(t[0]) <= LATEST)) return fail(sim, AM_BAD_ARGUMENT, "the record starts at %g s; times must be finite and within 1e10 s", t[0]);
             sim->time = t[0];
             if ((status = check_inputs(sim, u)) == AM_OK) take_inputs(sim, u);
         } else {

@@ -19,6 +19,7 @@
 #define COEFFICIENTS 6   /* CL CD CY Cl Cm Cn; with body force axes CX CZ CY Cl Cm Cn */
 #define IMPLICIT 3       /* alphadothat, betadothat, dnz: consecutive variables from A_ALPHADOTHAT */
 #define MAX_PATCHES 256  /* changed nodes, scales and offsets of tables in one simulation */
+#define LATEST 1e10      /* most of a time: beyond it the points of the turbulence could no longer be counted [s] */
 #define SPILL 3          /* doubles and slots that a look-up touches beyond the last table of a bundle */
 #define FARTHEST 1e150   /* most of a breakpoint; beyond it a variable counts as this */
 #define ROW 8            /* terms side by side: one of each coefficient, two empty */
@@ -71,6 +72,9 @@ typedef struct {
 typedef struct {
     uint32_t term, place, T, v, K;
 } factored_t;
+
+static inline double within_reach(double x) { return x > FARTHEST ? FARTHEST : x < -FARTHEST ? -FARTHEST : x; }
+static inline double fraction_in(const cell_t *cell, double x) { return cell->start + (x - cell->point) * cell->per_step; }
 
 /* A factor max(v, floor)^exponent; the exponent is a parameter. */
 typedef struct {
@@ -232,6 +236,7 @@ void item_name(char to[NAME_SIZE], const char *pattern, const char *item);
 uint32_t memory_size(int group);
 uint32_t work_size(int group);
 /* table.c */
+uint32_t find_cell(const axis_t *axis, double x);
 void look_up(am_sim *sim, int stage);
 void settle_cells(am_sim *sim);
 /* nodes.c */
@@ -264,6 +269,7 @@ void sum_coefficients(const am_sim *sim, double c[COEFFICIENTS]);
 void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]);
 /* weather.c */
 int weather_check(am_sim *sim);
+bool weather_sound(const am_sim *sim); /* as engine_sound */
 void weather_start(am_sim *sim, double t);
 void weather_advance(am_sim *sim, double t, double h, const double *u0, const double *u1);
 void weather_wind(am_sim *sim, const double *u, double wind[3]);
@@ -276,6 +282,7 @@ void mass_now(am_sim *sim, const double *x);
 void fuel_outputs(am_sim *sim, double *y);
 /* engine.c */
 int engine_check(am_sim *sim);
+bool engine_sound(const am_sim *sim); /* whether the memory, which may come from outside, can be worked with */
 void engine_start(am_sim *sim, double t);
 void engine_advance(am_sim *sim, double t, double h, const double *u0, const double *u1);
 void engine_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3], double H[3], double *dx);
@@ -299,6 +306,7 @@ void derivative(am_sim *sim, const double *x, const double *u, double *dx);
 /* integrate.c */
 void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1);
 /* sim.c */
+int check_finite(am_sim *sim, am_kind kind, const double *values); /* names the first of the catalogue that is not, and the time */
 size_t sim_size(const am_model *model);
 int fail(am_sim *sim, int status, const char *format, ...);
 int bad_parameter(am_sim *sim, uint32_t parameter, const char *rule); /* fails with: <name> is <value>; it must be <rule> */

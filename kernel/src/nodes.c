@@ -12,10 +12,11 @@ enum { SCALE, OFFSET, PER_SLOT };
 
 static uint32_t catalogued(const am_model *m) { return (uint32_t)m->count[AM_PARAMETER]; }
 
+/* The bundle whose tables write a slot; the number of bundles for a gap, which no table does. */
 static uint32_t bundle_of_slot(const am_model *m, uint32_t slot) {
-    uint32_t i = m->bundles - 1;
-    while (m->bundle[i].slot > slot) i--;
-    return i;
+    uint32_t i = 0;
+    while (i < m->bundles && slot >= m->bundle[i].slot + m->bundle[i].width) i++;
+    return i < m->bundles && slot >= m->bundle[i].slot ? i : m->bundles;
 }
 
 static uint32_t node_count(const am_model *m, const bundle_t *bundle) {
@@ -49,6 +50,7 @@ static bool decode(const am_model *m, uint32_t index, patch_t *patch) {
     }
     if (rest >= PER_SLOT * (m->slots - 1)) return false;
     const uint32_t slot = 1 + rest / PER_SLOT, b = bundle_of_slot(m, slot);
+    if (b == m->bundles) return false;
     *patch = (patch_t){.index = index, .kind = rest % PER_SLOT == SCALE ? PATCH_SCALE : PATCH_OFFSET, .slot = slot, .bundle = b};
     patch->stage = stage_of_bundle(m, b);
     return true;

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #define EARTH_RATE 7.292115e-5 /* WGS-84 [rad s-1] */
+#define LARGEST 1e16          /* of a parameter, so that no product of a few overflows */
 
 static double *take(double **at, size_t n) {
     double *piece = *at;
@@ -66,6 +67,15 @@ double am_time(const am_sim *sim) { return sim->time; }
 void take_inputs(am_sim *sim, const double *u) {
     memcpy(sim->u, u, sizeof(double) * (size_t)sim->model->count[AM_INPUT]);
     sim->fresh = false;
+}
+
+int check_finite(am_sim *sim, am_kind kind, const double *values) {
+    const am_model *m = sim->model;
+    if (all_finite(values, (size_t)m->count[kind])) return AM_OK;
+    int i = 0;
+    while (isfinite(values[i])) i++;
+    return fail(sim, AM_NOT_FINITE, "%s is not finite at t = %g s; the model has diverged, or its numbers have no meaning",
+                m->entry[kind][i].name, sim->time);
 }
 
 static int refuse_value(am_sim *sim, am_kind kind, int i, double value) {
@@ -141,6 +151,14 @@ static int set_inertia(am_sim *sim) {
     return AM_OK;
 }
 
+/* A larger one is taken only as the model has it, where it says that there is no limit. */
+static int check_sizes(am_sim *sim) {
+    const am_entry *parameter = sim->model->entry[AM_PARAMETER];
+    for (uint32_t i = 0; i < (uint32_t)sim->model->count[AM_PARAMETER]; i++)
+        if (!(fabs(sim->par[i]) <= LARGEST) && sim->par[i] != parameter[i].value) return bad_parameter(sim, i, "between -1e16 and 1e16");
+    return AM_OK;
+}
+
 static bool whole(double value, int most) { return value >= 0.0 && value <= most && value == floor(value); }
 
 /* Check the parameters and derive what depends on them; done again after a change. */
@@ -149,7 +167,7 @@ static int prepare(am_sim *sim) {
     const double *p = sim->par;
     if (!(p[P_MASS] > 0.0)) return bad_parameter(sim, P_MASS, "positive");
     if (!(p[P_QNH] > 0.0)) return bad_parameter(sim, P_QNH, "positive");
-    if (!(p[P_STEP] > 0.0)) return bad_parameter(sim, P_STEP, "positive");
+    if (!(p[P_STEP] >= 1e-6)) return bad_parameter(sim, P_STEP, "at least 1e-6 s");
     if (!(p[P_V] >= 0.0)) return bad_parameter(sim, P_V, "zero or positive");
     if (!(fabs(p[P_DELTA_T]) < 100.0)) return bad_parameter(sim, P_DELTA_T, "between -100 and 100 K");
     if (!whole(p[P_EARTH], SPHERE_ROTATING)) return bad_parameter(sim, P_EARTH, "0 (flat), 1 (WGS-84), 2 (sphere at rest) or 3 (rotating sphere)");
@@ -158,7 +176,7 @@ static int prepare(am_sim *sim) {
     if (!whole(p[P_RATES], RATES_OF_EARTH)) return bad_parameter(sim, P_RATES, "0 (as gyros show them) or 1 (relative to the Earth)");
     if (!whole(p[P_TRIM], 3)) return bad_parameter(sim, P_TRIM, "0 (none), 1 (seek thrust), 2 (seek throttle) or 3 (on the ground)");
     sim->drive = (int)p[P_ENGINE], sim->controls = (int)p[P_CONTROLS];
-    int (*const check[])(am_sim *) = {set_inertia, weather_check, fuel_check, engine_check, gear_check, control_check};
+    int (*const check[])(am_sim *) = {check_sizes, set_inertia, weather_check, fuel_check, engine_check, gear_check, control_check};
     for (size_t i = 0; i < sizeof check / sizeof check[0]; i++) {
         const int status = check[i](sim);
         if (status != AM_OK) return status;
@@ -241,7 +259,7 @@ void start_state(am_sim *sim, double alpha, double beta, double theta) {
 int am_initialize(am_sim *sim, double t) {
     sim->ready = false;
     sim->text[0] = 0;
-    if (!isfinite(t)) return fail(sim, AM_BAD_ARGUMENT, "the start time is %g s; it must be finite", t);
+    if (!(fabs(t) <= LATEST)) return fail(sim, AM_BAD_ARGUMENT, "the start time is %g s; it must be finite and within 1e10 s", t);
     int status = prepare(sim);
     if (status != AM_OK) return status;
     const double *p = sim->par;
@@ -252,8 +270,7 @@ int am_initialize(am_sim *sim, double t) {
     memset(sim->below, 0, sizeof(double) * sim->model->axes);
     memset(sim->above, 0, sizeof(double) * sim->model->axes);
     start_state(sim, p[P_ALPHA], p[P_BETA], p[P_THETA]);
-    if (!all_finite(sim->x, (size_t)am_state_count(sim->model)))
-        return fail(sim, AM_NOT_FINITE, "the state at the start is not finite; check init.* and the inputs");
+    if ((status = check_finite(sim, AM_STATE, sim->x)) != AM_OK) return status;
     sim->ready = true;
     if (p[P_TRIM] != 0.0) status = am_trim(sim, (int)p[P_TRIM]);
     sim->ready = status == AM_OK;
@@ -266,47 +283,30 @@ int am_get_state(const am_sim *sim, double *x) {
 }
 
 int am_set_state(am_sim *sim, const double *x) {
-    if (!all_finite(x, (size_t)am_state_count(sim->model))) return fail(sim, AM_NOT_FINITE, "the state holds NaN or infinity");
+    for (int i = 0; i < am_state_count(sim->model); i++)
+        if (!isfinite(x[i])) return refuse_value(sim, AM_STATE, i, x[i]);
     memcpy(sim->x, x, sizeof(double) * (size_t)am_state_count(sim->model));
     sim->fresh = false;
     return AM_OK;
 }
 
 int am_derivative(am_sim *sim, const double *x, const double *u, double *dx) {
-    const int status = ready(sim);
+    int status = ready(sim);
     if (status != AM_OK) return status;
     sim->fresh = false;
     sim->clock = sim->time, sim->part = 1.0;
     derivative(sim, x, u, dx);
-    return AM_OK;
+    return check_finite(sim, AM_STATE, dx);
 }
 
 int am_complete_step(am_sim *sim, double t) {
     const int status = ready(sim);
     if (status != AM_OK) return status;
-    if (!(t >= sim->time) || !isfinite(t))
-        return fail(sim, AM_BAD_ARGUMENT, "a step is completed at %g s, but the simulation stands at %g s", t, sim->time);
+    if (!(t >= sim->time && t <= LATEST))
+        return fail(sim, AM_BAD_ARGUMENT, "a step is completed at %g s, but the simulation stands at %g s; times go on, up to 1e10 s", t, sim->time);
     if (t > sim->time) advance_memory(sim, sim->time, t - sim->time, sim->u, sim->u);
     sim->time = t;
     sim->fresh = false;
-    return AM_OK;
-}
-
-int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, double *terms) {
-    const am_model *m = sim->model;
-    const size_t nv = (size_t)m->count[AM_VARIABLE];
-    sim->fresh = false;
-    for (size_t k = 0; k < n; k++) {
-        for (size_t i = 0; i < nv; i++) sim->var[m->variable[i]] = v[k * nv + i];
-        for (int stage = 0; stage < STAGES; stage++) {
-            look_up(sim, stage);
-            evaluate_terms(sim, stage);
-        }
-        evaluate_special(sim);
-        if (coefficients) sum_coefficients(sim, coefficients + k * COEFFICIENTS);
-        for (uint32_t i = 0; terms && i < m->terms; i++) terms[k * m->terms + i] = sim->term[m->term[i].place];
-    }
-    leave_out_special(sim);
     return AM_OK;
 }
 

@@ -165,6 +165,7 @@ static void write_outputs(am_sim *sim, double *y) {
 
 int am_outputs(am_sim *sim, double *y) {
     const int status = refresh(sim);
-    if (status == AM_OK) write_outputs(sim, y);
-    return status;
+    if (status != AM_OK) return status;
+    write_outputs(sim, y);
+    return check_finite(sim, AM_OUTPUT, y);
 }

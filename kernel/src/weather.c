@@ -183,6 +183,7 @@ static void first_order(double x, double z, double *a) {
 /* a as above and c' = (a - c)/T, covariance [1, 1/2; 1/2, 1/2]; (sqrt3 a + (1 - sqrt3) c)/sqrt2 has the spectrum of v and w.
  * The covariance of the step is that of the process less what the decay leaves of it. */
 static double second_order(double x, double z1, double z2, double s[2]) {
+    x = fmin(x, 100.0); /* nothing is left by then, and the square stays finite */
     const double decay = am_exp(-x), left = decay * decay, root3 = 1.7320508075688772, root2 = 1.4142135623730951;
     const double aa = 1.0 - left, ac = 0.5 - left * (0.5 + x), cc = 0.5 - left * (0.5 + x + x * x);
     const double la = sqrt(aa), l1 = la > 0.0 ? ac / la : 0.0, rest = cc - l1 * l1, l2 = rest > 0.0 ? sqrt(rest) : 0.0;
@@ -219,9 +220,13 @@ static void next_point(am_sim *sim, const double *par, const double *u, double *
     right[5] = PI / (3.0 * b) * d[D_LAG];
 }
 
+#define MOST_POINTS 100000.0 /* in one step: what lies farther back the filters have forgotten */
+
 static double grid_time(const double *par, const double *d, double point) { return d[D_GRID_START] + point * par[P_TURBULENCE_STEP]; }
 
 static void turbulence_at(am_sim *sim, const double *par, const double *u, double t, double *d, double gust[6]) {
+    const double behind = floor((t - d[D_GRID_START]) / par[P_TURBULENCE_STEP]) - d[D_GRID_INDEX];
+    if (behind > MOST_POINTS) d[D_GRID_INDEX] += behind - MOST_POINTS;
     while (grid_time(par, d, d[D_GRID_INDEX] + 1.0) < t) next_point(sim, par, u, d);
     const double part = clip((t - grid_time(par, d, d[D_GRID_INDEX])) / par[P_TURBULENCE_STEP], 0.0, 1.0);
     for (int i = 0; i < 6; i++) gust[i] = d[D_LEFT + i] + (d[D_RIGHT + i] - d[D_LEFT + i]) * part;
@@ -242,6 +247,11 @@ void weather_start(am_sim *sim, double t) {
     memset(d, 0, D_PER_WEATHER * sizeof *d);
     d[D_GRID_START] = t;
     d[D_GRID_INDEX] = -1.0; /* grid point 0 is calm */
+}
+
+bool weather_sound(const am_sim *sim) {
+    const double *d = memory_of(sim, G_WEATHER, 0);
+    return fabs(d[D_GRID_START]) <= LATEST && whole(d[D_GRID_INDEX], -1.0, 1e15);
 }
 
 void weather_advance(am_sim *sim, double t, double h, const double *u0, const double *u1) {

@@ -117,7 +117,7 @@ def test_divergence_stops_the_run_and_keeps_the_last_good_state(make_aircraft, m
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     u = np.zeros(len(sim.inputs))
     run = start(sim, init__V=200.0, init__alpha=0.1)
-    with pytest.raises(SimulationError, match=r"state is not finite at t = .* the model has diverged") as caught:
+    with pytest.raises(SimulationError, match=r"^state\.\w+ is not finite at t = .* the model has diverged") as caught:
         run.step(0.0, 60.0, u, u)
     assert 0.0 < caught.value.time < 60.0
     assert np.isfinite(run.state).all()

@@ -165,7 +165,7 @@ def test_products_of_inertia_couple_the_axes(make_aircraft, make_tree, flown):
         ({"mass__Ixz": 1e6}, "positive definite inertia"),
         ({"mode__earth": 4.0}, "mode.earth is 4; it must be 0 .flat., 1 .WGS-84."),
         ({"env__qnh": float("nan")}, "env.qnh is -?nan; it must be finite"),
-        ({"mode__step": 0.0}, "mode.step is 0; it must be positive"),
+        ({"mode__step": 0.0}, "mode.step is 0; it must be at least 1e-6 s"),
         ({"delta_e": float("inf")}, "delta_e is inf; it must be finite"),
     ],
 )
