@@ -80,3 +80,26 @@ def test_same_axes_share_a_bundle_other_breakpoints_do_not(make_aircraft, make_t
     }
     sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
     assert sim.axes == ("alpha", "alpha")
+
+
+@pytest.mark.parametrize("outside", ["hold", "linear"])
+def test_many_rows_at_once_give_the_numbers_of_single_rows(outside, content, make_aircraft, make_tree):
+    """Blocks of 64 rows go through columns, few rows through the tables of a flight; narrow and wide bundles, powers, special terms."""
+    rng = np.random.default_rng(9)
+    points = {name: np.cumsum(rng.uniform(0.05, 1.0, 5)) for name in NAMES}
+    grids = {f"CD/{kind}{i}": list(points)[:i] for kind in ("a", "b", "c") for i in range(5)} | {
+        f"Cn/alone{i}": list(points)[-i:] for i in (1, 2, 3)
+    }
+    more = {
+        name: make(rng.normal(size=[len(points[axis]) for axis in axes]), {axis: points[axis] for axis in axes}, outside=outside)
+        for name, axes in grids.items()
+    }
+    more["CL/powered"] = make(0.3).assign_attrs(power="h_agl", exponent=-1.5, floor=0.5)
+    sim = flightmech.compile(make_aircraft(), make_tree({**content, **more}))
+    v = rng.uniform(-1.5, 4.0, (150, len(sim.variables)))
+    v[3, 0], v[70, 1], v[90, 2] = np.nan, np.inf, -np.inf
+    together = Simulation(sim.model).evaluate(v)
+    alone = [Simulation(sim.model).evaluate(row[None]) for row in v]
+    for found, rows in zip(together, zip(*alone, strict=True), strict=True):
+        assert np.array_equal(found, np.concatenate(rows), equal_nan=True)
+        assert np.isfinite(found).sum() > 0.9 * found.size
