@@ -96,10 +96,9 @@ int fmu_get_derivatives(fmu *f, double dx[], size_t n) {
     if (!f || demand_states(f, n) || demand_initialized(f, "reading the derivatives")) return FMU_ERROR;
     am_get_state(f->sim, f->x);
     am_get_inputs(f->sim, f->u0);
-    if (am_derivative(f->sim, f->x, f->u0, dx) != AM_OK) return fmu_refuse(f, "derivatives cannot be computed: %s", am_error(f->sim));
-    for (size_t i = 0; i < n; i++)
-        if (!isfinite(dx[i])) return FMU_DISCARD;
-    return FMU_OK;
+    const int status = am_derivative(f->sim, f->x, f->u0, dx);
+    if (status == AM_NOT_FINITE) return FMU_DISCARD;
+    return status == AM_OK ? FMU_OK : fmu_refuse(f, "derivatives cannot be computed: %s", am_error(f->sim));
 }
 
 int fmu_get_nominals(fmu *f, double nominals[], size_t n) {
