@@ -378,6 +378,27 @@ def test_switched_on_and_off_under_way(probe, start):
     assert not run.outputs()[place].any()
 
 
+@pytest.mark.parametrize(
+    "extreme",
+    [
+        {"turbulence.L_v": 1e-300, "turbulence.L_w": 1e-300},
+        {"turbulence.V": 1e16},
+        {"turbulence.V": 0.0},
+        {"turbulence.step": 1.0},
+        {"turbulence.seed": 2.0**53},
+    ],
+)
+def test_extreme_values_give_finite_gusts(probe, extreme):
+    assert np.isfinite(gusts(fly(probe, [0.0, 1.0, 2.0], {**GIVEN, **extreme}))).all()
+
+
+def test_a_step_out_of_proportion_ends(probe):
+    """30 years in one internal step are 5e10 points: those that the filters have forgotten are passed over."""
+    run = fly(probe, [0.0, 1e9], {**GIVEN, "init.V": 0.0}, step=1e9)
+    assert np.isfinite(gusts(run)).all()
+    assert np.abs(gusts(run)[1]).min() > 0.0
+
+
 # ---- into the aerodynamics ------------------------------------------------------------------------------------------
 
 
