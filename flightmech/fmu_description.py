@@ -27,7 +27,7 @@ CHOICES = {
     "mode.rates": {"inertial": 0, "relative_to_Earth": 1},
     "mode.trim": {"none": 0, "seek_thrust": 1, "seek_throttle": 2, "stand_on_ground": 3},
     "turbulence.mode": {"none": 0, "Dryden": 1},
-    "gear.condition": {"dry": 0, "wet": 1, "icy": 2},
+    "runway.condition": {"dry": 0, "wet": 1, "icy": 2},
 }
 
 # typical sizes by unit, for the tolerances of an importer's solver, as in kernel/shell/exchange.c

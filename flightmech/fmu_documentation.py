@@ -19,6 +19,7 @@ h1 { font-size: 1.6rem } h2 { font-size: 1.2rem; margin-top: 2.2rem } h3 { font-
 p { max-width: 60rem } nav a { margin-right: 1.1rem } a { color: #0b57a4 } code { font-size: 13px }
 table { border-collapse: collapse; font-size: 13px }
 th, td { text-align: left; vertical-align: top; padding: .25rem 1.2rem .25rem 0; border-bottom: 1px solid #d8dee4 }
+summary { cursor: pointer } details[open] summary { color: #57606a }
 th.n, td.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap }
 .plots { display: grid; grid-template-columns: repeat(auto-fill, minmax(17rem, 1fr)); gap: 1rem 1.5rem }
 figure { margin: 0 } figcaption { font-size: 12px; color: #57606a } figcaption b { color: #1b1f24; font-weight: 600 }
@@ -59,6 +60,7 @@ _SUBMODELS = {
     "contact": "strut and tyre, or a point that touches the ground",
     "circuit": "control system from the pilot's hand to the surface: masses, cable, friction, stops, hinge moments",
 }
+LONG = 200  # characters that a cell of a table shows at once
 _TERM_TEXTS = ("axes", "regressors", "source", "references", "history", "comment")
 _KINDS = (("input", INPUT), ("output", OUTPUT), ("parameter", PARAMETER), ("state", STATE))
 
@@ -216,5 +218,12 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Sequence[i
 
 
 def _line(kind: str, cells: Sequence[str], right: Sequence[int]) -> str:
-    marked = (f"<{kind}{' class=n' if i in right else ''}>{escape(cell)}</{kind}>" for i, cell in enumerate(cells))
+    marked = (f"<{kind}{' class=n' if i in right else ''}>{_folded(cell)}</{kind}>" for i, cell in enumerate(cells))
     return f"<tr>{''.join(marked)}</tr>"
+
+
+def _folded(text: str) -> str:
+    """Return a text as HTML; a long one shows its beginning and opens on demand."""
+    if len(text) <= LONG:
+        return escape(text)
+    return f"<details><summary>{escape(text[: LONG // 2])} ...</summary>{escape(text)}</details>"

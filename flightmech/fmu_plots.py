@@ -22,7 +22,7 @@ SHADES = ("#08306b", "#2171b5", "#4292c6", "#74a9cf", "#a6bddb")  # one hue, dar
 POINTS = 121
 
 # "alpha -11.46 ... 17.19 deg (4)" as the compiler describes an axis
-_AXIS = re.compile(r"(?P<name>\S+) (?P<low>\S+?)(?: \.\.\. (?P<high>\S+))?(?: (?P<unit>[^()]+))? \((?P<count>\d+)\)")
+_AXIS = re.compile(r"(?P<name>\S+) (?P<low>\S+?)(?: \.\.\. (?P<high>\S+))?(?: (?P<unit>[^()]+))? \((?P<nodes>\d+)\)")
 
 
 class Span(NamedTuple):
@@ -31,7 +31,7 @@ class Span(NamedTuple):
     name: str
     low: float
     high: float
-    count: int
+    nodes: int
 
 
 class Figure(NamedTuple):
@@ -44,34 +44,13 @@ class Figure(NamedTuple):
 
 
 def figures(sim: SimModel) -> Iterator[Figure]:
-    """Yield a figure per term, in the order of the model.
+    """Return a figure per term, in the order of the model.
 
-    The first axis runs, the second is at up to five values, others are in their middle.  A regressor that is no axis is one
-    and a power factor is left out, so that the plot is per unit of them.
+    The axis with the most nodes runs, as far as anything changes; the next is at up to five values, others are in their middle.
+    A regressor that is no axis is one and a power factor is left out, so that the plot is per unit of them.
     """
-    run, texts = _without_powers(sim), sim.meta.get("terms", {})
-    rows = {row.name: row for row in sim.entries(VARIABLE)}
-    for column, term in enumerate(sim.terms):
-        text: Mapping[str, str] = texts.get(term, {})
-        spans = axes_of(text.get("axes", ""))
-        middle = {span.name: 0.5 * (span.low + span.high) for span in spans}
-        units = {word: 1.0 for word in text.get("regressors", "").split() if word not in middle}
-        per = [f"per unit of {' '.join(units)}"] if units else []
-        if power_name(term) in sim.parameters:
-            per.append("without its power factor")
-        if not spans:
-            yield Figure(term, "", float(_contribution(sim, run, column, units)[0]), "; ".join(per))
-            continue
-        x = np.linspace(spans[0].low, spans[0].high, POINTS)
-        levels = _levels(spans[1]) if len(spans) > 1 else []
-        curves = [
-            _contribution(sim, run, column, {**units, **middle, **({spans[1].name: level} if levels else {}), spans[0].name: x})
-            for level in levels or [0.0]
-        ]
-        labels = [_shown(rows[spans[1].name], level) for level in levels]
-        held = [f"{span.name} = {_shown(rows[span.name], middle[span.name])}" for span in spans[2:]]
-        said = [*per, *([f"shades: {spans[1].name}"] if levels else []), *held]
-        yield Figure(term, _svg(term, rows[spans[0].name], x, curves, labels), None, "; ".join(said))
+    table = _Evaluation(sim)
+    return (table.figure(term, sim.meta.get("terms", {}).get(term, {})) for term in sim.terms)
 
 
 def axes_of(text: str) -> list[Span]:
@@ -80,38 +59,82 @@ def axes_of(text: str) -> list[Span]:
     Examples
     --------
     >>> axes_of("mach 0.1 ... 0.6 (2)")
-    [Span(name='mach', low=0.1, high=0.6, count=2)]
+    [Span(name='mach', low=0.1, high=0.6, nodes=2)]
     """
     found = []
     for match in _AXIS.finditer(text.replace(", ", "\n")):
         unit = match["unit"] or "1"
         low, high = (float(to_si(float(match[end] or match["low"]), unit)) for end in ("low", "high"))
-        found.append(Span(match["name"], low, high, int(match["count"])))
+        found.append(Span(match["name"], low, high, int(match["nodes"])))
     return found
 
 
-def _without_powers(sim: SimModel) -> Simulation:
-    run = Simulation(sim.model)
-    for i, name in enumerate(sim.parameters):
-        if name.startswith("power."):
-            run.set_parameter(i, 0.0)
-    return run
+class _Evaluation:
+    """The terms of a model over chosen variables; all others are zero, power factors are one."""
 
+    def __init__(self, sim: SimModel):
+        self.terms, self.run = sim.terms, Simulation(sim.model)
+        self.rows = {row.name: row for row in sim.entries(VARIABLE)}
+        self.powers = [name for name in sim.parameters if name.startswith("power.")]
+        for name in self.powers:
+            self.run.set_parameter(sim.parameters.index(name), 0.0)
 
-def _contribution(sim: SimModel, run: Simulation, column: int, values: Mapping[str, float | np.ndarray]) -> np.ndarray:
-    size = max((np.size(value) for value in values.values()), default=1)
-    rows = np.zeros((size, len(sim.variables)))
-    for name, value in values.items():
-        rows[:, sim.variables.index(name)] = value
-    return run.evaluate(rows)[1][:, column]
+    def over(self, term: str, values: Mapping[str, float | np.ndarray]) -> np.ndarray:
+        """Return the contribution of a term, scalars held and arrays running."""
+        size = max((np.size(value) for value in values.values()), default=1)
+        variables = np.zeros((size, len(self.rows)))
+        for i, name in enumerate(self.rows):
+            variables[:, i] = values.get(name, 0.0)
+        return self.run.evaluate(variables)[1][:, self.terms.index(term)]
+
+    def figure(self, term: str, text: Mapping[str, str]) -> Figure:
+        """Return the figure of a term with the axes and regressors that the compiler wrote down."""
+        spans = sorted(axes_of(text.get("axes", "")), key=lambda span: -span.nodes)
+        units = {word: 1.0 for word in text.get("regressors", "").split() if word not in {span.name for span in spans}}
+        said = [f"per unit of {' '.join(units)}"] if units else []
+        if power_name(term) in self.powers:
+            said.append("without its power factor")
+        if not spans:
+            return Figure(term, "", float(self.over(term, units)[0]), "; ".join(said))
+        first, *others = [self.changing(term, span, spans, units) for span in spans]
+        held = units | {span.name: 0.5 * (span.low + span.high) for span in others[1:]}
+        levels = [{others[0].name: level} for level in _levels(others[0])] if others else [{}]
+        x = np.linspace(first.low, first.high, POINTS)
+        curves = [self.over(term, {**held, **level, first.name: x}) for level in levels]
+        labels = [self.shown(*pair) for level in levels for pair in level.items()]
+        if first.high < spans[0].high:
+            said.append(f"constant beyond {self.shown(first.name, first.high)}")
+        if others:
+            said.append(f"shades: {others[0].name}")
+        said += [f"{span.name} = {self.shown(span.name, held[span.name])}" for span in others[1:]]
+        return Figure(term, _svg(term, self.rows[first.name], x, curves, labels), None, "; ".join(said))
+
+    def changing(self, term: str, span: Span, spans: Sequence[Span], units: Mapping[str, float]) -> Span:
+        """Return an axis without what lies beyond its last change, to a factor of two: heights reach to the stratosphere."""
+        end = span.high
+        while end - span.low > 1e-6 * (span.high - span.low):
+            middle = 0.5 * (span.low + end)
+            x = np.linspace(middle, span.high, POINTS)
+            for part in (0.0, 0.25, 0.5, 1.0):
+                others = {other.name: other.low + part * (other.high - other.low) for other in spans}
+                curve = self.over(term, {**units, **others, span.name: x})
+                if np.ptp(curve) > 1e-9 * abs(curve).max():
+                    return span._replace(high=end)
+            end = middle
+        return span
+
+    def shown(self, name: str, value: float) -> str:
+        """Return a value of a variable in the unit for people."""
+        unit = self.rows[name].display_units
+        return f"{_number(from_si(value, unit))}{'' if unit == '1' else ' ' + unit}"
 
 
 def _levels(span: Span) -> list[float]:
-    return np.linspace(span.low, span.high, min(span.count, len(SHADES))).tolist()
+    return np.linspace(span.low, span.high, min(span.nodes, len(SHADES))).tolist()
 
 
-def _shown(row: Entry, value: float) -> str:
-    return f"{from_si(value, row.display_units):.3g}{'' if row.display_units == '1' else ' ' + row.display_units}"
+def _number(value: float) -> str:
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
 def _svg(term: str, axis: Entry, x: np.ndarray, curves: Sequence[np.ndarray], labels: Sequence[str]) -> str:
@@ -125,7 +148,7 @@ def _svg(term: str, axis: Entry, x: np.ndarray, curves: Sequence[np.ndarray], la
         return bottom - (y - low) / (high - low) * (bottom - TOP)
 
     parts = [f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(term)} over {escape(axis.name)}">']
-    parts += [_tick(right, py(value), f"{value:.3g}") for value in (low, 0.5 * (low + high), high)]
+    parts += [_tick(right, py(value), _number(value)) for value in (low, 0.5 * (low + high), high)]
     if low < 0.0 < high:
         parts.append(f'<path d="M{LEFT} {py(0.0):.1f}H{right}" class="zero"/>')
     for curve, shade in zip(curves, _shades(len(curves)), strict=True):
@@ -136,7 +159,7 @@ def _svg(term: str, axis: Entry, x: np.ndarray, curves: Sequence[np.ndarray], la
         parts.append(f'<path d="M{right + 6} {y - 4}h10" stroke="{shade}" stroke-width="2"/>')
         parts.append(_text(right + 19, y, label))
     unit = axis.display_units
-    ends = [f"{from_si(float(end), unit):.3g}" for end in (x[0], x[-1])]
+    ends = [_number(from_si(float(end), unit)) for end in (x[0], x[-1])]
     parts.append(_text(LEFT, bottom + 14, ends[0]))
     parts.append(_text(right, bottom + 14, ends[1], "end"))
     parts.append(_text((LEFT + right) // 2, bottom + 26, axis.name + ("" if unit == "1" else f" [{unit}]"), "middle"))

@@ -19,7 +19,7 @@ from .units import parse
 # relative tolerance for the importer's solver: the position is Earth-centred, 1e-9 of it are 6 mm
 TOLERANCE = 1e-9
 
-_INTERFACES = {
+_INTERFACES: dict[str, dict[str, tuple[str, ...]]] = {
     "2.0": {
         "ModelExchange": ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate"),
         "CoSimulation": (

@@ -89,3 +89,8 @@ def test_the_page_holds_no_link_to_the_outside(trainer):
     assert not re.search(r"(src|href)=[\"'](?!#)", page)
     anchors = set(re.findall(r'href="#([^"]+)"', page))
     assert anchors == set(re.findall(r'<h2 id="([^"]+)"', page))
+
+
+def test_long_texts_are_folded():
+    page = html(DESCRIPTION, ["CL/basic"], [], {"terms": {"CL/basic": {"comment": "<" + "x" * 300}}})
+    assert f"<details><summary>&lt;{'x' * 99} ...</summary>&lt;{'x' * 300}</details>" in page

@@ -77,3 +77,17 @@ def test_axes_are_read_back_as_the_compiler_wrote_them():
         Span("gear.nose.compression", 0.0, 0.0, 1),
         Span("V", 10.0, 20.0, 3),
     ]
+
+
+def test_the_axis_with_the_most_nodes_runs_as_far_as_anything_changes(plain):
+    from flightmech.terms import make
+
+    value = np.array([[1.0, 0.5, 0.1, 0.0, 0.0], [2.0, 1.0, 0.2, 0.0, 0.0]])
+    sim = plain(CL={"ground": make(value, {"delta_f": [0.0, 0.5], "h_agl": [0.0, 4.0, 10.0, 20.0, 30_000.0]})})
+    figure = next(figure for figure in figures(sim) if figure.term == "CL/ground")
+    # 30 km halved down to the last length that still holds the last change at 20 m
+    assert figure.caption == "constant beyond 96.1 ft; shades: delta_f"
+    low, high = curves(figure.svg)
+    h = 30_000.0 / 1024.0 * low[:, 0]
+    np.testing.assert_allclose(2.0 * high[:, 1], np.interp(h, [0.0, 4.0, 10.0, 20.0], [2.0, 1.0, 0.2, 0.0]), atol=0.02)
+    assert [text.text for text in ET.fromstring(figure.svg).findall("text")][:3] == ["0", "1", "2"]
