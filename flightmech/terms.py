@@ -65,7 +65,7 @@ class Power(NamedTuple):
         return np.maximum(np.asarray(v, float), self.floor) ** self.exponent
 
     def __str__(self) -> str:
-        return f"max({self.variable}, {self.floor:g})^{self.exponent:g}"
+        return f"max({self.variable}, {self.floor:.12g})^{self.exponent:.12g}"
 
 
 def make(
