@@ -156,8 +156,8 @@ typedef struct {
  * The simulation is then in that state, and inputs and init.* hold it: am_initialize with mode.trim = 0 (3 on the ground) comes
  * back to it.
  * y[outputs]: the outputs there.  left[goals]: what is left, output less wanted value, weighed as an acceleration (m/s2; rotations
- * times half the span, angles and load factors times g).  jacobian[goals * unknowns] (NULL: not asked for): slope of `left` over one
- * size of each unknown.  A trim that leaves residuals is a result, not an error. */
+ * times half the span, angles and load factors times g, forces times 0.01).  jacobian[goals * unknowns] (NULL: not asked for):
+ * slope of `left` over one size of each unknown.  A trim that leaves residuals is a result, not an error. */
 AM_API int am_trim_for(am_sim *sim, const am_trim_task *task, double *found, double *y, double *left, double *jacobian);
 
 /* Advance from t to t + dt with inputs linear from u0 to u1 (u1 == u0: held), in equal RK4 steps of at most mode.step.

@@ -9,6 +9,7 @@
 
 #define PASSES 500 /* most, of tyres to their steady deflection */
 #define STILL 1e-14 /* [m] */
+#define FORCE 0.01 /* acceleration for which one newton counts: flight goes before feel [m s-2 N-1] */
 
 typedef struct {
     am_sim *sim;
@@ -139,7 +140,7 @@ static void weighed_goals(void *task, const double *z, double *r) {
         r[i] = study->status == AM_OK ? (value_of(study, ask->goal[i]) - ask->wanted[i]) * study->weight[i] : INFINITY;
 }
 
-/* What makes a goal an acceleration: half the span for rotations, gravity for angles and load factor. */
+/* What makes a goal an acceleration: half the span for rotations, gravity for angles and load factor, FORCE for forces. */
 static double weight_of(const am_sim *sim, int output, double wanted) {
     const double V = fmax(sim->par[P_V], 1.0);
     if (output == Y_P_DOT || output == Y_Q_DOT || output == Y_R_DOT || (output >= Y_TRIM_P_DOT && output <= Y_TRIM_R_DOT))
@@ -148,6 +149,7 @@ static double weight_of(const am_sim *sim, int output, double wanted) {
     if (output == Y_AX || output == Y_AY || output == Y_AZ) return 1.0;
     if (output == Y_ALPHA_DOT || output == Y_BETA_DOT) return V;
     if (output == Y_HDOT) return G0 / V;
+    if (output >= 0 && sim->model->entry[AM_OUTPUT][output].units[0] == 'N') return FORCE; /* N and N m */
     return G0 / fmax(fabs(wanted), 1.0);
 }
 
