@@ -1,7 +1,8 @@
 """Parts of an aircraft that can be exchanged with those of another: engines, landing gear, control circuits, fuel.
 
-A part has a name with a slash like a term of the aerodynamics: ``engine/n2_command`` is a table of the deck of all engines,
-``engine/constants`` their constants, ``gear/nose`` a contact, ``gear/steering``, ``gear/runway``, ``circuit/column``, ``fuel``.
+A part has a name with a slash like a term of the aerodynamics: ``engine/static`` (thrust and air flow over speed), ``engine/schedule``
+(lever to commanded speed), ``engine/dynamics`` (how the rotors follow) and ``engine/rest`` of the decks of all engines, ``gear/nose`` a
+contact, ``gear/steering``, ``gear/runway``, ``circuit/column``, ``fuel/load``.
 Geometry, mass and limits are no parts: two aircraft that lend parts to each other must be one aeroplane.
 """
 
@@ -55,15 +56,14 @@ def _parts(aircraft: Aircraft) -> dict[str, _Part]:
         found |= {"gear/runway": _field_of("gear", tuple(f.name for f in fields(aircraft.gear) if f.name not in ("contacts", "steering")))}
     found |= {f"circuit/{name}": _circuit(name) for name in aircraft.circuits}
     if aircraft.fuel is not None:
-        found["fuel"] = _Part(lambda a: a.fuel, lambda a, value: replace(a, fuel=value))
+        found["fuel/load"] = _Part(lambda a: a.fuel, lambda a, value: replace(a, fuel=value))
     return found
 
 
 def _engine_parts(aircraft: Aircraft) -> dict[str, _Part]:
     if not any(engine.deck for engine in aircraft.engines):
         return {"thrust": _engines(("thrust", "time_constant"))} if aircraft.engines else {}
-    tables = {name for engine in aircraft.engines if engine.deck for name in engine.deck.tables}
-    return {name: _deck_table(name) for name in sorted(tables)} | {"constants": _deck_constants()}
+    return {group: _deck_part(group) for group in (*_GROUP, "rest")}
 
 
 def _engines(names: tuple[str, ...]) -> _Part:
@@ -77,34 +77,38 @@ def _engines(names: tuple[str, ...]) -> _Part:
     return _Part(get, put)
 
 
-def _with_decks(aircraft: Aircraft, change: Callable[[Any, int], Any]) -> Aircraft:
-    engines = [replace(engine, deck=change(engine.deck, i)) if engine.deck else engine for i, engine in enumerate(aircraft.engines)]
-    return replace(aircraft, engines=tuple(engines))
+# words in the names of the tables and constants of a deck that make a group
+_GROUP = {
+    "static": ("thrust", "air_flow", "inlet"),
+    "schedule": ("command",),
+    "dynamics": ("_time", "_limit", "delay", "rundown"),
+}
 
 
-def _deck_table(name: str) -> _Part:
-    def get(aircraft: Aircraft) -> Any:
-        return tuple(engine.deck.tables.get(name) if engine.deck else None for engine in aircraft.engines)
-
-    def put(aircraft: Aircraft, tables: Any) -> Aircraft:
-        def change(deck: Any, i: int) -> Any:
-            rest = {key: leaf for key, leaf in deck.tables.items() if key != name}
-            return replace(deck, tables=rest if tables[i] is None else {**rest, name: tables[i]})
-
-        return _with_decks(aircraft, change)
-
-    return _Part(get, put)
+def _group_of(name: str) -> str:
+    return next((group for group, words in _GROUP.items() if any(word in name for word in words)), "rest")
 
 
-def _deck_constants() -> _Part:
-    def constants(deck: Any) -> dict[str, Any]:
-        return {f.name: getattr(deck, f.name) for f in fields(deck) if f.name != "tables"}
+def _deck_part(group: str) -> _Part:
+    """Return the part of all decks that holds the tables and constants of a group."""
+
+    def own(deck: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+        tables = {name: leaf for name, leaf in deck.tables.items() if _group_of(name) == group}
+        return tables, {f.name: getattr(deck, f.name) for f in fields(deck) if f.name != "tables" and _group_of(f.name) == group}
 
     def get(aircraft: Aircraft) -> Any:
-        return tuple(constants(engine.deck) if engine.deck else None for engine in aircraft.engines)
+        return tuple(own(engine.deck) if engine.deck else None for engine in aircraft.engines)
 
     def put(aircraft: Aircraft, values: Any) -> Aircraft:
-        return _with_decks(aircraft, lambda deck, i: replace(deck, **values[i]) if values[i] else deck)
+        engines = [
+            replace(engine, deck=change(engine.deck, *new)) if engine.deck and new else engine
+            for engine, new in zip(aircraft.engines, values, strict=True)
+        ]
+        return replace(aircraft, engines=tuple(engines))
+
+    def change(deck: Any, tables: Any, constants: Any) -> Any:
+        rest = {name: leaf for name, leaf in deck.tables.items() if _group_of(name) != group}
+        return replace(deck, tables=rest | tables, **constants)
 
     return _Part(get, put)
 

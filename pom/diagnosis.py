@@ -11,7 +11,7 @@ compiled model for every choice of parts.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -33,7 +33,7 @@ from .tolerance import difference, half_width
 from .verdict import judge
 
 LEAST_SHARE = 0.02  # of the gap: an addition that closes less is not worth a correction
-CANDIDATES = 10  # of the single swaps, the best, are tried again in every round of the sequence
+CANDIDATES = 16  # single swaps that change most, for better or worse: they are tried again in every round of the sequence
 CEILING = 10.0  # miss of a criterion that fails without a number, such as a mode that is not there; no miss counts more
 _FINAL = "_of_final"
 
@@ -68,7 +68,8 @@ def diagnose(
     start, end = bench.score("prior", ""), bench.score("final", "", [*bench.terms, *bench.parts])
     gap = start.total - end.total
     singles = sorted((bench.score("single", name, [name]) for name in (*bench.terms, *bench.parts)), key=_total)
-    rows = [start, end, *singles, *_sequence(bench, start, gap, [row.term for row in singles[:CANDIDATES]])]
+    felt = sorted(singles, key=lambda row: -abs(_total(row) - start.total))[:CANDIDATES]
+    rows = [start, end, *singles, *_sequence(bench, start, gap, [row.term for row in felt])]
     return pd.DataFrame([row.record(start.total, gap) for row in rows])
 
 
@@ -96,18 +97,26 @@ def _total(score: _Score) -> float:
 
 
 def _sequence(bench: _Bench, start: _Score, gap: float, candidates: list[str]) -> list[_Score]:
-    """Return the greedy sequence."""
-    chosen: list[_Score] = []
-    best = start
-    while best.verdict != "pass" and len(chosen) < len(candidates) and gap > 0.0:
-        before = [row.term for row in chosen]
-        trials = [bench.score("sequence", name, [*before, name]) for name in candidates if name not in before]
-        leading = min(trials, key=_total)
-        if not best.total - leading.total > LEAST_SHARE * gap:
-            break
-        chosen.append(leading)
-        best = leading
-    return chosen
+    """Return the greedy sequence, cut where it is best, without the terms that turned out not to be needed.
+
+    An addition that does not help by itself is taken all the same when nothing better is there, because the next may need it;
+    what is gained has to be worth `LEAST_SHARE` of the gap for every term in the end.
+    """
+    if start.verdict == "pass" or not gap > 0.0:
+        return []
+    names: list[str] = []
+    path = [start]
+    while path[-1].verdict != "pass" and len(names) < len(candidates):
+        trials = [bench.score("sequence", name, [*names, name]) for name in candidates if name not in names]
+        path.append(min(trials, key=_total))
+        names.append(path[-1].term)
+    best = min(range(len(path)), key=lambda k: (path[k].verdict != "pass", path[k].total))
+    needed, reached = names[:best], path[best]
+    for name in reversed(names[:best]):
+        without = bench.score("sequence", name, [other for other in needed if other != name])
+        if (without.verdict == "pass") >= (reached.verdict == "pass") and without.total - reached.total < LEAST_SHARE * gap:
+            needed.remove(name)
+    return [bench.score("sequence", name, needed[: k + 1]) for k, name in enumerate(needed)]
 
 
 @dataclass(frozen=True)
@@ -131,7 +140,7 @@ class _Bench:
         names = tuple(differing(prior, final))
         theirs = aerodb.terms(final)
         both = aerodb.replace_terms(prior, {name + _FINAL: theirs[name] for name in names if name in theirs})
-        return cls(case, job, flight, both, aircraft, names, tuple(different_parts(*aircraft)))
+        return cls(case, job, flight, both, aircraft, names, _parts(case, flight, aircraft))
 
     def sim(self, names: Collection[str]) -> Any:
         """Return the compiled model with those of the named parts that are of the final aircraft."""
@@ -174,6 +183,13 @@ class _Bench:
         mask = (time >= criterion.window[0] - 1e-9) & (time <= criterion.window[1] + 1e-9)
         flight, model = self.flight[criterion.channel][mask], outputs[criterion.channel][mask]
         return float(np.sqrt(np.mean(np.square(difference(criterion.channel, flight, model) / half_width(criterion, flight)))))
+
+
+def _parts(case: PomCase, flight: Mapping[str, np.ndarray], aircraft: tuple[Aircraft, Aircraft]) -> tuple[str, ...]:
+    """Return the parts that differ and can matter: engines that the thrust does not drive, gear that touches the ground."""
+    touching = case.drive.trim == "ground" or any((flight[name] > 0.5).any() for name in flight if name.startswith("wow_"))
+    felt = {"engine": case.drive.engine != "thrust", "gear": touching, "circuit": case.drive.surfaces != "recorded"}
+    return tuple(name for name in different_parts(*aircraft) if felt.get(name.split("/")[0], True))
 
 
 def fly(sim: Any, job: Job) -> tuple[dict[str, np.ndarray], str]:
