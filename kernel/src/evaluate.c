@@ -1,28 +1,9 @@
-/* The aero model alone, for many rows of variables: blocks of rows, one column for every variable, table and term.
- *
- * The numbers are combined as in table.c and aero.c, so that a row gives the same bits here and in a flight. */
-#include "elementary.h"
-#include "interpolate.h"
-#include "model.h"
+/* The aero model alone, for many rows of variables. */
+#include "block.h"
 
 #include <stdlib.h>
-#include <string.h>
 
-#define ROWS 64        /* of a block, a multiple of four */
-#define NARROW 2       /* most tables of a bundle that are looked up for four rows at once, not four tables at once */
-#define FEW 16         /* rows for which a block is not worth it */
-
-typedef struct {
-    const am_sim *sim;
-    double *one, *variable;  /* columns: of ones, of the catalogued variables */
-    double *fraction;        /* of the axes */
-    double *slot, *term;
-    double *row;             /* the tables of one bundle */
-    uint32_t *node;          /* lower nodes of the axes */
-    const double **column;   /* by code of a variable */
-} block_t;
-
-static double *column_of(double *columns, uint32_t i) { return columns + (size_t)i * ROWS; }
+#define FEW 16 /* rows for which a block is not worth it */
 
 static void *reserve(block_t *b, const am_sim *sim) {
     const am_model *m = sim->model;
@@ -38,160 +19,6 @@ static void *reserve(block_t *b, const am_sim *sim) {
     for (uint32_t i = 0; i < m->total[AM_VARIABLE]; i++) b->column[i] = b->one;
     for (int i = 0; i < m->count[AM_VARIABLE]; i++) b->column[m->variable[i]] = column_of(b->variable, (uint32_t)i);
     return at;
-}
-
-/* Rows beyond the last repeat it. */
-static void take_rows(block_t *b, const double *v, size_t rows) {
-    const size_t n = (size_t)b->sim->model->count[AM_VARIABLE];
-    for (size_t i = 0; i < n; i++) {
-        double *to = b->variable + i * ROWS;
-        for (size_t r = 0; r < rows; r++) to[r] = v[r * n + i];
-        for (size_t r = rows; r < ROWS; r++) to[r] = to[rows - 1];
-    }
-}
-
-/* ---- tables ------------------------------------------------------------------------------------------------------- */
-
-static inline four all(double x) { return (four){x, x, x, x}; }
-
-static bool within(const cell_t *cell, const double x[4]) {
-    const four_counts in = (AT(x) >= all(cell[0].from)) & (AT(x) < all(cell[1].from));
-    return in[0] & in[1] & in[2] & in[3];
-}
-
-/* Where four rows stay in the cell of the row before, as along a flight, nothing is sought. */
-static void locate_rows(block_t *b, uint32_t i) {
-    const axis_t *axis = &b->sim->model->axis[i];
-    const double *x = b->column[axis->variable];
-    double *fraction = column_of(b->fraction, i);
-    uint32_t *node = b->node + (size_t)i * ROWS, cell = 0;
-    for (int r = 0; r < ROWS; r += 4) {
-        const cell_t *last = &axis->cell[cell];
-        if (within(last, x + r)) {
-            const uint32_t lower = lower_node(axis, cell);
-            node[r] = lower, node[r + 1] = lower, node[r + 2] = lower, node[r + 3] = lower;
-            PUT(fraction + r) = all(last->start) + (AT(x + r) - all(last->point)) * all(last->per_step);
-        } else
-            for (int k = r; k < r + 4; k++) {
-                cell = find_cell(axis, x[k]);
-                fraction[k] = fraction_in(&axis->cell[cell], within_reach(x[k]));
-                node[k] = lower_node(axis, cell);
-            }
-    }
-}
-
-/* Lower corners of the cells of a bundle. */
-typedef struct {
-    const double *first;
-    const uint32_t *node[MAX_AXES];
-    size_t stride[MAX_AXES];
-} corner_t;
-
-static corner_t corner_of(const block_t *b, const bundle_t *bundle) {
-    corner_t c = {.first = b->sim->model->node + bundle->first};
-    for (uint32_t k = 0; k < bundle->axes; k++) c.node[k] = b->node + (size_t)bundle->axis[k] * ROWS, c.stride[k] = bundle->stride[k];
-    return c;
-}
-
-static inline const double *corner_at(const corner_t *c, uint32_t axes, int r) {
-    const double *at = c->first;
-    for (uint32_t k = 0; k < axes; k++) at += c->stride[k] * c->node[k][r];
-    return at;
-}
-
-/* The same node of four cells. */
-#define EACH(n, o) ((four){(n)[0][o], (n)[1][o], (n)[2][o], (n)[3][o]})
-
-/* What PLANE is for four tables, for four rows. */
-static inline four plane_rows(const double *const n[4], size_t o, size_t s0, size_t s1, four w, four f0, four f1) {
-    const four low = w * (1.0 - f0), high = w * f0, g1 = 1.0 - f1;
-    return (low * g1 * EACH(n, o) + low * f1 * EACH(n, o + s1)) + (high * g1 * EACH(n, o + s0) + high * f1 * EACH(n, o + s0 + s1));
-}
-
-static inline four table_rows(const block_t *b, const bundle_t *bundle, const double *const n[4], size_t t, uint32_t axes, int r) {
-    const size_t *s = bundle->stride;
-    four f[MAX_AXES];
-    for (uint32_t k = 0; k < axes; k++) f[k] = AT(column_of(b->fraction, bundle->axis[k]) + r);
-    if (axes == 0) return EACH(n, t);
-    const four g0 = 1.0 - f[0];
-    if (axes == 1) return g0 * EACH(n, t) + f[0] * EACH(n, t + s[0]);
-    if (axes == 2) return plane_rows(n, t, s[0], s[1], all(1.0), f[0], f[1]);
-    if (axes == 3) return plane_rows(n, t, s[1], s[2], g0, f[1], f[2]) + plane_rows(n, t + s[0], s[1], s[2], f[0], f[1], f[2]);
-    const four g1 = 1.0 - f[1];
-    const four low = plane_rows(n, t, s[2], s[3], g0 * g1, f[2], f[3]) + plane_rows(n, t + s[1], s[2], s[3], g0 * f[1], f[2], f[3]);
-    return low + (plane_rows(n, t + s[0], s[2], s[3], f[0] * g1, f[2], f[3]) + plane_rows(n, t + s[0] + s[1], s[2], s[3], f[0] * f[1], f[2], f[3]));
-}
-
-/* The compiler unrolls each number of axes. */
-static inline void narrow_rows(const block_t *b, const bundle_t *bundle, uint32_t axes) {
-    const corner_t corner = corner_of(b, bundle);
-    for (int r = 0; r < ROWS; r += 4) {
-        const double *n[4];
-        for (int i = 0; i < 4; i++) n[i] = corner_at(&corner, axes, r + i);
-        for (uint32_t t = 0; t < bundle->width; t++) PUT(column_of(b->slot, bundle->slot + t) + r) = table_rows(b, bundle, n, t, axes, r);
-    }
-}
-
-static void wide_rows(const block_t *b, const bundle_t *bundle) {
-    const corner_t corner = corner_of(b, bundle);
-    double *to = column_of(b->slot, bundle->slot);
-    for (int r = 0; r < ROWS; r++) {
-        interpolate(bundle, corner_at(&corner, bundle->axes, r), b->fraction + r, ROWS, b->row);
-        for (uint32_t t = 0; t < bundle->width; t++) to[t * ROWS + (uint32_t)r] = b->row[t];
-    }
-}
-
-static void look_up_rows(const block_t *b, const bundle_t *bundle) {
-    if (bundle->width > NARROW) wide_rows(b, bundle);
-    else if (bundle->axes == 0) narrow_rows(b, bundle, 0);
-    else if (bundle->axes == 1) narrow_rows(b, bundle, 1);
-    else if (bundle->axes == 2) narrow_rows(b, bundle, 2);
-    else if (bundle->axes == 3) narrow_rows(b, bundle, 3);
-    else narrow_rows(b, bundle, 4);
-}
-
-/* ---- terms -------------------------------------------------------------------------------------------------------- */
-
-static void term_rows(const block_t *b, uint32_t i) {
-    const am_sim *sim = b->sim;
-    const term_t *t = &sim->model->term[i];
-    const double *T = column_of(b->slot, t->T), *K1 = column_of(b->slot, t->K1), *K2 = column_of(b->slot, t->K2);
-    const double *v1 = b->column[t->v1], *v2 = b->column[t->v2], scale = sim->scale[i];
-    double *to = column_of(b->term, t->place);
-    for (int r = 0; r < ROWS; r += 4) PUT(to + r) = scale * AT(T + r) * (AT(v1 + r) * AT(v2 + r));
-    if (t->K1 | t->K2)
-        for (int r = 0; r < ROWS; r += 4) PUT(to + r) *= AT(K1 + r) * AT(K2 + r);
-    if (!t->power) return;
-    const power_t *power = &sim->model->power[t->power - 1];
-    const double *v = b->column[power->variable], exponent = sim->exponent[t->power - 1];
-    for (int r = 0; r < ROWS; r++) to[r] *= am_pow(v[r] > power->floor ? v[r] : power->floor, exponent);
-}
-
-static void coefficient_rows(const block_t *b, size_t rows, double *to) {
-    const am_model *m = b->sim->model;
-    memset(to, 0, rows * COEFFICIENTS * sizeof *to);
-    for (uint32_t k = 0; k < COEFFICIENTS; k++) {
-        if (m->first_of[k] == m->end_of[k]) continue;
-        double sum[ROWS] = {0.0};
-        for (uint32_t i = m->first_of[k]; i < m->end_of[k]; i++) {
-            const double *term = column_of(b->term, m->term[i].place);
-            for (int r = 0; r < ROWS; r += 4) PUT(sum + r) += AT(term + r);
-        }
-        for (size_t r = 0; r < rows; r++) to[r * COEFFICIENTS + k] = sum[r];
-    }
-}
-
-static void evaluate_block(block_t *b, size_t rows, const double *v, double *coefficients, double *terms) {
-    const am_model *m = b->sim->model;
-    take_rows(b, v, rows);
-    for (uint32_t i = 0; i < m->axes; i++) locate_rows(b, i);
-    for (uint32_t i = 0; i < m->bundles; i++) look_up_rows(b, &m->bundle[i]);
-    for (uint32_t i = 0; i < m->terms; i++) term_rows(b, i);
-    if (coefficients) coefficient_rows(b, rows, coefficients);
-    for (uint32_t i = 0; terms && i < m->terms; i++) {
-        const double *from = column_of(b->term, m->term[i].place);
-        for (size_t r = 0; r < rows; r++) terms[r * m->terms + i] = from[r];
-    }
 }
 
 /* ---- row by row: few of them, or changed nodes -------------------------------------------------------------------- */
@@ -216,7 +43,7 @@ int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, do
     sim->fresh = false;
     for (size_t k = 0; k < n; k += memory ? ROWS : 1) {
         double *c = coefficients ? coefficients + k * COEFFICIENTS : NULL, *t = terms ? terms + k * m->terms : NULL;
-        if (memory) evaluate_block(&block, n - k < ROWS ? n - k : ROWS, v + k * nv, c, t);
+        if (memory) m->versions.evaluate(&block, n - k < ROWS ? n - k : ROWS, v + k * nv, c, t);
         else evaluate_row(sim, v + k * nv, c, t);
     }
     leave_out_special(sim);

@@ -18,7 +18,7 @@ static inline void weigh(double w, double f0, double f1, double to[4]) {
     ((((w)[0] * AT(n)) + ((w)[1] * AT((n) + (s1)))) + (((w)[2] * AT((n) + (s0))) + ((w)[3] * AT((n) + (s0) + (s1)))))
 
 /* n: lower corner of the cell; the fraction on axis i of the model stands at fraction[i * step]. */
-static inline void interpolate(const bundle_t *bundle, const double *n, const double *fraction, size_t step, double *to) {
+__attribute__((always_inline)) static inline void interpolate(const bundle_t *bundle, const double *n, const double *fraction, size_t step, double *to) {
     const size_t *s = bundle->stride;
     const uint32_t *axis = bundle->axis, width = bundle->width;
     double w[4][4];
@@ -48,6 +48,16 @@ static inline void interpolate(const bundle_t *bundle, const double *n, const do
     for (uint32_t k = 0; k < width; k += 4)
         PUT(to + k) = (PLANE(n + k, s[2], s[3], w[0]) + PLANE(n + s[1] + k, s[2], s[3], w[1])) +
                       (PLANE(m + k, s[2], s[3], w[2]) + PLANE(m + s[1] + k, s[2], s[3], w[3]));
+}
+
+/* All bundles of a stage, in the cells that look_up has found. */
+static inline void interpolate_stage(am_sim *sim, int stage) {
+    const am_model *m = sim->model;
+    const uint32_t *corner = sim->corner;
+    const double *node = m->node, *fraction = sim->fraction;
+    double *slot = sim->slot;
+    for (uint32_t i = m->first_bundle[stage], end = m->first_bundle[stage + 1]; i < end; i++)
+        interpolate(&m->bundle[i], node + corner[i], fraction, 1, slot + m->bundle[i].slot);
 }
 
 #endif

@@ -4,6 +4,7 @@
 
 #include "catalogue.h"
 #include "kernel.h"
+#include "versions.h"
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -115,6 +116,7 @@ struct am_model {
     int force_axes;
     bool uses_phi;
     size_t sim_bytes;
+    versions_t versions;
 };
 
 /* Layers of the standard atmosphere below 84.852 km (geopotential), moved by env.delta_T and env.qnh. */

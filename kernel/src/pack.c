@@ -552,6 +552,7 @@ am_model *am_load(const void *bytes, size_t n, char *err, size_t nerr) {
     if (err && nerr) err[0] = 0;
     if (read_block(&r, bytes, n)) {
         r.model->sim_bytes = sim_size(r.model);
+        r.model->versions = best_versions();
         return r.model;
     }
     am_free(r.model);

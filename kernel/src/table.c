@@ -1,5 +1,4 @@
 /* Multilinear tables: each axis is located once, tables over the same axes lie side by side at every node. */
-#include "interpolate.h"
 #include "model.h"
 
 /* The last cell that begins at or below x, whatever the present one is: a result must not depend on history.  NaN goes to the first. */
@@ -56,10 +55,6 @@ void settle_cells(am_sim *sim) {
 void look_up(am_sim *sim, int stage) {
     const am_model *m = sim->model;
     if (locate(sim, m->first_axis[stage], m->first_axis[stage + 1])) find_corners(sim, stage);
-    const uint32_t *corner = sim->corner;
-    const double *node = m->node, *fraction = sim->fraction;
-    double *slot = sim->slot;
-    for (uint32_t i = m->first_bundle[stage], end = m->first_bundle[stage + 1]; i < end; i++)
-        interpolate(&m->bundle[i], node + corner[i], fraction, 1, slot + m->bundle[i].slot);
+    m->versions.interpolate(sim, stage);
     if (sim->patches) apply_patches(sim, stage);
 }

@@ -1,0 +1,60 @@
+"""The loops over tables for the processor at hand and those for any processor of the platform: the same bits."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flightmech.library import INPUT, PARAMETER, TERM
+
+pytest.importorskip("ziglang", reason="the second library is compiled here, which needs pip install aeromatch[dev]")
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def libraries(tmp_path_factory) -> list[ctypes.CDLL]:
+    """The kernel as installed, and without the version for AVX2."""
+    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+    build = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(build)
+    plain = tmp_path_factory.mktemp("plain") / "kernel.so"
+    sources = sorted(map(str, [*(ROOT / "kernel" / "src").glob("*.c"), *(ROOT / "kernel" / "shell").glob("*.c")]))
+    include = [f"-I{ROOT / 'kernel' / folder}" for folder in ("include", "src", "shell")]
+    command = [sys.executable, "-m", "ziglang", "cc", *build.FLAGS, "-DAM_PLAIN", "-fPIC", *include, *sources, "-lm", "-o", str(plain)]
+    subprocess.run(command, check=True)
+    installed = build.OUT / build.native()
+    return [ctypes.CDLL(str(path)) for path in (next(installed.iterdir()), plain)]
+
+
+def flown(library: ctypes.CDLL, block: bytes, start: dict[str, float], v: np.ndarray) -> tuple[bytes, bytes]:
+    """State after ten seconds, and all contributions at v."""
+    pointer, real = ctypes.c_void_p, ctypes.c_double
+    for name in ("am_load", "am_new"):
+        getattr(library, name).restype = pointer
+    model = pointer(library.am_load(block, ctypes.c_size_t(len(block)), None, ctypes.c_size_t(0)))
+    sim = pointer(library.am_new(model))
+    for name, value in start.items():
+        assert library.am_set_parameter(sim, library.am_find(model, PARAMETER, name.encode()), real(value)) == 0
+    u = np.zeros(library.am_count(model, INPUT))
+    at = u.ctypes.data_as(pointer)
+    assert library.am_initialize(sim, real(0.0)) == 0
+    assert library.am_step(sim, real(0.0), real(10.0), at, at) == 0
+    x, terms = np.zeros(library.am_state_count(model)), np.zeros((len(v), library.am_count(model, TERM)))
+    assert library.am_get_state(sim, x.ctypes.data_as(pointer)) == 0
+    assert library.am_evaluate(sim, ctypes.c_size_t(len(v)), v.ctypes.data_as(pointer), None, terms.ctypes.data_as(pointer)) == 0
+    library.am_delete(sim)
+    library.am_free(model)
+    return x.tobytes(), terms.tobytes()
+
+
+def test_both_versions_fly_and_evaluate_the_same_bits(libraries, sim):
+    v = np.random.default_rng(4).uniform(-0.5, 1.5, (200, len(sim.variables)))
+    start = {"init.V": 90.0, "init.h": 2000.0, "init.q": 0.02, "init.p": 0.1}
+    assert flown(libraries[0], sim.block, start, v) == flown(libraries[1], sim.block, start, v)
