@@ -24,9 +24,11 @@ static bool truth(const bool *stored) {
 
 static bool sound(const am_sim *sim) {
     const am_model *m = sim->model;
-    return sim->earth >= FLAT_EARTH && sim->earth <= SPHERE_ROTATING && fabs(sim->time) <= LATEST && all_finite(&sim->omega, 1) && weather_sound(sim) && engine_sound(sim) &&
-           all_finite(sim->par, (size_t)m->count[AM_PARAMETER]) && all_finite(sim->u, (size_t)m->count[AM_INPUT]) &&
-           all_finite(sim->x, (size_t)am_state_count(m)) && all_finite(sim->memory, m->memories);
+    const bool finite = all_finite(&sim->omega, 1) && all_finite(sim->par, (size_t)m->count[AM_PARAMETER]) &&
+                        all_finite(sim->u, (size_t)m->count[AM_INPUT]) && all_finite(sim->x, (size_t)am_state_count(m)) &&
+                        all_finite(sim->memory, m->memories);
+    return finite && sim->earth >= FLAT_EARTH && sim->earth <= SPHERE_ROTATING && fabs(sim->time) <= LATEST && weather_sound(sim) &&
+           engine_sound(sim);
 }
 
 int image_restore(am_sim *sim, const void *image) {

@@ -96,8 +96,8 @@ int replay_run(fmu *f, double t, double dt) {
     memset(f->slopes, 0, f->inputs * sizeof(double));
     f->fresh = 0;
     f->replay.done = 1;
-    for (uint64_t k = 0; k < r->n * f->outputs; k++) r->y[k] = NAN;
     if (am_run(f->sim, (size_t)r->n, r->t, r->u, 0, r->y, &done) == AM_OK) return FMU_OK;
+    for (uint64_t k = done * f->outputs; k < r->n * f->outputs; k++) r->y[k] = NAN;
     f->phase = FMU_FAILED;
     return fmu_refuse(f, "replay failed after %lu samples: %s", (unsigned long)done, am_error(f->sim));
 }

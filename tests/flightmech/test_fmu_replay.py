@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from pathlib import Path
 
 import fmpy
 import numpy as np
@@ -198,6 +199,17 @@ def test_the_description_tells_the_arrays(fmus, trainer):
     assert found["replay.n"].causality == "structuralParameter"
     assert [found[f"replay.{name}"].shape for name in "tuy"] == [(1,), (1, len(trainer.inputs)), (1, len(trainer.outputs))]
     assert "replay.n" not in {v.name for v in fmpy.read_model_description(str(fmus["2.0"])).modelVariables}
+
+
+def test_the_guide_does_what_it_says(trainer, tmp_path, monkeypatch, condition):
+    guide = (Path(__file__).parents[2] / "docs" / "fmu.md").read_text()
+    flightmech.write_fmu(trainer, tmp_path / "model.fmu", "3.0")
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(guide.split("```python\n")[1].split("```")[0], names)
+    record = xr.Dataset({"delta_e": ("time", names["u"][:, 0])}, {"time": names["time"]})
+    assert names["u"][60, 0] == -0.02
+    np.testing.assert_array_equal(names["pitch"], flightmech.simulate(trainer, record, condition)["theta"].values)
 
 
 def test_pointers_of_numpy_serve(trainer, instance, condition):
