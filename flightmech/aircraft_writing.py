@@ -11,6 +11,7 @@ from typing import Any
 from .aircraft import Aircraft, Engine
 from .submodels.deck import CONSTANTS, Deck, write_tables
 from .submodels.fuel import Fuel
+from .submodels.landing_gear import CONDITIONS, ORDERS, LandingGear
 from .whole import written_whole
 
 _PLAIN = ("name", "S", "cbar", "b", "reference", "x_ref_mac", "mass", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "cg")
@@ -42,6 +43,7 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
         lines += [f"thrust_file = {_value(file)}"] if engine.thrust is not None else []
         lines += _deck(engine.deck, file) if engine.deck is not None else []
     lines += _fuel(aircraft.fuel, path) if aircraft.fuel is not None else []
+    lines += _gear(aircraft.gear) if aircraft.gear is not None else []
     if aircraft.limits:
         lines += ["", "[limits]", *(f"{name} = {_value(travel)}" for name, travel in aircraft.limits.items())]
     for name, control in aircraft.controls.items():
@@ -87,6 +89,27 @@ def _same_tables(one: Engine, other: Engine) -> bool:
 def _deck(deck: Deck, file: str) -> list[str]:
     lines = ["", "[engine.deck]", f"file = {_value(file)}", *(f"{name} = {_value(getattr(deck, name))}" for name in CONSTANTS)]
     return lines + ([f"inlet = {_value(deck.inlet)}"] if deck.inlet is not None else [])
+
+
+def _gear(gear: LandingGear) -> list[str]:
+    plain = ("mu_dry", "mu_icy", "mu_wet", "skid_ratio", "antiskid")
+    lines = [
+        "",
+        "[gear]",
+        f"condition = {_value(CONDITIONS[gear.condition])}",
+        *(f"{name} = {_value(getattr(gear, name))}" for name in plain),
+    ]
+    order = next(word for word, number in ORDERS.items() if number == gear.steering.order)
+    lines += ["", "[gear.steering]", f"order = {_value(order)}"]
+    lines += [f"{f.name} = {_value(getattr(gear.steering, f.name))}" for f in fields(gear.steering) if f.name != "order"]
+    for contact in gear.contacts:
+        given = [f.name for f in fields(contact) if f.name != "strut"]
+        lines += ["", "[[gear.contact]]", *(f"{name} = {_value(getattr(contact, name))}" for name in given)]
+        if contact.strut is not None:
+            leaf = contact.strut
+            points, force = (tuple(leaf[name].values.tolist()) for name in ("compression", "value"))
+            lines.append(f"strut = {{ compression = {_value(points)}, value = {_value(force)} }}")
+    return lines
 
 
 def _fuel(fuel: Fuel, path: Path) -> list[str]:

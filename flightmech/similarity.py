@@ -25,6 +25,7 @@ import xarray as xr
 
 from .aircraft import Aircraft, Control, Engine, Vector
 from .errors import SchemaError, UnknownName
+from .similarity_parts import Scale, scaled_deck, scaled_parts
 from .terms import SOURCES
 
 
@@ -46,16 +47,7 @@ LAWS: dict[str, Law] = {
     "angular_momentum": Law(1.5, 1.0, "m L^2 / t: equal gyroscopic over aerodynamic moments"),
     "gearing": Law(-1.0, 0.0, "equal angle per part of the travel; per rad of a wheel it stays"),
 }
-"""Laws of what an `Aircraft` holds."""
-
-GEAR_LAWS: dict[str, Law] = {
-    "stroke": Law(1.0, 0.0, "geometry"),
-    "spring": Law(-1.0, 1.0, "equal static deflection over stroke: m g / L"),
-    "damping": Law(-0.5, 1.0, "force over speed: m g / sqrt(L)"),
-    "quadratic_damping": Law(-1.0, 1.0, "force over the square of the speed: m g / L"),
-    "cornering": Law(0.0, 0.0, "side force per wheel load and slip angle"),
-}
-"""Laws of a landing gear, for one that is described beside the `Aircraft`."""
+"""Laws of what an `Aircraft` holds; engine decks, fuel, gear and control circuits follow from these by their dimensions."""
 
 
 def factor(law: Law, length_ratio: float, mass_ratio: float | None = None) -> float:
@@ -117,6 +109,7 @@ def rescale(
     line = f"rescaled from {aircraft.name}: length ratio {length_ratio:g}; factors " + ", ".join(
         f"{key} {value:.6g}{' (given)' if key in given or (key == 'mass' and mass_ratio is not None) else ''}" for key, value in by.items()
     )
+    scale = Scale(by["length"], by["mass"], by["time"], by["thrust"])
     return replace(
         aircraft,
         name=name or aircraft.name,
@@ -127,7 +120,8 @@ def rescale(
         **inertia,
         reference=_times(aircraft.reference, by["length"]),
         cg=_times(aircraft.cg, by["length"]),
-        engines=tuple(_engine(engine, by, line) for engine in aircraft.engines),
+        engines=tuple(_engine(engine, by, scale, line) for engine in aircraft.engines),
+        **scaled_parts(aircraft, scale),
         instruments={key: _instrument(table, by["length"]) for key, table in aircraft.instruments.items()},
         controls={key: _control(key, control, by) for key, control in aircraft.controls.items()},
         history=f"{aircraft.history}\n{line}" if aircraft.history else line,
@@ -139,9 +133,10 @@ def _times(vector: Vector, by: float) -> Vector:
     return x, y, z
 
 
-def _engine(engine: Engine, by: Mapping[str, float], line: str) -> Engine:
+def _engine(engine: Engine, by: Mapping[str, float], scale: Scale, line: str) -> Engine:
     return replace(
         engine,
+        deck=None if engine.deck is None else scaled_deck(engine.deck, scale),
         position=_times(engine.position, by["length"]),
         thrust=None if engine.thrust is None else _thrust(engine.thrust, by["thrust"], line),
         time_constant=engine.time_constant * by["time"],

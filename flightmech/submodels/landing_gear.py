@@ -325,6 +325,7 @@ class GearTable(_Table):
     mu_dry: _Ratio = 0.8  # type: ignore[valid-type]
     mu_icy: _Ratio = 0.05  # type: ignore[valid-type]
     tyre_pressure: si("Pa") = to_si(100.0, "psi")  # type: ignore[valid-type]
+    mu_wet: tuple[float, float, float, float] | None = None  # goes before tyre_pressure
     skid_ratio: _Ratio = 0.7  # type: ignore[valid-type]
     antiskid: _Ratio = 0.0  # type: ignore[valid-type]
 
@@ -349,7 +350,8 @@ def gear_of(table: GearTable, problems: list[str]) -> LandingGear:
     contacts = tuple(_contact(item, problems) for item in table.contact)
     steering = Steering(**{**dict(table.steering), "order": ORDERS[table.steering.order]})
     plain = {name: getattr(table, name) for name in ("mu_dry", "mu_icy", "skid_ratio", "antiskid")}
-    return LandingGear(contacts, steering, CONDITIONS.index(table.condition), mu_wet=wet_friction(table.tyre_pressure), **plain)
+    wet = wet_friction(table.tyre_pressure) if table.mu_wet is None else table.mu_wet
+    return LandingGear(contacts, steering, CONDITIONS.index(table.condition), mu_wet=wet, **plain)
 
 
 def _contact(item: ContactTable, problems: list[str]) -> Contact:

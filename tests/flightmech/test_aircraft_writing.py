@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from pathlib import Path
+
 import xarray as xr
 
 import flightmech
@@ -60,3 +63,14 @@ def test_there_and_back(tmp_path):
 def test_engines_with_one_table_share_a_file(tmp_path):
     flightmech.write_aircraft(craft(), tmp_path / "a.toml")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.toml", "a_engine1.nc", "a_engine3.nc"]
+
+
+def test_the_t37_with_deck_gear_fuel_and_circuits(tmp_path):
+    known = flightmech.read_aircraft(Path(__file__).parents[2] / "data" / "t37" / "aircraft.toml")
+    gear = known.gear
+    strut = make([0.0, 20e3, 60e3], {"compression": [0.0, 0.1, 0.2]}, outside="linear")
+    contacts = (dataclasses.replace(gear.contacts[0], strut=strut, orifice=900.0), *gear.contacts[1:])
+    changed = dataclasses.replace(known, gear=dataclasses.replace(gear, contacts=contacts, condition=2, mu_wet=(0.7, -0.01, 1e-5, 0.0)))
+    found = flightmech.read_aircraft(flightmech.write_aircraft(changed, tmp_path / "a.toml"))
+    assert flightmech.different_parts(found, changed) == []
+    assert flightmech.different_parts(found, known) == ["gear/nose", "gear/runway"]

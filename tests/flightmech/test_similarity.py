@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +13,6 @@ import xarray as xr
 import flightmech
 from flightmech.aircraft import Aircraft, Control, Engine
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.similarity import GEAR_LAWS, LAWS, factor
 from flightmech.terms import make
 
 RATIO = 1.7
@@ -95,19 +96,46 @@ def test_given_factors_and_history(known):
 
 def test_every_field_has_been_thought_of():
     """A new field of Aircraft needs a law or a reason to stay."""
-    scaled = {"name", "S", "cbar", "b", "mass", "reference", "cg", "engines", "instruments", "controls", "history"}
+    scaled = {
+        "name",
+        "S",
+        "cbar",
+        "b",
+        "mass",
+        "reference",
+        "cg",
+        "engines",
+        "instruments",
+        "controls",
+        "circuits",
+        "fuel",
+        "gear",
+        "history",
+    }
     scaled |= {"Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"}
     kept = {"x_ref_mac", "limits"}
     assert {field.name for field in fields(Aircraft)} == scaled | kept
 
 
-def test_laws_of_the_gear():
-    """Static deflection m g / k over the stroke, and the damping ratio c / (2 sqrt(k m)), stay the same."""
-    k, c, stroke, mass = (factor(law, RATIO, 4.0) for law in (*(GEAR_LAWS[n] for n in ("spring", "damping", "stroke")), LAWS["mass"]))
-    assert mass / k / stroke == pytest.approx(1.0)
-    assert c / np.sqrt(k * mass) == pytest.approx(1.0)
-    speed, force = np.sqrt(RATIO), mass
-    assert factor(GEAR_LAWS["quadratic_damping"], RATIO, 4.0) * speed**2 == pytest.approx(force)
+def test_gear_circuits_fuel_and_deck_are_similar():
+    """Static deflection over stroke, damping ratio, break-out over weight, spool times over flight times stay the same."""
+    old = flightmech.read_aircraft(Path(__file__).parents[2] / "data" / "t37" / "aircraft.toml")
+    new = flightmech.rescale(old, 4.0, 32.0)
+    for a, b in zip(old.gear.contacts, new.gear.contacts, strict=True):
+        assert old.mass / a.stiffness / abs(a.position[0]) == pytest.approx(new.mass / b.stiffness / abs(b.position[0]))
+        assert a.damping / np.sqrt(a.stiffness * old.mass) == pytest.approx(b.damping / np.sqrt(b.stiffness * new.mass))
+        assert b.rolling == a.rolling
+    a, b = old.circuits["column"], new.circuits["column"]
+    assert b.friction / new.mass == pytest.approx(a.friction / old.mass)
+    assert a.cable_stiffness / a.mass * 4.0**-1.0 == pytest.approx(b.cable_stiffness / b.mass)  # frequencies go with 1/sqrt(l)
+    assert b.trim_limit == a.trim_limit == sys.float_info.max
+    wheels = old.circuits["wheel"], new.circuits["wheel"]
+    assert wheels[0].stops == wheels[1].stops
+    assert new.fuel.mass / new.mass == pytest.approx(old.fuel.mass / old.mass)
+    decks = old.engines[0].deck, new.engines[0].deck
+    assert float(decks[1].tables["n2_up_time"]["value"]) == pytest.approx(2.0 * float(decks[0].tables["n2_up_time"]["value"]))
+    np.testing.assert_allclose(decks[1].tables["n2_up_limit"]["value"], decks[0].tables["n2_up_limit"]["value"] / 2.0)
+    np.testing.assert_allclose(decks[1].tables["corrected_thrust"]["value"], 32.0 * decks[0].tables["corrected_thrust"]["value"])
 
 
 def test_impossible_ratios_are_refused(known):
