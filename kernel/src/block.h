@@ -10,7 +10,8 @@
 
 #include <string.h>
 
-#define ROWS 64   /* of a block, a multiple of four */
+#define ROWS 64   /* of a block, a multiple of eight */
+#define COUNTED 40 /* most cells of an axis that are counted through */
 #define NARROW 2  /* most tables of a bundle that are looked up for four rows at once, not four tables at once */
 
 struct block {
@@ -39,29 +40,45 @@ static void take_rows(const block_t *b, const double *v, size_t rows) {
 
 static inline four all(double x) { return (four){x, x, x, x}; }
 
-static bool within(const cell_t *cell, const double x[4]) {
-    const four_counts in = (AT(x) >= all(cell[0].from)) & (AT(x) < all(cell[1].from));
+static inline bool within(const cell_t *cell, const double x[8]) {
+    const four from = all(cell[0].from), to = all(cell[1].from);
+    const four_counts in = (AT(x) >= from) & (AT(x) < to) & (AT(x + 4) >= from) & (AT(x + 4) < to);
     return in[0] & in[1] & in[2] & in[3];
 }
 
-/* Where four rows stay in the cell of the row before, as along a flight, nothing is sought. */
+/* What find_cell finds, for eight rows: as many cells after the first as begin at or below x. */
+static inline void find_cells(const axis_t *axis, const double x[8], uint32_t to[8]) {
+    four_counts low = {0}, high = {0};
+    if (axis->cells > COUNTED) {
+        for (int k = 0; k < 8; k++) to[k] = find_cell(axis, x[k]);
+        return;
+    }
+    for (const cell_t *cell = axis->cell + 1, *end = axis->cell + axis->cells; cell < end; cell++) {
+        const four from = all(cell->from);
+        low -= AT(x) >= from, high -= AT(x + 4) >= from;
+    }
+    for (int k = 0; k < 4; k++) to[k] = (uint32_t)low[k], to[4 + k] = (uint32_t)high[k];
+}
+
+/* Where eight rows stay in the cell of the row before, as along a flight, nothing is sought. */
 static void locate_rows(const block_t *b, uint32_t i) {
     const axis_t *axis = &b->sim->model->axis[i];
     const double *x = b->column[axis->variable];
     double *fraction = column_of(b->fraction, i);
-    uint32_t *node = b->node + (size_t)i * ROWS, cell = 0;
-    for (int r = 0; r < ROWS; r += 4) {
-        const cell_t *last = &axis->cell[cell];
+    uint32_t *node = b->node + (size_t)i * ROWS, cell[8] = {0};
+    for (int r = 0; r < ROWS; r += 8) {
+        const cell_t *last = &axis->cell[cell[7]];
         if (within(last, x + r)) {
-            const uint32_t lower = lower_node(axis, cell);
-            node[r] = lower, node[r + 1] = lower, node[r + 2] = lower, node[r + 3] = lower;
-            PUT(fraction + r) = all(last->start) + (AT(x + r) - all(last->point)) * all(last->per_step);
-        } else
-            for (int k = r; k < r + 4; k++) {
-                cell = find_cell(axis, x[k]);
-                fraction[k] = fraction_in(&axis->cell[cell], within_reach(x[k]));
-                node[k] = lower_node(axis, cell);
-            }
+            const uint32_t lower = lower_node(axis, cell[7]);
+            for (int k = 0; k < 8; k++) node[r + k] = lower;
+            for (int k = r; k < r + 8; k += 4) PUT(fraction + k) = all(last->start) + (AT(x + k) - all(last->point)) * all(last->per_step);
+            continue;
+        }
+        find_cells(axis, x + r, cell);
+        for (int k = 0; k < 8; k++) {
+            fraction[r + k] = fraction_in(&axis->cell[cell[k]], within_reach(x[r + k]));
+            node[r + k] = lower_node(axis, cell[k]);
+        }
     }
 }
 
