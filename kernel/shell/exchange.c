@@ -1,6 +1,5 @@
 /* Model exchange: the importer's solver integrates; states, derivatives and outputs are those of the kernel. */
 #include <math.h>
-#include <stdbool.h>
 #include <string.h>
 
 #include "image.h"

@@ -85,8 +85,14 @@ int fmu_save_state(const fmu *f, const fmu_state *state, void *image, size_t n) 
     char digest[65];
     if (!f || !state || !image || n != bytes_of(f, state->replay.n))
         return fmu_refuse(f, "the buffer for the state is missing or of the wrong size");
-    state_head head = {.kind = (int32_t)state->kind, .phase = (int32_t)state->phase, .initialized = state->initialized,
-                       .replayed = state->replay.done, .moving = state->moving, .start = state->start, .time = state->time, .samples = state->replay.n,
+    state_head head = {.kind = (int32_t)state->kind,
+                       .phase = (int32_t)state->phase,
+                       .initialized = state->initialized,
+                       .replayed = state->replay.done,
+                       .moving = state->moving,
+                       .start = state->start,
+                       .time = state->time,
+                       .samples = state->replay.n,
                        .layout = image_layout()};
     const size_t slopes = f->inputs * sizeof(double), arrays = replay_doubles(f, state->replay.n) * sizeof(double);
     unsigned char *to = (unsigned char *)image + sizeof head;
@@ -110,7 +116,8 @@ static int check_image(const fmu *f, const void *image, size_t n, state_head *he
     digest_of(image, n, digest);
     if (memcmp(head->digest, digest, sizeof head->digest) != 0)
         return fmu_refuse(f, "these bytes are a damaged state: its SHA-256 does not agree");
-    if (head->layout != image_layout()) return fmu_refuse(f, "these bytes are a state of another version of the kernel; simulate from the start");
+    if (head->layout != image_layout())
+        return fmu_refuse(f, "these bytes are a state of another version of the kernel; simulate from the start");
     if (head->phase < FMU_CREATED || head->phase > FMU_FAILED || (head->kind != FMU_MODEL_EXCHANGE && head->kind != FMU_CO_SIMULATION))
         return fmu_refuse(f, "these bytes are no state of this model: unknown mode");
     if (!isfinite(head->start) || !isfinite(head->time)) return fmu_refuse(f, "these bytes are no state of this model: time is not finite");

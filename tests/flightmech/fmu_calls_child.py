@@ -18,7 +18,8 @@ BOTH = (
 )
 OWN = {
     "2.0": "SetupExperiment GetReal SetReal GetDerivatives NewDiscreteStates",
-    "3.0": "GetFloat64 SetFloat64 GetContinuousStateDerivatives UpdateDiscreteStates SetUInt64 EnterConfigurationMode ExitConfigurationMode",
+    "3.0": "GetFloat64 SetFloat64 SetUInt64 GetContinuousStateDerivatives UpdateDiscreteStates "
+    "EnterConfigurationMode ExitConfigurationMode",
 }
 KINDS = {"2.0": (FMU2Slave, FMU2Model), "3.0": (FMU3Slave, FMU3Model)}
 
