@@ -156,7 +156,7 @@ static void meet(const am_sim *sim, uint32_t item, double wanted, const loads_t 
     }
     const double shift = (wanted - control_of_travel(sim, item, q)) / surface_slope(p, mean);
     for (int i = 1; i < n; i++) q[i] += shift;
-    q[0] = end + shift;
+    q[0] = end;
 }
 
 /* Let the surfaces hang at rest on the cables of a cockpit end that stays where it is. */

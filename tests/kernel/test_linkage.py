@@ -103,6 +103,12 @@ def test_step_response_of_second_order(advance):
     assert np.abs(found - exact).max() < F / C * 2e-5
 
 
+def test_overbalanced_surface_runs_away(advance):
+    """A negative stiffness: x = x0 cosh(lambda t), within (lambda h)^2."""
+    found = flown(advance, linkage(mass=2.0, stiffness=-50.0), motion(1e-3), 1e-3, 600)[:, 0]
+    assert found == pytest.approx(1e-3 * np.cosh(5.0 * 1e-3 * np.arange(601)), rel=25e-6)
+
+
 @pytest.mark.parametrize("friction", [0.0, 4.0])
 def test_second_order_of_the_step(advance, friction):
     """Halving the sub-step divides the error by four, with reversals and sticking inside the sub-steps too."""
