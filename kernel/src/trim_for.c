@@ -168,6 +168,12 @@ static int check_task(am_sim *sim, const am_trim_task *ask) {
     for (int i = 0; i < ask->goals; i++)
         if (ask->goal[i] < AM_GOAL_CLIMB || ask->goal[i] >= sim->model->count[AM_OUTPUT])
             return fail(sim, AM_BAD_INDEX, "there is no output %d", ask->goal[i]);
+    for (int j = 0; j < ask->unknowns; j++)
+        if (!(ask->low[j] <= ask->high[j] && ask->size[j] > 0.0 && isfinite(ask->size[j])))
+            return fail(sim, AM_BAD_ARGUMENT, "unknown %d of the trim lies between %g and %g in steps of %g; the limits must be in order, the size positive", j,
+                        ask->low[j], ask->high[j], ask->size[j]);
+    for (int i = 0; i < ask->goals; i++)
+        if (!isfinite(ask->wanted[i])) return fail(sim, AM_NOT_FINITE, "goal %d of the trim is %g; it must be finite", i, ask->wanted[i]);
     if (ask->path < AM_PATH_GAMMA || ask->path > AM_PATH_GROUND)
         return fail(sim, AM_BAD_ARGUMENT, "path %d of the trim; allowed: 0 (gamma), 1 (theta), 2 (ground)", ask->path);
     if (ask->path != AM_PATH_GROUND && !(sim->par[P_V] > 1.0)) return trim_too_slow(sim);
@@ -183,6 +189,8 @@ int trim_seek(am_sim *sim, const am_trim_task *ask, double *found, double *y, do
     for (int i = 0; i < ask->goals; i++) study.weight[i] = weight_of(sim, ask->goal[i], ask->wanted[i]);
     double z[LARGEST_SYSTEM];
     first_guess(sim, ask, found);
+    for (int j = 0; j < ask->unknowns; j++)
+        if (!isfinite(found[j])) return fail(sim, AM_NOT_FINITE, "the first guess of unknown %d of the trim is %g; give one, or what it moves", j, found[j]);
     for (int j = 0; j < ask->unknowns; j++) {
         system.low[j] = ask->low[j] / ask->size[j], system.high[j] = ask->high[j] / ask->size[j];
         z[j] = between(found[j] / ask->size[j], system.low[j], system.high[j]);
