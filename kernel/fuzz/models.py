@@ -1,0 +1,182 @@
+"""Aircraft that use everything the kernel can compute, and as little as it allows: what robustness is tried on."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+import flightmech
+from flightmech.aircraft import Control
+from flightmech.submodels.controls import Circuit
+from flightmech.submodels.deck import Deck
+from flightmech.submodels.fuel import Fuel, Tank, tank_tables
+from flightmech.submodels.landing_gear import Contact, LandingGear, Steering
+from flightmech.terms import make
+
+ALPHA, MACH = np.array([-0.2, 0.0, 0.2, 0.4]), np.array([0.1, 0.8])
+BODY = {
+    "S": 17.0,
+    "cbar": 1.67,
+    "b": 10.3,
+    "mass": 2300.0,
+    "Ixx": 10800.0,
+    "Iyy": 8100.0,
+    "Izz": 15100.0,
+    "Ixy": 40.0,
+    "Ixz": 350.0,
+    "Iyz": -25.0,
+}
+LEG = {
+    "radius": 0.25,
+    "stroke": 0.3,
+    "damping": 8e3,
+    "damping_ext": 14e3,
+    "orifice": 5e3,
+    "orifice_ext": 9e3,
+    "tyre_stiffness": 400e3,
+    "rolling": 0.02,
+}
+MAIN = LEG | {"stiffness": 90e3, "side_stiffness": 150e3, "cornering_stiffness": 45e3, "cornering_load": 14e3, "brake": 8e3}
+NOSE = LEG | {"stiffness": 40e3, "side_stiffness": 80e3, "cornering_stiffness": 15e3, "cornering_load": 5e3, "steering": 1.0}
+MOVING = {
+    "cable_stiffness": 12e3,
+    "cable_damping": 60.0,
+    "damping": 40.0,
+    "friction": 20.0,
+    "stiction": 5.0,
+    "inertia": 1.1,
+    "hinge_friction": 2.0,
+}
+
+
+def air() -> dict[str, xr.Dataset]:
+    """Return terms of every form: tables of none to four axes, factors, powers, implicit variables, lift, hinge moments."""
+    gear = xr.DataArray([0.0, 1.0], coords={"gear": [0.0, 1.0]}, dims="gear")
+    four = {"alpha": ALPHA[::2], "mach": [0.2, 0.6], "delta_f": [0.0, 0.7], "beta": [-0.2, 0.0, 0.2]}
+    near = make(0.05, regressors=["CL"])
+    near.attrs |= {"power": "h_agl", "exponent": -1.2, "floor": 0.5}
+    return {
+        "CL/basic": make((0.25 + 4.8 * ALPHA)[:, None] * (1.0 + 0.1 * MACH), {"alpha": ALPHA, "mach": MACH}, outside="linear"),
+        "CL/elevator": make(0.36, regressors=["delta_e"]),
+        "CL/alphadothat": make([1.2, 1.5], {"mach": [0.2, 0.7]}, ["alphadothat"]),
+        "CD/basic": make(0.024 + 0.8 * ALPHA**2, {"alpha": ALPHA}),
+        "CD/gear": make(0.02 + 0.01 * ALPHA, {"alpha": ALPHA}, K1=gear),
+        "CD/load_factor": make(0.002, regressors=["dnz"]),
+        "CY/beta": make(-0.6 - 0.1 * ALPHA, {"alpha": ALPHA}, ["beta"]),
+        "CY/betadothat": make(-0.3, regressors=["betadothat"]),
+        "Cl/beta": make(-0.08, regressors=["beta"]),
+        "Cl/phat": make(-0.44, regressors=["phat"]),
+        "Cl/aileron": make(-0.15, regressors=["delta_a"]),
+        "Cm/basic": make(0.03 - 0.7 * ALPHA, {"alpha": ALPHA}),
+        "Cm/elevator": make(-1.05, regressors=["delta_e"]),
+        "Cm/qhat": make(-13.0, regressors=["qhat"]),
+        "Cm/near": near,
+        "Cn/basic": make(np.linspace(-0.003, 0.003, 24).reshape(2, 2, 2, 3), four),
+        "Cn/beta": make(0.1, regressors=["beta"]),
+        "Cn/rhat": make(-0.14, regressors=["rhat"]),
+        "Cn/rudder": make(-0.07, regressors=["delta_r"]),
+        "Ch_e/alpha": make(-0.2 + 0.1 * MACH, {"mach": MACH}, ["alpha"]),
+        "Ch_e/delta": make(-0.4, regressors=["delta_e"]),
+        "Ch_a/delta": make(-0.4, regressors=["delta_a"]),
+        "Ch_r/delta": make(-0.3, regressors=["delta_r"]),
+    }
+
+
+def deck() -> Deck:
+    """Return an engine deck of two spools with every switch at work."""
+    return Deck(
+        {
+            "n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+            "n2_up_time": make(0.5),
+            "n2_down_time": make(0.8),
+            "n2_up_limit": make(0.2),
+            "n1_command": make([0.2, 0.9], {"n2": [0.5, 1.0]}),
+            "n1_up_time": make(0.4),
+            "corrected_thrust": make([[100.0, -50.0], [5000.0, 4000.0]], {"corrected_n1": [0.2, 1.0], "mach": [0.0, 0.6]}),
+            "corrected_air_flow": make([5.0, 30.0], {"corrected_n1": [0.2, 1.0]}),
+            "corrected_fuel_flow": make([0.02, 0.12], {"corrected_n2": [0.5, 1.0]}),
+            "corrected_itt": make([600.0, 900.0], {"corrected_n2": [0.5, 1.0]}),
+            "corrected_n1_windmill": make([0.0, 0.3], {"mach": [0.0, 0.6]}),
+            "corrected_n2_windmill": make([0.0, 0.15], {"mach": [0.0, 0.6]}),
+            "windmill_thrust": make(-0.02, regressors=["qbar"]),
+        },
+        lever_delay=0.15,
+        itt_time=1.0,
+        n1_inertia=0.4,
+        n2_inertia=0.2,
+        n1_rated=1800.0,
+        n2_rated=3300.0,
+    )
+
+
+def whole() -> flightmech.Aircraft:
+    """Return a twin jet with decks, fuel in tanks, gear with a tail skid, and three circuits of the highest order."""
+    tanks = (Tank((0.1, -2.0, 0.15), 60.0, order=2), Tank((0.1, 2.0, 0.15), 60.0, order=2), Tank((0.8, 0.3, -0.1), 50.0))
+    contacts = (
+        Contact("nose", (1.564, 0.0, 0.798), **NOSE),
+        Contact("left", (-0.17, -0.805, 0.759), strut=make([0.0, 900.0], {"compression": [0.0, 0.3]}), **MAIN),
+        Contact("right", (-0.17, 0.805, 0.759), **MAIN),
+        Contact("tail", (-4.0, 0.0, -0.1), side_stiffness=200e3, stiffness=150e3, damping=3e3, friction=0.4, retracts=False),
+    )
+    return flightmech.Aircraft(
+        name="whole",
+        **BODY,
+        cg=(0.06, 0.01, 0.22),
+        engines=(
+            flightmech.Engine((-0.3, -0.76, 0.05), deck=deck()),
+            flightmech.Engine((-0.3, 0.76, 0.05), deck=deck(), time_constant=0.3),
+        ),
+        limits={"delta_e": (-0.35, 0.3), "delta_a": (-0.35, 0.35), "delta_r": (-0.35, 0.35)},
+        fuel=Fuel(160.0, (0.0, 0.0, 0.0), tank_tables(tanks)),
+        gear=LandingGear(
+            contacts,
+            Steering(
+                order=4,
+                limit=0.7,
+                stiffness=2000.0,
+                damping=20.0,
+                inertia=1.0,
+                trail=0.05,
+                scrub=0.05,
+                rudder=0.3,
+                arm_stiffness=3000.0,
+                arm_damping=30.0,
+                arm_inertia=1.0,
+            ),
+            antiskid=0.8,
+        ),
+        controls={"delta_e": Control(1.5, 0.35, -1.2), "delta_a": Control(1.0, 0.3, 0.3), "delta_r": Control(0.6, 0.3, -2.5)},
+        circuits={
+            "column": Circuit(
+                (-0.15, 0.2), 6.0, 4, bob_weight=1.0, unbalance=0.3, neutral_trim=0.1, stiffness=300.0, preload=4.0, **MOVING
+            ),
+            "wheel": Circuit(
+                (-1.2, 1.2), 0.08, 6, stiffness=20.0, **(MOVING | {"friction": 1.0, "stiction": 0.5, "cable_stiffness": 120.0})
+            ),
+            "pedal": Circuit((-0.08, 0.08), 4.0, 4, restitution=0.2, stiffness=900.0, **MOVING),
+        },
+    )
+
+
+def plain() -> flightmech.Aircraft:
+    """Return a jet with one static engine and nothing else."""
+    thrust = make([[300.0, 250.0], [4559.0, 4000.0]], {"throttle": [0.0, 1.0], "mach": [0.0, 0.6]})
+    engine = flightmech.Engine((-0.3, 0.0, 0.05), thrust=thrust, time_constant=1.2, angular_momentum=55.0)
+    return flightmech.Aircraft(name="plain", **BODY, engines=(engine,))
+
+
+def compiled() -> dict[str, flightmech.SimModel]:
+    """Return the models by name: every submodel; one engine and body axes; one constant; no term at all."""
+    body = {"CX/basic": make(-0.03), "CZ/alpha": make(-4.5, regressors=["alpha"]), "Cm/qhat": make(-9.0, regressors=["qhat"])}
+    return {
+        "whole": flightmech.compile(whole(), _tree(air())),
+        "plain": flightmech.compile(plain(), _tree(body, force_axes="body")),
+        "bare": flightmech.compile(flightmech.Aircraft(name="bare", **BODY), _tree({"CL/alpha": make(4.5, regressors=["alpha"])})),
+        "empty": flightmech.compile(flightmech.Aircraft(name="empty", **BODY), _tree({})),
+    }
+
+
+def _tree(leaves: dict[str, xr.Dataset], **attrs: str) -> xr.DataTree:
+    found = xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves.items()})
+    found.attrs.update(attrs)
+    return found
