@@ -88,6 +88,30 @@ def pressure_altitude(p: ArrayLike) -> np.ndarray:
     return _BASE[layer] + np.where(L == 0.0, -R_AIR * T / G0 * np.log(ratio), sloped)
 
 
+def sea_level_pressure(qnh: float, elevation: float, delta_T: float = 0.0) -> float:
+    """Return the pressure at mean sea level under which an altimeter set to `qnh` reads the elevation of the runway on it.
+
+    A QNH is reduced from the runway by the standard atmosphere, the air above it is not standard; the two agree at sea level.
+    What it gives is the parameter ``env.qnh`` of a simulation.
+
+    Parameters
+    ----------
+    qnh : float
+        Altimeter setting. [Pa]
+    elevation : float
+        Of the runway. [m]
+    delta_T : float
+        Temperature offset. [K]
+
+    Examples
+    --------
+    >>> round(sea_level_pressure(101325.0, 1500.0, 20.0))
+    100123
+    """
+    standard, present = (float(atmosphere(elevation, offset).p_static) for offset in (0.0, delta_T))
+    return qnh * standard / present
+
+
 def impact_pressure(mach: ArrayLike, p: ArrayLike) -> np.ndarray:
     """Return pitot minus static pressure: isentropic below Mach 1, Rayleigh's formula above. [Pa]
 

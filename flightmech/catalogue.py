@@ -23,7 +23,7 @@ _RATES = {
 }
 _ENVIRONMENT = {
     "delta_T": ("K", "K", "temperature offset from the standard atmosphere", 0.0),
-    "qnh": ("Pa", "hPa", "pressure at mean sea level", 101325.0),
+    "qnh": ("Pa", "hPa", "pressure at mean sea level; of an altimeter setting at an elevation: air.sea_level_pressure", 101325.0),
     "runway_elevation": ("m", "ft", "height of the runway over mean sea level", 0.0),
 }
 _AXES = "of the Earth axes"

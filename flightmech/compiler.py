@@ -221,6 +221,7 @@ def _texts(leaf: xr.Dataset) -> dict[str, str]:
     """Return what a reader of the model should know of a term."""
     found = {"axes": ", ".join(_extent(leaf, axis) for axis in axes(leaf)), "source": _sources(leaf)}
     found |= {key: str(leaf.attrs.get(key, "")) for key in ("regressors", "references", "comment")}
+    found["power"] = str(power(leaf) or "")
     return {key: text for key, text in found.items() if text}
 
 

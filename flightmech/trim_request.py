@@ -111,7 +111,7 @@ class _Reader:
         if not tyres:
             raise SchemaError(f"trim, kind {self.name}", ["the aircraft has no landing gear; give it [gear] in its file"])
         if self._value("init.V") == 0.0:
-            wheels = [name for name in tyres if self._value(f"{name.rpartition('.')[0]}.friction") == 0.0]
+            wheels = [name for name in tyres if self._value(f"{name.removeprefix('state.').rpartition('.')[0]}.friction") == 0.0]
             sought += [name for name in wheels if name not in self.given]
             self.kind = replace(self.kind, residuals=ACCELERATIONS)
 

@@ -73,6 +73,17 @@ void atmosphere_at(const atmosphere_t *atm, double h, double *T, double *p, doub
     *a = sqrt(RATIO * R_AIR * *T);
 }
 
+/* Height of the standard atmosphere with this pressure: what an altimeter set to 1013.25 hPa shows. */
+double pressure_altitude(const atmosphere_t *standard, double p) {
+    int i = 0;
+    while (i + 1 < LAYERS && p < standard->p[i + 1]) i++;
+    const double ratio = p / standard->p[i];
+    if (GRADIENT[i] == 0.0) return BASE[i] - R_AIR * standard->T[i] / G0 * am_log(ratio);
+    return BASE[i] + standard->T[i] / GRADIENT[i] * (am_pow(ratio, -R_AIR * GRADIENT[i] / G0) - 1.0);
+}
+
+void set_standard(atmosphere_t *atm) { set_atmosphere(atm, 0.0, P_SEA); }
+
 /* From the velocity relative to the air in body axes.  Nothing is divided by V, so that rest and 90 degrees are safe. */
 void air_data(now_t *now, const double velocity[3]) {
     const double u = velocity[0], v = velocity[1], w = velocity[2];

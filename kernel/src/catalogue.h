@@ -28,7 +28,7 @@ enum { STAGE_MASS, STAGE_ENGINE, STAGE_GEAR, STAGE_AERO, STAGE_HINGE, STAGES };
     X(Y_U, "u") X(Y_V_BODY, "v") X(Y_W, "w") X(Y_P_DOT, "p_dot") X(Y_Q_DOT, "q_dot") X(Y_R_DOT, "r_dot") \
     X(Y_ALPHA_DOT, "alpha_dot") X(Y_BETA_DOT, "beta_dot") \
     X(Y_CL, "CL") X(Y_CD, "CD") X(Y_CY, "CY") X(Y_ROLL, "Cl") X(Y_PITCH, "Cm") X(Y_YAW, "Cn") \
-    X(Y_RHO, "rho") X(Y_P_STATIC, "p_static") X(Y_TEMPERATURE, "temperature") X(Y_MASS, "mass") \
+    X(Y_RHO, "rho") X(Y_P_STATIC, "p_static") X(Y_TEMPERATURE, "temperature") X(Y_H_BARO, "h_baro") X(Y_MASS, "mass") \
     X(Y_APPLIED_DELTA_E, "applied.delta_e") X(Y_APPLIED_DELTA_A, "applied.delta_a") X(Y_APPLIED_DELTA_R, "applied.delta_r") \
     X(Y_APPLIED_DELTA_T, "applied.delta_t") X(Y_APPLIED_DELTA_TA, "applied.delta_ta") X(Y_APPLIED_DELTA_TR, "applied.delta_tr") \
     X(Y_APPLIED_DELTA_F, "applied.delta_f") X(Y_APPLIED_DELTA_S, "applied.delta_s") X(Y_APPLIED_DELTA_D, "applied.delta_d") \

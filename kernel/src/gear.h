@@ -19,8 +19,8 @@
     X(P_STEERING_SCRUB, "steering.scrub") X(P_STEERING_RUDDER, "steering.rudder") X(P_ARM_STIFFNESS, "steering.arm_stiffness") \
     X(P_ARM_DAMPING, "steering.arm_damping") X(P_ARM_INERTIA, "steering.arm_inertia")
 #define AM_GEAR_STATES(X) \
-    X(X_STEERING, "gear.steering") X(X_STEERING_RATE, "gear.steering_rate") X(X_ARM, "gear.steering_arm") \
-    X(X_ARM_RATE, "gear.steering_arm_rate") X(X_TWIST, "gear.steering_twist")
+    X(X_STEERING, "state.gear.steering") X(X_STEERING_RATE, "state.gear.steering_rate") X(X_ARM, "state.gear.steering_arm") \
+    X(X_ARM_RATE, "state.gear.steering_arm_rate") X(X_TWIST, "state.gear.steering_twist")
 #define AM_GEAR_VARIABLES(X)
 #define AM_GEAR_TARGETS(X)
 
@@ -39,7 +39,7 @@
     X(P_CONTACT_LOSS, "gear.*.loss") X(P_CONTACT_ROLLING, "gear.*.rolling") X(P_CONTACT_BRAKE, "gear.*.brake") \
     X(P_CONTACT_STEERING, "gear.*.steering") X(P_CONTACT_FRICTION, "gear.*.friction") X(P_CONTACT_RETRACTS, "gear.*.retracts")
 #define AM_CONTACT_STATES(X) \
-    X(X_CONTACT_STROKE, "gear.*.stroke") X(X_CONTACT_LONG, "gear.*.tyre_x") X(X_CONTACT_SIDE, "gear.*.tyre_y")
+    X(X_CONTACT_STROKE, "state.gear.*.stroke") X(X_CONTACT_LONG, "state.gear.*.tyre_x") X(X_CONTACT_SIDE, "state.gear.*.tyre_y")
 #define AM_CONTACT_VARIABLES(X) X(A_CONTACT_COMPRESSION, "gear.*.compression", STAGE_GEAR)
 #define AM_CONTACT_TARGETS(X) X(T_CONTACT_STRUT, "gear.*.strut", STAGE_GEAR)
 

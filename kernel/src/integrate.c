@@ -12,7 +12,7 @@ static void advance(int n, const double *restrict x, double h, const double *res
     for (int i = 0; i < n; i++) to[i] = x[i] + h * dx[i];
 }
 
-static void count_outside(am_sim *sim) {
+void count_outside(am_sim *sim) {
     for (uint32_t i = 0; i < sim->model->axes; i++) {
         if (sim->cell[i] == 0) sim->below[i] += 1.0;
         if (sim->cell[i] == sim->model->axis[i].cells - 1) sim->above[i] += 1.0;
@@ -46,8 +46,12 @@ static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const
     double *k1 = sim->k, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *x = sim->x, *to = sim->x_work;
     const double *u_end = inputs_at(sim, u0, u1, s1, sim->u_end), *u = inputs_at(sim, u0, u1, s0, sim->u_work);
     if (m->memories) advance_memory(sim, t, h, u, u_end);
-    if (!sim->fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) slope(sim, t, h, 0.0, x, u, k1);
+    if (!sim->fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) {
+        slope(sim, t, h, 0.0, x, u, k1);
+        set_anchor(x, sim->earth, &sim->now, &sim->anchor);
+    }
     sim->fresh = false;
+    sim->anchored = sim->earth != FLAT_EARTH;
     count_outside(sim);
     u = inputs_at(sim, u0, u1, 0.5 * (s0 + s1), sim->u_work);
     advance(n, x, 0.5 * h, k1, to);
@@ -56,6 +60,7 @@ static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const
     slope(sim, t, h, 0.5, to, u, k3);
     advance(n, x, h, k3, to);
     slope(sim, t, h, 1.0, to, u_end, k4);
+    sim->anchored = false;
     for (int i = 0; i < n; i++) to[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
 
@@ -82,9 +87,14 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
     const long n = dt > 0.0 && parts < 1.0 ? 1 : (long)parts;
     for (long i = 0; i < n; i++) {
         const double s0 = (double)i / (double)n, s1 = (double)(i + 1) / (double)n;
+        const size_t memory = sizeof(double) * sim->model->memories;
+        memcpy(sim->memory_before, sim->memory, memory);
         runge_kutta(sim, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
         sim->time = t + dt * s1;
-        if ((status = check_finite(sim, AM_STATE, sim->x_work)) != AM_OK) return status;
+        if ((status = check_finite(sim, AM_STATE, sim->x_work)) != AM_OK) {
+            memcpy(sim->memory, sim->memory_before, memory);
+            return status;
+        }
         memcpy(sim->x, sim->x_work, sizeof(double) * (size_t)am_state_count(sim->model));
     }
     take_inputs(sim, u1);

@@ -61,6 +61,7 @@ typedef struct {
     uint32_t K1, K2, T; /* slots of table values; 0 is the constant 1 */
     uint32_t v1, v2;    /* variables; A_ONE is the constant 1 */
     uint32_t target;
+    bool first;         /* of its target */
     uint32_t power;     /* 0 none, else 1 + place among the power factors */
     uint32_t place;     /* of its value in am_sim.term: row by row, a column for each coefficient, then the other stages */
 } term_t;
@@ -144,6 +145,11 @@ typedef struct {
     double thrust[MAX_ENGINES], steady[MAX_ENGINES];
 } now_t;
 
+/* A place, and the radii of curvature there plus its height, north-south and east-west. */
+typedef struct {
+    double position[3], north[3], east[3], down[3], h, meridian, transverse;
+} anchor_t;
+
 typedef struct {
     double alpha, beta, delta[3], thrust, throttle, residual[6];
 } trim_t;
@@ -159,20 +165,21 @@ typedef struct {
 struct am_sim {
     const am_model *model;
     double *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *below, *above;
-    double *memory; /* discrete part of the submodels */
+    double *memory, *memory_before; /* discrete part of the submodels, and what it was before the present step */
     double *work;   /* what the submodels found in the last derivative */
     double *x_work, *k, *u_work, *u_end, *y_work;
     uint32_t *cell;   /* of each axis */
     uint32_t *corner; /* of each bundle: the node that all its lower nodes make */
     now_t now;
-    atmosphere_t atmosphere;
+    atmosphere_t atmosphere, standard;
+    anchor_t anchor; /* x, once the first slope belongs to it; the later slopes of a step find their place from there */
     trim_t trim;
     double omega; /* of the Earth */
     double time;  /* reached */
     double clock; /* of the derivative that is being evaluated */
     double part;  /* its place in the internal step, 0 ... 1 */
     int earth, drive, controls;
-    bool prepared, ready;
+    bool prepared, ready, anchored;
     bool fresh; /* now, slots and first slope k belong to the present x, u, memory and parameters */
     uint32_t patches;
     char text[AM_TEXT];
@@ -249,12 +256,16 @@ int find_table_parameter(const am_model *m, const char *name);
 void check_patches(am_sim *sim);
 /* air_data.c */
 void set_atmosphere(atmosphere_t *atm, double delta_T, double qnh);
+void set_standard(atmosphere_t *atm);
+double pressure_altitude(const atmosphere_t *standard, double p);
 void atmosphere_at(const atmosphere_t *atm, double h, double *T, double *p, double *rho, double *a);
 void air_data(now_t *now, const double velocity[3]);
 double calibrated_airspeed(double mach, double p);
 /* earth.c */
 void place_at(double lat, double lon, double h, int earth, double position[3], now_t *now);
 void place_of(const double position[3], int earth, now_t *now);
+void set_anchor(const double position[3], int earth, const now_t *now, anchor_t *anchor);
+bool place_near(const double position[3], const anchor_t *anchor, now_t *now); /* false: too far from the anchor */
 void locate_angles(const am_sim *sim, const double position[3], now_t *now);
 void gravitation(const double position[3], int earth, double g[3]);
 /* axes.c */
@@ -306,6 +317,7 @@ double applied(const am_sim *sim, const double *u, int control);
 void look_around(am_sim *sim, const double *x, const double *u);
 void derivative(am_sim *sim, const double *x, const double *u, double *dx);
 /* integrate.c */
+void count_outside(am_sim *sim);
 void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1);
 /* sim.c */
 int check_finite(am_sim *sim, am_kind kind, const double *values); /* names the first of the catalogue that is not, and the time */

@@ -19,7 +19,7 @@ static double *take(double **at, size_t n) {
 
 size_t sim_size(const am_model *m) {
     const size_t nx = (size_t)am_state_count(m), nu = (size_t)m->count[AM_INPUT], np = (size_t)m->count[AM_PARAMETER], na = m->axes;
-    const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx + m->total[AM_VARIABLE] + m->slots + m->places + m->total[AM_TARGET] + 3 * na + m->memories + m->works;
+    const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx + m->total[AM_VARIABLE] + m->slots + m->places + m->total[AM_TARGET] + 3 * na + 2 * (size_t)m->memories + m->works;
     return sizeof(am_sim) + doubles * sizeof(double) + (na + m->bundles) * sizeof(uint32_t);
 }
 
@@ -32,7 +32,8 @@ am_sim *am_new(const am_model *m) {
     sim->par = take(&at, np), sim->u = take(&at, nu), sim->u_work = take(&at, nu), sim->u_end = take(&at, nu), sim->y_work = take(&at, (size_t)m->count[AM_OUTPUT]);
     sim->x = take(&at, nx), sim->x_work = take(&at, nx), sim->k = take(&at, 4 * nx);
     sim->var = take(&at, m->total[AM_VARIABLE]), sim->slot = take(&at, m->slots), sim->term = take(&at, m->places);
-    sim->sum = take(&at, m->total[AM_TARGET]), sim->memory = take(&at, m->memories), sim->work = take(&at, m->works);
+    sim->sum = take(&at, m->total[AM_TARGET]), sim->memory = take(&at, m->memories), sim->memory_before = take(&at, m->memories),
+     sim->work = take(&at, m->works);
     sim->fraction = take(&at, na), sim->below = take(&at, na), sim->above = take(&at, na);
     sim->cell = (uint32_t *)at, sim->corner = sim->cell + na;
     sim->scale = sim->par + m->total[AM_PARAMETER], sim->exponent = sim->scale + m->terms;
@@ -175,12 +176,13 @@ static int prepare(am_sim *sim) {
     if (!whole(p[P_CONTROLS], FORCE_DRIVEN)) return bad_parameter(sim, P_CONTROLS, "0 (surfaces), 1 (cockpit positions) or 2 (pilot forces)");
     if (!whole(p[P_RATES], RATES_OF_EARTH)) return bad_parameter(sim, P_RATES, "0 (as gyros show them) or 1 (relative to the Earth)");
     if (!whole(p[P_TRIM], 3)) return bad_parameter(sim, P_TRIM, "0 (none), 1 (seek thrust), 2 (seek throttle) or 3 (on the ground)");
-    sim->drive = (int)p[P_ENGINE], sim->controls = (int)p[P_CONTROLS];
+    if (!sim->ready) sim->drive = (int)p[P_ENGINE], sim->controls = (int)p[P_CONTROLS]; /* they act at the start only */
     int (*const check[])(am_sim *) = {check_sizes, set_inertia, weather_check, fuel_check, engine_check, gear_check, control_check};
     for (size_t i = 0; i < sizeof check / sizeof check[0]; i++) {
         const int status = check[i](sim);
         if (status != AM_OK) return status;
     }
+    set_standard(&sim->standard);
     set_atmosphere(&sim->atmosphere, p[P_DELTA_T], p[P_QNH]);
     sim->prepared = true;
     return AM_OK;
@@ -196,6 +198,7 @@ int refresh(am_sim *sim) {
     if (status != AM_OK || sim->fresh) return status;
     sim->clock = sim->time, sim->part = 1.0;
     derivative(sim, sim->x, sim->u, sim->k);
+    set_anchor(sim->x, sim->earth, &sim->now, &sim->anchor);
     sim->fresh = true;
     return AM_OK;
 }
@@ -257,7 +260,7 @@ void start_state(am_sim *sim, double alpha, double beta, double theta) {
 }
 
 int am_initialize(am_sim *sim, double t) {
-    sim->ready = false;
+    sim->ready = sim->prepared = false;
     sim->text[0] = 0;
     if (!(fabs(t) <= LATEST)) return fail(sim, AM_BAD_ARGUMENT, "the start time is %g s; it must be finite and within 1e10 s", t);
     int status = prepare(sim);
@@ -307,6 +310,8 @@ int am_complete_step(am_sim *sim, double t) {
     if (t > sim->time) advance_memory(sim, sim->time, t - sim->time, sim->u, sim->u);
     sim->time = t;
     sim->fresh = false;
+    refresh(sim);
+    count_outside(sim);
     return AM_OK;
 }
 

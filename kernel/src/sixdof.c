@@ -44,7 +44,7 @@ static void set_variables(am_sim *sim, const double *x, const double *u) {
 void look_around(am_sim *sim, const double *x, const double *u) {
     now_t *now = &sim->now;
     double air[3], velocity[3], wind[3];
-    place_of(x, sim->earth, now);
+    if (!sim->anchored || !place_near(x, &sim->anchor, now)) place_of(x, sim->earth, now);
     atmosphere_at(&sim->atmosphere, now->h, &now->T, &now->p, &now->rho, &now->a);
     quaternion_matrix(x + X_Q0, now->C);
     weather_wind(sim, u, wind);
@@ -149,7 +149,7 @@ static void write_outputs(am_sim *sim, double *y) {
     attitude_outputs(now, y);
     ground_outputs(sim, y);
     memcpy(y + Y_CL, now->c, sizeof now->c);
-    y[Y_RHO] = now->rho, y[Y_P_STATIC] = now->p, y[Y_TEMPERATURE] = now->T, y[Y_MASS] = now->mass;
+    y[Y_RHO] = now->rho, y[Y_P_STATIC] = now->p, y[Y_TEMPERATURE] = now->T, y[Y_H_BARO] = pressure_altitude(&sim->standard, now->p), y[Y_MASS] = now->mass;
     for (int i = 0; i <= U_DELTA_D; i++) y[Y_APPLIED_DELTA_E + i] = applied(sim, sim->u, i);
     y[Y_TRIM_ALPHA] = sim->trim.alpha, y[Y_TRIM_BETA] = sim->trim.beta;
     y[Y_TRIM_THRUST] = sim->trim.thrust, y[Y_TRIM_THROTTLE] = sim->trim.throttle;

@@ -10,6 +10,7 @@ from scipy.linalg import expm
 import flightmech
 from flightmech import linear, start_of
 from flightmech.errors import UnknownName
+from flightmech.library import STATE
 from flightmech.submodels.deck import Deck
 from flightmech.submodels.fuel import Fuel
 from flightmech.submodels.landing_gear import Contact, LandingGear, Steering
@@ -94,7 +95,7 @@ def test_small_steps_on_the_runway_follow(control, rolling):
     """Rolling at 30 m/s: a step of 1e-4 rad or 1 N for 0.5 s against x = integral of expm(A t) B du, tyres and steering among x."""
     y = flightmech.trim(rolling, {"mode.earth": 0.0}, kind="ground", fixed={"V": 30.0, "u_dot": 0.0})
     start = start_of(y)
-    tyres = [row.name for row in rolling.entries(3)[13:] if row.name.startswith("gear.")]
+    tyres = [row.name.removeprefix("state.") for row in rolling.entries(STATE)[13:] if row.name.startswith("state.gear.")]
     found = flightmech.linearize(rolling, start, states=(*RUNWAY_STATES, *tyres), inputs=(control,), outputs=())
     assert found.attrs["left_out"] == "engine1.thrust"
     size = 1.0 if control.endswith("drive") else 1e-4

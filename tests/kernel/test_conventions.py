@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import flightmech
+from flightmech import air
 from flightmech.terms import make
 
 LEVEL = {"init__V": 100.0, "init__h": 0.0, "mode__earth": 0.0}
@@ -223,3 +224,15 @@ def test_trim_of_a_coordinated_turn(steady):
     assert np.linalg.norm([y["ax"], y["ay"], y["az"]]) == near(13.8686971)
     assert (y["gamma"], y["phi"]) == pytest.approx((0.0, np.pi / 4), abs=1e-10)
     assert abs(y["beta"]) < 1e-3  # g tan(phi) / V is the turn without sideslip for small alpha only
+
+
+@pytest.mark.parametrize("h", [-200.0, 0.0, 1500.0, 10999.0, 15000.0, 25000.0])
+def test_pressure_altitude_is_that_of_an_altimeter_at_1013(h, sim, flown):
+    y = flown(sim, init__h=h, env__delta_T=18.0, env__qnh=99000.0)
+    assert y["h_baro"] == pytest.approx(float(air.pressure_altitude(y["p_static"])), abs=1e-6)
+    standard = flown(sim, init__h=h)
+    assert standard["h_baro"] == pytest.approx(6356766.0 * h / (6356766.0 + h), abs=1e-6)  # geopotential metres
+    # an altimeter set to the QNH of the runway shows its elevation
+    qnh = 102000.0
+    on_runway = flown(sim, init__h=1500.0, env__delta_T=20.0, env__qnh=air.sea_level_pressure(qnh, 1500.0, 20.0))
+    assert on_runway["p_static"] / qnh == pytest.approx(float(air.atmosphere(1500.0).p_static) / 101325.0, rel=1e-12)

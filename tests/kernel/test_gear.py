@@ -109,7 +109,7 @@ def test_static_loads_are_those_of_the_levers(stand, start):
 def test_start_settles_the_struts(stand, start):
     run = start(stand, **STANDING)
     rates = run.derivative(run.state, inputs(stand))
-    assert all(abs(rates[states(stand).index(f"gear.{name}.stroke")]) < 1e-9 for name in ("nose", "left", "right"))
+    assert all(abs(rates[states(stand).index(f"state.gear.{name}.stroke")]) < 1e-9 for name in ("nose", "left", "right"))
 
 
 def test_table_over_compression_is_the_spring(compiled, start, stand):
@@ -171,8 +171,9 @@ def twin(sim, gear: LandingGear, x: np.ndarray, u: dict[str, float]) -> tuple[np
     C = axes.matrix(x[6:10])
     down, F, M, rates = C[:, 2], np.zeros(3), np.zeros(3), {}
     for leg in gear.contacts:
-        s, z = x[order.index(f"gear.{leg.name}.stroke")], np.array([x[order.index(f"gear.{leg.name}.tyre_{axis}")] for axis in "xy"])
-        steer = leg.steering * np.clip(x[order.index("gear.steering")], -gear.steering.limit, gear.steering.limit)
+        name = f"state.gear.{leg.name}"
+        s, z = x[order.index(f"{name}.stroke")], np.array([x[order.index(f"{name}.tyre_{axis}")] for axis in "xy"])
+        steer = leg.steering * np.clip(x[order.index("state.gear.steering")], -gear.steering.limit, gear.steering.limit)
         lean = max(down[2], 0.2)
         rim = np.array([down[0], 0.0, down[2]]) / np.hypot(down[0], down[2]) - [0.0, 0.0, 1.0]
         point = np.array(leg.position) + leg.radius * rim - CG
@@ -269,10 +270,10 @@ def test_whole_gear_against_its_twin(changes, compiled, start):
         x[6:10] = axes.quaternion(axes.rotation(*tilt))
         x[10:13] = quiet * rng.normal(0.0, 0.2, 3)
         x[13:] = 0.0
-        x[order.index("gear.steering")] = rng.normal(0.0, 0.3)
+        x[order.index("state.gear.steering")] = rng.normal(0.0, 0.3)
         for leg in CONTACTS:
-            x[order.index(f"gear.{leg.name}.stroke")] = rng.uniform(0.0, 0.15) if leg.tyre_stiffness else 0.0
-            x[order.index(f"gear.{leg.name}.tyre_x")], x[order.index(f"gear.{leg.name}.tyre_y")] = rng.normal(0.0, 0.02, 2)
+            x[order.index(f"state.gear.{leg.name}.stroke")] = rng.uniform(0.0, 0.15) if leg.tyre_stiffness else 0.0
+            x[order.index(f"state.gear.{leg.name}.tyre_x")], x[order.index(f"state.gear.{leg.name}.tyre_y")] = rng.normal(0.0, 0.02, 2)
         given = {"gear": 1.0, "brake_left": rng.uniform(0.0, 1.0), "brake_right": rng.choice([0.0, 1.0])}
         F, M, rates = twin(sim, gear, x, given)
         dx = run.derivative(x, inputs(sim, **given))
@@ -280,7 +281,7 @@ def test_whole_gear_against_its_twin(changes, compiled, start):
         np.testing.assert_allclose(dx[3:6] * MASS, axes.matrix(x[6:10]).T @ F + [0.0, 0.0, MASS * g], rtol=1e-9, atol=1e-6)
         np.testing.assert_allclose(INERTIA @ dx[10:13] + np.cross(w, INERTIA @ w), M, rtol=1e-9, atol=1e-6)
         for name, rate in rates.items():
-            found = [dx[order.index(f"gear.{name}.{state}")] for state in ("stroke", "tyre_x", "tyre_y")]
+            found = [dx[order.index(f"state.gear.{name}.{state}")] for state in ("stroke", "tyre_x", "tyre_y")]
             np.testing.assert_allclose(found, rate, rtol=1e-9, atol=1e-9)
         touched += np.linalg.norm(F) > 0.0
     assert touched > 200
@@ -294,7 +295,7 @@ def mechanical_energy(sim, run) -> float:
         s, tyre = y[f"gear.{leg.name}.compression"], y[f"gear.{leg.name}.tyre_deflection"]
         E += 0.5 * leg.stiffness * s**2 + 0.5 * leg.tyre_stiffness * tyre**2
         most = (leg.friction or 0.8) * y[f"gear.{leg.name}.Fz"]
-        z = np.hypot(*(x[order.index(f"gear.{leg.name}.tyre_{axis}")] for axis in "xy"))
+        z = np.hypot(*(x[order.index(f"state.gear.{leg.name}.tyre_{axis}")] for axis in "xy"))
         full = 3.0 * most / leg.side_stiffness
         part = z / full if full else 0.0
         E += most * full * (1.5 * part**2 - part**3 + 0.25 * part**4) if part < 1.0 else most * (z - 0.25 * full)
@@ -359,7 +360,7 @@ def test_anchors_hold_in_turbulence(compiled, start):
         point[2] -= (point @ C[:, 2] + x[2]) / C[2, 2]
         forward = C.T @ [1.0, 0.0, 0.0] * [1.0, 1.0, 0.0]
         forward /= np.linalg.norm(forward)
-        z = [x[order.index(f"gear.left.tyre_{axis}")] for axis in "xy"]
+        z = [x[order.index(f"state.gear.left.tyre_{axis}")] for axis in "xy"]
         rim = (x[:3] + C.T @ point)[:2]
         track.append([*rim, *(rim - z[0] * forward[:2] - z[1] * np.array([-forward[1], forward[0]]))])
     moved = np.ptp(np.array(track)[60:], axis=0)

@@ -108,7 +108,7 @@ def test_relaxation_length_is_cornering_over_side_stiffness(car, start):
     u = np.zeros(len(car.inputs))
     u[car.inputs.index("gear")] = 1.0
     x, built = run.state, []
-    along, side = order.index("gear.left.tyre_x"), order.index("gear.left.tyre_y")
+    along, side = order.index("state.gear.left.tyre_x"), order.index("state.gear.left.tyre_y")
     x[3:6] = [2.0, 0.01, 0.0]
     for i in range(3000):
         rate = run.derivative(x, u)
@@ -275,7 +275,7 @@ def test_natural_frequency_of_the_second_order(compiled, start):
     run = start(sim, **(STANDING | {"init__h": 300.0}))
     order = [row.name for row in sim.entries(STATE)]
     x = run.state
-    x[order.index("gear.steering")] = 0.1
+    x[order.index("state.gear.steering")] = 0.1
     run.state = x
     y = drive(sim, run, 1.0)
     assert y["gear.steering"] == pytest.approx(0.1 * np.cos(np.sqrt(2000.0 / 0.5) * y["time"]), abs=0.02)  # RK4, 63 rad/s at 10 ms
