@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 from flightmech.lazy import load
 
 if TYPE_CHECKING:
-    from .calibrate import force_at_cg, vane_angles, vane_at_cg, velocity_at
-    from .conditioning import channel, cut, lowpass, resample
+    from .calibrate import force_at_cg, incidence_at_cg, true_pressures, vane_angles, vane_at_cg, vane_true, velocity_at
+    from .conditioning import channel, cut, lowpass, remove_delay, resample, smooth
+    from .delay import Delay, time_delay
     from .deletion import decide
-    from .differentiate import derivative
+    from .differentiate import derivative, derivative_window
     from .files import open_biases, save_path
     from .fit import Fit, open_fit, save_fit
+    from .fourier_smoothing import Smoothed, fourier_smooth
     from .mixed_estimation import mixed
     from .model import Model
     from .names_map import NameMap, read_names
@@ -23,8 +25,32 @@ if TYPE_CHECKING:
     from .reduction import between, coefficients, open_states
     from .regression import regress
     from .thrust import fit_thrust
+    from .unmeasured import (
+        airspeed_from_pressures,
+        angular_accelerations,
+        complete,
+        forces_from_velocity,
+        incidence_from_velocity,
+        rates_from_attitude,
+    )
 
 _HOME = {
+    "incidence_from_velocity": "unmeasured",
+    "airspeed_from_pressures": "unmeasured",
+    "forces_from_velocity": "unmeasured",
+    "rates_from_attitude": "unmeasured",
+    "angular_accelerations": "unmeasured",
+    "complete": "unmeasured",
+    "true_pressures": "calibrate",
+    "incidence_at_cg": "calibrate",
+    "vane_true": "calibrate",
+    "derivative_window": "differentiate",
+    "remove_delay": "conditioning",
+    "smooth": "conditioning",
+    "Smoothed": "fourier_smoothing",
+    "fourier_smooth": "fourier_smoothing",
+    "Delay": "delay",
+    "time_delay": "delay",
     "read": "record",
     "manoeuvres": "record",
     "overview": "record",
@@ -61,20 +87,30 @@ _HOME = {
     "decide": "deletion",
 }
 __all__ = [
+    "Delay",
     "Fit",
     "Model",
     "NameMap",
     "Path",
+    "Smoothed",
+    "airspeed_from_pressures",
+    "angular_accelerations",
     "between",
     "channel",
     "coefficients",
     "combine_biases",
+    "complete",
     "cut",
     "decide",
     "derivative",
+    "derivative_window",
     "faults",
     "fit_thrust",
     "force_at_cg",
+    "forces_from_velocity",
+    "fourier_smooth",
+    "incidence_at_cg",
+    "incidence_from_velocity",
     "lowpass",
     "manoeuvres",
     "mixed",
@@ -84,16 +120,22 @@ __all__ = [
     "overview",
     "pool",
     "pool_fits",
+    "rates_from_attitude",
     "read",
     "read_names",
     "reconstruct",
     "reconstruct_programme",
     "regress",
+    "remove_delay",
     "resample",
     "save_fit",
     "save_path",
+    "smooth",
+    "time_delay",
+    "true_pressures",
     "vane_angles",
     "vane_at_cg",
+    "vane_true",
     "velocity_at",
 ]
 

@@ -17,6 +17,7 @@ from flightmech.names import attrs
 
 SLOW = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "x_cg", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 GAP = 3.0  # a step of the clock longer than so many median steps is a gap
+_SWITCHES = ("wow_", "gear", "speedbrake", "brake")
 _CONTROLS = ("delta_", "throttle", "pla", "gear", "speedbrake", "brake", "column", "wheel", "pedal", "F_", "wow_")
 
 
@@ -25,7 +26,10 @@ def is_control(name: str) -> bool:
     return name.rpartition(".")[2].startswith(_CONTROLS)
 
 
-def lowpass(x, rate: float, cutoff: float) -> np.ndarray:
+SMOOTHING = 6.0  # Hz; two to three times the fastest mode of a small aeroplane: take 2 to 3 Hz for a light jet
+
+
+def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
     """Return `x` low-passed without phase: Butterworth of order 4, forward and backward, -3 dB at `cutoff`.
 
     Parameters
@@ -107,6 +111,61 @@ def to_grid(time, x, grid, name: str) -> np.ndarray:
     return resample(time, x, grid, name)
 
 
+def smooth(maneuver: xr.Dataset, cutoff: float = SMOOTHING, controls: bool = False) -> xr.Dataset:
+    """Return a manoeuvre with its measured channels low-passed without phase.
+
+    Parameters
+    ----------
+    maneuver : Dataset (time,)
+        As `cut` returns it, on a uniform clock; scalars and switches stay as they are.
+    cutoff : float
+        Frequency where the amplitude is 0.71; two to three times the fastest mode of the aeroplane. [Hz]
+    controls : bool
+        Send surfaces and levers through the same filter.  Needed for a regression when they move faster than `cutoff`.
+
+    Returns
+    -------
+    Dataset (time,)
+        Attribute ``smoothed`` [Hz]; treat 0.5 s at each end as lost.
+
+    Raises
+    ------
+    OutOfRange
+        The cut-off is not below half the rate of the manoeuvre.
+
+    References
+    ----------
+    .. [DataAcquisition] Design, manufacturing, and testing of a data acquisition system for fixed-wing UAS, section IV.C.
+    """
+    rate = (maneuver.sizes["time"] - 1) / float(maneuver["time"].values[-1] - maneuver["time"].values[0])
+    found = maneuver.copy()
+    for name in map(str, maneuver.data_vars):
+        moved = maneuver[name].dims == ("time",) and not name.rpartition(".")[2].startswith(_SWITCHES)
+        if moved and (controls or not is_control(name)):
+            found[name] = "time", lowpass(maneuver[name].values, rate, cutoff), maneuver[name].attrs
+    return found.assign_attrs(smoothed=cutoff)
+
+
+def remove_delay(time, x, delay: float, name: str) -> np.ndarray:
+    """Return a channel with a known latency removed: its value at t is what was recorded at t + delay.
+
+    Parameters
+    ----------
+    time, x : array (time,)
+        Samples, at rising times. [s], [any]
+    delay : float
+        Latency of the channel, see `time_delay`; the last `delay` seconds hold the last sample. [s]
+    name : str
+        House name, see `resample`.
+
+    Returns
+    -------
+    array (time,)
+    """
+    time = np.asarray(time, float)
+    return resample(time, x, time + delay, name) if delay else np.asarray(x, float)
+
+
 def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> xr.Dataset:
     """Return a manoeuvre: every channel of a record between two times on one uniform clock.
 
@@ -122,7 +181,8 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
     Returns
     -------
     Dataset (time,)
-        All channels; slow quantities (mass, c.g., inertia) as scalars, the mean over the window.  Heading is unwrapped.
+        All channels; slow quantities (mass, c.g., inertia) as scalars, the mean over the window.  Heading is unwrapped.  Attribute
+        ``recorded_rate`` [Hz] of a channel tells how often it was recorded.
         Attributes ``record``, ``start``, ``stop``, ``rate``, and ``latitude`` and ``runway_elevation`` where the record has them.
 
     Raises
@@ -140,6 +200,7 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
     data = xr.Dataset(coords={"time": ("time", grid, attrs("time"))})
     for piece in pieces.values():
         time = piece["time"].values
+        recorded = float(piece.attrs["rate"])
         for name in map(str, piece.data_vars):
             x = np.unwrap(piece[name].values) if name == "psi" else piece[name].values
             about = {key: value for key, value in piece[name].attrs.items() if key in ("units", "sign", "long_name", "calibration")}
@@ -150,7 +211,7 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
                     about,
                 )
             else:
-                data[name] = "time", to_grid(time, x, grid, name), about
+                data[name] = "time", to_grid(time, x, grid, name), {**about, "recorded_rate": recorded}
     place = {key: record.attrs[key] for key in ("latitude", "runway_elevation") if key in record.attrs}
     data.attrs = {"record": str(record.attrs.get("title", "")), "start": start, "stop": stop, "rate": rate, **place}
     return data

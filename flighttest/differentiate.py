@@ -68,7 +68,7 @@ def derivative_gain(frequency, step: float, window: int = WINDOW, order: int = O
     Returns
     -------
     array
-        Gain, 1 when perfect; choose the smallest window whose gain exceeds 0.99 at the highest excited frequency. [1]
+        Gain, 1 when perfect; `derivative_window` chooses by it. [1]
 
     Examples
     --------
@@ -78,6 +78,51 @@ def derivative_gain(frequency, step: float, window: int = WINDOW, order: int = O
     weights, shift = _weights(step, window, order)
     omega = 2.0 * np.pi * np.asarray(frequency, float)
     return (np.sin(omega[..., None] * shift) @ weights) / omega
+
+
+def derivative_window(frequency: float, step: float, order: int = ORDER, gain: float = 0.99) -> int:
+    """Return the longest window, so the least noise, that still follows `frequency`.
+
+    Parameters
+    ----------
+    frequency : float
+        Highest frequency that matters: of the excitation, of the fastest mode. [Hz]
+    step : float
+        Sampling interval. [s]
+    order : int
+        Order of the polynomial, even: an odd one adds nothing to the slope in the middle.
+    gain : float
+        Smallest gain of `derivative` up to that frequency. [1]
+
+    Returns
+    -------
+    int
+        Odd number of samples.
+
+    Raises
+    ------
+    IdentificationError
+        Even the shortest window, `order` + 1 samples, loses more.
+
+    Examples
+    --------
+    >>> derivative_window(2.0, 0.02)
+    11
+    """
+    frequencies = np.linspace(0.02, 1.0, 50) * frequency
+    shortest = order + 1 + order % 2
+    found = 0
+    for window in range(shortest, shortest + 400, 2):
+        if derivative_gain(frequencies, step, window, order).min() < gain:
+            break
+        found = window
+    if not found:
+        most = float(derivative_gain(frequency, step, shortest, order))
+        raise IdentificationError(
+            f"{frequency:g} Hz at {1.0 / step:g} samples per second: the shortest window of order {order} has a gain of {most:.3f}, "
+            f"wanted {gain:g}; record faster, raise the order or accept a smaller gain"
+        )
+    return found
 
 
 def derivative_noise(step: float, window: int = WINDOW, order: int = ORDER) -> float:
