@@ -71,15 +71,15 @@ def test_stacked_manoeuvres_cover_too_even_when_each_has_an_offset_of_its_own():
     assert np.median(offsets) == pytest.approx(0.01, rel=0.3)  # of six offsets, minus what the slopes take up
 
 
-def test_the_coloured_covariance_is_the_double_sum_by_hand():
+def test_the_covariance_of_a_lag_window_is_the_double_sum_by_hand():
     rng = np.random.default_rng(3)
     X, v = np.c_[np.ones(120), rng.normal(size=(120, 2))], coloured_noise(rng, 120)
     pieces, D, middle = [slice(0, 70), slice(70, 120)], np.linalg.inv(X.T @ X), 0.0
-    for piece, L in zip(pieces, (25, 25)):  # 0.5 s, the least lag window
+    for piece, L in zip(pieces, (25, 25)):  # 0.5 s
         r, n = v[piece], piece.stop - piece.start
         R = np.array([(r[: n - k] @ r[k:]) / n * max(0.0, 1 - k / L) for k in range(n)])
         middle = middle + X[piece].T @ toeplitz(R) @ X[piece]
-    covariance, offset = coloured(X, v, pieces, [STEP, STEP])
+    covariance, offset = coloured(X, v, pieces, [STEP, STEP], lag=0.5)
     np.testing.assert_allclose(covariance, D @ middle @ D * 120 / 117, rtol=1e-9)
     assert offset == 0.0
 
