@@ -22,6 +22,7 @@ void evaluate_terms(am_sim *sim, int stage) {
     const am_model *m = sim->model;
     const double *scale = sim->scale, *slot = sim->slot, *var = sim->var;
     double *term = sim->term;
+#pragma clang loop unroll_count(4)
     for (const plain_t *t = m->plain + m->first_plain[stage], *end = m->plain + m->first_plain[stage + 1]; t < end; t++)
         term[t->place] = scale[t->term] * slot[t->T] * var[t->v];
     for (const factored_t *t = m->factored + m->first_factored[stage], *end = m->factored + m->first_factored[stage + 1]; t < end; t++)
@@ -53,10 +54,10 @@ void evaluate_stage(am_sim *sim, int stage) {
     const am_model *m = sim->model;
     look_up(sim, stage);
     evaluate_terms(sim, stage);
-    for (uint32_t i = m->first_term[stage]; i < m->first_term[stage + 1]; i++) {
-        const uint32_t target = m->term[i].target;
-        sim->sum[target] = (i == m->first_of[target] ? 0.0 : sim->sum[target]) + sim->term[m->term[i].place];
-    }
+    double *sum = sim->sum;
+    const double *term = sim->term;
+    for (const term_t *t = m->term + m->first_term[stage], *end = m->term + m->first_term[stage + 1]; t < end; t++)
+        sum[t->target] = (t->first ? 0.0 : sum[t->target]) + term[t->place];
 }
 
 /* The terms with CL as a factor, once CL is known. */
@@ -108,25 +109,34 @@ static double implicit_row(const am_sim *sim, uint32_t kind, const double free_f
     return dot(row, free_fall);
 }
 
+/* A row over forces to one over CL, CD, CY: the transpose of house_to_body. */
+static void row_to_house(const now_t *now, const double row[3], double factor, double to[3]) {
+    to[0] = factor * (row[0] * now->sa - row[2] * now->ca), to[1] = factor * (-row[0] * now->ca - row[2] * now->sa), to[2] = factor * row[1];
+}
+
 /* A x = x in place, without pivoting: A is the unit matrix minus small couplings. */
 static inline void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], uint32_t n) {
-    for (uint32_t k = 0; k < n; k++)
+    double per[IMPLICIT];
+    for (uint32_t k = 0; k < n; k++) {
+        per[k] = 1.0 / A[k][k];
         for (uint32_t i = k + 1; i < n; i++) {
-            const double factor = A[i][k] / A[k][k];
+            const double factor = A[i][k] * per[k];
             for (uint32_t j = k; j < n; j++) A[i][j] -= factor * A[k][j];
             x[i] -= factor * x[k];
         }
+    }
     for (uint32_t k = n; k-- > 0;) {
         for (uint32_t j = k + 1; j < n; j++) x[k] -= A[k][j] * x[j];
-        x[k] /= A[k][k];
+        x[k] *= per[k];
     }
 }
 
-/* Adds the implicit terms to the coefficients c; force is the total force without them, n the number of unknowns. */
-static inline void close_loop(am_sim *sim, const double force[3], const double free_fall[3], double c[COEFFICIENTS], uint32_t n) {
+/* Adds the implicit terms to the coefficients c; applied are the other forces, n is the number of unknowns.  What does not
+ * wait for c comes first. */
+static inline void close_loop(am_sim *sim, const double applied[3], const double free_fall[3], double c[COEFFICIENTS], uint32_t n) {
     const am_model *m = sim->model;
     const double per_mass = 1.0 / sim->now.mass, qS = sim->now.qbar * m->S;
-    double slope[IMPLICIT][COEFFICIENTS], push[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
+    double slope[IMPLICIT][COEFFICIENTS], gain[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
     for (uint32_t j = 0; j < n; j++) {
         sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
         for (int k = 0; k < COEFFICIENTS; k++) slope[j][k] = 0.0;
@@ -135,15 +145,14 @@ static inline void close_loop(am_sim *sim, const double force[3], const double f
         const uint32_t term = m->implicit[i][0];
         slope[m->implicit[i][1]][m->term[term].target] += term_value(sim, term);
     }
-    for (uint32_t j = 0; j < n; j++) {
-        to_house(sim, slope[j]);
-        house_to_body(&sim->now, slope[j], push[j]);
-    }
+    for (uint32_t j = 0; j < n; j++) to_house(sim, slope[j]);
     for (uint32_t i = 0; i < n; i++) {
         double row[3];
-        x[i] = implicit_row(sim, m->unknown[i], free_fall, row) + dot(row, force) * per_mass;
-        for (uint32_t j = 0; j < n; j++) A[i][j] = (i == j) - dot(row, push[j]) * qS * per_mass;
+        x[i] = implicit_row(sim, m->unknown[i], free_fall, row) + dot(row, applied) * per_mass;
+        row_to_house(&sim->now, row, qS * per_mass, gain[i]);
+        for (uint32_t j = 0; j < n; j++) A[i][j] = (i == j) - dot(gain[i], slope[j]);
     }
+    for (uint32_t i = 0; i < n; i++) x[i] += dot(gain[i], c);
     eliminate(A, x, n);
     for (uint32_t j = 0; j < n; j++) {
         sim->var[A_ALPHADOTHAT + m->unknown[j]] = x[j];
@@ -152,11 +161,11 @@ static inline void close_loop(am_sim *sim, const double force[3], const double f
 }
 
 /* The compiler unrolls each. */
-static void solve_implicit(am_sim *sim, const double force[3], const double free_fall[3], double c[COEFFICIENTS]) {
+static void solve_implicit(am_sim *sim, const double applied[3], const double free_fall[3], double c[COEFFICIENTS]) {
     const uint32_t n = sim->model->unknowns;
-    if (n == 1) close_loop(sim, force, free_fall, c, 1);
-    else if (n == 2) close_loop(sim, force, free_fall, c, 2);
-    else close_loop(sim, force, free_fall, c, 3);
+    if (n == 1) close_loop(sim, applied, free_fall, c, 1);
+    else if (n == 2) close_loop(sim, applied, free_fall, c, 2);
+    else close_loop(sim, applied, free_fall, c, 3);
 }
 
 void contributions(const am_sim *sim, double *term) {
@@ -183,11 +192,8 @@ void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]
     sum_coefficients(sim, now->c);
     to_house(sim, now->c);
     for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
+    if (m->unknowns) solve_implicit(sim, applied, free_fall, now->c);
     forces_of(sim, now->c, applied, now->F);
-    if (m->unknowns) {
-        solve_implicit(sim, now->F, free_fall, now->c);
-        forces_of(sim, now->c, applied, now->F);
-    }
     if (m->lates) add_late(sim, now->c);
     const double per_mass = 1.0 / sim->now.mass;
     for (int i = 0; i < 3; i++) a[i] = now->acceleration[i] = now->F[i] * per_mass + free_fall[i];

@@ -47,7 +47,7 @@ static void look_at_engines(am_sim *sim, const double *x, const double *u) {
     if (again) evaluate_stage(sim, STAGE_ENGINE);
 }
 
-static void push(const double force[3], const double at[3], const double cg[3], double F[3], double M[3]) {
+static void push(const double force[3], const double at[3], const double cg[3], double F[restrict 3], double M[restrict 3]) {
     const double arm[3] = {at[0] - cg[0], at[1] - cg[1], at[2] - cg[2]};
     double moment[3];
     cross(arm, force, moment);
@@ -61,7 +61,8 @@ static void ram_force(am_sim *sim, uint32_t i, double air_flow, double F[3], dou
 }
 
 /* Force and moment of one engine; returns the fuel flow. */
-static double run_engine(am_sim *sim, uint32_t i, const double *x, const double *u, double F[3], double M[3], double H[3], double *dx) {
+static double run_engine(am_sim *sim, uint32_t i, const double *x, const double *u, double F[restrict 3], double M[restrict 3], double H[restrict 3],
+                         double *dx) {
     now_t *now = &sim->now;
     const double *p = par_of(sim, G_ENGINE, i), *line = p + P_DIRECTION_X;
     const deck_t deck = decked(sim) ? spool_deck(sim, i, x, u, dx) : (deck_t){.thrust = sum_of(sim, G_ENGINE, i)[T_THRUST]};

@@ -14,40 +14,50 @@ static inline void weigh(double w, double f0, double f1, double to[4]) {
     to[0] = low * (1.0 - f1), to[1] = low * f1, to[2] = high * (1.0 - f1), to[3] = high * f1;
 }
 
-#define PLANE(n, s0, s1, w) \
-    ((((w)[0] * AT(n)) + ((w)[1] * AT((n) + (s1)))) + (((w)[2] * AT((n) + (s0))) + ((w)[3] * AT((n) + (s0) + (s1)))))
+#define PLANE(VALUE, n, s0, s1, w) \
+    ((((w)[0] * VALUE(n)) + ((w)[1] * VALUE((n) + (s1)))) + (((w)[2] * VALUE((n) + (s0))) + ((w)[3] * VALUE((n) + (s0) + (s1)))))
+#define ALONE(p) (*(p))
+
+/* To all tables of a bundle: VALUE and WRITE are those of four tables, or of one that is alone. */
+#define TABLES(VALUE, WRITE, step)                                                                                                     \
+    for (uint32_t k = 0; k < width; k += step) {                                                                                       \
+        const double *l = n + k, *h = l + s[0];                                                                                        \
+        if (axes == 0) WRITE(to + k) = VALUE(l);                                                                                       \
+        else if (axes == 1) WRITE(to + k) = (1.0 - f[0]) * VALUE(l) + f[0] * VALUE(h);                                                 \
+        else if (axes == 2) WRITE(to + k) = PLANE(VALUE, l, s[0], s[1], w[0]);                                                         \
+        else if (axes == 3) WRITE(to + k) = PLANE(VALUE, l, s[1], s[2], w[0]) + PLANE(VALUE, h, s[1], s[2], w[1]);                     \
+        else                                                                                                                           \
+            WRITE(to + k) = (PLANE(VALUE, l, s[2], s[3], w[0]) + PLANE(VALUE, l + s[1], s[2], s[3], w[1])) +                           \
+                            (PLANE(VALUE, h, s[2], s[3], w[2]) + PLANE(VALUE, h + s[1], s[2], s[3], w[3]));                            \
+    }
+
+__attribute__((always_inline)) static inline void interpolate_over(uint32_t axes, const bundle_t *bundle, const double *n, const double *fraction,
+                                                                   size_t step, double *to) {
+    const size_t *s = bundle->stride;
+    const uint32_t width = bundle->width;
+    double f[MAX_AXES], w[4][4];
+    for (uint32_t k = 0; k < axes; k++) f[k] = fraction[bundle->axis[k] * step];
+    if (axes == 2) weigh(1.0, f[0], f[1], w[0]);
+    if (axes == 3) weigh(1.0 - f[0], f[1], f[2], w[0]), weigh(f[0], f[1], f[2], w[1]);
+    if (axes == 4) {
+        const double g0 = 1.0 - f[0], g1 = 1.0 - f[1];
+        weigh(g0 * g1, f[2], f[3], w[0]), weigh(g0 * f[1], f[2], f[3], w[1]);
+        weigh(f[0] * g1, f[2], f[3], w[2]), weigh(f[0] * f[1], f[2], f[3], w[3]);
+    }
+    if (width == 1) TABLES(ALONE, ALONE, 1)
+    else TABLES(AT, PUT, 4)
+}
 
 /* n: lower corner of the cell; the fraction on axis i of the model stands at fraction[i * step]. */
-__attribute__((always_inline)) static inline void interpolate(const bundle_t *bundle, const double *n, const double *fraction, size_t step, double *to) {
-    const size_t *s = bundle->stride;
-    const uint32_t *axis = bundle->axis, width = bundle->width;
-    double w[4][4];
-    if (bundle->axes == 0) {
-        for (uint32_t k = 0; k < width; k += 4) PUT(to + k) = AT(n + k);
-        return;
+__attribute__((always_inline)) static inline void interpolate(const bundle_t *bundle, const double *n, const double *fraction, size_t step,
+                                                              double *to) {
+    switch (bundle->axes) {
+    case 0: interpolate_over(0, bundle, n, fraction, step, to); break;
+    case 1: interpolate_over(1, bundle, n, fraction, step, to); break;
+    case 2: interpolate_over(2, bundle, n, fraction, step, to); break;
+    case 3: interpolate_over(3, bundle, n, fraction, step, to); break;
+    default: interpolate_over(4, bundle, n, fraction, step, to);
     }
-    const double f0 = fraction[axis[0] * step], g0 = 1.0 - f0;
-    if (bundle->axes == 1) {
-        for (uint32_t k = 0; k < width; k += 4) PUT(to + k) = g0 * AT(n + k) + f0 * AT(n + s[0] + k);
-        return;
-    }
-    const double f1 = fraction[axis[1] * step];
-    if (bundle->axes == 2) {
-        weigh(1.0, f0, f1, w[0]);
-        for (uint32_t k = 0; k < width; k += 4) PUT(to + k) = PLANE(n + k, s[0], s[1], w[0]);
-        return;
-    }
-    const double f2 = fraction[axis[2] * step], *m = n + s[0];
-    if (bundle->axes == 3) {
-        weigh(g0, f1, f2, w[0]), weigh(f0, f1, f2, w[1]);
-        for (uint32_t k = 0; k < width; k += 4) PUT(to + k) = PLANE(n + k, s[1], s[2], w[0]) + PLANE(m + k, s[1], s[2], w[1]);
-        return;
-    }
-    const double f3 = fraction[axis[3] * step], g1 = 1.0 - f1;
-    weigh(g0 * g1, f2, f3, w[0]), weigh(g0 * f1, f2, f3, w[1]), weigh(f0 * g1, f2, f3, w[2]), weigh(f0 * f1, f2, f3, w[3]);
-    for (uint32_t k = 0; k < width; k += 4)
-        PUT(to + k) = (PLANE(n + k, s[2], s[3], w[0]) + PLANE(n + s[1] + k, s[2], s[3], w[1])) +
-                      (PLANE(m + k, s[2], s[3], w[2]) + PLANE(m + s[1] + k, s[2], s[3], w[3]));
 }
 
 /* All bundles of a stage, in the cells that look_up has found. */

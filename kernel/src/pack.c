@@ -467,6 +467,7 @@ static void place_terms(am_model *m) {
     m->places = m->rows * ROW;
     for (uint32_t i = 0; i < m->terms; i++) {
         const uint32_t target = m->term[i].target;
+        m->term[i].first = i == m->first_of[target];
         m->term[i].place = target < COEFFICIENTS ? (i - m->first_of[target]) * ROW + target : m->places++;
         while (stage < m->target_stage[target]) end_stage(m, ++stage, i);
         list_term(m, i);
