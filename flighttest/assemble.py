@@ -129,6 +129,7 @@ class _Assembly:
             arm=self.arm("ax_imu"),
             vane_arm=self.arm(self.vanes[0]) if self.vanes else np.zeros(3),
             g=self.g,
+            g_height=self.reference[0],
             earth=earth(self.latitude),
             airborne=self.air.speed_at(self.time) > limit,
             vanes=self.vanes,
@@ -182,6 +183,8 @@ class _Assembly:
         for name in known:
             if name in self.specification.of(name).bias_sigma:
                 rows[f"bias.{name}"] = (lookup(name).units, 0.0, self.specification.of(name).bias_sigma[name])
+        for name in (name for name in IMU if name in self.specification.of(name).scale_sigma):
+            rows[f"scale.{name}"] = ("1", 0.0, self.specification.of(name).scale_sigma[name])
         for name in self.vanes:
             rows[f"factor.{name}"] = ("1", *self.specification.of(name).factor.get(name, _EXACT))
         if self.vanes:

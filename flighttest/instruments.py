@@ -6,6 +6,7 @@ It stands in the aircraft file, one table per instrument; the names of the table
     position = [0.90, 0.25, 0.32]                       # from the moment reference point, body axes
     noise = { q = "0.03 deg/s", az_imu = 0.04 }         # one sigma of white noise, per sample as recorded
     bias_sigma = { q = "0.03 deg/s", az_imu = 0.06 }    # one sigma of the constant error
+    scale_sigma = { az_imu = 0.002 }                    # one sigma of the scale error; none without it
     [instruments.vanes]
     factor = { alpha_vane = [1.08, 0.04] }              # upwash: mean and one sigma
     lag = [0.05, 0.02]                                  # first-order time constant
@@ -73,12 +74,21 @@ class Instrument(Strict):
     position: tuple[_Length, _Length, _Length] | None = None  # type: ignore[valid-type]
     noise: _Channels = Field(default_factory=dict)
     bias_sigma: _Channels = Field(default_factory=dict)
+    scale_sigma: dict[str, Annotated[float, Field(gt=0.0)]] = Field(default_factory=dict)
     factor: dict[str, _Number] = Field(default_factory=dict)
     lag: _Time | None = None
     delay: _Time | None = None
     static_error: _Number | None = None
     minimum_speed: si("m s-1") = 0.0  # type: ignore[valid-type]
     maximum: si("m") | None = None  # type: ignore[valid-type]
+
+    @field_validator("scale_sigma")
+    @classmethod
+    def _inertial_only(cls, scale_sigma: dict[str, float]) -> dict[str, float]:
+        wrong = sorted(set(scale_sigma) - set(IMU))
+        if wrong:
+            raise ValueError(f"scale errors are estimated for {', '.join(IMU)} only, not for {', '.join(wrong)}")
+        return scale_sigma
 
     @field_validator("factor")
     @classmethod

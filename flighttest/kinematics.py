@@ -17,7 +17,7 @@ EARTH_RADIUS = 6371000.0  # m, mean
 
 
 def gravity(latitude: float | None, h: float) -> float:
-    """Return the acceleration of free fall; standard gravity when the latitude is not known. [m s-2]
+    """Return the acceleration of free fall, which falls with height; standard gravity at sea level when the latitude is not known. [m s-2]
 
     Parameters
     ----------
@@ -29,11 +29,20 @@ def gravity(latitude: float | None, h: float) -> float:
     References
     ----------
     .. [NIMA] NIMA TR8350.2, WGS 84, 3rd edition, eq. (4-1) and (4-3), the height term to first order.
+
+    Notes
+    -----
+    At 7500 m the fall is 0.023 m s-2: left out, it comes back as the bias of an accelerometer.
+
+    Examples
+    --------
+    >>> round(gravity(None, 7500.0), 4)
+    9.7836
     """
-    if latitude is None:
-        return G0
-    s2 = np.sin(latitude) ** 2
-    surface = 9.7803253359 * (1.0 + 0.00193185265241 * s2) / np.sqrt(1.0 - 0.00669437999013 * s2)
+    surface = G0
+    if latitude is not None:
+        s2 = np.sin(latitude) ** 2
+        surface = 9.7803253359 * (1.0 + 0.00193185265241 * s2) / np.sqrt(1.0 - 0.00669437999013 * s2)
     return float(surface * (1.0 - 2.0 * h / EARTH_RADIUS))
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from .calibrate import force_at_cg
 from .constants import Constants
+from .instruments import IMU
+from .kinematics import EARTH_RADIUS
 
 Model = Callable[["Sensor", "Problem", np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, tuple[str, ...], np.ndarray]]
 ATTITUDE, VELOCITY, HEIGHT = slice(0, 3), slice(3, 6), 6  # places in the state; lagged vane angles and gusts follow
@@ -60,7 +62,7 @@ class Problem:
     arm, vane_arm : array (3,)
         Inertial unit and vanes from the c.g. [m]
     g : float
-        Gravity. [m s-2]
+        Gravity at the height `g_height`. [m s-2]
     earth : (array (3,), array (3, 3))
         Rate of the Earth and transport matrix, see `kinematics.earth`.
     airborne : array (N,) of bool
@@ -72,6 +74,8 @@ class Problem:
         ``beta_vane`` and ``q_c``. [rad], [rad], [Pa]
     gust_time : float
         Correlation time of the gusts. [s]
+    g_height : float
+        [m]
     shown : bool
         Which of the two.  Constants are estimated with the second: a mode over gusts and vane factor together would
         take too large a factor (or too small a lag), because that makes all gusts smaller and so more probable.
@@ -95,6 +99,7 @@ class Problem:
     gust: np.ndarray | None = None
     gust_time: float = 1.0
     shown: bool = False
+    g_height: float = 0.0
 
     @property
     def dt(self) -> float:
@@ -113,6 +118,15 @@ class Problem:
         return slice(first, first + (3 if self.gust is not None else 0))
 
     @property
+    def g_fall(self) -> float:
+        """Gravity lost per metre of height. [s-2]"""
+        return 2.0 * self.g / EARTH_RADIUS
+
+    def gravity_at(self, h: np.ndarray) -> np.ndarray:
+        """Return gravity at heights. [m s-2]"""
+        return self.g - self.g_fall * (h - self.g_height)
+
+    @property
     def starts(self) -> np.ndarray:
         """First sample of every segment."""
         return np.concatenate([[0], np.flatnonzero(~self.linked) + 1])
@@ -126,11 +140,20 @@ def wind(problem: Problem, x: np.ndarray, c: np.ndarray) -> np.ndarray:
 
 
 def body_rates(problem: Problem, c: np.ndarray) -> np.ndarray:
-    """Return the gyro signals without their biases (N, 3). [rad s-1]"""
-    return problem.omega - c[problem.constants.index("bias.p", "bias.q", "bias.r")]
+    """Return the gyro signals without biases and scale errors (N, 3). [rad s-1]"""
+    return (problem.omega - c[problem.constants.index("bias.p", "bias.q", "bias.r")]) * gains(problem, c)[:3]
 
 
 def specific_force(problem: Problem, c: np.ndarray) -> np.ndarray:
-    """Return the specific force at the c.g. without biases (N, 3). [m s-2]"""
-    sensed = problem.force - c[problem.constants.index("bias.ax_imu", "bias.ay_imu", "bias.az_imu")]
-    return force_at_cg(sensed, body_rates(problem, c), problem.omega_dot, problem.arm)
+    """Return the specific force at the c.g. without biases and scale errors (N, 3). [m s-2]"""
+    return force_at_cg(sensed_force(problem, c), body_rates(problem, c), problem.omega_dot, problem.arm)
+
+
+def sensed_force(problem: Problem, c: np.ndarray) -> np.ndarray:
+    """Return the specific force where the accelerometers sit, without biases and scale errors (N, 3). [m s-2]"""
+    return (problem.force - c[problem.constants.index("bias.ax_imu", "bias.ay_imu", "bias.az_imu")]) * gains(problem, c)[3:]
+
+
+def gains(problem: Problem, c: np.ndarray) -> np.ndarray:
+    """Return 1/(1 + scale error) of gyros and accelerometers (6,)."""
+    return 1.0 / (1.0 + np.array([problem.constants.get(c, f"scale.{name}") for name in IMU]))

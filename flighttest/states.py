@@ -30,7 +30,7 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
     air_mass = wind(problem, x, c)
     R = rotation(x[:, :3])
     U = ((x[:, 3:6] - air_mass)[:, None, :] @ R)[:, 0]
-    g_b = problem.g * R[:, 2]
+    g_b = problem.gravity_at(x[:, 6])[:, None] * R[:, 2]
     columns: dict[str, np.ndarray] = dict(zip(("phi", "theta", "psi", "vn", "ve", "vd", "h"), x[:, :7].T, strict=True))
     columns.update(zip(("u", "v", "w"), U.T, strict=True))
     columns.update(zip(("p", "q", "r"), omega.T, strict=True))

@@ -23,14 +23,16 @@ from flightmech.errors import IdentificationError
 
 from .bordered import NormalEquations
 from .constants import inverse
+from .instruments import IMU
 from .kinematics import rate_matrix, rates, skew, to_body
-from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, specific_force, wind
+from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, gains, sensed_force, specific_force, wind
 
 HEIGHT_NOISE = 0.005  # m/s: closes the height equation; far below any height sensor
 VANE_NOISE = 1e-4  # rad: closes the lag equation; far below the noise of a vane
 GAIN = 0.01  # expected change of the cost at which the iteration has settled
 FAR = 1000.0  # cost per sample above which the path is no more than a first guess
-_BEHIND = ("wind_n", "wind_e", "wind_d", "bias.p", "bias.q", "bias.r")  # constants behind what a vane sees
+SCALES = tuple(f"scale.{name}" for name in IMU)
+_BEHIND = ("wind_n", "wind_e", "wind_d", "bias.p", "bias.q", "bias.r", *SCALES[:3])  # constants behind what a vane sees
 _MULTIPLY = ("factor.", "lag.", "delay.")
 ITERATIONS = 20
 
@@ -156,7 +158,8 @@ def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: N
     spin, transport = problem.earth
     v = middle[:, VELOCITY]
     carried = v @ transport.T
-    needed = difference[:, VELOCITY] - np.array([0.0, 0.0, problem.g]) + np.cross(2.0 * spin + carried, v)
+    needed = difference[:, VELOCITY] + np.cross(2.0 * spin + carried, v)
+    needed[:, 2] -= problem.gravity_at(middle[:, HEIGHT])
     U, turn, Rt = to_body(middle[:, ATTITUDE], needed)
     r[:, ATTITUDE] = from_angles + (Rt @ carried[..., None])[..., 0] - (omega[1:] + omega[:-1]) / 2.0
     r[:, VELOCITY] = U - (force[1:] + force[:-1]) / 2.0
@@ -167,24 +170,40 @@ def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: N
     slope[:, ATTITUDE, ATTITUDE] = rate_matrix(middle[:, ATTITUDE]) / dt
     half[:, VELOCITY, ATTITUDE] = turn / 2.0
     slope[:, VELOCITY, VELOCITY] = Rt / dt
+    half[:, VELOCITY, HEIGHT] = problem.g_fall / 2.0 * Rt[:, :, 2]
     half[:, HEIGHT, 5] = 0.5
     slope[:, HEIGHT, HEIGHT] = 1.0 / dt
     weight = problem.linked[:, None] / np.append(problem.noise, HEIGHT_NOISE)
-    columns = problem.constants.index("bias.p", "bias.q", "bias.r", "bias.ax_imu", "bias.ay_imu", "bias.az_imu")
-    Jc = np.zeros((len(middle), 7, 6))
-    Jc[:, np.arange(6), np.arange(6)] = 1.0
-    lever = skew(np.cross(omega, problem.arm)) + skew(omega) @ skew(problem.arm)
-    Jc[:, 3:6, :3] = (lever[1:] + lever[:-1]) / 2.0
+    columns, D = input_derivatives(problem, c)
+    Jc = np.zeros((len(middle), 7, len(columns)))
+    Jc[:, :6] = -(D[1:] + D[:-1]) / 2.0
     w = weight[..., None]
     equations.add_steps(r * weight, (half - slope) * w, (half + slope) * w, columns, Jc * w)
+
+
+def input_derivatives(problem: Problem, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the constants behind rates and specific force, and the derivative of both by them (N, 6, constants)."""
+    errors = [f"bias.{name}" for name in IMU] + [name for name in SCALES if name in problem.constants]
+    gain, omega = gains(problem, c), body_rates(problem, c)
+    read = np.concatenate([omega, sensed_force(problem, c)], axis=1)
+    lever = skew(np.cross(omega, problem.arm)) + skew(omega) @ skew(problem.arm)  # the force at the c.g. by the rates
+    D = np.zeros((len(omega), 6, len(errors)))
+    for j, name in enumerate(errors):
+        kind, channel = name.split(".")
+        i = IMU.index(channel)
+        D[:, i, j] = -gain[i] * (read[:, i] if kind == "scale" else 1.0)
+        if i < 3:
+            D[:, 3:6, j] = lever[:, :, i] * D[:, i, j, None]
+    return problem.constants.index(*errors), D
 
 
 def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the angles that vanes without lag would see (N, vanes), and their derivatives by state and by ``_BEHIND``."""
     air = x[:, VELOCITY] - wind(problem, x, c)
     U, turn, Rt = to_body(x[:, ATTITUDE], air)
-    u, v, w = (U + np.cross(body_rates(problem, c), problem.vane_arm)).T
-    angle, J, Jw = (np.zeros((len(x), len(problem.vanes), *m)) for m in ((), (problem.states,), (6,)))
+    omega, gain = body_rates(problem, c), gains(problem, c)[:3]
+    u, v, w = (U + np.cross(omega, problem.vane_arm)).T
+    angle, J, Jw = (np.zeros((len(x), len(problem.vanes), *m)) for m in ((), (problem.states,), (len(_BEHIND),)))
     for i, name in enumerate(problem.vanes):
         side = w if name == "alpha_vane" else v
         row = np.zeros((len(x), 3))
@@ -197,7 +216,8 @@ def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.nd
         if problem.gust is not None and not problem.shown:
             J[:, i, problem.gusts] = -by_velocity
         Jw[:, i, :3] = -by_velocity
-        Jw[:, i, 3:] = row @ skew(problem.vane_arm)
+        Jw[:, i, 3:6] = row @ skew(problem.vane_arm) * gain
+        Jw[:, i, 6:] = Jw[:, i, 3:6] * omega
     return angle, J, Jw
 
 

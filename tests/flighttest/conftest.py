@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from flightmech.air import impact_pressure
-from flighttest.kinematics import rate_matrix, rotation
+from flighttest.kinematics import EARTH_RADIUS, gravity, rate_matrix, rotation
 
 G = 9.80665
 RATE = 50.0
@@ -73,9 +73,10 @@ def path(duration, rng, gust=0.0):
     steady = (R @ air[..., None])[..., 0] + [4.0, -3.0, 0.0]  # the aeroplane does not follow the gusts
     air = ((steady - wind)[:, None, :] @ R)[:, 0]
     acceleration = spline(t, steady)(t, 1)
-    force = ((acceleration - [0.0, 0.0, G])[:, None, :] @ R)[:, 0]
     omega = (rate_matrix(attitude) @ spline(t, attitude)(t, 1)[..., None])[..., 0]
     height = 1500.0 - spline(t, steady[:, 2]).antiderivative()(t)
+    acceleration[:, 2] -= gravity(None, 0.0) * (1.0 - 2.0 * height / EARTH_RADIUS)
+    force = (acceleration[:, None, :] @ R)[:, 0]
     return SimpleNamespace(
         time=t, attitude=attitude, omega=omega, omega_dot=spline(t, omega)(t, 1), force=force, air=air, velocity=steady, h=height, wind=wind
     )  # fmt: skip

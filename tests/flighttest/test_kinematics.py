@@ -35,7 +35,8 @@ def test_derivatives_of_rates_and_body_vectors():
 
 
 def test_gravity():
-    assert gravity(None, 1000.0) == 9.80665
+    assert gravity(None, 0.0) == 9.80665
+    assert gravity(None, 7500.0) == pytest.approx(9.7836, abs=5e-5)  # what the Citation 500 simulation of that height flies with
     # WGS-84 normal gravity on the ellipsoid: equator 9.7803253359, pole 9.8321849378 (NIMA TR8350.2, table 3.4)
     assert gravity(0.0, 0.0) == pytest.approx(9.7803253359, abs=1e-9)
     assert gravity(np.pi / 2, 0.0) == pytest.approx(9.8321849378, abs=2e-9)
