@@ -5,12 +5,13 @@ from __future__ import annotations
 import click
 
 from .console import NewFile, json_option
+from .simulate_cli import simulate
 from .trim_cli import trim
 
 
 @click.group()
 def fmu() -> None:
-    """Write simulation models as FMUs."""
+    """Simulation models: write them as FMUs, trim and fly them."""
 
 
 @fmu.command()
@@ -55,3 +56,4 @@ def show(path: str, as_json: bool) -> None:
 
 
 fmu.add_command(trim)
+fmu.add_command(simulate)
