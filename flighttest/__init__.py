@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from .files import open_biases, save_path
     from .fit import Fit, open_fit, save_fit
     from .fourier_smoothing import Smoothed, fourier_smooth
+    from .likelihood.flown import output_error
+    from .likelihood.result import OutputError
+    from .likelihood.unknowns import Unknown
     from .mixed_estimation import mixed
     from .model import Model
     from .names_map import NameMap, read_names
@@ -35,6 +38,9 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
+    "output_error": "likelihood.flown",
+    "Unknown": "likelihood.unknowns",
+    "OutputError": "likelihood.result",
     "incidence_from_velocity": "unmeasured",
     "airspeed_from_pressures": "unmeasured",
     "forces_from_velocity": "unmeasured",
@@ -91,8 +97,10 @@ __all__ = [
     "Fit",
     "Model",
     "NameMap",
+    "OutputError",
     "Path",
     "Smoothed",
+    "Unknown",
     "airspeed_from_pressures",
     "angular_accelerations",
     "between",
@@ -117,6 +125,7 @@ __all__ = [
     "open_biases",
     "open_fit",
     "open_states",
+    "output_error",
     "overview",
     "pool",
     "pool_fits",
