@@ -12,17 +12,20 @@ if TYPE_CHECKING:
     from .delay import Delay, time_delay
     from .deletion import decide
     from .differentiate import derivative, derivative_window
-    from .files import open_biases, save_path
+    from .files import open_biases, save_path, save_record
     from .fit import Fit, open_fit, save_fit
     from .fourier_smoothing import Smoothed, fourier_smooth
+    from .join import merge
     from .likelihood.flown import output_error
     from .likelihood.result import OutputError
     from .likelihood.unknowns import Unknown
+    from .marking import add_marks, marks
     from .mixed_estimation import mixed
     from .model import Model
-    from .names_map import NameMap, read_names
+    from .names_map import NameMap, read_names, shipped_maps
     from .pooling import pool, pool_fits
     from .programme import combine_biases, reconstruct_programme
+    from .raw_contents import contents
     from .reconstruction import Path, reconstruct
     from .record import faults, manoeuvres, overview, read
     from .reduction import between, coefficients, open_states
@@ -38,9 +41,9 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
-    "output_error": "likelihood.flown",
-    "Unknown": "likelihood.unknowns",
     "OutputError": "likelihood.result",
+    "Unknown": "likelihood.unknowns",
+    "output_error": "likelihood.flown",
     "incidence_from_velocity": "unmeasured",
     "airspeed_from_pressures": "unmeasured",
     "forces_from_velocity": "unmeasured",
@@ -61,7 +64,13 @@ _HOME = {
     "manoeuvres": "record",
     "overview": "record",
     "faults": "record",
+    "contents": "raw_contents",
+    "marks": "marking",
+    "add_marks": "marking",
+    "merge": "join",
+    "save_record": "files",
     "read_names": "names_map",
+    "shipped_maps": "names_map",
     "NameMap": "names_map",
     "cut": "conditioning",
     "channel": "conditioning",
@@ -101,6 +110,7 @@ __all__ = [
     "Path",
     "Smoothed",
     "Unknown",
+    "add_marks",
     "airspeed_from_pressures",
     "angular_accelerations",
     "between",
@@ -108,6 +118,7 @@ __all__ = [
     "coefficients",
     "combine_biases",
     "complete",
+    "contents",
     "cut",
     "decide",
     "derivative",
@@ -121,6 +132,8 @@ __all__ = [
     "incidence_from_velocity",
     "lowpass",
     "manoeuvres",
+    "marks",
+    "merge",
     "mixed",
     "open_biases",
     "open_fit",
@@ -139,6 +152,8 @@ __all__ = [
     "resample",
     "save_fit",
     "save_path",
+    "save_record",
+    "shipped_maps",
     "smooth",
     "time_delay",
     "true_pressures",

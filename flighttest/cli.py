@@ -8,21 +8,22 @@ import click
 
 from flightmech.console import NewFile, document, jobs_option, json_option, remark, table
 
+from .cli_options import names_option
+
 _RECORD = click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
-_NAMES = click.option(
-    "--names", type=click.Path(exists=True, dir_okay=False), help="Name map, TOML; not needed when the file has house names."
-)
+_NAMES = names_option
+_ELSEWHERE = {"info": "cli_records", "convert": "cli_records", "identify": "cli_identify"}  # verb: module
 
 
 class _Group(click.Group):
-    """Imports the verb `identify` from its own module when it is called."""
+    """Imports the verbs of other modules when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return [*super().list_commands(ctx), "identify"]
+        return [*super().list_commands(ctx), *_ELSEWHERE]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name == "identify":
-            return importlib.import_module("flighttest.cli_identify").identify
+        if cmd_name in _ELSEWHERE:
+            return getattr(importlib.import_module(f"flighttest.{_ELSEWHERE[cmd_name]}"), cmd_name)
         return super().get_command(ctx, cmd_name)
 
 
@@ -41,7 +42,7 @@ def show(record_file: str, names: str | None, as_json: bool) -> None:
 
     record = read(record_file, names)
     channels, flown, found = overview(record), manoeuvres(record), faults(record)
-    facts = {key: value for key, value in record.attrs.items() if key not in ("manoeuvres", "unmapped")}
+    facts = {key: value for key, value in record.attrs.items() if key not in ("manoeuvres", "unmapped", "notes")}
     unmapped = record.attrs["unmapped"].split()
     if as_json:
         document({**facts, "channels": channels, "manoeuvres": flown, "faults": found, "unmapped": unmapped})

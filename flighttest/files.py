@@ -20,6 +20,12 @@ def save(data: xr.Dataset, path: str | Path) -> None:
     _whole({"/": data}, Path(path))
 
 
+def save_record(record: xr.DataTree, path: str | Path) -> None:
+    """Write a flight record to netCDF, one group per leaf; `flighttest.read` reads it again without a name map."""
+    groups = {"/": xr.Dataset(attrs=record.attrs)}
+    _whole({**groups, **{f"/{leaf}": node.to_dataset() for leaf, node in record.children.items()}}, Path(path))
+
+
 def save_path(path: FlightPath, target: str | Path) -> None:
     """Write a reconstruction: groups ``states`` (with the report as attribute), ``biases``, ``residuals``."""
     states = path.states.assign_attrs(report=path.report())

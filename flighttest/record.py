@@ -1,14 +1,15 @@
 """Flight records: recordings as a tree of leaves, one per time base, in house names and SI.
 
-A `FlightRecord` is a plain ``xarray.DataTree``.  Each leaf is a Dataset over its own ``time`` [s]; its attributes tell
-what the clock looked like (``rate`` [Hz], ``gaps``, ``duplicates``) and which channels hold NaN (``missing``).  Root
-attributes: ``title``, ``start``, ``purpose``, ``source_file``, ``manoeuvres`` (JSON), ``latitude`` [rad],
-``runway_elevation`` [m] where known.
+A `FlightRecord` is a plain ``xarray.DataTree``.  Each leaf is a Dataset over its own ``time`` [s]; its attributes tell what the clock
+looked like (``rate`` [Hz], ``gaps``, ``duplicates``), which channels hold NaN (``missing``), and hold all marks (`flighttest.marks`).
+Root attributes: ``title``, ``start``, ``purpose``, ``source_file``, ``format``, ``manoeuvres`` (JSON), ``notes`` (JSON: faults told by the
+file itself), ``unmapped`` and ``absent`` columns, ``latitude`` [rad], ``runway_elevation`` [m] where known.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,24 +17,27 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import ParseError, SchemaError, UnknownName
+from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
 
-from .conditioning import GAP, resample
-from .names_map import Channel, NameMap, read_names
-from .tables import Table, read_csv, read_netcdf
+from .conditioning import resample
+from .marking import Mark, as_text, in_words, kept, sample_faults, spans
+from .names_map import Channel, NameMap, read_names, shipped_maps
+from .readers.clocks import Clocks, utc_facts
+from .readers.opening import FORMATS, open_recording
+from .readers.recording import Recording, Table
 
 
 def read(path: str | Path, names: str | Path | NameMap | None = None) -> xr.DataTree:
-    """Return a flight record from a netCDF or CSV file.
+    """Return a flight record from a file of any known format; the format is recognised by content.
 
     Parameters
     ----------
     path : str or Path
-        ``.nc`` (one group per time base) or ``.csv``, ``.csv.gz`` (one time base).
+        CSV (plain or gzip), netCDF, HDF5, MATLAB v5 to v7.3, PX4 ULog, ArduPilot DataFlash, MDF, IRIG 106 Chapter 10.
     names : str, Path or NameMap, optional
-        Name map; without it every column must carry a house name and its unit.  Columns the map does not name are left
-        out and listed in the root attribute ``unmapped``.
+        Name map: a TOML file, or the name of a shipped one (``"px4"``, ``"ardupilot"``).  Without it every column must carry a house name
+        and its unit.  Columns the map does not name are left out and listed in the root attribute ``unmapped``.
 
     Returns
     -------
@@ -43,11 +47,15 @@ def read(path: str | Path, names: str | Path | NameMap | None = None) -> xr.Data
     Raises
     ------
     ParseError
-        The file breaks its format.
+        The file breaks its format, or is of no known one.
     UnknownName
         A column of the map is not in the file, or a column has no house name, with the near names.
+    UnitError
+        A column without a unit, or with one of another quantity.
     SchemaError
-        A clock that runs backwards, or leaves that mix clocks.
+        Several of these at once; a clock that is set back; leaves that mix clocks.
+    AeromatchError
+        The package that reads the format is not installed; the text says how to install it.
 
     References
     ----------
@@ -55,22 +63,38 @@ def read(path: str | Path, names: str | Path | NameMap | None = None) -> xr.Data
     """
     path = Path(path)
     mapping = names if isinstance(names, NameMap) or names is None else read_names(names)
-    kind = path.name.lower().removesuffix(".gz").rsplit(".", 1)[-1]
-    if kind == "csv":
-        tables, root = read_csv(path, (mapping or NameMap({})).clock)
-    elif kind in ("nc", "nc4", "h5"):
-        tables, root = read_netcdf(path)
-    else:
-        raise ParseError(str(path), 0, f"a file name ending in .{kind}", ".nc, .csv or .csv.gz")
-    mapping = mapping or _own_names(tables, path)
-    leaves = {leaf: _leaf(leaf, channels, tables, path) for leaf, channels in mapping.leaves.items() if channels}
-    used = {_locate(leaf, channel, tables, path) for leaf, channels in mapping.leaves.items() for channel in channels.values()}
-    root = {key: value for key, value in root.items() if isinstance(value, str | int | float | np.integer | np.floating)}
+    recording = open_recording(path, mapping or NameMap({}))
+    return _record(recording, mapping or _own_names(recording, path), path)
+
+
+def _record(recording: Recording, mapping: NameMap, path: Path) -> xr.DataTree:
+    clocks = Clocks(recording.tables, mapping, path.name)
+    tables = clocks.with_decoded_words()
+    places, absent = _places(mapping, tables, path)
+    leaves = {leaf: _leaf(leaf, part, mapping, tables, clocks) for leaf, part in places.items() if part}
+    if not leaves:
+        wanted = ", ".join(absent[:8]) if absent else "no channel"
+        raise SchemaError(
+            f"name map {mapping.source}", [f"nothing that it names is in {path.name} ({wanted}); see 'aeromatch flight info'"]
+        )
+    used = {place for part in places.values() for place in part.values()} | clocks.columns_used
+    root = {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)}
+    root.update({key: value for key, value in utc_facts(mapping.utc, tables, clocks).items()})
     root.update({key: value for key, value in mapping.facts.model_dump().items() if value is not None})
     root.setdefault("title", root.get("record") or path.name.split(".")[0])
-    root["source_file"] = path.name
+    root.update(source_file=path.name, format=FORMATS[recording.kind][1])
     root["unmapped"] = " ".join(f"{t}/{c}" for t, table in tables.items() for c in table.columns if (t, c) not in used)
+    root["absent"] = " ".join(absent)
+    root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes])
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs=root), **{f"/{leaf}": data for leaf, data in leaves.items()}})
+
+
+def _notes(facts: Mapping[str, Any]) -> list[str]:
+    """Return the notes that a record of the house carries."""
+    try:
+        return [str(note) for note in json.loads(facts.get("notes", "[]"))]
+    except (ValueError, TypeError):
+        return []
 
 
 def locate(record: xr.DataTree, name: str) -> str | None:
@@ -122,22 +146,27 @@ def overview(record: xr.DataTree) -> pd.DataFrame:
 
 
 def faults(record: xr.DataTree) -> list[str]:
-    """Return in words what is wrong with the clocks and samples of a record."""
-    found = []
+    """Return in words what is wrong with the clocks and samples of a record; `flighttest.marks` gives the same as a table."""
+    found = [str(note) for note in json.loads(record.attrs.get("notes", "[]"))]
     for leaf, node in record.children.items():
-        for key, text in (("gaps", "gaps in the clock at"), ("duplicates", "repeated time stamps dropped:"), ("missing", "NaN samples:")):
-            if node.attrs.get(key):
-                found.append(f"{leaf}: {text} {node.attrs[key]}")
+        found += [f"{leaf}: {text}" for text in in_words(kept(node.attrs.get("marks", "[]")))]
     return found
 
 
-def _own_names(tables: dict[str, Table], path: Path) -> NameMap:
+def _own_names(recording: Recording, path: Path) -> NameMap:
     """Return the map of a file that already speaks house names."""
-    unknown = sorted({c for table in tables.values() for c in table.columns if not _known(c)})
+    clocks = ("time", "t")
+    unknown = sorted({c for table in recording.tables.values() for c in table.columns if not _known(c) and c not in clocks})
     if unknown:
         hint = f"{path.name} has {len(unknown)} columns without a house name ({', '.join(unknown[:12])})"
-        raise UnknownName(unknown[0], VOCABULARY, "column", f"{hint}; pass names=... (--names), a name map in TOML")
-    return NameMap({name: {c: Channel(column=c) for c in table.columns} for name, table in tables.items()})
+        maps = ", ".join(shipped_maps())
+        raise UnknownName(
+            unknown[0], VOCABULARY, "column", f"{hint}; pass names=... (--names), a name map in TOML or a shipped one ({maps})"
+        )
+    return NameMap(
+        {name: {c: Channel(column=c) for c in table.columns if c not in clocks} for name, table in recording.tables.items()},
+        source="of the file",
+    )
 
 
 def _known(name: str) -> bool:
@@ -147,70 +176,110 @@ def _known(name: str) -> bool:
         return False
 
 
-def _locate(leaf: str, channel: Channel, tables: dict[str, Table], path: Path) -> tuple[str, str]:
-    """Return table and column of a channel: ``table/column``, a column of the leaf's own table, or of the only table."""
-    group, _, column = channel.column.rpartition("/")
+_Place = tuple[str, str]  # table and column
+
+
+def _places(mapping: NameMap, tables: Mapping[str, Table], path: Path) -> tuple[dict[str, dict[str, _Place]], list[str]]:
+    """Return where every channel is, leaf by leaf, and what optional channels miss; all problems in one error."""
+    places: dict[str, dict[str, _Place]] = {}
+    problems: list[AeromatchError] = []
+    absent: list[str] = []
+    for leaf, channels in mapping.leaves.items():
+        places[leaf] = {}
+        for name, channel in channels.items():
+            try:
+                places[leaf][name] = _locate(leaf, channel, tables, path)
+            except UnknownName as error:
+                if channel.optional:
+                    absent.append(channel.columns[0])
+                else:
+                    problems.append(error)
+                continue
+            problems += _unit_problem(channel, name, places[leaf][name], tables)
+    if len(problems) == 1:
+        raise problems[0]
+    if problems:
+        raise SchemaError(f"name map {mapping.source} for {path.name}", [str(problem) for problem in problems])
+    return places, absent
+
+
+def _unit_problem(channel: Channel, name: str, place: _Place, tables: Mapping[str, Table]) -> list[AeromatchError]:
+    try:
+        channel.convert(np.zeros(0), tables[place[0]].units.get(place[1]), name)
+    except UnitError as error:
+        return [error]
+    return []
+
+
+def _locate(leaf: str, channel: Channel, tables: Mapping[str, Table], path: Path) -> _Place:
+    """Return table and column of a channel, from the first of its columns that is there."""
+    missing: UnknownName | None = None
+    for column in channel.columns:
+        try:
+            return _one_place(leaf, column, tables, path)
+        except UnknownName as error:
+            missing = missing or error
+    assert missing is not None
+    raise missing
+
+
+def _one_place(leaf: str, wanted: str, tables: Mapping[str, Table], path: Path) -> _Place:
+    """Return the place of ``table/column``, of a column of the leaf's own table or of the only table, or of a table with one column."""
+    if wanted in tables and len(tables[wanted].columns) == 1:
+        return wanted, next(iter(tables[wanted].columns))
+    for table in sorted(tables, key=len, reverse=True):  # names of tables may hold slashes, names of columns too
+        if wanted.startswith(table + "/") and wanted[len(table) + 1 :] in tables[table].columns:
+            return table, wanted[len(table) + 1 :]
+    group, _, column = wanted.rpartition("/")
     group = group or (leaf if leaf in tables else next(iter(tables)) if len(tables) == 1 else "")
+    if group not in tables and wanted in tables.get("data", Table({})).columns:
+        return "data", wanted
     if group not in tables:
-        raise UnknownName(
-            group or leaf, tables, "table", f"{path.name} holds no such group for column {channel.column!r}; write group/column"
-        )
+        raise UnknownName(group or leaf, tables, "table", f"{path.name} holds no such group for column {wanted!r}; write group/column")
     if column not in tables[group].columns:
         raise UnknownName(column, tables[group].columns, "column", f"the name map asks for it in {path.name}, table {group}")
     return group, column
 
 
-def _leaf(leaf: str, channels: dict[str, Channel], tables: dict[str, Table], path: Path) -> xr.Dataset:
-    places = {name: _locate(leaf, channel, tables, path) for name, channel in channels.items()}
-    groups = {group for group, _ in places.values()}
-    times = [tables[group].time for group in sorted(groups)]
-    if any(len(t) != len(times[0]) or not np.array_equal(t, times[0]) for t in times):
+def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mapping[str, Table], clocks: Clocks) -> xr.Dataset:
+    what = f"{clocks.file}, leaf {leaf}"
+    groups = sorted({group for group, _ in places.values()})
+    if any(not clocks.same(groups[0], group, what) for group in groups[1:]):
         raise SchemaError(
-            f"name map, leaf {leaf}",
-            [f"its columns come from tables with different clocks ({', '.join(sorted(groups))}); make a leaf of each"],
+            f"name map, leaf {leaf}", [f"its columns come from tables with different clocks ({', '.join(groups)}); make a leaf of each"]
         )
-    time, keep, about = _clock(times[0], leaf, path)
-    data = xr.Dataset(coords={"time": ("time", time, attrs("time"))}, attrs=about)
-    for name, channel in channels.items():
-        group, column = places[name]
-        unit = tables[group].units.get(column)
-        x = np.asarray(channel.convert(tables[group].columns[column][keep], unit, name), float)
-        x = _advance(time, x, channel.delay, name)
-        data[name] = "time", x, {**attrs(name), "column": f"{group}/{column}", "calibration": channel.calibration(unit)}
-        if channel.delay:
-            data[name].attrs["delay_removed"] = channel.delay
-    if {"delta_a_left", "delta_a_right"} <= set(data.data_vars) and "delta_a" not in data:
-        data["delta_a"] = (data["delta_a_right"] - data["delta_a_left"]) / 2.0
-        data["delta_a"].attrs = {**attrs("delta_a"), "calibration": "(delta_a_right - delta_a_left) / 2"}
-    missing = {name: np.isnan(data[name].values) for name in map(str, data.data_vars)}
-    data.attrs["missing"] = ", ".join(f"{n} {int(m.sum())} from {time[np.argmax(m)]:g} s" for n, m in missing.items() if m.any())
-    return data
-
-
-def _clock(time: np.ndarray, leaf: str, path: Path) -> tuple[np.ndarray, np.ndarray, dict[str, Any]]:
-    """Return a rising clock, the samples kept, and what was found."""
-    what = f"{path.name}, leaf {leaf}"
-    if len(time) < 2 or not np.isfinite(time).all():
-        raise SchemaError(
-            what, [f"its clock has {len(time)} samples, {int((~np.isfinite(time)).sum())} of them NaN; at least two finite ones are needed"]
-        )
-    step = np.diff(time)
-    if (step < 0).any():
-        at = int(np.argmax(step < 0))
-        raise SchemaError(
-            what, [f"time does not rise: {time[at]:g} s is followed by {time[at + 1]:g} s (sample {at + 1}); split or sort the file"]
-        )
-    keep = np.concatenate([[True], step > 0])
-    time = time[keep]
-    step = np.diff(time)
-    median = float(np.median(step))
-    gaps = np.flatnonzero(step > GAP * median)
-    words = ", ".join(f"{time[i]:g} s ({step[i]:.3g} s)" for i in gaps[:20])
-    return time, keep, {"rate": 1.0 / median, "gaps": words, "duplicates": int((~keep).sum())}
+    clock = clocks.settled(groups[0], what)
+    columns: dict[str, Any] = {}
+    found = [*kept(tables[groups[0]].marks), *clock.marks]
+    for name, (group, column) in places.items():
+        channel, unit = mapping.leaves[leaf][name], tables[group].units.get(column)
+        raw = np.asarray(tables[group].columns[column], float)
+        raw = raw if len(clock.keep) == len(raw) else raw[clock.keep]
+        x = np.asarray(channel.convert(raw, unit, name), float)
+        found += spans(clock.time, np.isnan(x) & ~np.isnan(raw), name, "outside") if channel.table is not None else []
+        x = _advance(clock.time, x, channel.delay, name)
+        found += sample_faults(clock.time, x, name, clock.about["rate"])
+        about = {**attrs(name), "column": f"{group}/{column}", "calibration": channel.calibration(unit, column)}
+        columns[name] = "time", x, {**about, "delay_removed": channel.delay} if channel.delay else about
+    if {"delta_a_left", "delta_a_right"} <= set(columns) and "delta_a" not in columns:
+        about = {**attrs("delta_a"), "calibration": "(delta_a_right - delta_a_left) / 2"}
+        columns["delta_a"] = "time", (columns["delta_a_right"][1] - columns["delta_a_left"][1]) / 2.0, about
+    missing: dict[str, list[Mark]] = {}
+    for mark in found:
+        if mark.kind == "missing":
+            missing.setdefault(mark.channel, []).append(mark)
+    words = ", ".join(f"{name} {sum(m.samples for m in group)} from {group[0].start:g} s" for name, group in missing.items())
+    about = {**clock.about, "missing": words, "marks": as_text(dict.fromkeys(found))}
+    return xr.Dataset(columns, {"time": ("time", clock.time, attrs("time"))}, about)
 
 
 def _advance(time: np.ndarray, x: np.ndarray, delay: float, name: str) -> np.ndarray:
     """Return the channel with a known latency removed: its value at t is what was recorded at t + delay."""
     if not delay:
         return x
-    return resample(time, x, np.clip(time + delay, time[0], time[-1]), name)
+    good = np.isfinite(x)
+    if good.sum() < 2:
+        return x
+    moved = resample(time[good], x[good], np.clip(time + delay, time[0], time[-1]), name)
+    lost = np.interp(time + delay, time, (~good).astype(float)) > 0.0
+    return np.where(lost, np.nan, moved)

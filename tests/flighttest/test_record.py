@@ -60,8 +60,10 @@ def test_csv_cell_that_is_no_number(tmp_path, names):
 
 
 def test_empty_csv(tmp_path, names):
-    with pytest.raises(ParseError, match="comma-separated columns"):
+    with pytest.raises(ParseError, match="an empty file"):
         flighttest.read(csv(tmp_path, ""), names)
+    with pytest.raises(ParseError, match="comma-separated columns"):
+        flighttest.read(csv(tmp_path, "# nothing but this\n"), names)
 
 
 def test_csv_without_the_clock(tmp_path, names):
@@ -107,13 +109,16 @@ def test_column_of_another_group(tmp_path):
 def test_not_a_netcdf_file(tmp_path):
     file = tmp_path / "r.nc"
     file.write_text("no")
-    with pytest.raises(ParseError, match="no netCDF-4 content"):
+    file.write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
+    with pytest.raises(ParseError, match="a whole HDF5, netCDF-4"):
         flighttest.read(file)
 
 
 def test_unknown_kind_of_file(tmp_path):
-    with pytest.raises(ParseError, match=r"ending in \.xls; expected \.nc"):
-        flighttest.read(tmp_path / "r.xls")
+    file = tmp_path / "r.xls"
+    file.write_bytes(b"\xd0\xcf\x11\xe0 a spreadsheet" + bytes(200))
+    with pytest.raises(ParseError, match="one of the formats CSV, netCDF"):
+        flighttest.read(file)
 
 
 def test_clock_that_runs_backwards(tmp_path, names):

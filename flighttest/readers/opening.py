@@ -1,0 +1,90 @@
+"""Which format a file has, by its first bytes, and the reader that belongs to it."""
+
+from __future__ import annotations
+
+import gzip
+import importlib
+import struct
+from pathlib import Path
+
+from flightmech.errors import ParseError
+
+from ..names_map import NameMap
+from .recording import Recording
+
+# format: (module, what people call it); the modules import their packages when they read
+FORMATS = {
+    "csv": ("csv_text", "CSV"),
+    "netcdf3": ("netcdf_classic", "netCDF classic"),
+    "hdf5": ("hdf5", "netCDF-4 or HDF5"),
+    "matlab5": ("matlab", "MATLAB v5 to v7"),
+    "matlab73": ("hdf5", "MATLAB v7.3"),
+    "ulog": ("ulog", "PX4 ULog"),
+    "dataflash": ("dataflash", "ArduPilot DataFlash"),
+    "mdf": ("mdf", "MDF"),
+    "chapter10": ("chapter10", "IRIG 106 Chapter 10"),
+}
+_START = {
+    b"\x89HDF\r\n\x1a\n": "hdf5",
+    b"MATLAB 5.0 MAT-file": "matlab5",
+    b"MATLAB 7.3 MAT-file": "matlab73",
+    b"ULog\x01\x12\x35": "ulog",
+    b"MDF     ": "mdf",
+    b"UnFinMF ": "mdf",
+    b"CDF\x01": "netcdf3",
+    b"CDF\x02": "netcdf3",
+    b"\xa3\x95": "dataflash",
+    b"\x25\xeb": "chapter10",
+}
+
+
+def recognise(path: str | Path) -> str:
+    """Return the format of a file, a key of `FORMATS`, from its content and not from its name.
+
+    Raises
+    ------
+    ParseError
+        An empty file, or bytes of no known format.
+    """
+    with open(path, "rb") as file:
+        head = file.read(4096)
+    if head[:2] == b"\x1f\x8b":
+        head = _unpacked(path)
+    for start, kind in _START.items():
+        if head.startswith(start):
+            return kind
+    if not head:
+        raise ParseError(str(path), 0, "an empty file", "a recording")
+    if b"\0" not in head and _is_text(head):
+        return "csv"
+    if len(head) >= 128 and struct.unpack_from("<H", head, 124)[0] in (0x0100, 0x0001) and head[126:128] in (b"IM", b"MI"):
+        return "matlab5"  # written by other programs, whose text may begin differently
+    known = ", ".join(dict.fromkeys(name for _, name in FORMATS.values()))
+    raise ParseError(str(path), 0, f"bytes that begin with {head[:8]!r}", f"one of the formats {known}")
+
+
+def _unpacked(path: str | Path) -> bytes:
+    try:
+        with gzip.open(path) as file:
+            return file.read(4096)
+    except (OSError, EOFError, ValueError) as error:
+        raise ParseError(str(path), 0, f"a gzip file that cannot be unpacked ({error})", "a whole .gz file") from error
+
+
+def _is_text(head: bytes) -> bool:
+    odd = sum(byte < 9 or 13 < byte < 32 for byte in head)
+    return odd == 0
+
+
+def open_recording(path: str | Path, names: NameMap) -> Recording:
+    """Return the tables of a file of any known format.
+
+    Raises
+    ------
+    ParseError
+        The file is damaged or of no known format.
+    AeromatchError
+        The package that reads the format is not installed.
+    """
+    module, _ = FORMATS[recognise(path)]
+    return importlib.import_module(f".{module}", __package__).read(Path(path), names)

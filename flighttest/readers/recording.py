@@ -1,0 +1,120 @@
+"""Raw recordings: columns over the clocks of a file, as they stand in it, not yet in house names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flightmech.errors import AeromatchError, ParseError
+
+CLOCK_NAMES = ("time", "t", "Time", "TIME", "T", "timestamp", "Timestamp")
+WIDEST = 64  # columns that one two-dimensional array may give
+_NOT_OF_THE_CONTENT = (AeromatchError, FileNotFoundError, PermissionError, IsADirectoryError, ImportError)
+
+
+class Columns(Mapping[str, np.ndarray]):
+    """Columns by name, each read from the file when it is asked for the first time."""
+
+    def __init__(self, loaders: Mapping[str, Callable[[], Any]]):
+        self._loaders = dict(loaders)
+        self._read: dict[str, np.ndarray] = {}
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        if name not in self._read:
+            self._read[name] = np.asarray(self._loaders[name]())
+        return self._read[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._loaders)
+
+    def __len__(self) -> int:
+        return len(self._loaders)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._loaders
+
+
+@dataclass(frozen=True)
+class Table:
+    """Columns over one clock.
+
+    Attributes
+    ----------
+    columns : mapping of str to array (time,)
+        As recorded.
+    units : mapping of str to str
+        Units as the file states them; names without a unit are missing.
+    time : array (time,) or None
+        Stamps of the format's own clock [s]; None where one of the columns is the clock.
+    marks : str
+        Marks that a record of the house carries (JSON), else empty.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    units: Mapping[str, str] = field(default_factory=dict)
+    time: np.ndarray | None = None
+    marks: str = ""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a reader found: the format, tables by name, facts for the root of the record, and faults told by the file itself."""
+
+    kind: str
+    tables: dict[str, Table]
+    facts: dict[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+@contextmanager
+def guarded(path: str | Path, expected: str) -> Iterator[None]:
+    """Turn whatever a decoder raises on damaged bytes into a ParseError that names the file."""
+    try:
+        yield
+    except _NOT_OF_THE_CONTENT:
+        raise
+    except Exception as error:
+        text = " ".join(str(error).split())
+        raise ParseError(str(path), 0, f"content that cannot be decoded ({type(error).__name__}: {text})", expected) from error
+
+
+def spread(name: str, shape: tuple[int, ...], length: int) -> dict[str, Callable[[Any], np.ndarray]]:
+    """Return the columns that an array of a file gives over a clock of `length` samples: column name -> how to take it.
+
+    A vector is one column; a matrix with one row per sample, or one column per sample, gives ``name[0]``, ``name[1]``, ...; a single
+    number holds all along; anything else gives none.
+    """
+    size = int(np.prod(shape, dtype=np.int64))
+    if size == 1:
+        return {name: partial(_constant, length)}
+    if size == length and max(shape) == length:
+        return {name: np.ravel}
+    if len(shape) == 2 and shape[0] == length and shape[1] <= WIDEST:
+        return {f"{name}[{i}]": partial(_slice, i, 1) for i in range(shape[1])}
+    if len(shape) == 2 and shape[1] == length and shape[0] <= WIDEST:
+        return {f"{name}[{i}]": partial(_slice, i, 0) for i in range(shape[0])}
+    return {}
+
+
+def _constant(length: int, x: Any) -> np.ndarray:
+    return np.broadcast_to(np.asarray(x, float).ravel(), length)
+
+
+def _slice(i: int, axis: int, x: Any) -> np.ndarray:
+    return np.take(x, i, axis)
+
+
+def needs(package: str, extra: str, path: str | Path) -> AeromatchError:
+    """Return the error of a format whose package is not installed."""
+    return AeromatchError(f"{path}: reading it needs the package {package}; install it with: pip install 'aeromatch[{extra}]'")
+
+
+def first(names: Iterable[str], among: Mapping[str, Any]) -> str | None:
+    """Return the first of `names` that is there."""
+    return next((name for name in names if name in among), None)
