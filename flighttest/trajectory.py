@@ -221,6 +221,11 @@ def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.nd
     return angle, J, Jw
 
 
+def vane_behind(problem: Problem) -> dict[int, str]:
+    """Return the constants behind what a vane sees, by their column in the derivative of `vane_geometry`."""
+    return {i: name for i, name in enumerate(_BEHIND) if name in problem.constants}
+
+
 def lag_weights(tau: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (E, c0, c1) of y_k+1 = E y_k + c0 x_k + c1 x_k+1, a first-order lag of an input linear between samples, and d/dtau.
 
@@ -242,15 +247,15 @@ def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: Norma
     count, first = len(problem.vanes), 7
     angle, J, Jw = vane_geometry(problem, x, c)
     lagged = x[:, first : first + count]
-    names = [name for name in _BEHIND if name in problem.constants]
-    columns = problem.constants.index(*names, "lag.vanes")
+    behind = vane_behind(problem)
+    columns = problem.constants.index(*behind.values(), "lag.vanes")
     (E, c0, c1), (dE, d0, d1) = lag_weights(problem.constants.get(c, "lag.vanes"), problem.dt)
     r = lagged[1:] - E * lagged[:-1] - c0 * angle[:-1] - c1 * angle[1:]
     A, B = -c0 * J[:-1], -c1 * J[1:]
     for i in range(count):
         A[:, i, first + i] -= E
         B[:, i, first + i] += 1.0
-    used = [_BEHIND.index(name) for name in names]
+    used = list(behind)
     Jc = np.concatenate([-c0 * Jw[:-1][..., used] - c1 * Jw[1:][..., used], np.zeros((len(r), count, 1))], axis=-1)
     Jc[:, :, -1] = -dE * lagged[:-1] - d0 * angle[:-1] - d1 * angle[1:]
     slow = ~(problem.airborne[1:] & problem.airborne[:-1])  # the vane hangs loose: its state only has to stay finite
@@ -290,7 +295,22 @@ def _at(k: np.ndarray, f: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.nda
     return (1.0 - f)[:, None] * x[k] + f[:, None] * after, after - x[k]
 
 
-def _add_sensor(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
+def shown(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray):
+    """Return what a sensor shows, linearised at its readings.
+
+    Returns
+    -------
+    r : array (M, m)
+        Model minus reading.
+    k, f : array (M,)
+        Places of the readings, see `place`.
+    J : array (M, m, n)
+        Derivative by the state at k + f.
+    columns : array of int
+        The constants involved.
+    Jc : array (M, m, columns)
+        Derivative by them.
+    """
     k, f = place(problem, sensor, c)
     at, step = _at(k, f, x)
     y, J, names, Jc = sensor.model(sensor, problem, at, c)
@@ -300,8 +320,13 @@ def _add_sensor(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray, 
             step = np.where(np.arange(problem.states) < problem.gusts.start, step, 0.0)
         Jc = np.concatenate([Jc, -(J @ step[..., None]) / problem.dt], axis=-1)
         columns = np.append(columns, problem.constants.index(sensor.delay))
+    return y - sensor.z, k, f, J, columns, Jc
+
+
+def _add_sensor(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
+    r, k, f, J, columns, Jc = shown(problem, sensor, x, c)
     w = 1.0 / sensor.sigma
-    equations.add_samples((y - sensor.z) * w, k, f, J * w[:, None], columns, Jc * w[:, None])
+    equations.add_samples(r * w, k, f, J * w[:, None], columns, Jc * w[:, None])
 
 
 def residuals(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

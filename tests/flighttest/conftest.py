@@ -108,7 +108,7 @@ def leaf(time, **channels):
     return data
 
 
-def fly(seed=0, duration=40.0, gust=0.0):
+def fly(seed=0, duration=40.0, gust=0.0, noise=1.0, inertial_noise=1.0):
     """Return a record, its instrument errors, and the truth as a Dataset."""
     rng = np.random.default_rng(seed)
     true, error = path(duration, rng, gust), errors(rng)
@@ -127,10 +127,13 @@ def fly(seed=0, duration=40.0, gust=0.0):
     sensed["q_c"], sensed["p_static"], sensed["temperature"] = q_c * (1 - error["static_error"]), p + error["static_error"] * q_c, T
     sensed.update(zip(("vn", "ve", "vd"), true.velocity.T, strict=True), h_gps=true.h)
 
+    def level(name):
+        return noise * inertial_noise if name in ("p", "q", "r", "ax_imu", "ay_imu", "az_imu") else noise
+
     def record(names, rate, delay=0.0):
         clock = np.arange(0.0, t[-1] + 1e-9, 1.0 / rate)
         shown = {
-            n: np.interp(clock - delay, t, sensed[n]) + error.get(f"bias.{n}", 0.0) + rng.normal(0.0, NOISE[n], len(clock))
+            n: np.interp(clock - delay, t, sensed[n]) + error.get(f"bias.{n}", 0.0) + rng.normal(0.0, level(n) * NOISE[n], len(clock))
             for n in names.split()
         }
         return leaf(clock, **shown)
@@ -148,7 +151,8 @@ def fly(seed=0, duration=40.0, gust=0.0):
         "V": V,
         "alpha": np.arctan2(true.air[:, 2], true.air[:, 0]),
         "beta": np.arcsin(true.air[:, 1] / V),
-        "theta": true.attitude[:, 1],
+        **dict(zip(("phi", "theta", "psi"), true.attitude.T, strict=True)),
+        **dict(zip(("vn", "ve", "vd"), true.velocity.T, strict=True)),
         "h": true.h,
     }
     for name, x in {**columns, "rho": p / (287.05287 * T), "az": true.force[:, 2], "q_dot": true.omega_dot[:, 1]}.items():

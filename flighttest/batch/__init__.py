@@ -1,0 +1,1 @@
+"""State reconstruction by batch output error: the inertial unit drives exact kinematics, start and constants are the unknowns."""
