@@ -1,6 +1,7 @@
 #include "drive.h"
 
 #include "image.h"
+#include "model.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -126,7 +127,7 @@ static void complete_step(const am_model *m, am_sim *sim, bytes_t *bytes) {
     told(sim, am_complete_step(sim, am_time(sim) + short_step(m, sim, take_value(bytes))));
 }
 
-static void derivative(const am_model *m, am_sim *sim, bytes_t *bytes) {
+static void slope(const am_model *m, am_sim *sim, bytes_t *bytes) {
     const size_t nx = count(m, AM_STATE);
     double *x = values(bytes, nx), *dx = room(nx), *u = values(bytes, count(m, AM_INPUT));
     if (take_byte(bytes) % 2) am_get_state(sim, x);
@@ -218,6 +219,13 @@ static void copy(const am_model *m, am_sim *sim) {
     am_delete(twin);
 }
 
+/* Where a double may be changed in an image: anywhere, or at the beginning of the memory of a submodel, where counts and indices stand. */
+static size_t take_place(const am_model *m, const am_sim *sim, size_t n, bytes_t *bytes) {
+    if (take_byte(bytes) % 2) return 8 * (size_t)take_number(bytes, (uint32_t)(n / 8));
+    const uint32_t first = m->first_memory[take_byte(bytes) % GROUPS] + take_byte(bytes) % 4;
+    return first < m->memories ? (size_t)((const char *)(sim->memory + first) - (const char *)&sim->now) : 0;
+}
+
 /* Bytes of a simulation, some of them changed, into another one that then takes the place of the first. */
 static void image(const am_model *m, am_sim *sim, bytes_t *bytes) {
     const size_t n = image_size(m);
@@ -227,7 +235,7 @@ static void image(const am_model *m, am_sim *sim, bytes_t *bytes) {
     image_save(sim, stored);
     for (int i = take_byte(bytes) % 8; i > 0; i--) {
         const double value = take_value(bytes);
-        memcpy(stored + take_number(bytes, (uint32_t)(n / 8 - 1)) * 8 + (take_byte(bytes) % 2 ? 4 : 0), &value, sizeof value);
+        memcpy(stored + take_place(m, sim, n, bytes), &value, sizeof value);
     }
     for (int i = take_byte(bytes) % 8; i > 0; i--) stored[take_number(bytes, (uint32_t)n)] = take_byte(bytes);
     if (image_restore(other, stored) == 0) am_copy(sim, other);
@@ -254,7 +262,7 @@ void call_kernel(const am_model *m, am_sim *sim, bytes_t *bytes) {
     case 5: case 6: told(sim, am_initialize(sim, take_byte(bytes) % 4 ? 0.0 : take_value(bytes))); break;
     case 7: case 8: step(m, sim, bytes); break;
     case 9: outputs(m, sim); break;
-    case 10: derivative(m, sim, bytes); break;
+    case 10: slope(m, sim, bytes); break;
     case 11: set_state(m, sim, bytes); break;
     case 12: evaluate(m, sim, bytes); break;
     case 13: record(m, sim, bytes); break;

@@ -1,6 +1,9 @@
 /* Every model in every mode, through a whole flight; a thousand simulations at once; simulations in threads.  For the sanitizers. */
 #include "drive.h"
 
+#include "image.h"
+#include "model.h"
+
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
@@ -87,6 +90,27 @@ static void trims(const am_model *m) {
         }
 }
 
+/* Images of a flight with one double of the memory of a submodel changed, at the places where counts and indices stand. */
+static void strangers(const am_model *m) {
+    static const double VALUE[] = {-1e300, -1e9, -1.0, 0.0, 0.5, 600.0, 1e9, 1e300};
+    const size_t n = image_size(m), nu = (size_t)am_count(m, AM_INPUT);
+    am_sim *sim = made(m, 0, 1, 0, 1, 1), *other = am_new(m);
+    char *image = malloc(n);
+    double *u = room(nu);
+    promise(image && other && am_initialize(sim, 0.0) == AM_OK, "a start in the air");
+    am_get_inputs(sim, u);
+    for (int group = 0; group < GROUPS; group++)
+        for (uint32_t i = m->first_memory[group]; i < m->first_memory[group] + 4 && i < m->memories; i++)
+            for (size_t k = 0; k < sizeof VALUE / sizeof *VALUE; k++) {
+                image_save(sim, image);
+                memcpy(image + ((const char *)(sim->memory + i) - (const char *)&sim->now), &VALUE[k], sizeof VALUE[k]);
+                if (image_restore(other, image) != 0) continue;
+                for (int step = 0; step < 3; step++) am_step(other, am_time(other), 0.01, u, u);
+            }
+    am_delete(sim), am_delete(other);
+    free(image), free(u);
+}
+
 static void any_calls(const am_model *m, uint32_t seed) {
     static uint8_t choices[CALLS * 24];
     for (size_t i = 0; i < sizeof choices; i++) seed = seed * 1664525u + 1013904223u, choices[i] = (uint8_t)(seed >> 24);
@@ -151,7 +175,7 @@ int main(int argc, char **argv) {
         threads(m);
         if (!only_threads) {
             flown += flights(m);
-            trims(m), crowd(m), any_calls(m, 1u + (uint32_t)k);
+            trims(m), crowd(m), strangers(m), any_calls(m, 1u + (uint32_t)k);
         }
         am_free(m);
     }

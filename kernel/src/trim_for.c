@@ -103,6 +103,8 @@ static void settle_tyres(am_sim *sim) {
 
 static int attempt(study_t *study, const double *z) {
     am_sim *sim = study->sim;
+    for (int j = 0; j < study->ask->unknowns; j++)
+        if (!isfinite(z[j] * study->ask->size[j])) return trim_not_finite(sim);
     move(sim, study->ask, z, false);
     sim->prepared = false;
     const int status = ready(sim);
