@@ -179,7 +179,7 @@ def _one_coefficient(coefficient, fits, leaves, held, lengths, level, tables) ->
 def _observe(fit, leaves: Mapping[str, xr.Dataset], free: Mapping[str, xr.Dataset], sources: Sequence[str]) -> _Observation:
     X = fit.design.values
     Q, R = np.linalg.qr(X)
-    bases = {name: _basis(leaf, fit.data) for name, leaf in leaves.items()}
+    bases = {name: basis_at(leaf, fit.data) for name, leaf in leaves.items()}
     H = [np.linalg.solve(R, (bases[name].T @ Q).T) for name in free]
     fixed = sum((bases[name] @ leaf["value"].values.ravel() for name, leaf in leaves.items() if name not in free), np.zeros(len(X)))
     e = fit.estimates
@@ -363,7 +363,21 @@ def _conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
     return found
 
 
-def _basis(leaf: xr.Dataset, data: xr.Dataset):
+def basis_at(leaf: xr.Dataset, data: xr.Dataset):
+    """Return the linear map from the nodes of a term to its contribution at the samples of a fit, sparse (sample, node).
+
+    Parameters
+    ----------
+    leaf : Dataset
+        The term.
+    data : Dataset (sample,)
+        ``Fit.data``; devices that were not recorded are at rest, the ground is far.
+
+    Raises
+    ------
+    UnknownName
+        A variable of the term that the samples do not hold.
+    """
     B = _terms.basis(leaf, _conditions(leaf, data), outside="clamp")
     # a single number without axes or regressors has no samples of its own
     return B if B.shape[0] == data.sizes["sample"] else type(B)(np.repeat(B.toarray(), data.sizes["sample"], axis=0))

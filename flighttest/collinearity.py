@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import xarray as xr
 
 from flightmech.errors import IdentificationError
 
@@ -76,20 +77,41 @@ def inflation(correlation: np.ndarray) -> np.ndarray:
     return np.diag(np.linalg.inv(correlation))
 
 
-def combinations(X: np.ndarray, terms: Sequence[str]) -> list[tuple[float, str]]:
-    """Return condition indexes above 30 on which two or more terms depend, each with the combination in words.
+def decomposition(X: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return condition indexes and variance proportions of regressors scaled to unit length [Belsley1980].
 
-    The regressors, the constant among them, are scaled to unit length; a term depends on a singular value when more
-    than half of its variance comes from it [Belsley1980].
+    Parameters
+    ----------
+    X : array (rows, terms)
+        The constant among them.
+
+    Returns
+    -------
+    index : array (components,)
+        Largest singular value over each; rising.
+    proportion : array (components, terms)
+        Share of the variance of each estimate that comes from each component; the columns sum to one.
     """
-    length = np.linalg.norm(X, axis=0)
-    _, s, Vt = np.linalg.svd(X / length, full_matrices=False)
-    shares = (Vt.T / s) ** 2
-    shares /= shares.sum(axis=1, keepdims=True)
+    _, s, Vt = np.linalg.svd(X / np.linalg.norm(X, axis=0), full_matrices=False)
+    share = (Vt / s[:, None]) ** 2
+    return s[0] / s, share / share.sum(axis=0)
+
+
+def pairs(estimates: xr.Dataset) -> list[tuple[float, str]]:
+    """Return condition indexes above 30 on which two or more terms depend, each with those terms in words.
+
+    Parameters
+    ----------
+    estimates : Dataset
+        With ``condition_index`` (component) and ``proportion`` (component, term); a term depends on a component when
+        more than half of its variance comes from it [Belsley1980].
+    """
+    terms = [str(term) for term in estimates["term"].values]
     found = []
-    for k in range(len(s)):
-        if s[0] / s[k] > CONDITION and (shares[:, k] > SHARE).sum() >= 2:
-            found.append((float(s[0] / s[k]), combination(np.where(shares[:, k] > SHARE, Vt[k], 0.0), terms)))
+    for index, share in zip(estimates["condition_index"].values, estimates["proportion"].values):
+        involved = np.flatnonzero(share > SHARE)
+        if index > CONDITION and len(involved) >= 2:
+            found.append((float(index), " with ".join(f"{terms[j]} ({100 * share[j]:.0f} %)" for j in involved)))
     return found
 
 

@@ -9,6 +9,7 @@ manoeuvre to manoeuvre as a constant is a variance of its own.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import fftconvolve
@@ -70,10 +71,8 @@ def coloured(
 def _windowed(X, v, pieces, steps, lag: float) -> list[tuple[np.ndarray, float]]:
     """Per piece X'RX and the variance of the mean, by the tapered autocorrelation of its residual."""
     grow = len(X) / (len(X) - X.shape[1])
-    kernels = [
-        grow * _tapered(v[piece], int(np.clip(round(lag / step), 1, piece.stop - piece.start))) for piece, step in zip(pieces, steps)
-    ]
-    return [_spread(X[piece], kernel) for piece, kernel in zip(pieces, kernels)]
+    windows = [int(np.clip(round(lag / step), 1, piece.stop - piece.start)) for piece, step in zip(pieces, steps)]
+    return [_spread(X[piece], grow * _tapered(v[piece], window)) for piece, window in zip(pieces, windows)]
 
 
 def _modelled(X, v, pieces, steps) -> list[tuple[np.ndarray, float]]:
@@ -83,7 +82,7 @@ def _modelled(X, v, pieces, steps) -> list[tuple[np.ndarray, float]]:
     for clock in {block.clock for block in blocks}:
         members = [k for k, block in enumerate(blocks) if block.clock == clock]
         edges = np.cumsum([0, *(len(blocks[k].v) for k in members)])
-        places = [slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:])]
+        places = [slice(int(a), int(b)) for a, b in pairwise(edges)]
         model = disturbance(np.vstack([blocks[k].x for k in members]), np.concatenate([blocks[k].v for k in members]), places)
         for k, size in zip(members, _sizes([model.innovations(blocks[k].v) for k in members])):
             right = size * model.autocovariance(len(blocks[k].v))

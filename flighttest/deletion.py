@@ -106,13 +106,13 @@ def _validation_rise(term: str, fits: Sequence[Fit], validation: Fit | None) -> 
     """Relative rise of the rms error on the validation samples when the term is left out of the model."""
     if validation is None:
         return float("nan")
-    terms = [str(name) for name in validation.design["term"].values]
-    full = [fit for fit in fits if [str(name) for name in fit.design["term"].values] == terms]
+    terms = [str(name) for name in validation.regressors["term"].values]
+    full = [fit for fit in fits if [str(name) for name in fit.regressors["term"].values] == terms]
     if term not in terms or len(terms) == 1 or not full:
         return float("nan")
-    X = np.vstack([fit.design.values for fit in full])
+    X = np.vstack([fit.regressors.values for fit in full])
     z = np.concatenate([fit.data[fit.model.coefficient].values for fit in full])
-    X_new, z_new = validation.design.values, validation.data[validation.model.coefficient].values
+    X_new, z_new = validation.regressors.values, validation.data[validation.model.coefficient].values
     rest = np.array([name != term for name in terms])
 
     def error(use):
@@ -125,7 +125,7 @@ def _prior_signal(term: str, fits: Sequence[Fit], prior: Mapping[str, tuple[floa
     """Rms of the term with its a-priori value over the rms of the residual; the largest of the fits."""
     if term not in prior:
         return float("nan")
-    return max(float(np.std(fit.design.sel(term=term))) * abs(prior[term][0]) / fit.estimates.attrs["residual_rms"] for fit in fits)
+    return max(float(np.std(fit.regressors.sel(term=term))) * abs(prior[term][0]) / fit.estimates.attrs["residual_rms"] for fit in fits)
 
 
 def _reasons(row, numbers: Mapping) -> str:

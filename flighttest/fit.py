@@ -30,13 +30,18 @@ class Fit:
     estimates : Dataset (term, term_, error)
         ``estimate``, ``stderr`` (coloured residuals), ``stderr_white``, ``stderr_systematic``, ``covariance`` and
         ``correlation`` of the estimates (coloured), ``systematic`` (term, error): change of the estimates for one
-        standard error of each source, ``vif``, ``regressor_correlation``, ``contribution`` (rms of the term about its
-        mean over the rms of the coefficient about its mean).  Attributes: ``coefficient``, ``name``, ``R2``,
-        ``residual_rms``, ``samples``, ``manoeuvres``, ``offset`` (standard deviation of a constant between manoeuvres).
+        standard error of each source, ``contribution`` (rms of the term about its mean over the rms of the coefficient
+        about its mean); of the regressors ``vif``, ``regressor_correlation``, ``condition_index`` (component) and
+        ``proportion`` (component, term).  Attributes: ``coefficient``, ``name``, ``domain`` (time or frequency), ``R2``,
+        ``residual_rms``, ``samples``, ``manoeuvres``, ``offset`` (standard deviation of a constant between manoeuvres);
+        of a frequency fit ``R2`` is that inside ``band``.
     data : Dataset (sample,)
         The samples used: coefficient, model variables, what tables may depend on, ``time`` and ``manoeuvre`` (from 0).
     design : DataArray (sample, term)
-        The regressors used.
+        The regressors whose ordinary least squares over the samples the estimate is: those of the model, but for
+        weights, ridge and frequency, where it makes the estimate the same linear function of the measurements.
+    regressors : DataArray (sample, term)
+        The regressors of the model.
     """
 
     name: str
@@ -44,11 +49,12 @@ class Fit:
     estimates: xr.Dataset
     data: xr.Dataset
     design: xr.DataArray
+    regressors: xr.DataArray
 
     @property
     def residual(self) -> np.ndarray:
         """Measured minus fitted coefficient, (sample,)."""
-        return self.data[self.model.coefficient].values - self.design.values @ self.estimates["estimate"].values
+        return self.data[self.model.coefficient].values - self.regressors.values @ self.estimates["estimate"].values
 
     @property
     def remarks(self) -> list[str]:
@@ -72,7 +78,12 @@ def save_fit(fit: Fit, path: str | os.PathLike) -> None:
     path = Path(path)
     about = {"content": _CONTENT, "name": fit.name, "model": str(fit.model), "reference": json.dumps(dict(fit.model.reference))}
     tree = xr.DataTree.from_dict(
-        {"/": xr.Dataset(attrs=about), "/estimates": fit.estimates, "/data": fit.data, "/design": fit.design.to_dataset(name="design")}
+        {
+            "/": xr.Dataset(attrs=about),
+            "/estimates": fit.estimates,
+            "/data": fit.data,
+            "/design": xr.Dataset({"design": fit.design, "regressors": fit.regressors}),
+        }
     )
     with written_whole(path) as part:
         tree.to_netcdf(part, engine="h5netcdf", mode="w")
@@ -97,7 +108,7 @@ def open_fit(path: str | os.PathLike) -> Fit:
             raise
         raise ParseError(str(path), 0, str(error), "a fit as `aeromatch flight identify -o` writes it") from error
     model = replace(Model.parse(about["model"]), reference=json.loads(about["reference"]))
-    return Fit(str(about["name"]), model, parts["estimates"], parts["data"], parts["design"]["design"])
+    return Fit(str(about["name"]), model, parts["estimates"], parts["data"], parts["design"]["design"], parts["design"]["regressors"])
 
 
 def _remarks(fit: Fit) -> list[str]:
@@ -107,8 +118,8 @@ def _remarks(fit: Fit) -> list[str]:
     rho = e["regressor_correlation"].values
     for i, j in zip(*np.nonzero(np.triu(np.abs(rho) > 0.9, 1))):
         found.append(f"regressors {terms[i]} and {terms[j]} are correlated by {rho[i, j]:.2f}")
-    for index, words in collinearity.combinations(fit.design.values, terms):
-        found.append(f"condition index {index:.0f}: hardly determined is {words}")
+    for index, words in collinearity.pairs(e):
+        found.append(f"condition index {index:.0f}: hardly told apart are {words}")
     if e.attrs["offset"] > e.attrs["residual_rms"]:
         found.append(
             f"manoeuvres differ by a constant of {e.attrs['offset']:.2g} (1 sigma), more than the residual; consider separate intercepts"
@@ -116,11 +127,23 @@ def _remarks(fit: Fit) -> list[str]:
     return found
 
 
+def _headline(a) -> str:
+    """How the fit was made, in words."""
+    words = f"samples {a['samples']}, manoeuvres {a['manoeuvres']}, R2 {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}"
+    if a.get("domain") == "frequency":
+        words += f", {a['frequencies']} frequencies in {a['band']} Hz"
+    if a.get("weights", "equal") != "equal":
+        words += f", weights {a['weights']}"
+    if a.get("ridge"):
+        words += f", ridge {a['ridge']:.3g} (biased)"
+    return words
+
+
 def _report(fit: Fit) -> str:
     e, a = fit.estimates, fit.estimates.attrs
     lines = [
         f"{fit.name}: {fit.model}" if fit.name else str(fit.model),
-        f"samples {a['samples']}, manoeuvres {a['manoeuvres']}, R2 {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}",
+        _headline(a),
         f"{'term':<18}{'estimate':>11}{'stderr':>10}{'white':>10}{'system.':>10}{'t':>9}{'VIF':>8}{'share':>8}",
     ]
     for term in e["term"].values:

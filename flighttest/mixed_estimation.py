@@ -1,33 +1,97 @@
-"""A fit joined with a-priori values (mixed estimation)."""
+"""A fit joined with a-priori values (mixed estimation), and the a-priori values that a database holds for a local model."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError, UnknownName
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
 
+from . import linear
 from .fit import Fit
+from .model import powers, variable_of
+
+Prior = Mapping[str, tuple[float, float]] | xr.Dataset
 
 
-def mixed(fit: Fit, prior: Mapping[str, tuple[float, float]]) -> xr.Dataset:
+@dataclass(frozen=True)
+class Mixed:
+    """A fit that has heard a prior.
+
+    Attributes
+    ----------
+    fit : Fit
+        Flight alone, in time or in frequency.
+    estimates : Dataset (term, term_)
+        ``estimate``, ``stderr``, ``stderr_white`` (as if flight's residuals were white), ``covariance``, ``correlation``;
+        ``prior``, ``prior_stderr`` (NaN where none is given); ``distance`` = (fit - prior)/sqrt(s_fit^2 + s_prior^2);
+        ``prior_share`` = stderr^2/prior_stderr^2.  Attributes: ``chi2`` of the compatibility of fit and prior,
+        ``terms_with_prior`` (its degrees of freedom), ``probability`` that it is larger.
+    """
+
+    fit: Fit
+    estimates: xr.Dataset
+
+    @property
+    def remarks(self) -> list[str]:
+        """Terms on which flight and prior contradict each other, and those that are the prior's."""
+        e = self.estimates
+        found = [
+            f"{term}: flight and prior differ by {abs(d):.1f} combined standard errors"
+            for term, d in zip(e["term"].values, e["distance"].values)
+            if abs(d) > _CONTRADICTION
+        ]
+        own = [str(term) for term, share in zip(e["term"].values, e["prior_share"].values) if share > _UNMOVED]
+        if own:
+            found.append(f"hardly moved by the flight: {', '.join(own)}")
+        if e.attrs["probability"] < 0.01:
+            found.append(
+                f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms has probability "
+                f"{e.attrs['probability']:.1g}: prior or fit is surer than it should be"
+            )
+        return found
+
+    def report(self) -> str:
+        """Return flight, prior and both as a text table."""
+        e, f = self.estimates, self.fit.estimates
+        title = f"{self.fit.name}: {self.fit.model}, with prior" if self.fit.name else f"{self.fit.model}, with prior"
+        lines = [
+            title,
+            f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms, probability {e.attrs['probability']:.2g}",
+            f"{'term':<18}{'estimate':>11}{'stderr':>10}{'flight':>11}{'stderr':>10}{'prior':>11}{'stderr':>10}{'apart':>7}{'share':>7}",
+        ]
+        for k, term in enumerate(e["term"].values):
+            numbers = (e["estimate"], e["stderr"], f["estimate"], f["stderr"], e["prior"], e["prior_stderr"])
+            cells = [f"{float(x[k]):>{w}.{d}g}" for x, w, d in zip(numbers, (11, 10) * 3, (5, 2) * 3)]
+            lines.append(
+                f"{term!s:<18}{''.join(cells)}{float(e['distance'][k]):>7.1f}{float(e['prior_share'][k]):>7.2f}".replace("nan", "  -")
+            )
+        return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
+
+
+_CONTRADICTION = 3.0
+_UNMOVED = 0.81  # share of the prior's variance that is left: a standard error above 0.9 of it
+
+
+def mixed(fit: Fit, prior: Prior) -> Mixed:
     """Return the estimates that join a fit with a-priori values (mixed estimation).
 
     Parameters
     ----------
     fit : Fit
-        Least squares, with its coloured covariance.
-    prior : mapping of str to (value, stderr)
-        Of some or all terms.
+        Least squares in time or in frequency, of one manoeuvre or many, with its coloured covariance.
+    prior : mapping of str to (value, stderr), or Dataset
+        Of some or all terms; a Dataset as `prior_of` returns it.
 
-    Returns
-    -------
-    Dataset (term, term_)
-        ``estimate``, ``stderr``, ``covariance``; ``prior``, ``prior_stderr`` (NaN where none is given); ``distance`` =
-        (fit - prior)/sqrt(s_fit^2 + s_prior^2); ``prior_share`` = stderr^2/prior_stderr^2.  Attributes: ``chi2`` of the
-        compatibility of fit and prior, ``terms_with_prior`` (its degrees of freedom), ``probability`` that it is larger.
+    Raises
+    ------
+    UnknownName
+        A prior of a term that the fit does not have.
+    IdentificationError
+        A prior standard error that is not positive.
 
     References
     ----------
@@ -36,44 +100,112 @@ def mixed(fit: Fit, prior: Mapping[str, tuple[float, float]]) -> xr.Dataset:
     from scipy.stats import chi2 as chi2_distribution
 
     terms = [str(term) for term in fit.estimates["term"].values]
-    for name in prior:
-        if name not in terms:
-            raise UnknownName(name, terms, "term", "the prior must belong to a term of the fit")
-    chosen = [terms.index(name) for name in prior]
+    chosen, value, P = _prior(prior, terms)
     theta, C = fit.estimates["estimate"].values, total_covariance(fit.estimates)
-    value, sd = np.full(len(terms), np.nan), np.full(len(terms), np.nan)
-    value[chosen], sd[chosen] = np.array([prior[terms[j]] for j in chosen], float).reshape(-1, 2).T
-    if chosen and not (sd[chosen] > 0).all():
-        raise IdentificationError(
-            "a prior standard error is not positive; give one above zero, or leave the term out of the model to hold it"
-        )
-    S = C[np.ix_(chosen, chosen)] + np.diag(sd[chosen] ** 2)
+    S = C[np.ix_(chosen, chosen)] + P
     gain = C[:, chosen] @ np.linalg.inv(S)
-    innovation = value[chosen] - theta[chosen]
+    innovation = value - theta[chosen]
     covariance = C - gain @ C[chosen]
     statistic = float(innovation @ np.linalg.solve(S, innovation))
-    stderr = np.sqrt(np.diag(covariance))
-    found = xr.Dataset(
-        {
-            "estimate": ("term", theta + gain @ innovation),
-            "stderr": ("term", stderr),
-            "covariance": (("term", "term_"), covariance),
-            "prior": ("term", value),
-            "prior_stderr": ("term", sd),
-            "distance": ("term", (theta - value) / np.sqrt(np.diag(C) + sd**2)),
-            "prior_share": ("term", stderr**2 / sd**2),
-        },
-        coords={"term": terms, "term_": terms},
-    )
+    given, sd = np.full(len(terms), np.nan), np.full(len(terms), np.nan)
+    given[chosen], sd[chosen] = value, np.sqrt(np.diag(P))
+    white = _scaled(C, fit.estimates["stderr_white"].values)
+    white = white - white[:, chosen] @ np.linalg.solve(white[np.ix_(chosen, chosen)] + P, white[chosen])
+    more = {
+        "prior": ("term", given),
+        "prior_stderr": ("term", sd),
+        "distance": ("term", (theta - given) / np.sqrt(np.diag(C) + sd**2)),
+        "prior_share": ("term", np.diag(covariance) / sd**2),
+    }
+    nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(terms), 0)))
+    found = linear.estimates(terms, theta + gain @ innovation, covariance, np.sqrt(np.maximum(np.diag(white), 0.0)), nothing, more)
     found.attrs = {
         "chi2": statistic,
         "terms_with_prior": len(chosen),
         "probability": float(chi2_distribution.sf(statistic, max(len(chosen), 1))),
     }
-    return found
+    return Mixed(fit, found)
+
+
+def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
+    """Return what a database says the terms of a fit should be: DATCOM as the prior of a local model.
+
+    A table is not a slope: what least squares makes of the tables depends on the samples.  So the tables are evaluated at
+    the samples of the fit and sent through the same linear map as the measurements, theta = A B g.
+
+    Parameters
+    ----------
+    fit : Fit
+        Of the manoeuvre the prior is wanted for.
+    database : DataTree
+        With standard errors; those of the nodes hang together as `aerodb.tabulate` has it.
+
+    Returns
+    -------
+    Dataset (term, term_)
+        ``estimate``, ``stderr``, ``covariance``, ``correlation`` of the terms the tables speak of: a term whose variable no
+        table of the coefficient knows has no prior here.
+
+    Raises
+    ------
+    SchemaError
+        A term of the coefficient without standard errors.
+    UnknownName
+        The database has no such coefficient, or the samples lack a variable of its tables.
+    """
+    from aerodb.correlation import prior_covariance
+    from aerodb.tabulation import basis_at
+    from flightmech.terms import variables
+
+    coefficient = fit.model.coefficient
+    if coefficient not in database.children:
+        raise UnknownName(coefficient, map(str, database.children), "coefficient", "the database does not hold it")
+    leaves = {f"{coefficient}/{name}": node.to_dataset(inherit=False) for name, node in database[coefficient].children.items()}
+    if unsure := [f"{name} has no stderr" for name, leaf in leaves.items() if "stderr" not in leaf]:
+        raise SchemaError("database as a prior", unsure)
+    A = linear.estimator(fit.design.values)
+    theta, C = np.zeros(len(A)), np.zeros((len(A), len(A)))
+    for leaf in leaves.values():
+        H = (basis_at(leaf, fit.data).T @ A.T).T
+        theta = theta + H @ leaf["value"].values.ravel()
+        C = C + H @ prior_covariance(leaf) @ H.T
+    known = set().union(*(variables(leaf) for leaf in leaves.values()))
+    terms = [str(term) for term in fit.estimates["term"].values]
+    spoken = [linear.constants([term])[0] or {variable_of(factor) for factor in powers(term)} <= known for term in terms]
+    spoken = [bool(s) and C[k, k] > 0 for k, s in enumerate(spoken)]
+    names = [term for term, s in zip(terms, spoken) if s]
+    nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(names), 0)))
+    P = C[np.ix_(spoken, spoken)]
+    found = linear.estimates(names, theta[spoken], P, np.sqrt(np.diag(P)), nothing, {})
+    return found[["estimate", "stderr", "covariance", "correlation"]].assign_attrs(coefficient=coefficient)
 
 
 def total_covariance(estimates: xr.Dataset) -> np.ndarray:
     """Return coloured plus systematic covariance of the estimates, (term, term_)."""
     D = estimates["systematic"].values
     return estimates["covariance"].values + D @ D.T
+
+
+def _prior(prior: Prior, terms: list[str]) -> tuple[list[int], np.ndarray, np.ndarray]:
+    """Places of the terms with a prior, its values and covariance."""
+    names = [str(name) for name in prior["term"].values] if isinstance(prior, xr.Dataset) else list(prior)
+    for name in names:
+        if name not in terms:
+            raise UnknownName(name, terms, "term", "the prior must belong to a term of the fit")
+    if isinstance(prior, xr.Dataset):
+        value, P = prior["estimate"].values, prior["covariance"].values
+    else:
+        pairs = np.array([prior[name] for name in names], float).reshape(-1, 2)
+        value, P = pairs[:, 0], np.diag(pairs[:, 1]) * np.abs(pairs[:, 1])
+    if not (np.diag(P) > 0).all():
+        raise IdentificationError(
+            "a prior standard error is not positive; give one above zero, or leave the term out of the model to hold it"
+        )
+    return [terms.index(name) for name in names], value, P
+
+
+def _scaled(C: np.ndarray, stderr: np.ndarray) -> np.ndarray:
+    """The same correlations with other standard errors."""
+    own = np.sqrt(np.diag(C))
+    scale = stderr / np.where(own > 0, own, 1.0)
+    return C * np.outer(scale, scale)

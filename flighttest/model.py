@@ -1,6 +1,8 @@
 """A model that is linear in its parameters: a coefficient as a sum of regressors, as in [LR743] eq. (12).
 
 A term is ``1`` or a product of powers of model variables: ``alpha``, ``alpha**2``, ``delta_f*alpha``, ``qhat*gear``.
+A factor may be a truncated power: ``ramp(alpha,0.21)`` is alpha - 0.21 above the knot 0.21 rad and zero below,
+``ramp(alpha,12 deg)**2`` its square; a sum of them is a spline of first or second order.
 """
 
 from __future__ import annotations
@@ -8,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import product
 from math import comb
 
@@ -16,9 +19,12 @@ import xarray as xr
 
 from flightmech.errors import ParseError, UnknownName
 from flightmech.names import COEFFICIENTS, lookup
+from flightmech.units import quantity
 
 MEASURED = (*COEFFICIENTS, "CX", "CZ")
-_FACTOR = re.compile(r"^([A-Za-z_][\w.]*)(?:(?:\*\*|\^)([1-9]))?$")
+_FACTOR = re.compile(r"^([A-Za-z_][\w.]*(?:\([^()]*\))?)(?:(?:\*\*|\^)([1-9]))?$")
+_RAMP = re.compile(r"^ramp\(([A-Za-z_][\w.]*),([^()]+)\)$")
+_EXPECTED = "'1' or a product of names, ramps and powers, such as 'delta_f*alpha**2' or 'ramp(alpha,12 deg)'"
 
 
 @dataclass(frozen=True)
@@ -30,9 +36,9 @@ class Model:
     coefficient : str
         One of CL, CD, CY, Cl, Cm, Cn, CX, CZ.
     terms : sequence of str
-        ``"1"`` or products of powers of vocabulary names; ``^`` may stand for ``**``.
+        ``"1"`` or products of powers of vocabulary names and ramps; ``^`` may stand for ``**``.
     reference : mapping, optional
-        Value that is taken from a variable before it enters a regressor. [SI]
+        Value that is taken from a variable before it enters a regressor; the knot of a ramp stays where it is. [SI]
 
     Raises
     ------
@@ -54,10 +60,10 @@ class Model:
     def __post_init__(self):
         if self.coefficient not in MEASURED:
             raise UnknownName(self.coefficient, MEASURED, "coefficient")
-        names = tuple(_word(powers(term)) for term in self.terms)
-        for name in names:
-            if names.count(name) > 1:
-                raise ParseError("<model>", 0, f"the term {name} more than once", "each term once")
+        names = tuple(word(powers(term)) for term in self.terms)
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ParseError("<model>", 0, f"the term {twice} more than once", "each term once")
         if not names:
             raise ParseError("<model>", 0, "no term", "at least one, such as '1'")
         object.__setattr__(self, "terms", names)
@@ -79,7 +85,7 @@ class Model:
     @property
     def variables(self) -> tuple[str, ...]:
         """Names of the model variables, in order of appearance."""
-        return tuple(dict.fromkeys(name for term in self.terms for name in powers(term)))
+        return tuple(dict.fromkeys(variable_of(factor) for term in self.terms for factor in powers(term)))
 
     def design(self, data: xr.Dataset) -> np.ndarray:
         """Return the regressors, (samples, terms).
@@ -94,14 +100,7 @@ class Model:
         UnknownName
             A variable that `data` does not hold.
         """
-        size = max(data.sizes.values(), default=1)
-        columns = [np.ones(size) for _ in self.terms]
-        for column, term in zip(columns, self.terms):
-            for name, power in powers(term).items():
-                if name not in data:
-                    raise UnknownName(name, map(str, data.data_vars), "model variable", f"the data do not hold it; term {term} of {self}")
-                column *= (np.asarray(data[name].values, float) - self.reference.get(name, 0.0)) ** power
-        return np.stack(columns, axis=1)
+        return regressors(self.terms, data, self.reference).T
 
     def absolute(self) -> tuple[Model, np.ndarray]:
         """Return the same model without reference values, and the matrix that turns its parameters into those.
@@ -122,28 +121,105 @@ class Model:
         return Model(self.coefficient, names), matrix
 
 
+def regressors(terms: Sequence[str], data: xr.Dataset, reference: Mapping[str, float] | None = None) -> np.ndarray:
+    """Return the regressors of terms, one row each, (terms, samples).
+
+    Parameters
+    ----------
+    terms : sequence of str
+    data : Dataset (time,) or (sample,)
+        Holds every variable of the terms; scalars are allowed.
+    reference : mapping, optional
+        Value that is taken from a variable, but not from that of a ramp. [SI]
+
+    Raises
+    ------
+    UnknownName
+        A variable that `data` does not hold.
+    """
+    size = max(data.sizes.values(), default=1)
+    rows = np.empty((len(terms), size))
+    known: dict[tuple[str, int], np.ndarray] = {}
+    for row, term in zip(rows, terms):
+        factors = [_power(factor, power, term, data, reference or {}, known) for factor, power in powers(term).items()]
+        row[:] = factors[0] if factors else 1.0
+        for factor in factors[1:]:
+            row *= factor
+    return rows
+
+
+def _power(factor: str, power: int, term: str, data: xr.Dataset, reference: Mapping[str, float], known: dict) -> np.ndarray:
+    """A power of a factor, each worked out once."""
+    if (factor, power) not in known:
+        if power > 1:
+            found = _power(factor, power - 1, term, data, reference, known) * _power(factor, 1, term, data, reference, known)
+        else:
+            name = variable_of(factor)
+            if name not in data:
+                raise UnknownName(name, map(str, data.data_vars), "model variable", f"the data do not hold it; the term {term} needs it")
+            x = np.asarray(data[name].values, float)
+            found = x - reference.get(name, 0.0) if factor == name else np.maximum(x - knot_of(factor), 0.0)
+        known[factor, power] = found
+    return known[factor, power]
+
+
 def powers(term: str) -> dict[str, int]:
-    """Return the variables of a term and their powers; an empty dict for ``"1"``.
+    """Return the factors of a term, variables and ramps, and their powers; an empty dict for ``"1"``.
 
     Examples
     --------
     >>> powers("delta_f*alpha**2")
     {'delta_f': 1, 'alpha': 2}
+    >>> powers("ramp(h, 100 ft)")
+    {'ramp(h,30.48)': 1}
     """
+    return dict(_powers(term))
+
+
+@lru_cache(maxsize=4096)
+def _powers(term: str) -> tuple[tuple[str, int], ...]:
     text = re.sub(r"\s+", "", term)
     if text == "1":
-        return {}
+        return ()
     found: dict[str, int] = {}
     for part in re.split(r"(?<!\*)\*(?!\*)", text):
         match = _FACTOR.match(part)
         if not match:
-            raise ParseError("<model>", 0, f"the term {term!r}", "'1' or a product of names and powers, such as 'delta_f*alpha**2'")
-        lookup(match.group(1))
-        found[match.group(1)] = found.get(match.group(1), 0) + int(match.group(2) or 1)
-    return found
+            raise ParseError("<model>", 0, f"the term {term!r}", _EXPECTED)
+        factor = _factor(match.group(1), term)
+        found[factor] = found.get(factor, 0) + int(match.group(2) or 1)
+    return tuple(found.items())
 
 
-def _word(factors: Mapping[str, int]) -> str:
+def variable_of(factor: str) -> str:
+    """Return the variable of a factor as `powers` gives it: ``"alpha"`` of ``"alpha"`` and of ``"ramp(alpha,0.2)"``."""
+    match = _RAMP.match(factor)
+    return match.group(1) if match else factor
+
+
+def knot_of(factor: str) -> float:
+    """Return the knot of a ramp as `powers` gives it. [SI]"""
+    match = _RAMP.match(factor)
+    if not match:
+        raise ParseError("<model>", 0, f"the factor {factor!r}", "a ramp such as 'ramp(alpha,0.2)'")
+    return float(match.group(2))
+
+
+def _factor(word: str, term: str) -> str:
+    """A variable, or a ramp with its knot in SI."""
+    if "(" not in word:
+        lookup(word)
+        return word
+    match = _RAMP.match(word)
+    if not match:
+        raise ParseError("<model>", 0, f"the term {term!r}", _EXPECTED)
+    text, units = match.group(2), lookup(match.group(1)).units
+    bare = re.fullmatch(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", text)
+    return f"ramp({match.group(1)},{quantity(float(text) if bare else text, units):.10g})"
+
+
+def word(factors: Mapping[str, int]) -> str:
+    """Return the term made of factors and their powers, the inverse of `powers`."""
     return "*".join(name if power == 1 else f"{name}**{power}" for name, power in factors.items()) or "1"
 
 
@@ -157,6 +233,6 @@ def _expand(factors: Mapping[str, int], reference: Mapping[str, float]) -> dict[
     ]
     total: dict[str, float] = {}
     for pick in product(*choices):
-        name = _word({name: k for name, k, _ in pick if k})
+        name = word({name: k for name, k, _ in pick if k})
         total[name] = total.get(name, 0.0) + float(np.prod([factor for *_, factor in pick]))
     return total

@@ -162,7 +162,7 @@ def test_mixed_estimation_is_the_weighted_mean_with_the_coloured_covariance():
     C, theta = fit.estimates["covariance"].values, fit.estimates["estimate"].values
     prior = {"alpha": (4.6, 0.1), "qhat": (6.0, 3.0)}
     P0 = np.diag([0.0, 1 / 0.1**2, 1 / 3.0**2, 0.0])
-    joined = mixed(fit, prior)
+    joined = mixed(fit, prior).estimates
     expected = np.linalg.inv(np.linalg.inv(C) + P0)
     np.testing.assert_allclose(joined["covariance"], expected, rtol=1e-6)
     np.testing.assert_allclose(joined["estimate"], expected @ (np.linalg.solve(C, theta) + P0 @ [0, 4.6, 6.0, 0]), rtol=1e-8)

@@ -1,0 +1,1 @@
+"""Which terms a coefficient needs: stepwise regression and multivariate orthogonal functions, in time and in frequency."""
