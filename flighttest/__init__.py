@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from .fourier_smoothing import Smoothed, fourier_smooth
     from .join import merge
     from .likelihood.flown import output_error
+    from .likelihood.in_frequency import frequency_output_error
     from .likelihood.result import OutputError
+    from .likelihood.state_space import LinearModel, linear_model
+    from .likelihood.turbulent import filter_error
     from .likelihood.unknowns import Unknown
     from .marking import add_marks, marks
     from .mixed_estimation import mixed
@@ -41,6 +44,10 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
+    "filter_error": "likelihood.turbulent",
+    "frequency_output_error": "likelihood.in_frequency",
+    "linear_model": "likelihood.state_space",
+    "LinearModel": "likelihood.state_space",
     "OutputError": "likelihood.result",
     "Unknown": "likelihood.unknowns",
     "output_error": "likelihood.flown",
@@ -104,6 +111,7 @@ _HOME = {
 __all__ = [
     "Delay",
     "Fit",
+    "LinearModel",
     "Model",
     "NameMap",
     "OutputError",
@@ -124,12 +132,15 @@ __all__ = [
     "derivative",
     "derivative_window",
     "faults",
+    "filter_error",
     "fit_thrust",
     "force_at_cg",
     "forces_from_velocity",
     "fourier_smooth",
+    "frequency_output_error",
     "incidence_at_cg",
     "incidence_from_velocity",
+    "linear_model",
     "lowpass",
     "manoeuvres",
     "marks",

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import re
-import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
 
 from .colour import coloured_covariance
 from .result import OutputError, noise_of, tabulated
 from .search import Likelihood, search
-from .turbulence import turbulence
+from .turbulence import warned
 from .unknowns import Wanted, lay_out
 
 if TYPE_CHECKING:
@@ -103,11 +102,8 @@ def output_error(
     covariance, colours = coloured_covariance(found, layout.columns, [piece.interval for piece in flown])
     estimates = tabulated(found, layout, covariance, {"method": "output error in time", "title": sim.title})
     scatter = noise_of(found, list(outputs), colours)
-    told = turbulence(scatter)
-    for text in told:
-        warnings.warn(text, AeromatchWarning, stacklevel=2)
     rest = tuple(piece.residual(v) for piece, v in zip(flown, found.residuals))
-    return OutputError(estimates, rest, scatter, told)
+    return OutputError(estimates, rest, scatter, warned(scatter))
 
 
 def noise_groups(noise: str, count: int) -> np.ndarray:

@@ -22,7 +22,7 @@ class OutputError:
     Attributes
     ----------
     estimates : Dataset (parameter, parameter_)
-        ``estimate``, ``stderr`` (residuals as they are coloured), ``stderr_white`` (Cramer-Rao bound of white residuals),
+        ``estimate``, ``stderr`` (residuals as they are coloured, never below the next), ``stderr_white`` (Cramer-Rao bound),
         ``covariance`` and ``correlation`` (coloured), ``information`` (Fisher, prior included), ``start``, ``prior_stderr``, ``low``,
         ``high`` and ``active``: at a bound, without a standard error.  Attributes: ``method``, ``cost``, ``iterations``,
         ``converged``, ``samples``, ``manoeuvres``.
@@ -86,6 +86,9 @@ def tabulated(found: Found, layout: Layout, covariance: np.ndarray, about: dict[
     free = ~found.active
     readings = sum(int(np.isfinite(v).sum()) for v in found.residuals)
     white = inverse(found.information, free) * readings / max(1, readings - len(free))
+    # a colour that promises less than white residuals is more often chance than a gift
+    grow = np.sqrt(np.maximum(1.0, np.diag(white) / np.where(np.diag(covariance) > 0.0, np.diag(covariance), np.inf)))
+    covariance = covariance * np.outer(grow, grow)
     stderr, stderr_white = (np.where(free, np.sqrt(np.diag(C)), np.nan) for C in (covariance, white))
     size = np.where(np.isfinite(stderr) & (stderr > 0.0), stderr, np.inf)
     correlation = covariance / np.outer(size, size) + np.diag(np.where(np.isfinite(size), 0.0, 1.0))

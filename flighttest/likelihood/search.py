@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -68,14 +68,35 @@ class Found:
     """
 
     theta: np.ndarray
-    residuals: list[np.ndarray]
-    slopes: list[np.ndarray]
+    residuals: Any
+    slopes: Any
     noise: np.ndarray
     information: np.ndarray
     active: np.ndarray
     cost: float
     iterations: int
     converged: bool
+
+
+class Target(Protocol):
+    """What is minimised; what stands for residuals and slopes is its own affair."""
+
+    layout: Layout
+
+    def residuals(self, theta: np.ndarray) -> Any:
+        """Return what cost and normal equations are made of."""
+
+    def scatter(self, residuals: Any) -> np.ndarray:
+        """Return the variance of the residuals (manoeuvre, output)."""
+
+    def cost(self, theta: np.ndarray, residuals: Any) -> float:
+        """Return J, infinite where there is none."""
+
+    def slopes(self, theta: np.ndarray, steps: np.ndarray) -> Any:
+        """Return the derivatives of the residuals."""
+
+    def normal(self, theta: np.ndarray, residuals: Any, slopes: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return the information M and the downhill gradient."""
 
 
 class Likelihood:
@@ -111,6 +132,10 @@ class Likelihood:
         """Return R (group, output)."""
         return np.maximum(self._grouped([(v**2).sum(axis=0) for v in residuals]) / np.maximum(self.counts, 1), self.floor)
 
+    def scatter(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
+        """Return R (manoeuvre, output)."""
+        return self.noise(residuals)[self.groups]
+
     def cost(self, theta: np.ndarray, residuals: Sequence[np.ndarray]) -> float:
         """Return J; infinite when a piece could not be flown."""
         total = 0.5 * float((self.counts * np.log(self.noise(residuals))).sum()) + 0.5 * float((self._pull(theta) ** 2).sum())
@@ -137,7 +162,7 @@ class Likelihood:
         return M, g
 
 
-def search(likelihood: Likelihood, iterations: int) -> Found:
+def search(likelihood: Target, iterations: int) -> Found:
     """Return the maximum of a likelihood, by Levenberg and Marquardt inside bounds.
 
     Raises
@@ -171,11 +196,10 @@ def search(likelihood: Likelihood, iterations: int) -> Found:
             converged, cost = bool(near and cost - lower < CLOSE), lower
         slopes = likelihood.slopes(theta, steps)
     _demand_rank(M[np.ix_(~active, ~active)], [name for name, held in zip(layout.names, active) if not held])
-    noise = likelihood.noise(residuals)[likelihood.groups]
-    return Found(theta, residuals, slopes, noise, M, active, cost, count, converged)
+    return Found(theta, residuals, slopes, likelihood.scatter(residuals), M, active, cost, count, converged)
 
 
-def _descend(likelihood: Likelihood, theta, cost, M, g, free, damping):
+def _descend(likelihood: Target, theta, cost, M, g, free, damping):
     """Return step, parameters, residuals, cost and damping of the first step that goes down, or None when none does."""
     layout = likelihood.layout
     while damping < _STUCK:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import warnings
+
 import xarray as xr
+
+from flightmech.errors import AeromatchWarning
 
 LOUD = 2.0  # disturbance over the noise from sample to sample
 LASTING = 0.25  # correlation time from which a disturbance is one of the motion [s]
@@ -36,3 +40,11 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
         f"turbulence or a missing term: residuals of {', '.join(loud)} are a disturbance of the motion; fitted open loop the estimates are "
         "biased and scatter more than they tell. Use flighttest.filter_error, equation error, or a record in calm air",
     )
+
+
+def warned(noise: xr.Dataset) -> tuple[str, ...]:
+    """Return what `turbulence` finds, after a warning to the caller of the fit."""
+    found = turbulence(noise)
+    for text in found:
+        warnings.warn(text, AeromatchWarning, stacklevel=3)
+    return found
