@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from flightmech.lazy import load
 
 if TYPE_CHECKING:
+    from .batch.programme import Batch, reconstruct_batch, visible
     from .calibrate import force_at_cg, incidence_at_cg, true_pressures, vane_angles, vane_at_cg, vane_true, velocity_at
     from .conditioning import channel, cut, lowpass, remove_delay, resample, smooth
     from .delay import Delay, time_delay
@@ -44,6 +45,9 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
+    "Batch": "batch.programme",
+    "reconstruct_batch": "batch.programme",
+    "visible": "batch.programme",
     "filter_error": "likelihood.turbulent",
     "frequency_output_error": "likelihood.in_frequency",
     "linear_model": "likelihood.state_space",
@@ -109,6 +113,7 @@ _HOME = {
     "decide": "deletion",
 }
 __all__ = [
+    "Batch",
     "Delay",
     "Fit",
     "LinearModel",
@@ -157,6 +162,7 @@ __all__ = [
     "read",
     "read_names",
     "reconstruct",
+    "reconstruct_batch",
     "reconstruct_programme",
     "regress",
     "remove_delay",
@@ -172,6 +178,7 @@ __all__ = [
     "vane_at_cg",
     "vane_true",
     "velocity_at",
+    "visible",
 ]
 
 

@@ -102,16 +102,25 @@ def cut(record_file: str, start: float, stop: float, names: str | None, rate: fl
     type=click.Path(exists=True, dir_okay=False),
     help="Reconstruction of another record; its instrument constants are the prior of a single record.",
 )
+@click.option(
+    "--method",
+    type=click.Choice(["smoother", "batch"]),
+    default="smoother",
+    show_default=True,
+    help="smoother: the inertial unit is noisy; batch: output error, all records in one fit with common instruments.",
+)
+@click.option("--free", multiple=True, metavar="NAME", help="Constant that a batch estimates from the readings alone; all others are held.")
 @jobs_option
 @click.option("-o", "--output", required=True, type=click.Path(), help="netCDF file; a folder when there are several records.")
 @json_option
-def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, jobs, output, as_json) -> None:
+def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, method, free, jobs, output, as_json) -> None:
     """Reconstruct the states of one record, or of all runs of a programme with common instruments."""
     from pathlib import Path as File
 
     from flightmech import read_aircraft
     from flightmech.errors import SchemaError
 
+    from .batch.programme import reconstruct_batch
     from .files import open_biases, save_path
     from .programme import reconstruct_programme
     from .reconstruction import reconstruct as reconstruct_record
@@ -119,19 +128,29 @@ def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, 
 
     if (windows or biases_file) and len(record_files) > 1:
         raise SchemaError("flight reconstruct", ["--window and --biases go with one record; give the records one at a time"])
+    if free and method != "batch":
+        raise SchemaError("flight reconstruct", ["--free goes with --method batch; the smoother estimates all constants"])
     if len(record_files) == 1:
         NewFile().convert(output, None, click.get_current_context())
     aircraft, prior = read_aircraft(aircraft_file), open_biases(biases_file) if biases_file else None
     records = [read(file, names) for file in record_files]
-    if len(records) == 1:
-        paths, targets = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)], [File(output)]
+    targets = [File(output)]
+    batch = None
+    if method == "batch":
+        batch = reconstruct_batch(records, aircraft, [list(windows) or None] * len(records), free or None, prior, rate)
+        paths = batch.paths
+    elif len(records) == 1:
+        paths = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)]
     else:
         remark(f"{len(records)} records: each alone, then each with what the others tell about the instruments")
         paths = reconstruct_programme(records, aircraft, rate, jobs)
+    if len(records) > 1:
         targets = [File(output) / f"{File(file).name.split('.')[0]}.nc" for file in record_files]
         File(output).mkdir(parents=True, exist_ok=True)
     for path, target in zip(paths, targets, strict=True):
         save_path(path, target)
+    if batch is not None and not as_json:
+        click.echo(batch.report() + "\n")
     if as_json:
         document([{"file": str(target), **path.summary()} for path, target in zip(paths, targets, strict=True)])
         return

@@ -15,6 +15,7 @@ ITERATIONS = 30
 ROUNDS = 6  # of the noise
 SAME = 0.05  # change of the noise at which it has settled
 GAIN = 0.01  # expected change of the cost at which the iteration has settled
+STIFF = 1e9  # damping at which no step is left
 FEW = 20  # readings below which a channel keeps the noise of its specification
 FAR = 1000.0  # cost per reading above which factors, lags and latencies wait
 _MULTIPLY = ("factor.", "lag.", "delay.", "scale.")
@@ -75,24 +76,26 @@ def fit(equations: Equations) -> Fitted:
 
 
 def _settle(equations: Equations) -> tuple[Equations, int]:
-    layout, damping = equations.layout, 0.0
+    layout, damping, fresh = equations.layout, 0.0, False
     multiply = np.array([name.startswith(_MULTIPLY) for name in layout.names])
     for count in range(1, ITERATIONS + 1):
         far = equations.cost > FAR * equations.readings
         step, gain = equations.step(damping, multiply & far)
         enough = GAIN * max(1.0, equations.cost / equations.readings)  # in terms of the noise that the residuals will say
         trial = _moved(equations, step)
-        if trial is None or trial.cost > equations.cost + enough:
+        if trial is not None and trial.cost <= equations.cost + enough:
+            equations, fresh = trial, False
+            damping = damping / 10.0 if damping > 1e-6 else 0.0
+            if gain < enough and not far:
+                return equations, count
+        elif not fresh:  # the weak terms were those of the path before
+            equations, fresh = _moved(equations, 0.0 * step) or equations, True
+        else:
             damping = max(10.0 * damping, 1e-3)
-            if damping > 1e9:
+            if damping > STIFF:
                 raise IdentificationError(
                     "the batch fit finds no better path from its start; check signs, units and positions of the sensors"
                 )
-            continue
-        equations = trial
-        damping = damping / 10.0 if damping > 1e-6 else 0.0
-        if gain < enough and not far:
-            return equations, count
     raise IdentificationError(
         f"the batch fit did not settle in {ITERATIONS} iterations; see which constants the readings do not tell (`visible`)"
     )

@@ -50,12 +50,12 @@ def spline(time, x):
     return CubicSpline(time, x, axis=0)
 
 
-def path(duration, rng, gust=0.0):
+def path(duration, rng, gust=0.0, motion=1.0):
     """Return time, attitude, rates, accelerations, specific force, air-relative velocity, ground velocity, height, wind."""
     t = np.arange(round(duration * RATE) + 1) / RATE
 
     def wave(*parts):
-        return sum(a * np.sin(2 * np.pi * f * t + phase) for a, f, phase in parts)
+        return motion * sum(a * np.sin(2 * np.pi * f * t + phase) for a, f, phase in parts)
 
     V = 85.0 + wave((12.0, 0.02, 0.3), (1.0, 0.1, 1.0))
     alpha = 0.06 + wave((0.03, 0.35, 0.0), (0.02, 0.9, 1.0), (0.02, 0.06, 2.0))
@@ -108,10 +108,10 @@ def leaf(time, **channels):
     return data
 
 
-def fly(seed=0, duration=40.0, gust=0.0, noise=1.0, inertial_noise=1.0):
+def fly(seed=0, duration=40.0, gust=0.0, noise=1.0, inertial_noise=1.0, motion=1.0, error=None):
     """Return a record, its instrument errors, and the truth as a Dataset."""
     rng = np.random.default_rng(seed)
-    true, error = path(duration, rng, gust), errors(rng)
+    true, error = path(duration, rng, gust, motion), error or errors(rng)
     t, omega = true.time, true.omega
     turned = np.cross(true.omega_dot, IMU) + np.cross(omega, np.cross(omega, IMU))
     sensed = dict(zip(("ax_imu", "ay_imu", "az_imu"), (true.force + turned).T, strict=True))

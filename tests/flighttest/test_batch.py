@@ -1,0 +1,133 @@
+"""Batch reconstruction of simulated flights whose truth is known."""
+
+import copy
+
+import numpy as np
+import pytest
+
+import flighttest
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
+
+RIGID = 0.05  # noise of the inertial unit over that of the conftest: a navigation-grade one
+
+
+@pytest.fixture(scope="module")
+def precise(aircraft):
+    craft = copy.deepcopy(aircraft)
+    for name in ("p", "q", "r", "ax_imu", "ay_imu", "az_imu"):
+        craft.instruments["imu"]["noise"][name] *= RIGID
+    return craft
+
+
+@pytest.fixture(scope="module")
+def found(flown, precise):
+    record, error, truth = flown(0, inertial_noise=RIGID)
+    return flighttest.reconstruct_batch([record], precise), error, truth
+
+
+def deviations(estimates, error, key="stderr"):
+    names = [name for name in estimates["parameter"].values if name in error]
+    chosen = estimates.sel(parameter=names)
+    return (chosen["estimate"].values - [error[name] for name in names]) / chosen[key].values
+
+
+def test_path_follows_the_truth(found):
+    batch, _, truth = found
+    states = batch.paths[0].states
+    # standard errors of the constants times their leverage, as for the smoother
+    for name, tol in {"V": 0.05, "alpha": 0.0006, "beta": 0.0006, "theta": 0.0004, "h": 0.6}.items():
+        assert np.sqrt(np.mean((states[name].values - truth[name].values) ** 2)) < tol, name
+
+
+def test_constants_lie_within_their_standard_errors(flown, precise):
+    z = []
+    for seed in range(6):
+        record, error, _ = flown(seed, duration=30.0, inertial_noise=RIGID)
+        z.append(deviations(flighttest.reconstruct_batch([record], precise).estimates, error))
+    # 114 deviations, correlated within a flight: the count scatters by 4 %
+    assert (np.abs(z) < 2.0).mean() > 0.87
+    assert 0.75 < np.sqrt(np.mean(np.square(z))) < 1.25
+
+
+def test_noise_of_the_inertial_unit_is_in_the_standard_errors(flown, aircraft):
+    z, bound = [], []
+    for seed in range(5):
+        record, error, _ = flown(seed, duration=30.0)
+        estimates = flighttest.reconstruct_batch([record], aircraft).estimates
+        z.append(deviations(estimates, error))
+        bound.append(deviations(estimates, error, "stderr_white"))
+    assert (np.abs(z) < 2.0).mean() > 0.87
+    # the Cramer-Rao bound takes the gyros for perfect
+    assert (np.abs(bound) < 2.0).mean() < 0.75
+
+
+def test_noise_of_the_channels_is_estimated(flown, precise):
+    unsure = copy.deepcopy(precise)
+    unsure.instruments["vanes"]["noise"]["alpha_vane"] *= 2.0
+    record = flown(0, inertial_noise=RIGID)[0]
+    noise = flighttest.reconstruct_batch([record], unsure).noise
+    assert noise.loc["alpha_vane", "given"] == pytest.approx(3e-3)
+    assert noise.loc["alpha_vane", "estimated"] == pytest.approx(1.5e-3, rel=0.05)  # 2001 readings scatter by 1.6 %
+
+
+def test_records_share_their_constants(flown, precise):
+    error = flown(0, duration=5.0)[1]
+    records = [flown(seed, duration=20.0, inertial_noise=RIGID, error=error)[0] for seed in (1, 2)]
+    both = flighttest.reconstruct_batch(records, precise, [[(0.0, 8.0), (9.0, 20.0)], None])
+    alone = flighttest.reconstruct_batch(records[1:], precise)
+    assert {"wind_n.1", "wind_n.2", "p_reference.2"} <= set(both.estimates["parameter"].values)
+    assert both.starts.sizes["segment"] == 3
+    assert (np.abs(deviations(both.estimates, error)) < 2.0).mean() > 0.8
+    name = "bias.alpha_vane"
+    assert float(both.estimates["stderr"].sel(parameter=name)) < float(alone.estimates["stderr"].sel(parameter=name))
+    biases = [path.biases["estimate"].sel(parameter=name) for path in both.paths]
+    assert float(biases[0]) == float(biases[1])
+
+
+def test_steady_flight_hides_vertical_wind_behind_the_vane(flown, precise):
+    record = flown(0, motion=0.0)[0]
+    names = ["bias.alpha_vane", "wind_d"]
+    sight = flighttest.visible([record], precise, free=names)
+    words = sight.hidden()
+    assert len(words) == 1
+    assert all(name in words[0] for name in names)
+    row = sight.directions.isel(direction=0)
+    move = dict(zip(row["parameter"].values, row["move"].values))
+    # an offset of the vane makes up for air that sinks: K wind_d/V, V = 85 m/s, K = 1.08; V of the first path is good to 3 %
+    assert move["wind_d"] / move["bias.alpha_vane"] == pytest.approx(85.0 / 1.08, rel=0.03)
+    with pytest.raises(IdentificationError, match=r"not seen apart: .*wind_d"):
+        flighttest.reconstruct_batch([record], precise, free=names)
+
+
+def test_a_manoeuvre_separates_them(flown, precise):
+    record = flown(0, inertial_noise=RIGID)[0]
+    assert flighttest.visible([record], precise, free=["bias.alpha_vane", "wind_d"]).hidden() == []
+
+
+def test_held_constants_stay(flown, precise):
+    error = {"lag.vanes": 0.05, "static_error": 0.0, "delay.air_data": 0.12, "delay.gps": 0.15}
+    error |= {"factor.alpha_vane": 1.08, "factor.beta_vane": 1.05, "bias.alpha_vane": 0.01, "bias.q": 4e-4}
+    record, _, truth = flown(0, inertial_noise=RIGID, error=error)
+    batch = flighttest.reconstruct_batch([record], precise, free=["bias.alpha_vane", "bias.q", "wind_n", "wind_e"])
+    estimates = batch.estimates.sel(parameter=["bias.alpha_vane", "bias.q"])
+    assert (np.abs(estimates["estimate"] - [0.01, 4e-4]) < 3.0 * estimates["stderr"]).all()
+    assert float(batch.estimates["estimate"].sel(parameter="lag.vanes")) == 0.05
+    assert ["lag.vanes", "0.05", "held", "s"] in [line.split() for line in batch.report().splitlines()]
+    assert np.std(batch.paths[0].states["alpha"].values - truth["alpha"].values) < 5e-4
+
+
+def test_unknown_and_empty_names(flown, precise):
+    record = flown(0, duration=10.0)[0]
+    with pytest.raises(UnknownName, match=r"bias\.alfa"):
+        flighttest.reconstruct_batch([record], precise, free=["bias.alfa"])
+    with pytest.raises(SchemaError, match="no constant to estimate"):
+        flighttest.reconstruct_batch([record], precise, free=[])
+    with pytest.raises(SchemaError, match="1 sets of windows for 2 records"):
+        flighttest.reconstruct_batch([record, record], precise, [None])
+
+
+def test_wrong_sign_of_an_axis_is_told(flown, precise):
+    record = flown(0, duration=20.0)[0].copy(deep=True)
+    record["imu/az_imu"].values[:] *= -1.0
+    with pytest.raises(IdentificationError, match="batch fit"):
+        flighttest.reconstruct_batch([record], precise)
