@@ -137,9 +137,9 @@ def deal_harmonics(axes: Mapping[str, Axis], period: float) -> dict[str, list[in
     """
     problems = [f"{name}: amplitude {axis.amplitude:g}; it must be positive" for name, axis in axes.items() if not axis.amplitude > 0.0]
     chosen: dict[str, list[int]] = {name: sorted(axis.harmonics) for name, axis in axes.items() if axis.harmonics}
-    taken = [k for k in chosen.values() for k in k]
-    problems += [f"harmonic {k} is chosen twice; every line belongs to one axis" for k in sorted({k for k in taken if taken.count(k) > 1})]
-    problems += [f"harmonic {k} is below {LEAST_HARMONIC}: less than two cycles per period" for k in taken if k < LEAST_HARMONIC]
+    taken = [n for own in chosen.values() for n in own]
+    problems += [f"harmonic {n} is chosen twice; every line belongs to one axis" for n in sorted({n for n in taken if taken.count(n) > 1})]
+    problems += [f"harmonic {n} is below {LEAST_HARMONIC}: less than two cycles per period" for n in taken if n < LEAST_HARMONIC]
     allowed = {name: [k for k in _allowed(axis, period) if k not in taken] for name, axis in axes.items() if not axis.harmonics}
     dealt: dict[str, list[int]] = {name: [] for name in allowed}
     lines = sorted(set().union(*allowed.values())) if allowed else []

@@ -169,7 +169,8 @@ def in_sequence(signals: Sequence[xr.Dataset], pause: float = 0.0) -> xr.Dataset
         raise SchemaError("test inputs in sequence", [f"rates {', '.join(f'{r:g}' for r in sorted(rates)) or 'none'}; give one rate"])
     rate = rates.pop()
     names = list(dict.fromkeys(str(name) for one in signals for name, item in one.data_vars.items() if item.dims == ("time",)))
-    gap, columns = np.zeros(round(pause * rate)), {name: [] for name in names}
+    gap = np.zeros(round(pause * rate))
+    columns: dict[str, list[np.ndarray]] = {name: [] for name in names}
     for number, one in enumerate(signals):
         size = one.sizes["time"] - 1
         for name in names:
