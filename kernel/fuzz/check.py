@@ -119,9 +119,12 @@ def fuzz(compiler: str, targets: list[str], seconds: int, keep: Path, folder: Pa
         limits = [f"-max_total_time={seconds}", "-timeout=60", f"-rss_limit_mb={MOST_MEMORY}", "-max_len=131072", "-print_final_stats=1"]
         seeds = str(folder / f"seeds_{target}")
         told = run([program, *limits, f"-artifact_prefix={keep}/{target}-", seeds], environment, f"fuzzer of {target}")
-        tried = re.search(r"number_of_executed_units: (\d+)", told)
-        reached = re.findall(r"cov: (\d+)", told)
-        print(f"fuzzer of {target}: {tried[1] if tried else 0} inputs tried, {reached[-1] if reached else 0} edges reached", flush=True)
+        stat = {name: int(value) for name, value in re.findall(r"stat::(\w+): +(\d+)", told)}
+        edges = re.findall(r"cov: (\d+)", told)[-1]
+        print(
+            f"{target}: {stat['number_of_executed_units']} inputs tried, {edges} edges reached, slowest {stat['slowest_unit_time_sec']} s",
+            flush=True,
+        )
 
 
 def main() -> None:
