@@ -9,14 +9,18 @@ from flightmech.lazy import load
 if TYPE_CHECKING:
     from .batch.programme import Batch, reconstruct_batch, visible
     from .calibrate import force_at_cg, incidence_at_cg, true_pressures, vane_angles, vane_at_cg, vane_true, velocity_at
+    from .compatibility import compatibility_report, compatibility_table, draw_compatibility
     from .conditioning import channel, cut, lowpass, remove_delay, resample, smooth
     from .delay import Delay, time_delay
     from .deletion import decide
     from .differentiate import derivative, derivative_window
     from .files import open_biases, save_path, save_record
     from .fit import Fit, open_fit, save_fit
+    from .fourier import finite_fourier, harmonics
     from .fourier_smoothing import Smoothed, fourier_smooth
+    from .inertia import Inertia, inertia_from_flight
     from .join import merge
+    from .joining import Joined, join_fits
     from .likelihood.flown import output_error
     from .likelihood.in_frequency import frequency_output_error
     from .likelihood.result import OutputError
@@ -24,9 +28,10 @@ if TYPE_CHECKING:
     from .likelihood.turbulent import filter_error
     from .likelihood.unknowns import Unknown
     from .marking import add_marks, marks
-    from .mixed_estimation import mixed
+    from .mixed_estimation import Mixed, mixed, prior_of
     from .model import Model
     from .names_map import NameMap, read_names, shipped_maps
+    from .partition import Partition, bins, fit_bins
     from .pooling import pool, pool_fits
     from .programme import combine_biases, reconstruct_programme
     from .raw_contents import contents
@@ -34,6 +39,12 @@ if TYPE_CHECKING:
     from .record import faults, manoeuvres, overview, read
     from .reduction import between, coefficients, open_states
     from .regression import regress
+    from .resampling import Bootstrap, Study, bootstrap, monte_carlo
+    from .selection.candidates import monomials, spline_terms
+    from .selection.orthogonal import select_orthogonal
+    from .selection.result import Selection, tally
+    from .selection.stepwise import select_stepwise
+    from .spectrum import regress_frequency
     from .thrust import fit_thrust
     from .unmeasured import (
         airspeed_from_pressures,
@@ -45,6 +56,31 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
+    "regress_frequency": "spectrum",
+    "finite_fourier": "fourier",
+    "harmonics": "fourier",
+    "Mixed": "mixed_estimation",
+    "prior_of": "mixed_estimation",
+    "join_fits": "joining",
+    "Joined": "joining",
+    "fit_bins": "partition",
+    "bins": "partition",
+    "Partition": "partition",
+    "inertia_from_flight": "inertia",
+    "Inertia": "inertia",
+    "bootstrap": "resampling",
+    "Bootstrap": "resampling",
+    "monte_carlo": "resampling",
+    "Study": "resampling",
+    "select_stepwise": "selection.stepwise",
+    "select_orthogonal": "selection.orthogonal",
+    "monomials": "selection.candidates",
+    "spline_terms": "selection.candidates",
+    "tally": "selection.result",
+    "Selection": "selection.result",
+    "compatibility_report": "compatibility",
+    "compatibility_table": "compatibility",
+    "draw_compatibility": "compatibility",
     "Batch": "batch.programme",
     "reconstruct_batch": "batch.programme",
     "visible": "batch.programme",
@@ -114,43 +150,62 @@ _HOME = {
 }
 __all__ = [
     "Batch",
+    "Bootstrap",
     "Delay",
     "Fit",
+    "Inertia",
+    "Joined",
     "LinearModel",
+    "Mixed",
     "Model",
     "NameMap",
     "OutputError",
+    "Partition",
     "Path",
+    "Selection",
     "Smoothed",
+    "Study",
     "Unknown",
     "add_marks",
     "airspeed_from_pressures",
     "angular_accelerations",
     "between",
+    "bins",
+    "bootstrap",
     "channel",
     "coefficients",
     "combine_biases",
+    "compatibility_report",
+    "compatibility_table",
     "complete",
     "contents",
     "cut",
     "decide",
     "derivative",
     "derivative_window",
+    "draw_compatibility",
     "faults",
     "filter_error",
+    "finite_fourier",
+    "fit_bins",
     "fit_thrust",
     "force_at_cg",
     "forces_from_velocity",
     "fourier_smooth",
     "frequency_output_error",
+    "harmonics",
     "incidence_at_cg",
     "incidence_from_velocity",
+    "inertia_from_flight",
+    "join_fits",
     "linear_model",
     "lowpass",
     "manoeuvres",
     "marks",
     "merge",
     "mixed",
+    "monomials",
+    "monte_carlo",
     "open_biases",
     "open_fit",
     "open_states",
@@ -158,6 +213,7 @@ __all__ = [
     "overview",
     "pool",
     "pool_fits",
+    "prior_of",
     "rates_from_attitude",
     "read",
     "read_names",
@@ -165,13 +221,18 @@ __all__ = [
     "reconstruct_batch",
     "reconstruct_programme",
     "regress",
+    "regress_frequency",
     "remove_delay",
     "resample",
     "save_fit",
     "save_path",
     "save_record",
+    "select_orthogonal",
+    "select_stepwise",
     "shipped_maps",
     "smooth",
+    "spline_terms",
+    "tally",
     "time_delay",
     "true_pressures",
     "vane_angles",

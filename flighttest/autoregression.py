@@ -14,8 +14,10 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
@@ -27,36 +29,51 @@ _REFUSED = 1e3
 _TOLERANCE = 1e-6  # of the log-likelihood per sample
 
 
+@dataclass(frozen=True)
 class Disturbance:
     """A stationary disturbance as an autoregression.
 
-    Parameters
+    Attributes
     ----------
-    coefficients : array (order + 1,)
-        1, a_1 ... a_p of  e_t = v_t + a_1 v_(t-1) + ... + a_p v_(t-p).
+    reflections : array (order,)
+        Reflection coefficients, all between -1 and 1.
     variance : float
-        Of the innovation e.
+        Of the innovation.
     """
 
-    def __init__(self, coefficients: np.ndarray, variance: float):
-        self.coefficients, self.variance = coefficients, variance
+    reflections: np.ndarray
+    variance: float
+
+    @property
+    def coefficients(self) -> np.ndarray:
+        """1, a_1 ... a_p of the innovation e_t = v_t + a_1 v_(t-1) + ... + a_p v_(t-p)."""
+        return _polynomial(self.reflections)
 
     def autocovariance(self, lags: int) -> np.ndarray:
         """Return the autocovariance at lags 0 ... lags - 1."""
-        a, p = self.coefficients, len(self.coefficients) - 1
+        a, p = self.coefficients, len(self.reflections)
         equations = np.zeros((p + 1, p + 1))
         for k in range(p + 1):  # Yule and Walker
             np.add.at(equations[k], np.abs(k - np.arange(p + 1)), a)
         r = np.linalg.solve(equations, self.variance * np.eye(p + 1)[0])
         if lags <= p + 1:
             return r[:lags]
-        state = -np.array([a[i + 1 :] @ r[:i:-1][: p - i] for i in range(p)])
+        state = _history(a, r)
         later, _ = lfilter([1.0], a, np.zeros(lags - p - 1), zi=state)
         return np.concatenate([r, later])
 
     def innovations(self, v: np.ndarray) -> np.ndarray:
         """Return what the past of a signal (time,) does not foretell, after the first samples of its order."""
-        return lfilter(self.coefficients, [1.0], v)[len(self.coefficients) - 1 :]
+        return lfilter(self.coefficients, [1.0], v)[len(self.reflections) :]
+
+    def sample(self, size: int, rng: np.random.Generator) -> np.ndarray:
+        """Return one stretch of the disturbance, (size,), stationary from its first sample on."""
+        a, p = self.coefficients, len(self.reflections)
+        e = np.sqrt(self.variance) * rng.normal(size=max(size, p))
+        first = solve_triangular(_start(self.reflections)[0], e[:p], lower=True) if p else e[:0]
+        state = _history(a, first)
+        later = lfilter([1.0], a, e[p:], zi=state)[0] if size > p else e[:0]
+        return np.concatenate([first, later])[:size]
 
 
 def disturbance(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], order: int = ORDER) -> Disturbance:
@@ -77,7 +94,7 @@ def disturbance(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], order: in
     parts = [v[piece] - (v[piece].mean() if len(pieces) >= OFFSETS else 0.0) for piece in pieces]
     steps, innovations = _levinson(parts, order)
     if order == 0 or innovations[0] <= 0.0:
-        return Disturbance(np.ones(1), float(v @ v) / max(1, len(v) - X.shape[1]))
+        return Disturbance(np.zeros(0), float(v @ v) / max(1, len(v) - X.shape[1]))
     orders = np.arange(order + 1)
     criterion = len(v) * (np.log(innovations) + 2.0 * (orders + 1) / np.maximum(1, len(v) - X.shape[1] - orders - 2))
     p = max(1, int(np.argmin(criterion)))
@@ -122,7 +139,7 @@ class _Likelihood:
         found = minimize(self._cost, start, method="L-BFGS-B", bounds=[(-_STEEPEST, _STEEPEST)] * len(start), options={"ftol": _TOLERANCE})
         reflections = np.tanh(found.x)
         root, _ = self._whitened(reflections)
-        return Disturbance(_polynomial(reflections), root[-1] ** 2 / self.free * self.scale**2)
+        return Disturbance(reflections, root[-1] ** 2 / self.free * self.scale**2)
 
     def _cost(self, t: np.ndarray) -> float:
         try:
@@ -176,6 +193,12 @@ def _polynomial(reflections: np.ndarray) -> np.ndarray:
         a = np.append(a, 0.0)
         a = a + k * a[::-1]
     return a
+
+
+def _history(a: np.ndarray, past: np.ndarray) -> np.ndarray:
+    """State of the filter 1/a after given outputs."""
+    p = len(a) - 1
+    return -np.array([a[i + 1 :] @ past[::-1][: p - i] for i in range(p)])
 
 
 def _start(reflections: np.ndarray) -> tuple[np.ndarray, float]:

@@ -9,12 +9,13 @@ manoeuvre to manoeuvre as a constant is a variance of its own.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from scipy.signal import fftconvolve
 
-from .autoregression import OFFSETS, disturbance
+from .autoregression import OFFSETS, Disturbance, disturbance
 
 BLOCK = 0.08  # residuals are averaged over so long before their colour is looked at [s]
 _OWN = 25  # blocks from which on a manoeuvre has a disturbance of its own size
@@ -57,7 +58,10 @@ def coloured(
     .. [Morelli1997] Morelli, Klein, J. Guidance 20, 1997.
     .. [Newey1987] Newey, West, Econometrica 55, 1987.
     """
-    parts = _modelled(X, v, pieces, steps) if lag is None else _windowed(X, v, pieces, steps, lag)
+    if lag is None:
+        parts = [colour.spread(X[piece]) for colour, piece in zip(colours(X, v, pieces, steps), pieces)]
+    else:
+        parts = _windowed(X, v, pieces, steps, lag)
     means, sizes = np.array([v[piece].mean() for piece in pieces]), np.array([piece.stop - piece.start for piece in pieces])
     offset2 = _between(means, np.array([mean for _, mean in parts]), sizes)
     sums = np.array([X[piece].sum(axis=0) for piece in pieces])
@@ -75,40 +79,79 @@ def _windowed(X, v, pieces, steps, lag: float) -> list[tuple[np.ndarray, float]]
     return [_spread(X[piece], grow * _tapered(v[piece], window)) for piece, window in zip(pieces, windows)]
 
 
-def _modelled(X, v, pieces, steps) -> list[tuple[np.ndarray, float]]:
-    """Per piece X'RX and the variance of the mean: one colour for all pieces of one clock, a size for each."""
-    blocks = [_Blocks(X[piece], v[piece], step) for piece, step in zip(pieces, steps)]
-    found: dict[int, tuple[np.ndarray, float]] = {}
-    for clock in {block.clock for block in blocks}:
-        members = [k for k, block in enumerate(blocks) if block.clock == clock]
-        edges = np.cumsum([0, *(len(blocks[k].v) for k in members)])
-        places = [slice(int(a), int(b)) for a, b in pairwise(edges)]
-        model = disturbance(np.vstack([blocks[k].x for k in members]), np.concatenate([blocks[k].v for k in members]), places)
-        for k, size in zip(members, _sizes([model.innovations(blocks[k].v) for k in members])):
-            right = size * model.autocovariance(len(blocks[k].v))
-            product, mean = _spread(blocks[k].sums, np.concatenate([right[:0:-1], right]))
-            found[k] = product + blocks[k].within, mean
-    return [found[k] for k in range(len(blocks))]
-
-
-class _Blocks:
-    """Means of regressors and residual over blocks, and what white noise within the blocks adds to X'RX.
+@dataclass(frozen=True)
+class Colour:
+    """The disturbance of one piece: an autoregression of block means, and white noise within the blocks.
 
     Averaging takes out the part of the spectrum that a low-pass has emptied, where a whitening filter would be lost in
     rounding, and lets an autoregression of low order reach far back.
+
+    Attributes
+    ----------
+    model : Disturbance
+        Of block means; common to all pieces of one clock.
+    size : float
+        Variance of this piece over that of the model.
+    length : int
+        Samples per block.
+    white : float
+        Variance within blocks.
     """
 
-    def __init__(self, X: np.ndarray, v: np.ndarray, step: float):
-        length = max(1, round(BLOCK / step))
-        self.clock = round(length * step, 3)
-        starts = np.arange(0, len(v), length)
-        counts = np.diff([*starts, len(v)])
-        self.sums = np.add.reduceat(X, starts, axis=0)
-        self.x, self.v = self.sums / counts[:, None], np.add.reduceat(v, starts) / counts
-        rest = v - np.repeat(self.v, counts)
-        white = float(rest @ rest) / max(1, len(v) - len(starts))
-        inside = X - np.repeat(self.x, counts, axis=0)
-        self.within = white * inside.T @ inside
+    model: Disturbance
+    size: float
+    length: int
+    white: float
+
+    def spread(self, X: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return X'RX and the variance of the mean of the disturbance."""
+        starts, counts = _blocks(len(X), self.length)
+        sums = np.add.reduceat(X, starts, axis=0)
+        right = self.size * self.model.autocovariance(len(starts))
+        product, mean = _spread(sums, np.concatenate([right[:0:-1], right]))
+        inside = X - np.repeat(sums / counts[:, None], counts, axis=0)
+        return product + self.white * inside.T @ inside, mean
+
+    def sample(self, samples: int, rng: np.random.Generator) -> np.ndarray:
+        """Return one stretch of the disturbance, (samples,)."""
+        starts, counts = _blocks(samples, self.length)
+        slow = np.sqrt(self.size) * self.model.sample(len(starts), rng)
+        fast = np.sqrt(self.white) * rng.normal(size=samples)
+        return np.repeat(slow - np.add.reduceat(fast, starts) / counts, counts) + fast
+
+
+def colours(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float]) -> list[Colour]:
+    """Return the disturbance behind the residuals, piece by piece.
+
+    Parameters
+    ----------
+    X, v, pieces, steps
+        As in `coloured`.
+    """
+    lengths = [max(1, round(BLOCK / step)) for step in steps]
+    clocks = [round(length * step, 3) for length, step in zip(lengths, steps)]
+    means, whites = [], []
+    for piece, length in zip(pieces, lengths):
+        starts, counts = _blocks(piece.stop - piece.start, length)
+        mean = np.add.reduceat(np.column_stack([X[piece], v[piece]]), starts) / counts[:, None]
+        rest = v[piece] - np.repeat(mean[:, -1], counts)
+        means.append(mean)
+        whites.append(float(rest @ rest) / max(1, len(rest) - len(starts)))
+    found: dict[int, Colour] = {}
+    for clock in set(clocks):
+        members = [k for k, own in enumerate(clocks) if own == clock]
+        edges = np.cumsum([0, *(len(means[k]) for k in members)])
+        together = np.concatenate([means[k] for k in members])
+        model = disturbance(together[:, :-1], together[:, -1], [slice(int(a), int(b)) for a, b in pairwise(edges)])
+        for k, size in zip(members, _sizes([model.innovations(means[k][:, -1]) for k in members])):
+            found[k] = Colour(model, float(size), lengths[k], whites[k])
+    return [found[k] for k in range(len(pieces))]
+
+
+def _blocks(samples: int, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """First sample and number of samples of every block; the last may be shorter."""
+    starts = np.arange(0, samples, length)
+    return starts, np.diff([*starts, samples])
 
 
 def _spread(x: np.ndarray, kernel: np.ndarray) -> tuple[np.ndarray, float]:

@@ -213,6 +213,36 @@ def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     return data
 
 
+def known_moment(states: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
+    """Return the moment on the airframe that is not aerodynamic: of thrust about the c.g., less omega x h_e of the rotors.
+
+    Parameters
+    ----------
+    states : Dataset (time,)
+        `p q r`, and `engineN.thrust` of every engine; `x_cg_b`, `y_cg_b`, `z_cg_b` where they change. [SI]
+    aircraft : Aircraft
+        Engines.
+
+    Returns
+    -------
+    array (time, 3)
+        Body axes. [N m]
+    """
+    moment = -np.cross(_vector(states, ("p", "q", "r")), _rotors(aircraft))
+    return moment + sum((_thrust(states, aircraft, i)[1] for i in range(len(aircraft.engines))), np.zeros(3))
+
+
+def inertia_matrix(aircraft: Aircraft) -> np.ndarray:
+    """Return the tensor of inertia about the c.g., body axes. [kg m2]"""
+    return np.array(
+        [
+            [aircraft.Ixx, -aircraft.Ixy, -aircraft.Ixz],
+            [-aircraft.Ixy, aircraft.Iyy, -aircraft.Iyz],
+            [-aircraft.Ixz, -aircraft.Iyz, aircraft.Izz],
+        ]
+    )
+
+
 def _incidence_rates(data: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
     """alpha_dot and beta_dot from accelerations, air mass unaccelerated. [rad s-1]"""
     V, al, be, p, q, r, ph, th = (_column(data, name) for name in ("V", "alpha", "beta", "p", "q", "r", "phi", "theta"))
@@ -228,16 +258,14 @@ def _inertial(data: xr.Dataset, aircraft: Aircraft) -> tuple[np.ndarray, np.ndar
     """m a and I omega_dot + omega x (I omega + h_e), body axes, about the c.g. [N, N m]"""
     omega = _vector(data, ("p", "q", "r"))
     omega_dot = np.stack([_rate_of(data, name) for name in ("p", "q", "r")], axis=1)
-    inertia = np.array(
-        [
-            [aircraft.Ixx, -aircraft.Ixy, -aircraft.Ixz],
-            [-aircraft.Ixy, aircraft.Iyy, -aircraft.Iyz],
-            [-aircraft.Ixz, -aircraft.Iyz, aircraft.Izz],
-        ]
-    )
-    rotors = sum((engine.angular_momentum * np.asarray(engine.direction, float) for engine in aircraft.engines), np.zeros(3))
+    inertia = inertia_matrix(aircraft)
     mass = _column(data, "mass", aircraft.mass)
-    return mass[:, None] * _vector(data, ("ax", "ay", "az")), omega_dot @ inertia + np.cross(omega, omega @ inertia + rotors)
+    return mass[:, None] * _vector(data, ("ax", "ay", "az")), omega_dot @ inertia + np.cross(omega, omega @ inertia + _rotors(aircraft))
+
+
+def _rotors(aircraft: Aircraft) -> np.ndarray:
+    """Angular momentum of all rotors, body axes. [kg m2 s-1]"""
+    return sum((engine.angular_momentum * np.asarray(engine.direction, float) for engine in aircraft.engines), np.zeros(3))
 
 
 def _thrust(data: xr.Dataset, aircraft: Aircraft, index: int) -> tuple[np.ndarray, np.ndarray]:

@@ -89,8 +89,8 @@ def select_stepwise(
         rows.append(rate.row("kept", problem.terms[j], work, np.nan))
     parents = _parents(problem) if hierarchy else None
     removed: set[int] = set()
-    while (j := _next(work, rate, enter, gain, parents, removed)) is not None:
-        partial = float(np.sign(work.product[j]) * np.sqrt(min(1.0, work.gains()[j] / work.rss)))
+    while (best := _next(work, rate, enter, gain, parents, removed)) is not None:
+        j, partial = best, float(np.sign(work.product[best]) * np.sqrt(min(1.0, work.gains()[best] / work.rss)))
         work.take(j)
         rows.append(rate.row("entered", problem.terms[j], work, partial))
         while (weak := _weakest(work, kept, leave)) is not None:

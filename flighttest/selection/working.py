@@ -124,8 +124,8 @@ class Working:
         usable[self.taken] = False
         product = self.product[:, None] + along * regained
         gains = np.where(usable, product**2 / np.where(usable, left2, 1.0), 0.0) - regained**2
-        j, k = np.unravel_index(int(np.argmax(gains)), gains.shape)
-        return places[k], int(j), max(0.0, float(gains[j, k]))
+        j, k = (int(at) for at in np.unravel_index(int(np.argmax(gains)), gains.shape))
+        return places[k], j, max(0.0, float(gains[j, k]))
 
     def press(self) -> float:
         """Return the sum of squares of the residuals with each row left out in turn, divided by the rows."""
