@@ -110,10 +110,11 @@ def cut(record_file: str, start: float, stop: float, names: str | None, rate: fl
     help="smoother: the inertial unit is noisy; batch: output error, all records in one fit with common instruments.",
 )
 @click.option("--free", multiple=True, metavar="NAME", help="Constant that a batch estimates from the readings alone; all others are held.")
+@click.option("--figure", type=NewFile(), help="Draw the data compatibility of a single record: png, svg or pdf.")
 @jobs_option
 @click.option("-o", "--output", required=True, type=click.Path(), help="netCDF file; a folder when there are several records.")
 @json_option
-def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, method, free, jobs, output, as_json) -> None:
+def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, method, free, figure, jobs, output, as_json) -> None:
     """Reconstruct the states of one record, or of all runs of a programme with common instruments."""
     from pathlib import Path as File
 
@@ -121,6 +122,7 @@ def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, 
     from flightmech.errors import SchemaError
 
     from .batch.programme import reconstruct_batch
+    from .compatibility import compatibility_report, draw_compatibility
     from .files import open_biases, save_path
     from .programme import reconstruct_programme
     from .reconstruction import reconstruct as reconstruct_record
@@ -128,6 +130,8 @@ def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, 
 
     if (windows or biases_file) and len(record_files) > 1:
         raise SchemaError("flight reconstruct", ["--window and --biases go with one record; give the records one at a time"])
+    if figure and len(record_files) > 1:
+        raise SchemaError("flight reconstruct", ["--figure goes with one record; give the records one at a time"])
     if free and method != "batch":
         raise SchemaError("flight reconstruct", ["--free goes with --method batch; the smoother estimates all constants"])
     if len(record_files) == 1:
@@ -149,10 +153,12 @@ def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, 
         File(output).mkdir(parents=True, exist_ok=True)
     for path, target in zip(paths, targets, strict=True):
         save_path(path, target)
+    if figure:
+        draw_compatibility(paths[0], figure)
     if batch is not None and not as_json:
         click.echo(batch.report() + "\n")
     if as_json:
         document([{"file": str(target), **path.summary()} for path, target in zip(paths, targets, strict=True)])
         return
     for path, target in zip(paths, targets, strict=True):
-        click.echo(f"{path.report()}\n\nwritten: {target}\n")
+        click.echo(f"{path.report()}\n\n{compatibility_report(path)}\n\nwritten: {target}\n")

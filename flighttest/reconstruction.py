@@ -18,6 +18,7 @@ from flightmech.air import R_AIR
 from flightmech.errors import IdentificationError
 
 from .assemble import Setup, assemble
+from .compatibility import channel_signals
 from .constants import identifiability
 from .instruments import instruments
 from .problem import Problem
@@ -51,12 +52,15 @@ class Path:
         Reading minus model per channel, NaN where the channel has no reading.
     fit : DataFrame
         Per channel: readings, noise, residual rms, ratio, autocorrelation at the first lag, verdict.
+    compatibility : Dataset (time, version)
+        Per channel ``raw``, ``corrected`` and ``reconstructed`` signal, see `flighttest.compatibility_table`.
     """
 
     states: xr.Dataset
     biases: xr.Dataset
     residuals: xr.Dataset
     fit: Any
+    compatibility: xr.Dataset
 
     def report(self) -> str:
         """Return the data-compatibility report as text."""
@@ -208,7 +212,7 @@ def finish(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solu
             column[k] = values[:, i]
             rest[name] = "time", column
             rows.append(_row(name, values[:, i], float(sensor.sigma[i])))
-    return Path(states, found, rest, pd.DataFrame(rows).set_index("channel"))
+    return Path(states, found, rest, pd.DataFrame(rows).set_index("channel"), channel_signals(setup, solution))
 
 
 def _row(name: str, rest: np.ndarray, sigma: float) -> dict[str, Any]:

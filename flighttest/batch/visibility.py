@@ -13,7 +13,6 @@ from .equations import Equations
 
 RANK = 1e-10  # of the largest eigenvalue of the information scaled to unit diagonal
 PART = 0.2  # of the largest component: smaller ones are left out of the words
-NONSENSE = 1e-2  # weight of the readings over the prior below which an estimate from the readings alone is refused
 
 
 @dataclass(frozen=True)
@@ -107,9 +106,9 @@ def demand_sight(found: Visibility) -> None:
     Raises
     ------
     IdentificationError
-        With all combinations that the readings tell ten times worse than the specification of the instruments.
+        With all combinations of which the readings say less than the specification of the instruments does.
     """
-    blind = found.hidden(NONSENSE)
+    blind = found.hidden()
     if blind:
         raise IdentificationError(
             "the readings do not determine these constants (leave `free` out, and their priors take part):\n  - " + "\n  - ".join(blind)
