@@ -155,8 +155,9 @@ def sample_faults(time: np.ndarray, x: np.ndarray, channel: str, rate: float) ->
     Notes
     -----
     Typical is the median size of the steps that are not zero.  Held values are looked for in channels of which more than half of all steps
-    differ from zero: a run of `HELD_SAMPLES` equal samples over `HELD_TIME` that ends with a step `RETURN` times the typical one (a parked
-    aeroplane holds its values too, but does not jump), or one to the end of the record, `DEAD` times longer than every run before.
+    differ from zero: a run of `HELD_SAMPLES` equal samples over `HELD_TIME` that ends with a step `RETURN` times the typical one and twice
+    those after it (a parked aeroplane and a trimmed simulation hold their values too, but go on smoothly), or one to the end of the record,
+    `DEAD` times longer than every run before.
     A spike leaves and returns by more than `SPIKE` typical steps and `BURST` times every other step within five samples.
     """
     found = spans(time, np.isnan(x), channel, "missing")
@@ -185,7 +186,8 @@ def _held(time: np.ndarray, size: np.ndarray, typical: float, channel: str, rate
         if to_the_end:
             stuck = runs[i] > DEAD * max(int(np.max(runs[:-1], initial=0)), HELD_SAMPLES)
         else:
-            stuck = bool(size[bounds[i + 1]] > RETURN * typical)
+            jump, after = size[bounds[i + 1]], size[bounds[i + 1] + 1 : bounds[i + 1] + 6]
+            stuck = bool(jump > RETURN * typical and jump > 2.0 * np.max(after, initial=0.0))
         bad[bounds[i] + 1 : bounds[i + 1] + 1] = stuck
     return spans(time, bad, channel, "held")
 

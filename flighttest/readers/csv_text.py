@@ -22,11 +22,12 @@ import numpy as np
 from flightmech.errors import ParseError
 
 from ..names_map import NameMap
-from .recording import Recording, Table
+from .recording import Recording, Table, guarded
 
 _HEAD = re.compile(r"^(.*?)\s*[\[(]([^\])]*)[\])]$")
 _DAY_TIME = re.compile(r"^(?:(\d{1,3})[:\s])?(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)$")
 _ISO = re.compile(r"^\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}(\.\d*)?)?)?(Z|[+-]\d{2}:?\d{2})?$")
+_DIGIT = re.compile(r"^[-+]?\.?\d")
 _CHUNK = 8_000_000  # bytes: smaller files are not worth a second thread
 TABLE = "data"
 
@@ -59,12 +60,8 @@ def read(path: Path, names: NameMap) -> Recording:
 def _bytes(path: Path) -> bytes:
     raw = path.read_bytes()
     if raw[:2] == b"\x1f\x8b":
-        try:
+        with guarded(path, "a whole .gz file"):
             raw = gzip.decompress(raw)
-        except (OSError, EOFError, ValueError) as error:
-            raise ParseError(str(path), 0, f"a gzip file that cannot be unpacked ({error})", "a whole .gz file") from error
-        except Exception as error:  # zlib.error has no common root with the others
-            raise ParseError(str(path), 0, f"a damaged gzip file ({error})", "a whole .gz file") from error
     if b"\0" in raw:
         line = raw.count(b"\n", 0, raw.index(b"\0")) + 1
         raise ParseError(str(path), line, "zero bytes", "text; the file is damaged or was not closed")
@@ -108,10 +105,16 @@ def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, st
     begin, second = top[2], next(lines, None)
     if second is not None:
         row = _cells(second[3], mark)
-        if len(row) == len(heads) and not any(_number(cell) or _DAY_TIME.match(cell) or _ISO.match(cell) for cell in row):
+        if len(row) == len(heads) and _are_units(row):
             units.update(zip(heads, row, strict=True))
             begin = second[2]
     return heads, units, begin, mark
+
+
+def _are_units(row: list[str]) -> bool:
+    """Whether a line holds units: nothing that begins like a number, but for the unit 1, and not blanks alone."""
+    numbers = [cell for cell in row if _DIGIT.match(cell) or _missing(cell)]
+    return all(cell == "1" for cell in numbers) and any(cell and cell not in numbers for cell in row)
 
 
 def _cells(text: str, mark: str) -> list[str]:

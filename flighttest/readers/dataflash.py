@@ -91,7 +91,7 @@ def _messages(raw: np.ndarray, path: Path) -> tuple[dict[int, Message], np.ndarr
         if kind == _FMT or kind in found:
             continue
         unknown = set(form) - set(_TYPES)
-        if unknown or len(fields) != len(form) or len(set(fields)) != len(fields):
+        if unknown or len(fields) != len(form) or len(set(fields)) != len(fields) or not all(fields):
             notes.append(f"message {text} at byte {start} has a layout that is not known ({form!r}, {columns!r}); left out")
             lengths[kind] = length
             continue

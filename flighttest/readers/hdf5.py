@@ -30,7 +30,7 @@ def read(path: Path, names: NameMap) -> Recording:
 
     with guarded(path, "a whole HDF5, netCDF-4 or MATLAB v7.3 file"):
         file = h5py.File(path, "r")
-        facts = {str(key): _plain(value) for key, value in file.attrs.items()}
+        facts = {str(key): _plain(value) for key, value in file.attrs.items() if not key.startswith("_")}
         root = _group(file, file, str(path), facts, 0)
         found = tables(root, names)
     if not found:

@@ -10,7 +10,7 @@ from pathlib import Path
 from flightmech.errors import ParseError
 
 from ..names_map import NameMap
-from .recording import Recording
+from .recording import Recording, guarded
 
 # format: (module, what people call it); the modules import their packages when they read
 FORMATS = {
@@ -64,11 +64,8 @@ def recognise(path: str | Path) -> str:
 
 
 def _unpacked(path: str | Path) -> bytes:
-    try:
-        with gzip.open(path) as file:
-            return file.read(4096)
-    except (OSError, EOFError, ValueError) as error:
-        raise ParseError(str(path), 0, f"a gzip file that cannot be unpacked ({error})", "a whole .gz file") from error
+    with guarded(path, "a whole .gz file"), gzip.open(path) as file:
+        return file.read(4096)
 
 
 def _is_text(head: bytes) -> bool:

@@ -22,13 +22,13 @@ from .packets import ARINC429_F0, MIL1553_F1, TICK, Index, Packet
 _ERRORS = 0x1000 | 0x0400 | 0x0200 | 0x0038  # message, format, time-out; length, sync type, invalid word
 
 
-def arinc_words(file: Index, channel: int, first_tick: int, notes: list[str]) -> Words:
+def arinc_words(file: Index, channel: int, first_tick: int, name: str, notes: list[str]) -> Words:
     """Return all ARINC 429 words of a channel; words with a format error are left out.
 
     The first word of a packet has the packet's time; each gap time counts from the beginning of the word before.
     """
     times, words, buses = [], [], []
-    for packet in file.of(channel, ARINC429_F0):
+    for packet in file.of(channel, ARINC429_F0, name):
         body = file.body(packet)
         count = struct.unpack_from("<H", body)[0] if len(body) >= 4 else -1
         if count < 0 or 4 + 8 * count > len(body):
@@ -63,7 +63,7 @@ def mil1553_tables(file: Index, spec: Mil1553, first_tick: int, name: str, notes
     seen: set[tuple[int, bool, int]] = set()
     needed = max((max(word.words) for word in spec.parameters.values()), default=1)
     short = 0
-    for packet in file.of(spec.channel, MIL1553_F1):
+    for packet in file.of(spec.channel, MIL1553_F1, name):
         for tick, block, words in _messages(file, packet, notes):
             if block & _ERRORS or block & 0x0800 or len(words) < 2:
                 continue

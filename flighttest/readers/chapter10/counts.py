@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from flightmech.errors import SchemaError
+
 
 def joined(words: list[np.ndarray], width: int) -> np.ndarray:
     """Return words (most significant first, `width` bits each) as one unsigned number of up to 64 bits."""
@@ -28,6 +30,11 @@ def engineering(count: np.ndarray, width: int, code: str, lsb: float, offset: fl
         Value of one count, and value at count zero.
     bits : (int, int), optional
         Lowest and highest bit taken, from 0.
+
+    Raises
+    ------
+    SchemaError
+        Floating point in another number of bits than 32 or 64.
     """
     if bits is not None:
         width = bits[1] - bits[0] + 1
@@ -35,7 +42,7 @@ def engineering(count: np.ndarray, width: int, code: str, lsb: float, offset: fl
     if code == "float":
         kind = {32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}.get(width)
         if kind is None:
-            raise ValueError(f"floating point in {width} bits; it has 32 or 64: name the words")
+            raise SchemaError("[decode] of the name map", [f"code 'float' on {width} bits; it has 32 or 64: name the words that hold it"])
         number = count.astype(kind[0]).view(kind[1]).astype(float)
     elif code == "twos":
         negative = (count >> np.uint64(width - 1)) & np.uint64(1) > 0

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flightmech.errors import ParseError
+from flightmech.errors import ParseError, UnknownName
 
 SYNC = b"\x25\xeb"
 HEADER, SECONDARY = 24, 12  # bytes
@@ -61,9 +61,19 @@ class Index:
         """Return the data of a packet, the channel-specific word first."""
         return self.data[packet.body_start : packet.body_stop].tobytes()
 
-    def of(self, channel: int, kind: int) -> list[Packet]:
-        """Return the packets of one channel and kind."""
-        return [packet for packet in self.packets if packet.channel == channel and packet.kind == kind]
+    def of(self, channel: int, kind: int, name: str) -> list[Packet]:
+        """Return the packets of one channel and kind, for the table ``decode.name``.
+
+        Raises
+        ------
+        UnknownName
+            None is there; with the channels that hold this kind.
+        """
+        found = [packet for packet in self.packets if packet.channel == channel and packet.kind == kind]
+        if not found:
+            there = {str(packet.channel) for packet in self.packets if packet.kind == kind}
+            raise UnknownName(str(channel), there, f"channel of {KIND_NAMES[kind]} packets", f"decode.{name} asks for it")
+        return found
 
 
 def index(path: Path) -> Index:

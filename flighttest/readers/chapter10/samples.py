@@ -33,12 +33,10 @@ def pcm_tables(file: Index, spec: Pcm, first_tick: int, name: str, notes: list[s
         No PCM packets on the channel.
     """
     ticks, frames = [], []
-    for packet in file.of(spec.channel, PCM_F1):
+    for packet in file.of(spec.channel, PCM_F1, name):
         part = _frames(file, packet, spec, notes, path)
         ticks.append(part[0])
         frames.append(part[1])
-    if not ticks:
-        raise _no_channel(file, spec.channel, PCM_F1, name)
     time = (np.concatenate(ticks) - first_tick) * TICK
     words = np.concatenate(frames)
     period = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
@@ -113,13 +111,10 @@ def analog_tables(file: Index, spec: Analog, first_tick: int, name: str, notes: 
     UnknownName
         No analogue packets on the channel, or no such subchannel.
     """
-    packets = file.of(spec.channel, ANALOG_F1)
-    if not packets:
-        raise _no_channel(file, spec.channel, ANALOG_F1, name)
     parts, ticks = [], []
     numbers: tuple[int, ...] = ()
     width = 16
-    for packet in packets:
+    for packet in file.of(spec.channel, ANALOG_F1, name):
         found = _analog_samples(file, packet, notes, path)
         if found is not None:
             numbers, width, samples = found
@@ -176,8 +171,3 @@ def _sample_times(starts: np.ndarray, counts: np.ndarray) -> np.ndarray:
     steps = np.where(steps > 1.5 * step, step, steps)  # a packet is missing after this one
     steps = np.append(steps, step)
     return np.concatenate([start + each * np.arange(count) for start, each, count in zip(starts, steps, counts, strict=True)])
-
-
-def _no_channel(file: Index, channel: int, kind: int, name: str) -> UnknownName:
-    there = {str(packet.channel) for packet in file.packets if packet.kind == kind}
-    return UnknownName(str(channel), there, "Chapter 10 channel", f"decode.{name} asks for it")

@@ -45,7 +45,7 @@ def read(path: Path, names: NameMap) -> Recording:
     tables: dict[str, Table] = {}
     for name, spec in names.decode.items():
         if isinstance(spec, Arinc429) and spec.channel is not None:
-            words = arinc_words(file, spec.channel, first_tick, notes)
+            words = arinc_words(file, spec.channel, first_tick, name, notes)
             found, left_out = label_tables(words, spec, name)
             tables.update(found)
             notes += left_out
@@ -66,7 +66,7 @@ def channels(file: Index) -> list[dict[str, object]]:
     for (channel, kind), number in sorted(counts.items()):
         row: dict[str, object] = {"channel": channel, "content": KIND_NAMES.get(kind, f"type {kind:#04x}"), "packets": number}
         if kind == ARINC429_F0:
-            words = arinc_words(file, channel, 0, [])
+            words = arinc_words(file, channel, 0, "", [])
             row["labels"] = " ".join(f"{label:03o}" for label in sorted({int(word) & 0xFF for word in words.word}))
         rows.append(row)
     return rows

@@ -1,0 +1,58 @@
+import gc
+import sys
+
+import numpy as np
+import pytest
+
+import flighttest
+from flightmech.errors import AeromatchError, ParseError
+
+asammdf = pytest.importorskip("asammdf")
+T = np.arange(200) / 50.0
+
+
+@pytest.fixture
+def log(tmp_path):
+    file = asammdf.MDF(version="4.10")
+    signals = [asammdf.Signal(np.sin(T), T, name="pitch_rate", unit="deg/s"), asammdf.Signal(3 * T, T, name="flap", unit="%")]
+    file.append(signals, acq_name="fast")
+    raw = asammdf.Signal(np.arange(40, dtype="u2"), np.arange(40) / 10.0, name="nz", unit="g", conversion={"a": 0.01, "b": -1.0})
+    file.append([raw], acq_name="slow")
+    text = asammdf.Signal(np.array([b"a"] * 40), np.arange(40) / 10.0, name="word", encoding="utf-8")
+    file.append([text])
+    file.save(tmp_path / "f.mf4", overwrite=True)
+    file.close()
+    return tmp_path / "f.mf4"
+
+
+def names(tmp_path, text):
+    (tmp_path / "n.toml").write_text(text)
+    return tmp_path / "n.toml"
+
+
+def test_groups_are_tables_with_units_and_conversions(log, tmp_path):
+    text = '[imu]\nq = "fast/pitch_rate"\n[air]\naz_imu = { column = "slow/nz", sign = -1 }\n'
+    record = flighttest.read(log, names(tmp_path, text))
+    np.testing.assert_allclose(record["imu/q"].values, np.radians(np.sin(T)))
+    np.testing.assert_allclose(record["air/az_imu"].values, -9.80665 * (0.01 * np.arange(40) - 1.0))
+    assert record["air"].attrs["rate"] == pytest.approx(10.0)
+    assert record.attrs["format"] == "MDF"
+
+
+def test_channel_of_texts(log, tmp_path):
+    with pytest.raises(ParseError, match="channel 'word' holding no numbers"):
+        flighttest.read(log, names(tmp_path, '[a]\ngear = { column = "group2/word", unit = "1" }\n'))
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_damaged_file(log, tmp_path):
+    log.write_bytes(log.read_bytes()[:300])
+    with pytest.raises(ParseError, match=r"f\.mf4"):
+        flighttest.read(log, names(tmp_path, '[a]\nq = "fast/pitch_rate"\n'))
+    gc.collect()  # the half-made object of asammdf complains when it goes
+
+
+def test_missing_package_tells_how_to_install_it(log, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "asammdf", None)
+    with pytest.raises(AeromatchError, match=r"needs the package asammdf; install it with: pip install 'aeromatch\[mdf\]'"):
+        flighttest.read(log, names(tmp_path, '[a]\nq = "fast/pitch_rate"\n'))
