@@ -102,7 +102,8 @@ def _gathered(pieces: Sequence[_Blocks], columns: Sequence[np.ndarray], unknowns
     M = np.zeros((unknowns, unknowns))
     for piece, place in zip(pieces, columns):
         inside = piece.inside.reshape(-1, len(place))
-        M[np.ix_(place, place)] += np.einsum("iap,iaq->pq", piece.sums, piece.means) + inside.T @ inside
+        sums, means = (x.reshape(-1, len(place)) for x in (piece.sums, piece.means))
+        M[np.ix_(place, place)] += sums.T @ means + inside.T @ inside
     return M
 
 

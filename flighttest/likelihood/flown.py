@@ -186,20 +186,23 @@ class _Flight:
         """Return the outputs as the instruments show them."""
         return self._sensed(self._fly(values[None])[0], values)
 
-    def slopes(self, values: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Return central differences; one-sided ones where a side cannot be flown."""
-        rows = [values]
-        for k in self.flown:
-            for sign in (1.0, -1.0):
-                rows.append(values + sign * steps * (np.arange(len(values)) == k))
+    def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
+        """Return differences; those of a step that cannot be flown are one-sided, the other way."""
+        sides = (1.0, -1.0) if central else (1.0,)
+        unit = np.eye(len(values))
+        rows = [values] + [values + side * steps * unit[k] for side in sides for k in self.flown]
         y = self._fly(np.array(rows))
         z = self._sensed(y, values)
+        if not central and not np.isfinite(z).all():
+            return self.slopes(values, steps, central=True)
+        moved = [*z[1:].reshape(len(sides), len(self.flown), *z.shape[1:])]
+        good = [np.isfinite(side).all(axis=(1, 2)) for side in moved]
+        up, down = (
+            np.where(ok[:, None, None], side, z[0]) for ok, side in zip([*good, np.zeros(len(self.flown), bool)], [*moved, z[0]][:2])
+        )
+        width = steps[self.flown] * np.sum(good, axis=0)
         S = np.empty((*z.shape[1:], len(values)))
-        for i, k in enumerate(self.flown):
-            up, down = z[1 + 2 * i], z[2 + 2 * i]
-            sides = [side if np.isfinite(side).all() else z[0] for side in (up, down)]
-            width = steps[k] * sum(side is not z[0] for side in sides)
-            S[:, :, k] = (sides[0] - sides[1]) / (width or np.inf)
+        S[:, :, self.flown] = np.moveaxis((up - down) / np.where(width > 0.0, width, np.inf)[:, None, None], 0, 2)
         for k, (kind, output) in self.errors.items():
             at = self.outputs.index(output)
             S[:, :, k] = 0.0

@@ -28,7 +28,7 @@ from .unknowns import Layout
 FLOOR = 1e-7  # smallest residual that counts, of the rms of a measured output about its mean
 STEP = 0.05  # step of a difference, in standard errors
 SMALL, LARGE = 1e-6, 1e-2  # its limits, in sizes of the parameter
-CLOSE = 1e-3  # a step of so many standard errors is the last one
+CLOSE = 1e-2  # a step of so many standard errors is the last one
 RANK = 1e-12  # smallest eigenvalue of the information scaled to unit diagonal
 _DAMPING, _STUCK = 1e-3, 1e12
 
@@ -41,8 +41,8 @@ class Piece(Protocol):
     def predict(self, values: np.ndarray) -> np.ndarray:
         """Return the outputs (samples, outputs) for the unknowns of this manoeuvre; NaN when they cannot be flown."""
 
-    def slopes(self, values: np.ndarray, steps: np.ndarray) -> np.ndarray:
-        """Return their slopes (samples, outputs, unknowns)."""
+    def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
+        """Return their slopes (samples, outputs, unknowns), by central differences when asked."""
 
 
 @dataclass(frozen=True)
@@ -92,8 +92,8 @@ class Target(Protocol):
     def cost(self, theta: np.ndarray, residuals: Any) -> float:
         """Return J, infinite where there is none."""
 
-    def slopes(self, theta: np.ndarray, steps: np.ndarray) -> Any:
-        """Return the derivatives of the residuals."""
+    def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> Any:
+        """Return the derivatives of the residuals; one-sided differences will do unless `central`."""
 
     def normal(self, theta: np.ndarray, residuals: Any, slopes: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return the information M and the downhill gradient."""
@@ -144,9 +144,9 @@ class Likelihood:
     def _pull(self, theta: np.ndarray) -> np.ndarray:
         return (theta - self.layout.start) / self.layout.sigma
 
-    def slopes(self, theta: np.ndarray, steps: np.ndarray) -> list[np.ndarray]:
+    def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
         """Return S per piece."""
-        made = [piece.slopes(theta[columns], steps[columns]) for piece, columns in zip(self.pieces, self.layout.columns)]
+        made = [piece.slopes(theta[columns], steps[columns], central) for piece, columns in zip(self.pieces, self.layout.columns)]
         return [np.where(seen[:, :, None], S, 0.0) for S, seen in zip(made, self.seen)]
 
     def normal(self, theta: np.ndarray, residuals: Sequence[np.ndarray], slopes: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -177,7 +177,7 @@ def search(likelihood: Target, iterations: int) -> Found:
     if not np.isfinite(cost):
         raise IdentificationError("the model cannot be flown through the records from the start values; simulate them once and look")
     steps, damping, converged, count = 1e-4 * size, _DAMPING, False, 0
-    slopes = likelihood.slopes(theta, steps)
+    slopes = likelihood.slopes(theta, steps, central=iterations == 0)
     while True:
         M, g = likelihood.normal(theta, residuals, slopes)
         _demand_effect(M, layout.names)
@@ -194,7 +194,8 @@ def search(likelihood: Target, iterations: int) -> Found:
             error = np.sqrt(np.diag(inverse(M, ~active)))
             near = (np.abs(step[~active]) < CLOSE * error[~active]).all()
             converged, cost = bool(near and cost - lower < CLOSE), lower
-        slopes = likelihood.slopes(theta, steps)
+        # on the way a one-sided difference over a part of the standard error is as good
+        slopes = likelihood.slopes(theta, steps, central=converged or count == iterations)
     _demand_rank(M[np.ix_(~active, ~active)], [name for name, held in zip(layout.names, active) if not held])
     return Found(theta, residuals, slopes, likelihood.scatter(residuals), M, active, cost, count, converged)
 

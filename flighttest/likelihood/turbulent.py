@@ -168,8 +168,8 @@ class _Innovated:
             total += 0.5 * float((e * np.linalg.solve(S, e.T).T).sum()) + 0.5 * len(e) * float(size)
         return total
 
-    def slopes(self, theta: np.ndarray, steps: np.ndarray) -> list[_Slope]:
-        """Return central differences; all runs of a record go through the filter together."""
+    def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[_Slope]:
+        """Return central differences, which cost little here; all runs of a record go through the filter together."""
         found = []
         for piece, columns in zip(self.pieces, self.layout.columns):
             moved = np.diag(steps[columns])
