@@ -61,12 +61,12 @@ class NormalEquations:
                 continue
             chosen = slice(None) if hit.all() else hit
             at, share = index[chosen], weight[chosen]
-            _add(self.D, at, JJ[chosen] * (share**2)[:, None, None])
-            _add(self.gx, at, Jr[chosen] * share[:, None])
-            _add(self.G, at, JJc[chosen] * share[:, None, None], columns)
+            add_at(self.D, at, JJ[chosen] * (share**2)[:, None, None])
+            add_at(self.gx, at, Jr[chosen] * share[:, None])
+            add_at(self.G, at, JJc[chosen] * share[:, None, None], columns)
         between = f * (1.0 - f) > 0.0
         if between.any():
-            _add(self.O, k[between], JJ[between] * (f * (1.0 - f))[between, None, None])
+            add_at(self.O, k[between], JJ[between] * (f * (1.0 - f))[between, None, None])
         self._add_constants(r, columns, Jc)
 
     def add_state(self, k: int, r, weight) -> None:
@@ -146,7 +146,7 @@ def _t(matrices: np.ndarray) -> np.ndarray:
     return np.swapaxes(matrices, -1, -2)
 
 
-def _add(target: np.ndarray, index: np.ndarray, values: np.ndarray, columns: np.ndarray | None = None) -> None:
+def add_at(target: np.ndarray, index: np.ndarray, values: np.ndarray, columns: np.ndarray | None = None) -> None:
     """Add values at rising indices, which repeat where a sensor is faster than the grid."""
     first = np.concatenate([[True], index[1:] > index[:-1]])
     if not first.all():

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import fftconvolve
 
+from ..bordered import add_at
 from ..kinematics import rate_matrix, rotation, skew
 from ..problem import ATTITUDE, HEIGHT, VELOCITY, Problem, specific_force
 from ..trajectory import vane_geometry
@@ -111,9 +112,10 @@ def _pressed(problem: Problem, x: np.ndarray, c: np.ndarray, items: list[Seen], 
     for item in items:
         w = 1.0 / np.array([sigma[name] for name in item.names]) ** 2
         add = np.swapaxes(item.J * w[:, None], 1, 2) @ item.A
-        np.add.at(b, item.k, (1.0 - item.f)[:, None, None] * add)
+        add_at(b, item.k, (1.0 - item.f)[:, None, None] * add)
         later = item.f > 0.0
-        np.add.at(b, item.k[later] + 1, item.f[later, None, None] * add[later])
+        if later.any():
+            add_at(b, item.k[later] + 1, item.f[later, None, None] * add[later])
     out = b[:, :7].copy()
     for i in range(len(problem.vanes)):
         out += by_state[:, i, :7, None] * b[:, 7 + i, None]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -59,10 +60,11 @@ def seen(problem: Problem, swept: Sweep, c: np.ndarray) -> list[Seen]:
     n, last = problem.states, len(swept.x) - 1
     for sensor in problem.sensors:
         r, k, f, J, columns, Jc = shown(problem, sensor, swept.x, c)
-        X = swept.X[k]
+        states = np.flatnonzero(J.any(axis=(0, 1)))
+        X = swept.X[k[:, None], states]
         if f.any():
-            X = X + f[:, None, None] * (swept.X[np.minimum(k + 1, last)] - X)
-        by_state = J @ X
+            X += f[:, None, None] * (swept.X[np.minimum(k + 1, last)[:, None], states] - X)
+        by_state = J[..., states] @ X
         A = np.zeros((*r.shape, n + len(c)))
         A[..., :n] = by_state[..., :n]
         A[..., n + swept.columns] = by_state[..., n:]
@@ -92,6 +94,13 @@ class Equations:
             self.sweeps.append(swept)
             self.seen.append(seen(setup.problem, swept, c))
         self.normal, self.gradient, self.cost = self._assembled()
+
+    def weighed(self, sigma: dict[str, float]) -> Equations:
+        """Return the equations at the same unknowns for another noise of the channels."""
+        found = copy(self)
+        found.sigma = sigma
+        found.normal, found.gradient, found.cost = found._assembled()
+        return found
 
     def _assembled(self) -> tuple[np.ndarray, np.ndarray, float]:
         size, nc = self.layout.size, len(self.layout.names)

@@ -71,7 +71,7 @@ def fit(equations: Equations) -> Fitted:
         change = max(abs(sigma[name] / equations.sigma[name] - 1.0) for name in sigma)
         if change < SAME:
             break
-        equations = Equations(equations.layout, equations.at, sigma)
+        equations = equations.weighed(sigma)
     return Fitted(equations, equations.sigma, count)
 
 

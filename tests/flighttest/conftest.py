@@ -121,7 +121,7 @@ def fly(seed=0, duration=40.0, gust=0.0, noise=1.0, inertial_noise=1.0, motion=1
     sensed["alpha_vane"] = error["factor.alpha_vane"] * lag(np.arctan2(w, u), error["lag.vanes"])
     sensed["beta_vane"] = error["factor.beta_vane"] * lag(np.arctan2(v, u), error["lag.vanes"])
     T = 280.0 - 0.0065 * (true.h - 1500.0)
-    p = 84000.0 * (1.0 - 0.0065 * (true.h - 1500.0) / 280.0) ** (G / (287.05287 * 0.0065))
+    p = 84000.0 * (1.0 - 0.0065 * (true.h - 1500.0) / 280.0) ** (gravity(None, 1500.0) / (287.05287 * 0.0065))
     V = np.linalg.norm(true.air, axis=1)
     q_c = impact_pressure(V / np.sqrt(1.4 * 287.05287 * T), p)
     sensed["q_c"], sensed["p_static"], sensed["temperature"] = q_c * (1 - error["static_error"]), p + error["static_error"] * q_c, T
