@@ -1,11 +1,15 @@
 """The term swap finds the terms that were spoilt."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+import xarray as xr
 
 import aerodb
 import flightmech
 import pom
+from flightmech.terms import make
 from pom.case import read_case
 from pom.diagnosis import differing, fly, swap_terms
 from pom.drive import job_of
@@ -90,3 +94,42 @@ def test_a_missing_rudder_is_found_behind_a_dutch_roll_that_is_not_there(write_c
     assert np.isnan(table.loc[0, "period ratio"])
     assert table.loc[1, "verdict"] == "pass"
     assert pom.corrected_terms([table]) == ["Cn/rudder"]
+
+
+def test_a_term_that_helps_only_with_another_is_found(case, truth, trainer):
+    """All of the pitching moment too strong by one factor: each term alone makes it worse, all together close the gap."""
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=1.6, Cm_basic=1.6, Cm_qhat=1.6, Cm_alphadothat=1.6)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
+    chosen = table.loc[table["stage"] == "sequence", "term"]
+    assert table.iloc[-1]["verdict"] == "pass"
+    assert set(chosen) <= {"Cm/elevator", "Cm/basic", "Cm/qhat", "Cm/alphadothat"}
+
+
+def test_an_engine_before_the_flights_is_swapped_like_a_term(write_case, trainer):
+    lever = xr.DataArray([0.0, 0.0, 1.0, 1.0], {"time": [0.0, 3.0, 4.0, 20.0]}, "time")
+    strong, weak = (
+        replace(
+            trainer.AIRCRAFT,
+            engines=tuple(
+                replace(e, thrust=make([500.0, full], {"throttle": [0.0, 1.0]}), time_constant=lag) for e in trainer.AIRCRAFT.engines
+            ),
+        )
+        for full, lag in ((4500.0, 0.5), (2500.0, 3.0))
+    )
+    db = trainer.database()
+    time = np.round(np.arange(0.0, 20.001, 0.02), 9)
+    pushed = {f"engine{i}.throttle": ("time", lever.interp(time=time).values) for i in (1, 2)}
+    start = {"init.V": 85.0, "init.h": 1500.0, "mode.engine": 0.0, "mode.trim": 2.0}
+    flown = flightmech.simulate(flightmech.compile(strong, db), xr.Dataset(pushed, {"time": time}), start)
+    controls = {name: flown[f"applied.{name}"] for name in ("delta_e", "delta_a", "delta_r")}
+    throttle = {name: ("time", values[1] + float(flown["trim.throttle"][0])) for name, values in pushed.items()}
+    found = flown.drop_vars([n for n in flown if str(n).startswith(("applied.", "trim.", "out_of", "air."))] + ["lat", "lon"])
+    found = found.assign(**controls, **throttle, mass=2200.0, z_cg_b=0.2, delta_f=0.0, gear=0.0)
+    path = write_case(id="2.c.1", more="[events]\nchange_start = 3.0\nchange_end = 4.0", case='shortened = "test"')
+    path.write_text(path.read_text().replace('engine = "thrust"', 'engine = "throttle"').replace("[1.0, 9.0]", "[0.0, 15.0]"))
+    table = pom.diagnose(read_case(path), db, db, strong, found, weak).set_index("stage")
+    assert table.loc["prior", "verdict"] == "fail"
+    assert table.loc["single", "term"] == "engine/thrust"
+    assert table.loc["single", "closes"] == pytest.approx(1.0)
+    assert pom.corrected_terms([table.reset_index()]) == ["engine/thrust"]
