@@ -11,7 +11,6 @@ from scipy.signal import lfilter
 from flightmech.air import impact_pressure
 from flighttest.kinematics import EARTH_RADIUS, gravity, rate_matrix, rotation
 
-G = 9.80665
 RATE = 50.0
 IMU, BOOM = np.array([0.9, 0.25, 0.32]), np.array([4.3, 0.0, 0.15])
 NOISE = {
