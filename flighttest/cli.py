@@ -12,7 +12,16 @@ from .cli_options import names_option
 
 _RECORD = click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
 _NAMES = names_option
-_ELSEWHERE = {"info": "cli_records", "convert": "cli_records", "identify": "cli_identify"}  # verb: module
+_ELSEWHERE = {
+    "info": "cli_records",
+    "convert": "cli_records",
+    "identify": "cli_identify",
+    "design": "cli_design",
+    "select": "cli_identify",
+    "join": "cli_identify",
+    "partition": "cli_identify",
+    "inertia": "cli_identify",
+}  # verb: module
 
 
 class _Group(click.Group):
