@@ -15,7 +15,6 @@ import os
 import sys
 import time
 import warnings
-from functools import cache
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: threads of BLAS only wait for each other
 
@@ -46,7 +45,6 @@ PEER = 10e-3 / (86 * 1500)  # reference notes: output error, 3 states, 4 outputs
 HELD = {"mode.earth": 0.0, "init.h": 2000.0, "init.q": 0.0, "mode.engine": 2.0}
 
 
-@cache
 def aeroplane() -> flightmech.SimModel:
     """Basic tables of lift, drag and pitching moment over alpha and 22 derivatives."""
     basic = {"CL": 0.25 + 5.0 * ALPHA, "CD": 0.025 + 0.9 * ALPHA**2, "Cm": 0.02 - 0.7 * ALPHA}
@@ -119,14 +117,15 @@ def errors(seed: int, pole: float) -> tuple[np.ndarray, np.ndarray]:
     u = 0.02 * np.interp(t, [1.0, 1.2, 2.2, 2.4, 3.4, 3.6], [0, 1, 1, -1, -1, 0])
     record = xr.Dataset({"delta_e": ("time", u), "engine1.thrust_drive": ("time", np.full(len(t), 2600.0))}, {"time": t})
     start = {"init.V": 80.0, "init.alpha": 0.03, "init.theta": 0.03}
-    y = flightmech.simulate(aeroplane(), record, HELD | start, outputs=list(CHANNELS), step=0.04)
+    sim = aeroplane()
+    y = flightmech.simulate(sim, record, HELD | start, outputs=list(CHANNELS), step=0.04)
     white = rng.standard_normal((len(t) + 200, len(CHANNELS)))
     noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white, axis=0)[200:]
     record = record.assign({name: ("time", y[name].values + OUTPUTS[name] * noise[:, k]) for k, name in enumerate(CHANNELS)})
     free = {name: flighttest.Unknown(None) for name in ("init.V", "init.alpha", "init.theta")} | {"sensor.alpha": 0.0}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AeromatchWarning)  # coloured noise in all channels looks like turbulence
-        fit = flighttest.output_error(aeroplane(), record, {name: 0.9 for name in LONGITUDINAL} | free, CHANNELS, HELD)
+        fit = flighttest.output_error(sim, record, {name: 0.9 for name in LONGITUDINAL} | free, CHANNELS, HELD)
     e = fit.estimates.sel(parameter=[*LONGITUDINAL, "sensor.alpha"])
     off = e["estimate"].values - np.array([*LONGITUDINAL.values(), 0.0])
     return off / e["stderr"].values, off / e["stderr_white"].values
