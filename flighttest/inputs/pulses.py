@@ -167,6 +167,8 @@ def in_sequence(signals: Sequence[xr.Dataset], pause: float = 0.0) -> xr.Dataset
     rates = {float(one.attrs["rate"]) for one in signals}
     if len(rates) != 1:
         raise SchemaError("test inputs in sequence", [f"rates {', '.join(f'{r:g}' for r in sorted(rates)) or 'none'}; give one rate"])
+    if len(signals) == 1:
+        return signals[0]
     rate = rates.pop()
     names = list(dict.fromkeys(str(name) for one in signals for name, item in one.data_vars.items() if item.dims == ("time",)))
     gap = np.zeros(round(pause * rate))

@@ -87,6 +87,7 @@ def polynomial_database(
     x, y, z = aircraft.reference
     about = {
         "title": title,
+        "aircraft": aircraft.name,
         "force_axes": "body",
         "S": aircraft.S,
         "cbar": aircraft.cbar,

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import aerodb
 import flightmech
 from flightmech.errors import IdentificationError, ParseError, SchemaError, SimulationError, UnknownName
 from flighttest.model import Model
@@ -246,6 +247,11 @@ def test_what_the_kernel_has_no_form_for(terms, text, cz150):
     others = {c: (Model(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "CZ", "Cl", "Cn")}
     with pytest.raises(ParseError, match=text):
         polynomial_database({**others, "Cm": (Model("Cm", terms), np.ones(len(terms)))}, cz150)
+
+
+def test_the_database_of_a_spin_is_sound(cz150):
+    polynomials = read_polynomials(DATA / "spin.csv", nominal_variables(NOMINAL, cz150), "flown")
+    assert aerodb.check(database(polynomials, cz150)) == []
 
 
 def test_six_coefficients_are_needed(cz150):
