@@ -97,7 +97,7 @@ def visibility(equations: Equations) -> Visibility:
         coords={"parameter": [layout.names[i] for i in free]},
     )
     rank = int((own > RANK * own[-1]).sum())
-    return Visibility(directions, rank, len(free), float(own[-1] / max(own[0], 1e-300)))
+    return Visibility(directions, rank, len(free), float(own[-1] / own[0]) if own[0] > 0.0 else np.inf)
 
 
 def demand_sight(found: Visibility) -> None:
