@@ -19,7 +19,7 @@ import pandas as pd
 import xarray as xr
 
 import flightmech
-from flighttest.inputs.multisine import Axis, multisine
+from flighttest.inputs.multisines import InputAxis, multisine
 from flighttest.metrics import validation_report, validation_table
 from flighttest.model import Model
 from flighttest.spin.campaign import EDGE, Recovery, fit_run, fly_and_record, joined, measured_variables, predictions
@@ -89,7 +89,9 @@ def two_inputs(aircraft: flightmech.Aircraft, degrees: float, period: float, qui
     """Two multisines on three axes, of different spectrum and phases."""
 
     def one(spectrum: dict[float, float], seed: int) -> xr.Dataset:
-        return multisine({name: Axis(degrees * DEG, (0.2, 2.0), spectrum=spectrum) for name in SURFACES}, period, lead_in=quiet, seed=seed)
+        return multisine(
+            {name: InputAxis(degrees * DEG, (0.2, 2.0), spectrum=spectrum) for name in SURFACES}, period, lead_in=quiet, seed=seed
+        )
 
     return one(FIRST, 0), one(SECOND, 7)
 

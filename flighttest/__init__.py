@@ -19,6 +19,13 @@ if TYPE_CHECKING:
     from .fourier import finite_fourier, harmonics
     from .fourier_smoothing import Smoothed, fourier_smooth
     from .inertia import Inertia, inertia_from_flight
+    from .inputs.accuracy import Expected, cramer_rao, expected_errors
+    from .inputs.designing import Designed, design_input, save_design
+    from .inputs.multisines import InputAxis, multisine
+    from .inputs.playback import open_timetable, save_timetable
+    from .inputs.pulses import in_sequence, multistep, sweep, unit_step
+    from .inputs.response import amplitude_within, predict_response, trimmed_start
+    from .inputs.specification import read_design
     from .join import merge
     from .joining import Joined, join_fits
     from .likelihood.flown import output_error
@@ -28,6 +35,7 @@ if TYPE_CHECKING:
     from .likelihood.turbulent import filter_error
     from .likelihood.unknowns import Unknown
     from .marking import add_marks, marks
+    from .metrics import nrmse, r_squared, theil, theil_shares, validation_report, validation_table
     from .mixed_estimation import Mixed, mixed, prior_of
     from .model import Model
     from .names_map import NameMap, read_names, shipped_maps
@@ -45,6 +53,10 @@ if TYPE_CHECKING:
     from .selection.result import Selection, tally
     from .selection.stepwise import select_stepwise
     from .spectrum import regress_frequency
+    from .spin.database import polynomial_database
+    from .spin.decomposition import nominal_variables, spin_variables, wind_axis_rates
+    from .spin.tables import read_polynomials
+    from .spin.turned import reconstruct_steep
     from .thrust import fit_thrust
     from .unmeasured import (
         airspeed_from_pressures,
@@ -147,13 +159,46 @@ _HOME = {
     "pool": "pooling",
     "pool_fits": "pooling",
     "decide": "deletion",
+    "Expected": "inputs.accuracy",
+    "cramer_rao": "inputs.accuracy",
+    "expected_errors": "inputs.accuracy",
+    "Designed": "inputs.designing",
+    "design_input": "inputs.designing",
+    "save_design": "inputs.designing",
+    "InputAxis": "inputs.multisines",
+    "multisine": "inputs.multisines",
+    "open_timetable": "inputs.playback",
+    "save_timetable": "inputs.playback",
+    "in_sequence": "inputs.pulses",
+    "multistep": "inputs.pulses",
+    "sweep": "inputs.pulses",
+    "unit_step": "inputs.pulses",
+    "amplitude_within": "inputs.response",
+    "predict_response": "inputs.response",
+    "trimmed_start": "inputs.response",
+    "read_design": "inputs.specification",
+    "nrmse": "metrics",
+    "r_squared": "metrics",
+    "theil": "metrics",
+    "theil_shares": "metrics",
+    "validation_report": "metrics",
+    "validation_table": "metrics",
+    "polynomial_database": "spin.database",
+    "nominal_variables": "spin.decomposition",
+    "spin_variables": "spin.decomposition",
+    "wind_axis_rates": "spin.decomposition",
+    "read_polynomials": "spin.tables",
+    "reconstruct_steep": "spin.turned",
 }
 __all__ = [
     "Batch",
     "Bootstrap",
     "Delay",
+    "Designed",
+    "Expected",
     "Fit",
     "Inertia",
+    "InputAxis",
     "Joined",
     "LinearModel",
     "Mixed",
@@ -168,6 +213,7 @@ __all__ = [
     "Unknown",
     "add_marks",
     "airspeed_from_pressures",
+    "amplitude_within",
     "angular_accelerations",
     "between",
     "bins",
@@ -179,11 +225,14 @@ __all__ = [
     "compatibility_table",
     "complete",
     "contents",
+    "cramer_rao",
     "cut",
     "decide",
     "derivative",
     "derivative_window",
+    "design_input",
     "draw_compatibility",
+    "expected_errors",
     "faults",
     "filter_error",
     "finite_fourier",
@@ -194,6 +243,7 @@ __all__ = [
     "fourier_smooth",
     "frequency_output_error",
     "harmonics",
+    "in_sequence",
     "incidence_at_cg",
     "incidence_from_velocity",
     "inertia_from_flight",
@@ -206,40 +256,62 @@ __all__ = [
     "mixed",
     "monomials",
     "monte_carlo",
+    "multisine",
+    "multistep",
+    "nominal_variables",
+    "nrmse",
     "open_biases",
     "open_fit",
     "open_states",
+    "open_timetable",
     "output_error",
     "overview",
+    "polynomial_database",
     "pool",
     "pool_fits",
+    "predict_response",
     "prior_of",
+    "r_squared",
     "rates_from_attitude",
     "read",
+    "read_design",
     "read_names",
+    "read_polynomials",
     "reconstruct",
     "reconstruct_batch",
     "reconstruct_programme",
+    "reconstruct_steep",
     "regress",
     "regress_frequency",
     "remove_delay",
     "resample",
+    "save_design",
     "save_fit",
     "save_path",
     "save_record",
+    "save_timetable",
     "select_orthogonal",
     "select_stepwise",
     "shipped_maps",
     "smooth",
+    "spin_variables",
     "spline_terms",
+    "sweep",
     "tally",
+    "theil",
+    "theil_shares",
     "time_delay",
+    "trimmed_start",
     "true_pressures",
+    "unit_step",
+    "validation_report",
+    "validation_table",
     "vane_angles",
     "vane_at_cg",
     "vane_true",
     "velocity_at",
     "visible",
+    "wind_axis_rates",
 ]
 
 

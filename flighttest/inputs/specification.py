@@ -41,7 +41,7 @@ from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.units import quantity
 
-from .multisine import Axis, multisine
+from .multisines import InputAxis, multisine
 from .pulses import PATTERNS, in_sequence, multistep, sweep, unit_step
 from .signals import LEAD_IN, RATE
 
@@ -181,10 +181,10 @@ class Design(Strict):
                 problems.append(f"axis.{name}.duration: missing; give it")
         return problems
 
-    def _multisine_axis(self, table: AxisTable) -> Axis:
+    def _multisine_axis(self, table: AxisTable) -> InputAxis:
         band = table.band or self.band or (0.0, 0.0)
         exclude = self.exclude if table.exclude is None else table.exclude
-        return Axis(table.amplitude, band, exclude, dict(table.spectrum), table.harmonics)
+        return InputAxis(table.amplitude, band, exclude, dict(table.spectrum), table.harmonics)
 
     def _multistep(self, name: str, table: AxisTable) -> xr.Dataset:
         step = float(table.step) if table.step is not None else unit_step(str(table.pattern), float(table.omega or 0.0))

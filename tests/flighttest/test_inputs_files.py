@@ -5,14 +5,14 @@ import pytest
 
 import flighttest
 from flightmech.errors import ParseError, SchemaError
-from flighttest.inputs.multisine import Axis, multisine
+from flighttest.inputs.multisines import InputAxis, multisine
 from flighttest.inputs.playback import FULL, open_timetable, save_csv, save_timetable
 from flighttest.inputs.pulses import multistep
 
 
 @pytest.fixture(scope="module")
 def signal():
-    return multisine({"delta_e": Axis(0.07, (0.2, 1.0)), "throttle": Axis(0.2, (0.2, 1.0))}, 10.0)
+    return multisine({"delta_e": InputAxis(0.07, (0.2, 1.0)), "throttle": InputAxis(0.2, (0.2, 1.0))}, 10.0)
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SchemaError, UnknownName
-from flighttest.inputs.multisine import Axis, deal_harmonics, multisine
+from flighttest.inputs.multisines import InputAxis, deal_harmonics, multisine
 from flighttest.inputs.phases import optimise_phases, relative_peak_factor, schroeder_phases, synthesise
 from flighttest.inputs.signals import CHANNEL_SETS, active_part, axes_of, correlations, measures
 
@@ -14,7 +14,7 @@ FOUR_DEGREES = np.radians(4.0)
 @pytest.fixture(scope="module", params=list(CHANNEL_SETS))
 def designed(request):
     """Three, four and seven axes over 30 s, 0.1 to 2 Hz, nothing between 1.0 and 1.1 Hz."""
-    return multisine({name: Axis(FOUR_DEGREES, (0.1, 2.0), [(1.0, 1.1)]) for name in CHANNEL_SETS[request.param]}, 30.0)
+    return multisine({name: InputAxis(FOUR_DEGREES, (0.1, 2.0), [(1.0, 1.1)]) for name in CHANNEL_SETS[request.param]}, 30.0)
 
 
 def lines_of(u, count):
@@ -90,8 +90,8 @@ def test_phases_do_not_depend_on_the_run_and_other_seeds_differ():
 
 def test_spectrum_and_harmonics_by_hand():
     axes = {
-        "delta_e": Axis(0.05, (0.1, 1.0), spectrum={0.1: 4.0, 1.0: 1.0}),
-        "delta_r": Axis(0.02, (0.1, 1.0), harmonics=[4, 9]),
+        "delta_e": InputAxis(0.05, (0.1, 1.0), spectrum={0.1: 4.0, 1.0: 1.0}),
+        "delta_r": InputAxis(0.02, (0.1, 1.0), harmonics=[4, 9]),
     }
     signal = multisine(axes, 20.0)
     power = signal["power"].sel(axis="delta_e").values
@@ -102,15 +102,15 @@ def test_spectrum_and_harmonics_by_hand():
 
 
 def test_bands_that_differ_share_what_they_have_in_common():
-    lines = deal_harmonics({"delta_e": Axis(1.0, (0.1, 2.0)), "delta_f": Axis(1.0, (0.1, 0.5))}, 20.0)
+    lines = deal_harmonics({"delta_e": InputAxis(1.0, (0.1, 2.0)), "delta_f": InputAxis(1.0, (0.1, 0.5))}, 20.0)
     assert max(lines["delta_f"]) <= 10
     assert sorted(lines["delta_e"] + lines["delta_f"]) == list(range(2, 41))
     assert abs(sum(k <= 10 for k in lines["delta_e"]) - len(lines["delta_f"])) <= 1
 
 
 def test_repeats_join_without_a_seam():
-    one = multisine({"delta_e": Axis(0.05, (0.2, 1.0))}, 10.0, lead_in=0.0)
-    three = multisine({"delta_e": Axis(0.05, (0.2, 1.0))}, 10.0, lead_in=0.0, repeats=3)
+    one = multisine({"delta_e": InputAxis(0.05, (0.2, 1.0))}, 10.0, lead_in=0.0)
+    three = multisine({"delta_e": InputAxis(0.05, (0.2, 1.0))}, 10.0, lead_in=0.0, repeats=3)
     assert three.sizes["time"] == 1501
     assert three["delta_e"].values[:1500] == pytest.approx(np.tile(one["delta_e"].values[:500], 3), abs=1e-15)
 
@@ -118,13 +118,17 @@ def test_repeats_join_without_a_seam():
 @pytest.mark.parametrize(
     ("axes", "period", "text"),
     [
-        ({"delta_e": Axis(0.05, (0.11, 0.14))}, 20.0, "no line is free in 0.11 ... 0.14 Hz"),
-        ({"delta_e": Axis(0.05, (0.1, 6.0))}, 20.0, "reaches 6 Hz; 50 samples per second allow 5 Hz"),
-        ({"delta_e": Axis(-0.05, (0.1, 1.0))}, 20.0, "amplitude -0.05"),
-        ({"delta_e": Axis(0.05, (0.1, 1.0))}, 20.013, "samples, the period is"),
-        ({"delta_e": Axis(0.1, (0.1, 1.0), harmonics=[3]), "delta_r": Axis(0.1, (0.1, 1.0), harmonics=[3])}, 20.0, "harmonic 3 is chosen"),
-        ({"delta_e": Axis(0.05, (0.1, 1.0), harmonics=[1])}, 20.0, "less than two cycles"),
-        ({"delta_e": Axis(0.05, (0.1, 1.0), spectrum={0.1: 1.0, 0.5: 0.0})}, 20.0, "without power"),
+        ({"delta_e": InputAxis(0.05, (0.11, 0.14))}, 20.0, "no line is free in 0.11 ... 0.14 Hz"),
+        ({"delta_e": InputAxis(0.05, (0.1, 6.0))}, 20.0, "reaches 6 Hz; 50 samples per second allow 5 Hz"),
+        ({"delta_e": InputAxis(-0.05, (0.1, 1.0))}, 20.0, "amplitude -0.05"),
+        ({"delta_e": InputAxis(0.05, (0.1, 1.0))}, 20.013, "samples, the period is"),
+        (
+            {"delta_e": InputAxis(0.1, (0.1, 1.0), harmonics=[3]), "delta_r": InputAxis(0.1, (0.1, 1.0), harmonics=[3])},
+            20.0,
+            "harmonic 3 is chosen",
+        ),
+        ({"delta_e": InputAxis(0.05, (0.1, 1.0), harmonics=[1])}, 20.0, "less than two cycles"),
+        ({"delta_e": InputAxis(0.05, (0.1, 1.0), spectrum={0.1: 1.0, 0.5: 0.0})}, 20.0, "without power"),
         ({}, 20.0, "no axis"),
     ],
 )
@@ -135,4 +139,4 @@ def test_refusals(axes, period, text):
 
 def test_unknown_axis():
     with pytest.raises(UnknownName, match="delta_el"):
-        multisine({"delta_el": Axis(0.05, (0.1, 1.0))}, 20.0)
+        multisine({"delta_el": InputAxis(0.05, (0.1, 1.0))}, 20.0)

@@ -10,7 +10,7 @@ import flightmech
 from flightmech.errors import IdentificationError, OutOfRange, UnknownName
 from flighttest.differentiate import derivative_noise
 from flighttest.inputs.accuracy import coefficient_noise, cramer_rao, expected_errors
-from flighttest.inputs.multisine import Axis, multisine
+from flighttest.inputs.multisines import InputAxis, multisine
 from flighttest.inputs.pulses import PATTERNS, multistep
 from flighttest.inputs.response import amplitude_within, each_within, model_inputs, predict_response, scaled, trimmed_start
 from flighttest.model import Model
@@ -51,7 +51,7 @@ def start(glider):
 
 @pytest.fixture(scope="module")
 def signal():
-    return multisine({name: Axis(15.0 * DEG, (0.2, 2.0)) for name in ("delta_a", "delta_e", "delta_r")}, 15.0)
+    return multisine({name: InputAxis(15.0 * DEG, (0.2, 2.0)) for name in ("delta_a", "delta_e", "delta_r")}, 15.0)
 
 
 def test_inputs_are_trim_plus_deflection(glider, signal, start):

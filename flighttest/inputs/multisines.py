@@ -31,7 +31,7 @@ _FINER = 8  # than the samples of the search: the peak between samples is then s
 
 
 @dataclass(frozen=True)
-class Axis:
+class InputAxis:
     """What one input of a multisine is to be.
 
     Parameters
@@ -56,7 +56,7 @@ class Axis:
 
 
 def multisine(
-    axes: Mapping[str, Axis],
+    axes: Mapping[str, InputAxis],
     period: float,
     rate: float = RATE,
     lead_in: float = LEAD_IN,
@@ -67,7 +67,7 @@ def multisine(
 
     Parameters
     ----------
-    axes : mapping of str to Axis
+    axes : mapping of str to InputAxis
         By quantity: ``delta_e``, ``delta_a_left``, ``throttle`` ...; the order decides who gets the lowest line.
     period : float
         Length T of one period; lines lie at multiples of 1/T. [s]
@@ -124,7 +124,7 @@ def multisine(
     return signal.assign_coords(axis=list(axes), harmonic=every, frequency=frequency).assign_attrs(period=period, seed=seed)
 
 
-def deal_harmonics(axes: Mapping[str, Axis], period: float) -> dict[str, list[int]]:
+def deal_harmonics(axes: Mapping[str, InputAxis], period: float) -> dict[str, list[int]]:
     """Return the harmonics of each axis: disjoint, dealt out in turn from the lowest to the highest.
 
     Where the same n axes may have lines, each gets every n-th: equal spacing, also across excluded bands, allows the lowest peaks
@@ -156,13 +156,13 @@ def deal_harmonics(axes: Mapping[str, Axis], period: float) -> dict[str, list[in
     return {name: chosen.get(name) or dealt[name] for name in axes}
 
 
-def _allowed(axis: Axis, period: float) -> list[int]:
+def _allowed(axis: InputAxis, period: float) -> list[int]:
     low, high = axis.band
     first, last = max(LEAST_HARMONIC, int(np.ceil(low * period - 1e-9))), int(np.floor(high * period + 1e-9))
     return [k for k in range(first, last + 1) if not any(a - 1e-9 <= k / period <= b + 1e-9 for a, b in axis.exclude)]
 
 
-def _relative_power(axis: Axis, frequency: np.ndarray) -> np.ndarray:
+def _relative_power(axis: InputAxis, frequency: np.ndarray) -> np.ndarray:
     """Power of the lines, sum one."""
     if not axis.spectrum:
         return np.full(len(frequency), 1.0 / len(frequency))
