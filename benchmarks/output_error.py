@@ -21,6 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small: th
 import numpy as np
 import xarray as xr
 from joblib import Parallel, delayed
+from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
 from scipy.signal import lfilter
 
@@ -147,7 +148,9 @@ def linear_errors(seed: int, gust: float, kind: str) -> tuple[np.ndarray, np.nda
     h = 0.04 / fine
     F = expm(A * h)
     G = np.linalg.solve(A, F - np.eye(2)) @ B[:, 0]
-    drive = np.interp((np.arange((len(t) - 1) * fine) + 0.5) * h, t, u)
+    middle = (np.arange((len(t) - 1) * fine) + 0.5) * h
+    # the Fourier transform takes an input for smooth between samples, the filter for linear
+    drive = CubicSpline(t, u)(middle) if kind == "frequency" else np.interp(middle, t, u)
     x, states = np.zeros(2), [np.zeros(2)]
     for value in drive:
         x = F @ x + G * value + gust * np.sqrt(h) * np.array([0.02, 0.03]) * rng.standard_normal(2)

@@ -101,7 +101,7 @@ def output_error(
     found = search(Likelihood(flown, layout, groups), iterations)
     covariance, colours = coloured_covariance(found, layout.columns, [piece.interval for piece in flown])
     estimates = tabulated(found, layout, covariance, {"method": "output error in time", "title": sim.title})
-    scatter = noise_of(found, list(outputs), colours)
+    scatter = noise_of(found, list(outputs), colours, [piece.measured for piece in flown])
     rest = tuple(piece.residual(v) for piece, v in zip(flown, found.residuals))
     return OutputError(estimates, rest, scatter, warned(scatter))
 

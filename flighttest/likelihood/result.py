@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,8 +31,8 @@ class OutputError:
         Per manoeuvre measured minus predicted outputs over ``time``, or over ``frequency`` as complex numbers.
     noise : Dataset
         ``stderr`` (manoeuvre, output) of the noise, ``covariance`` (output, output_) of the residuals of all manoeuvres, and, in
-        time, per output ``slow`` and ``fast``, its disturbance and its noise from sample to sample, and ``time``, how long the
-        disturbance lasts [s].
+        time, per output ``slow`` and ``fast``, its disturbance and its noise from sample to sample, ``time``, how long the
+        disturbance lasts [s], and ``motion``, rms of the measured output about its mean.
     warnings : tuple of str
         Why the standard errors or the estimates are not to be trusted.
     """
@@ -108,8 +109,8 @@ def tabulated(found: Found, layout: Layout, covariance: np.ndarray, about: dict[
     )  # fmt: skip
 
 
-def noise_of(found: Found, outputs: list[str], colours: list[Colour] | None = None) -> xr.Dataset:
-    """Return the noise Dataset of a `Found`."""
+def noise_of(found: Found, outputs: list[str], colours: Sequence[Colour] = (), measured: Sequence[np.ndarray] = ()) -> xr.Dataset:
+    """Return the noise Dataset of a `Found`; `colours` of residuals in time go with the outputs `measured`."""
     v = np.concatenate(found.residuals)
     count = np.maximum((v != 0.0).T.astype(float) @ (v != 0.0), 1.0)
     data = {"stderr": (("manoeuvre", "output"), np.sqrt(found.noise)), "covariance": (("output", "output_"), v.T @ v / count)}
@@ -119,6 +120,8 @@ def noise_of(found: Found, outputs: list[str], colours: list[Colour] | None = No
         noise["slow"] = "output", [colour.slow * scale for colour, scale in zip(colours, size)]
         noise["fast"] = "output", [colour.white * scale for colour, scale in zip(colours, size)]
         noise["time"] = "output", [colour.time for colour in colours]
+        about = np.concatenate([z - np.nanmean(z, axis=0) for z in measured])
+        noise["motion"] = "output", np.sqrt(np.nanmean(about**2, axis=0))
     return noise
 
 

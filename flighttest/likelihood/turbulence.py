@@ -9,6 +9,7 @@ import xarray as xr
 from flightmech.errors import AeromatchWarning
 
 LOUD = 2.0  # disturbance over the noise from sample to sample
+FELT = 1e-3  # part of the motion below which a disturbance does not matter
 LASTING = 0.25  # correlation time from which a disturbance is one of the motion [s]
 OUTPUTS = 2  # so many outputs show it: a gust moves more than one
 
@@ -19,21 +20,20 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
     Parameters
     ----------
     noise : Dataset (output,)
-        ``slow``, ``fast`` and ``time`` as in `OutputError`.
+        ``slow``, ``fast``, ``time`` and ``motion`` as in `OutputError`.
 
     Notes
     -----
-    Noise of instruments is nearly white and belongs to one output.  What moves the aeroplane lasts as long as its modes and shows in
-    several outputs at once.  It is called turbulence when two outputs carry a disturbance of more than twice the noise between neighbouring
-    samples, correlated over 0.25 s and more.  A term that the model lacks looks the same: the residuals over the inputs tell which.
+    Noise of instruments is nearly white and belongs to one output.  What moves the aeroplane lasts as long as its modes and
+    shows in several outputs at once.  It is called turbulence when two outputs carry a disturbance of more than twice the noise
+    between neighbouring samples, correlated over 0.25 s and more, and above a thousandth of the motion.  A term that the
+    model lacks looks the same: the residuals over the inputs tell which.
     """
-    loud = [
-        f"{name} ({float(noise['slow'].sel(output=name)) / max(float(noise['fast'].sel(output=name)), 1e-300):.1f} times its noise, "
-        f"{float(noise['time'].sel(output=name)):.2g} s)"
-        for name in noise["output"].values
-        if float(noise["slow"].sel(output=name)) > LOUD * float(noise["fast"].sel(output=name))
-        and float(noise["time"].sel(output=name)) > LASTING
-    ]
+    loud = []
+    for name in noise["output"].values:
+        slow, fast, time, motion = (float(noise[key].sel(output=name)) for key in ("slow", "fast", "time", "motion"))
+        if slow > LOUD * fast and time > LASTING and slow > FELT * motion:
+            loud.append(f"{name} ({slow / max(fast, 1e-300):.1f} times its noise, {time:.2g} s)")
     if len(loud) < OUTPUTS:
         return ()
     return (

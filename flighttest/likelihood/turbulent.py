@@ -95,7 +95,7 @@ def filter_error(
     estimates = tabulated(plainly, plain, covariance * size, {"method": "filter error"})
     inside = replace(white, residuals=found.residuals.parts, noise=found.noise)
     rest = tuple(piece.residual(e) for piece, e in zip(pieces, found.residuals.parts))
-    scatter = noise_of(inside, list(model.outputs), colours)
+    scatter = noise_of(inside, list(model.outputs), colours, [piece.z for piece in pieces])
     told = () if any(name.startswith("process.") for name in parameters) else warned(scatter)
     return OutputError(estimates, rest, scatter, told)
 

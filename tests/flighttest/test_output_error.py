@@ -123,6 +123,15 @@ def test_readings_that_are_missing_do_not_count(sim):
     assert int(np.isnan(fit.residuals[0]["theta"]).sum()) == 60
 
 
+def test_error_free_readings_give_the_truth_to_rounding(sim, monkeypatch):
+    for name in NOISE:
+        monkeypatch.setitem(NOISE, name, 0.0)
+    fit = flighttest.output_error(sim, flight(sim, 1), {name: 1.0 for name in TRUTH} | STARTS, list(NOISE), HELD)
+    found = fit.estimates["estimate"].sel(parameter=list(TRUTH)).values
+    assert np.allclose(found, list(TRUTH.values()), rtol=1e-6)
+    assert fit.warnings == ()
+
+
 def test_what_cannot_be_told_is_refused_by_name(sim):
     record = flight(sim, 1)
     unknowns = {"term.Cm.elevator": 1.0, **STARTS}
