@@ -120,6 +120,33 @@ def test_reconstruct_several_records_into_a_folder(files, tmp_path):
     assert set(found[0]["constants"]["bias.p"]) == {"estimate", "stderr", "prior", "prior_stderr", "unit"}
 
 
+def test_batch_of_two_records(files, tmp_path):
+    target = tmp_path / "paths"
+    records = files / "run_0.nc", files / "run_1.nc"
+    done = call("reconstruct", *records, "--aircraft", files / "aircraft.toml", "--method", "batch", "-o", target)
+    assert "Batch reconstruction: simulated 0, simulated 1" in done.output
+    assert "before the fit: rank 27 of 27 constants" in done.output
+    assert sorted(file.name for file in target.iterdir()) == ["run_0.nc", "run_1.nc"]
+
+
+def test_batch_estimates_the_constants_that_are_free(files, tmp_path):
+    target = tmp_path / "path.nc"
+    free = [word for name in ("bias.alpha_vane", "wind_n", "wind_e") for word in ("--free", name)]
+    call("reconstruct", files / "run_0.nc", "--aircraft", files / "aircraft.toml", "--method", "batch", *free, "-o", target)
+    found = open_biases(target)
+    assert found["parameter"].values[~found["held"].values].tolist() == ["bias.alpha_vane", "wind_n", "wind_e"]
+    with pytest.raises(SchemaError, match="--free goes with --method batch"):
+        call("reconstruct", files / "run_0.nc", "--aircraft", files / "aircraft.toml", *free, "-o", target)
+
+
+def test_figure_of_the_compatibility(files, tmp_path):
+    pytest.importorskip("matplotlib", reason="figures need matplotlib")
+    target, figure = tmp_path / "path.nc", tmp_path / "compatibility.png"
+    done = call("reconstruct", files / "run_0.nc", "--aircraft", files / "aircraft.toml", "--figure", figure, "-o", target)
+    assert "Data compatibility: simulated 0" in done.output
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
 def test_window_goes_with_one_record(files, tmp_path):
     with pytest.raises(SchemaError, match="one record"):
         call("reconstruct", files / "run_0.nc", files / "run_1.nc", "--aircraft", files / "aircraft.toml", "--window", 1, 2, "-o", tmp_path)
