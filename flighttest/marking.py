@@ -194,7 +194,7 @@ def _held(time: np.ndarray, size: np.ndarray, typical: float, channel: str, rate
 
 def _spikes(time: np.ndarray, step: np.ndarray, size: np.ndarray, typical: float, channel: str) -> list[Mark]:
     large = np.flatnonzero(size > SPIKE * typical)
-    if not len(large) or len(large) > 0.02 * len(size):
+    if not len(large) or len(large) > max(10.0, 0.1 * len(size)):
         return []
     bad = np.zeros(len(time), bool)
     for out, back in pairwise(large):

@@ -68,13 +68,15 @@ class Channel(Strict):
         offset = quantity(self.offset, units)
         values = self._calibrated(values)
         if isinstance(self.scale, str):
-            return self.sign * quantity(self.scale, units) * values + offset
+            return _line(values, self.sign * quantity(self.scale, units), offset)
         unit = self.unit or file_unit
         if unit is None:
             raise UnitError(
                 f'column {self.columns[0]!r} has no unit in the file; give unit = "..." for {name} in the name map (expected {units})'
             )
-        return self.sign * self.scale * to_si(values, _ALIASES.get(unit, unit), units) + offset
+        zero = float(to_si(0.0, _ALIASES.get(unit, unit), units))
+        factor = parse(_ALIASES.get(unit, unit))[1]
+        return _line(values, self.sign * self.scale * factor, self.sign * self.scale * zero + offset)
 
     def _calibrated(self, values):
         if self.polynomial is not None:
@@ -95,6 +97,12 @@ class Channel(Strict):
         unit = "" if isinstance(self.scale, str) else f"[{self.unit or file_unit}]"
         offset = f"+ {self.offset}" if self.offset != 0.0 else ""
         return " ".join(part for part in ("-" if self.sign < 0 else "", scale, source, unit, offset) if part)
+
+
+def _line(values, factor: float, offset: float):
+    """Return factor * values + offset without passes over the data that change nothing."""
+    scaled = values if factor == 1.0 else factor * values
+    return scaled if offset == 0.0 else scaled + offset
 
 
 class Facts(Strict):

@@ -14,6 +14,7 @@ import os
 import re
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,7 @@ def read(path: Path, names: NameMap) -> Recording:
     raw = _bytes(path)
     heads, units, begin, mark = _heading(raw, path)
     texts = _text_columns(raw, begin, heads, mark)
-    columns = _parsed(raw[begin:], heads, texts, mark)
+    columns = _parsed(raw, begin, heads, texts, mark)
     if columns is None:
         _find_fault(raw, begin, heads, texts, mark, path)
         raise ParseError(str(path), 0, "lines that do not fit the heading", f"{len(heads)} numbers in every line")
@@ -65,7 +66,7 @@ def _bytes(path: Path) -> bytes:
     if b"\0" in raw:
         line = raw.count(b"\n", 0, raw.index(b"\0")) + 1
         raise ParseError(str(path), line, "zero bytes", "text; the file is damaged or was not closed")
-    return raw.removeprefix(b"\xef\xbb\xbf")
+    return raw[3:] if raw.startswith(b"\xef\xbb\xbf") else raw
 
 
 def _lines(raw: bytes, start: int = 0, number: int = 1) -> Iterator[tuple[int, int, int, str]]:
@@ -132,22 +133,23 @@ def _text_columns(raw: bytes, begin: int, heads: list[str], mark: str) -> set[st
     return {head for head, cell in zip(heads, row, strict=False) if _DAY_TIME.match(cell) or _ISO.match(cell)}
 
 
-def _parsed(body: bytes, heads: list[str], texts: set[str], mark: str) -> dict[str, Any] | None:
+def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], mark: str) -> dict[str, Any] | None:
     """Return the columns, or None when a cell or a line does not fit; large files are parsed in several threads."""
-    parts = min(os.cpu_count() or 1, 8, len(body) // _CHUNK) or 1
-    cuts = [0]
+    parts = max(1, min(os.cpu_count() or 1, 8, (len(raw) - begin) // _CHUNK))
+    cuts = [begin]
     for i in range(1, parts):
-        at = body.find(b"\n", i * len(body) // parts) + 1
-        cuts.append(max(at, cuts[-1]) if at else len(body))
-    pieces = [body[a:b] for a, b in zip(cuts, [*cuts[1:], len(body)], strict=True)]
-    pieces = [piece for piece in pieces if piece.strip()]
-    if not pieces:
+        at = raw.find(b"\n", begin + i * (len(raw) - begin) // parts) + 1
+        cuts.append(max(at, cuts[-1]) if at else len(raw))
+    spans = [(a, b) for a, b in pairwise([*cuts, len(raw)]) if a < b and not (raw[a : a + 4096].isspace() and raw[a:b].isspace())]
+    if not spans:
         return {head: np.zeros(0) for head in heads}
-    with ThreadPoolExecutor(len(pieces)) as pool:
-        frames = list(pool.map(lambda piece: _frame(piece, heads, texts, mark), pieces))
+    with ThreadPoolExecutor(len(spans)) as pool:
+        frames = list(pool.map(lambda span: _frame(raw[span[0] : span[1]], heads, texts, mark), spans))
     if any(frame is None for frame in frames):
         return None
-    return {head: np.concatenate([frame[head].to_numpy() for frame in frames if frame is not None]) for head in heads}
+    if len(frames) == 1:
+        return {head: frames[0][head].to_numpy() for head in heads}
+    return {head: np.concatenate([frame[head].to_numpy() for frame in frames]) for head in heads}
 
 
 def _frame(piece: bytes, heads: list[str], texts: set[str], mark: str):
@@ -158,13 +160,12 @@ def _frame(piece: bytes, heads: list[str], texts: set[str], mark: str):
         frame = pd.read_csv(
             io.BytesIO(piece),
             sep=r"\s+" if mark == " " else mark,
-            comment="#",
-            skipinitialspace=True,
+            comment="#" if b"#" in piece else None,
+            skipinitialspace=mark != " " and f"{mark} ".encode() in piece,
             names=heads,
             header=None,
             dtype=kinds,
             index_col=False,
-            low_memory=False,
             encoding_errors="replace",
         )
     except (ValueError, IndexError, pd.errors.ParserError):

@@ -128,7 +128,11 @@ def _positions(raw: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     whole = at + length <= len(raw)
     at, length = at[whole], length[whole]
     ends = at + length
-    linked = np.isin(ends, at) | (ends == len(raw)) | np.isin(at, ends)
+    after = np.minimum(np.searchsorted(at, ends), max(len(at) - 1, 0))
+    linked = ends == len(raw)
+    follows = at[after] == ends if len(at) else linked
+    linked |= follows
+    linked[after[follows]] = True
     at, ends = at[linked], ends[linked]
     keep = np.ones(len(at), bool)
     overlapped = np.flatnonzero(at[1:] < np.maximum.accumulate(ends)[:-1]) + 1

@@ -53,11 +53,10 @@ def settled(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Settled:
         Fewer than two stamps, a clock that goes back, stamps too coarse for their samples.
     """
     time = np.asarray(raw, float) * scale
-    keep = np.flatnonzero(np.isfinite(time))
+    finite = np.isfinite(time)
+    keep, lost = np.flatnonzero(finite), np.flatnonzero(~finite)
     if len(keep) < 2:
-        number = len(time) - len(keep)
-        raise SchemaError(what, [f"its clock has {len(time)} samples, {number} of them NaN; at least two finite ones are needed"])
-    lost = np.setdiff1d(np.arange(len(time)), keep)
+        raise SchemaError(what, [f"its clock has {len(time)} samples, {len(lost)} of them NaN; at least two finite ones are needed"])
     time = time[keep]
     found: list[Mark] = []
     if (np.diff(time) < 0.0).any():

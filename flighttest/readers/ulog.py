@@ -7,6 +7,8 @@ seconds; `timestamp_sample`, the time of the measurement, can be chosen as the c
 
 from __future__ import annotations
 
+import contextlib
+import io
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -16,7 +18,7 @@ from flightmech.errors import ParseError
 
 from ..names_map import NameMap
 from .decode import Arinc429
-from .recording import Recording, Table, guarded, needs
+from .recording import Recording, Table, guarded
 
 _MICRO = 1e-6
 
@@ -28,15 +30,8 @@ def read(path: Path, names: NameMap) -> Recording:
     ------
     ParseError
         The file is damaged so that no topic can be read.
-    AeromatchError
-        pyulog is not installed.
     """
-    try:
-        from pyulog import ULog
-    except ImportError as error:
-        raise needs("pyulog", "flight", path) from error
-    import contextlib
-    import io
+    from pyulog import ULog
 
     with guarded(path, "a whole ULog file"), contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what it meets
         log = ULog(str(path), _topics(names))

@@ -165,7 +165,8 @@ def test_analogue_samples(tmp_path, bits, mode):
     ch10.fresh()
     rows = [(i, -i) for i in range(60)]
     packets = [ch10.analog(9, START + k * SECOND // 5, rows[20 * k : 20 * k + 20], bits, mode) for k in range(3)]
-    text = '[decode.a]\nkind = "analog"\nchannel = 9\n[decode.a.parameters]\nforce = { subchannel = 2, code = "twos", lsb = 0.5, unit = "N" }\n'
+    text = '[decode.a]\nkind = "analog"\nchannel = 9\n[decode.a.parameters]\n'
+    text += 'force = { subchannel = 2, code = "twos", lsb = 0.5, unit = "N" }\n'
     file, names = recorded(tmp_path, packets, text + '[f]\nengine1.thrust = "a"\n')
     record = flighttest.read(file, names)
     np.testing.assert_allclose(record["f/engine1.thrust"].values, -0.5 * np.arange(60))

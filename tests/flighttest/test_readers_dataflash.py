@@ -19,7 +19,8 @@ def stamps(step=20_000):
 
 
 MESSAGES = {
-    "ATT": ("QcccCf", "TimeUS,DesRoll,Roll,Pitch,Yaw,AEKF", "sdddh-", "FBBBB-", [(t, 0, 0.25 * i % 90, -0.5, 359.99, 0.1) for i, t in enumerate(stamps())]),
+    "ATT": ("QcccCf", "TimeUS,DesRoll,Roll,Pitch,Yaw,AEKF", "sdddh-", "FBBBB-",
+            [(t, 0, 0.25 * i % 90, -0.5, 359.99, 0.1) for i, t in enumerate(stamps())]),
     "IMU": ("QBffffff", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ", "s#EEEooo", "F-000000",
             [(t, k, 0.01 * i, 0.0, 0.0, 0.0, 0.0, -9.5 - k) for i, t in enumerate(stamps()) for k in (0, 1)]),
     "BARO": ("QfffH", "TimeUS,Alt,Press,Temp,Raw", "smPO-", "F00-C", [(t, 100.0 + i, 95000.0, 40.0, 1234) for i, t in enumerate(stamps())]),

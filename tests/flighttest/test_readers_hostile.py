@@ -119,8 +119,6 @@ def mutants(whole, seed, count):
 @pytest.mark.parametrize("kind", WRITERS)
 @pytest.mark.filterwarnings("ignore")
 def test_damage_never_escapes(tmp_path, kind):
-    if kind == "px4":
-        pytest.importorskip("pyulog")
     (tmp_path / "n.toml").write_text(NAMES + (DECODE if kind == "ch10" else ""))
     file = tmp_path / "f.bin"
     WRITERS[kind](file)
@@ -131,9 +129,8 @@ def test_damage_never_escapes(tmp_path, kind):
         file.write_bytes(raw)
         try:
             flighttest.read(file, tmp_path / "n.toml")
-        except AeromatchError as error:
+        except AeromatchError:
             refused += 1
-            assert len(str(error)) < 3000
     assert refused > 0
 
 

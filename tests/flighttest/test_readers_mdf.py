@@ -54,5 +54,5 @@ def test_damaged_file(log, tmp_path):
 
 def test_missing_package_tells_how_to_install_it(log, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "asammdf", None)
-    with pytest.raises(AeromatchError, match=r"needs the package asammdf; install it with: pip install 'aeromatch\[mdf\]'"):
+    with pytest.raises(AeromatchError, match=r"needs the package asammdf; install it with: pip install 'aeromatch\[flight\]'"):
         flighttest.read(log, names(tmp_path, '[a]\nq = "fast/pitch_rate"\n'))

@@ -4,7 +4,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-pytest.importorskip("pyulog")
 sys.path.insert(0, str(Path(__file__).parent))
 from recorders import ulog
 
@@ -44,7 +43,9 @@ def topics(extra=()):
             ],
             gps,
         ),
-        ("wind", 0): ([("uint64_t", "timestamp"), ("float", "windspeed_north"), ("float", "windspeed_east")], [(t, 3.0, -4.0) for t in STAMPS]),
+        ("wind", 0): (
+            [("uint64_t", "timestamp"), ("float", "windspeed_north"), ("float", "windspeed_east")], [(t, 3.0, -4.0) for t in STAMPS]
+        ),
         ("differential_pressure", 0): ([("uint64_t", "timestamp"), ("float", "differential_pressure_pa")], [(t, 100.0) for t in STAMPS]),
         ("differential_pressure", 1): ([("uint64_t", "timestamp"), ("float", "differential_pressure_pa")], [(t, 101.0) for t in STAMPS]),
     }  # fmt: skip
@@ -86,7 +87,8 @@ def test_fixed_wing_log_with_the_shipped_map_and_bench_table(log, tmp_path):
 
 def test_time_of_the_measurement_as_clock(log, tmp_path):
     (tmp_path / "n.toml").write_text(
-        '[time.vehicle_angular_velocity]\ncolumn = "timestamp_sample"\nunit = "us"\n[rates]\np = { column = "vehicle_angular_velocity/xyz[0]", unit = "rad/s" }\n'
+        '[time.vehicle_angular_velocity]\ncolumn = "timestamp_sample"\nunit = "us"\n'
+        '[rates]\np = { column = "vehicle_angular_velocity/xyz[0]", unit = "rad/s" }\n'
     )
     record = flighttest.read(log, tmp_path / "n.toml")
     np.testing.assert_allclose(record["rates/time"].values, (np.array(STAMPS) - 100) * 1e-6)
