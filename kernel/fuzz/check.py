@@ -116,7 +116,14 @@ def fuzz(compiler: str, targets: list[str], seconds: int, keep: Path, folder: Pa
     for target in targets:
         program = linked(compiler, FOUND, KERNEL / "fuzz" / f"fuzz_{target}.c", parts, place, ",fuzzer")
         write_seeds(target, models, folder / f"seeds_{target}")
-        limits = [f"-max_total_time={seconds}", "-timeout=60", f"-rss_limit_mb={MOST_MEMORY}", "-max_len=131072", "-print_final_stats=1"]
+        limits = [
+            f"-max_total_time={seconds}",
+            "-timeout=120",
+            "-report_slow_units=120",
+            f"-rss_limit_mb={MOST_MEMORY}",
+            "-max_len=131072",
+            "-print_final_stats=1",
+        ]
         seeds = str(folder / f"seeds_{target}")
         told = run([program, *limits, f"-artifact_prefix={keep}/{target}-", seeds], environment, f"fuzzer of {target}")
         stat = {name: int(value) for name, value in re.findall(r"stat::(\w+): +(\d+)", told)}
@@ -136,7 +143,7 @@ def main() -> None:
     given = parser.parse_args()
     compiler = clang()
     if not compiler:
-        sys.exit("no clang here; on Debian and Ubuntu: sudo apt-get install clang")
+        sys.exit("no clang here; on Debian and Ubuntu: sudo apt-get install clang libclang-rt-dev")
     given.keep.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)

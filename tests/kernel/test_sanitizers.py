@@ -18,7 +18,7 @@ def checked(name: str, folder: Path) -> str:
     command = [sys.executable, str(CHECK), "--only", name, "--seconds", SECONDS, "--keep", str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, errors="replace")
     if done.returncode and "no clang here" in done.stderr:
-        pytest.skip("no clang here; on Debian and Ubuntu: sudo apt-get install clang")
+        pytest.skip("no clang here; on Debian and Ubuntu: sudo apt-get install clang libclang-rt-dev")
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-8000:]
     return done.stdout
 
