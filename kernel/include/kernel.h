@@ -41,7 +41,7 @@ enum {
     AM_OK = 0,
     AM_BAD_INDEX = 1,     /* no such input, output or parameter */
     AM_BAD_VALUE = 2,     /* a parameter that has no physical meaning, e.g. a negative mass */
-    AM_NOT_FINITE = 3,    /* NaN or infinity in an input, a parameter or the state; am_time says when */
+    AM_NOT_FINITE = 3,    /* NaN or infinity in an input, a parameter, the state or an output: am_error names it, am_time says when */
     AM_BAD_ARGUMENT = 4,  /* a wrong argument of the call itself, e.g. a negative dt */
     AM_NOT_READY = 5      /* am_initialize has not been called or has failed */
 };
@@ -161,10 +161,10 @@ typedef struct {
 AM_API int am_trim_for(am_sim *sim, const am_trim_task *task, double *found, double *y, double *left, double *jacobian);
 
 /* Advance from t to t + dt with inputs linear from u0 to u1 (u1 == u0: held), in equal RK4 steps of at most mode.step.
- * u1 becomes the present input.  On failure the state is that of the last good internal step. */
+ * u1 becomes the present input.  On failure the state is that of the last good internal step.  Times lie within 1e10 s. */
 AM_API int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1);
 
-/* All outputs at the present state and input: y[am_count(AM_OUTPUT)]. */
+/* All outputs at the present state and input, finite or AM_NOT_FINITE: y[am_count(AM_OUTPUT)]. */
 AM_API int am_outputs(am_sim *sim, double *y);
 
 /* A whole record from an initialised simulation: t[n] rising, u[n * inputs], y[n * outputs] (row by row).
