@@ -1,0 +1,89 @@
+"""One thing that is wrong, or worth knowing, with a flight record: named, placed, measured, and with what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+SEVERITIES = ("error", "warning", "note")
+"""An error makes numbers wrong; a warning spoils some, or should be looked at; a note is worth knowing."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One finding.
+
+    Attributes
+    ----------
+    severity : str
+        One of `SEVERITIES`.
+    kind : str
+        What it is, in one word: ``sign unit axis definition inconsistent range scale lag`` of consistency, ``gap stray duplicate reset
+        missing outside held spike jump wrap saturation stuck noise`` of samples, ``excitation collinear`` of the flying, ``absent
+        coarse offset minimum_speed`` of what is worth knowing.
+    channels : tuple of str
+        House names it concerns; the first one is at fault.
+    text : str
+        What was found, with numbers.
+    remedy : str
+        What to do; an entry of the name map where that mends it.
+    start, stop : float or None
+        Where, on the record's clock; None for the whole record. [s]
+    evidence : dict
+        Figures behind it, SI.
+    """
+
+    severity: str
+    kind: str
+    channels: tuple[str, ...]
+    text: str
+    remedy: str = ""
+    start: float | None = None
+    stop: float | None = None
+    evidence: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Kind and channels in one word: ``sign:delta_r``."""
+        return f"{self.kind}:{'+'.join(self.channels)}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return all fields, with the name."""
+        return {"name": self.name, **asdict(self)}
+
+
+def map_entry(record: xr.DataTree, name: str, change: str) -> str:
+    """Return the line of the name map that makes a change to a channel, with what stands there now.
+
+    Parameters
+    ----------
+    record : DataTree
+        The record; its channels tell their column and calibration.
+    name : str
+        House name.
+    change : str
+        Keys of the entry, such as ``sign = -1``.
+    """
+    leaf = next(leaf for leaf, node in record.children.items() if name in node.data_vars)
+    about = record[leaf][name].attrs
+    calibration = str(about.get("calibration", ""))
+    if "column" not in about:
+        return f"{change} on what {name} is made of: {calibration or 'see the name map'}"
+    column = str(about["column"]).rpartition("/")[2]
+    if calibration.startswith("-") and change == "sign = -1":
+        change = "sign = 1"
+    return f'{name} = {{ column = "{column}", {change} }} in the name map (now: {calibration or column})'
+
+
+def rows(table: pd.DataFrame) -> Iterator[Any]:
+    """Yield the rows of a table as named tuples."""
+    yield from table.itertuples()
+
+
+def by_severity(findings: list[Finding]) -> list[Finding]:
+    """Return errors first, notes last; the order within stays."""
+    return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
