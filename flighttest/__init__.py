@@ -42,6 +42,8 @@ if TYPE_CHECKING:
     from .partition import Partition, bins, fit_bins
     from .pooling import pool, pool_fits
     from .programme import combine_biases, reconstruct_programme
+    from .quality.assessment import Quality, assess
+    from .quality.finding import Finding
     from .raw_contents import contents
     from .reconstruction import Path, reconstruct
     from .record import faults, manoeuvres, overview, read
@@ -68,6 +70,9 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
+    "assess": "quality.assessment",
+    "Quality": "quality.assessment",
+    "Finding": "quality.finding",
     "regress_frequency": "spectrum",
     "finite_fourier": "fourier",
     "harmonics": "fourier",
@@ -196,6 +201,7 @@ __all__ = [
     "Delay",
     "Designed",
     "Expected",
+    "Finding",
     "Fit",
     "Inertia",
     "InputAxis",
@@ -207,6 +213,7 @@ __all__ = [
     "OutputError",
     "Partition",
     "Path",
+    "Quality",
     "Selection",
     "Smoothed",
     "Study",
@@ -215,6 +222,7 @@ __all__ = [
     "airspeed_from_pressures",
     "amplitude_within",
     "angular_accelerations",
+    "assess",
     "between",
     "bins",
     "bootstrap",

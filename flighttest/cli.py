@@ -13,6 +13,7 @@ from .cli_options import names_option
 _RECORD = click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
 _NAMES = names_option
 _ELSEWHERE = {
+    "check": "cli_check",
     "info": "cli_records",
     "convert": "cli_records",
     "identify": "cli_identify",

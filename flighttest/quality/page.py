@@ -42,7 +42,7 @@ def page(quality: Quality) -> str:
         histories=[_history(quality, name) for name in _HISTORIES if name in quality.signals],
         kinematics=[_kinematic(row) for row in quality.kinematics.to_dict("records")],
         as_read=[_comparison(quality.as_read[name]) for name in _broken(quality)],
-        comparisons=[_comparison(c) for name, c in quality.comparisons.items() if (c.moving and name not in _AIR_DATA) or not c.consistent],
+        comparisons=[_comparison(c) for name, c in quality.comparisons.items() if _worth_seeing(name, c)],
         delays=quality.delays.to_dict("records"),
         answers=[_answer(row) for row in quality.answers.to_dict("records")],
         excitation=[_excited(row) for row in quality.excitation.to_dict("records")],
@@ -58,6 +58,10 @@ def _history(quality: Quality, name: str) -> dict[str, Any]:
     x = from_si(np.where(signals.good[name] | (signals[name] != 0.0), signals[name], np.nan), row.display_units)
     picture = chart(signals.time, [x], row.display_units, _spans(signals.time, ~signals.flying), [*spans, *faulty], f"{name} over time")
     return {"title": f"{name}: {row.long_name}", "svg": picture}
+
+
+def _worth_seeing(name: str, c: Comparison) -> bool:
+    return not c.consistent or (name not in _AIR_DATA and told(c.moving, c.correlation))
 
 
 def _broken(quality: Quality) -> list[str]:

@@ -19,7 +19,7 @@ def shown(value: float, units: str) -> str:
     """Return an SI value in the unit in which people read it."""
     display = {"rad": "deg", "rad s-1": "deg/s"}.get(units, units)
     number = from_si(value, display) if display != units else value
-    return f"{number:.4g} {display}" if display != "1" else f"{number:.4g}"
+    return f"{number:.3g} {display}" if display != "1" else f"{number:.3g}"
 
 
 def told(moving: bool, correlation: float) -> bool:
