@@ -23,7 +23,8 @@ from scipy.signal import lfilter
 
 ORDER = 8  # highest order tried
 FLOOR = 1e-4  # white part added to the residual, of its variance: what a low-pass has removed is not to be looked up
-_STEEPEST = 5.0  # bound of atanh of a reflection coefficient: a memory of 11000 samples
+MEMORY = 0.5  # longest memory, of the longest stretch: what lasts longer cannot be told from a constant
+_STEEPEST = 5.0  # bound of atanh of a reflection coefficient
 OFFSETS = 3  # pieces from which on each has a constant of its own
 _REFUSED = 1e3
 _TOLERANCE = 1e-6  # of the log-likelihood per sample
@@ -115,6 +116,7 @@ class _Likelihood:
     def __init__(self, X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], p: int):
         self.scale = float(np.std(v)) or 1.0
         self.offsets = len(pieces) >= OFFSETS
+        self.memory = MEMORY * max(piece.stop - piece.start for piece in pieces)
         Q = _basis(_centred(X, pieces) if self.offsets else X)
         W = np.column_stack([np.ones(len(v)), Q * np.sqrt(len(v)), v / self.scale])[:, 0 if self.offsets else 1 :]
         self.size, self.pieces = W.shape[1], len(pieces)
@@ -137,13 +139,13 @@ class _Likelihood:
         """Climb from given reflection coefficients."""
         start = np.arctanh(np.clip(reflections, -np.tanh(_STEEPEST), np.tanh(_STEEPEST)))
         found = minimize(self._cost, start, method="L-BFGS-B", bounds=[(-_STEEPEST, _STEEPEST)] * len(start), options={"ftol": _TOLERANCE})
-        reflections = np.tanh(found.x)
+        reflections = _forgetful(np.tanh(found.x), self.memory)
         root, _ = self._whitened(reflections)
         return Disturbance(reflections, root[-1] ** 2 / self.free * self.scale**2)
 
     def _cost(self, t: np.ndarray) -> float:
         try:
-            root, determinant = self._whitened(np.tanh(t))
+            root, determinant = self._whitened(_forgetful(np.tanh(t), self.memory))
         except np.linalg.LinAlgError:  # a regressor lost in rounding: too steep a filter
             return _REFUSED
         return float(self.free * np.log(root[-1]) + np.log(root[:-1]).sum() + 0.5 * determinant) / self.samples
@@ -193,6 +195,16 @@ def _polynomial(reflections: np.ndarray) -> np.ndarray:
         a = np.append(a, 0.0)
         a = a + k * a[::-1]
     return a
+
+
+def _forgetful(reflections: np.ndarray, memory: float) -> np.ndarray:
+    """Reflection coefficients with every pole drawn inwards, so that none remembers longer than `memory` samples."""
+    a = _polynomial(reflections) * np.exp(-np.arange(len(reflections) + 1) / memory)
+    found = np.empty(len(reflections))
+    for m in range(len(found) - 1, -1, -1):
+        found[m] = a[-1]
+        a = (a[:-1] - a[-1] * a[:0:-1]) / (1.0 - a[-1] ** 2)
+    return found
 
 
 def _history(a: np.ndarray, past: np.ndarray) -> np.ndarray:

@@ -30,6 +30,7 @@ from .regression import demand_choice, demand_determined, separated
 from .samples import Samples, stack
 from .weighting import ridge_penalty
 
+_EXCITED = 1e-6  # rms of a regressor inside the band, over its largest value, that is no rounding
 _SHAPE = 2  # degree of the logarithm of the residual's spectrum over the logarithm of the frequency
 _PER_SHAPE = 6  # frequencies that each degree needs
 _ROUNDS, _STILL = 30, 1e-4
@@ -157,17 +158,36 @@ def regress_frequency(
     return Fit(name, model, found, samples.data, linear.labelled(linear.equivalent(A), terms), linear.labelled(X, terms))
 
 
-def demand_frequencies(label: str, rows: np.ndarray, z: np.ndarray, terms: Sequence[str]) -> None:
+def demand_frequencies(label: str, rows: np.ndarray, X: np.ndarray, parts: Sequence[Stretch], terms: Sequence[str]) -> None:
     """Raise when the transformed equations cannot determine the terms.
+
+    Parameters
+    ----------
+    label : str
+        For the text.
+    rows : complex array (rows, terms)
+        Transformed regressors.
+    X : array (samples, terms)
+        Regressors in time.
+    parts : sequence of Stretch
+    terms : sequence of str
 
     Raises
     ------
     IdentificationError
         Too few frequencies, a term without excitation in the band, or combinations that vanish there.
     """
-    if len(z) < 2 * len(terms):
+    if len(rows) < 2 * len(terms):
         raise IdentificationError(
-            f"{label}: {len(z)} frequencies for {len(terms)} slopes; at least two per slope are needed: widen the band"
+            f"{label}: {len(rows)} frequencies for {len(terms)} slopes; at least two per slope are needed: widen the band"
+        )
+    duration = np.concatenate([np.full(len(part.frequencies), part.duration) for part in parts])
+    inside = np.sqrt(2.0 * (np.abs(rows) ** 2 / duration[:, None]).sum(axis=0) / len(parts))
+    still = [term for term, own, size in zip(terms, inside, np.abs(X).max(axis=0)) if own < _EXCITED * size]
+    if still:
+        raise IdentificationError(
+            f"{label}: {', '.join(still)} {'is' if len(still) == 1 else 'are'} not excited inside the band; leave the term out, "
+            "add a manoeuvre, or work in time"
         )
     try:
         collinearity.demand_rank(stacked(rows), terms)
@@ -182,7 +202,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
     if not slopes:
         raise IdentificationError(f"{model} has no slope; a spectrum without its mean says nothing about a constant")
     Xf, zf = transform(X[:, ~fixed], parts), transform(z[:, None], parts)[:, 0]
-    demand_frequencies(f"{name}: {model}" if name else str(model), Xf, zf, slopes)
+    demand_frequencies(f"{name}: {model}" if name else str(model), Xf, X[:, ~fixed], parts, slopes)
     X2, z2 = stacked(Xf), stacked(zf)
     penalty, parameter = ridge_penalty(ridge, X2, z2, np.zeros(len(slopes), bool))
     theta, E = linear.solve(X2, z2, penalty)

@@ -1,5 +1,7 @@
 """A flight that is kinematically exact, and what instruments with known errors record of it."""
 
+import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +12,8 @@ from scipy.signal import lfilter
 
 from flightmech.air import impact_pressure
 from flighttest.kinematics import EARTH_RADIUS, gravity, rate_matrix, rotation
+
+sys.path.insert(0, str(Path(__file__).parent))  # for the helpers beside the tests
 
 RATE = 50.0
 IMU, BOOM = np.array([0.9, 0.25, 0.32]), np.array([4.3, 0.0, 0.15])
