@@ -92,8 +92,9 @@ def _values(item, path: str) -> np.ndarray:
         if scale != 1.0 or offset != 0.0:
             values = values * scale + offset
         for key in ("_FillValue", "missing_value"):
-            if key in item.attrs:
-                values = np.where(raw == np.ravel(item.attrs[key])[0], np.nan, values)
+            empty = np.ravel(item.attrs.get(key, np.nan))[0]
+            if empty == empty:
+                values = np.where(raw == empty, np.nan, values)
         return values
 
 

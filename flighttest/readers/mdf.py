@@ -1,23 +1,35 @@
-"""Measurement data format (MDF 3 and 4) through asammdf: one table per channel group that has a time master."""
+"""Measurement data format (MDF 3 and 4) through asammdf: one table per channel group that has a time master.
+
+asammdf decodes in C and can bring its process down on damaged bytes, so it works in a child process (`mdf_decoder`), which also keeps its
+second of import out of this one.
+"""
 
 from __future__ import annotations
 
-import logging
+import importlib.util
+import json
+import os
+import subprocess
+import sys
 from functools import partial
 from pathlib import Path
+from typing import IO, Any
 
 import numpy as np
 
 from flightmech.errors import ParseError
 
 from ..names_map import NameMap
-from .recording import Columns, Recording, Table, guarded, needs
+from .decode import Arinc429
+from .recording import Columns, Recording, Table, needs
+
+_EXPECTED = "a whole MDF file"
 
 
 def read(path: Path, names: NameMap) -> Recording:
     """Return the channel groups of an MDF file as tables, called by their acquisition name or ``group0``, ``group1``, ...
 
-    Only the channels asked for are decoded.
+    Only the channels that the name map may ask for are decoded; without a map all of them.
 
     Raises
     ------
@@ -26,78 +38,56 @@ def read(path: Path, names: NameMap) -> Recording:
     AeromatchError
         asammdf is not installed.
     """
-    try:
-        from asammdf import MDF
-    except ImportError as error:
-        raise needs("asammdf", "flight", path) from error
-    logging.getLogger("asammdf").setLevel(logging.CRITICAL)
-    with guarded(path, "a whole MDF file"):
-        file = MDF(path)
-        tables: dict[str, Table] = {}
-        wanted = {column.rpartition("/")[2] for leaf in names.leaves.values() for channel in leaf.values() for column in channel.columns}
-        for index in range(len(file.groups)):
-            master = file.masters_db.get(index)
-            if master is None:
-                continue
-            table = _table(file, index, master, wanted, str(path))
-            if table.time is not None and len(table.time) > 1 and len(table.columns):
-                tables[_free(_group_name(file, index), tables, index)] = table
-        start = file.start_time
+    if importlib.util.find_spec("asammdf") is None:
+        raise needs("asammdf", "flight", path)
+    command = [sys.executable, "-m", f"{__package__}.mdf_decoder", str(path), json.dumps(_wanted(names))]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment) as child:
+        assert child.stdout is not None
+        try:
+            head, tables = _received(child.stdout, path)
+        except (ValueError, EOFError, KeyError) as error:
+            child.kill()
+            raise ParseError(str(path), 0, "bytes on which the decoder asammdf broke down", _EXPECTED) from error
+    if head["fault"]:
+        raise ParseError(str(path), 0, head["fault"], _EXPECTED)
     if not tables:
         raise ParseError(str(path), 0, "no group of channels with a time master", "a measurement over time")
-    facts = {"title": path.name.split(".")[0]}
-    if start is not None:
-        facts["start"] = start.isoformat()
+    facts = {"title": path.name.split(".")[0], **head["facts"]}
     return Recording("mdf", tables, facts)
 
 
-class _Group:
-    """The channels of one group; those that the name map may ask for are decoded together, which is far cheaper than one by one."""
-
-    def __init__(self, file, index: int, numbers: dict[str, int], wanted: set[str], path: str):
-        self.file, self.index, self.numbers, self.path = file, index, numbers, path
-        self.wanted = [name for name in numbers if name in wanted]
-        self.read: dict[str, np.ndarray | None] = {}
-
-    def load(self, name: str) -> np.ndarray:
-        """Return the samples of one channel."""
-        if name not in self.read:
-            self._decode(list(dict.fromkeys([*self.wanted, name])))
-        values = self.read[name]
-        if values is None:
-            raise ParseError(self.path, 0, f"channel {name!r} holding no numbers", "channels of numbers in the name map")
-        return values
-
-    def _decode(self, names: list[str]) -> None:
-        with guarded(self.path, "a whole MDF file"):
-            signals = self.file.select([(None, self.index, self.numbers[name]) for name in names])
-        for name, signal in zip(names, signals, strict=True):
-            values, bad = np.asarray(signal.samples), getattr(signal, "invalidation_bits", None)
-            if values.dtype.kind not in "fiub" or values.ndim != 1:
-                self.read[name] = None
-            else:
-                self.read[name] = values if bad is None else np.where(np.asarray(bad, bool), np.nan, values.astype(float))
+def _wanted(names: NameMap) -> list[str]:
+    """Return the channels that the map may ask for, without their group."""
+    columns = [column for leaf in names.leaves.values() for channel in leaf.values() for column in channel.columns]
+    columns += [spec.column for spec in names.decode.values() if isinstance(spec, Arinc429) and spec.column]
+    columns += [names.utc.column] if names.utc else []
+    if columns:
+        columns += [clock.column for clock in (names.clock, *names.clocks.values()) if clock.column]
+    return sorted({column.rpartition("/")[2] for column in columns})
 
 
-def _table(file, index: int, master: int, wanted: set[str], path: str) -> Table:
-    numbers: dict[str, int] = {}
-    units = {}
-    for number, channel in enumerate(file.groups[index].channels):
-        if number == master or channel.name in numbers:
-            continue
-        numbers[channel.name] = number
-        unit = getattr(channel, "unit", "") or getattr(getattr(channel, "conversion", None), "unit", "")
-        if unit:
-            units[channel.name] = unit
-    group = _Group(file, index, numbers, wanted, path)
-    return Table(Columns({name: partial(group.load, name) for name in numbers}), units, np.asarray(file.get_master(index), float))
+def _received(stream: IO[bytes], path: Path) -> tuple[dict[str, Any], dict[str, Table]]:
+    """Return the head and the tables that the decoder sends: a line of JSON, then the arrays as they are."""
+    head = json.loads(stream.readline())
+    tables = {}
+    for group in head["groups"]:
+        time = _array(stream, "<f8", group["samples"])
+        arrays = {name: _array(stream, kind, group["samples"]) for name, kind in group["decoded"].items()}
+        columns = Columns({name: partial(_column, name, arrays, str(path)) for name in group["channels"]})
+        tables[group["name"]] = Table(columns, group["units"], time)
+    return head, tables
 
 
-def _group_name(file, index: int) -> str:
-    group = file.groups[index].channel_group
-    name = getattr(group, "acq_name", "") or ""
-    return name.strip().replace("/", "_") or f"group{index}"
+def _array(stream: IO[bytes], kind: str, length: int) -> np.ndarray:
+    dtype = np.dtype(kind)
+    raw = stream.read(dtype.itemsize * length)
+    if len(raw) < dtype.itemsize * length:
+        raise EOFError("the decoder ended early")
+    return np.frombuffer(raw, dtype)
 
 
-def _free(name: str, taken: dict[str, Table], index: int) -> str:
-    return f"{name}.{index}" if name in taken else name
+def _column(name: str, arrays: dict[str, np.ndarray], path: str) -> np.ndarray:
+    if name not in arrays:
+        raise ParseError(path, 0, f"channel {name!r} holding no numbers", "channels of numbers in the name map")
+    return arrays[name]

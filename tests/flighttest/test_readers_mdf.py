@@ -1,4 +1,3 @@
-import gc
 import sys
 
 import numpy as np
@@ -44,12 +43,24 @@ def test_channel_of_texts(log, tmp_path):
         flighttest.read(log, names(tmp_path, '[a]\ngear = { column = "group2/word", unit = "1" }\n'))
 
 
-@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_damaged_file(log, tmp_path):
     log.write_bytes(log.read_bytes()[:300])
-    with pytest.raises(ParseError, match=r"f\.mf4"):
+    with pytest.raises(ParseError, match=r"f\.mf4: found content that cannot be decoded"):
         flighttest.read(log, names(tmp_path, '[a]\nq = "fast/pitch_rate"\n'))
-    gc.collect()  # the half-made object of asammdf complains when it goes
+
+
+def test_decoder_that_breaks_down_takes_only_its_own_process(log, tmp_path, monkeypatch):
+    monkeypatch.setenv("PYTHONFAULTHANDLER", "0")
+    (tmp_path / "asammdf.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGABRT)\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ParseError, match="bytes on which the decoder asammdf broke down"):
+        flighttest.read(log, names(tmp_path, '[a]\nq = "fast/pitch_rate"\n'))
+
+
+def test_all_channels_without_a_map(log):
+    tables = {table["table"]: [c["column"] for c in table["columns"]] for table in flighttest.contents(log)["tables"]}
+    assert tables["fast"] == ["pitch_rate", "flap"]
+    assert tables["slow"] == ["nz"]
 
 
 def test_missing_package_tells_how_to_install_it(log, tmp_path, monkeypatch):
