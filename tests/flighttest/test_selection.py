@@ -137,7 +137,7 @@ def test_a_term_that_entered_early_leaves_again():
     data["CL"] = "time", data["alpha"].values + 0.7 * data["beta"].values + 0.01 * rng.normal(size=1501)
     steps = select_stepwise("CL", ["1", "alpha", "beta", "phat"], data).steps
     assert list(zip(steps["action"], steps["term"])) == [
-        ("kept", "1"), ("entered", "phat"), ("entered", "beta"), ("entered", "alpha"), ("removed", "phat")
+        ("kept", "1"), ("entered", "phat"), ("entered", "alpha"), ("entered", "beta"), ("removed", "phat")
     ]  # fmt: skip
     assert steps["F"].iloc[-1] < 18.0
 
