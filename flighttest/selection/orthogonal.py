@@ -95,7 +95,7 @@ def select_orthogonal(
 def _forward(problem: Equations, work: Working, rate: Rating, gain: float, rows: list[dict]) -> bool:
     """Take the function that adds most, when it adds enough."""
     gains = work.gains()
-    j = int(np.argmax(gains))
+    j = work.best(gains)
     if len(work.taken) + 2 >= rate.rows or gains[j] <= rate.least(gain, work.rss - gains[j]):
         return False
     partial = float(np.sign(work.product[j]) * np.sqrt(min(1.0, gains[j] / work.rss)))

@@ -110,7 +110,7 @@ def _next(work: Working, rate: Rating, enter: float, gain: float, parents: list[
     if parents is not None:
         have = set(work.taken)
         gains[[not need <= have for need in parents]] = 0.0
-    j = int(np.argmax(gains))
+    j = work.best(gains)
     after = work.rss - gains[j]
     partial_F = gains[j] / (after / (rate.rows - len(work.taken) - 1)) if after > 0 else np.inf
     return j if partial_F > enter and gains[j] > gain * rate.total and gains[j] > rate.price(after) else None

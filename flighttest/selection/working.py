@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+_TIE = 1e-9
 LEAST = 1e-4  # of a candidate's size that must be left for it to be taken
 
 
@@ -50,6 +51,11 @@ class Working:
         usable = self.left2 > LEAST**2 * self.size2
         usable[self.taken] = False
         return np.where(usable, self.product**2 / np.where(usable, self.left2, 1.0), 0.0)
+
+    @staticmethod
+    def best(gains: np.ndarray) -> int:
+        """Return the candidate with the largest gain; of equal ones the first, which a list by order has as the simplest."""
+        return int(np.flatnonzero(gains >= (1.0 - _TIE) * gains.max())[0])
 
     def take(self, j: int) -> None:
         """Add a candidate; made orthogonal twice, so that rounding does not add up."""

@@ -5,8 +5,9 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
-from flightmech.errors import AeromatchError, OutOfRange, UnknownName
-from flighttest.cli_identify import identify
+from flightmech import terms
+from flightmech.errors import AeromatchError, IdentificationError, OutOfRange, SchemaError, UnknownName
+from flighttest.cli_identify import identify, inertia, join, partition, select
 from flighttest.fit import open_fit
 
 AIRCRAFT = """
@@ -19,6 +20,19 @@ Ixx = 11000.0
 Iyy = 8000.0
 Izz = 15000.0
 """
+
+REFERENCE = {
+    "title": "test",
+    "aircraft": "test",
+    "source": "test",
+    "S": 16.0,
+    "cbar": 1.6,
+    "b": 10.0,
+    "x_ref": 0.0,
+    "y_ref": 0.0,
+    "z_ref": 0.0,
+    "force_axes": "stability",
+}
 
 
 @pytest.fixture
@@ -77,3 +91,61 @@ def test_bad_input_is_an_error_of_the_house_and_leaves_no_file(files, more, erro
         run(*base, *more, "-o", str(folder / "fit.nc"))
     assert isinstance(caught.value, AeromatchError)
     assert not (folder / "fit.nc").exists()
+
+
+def test_in_frequency_with_a_ridge_and_with_the_prior_of_a_database(files, tmp_path):
+    base, _ = files
+    found = json.loads(run(*base, "--model", "CY = 1 + beta + delta_r", "--band", "0.1", "1", "--json").output)
+    assert found["domain"] == "frequency"
+    assert found["terms"]["beta"]["estimate"] == pytest.approx(-0.5, abs=1e-3)
+    assert "frequencies in 0.1 ... 1 Hz" in run(*base, "--model", "CY = 1 + beta + delta_r", "--band", "0.1", "1").output
+    assert json.loads(run(*base, "--model", "CY = 1 + beta + delta_r", "--ridge", "0.1", "--json").output)["ridge"] == 0.1
+    leaf = terms.make(np.array(-0.4), {}, ["beta"], stderr=np.array(0.1), source="datcom")
+    xr.DataTree.from_dict({"/": xr.Dataset(attrs=REFERENCE), "/CY/beta": leaf}).to_netcdf(tmp_path / "prior.nc", engine="h5netcdf")
+    result = run(*base, "--model", "CY = 1 + beta + delta_r", "--prior", str(tmp_path / "prior.nc"))
+    assert "with prior" in result.output
+    with pytest.raises(SchemaError, match="--weights goes with a fit in time"):
+        run(*base, "--model", "CY = 1 + beta", "--band", "0.1", "1", "--weights", "robust")
+    with pytest.raises(SchemaError, match="--ridge is 'much'; expected a number or auto"):
+        run(*base, "--model", "CY = 1 + beta", "--ridge", "much")
+
+
+def test_selection_and_its_file(files):
+    base, folder = files
+    arguments = [*base, "--coefficient", "CY", "--variables", "beta delta_r alpha", "--order", "2", "-o", str(folder / "chosen.nc")]
+    result = CliRunner().invoke(select, arguments, catch_exceptions=False)
+    assert "orthogonal functions: CY = 1 + beta + delta_r" in result.output
+    assert open_fit(folder / "chosen.nc").model.terms == ("1", "beta", "delta_r")
+    found = json.loads(CliRunner().invoke(select, [*arguments, "--method", "stepwise", "--json"], catch_exceptions=False).output)
+    assert found["idle"] == ["alpha", "alpha**2"]  # beta*alpha, as good as beta, comes after it
+    assert [step["action"] for step in found["steps"]] == ["kept", "entered", "entered"]
+    with pytest.raises(SchemaError, match="no candidates: give --variables"):
+        CliRunner().invoke(select, [*base, "--coefficient", "CY"], catch_exceptions=False)
+
+
+def test_fits_from_files_are_joined(files):
+    base, folder = files
+    for k, (start, stop) in enumerate((("0", "6"), ("6", "12"), ("12", "18"))):
+        run(*base, "--model", "CY = 1 + beta + delta_r", "--window", start, stop, "-o", str(folder / f"{k}.nc"))
+    names = [str(folder / f"{k}.nc") for k in range(3)]
+    assert "3 fits joined by median" in CliRunner().invoke(join, [*names, "--method", "median"], catch_exceptions=False).output
+    found = json.loads(CliRunner().invoke(join, [*names, "--json"], catch_exceptions=False).output)
+    assert found["terms"]["beta"]["estimate"] == pytest.approx(-0.5, abs=1e-3)
+
+
+def test_bins_with_their_unit(files):
+    base, _ = files
+    arguments = [*base, "--model", "CY = 1 + beta + delta_r", "--over", "beta", "-3 0 3 deg"]
+    assert "in 2 bins" in CliRunner().invoke(partition, arguments, catch_exceptions=False).output
+    found = json.loads(CliRunner().invoke(partition, [*arguments, "--json"], catch_exceptions=False).output)
+    assert found["bins"][0]["beta_low"] == pytest.approx(np.radians(-3))
+    assert found["bins"][1]["estimate"][1] == pytest.approx(-0.5, abs=5e-3)
+    with pytest.raises(SchemaError, match=r"edges of beta are 'a b deg'; expected numbers and a unit"):
+        CliRunner().invoke(partition, [*base, "--model", "CY = 1 + beta", "--over", "beta", "a b deg"], catch_exceptions=False)
+
+
+def test_inertia_of_a_flight_without_coupling_is_refused(files):
+    base, _ = files
+    models = [x for text in ("Cl = 1 + beta", "Cm = 1 + delta_r", "Cn = 1 + beta") for x in ("--model", text)]
+    with pytest.raises(IdentificationError, match="equation of p_dot: pq, qr are zero throughout"):
+        CliRunner().invoke(inertia, [*base, *models], catch_exceptions=False)

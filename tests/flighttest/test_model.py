@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from flightmech.errors import ParseError, UnknownName
-from flighttest.model import Model, powers
+from flightmech.errors import ParseError, UnitError, UnknownName
+from flighttest.model import Model, knot_of, powers
 
 
 def test_a_text_becomes_a_model_with_one_spelling_of_each_term():
@@ -51,3 +51,37 @@ def test_missing_data_and_idle_references_are_said():
         Model("CL", ["qhat"]).design(xr.Dataset({"alpha": ("time", [0.1])}))
     with pytest.raises(UnknownName, match="unknown reference 'beta'"):
         Model("CL", ["alpha"], {"beta": 0.1})
+
+
+def test_ramps_are_truncated_powers_with_their_knot_in_si():
+    model = Model.parse("CL = 1 + alpha + ramp( alpha , 12 deg )**2 + delta_f*ramp(h,100 ft)")
+    assert model.terms == ("1", "alpha", "ramp(alpha,0.2094395102)**2", "delta_f*ramp(h,30.48)")
+    assert model.variables == ("alpha", "delta_f", "h")
+    data = xr.Dataset({"alpha": ("time", [0.1, 0.3]), "delta_f": 0.5, "h": ("time", [40.48, 10.0])})
+    np.testing.assert_allclose(model.design(data), [[1, 0.1, 0, 5], [1, 0.3, (0.3 - np.radians(12)) ** 2, 0]], rtol=1e-8)
+    assert Model.parse(str(model)) == model
+    assert knot_of("ramp(alpha,-0.05)") == -0.05
+
+
+def test_a_reference_leaves_the_knot_where_it_is():
+    data = xr.Dataset({"alpha": ("time", np.linspace(-0.1, 0.3, 9))})
+    centred = Model("CL", ["1", "alpha", "alpha*ramp(alpha,0.1)"], {"alpha": 0.05})
+    theta = np.array([0.3, 5.0, -7.0])
+    absolute, matrix = centred.absolute()
+    assert set(absolute.terms) == {"1", "alpha", "alpha*ramp(alpha,0.1)", "ramp(alpha,0.1)"}
+    np.testing.assert_allclose(absolute.design(data) @ (matrix @ theta), centred.design(data) @ theta, rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("term", "error", "words"),
+    [
+        ("ramp(alpha)", ParseError, "a product of names, ramps and powers"),
+        ("ramp(alfa,0.1)", UnknownName, "near it: alpha"),
+        ("ramp(alpha,12 kg)", UnitError, "cannot be converted"),
+        ("ramp(alpha,twelve)", UnitError, "expected a number and a unit"),
+        ("step(alpha,0.1)", ParseError, "step"),
+    ],
+)
+def test_ramps_that_cannot_be_read_are_said(term, error, words):
+    with pytest.raises(error, match=words):
+        Model("CL", ["1", term])

@@ -170,6 +170,11 @@ def test_a_stall_break_is_found_with_splines():
         spline_terms("alpha", [0.1], 3)
 
 
+def test_of_equal_candidates_the_first_is_taken():
+    data = record(0).assign(mach=0.3)
+    assert set(select_orthogonal("CL", monomials(["alpha", "mach"], 2), data.assign(CL=2.0 * data["alpha"])).model.terms) == {"1", "alpha"}
+
+
 def test_known_noise_sets_the_penalty():
     loose = select_orthogonal("CL", CANDIDATES, record(), gain=0.0, noise=0.05)
     assert len(loose.model.terms) < 15  # 50 sigma^2 per term stops before noise is fitted
