@@ -91,7 +91,12 @@ def _moved(signal: xr.Dataset, name: str, time: np.ndarray) -> np.ndarray:
 
 
 def measured_variables(
-    record: xr.DataTree, aircraft: Aircraft, window: tuple[float, float], steep: bool = False, cutoff: float = CUTOFF
+    record: xr.DataTree,
+    aircraft: Aircraft,
+    window: tuple[float, float],
+    steep: bool = False,
+    cutoff: float = CUTOFF,
+    errors: Mapping[str, float] | None = None,
 ) -> xr.Dataset:
     """Return coefficients and explanatory variables of one run, reconstructed and low-passed.
 
@@ -106,6 +111,8 @@ def measured_variables(
         Reconstruct in turned axes, for flight with the nose near the vertical.
     cutoff : float
         Low-pass of all states and controls alike. [Hz]
+    errors : mapping of str to float, optional
+        Relative standard errors of dynamic pressure, mass and inertia, as in `coefficients`.
 
     Returns
     -------
@@ -113,7 +120,7 @@ def measured_variables(
         ``CX CY CZ Cl Cm Cn``, the states, and everything `spin_variables` gives.
     """
     path = reconstruct_steep(record, aircraft) if steep else reconstruct(record, aircraft)
-    data = spin_variables(coefficients(path, aircraft, cutoff=cutoff), aircraft)
+    data = spin_variables(coefficients(path, aircraft, errors, cutoff), aircraft)
     return between(data, *window)
 
 
