@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations_with_replacement
 
 import numpy as np
@@ -72,6 +73,13 @@ def spline_terms(variable: str, knots: Sequence[float | str], order: int = 1) ->
     return [word({factor: order}) for knot in knots for factor in powers(f"ramp({variable},{knot})")]
 
 
+@lru_cache(maxsize=16)
+def _spelled(candidates: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Terms in one spelling, each once, and their variables."""
+    terms = tuple(dict.fromkeys(word(powers(term)) for term in candidates))
+    return terms, tuple(dict.fromkeys(variable_of(factor) for term in terms for factor in powers(term)))
+
+
 @dataclass(frozen=True)
 class Equations:
     """Candidates and the coefficient as rows of real equations.
@@ -123,8 +131,7 @@ def equations(
     IdentificationError
         The coefficient is constant, or no stretch reaches down to the band.
     """
-    terms = tuple(dict.fromkeys(word(powers(term)) for term in candidates))
-    variables = list(dict.fromkeys(variable_of(factor) for term in terms for factor in powers(term)))
+    terms, variables = _spelled(tuple(candidates))
     samples = stack(coefficient, variables, data, f"the candidates of {coefficient}")
     z = samples.data[coefficient].values
     if len(z) < 2 or np.ptp(z) == 0.0:
