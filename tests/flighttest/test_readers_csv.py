@@ -1,4 +1,5 @@
 import gzip
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -141,3 +142,15 @@ def test_one_unit_of_another_quantity(tmp_path):
     file, names = written(tmp_path, "time [s],V [deg]\n0,1\n1,2\n", '[a]\nV = "V"\n')
     with pytest.raises(UnitError, match="'deg' cannot be converted to 'm s-1'"):
         flighttest.read(file, names)
+
+
+@pytest.mark.parametrize(("year", "name"), [("2018", "20180312_1"), ("2019", "20190305_2_partial"), ("2020", "20200310_2")])
+def test_sound_flights_carry_no_marks(year, name):
+    """Parked, taxiing, in flight, a parabola and a landing: ordinary life of real channels is no fault."""
+    root = Path(__file__).parents[2]
+    file = root / ".." / "shared" / "data" / "flight" / "citation_phlab" / f"flight_{name}.csv.gz"
+    if not file.exists():
+        pytest.skip("the Citation flights are not beside the checkout")
+    record = flighttest.read(file, root / "tests" / "real" / "maps" / f"citation_{year}.toml")
+    assert record["ahrs"].attrs["rate"] == pytest.approx(10.0, rel=1e-6)
+    assert flighttest.faults(record) == []
