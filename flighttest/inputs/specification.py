@@ -9,6 +9,7 @@
 
     [axis.delta_e]
     amplitude = "3 deg"
+    rate_limit = "40 deg/s"             # of the actuator: a multisine or sweep is made smaller to stay below it
     [axis.delta_a]
     amplitude = "4 deg"
     spectrum = [["0.1 Hz", 4.0], ["2 Hz", 1.0]]
@@ -43,7 +44,8 @@ from flightmech.units import quantity
 
 from .multisines import InputAxis, multisine
 from .pulses import PATTERNS, in_sequence, multistep, sweep, unit_step
-from .signals import LEAD_IN, RATE
+from .response import scaled
+from .signals import LEAD_IN, RATE, measures
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -58,6 +60,7 @@ class AxisTable(Strict):
     """One axis; which keys it takes depends on the kind."""
 
     amplitude: float
+    rate_limit: float | None = None
     band: _Band | None = None
     exclude: tuple[_Band, ...] | None = None
     spectrum: tuple[tuple[_Frequency, float], ...] = ()  # type: ignore[valid-type]
@@ -143,8 +146,9 @@ class Design(Strict):
             return axes
         changed = {}
         for name, table in axes.items():
-            known = isinstance(table, dict) and "amplitude" in table
-            changed[name] = {**table, "amplitude": _si(name, table["amplitude"])} if known else table
+            units = {"amplitude": "", "rate_limit": " s-1"}
+            known = units.keys() & table.keys() if isinstance(table, dict) else set()
+            changed[name] = {**table, **{key: _si(name, table[key], units[key]) for key in known}} if known else table
         return changed
 
     def signal(self) -> xr.Dataset:
@@ -159,9 +163,21 @@ class Design(Strict):
             raise SchemaError(f"design of a {self.kind}", problems)
         if self.kind == "multisine":
             axes = {name: self._multisine_axis(table) for name, table in self.axis.items()}
-            return multisine(axes, float(self.period or 0.0), self.rate, self.lead_in, self.repeats, self.seed)
+            return self._slow_enough(multisine(axes, float(self.period or 0.0), self.rate, self.lead_in, self.repeats, self.seed))
         make = self._multistep if self.kind == "multistep" else self._sweep
-        return in_sequence([make(name, table) for name, table in self.axis.items()] * self.repeats, self.pause)
+        return self._slow_enough(in_sequence([make(name, table) for name, table in self.axis.items()] * self.repeats, self.pause))
+
+    def _slow_enough(self, signal: xr.Dataset) -> xr.Dataset:
+        """The input with axes made smaller where they would outrun their actuator; edges of steps are made longer by hand."""
+        rates = measures(signal)["rate"]
+        limits = {name: table.rate_limit for name, table in self.axis.items() if table.rate_limit is not None}
+        factors = {name: limit / rates[name] for name, limit in limits.items() if rates[name] > limit}
+        if factors and self.kind == "multistep":
+            lines = [
+                f"axis.{name}: edges of {rates[name]:.3g} per second, rate_limit {limits[name]:.3g}; lengthen rise" for name in factors
+            ]
+            raise SchemaError("design of a multistep", lines)
+        return scaled(signal, factors)
 
     def _missing(self) -> list[str]:
         problems = []
@@ -214,13 +230,13 @@ def design_of(content: Mapping[str, Any], what: str = "design") -> Design:
     return validate(Design, dict(content), what)
 
 
-def _si(name: str, item: Any) -> float:
-    """Return a quantity by name in SI; ``applied.delta_e`` and ``engine1.failed`` are known as well."""
+def _si(name: str, item: Any, per: str = "") -> float:
+    """Return a quantity by name in SI, or its rate; ``applied.delta_e`` and ``engine1.failed`` are known as well."""
     try:
         units = lookup(name.removeprefix("applied.")).units
     except UnknownName:
         units = "1"
     try:
-        return quantity(item, units)
+        return quantity(item, units + per)
     except UnitError as error:
         raise ValueError(f"{name}: {error}") from error

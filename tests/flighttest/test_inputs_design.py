@@ -76,6 +76,21 @@ def test_multisteps_follow_each_other():
     assert np.ptp(moving["delta_a"]) == pytest.approx(1.2, abs=0.05)
 
 
+def test_no_axis_outruns_its_actuator():
+    fast = design_of(MULTISINE).signal()
+    limited = {**MULTISINE, "axis": {"delta_e": {"amplitude": "3 deg", "rate_limit": "10 deg/s"}, "delta_r": {"amplitude": 0.05}}}
+    slow = design_of(limited).signal()
+    rate = np.abs(np.diff(slow["delta_e"].values)).max() * 50.0
+    assert np.abs(np.diff(fast["delta_e"].values)).max() * 50.0 > 15.0 * DEG
+    assert rate == pytest.approx(10.0 * DEG, rel=1e-9)
+    assert slow["delta_r"].equals(fast["delta_r"])
+    step = {"amplitude": "5 deg", "pattern": "doublet", "step": "0.5 s", "rate_limit": "60 deg/s"}
+    with pytest.raises(SchemaError, match=r"edges of 8\.73 per second, rate_limit 1\.05; lengthen rise"):
+        design_of({"kind": "multistep", "axis": {"delta_e": step}}).signal()
+    gentle = design_of({"kind": "multistep", "axis": {"delta_e": {**step, "rise": "0.2 s"}}}).signal()
+    assert np.abs(gentle["delta_e"].values).max() == pytest.approx(5.0 * DEG)
+
+
 def test_a_sweep():
     signal = design_of({"kind": "sweep", "band": [0.1, 2.0], "axis": {"delta_e": {"amplitude": "2 deg", "duration": "60 s"}}}).signal()
     assert signal.attrs["active_stop"] - signal.attrs["active_start"] == pytest.approx(60.02, abs=0.03)
