@@ -18,7 +18,7 @@ from ..instruments import Instruments, instruments
 from ..record import manoeuvres
 from .answers import answer_findings, answers, hands
 from .excitation import correlations, excitation, excitation_findings
-from .finding import SEVERITIES, Finding, by_severity
+from .finding import SEVERITIES, Finding, by_severity, without_consequences
 from .kinematics import accuracy_findings, kinematic_findings, kinematic_table
 from .lags import lag_findings, lags
 from .relations import Comparison, compare_all
@@ -153,10 +153,10 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
     findings += answer_findings(answered, followed, moved, record)
     findings += excitation_findings(excited, matrix, mended, manoeuvres(record), purpose)
     findings += remarks(mended, table, comparisons)
-    return Quality(
-        _facts(record, signals, aircraft), by_severity(findings), table, kinematics, delays, answered, followed, excited, matrix,
-        comparisons, compare_all(signals) if explanations else comparisons, signals,
-    )  # fmt: skip
+    as_read = compare_all(signals) if explanations else comparisons
+    findings = by_severity(without_consequences(findings))
+    facts = _facts(record, signals, aircraft)
+    return Quality(facts, findings, table, kinematics, delays, answered, followed, excited, matrix, comparisons, as_read, signals)
 
 
 def _places(specification: Instruments | None, aircraft: Aircraft | None) -> dict[str, np.ndarray]:

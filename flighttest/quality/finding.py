@@ -84,6 +84,31 @@ def rows(table: pd.DataFrame) -> Iterator[Any]:
     yield from table.itertuples()
 
 
+_CAUSES = {  # what follows from another fault of the same channel
+    "noise": ("sign", "unit", "axis", "definition", "spike", "held"),
+    "excitation": ("unit",),
+    "scale": ("unit", "lag"),
+    "range": ("unit", "axis", "definition", "spike"),
+    "jump": ("held", "spike", "missing", "wrap"),
+    "saturation": ("held", "unit"),
+    "inconsistent": ("lag", "held", "spike", "wrap", "jump"),
+}
+
+
+def without_consequences(findings: list[Finding]) -> list[Finding]:
+    """Return the findings that do not merely follow from another one of the same channel."""
+    causes = {(finding.kind, channel) for finding in findings for channel in finding.channels}
+    return [
+        finding
+        for finding in findings
+        if not any((cause, channel) in causes for cause in _CAUSES.get(finding.kind, ()) for channel in _concerned(finding))
+    ]
+
+
+def _concerned(finding: Finding) -> tuple[str, ...]:
+    return finding.channels if finding.kind in ("inconsistent", "scale") else finding.channels[:1]
+
+
 def by_severity(findings: list[Finding]) -> list[Finding]:
     """Return errors first, notes last; the order within stays."""
     return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))

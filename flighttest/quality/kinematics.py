@@ -8,7 +8,7 @@ import xarray as xr
 
 from .finding import Finding, map_entry, rows
 from .relations import Comparison, compare_all
-from .repairs import Explanation, plausible
+from .repairs import Explanation, plausible, units_mistaken
 from .signals import Signals
 
 SCALE = 0.005  # deviation of a slope from one that is told
@@ -68,7 +68,7 @@ def kinematic_findings(
             remedy = f"check {', '.join(c.relation.channels(signals))}; see the plot of {name}"
             found.append(Finding("warning", "inconsistent", c.relation.channels(signals), text, remedy, evidence={"relation": name}))
     for name in signals.values:
-        found += _outside(name, signals)
+        found += _outside(name, signals, record)
     return found
 
 
@@ -117,7 +117,7 @@ def _mistake(explanation: Explanation, record: xr.DataTree) -> Finding:
     return Finding("error", repair.kind, repair.channels, text, remedy, evidence=evidence)
 
 
-def _outside(name: str, signals: Signals) -> list[Finding]:
+def _outside(name: str, signals: Signals, record: xr.DataTree) -> list[Finding]:
     limits = plausible(name)
     good = signals.good[name] & signals.flying
     if limits is None or not good.any():
@@ -126,6 +126,10 @@ def _outside(name: str, signals: Signals) -> list[Finding]:
     outside = (x < limits[0]) | (x > limits[1])
     if outside.mean() < 0.001:
         return []
+    for wrong, right, factor in units_mistaken(name):
+        if limits[0] < factor * x.min() and factor * x.max() < limits[1]:
+            text = f"{name} is in {wrong} and was taken as {right}: it reaches {np.abs(x).max():.4g} {right}, which is not possible"
+            return [Finding("error", "unit", (name,), text, map_entry(record, name, f'unit = "{wrong}"'))]
     worst = float(x[np.argmax(np.abs(x - np.clip(x, *limits)))])
     text = f"{name} reaches {worst:.4g}; possible are {limits[0]:g} to {limits[1]:g} (SI); {outside.mean():.1%} of the flight lies outside"
     return [Finding("error", "range", (name,), text, "check unit, scale and column of the name map", evidence={"worst": worst})]

@@ -104,6 +104,11 @@ def plausible(name: str) -> tuple[float, float] | None:
     return _RANGES.get(name) or (_SURFACE if name.startswith("delta_") else None)
 
 
+def units_mistaken(name: str) -> tuple[tuple[str, str, float], ...]:
+    """Return what a channel may be in, what it was taken as, and the factor that mends it."""
+    return _UNITS.get(lookup(name).units, ())
+
+
 _RIGHT, _SURFACE = (-1.6, 1.6), (-1.4, 1.4)
 _FORCE, _SPEED = (-150.0, 150.0), (-30.0, 700.0)
 _RANGES: dict[str, tuple[float, float]] = {
@@ -227,7 +232,7 @@ def _of_one(name: str) -> Iterator[Repair]:
         yield Repair("sign", one, f"{name} has the wrong sign", "sign = -1", lambda x: -x)
     if name == "az_imu":
         yield from _load_factors(name)
-    for wrong, right, factor in _UNITS.get(units, ()):
+    for wrong, right, factor in units_mistaken(name):
         yield Repair("unit", one, f"{name} is in {wrong} and was taken as {right}", f'unit = "{wrong}"', partial(np.multiply, factor))
         yield Repair("unit", one, f"{name} is in {right} and was taken as {wrong}", f'unit = "{right}"', partial(np.multiply, 1.0 / factor))
     if units == "K":

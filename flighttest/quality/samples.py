@@ -12,13 +12,14 @@ from flightmech.names import lookup
 
 from ..conditioning import GAP, is_control
 from ..instruments import Instruments
-from ..marking import Mark, in_words, marks, sample_faults, spans
+from ..marking import HELD_SAMPLES, HELD_TIME, Mark, in_words, marks, sample_faults, spans
 from .finding import Finding, rows
 
 NOISY = 3.0  # times the noise that the specification gives
+_RESTLESS = 0.3  # noise over the typical step in a channel that moves by its noise from sample to sample
 _DIFFERENCE, _ENOUGH = 6, 50  # order of the differences that show noise only, and how many of them
 _MEDIAN_OF_NORMAL = 0.6745  # median of the absolute value of a standard normal variable
-_JUMP = 60.0  # typical steps of a channel
+_JUMP = 25.0  # typical steps of a channel
 _EXTREME = 0.05  # of the range: so near its ends a wrapped counter leaves and comes back
 _TIMES = {"gap", "wrap", "stray", "duplicate", "reset"}
 _DEVICES = ("gear", "speedbrake", "brake", "wow_", "delta_f", "delta_t", "mass", "x_cg", "y_cg", "z_cg", "I")
@@ -60,9 +61,36 @@ def faults_of(record: xr.DataTree) -> pd.DataFrame:
             gaps = [Mark("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in wide]
             table += [{"leaf": leaf, **mark._asdict()} for mark in gaps]
         for name in map(str, data.data_vars):
-            found = sample_faults(time, data[name].values, name, float(data.attrs["rate"]))
-            table += [{"leaf": leaf, **mark._asdict()} for mark in found]
+            x, rate = data[name].values.astype(float), float(data.attrs["rate"])
+            found = sample_faults(time, x, name, rate)
+            frozen = [mark for mark in _frozen(time, x, name, rate) if not any(_overlap(mark, other) for other in found)]
+            table += [{"leaf": leaf, **mark._asdict()} for mark in [*found, *frozen]]
     return pd.DataFrame(table, columns=known.columns)
+
+
+def _frozen(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> list[Mark]:
+    """Return the runs of equal samples in a channel whose noise never lets it rest; its ends of range are another matter."""
+    size = np.abs(np.diff(x))
+    typical = float(np.median(size[size > 0.0])) if (size > 0.0).any() else np.inf
+    if not _noise(x, name) > _RESTLESS * typical:
+        return []
+    still = np.concatenate([[False], size == 0.0]) & (x != np.nanmax(x)) & (x != np.nanmin(x))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
+    runs = [
+        (a, b) for a, b in zip(edges[::2], edges[1::2]) if b - a >= max(HELD_SAMPLES, HELD_TIME * rate) and _lively(size, a, b, typical)
+    ]
+    return [Mark(name, "held", float(time[a - 1]), float(time[b - 1]), int(b - a + 1)) for a, b in runs]
+
+
+def _lively(size: np.ndarray, start: int, stop: int, typical: float) -> bool:
+    """Whether the channel moves as it always does on both sides of a run: a parked aeroplane rests before and after, too."""
+    return all(
+        len(part) > 0 and float(np.median(part)) > 0.3 * typical for part in (size[max(0, start - 21) : start - 1], size[stop : stop + 20])
+    )
+
+
+def _overlap(one: Mark, other: Mark) -> bool:
+    return other.kind == one.kind and other.start <= one.stop and one.start <= other.stop
 
 
 def mark_findings(faults: pd.DataFrame) -> list[Finding]:
