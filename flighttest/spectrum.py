@@ -127,7 +127,8 @@ def regress_frequency(
     Returns
     -------
     Fit
-        ``stderr`` follows the spectrum of the residual through the band, ``stderr_white`` takes it as flat.  Attributes
+        ``stderr`` follows the spectrum of the residual through the band and is widened by Student's t when the frequencies
+        are few; ``stderr_white`` takes the spectrum as flat.  Attributes
         ``R2`` inside the band, ``R2_time`` over the samples, ``band``, ``frequencies``.
 
     Raises
@@ -210,7 +211,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
     D = linear.estimator(E)
     s2 = float((np.abs(v) ** 2).sum()) / (2 * len(v) - len(slopes))
     dense = np.concatenate([np.full(len(part.frequencies), max(1.0, 1.0 / (part.duration * _spacing(part)))) for part in parts])
-    C = (D * (_power(v, E, parts) * np.tile(dense, 2))) @ D.T
+    C = (D * (_power(v, E, parts) * np.tile(dense, 2))) @ D.T * _student(round(len(v) / dense.mean()), len(slopes)) ** 2
     white = np.sqrt(s2 * ((D**2) * np.tile(dense, 2)).sum(axis=1))
     A = _map(D, parts, len(z))
     mean = _Constants(X, z, fixed, samples)
@@ -257,7 +258,7 @@ def _power(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray
     if not power.any():
         return np.zeros(2 * len(v))
     x = np.log(np.concatenate([part.frequencies for part in parts]))
-    degree = min(_SHAPE, len(v) // _PER_SHAPE)
+    degree = _degree(len(v))
     basis = np.linalg.qr(np.vander((x - x.mean()) / max(np.ptp(x), 1e-9), degree + 1))[0]
     level = np.full(len(v), np.log((power * free).sum() / free.sum()))
     for _ in range(_ROUNDS):
@@ -267,6 +268,18 @@ def _power(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray
         if np.abs(step).max() < _STILL:
             break
     return np.tile(np.exp(level), 2)
+
+
+def _degree(frequencies: int) -> int:
+    return min(_SHAPE, frequencies // _PER_SHAPE)
+
+
+def _student(frequencies: int, slopes: int) -> float:
+    """Factor on standard errors that makes two of them hold 95.45 % when few frequencies tell the size of the disturbance."""
+    from scipy.stats import norm, t
+
+    free = max(1, 2 * frequencies - slopes - _degree(frequencies) - 1)
+    return float(t.ppf(norm.cdf(2.0), free)) / 2.0
 
 
 def _map(D: np.ndarray, parts: Sequence[Stretch], samples: int) -> np.ndarray:
