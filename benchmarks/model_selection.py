@@ -167,14 +167,12 @@ def main() -> None:
     for name, (_, size) in ways.items():
         print(f"{name:46s} {1e3 * times[name]:7.1f} ms  {size:3d} terms  ratio {times[name] / ours:5.1f}")
     assert forward(data) == greedy(data), "not the same choice"
-    slowest = max(times, key=lambda name: times[name])
     for choose in (select_orthogonal, select_stepwise):
         found = choose("CL", CANDIDATES, data, gain=STOP)
         right = "the truth" if set(found.model.terms) == TRUTH else "not the truth"
         seconds = best(lambda choose=choose: choose("CL", CANDIDATES, data, gain=STOP), 5)
-        print(
-            f"{choose.__name__ + ', with exchange, fit and coloured errors':46s} {1e3 * seconds:7.1f} ms  {len(found.model.terms):3d} terms, {right}"
-        )
+        name = f"{choose.__name__}, fit and coloured errors"
+        print(f"{name:46s} {1e3 * seconds:7.1f} ms  {len(found.model.terms):3d} terms, {right}")
     print(f"default rise of R2 {GAIN}: {select_orthogonal('CL', CANDIDATES, data).model}")
 
 
