@@ -191,6 +191,8 @@ class Point:
             ratio = np.asarray(values["V"]) / self["V"]
             known |= {"mach": self["mach"] * ratio, "qbar": self["qbar"] * ratio**2}
         shape = np.broadcast_shapes(*(np.shape(value) for value in known.values()))
+        own = {name: 0.0 for name in self.sim.variables if "." in name or name == "fuel"}  # of engine decks and legs: in no coefficient
+        known = own | known
         rows = [np.broadcast_to(np.asarray(known[name], float), shape).ravel() for name in self.sim.variables]
         table = np.stack(rows, axis=-1) if rows else np.empty((int(np.prod(shape)), 0))
         c = self._scaled.evaluate(table)[0].T.reshape(6, *shape)
