@@ -75,8 +75,9 @@ def time_delay(reference, delayed, step: float, longest: float = 1.0) -> Delay:
     The largest cross-correlation gives the delay to a sample; the channel is moved by it.  What is left follows from the phase of the
     cross-spectrum, averaged over 15 neighbouring lines (7 below 1000 samples): tau = -sum(W w phi)/sum(W w^2) over the averages
     with squared coherence above 0.8 and a thousandth of the strongest cross-spectrum, W = coherence/(1 - coherence).  A phase
-    averaged over n lines has the variance 1/(2 n W); n - 2 is used because the estimate of W is n/(n - 2) too large in the mean.  The standard error is 1/sqrt(2 (n - 2) sum(W w^2)), or
-    more where the phases scatter more about their line.  On simulated pairs of 12 to 180 s 91 to 96 % of the estimates lie within
+    averaged over n lines has the variance 1/(2 n W); n - 2 is used because the estimate of W is n/(n - 2) too large in the mean.
+    The standard error is 1/sqrt(2 (n - 2) sum(W w^2)), or more where the phases scatter more about their line.  On simulated
+    pairs of 12 to 180 s 91 to 96 % of the estimates lie within
     two standard errors.
     """
     x, y = (_detrended(channel) for channel in (reference, delayed))
