@@ -27,6 +27,10 @@ FOLLOWS = 0.5  # correlation of a surface with the hand that moves it
 _TRIM = 0.3  # Hz, below which nothing counts
 _MEMORY = 2.0  # s over which residuals are taken as correlated
 _LOWEST_R2 = 0.15
+_SHIFTS = np.linspace(-0.2, 0.4, 25)  # s
+_EARLY, _LATE, _GAINS = 0.05, -0.15, 0.03  # s, and R2, beyond which a surface was not recorded when it acted
+_MOVED = 1.0 * DEGREE  # total movement without which a delay says nothing
+_EXPLAINED = 0.72  # R2 that the equation must reach even so
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
 _SMALL = 0.6 * DEGREE  # total movement below which an effect must not be large
 _STRONGEST = {"delta_e": 100.0, "delta_a": 100.0, "delta_r": 20.0}  # 1/s2 per radian at the mean speed of the record
@@ -72,28 +76,44 @@ def answers(signals: Signals) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per surface that moves: ``surface rate effect stderr ratio R2 movement``; effect is the angular acceleration per radian
-        at the mean dynamic pressure of the flight [s-2], stderr that of coloured residuals, movement the range between 0.5 and
-        99.5 % [rad].
+        One row per surface that moves: ``surface rate effect stderr ratio R2 movement lead gained``; effect is the angular acceleration
+        per radian at the mean dynamic pressure of the flight [s-2], stderr that of coloured residuals, movement the range between 0.5
+        and 99.5 % [rad], lead the time by which the surface is recorded before it acts [s] and gained the R2 that delaying it gains.
     """
     table: list = []
     for equation in EQUATIONS:
         if not {equation.rate, equation.surface} <= set(signals.values):
             continue
-        names = (*(name for name in equation.others if name in signals), equation.surface)
+        others = [name for name in equation.others if name in signals and np.ptp(signals[name]) > 0.0]
+        names = (*others, equation.surface)
         mask = signals.mask((equation.rate, *names))
         x = signals[equation.surface][mask]
         if mask.sum() * signals.step < 5.0 or np.ptp(x) == 0.0:
             continue
         scale = _pressure(signals, mask)
         y = _fast(derivative(_slow(signals, equation.rate), signals.step, 5, 2) / scale, signals)[mask]
-        columns = [_fast(_slow(signals, n) / (np.sqrt(scale) if n in "pqr" else 1.0), signals)[mask] for n in names]
-        fit = _regressed(y, columns, mask, signals.step)
+        columns = [_fast(_slow(signals, n) / (np.sqrt(scale) if n in "pqr" else 1.0), signals)[mask] for n in names[:-1]]
+        surface = _fast(_slow(signals, equation.surface), signals)
+        fit = _regressed(y, [*columns, surface[mask]], mask, signals.step)
         if fit is not None:
             effect, stderr, R2 = fit
             movement = float(np.percentile(x, 99.5) - np.percentile(x, 0.5))
-            table.append((equation.surface, equation.rate, effect, stderr, effect / stderr, R2, movement))
-    return pd.DataFrame(table, columns=["surface", "rate", "effect", "stderr", "ratio", "R2", "movement"])
+            lead, gained = _lead(y, columns, surface, signals.time, mask)
+            table.append((equation.surface, equation.rate, effect, stderr, effect / stderr, R2, movement, lead, gained))
+    return pd.DataFrame(table, columns=["surface", "rate", "effect", "stderr", "ratio", "R2", "movement", "lead", "gained"])
+
+
+def _lead(y: np.ndarray, columns: Sequence[np.ndarray], surface: np.ndarray, time: np.ndarray, mask: np.ndarray) -> tuple[float, float]:
+    """Return by how much the surface must be delayed to explain the motion best [s], and the R2 that this gains."""
+    left = []
+    for shift in _SHIFTS:
+        X = np.stack([*columns, np.interp(time - shift, time, surface)[mask]], axis=1)
+        left.append(float(np.var(y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) / np.var(y)))
+    at = int(np.argmin(left))
+    best = float(_SHIFTS[at])
+    if 0 < at < len(left) - 1 and (bend := left[at - 1] - 2.0 * left[at] + left[at + 1]) > 0.0:
+        best -= (_SHIFTS[1] - _SHIFTS[0]) * (left[at + 1] - left[at - 1]) / (2.0 * bend)
+    return best, float(np.interp(0.0, _SHIFTS, left)) - left[at]
 
 
 def hands(signals: Signals) -> pd.DataFrame:
@@ -129,6 +149,14 @@ def _surface(row, record: xr.DataTree) -> list[Finding]:
     if row.movement < _SMALL and abs(row.effect) > _STRONGEST[name]:
         text = f"{name} is in rad and was taken as deg: it moves by {row.movement / DEGREE:.2g} deg in all, and {measured}"
         return [Finding("error", "unit", names, text, map_entry(record, name, 'unit = "rad"'), evidence=evidence)]
+    off = not _LATE < row.lead < _EARLY and row.gained > _GAINS
+    if off and row.movement > _MOVED and row.R2 > _EXPLAINED:
+        when = "before" if row.lead > 0.0 else "after"
+        text = (
+            f"{name} is recorded {1e3 * abs(row.lead):.0f} ms {when} it acts on {row.rate}_dot (delaying it gains {row.gained:.2f} of R2)"
+        )
+        remedy = "a command instead of a position, or a clock that is off: put the actuator's lag, or the delay, between"
+        return [Finding("warning", "lag", names, text, remedy, evidence={"lead": row.lead, "gained": row.gained})]
     return []
 
 

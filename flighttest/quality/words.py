@@ -73,7 +73,8 @@ def _answers(quality: Quality) -> list[str]:
         return []
     lines = ["", "answers to the surfaces (house: all negative):"]
     return lines + [
-        f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad ({row.stderr:.2f})  R2 {row.R2:.2f}"
+        f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad ({row.stderr:.2f})  R2 {row.R2:.2f}, "
+        f"recorded {1e3 * row.lead:+.0f} ms early"
         for row in rows(quality.answers)
     ]
 

@@ -56,9 +56,10 @@ def times(factor):
     return lambda t, x: factor * x
 
 
+@pytest.mark.parametrize("specified", [True, False], ids=["specified", "alone"])
 @pytest.mark.parametrize("path", sorted((T37 / "flight").glob("*.nc")), ids=lambda path: path.name[:6])
-def test_clean_recordings_have_no_fault(path, aircraft):
-    quality = flighttest.assess(flighttest.read(path, T37 / "names.toml"), aircraft)
+def test_clean_recordings_have_no_fault(path, specified, aircraft):
+    quality = flighttest.assess(flighttest.read(path, T37 / "names.toml"), aircraft if specified else None)
     assert named(quality) == []
     assert quality.verdict.startswith("sound")
 
@@ -267,3 +268,11 @@ def test_attitude_of_the_simulator_is_half_a_frame_early(recordings, aircraft):
     # docs/flight-records.md: attitude and rates of that simulator are half a frame, 1.25 ms, apart
     for name in ("phi", "theta", "psi"):
         assert delays.loc[name, "delay"] == pytest.approx(0.00125, abs=3.0 * delays.loc[name, "stderr"])
+
+
+@pytest.mark.parametrize(("name", "lead"), [("delta_e", 0.12), ("delta_a", 0.10), ("delta_r", 0.15)])
+def test_command_recorded_instead_of_a_surface(name, lead, recordings, aircraft):
+    quality = flighttest.assess(planted(recordings(CARD), **{name: later(-lead, name)}), aircraft)
+    assert named(quality) == [f"lag:{name}"]
+    # 20 ms: the alpha vane of this aeroplane is 35 ms late, which the pitch equation takes for an early elevator
+    assert quality.answers.set_index("surface")["lead"][name] == pytest.approx(lead, abs=0.02)
