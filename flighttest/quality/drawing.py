@@ -74,7 +74,7 @@ def ticks(low: float, high: float, count: int) -> np.ndarray:
     rough = (high - low) / count
     size = 10.0 ** np.floor(np.log10(rough))
     step = size * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * size >= rough * 0.999)
-    return np.round(np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0) * step, 12)
+    return np.round(np.arange(np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9) + 1.0) * step, 12) + 0.0  # no minus zero
 
 
 def _span(x, a: float, b: float, style: str, least: float) -> str:
