@@ -9,7 +9,7 @@ import numpy as np
 from markupsafe import Markup
 
 WIDTH, HEIGHT = 560, 170
-_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 8, 16, 22
+_LEFT, _RIGHT, _TOP, _BOTTOM = 52, 8, 22, 22
 _BUCKETS = 420
 
 
@@ -57,7 +57,7 @@ def chart(
         parts.append(f'<text x="{_LEFT - 5}" y="{place + 4:.1f}" text-anchor="end">{value + 0.0:.5g}</text>')
     for value in ticks(start, stop, 6):
         parts.append(f'<text x="{float(x(value)):.1f}" y="{HEIGHT - 6}" text-anchor="middle">{value + 0.0:g} s</text>')
-    parts.append(f'<text x="4" y="{_TOP + 3}">{units}</text>')
+    parts.append(f'<text x="4" y="11">{units}</text>')
     for line, style in reversed(list(zip(lines, ("one", "two")))):
         parts += [f'<path class="{style}" d="{path}"/>' for path in _paths(time, line, x, y)]
     return Markup("".join([*parts, "</svg>"]))  # numbers and names of the vocabulary only

@@ -74,8 +74,11 @@ def map_entry(record: xr.DataTree, name: str, change: str) -> str:
     if "column" not in about:
         return f"{change} on what {name} is made of: {calibration or 'see the name map'}"
     column = str(about["column"]).rpartition("/")[2]
-    if calibration.startswith("-") and change == "sign = -1":
+    plain = calibration.split(" [")[0]
+    if plain == f"- {column}" and change == "sign = -1":
         change = "sign = 1"
+    elif plain not in ("", column):
+        return f"{change} on top of what stands in the name map now: {name} = {calibration}"
     return f'{name} = {{ column = "{column}", {change} }} in the name map (now: {calibration or column})'
 
 

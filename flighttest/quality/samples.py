@@ -12,7 +12,7 @@ from flightmech.names import lookup
 
 from ..conditioning import GAP, is_control
 from ..instruments import Instruments
-from ..marking import HELD_SAMPLES, HELD_TIME, Mark, in_words, marks, sample_faults, spans
+from ..marking import HELD_SAMPLES, HELD_TIME, Mark, in_words, marks, sample_faults
 from .finding import Finding, rows
 
 NOISY = 3.0  # times the noise that the specification gives
@@ -75,11 +75,18 @@ def _frozen(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> list[Mar
     if not _noise(x, name) > _RESTLESS * typical:
         return []
     still = np.concatenate([[False], size == 0.0]) & (x != np.nanmax(x)) & (x != np.nanmin(x))
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(np.int8)))
-    runs = [
-        (a, b) for a, b in zip(edges[::2], edges[1::2]) if b - a >= max(HELD_SAMPLES, HELD_TIME * rate) and _lively(size, a, b, typical)
+    needed = max(HELD_SAMPLES, HELD_TIME * rate)
+    return [
+        Mark(name, "held", float(time[a - 1]), float(time[b - 1]), b - a + 1)
+        for a, b in _runs(still)
+        if b - a >= needed and _lively(size, a, b, typical)
     ]
-    return [Mark(name, "held", float(time[a - 1]), float(time[b - 1]), int(b - a + 1)) for a, b in runs]
+
+
+def _runs(mask: np.ndarray) -> list[tuple[int, int]]:
+    """Return first sample and first sample behind of every run of a mask."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2])]
 
 
 def _lively(size: np.ndarray, start: int, stop: int, typical: float) -> bool:
@@ -215,26 +222,23 @@ def _saturation(time: np.ndarray, x: np.ndarray, row) -> list[Finding]:
     typical = np.median(np.abs(np.diff(x))[np.diff(x) != 0.0])
     found = []
     for extreme, word in ((row.maximum, "largest"), (row.minimum, "smallest")):
-        runs = [mark for mark in spans(time, x == extreme, row.channel, "held") if mark.samples >= needed]
-        runs = [mark for mark in runs if _breaks(time, x, mark, typical)]
+        runs = [(a, b) for a, b in _runs(x == extreme) if b - a >= needed and _breaks(x, a, b, typical)]
         if not runs or (word == "smallest" and name.startswith(_SPEEDS)):
             continue
-        total = sum(mark.samples for mark in runs)
-        text = f"{row.channel} stays at its {word} value {extreme:.5g} {row.units} exactly, {total} samples from {runs[0].start:g} s"
+        total, first, last = sum(b - a for a, b in runs), float(time[runs[0][0]]), float(time[runs[-1][1] - 1])
+        text = f"{row.channel} stays at its {word} value {extreme:.5g} {row.units} exactly, {total} samples from {first:g} s"
         remedy = "the end of the instrument's range, or a stop; choose windows without it"
-        found.append(
-            Finding(
-                "warning", "saturation", (row.channel,), text, remedy, runs[0].start, runs[-1].stop, {"samples": total, "value": extreme}
-            )
-        )
+        evidence = {"samples": total, "value": extreme}
+        found.append(Finding("warning", "saturation", (row.channel,), text, remedy, first, last, evidence))
     return found
 
 
-def _breaks(time: np.ndarray, x: np.ndarray, run: Mark, typical: float) -> bool:
-    """Whether the channel moved, on the average of five samples, when it reached the run or when it left it."""
-    first, last = np.searchsorted(time, [run.start, run.stop])
-    slopes = [abs(x[first] - x[first - 5]) / 5.0 if first >= 5 else 0.0, abs(x[last + 5] - x[last]) / 5.0 if last + 5 < len(x) else 0.0]
-    return max(slopes) > 0.5 * typical
+def _breaks(x: np.ndarray, first: int, behind: int, typical: float) -> bool:
+    """Whether the channel moved, on the average of five samples, when it reached a run or when it left it."""
+    last = behind - 1
+    before = abs(x[first] - x[first - 5]) / 5.0 if first >= 5 else 0.0
+    after = abs(x[last + 5] - x[last]) / 5.0 if last + 5 < len(x) else 0.0
+    return max(before, after) > 0.5 * typical
 
 
 def _radio(x: np.ndarray, row) -> list[Finding]:

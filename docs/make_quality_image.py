@@ -1,0 +1,52 @@
+"""Take the picture of the data-quality page: ``python docs/make_quality_image.py``.
+
+A recording of the T-37 is read with two mistakes in its name map: the rudder's sign, and the load factor taken for the specific force.
+Needs Debian's ``chromium`` and the package ``playwright``.
+"""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import flightmech
+import flighttest
+
+ROOT = Path(__file__).parents[1]
+T37 = ROOT / "data" / "t37"
+MISTAKES = {
+    'delta_r = "delta_r"': 'delta_r = { column = "delta_r", sign = -1 }',
+    'az_imu = "az_imu"': 'az_imu = { column = "az_imu", sign = -1, offset = "-1 g" }',
+}
+
+
+def page(folder: Path) -> Path:
+    """Write the page of the mistaken record into `folder` and return its place."""
+    text = (T37 / "names.toml").read_text(encoding="utf-8")
+    for right, wrong in MISTAKES.items():
+        text = text.replace(right, wrong)
+    names = folder / "names.toml"
+    names.write_text(text, encoding="utf-8")
+    record = flighttest.read(T37 / "flight" / "t37_01_clean_low_speed_5kft.nc", names)
+    flighttest.assess(record, flightmech.read_aircraft(T37 / "aircraft.toml")).write_page(folder / "page.html")
+    return folder / "page.html"
+
+
+def main() -> None:
+    """Write ``docs/images/data-quality.png``."""
+    from playwright.sync_api import sync_playwright
+
+    chromium = shutil.which("chromium")
+    if chromium is None:
+        raise SystemExit("needs chromium: apt-get install chromium")
+    with TemporaryDirectory() as folder, sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        view = browser.new_page(viewport={"width": 1200, "height": 1500}, color_scheme="light")
+        view.goto(page(Path(folder)).resolve().as_uri())
+        view.screenshot(path=str(ROOT / "docs" / "images" / "data-quality.png"))
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()
