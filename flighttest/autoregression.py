@@ -3,7 +3,9 @@
 A fit takes up part of the disturbance, most of all its slow part, so that the residual is quieter at low frequencies
 than the disturbance was: read off the residual, the variance of an intercept comes out up to six times too small.
 Restricted likelihood looks only at what no regressor can take up and is free of that loss.  The disturbance is modelled
-as an autoregression, whose spectrum can follow noise of any colour; its order is chosen by Akaike's criterion.
+as an autoregression, whose spectrum can follow noise of any colour; its order is chosen by Akaike's criterion.  Of a
+smooth residual the likelihood alone would believe in any amount of slow disturbance that the regressors happened to take
+up: a weak prior holds its variance near that of the residual, and memories end at half of the record.
 
 References
 ----------
@@ -23,6 +25,7 @@ from scipy.signal import lfilter
 
 ORDER = 8  # highest order tried
 FLOOR = 1e-4  # white part added to the residual, of its variance: what a low-pass has removed is not to be looked up
+HIDDEN = 5.0  # variance of the disturbance over that of the residual that is as far from one as one standard deviation
 MEMORY = 0.5  # longest memory, of the longest stretch: what lasts longer cannot be told from a constant
 _STEEPEST = 5.0  # bound of atanh of a reflection coefficient
 OFFSETS = 3  # pieces from which on each has a constant of its own
@@ -144,11 +147,15 @@ class _Likelihood:
         return Disturbance(reflections, root[-1] ** 2 / self.free * self.scale**2)
 
     def _cost(self, t: np.ndarray) -> float:
+        reflections = _forgetful(np.tanh(t), self.memory)
         try:
-            root, determinant = self._whitened(_forgetful(np.tanh(t), self.memory))
+            root, determinant = self._whitened(reflections)
         except np.linalg.LinAlgError:  # a regressor lost in rounding: too steep a filter
             return _REFUSED
-        return float(self.free * np.log(root[-1]) + np.log(root[:-1]).sum() + 0.5 * determinant) / self.samples
+        # all of the disturbance over what the residual shows of it; its size is unity here
+        excess = np.log(root[-1] ** 2 / self.free) - np.log1p(-(reflections**2)).sum()
+        hidden = 0.5 * (max(0.0, excess) / np.log(HIDDEN)) ** 2
+        return float(self.free * np.log(root[-1]) + np.log(root[:-1]).sum() + 0.5 * determinant + hidden) / self.samples
 
     def _whitened(self, reflections: np.ndarray) -> tuple[np.ndarray, float]:
         """Diagonal of the Cholesky factor of the whitened products, and log-determinant of starts and offsets."""

@@ -47,7 +47,7 @@ def test_restricted_likelihood_finds_the_slow_part_that_a_fit_has_taken_up():
         found.append((A @ toeplitz(r) @ A.T)[0, 0])
         windowed = np.array([(v[: 125 - k] @ v[k:]) / 125 * max(0.0, 1 - k / 12) for k in range(125)])
         naive.append((A @ toeplitz(windowed) @ A.T)[0, 0])
-    assert np.median(found) > 0.45 * expected  # skewed: some of the sixty see hardly any slow part
+    assert np.median(found) > 0.35 * expected  # skewed: some of the sixty see hardly any slow part
     assert np.median(naive) < 0.6 * np.median(found)
 
 

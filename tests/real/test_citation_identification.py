@@ -136,3 +136,33 @@ def test_lift_table_moves_to_the_flight(citation, prior):
         point = tabulation.points.iloc[0]
         assert point["rms"] < 0.35 * point["rms_prior"]
         assert int(tabulation.report.loc["CL/basic", "flight"]) > 5
+
+
+def frequency(citation, model, data, band):
+    return flighttest.regress_frequency(flighttest.Model.parse(model), data, band)
+
+
+@pytest.mark.parametrize("year", YEARS)
+def test_the_dutch_roll_in_frequency_is_that_in_time(citation, year):
+    model, data = "Cn = 1 + beta + rhat + delta_r", [citation.coefficients(year, "dutch_roll", -3.0, 16.0)]
+    band, time = frequency(citation, model, data, (0.08, 1.5)), citation.fit(model, data)
+    assert band.estimates.attrs["R2"] > 0.995
+    for term in ("beta", "rhat", "delta_r"):
+        apart = abs(value(band, term) - value(time, term))
+        assert apart < 2 * float(time.estimates["stderr"].sel(term=term))  # the same record: one is hardly surer than the other
+
+
+def test_the_band_of_the_short_period_brings_the_pitch_damping_that_noise_hides_in_time(citation):
+    """Published -17.2 for the sum with alphadot.  The rates of 10 Hz carry noise above the motion, which pulls the slope to zero."""
+    data = [citation.coefficients(2018, "short_period", -3.0, 14.0)]
+    model = "Cm = 1 + alpha + qhat + delta_e"
+    band, time = frequency(citation, model, data, (0.08, 1.5)), citation.fit(model, data)
+    assert value(time, "qhat") > -8.0
+    assert value(band, "qhat") < -10.0
+    assert value(band, "delta_e") == pytest.approx(-1.1642 + 0.05 * 0.6961, rel=0.2)
+
+
+def test_selection_finds_the_linear_pitching_moment(citation):
+    data = [citation.coefficients(2018, "short_period", -3.0, 14.0)]
+    found = flighttest.select_orthogonal("Cm", flighttest.monomials(["alpha", "qhat", "delta_e"], 2), data)
+    assert set(found.model.terms) == {"1", "alpha", "qhat", "delta_e"}
