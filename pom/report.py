@@ -13,31 +13,19 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
-from markupsafe import Markup
-
 from flightmech.console import plain
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.whole import written_whole
 
 from .modes import mode_table
-from .sections import case, models, overview, verdicts
+from .page import html_page
 from .sections import provenance as origin
-from .table import rows as tolerance_rows
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
     from .result import PomResult
-
-_HERE = Path(__file__).parent
-_STATIC = {
-    "uplot_css": "uplot/uPlot.min.css",
-    "report_css": "report.css",
-    "uplot_js": "uplot/uPlot.iife.min.js",
-    "report_js": "report.js",
-}
 
 
 def write_report(
@@ -90,7 +78,7 @@ def write_report(
     _check(results, made_from, diagnoses)
     modes = [mode_table(result) for result in results]
     document = _document(results, title, revision, made_from, diagnoses, modes)
-    html = _html(results, title, revision, made_from, dict(databases or {}), diagnoses, dict(support or {}), modes)
+    html = html_page(results, title, revision, made_from, dict(databases or {}), diagnoses, dict(support or {}), modes)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
@@ -118,41 +106,6 @@ def _document(results, title, revision, provenance, diagnoses, modes) -> dict[st
         "modes": {result.case.name: plain(table.to_dict("records")) for result, table in zip(results, modes, strict=True) if len(table)},
         "diagnoses": {name: plain(table.to_dict("records")) for name, table in diagnoses.items()},
     }
-
-
-def _html(results, title, revision, provenance, databases, diagnoses, support, modes) -> str:
-    environment = Environment(
-        loader=FunctionLoader(_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["script_json"] = _script_json
-    keys = case.keys(results)
-    pages = [
-        {**case.page(key, result, provenance, diagnoses.get(result.case.name), table), "position": i}
-        for i, (key, result, table) in enumerate(zip(keys, results, modes, strict=True), 1)
-    ]
-    return environment.get_template("report.html").render(
-        title=title,
-        revision=revision,
-        matrix=overview.matrix(keys, results),
-        coverage=overview.coverage(results, tolerance_rows()),
-        cases=pages,
-        models=models.page(databases, support, case.line_styles(databases)) if databases else None,
-        origin=origin.page(provenance, results, databases),
-        verdict=verdicts.Verdict.of,
-        **{name: Markup((_HERE / "static" / file).read_text(encoding="utf-8")) for name, file in _STATIC.items()},
-    )
-
-
-def _template(name: str) -> str:
-    """Return a template without its indentation, which would be a tenth of the page."""
-    lines = (_HERE / "templates" / name).read_text(encoding="utf-8").splitlines()
-    return "".join(f"{line.lstrip()}\n" for line in lines)
-
-
-def _script_json(item: Any) -> Markup:
-    """Return JSON that cannot end the script element it stands in."""
-    text = json.dumps(plain(item), sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    return Markup(text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))
 
 
 def _write_together(files: Mapping[Path, str]) -> None:

@@ -14,7 +14,7 @@ def test_the_demo_writes_what_it_promises(demo):
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     models = {f"{name}.{kind}" for name in ("datcom", "corrected", "final") for kind in ("nc", "fmu")}
     assert names == models | {"report/report.html", "report/results.json"}
-    assert len(json.loads((folder / "report" / "results.json").read_text())["results"]) == 10
+    assert len(json.loads((folder / "report" / "results.json").read_text())["results"]) == 12
     for name in ("datcom", "corrected", "final"):
         assert aerodb.check(aerodb.open(folder / f"{name}.nc")) == []
 
