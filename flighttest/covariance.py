@@ -51,7 +51,7 @@ def coloured(
     Notes
     -----
     The window follows [Morelli1997] and [Newey1987].  It sees only what the fit has left of the disturbance and is too
-    small for slow terms: of intercepts fitted to 10 s, two standard errors cover 77 %, and 92 % by default.
+    small for slow terms: of intercepts fitted to 10 s, two standard errors cover 77 %, against 90 % by default.
 
     References
     ----------

@@ -213,9 +213,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
     dense = np.concatenate([np.full(len(part.frequencies), max(1.0, 1.0 / (part.duration * _spacing(part)))) for part in parts])
     C = (D * (_power(v, E, parts) * np.tile(dense, 2))) @ D.T * _student(round(len(v) / dense.mean()), len(slopes)) ** 2
     white = np.sqrt(s2 * ((D**2) * np.tile(dense, 2)).sum(axis=1))
-    A = _map(D, parts, len(z))
-    mean = _Constants(X, z, fixed, samples)
-    whole = mean.joined(theta, C, white, A)
+    whole = _joined(X, z, fixed, samples, _Whole(theta, C, white, _map(D, parts, len(z)), 0.0))
     sources, errors = samples.errors(model.coefficient)
     rest = z - X @ whole.theta
     more = linear.diagnostics(X2, np.zeros(len(slopes), bool))
@@ -236,7 +234,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
         "residual_rms": float(np.sqrt(np.mean(rest**2))),
         "samples": len(z),
         "manoeuvres": len(samples.steps),
-        "offset": mean.offset,
+        "offset": whole.offset,
         "weights": "equal",
         "ridge": parameter,
     }
@@ -296,41 +294,34 @@ def _map(D: np.ndarray, parts: Sequence[Stretch], samples: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Whole:
-    """Constants and slopes together."""
+    """Constants and slopes together: estimates, covariance, white standard errors, linear map, offset between stretches."""
 
     theta: np.ndarray
     covariance: np.ndarray
     white: np.ndarray
     A: np.ndarray
+    offset: float
 
 
-class _Constants:
-    """The constants: what is left in time when the slopes are known; they hang on the slopes through the mean regressors."""
-
-    def __init__(self, X: np.ndarray, z: np.ndarray, fixed: np.ndarray, samples: Samples):
-        self.X, self.z, self.fixed, self.samples = X, z, fixed, samples
-        self.offset = 0.0
-
-    def joined(self, theta: np.ndarray, C: np.ndarray, white: np.ndarray, A: np.ndarray) -> _Whole:
-        """Return constants and slopes from the slopes with covariance, white standard errors and linear map."""
-        n, fixed = len(self.fixed), self.fixed
-        full = _Whole(np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((n, A.shape[1])))
-        full.theta[~fixed], full.white[~fixed], full.A[~fixed] = theta, white, A
-        full.covariance[np.ix_(~fixed, ~fixed)] = C
-        if not fixed.any():
-            return full
-        ones, slopes = self.X[:, fixed], self.X[:, ~fixed]
-        P = linear.estimator(ones)
-        full.theta[fixed] = P @ (self.z - slopes @ theta)
-        v = self.z - self.X @ full.theta
-        own, self.offset = coloured(ones, v, *self.samples.pieces())
-        means = P @ slopes
-        full.A[fixed] = P - means @ A
-        full.covariance[np.ix_(fixed, fixed)] = own + means @ C @ means.T
-        full.covariance[np.ix_(fixed, ~fixed)] = -means @ C
-        full.covariance[np.ix_(~fixed, fixed)] = -(means @ C).T
-        full.white[fixed] = np.sqrt((v @ v) / (len(v) - n) * (P**2).sum(axis=1) + means**2 @ white**2)
-        return full
+def _joined(X: np.ndarray, z: np.ndarray, fixed: np.ndarray, samples: Samples, slopes: _Whole) -> _Whole:
+    """Slopes joined by the constants that are left in time; these hang on the slopes through the mean regressors."""
+    n = len(fixed)
+    theta, white, C, A = np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, len(z)))
+    theta[~fixed], white[~fixed], A[~fixed] = slopes.theta, slopes.white, slopes.A
+    C[np.ix_(~fixed, ~fixed)] = slopes.covariance
+    if not fixed.any():
+        return _Whole(theta, C, white, A, 0.0)
+    P = linear.estimator(X[:, fixed])
+    theta[fixed] = P @ (z - X[:, ~fixed] @ slopes.theta)
+    v = z - X @ theta
+    own, offset = coloured(X[:, fixed], v, *samples.pieces())
+    means = P @ X[:, ~fixed]
+    A[fixed] = P - means @ slopes.A
+    C[np.ix_(fixed, fixed)] = own + means @ slopes.covariance @ means.T
+    C[np.ix_(fixed, ~fixed)] = -means @ slopes.covariance
+    C[np.ix_(~fixed, fixed)] = C[np.ix_(fixed, ~fixed)].T
+    white[fixed] = np.sqrt((v @ v) / (len(v) - n) * (P**2).sum(axis=1) + means**2 @ slopes.white**2)
+    return _Whole(theta, C, white, A, offset)
 
 
 def _with_constants(more: dict[str, tuple], terms: Sequence[str], fixed: np.ndarray) -> dict[str, tuple]:
