@@ -18,6 +18,7 @@ from flightmech.units import quantity
 from . import table
 from .criteria import Criterion
 from .override import override
+from .pilot import Loop
 
 T = TypeVar("T")
 SURFACES = ("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "delta_s", "delta_d")
@@ -37,17 +38,29 @@ class Drive:
     Attributes
     ----------
     surfaces : str
-        ``recorded``: recorded surface positions.
+        ``recorded``: recorded surface positions; ``cockpit``: recorded travel of column, wheel and pedals; ``force``: recorded
+        pilot forces; ``pilot``: the recorded controls plus what the loops of the math pilot add.
     engine : str
         ``thrust``: recorded thrust drives; ``n1``: the recorded fan speed; ``throttle``: the recorded lever drives the engine model.
     trim : bool or "ground"
         Trim the model to the flight condition at the start of the window; its biases are reported.  ``ground``: it stands or
         rolls on its wheels, whose height and attitude are sought; the surfaces stay as recorded.
+    limits : dict of str to float
+        Largest bias of the trim (``trim.delta_e`` ...) that is not remarked. [SI]
+    pilot : tuple of Loop
+        Loops of the math pilot; only with ``surfaces = "pilot"``.
     """
 
     surfaces: str = "recorded"
     engine: str = "thrust"
     trim: bool | str = True
+    limits: dict[str, float] = field(default_factory=dict)
+    pilot: tuple[Loop, ...] = ()
+
+    @classmethod
+    def from_dict(cls, item: Mapping[str, Any]) -> Drive:
+        """Rebuild a drive from ``dataclasses.asdict``."""
+        return cls(**{**item, "pilot": tuple(Loop(**loop) for loop in item.get("pilot", ()))})
 
 
 @dataclass(frozen=True)
@@ -75,6 +88,25 @@ class PomCase:
     show : tuple of str
         Channels to show beside the judged ones.
     criteria : tuple of Criterion
+    reference : str
+        ``flight``; ``engineering``: data of an engineering simulator; ``footprint``: a recording without a reference, which has
+        no band and no verdict.
+    fraction : float
+        Share of the tolerance that is applied. [1]
+    wind : str
+        ``record``: the wind of the reconstruction; ``measured``: that of the raw record; ``none``: calm air.
+    ranges : dict of str to float
+        Largest value in service by channel, the base of lone percentages (``range_max``, rule R3). [SI]
+    certified : dict of str to float
+        Certified values below which a criterion fails inside its band, by parameter (climb gradients of 1.c.2, 1.c.4). [SI]
+    ticks : dict of str to str
+        By advisory criterion: name, date and words of the engineer who ticked it.
+    rationale : dict of str to str
+        By criterion or channel: why it is as it is.
+    source : dict of str to str
+        Where the flight data come from: document, pages, flight, run, filters ...
+    objective, procedure, manual, evaluation, notes : str
+        What the test shows, how it is flown automatically and by hand, how it is evaluated, remarks.
     """
 
     name: str
@@ -95,6 +127,19 @@ class PomCase:
     shortened: str = ""
     show: tuple[str, ...] = SHOWN
     criteria: tuple[Criterion, ...] = ()
+    reference: str = "flight"
+    fraction: float = 1.0
+    wind: str = "record"
+    ranges: dict[str, float] = field(default_factory=dict)
+    certified: dict[str, float] = field(default_factory=dict)
+    ticks: dict[str, str] = field(default_factory=dict)
+    rationale: dict[str, str] = field(default_factory=dict)
+    source: dict[str, str] = field(default_factory=dict)
+    objective: str = ""
+    procedure: str = ""
+    manual: str = ""
+    evaluation: str = ""
+    notes: str = ""
 
     def files(self) -> list[str]:
         """Return the case file and the files it names."""
@@ -111,7 +156,7 @@ class PomCase:
             **{
                 **item,
                 "window": (item["window"][0], item["window"][1]),
-                "drive": Drive(**item["drive"]),
+                "drive": Drive.from_dict(item["drive"]),
                 "features": tuple(item["features"]),
                 "show": tuple(item["show"]),
                 "criteria": tuple(Criterion.from_dict(c) for c in item["criteria"]),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import xarray as xr
@@ -13,6 +13,7 @@ from flightmech.air import P_SEA, atmosphere
 from flightmech.errors import OutOfRange, UnknownName
 
 from .case import BRAKES, INITIAL, INPUTS, MASS, WIND, PomCase
+from .pilot import Loop
 
 # what drives the engines: the recorded quantity, the input it becomes, mode.engine
 ENGINE_DRIVES = {"throttle": ("throttle", "throttle", 0.0), "n1": ("n1", "n1_drive", 1.0), "thrust": ("thrust", "thrust_drive", 2.0)}
@@ -40,6 +41,10 @@ class Job:
     needed_inputs, needed_parameters : tuple of str
         Without these a model cannot be flown (inputs that are zero throughout are not among them); the others are given
         where it takes them.
+    pilot : tuple of Loop
+        Loops of the math pilot, closed sample by sample (`pom.pilot.Pilot`); their controls are among the inputs.
+    targets : dict of str to array (time,)
+        The recorded channel of every loop. [SI]
     """
 
     time: np.ndarray
@@ -47,6 +52,8 @@ class Job:
     parameters: dict[str, float]
     needed_inputs: tuple[str, ...]
     needed_parameters: tuple[str, ...]
+    pilot: tuple[Loop, ...] = ()
+    targets: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 def job_of(case: PomCase, states: xr.Dataset) -> Job:
