@@ -79,6 +79,12 @@ class Criterion:
         Why the row does not apply, or why it cannot be judged.
     kind, provenance, source, note : str
         As in the table; ``provenance`` is ``verified``, ``partial``, ``memory`` or ``case file``.
+    condition : str
+        Condition of the row, words joined by ``;``.
+    fraction : float
+        Share of the tolerance that is applied (rule R9).
+    largest : float, optional
+        Largest value in service, base of a lone percentage (rule R3). [SI]
     """
 
     name: str
@@ -94,6 +100,9 @@ class Criterion:
     provenance: str = ""
     source: str = ""
     note: str = ""
+    condition: str = ""
+    fraction: float = 1.0
+    largest: float | None = None
 
     @classmethod
     def from_dict(cls, item: Mapping[str, Any]) -> Criterion:

@@ -24,8 +24,12 @@ VERDICT_COLUMNS = (
     "window_start",
     "window_stop",
     "tolerance_text",
+    "applied_text",
+    "fraction",
     "width",
     "unit",
+    "flight_value",
+    "model_value",
     "worst",
     "worst_ratio",
     "at",
@@ -35,7 +39,19 @@ VERDICT_COLUMNS = (
     "note",
     "provenance",
 )
-NUMBERS = ("window_start", "window_stop", "width", "worst", "worst_ratio", "at", "first_exit", "inside")
+NUMBERS = (
+    "window_start",
+    "window_stop",
+    "fraction",
+    "width",
+    "flight_value",
+    "model_value",
+    "worst",
+    "worst_ratio",
+    "at",
+    "first_exit",
+    "inside",
+)
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 
 
@@ -59,9 +75,11 @@ class PomResult:
         Index ``quantity``, one column for flight and one per model: initial values, biases found (``trim.*``), residual
         accelerations (``residual.*``). [SI]
     verdict : DataFrame
-        One row per criterion and model, columns `VERDICT_COLUMNS`.  Times in s on the clock of the record; ``width``
-        (smallest half width in the window, or the half width of the scalar) and ``worst`` (signed, model minus flight)
-        in ``unit``, the unit of the table; ``worst_ratio`` = largest ``|difference| / half width``; ``inside`` = share of
+        One row per criterion and model, columns `VERDICT_COLUMNS`.  Times in s on the clock of the record;
+        ``tolerance_text`` as printed, ``applied_text`` as applied (fraction, base, numbers), ``fraction`` the share of
+        the tolerance; ``width`` (smallest half width in the window, or the half width of the scalar), ``flight_value``
+        and ``model_value`` (of a measure that is one number, else NaN) and ``worst`` (signed, model minus flight) in
+        ``unit``, the unit of the table; ``worst_ratio`` = largest ``|difference| / half width``; ``inside`` = share of
         samples inside; ``verdict`` one of `VERDICTS`.
     failure : str
         Which model crashed, hung or refused, and how; empty when all ran.  Its rows are ``invalid`` and carry the text.
@@ -165,10 +183,11 @@ def status_of(groups: Mapping[str, str]) -> str:
 
 
 def verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """Return the verdict table of rows; numbers become float (missing: NaN), all else text."""
-    table = pd.DataFrame(rows, columns=list(VERDICT_COLUMNS))
+    """Return the verdict table of rows; numbers become float (missing: NaN), all else text (missing: empty)."""
+    empty = {column: float("nan") if column in NUMBERS else "" for column in VERDICT_COLUMNS}
+    table = pd.DataFrame([{**empty, **row} for row in rows], columns=list(VERDICT_COLUMNS))
     for column in VERDICT_COLUMNS:
-        table[column] = table[column].astype(float) if column in NUMBERS else table[column].astype(str)
+        table[column] = table[column].astype(float if column in NUMBERS else str)
     return table
 
 

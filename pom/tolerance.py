@@ -37,6 +37,9 @@ class Outcome:
     first_exit: float = NAN
     inside: float = NAN
     note: str = ""
+    flight: float = NAN
+    model: float = NAN
+    applied: str = ""
 
 
 def half_width(criterion: Criterion, flight: np.ndarray | float) -> np.ndarray:
@@ -166,4 +169,4 @@ def scalar(criterion: Criterion, flight: float, model: float, at: float = NAN, n
     width = float(half_width(criterion, flight)[0])
     error = model - flight
     ratio = 0.0 if error == 0.0 else abs(error) / width if width > 0.0 else float("inf")
-    return Outcome("pass" if ratio <= 1.0 + _ROUNDING else "fail", width, error, ratio, at, note=note)
+    return Outcome("pass" if ratio <= 1.0 + _ROUNDING else "fail", width, error, ratio, at, note=note, flight=flight, model=model)
