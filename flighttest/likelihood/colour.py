@@ -123,7 +123,8 @@ def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> 
         length[rows] = len(piece.rest) / len(piece.residual)
     told = X @ root
     _, s, Vt = np.linalg.svd(told * np.sqrt(length), full_matrices=False)
-    model = disturbance(told @ Vt[s**2 >= min(_TOLD, s[0] ** 2)].T, v, places)
+    share = s**2
+    model = disturbance(told @ Vt[share >= min(_TOLD, share[0])].T, v, places)  # the first is always there
     rest = np.concatenate([piece.rest[:, a] for piece in pieces])
     r = model.autocovariance(max(2, len(v) // 4))
     white = float(rest @ rest) / max(1, len(rest) - len(v))
