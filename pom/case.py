@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any
 
-from pydantic import Field, model_validator
-
-from flightmech.configuration import Strict, load, validate
-from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flightmech.configuration import load, validate
+from flightmech.errors import SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.units import quantity
 
+from . import case_parts as parts
 from . import table
+from .case_file import FORCES, INPUTS, SHOWN, TRAVEL, CaseFile
 from .criteria import Criterion
-from .override import override
 from .pilot import Loop
 
-T = TypeVar("T")
-SURFACES = ("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "delta_s", "delta_d")
-BRAKES = ("brake_left", "brake_right")
-INPUTS = (*SURFACES, "gear", "speedbrake", "delta_nw", *BRAKES)
-WIND = ("wind_n", "wind_e", "wind_d")
-INITIAL = ("V", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "lat", "lon")
-MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
-CONDITIONS = (*INPUTS, *WIND, *INITIAL, *MASS, "delta_T", "runway_elevation")
-SHOWN = ("V_cas", "h", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "nz")
+PRIMARY = {"recorded": ("delta_e", "delta_a", "delta_r"), "cockpit": TRAVEL, "force": FORCES}
+"""Level of drive: the recorded controls that drive pitch, roll and yaw."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +36,8 @@ class Drive:
         Trim the model to the flight condition at the start of the window; its biases are reported.  ``ground``: it stands or
         rolls on its wheels, whose height and attitude are sought; the surfaces stay as recorded.
     limits : dict of str to float
-        Largest bias of the trim (``trim.delta_e`` ...) that is not remarked. [SI]
+        Largest biases of the trim, and largest accelerations it leaves, as the case file limits them: ``delta_e``, ``thrust``,
+        ``F_column``, ``u_dot`` ...; a run beyond one is invalid. [SI]
     pilot : tuple of Loop
         Loops of the math pilot; only with ``surfaces = "pilot"``.
     """
@@ -56,6 +47,13 @@ class Drive:
     trim: bool | str = True
     limits: dict[str, float] = field(default_factory=dict)
     pilot: tuple[Loop, ...] = ()
+
+    @property
+    def level(self) -> str:
+        """What pitch, roll and yaw are driven by: a key of `PRIMARY`; with a math pilot that of the controls he moves."""
+        if self.surfaces != "pilot":
+            return self.surfaces
+        return next((level for loop in self.pilot if (level := parts.level_of(loop.control))), "recorded")
 
     @classmethod
     def from_dict(cls, item: Mapping[str, Any]) -> Drive:
@@ -164,42 +162,13 @@ class PomCase:
         )
 
 
-class _Case(Strict):
-    id: str
-    standard: str = table.STANDARD
-    edition: str = table.EDITION
-    name: str
-    title: str
-    description: str = ""
-    record: str
-    names: str = ""
-    aircraft: str = ""
-    window: tuple[float, float]
-    features: tuple[str, ...] = ()
-    shortened: str = ""
-    show: tuple[str, ...] = SHOWN
-    mode_channel: str = ""
-    engine_parameter: str = ""
-
-    @model_validator(mode="after")
-    def _window_rises(self) -> _Case:
-        if not self.window[0] < self.window[1]:
-            raise ValueError(f"window must start before it ends, not {self.window[0]:g} ... {self.window[1]:g} s")
-        return self
-
-
-class _Drive(Strict):
-    surfaces: Literal["recorded"] = "recorded"
-    engine: Literal["thrust", "n1", "throttle"] = "thrust"
-    trim: bool | Literal["ground"] = True
-
-
-class _File(Strict):
-    case: _Case
-    drive: _Drive = _Drive()
-    conditions: dict[str, float | str] = Field(default_factory=dict)
-    events: dict[str, float] = Field(default_factory=dict)
-    tolerance: dict[str, Any] = Field(default_factory=dict)
+def driven(case: PomCase) -> set[str]:
+    """Return the quantities that the record sets, so that they cannot be judged; what a math pilot moves is not among them."""
+    names = set(INPUTS).difference(*PRIMARY.values()).union(PRIMARY[case.drive.level])
+    moved = {loop.control for loop in case.drive.pilot}
+    if "throttle" not in moved:
+        names |= {f"engine{n}.{case.drive.engine}" for n in range(1, 9)}
+    return names - moved
 
 
 def read_case(path: str | Path) -> PomCase:
@@ -208,52 +177,73 @@ def read_case(path: str | Path) -> PomCase:
     Parameters
     ----------
     path : str or Path
-        TOML file; `docs/pom.md` describes it.  Files it names are relative to it.
+        TOML file; `docs/pom-cases.md` describes it.  Files it names are relative to it.
 
     Raises
     ------
     ParseError
         The file is not TOML.
     SchemaError
-        With every problem of the file: unknown keys and their near names, units, events without a time, windows.
+        With every problem of the file: unknown keys and their near names, units, events without a time, windows, a math
+        pilot on a judged channel.
     """
     path = Path(path)
     content = load(path)
     try:
-        file = validate(_File, content, f"case {path}")
+        file = validate(CaseFile, content, f"case {path}")
     except SchemaError as error:
         raise SchemaError(error.what, [*error.problems, *_loose_problems(content)]) from None
     problems: list[str] = []
-    conditions = _conditions(file.conditions, problems)
-    for name in file.case.show:
-        _collect(problems, "case.show", lookup, name)
-    for word in file.case.features:
+    case = file.case
+    parts.check_events(file.events, problems)
+    for name in case.show:
+        parts.collect(problems, "case.show", lookup, name)
+    for word in case.features:
         if word not in table.features():
             problems.append(f"case.features: {UnknownName(word, table.features(), 'condition')}")
-    _check_events(file.events, problems)
-    places = {key: _place(path, getattr(file.case, key), key, problems) for key in ("record", "names", "aircraft")}
-    criteria = _criteria(file, problems)
+    found = parts.criteria(file, problems)
+    names = {c.name for c in found}
+    parts.check_names("ticks", file.ticks, names, "criterion", problems)
+    parts.check_names("rationale", file.rationale, names | {c.channel for c in found} | set(case.show), "criterion or channel", problems)
+    parts.check_names("certified", file.certified, {c.parameter for c in found}, "parameter", problems)
+    largest, fraction = parts.ranges(file.ranges, problems), parts.fraction(file)
+    drive = _drive(file, found, problems)
+    places = {key: parts.place(path, getattr(case, key), key, problems) for key in ("record", "names", "aircraft")}
+    resolved = PomCase(
+        **{key: getattr(case, key) for key in _AS_WRITTEN},
+        **places,
+        path=str(path),
+        drive=drive,
+        conditions=parts.conditions(file.conditions, problems),
+        events=dict(file.events),
+        criteria=parts.weighed(found, fraction, largest),
+        fraction=fraction,
+        wind=file.drive.wind,
+        ranges=largest,
+        certified=parts.certified(file.certified, problems),
+        ticks=dict(file.ticks),
+        rationale=dict(file.rationale),
+        source=dict(file.source),
+    )
     if problems:
         raise SchemaError(f"case {path}", problems)
-    case = file.case
-    return PomCase(
-        name=case.name,
-        title=case.title,
-        id=case.id,
-        standard=case.standard,
-        edition=case.edition,
-        path=str(path),
-        window=case.window,
-        description=case.description,
-        drive=Drive(**file.drive.model_dump()),
-        conditions=conditions,
-        events=dict(file.events),
-        features=case.features,
-        shortened=case.shortened,
-        show=case.show,
-        criteria=tuple(criteria),
-        **places,
-    )
+    return resolved
+
+
+_AS_WRITTEN = (
+    *("id", "standard", "edition", "name", "title", "description", "window", "features", "shortened", "show", "reference"),
+    *("objective", "procedure", "manual", "evaluation", "notes"),
+)
+
+
+def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> Drive:
+    loops = parts.loops(file, problems)
+    if file.case.reference != "footprint":
+        parts.forbid_judged(loops, found, problems)
+    given = file.drive
+    if any(loop.control == "throttle" for loop in loops) and given.engine != "throttle":
+        problems.append(f'drive.pilot: a loop moves the throttle, but drive.engine is "{given.engine}"; drive the engines by "throttle"')
+    return Drive(given.surfaces, given.engine, given.trim, parts.limits(given.limits, problems), loops)
 
 
 def _loose_problems(content: dict[str, Any]) -> list[str]:
@@ -261,85 +251,7 @@ def _loose_problems(content: dict[str, Any]) -> list[str]:
     problems: list[str] = []
     conditions, events = content.get("conditions"), content.get("events")
     if isinstance(conditions, dict):
-        _conditions(conditions, problems)
+        parts.conditions(conditions, problems)
     if isinstance(events, dict):
-        _check_events(events, problems)
+        parts.check_events(events, problems)
     return problems
-
-
-def _collect(problems: list[str], place: str, act: Callable[..., T], *items: Any) -> T | None:
-    """Return ``act(*items)``; an error of the house becomes one more problem."""
-    try:
-        return act(*items)
-    except SchemaError as error:
-        problems += [f"{place}: {text}" for text in error.problems]
-        return None
-    except AeromatchError as error:
-        problems.append(f"{place}: {error}")
-        return None
-
-
-def _conditions(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
-    values = {}
-    for name, item in found.items():
-        if name not in CONDITIONS:
-            problems.append(f"conditions: {UnknownName(name, CONDITIONS, 'condition')}")
-            continue
-        value = _collect(problems, f"conditions.{name}", quantity, item, lookup(name).units)
-        if value is not None:
-            values[name] = value
-    return values
-
-
-def _check_events(found: Mapping[str, Any], problems: list[str]) -> None:
-    for name in found:
-        if name not in table.events():
-            problems.append(f"events: {UnknownName(name, table.events(), 'event')}")
-
-
-def _place(path: Path, name: str, key: str, problems: list[str]) -> str:
-    if not name:
-        return ""
-    place = path.parent / name
-    if not place.is_file():
-        problems.append(f"case.{key}: no file {place}; the name is relative to the case file")
-    return os.path.normpath(place)
-
-
-def _criteria(file: _File, problems: list[str]) -> list[Criterion]:
-    case = file.case
-    rows = _collect(problems, "case.id", table.rows_of, case.id, case.standard, case.edition) or []
-    criteria = []
-    for row, name in zip(rows, table.names_of(rows), strict=True):
-        window = _window(row, name, file, problems)
-        found = table.criterion(row, name, window, case.features, case.mode_channel, case.engine_parameter)
-        if found.applies and found.measure.startswith("response_") and not found.channel:
-            problems.append(f"case.engine_parameter: missing; row {name} needs the channel of the critical engine parameter")
-        if found.applies and found.measure == "steady" and "capture" not in file.events:
-            problems.append(f"events.capture: missing; row {name} is a snapshot and needs its instant")
-        criteria.append(found)
-    for key, item in file.tolerance.items():
-        changed = _collect(problems, f"tolerance.{key}", override, criteria, key, item, case.window)
-        criteria = changed if changed is not None else criteria
-    return criteria
-
-
-def _window(row: table.Row, name: str, file: _File, problems: list[str]) -> tuple[float, float]:
-    """Return the window of a row; longer than the case's window only with a stated reason."""
-    start, stop = file.case.window
-    if row["condition"] and not set(row["condition"].split(";")) <= set(file.case.features):
-        return file.case.window
-    found = []
-    for mark, default in ((row["applies_from"], start), (row["applies_to"], stop)):
-        time = _collect(problems, f"events, row {name}", table.bound, mark, file.events, default)
-        found.append(default if time is None else float(time))
-    asked = f"{found[0]:g} ... {found[1]:g} s"
-    inside = max(found[0], start), min(found[1], stop)
-    if not inside[0] < inside[1]:
-        problems.append(f"events: row {name} asks for {asked}, outside the case window {start:g} ... {stop:g} s")
-    elif inside != (found[0], found[1]) and not file.case.shortened:
-        problems.append(
-            f"case.window: {start:g} ... {stop:g} s is shorter than row {name} asks ({asked}, {row['applies_from']} to "
-            f"{row['applies_to'] or 'the end'}); widen it, or say why in case.shortened"
-        )
-    return inside

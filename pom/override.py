@@ -20,7 +20,9 @@ _WITH_BAND = ("trace", "end_value", "steady")
 _NUMBER = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)?$")
 
 
-class _Entry(Strict):
+class Entry(Strict):
+    """One entry of the table, written out."""
+
     abs: float | str | None = None
     percent: float | None = None
     base: Literal["ref_local", "ref_peak", "ref_scalar"] = "ref_local"
@@ -29,7 +31,7 @@ class _Entry(Strict):
     window: tuple[float, float] | None = None
 
     @model_validator(mode="after")
-    def _has_width(self) -> _Entry:
+    def _has_width(self) -> Entry:
         if self.abs is None and self.percent is None:
             raise ValueError("has no width; give abs, percent or both")
         return self
@@ -54,7 +56,7 @@ def override(criteria: Sequence[Criterion], key: str, item: Any, window: tuple[f
     UnknownName, UnitError, OutOfRange, SchemaError
         Key, unit, width or keys of the entry are wrong.
     """
-    entry = validate(_Entry, item if isinstance(item, dict) else {"abs": item}, "entry")
+    entry = validate(Entry, item if isinstance(item, dict) else {"abs": item}, "entry")
     matching = [c for c in criteria if c.name == key] or [c for c in criteria if c.channel == key and c.measure in _WITH_BAND]
     if not matching:
         try:
@@ -66,7 +68,7 @@ def override(criteria: Sequence[Criterion], key: str, item: Any, window: tuple[f
     return [_changed(c, entry) if c in matching else c for c in criteria]
 
 
-def _changed(criterion: Criterion, entry: _Entry) -> Criterion:
+def _changed(criterion: Criterion, entry: Entry) -> Criterion:
     limits = []
     if entry.percent is not None:
         limits.append(Limit("percent", entry.percent, "%"))
