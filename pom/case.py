@@ -208,10 +208,10 @@ def read_case(path: str | Path) -> PomCase:
     parts.check_names("certified", file.certified, {c.parameter for c in found}, "parameter", problems)
     largest, fraction = parts.ranges(file.ranges, problems), parts.fraction(file)
     drive = _drive(file, found, problems)
-    places = {key: parts.place(path, getattr(case, key), key, problems) for key in ("record", "names", "aircraft")}
+    as_written: dict[str, Any] = {key: getattr(case, key) for key in _AS_WRITTEN}
+    as_written |= {key: parts.place(path, getattr(case, key), key, problems) for key in ("record", "names", "aircraft")}
     resolved = PomCase(
-        **{key: getattr(case, key) for key in _AS_WRITTEN},
-        **places,
+        **as_written,
         path=str(path),
         drive=drive,
         conditions=parts.conditions(file.conditions, problems),

@@ -11,7 +11,7 @@ import xarray as xr
 from flightmech.names import VOCABULARY, lookup
 from flightmech.units import parse
 
-from .case import INPUTS, PomCase
+from .case import PomCase, driven
 from .channels import factor, si_unit
 from .criteria import Criterion
 from .tolerance import Invalid, NotJudged, Outcome, half_width, trace
@@ -48,15 +48,9 @@ def unjudged(case: PomCase, criterion: Criterion) -> str:
         return criterion.reason
     if criterion.channel in driven(case):
         return f"{criterion.channel} is driven by the record; what drives a model cannot be judged"
-    if criterion.channel.startswith("F_"):
+    if criterion.channel.startswith("F_") and case.drive.level == "recorded":
         return "the surfaces are driven, so pilot forces have no meaning"
     return ""
-
-
-def driven(case: PomCase) -> set[str]:
-    """Return the judged quantities that the drive of the case sets."""
-    control = "thrust" if case.drive.engine == "thrust" else "throttle"
-    return set(INPUTS) | {f"engine{n}.{control}" for n in range(1, 9)}
 
 
 def channels(criterion: Criterion) -> tuple[str, ...]:
