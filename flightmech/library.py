@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import weakref
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_void_p
 from functools import cache
 from pathlib import Path
@@ -158,6 +158,7 @@ class Model:
             raise SchemaError("model block", [text.value.decode(errors="replace").removeprefix("model block: ")])
         self.handle = c_void_p(handle)
         weakref.finalize(self, kernel.am_free, self.handle)
+        self._entries: dict[int, tuple[Entry, ...]] = {}
 
     def count(self, kind: int) -> int:
         """Return the number of inputs, outputs and so on."""
@@ -169,12 +170,16 @@ class Model:
 
     def entries(self, kind: int) -> tuple[Entry, ...]:
         """Return the catalogue of one kind, in the order of the kernel's arrays."""
-        row, rows = _Entry(), []
+        if kind not in self._entries:
+            self._entries[kind] = tuple(self._read(kind))
+        return self._entries[kind]
+
+    def _read(self, kind: int) -> Iterator[Entry]:
+        row = _Entry()
         for i in range(self.count(kind)):
             library().am_entry_at(self.handle, kind, i, byref(row))
             name, units, display_units, description = (getattr(row, column).decode() for column in Entry._fields[:4])
-            rows.append(Entry(name, units, display_units, description, row.value, row.low, row.high, row.flags))
-        return tuple(rows)
+            yield Entry(name, units, display_units, description, row.value, row.low, row.high, row.flags)
 
     @property
     def title(self) -> str:

@@ -16,21 +16,22 @@ from scipy.optimize import brentq
 
 from ..air import atmosphere
 from ..units import FOOT
-from .lateral import full_thrust
 from .performance import NO_ENGINES, NO_LEVEL, TOLERANCE, at_end, level_speeds, lowest, required, stall
 from .point import Point
+from .power import NO_THRUST, full_thrust, has_thrust, heights
 from .rows import Row, absent
 
 CLIMB = "climb"
-NO_THRUST = "the aircraft file gives an engine no thrust table"
 _SERVICE = 100.0 * FOOT / 60.0  # climb rate left at the service ceiling [m s-1]
+_NEAR = 5.0  # of the ceilings [m]
+_HIGHEST = 20e3  # where ceilings are looked for with thrust that falls with the pressure [m]
 
 
 def climb_rows(point: Point, speeds: tuple[float, float]) -> list[Row]:
     """Return climb rate, climb gradient, level speed and ceilings at full throttle as rows."""
     names = {"climb_rate_max": "m s-1", "V_climb_rate_max": "m s-1", "gamma_max": "rad", "V_gamma_max": "m s-1", "V_max": "m s-1"}
     ceilings = {"service_ceiling": "m", "absolute_ceiling": "m"}
-    if not point.aircraft.engines or any(engine.thrust is None for engine in point.aircraft.engines):
+    if not has_thrust(point.aircraft):
         return absent(CLIMB, {**names, **ceilings}, NO_THRUST if point.aircraft.engines else NO_ENGINES)
 
     def climb(V: float) -> float:
@@ -52,8 +53,7 @@ def climb_rows(point: Point, speeds: tuple[float, float]) -> list[Row]:
 
 def excess(flight: Point) -> float:
     """Return the excess thrust at full throttle over the weight of a level flight: the sine of the climb angle; NaN without one. [1]"""
-    available = sum(full_thrust(flight, number) for number in range(len(flight.aircraft.engines)))
-    return (available - required(flight)) / flight.weight
+    return (float(full_thrust(flight).sum()) - required(flight)) / flight.weight
 
 
 def _fastest(climb: Callable[[float], float], best: float, speeds: tuple[float, float]) -> list[Row]:
@@ -66,13 +66,15 @@ def _fastest(climb: Callable[[float], float], best: float, speeds: tuple[float, 
 
 
 def _ceilings(point: Point) -> list[Row]:
-    """Heights at which the best climb rate falls to 100 ft/min and to nothing, within the heights of the thrust tables."""
+    """Heights at which the best climb rate falls to 100 ft/min and to nothing.
+
+    Thrust tables are not looked at beyond their heights; corrected thrust is: held, it goes on falling with the pressure.
+    """
     names = {"service_ceiling": _SERVICE, "absolute_ceiling": 0.0}
-    tables = [engine.thrust for engine in point.aircraft.engines if engine.thrust is not None]
-    tops = [float(leaf["h"][-1]) for leaf in tables if "h" in leaf.coords and leaf["h"].size > 1]
-    if not tops:
+    reach = heights(point.aircraft)
+    if reach.end == np.inf and not reach.lapses:
         return absent(CLIMB, dict.fromkeys(names, "m"), "the thrust tables do not depend on height")
-    low, top = point["h"], min(tops)
+    low, top = point["h"], _HIGHEST if reach.lapses else reach.end
 
     def best(h: float) -> float:
         flight = point.level(_usual_speed(point, h), h)
@@ -89,8 +91,9 @@ def _ceilings(point: Point) -> list[Row]:
         elif ends[0] < left:
             rows += absent(CLIMB, {name: "m"}, f"below this height: it climbs {ends[0]:.3g} m/s here")
         else:
-            h = brentq(lambda h, left=left: best(h) - left, low, top, xtol=1.0)
-            rows.append(Row(CLIMB, name, float(h), "m", f"{left:.3g} m/s of climb left, constant true airspeed"))
+            h = brentq(lambda h, left=left: best(h) - left, low, top, xtol=_NEAR)
+            beyond = f"; above the tables of the deck, which end at {reach.end:.5g} m: corrected thrust held" if h > reach.end else ""
+            rows.append(Row(CLIMB, name, float(h), "m", f"{left:.3g} m/s of climb left, constant true airspeed{beyond}"))
     return rows
 
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 import xarray as xr
-from scipy.optimize import root
+from scipy.optimize import least_squares
 
-from .. import terms
 from ..simulation import simulate
 from ..units import DEGREE
 from .forces import COEFFICIENT, force_factor, missing
 from .point import Point
+from .power import NO_THRUST, full_thrust, has_thrust
 from .rows import Row, absent
 
 SIDESLIP, ROLL = "steady sideslip", "roll control"
@@ -127,8 +127,8 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Row]:
     arms = [engine.position[1] - point.cg[1] for engine in point.aircraft.engines]
     if len(arms) < 2 or max(map(abs, arms)) < 0.01 * point.aircraft.b:
         return absent(ROLL, names, "no engines beside the centre line")
-    if any(engine.thrust is None for engine in point.aircraft.engines):
-        return absent(ROLL, names, "an engine has no thrust table in the aircraft file")
+    if not has_thrust(point.aircraft):
+        return absent(ROLL, names, NO_THRUST)
     if abs(point.slope("delta_r")[5]) < _SMALL or abs(point.slope("delta_a")[3]) < _SMALL:
         return absent(ROLL, names, NO_RUDDER if abs(point.slope("delta_r")[5]) < _SMALL else NO_AILERON)
     if not {"delta_a", "delta_r"} <= set(point.aircraft.limits):
@@ -156,9 +156,9 @@ def _used(flight: Point, failed: int) -> float:
     craft = flight.aircraft
     side = -1.0 if craft.engines[failed].position[1] > flight.cg[1] else 1.0  # the live engines are on this side, and so is the bank
     moment = np.zeros(3)
-    for number, engine in enumerate(craft.engines):
+    for number, (engine, thrust) in enumerate(zip(craft.engines, full_thrust(flight), strict=True)):
         if number != failed:
-            moment += np.cross(np.array(engine.position) - flight.cg, full_thrust(flight, number) * np.array(engine.direction))
+            moment += np.cross(np.array(engine.position) - flight.cg, thrust * np.array(engine.direction))
     qS = flight["qbar"] * craft.S
     given = np.array([flight.CW * np.cos(flight["theta"]) * np.sin(side * _BANK), moment[0] / (qS * craft.b), moment[2] / (qS * craft.b)])
 
@@ -166,8 +166,8 @@ def _used(flight: Point, failed: int) -> float:
         beta, delta_a, delta_r = z
         return flight.body(beta=beta, delta_a=delta_a, delta_r=delta_r)[[1, 3, 5]] + given
 
-    found = root(left, np.zeros(3), tol=1e-10)
-    if not found.success:
+    found = least_squares(left, np.zeros(3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    if np.abs(found.fun).max() > _SMALL:
         return float("inf")
     _, delta_a, delta_r = found.x
     return max(_share(delta_a, craft.limits["delta_a"]), _share(delta_r, craft.limits["delta_r"]))
@@ -175,12 +175,3 @@ def _used(flight: Point, failed: int) -> float:
 
 def _share(angle: float, limits: tuple[float, float]) -> float:
     return float(angle / (limits[1] if angle > 0.0 else limits[0]))
-
-
-def full_thrust(flight: Point, number: int) -> float:
-    """Return the thrust of an engine (from 0) at full throttle at the speed and height of a flight. [N]"""
-    leaf = flight.aircraft.engines[number].thrust
-    if leaf is None:
-        return float("nan")
-    full = flight.aircraft.limits.get("throttle", (0.0, 1.0))[1]
-    return float(terms.evaluate(leaf, {**flight.variables, "throttle": full}, outside="clamp"))

@@ -20,13 +20,13 @@ from ..air import atmosphere
 from ..errors import SimulationError
 from ..names import attrs
 from ..units import DEGREE
-from .lateral import full_thrust
 from .point import Point
+from .power import burns_fuel, full_thrust, has_thrust
 from .rows import Row, absent
 
 STALL, POLAR, LEVEL, RANGE = "stall", "drag polar", "level flight", "range"
 _POLAR_POINTS = 121
-_HALVINGS = 40  # of the elevator travel: to 1e-12 rad
+_STEPS, _BALANCED = 60, 1e-14  # most steps to the elevator of no moment, and the moment that counts as none
 _PLAIN = 15.0 * DEGREE
 _BELOW = 5.0 * DEGREE  # angles of attack below zero that the polar shows
 _FIT = (0.1, 0.7)  # of the largest lift coefficient: where the parabola is fitted
@@ -90,11 +90,16 @@ def _balanced(point: Point, alpha: np.ndarray, at: dict[str, float]) -> np.ndarr
     first, last = moment(low), moment(high)
     if (first == last).all():
         return np.full(alpha.shape, point.variables["delta_e"])
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        same = np.sign(moment(middle)) == np.sign(first)
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
-    return np.where(np.sign(first) * np.sign(last) <= 0.0, 0.5 * (low + high), np.nan)
+    inside = np.sign(first) * np.sign(last) <= 0.0
+    for _ in range(_STEPS):  # false position, the end that stays counted by half
+        there = np.where(inside & (last != first), high - last * (high - low) / np.where(last != first, last - first, 1.0), high)
+        left = moment(there)
+        stays = np.sign(left) == np.sign(last)
+        low, first = np.where(stays, low, high), np.where(stays, 0.5 * first, last)
+        high, last = there, left
+        if np.abs(last[inside]).max(initial=0.0) < _BALANCED:
+            break
+    return np.where(inside, high, np.nan)
 
 
 def stall(point: Point) -> Stall:
@@ -165,7 +170,7 @@ def level_rows(point: Point, speeds: tuple[float, float]) -> list[Row]:
     """Return the speeds of least drag and least power and the range figures as rows."""
     drags = {"V_minimum_drag": "m s-1", "minimum_drag": "N", "V_minimum_power": "m s-1", "minimum_power": "W"}
     ranges = {"L_D_level": "1", "M_L_D_max": "1", "V_M_L_D_max": "m s-1"}
-    consumed = absent(RANGE, {"specific_range": "m kg-1"}, "the aircraft file gives no fuel flow; L/D and M L/D stand for it")
+    consumed = _specific_range(point, speeds)
     if not point.aircraft.engines:
         return [*absent(LEVEL, drags, NO_ENGINES), *absent(RANGE, ranges, NO_ENGINES), *consumed]
     drag = lowest(lambda V: required(point.level(V)), speeds)
@@ -186,14 +191,33 @@ def level_rows(point: Point, speeds: tuple[float, float]) -> list[Row]:
     ]
 
 
+def _specific_range(point: Point, speeds: tuple[float, float]) -> list[Row]:
+    """Distance per fuel in level flight, the lever where it holds the speed."""
+    names = {"specific_range": "m kg-1", "V_specific_range": "m s-1"}
+    if not burns_fuel(point.aircraft):
+        return absent(RANGE, names, "the aircraft file gives no fuel flow; L/D and M L/D stand for it")
+
+    def far(V: float) -> float:
+        flight = point.at(init__V=V, init__gamma=0.0, mode__engine=0.0)
+        return V / flight.fuel_flow if flight.is_trimmed else float("nan")
+
+    V = lowest(lambda V: -far(V), speeds)
+    if not np.isfinite(V):
+        return absent(RANGE, names, "the engines hold level flight at no speed of the tables")
+    return [
+        Row(RANGE, "specific_range", far(V), "m kg-1", "best of level flight, fuel flow of the engine decks"),
+        Row(RANGE, "V_specific_range", V, "m s-1", at_end(V, speeds)),
+    ]
+
+
 def performance_curves(point: Point, speeds: tuple[float, float], count: int = 41) -> xr.Dataset:
     """Return thrust required and available, lift over drag and climb over speed, level flight.
 
     Returns
     -------
     Dataset (V,)
-        ``thrust_required``, ``thrust_available`` [N], ``L_D``, ``M_L_D``, ``climb_rate`` [m s-1]; what needs a thrust table is
-        absent without one; NaN where no steady flight is found.
+        ``thrust_required``, ``thrust_available`` [N], ``L_D``, ``M_L_D``, ``climb_rate`` [m s-1]; what needs the thrust of
+        the engines is absent without it; NaN where no steady flight is found.
     """
     V = np.linspace(*speeds, count)
     flights = [point.level(float(x)) for x in V]
@@ -201,9 +225,8 @@ def performance_curves(point: Point, speeds: tuple[float, float], count: int = 4
     ratio = point.weight / np.where(need > 0.0, need, np.nan)
     mach = np.array([flight["mach"] for flight in flights])
     columns = {"thrust_required": (need, "N"), "L_D": (ratio, "1"), "M_L_D": (mach * ratio, "1")}
-    engines = point.aircraft.engines
-    if engines and all(engine.thrust is not None for engine in engines):
-        have = np.array([sum(full_thrust(flight, number) for number in range(len(engines))) for flight in flights])
+    if has_thrust(point.aircraft):
+        have = np.array([full_thrust(flight).sum() for flight in flights])
         columns |= {"thrust_available": (have, "N"), "climb_rate": ((have - need) / point.weight * V, "m s-1")}
     data = {name: ("V", values, {"units": units}) for name, (values, units) in columns.items()}
     return xr.Dataset(data, {"V": ("V", V, attrs("V"))}, attrs={"title": point.aircraft.name})

@@ -139,6 +139,11 @@ class Point:
         return sum(self[f"engine{number}.thrust"] for number in range(1, len(self.aircraft.engines) + 1))
 
     @property
+    def fuel_flow(self) -> float:
+        """Sum of the fuel flows of engines with decks. [kg s-1]"""
+        return sum(self[f"engine{number}.fuel_flow"] for number in range(1, len(self.aircraft.engines) + 1))
+
+    @property
     def excess(self) -> float:
         """Largest acceleration that the longitudinal controls left. [m s-2, rad s-2]"""
         return max(abs(self[f"trim.{name}_dot"]) for name in "uwq")

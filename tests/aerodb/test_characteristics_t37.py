@@ -15,6 +15,8 @@ import aerodb
 import flightmech
 from aerodb.cli import db as command
 from flightmech.qualities.condition import parameters
+from flightmech.terms import evaluate
+from flightmech.units import FOOT
 from pom.modes import fit_mode
 
 ROOT = Path(__file__).parents[2]
@@ -112,8 +114,40 @@ def test_what_datcom_does_not_give_is_absent(found):
     absent = found.table["absent"]
     assert "rudder has no effect" in absent["delta_r_per_beta"]
     assert absent["stick_force_per_g"] == ""  # the listing gives Ch_e, the aircraft file an estimated hinge
-    assert "gives an engine no thrust table" in absent["service_ceiling"]  # a deck is not yet read for performance
     assert (found.table["value"].isna() == (absent != "")).all()
+
+
+def test_full_thrust_is_that_of_the_deck_by_hand(aircraft, found):
+    """Governor to n2, n2 over the root of theta, pressure ratio times the corrected thrust, for two engines."""
+    V = float(found.performance["V"][20])
+    air, tables = flightmech.air.atmosphere(CONDITION["h"]), aircraft.engines[0].deck.tables
+    mach = V / float(air.a_sound)
+    n2 = float(evaluate(tables["n2_command"], {"throttle": 1.0}))
+    theta = float(air.temperature) / 288.15 * (1.0 + 0.2 * mach**2)
+    corrected = float(evaluate(tables["corrected_thrust"], {"corrected_n2": n2 / np.sqrt(theta), "mach": mach, "h": CONDITION["h"]}))
+    assert float(found.performance["thrust_available"][20]) == pytest.approx(2.0 * corrected * float(air.p_static) / 101325.0, rel=1e-9)
+
+
+def test_performance_beside_the_published_aeroplane(aircraft, prior):
+    """T-37B at 2994 kg: 3020 ft/min at sea level, service ceiling 35 100 ft, 425 mph (commonly printed data sheet).
+
+    DATCOM's drag is half of the flown one, so it climbs better and higher than any T-37; the deck ends at 6200 m, which is said.
+    """
+    table = flightmech.characteristics(aircraft, prior, {"V": 110.0, "h": 0.0, "mass": 2994.0}).table
+    assert 1.3 < table.loc["climb_rate_max", "value"] / (3020.0 * FOOT / 60.0) < 1.8
+    assert 1.2 < table.loc["service_ceiling", "value"] / (35100.0 * FOOT) < 1.4
+    assert "above the tables of the deck, which end at 6200 m" in table.loc["service_ceiling", "remark"]
+    assert "thrust is still left" in table.loc["V_max", "absent"]  # tables end at Mach 0.6, 200 m/s
+
+
+@pytest.mark.slow
+def test_performance_of_the_identified_aeroplane(aircraft, demo):
+    """At sea level, 2994 kg: climb within 10 % of the published 3020 ft/min; the ceiling 20 % low, for its Oswald factor is 0.48."""
+    folder, _ = demo
+    table = flightmech.characteristics(aircraft, aerodb.open(folder / "final.nc"), {"V": 110.0, "h": 0.0, "mass": 2994.0}).table
+    assert table.loc["climb_rate_max", "value"] == pytest.approx(3020.0 * FOOT / 60.0, rel=0.10)
+    assert table.loc["service_ceiling", "value"] == pytest.approx(0.8 * 35100.0 * FOOT, rel=0.05)
+    assert table.loc["V_max", "value"] == pytest.approx(0.44704 * 425.0, rel=0.05)
 
 
 def test_derivatives_beside_the_model_page(found):

@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 import flightmech
 from flightmech.aircraft import Control, Engine
 from flightmech.errors import SchemaError, SimulationError, UnknownName
+from flightmech.submodels.deck import Deck
 from flightmech.terms import make
 from flightmech.units import G0
 
@@ -202,16 +203,35 @@ def test_polar_and_glide(found, state, plain_aircraft):
     assert value(found, "V_best_glide") == pytest.approx(np.sqrt(2 * 2400.0 * G0 / (rho * 17.0 * np.hypot(CL, CD))), rel=0.01)
 
 
-@pytest.fixture(scope="module")
-def jet(plain_aircraft, plain_tree):
-    """Symmetric polar CD = 0.02 + 0.05 CL^2, thrust that falls with height only, twin engines 2 m apart."""
-    thrust = make([[0.0, 0.0], [5000.0, 0.0]], {"throttle": [0.0, 1.0], "h": [0.0, 12000.0]})
-    engines = tuple(Engine((0.0, y, 0.0), thrust=thrust) for y in (-1.0, 1.0))
+def symmetric_jet(plain_aircraft, plain_tree, **engine):
+    """Symmetric polar CD = 0.02 + 0.05 CL^2, twin engines 2 m apart."""
+    engines = tuple(Engine((0.0, y, 0.0), **engine) for y in (-1.0, 1.0))
     alpha = np.radians([-10.0, 0.0, 10.0, 14.0, 18.0])
     lift = make([-0.9, 0.0, 0.9, 1.26, 1.1], {"alpha": alpha})
     slope = 0.9 / np.radians(10.0)
     db = plain_tree(CL={"": lift, "alpha": 0.0}, CD={"": 0.02, "alpha alpha": 0.05 * slope**2}, Cm={"": 0.0})
     return flightmech.characteristics(plain_aircraft(engines=engines), db, {"V": 120.0, "h": 3000.0, "mass": 2500.0})
+
+
+@pytest.fixture(scope="module")
+def jet(plain_aircraft, plain_tree):
+    """Thrust that falls with height only."""
+    return symmetric_jet(
+        plain_aircraft, plain_tree, thrust=make([[0.0, 0.0], [5000.0, 0.0]], {"throttle": [0.0, 1.0], "h": [0.0, 12000.0]})
+    )
+
+
+@pytest.fixture(scope="module")
+def decked(plain_aircraft, plain_tree):
+    """Corrected thrust over corrected N2, which the lever commands, and a fuel flow in proportion: 2e-5 kg/s per N."""
+    speeds, time = {"corrected_n2": [0.5, 1.0]}, make(0.5)
+    tables = {
+        "corrected_n2_command": make([0.5, 1.0], {"throttle": [0.0, 1.0]}),
+        "n2_up_time": time,
+        "corrected_thrust": make([0.0, 6000.0], speeds),
+        "corrected_fuel_flow": make([0.0, 0.12], speeds),
+    }
+    return symmetric_jet(plain_aircraft, plain_tree, deck=Deck(tables))
 
 
 def test_stall_at_the_maximum_of_the_table(jet):
@@ -257,6 +277,30 @@ def test_climb_and_ceiling(jet):
     assert float(jet.performance["thrust_required"].interp(V=V_max)) == pytest.approx(have, rel=0.01)
 
 
+def test_climb_and_ceiling_of_a_deck(decked):
+    """Thrust is the pressure ratio times 12 kN, so the absolute ceiling is the pressure altitude where that is the least drag."""
+    W = 2500.0 * G0
+    least = W * 2 * np.sqrt(0.02 * 0.05)
+    have = 12000.0 * float(flightmech.air.atmosphere(3000.0).p_static) / 101325.0
+    assert np.sin(value(decked, "gamma_max")) == pytest.approx((have - least) / W, rel=0.01)
+    np.testing.assert_allclose(decked.performance["thrust_available"], have, rtol=1e-9)
+    ceiling = brentq(lambda h: 12000.0 * float(flightmech.air.atmosphere(h).p_static) / 101325.0 - least, 0.0, 20e3)
+    assert value(decked, "absolute_ceiling") == pytest.approx(ceiling, abs=100.0)  # 1 % of thrust is 80 m
+    assert "tables of the deck" not in decked.table.loc["absolute_ceiling", "remark"]  # none has an axis of height
+
+
+def test_specific_range_of_a_deck(decked):
+    """V / (2e-5 sqrt(theta) D), theta the total temperature ratio, over all speeds."""
+    air, W = flightmech.air.atmosphere(3000.0), 2500.0 * G0
+    speed = np.linspace(60.0, 200.0, 1401)
+    qS = 0.5 * float(air.rho) * speed**2 * 17.0
+    drag = 0.02 * qS + 0.05 * W**2 / qS
+    theta = float(air.temperature) / 288.15 * (1.0 + 0.2 * (speed / float(air.a_sound)) ** 2)
+    far = speed / (2e-5 * np.sqrt(theta) * drag)
+    assert value(decked, "specific_range") == pytest.approx(far.max(), rel=0.01)
+    assert value(decked, "V_specific_range") == pytest.approx(speed[far.argmax()], rel=0.02)
+
+
 def test_minimum_control_speed(plain_aircraft, plain_tree):
     """Balance of sideslip, ailerons and rudder at 5 degrees of bank, solved here by linear algebra at the speed found."""
     thrust = make([0.0, 9000.0], {"throttle": [0.0, 1.0]})
@@ -283,7 +327,7 @@ def test_what_is_absent_says_why(plain_aircraft, plain_tree):
     assert "no hinge moments Ch_e over the elevator" in reason(found, "neutral_point_free")
     assert "rudder has no effect" in reason(found, "delta_r_per_beta")
     assert reason(found, "roll_rate_peak") == "the aircraft file gives no limits of delta_a"
-    assert reason(found, "climb_rate_max") == "the aircraft file gives an engine no thrust table"
+    assert reason(found, "climb_rate_max") == "the aircraft file gives an engine neither a thrust table nor a deck"
     assert "no engines beside the centre line" in reason(found, "minimum_control_speed")
     half = flightmech.characteristics(plain_aircraft(), plain_tree(Ch_e=HINGE), CONDITION)
     assert "no [control.delta_e]" in reason(half, "stick_force_per_g")
