@@ -1,14 +1,22 @@
-"""The math pilot: loops that move controls so that the model follows recorded channels, and what they did.
+"""The math pilot: loops that move controls so that the model follows recorded channels.
 
-`worker.py` runs this module in the child process of an FMU, by its file: it imports nothing but NumPy.
+The child process of an FMU runs it, so it imports nothing but NumPy.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+_TURNING = ("phi", "psi", "lon")
+
+
+def shortest(channel: str, error: float) -> float:
+    """Return an error; of an angle that jumps by a full turn the one below half a turn."""
+    return math.remainder(error, 2.0 * math.pi) if channel in _TURNING and math.isfinite(error) else error
 
 
 @dataclass(frozen=True)
@@ -89,7 +97,7 @@ class Pilot:
         """
         total = dict.fromkeys(self.moved, 0.0)
         for i, loop in enumerate(self.loops):
-            total[loop.control] += self._correction(i, float(self.targets[i][k] - outputs[loop.channel]), k)
+            total[loop.control] += self._correction(i, shortest(loop.channel, float(self.targets[i][k] - outputs[loop.channel])), k)
         for name, value in total.items():
             self.moved[name][k] = value
         return total

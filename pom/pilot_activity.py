@@ -1,0 +1,83 @@
+"""What the math pilot did: how far he moved each control, how often at his limit, and how well he held his channels."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from flightmech.names import lookup
+
+from .pilot import Loop, shortest
+from .result import PomResult
+
+PILOT = "pilot"  # attribute of the signals of a result: JSON
+_COLUMNS = ("run", "control", "gains", "mean", "rms", "largest", "at", "at_limit", "held")
+
+
+def activity(
+    run: str,
+    loops: Sequence[Loop],
+    time: np.ndarray,
+    moved: Mapping[str, np.ndarray],
+    targets: Mapping[str, np.ndarray],
+    outputs: Mapping[str, np.ndarray],
+) -> list[dict]:
+    """Return one row per control that the math pilot moved in a run.
+
+    Parameters
+    ----------
+    run : str
+        The model.
+    moved : mapping of str to array (time,)
+        His corrections, as `pom.pilot.Pilot.moved`. [SI of the control]
+    targets, outputs : mapping of str to array (time,)
+        The channels he held, recorded and of the model. [SI]
+
+    Returns
+    -------
+    list of dict
+        ``control``; ``gains``, his loops in words; ``mean``, ``rms`` and ``largest`` correction (signed) and its time ``at`` [s];
+        ``at_limit``, the share of samples with all that his loops allow; ``held``, the rms by which each channel missed its
+        record, in words. [SI]
+    """
+    rows = []
+    for control, correction in moved.items():
+        mine = [loop for loop in loops if loop.control == control]
+        known = np.isfinite(correction)
+        if not known.any():
+            continue
+        used, when = correction[known], time[known]
+        largest = int(np.argmax(np.abs(used)))
+        allowed = sum(loop.limit for loop in mine)
+        rows.append(
+            {
+                "run": run,
+                "control": control,
+                "gains": ", ".join(_gains(loop) for loop in mine),
+                "mean": float(used.mean()),
+                "rms": float(np.sqrt(np.mean(used**2))),
+                "largest": float(used[largest]),
+                "at": float(when[largest]),
+                "at_limit": float(np.mean(np.abs(used) >= allowed * (1.0 - 1e-9))),
+                "held": ", ".join(_held(loop.channel, targets, outputs) for loop in mine),
+            }
+        )
+    return rows
+
+
+def pilot_activity(result: PomResult) -> pd.DataFrame:
+    """Return the rows of `activity` of all models of a result; empty when no math pilot flew."""
+    return pd.DataFrame(json.loads(result.signals.attrs.get(PILOT, "[]")), columns=list(_COLUMNS))
+
+
+def _gains(loop: Loop) -> str:
+    integral = f" + {loop.integral:g}/s" if loop.integral else ""
+    return f"({loop.gain:g}{integral}) x {loop.channel}, at most {loop.limit:g}"
+
+
+def _held(name: str, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]) -> str:
+    missed = np.array([shortest(name, error) for error in targets[name] - outputs[name]])
+    return f"{name} {np.sqrt(np.nanmean(missed**2)):.3g} {lookup(name).units} rms"
