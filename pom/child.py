@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import os
 import pickle
 import shutil
 import signal
@@ -10,22 +11,34 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
+_HERE = str(Path(__file__).parents[1])  # the child finds this very package
 KEPT = 4  # children that may wait for work at the same time
 
 
 @dataclass(frozen=True)
 class Reply:
-    """Outputs (time, output) of a job, NaN where there are none, and the text of the failure, empty when it went well."""
+    """What a job gave.
+
+    Attributes
+    ----------
+    outputs : array (time, output)
+        NaN where there are none.
+    error : str
+        Text of the failure, empty when it went well.
+    moved : dict of str to array (time,)
+        What the math pilot added, by control. [SI]
+    """
 
     outputs: np.ndarray
     error: str
+    moved: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 class Child:
@@ -38,36 +51,27 @@ class Child:
         self._words: IO[bytes] | None = None
         self.busy = threading.Lock()
 
-    def run(
-        self,
-        time: np.ndarray,
-        inputs: Mapping[str, np.ndarray],
-        parameters: Mapping[str, float],
-        outputs: Sequence[str],
-        timeout: float,
-    ) -> Reply:
-        """Replay inputs and return the outputs; a crash or a time-out is a reply, not an error.
+    def run(self, job: Mapping[str, Any], timeout: float, once: bool = False) -> Reply:
+        """Fly a job; a crash or a time-out is a reply, not an error.
 
         Parameters
         ----------
-        time : array (time,)
-            Communication points. [s]
-        inputs : mapping of str to array (time,)
-        parameters : mapping of str to float
-            Set before initialisation.
-        outputs : sequence of str
+        job : mapping
+            As `pom.worker.replay` takes it.
         timeout : float
             Wall time allowed. [s]
+        once : bool
+            The process ends with the job: the FMU cannot be instantiated twice in one.
         """
-        nothing = np.full((len(time), len(outputs)), np.nan)
-        job = {"time": time, "inputs": dict(inputs), "parameters": dict(parameters), "outputs": list(outputs)}
+        nothing = np.full((len(job["time"]), len(job["outputs"])), np.nan)
         with self.busy:
-            answer = self._ask(job, timeout)
-            if isinstance(answer, str):
+            answer = self._ask(dict(job), timeout)
+            if once or isinstance(answer, str):
                 self.close()
-                return Reply(nothing, answer)
+        if isinstance(answer, str):
+            return Reply(nothing, answer)
         found = answer["outputs"]
-        return Reply(nothing if found is None else found, answer["error"])
+        return Reply(nothing if found is None else found, answer["error"], answer["moved"])
 
     def _ask(self, job: dict[str, Any], timeout: float) -> dict[str, Any] | str:
         process = self._start()
@@ -99,10 +103,11 @@ class Child:
             self._folder = tempfile.mkdtemp(prefix="aeromatch-fmu-")
             self._words = tempfile.TemporaryFile()  # noqa: SIM115  lives as long as the process
             self._process = subprocess.Popen(
-                [sys.executable, "-P", str(Path(__file__).with_name("worker.py")), str(self._fmu.resolve()), self._folder],
+                [sys.executable, "-P", "-m", "pom.worker", str(self._fmu.resolve()), self._folder],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._words,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join([_HERE, *filter(None, [os.environ.get("PYTHONPATH")])])},
             )
         return self._process
 

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
-from flightmech.names import lookup
 from flightmech.units import parse
+
+from .links import Link, Links, house_unit
+
+_TEXTS = ("String", "Binary", "Clock")
 
 
 @dataclass(frozen=True)
 class Fmu:
-    """Interface of an FMU: names and units (empty: not declared) of inputs, outputs (scalar numbers) and parameters.
+    """Interface of an FMU: names and units (empty: not declared) of scalar numbers.
 
     Attributes
     ----------
@@ -25,6 +29,16 @@ class Fmu:
         Of the file.
     inputs, outputs, parameters : dict of str to str
         Name to unit.
+    settable : dict of str to str
+        Variables that are no parameters but take a start value.
+    exchange : bool
+        Model exchange, for want of co-simulation.
+    even : bool
+        It takes steps of one length only.
+    step : float
+        That length; 0: any. [s]
+    once : bool
+        It can be instantiated only once in a process.
     """
 
     path: Path
@@ -33,15 +47,25 @@ class Fmu:
     inputs: Mapping[str, str]
     outputs: Mapping[str, str]
     parameters: Mapping[str, str]
+    settable: Mapping[str, str] = field(default_factory=dict)
+    exchange: bool = False
+    even: bool = False
+    step: float = 0.0
+    once: bool = False
 
 
 def read_fmu(path: str | Path) -> Fmu:
-    """Read the description of a co-simulation FMU; its code is not run.
+    """Read the description of an FMU; its code is not run.
+
+    Parameters
+    ----------
+    path : path
+        FMU of FMI 1.0, 2.0 or 3.0.  Where it offers co-simulation, that is used; else model exchange.
 
     Raises
     ------
     ParseError
-        No FMU, a broken description, or one without co-simulation of FMI 2.0 or 3.0.
+        No FMU, a broken description, or one with scheduled execution only.
     FileNotFoundError
     """
     path = Path(path)
@@ -53,20 +77,68 @@ def read_fmu(path: str | Path) -> Fmu:
         description = read_model_description(str(path), validate=False)
     except Exception as error:  # FMPy raises what its parser raised
         raise ParseError(str(path), 0, str(error).split("\n")[0], "an FMU (zip file with modelDescription.xml)") from error
-    if description.coSimulation is None or description.fmiVersion[:1] not in "23":
-        kinds = "co-simulation" if description.coSimulation else "no co-simulation"
-        raise ParseError(str(path), 0, f"FMI {description.fmiVersion} with {kinds}", "co-simulation of FMI 2.0 or 3.0")
-    found: dict[str, dict[str, str]] = {"input": {}, "output": {}, "parameter": {}}
+    kind = description.coSimulation or description.modelExchange
+    if kind is None:
+        raise ParseError(
+            str(path), 0, f"FMI {description.fmiVersion} without co-simulation and model exchange", "an FMU that offers one of them"
+        )
+    found: dict[str, dict[str, str]] = {"input": {}, "output": {}, "parameter": {}, "start": {}}
     for variable in description.modelVariables:
-        number = variable.type in ("Real", "Float64") and not getattr(variable, "dimensions", None)
-        if variable.causality == "parameter" or (variable.causality in found and number):
-            found[variable.causality][variable.name] = variable.unit or ""
+        if variable.type in _TEXTS or getattr(variable, "dimensions", None):
+            continue
+        if variable.causality in found:
+            found[variable.causality][variable.name] = _unit(variable)
+        if variable.causality in ("output", "local") and _takes_start(variable, description.fmiVersion):
+            found["start"][variable.name] = _unit(variable)
+    even, step = _steps(description)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
-    return Fmu(path, description.fmiVersion, digest, found["input"], found["output"], found["parameter"])
+    return Fmu(
+        path.resolve(),
+        description.fmiVersion,
+        digest,
+        found["input"],
+        found["output"],
+        found["parameter"],
+        found["start"],
+        exchange=description.coSimulation is None,
+        even=even,
+        step=step,
+        once=bool(kind.canBeInstantiatedOnlyOncePerProcess),
+    )
 
 
-def check(fmu: Fmu, inputs: Iterable[str], outputs: Iterable[str], parameters: Iterable[str]) -> None:
-    """Check that an FMU offers what a case needs, in the units of the house where it declares any.
+def _unit(variable: Any) -> str:
+    return variable.unit or (variable.declaredType.unit if variable.declaredType is not None else "") or ""
+
+
+def _takes_start(variable: Any, version: str) -> bool:
+    if variable.start is None or variable.variability == "constant":
+        return False
+    return version.startswith("1") or variable.initial in ("exact", "approx")
+
+
+def _steps(description: Any) -> tuple[bool, float]:
+    """Return whether an FMU takes steps of one length only, and that length, 0 when it does not say it. [s]"""
+    kind, experiment = description.coSimulation, description.defaultExperiment
+    if kind is None:
+        return False, 0.0
+    if kind.fixedInternalStepSize:
+        return True, float(kind.fixedInternalStepSize)
+    if kind.canHandleVariableCommunicationStepSize:
+        return False, 0.0
+    return True, float(experiment.stepSize) if experiment is not None and experiment.stepSize else 0.0
+
+
+def check(fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str], parameters: Iterable[str]) -> None:
+    """Check that an FMU offers what a case needs, in units that the house can turn.
+
+    Parameters
+    ----------
+    fmu : Fmu
+    links : Links
+        From `links_of`.
+    inputs, outputs, parameters : iterable of str
+        House names.
 
     Raises
     ------
@@ -74,33 +146,31 @@ def check(fmu: Fmu, inputs: Iterable[str], outputs: Iterable[str], parameters: I
         With every missing name, the near ones, and every foreign unit.
     """
     problems: list[str] = []
-    wanted = (("input", inputs, fmu.inputs), ("output", outputs, fmu.outputs), ("parameter", parameters, fmu.parameters))
-    for what, names, offered in wanted:
+    wanted = (
+        ("input", inputs, links.inputs, fmu.inputs),
+        ("output", outputs, links.outputs, fmu.outputs),
+        ("parameter", parameters, links.parameters, fmu.parameters),
+    )
+    for what, names, linked, offered in wanted:
         for name in names:
-            if name not in offered:
-                problems.append(str(UnknownName(name, offered, what, "the case needs it and the FMU does not offer it")))
-            else:
+            if name not in linked:
+                problems.append(str(UnknownName(name, [*linked], what, "the case needs it and the FMU does not offer it")))
+            elif linked[name] == Link(name):
                 problems += _unit_problem(what, name, offered[name])
     if problems:
         raise SchemaError(f"FMU {fmu.path}", problems)
 
 
 def _unit_problem(what: str, name: str, unit: str) -> list[str]:
-    """Compare a declared unit with that of the house: same quantity, same size."""
+    """Compare the declared unit of a variable that no table turns with that of the house: same quantity, same size."""
     try:
-        expected = lookup(_bare(name)).units
+        expected = house_unit(name)
     except UnknownName:
         return []
     try:
         same = not unit or parse(unit) == parse(expected)
     except UnitError as error:
         return [f"{what} {name}: {error}"]
-    return [] if same else [f"{what} {name} is in {unit!r}; this house needs {expected!r}, write the FMU in SI"]
-
-
-def _bare(name: str) -> str:
-    """Return the quantity of a grouped name: ``init.theta`` is theta, ``engine1.thrust_drive`` a thrust."""
-    if name.endswith(".thrust_drive"):
-        return "thrust"
-    head, _, tail = name.partition(".")
-    return tail if head in ("init", "mass", "env", "trim", "applied") else name
+    if same:
+        return []
+    return [f"{what} {name} is in {unit!r}; this house needs {expected!r}, write the FMU in SI or give its unit in a table of names (--names)"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +16,12 @@ from flightmech.names import lookup
 
 from .case import PomCase
 from .channels import WRAPPED
-from .child import child
 from .drive import Job, configuration, job_of
 from .flight import flight_states
-from .fmus import Fmu, check, read_fmu
+from .flying import Model, fly, models_of
+from .fmus import check
 from .result import PomResult, verdict_table
+from .store import Store
 from .tolerance import Outcome
 from .verdict import bands, channels, judge, row, unjudged
 
@@ -33,7 +35,31 @@ LARGEST_BIAS = np.radians(1.0)
 """A larger bias of a surface is remarked: what a longitudinal trim allows the elevator (2.c.5, 14 CFR 60 App. A)."""
 
 
-def replay(case: PomCase, runs: Mapping[str, str | Path], path: Any = None, timeout: float = 60.0) -> PomResult:
+@dataclass(frozen=True)
+class Plan:
+    """A case, ready to be flown by any model.
+
+    Attributes
+    ----------
+    case : PomCase
+    states : Dataset (time)
+        The flight over the window.
+    job : Job
+        What drives the models.
+    """
+
+    case: PomCase
+    states: xr.Dataset
+    job: Job
+
+
+def replay(
+    case: PomCase,
+    runs: Mapping[str, str | Path],
+    path: Any = None,
+    timeout: float = 60.0,
+    names: Mapping[str, str | Path] | None = None,
+) -> PomResult:
     """Replay a case by FMUs, each in a child process, and judge it.
 
     Parameters
@@ -41,11 +67,13 @@ def replay(case: PomCase, runs: Mapping[str, str | Path], path: Any = None, time
     case : PomCase
         From `read_case`.
     runs : mapping of str to path
-        Name of a model to its FMU, in the order of the report.
+        Name of a model to its FMU (FMI 1.0 to 3.0, co-simulation or model exchange), in the order of the report.
     path : Path of flighttest.reconstruct or Dataset (time), optional
         Reconstructed path of the record; without it the record is read and reconstructed.
     timeout : float
         Wall time allowed per model. [s]
+    names : mapping of str to path, optional
+        Name of a model to the table of its names, units and signs, when they are not those of the house (`docs/pom-replay.md`).
 
     Returns
     -------
@@ -55,22 +83,46 @@ def replay(case: PomCase, runs: Mapping[str, str | Path], path: Any = None, time
     Raises
     ------
     SchemaError
-        A model lacks an input, output or parameter that the case needs, or declares another unit.
+        A model lacks an input, output or parameter that the case needs, declares another unit, or its table of names does not fit.
     OutOfRange
         The window is not inside the record, or an input holds a NaN.
     """
-    fmus = {name: read_fmu(file) for name, file in runs.items()}
+    models = models_of(runs, names)
+    plan = plan_of(case, path)
+    for model in models.values():
+        check_plan(plan, model)
+    return perform(plan, models, timeout)
+
+
+def plan_of(case: PomCase, path: Any = None) -> Plan:
+    """Return what `perform` flies; parameters and errors as `replay`."""
     states = flight_states(case, path)
-    job = job_of(case, states)
-    judged, shown = judged_channels(case), shown_channels(case, states)
-    for fmu in fmus.values():
-        inputs = _taken(job.inputs, fmu.inputs, job.needed_inputs)
-        check(fmu, inputs, _taken(shown, fmu.outputs, judged), _taken(job.parameters, fmu.parameters, job.needed_parameters))
+    return Plan(case, states, job_of(case, states))
+
+
+def check_plan(plan: Plan, model: Model) -> None:
+    """Check that a model offers what a case needs.
+
+    Raises
+    ------
+    SchemaError
+        With every name that is missing and every unit that does not fit.
+    """
+    job, links = plan.job, model.links
+    inputs = _taken(job.inputs, links.inputs, {*job.needed_inputs, *(loop.control for loop in job.pilot)})
+    outputs = _taken([*shown_channels(plan.case, plan.states), *job.targets], links.outputs, {*judged_channels(plan.case), *job.targets})
+    check(model.fmu, links, inputs, dict.fromkeys(outputs), _taken(job.parameters, links.parameters, job.needed_parameters))
+
+
+def perform(plan: Plan, models: Mapping[str, Model], timeout: float, store: Store | None = None) -> PomResult:
+    """Fly a checked plan by every model and judge it; parameters as `replay` and `fly`."""
+    wanted = {*shown_channels(plan.case, plan.states), *OBSERVED}
     found, failures = {}, {}
-    for name, fmu in fmus.items():
-        found[name], failures[name] = _fly(fmu, job, {*shown, *OBSERVED}, timeout)
-    attrs = {f"model.{name}": f"{fmu.path.name}, FMI {fmu.version}, sha256 {fmu.sha256}" for name, fmu in fmus.items()}
-    return assemble(case, states, job, found, failures, attrs)
+    for name, model in models.items():
+        found[name], failures[name] = fly(model, plan.job, wanted, timeout, store)
+    attrs = {f"model.{name}": model.origin() for name, model in models.items()}
+    attrs |= {f"names.{name}": model.links.table for name, model in models.items() if model.links.table}
+    return assemble(plan.case, plan.states, plan.job, found, failures, attrs)
 
 
 def judged_channels(case: PomCase) -> list[str]:
@@ -80,26 +132,15 @@ def judged_channels(case: PomCase) -> list[str]:
 
 
 def shown_channels(case: PomCase, states: xr.Dataset) -> list[str]:
-    """Return every channel of the result: judged, asked for, and the thrust of each engine."""
+    """Return every channel of the result: judged, asked for, moved by the math pilot, and the thrust of each engine."""
+    moved = [loop.control for loop in case.drive.pilot]
     engines = sorted(str(name) for name in states.data_vars if str(name).startswith("engine") and str(name).endswith(".thrust"))
-    return list(dict.fromkeys([*judged_channels(case), *case.show, *engines]))
+    return list(dict.fromkeys([*judged_channels(case), *case.show, *moved, *engines]))
 
 
 def _taken(given: Iterable[str], offered: Container[str], needed: Container[str]) -> list[str]:
     """Return the names that are needed, or given and offered."""
     return [name for name in given if name in offered or name in needed]
-
-
-def _fly(fmu: Fmu, job: Job, wanted: Container[str], timeout: float) -> tuple[dict[str, np.ndarray], str]:
-    outputs = [name for name in fmu.outputs if name in wanted]
-    reply = child(fmu.path).run(
-        job.time,
-        {name: values for name, values in job.inputs.items() if name in fmu.inputs},
-        {name: value for name, value in job.parameters.items() if name in fmu.parameters},
-        outputs,
-        timeout,
-    )
-    return dict(zip(outputs, reply.outputs.T, strict=True)), reply.error
 
 
 def assemble(

@@ -1,0 +1,199 @@
+"""One model through one job: house names and SI on this side, the variables and units of the FMU on the other."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flightmech.errors import SchemaError
+
+from .channels import WRAPPED
+from .child import child
+from .drive import Job
+from .fmus import Fmu, read_fmu
+from .links import Links, links_of
+from .store import Store
+
+Found = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Model:
+    """An FMU and how the house speaks to it."""
+
+    fmu: Fmu
+    links: Links
+
+    def origin(self) -> str:
+        """Return file, version and hash, as the attributes of a result keep it."""
+        kind = ", model exchange" if self.fmu.exchange else ""
+        return f"{self.fmu.path.name}, FMI {self.fmu.version}{kind}, sha256 {self.fmu.sha256}"
+
+
+def models_of(runs: Mapping[str, str | Path], names: Mapping[str, str | Path] | None = None) -> dict[str, Model]:
+    """Read FMUs and their tables of names.
+
+    Parameters
+    ----------
+    runs : mapping of str to path
+        Name of a model to its FMU.
+    names : mapping of str to path, optional
+        Name of a model to its table of names (`links_of`).
+
+    Raises
+    ------
+    ParseError, FileNotFoundError
+        No FMU, no table.
+    SchemaError
+        A table that does not fit its FMU, or one for a model that is not there.
+    """
+    tables = dict(names or {})
+    strangers = [name for name in tables if name not in runs]
+    if strangers:
+        raise SchemaError("names", [f"{name}: no such model; there are {', '.join(runs)}" for name in strangers])
+    found = {}
+    for name, file in runs.items():
+        fmu = read_fmu(file)
+        found[name] = Model(fmu, links_of(fmu, tables.get(name)))
+    return found
+
+
+def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: Store | None = None) -> tuple[Found, str]:
+    """Fly a job by a model in its child process.
+
+    Parameters
+    ----------
+    model : Model
+    job : Job
+    wanted : collection of str
+        House names of outputs; those that the model has are returned.
+    timeout : float
+        Wall time allowed. [s]
+    store : Store, optional
+        Where flights are kept; one that is there is not flown again.
+
+    Returns
+    -------
+    found : dict of str to array (time,)
+        Outputs by house name, and the controls that the math pilot moved; NaN where the run did not come. [SI]
+    failure : str
+        Empty when all went well.
+    """
+    outputs = [name for name in model.links.outputs if name in {*wanted, *job.targets}]
+    time = _points(model.fmu, job.time)
+    task = _task(model, job, outputs, time)
+    key = _key(model, task)
+    kept = store.read(key, (len(time), len(outputs) + len(_controls(task)))) if store else None
+    if kept is None:
+        reply = child(model.fmu.path).run(task, timeout, model.fmu.once)
+        columns, failure = np.column_stack([reply.outputs, *_moved(task, reply.moved)]), reply.error
+        if store and not failure:
+            store.write(key, columns)
+    else:
+        columns, failure = kept, ""
+    return _found(model, job, outputs, time, task, columns), failure
+
+
+def _points(fmu: Fmu, time: np.ndarray) -> np.ndarray:
+    """Return the communication points: the samples, or even steps for an FMU that takes no others. [s]"""
+    if not fmu.even:
+        return time
+    step = fmu.step or float(np.median(np.diff(time)))
+    return time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step - 1e-6)) + 1)
+
+
+def _task(model: Model, job: Job, outputs: list[str], time: np.ndarray) -> dict[str, Any]:
+    """Return the job as the worker takes it: names, units and signs of the FMU, at its communication points."""
+    links = model.links
+
+    def at_points(values: np.ndarray) -> np.ndarray:
+        return values if time is job.time else np.interp(time, job.time, values)
+
+    inputs = {links.inputs[name].variable: links.inputs[name].to_fmu(at_points(u)) for name, u in job.inputs.items() if name in links.inputs}
+    parameters = {links.parameters[name].variable: links.parameters[name].to_fmu(value) for name, value in job.parameters.items() if name in links.parameters}
+    inputs |= {name: np.full(len(time), value) for name, value in links.fixed.items() if name in model.fmu.inputs}
+    parameters |= {name: value for name, value in links.fixed.items() if name not in model.fmu.inputs}
+    task = {"time": time, "inputs": inputs, "parameters": parameters, "outputs": [links.outputs[name].variable for name in outputs]}
+    if job.pilot:
+        order = list(inputs)
+        task["pilot"] = {
+            "loops": [asdict(loop) for loop in job.pilot],
+            "targets": {name: at_points(values) for name, values in job.targets.items()},
+            "sense": {name: (outputs.index(name), links.outputs[name].factor, links.outputs[name].offset) for name in job.targets},
+            "move": {
+                loop.control: (order.index(links.inputs[loop.control].variable), links.inputs[loop.control].factor) for loop in job.pilot
+            },
+        }
+    return task
+
+
+def _moved(task: Mapping[str, Any], moved: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    nothing = np.full(len(task["time"]), np.nan)
+    return [moved.get(name, nothing) for name in _controls(task)]
+
+
+def _controls(task: Mapping[str, Any]) -> list[str]:
+    """Return the controls that the math pilot moves."""
+    return list(task["pilot"]["move"]) if "pilot" in task else []
+
+
+def _found(model: Model, job: Job, outputs: list[str], time: np.ndarray, task: Mapping[str, Any], columns: np.ndarray) -> Found:
+    """Return what was flown at the samples of the job, by house name and in SI."""
+    found = {name: model.links.outputs[name].to_house(columns[:, i]) for i, name in enumerate(outputs)}
+    if len(time) != len(job.time) or not np.array_equal(time, job.time):
+        found = {name: _at_samples(name, values, time, job.time) for name, values in found.items()}
+    for i, name in enumerate(_controls(task)):
+        place = np.clip(np.searchsorted(time, job.time + 1e-9, side="right") - 1, 0, len(time) - 1)
+        found[name] = job.inputs[name] + columns[place, len(outputs) + i]
+    return found
+
+
+def _at_samples(name: str, values: np.ndarray, time: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Return an output between the steps of its FMU, on straight lines; angles that jump are made continuous first."""
+    if name in WRAPPED:
+        known = np.isfinite(values)
+        values = np.where(known, np.unwrap(np.where(known, values, 0.0)), np.nan)
+    return np.interp(samples, time, values)
+
+
+def _key(model: Model, task: Mapping[str, Any]) -> str:
+    """Return the hash of all that a flight comes from: the FMU, what it is given, and the program that flies it."""
+    digest = hashlib.sha256(_program().encode())
+    digest.update(model.fmu.sha256.encode())
+    _hash_into(digest, task)
+    return digest.hexdigest()
+
+
+def _hash_into(digest: Any, item: Any) -> None:
+    if isinstance(item, Mapping):
+        for name, value in item.items():
+            digest.update(f"\0{name}=".encode())
+            _hash_into(digest, value)
+    elif isinstance(item, np.ndarray):
+        digest.update(f"{item.dtype}{item.shape}".encode())
+        digest.update(np.ascontiguousarray(item).tobytes())
+    elif isinstance(item, list | tuple):
+        for value in item:
+            digest.update(b"\0,")
+            _hash_into(digest, value)
+    else:
+        digest.update(repr(item).encode())
+
+
+_HASHES: dict[str, str] = {}
+
+
+def _program() -> str:
+    """Return the hash of the modules that fly a job."""
+    if "program" not in _HASHES:
+        here = Path(__file__).parent
+        digest = hashlib.sha256()
+        for file in [here / "pilot.py", *sorted((here / "worker").glob("*.py"))]:
+            digest.update(file.read_bytes())
+        _HASHES["program"] = digest.hexdigest()
+    return _HASHES["program"]

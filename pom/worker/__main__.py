@@ -1,0 +1,30 @@
+"""The child process: jobs come on stdin, replies leave on a private copy of stdout; what the FMU prints goes to stderr."""
+
+import os
+import pickle
+import shutil
+import sys
+
+from pom.worker import Model, replay
+
+
+def main(path: str, folder: str) -> None:
+    """Answer jobs until stdin ends."""
+    replies = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    try:
+        model, fault = Model(path, folder), ""
+    except Exception as error:
+        model, fault = None, f"loading failed: {error}"
+    while True:
+        try:
+            job = pickle.load(sys.stdin.buffer)
+        except EOFError:
+            break
+        pickle.dump(replay(model, job) if model else {"outputs": None, "moved": {}, "error": fault}, replies)
+        replies.flush()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])

@@ -1,0 +1,114 @@
+"""Numbers on their way into an FMU and out of it: types, and what stands between two samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import floor
+from typing import Any
+
+import numpy as np
+
+REAL = ("Real", "Float32", "Float64")
+
+
+class Ports:
+    """Variables of an instance that are set and read together, type by type; every number is a float outside.
+
+    Parameters
+    ----------
+    instance : object
+        Of FMPy.
+    version : int
+        Major version of FMI.
+    variables : sequence
+        Of the model description.
+    """
+
+    def __init__(self, instance: Any, version: int, variables: Sequence[Any]):
+        kinds = [_kind(variable.type, version) for variable in variables]
+        self.count = len(kinds)
+        self.one_by_one = version == 1  # FMPy 0.3 sets several Booleans of FMI 1.0 wrongly
+        self.groups = []
+        for kind in dict.fromkeys(kinds):
+            columns = [i for i, other in enumerate(kinds) if other == kind]
+            references = [variables[i].valueReference for i in columns]
+            self.groups.append((kind, columns, references, getattr(instance, f"set{kind}"), getattr(instance, f"get{kind}")))
+
+    def put(self, values: Sequence[float]) -> None:
+        """Set all; a Boolean is true from one half on, an Integer is rounded."""
+        for kind, columns, references, put, _ in self.groups:
+            numbers = [_typed(kind, values[i]) for i in columns]
+            if kind == "Boolean" and self.one_by_one:
+                for reference, number in zip(references, numbers, strict=True):
+                    put([reference], [number])
+            else:
+                put(references, numbers)
+
+    def get(self) -> list[float]:
+        """Return all."""
+        found = [0.0] * self.count
+        for _, columns, references, _, get in self.groups:
+            for i, number in zip(columns, get(references), strict=True):
+                found[i] = float(number)
+        return found
+
+
+def _kind(word: str, version: int) -> str:
+    """Return the type by which a variable is set: an Enumeration is an Integer, in FMI 3.0 an Int64."""
+    if word == "Enumeration":
+        return "Int64" if version == 3 else "Integer"
+    return word
+
+
+def _typed(kind: str, value: float) -> float | int | bool:
+    if kind in REAL:
+        return float(value)
+    return bool(abs(value) >= 0.5) if kind == "Boolean" else floor(value + 0.5)
+
+
+class Course:
+    """Inputs over time: linear between samples; what is no continuous Real keeps the value of a sample until the next.
+
+    Parameters
+    ----------
+    time : array (time,)
+        From zero. [s]
+    values : array (time, input)
+    continuous : array of bool (input,)
+
+    Attributes
+    ----------
+    added : array (input,)
+        What the math pilot adds, until it changes.
+    """
+
+    def __init__(self, time: np.ndarray, values: np.ndarray, continuous: np.ndarray):
+        self.time, self.values, self.continuous = time, values, continuous
+        self.added = np.zeros(values.shape[1])
+
+    def at(self, k: int) -> np.ndarray:
+        """Return the inputs at sample `k`."""
+        return self.values[k] + self.added
+
+    def middle(self, k: int) -> np.ndarray:
+        """Return what is held best from sample `k` to the next: the middle, whose error is of second order."""
+        return np.where(self.continuous, 0.5 * (self.values[k] + self.values[k + 1]), self.values[k]) + self.added
+
+    def slope(self, k: int) -> np.ndarray:
+        """Return the rates of change from sample `k` to the next; zero for what is no continuous Real. [1/s]"""
+        return np.where(self.continuous, (self.values[k + 1] - self.values[k]) / (self.time[k + 1] - self.time[k]), 0.0)
+
+    def between(self, t: float) -> np.ndarray:
+        """Return the inputs at any time; behind the last sample they stay."""
+        k = min(max(int(np.searchsorted(self.time, t, side="right")) - 1, 0), len(self.time) - 1)
+        if k == len(self.time) - 1:
+            return self.at(k)
+        share = max(t - self.time[k], 0.0) / (self.time[k + 1] - self.time[k])
+        return np.where(self.continuous, (1.0 - share) * self.values[k] + share * self.values[k + 1], self.values[k]) + self.added
+
+
+def course_of(time: np.ndarray, columns: Sequence[np.ndarray], variables: Sequence[Any]) -> Course:
+    """Return the course of inputs given by columns, one per variable; time is counted from its first sample."""
+    values = np.column_stack(columns) if len(columns) else np.zeros((len(time), 0))
+    continuous = [v.type in REAL and v.variability not in ("discrete", "tunable", "fixed") for v in variables]
+    return Course(time - time[0], values, np.array(continuous, bool))

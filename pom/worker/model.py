@@ -1,0 +1,120 @@
+"""An unpacked FMU and its description."""
+
+from __future__ import annotations
+
+from collections import deque
+from ctypes import byref
+from typing import Any
+
+
+class Model:
+    """An unpacked FMU.
+
+    Parameters
+    ----------
+    path : str
+        The FMU.
+    folder : str
+        Where it is unpacked.
+
+    Attributes
+    ----------
+    version : int
+        Major version of FMI.
+    exchange : bool
+        Model exchange: there is no co-simulation, so an integrator of ours steps it.
+    takes_records : bool
+        The arrays ``replay.n replay.t replay.u replay.y``, as `flightmech.write_fmu` makes them, take a whole record in one step.
+    messages : deque of str
+        The last that the FMU said in warnings and errors.
+    """
+
+    def __init__(self, path: str, folder: str):
+        from fmpy import extract, read_model_description
+
+        self.description = read_model_description(path, validate=False)
+        self.folder = extract(path, folder)
+        self.variables = {v.name: v for v in self.description.modelVariables}
+        self.version = int(self.description.fmiVersion[0])
+        self.exchange = self.description.coSimulation is None
+        self.messages: deque[str] = deque(maxlen=8)
+        scalars = [v for v in self.description.modelVariables if not getattr(v, "dimensions", None)]
+        self.inputs = [v for v in scalars if v.causality == "input"]
+        self.outputs = [v for v in scalars if v.causality == "output"]
+        sizes = self._columns("replay.u"), self._columns("replay.y")
+        self.takes_records = self.version == 3 and not self.exchange and sizes == (len(self.inputs), len(self.outputs))
+
+    def open(self) -> Any:
+        """Return a new instance of FMPy's class for the version and kind.
+
+        Raises
+        ------
+        RuntimeError
+            The FMU refuses.
+        """
+        from fmpy import fmi1, fmi2, fmi3
+
+        classes = {1: (fmi1.FMU1Slave, fmi1.FMU1Model), 2: (fmi2.FMU2Slave, fmi2.FMU2Model), 3: (fmi3.FMU3Slave, fmi3.FMU3Model)}
+        kind = self.description.modelExchange if self.exchange else self.description.coSimulation
+        found = classes[self.version][self.exchange](
+            guid=self.description.guid, unzipDirectory=self.folder, modelIdentifier=kind.modelIdentifier, instanceName="model"
+        )
+        if self.version == 1:
+            _mend_status(found)
+            found.instantiate(functions=self._callbacks1(fmi1), loggingOn=True)
+        elif self.version == 2:
+            found.instantiate(callbacks=self._callbacks2(fmi2), loggingOn=True)
+        else:
+            found.instantiate(loggingOn=True, logMessage=self._log3)
+        if not found.component:
+            raise RuntimeError("the FMU gave no instance")
+        return found
+
+    def _columns(self, name: str) -> int:
+        """Return the number of columns of an array with one row per sample of ``replay.n``; 0: there is none."""
+        variable = self.variables.get(name)
+        dimensions = getattr(variable, "dimensions", None) or []
+        rows = dimensions[0].variable if len(dimensions) == 2 else None
+        return (dimensions[1].start or 0) if rows is not None and rows.name == "replay.n" else 0
+
+    def _callbacks1(self, fmi1) -> Any:
+        callbacks = fmi1.fmi1CallbackFunctions()
+        callbacks.logger = fmi1.fmi1CallbackLoggerTYPE(lambda _, name, status, category, message: self._log(status, message))
+        callbacks.allocateMemory = fmi1.fmi1CallbackAllocateMemoryTYPE(fmi1.calloc)
+        callbacks.freeMemory = fmi1.fmi1CallbackFreeMemoryTYPE(fmi1.free)
+        callbacks.stepFinished = None
+        return _with_formatted_messages(callbacks)
+
+    def _callbacks2(self, fmi2) -> Any:
+        callbacks = fmi2.fmi2CallbackFunctions()
+        callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(lambda _, name, status, category, message: self._log(status, message))
+        callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmi2.calloc)
+        callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmi2.free)
+        return _with_formatted_messages(callbacks)
+
+    def _log3(self, environment, status, category, message) -> None:
+        self._log(status, message)
+
+    def _log(self, status: int, message: bytes | None) -> None:
+        if status > 0 and message:
+            self.messages.append(message.decode("utf-8", "replace"))
+
+
+def _with_formatted_messages(callbacks: Any) -> Any:
+    """Return callbacks whose logger gets the finished text; FMPy's native proxy puts in the variadic arguments."""
+    from fmpy.logging import addLoggerProxy
+
+    addLoggerProxy(byref(callbacks))
+    return callbacks
+
+
+def _mend_status(instance: Any) -> None:
+    """Have the functions of FMI 1.0 return their status.
+
+    FMPy 0.3 declares the result of most of them as a text; a status other than zero would be read as an address.
+    """
+    from ctypes import c_char_p, c_int
+
+    for name, function in instance._functions.items():
+        if function.restype is c_char_p and not name.endswith(("Version", "TypesPlatform")):
+            function.restype = c_int
