@@ -13,7 +13,9 @@ from flightmech import read_aircraft
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
 
 from .case import PomCase
+from .case_file import WIND
 from .channels import WRAPPED
+from .offsets import CALIBRATION, calibration_text
 
 
 def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
@@ -28,7 +30,7 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     Returns
     -------
     Dataset (time)
-        States, controls, thrust, mass properties. [SI]
+        States, controls, thrust, mass properties; the attribute ``calibration`` tells the corrections of the instruments. [SI]
 
     Raises
     ------
@@ -48,13 +50,42 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
             f"case {case.name}: the window {start:g} ... {stop:g} s lies outside the record {time[0]:g} ... {time[-1]:g} s "
             f"({case.record}); choose one inside"
         )
-    return unwrapped(states.isel(time=(time >= start - 1e-9) & (time <= stop + 1e-9)))
+    inside = unwrapped(states.isel(time=(time >= start - 1e-9) & (time <= stop + 1e-9)))
+    return inside.assign(measured_wind(case, inside["time"].values)) if case.wind == "measured" else inside
 
 
 def _states(case: PomCase, path: Any) -> xr.Dataset:
-    if path is not None:
-        return path if isinstance(path, xr.Dataset) else path.states
-    return recorded_states(case)
+    if path is None:
+        return recorded_states(case)
+    return path if isinstance(path, xr.Dataset) else _calibrated(path)
+
+
+def _calibrated(path: Any) -> xr.Dataset:
+    return path.states.assign_attrs({CALIBRATION: calibration_text(path.biases)})
+
+
+def measured_wind(case: PomCase, time: np.ndarray) -> dict[str, Any]:
+    """Return the wind that the raw record of a case tells, on the clock of its states.
+
+    Returns
+    -------
+    dict of str to (dimension, array (time,))
+        ``wind_n``, ``wind_e`` and ``wind_d``, which is zero where none is recorded: velocity of the air mass. [m s-1]
+
+    Raises
+    ------
+    SchemaError
+        The record has no wind, or is a reconstructed path.
+    """
+    found = {}
+    for leaf in flighttest.read(case.record, names=case.names or None).children.values():
+        node = leaf.to_dataset()
+        for name in (name for name in WIND if name in node):
+            found[name] = "time", np.interp(time, node["time"].values, node[name].values)
+    if not {"wind_n", "wind_e"} <= set(found):
+        problem = f'drive.wind: "measured", but {case.record} holds no wind_n and wind_e; map them, or take the wind of the "record"'
+        raise SchemaError(f"case {case.path}", [problem])
+    return {"wind_d": ("time", np.zeros(time.size)), **found}
 
 
 def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Dataset:
@@ -81,7 +112,7 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
         raise SchemaError(f"case {case.path}", ["case.aircraft: missing; the record has to be reconstructed, and that needs the aircraft"])
     record = flighttest.read(case.record, names=case.names or None)
     try:
-        return flighttest.reconstruct(record, read_aircraft(case.aircraft), prior=biases).states
+        return _calibrated(flighttest.reconstruct(record, read_aircraft(case.aircraft), prior=biases))
     except IdentificationError as error:
         hint = "give the constants of the instruments from other records (--biases), or a reconstructed path as the record of the case"
         raise IdentificationError(f"case {case.name}: {error}; {hint}") from error
@@ -95,7 +126,12 @@ def _path_states(record: str) -> xr.Dataset | None:
         found = flighttest.open_states(record)
     except ParseError:
         return None
-    return found if {"V", "alpha", "theta"} <= set(found.data_vars) else None
+    if not {"V", "alpha", "theta"} <= set(found.data_vars):
+        return None
+    try:
+        return found.assign_attrs({CALIBRATION: calibration_text(flighttest.open_biases(record))})
+    except ParseError:  # states of another house, which tell no constants
+        return found
 
 
 def unwrapped(states: xr.Dataset) -> xr.Dataset:
