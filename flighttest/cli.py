@@ -22,6 +22,9 @@ _ELSEWHERE = {
     "join": "cli_identify",
     "partition": "cli_identify",
     "inertia": "cli_identify",
+    "report": "cli_report",
+    "modes": "cli_report",
+    "fit": "cli_fit",
 }  # verb: module
 
 

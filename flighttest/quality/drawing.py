@@ -1,4 +1,4 @@
-"""Small time histories as inline SVG, thinned so that no peak is lost."""
+"""Small time histories, thinned so that no peak is lost, and points with a line, as inline SVG."""
 
 from __future__ import annotations
 
@@ -37,10 +37,7 @@ def chart(
         What a screen reader says.
     """
     finite = np.concatenate([line[np.isfinite(line)] for line in lines]) if lines else np.array([0.0])
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
-    if high - low < 1e-12 * max(abs(high), 1.0):
-        low, high = low - 0.5 * max(abs(low), 1e-3), high + 0.5 * max(abs(high), 1e-3)
-    low, high = low - 0.05 * (high - low), high + 0.05 * (high - low)
+    low, high = _range(finite if len(finite) else np.array([0.0, 1.0]))
     start, stop = float(time[0]), float(max(time[-1], time[0] + 1e-9))
 
     def x(t):
@@ -61,6 +58,50 @@ def chart(
     for line, style in reversed(list(zip(lines, ("one", "two")))):
         parts += [f'<path class="{style}" d="{path}"/>' for path in _paths(time, line, x, y)]
     return Markup("".join([*parts, "</svg>"]))  # numbers and names of the vocabulary only
+
+
+def scatter(x: np.ndarray, y: np.ndarray, line: tuple[float, float], names: tuple[str, str], label: str = "") -> Markup:
+    """Return points and a straight line.
+
+    Parameters
+    ----------
+    x, y : array (point,)
+        In the units to be shown.
+    line : (float, float)
+        Offset and slope.
+    names : (str, str)
+        Of the axes, with their units.
+    label : str
+        What a screen reader says.
+    """
+    (left, right), (low, high) = (_range(values) for values in (x, np.append(y, line[0] + line[1] * x)))
+
+    def across(v):
+        return _LEFT + (np.asarray(v) - left) / (right - left) * (WIDTH - _LEFT - _RIGHT)
+
+    def up(v):
+        return HEIGHT - _BOTTOM - (np.asarray(v) - low) / (high - low) * (HEIGHT - _TOP - _BOTTOM)
+
+    parts = [f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">']
+    for value in ticks(low, high, 4):
+        parts.append(f'<path class="axis" d="M{_LEFT} {float(up(value)):.1f}H{WIDTH - _RIGHT}"/>')
+        parts.append(f'<text x="{_LEFT - 5}" y="{float(up(value)) + 4:.1f}" text-anchor="end">{value + 0.0:.5g}</text>')
+    for value in ticks(left, right, 6):
+        parts.append(f'<text x="{float(across(value)):.1f}" y="{HEIGHT - 6}" text-anchor="middle">{value + 0.0:.5g}</text>')
+    parts.append(f'<text x="4" y="11">{names[1]}</text><text x="{WIDTH - _RIGHT}" y="11" text-anchor="end">over {names[0]}</text>')
+    ends = np.array([x.min(), x.max()])
+    (x1, x2), (y1, y2) = across(ends), up(line[0] + line[1] * ends)
+    parts.append(f'<path class="two" d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}"/>')
+    parts += [f'<circle class="dot" cx="{float(across(a)):.1f}" cy="{float(up(b)):.1f}" r="3.5"/>' for a, b in zip(x, y)]
+    return Markup("".join([*parts, "</svg>"]))  # numbers and names of the vocabulary only
+
+
+def _range(values: np.ndarray) -> tuple[float, float]:
+    """Return the ends of an axis, a twentieth beyond the values."""
+    low, high = float(values.min()), float(values.max())
+    if high - low < 1e-12 * max(abs(high), 1.0):
+        low, high = low - 0.5 * max(abs(low), 1e-3), high + 0.5 * max(abs(high), 1e-3)
+    return low - 0.05 * (high - low), high + 0.05 * (high - low)
 
 
 def ticks(low: float, high: float, count: int) -> np.ndarray:

@@ -6,7 +6,8 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, StrictUndefined, Template
+from markupsafe import Markup
 
 from flightmech.names import lookup
 from flightmech.units import from_si
@@ -28,12 +29,23 @@ _MISTAKES = ("sign", "unit", "axis", "definition")
 _AIR_DATA = ("airspeed", "mach", "mach_pressure", "calibrated", "altitude")  # exact: the table says it all unless they disagree
 
 
+def template_of(package: str) -> Template:
+    """Return the template ``page.html`` of a package."""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.from_string(files(package).joinpath("page.html").read_text(encoding="utf-8"))
+
+
+def style() -> Markup:
+    """Return the style sheet of the pages of this package."""
+    return Markup(files("flighttest.quality").joinpath("style.css").read_text(encoding="utf-8"))  # our own file
+
+
 def page(quality: Quality) -> str:
     """Return the page as text."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    template = environment.from_string(files("flighttest.quality").joinpath("page.html").read_text(encoding="utf-8"))
+    template = template_of("flighttest.quality")
     grade = "error" if not quality.usable else "warning" if quality.count("warning") else "good"
     return template.render(
+        style=style(),
         facts=quality.facts,
         verdict=quality.verdict,
         grade=grade,

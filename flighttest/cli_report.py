@@ -1,0 +1,72 @@
+"""The verbs ``aeromatch flight report | modes``: a whole flight against its bounds, and one eigenmotion."""
+
+from __future__ import annotations
+
+import click
+
+from flightmech.console import NewFile, document, json_option, table
+
+from .cli_options import names_option
+
+
+@click.command()
+@click.argument("plan_file", metavar="PLAN", type=click.Path(exists=True, dir_okay=False))
+@click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")
+@click.option("--save", "folder", type=click.Path(file_okay=False), help="Folder for record, paths and fits as netCDF, for the other verbs.")
+@json_option
+@click.pass_context
+def report(ctx: click.Context, plan_file: str, output: str | None, folder: str | None, as_json: bool) -> None:
+    """Evaluate a flight as PLAN (TOML) says; exit code 1 when a figure is outside its bounds or not determined."""
+    from .evaluation.evaluating import evaluate
+
+    found = evaluate(plan_file)
+    files = [str(file) for file in found.save(folder)] if folder else []
+    if output:
+        found.write_page(output)
+        files.append(output)
+    if as_json:
+        document({**found.as_dict(), "files": files})
+    else:
+        click.echo(found.report())
+        for file in files:
+            click.echo(f"written: {file}")
+    ctx.exit(0 if found.passed else 1)
+
+
+@click.command()
+@click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
+@click.argument("start", type=float)
+@click.argument("stop", type=float)
+@names_option
+@click.option("--channel", "channels", multiple=True, required=True, help="Channel that shows the motion; once for each.")
+@click.option("--input", "inputs", multiple=True, help="Control that moves in the window; once for each.")
+@click.option("--aperiodic", is_flag=True, help="A real root, as roll and spiral, and not an oscillation.")
+@click.option("--level", is_flag=True, help="A constant under each channel and no straight line.")
+@json_option
+def modes(record_file, start, stop, names, channels, inputs, aperiodic, level, as_json) -> None:
+    """Fit one eigenmotion to a record from START to STOP [s]: period, damping, time constant with standard errors."""
+    import warnings
+
+    from flightmech.errors import AeromatchWarning
+
+    from .conditioning import cut
+    from .eigenmotion import fit_motion
+    from .quality.assessment import assess
+    from .record import channels as homes
+    from .record import read
+
+    record = read(record_file, names)
+    home = homes(record)
+    rates = [float(record[home[name]].attrs["rate"]) for name in (*channels, *inputs) if name in home]
+    for finding in assess(record).findings:
+        if finding.severity == "error" and set(finding.channels) & {*channels, *inputs}:
+            warnings.warn(f"{finding.name}: {finding.text}", AeromatchWarning, stacklevel=1)
+    data = cut(record, start, stop, rate=min(rates, default=50.0))
+    found = fit_motion(data, channels, "aperiodic" if aperiodic else "oscillation", inputs, not level)
+    if as_json:
+        values = {name: dict(zip(("value", "stderr", "unit"), row)) for name, row in found.values.items()}
+        document({"kind": found.kind, "channels": channels, "inputs": inputs, "share": found.share, **values})
+        return
+    rows = [(name, f"{value:.5g}", f"{stderr:.2g}", "" if unit == "1" else unit) for name, (value, stderr, unit) in found.values.items()]
+    title = f"{found.kind} in {' '.join(channels)}, {start:g} ... {stop:g} s, {found.share:.1%} of the movement explained"
+    table(["figure", "estimate", "std error", "unit"], rows, title, right=["estimate", "std error"])
