@@ -18,7 +18,7 @@ INPUTS = (*SURFACES, "gear", "speedbrake", "delta_nw", *BRAKES)
 TRAVEL = ("column", "wheel", "pedal")
 FORCES = ("F_column", "F_wheel", "F_pedal")
 WIND = ("wind_n", "wind_e", "wind_d")
-CONDITIONS = (*INPUTS, *TRAVEL, *FORCES, *WIND, *INITIAL, *MASS, "delta_T", "runway_elevation")
+CONDITIONS = (*INPUTS, *TRAVEL, *FORCES, *WIND, *INITIAL, *MASS, "delta_T", "runway_elevation", "wheel_radius")
 SHOWN = ("V_cas", "h", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "nz")
 
 Quantity = float | str

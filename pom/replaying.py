@@ -2,37 +2,35 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
+from flightmech.console import plain
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
 
 from .case import PomCase
 from .channels import WRAPPED
+from .criteria import Criterion
 from .drive import Job, configuration, job_of
 from .flight import flight_states
 from .flying import Model, fly, models_of
 from .fmus import check
+from .offsets import CALIBRATION
+from .pilot_activity import PILOT, activity
 from .result import PomResult, verdict_table
 from .store import Store
 from .tolerance import Outcome
+from .trim_table import OBSERVED, beyond_limits, trim_limits, trim_table
 from .verdict import bands, channels, judge, row, unjudged
 
-# What the trim table shows: the state at the start, the controls, what the trim found and what it left.
-STATE = ("V", "V_cas", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "delta_e", "delta_a", "delta_r")
-FOUND = ("trim.delta_e", "trim.delta_a", "trim.delta_r", "trim.thrust", "trim.throttle")
-LEFT = ("trim.u_dot", "trim.v_dot", "trim.w_dot", "trim.p_dot", "trim.q_dot", "trim.r_dot")
-OBSERVED = (*STATE, *(f"applied.{name}" for name in STATE if name.startswith("delta_")), *FOUND, *LEFT, "out_of_range")
-SURFACES = ("trim.delta_e", "trim.delta_a", "trim.delta_r")
-LARGEST_BIAS = np.radians(1.0)
-"""A larger bias of a surface is remarked: what a longitudinal trim allows the elevator (2.c.5, 14 CFR 60 App. A)."""
+Traces = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -162,39 +160,48 @@ def assemble(
         Provenance, kept as attributes of the signals.
     """
     flight = {str(name): np.broadcast_to(item.values, job.time.size) for name, item in states.data_vars.items() if item.ndim < 2}
-    rows = []
+    rows, limits = [], trim_limits(case, flight)
     for name, outputs in found.items():
-        remark = _remark(outputs)
+        remarks = [", ".join([*beyond_limits(limits, outputs, demanded=False), *filter(None, [_remark(outputs)])])]
+        failure = failures.get(name) or ", ".join(beyond_limits(limits, outputs, demanded=True))
         for criterion in case.criteria:
-            if failures.get(name) and criterion.applies:
-                outcome = Outcome("invalid", note=failures[name])
-            else:
-                outcome = judge(case, criterion, job.time, flight, outputs)
-            rows.append(row(name, criterion, outcome))
-            rows[-1]["note"] = "; ".join(text for text in (rows[-1]["note"], remark) if text)
+            rows.append(row(name, criterion, _outcome(case, criterion, failure, job.time, flight, outputs)))
+            rows[-1]["note"] = "; ".join(text for text in (rows[-1]["note"], *remarks) if text)
+    told = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
+    if job.pilot:
+        told[PILOT] = json.dumps(plain(_pilot(job, found)))
     return PomResult(
         case=case,
         conditions=dict(configuration(case, job)),
-        signals=_signals(shown_channels(case, states), job.time, flight, found).assign_attrs(attrs or {}),
+        signals=_signals(shown_channels(case, states), job.time, flight, found).assign_attrs({**told, **(attrs or {})}),
         tolerance=bands(case, job.time, flight),
         inputs=_inputs(job),
-        trim=_trim(flight, found),
+        trim=trim_table(flight, found),
         verdict=verdict_table(rows),
         failure="; ".join(f"{name}: {text}" for name, text in failures.items() if text),
     )
 
 
-def _remark(outputs: Mapping[str, np.ndarray]) -> str:
-    """Return what a reader must know of a run beside its verdicts: trim beyond limits, tables left."""
-    said = []
-    for name in SURFACES:
-        bias = float(outputs[name][0]) if name in outputs else 0.0
-        if abs(bias) > LARGEST_BIAS:
-            said.append(f"{name} {np.degrees(bias):+.2f} deg is beyond {np.degrees(LARGEST_BIAS):g} deg")
-    steps = float(np.nanmax(outputs["out_of_range"])) if "out_of_range" in outputs and np.isfinite(outputs["out_of_range"]).any() else 0.0
-    if steps:
-        said.append(f"tables left in {steps:.0f} internal steps")
-    return ", ".join(said)
+def _outcome(case: PomCase, criterion: Criterion, failure: str, time: np.ndarray, flight: Traces, outputs: Traces) -> Outcome:
+    """Judge a criterion; a run that failed, or started beyond what the case file allows the trim, carries no judgement."""
+    if failure and criterion.applies:
+        return Outcome("invalid", note=failure)
+    return judge(case, criterion, time, flight, outputs)
+
+
+def _remark(outputs: Traces) -> str:
+    """Return how often a run left its tables; empty when it did not or does not tell."""
+    steps = outputs.get("out_of_range", np.zeros(1))
+    return f"tables left in {np.nanmax(steps):.0f} internal steps" if np.isfinite(steps).any() and np.nanmax(steps) > 0.0 else ""
+
+
+def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
+    """Return what the math pilot did in each run."""
+    rows: list[dict[str, Any]] = []
+    for run, outputs in found.items():
+        moved = {name: outputs[name] - job.inputs[name] for name in dict.fromkeys(loop.control for loop in job.pilot) if name in outputs}
+        rows += activity(run, job.pilot, job.time, moved, job.targets, outputs)
+    return rows
 
 
 def _signals(
@@ -222,20 +229,6 @@ def _inputs(job: Job) -> xr.Dataset:
     units = {name: lookup("thrust" if name.endswith("thrust_drive") else name).units for name in job.inputs}
     data = {name: ("time", values, {"units": units[name]}) for name, values in job.inputs.items()}
     return xr.Dataset(data, coords={"time": job.time})
-
-
-def _trim(flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]) -> pd.DataFrame:
-    """Return the first sample of flight and models; controls of a model are what it applied, bias included."""
-    columns = {"flight": {name: float(flight[name][0]) for name in STATE if name in flight}}
-    for run, outputs in found.items():
-        values = {}
-        for name in (*STATE, *FOUND, *LEFT):
-            source = f"applied.{name}" if name.startswith("delta_") else name
-            if source in outputs:
-                values[name] = float(outputs[source][0])
-        columns[run] = values
-    table = pd.DataFrame(columns, index=pd.Index([*STATE, *FOUND, *LEFT], name="quantity"), dtype=float)
-    return table.dropna(how="all")
 
 
 def names_of_runs(models: tuple[str, ...]) -> dict[str, Path]:
