@@ -7,36 +7,49 @@ from typing import TYPE_CHECKING
 from flightmech.lazy import load
 
 if TYPE_CHECKING:
+    from .batch import replay_all
     from .case import PomCase, read_case
-    from .diagnosis import corrected_terms, diagnose, swap_terms
+    from .diagnosis import diagnose
     from .modes import fit_mode
     from .origins import provenance
     from .replaying import replay
     from .report import write_report
     from .result import PomResult
+    from .swap_table import ranking, waterfall
+    from .swaps import corrected_aircraft, corrected_database, corrected_terms, swap_terms
 
 _HOME = {
     "PomCase": "case",
     "read_case": "case",
-    "corrected_terms": "diagnosis",
-    "swap_terms": "diagnosis",
+    "corrected_aircraft": "swaps",
+    "corrected_database": "swaps",
+    "corrected_terms": "swaps",
+    "swap_terms": "swaps",
+    "ranking": "swap_table",
+    "waterfall": "swap_table",
     "diagnose": "diagnosis",
     "fit_mode": "modes",
     "provenance": "origins",
     "replay": "replaying",
+    "replay_all": "batch",
     "write_report": "report",
     "PomResult": "result",
 }
 __all__ = [
     "PomCase",
     "PomResult",
+    "corrected_aircraft",
+    "corrected_database",
     "corrected_terms",
     "diagnose",
     "fit_mode",
     "provenance",
+    "ranking",
     "read_case",
     "replay",
+    "replay_all",
     "swap_terms",
+    "waterfall",
     "write_report",
 ]
 

@@ -1,4 +1,4 @@
-"""Child processes for FMUs: one per file, kept for the next job, replaced when it crashed or hung."""
+"""Child processes for FMUs, kept for the next job of the same file, replaced when they crashed or hung."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
@@ -19,7 +20,8 @@ from typing import IO, Any
 import numpy as np
 
 _HERE = str(Path(__file__).parents[1])  # the child finds this very package
-KEPT = 4  # children that may wait for work at the same time
+KEPT = max(8, 4 * (os.cpu_count() or 1))  # children that may wait for work at the same time
+KILLED = "crashed: signal SIGKILL"  # somebody else stopped it, such as a system short of memory: its job is given to another, once
 
 
 @dataclass(frozen=True)
@@ -49,7 +51,6 @@ class Child:
         self._process: subprocess.Popen[bytes] | None = None
         self._folder = ""
         self._words: IO[bytes] | None = None
-        self.busy = threading.Lock()
 
     def run(self, job: Mapping[str, Any], timeout: float, once: bool = False) -> Reply:
         """Fly a job; a crash or a time-out is a reply, not an error.
@@ -64,10 +65,12 @@ class Child:
             The process ends with the job: the FMU cannot be instantiated twice in one.
         """
         nothing = np.full((len(job["time"]), len(job["outputs"])), np.nan)
-        with self.busy:
+        answer = self._ask(dict(job), timeout)
+        if isinstance(answer, str) and answer.startswith(KILLED):
+            self.close()
             answer = self._ask(dict(job), timeout)
-            if once or isinstance(answer, str):
-                self.close()
+        if once or isinstance(answer, str):
+            self.close()
         if isinstance(answer, str):
             return Reply(nothing, answer)
         found = answer["outputs"]
@@ -151,27 +154,50 @@ def _ending(code: int) -> str:
     return f"exit code {code}"
 
 
-_children: dict[tuple[str, int, int], Child] = {}
+_Key = tuple[str, int, int]
+_idle: dict[_Key, list[Child]] = {}  # the longest idle first
 _guard = threading.Lock()
 
 
-def child(fmu: str | Path) -> Child:
-    """Return the child that has this file loaded; a file that changed gets a new one, idle ones beyond `KEPT` go."""
+@contextmanager
+def hired(fmu: str | Path) -> Iterator[Child]:
+    """Yield a child that has this file loaded and works for nobody else; a file that changed gets a new one.
+
+    Idle children wait for the next job; those beyond `KEPT`, and those of an older state of the file, are stopped.
+    """
     path = Path(fmu).resolve()
     state = path.stat()
     key = str(path), state.st_mtime_ns, state.st_size
     with _guard:
-        if key not in _children:
-            surplus = list(_children)[: max(len(_children) - KEPT + 1, 0)]
-            for old in dict.fromkeys([*(k for k in _children if k[0] == key[0]), *surplus]):
-                if not _children[old].busy.locked():
-                    _children.pop(old).close()
-            _children[key] = Child(path)
-        return _children[key]
+        stale = [child for other in list(_idle) if other[0] == key[0] and other != key for child in _idle.pop(other)]
+        waiting = _idle.get(key)
+        found = waiting.pop() if waiting else Child(path)
+    _stop(stale)
+    try:
+        yield found
+    finally:
+        with _guard:
+            _idle.setdefault(key, []).append(found)
+            _idle[key] = _idle.pop(key)
+            surplus = [_surplus() for _ in range(sum(map(len, _idle.values())) - KEPT)]
+        _stop(surplus)
+
+
+def _surplus() -> Child:
+    """Take out the child whose file was asked for least recently."""
+    oldest = next(key for key, children in _idle.items() if children)
+    return _idle[oldest].pop(0)
+
+
+def _stop(children: Iterable[Child]) -> None:
+    for child in children:
+        child.close()
 
 
 @atexit.register
 def close_all() -> None:
-    """Stop every child."""
-    while _children:
-        _children.popitem()[1].close()
+    """Stop every idle child; those at work end with their input."""
+    with _guard:
+        children = [child for waiting in _idle.values() for child in waiting]
+        _idle.clear()
+    _stop(children)

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from flightmech.console import NewFile, command_line, document, json_option, table
+from flightmech.console import NewFile, command_line, document, jobs_option, json_option, table
 
 _CASE = click.argument("case", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 _BIASES = click.option(
@@ -63,7 +63,13 @@ def schema(output: str) -> None:
 @click.option("--model", "models", multiple=True, required=True, metavar="NAME=FILE.fmu", help="A model; as often as wanted.")
 @click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), help="Folder for report.html and results.json.")
 @click.option("--title", default="Proof of Match", show_default=True, help="Title of the report.")
+@click.option("--names", "tables", multiple=True, metavar="NAME=FILE.toml", help="Table of names, units and signs of a model.")
 @click.option("--timeout", default=60.0, show_default=True, help="Wall time per model and case. [s]")
+@jobs_option
+@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Fly on the workers of a dask.distributed cluster that see the same files.")
+@click.option(
+    "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
+)
 @_BIASES
 @json_option
 @click.pass_context
@@ -73,7 +79,11 @@ def run(
     models: tuple[str, ...],
     output: Path | None,
     title: str,
+    tables: tuple[str, ...],
     timeout: float,
+    jobs: int,
+    scheduler: str | None,
+    resume: Path | None,
     biases_file: str | None,
     as_json: bool,
 ):
@@ -83,25 +93,25 @@ def run(
     """
     from flightmech.errors import SimulationError
 
+    from .batch import replay_all
     from .case import read_case
-    from .flight import recorded_states
-    from .fmus import read_fmu
-    from .replaying import names_of_runs, replay
+    from .replaying import files_by_name
 
-    runs, biases = names_of_runs(models), _biases(biases_file)
+    runs, names = files_by_name("--model", models, "final=out/final.fmu"), files_by_name("--names", tables, "simulator=names.toml")
     read = [read_case(file) for file in _files(cases)]
-    for file in runs.values():
-        read_fmu(file)  # a faulty one is refused before the reconstruction, which takes long
-    results: list[Any] = []
     waiting: list[str] = []
     flown = False
-    for case in read:
-        results.append(replay(case, runs, recorded_states(case, biases), timeout))
-        flown = flown or not results[-1].failure or any(results[-1].status(name) != "invalid" for name in runs)
-        waiting += _lines(results[-1])
+
+    def tell(result: Any) -> None:
+        nonlocal flown
+        flown = flown or not result.failure or any(result.status(name) != "invalid" for name in runs)
+        waiting.extend(_lines(result))
         if flown and not as_json:
             click.echo("\n".join(waiting))
             waiting.clear()
+
+    shared = {"jobs": jobs, "scheduler": scheduler, "resume": resume}
+    results = replay_all(read, runs, names=names, biases=_biases(biases_file), timeout=timeout, told=tell, **shared)
     if not flown:
         raise SimulationError("no model could be replayed: " + results[0].failure)
     report = None
@@ -109,7 +119,7 @@ def run(
         from .origins import provenance
         from .report import write_report
 
-        made_from = provenance([file for case in read for file in case.files()], runs, command_line())
+        made_from = provenance([*(file for case in read for file in case.files()), *map(str, names.values())], runs, command_line())
         report = write_report(results, output, title=title, provenance=made_from)
     statuses = [r.status(name) for r in results for name in runs]
     if as_json:

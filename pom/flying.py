@@ -13,7 +13,7 @@ import numpy as np
 from flightmech.errors import SchemaError
 
 from .channels import WRAPPED
-from .child import child
+from .child import hired
 from .drive import Job
 from .fmus import Fmu, read_fmu
 from .links import Links, links_of
@@ -90,7 +90,8 @@ def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: 
     key = _key(model, task)
     kept = store.read(key, (len(time), len(outputs) + len(_controls(task)))) if store else None
     if kept is None:
-        reply = child(model.fmu.path).run(task, timeout, model.fmu.once)
+        with hired(model.fmu.path) as child:
+            reply = child.run(task, timeout, model.fmu.once)
         columns, failure = np.column_stack([reply.outputs, *_moved(task, reply.moved)]), reply.error
         if store and not failure:
             store.write(key, columns)

@@ -231,23 +231,31 @@ def _inputs(job: Job) -> xr.Dataset:
     return xr.Dataset(data, coords={"time": job.time})
 
 
-def names_of_runs(models: tuple[str, ...]) -> dict[str, Path]:
-    """Return the models of command-line words ``name=file.fmu``.
+def files_by_name(option: str, words: tuple[str, ...], example: str) -> dict[str, Path]:
+    """Return the files of command-line words ``name=file``.
+
+    Parameters
+    ----------
+    option : str
+        The option that the words belong to, for the text of an error.
+    words : tuple of str
+    example : str
+        How one is written.
 
     Raises
     ------
     SchemaError
         Words without a name, with a name that came before, or ``flight``, which is taken; all of them.
     """
-    runs: dict[str, Path] = {}
+    found: dict[str, Path] = {}
     problems = []
-    for word in models:
+    for word in words:
         name, _, file = word.partition("=")
         if not name or not file:
-            problems.append(f"{word!r}: write name=file.fmu, such as final=out/final.fmu")
-        elif name in (*runs, "flight"):
+            problems.append(f"{word!r}: write {'name=file' + Path(example).suffix}, such as {example}")
+        elif name in (*found, "flight"):
             problems.append(f"{word!r}: the name {name!r} is taken; give every model its own")
-        runs[name] = Path(file)
+        found[name] = Path(file)
     if problems:
-        raise SchemaError("--model", problems)
-    return runs
+        raise SchemaError(option, problems)
+    return found

@@ -7,7 +7,7 @@ import pom
 from flightmech.errors import OutOfRange, ParseError, SchemaError, UnknownName
 from pom.case import read_case
 from pom.fmus import read_fmu
-from pom.replaying import names_of_runs, replay
+from pom.replaying import files_by_name, replay
 
 NO_TRIM = "trim = false"
 
@@ -160,9 +160,9 @@ def test_a_result_survives_json(case, toy, lag_states):
 
 
 def test_models_on_the_command_line():
-    assert list(names_of_runs(("a=x.fmu", "b=y.fmu"))) == ["a", "b"]
+    assert list(files_by_name("--model", ("a=x.fmu", "b=y.fmu"), "final=out/final.fmu")) == ["a", "b"]
     with pytest.raises(SchemaError) as caught:
-        names_of_runs(("x.fmu", "flight=x.fmu", "a=x.fmu", "a=y.fmu"))
+        files_by_name("--model", ("x.fmu", "flight=x.fmu", "a=x.fmu", "a=y.fmu"), "final=out/final.fmu")
     assert caught.value.problems == [
         "'x.fmu': write name=file.fmu, such as final=out/final.fmu",
         "'flight=x.fmu': the name 'flight' is taken; give every model its own",

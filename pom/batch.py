@@ -1,0 +1,148 @@
+"""A batch: every case by every model, on all cores or on a cluster, going on where it was interrupted.
+
+Here the cases are shared out to threads, for the flights run in processes of their own.  With a scheduler the same calls go to the
+workers of a dask.distributed cluster, which see the same files; a case whose worker dies is given to another.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from flightmech.errors import SchemaError, SimulationError
+
+from .case import PomCase
+from .flight import recorded_states
+from .flying import Model, models_of
+from .replaying import Plan, check_plan, perform, plan_of
+from .result import PomResult
+from .store import Store
+
+WAIT = 20.0
+"""How long a scheduler may take to answer and to have a worker. [s]"""
+_AHEAD = 4  # cases per core of the cluster that are on their way at the same time
+
+
+def replay_all(
+    cases: Sequence[PomCase],
+    runs: Mapping[str, str | Path],
+    paths: Mapping[str, Any] | None = None,
+    *,
+    names: Mapping[str, str | Path] | None = None,
+    biases: xr.Dataset | None = None,
+    jobs: int = -1,
+    scheduler: str | None = None,
+    resume: str | Path | None = None,
+    timeout: float = 60.0,
+    told: Callable[[PomResult], None] | None = None,
+) -> list[PomResult]:
+    """Replay every case by every model and judge it.
+
+    Parameters
+    ----------
+    cases : sequence of PomCase
+    runs : mapping of str to path
+        Name of a model to its FMU, in the order of the report.
+    paths : mapping of str to Path of flighttest.reconstruct or Dataset (time), optional
+        Reconstructed paths by the file of the record or its stem; a record that has none is read, and reconstructed when it is raw.
+    names : mapping of str to path, optional
+        Name of a model to the table of its names (`replay`).
+    biases : Dataset, optional
+        Constants of the instruments for records that are reconstructed (`recorded_states`).
+    jobs : int
+        Cases at the same time; -1 for one per core.
+    scheduler : str, optional
+        Address of a dask.distributed scheduler, ``tcp://host:8786``; its workers take the place of `jobs`.
+    resume : path, optional
+        Folder that keeps every flight that went well, by the hash of the FMU, of all that it was given and of the program that flew
+        it.  What is there is not flown again; verdicts are always formed anew.
+    timeout : float
+        Wall time allowed per model and case. [s]
+    told : callable, optional
+        Called with every result in the order of the cases, as soon as it is there.
+
+    Returns
+    -------
+    list of PomResult
+        In the order of the cases; the same to the last bit, however the work was shared out.
+
+    Raises
+    ------
+    SchemaError
+        Every case that a model cannot fly, before any is flown.
+    OutOfRange
+        A window is not inside its record, or an input holds a NaN.
+    SimulationError
+        No scheduler or no worker answers, or the workers of one case died again and again.
+    """
+    models = models_of(runs, names)
+    plans = _plans(cases, paths or {}, biases)
+    _check(plans, models)
+    store = Store(Path(resume).resolve()) if resume is not None else None
+    calls = ((plan, models, timeout, store) for plan in plans)
+    results = []
+    for result in _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs):
+        results.append(result)
+        if told is not None:
+            told(result)
+    return results
+
+
+def _plans(cases: Iterable[PomCase], paths: Mapping[str, Any], biases: xr.Dataset | None) -> list[Plan]:
+    """Return what is flown; a record that several cases share is read once."""
+    read: dict[tuple[str, ...], xr.Dataset] = {}
+    plans = []
+    for case in cases:
+        path = paths.get(case.record, paths.get(Path(case.record).stem))
+        if path is None:
+            key = case.record, case.names, case.aircraft
+            if key not in read:
+                read[key] = recorded_states(case, biases)
+            path = read[key]
+        plans.append(plan_of(case, path))
+    return plans
+
+
+def _check(plans: Iterable[Plan], models: Mapping[str, Model]) -> None:
+    problems: list[str] = []
+    for plan in plans:
+        for name, model in models.items():
+            try:
+                check_plan(plan, model)
+            except SchemaError as error:
+                problems += [f"case {plan.case.name}, {error.what} ({name}): {text}" for text in error.problems]
+    if problems:
+        raise SchemaError("replay", list(dict.fromkeys(problems)))
+
+
+def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
+    from joblib import Parallel, delayed
+
+    yield from Parallel(n_jobs=jobs, backend="threading", return_as="generator")(delayed(perform)(*call) for call in calls)
+
+
+def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[PomResult]:
+    try:
+        from distributed import Client, KilledWorker
+    except ImportError as error:
+        raise SchemaError("scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"]) from error
+    try:
+        client = Client(scheduler, timeout=WAIT)
+        client.wait_for_workers(1, timeout=WAIT)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise SimulationError(f"no cluster at {scheduler}: {error}; start a scheduler and workers, or leave --scheduler out") from error
+    with client:
+        window, waiting = _AHEAD * sum(client.ncores().values()), deque[Any]()
+        try:
+            for call in calls:
+                if len(waiting) >= window:
+                    yield waiting.popleft().result()
+                waiting.append(client.submit(perform, *call, pure=False))
+            while waiting:
+                yield waiting.popleft().result()
+        except KilledWorker as error:
+            raise SimulationError(f"the cluster lost its workers on one case again and again: {error}") from error
