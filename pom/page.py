@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from flightmech.console import plain
-
-from .sections import case, models, overview, verdicts
+from .sections import case, models, overview
 from .sections import provenance as origin
+from .sections.traces import parcel
 from .table import rows as tolerance_rows
 
 _HERE = Path(__file__).parent
@@ -20,8 +17,10 @@ _STATIC = {
     "uplot_css": "uplot/uPlot.min.css",
     "report_css": "report.css",
     "uplot_js": "uplot/uPlot.iife.min.js",
-    "report_js": "report.js",
 }
+_SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper", "pages")
+# figures for readers without a script take 10 kB a case: only a report that is short enough to be read that way has them
+MOST_WITH_FIGURES = 30
 
 
 def html_page(results, title, revision, provenance, databases, diagnoses, support, modes) -> str:
@@ -29,32 +28,35 @@ def html_page(results, title, revision, provenance, databases, diagnoses, suppor
     environment = Environment(
         loader=FunctionLoader(_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters["script_json"] = _script_json
+    environment.globals["parts"] = environment.get_template("parts.html").module
     keys = case.keys(results)
-    pages = [
-        {**case.page(key, result, provenance, diagnoses.get(result.case.name), table), "position": i}
-        for i, (key, result, table) in enumerate(zip(keys, results, modes, strict=True), 1)
-    ]
+    found = [case.outcomes(result, case.line_styles(result.runs)) for result in results]
+    common = {"title": title, "revision": revision, "origin": origin.page(provenance, results, databases), "count": len(results)}
+    common["models"] = models.page(databases, support, case.line_styles(databases)) if databases else None
+    inner, brief, cases = environment.get_template("case.html"), environment.get_template("brief.html"), []
+    for i, (key, result, outcome, table) in enumerate(zip(keys, results, found, modes, strict=True), 1):
+        diagnosis = diagnoses.get(result.case.name)
+        page = case.page(key, result, outcome, provenance, diagnosis, table, with_figures=len(results) <= MOST_WITH_FIGURES)
+        texts = {name: template.render(common, page={**page, "position": i}) for name, template in (("page", inner), ("brief", brief))}
+        fail = any(cell["status"] == "fail" for cell in outcome)
+        cases.append({"key": key, "fail": fail, "brief": Markup(texts["brief"]), "parcel": parcel({**page["head"], "page": texts["page"]}, page["body"])})
+    more = [("models", environment.get_template("models.html").render(common))] if databases else []
     return environment.get_template("report.html").render(
-        title=title,
-        revision=revision,
-        matrix=overview.matrix(keys, results),
+        common,
+        matrix=overview.matrix(keys, results, found),
         coverage=overview.coverage(results, tolerance_rows()),
-        cases=pages,
-        models=models.page(databases, support, case.line_styles(databases)) if databases else None,
-        origin=origin.page(provenance, results, databases),
-        verdict=verdicts.Verdict.of,
-        **{name: Markup((_HERE / "static" / file).read_text(encoding="utf-8")) for name, file in _STATIC.items()},
+        cases=cases,
+        more=[(name, parcel({"page": text})) for name, text in more],
+        report_js=Markup("\n".join(_static(f"script/{name}.js") for name in _SCRIPT)),
+        **{name: Markup(_static(file)) for name, file in _STATIC.items()},
     )
+
+
+def _static(name: str) -> str:
+    return (_HERE / "static" / name).read_text(encoding="utf-8")
 
 
 def _template(name: str) -> str:
     """Return a template without its indentation, which would be a tenth of the page."""
     lines = (_HERE / "templates" / name).read_text(encoding="utf-8").splitlines()
     return "".join(f"{line.lstrip()}\n" for line in lines)
-
-
-def _script_json(item: Any) -> Markup:
-    """Return JSON that cannot end the script element it stands in."""
-    text = json.dumps(plain(item), sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    return Markup(text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029"))

@@ -8,33 +8,22 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from pom.result import PomResult
 
-from . import modal, start
-from .case_figure import SYMBOLS, figures
+from . import case_data, modal, remarks, start
+from .case_figure import figures
 from .cause import cause
-from .panels import Panel, description, panels, split_inputs
-from .quantities import MINUS, fixed, label, measured, plainly, short
-from .traces import TIME_STEP, Pack, compressed, step_of
-from .verdicts import MARKS, MODAL, WORDS, Verdict, verdict_table, words
+from .crosses import crosses
+from .driving import driving
+from .panels import panels
+from .quantities import fixed
+from .verdicts import Verdict, verdict_table, words
 
 # the line code of LR-743 Figs. 18 to 21; any further model takes the next free style
 _STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
 _SPARE = ("run-4", "run-5", "run-1", "run-2", "run-3")
-_SURFACES = {"recorded": "recorded surface positions drive the model"}
-_ENGINE = {
-    "thrust": "recorded thrust drives the model",
-    "n1": "the recorded fan speed drives the engine model",
-    "throttle": "the recorded lever drives the engine model",
-}
-_START = {
-    True: "trimmed to the flight state; what is left stands below",
-    False: "flight state, not trimmed",
-    "ground": "on its wheels at the recorded speed; height and attitude from the landing gear",
-}
 
 
 def line_styles(runs: Iterable[str]) -> dict[str, str]:
@@ -58,29 +47,44 @@ def keys(results: Sequence[PomResult]) -> list[str]:
     return found
 
 
-def page(key: str, result: PomResult, provenance: Mapping[str, Any], diagnosis: pd.DataFrame | None, modes: pd.DataFrame) -> dict[str, Any]:
-    """Return everything the template ``case.html`` needs for one case."""
+def page(
+    key: str,
+    result: PomResult,
+    outcome: Sequence[Mapping[str, Any]],
+    provenance: Mapping[str, Any],
+    diagnosis: pd.DataFrame | None,
+    modes: pd.DataFrame,
+    with_figures: bool,
+) -> dict[str, Any]:
+    """Return everything the templates need for one case; `with_figures` draws those for readers without a script."""
     styles = line_styles(result.runs)
-    shown, time, events = panels(result), result.signals["time"].values, result.case.events
+    shown, time = panels(result), result.signals["time"].values
     lines = {**styles, "applied": "run-0"}
+    judged = [panel for panel in shown if panel.kind == "judged"]
+    head, body = case_data.data(result, shown, crosses(result), styles)
     return {
         "key": key,
         "case": result.case,
-        "outcomes": outcomes(result, styles),
+        "share": remarks.share(result.case.fraction),
+        "outcomes": outcome,
         "failure": result.failure,
         "hashes": _hashes(result, provenance),
+        "source": remarks.data_source(result),
+        "calibration": start.calibration(result),
         "conditions": start.conditions(result.conditions, result.trim.index),
-        "drive": _drive(result),
-        "trim": start.trim(result.trim),
+        "drive": driving(result),
+        "trim": start.trim(result),
+        "drift": start.drift(result),
         "verdicts": verdict_table(result),
         "modes": modal.table(result, modes, styles),
         "cause": cause(result, diagnosis),
-        "notes": _notes(result),
-        "advisory": [c for c in dict.fromkeys(result.verdict.loc[result.verdict["verdict"] == "advisory", "criterion"])],
+        "notes": remarks.notes(result),
+        "rationales": remarks.rationales(result),
+        "ticks": remarks.ticks(result),
         "styles": styles,
-        "figures": compressed("".join(f"<figure>{figure}</figure>" for figure in figures(key, time, shown, lines, events))),
-        "plain": figures(f"{key}-plain", time, [panel for panel in shown if panel.kind == "judged"], lines, events),
-        "data": _data(result, shown, styles),
+        "plain": figures(f"{key}-plain", time, judged, lines, result.case.events) if with_figures else [],
+        "head": head,
+        "body": body,
     }
 
 
@@ -91,12 +95,13 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
         found = result.worst(run)
         worst = {} if found is None else found.to_dict()
         ratio, at = worst.get("worst_ratio", math.nan), worst.get("at", math.nan)
+        status = result.status(run)
         rows.append(
             {
                 "run": run,
                 "style": styles[run],
-                "status": result.status(run),
-                "verdict": Verdict.of(result.status(run)),
+                "status": status,
+                "verdict": Verdict.of(status),
                 "ratio": ratio,
                 "ratio_text": fixed(ratio, 2),
                 "criterion": words(worst.get("criterion", "")),
@@ -123,129 +128,3 @@ def _flown(text: str) -> dict[str, str]:
     """Return file and hash of what `pom.replay` says of a model: ``final.fmu, FMI 2.0, sha256 ...``."""
     file, _, rest = text.partition(", ")
     return {"file": file, "sha256": rest.partition("sha256 ")[2]}
-
-
-def _drive(result: PomResult) -> dict[str, Any]:
-    drive = result.case.drive
-    moving, still = split_inputs(result)
-    how = [
-        ("surfaces", _SURFACES.get(drive.surfaces, drive.surfaces)),
-        ("engine", _ENGINE.get(drive.engine, drive.engine)),
-        ("start", _START[drive.trim]),
-        ("feedback", "none: open loop, nothing corrects the model during the run"),
-    ]
-    inputs = [(label(name), "as recorded, plotted") for name in moving]
-    inputs += [(label(name), _steady(result, name)) for name in still]
-    return {"how": how, "inputs": inputs}
-
-
-def _steady(result: PomResult, name: str) -> str:
-    """Return an input that does not move: its mean, and how far the record strays from it."""
-    values = result.inputs[name].values
-    mean, stray = float(values.mean()), float(np.abs(values - values.mean()).max())
-    if stray < 1e-9 * max(1.0, abs(mean)):
-        return f"{measured(mean, name)} held"
-    shown = label(name)
-    if shown.is_word:
-        return f"{measured(mean, name)}, as recorded"
-    value = f"{plainly(float(shown.shown(mean)), shown.unit)} ±\N{NO-BREAK SPACE}{short(float(shown.width(stray)), 2)}"
-    return f"{value} {shown.unit}".strip() + ", as recorded"
-
-
-def _notes(result: PomResult) -> list[str]:
-    """Return what the reader must know beside the verdicts: what the case sets, remarks of rows."""
-    places: dict[str, list[tuple[str, str]]] = {}
-    for row in result.verdict.to_dict("records"):
-        if row["measure"] in MODAL and row["verdict"] in ("pass", "fail"):
-            row["note"] = "; ".join(piece for piece in row["note"].split("; ") if not _in_mode_table(piece))
-        for piece in _BIAS.sub(_bias_words, row["note"]).split("; ") if row["note"] not in ("", "nan") else []:
-            places.setdefault(piece, []).append((words(row["criterion"]), row["run"]))
-    notes = [f"The window is shorter than the table asks: {result.case.shortened}."] if result.case.shortened else []
-    if result.case.conditions:
-        given = ", ".join(f"{label(name).words or name} {_given(value, name)}" for name, value in result.case.conditions.items())
-        notes.append(f"From the case file, not from the record: {given}.")
-    notes += [f"{_where(found, result)}: {piece}" for piece, found in places.items()]
-    marks = sorted({MARKS[p] for p in result.verdict["provenance"] if p in ("memory", "partial")})
-    if marks:
-        notes.append(f"Rows marked “{'” or “'.join(marks)}” were not read word for word in the regulation; check them there first.")
-    return list(dict.fromkeys(notes))
-
-
-def _given(value: float, name: str) -> str:
-    """Return a value as somebody set it, without trailing zeros."""
-    shown = label(name)
-    return (
-        measured(value, name)
-        if shown.is_word
-        else f"{short(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
-    )
-
-
-_BIAS = re.compile(r"trim\.(\w+) ([+-])([\d.]+) deg is beyond")
-
-
-def _bias_words(found: re.Match[str]) -> str:
-    """Return the remark of a replay on a bias in the words of the table of the trim."""
-    name, sign, size = found.groups()
-    return f"{label(name).words} biased by {sign.replace('-', MINUS)}{size} deg, beyond"
-
-
-def _in_mode_table(piece: str) -> bool:
-    """Whether a remark only repeats numbers that stand in the table of modes."""
-    return re.match(r"flight (zeta )?-?[\d.]+|[\d.]+ cycles$|the model: ", piece) is not None
-
-
-def _where(found: Sequence[tuple[str, str]], result: PomResult) -> str:
-    """Return what a note speaks of: criteria and models, each left out when it is all of them."""
-    criteria, runs = list(dict.fromkeys(c for c, _ in found)), list(dict.fromkeys(r for _, r in found))
-    every = len(criteria) == result.verdict["criterion"].nunique() and len(runs) < len(result.runs)
-    parts = ([] if every else criteria) + ([] if len(runs) == len(result.runs) else runs)
-    return ", ".join(parts or criteria)
-
-
-def _data(result: PomResult, shown: Sequence[Panel], styles: Mapping[str, str]) -> dict[str, Any]:
-    """Return what the script needs to draw the case: panels, runs, and the compressed traces."""
-    pack = Pack.empty()
-    time = result.signals["time"].values
-    head: dict[str, Any] = {
-        "time": pack.add(time, TIME_STEP),
-        "runs": [{"name": run, "style": style} for run, style in styles.items()],
-        "events": [[words(name), at] for name, at in result.case.events.items()],
-        "panels": [],
-    }
-    for panel in shown:
-        step = step_of(panel.half, panel.limits)
-        head["panels"].append(
-            {
-                "kind": panel.kind,
-                "channel": panel.channel,
-                "base": "" if panel.label.is_word else panel.label.base,
-                "sub": panel.label.sub,
-                "words": panel.label.words,
-                "unit": panel.label.unit,
-                "sign": panel.label.sign,
-                "alt": description(panel),
-                "limits": [float(f"{edge:.6g}") for edge in panel.limits],
-                "span": panel.label.least_span,
-                "decimals": max(0, math.ceil(-math.log10(step * 5))),
-                "window": panel.window,
-                "exits": {run: [[round(t, 3) for t in span] for span in found] for run, found in panel.exits.items() if found},
-                "verdicts": _panel_verdicts(panel),
-                "traces": {run: pack.add(values, step) for run, values in panel.traces.items()},
-                "half": None if panel.half is None else pack.add(panel.half, step),
-            }
-        )
-    return {"head": head, "pack": pack.text()}
-
-
-def _panel_verdicts(panel: Panel) -> list[dict[str, str]]:
-    rows = [row for row in panel.rows if row["measure"] == "trace"]
-    return [
-        {
-            "run": row["run"],
-            "symbol": SYMBOLS[row["verdict"]],
-            "ratio": fixed(row["worst_ratio"], 2) if math.isfinite(row["worst_ratio"]) else WORDS[row["verdict"]],
-            "css": f"is-{row['verdict']}",
-        }
-        for row in rows
-    ]

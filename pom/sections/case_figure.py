@@ -9,7 +9,7 @@ import numpy as np
 
 from .figure import WIDTH, Frame, area, arrow, axes, clipped, curve, line, rect, spaced, svg, text
 from .panels import Panel, description
-from .quantities import fixed, number
+from .quantities import SYMBOLS, fixed, number
 
 LEFT, RIGHT, HEAD, FOOT = 54.0, 12.0, 17.0, 30.0
 # a page's worth of panels: A4 less margins and caption at `WIDTH` units across 180 mm
@@ -18,7 +18,6 @@ MAIN, STRIP, SMALL, GAP = 170.0, 38.0, 66.0, 5.0
 RESIDUAL = 1.6
 # height of one run's bar of exits above the time axis
 LANE = 4.0
-SYMBOLS = {"pass": "✓", "fail": "✗", "invalid": "!", "not_tested": "–", "advisory": "○"}
 
 
 def figures(

@@ -19,6 +19,8 @@ from flightmech.names import lookup
 
 MINUS = "\N{MINUS SIGN}"
 MISSING = "\N{EN DASH}"
+SYMBOLS = {"pass": "✓", "fail": "✗", "invalid": "!", "not_tested": "–", "advisory": "○"}
+"""Verdicts as marks: never colour alone."""
 
 _GREEK = {
     "alpha": "α",

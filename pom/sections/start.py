@@ -7,11 +7,12 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from pom.replaying import LARGEST_BIAS, SURFACES
+from pom import offsets
+from pom.result import PomResult
+from pom.trim_table import CONTROLS, trim_limits
 
-from .quantities import MISSING, Label, fixed, label, measured, plainly, short
+from .quantities import MINUS, MISSING, Label, fixed, label, measured, number, plainly, pretty_unit, short
 
 _CONFIGURATION = ("mass", "x_cg", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "delta_f", "gear", "speedbrake")
 _ATMOSPHERE = ("h", "h_agl", "h_baro", "p_static", "temperature", "rho", "delta_T", "qnh", "runway_elevation", "wind", "a_sound")
@@ -61,29 +62,55 @@ def wind(north: float, east: float, down: float = 0.0) -> str:
     return f"from {bearing:03d}° true at {fixed(knots, 1)} kt{rising}"
 
 
-def trim(table: pd.DataFrame) -> dict[str, Any]:
-    """Return the table of the trim in its parts; a surface bias beyond its limit is marked."""
-    parts: dict[str, list[Any]] = {
-        "State": [],
-        "Controls as applied": [],
-        "Biases found by the trim": [],
-        "Accelerations left after the trim": [],
-    }
+def trim(result: PomResult) -> dict[str, Any]:
+    """Return the table of the trim in its parts; a bias or an acceleration beyond its limit is marked."""
+    parts: dict[str, list[Any]] = {"State": [], "Controls as applied": [], _FOUND: [], _LEFT: []}
+    table = result.trim
+    flight = {str(name): np.array([value]) for name, value in table["flight"].items()} if "flight" in table else {}
+    limits = trim_limits(result.case, flight)
     for quantity, values in table.iterrows():
         name = str(quantity)
         shown, stem = label(name), name.rpartition(".")[2]
         held = values.to_numpy(float)
-        if name.startswith("trim.") and not name.endswith("_dot"):
-            if not np.nan_to_num(held).any():
-                continue
-            part = "Biases found by the trim"
-        else:
-            part = "Accelerations left after the trim" if "." in name else "Controls as applied" if stem.startswith("delta_") else "State"
-        beyond = [name in SURFACES and abs(value) > LARGEST_BIAS for value in held]
-        cells = [(MISSING if np.isnan(v) else plainly(float(v), shown.unit), out) for v, out in zip(shown.shown(held), beyond, strict=True)]
-        parts[part].append((shown, label(stem).words or stem, cells))
-    limit = f"surfaces at most ± {short(math.degrees(LARGEST_BIAS))} deg; beyond it marked ▲"
-    return {
-        "columns": list(map(str, table.columns)),
-        "parts": [(title, limit if title.startswith("Biases") else "", rows) for title, rows in parts.items() if rows],
-    }
+        found, left = name.startswith("trim.") and not name.endswith("_dot"), name.startswith("trim.") and name.endswith("_dot")
+        if found and not np.nan_to_num(held).any():
+            continue
+        part = _FOUND if found else _LEFT if left or "." in name else "Controls as applied" if stem in CONTROLS else "State"
+        limit = limits[stem].size if (found or left) and stem in limits else math.inf
+        cells = [(_value(v, shown), abs(si) > limit) for v, si in zip(shown.shown(held), held, strict=True)]
+        differences = [] if found or left else [_difference(v, shown) for v in shown.width(held[1:] - held[0])]
+        told = f"± {short(float(shown.width(limit)), 3)}" if math.isfinite(limit) else ""
+        parts[part].append({"label": shown, "words": label(stem).words or stem, "cells": cells, "differences": differences, "limit": told})
+    return {"columns": list(map(str, table.columns)), "parts": [(title, rows) for title, rows in parts.items() if rows]}
+
+
+_FOUND, _LEFT = "Biases found by the trim", "Accelerations left after the trim"
+
+
+def _value(value: float, shown: Label) -> str:
+    return MISSING if np.isnan(value) else plainly(float(value), shown.unit)
+
+
+def _difference(value: float, shown: Label) -> str:
+    text = _value(value, shown)
+    return text if text == MISSING or text.startswith(MINUS) or value == 0.0 else f"+{text}"
+
+
+def calibration(result: PomResult) -> list[tuple[str, str]]:
+    """Return the constants of the instruments by which the flight data were corrected, with their standard errors."""
+    rows = []
+    for row in offsets.calibration(result).to_dict("records"):
+        unit = pretty_unit(str(row["unit"]))
+        rows.append((str(row["parameter"]), f"{number(row['estimate'])} ± {number(row['stderr'], 2)} {unit}".strip()))
+    return rows
+
+
+def drift(result: PomResult) -> list[tuple[Label, str, str, str]]:
+    """Return how fast speed, height and heading of every model leave those of the flight: channel, run, rate, spread."""
+    rows = []
+    for row in offsets.drift(result).to_dict("records"):
+        shown = label(str(row["channel"]))
+        unit = shown.unit
+        rate, spread = (number(float(shown.width(row[key])), 2) for key in ("rate", "spread"))
+        rows.append((shown, str(row["run"]), f"{rate} {unit}/s", f"{spread} {unit}"))
+    return rows

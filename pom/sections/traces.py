@@ -1,14 +1,15 @@
 """Traces for the page: quantised to a step, differenced, compressed.
 
 A trace is stored as integers k with value = k * step: differences of a noisy trace, differences of differences of a
-smooth one, in the fewest bytes that hold them (8, 16 or 32 bits), gzipped and written in base64.  With a step of
-tolerance/500 the error is at most tolerance/1000, far below a pixel; the numbers a reader sees come from
-``results.json``, never from here.
+smooth one, in the fewest bytes that hold them (8, 16 or 32 bits).  With a step of tolerance/500 the error is at most
+tolerance/1000, far below a pixel; the numbers a reader sees come from the verdict table, never from here.  A parcel
+is what a page waits as: its text and what its plots need as JSON, a zero, the traces, all gzipped and written in base64.
 """
 
 from __future__ import annotations
 
 import base64
+import json
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,15 +17,17 @@ from typing import Any
 
 import numpy as np
 
+from flightmech.console import plain
+
 STEPS_PER_TOLERANCE = 500
-STEPS_PER_HEIGHT = 1000
+STEPS_PER_HEIGHT = 500
 TIME_STEP = 1e-6
 _MISSING = {"int8": -(2**7), "int16": -(2**15), "int32": -(2**31)}
 
 
 @dataclass
 class Pack:
-    """Collects arrays into one compressed block; `add` returns what the page needs to read an array back."""
+    """Collects arrays into one block; `add` returns what the page needs to read an array back."""
 
     body: bytearray
 
@@ -41,20 +44,22 @@ class Pack:
         self.body += differences.astype(differences.dtype.newbyteorder("<")).tobytes()
         return entry
 
-    def text(self) -> str:
-        """Return the block as base64 of gzip."""
-        return compressed(bytes(self.body))
+
+def parcel(head: Mapping[str, Any], body: bytes = b"") -> str:
+    """Return a page as base64 of gzip; the header holds neither time nor system, so equal input gives equal text."""
+    text = json.dumps(plain(head), sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    squeeze = zlib.compressobj(9, zlib.DEFLATED, 31, 9, zlib.Z_FILTERED)
+    return base64.b64encode(squeeze.compress(text.encode() + b"\0" + body) + squeeze.flush()).decode("ascii")
 
 
-def compressed(content: bytes | str) -> str:
-    """Return base64 of gzip; the header holds neither time nor system, so equal input gives equal text."""
-    squeeze = zlib.compressobj(9, zlib.DEFLATED, 31)
-    content = content.encode("utf-8") if isinstance(content, str) else content
-    return base64.b64encode(squeeze.compress(content) + squeeze.flush()).decode("ascii")
+def opened(text: str) -> tuple[dict[str, Any], bytes]:
+    """Return head and body of a `parcel`."""
+    head, _, body = zlib.decompress(base64.b64decode(text), 31).partition(b"\0")
+    return json.loads(head), body
 
 
 def step_of(half_width: np.ndarray | None, scale: tuple[float, float]) -> float:
-    """Return the step for a channel: tolerance/500 at its narrowest, or a 1000th of the height of its panel without tolerance."""
+    """Return the step for a channel: tolerance/500 at its narrowest, or a 500th of the height of its panel without tolerance."""
     if half_width is not None:
         widths = half_width[np.isfinite(half_width) & (half_width > 0)]
         if len(widths):
@@ -93,8 +98,3 @@ def restore(entry: Mapping[str, Any], body: bytes) -> np.ndarray:
     for _ in range(entry["order"]):
         level = np.cumsum(level)
     return np.where(missing, np.nan, (entry["first"] + level) * entry["step"])
-
-
-def unpack(text: str) -> bytes:
-    """Return the bytes of `Pack.text`."""
-    return zlib.decompress(base64.b64decode(text), 31)

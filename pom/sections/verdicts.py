@@ -11,8 +11,7 @@ import numpy as np
 
 from pom.result import PomResult
 
-from .case_figure import SYMBOLS
-from .quantities import MISSING, fixed, label, number, percent, pretty_unit
+from .quantities import MISSING, SYMBOLS, fixed, label, number, percent, pretty_unit
 
 WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested", "advisory": "advisory"}
 # how a row stands to the regulation, where it was not read there word for word
@@ -51,9 +50,9 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def verdict_table(result: PomResult) -> list[dict[str, Any]]:
+def verdict_table(result: PomResult) -> dict[str, Any]:
     """Return one block per criterion with one row per model; alternatives of one group follow each other."""
-    records = result.verdict.to_dict("records")
+    records: list[dict[Hashable, Any]] = [{**row, "index": i} for i, row in enumerate(result.verdict.to_dict("records"))]
     applying = {c.name: c.group for c in result.case.criteria if c.applies}
     groups = list(dict.fromkeys(row["group"] for row in records))
     names = sorted(dict.fromkeys((row["group"], row["criterion"]) for row in records), key=lambda pair: groups.index(pair[0]))
@@ -71,20 +70,27 @@ def verdict_table(result: PomResult) -> list[dict[str, Any]]:
                 "label": label(first["channel"]) if first["channel"] else None,
                 "measure": _MEASURES.get(first["measure"], words(first["measure"])),
                 "printed": first["tolerance_text"],
-                "applied": _applied(result, first),
+                "applied": first["applied_text"] or _applied(result, first),
                 "window": f"{fixed(first['window_start'], 2)} … {fixed(first['window_stop'], 2)}",
                 "mark": MARKS.get(first["provenance"], ""),
                 "rows": [_verdict_row(row) for row in rows],
+                "left_out": "" if name in applying else rows[0]["note"],
             }
         )
-    return blocks
+    judged = [block for block in blocks if not block["left_out"]]
+    left_out = [block for block in blocks if block["left_out"]]
+    return {"blocks": judged, "left_out": left_out, "values": any(row["has_value"] for block in judged for row in block["rows"])}
 
 
 def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
     at = math.nan if row["measure"] in MODAL else float(row["at"])  # a mode is of the whole window, not of an instant
     return {
+        "index": row["index"],
         "run": row["run"],
-        "worst": _worst(row),
+        "has_value": math.isfinite(row["flight_value"]),
+        "flight": _sized(row["flight_value"], row),
+        "model": _sized(row["model_value"], row),
+        "worst": _sized(row["worst"], row, with_unit=True),
         "at": at,
         "at_text": fixed(at, 2),
         "ratio": fixed(row["worst_ratio"], 2),
@@ -95,13 +101,13 @@ def _verdict_row(row: Mapping[Hashable, Any]) -> dict[str, Any]:
     }
 
 
-def _worst(row: Mapping[Hashable, Any]) -> str:
-    """Return the difference with decimals to a hundredth of the tolerance."""
-    if not math.isfinite(row["worst"]):
+def _sized(value: float, row: Mapping[Hashable, Any], with_unit: bool = False) -> str:
+    """Return a number in the unit of the table, with decimals to a hundredth of the tolerance."""
+    if not math.isfinite(value):
         return MISSING
     resolved = math.isfinite(row["width"]) and row["width"] > 0.0
-    value = fixed(row["worst"], max(0, math.ceil(2.0 - math.log10(row["width"])))) if resolved else number(row["worst"])
-    return f"{value} {pretty_unit(row['unit'])}".strip()
+    text = fixed(value, max(0, math.ceil(2.0 - math.log10(row["width"])))) if resolved else number(value)
+    return f"{text} {pretty_unit(row['unit'])}".strip() if with_unit else text
 
 
 def _applied(result: PomResult, row: Mapping[Hashable, Any]) -> str:
