@@ -142,17 +142,6 @@ def diagnose_all(
     return dict(zip((case.name for case in cases), Parallel(n_jobs=jobs)(work), strict=True))
 
 
-def corrected_database(datcom: xr.DataTree, final: xr.DataTree, diagnoses: Mapping[str, pd.DataFrame]) -> tuple[xr.DataTree, list[str]]:
-    """Return the a-priori database with only the terms of the final one that the cases ask for, and their names.
-
-    Names of parts of the aircraft are among them; they are for `flightmech.swap_parts`.
-    """
-    wanted = pom.corrected_terms(diagnoses.values())
-    corrected = pom.swap_terms(datcom, final, wanted)
-    corrected.attrs["title"] = f"{datcom.attrs['aircraft']}: a-priori database with the terms that the diagnosis asks for"
-    return corrected, wanted
-
-
 @dataclass(frozen=True)
 class Outcome:
     """What `perform` made.
@@ -230,9 +219,9 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step, command
         final, tabulation = final_database(project, start, fits)
     with step(f"swap terms on {len(cases)} cases, build the corrected database"):
         diagnoses = diagnose_all(cases, paths, datcom, final, aircraft, apriori, jobs)
-        corrected, wanted = corrected_database(datcom, final, diagnoses)
+        corrected = pom.corrected_database(datcom, final, diagnoses)
     databases = {"datcom": datcom, "corrected": corrected, "final": final}
-    flown = {"datcom": apriori, "corrected": flightmech.swap_parts(apriori, aircraft, wanted), "final": aircraft}
+    flown = {"datcom": apriori, "corrected": pom.corrected_aircraft(apriori, aircraft, diagnoses), "final": aircraft}
     with step("write three databases and three FMUs"):
         folder.mkdir(parents=True, exist_ok=True)
         fmus = {}
@@ -250,7 +239,7 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step, command
             databases=databases,
             diagnoses=diagnoses,
         )
-    return Outcome(results, wanted, tabulation, report)
+    return Outcome(results, pom.corrected_terms(diagnoses.values()), tabulation, report)
 
 
 def replay_all(cases: Sequence[Any], fmus: Mapping[str, Path], paths: Mapping[str, Any], jobs: int) -> list[Any]:

@@ -1,47 +1,51 @@
 """Which terms of the final model explain the miss of the a-priori model: the term swap of LR-743, section 5.2, made systematic.
 
 Every term that differs is put alone from the final database into the a-priori one and the case is replayed by the
-kernel, with the inputs, the initial state and the trim of the case.  Then terms are added one by one, the best first,
-until the case passes or nothing helps any more.
+kernel, with the inputs, the initial state and the trim of the case; so are groups of terms and pairs.  Then terms are added one
+by one, the best first, until the case passes or nothing helps any more.  Last, the gap between the two models is split among the
+terms by their Shapley shares, which is fair where effects interact.
 
-One compiled model holds the differing terms of both databases; the scale parameters of the terms, 0 or 1, choose.  Parts of the
-aircraft that differ (`flightmech.parts`: tables of the engines, legs of the gear ...) are exchanged in the same way, by a
-compiled model for every choice of parts.
+Parts of the aircraft that differ (`flightmech.parts`: tables of the engines, legs of the gear ...) are exchanged in the same way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
-import aerodb
-import flightmech
 from flightmech import Aircraft
-from flightmech.errors import SimulationError
-from flightmech.parts import different_parts, swap_parts
 
 from .case import PomCase
-from .drive import Job, job_of
-from .flight import flight_states
-from .result import group_verdicts, status_of
-from .tolerance import difference, half_width
-from .verdict import judge
+from .shapley import shares
+from .swap_bench import Bench, Judged
+from .swap_table import OTHERS
+from .swaps import groups_of
 
 LEAST_SHARE = 0.02  # of the gap: an addition that closes less is not worth a correction
+LEAST_GAP = 0.05  # half widths: where a criterion misses no more than this beyond the final model, shares of it say nothing
 CANDIDATES = 16  # single swaps that change most, for better or worse: they are tried again in every round of the sequence
-CEILING = 10.0  # miss of a criterion that fails without a number, such as a mode that is not there; no miss counts more
-_FINAL = "_of_final"
+PAIRED = 6  # terms of which all pairs are tried
+AND = " + "
 
 
 def diagnose(
-    case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: Aircraft, path: Any = None, apriori: Aircraft | None = None
+    case: PomCase,
+    prior: xr.DataTree,
+    final: xr.DataTree,
+    aircraft: Aircraft,
+    path: Any = None,
+    apriori: Aircraft | None = None,
+    groups: Mapping[str, Sequence[str]] | None = None,
+    players: int = 5,
+    replays: int = 256,
+    seed: int = 0,
 ) -> pd.DataFrame:
-    """Rank the terms, and the parts of the aircraft, by how much of the miss of `prior` each closes.
+    """Rank the terms, and the parts of the aircraft, by how much of the miss of `prior` each closes, in all and per criterion.
 
     Parameters
     ----------
@@ -54,211 +58,142 @@ def diagnose(
         As in `replay`.
     apriori : Aircraft, optional
         Of the a-priori model, when its engines, gear or control circuits are others.
+    groups : mapping of str to sequence of str, optional
+        Groups to swap as a whole beside those of `groups_of`: names or patterns of terms and parts.
+    players : int
+        Terms that the shares tell apart: all that the sequence needed, and further ones that change most up to this number; the
+        rest together are ``others``.
+    replays : int
+        Replays that the shares may take.  2**n for n terms are within it: exact; else a sample of orders, at least 16, with its
+        standard error.
+    seed : int
+        Of the sample.
 
     Returns
     -------
     DataFrame
-        Columns ``stage term closes verdict`` and, for every judged criterion, its ``miss`` (rms of difference over
-        half width for a time history, the ratio itself for a scalar) and ``ratio`` (largest).  ``closes`` is the share
-        of the gap between the total misses of `prior` and `final` (root mean square over the groups, of each group the
-        best alternative, at most `CEILING`); NaN when `final` is no better.  Stages: ``prior`` and ``final``; ``single``, one row per
-        term, best first; ``sequence``, terms added one after the other, each row with all before it.
+        Columns ``stage term closes stderr interaction verdict miss`` and, for every judged criterion, its ``miss`` (rms of
+        difference over half width for a time history, the ratio itself for a scalar), ``ratio`` (largest), ``closes`` and
+        ``stderr``.  ``closes`` is the share of the gap between the misses of `prior` and `final`; the total miss is the root mean
+        square over the groups, of each group the best alternative, at most `CEILING`.  NaN when `final` is no better, for a
+        criterion when it is better by less than `LEAST_GAP`.  Stages:
+
+        - ``prior`` and ``final``;
+        - ``single``, one row per term, best first; ``group``, best first;
+        - ``pair``, terms ``A + B`` of those that change most, best first; ``interaction`` is what both close beyond the sum of each;
+        - ``sequence``, terms added one after the other, each row with all before it;
+        - ``share``, the Shapley shares, largest first, with their standard errors (zero when exact).  Their ``miss`` is what is left
+          after this share and those above it, from that of `prior` down to that of `final`.
+
+        Pairs, sequence and shares are left out when `prior` passes or `final` is no better.
     """
-    bench = _Bench.of(case, prior, final, (apriori or aircraft, aircraft), path)
-    start, end = bench.score("prior", ""), bench.score("final", "", [*bench.terms, *bench.parts])
-    gap = start.total - end.total
-    singles = sorted((bench.score("single", name, [name]) for name in (*bench.terms, *bench.parts)), key=_total)
-    felt = sorted(singles, key=lambda row: -abs(_total(row) - start.total))[:CANDIDATES]
-    rows = [start, end, *singles, *_sequence(bench, start, gap, [row.term for row in felt])]
-    return pd.DataFrame([row.record(start.total, gap) for row in rows])
+    bench = Bench.of(case, prior, final, (apriori or aircraft, aircraft), path)
+    start, end = bench.judged([(), bench.names])
+    table = _Table(start, end)
+    table.add("prior", "", start)
+    table.add("final", "", end)
+    singles = sorted(zip(bench.names, bench.judged([[name] for name in bench.names]), strict=True), key=lambda row: _total(row[1]))
+    members = groups_of(prior, final, bench.names, groups)
+    wholes = zip(members, bench.judged(members.values()), strict=True)
+    for stage, rows in (("single", singles), ("group", sorted(wholes, key=lambda row: _total(row[1])))):
+        for name, found in rows:
+            table.add(stage, name, found)
+    if start.verdict != "pass" and table.gap > 0.0:
+        felt = [name for name, _ in sorted(singles, key=lambda row: -abs(_total(row[1]) - start.total))]
+        needed = _sequence(bench, start, table.gap, felt[:CANDIDATES])
+        told = [*needed, *(name for name in felt if name not in needed)][: max(players, len(needed))]
+        _pairs(bench, table, sorted(told, key=felt.index)[:PAIRED])
+        for k, found in enumerate(bench.judged([needed[: k + 1] for k in range(len(needed))])):
+            table.add("sequence", needed[k], found)
+        _shares(bench, table, told, replays, seed)
+    return pd.DataFrame(table.rows)
 
 
-@dataclass(frozen=True)
-class _Score:
-    """A choice of terms: miss and ratio per criterion, and the total miss."""
+class _Table:
+    """The rows of a diagnosis, and the gaps they are shares of."""
 
-    stage: str
-    term: str
-    verdict: str
-    miss: dict[str, float]
-    ratio: dict[str, float]
-    total: float
+    def __init__(self, start: Judged, end: Judged):
+        self.rows: list[dict[str, Any]] = []
+        self.criteria = list(start.miss)
+        self.start, self.end = start.counted(self.criteria), end.counted(self.criteria)
+        self.gap = start.total - end.total
 
-    def record(self, prior: float, gap: float) -> dict[str, Any]:
-        closes = (prior - self.total) / gap if gap > 0.0 else np.nan
-        found: dict[str, Any] = {"stage": self.stage, "term": self.term, "closes": closes, "verdict": self.verdict}
-        for name in self.miss:
-            found |= {f"{name} miss": self.miss[name], f"{name} ratio": self.ratio[name]}
-        return found
+    def closed(self, change: np.ndarray) -> np.ndarray:
+        """Return changes of the misses (total, then criteria) as shares of their gaps."""
+        gap = self.start - self.end
+        gap[1:][gap[1:] < LEAST_GAP] = np.nan
+        gap[0] = self.gap if self.gap > 0.0 else np.nan
+        return change / gap
+
+    def add(self, stage: str, term: str, found: Judged, interaction: float = np.nan) -> None:
+        """Append a row of a choice that was flown."""
+        closes = self.closed(self.start - found.counted(self.criteria))
+        miss, ratio = ([each.get(name, np.nan) for name in self.criteria] for each in (found.miss, found.ratio))
+        nothing = np.full(len(closes), np.nan)
+        self._append(stage, term, found.verdict, closes, nothing, interaction, [found.total, *miss], ratio)
+
+    def add_share(self, term: str, change: np.ndarray, stderr: np.ndarray, left: np.ndarray) -> None:
+        """Append a share: changes of the misses, their standard errors, and the misses that are left."""
+        nothing = [np.nan] * len(self.criteria)
+        self._append("share", term, "not_tested", self.closed(-change), np.abs(self.closed(stderr)), np.nan, left.tolist(), nothing)
+
+    def _append(self, stage, term, verdict, closes, stderr, interaction, miss, ratio) -> None:
+        row = {"stage": stage, "term": term, "closes": closes[0], "stderr": stderr[0], "interaction": interaction}
+        row |= {"verdict": verdict, "miss": miss[0]}
+        for k, name in enumerate(self.criteria):
+            row |= {f"{name} miss": miss[k + 1], f"{name} ratio": ratio[k]}
+            row |= {f"{name} closes": closes[k + 1], f"{name} stderr": stderr[k + 1]}
+        self.rows.append(row)
 
 
-def _total(score: _Score) -> float:
-    return score.total if np.isfinite(score.total) else np.inf
+def _total(found: Judged) -> float:
+    return found.total if np.isfinite(found.total) else np.inf
 
 
-def _sequence(bench: _Bench, start: _Score, gap: float, candidates: list[str]) -> list[_Score]:
+def _pairs(bench: Bench, table: _Table, names: Sequence[str]) -> None:
+    """Append the pairs of the named terms, best first."""
+    alone = {row["term"]: row["closes"] for row in table.rows if row["stage"] == "single"}
+    pairs = list(combinations(names, 2))
+    for (a, b), found in sorted(zip(pairs, bench.judged(pairs), strict=True), key=lambda row: _total(row[1])):
+        both = (table.start[0] - found.total) / table.gap
+        table.add("pair", f"{a}{AND}{b}", found, both - alone[a] - alone[b])
+
+
+def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) -> list[str]:
     """Return the greedy sequence, cut where it is best, without the terms that turned out not to be needed.
 
     An addition that does not help by itself is taken all the same when nothing better is there, because the next may need it;
     what is gained has to be worth `LEAST_SHARE` of the gap for every term in the end.
     """
-    if start.verdict == "pass" or not gap > 0.0:
-        return []
     names: list[str] = []
     path = [start]
     while path[-1].verdict != "pass" and len(names) < len(candidates):
-        trials = [bench.score("sequence", name, [*names, name]) for name in candidates if name not in names]
-        path.append(min(trials, key=_total))
-        names.append(path[-1].term)
+        free = [name for name in candidates if name not in names]
+        trials = bench.judged([[*names, name] for name in free])
+        best = min(range(len(free)), key=lambda k: _total(trials[k]))
+        path.append(trials[best])
+        names.append(free[best])
     best = min(range(len(path)), key=lambda k: (path[k].verdict != "pass", path[k].total))
     needed, reached = names[:best], path[best]
     for name in reversed(names[:best]):
-        without = bench.score("sequence", name, [other for other in needed if other != name])
+        (without,) = bench.judged([[other for other in needed if other != name]])
         if (without.verdict == "pass") >= (reached.verdict == "pass") and without.total - reached.total < LEAST_SHARE * gap:
             needed.remove(name)
-    return [bench.score("sequence", name, needed[: k + 1]) for k, name in enumerate(needed)]
+    return needed
 
 
-@dataclass(frozen=True)
-class _Bench:
-    """A case, a database that holds the differing terms of both, and what differs: terms, then parts of the aircraft."""
+def _shares(bench: Bench, table: _Table, told: Sequence[str], replays: int, seed: int) -> None:
+    """Append the Shapley shares of the terms `told` and of all others together."""
+    others = [name for name in bench.names if name not in told]
+    players = [[name] for name in told] + ([others] if others else [])
+    labels = [*told, *([OTHERS] if others else [])]
 
-    case: PomCase
-    job: Job
-    flight: dict[str, np.ndarray]
-    both: xr.DataTree
-    aircraft: tuple[Aircraft, Aircraft]
-    terms: tuple[str, ...]
-    parts: tuple[str, ...]
-    sims: dict[frozenset[str], Any] = field(default_factory=dict)
+    def game(choices):
+        flown = bench.judged([[name for player in choice for name in players[player]] for choice in choices])
+        return np.stack([found.counted(table.criteria) for found in flown])
 
-    @classmethod
-    def of(cls, case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft], path: Any) -> _Bench:
-        states = flight_states(case, path)
-        job = job_of(case, states)
-        flight = {str(name): np.broadcast_to(item.values, job.time.size) for name, item in states.data_vars.items() if item.ndim < 2}
-        names = tuple(differing(prior, final))
-        theirs = aerodb.terms(final)
-        both = aerodb.replace_terms(prior, {name + _FINAL: theirs[name] for name in names if name in theirs})
-        return cls(case, job, flight, both, aircraft, names, _parts(case, flight, aircraft))
-
-    def sim(self, names: Collection[str]) -> Any:
-        """Return the compiled model with those of the named parts that are of the final aircraft."""
-        chosen = frozenset(names) & frozenset(self.parts)
-        if chosen not in self.sims:
-            prior, final = self.aircraft
-            self.sims[chosen] = flightmech.compile(swap_parts(prior, final, [name for name in self.parts if name in chosen]), self.both)
-        return self.sims[chosen]
-
-    def score(self, stage: str, term: str, names: Collection[str] = ()) -> _Score:
-        """Replay with the terms and parts `names` taken from the final model and judge."""
-        outputs, failure = fly(self.sim(names), replace(self.job, parameters={**self.job.parameters, **self._scales(names)}))
-        miss: dict[str, float] = {}
-        ratio: dict[str, float] = {}
-        verdicts: dict[str, str] = {}
-        groups: dict[str, float] = {}
-        for criterion in self.case.criteria:
-            found = judge(self.case, criterion, self.job.time, self.flight, outputs)
-            verdicts[criterion.name] = "invalid" if failure and criterion.applies else found.verdict
-            if found.verdict not in ("pass", "fail", "invalid"):
-                continue
-            ratio[criterion.name] = miss[criterion.name] = found.worst_ratio
-            if criterion.measure == "trace":
-                miss[criterion.name] = self._rms(criterion, outputs)
-            counted = float(np.fmin(miss[criterion.name], CEILING))
-            groups[criterion.group] = min(groups.get(criterion.group, CEILING), counted)
-        total = float(np.sqrt(np.mean(np.square(list(groups.values()))))) if groups else np.nan
-        return _Score(stage, term, status_of(group_verdicts(self.case, verdicts)), miss, ratio, total)
-
-    def _scales(self, names: Collection[str]) -> dict[str, float]:
-        scales = {}
-        for name in self.terms:
-            scales[f"term.{name.replace('/', '.')}"] = 0.0 if name in names else 1.0
-            scales[f"term.{name.replace('/', '.')}{_FINAL}"] = 1.0 if name in names else 0.0
-        return scales
-
-    def _rms(self, criterion, outputs: dict[str, np.ndarray]) -> float:
-        """Return the root mean square of difference over half width in the window."""
-        time = self.job.time
-        mask = (time >= criterion.window[0] - 1e-9) & (time <= criterion.window[1] + 1e-9)
-        flight, model = self.flight[criterion.channel][mask], outputs[criterion.channel][mask]
-        return float(np.sqrt(np.mean(np.square(difference(criterion.channel, flight, model) / half_width(criterion, flight)))))
-
-
-def _parts(case: PomCase, flight: Mapping[str, np.ndarray], aircraft: tuple[Aircraft, Aircraft]) -> tuple[str, ...]:
-    """Return the parts that differ and can matter: engines that the thrust does not drive, gear that touches the ground."""
-    touching = case.drive.trim == "ground" or any((flight[name] > 0.5).any() for name in flight if name.startswith("wow_"))
-    felt = {"engine": case.drive.engine != "thrust", "gear": touching, "circuit": case.drive.surfaces != "recorded"}
-    return tuple(name for name in different_parts(*aircraft) if felt.get(name.split("/")[0], True))
-
-
-def fly(sim: Any, job: Job) -> tuple[dict[str, np.ndarray], str]:
-    """Replay a job by the kernel itself.
-
-    Parameters
-    ----------
-    sim : SimModel
-        From `flightmech.compile`.
-    job : Job
-
-    Returns
-    -------
-    outputs : dict of str to array (time,)
-    failure : str
-        Empty when the run went to its end.
-    """
-    inputs = {name: ("time", values) for name, values in job.inputs.items() if name in sim.inputs}
-    parameters = {name: value for name, value in job.parameters.items() if name in sim.parameters}
-    try:
-        found = flightmech.simulate(sim, xr.Dataset(inputs, coords={"time": job.time}), parameters)
-    except SimulationError as error:
-        return {name: np.full(job.time.size, np.nan) for name in sim.outputs}, str(error)
-    return {str(name): item.values for name, item in found.data_vars.items()}, ""
-
-
-def differing(prior: xr.DataTree, final: xr.DataTree) -> list[str]:
-    """Return the names of the terms that are not the same in both databases, or only in one of them."""
-    ours, theirs = aerodb.terms(prior), aerodb.terms(final)
-    return [name for name in {**ours, **theirs} if not _same(ours.get(name), theirs.get(name))]
-
-
-def _same(a: xr.Dataset | None, b: xr.Dataset | None) -> bool:
-    if a is None or b is None:
-        return False
-    tables = [name for name in ("value", "K1", "K2") if name in a or name in b]
-    rules = all(a.attrs.get(key) == b.attrs.get(key) for key in ("regressors", "outside", "power", "exponent", "floor"))
-    return rules and all(name in a and name in b and a[name].equals(b[name]) for name in tables)
-
-
-def swap_terms(prior: xr.DataTree, final: xr.DataTree, names: Iterable[str]) -> xr.DataTree:
-    """Return `prior` with the named terms as they are in `final`; a term that `final` does not have is taken out.
-
-    Names that are terms of neither, such as parts of the aircraft, are passed over.
-    """
-    theirs, ours = aerodb.terms(final), aerodb.terms(prior)
-    names = [name for name in names if name in theirs or name in ours]
-    swapped = aerodb.replace_terms(prior, {name: theirs[name] for name in names if name in theirs}, "term swap")
-    gone = [name for name in names if name not in theirs]
-    return aerodb.delete_terms(swapped, gone, "term swap") if gone else swapped
-
-
-def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
-    """Return the terms and parts that the sequences of several diagnoses needed, in the order of the share each closes alone.
-
-    Parameters
-    ----------
-    diagnoses : iterable of DataFrame
-        From `diagnose`.
-
-    Notes
-    -----
-    The corrected database of LR-743 is ``swap_terms(prior, final, corrected_terms(diagnoses))``, its aircraft
-    ``flightmech.swap_parts`` with the same names; each takes what is its own.
-    """
-    share: dict[str, float] = {}
-    for table in diagnoses:
-        single = table[table["stage"] == "single"]
-        alone = dict(zip(single["term"], single["closes"], strict=True))
-        for name in table.loc[table["stage"] == "sequence", "term"]:
-            share[name] = max(share.get(name, -np.inf), alone[name])
-    return sorted(share, key=lambda name: -share[name])
+    found = shares(len(players), game, replays, seed)
+    order = sorted(range(len(players)), key=lambda k: (labels[k] == OTHERS, found.share[k, 0]))
+    left = table.start + np.cumsum(found.share[order], axis=0)
+    for k, player in enumerate(order):
+        table.add_share(labels[player], found.share[player], found.stderr[player], left[k])

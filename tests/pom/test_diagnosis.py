@@ -9,11 +9,13 @@ import xarray as xr
 import aerodb
 import flightmech
 import pom
+from flightmech.errors import UnknownName
 from flightmech.terms import make
 from pom.case import read_case
-from pom.diagnosis import differing, fly, swap_terms
 from pom.drive import job_of
 from pom.flight import flight_states
+from pom.kernel_replay import fly
+from pom.swaps import differing, swap_terms
 
 PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}
 
@@ -32,13 +34,15 @@ def test_the_spoilt_term_closes_the_gap_alone(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=0.6, Cl_phat=0.8)
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
-    assert list(table["stage"]) == ["prior", "final", "single", "single", "sequence"]
+    assert list(table["stage"]) == ["prior", "final", "single", "single", "pair", "sequence", "share", "share"]
     assert table.loc[0, "verdict"] == "fail"
     assert table.loc[1, "verdict"] == "pass"
     assert table.loc[2, "term"] == "Cm/elevator"
     assert table.loc[2, "closes"] == pytest.approx(1.0, abs=0.02)
     assert table.loc[3, "closes"] == pytest.approx(0.0, abs=0.02)  # roll damping has no part in a short period
-    assert table.loc[4, "verdict"] == "pass"
+    assert table.loc[5, "verdict"] == "pass"
+    assert table.loc[6, "term"] == "Cm/elevator"
+    assert table.loc[6, "closes"] == pytest.approx(1.0, abs=0.02)
     assert pom.corrected_terms([table]) == ["Cm/elevator"]
 
 
@@ -46,9 +50,10 @@ def test_two_spoilt_terms_make_a_sequence_of_two(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=0.5, CL_basic=0.6)
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
-    assert set(table.loc[table["stage"] == "sequence", "term"]) == {"Cm/elevator", "CL/basic"}
-    assert table.iloc[-1]["verdict"] == "pass"
-    assert table.iloc[-1]["closes"] == pytest.approx(1.0, abs=0.02)
+    sequence = table[table["stage"] == "sequence"]
+    assert set(sequence["term"]) == {"Cm/elevator", "CL/basic"}
+    assert sequence.iloc[-1]["verdict"] == "pass"
+    assert sequence.iloc[-1]["closes"] == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_swap_by_scales_is_the_swap_of_the_database(case, truth, trainer):
@@ -57,7 +62,7 @@ def test_a_swap_by_scales_is_the_swap_of_the_database(case, truth, trainer):
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth).set_index(["stage", "term"])
     job = job_of(case, flight_states(case, truth))
     outputs, _ = fly(flightmech.compile(trainer.AIRCRAFT, swap_terms(prior, final, ["CL/basic"])), job)
-    error = outputs["q"] - flight_states(case, truth)["q"].values
+    error = outputs["q"][0] - flight_states(case, truth)["q"].values
     expected = np.abs(error).max() / np.radians(2.0)
     assert table.loc[("single", "CL/basic"), "pitch_rate ratio"] == pytest.approx(expected, rel=1e-6)
     assert table.loc[("single", "CL/basic"), "pitch_rate miss"] == pytest.approx(np.sqrt(np.mean(error**2)) / np.radians(2.0), rel=1e-6)
@@ -101,9 +106,9 @@ def test_a_term_that_helps_only_with_another_is_found(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=1.6, Cm_basic=1.6, Cm_qhat=1.6, Cm_alphadothat=1.6)
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
-    chosen = table.loc[table["stage"] == "sequence", "term"]
-    assert table.iloc[-1]["verdict"] == "pass"
-    assert set(chosen) <= {"Cm/elevator", "Cm/basic", "Cm/qhat", "Cm/alphadothat"}
+    sequence = table[table["stage"] == "sequence"]
+    assert sequence.iloc[-1]["verdict"] == "pass"
+    assert set(sequence["term"]) <= {"Cm/elevator", "Cm/basic", "Cm/qhat", "Cm/alphadothat"}
 
 
 def test_an_engine_before_the_flights_is_swapped_like_a_term(write_case, trainer):
@@ -132,4 +137,118 @@ def test_an_engine_before_the_flights_is_swapped_like_a_term(write_case, trainer
     assert table.loc["prior", "verdict"] == "fail"
     assert table.loc["single", "term"] == "engine/thrust"
     assert table.loc["single", "closes"] == pytest.approx(1.0)
-    assert pom.corrected_terms([table.reset_index()]) == ["engine/thrust"]
+    table = table.reset_index()
+    assert pom.corrected_terms([table]) == ["engine/thrust"]
+    assert list(table.loc[table["stage"] == "share", "term"]) == ["engine/thrust"]
+    corrected = pom.corrected_aircraft(weak, strong, {"chop": table}, "trainer.toml")
+    assert corrected.engines[0].time_constant == 0.5
+    assert corrected.history.startswith("engine/thrust: pom diagnose: from trainer.toml, needed by chop (alone 100 % of the gap")
+    assert pom.corrected_aircraft(strong, strong, {"chop": table}) is strong
+
+
+def test_shares_of_two_terms_by_hand(case, truth, trainer):
+    """Two orders: a term closes what it closes alone when it comes first, and what the other leaves when it comes last."""
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, Cm_qhat=0.5)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
+    alone = table[table["stage"] == "single"].set_index("term")
+    share = table[table["stage"] == "share"].set_index("term")
+    pair = table[table["stage"] == "pair"].iloc[0]
+    for column in ("closes", "pitch_angle closes", "normal_acceleration closes"):
+        for one, other in (("Cm/elevator", "Cm/qhat"), ("Cm/qhat", "Cm/elevator")):
+            by_hand = 0.5 * (alone.loc[one, column] + 1.0 - alone.loc[other, column])
+            assert share.loc[one, column] == pytest.approx(by_hand, rel=1e-9)
+    assert set(pair["term"].split(" + ")) == {"Cm/elevator", "Cm/qhat"}
+    assert pair["closes"] == pytest.approx(1.0)
+    assert pair["interaction"] == pytest.approx(1.0 - alone["closes"].sum(), rel=1e-9)
+    assert (share["stderr"] == 0.0).all()
+    assert set(share["verdict"]) == {"not_tested"}
+
+
+def test_the_waterfall_leads_from_the_one_miss_to_the_other(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.9, Cm_qhat=0.7, Cl_phat=0.5)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth, players=2)
+    by = table.drop_duplicates("stage").set_index("stage")
+    for criterion, prefix in (("", ""), ("pitch_rate", "pitch_rate ")):
+        steps = pom.waterfall(table, criterion)
+        assert steps["start"].iloc[0] == by.loc["prior", f"{prefix}miss"]
+        assert steps["stop"].iloc[-1] == pytest.approx(by.loc["final", f"{prefix}miss"], abs=1e-12)
+        assert (steps["start"].values[1:] == steps["stop"].values[:-1]).all()
+    assert list(pom.waterfall(table)["term"])[-1] == "others"
+    assert len(pom.waterfall(table)) == 3
+
+
+def test_terms_are_ranked_per_criterion(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.8)
+    found = pom.ranking(pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)).set_index(["criterion", "rank"])
+    assert found.loc[("pitch_angle", 1), "term"] == "Cm/elevator"
+    for criterion in ("", "pitch_angle", "pitch_rate", "normal_acceleration"):
+        rows = found.loc[criterion]
+        assert rows["closes"].sum() == pytest.approx(1.0)
+        assert rows["change"].is_monotonic_increasing
+        assert rows.loc[1, "change"] < 0.0
+
+
+def test_many_terms_are_shared_by_sampled_orders_with_a_stated_error(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.8, Cm_qhat=0.6, Cm_basic=0.8, Cm_alphadothat=0.5)
+    exact, sampled, again, other = (
+        pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth, replays=replays, seed=seed).query("stage == 'share'").set_index("term")
+        for replays, seed in ((32, 0), (31, 0), (31, 0), (31, 1))
+    )
+    assert (exact["stderr"] == 0.0).all()
+    assert (sampled["stderr"] > 0.0).any()
+    assert sampled["closes"].equals(again["closes"])
+    assert not np.allclose(sampled["closes"], other["closes"][sampled.index])
+    assert sampled["closes"].sum() == pytest.approx(1.0)
+    assert (np.abs(sampled["closes"] - exact["closes"][sampled.index]) < 4.0 * sampled["stderr"]).all()
+
+
+def test_a_criterion_without_a_gap_has_no_shares(write_case, truth, trainer):
+    path = write_case(more='[tolerance]\nbank_angle = { abs = "2 deg", channel = "phi" }')
+    path.write_text(path.read_text().replace('bank_angle = { abs = "2 deg", channel = "phi" }', 'phi = "2 deg"'))
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.8)
+    table = pom.diagnose(read_case(path), prior, final, trainer.AIRCRAFT, truth)
+    assert table["phi closes"].isna().all()
+    assert table.loc[table["stage"] == "share", "pitch_rate closes"].notna().all()
+
+
+def test_groups_are_swapped_as_a_whole(write_case, trainer):
+    down = [(0.0, 0.0), (2.0, 0.0), (2.06, 1.0), (20.0, 1.0)]
+    final = trainer.database()
+    prior = trainer.scaled(aerodb.delete_terms(final, ["Cm/gear"]), Cm_qhat=0.8, CL_qhat=0.8)
+    final = aerodb.replace_terms(final, {"CL/gear": make(-0.02, regressors=["gear"])})
+    truth = trainer.flight(final, gear=down)
+    wanted = {"pitch damping and gear": ["C?/qhat", "*/gear"]}
+    table = pom.diagnose(read_case(write_case()), prior, final, trainer.AIRCRAFT, truth, groups=wanted)
+    rows = table[table["stage"] == "group"].set_index("term")
+    assert set(rows.index) == {"CL/*", "Cm/*", "*(gear)", "pitch damping and gear"}
+    assert rows.loc["pitch damping and gear", "closes"] == pytest.approx(1.0)
+    job = job_of(read_case(write_case()), flight_states(read_case(write_case()), truth))
+    outputs, _ = fly(flightmech.compile(trainer.AIRCRAFT, swap_terms(prior, final, ["CL/gear", "Cm/gear"])), job)
+    flown = flight_states(read_case(write_case()), truth)["q"].values
+    worst = np.abs(outputs["q"][0] - flown).max() / np.radians(2.0)
+    assert rows.loc["*(gear)", "pitch_rate ratio"] == pytest.approx(worst, rel=1e-6)
+    with pytest.raises(UnknownName, match="unknown term or part that differs 'CY/gear'"):
+        pom.diagnose(read_case(write_case()), prior, final, trainer.AIRCRAFT, truth, groups={"side": ["CY/gear"]})
+
+
+def test_the_corrected_database_says_where_its_terms_come_from(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(aerodb.delete_terms(final, ["Cm/alphadothat"]), Cm_elevator=0.5, CL_basic=0.6, Cl_phat=0.8)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
+    corrected = pom.corrected_database(prior, final, {"short_period": table}, "final.nc")
+    taken = pom.corrected_terms([table])
+    assert set(differing(corrected, prior)) == set(taken)
+    assert {"Cm/elevator", "CL/basic"} <= set(taken)
+    alone = table[table["stage"] == "single"].set_index("term").loc["CL/basic", "closes"]
+    history = aerodb.terms(corrected)["CL/basic"].attrs["history"]
+    assert f"pom diagnose: from final.nc, needed by short_period (alone {100 * alone:.0f} % of the gap, share" in history
+    assert history.endswith("replace_terms: replaced (term swap)")
+    assert "term swap" in corrected.attrs["history"]
+    assert "pom diagnose" not in aerodb.terms(corrected)["Cl/phat"].attrs.get("history", "")
+    flown = pom.diagnose(case, corrected, final, trainer.AIRCRAFT, truth)
+    assert flown.loc[0, "verdict"] == "pass"
