@@ -1,0 +1,34 @@
+"""The verb ``aeromatch flight fit``: parameters of the simulation by output error, from a TOML file."""
+
+from __future__ import annotations
+
+import click
+
+from flightmech.console import NewFile, document, json_option
+
+
+@click.command()
+@click.argument("fit_file", metavar="FIT", type=click.Path(exists=True, dir_okay=False))
+@click.option("-o", "--output", type=NewFile(), help="Write estimates, noise and residuals to this netCDF file.")
+@click.option("--page", type=NewFile(), help="Write one self-contained HTML page: estimates, and measured and predicted outputs.")
+@json_option
+def fit(fit_file: str, output: str | None, page: str | None, as_json: bool) -> None:
+    """Estimate parameters of the simulation by output error, as FIT (TOML) says: model, records, outputs, unknowns."""
+    from .likelihood.files import save_output_error
+    from .likelihood.performing import perform
+    from .likelihood.specification import read_specification
+
+    done = perform(read_specification(fit_file))
+    files = []
+    if output:
+        save_output_error(done.fit, output)
+        files.append(output)
+    if page:
+        done.write_page(page)
+        files.append(page)
+    if as_json:
+        document({**done.as_dict(), "files": files})
+        return
+    click.echo(done.report())
+    for file in files:
+        click.echo(f"written: {file}")

@@ -1,0 +1,128 @@
+"""An output-error fit from its specification: files opened, records checked, the fit made, and told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.console import plain
+from flightmech.model_files import compile_files
+from flightmech.whole import written_whole
+
+from ..quality.of_states import demand_sound
+from ..reduction import between, open_states
+from .flown import output_error
+from .result import OutputError
+from .specification import Specification
+
+if TYPE_CHECKING:
+    from flightmech import SimModel
+
+POOR = 0.5  # of the variance of an output about its mean, that the model must explain
+PULLED = 3.0  # prior standard errors by which an estimate may depart before it is told
+
+
+@dataclass(frozen=True)
+class Performed:
+    """A fit with what it was made from.
+
+    Attributes
+    ----------
+    specification : Specification
+    sim : SimModel
+    records : tuple of Dataset
+        The manoeuvres.
+    fit : OutputError
+    """
+
+    specification: Specification
+    sim: SimModel
+    records: tuple[xr.Dataset, ...]
+    fit: OutputError
+
+    @property
+    def explained(self) -> xr.DataArray:
+        """Part of the variance of each output about its mean that the model explains, (manoeuvre, output)."""
+        rows = []
+        for record, rest in zip(self.records, self.fit.residuals):
+            rows.append([1.0 - float((rest[name] ** 2).sum() / ((record[name] - record[name].mean()) ** 2).sum()) for name in rest.data_vars])
+        names = list(self.fit.residuals[0].data_vars)
+        return xr.DataArray(np.array(rows), {"manoeuvre": np.arange(1, len(rows) + 1), "output": names}, ("manoeuvre", "output"))
+
+    @property
+    def remarks(self) -> list[str]:
+        """What a reader should know beyond `OutputError.remarks`: outputs that the model misses, estimates far from what was known."""
+        found = []
+        for (k, j), share in np.ndenumerate(self.explained.values):
+            if share < POOR:
+                name = self.explained["output"].values[j]
+                found.append(f"record {k + 1}, {name}: the model explains {share:.0%} of its movement; it lacks something, or the record is wrong")
+        e = self.fit.estimates
+        for name, value, start, sigma in zip(*(e[key].values for key in ("parameter", "estimate", "start", "prior_stderr"))):
+            if abs(value - start) > PULLED * sigma:
+                found.append(f"{name} lies {abs(value - start) / sigma:.1f} prior standard errors from {start:g}: check units, signs and model")
+        return found
+
+    def report(self) -> str:
+        """Return estimates, noise, shares and remarks as text."""
+        head = [self.specification.title] if self.specification.title else []
+        lines = [*head, self.fit.report(), "", "explained of each output's movement:"]
+        width = max(len(name) for name in self.explained["output"].values)
+        for name in self.explained["output"].values:
+            lines.append(f"  {name!s:{width}s}" + "".join(f"{float(x):9.1%}" for x in self.explained.sel(output=name)))
+        return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return estimates and remarks, made of types that JSON knows."""
+        e = self.fit.estimates
+        columns = [str(name) for name, x in e.data_vars.items() if x.dims == ("parameter",)]
+        rows = {str(name): {key: e[key].values[k] for key in columns} for k, name in enumerate(e["parameter"].values)}
+        noise = {str(name): self.fit.noise["stderr"].sel(output=name).values for name in self.fit.noise["output"].values}
+        about = {"title": self.specification.title, **e.attrs, "parameters": rows, "noise": noise}
+        explained = {str(name): self.explained.sel(output=name).values for name in self.explained["output"].values}
+        return plain({**about, "explained": explained, "covariance": e["covariance"].values, "remarks": [*self.fit.remarks, *self.remarks]})
+
+    def write_page(self, path: str | Path) -> None:
+        """Write one self-contained HTML page, whole or not at all."""
+        from .page import page
+
+        with written_whole(path) as part:
+            part.write_text(page(self), encoding="utf-8")
+
+
+def perform(specification: Specification) -> Performed:
+    """Make an output-error fit.
+
+    Parameters
+    ----------
+    specification : Specification
+
+    Returns
+    -------
+    Performed
+
+    Raises
+    ------
+    SchemaError
+        Records whose signs, units or axes are wrong, by name; unknowns without a start.
+    ParseError, UnknownName, OutOfRange, IdentificationError
+        As `output_error`, and for files and windows.
+
+    Warns
+    -----
+    AeromatchWarning
+        Records without excitation, inputs that move together.
+    """
+    sim = compile_files(str(specification.aircraft), str(specification.database))
+    records = []
+    for table in specification.record:
+        states = open_states(table.file)
+        records.append((between(states, *table.window) if table.window else states).assign_attrs(record=table.file.stem))
+    demand_sound(records, [table.file.name for table in specification.record])
+    unknowns, held = specification.unknowns(sim), specification.held(sim)
+    fit = output_error(sim, records, unknowns, specification.outputs, held, specification.noise, iterations=specification.iterations)
+    return Performed(specification, sim, tuple(records), fit)
