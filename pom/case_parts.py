@@ -17,6 +17,7 @@ from .case_file import BRAKES, CONDITIONS, FORCES, SURFACES, TRAVEL, CaseFile, L
 from .criteria import Criterion
 from .override import override
 from .pilot import Loop
+from .relations import unclaimed
 
 T = TypeVar("T")
 
@@ -136,7 +137,7 @@ def criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
 def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> tuple[float, float]:
     """Return the window of a row; longer than the case's window only with a stated reason."""
     start, stop = file.case.window
-    if row["condition"] and not set(row["condition"].split(";")) <= set(file.case.features):
+    if unclaimed(row["condition"], file.case.features):
         return file.case.window
     found = []
     for mark, default in ((row["applies_from"], start), (row["applies_to"], stop)):

@@ -19,7 +19,8 @@ _BASES = {
 class Limit:
     """One half width as the table prints it, e.g. ``Limit("absolute", 1.5, "deg")`` or ``Limit("percent", 10.0, "%")``.
 
-    ``quantity`` is ``absolute`` or ``percent`` for what can be judged; other words of the table are kept as they are.
+    ``quantity`` is ``absolute``, ``percent``, ``percent_times_n_plus_1`` (times the number of the cycle plus one) or
+    ``floor`` (one sided, the value is in the case).
     """
 
     quantity: str
@@ -29,6 +30,8 @@ class Limit:
     @property
     def text(self) -> str:
         """The limit as a person reads it."""
+        if self.quantity == "percent_times_n_plus_1":
+            return f"{self.value:g}(n+1) %"
         return f"{self.value:g}" if self.unit in ("-", "1", "") else f"{self.value:g} {self.unit}"
 
 
@@ -37,8 +40,9 @@ class Band:
     """One or two limits and the rule that joins them.
 
     ``rule`` is ``single``, ``greater_of`` or ``lesser_of``; ``base`` says of what a percentage is taken: ``ref_local``
-    (flight value at the same instant), ``ref_peak`` (largest flight magnitude of the window), ``ref_scalar`` (flight
-    value of the scalar measure), ``range_max`` (maximum of the normal operating range).
+    (flight value at the same instant or abscissa), ``ref_peak`` (largest flight magnitude of the window), ``ref_scalar``
+    (flight value of the scalar measure), ``first_overshoot`` (that of the flight), ``range_max`` (maximum of the normal
+    operating range).
     """
 
     limits: tuple[Limit, ...] = ()
@@ -48,6 +52,8 @@ class Band:
     @property
     def text(self) -> str:
         """The tolerance as printed, e.g. ``10 % of the flight value or 2 deg/s, the greater``."""
+        if any(limit.quantity == "floor" for limit in self.limits):
+            return "not below the certified value"
         words = [f"{x.text} {_BASES.get(self.base, '')}".strip() if x.unit == "%" else x.text for x in self.limits]
         tail = {"greater_of": ", the greater", "lesser_of": ", the smaller"}.get(self.rule, "")
         return " or ".join(words) + tail
@@ -64,7 +70,8 @@ class Criterion:
     parameter : str
         Name in the tolerance table; empty when the case file added the criterion.
     channel : str
-        Signal it is judged on, house name; empty when the house has none.
+        Quantity it is judged on, house name: a signal, or one formed of signals such as ``distance``; empty for what is
+        shown and judged by people.
     measure : str
         ``trace``, ``steady``, ``period`` ...
     group : str
@@ -85,6 +92,10 @@ class Criterion:
         Share of the tolerance that is applied (rule R9).
     largest : float, optional
         Largest value in service, base of a lone percentage (rule R3). [SI]
+    bounds : tuple of str
+        Events between which the row counts; empty words for the window of the case.
+    abscissa : str
+        Control over which a curve is drawn, surface whose rate is taken, or channel whose change bounds a segment.
     """
 
     name: str
@@ -103,10 +114,13 @@ class Criterion:
     condition: str = ""
     fraction: float = 1.0
     largest: float | None = None
+    bounds: tuple[str, str] = ("", "")
+    abscissa: str = ""
 
     @classmethod
     def from_dict(cls, item: Mapping[str, Any]) -> Criterion:
         """Rebuild a criterion from ``dataclasses.asdict``."""
         band = item["band"]
         limits = tuple(Limit(**limit) for limit in band["limits"])
-        return cls(**{**item, "band": Band(limits, band["rule"], band["base"]), "window": (item["window"][0], item["window"][1])})
+        pairs = {key: (item[key][0], item[key][1]) for key in ("window", "bounds") if key in item}
+        return cls(**{**item, **pairs, "band": Band(limits, band["rule"], band["base"])})

@@ -14,12 +14,13 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import least_squares
 
+from .channels import plain_id
 from .criteria import Criterion
-from .measures import Signals
+from .match import Match
 from .result import PomResult
 from .tolerance import Invalid, Outcome, demand_finite, half_width, inside_window, scalar
 
-MINIMUM_CYCLES = {"2.c.9": 3.0, "2.c(9)": 3.0, "2.d.7": 6.0, "2.d(7)": 6.0}
+MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}
 """Full cycles the table asks for; time to half or double in the record will do instead."""
 
 LEAST_AMPLITUDE = 0.1  # of the flight's, for a mode to count as excited
@@ -123,30 +124,28 @@ def _search(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return float(ratio[best] * wd[best]), float(wd[best])
 
 
-def modal(criterion: Criterion, time: np.ndarray, flight: Signals, model: Signals, test_id: str = "") -> Outcome:
+def modal(criterion: Criterion, match: Match) -> Outcome:
     """Judge period, time to half or damping ratio of the free response.
 
     A model that does not oscillate where the flight does, or with less than a tenth of its amplitude, fails: it was not
     excited, and the mode of its rounding errors proves nothing.  A time to half on one side and to double on the other
     is a failure whatever the width: at a damping ratio of 0.01 the tolerance of 0.02 would pass an unstable model.
     """
-    mask = inside_window(time, criterion.window)
-    t = time[mask]
-    for who, signals in (("flight", flight), ("the model", model)):
-        demand_finite(who, t, signals[criterion.channel][mask])
-    f = _fit("flight", t, flight[criterion.channel][mask])
-    asked = MINIMUM_CYCLES.get(test_id, 0.0)
+    t, flight, model = match.both(criterion)
+    f = _fit("flight", t, flight)
+    asked = MINIMUM_CYCLES.get(plain_id(match.case.id), 0.0)
     if f.cycles < asked and abs(f.t_half) > f.duration:
         raise Invalid(
             f"{f.cycles:.1f} cycles and less than the time to half ({f.t_half:.0f} s) in {f.duration:.0f} s; "
             f"the table asks for {asked:g} cycles or the time to half"
         )
+    value = getattr(f, criterion.measure)
     try:
-        s = _excited(_fit("the model", t, model[criterion.channel][mask]), f)
+        s = _excited(_fit("the model", t, model), f)
     except Invalid as error:
-        return Outcome("fail", at=float(t[0]), note=f"flight {_words(criterion.measure, f)}; {error}")
+        return Outcome("fail", at=float(t[0]), note=f"flight {_words(criterion.measure, f)}; {error}", flight=value)
     note = f"flight {_words(criterion.measure, f)}, model {_words(criterion.measure, s)}; {f.cycles:.1f} cycles"
-    outcome = scalar(criterion, getattr(f, criterion.measure), getattr(s, criterion.measure), float(t[0]), note)
+    outcome = scalar(criterion, value, getattr(s, criterion.measure), float(t[0]), note)
     if criterion.measure != "period" and f.sigma * s.sigma < 0.0:
         return replace(outcome, verdict="fail", note=f"{note}; stability differs")
     return outcome
@@ -180,25 +179,21 @@ def _fit(who: str, time: np.ndarray, y: np.ndarray) -> Mode:
         raise Invalid(f"{who}: {error}") from None
 
 
-def peak_lag(criterion: Criterion, time: np.ndarray, flight: Signals, model: Signals) -> Outcome:
+def peak_lag(criterion: Criterion, match: Match) -> Outcome:
     """Judge the time from a bank peak to the nearest sideslip peak, from the phases of the fitted mode."""
-    mask = inside_window(time, criterion.window)
-    t = time[mask]
-    for who, signals in (("flight", flight), ("the model", model)):
-        for channel in ("phi", "beta"):
-            demand_finite(f"{who} ({channel})", t, signals[channel][mask])
-    mode = _fit("flight", t, flight["beta"][mask])
-    lags, period = [_lag(mode, t, flight["phi"][mask])], mode.period
+    t, flight_bank, model_bank = match.both(criterion, "phi")
+    _, flight_slip, model_slip = match.both(criterion, "beta")
+    mode = _fit("flight", t, flight_slip)
+    lag = _lag(mode, t, flight_bank)
     try:
-        lags.append(_lag(_excited(_fit("the model", t, model["beta"][mask]), mode), t, model["phi"][mask]))
+        own = _lag(_excited(_fit("the model", t, model_slip), mode), t, model_bank)
     except Invalid as error:
-        return Outcome("fail", at=float(t[0]), note=f"flight {lags[0]:.2f} s; {error}")
-    turn = period * round((lags[1] - lags[0]) / period)  # the same peak of the next cycle is no difference
-    note = f"flight {lags[0]:.2f} s, model {lags[1] - turn:.2f} s"
-    width = float(half_width(criterion, lags[0])[0])
-    if width <= 0.0:
+        return Outcome("fail", at=float(t[0]), note=f"flight {lag:.2f} s; {error}", flight=lag)
+    own -= mode.period * round((own - lag) / mode.period)  # the same peak of the next cycle is no difference
+    note = f"flight {lag:.2f} s, model {own:.2f} s"
+    if half_width(criterion, lag)[0] <= 0.0:
         raise Invalid(f"{note}; the tolerance is zero wide")
-    return scalar(criterion, lags[0], lags[1] - turn, float(t[0]), note)
+    return scalar(criterion, lag, own, float(t[0]), note)
 
 
 def _lag(sideslip: Mode, time: np.ndarray, bank: np.ndarray) -> float:

@@ -17,6 +17,7 @@ from flightmech.names import lookup
 
 from .case import PomCase
 from .channels import WRAPPED
+from .conditions import settled
 from .criteria import Criterion
 from .drive import Job, configuration, job_of
 from .flight import flight_states
@@ -25,10 +26,11 @@ from .fmus import check
 from .offsets import CALIBRATION
 from .pilot_activity import PILOT, activity
 from .result import PomResult, verdict_table
+from .signals import Signals, output_of, signals_of
 from .store import Store
 from .tolerance import Outcome
 from .trim_table import OBSERVED, beyond_limits, trim_limits, trim_table
-from .verdict import bands, channels, judge, row, unjudged
+from .verdict import bands, channels, formed_channels, helpful, judge, row, unjudged
 
 Traces = Mapping[str, np.ndarray]
 
@@ -95,7 +97,13 @@ def replay(
 def plan_of(case: PomCase, path: Any = None) -> Plan:
     """Return what `perform` flies; parameters and errors as `replay`."""
     states = flight_states(case, path)
-    return Plan(case, states, job_of(case, states))
+    job = job_of(case, states)
+    return Plan(settled(case, job.time, _samples(states)), states, job)
+
+
+def _samples(states: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return what the flight holds, per sample. [SI]"""
+    return {str(name): np.broadcast_to(item.values, states.sizes["time"]) for name, item in states.data_vars.items() if item.ndim < 2}
 
 
 def check_plan(plan: Plan, model: Model) -> None:
@@ -108,15 +116,17 @@ def check_plan(plan: Plan, model: Model) -> None:
     """
     job, links = plan.job, model.links
     inputs = _taken(job.inputs, links.inputs, {*job.needed_inputs, *(loop.control for loop in job.pilot)})
-    outputs = _taken([*shown_channels(plan.case, plan.states), *job.targets], links.outputs, {*judged_channels(plan.case), *job.targets})
+    shown, judged = (_outputs(names, links.outputs) for names in (shown_channels(plan.case, plan.states), judged_channels(plan.case)))
+    outputs = _taken([*shown, *job.targets], links.outputs, {*judged, *job.targets})
     check(model.fmu, links, inputs, dict.fromkeys(outputs), _taken(job.parameters, links.parameters, job.needed_parameters))
 
 
 def perform(plan: Plan, models: Mapping[str, Model], timeout: float, store: Store | None = None) -> PomResult:
     """Fly a checked plan by every model and judge it; parameters as `replay` and `fly`."""
-    wanted = {*shown_channels(plan.case, plan.states), *OBSERVED}
+    shown = shown_channels(plan.case, plan.states)
     found, failures = {}, {}
     for name, model in models.items():
+        wanted = {*_outputs(shown, model.links.outputs), *OBSERVED}
         found[name], failures[name] = fly(model, plan.job, wanted, timeout, store)
     attrs = {f"model.{name}": model.origin() for name, model in models.items()}
     attrs |= {f"names.{name}": model.links.table for name, model in models.items() if model.links.table}
@@ -133,7 +143,13 @@ def shown_channels(case: PomCase, states: xr.Dataset) -> list[str]:
     """Return every channel of the result: judged, asked for, moved by the math pilot, and the thrust of each engine."""
     moved = [loop.control for loop in case.drive.pilot]
     engines = sorted(str(name) for name in states.data_vars if str(name).startswith("engine") and str(name).endswith(".thrust"))
-    return list(dict.fromkeys([*judged_channels(case), *case.show, *moved, *engines]))
+    told = [name for c in case.criteria if c.applies and not unjudged(case, c) for name in helpful(c)]
+    return list(dict.fromkeys([*judged_channels(case), *case.show, *moved, *engines, *told]))
+
+
+def _outputs(names: Iterable[str], offered: Container[str]) -> list[str]:
+    """Return the outputs of a model that hold channels."""
+    return [output_of(name, offered) for name in names]
 
 
 def _taken(given: Iterable[str], offered: Container[str], needed: Container[str]) -> list[str]:
@@ -159,7 +175,7 @@ def assemble(
     attrs : mapping of str to str, optional
         Provenance, kept as attributes of the signals.
     """
-    flight = {str(name): np.broadcast_to(item.values, job.time.size) for name, item in states.data_vars.items() if item.ndim < 2}
+    flight = signals_of(case, _samples(states), job.time)
     rows, limits = [], trim_limits(case, flight)
     for name, outputs in found.items():
         remarks = [", ".join([*beyond_limits(limits, outputs, demanded=False), *filter(None, [_remark(outputs)])])]
@@ -173,7 +189,7 @@ def assemble(
     return PomResult(
         case=case,
         conditions=dict(configuration(case, job)),
-        signals=_signals(shown_channels(case, states), job.time, flight, found).assign_attrs({**told, **(attrs or {})}),
+        signals=_signals([*shown_channels(case, states), *formed_channels(case, flight)], flight, found).assign_attrs({**told, **(attrs or {})}),
         tolerance=bands(case, job.time, flight),
         inputs=_inputs(job),
         trim=trim_table(flight, found),
@@ -204,12 +220,11 @@ def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
     return rows
 
 
-def _signals(
-    names: list[str], time: np.ndarray, flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]
-) -> xr.Dataset:
-    runs = {"flight": flight, **found}
+def _signals(names: list[str], flight: Signals, found: Mapping[str, Traces]) -> xr.Dataset:
+    time = flight.time
+    runs = {"flight": flight, **{run: Signals(outputs, time, flight.wheel_radius) for run, outputs in found.items()}}
     data = {}
-    for name in names:
+    for name in dict.fromkeys(names):
         traces = [np.asarray(run[name], float) if name in run else np.full(time.size, np.nan) for run in runs.values()]
         if name in WRAPPED:
             traces = [_beside(trace, traces[0]) for trace in traces]

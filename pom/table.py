@@ -10,30 +10,20 @@ from pathlib import Path
 
 from flightmech.errors import UnknownName
 
-from .channels import CHANNELS, MODE_CHANNELS
+from .channels import CHANNELS, FORCES, MODE_CHANNELS, PROGRESS, TRAVEL, plain_id
 from .criteria import Band, Criterion, Limit
+from .marks import MARKS
+from .relations import KINDS, claimed, unclaimed
 
 STANDARD = "FAA 14 CFR Part 60 App A Table A2A"
 EDITION = "2014-01-01"
+UNCHANNELLED = "a demonstration: recordings are shown and judged by pilots, the table gives no number"
 Row = Mapping[str, str]
 
-# Measures that are judged; a row with another one is listed as not tested.
-JUDGED = frozenset(
-    {
-        "trace",
-        "end_value",
-        "steady",
-        "period",
-        "t_half",
-        "damping_ratio",
-        "peak_lag",
-        "response_initial",
-        "response_total",
-        "trend",
-    }
-)
-# The spiral's bank angle is judged 20 s after release (section 4 of the table's README); the row reads as a time history.
+# Rows whose measure the README of the table spells out otherwise: the spiral's bank angle is judged 20 s after release, a
+# change of elevator is that between two snapshots, a force increment is over the static sweep.
 _JUDGED_AS = {("2.d.4", "bank_angle", "trace"): "end_value"}
+_PARAMETER_AS = {"elevator_change": "change", "dynamic_force_increment": "force_increment"}
 _OFFSET = re.compile(r"^(\w+?)([+-]\d+(?:\.\d+)?)s$")
 
 
@@ -66,14 +56,14 @@ def rows_of(id: str, standard: str = STANDARD, edition: str = EDITION) -> list[R
 
 
 def features() -> set[str]:
-    """Return every word that a row can demand as its condition."""
-    return {word for row in rows() for word in row["condition"].split(";") if word}
+    """Return every word that a case can claim; conditions that the record tells are not among them, but for the kinds of damping."""
+    return {word for row in rows() for word in row["condition"].split(";") if word and (claimed(word) or word in KINDS)}
 
 
 def events() -> set[str]:
     """Return every event that bounds a window; ``capture`` is the instant of a snapshot."""
     marks = {row[end] for row in rows() for end in ("applies_from", "applies_to")} - {""}
-    return {"capture"} | {match.group(1) if (match := _OFFSET.match(mark)) else mark for mark in marks}
+    return set(MARKS) | {match.group(1) if (match := _OFFSET.match(mark)) else mark for mark in marks}
 
 
 def band_of(row: Row) -> Band:
@@ -128,14 +118,10 @@ def criterion(
     mode_channel, engine_parameter : str
         Channel of modal and of engine response measures.
     """
-    measure = _JUDGED_AS.get((row["test_id"], row["parameter"], row["measure"]), row["measure"])
-    if measure in ("period", "t_half", "damping_ratio"):
-        channel = mode_channel or MODE_CHANNELS.get(row["test_id"], "")
-    elif measure.startswith("response_"):
-        channel = engine_parameter
-    else:
-        channel = CHANNELS.get(row["parameter"], "")
-    missing = [word for word in row["condition"].split(";") if word and word not in features]
+    measure = _PARAMETER_AS.get(row["parameter"]) or _JUDGED_AS.get((row["test_id"], row["parameter"], row["measure"]), row["measure"])
+    travel = TRAVEL.get(plain_id(row["test_id"]), "")
+    channel = _channel(row, measure, travel, mode_channel, engine_parameter)
+    missing = unclaimed(row["condition"], features)
     return Criterion(
         name=name,
         parameter=row["parameter"],
@@ -145,18 +131,36 @@ def criterion(
         band=band_of(row),
         window=window,
         applies=not missing,
-        reason=f"applies only with {', '.join(missing)}" if missing else _unjudged(measure, channel),
+        reason=f"applies only with {', '.join(missing)}" if missing else "" if channel else UNCHANNELLED,
         kind=row["kind"],
         provenance=row["provenance"],
         source=row["source"],
         note=row["note"],
+        condition=row["condition"],
+        bounds=(row["applies_from"], row["applies_to"]),
+        abscissa=_abscissa(row, measure, travel),
     )
 
 
-def _unjudged(measure: str, channel: str) -> str:
-    if measure not in JUDGED:
-        return f"measure {measure} is not evaluated yet"
-    return "" if channel else "no channel of the house holds this parameter"
+def _abscissa(row: Row, measure: str, travel: str) -> str:
+    if measure == "elapsed":
+        return PROGRESS.get(plain_id(row["test_id"]), "")
+    if row["parameter"] == "trim_rate":
+        return "delta_t"
+    return travel if measure in ("curve", "breakout", "force_increment", "scalar") else ""
+
+
+def _channel(row: Row, measure: str, travel: str, mode_channel: str, engine_parameter: str) -> str:
+    """Return what a row is judged on; what a case chooses (mode, engine parameter) before what the table says."""
+    if measure in ("period", "t_half", "damping_ratio"):
+        return mode_channel or MODE_CHANNELS.get(plain_id(row["test_id"]), "")
+    if measure.startswith("response_"):
+        return engine_parameter
+    if row["parameter"] in ("breakout_force", "dynamic_force_increment"):
+        return FORCES.get(travel, "")
+    if row["test_id"].startswith("2.b") and travel:
+        return mode_channel or travel
+    return CHANNELS.get(row["parameter"], "")
 
 
 def names_of(found: list[Row]) -> list[str]:

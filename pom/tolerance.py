@@ -1,4 +1,4 @@
-"""Half widths of a band and the judgement of a time history.
+"""Half widths of a band and the judgement of a time history or of one number.
 
 The band belongs to the flight value at its time.  Nothing is shifted in time, nothing is re-centred on the start value
 of the model (rule R17 of the tolerance table): a trim residual and a delay use up tolerance.
@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .channels import WRAPPED, factor
+from .channels import WRAPPED, display_unit, factor
 from .criteria import Criterion
 
 NAN = float("nan")
-_ROUNDING = 1e-9  # degrees to radians and back: a difference equal to the tolerance as printed passes
+ROUNDING = 1e-9  # degrees to radians and back: a difference equal to the tolerance as printed passes
 
 
 class NotJudged(Exception):
@@ -27,7 +27,10 @@ class Invalid(Exception):
 
 @dataclass(frozen=True)
 class Outcome:
-    """Judgement of one criterion on one model, in SI; times on the clock of the record."""
+    """Judgement of one criterion on one model, in SI; times on the clock of the record.
+
+    ``flight`` and ``model`` are the values of a measure that is one number; ``applied`` the tolerance as applied.
+    """
 
     verdict: str
     width: float = NAN
@@ -42,20 +45,23 @@ class Outcome:
     applied: str = ""
 
 
-def half_width(criterion: Criterion, flight: np.ndarray | float) -> np.ndarray:
+def half_width(criterion: Criterion, flight: np.ndarray | float, cycle: int = 0) -> np.ndarray:
     """Return the half width at every flight value.
 
     Parameters
     ----------
     criterion : Criterion
-        Its band as printed.
+        Its band as printed and the share of it that is applied.
     flight : array (time,) or float
-        Flight values of the window, or the flight value of a scalar measure. [SI]
+        Flight values of the window, or the flight value of a scalar measure (of the first overshoot where the
+        percentage is of that). [SI]
+    cycle : int
+        Number n of the cycle, for a percentage that grows as n + 1.
 
     Returns
     -------
     array (time,)
-        ``max`` of the limits for ``greater_of``, ``min`` for ``lesser_of``. [SI]
+        ``max`` of the limits for ``greater_of``, ``min`` for ``lesser_of``, times the fraction. [SI]
 
     Raises
     ------
@@ -68,21 +74,51 @@ def half_width(criterion: Criterion, flight: np.ndarray | float) -> np.ndarray:
         if limit.quantity == "absolute":
             widths.append(np.full_like(magnitude, limit.value * factor(criterion.measure, criterion.channel, limit.unit)))
         elif limit.quantity == "percent":
-            widths.append(limit.value / 100.0 * _base(criterion.band.base, magnitude))
+            widths.append(limit.value / 100.0 * _base(criterion, magnitude))
+        elif limit.quantity == "percent_times_n_plus_1":
+            widths.append(limit.value / 100.0 * (cycle + 1) * magnitude)
         else:
-            raise NotJudged(f"a tolerance of kind {limit.quantity} is not evaluated yet")
+            raise NotJudged(f"a limit of kind {limit.quantity} has no width")
     if not widths:
         raise NotJudged("the row prints no width")
-    return np.min(widths, axis=0) if criterion.band.rule == "lesser_of" else np.max(widths, axis=0)
+    joined = np.min(widths, axis=0) if criterion.band.rule == "lesser_of" else np.max(widths, axis=0)
+    return criterion.fraction * joined
 
 
-def _base(base: str, magnitude: np.ndarray) -> np.ndarray:
-    if base in ("ref_local", "ref_scalar"):
-        return magnitude
-    if base == "ref_peak":
+def _base(criterion: Criterion, magnitude: np.ndarray) -> np.ndarray:
+    """Return what a percentage is of."""
+    if criterion.band.base == "ref_peak":
         return np.full_like(magnitude, magnitude.max())
-    # rule R3: a lone percentage is of the largest value in service, which no record holds
-    raise NotJudged("the percentage is of the largest value in service; give the width as an absolute value in [tolerance]")
+    if criterion.band.base != "range_max":
+        return magnitude
+    if criterion.largest is None:  # rule R3: a lone percentage is of the largest value in service, which no record holds
+        raise NotJudged(f"the percentage is of the largest value in service; give that of {criterion.channel} in [ranges]")
+    return np.full_like(magnitude, abs(criterion.largest))
+
+
+def applied(criterion: Criterion, widths: np.ndarray, flight: np.ndarray | float) -> str:
+    """Return the tolerance as applied: its share, what the percentage is of, and the number that came out.
+
+    Examples
+    --------
+    ``10 % of the flight value (38 s): 3.8 s``; ``20 % of 2 deg/s: 0.4 deg/s``.
+    """
+    unit = display_unit(criterion)
+    size = factor(criterion.measure, criterion.channel, unit)
+    low, high = float(np.min(widths)) / size, float(np.max(widths)) / size
+    number = f"{low:.4g}" if high - low <= 1e-6 * high else f"{low:.4g} ... {high:.4g}"
+    base = {"ref_peak": np.max(np.abs(flight)), "range_max": criterion.largest, "ref_local": None}.get(
+        criterion.band.base, np.max(np.abs(flight))
+    )
+    words = criterion.band.text
+    if base is not None and "%" in words:
+        words = f"{words} ({float(base) / size:.4g}{_unit(unit)})"
+    share = "" if criterion.fraction == 1.0 else f"{100.0 * criterion.fraction:g} % of: "
+    return f"{share}{words}: {number}{_unit(unit)}"
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
 
 
 def inside_window(time: np.ndarray, window: tuple[float, float]) -> np.ndarray:
@@ -120,53 +156,82 @@ def difference(channel: str, flight: np.ndarray, model: np.ndarray) -> np.ndarra
 
 
 def trace(criterion: Criterion, time: np.ndarray, flight: np.ndarray, model: np.ndarray) -> Outcome:
-    """Judge a time history: every flight sample of the window must lie within the half width.
+    """Judge a time history: every flight sample must lie within the half width.
 
     Parameters
     ----------
     criterion : Criterion
-        Measure ``trace``.
     time : array (time,)
-        Flight samples, rising. [s]
+        Flight samples that count, rising. [s]
     flight, model : array (time,)
-        Values at these samples. [SI]
+        Values at these samples, finite. [SI]
 
     Raises
     ------
-    Invalid, NotJudged
-        See `inside_window`, `demand_finite`, `half_width`.
+    NotJudged
+        See `half_width`.
     """
-    mask = inside_window(time, criterion.window)
-    t, f, s = time[mask], flight[mask], model[mask]
-    demand_finite("flight", t, f)
-    demand_finite("the model", t, s)
-    width = half_width(criterion, f)
-    error = difference(criterion.channel, f, s)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(error == 0.0, 0.0, np.abs(error) / width)
-    out = ratio > 1.0 + _ROUNDING
+    width = half_width(criterion, flight)
+    error = difference(criterion.channel, flight, model)
+    ratio = ratios(error, width)
+    out = ratio > 1.0 + ROUNDING
     worst = int(np.argmax(ratio))
     return Outcome(
         verdict="fail" if out.any() else "pass",
         width=float(width.min()),
         worst=float(error[worst]),
         worst_ratio=float(ratio[worst]),
-        at=float(t[worst]),
-        first_exit=float(t[out][0]) if out.any() else NAN,
+        at=float(time[worst]),
+        first_exit=float(time[out][0]) if out.any() else NAN,
         inside=float(1.0 - out.mean()),
-        note=f"longest run outside {_longest(t, out):.2f} s" if out.any() else "",
+        note=f"longest run outside {_longest(time, out):.2f} s" if out.any() else "",
+        applied=applied(criterion, width, flight),
     )
+
+
+def ratios(error: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """Return |difference| over half width; no difference is no miss, however narrow the band."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(error == 0.0, 0.0, np.abs(error) / width)
 
 
 def _longest(time: np.ndarray, out: np.ndarray) -> float:
     """Return the longest run of samples outside, each sample counting for one step. [s]"""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], out, [False]]).astype(int)))
-    return float(max(stop - start for start, stop in edges.reshape(-1, 2)) * np.median(np.diff(time)))
+    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    return float(max(stop - start for start, stop in edges.reshape(-1, 2)) * step)
 
 
-def scalar(criterion: Criterion, flight: float, model: float, at: float = NAN, note: str = "") -> Outcome:
-    """Judge one number of the model against that of the flight."""
-    width = float(half_width(criterion, flight)[0])
+def scalar(
+    criterion: Criterion, flight: float, model: float, at: float = NAN, note: str = "", base: float | None = None, cycle: int = 0
+) -> Outcome:
+    """Judge one number of the model against that of the flight.
+
+    Parameters
+    ----------
+    criterion : Criterion
+    flight, model : float
+        [SI]
+    at : float
+        Time that the number belongs to. [s]
+    note : str
+    base : float, optional
+        What the percentage is of, when it is not the flight value. [SI]
+    cycle : int
+        As in `half_width`.
+    """
+    base = flight if base is None else base
+    width = half_width(criterion, base, cycle)
     error = model - flight
-    ratio = 0.0 if error == 0.0 else abs(error) / width if width > 0.0 else float("inf")
-    return Outcome("pass" if ratio <= 1.0 + _ROUNDING else "fail", width, error, ratio, at, note=note, flight=flight, model=model)
+    ratio = float(ratios(np.array([error]), width)[0])
+    return Outcome(
+        verdict="pass" if ratio <= 1.0 + ROUNDING else "fail",
+        width=float(width[0]),
+        worst=error,
+        worst_ratio=ratio,
+        at=at,
+        note=note,
+        flight=flight,
+        model=model,
+        applied=applied(criterion, width, base),
+    )

@@ -2,80 +2,166 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from flightmech.names import VOCABULARY, lookup
-from flightmech.units import parse
+from flightmech.names import lookup
 
+from . import modes
 from .case import PomCase, driven
-from .channels import factor, si_unit
-from .criteria import Criterion
+from .channels import display_unit, factor
+from .conditions import settle
+from .criteria import Band, Criterion
+from .marks import DISCRETES, LEVELS, OF_PARAMETER
+from .match import Match
+from .measures import curves, engine, instants, levels, release, runs, segments, trends, turning
+from .relations import asked
+from .signals import SOURCES, Raw, Signals, signals_of, sources
 from .tolerance import Invalid, NotJudged, Outcome, half_width, trace
 
-Signals = Mapping[str, np.ndarray]
+FOOTPRINT = "a footprint: a recording without a reference has no band and no verdict"
+TRIMMED = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")
+"""What a trim at the start finds; a snapshot judges it although the record drives it from there on."""
+
+MEASURES: dict[str, Callable[[Criterion, Match], Outcome]] = {
+    "trace": lambda criterion, match: trace(criterion, *match.both(criterion)),
+    "steady": levels.steady,
+    "change": levels.change,
+    "end_value": levels.end_value,
+    "low_speed_end": levels.low_speed_end,
+    "segment_mean": segments.segment_mean,
+    "floor": segments.floor,
+    "elapsed": runs.elapsed,
+    "event_value": instants.event_value,
+    "setup": instants.setup,
+    "response_initial": engine.response,
+    "response_total": engine.response,
+    "curve": curves.curve,
+    "force_increment": curves.force_increment,
+    "breakout": curves.breakout,
+    "scalar": turning.number,
+    "first_zero_crossing": release.first_zero_crossing,
+    "time_90_to_10": release.time_90_to_10,
+    "period_n": release.period_n,
+    "overshoot_n": release.overshoot_n,
+    "overshoot_count": release.overshoot_count,
+    "period": modes.modal,
+    "t_half": modes.modal,
+    "damping_ratio": modes.modal,
+    "peak_lag": modes.peak_lag,
+    "trend": trends.trend,
+}
 
 
-def judge(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Signals, model: Signals) -> Outcome:
+def judge(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, model: Raw) -> Outcome:
     """Judge one criterion on one model.
+
+    Parameters
+    ----------
+    case : PomCase
+    criterion : Criterion
+        One of the case; it is settled on the flight first (`conditions.settle`).
+    time : array (time,)
+        Samples of the replay on the clock of the record. [s]
+    flight, model : mapping of str to array (time,)
+        Signals by house name. [SI]
 
     Returns
     -------
     Outcome
         ``not_tested`` or ``invalid`` with the reason as its note when it cannot be judged; never an exception for data.
     """
-    reason = unjudged(case, criterion)
-    if reason:
-        return Outcome("not_tested", note=reason)
-    for who, signals in (("flight record", flight), ("model", model)):
-        missing = [name for name in channels(criterion) if name not in signals]
-        if missing:
-            return Outcome("not_tested", note=f"the {who} has no {', '.join(missing)}")
     try:
-        return _measure(case, criterion, time, flight, model)
+        match = Match.of(case, time, flight, model)
+        criterion = settle(case, criterion, time, match.flight)
+        reason = criterion.reason or unjudged(case, criterion)
+        if reason:
+            return Outcome("not_tested", note=reason)
+        for who, signals in (("flight record", match.flight), ("model", match.model)):
+            missing = [name for name in needs(criterion) if name not in signals]
+            if missing:
+                return Outcome("not_tested", note=f"the {who} has no {', '.join(missing)}")
+        return _measured(criterion, match)
     except NotJudged as error:
         return Outcome("not_tested", note=str(error))
     except Invalid as error:
         return Outcome("invalid", note=str(error))
 
 
+def _measured(criterion: Criterion, match: Match) -> Outcome:
+    measure = MEASURES[criterion.measure]
+    if criterion.band.base != "range_max" or criterion.largest is not None:
+        return measure(criterion, match)
+    # the flight value is never above the largest in service: what passes on that base passes on any
+    strict = replace(criterion, band=Band(criterion.band.limits, criterion.band.rule, "ref_scalar"))
+    outcome = measure(strict, match)
+    if outcome.verdict == "pass":
+        return replace(outcome, note="; ".join(filter(None, (outcome.note, "passes on the flight value, so on the largest in service"))))
+    return measure(criterion, match)
+
+
 def unjudged(case: PomCase, criterion: Criterion) -> str:
     """Return why a criterion is not judged in this case; empty when it is."""
+    if case.reference == "footprint":
+        return FOOTPRINT
     if criterion.reason:
         return criterion.reason
-    if criterion.channel in driven(case):
-        return f"{criterion.channel} is driven by the record; what drives a model cannot be judged"
-    if criterion.channel.startswith("F_") and case.drive.level == "recorded":
+    judged = criterion.channel
+    if any(loop.channel == judged for loop in case.drive.pilot):
+        return f"{judged} is held by the math pilot; what a controller holds cannot be judged"
+    if judged in driven(case) and not _found_by_trim(case, criterion):
+        return f"{judged} is driven by the record; what drives a model cannot be judged"
+    if judged.startswith("F_") and case.drive.level == "recorded":
         return "the surfaces are driven, so pilot forces have no meaning"
+    if judged == "F_rim" and case.drive.level == "force":
+        return "F_rim is driven by the record; what drives a model cannot be judged"
     return ""
 
 
-def channels(criterion: Criterion) -> tuple[str, ...]:
-    """Return the channels a criterion is computed from."""
-    return ("phi", "beta") if criterion.measure == "peak_lag" else (criterion.channel,)
+def _found_by_trim(case: PomCase, criterion: Criterion) -> bool:
+    """Whether the trim at the start finds what a snapshot judges: recorded value plus bias is the model's own answer."""
+    return criterion.measure in ("steady", "change") and case.drive.trim is True and criterion.channel.rpartition(".")[2] in TRIMMED
 
 
-def _measure(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Signals, model: Signals) -> Outcome:
-    from . import measures, modes
-
+def needs(criterion: Criterion) -> tuple[str, ...]:
+    """Return the quantities a criterion is computed from, formed ones among them."""
     match criterion.measure:
-        case "trace":
-            return trace(criterion, time, flight[criterion.channel], model[criterion.channel])
-        case "steady":
-            return measures.steady(criterion, time, flight, model, case.events["capture"])
-        case "end_value":
-            return measures.end_value(criterion, time, flight, model)
-        case "trend":
-            return measures.trend(criterion, time, flight, model)
-        case "response_initial" | "response_total":
-            return measures.response(criterion, time, flight, model)
         case "peak_lag":
-            return modes.peak_lag(criterion, time, flight, model)
-        case _:
-            return modes.modal(criterion, time, flight, model, case.id)
+            return ("phi", "beta")
+        case "segment_mean":
+            return ("h",) if criterion.channel == "hdot" else (criterion.channel,)
+        case "floor":
+            return ("h", "V")
+        case "curve" | "breakout" | "force_increment":
+            return (criterion.channel, criterion.abscissa)
+        case "scalar":
+            return {"turn_radius": ("distance", "psi"), "trim_rate": (criterion.abscissa,)}.get(
+                criterion.parameter, (criterion.channel, criterion.abscissa)
+            )
+        case "elapsed":
+            return tuple(filter(None, (criterion.channel, criterion.abscissa, LEVELS.get(criterion.bounds[1], ("",))[0])))
+    return (criterion.channel,)
+
+
+def channels(criterion: Criterion) -> tuple[str, ...]:
+    """Return the signals that a criterion is computed from; a model has to have them."""
+    return tuple(dict.fromkeys(name for channel in needs(criterion) for name in sources(channel)))
+
+
+def helpful(criterion: Criterion) -> tuple[str, ...]:
+    """Return signals that tell the events and conditions of a criterion; a model may have them."""
+    event = OF_PARAMETER.get(criterion.parameter, "") if criterion.measure in ("event_value", "setup") else ""
+    tellers = [name for mark in (event, *criterion.bounds) for name in (*DISCRETES.get(mark, ()), *LEVELS.get(mark, ())[:1])]
+    return tuple(dict.fromkeys(name for channel in (*tellers, *asked(criterion.condition)) for name in sources(channel)))
+
+
+def formed_channels(case: PomCase, flight: Signals) -> list[str]:
+    """Return the channels judged over time that are formed of signals, so that they can be shown."""
+    return [c.channel for c in case.criteria if c.applies and c.measure == "trace" and c.channel in SOURCES and c.channel in flight]
 
 
 def row(run: str, criterion: Criterion, outcome: Outcome) -> dict[str, Any]:
@@ -108,32 +194,20 @@ def row(run: str, criterion: Criterion, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def display_unit(criterion: Criterion) -> str:
-    """Return the unit of the printed absolute limit, else the one in which people read the quantity."""
-    for limit in criterion.band.limits:
-        if limit.quantity == "absolute":
-            return "1" if limit.unit == "-" else limit.unit
-    if not criterion.channel:
-        return "1"
-    own = si_unit(criterion.measure, criterion.channel)
-    shown = lookup(criterion.channel).display_units
-    return shown if own == lookup(criterion.channel).units and shown in _LINEAR else own
-
-
-_LINEAR = {row.display_units for row in VOCABULARY.values() if parse(row.display_units)[2] == 0.0}
-
-
-def bands(case: PomCase, time: np.ndarray, flight: Signals) -> xr.Dataset:
-    """Return the half width over time of every judged time history, NaN outside its window. [SI]"""
+def bands(case: PomCase, time: np.ndarray, flight: Raw) -> xr.Dataset:
+    """Return the half width over time of every judged time history, NaN where it does not count. [SI]"""
     found: dict[str, np.ndarray] = {}
+    signals = signals_of(case, flight, time)
     for criterion in case.criteria:
-        if criterion.measure != "trace" or not criterion.applies or unjudged(case, criterion) or criterion.channel not in flight:
+        criterion = settle(case, criterion, time, signals)
+        if criterion.measure != "trace" or not criterion.applies or unjudged(case, criterion) or criterion.channel not in signals:
             continue
-        mask = (time >= criterion.window[0] - 1e-9) & (time <= criterion.window[1] + 1e-9)
         width = np.full(time.size, np.nan)
         try:
-            width[mask] = half_width(criterion, flight[criterion.channel][mask])
-        except (NotJudged, ValueError):
+            mask = Match(case, time, signals, signals).counted(criterion)
+            mask &= (time >= criterion.window[0] - 1e-9) & (time <= criterion.window[1] + 1e-9)
+            width[mask] = half_width(criterion, signals[criterion.channel][mask])
+        except (NotJudged, Invalid, ValueError):
             continue
         found[criterion.channel] = np.fmin(width, found.get(criterion.channel, np.full(time.size, np.nan)))
     attrs = {name: {"units": lookup(name).units} for name in found}

@@ -105,8 +105,3 @@ def test_conditions_carry_units(write_case):
 
 def test_memory_rows_keep_their_mark(write_case):
     assert criteria(write_case("2.d.3"))["bank_angle"].provenance == "memory"
-
-
-def test_measures_not_evaluated_say_so(write_case):
-    found = criteria(write_case("2.d.1"))["airspeed"]
-    assert found.reason == "measure event_value is not evaluated yet"

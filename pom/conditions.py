@@ -1,0 +1,107 @@
+"""Conditions of rows: which row counts, on which samples, and on which channel, as the flight tells.
+
+A condition is a word that the case claims (``reversible_controls``), a part of the manoeuvre between two events
+(``approach_to_stall``), a relation that picks samples (``groundspeed<40kt``) or the row (``distance<=4000ft``), or the
+kind of a free motion (``underdamped``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .channels import OTHERS, written
+from .criteria import Criterion
+from .marks import PARTS
+from .measures.release import free_motion
+from .relations import KINDS, holds
+from .signals import Raw, Signals, signals_of
+from .tolerance import Invalid
+
+if TYPE_CHECKING:
+    from .case import PomCase
+
+
+def settled(case: PomCase, time: np.ndarray, flight: Raw) -> PomCase:
+    """Return a case whose criteria are settled on this flight: which rows apply, on which channel, over which part.
+
+    Parameters
+    ----------
+    case : PomCase
+    time : array (time,)
+        Samples of the replay. [s]
+    flight : mapping of str to array (time,)
+        [SI]
+    """
+    signals = signals_of(case, flight, time)
+    return replace(case, criteria=tuple(settle(case, c, time, signals) for c in case.criteria))
+
+
+def settle(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Signals) -> Criterion:
+    """Return one criterion settled on a flight; settling twice is settling once."""
+    criterion = replace(_on_channel(criterion, flight), fraction=case.fraction)
+    if not criterion.applies:
+        return criterion
+    for word in criterion.condition.split(";"):
+        if word in PARTS:
+            criterion = _part(case, criterion, word)
+        elif word in KINDS:
+            criterion = _of_kind(case, criterion, word, time, flight)
+        elif word.startswith("distance"):
+            criterion = _by_distance(case, criterion, word, time, flight)
+    return criterion
+
+
+def _on_channel(criterion: Criterion, flight: Signals) -> Criterion:
+    """Return the criterion on the channel that the flight has of those that a parameter may be judged on."""
+    field = "abscissa" if criterion.parameter == "trim_rate" else "channel"
+    if getattr(criterion, field) in flight:
+        return criterion
+    other = next((name for name in OTHERS.get(criterion.parameter, ()) if name in flight), None)
+    return criterion if other is None else replace(criterion, **{field: other})
+
+
+def _part(case: PomCase, criterion: Criterion, word: str) -> Criterion:
+    start, stop = criterion.window
+    missing = [event for event in PARTS[word] if event and event not in case.events]
+    if missing:
+        return replace(criterion, reason=f"mark the event {' and '.join(missing)} in [events]: the row counts only in {word}")
+    first, last = (case.events.get(event) for event in PARTS[word])
+    window = (start if first is None else max(start, first), stop if last is None else min(stop, last))
+    if window[0] >= window[1]:
+        return replace(criterion, applies=False, reason=f"no part of the window is {word}")
+    return replace(criterion, window=window)
+
+
+def _of_kind(case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: Signals) -> Criterion:
+    """Settle a row of control dynamics: on the kind of the motion, and on whether it has what the row measures."""
+    said = [kind for kind in KINDS if kind in case.features]
+    if said:
+        return criterion if word in said else replace(criterion, applies=False, reason=f"applies only {word}; the case says {said[0]}")
+    if criterion.channel not in flight:
+        return criterion
+    try:
+        motion = free_motion(criterion, time, flight[criterion.channel])
+    except Invalid:
+        return criterion  # the measure tells what is wrong with the record
+    kind = KINDS[0] if motion.overshoots.size else KINDS[1]
+    if kind != word:
+        return replace(criterion, applies=False, reason=f"applies only {word}; the flight is {kind}")
+    least = {"period_n": 2, "overshoot_n": 1 if criterion.parameter != "an" or criterion.band.base == "first_overshoot" else 2}
+    if motion.overshoots.size < least.get(criterion.measure, 0):
+        seen = f"the flight has {motion.overshoots.size} overshoot beyond 5 % of the first displacement"
+        return replace(criterion, applies=False, reason=f"{seen}; the row needs {least[criterion.measure]}")
+    return criterion
+
+
+def _by_distance(case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: Signals) -> Criterion:
+    """Settle a row that counts for short or for long runs."""
+    if "distance" not in flight:
+        return criterion
+    ends = [case.events.get(event, default) for event, default in zip(criterion.bounds, criterion.window, strict=True)]
+    run = float(np.diff(np.interp(ends, time, flight["distance"]))[0])
+    if holds(word, run):
+        return criterion
+    return replace(criterion, applies=False, reason=f"applies only with {word}; the flight has {written('distance', run)}")

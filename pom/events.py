@@ -1,0 +1,108 @@
+"""Instants of a flight and the same instants of a model: each found in its own record, and in the same way.
+
+What the pilot does (release, throttle, flare) happens at the same time in both, because the record drives the model.
+What the aeroplane does (lift-off speed, touchdown, stall) is a signal: a discrete of its own, or a level that the flight
+has at the marked instant and the model reaches at another.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flightmech.units import KNOT
+
+from .channels import written
+from .marks import ACTS, DISCRETES, LEVELS
+from .match import Match
+from .tolerance import Invalid, NotJudged
+
+STANDING = KNOT
+"""Ground speed below which an aeroplane stands; the noise of an inertial unit lies well below. [m s-1]"""
+
+
+@dataclass(frozen=True)
+class Instant:
+    """One event in both records, and how it was found. [s]"""
+
+    flight: float
+    model: float
+    how: str = ""
+
+
+def marked(match: Match, event: str) -> float:
+    """Return the time of an event that the case has to mark. [s]"""
+    if event not in match.case.events:
+        raise NotJudged(f"mark the event {event} in [events]")
+    return match.case.events[event]
+
+
+def find(match: Match, event: str, beside: str = "", start: float = -np.inf) -> Instant:
+    """Return when an event happens in flight and model.
+
+    Parameters
+    ----------
+    match : Match
+    event : str
+    beside : str
+        Channel that is compared and therefore may not tell the event.
+    start : float
+        Time from which it is looked for. [s]
+
+    Raises
+    ------
+    NotJudged
+        The event is not marked, or no signal tells it.
+    Invalid
+        The model does not come to it in the record.
+    """
+    if event in ACTS:
+        time = marked(match, event)
+        return Instant(time, time)
+    names = DISCRETES.get(event, ())
+    if names and all(name in match.model for name in names):
+        return _by_discrete(match, event, names, start)
+    channel, direction = LEVELS.get(event, ("", 0))
+    if not channel or channel == beside or channel not in match.flight or channel not in match.model:
+        tellers = [name for name in (*names, channel) if name and name != beside]
+        raise NotJudged(f"{event} has to be told by {' or '.join(tellers) or 'a signal'}, and flight and model do not both have it")
+    time = marked(match, event)
+    level = level_at(match, event, time)
+    reached = crossing(match.time, match.model[channel], level, direction, start)
+    if reached is None:
+        raise Invalid(f"the model does not come to {event} ({written(channel, level)}) in the record")
+    return Instant(time, reached, f"{event} at {written(channel, level)}")
+
+
+def level_at(match: Match, event: str, time: float) -> float:
+    """Return the level of the signal of an event: what the flight has at the mark; for a full stop that of standing still. [SI]"""
+    return STANDING if event == "full_stop" else float(np.interp(time, match.time, match.flight[LEVELS[event][0]]))
+
+
+def _by_discrete(match: Match, event: str, names: tuple[str, ...], start: float) -> Instant:
+    found = []
+    for signals in (match.flight, match.model):
+        if all(name in signals for name in names):
+            signal = np.max([signals[name] for name in names], axis=0)
+            found.append(crossing(match.time, signal, 0.5, 1, start))
+        else:
+            found.append(marked(match, event))
+    if found[0] is None:
+        found[0] = marked(match, event)
+    if found[1] is None:
+        raise Invalid(f"the model does not come to {event} in the record ({' and '.join(names)} stay off)")
+    return Instant(found[0], found[1], f"{event} by {' or '.join(names)}")
+
+
+def crossing(time: np.ndarray, y: np.ndarray, level: float, direction: int, start: float = -np.inf) -> float | None:
+    """Return when `y` first passes `level` upwards (1) or downwards (-1), linear between samples; None when it does not. [s]
+
+    A signal that is beyond the level from the start has not passed it.
+    """
+    beyond = direction * (y - level) >= 0.0
+    passed = np.flatnonzero(~beyond[:-1] & beyond[1:] & (time[1:] >= start - 1e-9))
+    if not passed.size:
+        return None
+    k = int(passed[0])
+    return float(time[k] + (level - y[k]) / (y[k + 1] - y[k]) * (time[k + 1] - time[k]))

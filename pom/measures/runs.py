@@ -1,0 +1,153 @@
+"""Elapsed time, distance and fuel between two events, each found the same way in both records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import trapezoid
+
+from flightmech.units import FOOT, KNOT
+
+from ..channels import plain_id, written
+from ..criteria import Criterion
+from ..events import crossing, find, level_at, marked
+from ..marks import LEVELS
+from ..match import WHO, Match
+from ..tolerance import Invalid, NotJudged, Outcome, demand_finite, half_width, inside_window, scalar
+
+SHARE = {"1.b.1": 0.8, "1.e.1": 0.8}
+"""Part of the run that has to be recorded; of the others all."""
+
+LEAST = {"h": 5000.0 * FOOT, "V_cas": 50.0 * KNOT}
+"""Change of height or speed that the table asks of a segment without events. [SI]"""
+
+
+@dataclass(frozen=True)
+class Span:
+    """Start and end of the run in both records, and what is to be said of it. [s]"""
+
+    flight: tuple[float, float]
+    model: tuple[float, float]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """The end of a run: the level of a signal, the direction in which it is passed, and when the flight does."""
+
+    channel: str
+    level: float
+    direction: int
+    flight: float
+
+
+def elapsed(criterion: Criterion, match: Match) -> Outcome:
+    """Judge time, distance or fuel between two events.
+
+    The model's run ends where its own signal passes the level of the event (speed at rotation, height at touchdown,
+    standstill).  Where a test allows a part of the run to be recorded and the model has not come to its end, both are
+    compared up to the level that it has reached; less than the part asked for is invalid.
+    """
+    if criterion.parameter == "flare_time_tf":
+        flare, touchdown = find(match, "flare"), find(match, "touchdown")
+        span = Span((flare.flight, touchdown.flight), (flare.model, touchdown.model), touchdown.how)
+    else:
+        start = _start(criterion, match)
+        gate = _gate(criterion, match, start[0])
+        span = _span(criterion, match, start, gate)
+        if span is None:
+            return _never(criterion, match, start, gate)
+    amounts = [_amount(criterion, match, i, ends) for i, ends in enumerate((span.flight, span.model))]
+    return scalar(criterion, amounts[0], amounts[1], span.flight[1], span.note)
+
+
+def _start(criterion: Criterion, match: Match) -> tuple[float, float]:
+    event = criterion.bounds[0]
+    if not event:
+        return criterion.window[0], criterion.window[0]
+    found = find(match, event)
+    return found.flight, found.model
+
+
+def _gate(criterion: Criterion, match: Match, start: float) -> Gate:
+    """Return the end of the run as the flight has it; where its record stops early, what the flight has come to."""
+    end = match.time[-1]
+    if not criterion.bounds[1]:
+        return _progress_gate(criterion, match)
+    event = criterion.bounds[1]
+    channel, direction = LEVELS[event]
+    if channel not in match.flight or channel not in match.model:
+        raise NotJudged(f"{event} has to be told by {channel}, and flight and model do not both have it")
+    mark = marked(match, event)
+    if mark <= end + 1e-9:
+        return Gate(channel, level_at(match, event, mark), direction, mark)
+    asked = SHARE.get(plain_id(match.case.id), 1.0)
+    share = (end - start) / (mark - start)
+    if share < asked:
+        raise Invalid(f"{100.0 * share:.0f} % of the run is recorded, {100.0 * asked:.0f} % have to be")
+    return Gate(channel, float(match.flight[channel][-1]), direction, float(end))
+
+
+def _progress_gate(criterion: Criterion, match: Match) -> Gate:
+    """Return the end of a segment that no event bounds: a change of height or speed."""
+    channel = criterion.abscissa
+    if not channel:
+        raise NotJudged("the row names no event at which the run ends")
+    least = LEAST[channel]
+    mask = inside_window(match.time, criterion.window)
+    demand_finite("flight", match.time[mask], y := match.flight[channel][mask])
+    covered = float(y[-1] - y[0])
+    if abs(covered) < least and not match.case.shortened:
+        raise Invalid(
+            f"the segment covers {written(channel, abs(covered))}; the table asks for {written(channel, least)}: "
+            "widen the window, or say why in case.shortened"
+        )
+    return Gate(channel, float(y[-1]), 1 if covered > 0.0 else -1, criterion.window[1])
+
+
+def _span(criterion: Criterion, match: Match, start: tuple[float, float], gate: Gate) -> Span | None:
+    """Return the run up to the gate, or up to what the model has reached; None when it never comes near enough."""
+    signal = match.model[gate.channel]
+    demand_finite("the model", match.time, signal)
+    reached = crossing(match.time, signal, gate.level, gate.direction, start[1])
+    note = f"to {written(gate.channel, gate.level)}"
+    if reached is not None:
+        return Span((start[0], gate.flight), (start[1], reached), note)
+    level = gate.direction * float(np.max(gate.direction * signal))
+    there = crossing(match.time, match.flight[gate.channel], level, gate.direction, start[0])
+    asked = SHARE.get(plain_id(match.case.id), 1.0)
+    if there is None or asked == 1.0 or there - start[0] < asked * (gate.flight - start[0]):
+        return None
+    own = crossing(match.time, signal, level, gate.direction, start[1])
+    share = 100.0 * (there - start[0]) / (gate.flight - start[0])
+    note = f"the model reaches {written(gate.channel, level)}; both are compared up to there, {share:.0f} % of the run"
+    return Span((start[0], there), (start[1], match.time[-1] if own is None else own), note)
+
+
+def _never(criterion: Criterion, match: Match, start: tuple[float, float], gate: Gate) -> Outcome:
+    """Judge a model that does not come to the end: a failure when it is late by more than the tolerance, else too short a record."""
+    flight = _amount(criterion, match, 0, (start[0], gate.flight))
+    so_far = _amount(criterion, match, 1, (start[1], float(match.time[-1])))
+    width = half_width(criterion, flight)
+    said = f"the model does not come to {written(gate.channel, gate.level)} in the record"
+    if so_far - flight <= width[0]:
+        raise Invalid(f"{said}; widen the window")
+    return scalar(criterion, flight, so_far, float(match.time[-1]), f"{said}; its value is what it has used so far")
+
+
+def _amount(criterion: Criterion, match: Match, which: int, ends: tuple[float, float]) -> float:
+    """Return what a run takes between its ends. [SI]"""
+    signals, time = (match.flight, match.model)[which], match.time
+    if criterion.channel == "time":
+        return ends[1] - ends[0]
+    if criterion.parameter == "fuel_used" and criterion.channel != "fuel":
+        engines = sorted(set(match.flight.fuel_flow) & set(match.model.fuel_flow))
+        flow = np.sum([signals[name] for name in engines], axis=0)
+        part = (time >= ends[0]) & (time <= ends[1])
+        demand_finite(WHO[which], time[part], flow[part])
+        return float(trapezoid(flow[part], time[part]))
+    part = (time >= ends[0] - 1e-9) & (time <= ends[1] + 1e-9)
+    demand_finite(WHO[which], time[part], signals[criterion.channel][part])
+    low, high = np.interp(ends, time, signals[criterion.channel])
+    return float(low - high if criterion.parameter == "fuel_used" else high - low)
