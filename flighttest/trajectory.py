@@ -25,7 +25,7 @@ from .bordered import NormalEquations
 from .constants import inverse
 from .instruments import IMU
 from .kinematics import rate_matrix, rates, skew, to_body
-from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, gains, sensed_force, specific_force, wind
+from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, gains, over_steps, sensed_force, specific_force, wind
 
 HEIGHT_NOISE = 0.005  # m/s: closes the height equation; far below any height sensor
 VANE_NOISE = 1e-4  # rad: closes the lag equation; far below the noise of a vane
@@ -161,8 +161,8 @@ def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: N
     needed = difference[:, VELOCITY] + np.cross(2.0 * spin + carried, v)
     needed[:, 2] -= problem.gravity_at(middle[:, HEIGHT])
     U, turn, Rt = to_body(middle[:, ATTITUDE], needed)
-    r[:, ATTITUDE] = from_angles + (Rt @ carried[..., None])[..., 0] - (omega[1:] + omega[:-1]) / 2.0
-    r[:, VELOCITY] = U - (force[1:] + force[:-1]) / 2.0
+    r[:, ATTITUDE] = from_angles + (Rt @ carried[..., None])[..., 0] - over_steps(problem, omega)
+    r[:, VELOCITY] = U - over_steps(problem, force)
     r[:, HEIGHT] = difference[:, HEIGHT] + middle[:, 5]
     # half of the derivative with respect to the middle, and the one with respect to the difference
     half, slope = np.zeros((len(middle), 7, n)), np.zeros((len(middle), 7, n))

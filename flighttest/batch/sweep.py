@@ -19,7 +19,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from ..kinematics import rate_matrix, rotation, skew
-from ..problem import ATTITUDE, HEIGHT, VELOCITY, Problem, body_rates, specific_force
+from ..problem import ATTITUDE, HEIGHT, VELOCITY, Problem, bend, body_rates, over_steps, specific_force
 from ..trajectory import input_derivatives, lag_weights, vane_behind, vane_geometry
 
 
@@ -77,8 +77,9 @@ def sweep(problem: Problem, starts: np.ndarray, c: np.ndarray, weak: tuple[np.nd
 
     Notes
     -----
-    Attitude by the fourth-order Magnus step for rates linear between samples, velocity by Simpson's rule over it (both
-    what the classical Runge-Kutta step reaches), sensitivities by the trapezoidal rule (1e-5 of their size at 50 Hz).
+    Rates and accelerations are cubics between samples, attitude takes the fourth-order Magnus step, velocity Simpson's rule over
+    it; height and sensitivities the trapezoidal rule (1e-5 of their size at 50 Hz).  Straight lines between samples would
+    take (omega dt)^2/12 off what swings with omega: 1e-3 at 0.9 Hz and 50 samples per second, found again in the vane factors.
     """
     x, R, turn, force = _run(problem, starts, c, weak)
     places, D = input_derivatives(problem, c)
@@ -98,7 +99,8 @@ def _run(problem: Problem, starts, c, weak) -> tuple[np.ndarray, np.ndarray, np.
     turning, pull = weak
     omega, a = body_rates(problem, c) - turning, specific_force(problem, c)
     dt = problem.dt
-    turn = dt / 2.0 * (omega[1:] + omega[:-1]) + dt**2 / 12.0 * np.cross(omega[:-1], omega[1:])
+    turn = dt * over_steps(problem, omega) + dt**2 / 12.0 * np.cross(omega[:-1], omega[1:])
+    halfway = (a[:-1] + a[1:]) / 2.0 - bend(problem, a) / 8.0
     x = np.zeros((len(problem.time), problem.states))
     R = np.zeros((len(x), 3, 3))
     for start, part in zip(starts, segments(problem), strict=True):
@@ -107,8 +109,8 @@ def _run(problem: Problem, starts, c, weak) -> tuple[np.ndarray, np.ndarray, np.
         R[part] = first @ _matrices(_products(_quaternions(turn[inner])))
         x[part, ATTITUDE] = _angles(R[part], start[2])
         at = (R[part] @ a[part, :, None])[..., 0]
-        half = R[inner] @ _matrices(_quaternions(turn[inner] / 2.0))
-        middle = (half @ ((a[inner] + a[part][1:]) / 2.0)[..., None])[..., 0]
+        half = R[inner] @ _matrices(_quaternions(turn[inner] / 2.0 - dt / 8.0 * (omega[part][1:] - omega[inner])))
+        middle = (half @ halfway[inner][..., None])[..., 0]
         gain = dt / 6.0 * (at[:-1] + 4.0 * middle + at[1:]) + dt / 2.0 * (pull[inner] + pull[part][1:])
         x[part, VELOCITY] = start[VELOCITY] + _summed(gain)
         down = x[part, 5]
