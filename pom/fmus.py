@@ -12,6 +12,7 @@ from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.units import parse
 
 from .links import Link, Links, house_unit
+from .worker.description import read_description
 
 _TEXTS = ("String", "Binary", "Clock")
 
@@ -71,10 +72,8 @@ def read_fmu(path: str | Path) -> Fmu:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"no FMU {path}")
-    from fmpy import read_model_description
-
     try:
-        description = read_model_description(str(path), validate=False)
+        description = read_description(path)
     except Exception as error:  # FMPy raises what its parser raised
         raise ParseError(str(path), 0, str(error).split("\n")[0], "an FMU (zip file with modelDescription.xml)") from error
     kind = description.coSimulation or description.modelExchange

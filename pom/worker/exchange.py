@@ -103,7 +103,7 @@ class Exchange:
 
     def _completed(self) -> bool:
         """Tell the FMU that a step is done; return whether it wants an event."""
-        if not self.model.description.modelExchange.needsCompletedIntegratorStep:
+        if self.model.version > 1 and not self.model.description.modelExchange.needsCompletedIntegratorStep:
             return False
         said = self.instance.completedIntegratorStep()
         if self.model.version == 1:

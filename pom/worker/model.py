@@ -6,6 +6,8 @@ from collections import deque
 from ctypes import byref
 from typing import Any
 
+from .description import read_description
+
 
 class Model:
     """An unpacked FMU.
@@ -30,9 +32,9 @@ class Model:
     """
 
     def __init__(self, path: str, folder: str):
-        from fmpy import extract, read_model_description
+        from fmpy import extract
 
-        self.description = read_model_description(path, validate=False)
+        self.description = read_description(path)
         self.folder = extract(path, folder)
         self.variables = {v.name: v for v in self.description.modelVariables}
         self.version = int(self.description.fmiVersion[0])

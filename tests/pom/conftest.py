@@ -60,42 +60,39 @@ def describe(kind, interpolates, units, rename):
     return DESCRIPTION.format(kind=kind, interpolates=str(interpolates).lower(), variables="\n".join(variables))
 
 
+def compiled(source, folder):
+    """Compile a C file beside this one into a shared library of an FMU."""
+    from fmpy import sharedLibraryExtension
+
+    place = folder / f"toy{sharedLibraryExtension}"
+    command = [sys.executable, "-m", "ziglang", "cc", "-shared", "-fPIC", "-O1", "-w", "-fno-sanitize=undefined", "-o", str(place)]
+    subprocess.run([*command, str(Path(__file__).with_name(source))], check=True, capture_output=True)
+    return place
+
+
+def write_fmu(path, description, library):
+    """Write an FMU of a description and a library."""
+    from fmpy import platform
+
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("modelDescription.xml", description)
+        file.write(library, f"binaries/{platform}/{library.name}")
+    return path
+
+
 @pytest.fixture(scope="session")
 def toy_library(tmp_path_factory):
     """The shared library of the toy FMU, compiled once."""
-    from fmpy import platform, sharedLibraryExtension
-
-    place = tmp_path_factory.mktemp("toy") / f"toy{sharedLibraryExtension}"
-    source = Path(__file__).with_name("toy.c")
-    command = [
-        sys.executable,
-        "-m",
-        "ziglang",
-        "cc",
-        "-shared",
-        "-fPIC",
-        "-O1",
-        "-w",
-        "-fno-sanitize=undefined",
-        "-o",
-        str(place),
-        str(source),
-    ]
-    subprocess.run(command, check=True, capture_output=True)
-    return platform, place
+    return compiled("toy.c", tmp_path_factory.mktemp("toy"))
 
 
 @pytest.fixture
 def toy(toy_library, tmp_path):
     """Write a toy FMU: first-order lag, or ``crash``, ``hang``, ``error``, ``nan``."""
-    folder, library = toy_library
 
     def write(kind="lag", interpolates=True, units=None, rename=None):
         path = tmp_path / f"{kind}{'' if interpolates else '_held'}.fmu"
-        with zipfile.ZipFile(path, "w") as file:
-            file.writestr("modelDescription.xml", describe(kind, interpolates, units or {}, rename or {}))
-            file.write(library, f"binaries/{folder}/{library.name}")
-        return path
+        return write_fmu(path, describe(kind, interpolates, units or {}, rename or {}), toy_library)
 
     return write
 
