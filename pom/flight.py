@@ -105,7 +105,7 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
     IdentificationError
         The reconstruction does not settle.
     """
-    found = _path_states(case.record)
+    found = path_states(case.record)
     if found is not None:
         return found
     if not case.aircraft:
@@ -118,7 +118,7 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
         raise IdentificationError(f"case {case.name}: {error}; {hint}") from error
 
 
-def _path_states(record: str) -> xr.Dataset | None:
+def path_states(record: str) -> xr.Dataset | None:
     """Return the states of a file of reconstructed states; None when it is something else."""
     if Path(record).suffix != ".nc":
         return None
