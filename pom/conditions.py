@@ -56,11 +56,11 @@ def settle(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Signal
 
 def _on_channel(criterion: Criterion, flight: Signals) -> Criterion:
     """Return the criterion on the channel that the flight has of those that a parameter may be judged on."""
-    field = "abscissa" if criterion.parameter == "trim_rate" else "channel"
-    if getattr(criterion, field) in flight:
+    rate = criterion.parameter == "trim_rate"
+    other = next((name for name in OTHERS.get(criterion.parameter, ()) if name in flight), "")
+    if not other or (criterion.abscissa if rate else criterion.channel) in flight:
         return criterion
-    other = next((name for name in OTHERS.get(criterion.parameter, ()) if name in flight), None)
-    return criterion if other is None else replace(criterion, **{field: other})
+    return replace(criterion, abscissa=other) if rate else replace(criterion, channel=other)
 
 
 def _part(case: PomCase, criterion: Criterion, word: str) -> Criterion:
@@ -77,9 +77,6 @@ def _part(case: PomCase, criterion: Criterion, word: str) -> Criterion:
 
 def _of_kind(case: PomCase, criterion: Criterion, word: str, time: np.ndarray, flight: Signals) -> Criterion:
     """Settle a row of control dynamics: on the kind of the motion, and on whether it has what the row measures."""
-    said = [kind for kind in KINDS if kind in case.features]
-    if said:
-        return criterion if word in said else replace(criterion, applies=False, reason=f"applies only {word}; the case says {said[0]}")
     if criterion.channel not in flight:
         return criterion
     try:
@@ -87,7 +84,7 @@ def _of_kind(case: PomCase, criterion: Criterion, word: str, time: np.ndarray, f
     except Invalid:
         return criterion  # the measure tells what is wrong with the record
     kind = KINDS[0] if motion.overshoots.size else KINDS[1]
-    if kind != word:
+    if kind != word and word not in case.features:
         return replace(criterion, applies=False, reason=f"applies only {word}; the flight is {kind}")
     least = {"period_n": 2, "overshoot_n": 1 if criterion.parameter != "an" or criterion.band.base == "first_overshoot" else 2}
     if motion.overshoots.size < least.get(criterion.measure, 0):

@@ -16,6 +16,7 @@ from flightmech.units import KNOT
 from .channels import written
 from .marks import ACTS, DISCRETES, LEVELS
 from .match import Match
+from .signals import Signals
 from .tolerance import Invalid, NotJudged
 
 STANDING = KNOT
@@ -81,18 +82,20 @@ def level_at(match: Match, event: str, time: float) -> float:
 
 
 def _by_discrete(match: Match, event: str, names: tuple[str, ...], start: float) -> Instant:
-    found = []
-    for signals in (match.flight, match.model):
-        if all(name in signals for name in names):
-            signal = np.max([signals[name] for name in names], axis=0)
-            found.append(crossing(match.time, signal, 0.5, 1, start))
-        else:
-            found.append(marked(match, event))
-    if found[0] is None:
-        found[0] = marked(match, event)
-    if found[1] is None:
+    """Return an event that a discrete tells; the flight's is as marked where the case marks it."""
+    flight, model = (_jump(match, signals, names, start) for signals in (match.flight, match.model))
+    if model is None:
         raise Invalid(f"the model does not come to {event} in the record ({' and '.join(names)} stay off)")
-    return Instant(found[0], found[1], f"{event} by {' or '.join(names)}")
+    if flight is None or event in match.case.events:
+        flight = marked(match, event)
+    return Instant(flight, model, f"{event} by {' or '.join(names)}")
+
+
+def _jump(match: Match, signals: Signals, names: tuple[str, ...], start: float) -> float | None:
+    """Return when the first of several discretes comes on; None when none does, or one is not there. [s]"""
+    if not all(name in signals for name in names):
+        return None
+    return crossing(match.time, np.max([signals[name] for name in names], axis=0), 0.5, 1, start)
 
 
 def crossing(time: np.ndarray, y: np.ndarray, level: float, direction: int, start: float = -np.inf) -> float | None:

@@ -25,6 +25,9 @@ _WARNING = re.compile(r"^(?:stick_shaker|stall_warning|warning)_or_initial_buffe
 KINDS = ("underdamped", "overdamped")
 """Kinds of a control's motion after release; the flight tells unless the case does."""
 
+SWEEPS = "alternate_method_moderate_or_rapid_sweep"
+"""Control dynamics by sweeps, without a release."""
+
 
 def claimed(word: str) -> bool:
     """Whether a condition is one that the case has to claim; the others are seen in the record."""
@@ -33,7 +36,13 @@ def claimed(word: str) -> bool:
 
 def unclaimed(condition: str, features: tuple[str, ...]) -> list[str]:
     """Return the words of a condition that the case would have to claim and does not."""
-    return [word for word in condition.split(";") if word and claimed(word) and word not in features]
+    missing = []
+    for word in filter(None, condition.split(";")):
+        if word in KINDS and SWEEPS in features:
+            missing.append("a release instead of sweeps")
+        elif word not in features and (claimed(word) or (word in KINDS and set(KINDS) & set(features))):
+            missing.append(word)
+    return missing
 
 
 def is_relation(word: str) -> bool:

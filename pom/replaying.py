@@ -183,13 +183,16 @@ def assemble(
         for criterion in case.criteria:
             rows.append(row(name, criterion, _outcome(case, criterion, failure, job.time, flight, outputs)))
             rows[-1]["note"] = "; ".join(text for text in (rows[-1]["note"], *remarks) if text)
+    shown = [*shown_channels(case, states), *formed_channels(case, flight)]
     told = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
     if job.pilot:
         told[PILOT] = json.dumps(plain(_pilot(job, found)))
     return PomResult(
         case=case,
         conditions=dict(configuration(case, job)),
-        signals=_signals([*shown_channels(case, states), *formed_channels(case, flight)], flight, found).assign_attrs({**told, **(attrs or {})}),
+        signals=_signals(shown, flight, found).assign_attrs(
+            {**told, **(attrs or {})}
+        ),
         tolerance=bands(case, job.time, flight),
         inputs=_inputs(job),
         trim=trim_table(flight, found),

@@ -164,11 +164,14 @@ _BEST = ("pass", "advisory", "fail", "not_tested", "invalid")
 
 
 def group_verdicts(case: PomCase, verdicts: Mapping[str, str]) -> dict[str, str]:
-    """Return the verdict of every group of a case that applies, from the verdicts of its criteria."""
+    """Return the verdict of every group of a case that applies, from the verdicts of its criteria.
+
+    A precondition that holds proves nothing and does not count; one that does not hold makes the case invalid.
+    """
     found: dict[str, str] = {}
     for criterion in case.criteria:
-        if criterion.applies and criterion.name in verdicts:
-            verdict = verdicts[criterion.name]
+        verdict = verdicts.get(criterion.name)
+        if criterion.applies and verdict and (criterion.measure, verdict) != ("setup", "pass"):
             found[criterion.group] = min(found.get(criterion.group, verdict), verdict, key=_BEST.index)
     return found
 

@@ -54,9 +54,9 @@ class Signals(Mapping[str, np.ndarray]):
     """
 
     def __init__(self, raw: Raw, time: np.ndarray, wheel_radius: float | None = None):
-        self.raw = raw.raw if isinstance(raw, Signals) else raw
-        self.time = time
-        self.wheel_radius = wheel_radius
+        self.raw: Raw = raw.raw if isinstance(raw, Signals) else raw
+        self.time: np.ndarray = time
+        self.wheel_radius: float | None = wheel_radius
         self._formed: dict[str, np.ndarray] = {}
 
     def __getitem__(self, name: str) -> np.ndarray:

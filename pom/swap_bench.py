@@ -17,14 +17,13 @@ from flightmech.errors import SchemaError
 from flightmech.parts import different_parts, swap_parts
 
 from .case import PomCase
-from .criteria import Criterion
+from .conditions import settled
 from .drive import Job, job_of
 from .flight import flight_states
 from .kernel_replay import fly
 from .result import group_verdicts, status_of
 from .swap_table import CEILING
 from .swaps import differing
-from .tolerance import difference, half_width
 from .verdict import judge
 
 _FINAL = "_of_final"
@@ -81,7 +80,7 @@ class Bench:
         names = tuple(differing(prior, final))
         theirs = aerodb.terms(final)
         both = aerodb.replace_terms(prior, {name + _FINAL: theirs[name] for name in names if name in theirs})
-        return cls(case, job, flight, both, aircraft, names, _parts(case, flight, aircraft))
+        return cls(settled(case, job.time, flight), job, flight, both, aircraft, names, _parts(case, flight, aircraft))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -134,18 +133,11 @@ class Bench:
                 continue
             ratio[criterion.name] = miss[criterion.name] = found.worst_ratio
             if criterion.measure == "trace":
-                miss[criterion.name] = self._rms(criterion, outputs[criterion.channel])
+                miss[criterion.name] = found.rms
             counted = float(np.fmin(miss[criterion.name], CEILING))
             groups[criterion.group] = min(groups.get(criterion.group, CEILING), counted)
         total = float(np.sqrt(np.mean(np.square(list(groups.values()))))) if groups else np.nan
         return Judged(status_of(group_verdicts(self.case, verdicts)), miss, ratio, total)
-
-    def _rms(self, criterion: Criterion, model: np.ndarray) -> float:
-        """Return the root mean square of difference over half width in the window."""
-        time = self.job.time
-        mask = (time >= criterion.window[0] - 1e-9) & (time <= criterion.window[1] + 1e-9)
-        flight = self.flight[criterion.channel][mask]
-        return float(np.sqrt(np.mean(np.square(difference(criterion.channel, flight, model[mask]) / half_width(criterion, flight)))))
 
 
 def _parts(case: PomCase, flight: Mapping[str, np.ndarray], aircraft: tuple[Aircraft, Aircraft]) -> tuple[str, ...]:

@@ -29,7 +29,8 @@ class Invalid(Exception):
 class Outcome:
     """Judgement of one criterion on one model, in SI; times on the clock of the record.
 
-    ``flight`` and ``model`` are the values of a measure that is one number; ``applied`` the tolerance as applied.
+    ``flight`` and ``model`` are the values of a measure that is one number; ``applied`` the tolerance as applied; ``rms``
+    the root mean square of difference over half width of a measure that has many samples.
     """
 
     verdict: str
@@ -43,6 +44,7 @@ class Outcome:
     flight: float = NAN
     model: float = NAN
     applied: str = ""
+    rms: float = NAN
 
 
 def half_width(criterion: Criterion, flight: np.ndarray | float, cycle: int = 0) -> np.ndarray:
@@ -186,6 +188,7 @@ def trace(criterion: Criterion, time: np.ndarray, flight: np.ndarray, model: np.
         inside=float(1.0 - out.mean()),
         note=f"longest run outside {_longest(time, out):.2f} s" if out.any() else "",
         applied=applied(criterion, width, flight),
+        rms=float(np.sqrt(np.mean(np.square(ratio)))),
     )
 
 

@@ -134,6 +134,7 @@ def _compare(criterion: Criterion, flight: Branches, model: Branches) -> Outcome
         inside=float(1.0 - out.mean()),
         note=f"{len(times)} branch{'es' if len(times) > 1 else ''} at equal {criterion.abscissa}",
         applied=applied(criterion, width, value),
+        rms=float(np.sqrt(np.mean(np.square(ratio)))),
     )
 
 

@@ -55,9 +55,10 @@ def elapsed(criterion: Criterion, match: Match) -> Outcome:
     else:
         start = _start(criterion, match)
         gate = _gate(criterion, match, start[0])
-        span = _span(criterion, match, start, gate)
-        if span is None:
+        common = _span(criterion, match, start, gate)
+        if common is None:
             return _never(criterion, match, start, gate)
+        span = common
     amounts = [_amount(criterion, match, i, ends) for i, ends in enumerate((span.flight, span.model))]
     return scalar(criterion, amounts[0], amounts[1], span.flight[1], span.note)
 
