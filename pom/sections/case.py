@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from pom.result import PomResult
+from pom.result import PomResult, group_verdicts, status_of
 
 from . import case_data, modal, remarks, start
 from .case_figure import figures
@@ -68,7 +68,7 @@ def page(
         "share": remarks.share(result.case.fraction),
         "outcomes": outcome,
         "failure": result.failure,
-        "hashes": _hashes(result, provenance),
+        "hashes": digests(result, provenance),
         "source": remarks.data_source(result),
         "calibration": start.calibration(result),
         "conditions": start.conditions(result.conditions, result.trim.index),
@@ -91,11 +91,12 @@ def page(
 def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any]]:
     """Return status, deciding criterion and worst ratio of every model."""
     rows = []
+    verdicts = list(zip(result.verdict["run"], result.verdict["criterion"], result.verdict["verdict"], strict=True))
     for run in result.runs:
         found = result.worst(run)
         worst = {} if found is None else found.to_dict()
         ratio, at = worst.get("worst_ratio", math.nan), worst.get("at", math.nan)
-        status = result.status(run)
+        status = status_of(group_verdicts(result.case, {name: verdict for who, name, verdict in verdicts if who == run}))
         rows.append(
             {
                 "run": run,
@@ -112,7 +113,7 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
     return rows
 
 
-def _hashes(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+def digests(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return (what, file, SHA-256) of the record and of every model."""
     inputs = provenance.get("inputs", {})
     record = PurePath(result.case.record).name

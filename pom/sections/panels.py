@@ -62,17 +62,17 @@ class Panel:
 def panels(result: PomResult) -> list[Panel]:
     """Return the panels of a case: judged channels, then the inputs that move, then what proves the condition."""
     channels = [str(name) for name in result.signals.data_vars]
-    judged = [str(c) for c in dict.fromkeys(result.verdict["channel"]) if c in channels]
+    rows = result.verdict.to_dict("records")
+    judged = [str(c) for c in dict.fromkeys(row["channel"] for row in rows) if c in channels]
     banded = [name for name in judged if name in result.tolerance]
     measured = [name for name in judged if name not in banded]
     moving, _ = split_inputs(result)
     driven = [_driven(name, channels) for name in moving]
     others = [name for name in channels if name not in (*banded, *measured, *moving, *driven)]
     return [
-        *(_compared(result, name, "judged") for name in banded),
-        *(_compared(result, name, "judged") for name in measured),
-        *(_compared(result, twin, "input") if twin else _input(result, name) for name, twin in zip(moving, driven, strict=True)),
-        *(_compared(result, name, "shown") for name in others),
+        *(_compared(result, name, "judged", rows) for name in (*banded, *measured)),
+        *(_compared(result, twin, "input", rows) if twin else _input(result, name) for name, twin in zip(moving, driven, strict=True)),
+        *(_compared(result, name, "shown", rows) for name in others),
     ]
 
 
@@ -96,12 +96,12 @@ def split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
     return moving, [name for name in names if name not in moving]
 
 
-def _compared(result: PomResult, name: str, kind: str) -> Panel:
+def _compared(result: PomResult, name: str, kind: str, rows: Sequence[Mapping[Hashable, Any]]) -> Panel:
     shown = label(name)
     time = result.signals["time"].values
-    traces = {str(run): shown.shown(result.signals[name].sel(run=run).values) for run in result.signals["run"].values}
+    traces = dict(zip(map(str, result.signals["run"].values), shown.shown(result.signals[name].values), strict=True))
     traces = {run: values for run, values in traces.items() if np.isfinite(values).any()}
-    rows = result.verdict[result.verdict["channel"] == name].to_dict("records")
+    rows = [row for row in rows if row["channel"] == name]
     half = shown.width(result.tolerance[name].values) if name in result.tolerance else None
     exits: dict[str, list[tuple[float, float]]] = {}
     if half is not None and "flight" in traces:

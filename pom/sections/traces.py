@@ -48,7 +48,7 @@ class Pack:
 def parcel(head: Mapping[str, Any], body: bytes = b"") -> str:
     """Return a page as base64 of gzip; the header holds neither time nor system, so equal input gives equal text."""
     text = json.dumps(plain(head), sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    squeeze = zlib.compressobj(9, zlib.DEFLATED, 31, 9, zlib.Z_FILTERED)
+    squeeze = zlib.compressobj(6, zlib.DEFLATED, 31, 9, zlib.Z_FILTERED)
     return base64.b64encode(squeeze.compress(text.encode() + b"\0" + body) + squeeze.flush()).decode("ascii")
 
 
