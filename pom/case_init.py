@@ -25,10 +25,12 @@ from .case import PRIMARY, PomCase, read_case
 from .case_text import case_text
 from .flight import path_states
 from .record_events import HELD_STILL, Mark, Movement, Recorded, find_events, input_channels, movement, on_ground
+from .relations import unclaimed
 
 LEAD = 1.0  # [s] of steady flight before the input
 HOMES = (".", "..")  # folders beside the record in which its name map and its aircraft are looked for
 LONGEST_LEAD = 5.0  # [s] that a row asks for before its event
+WHOLE_RUNS = ("1.b", "1.e", "2.e")  # take-offs and landings, which a record marks part by part
 _WORDS = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder", "delta_f": "flap"}  # channel: what a mark calls it
 _SPOILED = re.compile(r"[^a-z0-9]+")
 
@@ -157,10 +159,9 @@ def _leaves(tree: xr.DataTree) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 def _span(tree: xr.DataTree) -> tuple[float, float]:
     """Return what a reconstruction covers: the clock of the gyros, else what all leaves share. [s]"""
-    clocks = [leaf["time"].values for leaf in tree.children.values() if "p" in leaf] or [
-        leaf["time"].values for leaf in tree.children.values()
-    ]
-    return float(max(clock[0] for clock in clocks)), float(min(clock[-1] for clock in clocks))
+    leaves = [leaf.to_dataset() for leaf in tree.children.values()]
+    clocks = [leaf["time"].to_numpy() for leaf in leaves if "p" in leaf] or [leaf["time"].to_numpy() for leaf in leaves]
+    return max(float(clock[0]) for clock in clocks), min(float(clock[-1]) for clock in clocks)
 
 
 def _marks(tree: xr.DataTree) -> list[Mark]:
@@ -176,10 +177,13 @@ def draft_case(rows: Sequence[table.Row], recorded: Recorded, window: tuple[floa
     remarks: list[str] = []
     search, limits = _search(test, recorded, window, remarks)
     moved = movement(recorded, input_channels(test), search)
-    applied = [row for row in rows if not row["condition"]]
+    applied = [row for row in rows if not unclaimed(row["condition"], ())]
     wanted = _wanted(applied)
     found = find_events(wanted, test, recorded, search, limits)
     start, stop = _window(applied, found, moved, limits, recorded.span)
+    if _closed(applied, found, (start, stop)):
+        start, stop = _window(applied, found, moved, recorded.span, recorded.span)
+    found = {name: time for name, time in found.items() if name not in _closed(applied, found, (start, stop))}
     events = _placed(applied, wanted, found, (start, stop), remarks)
     ground = on_ground(recorded, start)
     drive = _drive(rows, recorded, ground)
@@ -217,11 +221,15 @@ def _search(test: str, recorded: Recorded, window: Stretch | None, remarks: list
     if not fitting:
         return (low, high), (low, high)
     start, end = max(low, fitting[0].start - 0.5 * LEAD), min(high, fitting[0].end)
-    if len(fitting) == 1:
+    if len(fitting) > 1:
+        others = ", ".join(f"{mark.start:g} ... {mark.end:g} s" for mark in fitting[1:])
+        remarks.append(
+            f"the record marks {len(fitting)} manoeuvres of this control; the first was taken, --window chooses another: {others}"
+        )
+    if test.startswith(WHOLE_RUNS):
         return (start, end), (low, high)
-    others = ", ".join(f"{mark.start:g} ... {mark.end:g} s" for mark in fitting[1:])
-    remarks.append(f"the record marks {len(fitting)} manoeuvres of this control; the first was taken, --window chooses another: {others}")
-    return (start, end), (max(low, start - LONGEST_LEAD), end)
+    followed = any(mark.start >= fitting[0].end - LEAD for mark in recorded.marks)
+    return (start, end), (max(low, start - LONGEST_LEAD), end if followed else high)
 
 
 def _wanted(rows: Sequence[table.Row]) -> list[str]:
@@ -257,6 +265,16 @@ def _window(
     if high > span[1] + 1e-9:
         high = np.floor(span[1] * 10.0 + 1e-6) / 10.0
     return float(low) + 0.0, float(high)
+
+
+def _closed(rows: Sequence[table.Row], found: dict[str, float], window: Stretch) -> set[str]:
+    """Return the events of rows that have nothing left to compare inside a window."""
+    spoiled: set[str] = set()
+    for row in rows:
+        first, last = (_bound(row[end], found) for end in ("applies_from", "applies_to"))
+        if not max(window[0], window[0] if first is None else first) < min(window[1], window[1] if last is None else last):
+            spoiled |= {name for name in found if row["applies_from"].startswith(name) or row["applies_to"].startswith(name)}
+    return spoiled
 
 
 def _bound(mark: str, found: dict[str, float]) -> float | None:
