@@ -1,13 +1,13 @@
 """The Citation II flights of ../shared as the stations need them: records with mass, c.g. and thrust; windows; a prior database.
 
-What the recordings lack is computed from the data set's own sheets: mass and c.g. from the loading sheet, the fuel-moment
-table and the integral of the fuel flow; thrust from the fuel flow with the points of the engine deck.  Flaps were not recorded: up.
+What the recordings lack is computed from the data set's own sheets, as the plans of the evaluation say (``maps/evaluate_*.toml``): mass and
+c.g. from the loading sheet, the fuel-moment table and the integral of the fuel flow; thrust from the fuel flow with the points of the
+engine deck.  Flaps were not recorded: up.
 """
 
 from functools import lru_cache
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import xarray as xr
 
@@ -15,17 +15,15 @@ import aerodb
 import flightmech
 import flighttest
 from flightmech import terms
-from flightmech.air import P_SEA, T_SEA, atmosphere
 from flightmech.names import attrs
-from flightmech.units import POUND
+from flighttest.evaluation.plan import read_plan
+from flighttest.evaluation.weighing import completed
 
 HERE = Path(__file__).parent
 FLIGHTS = HERE.parents[1] / ".." / "shared" / "data" / "flight" / "citation_phlab"
 FILES = {2018: "20180312_1", 2019: "20190305_2", 2020: "20200310_2"}
 RECORDS = {2018: "flight_20180312_1", 2019: "flight_20190305_2_partial", 2020: "flight_20200310_2"}
 ABSENT = "the Citation II flights (../shared/data/flight/citation_phlab) are not here"
-INCH = 0.0254
-LEADING_EDGE = 261.45 * INCH  # station of the leading edge of the mean chord
 THRUST_ERROR = {"thrust": 0.05}  # deck against the flown engines; the fit of the deck itself is good to 5 N
 
 # What DATCOM does not give and the flights shall bring in, with the standard error of not knowing.
@@ -54,49 +52,18 @@ def start(year, motion):
     return float(table.loc[motion, "t_start_s"])
 
 
+def plan(year):
+    """Return the plan by which `flight report` evaluates a flight; mass, c.g. and thrust follow from its sheets."""
+    return read_plan(HERE / "maps" / f"evaluate_{year}.toml")
+
+
 @lru_cache
 def record(year):
-    """Return a record; with accelerations also mass, c.g. and thrust."""
-    found = flighttest.read(FLIGHTS / f"{RECORDS[year]}.csv.gz", names(year))
-    if "engine" not in found.children:
-        return found
-    engine, air = found["engine"].to_dataset(), found["adc"].to_dataset()
-    time = engine["time"].values
-    flow = {number: engine[f"engine{number}.fuel_flow"].values for number in (1, 2)}
-    mass, x_cg_b = loading(year, np.concatenate([[0.0], np.cumsum((flow[1] + flow[2])[:-1] * np.diff(time))]))
-    columns = {"mass": mass, "x_cg_b": x_cg_b, "delta_f": np.zeros_like(mass)}  # flaps up in all manoeuvres
-    for number in (1, 2):
-        columns[f"engine{number}.thrust"] = thrust(*(air[name].values for name in ("h_baro", "mach", "temperature")), flow[number])
-    data = xr.Dataset({name: ("time", values, attrs(name)) for name, values in columns.items()}, {"time": engine["time"]})
-    return found.assign({"computed": xr.DataTree(data.assign_attrs(engine.attrs))})
-
-
-def loading(year, burnt):
-    """Return mass [kg] and c.g. forward of the moment reference point [m] after `burnt` kilograms of fuel."""
-    sheet = pd.read_csv(FLIGHTS / f"loading_{FILES[year]}.csv").set_index("item")
-    table = pd.read_csv(FLIGHTS / "fuel_moment.csv")
-    dry = sheet.drop("block_fuel")
-    fuel = float(sheet.loc["block_fuel", "mass_kg"]) - burnt
-    fuel_moment = np.interp(fuel, np.append(0.0, table["fuel_lb"] * POUND), np.append(0.0, table["moment_100inlb"] * 100.0 * POUND * INCH))
-    mass = dry["mass_kg"].sum() + fuel
-    station = ((dry["mass_kg"] * dry["arm_in"].astype(float)).sum() * INCH + fuel_moment) / mass
-    return mass, LEADING_EDGE + aircraft().x_ref_mac * aircraft().cbar - station
-
-
-def thrust(h, mach, temperature, fuel_flow):
-    """Return the net thrust of one engine [N] from the points of the engine deck, in corrected quantities."""
-    deck = pd.read_csv(FLIGHTS / "jt15d4_thrust_points.csv")
-    deck_temperature = atmosphere(deck["hp_m"].to_numpy()).temperature + deck["dT_isa_K"].to_numpy()
-    X, delta = _corrected(deck["hp_m"].to_numpy(), deck["mach"].to_numpy(), deck_temperature, deck["fuel_flow_kgps"].to_numpy())
-    theta = np.linalg.lstsq(X, deck["net_thrust_N"].to_numpy() / delta)[0]
-    X, delta = _corrected(h, mach, temperature, fuel_flow)
-    return np.maximum(delta * (X @ theta), 0.0)
-
-
-def _corrected(h, mach, temperature, fuel_flow):
-    delta = atmosphere(h).p_static / P_SEA
-    flow = fuel_flow / (delta * np.sqrt(temperature / T_SEA))
-    return np.stack([np.ones_like(flow), flow, flow**2, mach, mach * flow, mach**2], axis=1), delta
+    """Return a record with mass and c.g., and thrust where temperature was recorded."""
+    found = completed(flighttest.read(FLIGHTS / f"{RECORDS[year]}.csv.gz", names(year)), aircraft(), plan(year).loading, plan(year).thrust)
+    data = found["computed"].to_dataset()
+    up = xr.zeros_like(data["mass"]).assign_attrs(attrs("delta_f"))  # flaps up in all manoeuvres
+    return found.assign({"computed": xr.DataTree(data.assign(delta_f=up))})
 
 
 def stationary_windows(year, *series):
@@ -134,10 +101,11 @@ def fit(model, data, name=""):
     return flighttest.regress(flighttest.Model.parse(model), data, name=name)
 
 
-def fits_of_2018():
+@lru_cache
+def fits_of(year):
     """Return the local models of one flight: lift and drag from rest points and short period, the rest from its motions."""
-    rest, pitch = stationary_parts(2018), coefficients(2018, "short_period", -3.0, 14.0)
-    lateral = [coefficients(2018, "dutch_roll", -3.0, 16.0), coefficients(2018, "aperiodic_roll", -3.0, 20.0)]
+    rest, pitch = stationary_parts(year), coefficients(year, "short_period", -3.0, 14.0)
+    lateral = [coefficients(year, "dutch_roll", -3.0, 16.0), coefficients(year, "aperiodic_roll", -3.0, 20.0)]
     return [
         fit("CL = 1 + alpha + delta_e", [*rest, pitch], "rest points and short period"),
         fit("CD = 1 + CL**2", rest, "rest points"),

@@ -127,7 +127,7 @@ def lift_slope(db):
 
 def test_lift_table_moves_to_the_flight(citation, prior):
     rest = citation.fit("CL = 1 + alpha", citation.stationary_parts(2018), "rest points")
-    both = citation.fits_of_2018()[0]
+    both = citation.fits_of(2018)[0]
     flight = value(rest, "alpha") + 0.35  # controls fixed: without the trim change of the elevator
     for fit in (rest, both):
         tabulation = aerodb.tabulate([fit], prior, held=["CL/altitude"])

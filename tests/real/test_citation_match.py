@@ -27,7 +27,7 @@ CASES = {
 @pytest.fixture(scope="module")
 def models(citation, ce500_db, tmp_path_factory):
     prior = citation.similar(ce500_db)
-    final = aerodb.replace_terms(prior, aerodb.tabulate(citation.fits_of_2018(), prior, held=HELD))
+    final = aerodb.replace_terms(prior, aerodb.tabulate(citation.fits_of(2018), prior, held=HELD))
     folder = tmp_path_factory.mktemp("models")
     models = {"datcom": prior, "corrected": final}
     return {name: flightmech.write_fmu(flightmech.compile(citation.aircraft(), db), folder / f"{name}.fmu") for name, db in models.items()}
