@@ -7,7 +7,9 @@ from typing import Any
 
 import click
 
-from flightmech.console import NewFile, command_line, document, jobs_option, json_option, table
+from flightmech.console import command_line, document, jobs_option, json_option, table
+
+from .case_cli import init, schema
 
 _CASE = click.argument("case", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 _BIASES = click.option(
@@ -23,6 +25,10 @@ _IDLE = 0.005  # share of the gap
 @click.group()
 def pom() -> None:
     """Replay recorded inputs and judge the match."""
+
+
+pom.add_command(init)
+pom.add_command(schema)
 
 
 @pom.command()
@@ -43,19 +49,6 @@ def check(case: Path, as_json: bool) -> None:
     ]
     title = f"{found.id}  {found.title}  ({found.standard}, {found.edition})"
     table(("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark"), rows, title)
-
-
-@pom.command()
-@click.option("-o", "--output", default="case.schema.json", show_default=True, type=NewFile(), help="File to write.")
-def schema(output: str) -> None:
-    """Write the JSON schema of case files, for an editor: the first line of a case file names it, ``#:schema case.schema.json``."""
-    from flightmech.whole import written_whole
-
-    from .case_schema import SHIPPED
-
-    with written_whole(output) as part:
-        part.write_bytes(SHIPPED.read_bytes())
-    click.echo(f"written: {output}")
 
 
 @pom.command()
