@@ -38,7 +38,7 @@ def case(write_case):
 
 
 def test_the_right_hand_side_sees_inputs_inside_a_step(case, model, lag_states):
-    coarse = lag_states.isel(time=slice(None, None, 25))  # 0.5 s: FMPy's own loop holds the input that long and is 5 mrad late
+    coarse = lag_states.isel(time=slice(None, None, 25))  # 0.5 s: FMPy's own loop holds the input that long and is 13 mrad off
     result = replay(case, {"me": model()}, coarse)
     assert result.failure == ""
     assert np.abs(result.signals["theta"][1] - result.signals["theta"][0]).max() < 1e-7

@@ -1,11 +1,12 @@
 /* A first-order lag as an FMI 2.0 slave and model, and its brothers, chosen by the guid: crash, hang, error, nan;
- * fixed (steps of 1/60 s only); event.
+ * fixed (steps of 1/60 s only), killed (by SIGKILL, once); event.
  *   theta' = q,  q = (2 delta_e - theta) / 0.5,  nz = 1 - 4 delta_e - 0.1 gear + 0.01 notch (direct feed-through)
  * References: 0 delta_e, 1 thrust, 2 gear (Boolean), 3 notch (Integer); 10 theta, 11 q, 12 nz; 100 ... parameters, 101 is init.theta.
  * As a slave the lag is solved exactly for inputs that are linear inside a step (derivatives given) or held.
  * As a model with the guid "event" q jumps by 0.05 rad/s at t = 3.01 s, which it announces as a time event. */
 #include <math.h>
 #include <signal.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -66,6 +67,7 @@ API int fmi2SetRealInputDerivatives(void *c, const unsigned *vr, size_t n, const
 API int fmi2DoStep(void *c, double t, double h, int no_set) {
     toy_t *toy = c;
     if (!strcmp(toy->kind, "crash") && t > 0.5) raise(SIGSEGV);
+    if (!strcmp(toy->kind, "killed") && fopen(getenv("TOY_KILLED"), "wx")) raise(SIGKILL); /* the first time only */
     if (!strcmp(toy->kind, "fixed") && fabs(h - 1.0 / 60.0) > 1e-12) return 3;
     if (!strcmp(toy->kind, "hang"))
         for (volatile double x = 1.0; x > 0.0;) x += 1.0;

@@ -1,0 +1,175 @@
+"""Many cases: the same results however the work is shared out, kept flights, workers that die."""
+
+import os
+import signal
+from dataclasses import replace as changed
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import pom
+from flightmech.errors import SchemaError, SimulationError
+from pom import flying
+from pom.batch import replay_all
+from pom.case import read_case
+from pom.child import Child
+from pom.replaying import replay
+from pom.store import Store
+
+
+@pytest.fixture
+def cases(write_case):
+    """Eight cases of the toy, each with its own window."""
+    case = read_case(write_case(case='show = ["q", "theta", "nz"]', more="trim = false"))
+    windows = [(1.0, 5.0 + 0.5 * k) for k in range(8)]
+    return [
+        changed(case, name=f"case_{k}", window=window, criteria=tuple(changed(c, window=window) for c in case.criteria))
+        for k, window in enumerate(windows)
+    ]
+
+
+@pytest.fixture
+def paths(lag_states):
+    return {"record": lag_states}
+
+
+def the_same(found, expected):
+    """Whether two lists of results are the same to the last bit."""
+    for one, other in zip(found, expected, strict=True):
+        assert one.to_json() == other.to_json()
+        xr.testing.assert_identical(one.signals, other.signals)
+        assert one.signals["theta"].values.tobytes() == other.signals["theta"].values.tobytes()
+
+
+@pytest.fixture
+def flights(monkeypatch):
+    """Count flights."""
+    made, hired = [], flying.hired
+
+    def counted(path):
+        made.append(path.name)
+        return hired(path)
+
+    monkeypatch.setattr(flying, "hired", counted)
+    return made
+
+
+def test_a_batch_is_the_cases_one_by_one(cases, paths, toy, lag_states):
+    runs = {"good": toy(), "bad": toy("error")}
+    told = []
+    found = replay_all(cases, runs, paths, jobs=3, told=lambda result: told.append(result.case.name))
+    assert told == [case.name for case in cases]
+    the_same(found, [replay(case, runs, lag_states) for case in cases])
+    assert {result.status("bad") for result in found} == {"invalid"}
+
+
+def test_what_is_kept_is_not_flown_again(cases, paths, toy, tmp_path, flights):
+    runs = {"a": toy(), "b": toy(interpolates=False), "bad": toy("error")}
+    first = replay_all(cases, runs, paths, resume=tmp_path / "kept")
+    assert len(flights) == 24
+    flights.clear()
+    the_same(replay_all(cases, runs, paths, resume=tmp_path / "kept"), first)
+    assert flights == ["error.fmu"] * 8  # a flight that failed is tried again
+
+
+def test_a_batch_goes_on_where_it_was_interrupted(cases, paths, toy, tmp_path, flights):
+    runs = {"toy": toy()}
+
+    def stop(result):
+        if result.case.name == "case_2":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept", told=stop)
+    before = len(flights)
+    assert 3 <= before < 8
+    found = replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept")
+    assert len(flights) == 8
+    the_same(found, replay_all(cases, runs, paths))
+
+
+def test_what_changed_is_flown_again_and_only_that(cases, paths, toy, tmp_path, lag_states, flights):
+    runs, kept = {"toy": toy()}, tmp_path / "kept"
+    replay_all(cases, runs, paths, resume=kept)
+    flights.clear()
+    stricter = [changed(case, criteria=case.criteria[:1]) for case in cases]
+    assert [len(result.verdict) for result in replay_all(stricter, runs, paths, resume=kept)] == [1] * 8
+    assert flights == []  # another tolerance: judged anew, not flown
+    states = lag_states.copy(deep=True)
+    states["delta_e"][320] += 1e-9  # at 6.4 s of the record
+    replay_all(cases, runs, {"record": states}, resume=kept)
+    assert len(flights) == 5  # the windows that reach it: 6.5 s to 8.5 s
+    flights.clear()
+    replay_all(cases, {"toy": toy(units={"theta": ""})}, paths, resume=kept)
+    assert len(flights) == 8  # another file under the same name
+
+
+def test_a_damaged_file_of_the_store_is_flown_again(cases, paths, toy, tmp_path, flights):
+    runs, kept = {"toy": toy()}, tmp_path / "kept"
+    first = replay_all(cases[:2], runs, paths, resume=kept)
+    flights.clear()
+    next(kept.rglob("*.npy")).write_bytes(b"half a file")
+    the_same(replay_all(cases[:2], runs, paths, resume=kept), first)
+    assert len(flights) == 1
+
+
+def test_a_store_keeps_doubles_as_they_are(tmp_path):
+    values = np.array([[0.1, np.nan, -0.0], [1e-310, np.inf, 3.0]])
+    Store(tmp_path / "kept").write("ab12", values)
+    assert Store(tmp_path / "kept").read("ab12", (2, 3)).tobytes() == values.tobytes()
+    assert Store(tmp_path / "kept").read("ab12", (3, 2)) is None
+    assert Store(tmp_path / "kept").read("cd34", (2, 3)) is None
+
+
+def test_all_that_does_not_fit_is_told_before_anything_flies(cases, paths, toy, flights):
+    with pytest.raises(SchemaError) as caught:
+        replay_all(cases[:2], {"good": toy(), "misspelt": toy("nan", rename={"theta": "thetta"})}, paths)
+    assert [text.split(",")[0] for text in caught.value.problems] == ["case case_0", "case case_1"]
+    assert flights == []
+
+
+def test_a_record_that_cases_share_is_read_once(cases, toy, lag_states, tmp_path, monkeypatch):
+    lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    read, real = [], pom.batch.recorded_states
+    monkeypatch.setattr(pom.batch, "recorded_states", lambda case, biases: read.append(case.record) or real(case, biases))
+    found = replay_all(cases[:3], {"toy": toy()})
+    assert len(read) == 1
+    assert all(result.passed("toy") for result in found)
+
+
+def test_a_child_that_somebody_else_stopped_is_given_its_job_again(toy, tmp_path, monkeypatch):
+    monkeypatch.setenv("TOY_KILLED", str(tmp_path / "mark"))
+    child = Child(toy("killed"))
+    job = {"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "outputs": ["theta"]}
+    assert child.run(job, 20.0).error == ""
+    assert (tmp_path / "mark").exists()
+    child.close()
+
+
+def test_no_scheduler_is_said_plainly(cases, paths, toy, monkeypatch):
+    pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
+    monkeypatch.setattr("pom.batch.WAIT", 1.0)
+    with pytest.raises(SimulationError, match="no cluster at tcp://127.0.0.1:9: .*start a scheduler and workers"):
+        replay_all(cases[:1], {"toy": toy()}, paths, scheduler="tcp://127.0.0.1:9")
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, toy, tmp_path):
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
+    runs = {"good": toy(), "bad": toy("error")}
+    expected = replay_all(cases, runs, paths, jobs=1)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as local:
+        the_same(replay_all(cases, runs, paths, scheduler=local.scheduler_address), expected)
+        with distributed.Client(local) as client:
+            victim = sorted(client.run(os.getpid).values())[0]
+
+        def kill(result):
+            if result.case.name == cases[0].name:
+                os.kill(victim, signal.SIGKILL)
+
+        many = [changed(case, name=f"{case.name}_{k}") for k in range(4) for case in cases]
+        many[0] = cases[0]
+        found = replay_all(many, runs, paths, scheduler=local.scheduler_address, told=kill, resume=tmp_path / "kept")
+    assert [result.case.name for result in found] == [case.name for case in many]
+    the_same(found, replay_all(many, runs, paths, jobs=1))
