@@ -28,6 +28,7 @@ from .swaps import groups_of
 
 LEAST_SHARE = 0.02  # of the gap: an addition that closes less is not worth a correction
 LEAST_GAP = 0.05  # half widths: where a criterion misses no more than this beyond the final model, shares of it say nothing
+LEAST_FELT = 0.005  # of the gap: a term that changes less alone is not told apart from the others
 CANDIDATES = 16  # single swaps that change most, for better or worse: they are tried again in every round of the sequence
 PAIRED = 6  # terms of which all pairs are tried
 AND = " + "
@@ -82,8 +83,9 @@ def diagnose(
         - ``single``, one row per term, best first; ``group``, best first;
         - ``pair``, terms ``A + B`` of those that change most, best first; ``interaction`` is what both close beyond the sum of each;
         - ``sequence``, terms added one after the other, each row with all before it;
-        - ``share``, the Shapley shares, largest first, with their standard errors (zero when exact).  Their ``miss`` is what is left
-          after this share and those above it, from that of `prior` down to that of `final`.
+        - ``share``, the Shapley shares with their standard errors (zero when exact): first those that add to the miss, then those that
+          close it, the largest first.  Their ``miss`` is the level after this share and those above it, from that of `prior` to that
+          of `final`.
 
         Pairs, sequence and shares are left out when `prior` passes or `final` is no better.
     """
@@ -99,9 +101,11 @@ def diagnose(
         for name, found in rows:
             table.add(stage, name, found)
     if start.verdict != "pass" and table.gap > 0.0:
-        felt = [name for name, _ in sorted(singles, key=lambda row: -abs(_total(row[1]) - start.total))]
-        needed = _sequence(bench, start, table.gap, felt[:CANDIDATES])
-        told = [*needed, *(name for name in felt if name not in needed)][: max(players, len(needed))]
+        change = {name: abs(_total(found) - start.total) for name, found in singles}
+        felt = sorted(change, key=lambda name: -change[name])
+        needed = _needed(bench, felt, table.gap)
+        further = [name for name in felt if name not in needed and change[name] > LEAST_FELT * table.gap]
+        told = [*needed, *further][: max(players, len(needed))]
         _pairs(bench, table, sorted(told, key=felt.index)[:PAIRED])
         for k, found in enumerate(bench.judged([needed[: k + 1] for k in range(len(needed))])):
             table.add("sequence", needed[k], found)
@@ -159,6 +163,24 @@ def _pairs(bench: Bench, table: _Table, names: Sequence[str]) -> None:
         table.add("pair", f"{a}{AND}{b}", found, both - alone[a] - alone[b])
 
 
+def _needed(bench: Bench, felt: list[str], gap: float) -> list[str]:
+    """Return the terms that make the case pass, found among those that change most alone.
+
+    Where these do not suffice although the final model passes, the miss hides what other terms do, as that of a mode that is not
+    even excited; then those are tried that the final model misses most when it is without them.
+    """
+    start, end = bench.judged([(), bench.names])
+    found = _sequence(bench, start, gap, felt[:CANDIDATES])
+    (reached,) = bench.judged([found])
+    if reached.verdict == "pass" or end.verdict != "pass":
+        return found
+    left_out = bench.judged([[other for other in bench.names if other != name] for name in felt])
+    missed = {name: _total(without) - end.total for name, without in zip(felt, left_out, strict=True)}
+    second = _sequence(bench, start, gap, sorted(felt, key=lambda name: -missed[name])[:CANDIDATES])
+    (better,) = bench.judged([second])
+    return second if better.verdict == "pass" or better.total < reached.total else found
+
+
 def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) -> list[str]:
     """Return the greedy sequence, cut where it is best, without the terms that turned out not to be needed.
 
@@ -193,7 +215,8 @@ def _shares(bench: Bench, table: _Table, told: Sequence[str], replays: int, seed
         return np.stack([found.counted(table.criteria) for found in flown])
 
     found = shares(len(players), game, replays, seed)
-    order = sorted(range(len(players)), key=lambda k: (labels[k] == OTHERS, found.share[k, 0]))
+    # what adds to the miss comes first: no level of the waterfall is below the miss of the final model
+    order = sorted(range(len(players)), key=lambda k: (labels[k] == OTHERS, found.share[k, 0] < 0.0, -abs(found.share[k, 0])))
     left = table.start + np.cumsum(found.share[order], axis=0)
     for k, player in enumerate(order):
         table.add_share(labels[player], found.share[player], found.stderr[player], left[k])

@@ -38,10 +38,33 @@ _WITH = {
     "speedbrake": "with speed-brakes",
     "beta": "in sideslip",
 }
+_VARIABLES = {
+    "delta_f": "flap extension",
+    "gear": "gear extension",
+    "speedbrake": "speed-brake extension",
+    "h_agl": "ground effect",
+    "delta_e": "elevator deflection",
+    "delta_a": "aileron deflection",
+    "delta_r": "rudder deflection",
+}
+_WHOLE = {
+    "C*/*": "whole aerodynamic model",
+    "engine/*": "whole engine model",
+    "gear/*": "whole landing gear",
+    "circuit/*": "all control circuits",
+    "engine/static": "thrust and air flow of the engines over their speed",
+    "engine/schedule": "commanded engine speed over the lever",
+    "engine/dynamics": "how the engines follow the lever",
+    "engine/rest": "what is left of the engine deck, such as fuel flow",
+    "engine/thrust": "thrust and lag of the engines",
+    "gear/steering": "nose-wheel steering",
+    "gear/runway": "runway friction",
+    "fuel/load": "fuel",
+}
 
 
 def term_words(term: str) -> str:
-    """Return a term in words; a name that the house does not use gives an empty text.
+    """Return a term, a group of terms or a part of the aircraft in words; a name that the house does not use gives an empty text.
 
     Examples
     --------
@@ -49,9 +72,19 @@ def term_words(term: str) -> str:
     'rolling-moment increment due to roll rate'
     >>> term_words("Cn/rhat_gear")
     'yawing-moment increment due to yaw rate, with gear down'
+    >>> term_words("Cm/*"), term_words("*(gear)"), term_words("engine/static")
+    ('all pitching-moment terms', 'all terms of gear extension', 'thrust and air flow of the engines over their speed')
     """
+    if term in _WHOLE:
+        return _WHOLE[term]
+    if term.startswith("*(") and term[2:-1] in _VARIABLES:
+        return f"all terms of {_VARIABLES[term[2:-1]]}"
     coefficient, _, name = term.partition("/")
     force = _COEFFICIENTS.get(coefficient, "")
+    if force and name == "*":
+        return f"all {force} terms"
+    if coefficient == "gear":
+        return f"{name} leg of the landing gear" if name in ("nose", "left", "right") else ""
     if not force or name == "basic":
         return f"basic {force.replace('-', ' ')}" if force else ""
     if name == "flap_slope":

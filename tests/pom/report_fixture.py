@@ -219,14 +219,30 @@ PROVENANCE = {
 
 
 def diagnosis():
-    """A term-swap table with the columns of `pom.diagnose`."""
-    rows = [
-        ("prior", "", 0.0, "fail", 1.21, 2.22, 0.9, 1.63),
-        ("final", "", 1.0, "pass", 0.02, 0.04, 0.03, 0.05),
-        ("single", "CL/gear", 0.82, "pass", 0.25, 0.61, 0.22, 0.42),
-        ("single", "Cm/qhat", 0.09, "fail", 1.1, 2.0, 0.84, 1.48),
-        ("single", "CL/basic", 0.004, "fail", 1.2, 2.21, 0.9, 1.62),
-        ("sequence", "CL/gear", 0.82, "pass", 0.25, 0.61, 0.22, 0.42),
+    """A term-swap table with the columns of `pom.diagnose`; misses and shares are of one arithmetic."""
+    nan = np.nan
+    flown = [
+        ("prior", "", nan, "fail", 1.21, 2.22, 0.9, 1.63),
+        ("final", "", nan, "pass", 0.02, 0.04, 0.03, 0.05),
+        ("single", "CL/gear", nan, "pass", 0.25, 0.61, 0.22, 0.42),
+        ("single", "Cm/qhat", nan, "fail", 1.1, 2.0, 0.84, 1.48),
+        ("single", "CL/basic", nan, "fail", 1.2, 2.21, 0.9, 1.62),
+        ("group", "CL/*", nan, "pass", 0.24, 0.6, 0.22, 0.42),
+        ("pair", "CL/gear + Cm/qhat", 0.12, "pass", 0.02, 0.04, 0.03, 0.06),
+        ("sequence", "CL/gear", nan, "pass", 0.25, 0.61, 0.22, 0.42),
+        ("share", "CL/basic", nan, "not_tested", 1.23, nan, 0.91, nan),
+        ("share", "Cm/qhat", nan, "not_tested", 1.06, nan, 0.8, nan),
+        ("share", "CL/gear", nan, "not_tested", 0.02, nan, 0.03, nan),
     ]
-    criteria = [f"{name} {what}" for name in ("pitch_angle", "pitch_rate") for what in ("miss", "ratio")]
-    return pd.DataFrame(rows, columns=["stage", "term", "closes", "verdict", *criteria])
+    found = []
+    before = (1.21, 0.9)
+    for stage, term, interaction, verdict, *numbers in flown:
+        left = numbers[::2]
+        closed = [(a - x) / (m - e) for a, x, m, e in zip(before if stage == "share" else (1.21, 0.9), left, (1.21, 0.9), (0.02, 0.03))]
+        before = left if stage == "share" else before
+        stderr = 0.03 if stage == "share" else nan
+        row = {"stage": stage, "term": term, "closes": closed[0], "stderr": stderr, "interaction": interaction, "verdict": verdict}
+        for k, name in enumerate(("pitch_angle", "pitch_rate")):
+            row |= {f"{name} miss": left[k], f"{name} ratio": numbers[2 * k + 1], f"{name} closes": closed[k], f"{name} stderr": stderr}
+        found.append({**row, "miss": left[0]})
+    return pd.DataFrame(found)
