@@ -22,6 +22,7 @@ STATE = (
     *("column", "wheel", "pedal", "F_column", "F_wheel", "F_pedal"),
 )
 CONTROLS = STATE[12:]
+COCKPIT = (*STATE[15:], "trim.F_column", "trim.F_wheel", "trim.F_pedal")
 FOUND = tuple(f"trim.{name}" for name in BIASES)
 LEFT = tuple(f"trim.{name}" for name in REMAINDERS)
 OBSERVED = (*STATE, *(f"applied.{name}" for name in CONTROLS), *FOUND, *LEFT, "out_of_range")
@@ -84,12 +85,18 @@ def trim_table(flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str
     found : mapping of model to mapping of output to array (time,)
     """
     columns = {"flight": {name: float(flight[name][0]) for name in STATE if name in flight}}
+    shown = [name for name in (*STATE, *FOUND, *LEFT) if name not in COCKPIT or _told(name, flight, found)]
     for run, outputs in found.items():
         values = {}
-        for name in (*STATE, *FOUND, *LEFT):
+        for name in shown:
             source = f"applied.{name}" if name in CONTROLS else name
             if source in outputs:
                 values[name] = float(outputs[source][0])
         columns[run] = values
-    table = pd.DataFrame(columns, index=pd.Index([*STATE, *FOUND, *LEFT], name="quantity"), dtype=float)
+    table = pd.DataFrame(columns, index=pd.Index(shown, name="quantity"), dtype=float)
     return table.dropna(how="all")
+
+
+def _told(name: str, flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]) -> bool:
+    """Whether a quantity of the cockpit belongs to the flight or to the trim; a model driven by its surfaces tells it for nothing."""
+    return name in flight or any(name in outputs and float(outputs[name][0]) != 0.0 for outputs in found.values() if name in FOUND)
