@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable, Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .sections.provenance import Provenance
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 SOFTWARE = ("aeromatch", "fmpy", "numpy", "scipy", "xarray")
 
 
-def provenance(inputs: Iterable[str | Path], models: Mapping[str, str | Path], command: str = "") -> Provenance:
+def provenance(inputs: Iterable[str | Path], models: Mapping[str, str | Path], command: str = "", date: str = "") -> Provenance:
     """Return what a report says about where its numbers come from.
 
     Parameters
@@ -26,21 +26,37 @@ def provenance(inputs: Iterable[str | Path], models: Mapping[str, str | Path], c
         Name of a run to its FMU.
     command : str
         Command line that made the results.
+    date : str
+        Of the results, ``2026-11-21``; no clock is read.
 
     Returns
     -------
     dict
-        For `write_report`: ``command``, ``versions``, ``inputs`` with their SHA-256, ``models`` with theirs.
+        For `write_report`: ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, the ``folder`` their names start
+        from, ``models`` with file, SHA-256 and path.
     """
     files = sorted({Path(file).resolve() for file in inputs})
     folder = os.path.commonpath([file.parent for file in files]) if files else ""
     return {
         "command": command,
+        "date": date,
+        "folder": folder,
         "versions": {name: version(name) for name in SOFTWARE},
-        "inputs": {file.relative_to(folder).as_posix(): _sha256(file) for file in files},
-        "models": {name: {"file": Path(file).name, "sha256": _sha256(Path(file))} for name, file in models.items()},
+        "inputs": {file.relative_to(folder).as_posix(): sha256(file) for file in files},
+        "models": {
+            name: {"file": Path(file).name, "sha256": sha256(file), "path": str(Path(file).resolve())} for name, file in models.items()
+        },
     }
 
 
-def _sha256(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a report prints of its provenance: names and hashes, no folder of the machine it was made on."""
+    models = {run: {key: text for key, text in model.items() if key != "path"} for run, model in provenance.get("models", {}).items()}
+    kept = {key: item for key, item in provenance.items() if key != "folder"}
+    return {**kept, "models": models} if models else kept
+
+
+def sha256(file: str | Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits."""
+    with Path(file).open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()

@@ -1,31 +1,33 @@
-"""The Proof-of-Match report: one self-contained HTML file and one JSON file with all its numbers.
+"""The Proof-of-Match report: one page for a browser, one document for paper, and all numbers for programs, written together.
 
-The page asks for nothing outside itself; its content security policy forbids it.  Equal input gives equal bytes: dates
-come from the input, keys are sorted, no host name or clock is read.
+Equal input gives equal bytes: dates come from the input, keys are sorted, no host name or clock is read.
 """
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flightmech.console import plain
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.whole import written_whole
+from flightmech.whole import folder_written_whole, written_whole
 
 from .modes import mode_table
+from .origins import sha256, without_places
 from .page import html_page
 from .sections import provenance as origin
+from .sections.case import keys
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
     from .result import PomResult
+
+PAPERS = ("a4", "letter")
+HTML, PDF, JSON, SAMPLES, JUNIT, CSV = "report.html", "report.pdf", "results.json", "results.nc", "results.xml", "csv"
 
 
 def write_report(
@@ -38,20 +40,24 @@ def write_report(
     diagnoses: Mapping[str, pd.DataFrame] | None = None,
     support: Mapping[str, pd.DataFrame] | None = None,
     revision: str = "",
+    paper: str | None = "a4",
 ) -> Path:
-    """Write ``report.html`` and ``results.json`` into a folder.
+    """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
+
+    Beside the two: ``results.json`` (every printed number), ``results.nc`` (samples as exact doubles), ``results.xml`` (JUnit),
+    ``csv/`` (one file per case) and ``manifest.json`` (SHA-256 of every input and output).
 
     Parameters
     ----------
     results : sequence of PomResult
         In the order of the report.
     folder : path
-        Made when missing; both files are replaced whole, or neither.
+        Made when missing; its files of an earlier report are replaced whole, all of them or none.
     title : str
         Title of the report, e.g. the airplane and the model standard.
     provenance : Provenance, optional
-        ``date`` of the results, ``command``, ``versions``, ``inputs`` (file to SHA-256) and ``models`` (run to ``file``
-        and ``sha256``).
+        From `pom.provenance`: ``date`` of the results, ``command``, ``versions``, ``inputs`` (file to SHA-256) and the ``folder``
+        they start from, ``models`` (run to ``file``, ``sha256`` and ``path``).
     databases : mapping of str to DataTree, optional
         Aero databases to set against each other, the prior first; names of runs take the line code of the runs.
     diagnoses : mapping of str to DataFrame, optional
@@ -60,6 +66,8 @@ def write_report(
         Term (``CL/basic``) to the flight samples that support it, columns named after the axes of the term. [SI]
     revision : str
         Revision of the report, as the user counts them.
+    paper : {"a4", "letter"}, optional
+        Paper of ``report.pdf``; None leaves it out, and removes one of an earlier report.
 
     Returns
     -------
@@ -69,26 +77,58 @@ def write_report(
     Raises
     ------
     SchemaError
-        No results.
+        No results, or another paper.
     UnknownName
         A diagnosis for a case that is not there, or a misspelt key of `provenance`.
     """
-    results, diagnoses = list(results), dict(diagnoses or {})
-    made_from: dict[str, Any] = {**(provenance or {})}
-    _check(results, made_from, diagnoses)
+    from .archive import Archive, write_archive
+    from .exports import case_csv, junit, results_json
+    from .manifest import NAME, manifest
+
+    results, diagnoses, databases = list(results), dict(diagnoses or {}), dict(databases or {})
+    located: dict[str, Any] = {**(provenance or {})}
+    _check(results, located, diagnoses, paper)
+    made_from = without_places(located)
     modes = [mode_table(result) for result in results]
-    document = _document(results, title, revision, made_from, diagnoses, modes)
-    html = html_page(results, title, revision, made_from, dict(databases or {}), diagnoses, dict(support or {}), modes)
+    archive, names = Archive(results, title, revision, made_from, diagnoses), keys(results)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
-    _write_together({folder / "results.json": text + "\n", folder / "report.html": html})
-    return folder / "report.html"
+
+    with ExitStack() as stack:
+
+        def new(name: str) -> Path:
+            return stack.enter_context(written_whole(folder / name))
+
+        def manifested(written: Mapping[str, Path]) -> str:
+            outputs = {name: sha256(path) for name, path in written.items()}
+            return manifest(results, outputs, folder, title=title, revision=revision, paper=paper, provenance=located)
+
+        written = {name: new(name) for name in (HTML, JSON, SAMPLES, JUNIT)}
+        _write(written[HTML], html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes))
+        _write(written[JSON], results_json(archive, modes))
+        _write(written[JUNIT], junit(archive, names))
+        write_archive(written[SAMPLES], archive, names)
+        tables = stack.enter_context(folder_written_whole(folder / CSV))
+        for name, result in zip(names, results, strict=True):
+            written[f"{CSV}/{name}.csv"] = tables / f"{name}.csv"
+            _write(written[f"{CSV}/{name}.csv"], case_csv(result))
+        if paper is not None:
+            from .paper import pdf_pages
+
+            attached = {JSON: written[JSON].read_bytes(), NAME: manifested(written).encode("utf-8")}
+            written[PDF] = new(PDF)
+            written[PDF].write_bytes(pdf_pages(results, title, revision, made_from, databases, diagnoses, modes, paper, attached))
+        _write(new(NAME), manifested(written))
+    if paper is None:
+        (folder / PDF).unlink(missing_ok=True)
+    return folder / HTML
 
 
-def _check(results: Sequence[PomResult], provenance: Mapping[str, Any], diagnoses: Mapping[str, Any]) -> None:
+def _check(results: Sequence[PomResult], provenance: Mapping[str, Any], diagnoses: Mapping[str, Any], paper: str | None) -> None:
     if not results:
         raise SchemaError("report", ["no results came; give the outcome of at least one case"])
+    if paper is not None and paper not in PAPERS:
+        raise SchemaError("report", [f"paper is {paper!r}; give {' or '.join(map(repr, PAPERS))}, or None for no PDF"])
     origin.check(provenance)
     names = {result.case.name for result in results}
     for name in diagnoses:
@@ -96,20 +136,5 @@ def _check(results: Sequence[PomResult], provenance: Mapping[str, Any], diagnose
             raise UnknownName(name, names, "case", "diagnoses are named after cases")
 
 
-def _document(results, title, revision, provenance, diagnoses, modes) -> dict[str, Any]:
-    """Return what ``results.json`` holds: every number of the report, signals included."""
-    return {
-        "title": title,
-        "revision": revision,
-        "provenance": plain(provenance),
-        "results": [json.loads(result.to_json()) for result in results],
-        "modes": {result.case.name: plain(table.to_dict("records")) for result, table in zip(results, modes, strict=True) if len(table)},
-        "diagnoses": {name: plain(table.to_dict("records")) for name, table in diagnoses.items()},
-    }
-
-
-def _write_together(files: Mapping[Path, str]) -> None:
-    """Write all files beside their places, then move them there: nobody finds half of one."""
-    with ExitStack() as stack:
-        for path, text in files.items():
-            stack.enter_context(written_whole(path)).write_text(text, encoding="utf-8", newline="\n")
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")

@@ -14,23 +14,25 @@ from .quantities import label
 
 
 class Model(TypedDict, total=False):
-    """A model file and its SHA-256."""
+    """A model file, its SHA-256 and its path."""
 
     file: str
     sha256: str
+    path: str
 
 
 class Provenance(TypedDict, total=False):
     """Where a report comes from; every key may be absent.
 
     ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs`` (file to SHA-256),
-    ``models`` (run to file and SHA-256).
+    ``folder`` (where the names of ``inputs`` start), ``models`` (run to file, SHA-256 and path).
     """
 
     date: str
     command: str
     versions: Mapping[str, str]
     inputs: Mapping[str, str]
+    folder: str
     models: Mapping[str, Model]
 
 
