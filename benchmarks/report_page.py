@@ -94,7 +94,7 @@ def result(number: int) -> PomResult:
     judged = (end, window[1]) if kind == "2.d.7" else window
     case = PomCase(
         f"case_{number:03d}", f"{title}, condition {number}", kind, tolerances.STANDARD, tolerances.EDITION, f"cases/{number:03d}.toml",
-        f"flight/run_{number:03d}.nc", window, description=f"{title} after an input of {np.degrees(size):.1f} deg.", events={"input_end": end},
+        f"flight/run_{number:03d}.nc", window, description=f"{title}, {np.degrees(size):.1f} deg.", events={"input_end": end},
         show=tuple(flight),
         criteria=tuple(tolerances.criterion(row, name, judged) for row, name in zip(rows, tolerances.names_of(rows), strict=True)),
     )  # fmt: skip

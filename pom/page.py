@@ -38,8 +38,9 @@ def html_page(results, title, revision, provenance, databases, diagnoses, suppor
         diagnosis = diagnoses.get(result.case.name)
         page = case.page(key, result, outcome, provenance, diagnosis, table, with_figures=len(results) <= MOST_WITH_FIGURES)
         texts = {name: template.render(common, page={**page, "position": i}) for name, template in (("page", inner), ("brief", brief))}
+        packed = parcel({**page["head"], "page": texts["page"]}, page["body"])
         fail = any(cell["status"] == "fail" for cell in outcome)
-        cases.append({"key": key, "fail": fail, "brief": Markup(texts["brief"]), "parcel": parcel({**page["head"], "page": texts["page"]}, page["body"])})
+        cases.append({"key": key, "fail": fail, "brief": Markup(texts["brief"]), "parcel": packed})
     more = [("models", environment.get_template("models.html").render(common))] if databases else []
     return environment.get_template("report.html").render(
         common,

@@ -72,18 +72,22 @@ function exitsOf({ traces, half }, time) {
   return found;
 }
 const ratioText = (ratio) => (ratio == null ? "\u2013" : fixed(ratio, 2));
+const record = new Map();   // cells with what the file says in them
+function write(cell, node) {
+  if (!record.has(cell)) record.set(cell, [...cell.childNodes]);
+  cell.replaceChildren(...(fraction == null ? record.get(cell) : [node]));
+}
 function writeVerdicts() {
-  const { page, data } = view, cells = (row) => [$(".ratio", row), $(".said", row)];
+  const { page, data } = view;
   all(".verdicts tr[data-row]", page).forEach((line) => {
-    const row = atFraction(data.rows[Number(line.dataset.row)]), [ratio, said] = cells(line);
-    ratio.textContent = ratioText(row.ratio);
-    said.replaceChildren(verdictWord(row.verdict));
+    const row = atFraction(data.rows[Number(line.dataset.row)]);
+    write($(".ratio", line), ratioText(row.ratio));
+    write($(".said", line), verdictWord(row.verdict));
   });
   all(".outcome tr[data-run]", page).forEach((line) => {
-    const rows = data.rows.filter((row) => row.run === line.dataset.run), [ratio, said] = cells(line);
-    const worst = worstAt(rows);
-    ratio.textContent = ratioText(worst?.ratio);
-    said.replaceChildren(verdictWord(statusAt(rows)));
-    $(".decides", line).textContent = worst ? worst.words : "";
+    const rows = data.rows.filter((row) => row.run === line.dataset.run), worst = worstAt(rows);
+    write($(".ratio", line), ratioText(worst?.ratio));
+    write($(".said", line), verdictWord(statusAt(rows)));
+    write($(".decides", line), worst ? worst.words : "");
   });
 }

@@ -104,11 +104,17 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { if
 addEventListener("hashchange", route);
 addEventListener("beforeprint", layOutPaper);
 matchMedia("print").addEventListener("change", (event) => { if (event.matches) layOutPaper(); });
-// for scripts that drive the page: scales as drawn, a span of time, everything unpacked
+// for scripts that drive the page: scales and exits as drawn, a span of time, the moment from which print has all pages
+let unpackedAll;
 window.report = {
   limits: () => (view?.plots || []).map(({ scales: { x } }) => [x.min, x.max]),
   scales: () => (view?.plots || []).map(({ scales: { y } }) => [y.min, y.max]),
+  exits: () => Object.fromEntries((view?.data?.panels || []).map(({ channel, exits }) => [channel, exits])),
   zoom,
+  unpacked: new Promise((done) => { unpackedAll = done; }),
 };
 bar();
-route().then(() => { if (window.DecompressionStream) unpackAll(); });
+route().then(async () => {
+  if (window.DecompressionStream) await unpackAll();
+  unpackedAll();
+});
