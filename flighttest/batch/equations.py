@@ -11,7 +11,7 @@ import numpy as np
 from ..problem import Problem
 from ..trajectory import shown
 from .layout import Layout
-from .sweep import Sweep, sweep, weak_terms
+from .sweep import Sweep, chained, sweep, weak_terms
 
 
 @dataclass(frozen=True)
@@ -57,14 +57,10 @@ class Seen:
 def seen(problem: Problem, swept: Sweep, c: np.ndarray) -> list[Seen]:
     """Return what the sensors of a record show."""
     found = []
-    n, last = problem.states, len(swept.x) - 1
+    n = problem.states
     for sensor in problem.sensors:
         r, k, f, J, columns, Jc = shown(problem, sensor, swept.x, c)
-        states = np.flatnonzero(J.any(axis=(0, 1)))
-        X = swept.X[k[:, None], states]
-        if f.any():
-            X += f[:, None, None] * (swept.X[np.minimum(k + 1, last)[:, None], states] - X)
-        by_state = J[..., states] @ X
+        by_state = chained(J, swept.X, k, f)
         A = np.zeros((*r.shape, n + len(c)))
         A[..., :n] = by_state[..., :n]
         A[..., n + swept.columns] = by_state[..., n:]

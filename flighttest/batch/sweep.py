@@ -94,6 +94,22 @@ def sweep(problem: Problem, starts: np.ndarray, c: np.ndarray, weak: tuple[np.nd
     return Sweep(x, X, columns)
 
 
+def chained(J: np.ndarray, X: np.ndarray, k: np.ndarray | None = None, f: np.ndarray | None = None) -> np.ndarray:
+    """Return J (M, m, states) times X (N, states, unknowns) at the samples k + f, all samples without them (M, m, unknowns).
+
+    State by state: most of J is zero, and many products of small matrices cost more than few of long vectors.
+    """
+    out = np.zeros((*J.shape[:2], X.shape[2]))
+    involved = np.asarray(J.any(axis=0))
+    for s in np.flatnonzero(involved.any(axis=0)):
+        at = X[:, s] if k is None else X[k, s]
+        if k is not None and f is not None and f.any():
+            at += f[:, None] * (X[np.minimum(k + 1, len(X) - 1), s] - at)
+        for j in np.flatnonzero(involved[:, s]):
+            out[:, j] += J[:, j, s, None] * at
+    return out
+
+
 def _run(problem: Problem, starts, c, weak) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return states, rotations, turns between samples, and specific force in level axes."""
     turning, pull = weak
@@ -126,29 +142,44 @@ def _run(problem: Problem, starts, c, weak) -> tuple[np.ndarray, np.ndarray, np.
 
 def _sensitivities(problem: Problem, part: slice, x, R, turn, force, D, X) -> None:
     """Fill the sensitivities of attitude, velocity and height over one segment."""
-    dt, n, places = problem.dt, problem.states, D.shape[2]
+    dt, n = problem.dt, problem.states
     R, force, D, x, turn = R[part], force[part], D[part], x[part], turn[part.start : part.stop - 1]
-    by_input = slice(n, n + places)
-    count = n + places
-    delta = np.zeros((len(x), 3, count))
-    delta[:, :, :3] = (R[0] @ rate_matrix(x[:1, ATTITUDE])[0])[None]
-    delta[1:, :, by_input] = np.cumsum(dt * (R[1:] @ _right_jacobian(turn)) @ ((D[1:, :3] + D[:-1, :3]) / 2.0), axis=0)
-    slope = -skew(force) @ delta
-    slope[:, :, by_input] += R @ D[:, 3:]
-    v = np.zeros((len(x), 3, count))
-    v[:, :, VELOCITY] = np.eye(3)
-    v[1:] += np.cumsum(dt / 2.0 * (slope[1:] + slope[:-1]), axis=0)
-    X[part, ATTITUDE, :count] = np.linalg.solve(rate_matrix(x[:, ATTITUDE]), np.swapaxes(R, 1, 2) @ delta)
-    X[part, VELOCITY, :count] = v
+    turning = np.flatnonzero(D[:, :3].any(axis=(0, 1)))  # inputs that turn the path: gyros, not accelerometers
+    delta = np.zeros((len(x), 3, 3 + len(turning)))
+    delta[:, :, :3] = R[0] @ rate_matrix(x[:1, ATTITUDE])[0]
+    rate = D[:, :3, turning]
+    delta[1:, :, 3:] = np.cumsum(dt * (R[1:] @ _right_jacobian(turn)) @ ((rate[1:] + rate[:-1]) / 2.0), axis=0)
+    tilted = np.append(np.arange(3), n + turning)
+    X[part, ATTITUDE][:, :, tilted] = _turned_angles(x[:, ATTITUDE], np.swapaxes(R, 1, 2) @ delta)
+    slope = np.zeros((len(x), 3, 3 + D.shape[2]))
+    slope[:, :, 3:] = R @ D[:, 3:]
+    slope[:, :, np.append(np.arange(3), 3 + turning)] += _across(delta, force)
+    v = _summed(dt / 2.0 * (slope[1:] + slope[:-1]))
+    X[part, VELOCITY, :3], X[part, VELOCITY, n : n + D.shape[2]] = v[:, :, :3], v[:, :, 3:]
+    X[part, VELOCITY, VELOCITY] = np.eye(3)
+    down = X[part, 5]
+    X[part, HEIGHT] = -_summed(dt / 2.0 * (down[1:] + down[:-1]))
     X[part, HEIGHT, HEIGHT] = 1.0
-    X[part, HEIGHT, :count][1:] -= np.cumsum(dt / 2.0 * (v[1:, 2] + v[:-1, 2]), axis=0)
+
+
+def _turned_angles(attitude: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Return what small turns about the body axes (N, 3, m) do to phi, theta, psi: the inverse of the rate matrix."""
+    (sf, st, _), (cf, ct, _) = np.sin(attitude).T[..., None], np.cos(attitude).T[..., None]
+    by_psi = (sf * turn[:, 1] + cf * turn[:, 2]) / ct
+    return np.stack([turn[:, 0] + st * by_psi, cf * turn[:, 1] - sf * turn[:, 2], by_psi], axis=1)
+
+
+def _across(delta: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Return delta x force for each column of delta (N, 3, m)."""
+    (a, b, c), (x, y, z) = np.moveaxis(delta, 1, 0), force.T[..., None]
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
 
 
 def _lagged_sensitivities(problem: Problem, x, c, columns, X) -> None:
     """Fill the sensitivities of the lagged vane angles."""
     n, count = problem.states, len(problem.vanes)
     angle, J, Jw = vane_geometry(problem, x, c)
-    A = J[:, :, :7] @ X[:, :7]
+    A = chained(J, X)
     where = {int(place): n + j for j, place in enumerate(columns)}
     for i, name in vane_behind(problem).items():
         A[:, :, where[int(problem.constants.index(name)[0])]] += Jw[:, :, i]
