@@ -41,7 +41,8 @@ def settled(case: PomCase, time: np.ndarray, flight: Raw) -> PomCase:
 
 def settle(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Signals) -> Criterion:
     """Return one criterion settled on a flight; settling twice is settling once."""
-    criterion = replace(_on_channel(criterion, flight), fraction=case.fraction)
+    criterion = _on_channel(criterion, flight)
+    criterion = replace(criterion, fraction=case.fraction, largest=case.ranges.get(criterion.channel, criterion.largest))
     if not criterion.applies:
         return criterion
     for word in criterion.condition.split(";"):

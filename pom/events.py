@@ -61,6 +61,8 @@ def find(match: Match, event: str, beside: str = "", start: float = -np.inf) -> 
     if event in ACTS:
         time = marked(match, event)
         return Instant(time, time)
+    if match.case.events.get(event, np.inf) <= match.time[0] + np.diff(match.time[:2])[0]:
+        return Instant(*[match.case.events[event]] * 2, f"the replay starts at {event}")
     names = DISCRETES.get(event, ())
     if names and all(name in match.model for name in names):
         return _by_discrete(match, event, names, start)

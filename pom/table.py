@@ -17,7 +17,7 @@ from .relations import KINDS, claimed, unclaimed
 
 STANDARD = "FAA 14 CFR Part 60 App A Table A2A"
 EDITION = "2014-01-01"
-UNCHANNELLED = "a demonstration: recordings are shown and judged by pilots, the table gives no number"
+DEMONSTRATION = "a demonstration: recordings are shown and judged by pilots, the table gives no number"
 Row = Mapping[str, str]
 
 # Rows whose measure the README of the table spells out otherwise: the spiral's bank angle is judged 20 s after release, a
@@ -131,7 +131,7 @@ def criterion(
         band=band_of(row),
         window=window,
         applies=not missing,
-        reason=f"applies only with {', '.join(missing)}" if missing else "" if channel else UNCHANNELLED,
+        reason=f"applies only with {', '.join(missing)}" if missing else "" if channel else DEMONSTRATION,
         kind=row["kind"],
         provenance=row["provenance"],
         source=row["source"],

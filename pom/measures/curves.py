@@ -6,7 +6,7 @@ two forces.  Both records are compared branch by branch at equal position.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,27 @@ START = 0.01  # of the travel: the control has begun to move; ours
 DIRECTIONS = {1: "increasing", -1: "decreasing"}
 
 
+@dataclass(frozen=True)
+class Branch:
+    """A part of a sweep in which the control moves one way: 1 increasing, -1 decreasing."""
+
+    direction: int
+    time: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+
+    def at(self, x: np.ndarray) -> np.ndarray:
+        """Return y at given x, linear; NaN beyond the branch."""
+        order = np.argsort(self.x, kind="stable")
+        return np.interp(x, self.x[order], self.y[order], left=np.nan, right=np.nan)
+
+    def together(self, other: Branch) -> float:
+        """Return for how long two branches of the same direction run at the same time; negative when they do not. [s]"""
+        if self.direction != other.direction:
+            return -np.inf
+        return float(min(self.time[-1], other.time[-1]) - max(self.time[0], other.time[0]))
+
+
 def curve(criterion: Criterion, match: Match) -> Outcome:
     """Judge y over x of a slow sweep: at every flight sample, the model at equal x on the same branch.
 
@@ -32,21 +53,19 @@ def curve(criterion: Criterion, match: Match) -> Outcome:
 
 
 def force_increment(criterion: Criterion, match: Match) -> Outcome:
-    """Judge the force of a moderate or rapid sweep above that of the slow one, at equal position on the same branch.
+    """Judge the force of a moderate or rapid sweep above that of the slow one, at equal position and direction.
 
     The slow (static) sweep lies between the events ``static_sweep_start`` and ``static_sweep_end``.
     """
     mask = inside_window(match.time, criterion.window)
     slow = inside_window(match.time, (marked(match, "static_sweep_start"), marked(match, "static_sweep_end")))
-    flight, model = _branches(criterion, match, mask)
-    static = _branches(criterion, match, slow)
-    return _compare(criterion, _above(flight, static[0]), _above(model, static[1]))
+    runs = zip(_branches(criterion, match, mask), _branches(criterion, match, slow), strict=True)
+    flight, model = (_above(rapid, static) for rapid, static in runs)
+    return _compare(criterion, flight, model)
 
 
-Branches = dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]  # direction of motion: time, x and y
-
-
-def _branches(criterion: Criterion, match: Match, mask: np.ndarray) -> tuple[Branches, Branches]:
+def _branches(criterion: Criterion, match: Match, mask: np.ndarray) -> tuple[list[Branch], list[Branch]]:
+    """Return the branches of flight and model, without the samples next to a turn."""
     time, *xs = match.over(mask, criterion.abscissa)
     _, *ys = match.over(mask, criterion.channel)
     found = []
@@ -55,9 +74,16 @@ def _branches(criterion: Criterion, match: Match, mask: np.ndarray) -> tuple[Bra
         if travel <= 0.0:
             raise Invalid(f"{who} does not move {criterion.abscissa}")
         way = directions(x, TURN * travel)
-        kept = _after_turns(x, way, SLACK * travel)
-        found.append({d: (time[k], x[k], y[k]) for d in DIRECTIONS if (k := (way == d) & kept).sum() > 1})
+        parts = np.split(np.arange(x.size), np.flatnonzero(np.diff(way)) + 1)
+        kept = [part[_progress(int(way[part[0]]) * (x[part] - x[part[0]]), SLACK * travel)] for part in parts]
+        found.append([Branch(int(way[k[0]]), time[k], x[k], y[k]) for k in kept if k.size > 1])
     return found[0], found[1]
+
+
+def _progress(moved: np.ndarray, slack: float) -> np.ndarray:
+    """Return the samples beyond `slack` that go further than all before; while a control stands still its force may be any."""
+    before = np.maximum.accumulate(np.concatenate([[0.0], moved[:-1]]))
+    return (moved > slack) & (moved > before)
 
 
 def directions(x: np.ndarray, least: float) -> np.ndarray:
@@ -81,44 +107,35 @@ def directions(x: np.ndarray, least: float) -> np.ndarray:
     return way
 
 
-def _after_turns(x: np.ndarray, way: np.ndarray, slack: float) -> np.ndarray:
-    """Return the samples further than `slack` from where their branch began."""
-    starts = np.flatnonzero(np.diff(way, prepend=way[0] + 1))
-    begin = x[starts][np.cumsum(np.isin(np.arange(x.size), starts)) - 1]
-    return np.abs(x - begin) > slack
-
-
-def _at(x: np.ndarray, branch: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
-    """Return y of a branch at given x; NaN beyond it."""
-    order = np.argsort(branch[1], kind="stable")
-    return np.interp(x, branch[1][order], branch[2][order], left=np.nan, right=np.nan)
-
-
-def _above(branches: Branches, static: Branches) -> Branches:
-    """Return the branches with y above that of the static sweep, where it went."""
-    found: Branches = {}
-    for d, (time, x, y) in branches.items():
-        if d in static:
-            increment = y - _at(x, static[d])
-            there = np.isfinite(increment)
-            found[d] = (time[there], x[there], increment[there])
+def _above(rapid: list[Branch], static: list[Branch]) -> list[Branch]:
+    """Return the branches of a rapid sweep with y above that of the static one, where that went."""
+    found = []
+    for branch in rapid:
+        same = [other for other in static if other.direction == branch.direction]
+        levels = [other.at(branch.x) for other in same] or [np.full(branch.x.size, np.nan)]
+        increment = branch.y - np.array(levels)[np.argmax(np.isfinite(levels), axis=0), np.arange(branch.x.size)]
+        there = np.isfinite(increment)
+        if there.sum() > 1:
+            found.append(Branch(branch.direction, branch.time[there], branch.x[there], increment[there]))
     return found
 
 
-def _compare(criterion: Criterion, flight: Branches, model: Branches) -> Outcome:
+def _compare(criterion: Criterion, flight: list[Branch], model: list[Branch]) -> Outcome:
     times, widths, errors, values = [], [], [], []
-    for d, (time, x, y) in flight.items():
-        theirs = _at(x, model[d]) if d in model else np.full(x.size, np.nan)
+    for branch in flight:
+        partner = max(model, key=branch.together, default=None)
+        if partner is None or branch.together(partner) <= 0.0:
+            raise Invalid(f"the model does not move {criterion.abscissa} as the flight does, {DIRECTIONS[branch.direction]}")
+        theirs = partner.at(branch.x)
         there = np.isfinite(theirs)
-        span = np.ptp(x[there]) if there.any() else 0.0
-        if span < COVER * np.ptp(x):
-            raise Invalid(
-                f"the model comes through {100.0 * span / np.ptp(x):.0f} % of the travel with {criterion.abscissa} {DIRECTIONS[d]}"
-            )
-        times.append(time[there])
-        values.append(y[there])
-        widths.append(half_width(criterion, y[there]))
-        errors.append(theirs[there] - y[there])
+        share = np.ptp(branch.x[there]) / np.ptp(branch.x) if there.any() else 0.0
+        if share < COVER:
+            way = DIRECTIONS[branch.direction]
+            raise Invalid(f"the model comes through {100.0 * share:.0f} % of the flight's {way} travel of {criterion.abscissa}")
+        times.append(branch.time[there])
+        values.append(branch.y[there])
+        widths.append(half_width(criterion, branch.y[there]))
+        errors.append(theirs[there] - branch.y[there])
     if not times:
         raise Invalid(f"the flight has no sweep of {criterion.abscissa} in the window")
     time, width, error, value = (np.concatenate(parts) for parts in (times, widths, errors, values))
@@ -160,17 +177,11 @@ def breakout(criterion: Criterion, match: Match) -> Outcome:
 
 def _first_force(x: np.ndarray, force: np.ndarray, direction: int, least: float) -> float | None:
     """Return the force when the control first leaves its start by `least` in a direction; None when it does not."""
-    away = direction * (x - x[0]) > least
-    if not away.any():
+    away = direction * (x - x[0])
+    if not (away > least).any():
         return None
-    k = int(np.argmax(away))
-    return float(np.interp(x[0] + direction * least, *sorted_pair(x[k - 1 : k + 1], force[k - 1 : k + 1])))
-
-
-def sorted_pair(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return samples in the order of x."""
-    order = np.argsort(x)
-    return x[order], y[order]
+    k = int(np.argmax(away > least))
+    return float(np.interp(least, away[k - 1 : k + 1], force[k - 1 : k + 1]))
 
 
 def dead_band(criterion: Criterion, match: Match) -> Outcome:
@@ -178,8 +189,8 @@ def dead_band(criterion: Criterion, match: Match) -> Outcome:
     mask = inside_window(match.time, criterion.window)
     bands = []
     for who, branches in zip(WHO, _branches(criterion, match, mask), strict=True):
-        angles = [_at(np.zeros(1), branches[d])[0] if d in branches else np.nan for d in DIRECTIONS]
-        if not np.isfinite(angles).all():
+        angles = {branch.direction: angle for branch in branches if np.isfinite(angle := float(branch.at(np.zeros(1))[0]))}
+        if len(angles) < 2:
             raise Invalid(f"{who} does not bring {criterion.abscissa} through neutral in both directions")
-        bands.append(abs(float(angles[1] - angles[0])))
+        bands.append(abs(angles[-1] - angles[1]))
     return scalar(criterion, bands[0], bands[1], criterion.window[0])

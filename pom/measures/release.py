@@ -112,7 +112,7 @@ def _excursions(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _zeros(t: np.ndarray, y: np.ndarray, a: int, b: int) -> np.ndarray:
     """Return the times at which y passes zero between two samples, linear. [s]"""
-    k = a + np.flatnonzero(np.signbit(y[a:b]) != np.signbit(y[a + 1 : b + 1]))
+    k = a + np.flatnonzero((y[a:b] > 0.0) != (y[a + 1 : b + 1] > 0.0))
     return t[k] - y[k] * (t[k + 1] - t[k]) / (y[k + 1] - y[k])
 
 

@@ -121,3 +121,30 @@ def trainer():
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture
+def judged():
+    """Judge the rows of a test on signals made by hand; returns the verdict rows by criterion."""
+    from pom import table
+    from pom.case import Drive, PomCase
+    from pom.conditions import settled
+    from pom.verdict import judge, row
+
+    def judge_rows(id, time, flight, model, standard=table.STANDARD, edition=table.EDITION, drive=None, **more):
+        events, features = more.get("events", {}), more.get("features", ())
+        found = table.rows_of(id, standard, edition)
+        criteria = []
+        for item, name in zip(found, table.names_of(found), strict=True):
+            marks = {event: time[0] for event in table.events()} | events
+            window = [table.bound(item[key], marks, end) for key, end in (("applies_from", time[0]), ("applies_to", time[-1]))]
+            inside = (max(float(window[0]), time[0]), min(float(window[1]), time[-1]))
+            criteria.append(table.criterion(item, name, inside, features, engine_parameter="engine1.n1"))
+        drive = drive or Drive("cockpit", "throttle")
+        case = PomCase(
+            "c", "C", id, standard, edition, "c.toml", "r.nc", (time[0], time[-1]), drive=drive, criteria=tuple(criteria), **more
+        )
+        case = settled(case, time, flight)
+        return {c.name: row("m", c, judge(case, c, time, flight, model)) for c in case.criteria}
+
+    return judge_rows
