@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from flightmech.names import lookup
+from flightmech.units import from_si, parse
 
 from .pilot import Loop, shortest
 from .result import PomResult
@@ -56,7 +57,7 @@ def activity(
             {
                 "run": run,
                 "control": control,
-                "gains": ", ".join(_gains(loop) for loop in mine),
+                "gains": "; ".join(_gains(loop) for loop in mine),
                 "mean": float(used.mean()),
                 "rms": float(np.sqrt(np.mean(used**2))),
                 "largest": float(used[largest]),
@@ -74,10 +75,14 @@ def pilot_activity(result: PomResult) -> pd.DataFrame:
 
 
 def _gains(loop: Loop) -> str:
-    integral = f" + {loop.integral:g}/s" if loop.integral else ""
-    return f"({loop.gain:g}{integral}) x {loop.channel}, at most {loop.limit:g}"
+    moved, held = (lookup(name).display_units for name in (loop.control, loop.channel))
+    size = parse(held)[1] / parse(moved)[1]
+    over = f"{moved}/{held}" if "/" not in held else f"{moved}/({held})"
+    integral = f" {loop.integral * size:+.4g} {over} /s" if loop.integral else ""
+    return f"{loop.gain * size:.4g} {over}{integral} x {loop.channel}, at most {from_si(loop.limit, moved):.3g} {moved}"
 
 
 def _held(name: str, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]) -> str:
     missed = np.array([shortest(name, error) for error in targets[name] - outputs[name]])
-    return f"{name} {np.sqrt(np.nanmean(missed**2)):.3g} {lookup(name).units} rms"
+    unit = lookup(name).display_units
+    return f"{name} {np.sqrt(np.nanmean(missed**2)) / parse(unit)[1]:.3g} {unit} rms"

@@ -38,7 +38,7 @@ HOUSE_LIMITS = {
 }
 """Size of a bias or of an acceleration left beyond which a run is remarked. [SI]"""
 THRUST_SHARE = 0.05  # of the recorded thrust of an engine, 2.c.5 of Table A2A
-_SHOWN = {"rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
+SHOWN_UNITS = {"rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
 
 
 class TrimLimit(NamedTuple):
@@ -70,7 +70,7 @@ def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndar
     for name, limit in limits.items():
         value = float(outputs[f"trim.{name}"][0]) if f"trim.{name}" in outputs else 0.0
         if limit.demanded == demanded and abs(value) > limit.size:
-            unit = _SHOWN.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
+            unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
             shown = "" if unit == "1" else f" {unit}"
             said.append(f"trim.{name} {from_si(value, unit):+.3g}{shown} is beyond {from_si(limit.size, unit):.3g}{shown}")
     return said

@@ -70,8 +70,8 @@ def test_activity_tells_size_share_at_the_limit_and_what_was_held():
     assert (row["run"], row["control"], row["largest"], row["at"]) == ("final", "delta_a", -0.1, 0.0)
     assert row["at_limit"] == pytest.approx(200 / 1000)
     assert row["rms"] == pytest.approx(np.sqrt(0.2 * 0.01 + 0.8 * 0.0025))
-    assert row["held"] == "phi 0.03 rad rms"
-    assert row["gains"] == "(-0.5) x phi, at most 0.1"
+    assert row["held"] == "phi 1.72 deg rms"  # 0.03 rad
+    assert row["gains"] == "-0.5 deg/deg x phi, at most 5.73 deg"
 
 
 PILOT = '[[drive.pilot]]\ncontrol = "{}"\nchannel = "{}"\ngain = "{}"\nlimit = "{}"\n'
