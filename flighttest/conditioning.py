@@ -152,7 +152,7 @@ def remove_delay(time, x, delay: float, name: str) -> np.ndarray:
     Parameters
     ----------
     time, x : array (time,)
-        Samples, at rising times. [s], [any]
+        Samples, at rising times; NaN stays NaN, as does what would come from between a sample and a NaN. [s], [any]
     delay : float
         Latency of the channel, see `time_delay`; the last `delay` seconds hold the last sample. [s]
     name : str
@@ -162,8 +162,13 @@ def remove_delay(time, x, delay: float, name: str) -> np.ndarray:
     -------
     array (time,)
     """
-    time = np.asarray(time, float)
-    return resample(time, x, time + delay, name) if delay else np.asarray(x, float)
+    time, x = np.asarray(time, float), np.asarray(x, float)
+    good = np.isfinite(x)
+    if not delay or good.sum() < 2:
+        return x
+    moved = resample(time[good], x[good], np.clip(time + delay, time[0], time[-1]), name)
+    lost = np.interp(time + delay, time, (~good).astype(float)) > 0.0
+    return np.where(lost, np.nan, moved)
 
 
 def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> xr.Dataset:

@@ -20,7 +20,7 @@ import xarray as xr
 from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
 
-from .conditioning import resample
+from .conditioning import remove_delay
 from .marking import Mark, as_text, in_words, kept, sample_faults, spans
 from .names_map import Channel, NameMap, read_names, shipped_maps
 from .readers.clocks import Clocks, utc_facts
@@ -257,7 +257,7 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
         raw = raw if len(clock.keep) == len(raw) else raw[clock.keep]
         x = np.asarray(channel.convert(raw, unit, name), float)
         found += spans(clock.time, np.isnan(x) & ~np.isnan(raw), name, "outside") if channel.table is not None else []
-        x = _advance(clock.time, x, channel.delay, name)
+        x = remove_delay(clock.time, x, channel.delay, name)
         found += sample_faults(clock.time, x, name, clock.about["rate"])
         about = {**attrs(name), "column": f"{group}/{column}", "calibration": channel.calibration(unit, column)}
         columns[name] = "time", x, {**about, "delay_removed": channel.delay} if channel.delay else about
@@ -271,15 +271,3 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
     words = ", ".join(f"{name} {sum(m.samples for m in group)} from {group[0].start:g} s" for name, group in missing.items())
     about = {**clock.about, "missing": words, "marks": as_text(dict.fromkeys(found))}
     return xr.Dataset(columns, {"time": ("time", clock.time, attrs("time"))}, about)
-
-
-def _advance(time: np.ndarray, x: np.ndarray, delay: float, name: str) -> np.ndarray:
-    """Return the channel with a known latency removed: its value at t is what was recorded at t + delay."""
-    if not delay:
-        return x
-    good = np.isfinite(x)
-    if good.sum() < 2:
-        return x
-    moved = resample(time[good], x[good], np.clip(time + delay, time[0], time[-1]), name)
-    lost = np.interp(time + delay, time, (~good).astype(float)) > 0.0
-    return np.where(lost, np.nan, moved)

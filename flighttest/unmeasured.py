@@ -69,7 +69,8 @@ def forces_from_velocity(data: xr.Dataset, latitude: float | None = None) -> xr.
     Parameters
     ----------
     data : Dataset (time,)
-        Flat Earth: Coriolis acceleration, 0.01 m/s2 at 100 m/s, is left out.
+        Flat Earth: Coriolis acceleration, 0.01 m/s2 at 100 m/s, is left out.  Gravity falls with the height, the first of ``h h_gps
+        h_baro`` that is there; without one it is that of sea level.
     latitude : float, optional
         For gravity; standard gravity without it. [rad]
 
@@ -86,7 +87,8 @@ def forces_from_velocity(data: xr.Dataset, latitude: float | None = None) -> xr.
     names = ("vn", "ve", "vd")
     angles = np.stack(_channels(data, "phi", "theta", "psi"), axis=1)
     _demand(data, *names)
-    g = gravity(latitude, 0.0)
+    heights = [data[name].values for name in ("h", "h_gps", "h_baro") if name in data]
+    g = gravity(latitude, float(np.nanmean(heights[0])) if heights else 0.0)
     turned = [_differentiated(data, name) for name in names]
     rate = np.stack([x for x, _ in turned], axis=1) - [0.0, 0.0, g]
     force = np.einsum("tji,tj->ti", rotation(angles), rate)

@@ -48,6 +48,15 @@ def test_removed_delay_leaves_none():
     assert abs(left.estimate) < 4.0 * left.stderr + 1e-4  # a tenth of a millisecond for the spline
 
 
+def test_removed_delay_keeps_what_is_missing():
+    time = np.arange(20) * STEP
+    x = 3.0 * time
+    x[8] = np.nan
+    moved = remove_delay(time, x, 1.5 * STEP, "theta")
+    assert np.flatnonzero(np.isnan(moved)).tolist() == [6, 7]  # what would come from beside sample 8
+    np.testing.assert_allclose(moved[:6], 3.0 * (time[:6] + 1.5 * STEP), atol=1e-12)
+
+
 def test_channels_that_share_nothing():
     rng = np.random.default_rng(3)
     with pytest.raises(IdentificationError, match="agree at no frequency"):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import flighttest
 from flightmech.errors import SchemaError
@@ -69,6 +70,15 @@ def test_forces_from_velocity_follow_slow_motion_and_say_how_slow(flight):
     assert made.attrs["bandwidth"] == pytest.approx(0.28, abs=0.03)  # nine points of 5 Hz
     slow = flighttest.lowpass(made - np.interp(data["time"], truth["time"], truth["az"]), 50.0, 0.2)
     assert rms(slow[300:-300]) < 0.1
+
+
+@pytest.mark.parametrize(("height", "g"), [({}, 9.80665), ({"h_gps": 7500.0}, 9.78356), ({"h_baro": 7500.0, "h": 0.0}, 9.80665)])
+def test_gravity_of_the_forces_falls_with_the_height(height, g):
+    """Steady level flight: az = -g, at 7500 m 9.80665 (1 - 2 h/R)."""
+    t = np.arange(100) * 0.02
+    zero = {name: ("time", 0.0 * t) for name in ("phi", "theta", "psi", "ve", "vd")}
+    data = xr.Dataset(zero | {"vn": ("time", 80.0 + 0.0 * t)} | {n: ("time", x + 0.0 * t) for n, x in height.items()}, {"time": t})
+    np.testing.assert_allclose(forces_from_velocity(data)["az"], -g, atol=1e-5)
 
 
 def test_airspeed_from_pressures(flight):
