@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from .delay import Delay, time_delay
     from .deletion import decide
     from .differentiate import derivative, derivative_window
+    from .eigenmotion import Motion, fit_motion
+    from .evaluation.evaluating import Evaluation, evaluate
     from .files import open_biases, save_path, save_record
     from .fit import Fit, open_fit, save_fit
     from .fourier import finite_fourier, harmonics
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
     from .inputs.specification import read_design
     from .join import merge
     from .joining import Joined, join_fits
+    from .likelihood.files import open_output_error, save_output_error
     from .likelihood.flown import output_error
     from .likelihood.in_frequency import frequency_output_error
     from .likelihood.result import OutputError
@@ -70,6 +73,12 @@ if TYPE_CHECKING:
     )
 
 _HOME = {
+    "save_output_error": "likelihood.files",
+    "open_output_error": "likelihood.files",
+    "evaluate": "evaluation.evaluating",
+    "Evaluation": "evaluation.evaluating",
+    "fit_motion": "eigenmotion",
+    "Motion": "eigenmotion",
     "assess": "quality.assessment",
     "Quality": "quality.assessment",
     "Finding": "quality.finding",
@@ -200,6 +209,7 @@ __all__ = [
     "Bootstrap",
     "Delay",
     "Designed",
+    "Evaluation",
     "Expected",
     "Finding",
     "Fit",
@@ -209,6 +219,7 @@ __all__ = [
     "LinearModel",
     "Mixed",
     "Model",
+    "Motion",
     "NameMap",
     "OutputError",
     "Partition",
@@ -240,11 +251,13 @@ __all__ = [
     "derivative_window",
     "design_input",
     "draw_compatibility",
+    "evaluate",
     "expected_errors",
     "faults",
     "filter_error",
     "finite_fourier",
     "fit_bins",
+    "fit_motion",
     "fit_thrust",
     "force_at_cg",
     "forces_from_velocity",
@@ -270,6 +283,7 @@ __all__ = [
     "nrmse",
     "open_biases",
     "open_fit",
+    "open_output_error",
     "open_states",
     "open_timetable",
     "output_error",
@@ -295,6 +309,7 @@ __all__ = [
     "resample",
     "save_design",
     "save_fit",
+    "save_output_error",
     "save_path",
     "save_record",
     "save_timetable",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from flightmech.console import NewFile, document, json_option, table
@@ -174,6 +176,7 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff) -> list:
     """Coefficients along all windows of all paths."""
     from flightmech import read_aircraft
 
+    from .quality.of_states import tell_faults
     from .reduction import between, coefficients, open_states
 
     aircraft = read_aircraft(aircraft_file)
@@ -181,6 +184,7 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff) -> list:
     for path in paths:
         data = coefficients(open_states(path), aircraft, cutoff=cutoff)
         found += [between(data, *window) for window in windows] or [data]
+    tell_faults(found, [Path(path).name for path in paths for _ in range(max(len(windows), 1))], known=("excitation",))
     return found
 
 

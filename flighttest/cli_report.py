@@ -12,7 +12,7 @@ from .cli_options import names_option
 @click.command()
 @click.argument("plan_file", metavar="PLAN", type=click.Path(exists=True, dir_okay=False))
 @click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")
-@click.option("--save", "folder", type=click.Path(file_okay=False), help="Folder for record, paths and fits as netCDF, for the other verbs.")
+@click.option("--save", "folder", type=click.Path(file_okay=False), help="Folder for record, paths and fits as netCDF.")
 @json_option
 @click.pass_context
 def report(ctx: click.Context, plan_file: str, output: str | None, folder: str | None, as_json: bool) -> None:

@@ -76,8 +76,8 @@ class Motion:
     def values(self) -> dict[str, tuple[float, float, str]]:
         """Figures by name: value, standard error, SI unit.
 
-        ``period``, ``damping_ratio``, ``omega_n`` and ``t_half`` of an oscillation, ``time_constant`` and ``t_half`` of an aperiodic motion;
-        times are negative when it grows: ``t_half`` is then the time to double.
+        ``period``, ``damping_ratio``, ``omega_n`` and ``t_half`` of an oscillation, ``time_constant`` and ``t_half`` of an aperiodic
+        motion; times are negative when it grows: ``t_half`` is then the time to double.
         """
         s, w = self.sigma, self.omega
         n = math.hypot(s, w)
@@ -153,8 +153,8 @@ def fit_motion(
         )
     if not share > LEAST_SHARE:
         raise IdentificationError(
-            f"no {kind.replace('aperiodic', 'aperiodic motion')} stands out in {' '.join(channels)}: it explains {share:.0%} of the movement "
-            f"about a straight line, {LEAST_SHARE:.0%} are needed; give a window in which the motion is excited and alone"
+            f"no {kind.replace('aperiodic', 'aperiodic motion')} stands out in {' '.join(channels)}: it explains {share:.0%} of the "
+            f"movement about a straight line, {LEAST_SHARE:.0%} are needed; give a window in which the motion is excited and alone"
         )
     rms = np.sqrt(np.mean((y - fitted) ** 2, axis=0))
     columns = [dict(zip(channels, part.T)) for part in (y, fitted)]
@@ -226,7 +226,7 @@ class _Response:
         longest = self.t[-1]
         if self.kind == "aperiodic":
             times = np.geomspace(3.0 * coarse.step, 3.0 * longest, 40)
-            points = [np.array([sign / T]) for T in times for sign in ((1.0, -1.0) if T > 0.2 * longest else (1.0,))]
+            points = [np.array([sign / T]) for T in times for sign in ((1.0, -1.0) if 0.2 * longest < T else (1.0,))]
         else:
             fastest = max(2.0 * math.pi / (8.0 * coarse.step), 4.0 * math.pi / longest)
             points = [np.array([ratio * w, w]) for w in np.geomspace(math.pi / longest, fastest, 50) for ratio in _RATIOS]

@@ -8,7 +8,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 import pandas as pd
 import xarray as xr
 
@@ -242,7 +241,7 @@ class _Work:
 
     def _fit(self, table: FitTable) -> Fit:
         if not self.reconstructs:
-            raise SchemaError(f"fit {table.name}", ["the record has no accelerations (ax_imu ay_imu az_imu); forces cannot be told from it"])
+            raise SchemaError(f"fit {table.name}", ["no accelerations (ax_imu ay_imu az_imu) in the record; it tells no forces"])
         parts: list[xr.Dataset] = []
         for name in table.on:
             if name == "points":

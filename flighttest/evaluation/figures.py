@@ -98,11 +98,9 @@ def _limits(bound: Bound, unit: str) -> tuple[float, float]:
     if bound.value is None:
         low, high = (None if edge is None else quantity(edge, unit) for edge in (bound.low, bound.high))
         return (-math.inf if low is None else low), (math.inf if high is None else high)
-    value, within = quantity(bound.value, unit), bound.within
-    if isinstance(within, str) and within.strip().endswith("%"):
-        width = abs(value) * quantity(within, "1")
-    else:
-        width = quantity(within, unit)  # type: ignore[arg-type]
+    value, within = quantity(bound.value, unit), bound.within or 0.0
+    relative = isinstance(within, str) and within.strip().endswith("%")
+    width = abs(value) * quantity(within, "1") if relative else quantity(within, unit)
     return value - width, value + width
 
 

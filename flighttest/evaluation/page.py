@@ -28,7 +28,20 @@ if TYPE_CHECKING:
     from .evaluating import Evaluation
     from .points import Fitted
 
-_SHOWN = ("V", "h_baro", "mach", "alpha_vane", "alpha", "theta", "delta_e", "mass", "x_cg_b", "engine1.thrust", "engine2.thrust", "CL", "CD")
+_SHOWN = (
+    "V",
+    "h_baro",
+    "mach",
+    "alpha_vane",
+    "alpha",
+    "theta",
+    "delta_e",
+    "mass",
+    "x_cg_b",
+    "engine1.thrust",
+    "CL",
+    "CD",
+)
 
 
 def page(evaluation: Evaluation) -> str:
@@ -69,18 +82,18 @@ def _name(name: str) -> str:
     return name if units == "1" else f"{name} [{units}]"
 
 
-def _kinematic(row: dict[str, Any]) -> dict[str, Any]:
+def _kinematic(row) -> dict[str, Any]:
     texts = {f"{name}_text": shown(row[name], row["units"]) for name in ("offset", "rms")}
     return {**row, **texts, "told": told(row["moving"], row["correlation"])}
 
 
-def _bound(row: dict[str, Any]) -> dict[str, Any]:
+def _bound(row) -> dict[str, Any]:
     unit = row["unit"]
     texts = {"value_text": number(row["value"], unit), "stderr_text": number(row["stderr"], unit, 2), "unit_text": unit_shown(unit)}
     return {**row, **texts, "limits": limits_shown(row["low"], row["high"], unit), "inside": row["verdict"] == INSIDE}
 
 
-def _point(e: Evaluation, row: dict[str, Any]) -> dict[str, Any]:
+def _point(e: Evaluation, row) -> dict[str, Any]:
     cells = [f"{from_si(row[name], _units(name)):.4g}" if math.isfinite(row[name]) else "" for name in _SHOWN if name in e.points]
     return {"start": row["start"], "stop": row["stop"], "cells": cells}
 
@@ -106,15 +119,13 @@ def _figures(figures: dict[str, Any]) -> list[dict[str, str]]:
 
 
 def _fit(fit: Fit) -> dict[str, Any]:
-    e = fit.estimates
+    e, a = fit.estimates, fit.estimates.attrs
     columns = ("estimate", "stderr", "stderr_systematic", "vif")
     rows = [{"term": str(term), **{name: float(e[name].sel(term=term)) for name in columns}} for term in e["term"].values]
-    measured = fit.data[fit.model.coefficient].values
-    time = np.arange(len(measured), dtype=float)
-    if "time" in fit.data and e.attrs["manoeuvres"] == 1:
-        time = fit.data["time"].values
-    picture = chart(time, [measured, measured - fit.residual], "measured and fitted", label=str(fit.model)) if e.attrs["manoeuvres"] == 1 else None
-    about = f"{e.attrs['samples']} samples, {e.attrs['manoeuvres']} windows, R² {e.attrs['R2']:.4f}, residual rms {e.attrs['residual_rms']:.3g}"
+    measured, picture = fit.data[fit.model.coefficient].values, None
+    if a["manoeuvres"] == 1:
+        picture = chart(fit.data["time"].values, [measured, measured - fit.residual], "measured and fitted", label=str(fit.model))
+    about = f"{a['samples']} samples, {a['manoeuvres']} windows, R² {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}"
     return {"name": fit.name, "model": str(fit.model), "about": about, "rows": rows, "remarks": fit.remarks, "svg": picture}
 
 

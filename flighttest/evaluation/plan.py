@@ -1,59 +1,59 @@
 """What a flight is evaluated for, as a TOML file.
 
-    title = "Citation II PH-LAB, 2018-03-12"
-    record = "flight.csv.gz"            # files are relative to this one
-    names = "citation_2018.toml"
-    aircraft = "citation.toml"
+title = "Citation II PH-LAB, 2018-03-12"
+record = "flight.csv.gz"            # files are relative to this one
+names = "citation_2018.toml"
+aircraft = "citation.toml"
 
-    [loading]                           # when the record holds no mass: dry items, and the fuel burnt by engineN.fuel_flow
-    file = "loading.csv"
-    item = "item"
-    mass = { column = "mass_kg", unit = "kg" }
-    station = { column = "arm_in", unit = "in" }
-    fuel = "block_fuel"                 # the item that is fuel
-    leading_edge = "261.45 in"          # station of the leading edge of the mean chord
-    fuel_table = { file = "fuel.csv", mass = { column = "fuel_lb", unit = "lb" },
-                   moment = { column = "moment", unit = "in lb", scale = 100 } }
+[loading]                           # when the record holds no mass: dry items, and the fuel burnt by engineN.fuel_flow
+file = "loading.csv"
+item = "item"
+mass = { column = "mass_kg", unit = "kg" }
+station = { column = "arm_in", unit = "in" }
+fuel = "block_fuel"                 # the item that is fuel
+leading_edge = "261.45 in"          # station of the leading edge of the mean chord
+fuel_table = { file = "fuel.csv", mass = { column = "fuel_lb", unit = "lb" },
+               moment = { column = "moment", unit = "in lb", scale = 100 } }
 
-    [thrust]                            # when it holds no thrust: points of the engine deck, over corrected fuel flow and Mach
-    file = "deck.csv"
-    h = { column = "hp_m", unit = "m" }
-    ...                                 # mach, delta_T, fuel_flow, thrust
+[thrust]                            # when it holds no thrust: points of the engine deck, over corrected fuel flow and Mach
+file = "deck.csv"
+h = { column = "hp_m", unit = "m" }
+...                                 # mach, delta_T, fuel_flow, thrust
 
-    [points]                            # stationary points: windows about the noted times
-    file = "stationary.csv"
-    time = { column = "t_s" }
-    series = "series"
-    window = [-30.0, -1.0]
+[points]                            # stationary points: windows about the noted times
+file = "stationary.csv"
+time = { column = "t_s" }
+series = "series"
+window = [-30.0, -1.0]
 
-    [manoeuvres]
-    file = "manoeuvres.csv"
-    name = "motion"
-    time = { column = "t_start_s" }
+[manoeuvres]
+file = "manoeuvres.csv"
+name = "motion"
+time = { column = "t_start_s" }
 
-    [[line]]                            # a straight line through the means of stationary points
-    name = "trim"
-    y = "delta_e"
-    x = "alpha_vane"
-    series = ["trim"]
+[[line]]                            # a straight line through the means of stationary points
+name = "trim"
+y = "delta_e"
+x = "alpha_vane"
+series = ["trim"]
 
-    [[fit]]                             # a regression over manoeuvres, or over "points"
-    name = "pitching"
-    model = "Cm = 1 + alpha + qhat + delta_e"
-    on = ["short_period"]
-    window = [-3.0, 14.0]               # about the noted start
+[[fit]]                             # a regression over manoeuvres, or over "points"
+name = "pitching"
+model = "Cm = 1 + alpha + qhat + delta_e"
+on = ["short_period"]
+window = [-3.0, 14.0]               # about the noted start
 
-    [[mode]]
-    name = "phugoid"
-    on = "phugoid"
-    window = [20.0, 150.0]
-    channels = ["V"]
+[[mode]]
+name = "phugoid"
+on = "phugoid"
+window = [20.0, 150.0]
+channels = ["V"]
 
-    [[bound]]                           # what a figure of the evaluation must lie within
-    of = "phugoid.period"
-    value = 42.2
-    within = "2.5 %"
-    source = "README of the data set"
+[[bound]]                           # what a figure of the evaluation must lie within
+of = "phugoid.period"
+value = 42.2
+within = "2.5 %"
+source = "README of the data set"
 """
 
 from __future__ import annotations
@@ -70,7 +70,6 @@ from .sheets import Column
 
 _Length = si("m")
 _Window = tuple[float, float]
-
 
 
 class FuelTable(Strict):
@@ -191,7 +190,8 @@ class Plan(Strict):
 
     @model_validator(mode="after")
     def _whole(self) -> Plan:
-        names = [item.name.lower() for item in (*self.line, *self.fit, *self.mode)]  # they become names of files
+        given = [*(x.name for x in self.line), *(x.name for x in self.fit), *(x.name for x in self.mode)]
+        names = [name.lower() for name in given]  # they become names of files
         twice = sorted({name for name in names if names.count(name) > 1})
         problems = [f"the name {name} is given twice (capitals do not count); lines, fits and modes share one list" for name in twice]
         if self.points is None and (self.line or any("points" in item.on for item in self.fit)):
@@ -231,9 +231,7 @@ def _placed(item: Any, folder: Path) -> Any:
         return [_placed(part, folder) for part in item]
     if not isinstance(item, dict):
         return item
-    return {
-        key: folder / part if key in _FILE_KEYS and isinstance(part, str) else _placed(part, folder) for key, part in item.items()
-    }
+    return {key: folder / part if key in _FILE_KEYS and isinstance(part, str) else _placed(part, folder) for key, part in item.items()}
 
 
 def files_of(plan: Plan) -> list[Path]:

@@ -108,7 +108,7 @@ def _row(record: xr.DataTree, aircraft: Aircraft, window: tuple[float, float], d
         time = leaf["time"].values
         inside = (time >= start) & (time <= stop)
         if inside.sum() < 2:
-            raise OutOfRange(f"window {start:g} ... {stop:g} s of a stationary point is not inside the record, {time[0]:g} ... {time[-1]:g} s")
+            raise OutOfRange(f"stationary point {start:g} ... {stop:g} s is not inside the record, {time[0]:g} ... {time[-1]:g} s")
         row |= {str(name): float(np.nanmean(x.values[inside])) for name, x in leaf.data_vars.items()}
         if "h_baro" in leaf:
             climb = float(np.polyfit(time[inside] - start, leaf["h_baro"].values[inside], 1)[0])

@@ -51,7 +51,7 @@ def weigh(sheet: Loading, aircraft: Aircraft, burnt: np.ndarray) -> tuple[np.nda
     items.rows = [items.rows[row] for row in dry]
     moment = float((masses[dry] * sheet.station.of(items, "m")).sum())
     left = masses[names.index(sheet.fuel)] - burnt
-    fuel, fuel_moment = (np.append(0.0, part) for part in (sheet.fuel_table.mass.of(table, "kg"), sheet.fuel_table.moment.of(table, "kg m")))
+    fuel, fuel_moment = (np.append(0.0, x) for x in (sheet.fuel_table.mass.of(table, "kg"), sheet.fuel_table.moment.of(table, "kg m")))
     if left.min() < 0.0 or left.max() > fuel[-1]:
         text = f"fuel left is {left.min():.4g} ... {left.max():.4g} kg; the fuel table goes from 0 to {fuel[-1]:.4g} kg"
         raise SchemaError(f"sheet {sheet.file}", [f"{text}; check the unit of the fuel flow and the fuel taken"])
@@ -71,9 +71,8 @@ def deck_thrust(deck: Deck, h: np.ndarray, mach: np.ndarray, temperature: np.nda
         The points are too few, or such a polynomial does not reproduce them.
     """
     points = Sheet(deck.file)
-    deck_h, deck_mach, warmer, flow, thrust = (
-        getattr(deck, name).of(points, unit) for name, unit in (("h", "m"), ("mach", "1"), ("delta_T", "K"), ("fuel_flow", "kg s-1"), ("thrust", "N"))
-    )
+    units = {"h": "m", "mach": "1", "delta_T": "K", "fuel_flow": "kg s-1", "thrust": "N"}
+    deck_h, deck_mach, warmer, flow, thrust = (getattr(deck, name).of(points, unit) for name, unit in units.items())
     X, delta = _corrected(deck_h, deck_mach, np.asarray(atmosphere(deck_h).temperature) + warmer, flow)
     if len(X) <= X.shape[1]:
         raise IdentificationError(f"{deck.file}: {len(X)} points for {X.shape[1]} coefficients of the thrust; give more points")
@@ -116,8 +115,8 @@ def completed(record: xr.DataTree, aircraft: Aircraft, loading: Loading | None, 
         burnt = np.concatenate([[0.0], np.cumsum(flow.sum(axis=0)[:-1] * np.diff(time))])
         found["mass"], found["x_cg_b"] = weigh(loading, aircraft, burnt)
     if deck is not None:
-        air = [channel(name) for name in _AIR]
-        found |= {f"engine{k + 1}.thrust": deck_thrust(deck, *air, row) for k, row in enumerate(flow)}
+        h, mach, temperature = (channel(name) for name in _AIR)
+        found |= {f"engine{k + 1}.thrust": deck_thrust(deck, h, mach, temperature, row) for k, row in enumerate(flow)}
     data = xr.Dataset({name: ("time", x, attrs(name)) for name, x in found.items()}, {"time": clock["time"]})
     return record.assign({"computed": xr.DataTree(data.assign_attrs(clock.attrs))})
 

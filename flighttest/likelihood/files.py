@@ -52,7 +52,7 @@ def open_output_error(path: str | os.PathLike) -> OutputError:
                 raise ValueError("a netCDF file of something else")
             rest = tree["residuals"].children
             residuals = tuple(rest[name].to_dataset(inherit=False) for name in sorted(rest, key=int))
-            estimates, noise = (tree[name].to_dataset(inherit=False) for name in ("estimates", "noise"))
+            estimates, noise = (tree.children[name].to_dataset(inherit=False) for name in ("estimates", "noise"))
             warnings = tuple(str(tree.attrs.get("warnings", "")).splitlines())
     except (OSError, KeyError, ValueError) as error:
         if not Path(path).exists():

@@ -13,7 +13,7 @@ from flightmech.console import plain
 from flightmech.model_files import compile_files
 from flightmech.whole import written_whole
 
-from ..quality.of_states import demand_sound
+from ..quality.of_states import tell_faults
 from ..reduction import between, open_states
 from .flown import output_error
 from .result import OutputError
@@ -47,9 +47,10 @@ class Performed:
     @property
     def explained(self) -> xr.DataArray:
         """Part of the variance of each output about its mean that the model explains, (manoeuvre, output)."""
-        rows = []
-        for record, rest in zip(self.records, self.fit.residuals):
-            rows.append([1.0 - float((rest[name] ** 2).sum() / ((record[name] - record[name].mean()) ** 2).sum()) for name in rest.data_vars])
+        rows = [
+            [1.0 - float((rest[name] ** 2).sum() / ((record[name] - record[name].mean()) ** 2).sum()) for name in rest.data_vars]
+            for record, rest in zip(self.records, self.fit.residuals)
+        ]
         names = list(self.fit.residuals[0].data_vars)
         return xr.DataArray(np.array(rows), {"manoeuvre": np.arange(1, len(rows) + 1), "output": names}, ("manoeuvre", "output"))
 
@@ -60,11 +61,15 @@ class Performed:
         for (k, j), share in np.ndenumerate(self.explained.values):
             if share < POOR:
                 name = self.explained["output"].values[j]
-                found.append(f"record {k + 1}, {name}: the model explains {share:.0%} of its movement; it lacks something, or the record is wrong")
+                found.append(
+                    f"record {k + 1}, {name}: the model explains {share:.0%} of its movement; a term is missing, or the record is wrong"
+                )
         e = self.fit.estimates
         for name, value, start, sigma in zip(*(e[key].values for key in ("parameter", "estimate", "start", "prior_stderr"))):
             if abs(value - start) > PULLED * sigma:
-                found.append(f"{name} lies {abs(value - start) / sigma:.1f} prior standard errors from {start:g}: check units, signs and model")
+                found.append(
+                    f"{name} lies {abs(value - start) / sigma:.1f} prior standard errors from {start:g}: check units, signs and model"
+                )
         return found
 
     def report(self) -> str:
@@ -122,7 +127,7 @@ def perform(specification: Specification) -> Performed:
     for table in specification.record:
         states = open_states(table.file)
         records.append((between(states, *table.window) if table.window else states).assign_attrs(record=table.file.stem))
-    demand_sound(records, [table.file.name for table in specification.record])
+    tell_faults(records, [table.file.name for table in specification.record])
     unknowns, held = specification.unknowns(sim), specification.held(sim)
     fit = output_error(sim, records, unknowns, specification.outputs, held, specification.noise, iterations=specification.iterations)
     return Performed(specification, sim, tuple(records), fit)

@@ -1,26 +1,26 @@
 """An output-error fit as a TOML file: model, records, outputs, and what is estimated.
 
-    title = "Citation II, short period"
-    aircraft = "citation.toml"          # files are relative to this one
-    database = "prior.nc"
-    outputs = ["alpha", "q", "theta", "az"]
-    noise = "common"                    # or "own": a noise variance per record
+title = "Citation II, short period"
+aircraft = "citation.toml"          # files are relative to this one
+database = "prior.nc"
+outputs = ["alpha", "q", "theta", "az"]
+noise = "common"                    # or "own": a noise variance per record
 
-    [conditions]                        # held, for all records; numbers are SI, texts carry their unit
-    delta_f = "0 deg"
+[conditions]                        # held, for all records; numbers are SI, texts carry their unit
+delta_f = "0 deg"
 
-    [[record]]                          # a path as `flight reconstruct` or `flight report --save` writes it
-    file = "path_short_period.nc"
-    window = [3634.0, 3645.0]
-    [record.conditions]
-    "init.h" = 1500.0
+[[record]]                          # a path as `flight reconstruct` or `flight report --save` writes it
+file = "path_short_period.nc"
+window = [3634.0, 3645.0]
+[record.conditions]
+"init.h" = 1500.0
 
-    [parameter."term.Cm.basic"]         # any parameter of the model, sensor.* and factor.* of an output
-    start = 1.0                         # left out: what the record says at its first sample, or the model
-    sigma = 0.3                         # standard error of what is known before; left out: nothing is
-    low = 0.2
-    high = 3.0
-    own = false                         # one value per record
+[parameter."term.Cm.basic"]         # any parameter of the model, sensor.* and factor.* of an output
+start = 1.0                         # left out: what the record says at its first sample, or the model
+sigma = 0.3                         # standard error of what is known before; left out: nothing is
+low = 0.2
+high = 3.0
+own = false                         # one value per record
 """
 
 from __future__ import annotations

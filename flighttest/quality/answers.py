@@ -88,7 +88,7 @@ def answers(signals: Signals) -> pd.DataFrame:
         names = (*others, equation.surface)
         mask = signals.mask((equation.rate, *names))
         x = signals[equation.surface][mask]
-        if mask.sum() * signals.step < 5.0 or np.ptp(x) == 0.0:
+        if mask.sum() * signals.step < 5.0 or np.ptp(x) == 0.0 or np.ptp(signals[equation.rate][mask]) == 0.0:
             continue
         scale = _pressure(signals, mask)
         y = _fast(derivative(_slow(signals, equation.rate), signals.step, 5, 2) / scale, signals)[mask]
@@ -99,7 +99,7 @@ def answers(signals: Signals) -> pd.DataFrame:
             effect, stderr, R2 = fit
             movement = float(np.percentile(x, 99.5) - np.percentile(x, 0.5))
             lead, gained = _lead(y, columns, surface, signals.time, mask)
-            table.append((equation.surface, equation.rate, effect, stderr, effect / stderr, R2, movement, lead, gained))
+            table.append((equation.surface, equation.rate, effect, stderr, effect / max(stderr, 1e-300), R2, movement, lead, gained))
     return pd.DataFrame(table, columns=["surface", "rate", "effect", "stderr", "ratio", "R2", "movement", "lead", "gained"])
 
 

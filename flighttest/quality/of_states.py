@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from itertools import pairwise
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
 from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.units import DEGREE
 
+from ..conditioning import GAP
 from ..record import manoeuvres
 from .answers import answer_findings, answers, hands
 from .excitation import correlations, excitation, excitation_findings
@@ -20,6 +23,9 @@ from .repairs import explain
 from .signals import signals_of
 
 _SEEN = {"alpha": "alpha_vane", "beta": "beta_vane", "ax": "ax_imu", "ay": "ay_imu", "az": "az_imu", "h": "h_baro"}
+_PRESSURE = ("p_static", "q_c")  # they belong to pressure height, and h is geometric
+_LEAST = 50  # samples of a stretch that says anything
+_JOINT = ("excitation", "collinear")
 _LEAF = "manoeuvre"
 _SURE_GAIN = 0.5  # disagreement that a mistake must explain in a manoeuvre, twice that of a whole flight
 _MOVED = 1.0 * DEGREE  # of a surface, below which a manoeuvre does not tell its sign
@@ -31,7 +37,7 @@ def findings_of(states: xr.Dataset) -> list[Finding]:
     Parameters
     ----------
     states : Dataset (time,)
-        House names, SI, at the c.g., on a uniform clock.
+        House names, SI, at the c.g.; stretches between gaps are looked at one by one.
 
     Returns
     -------
@@ -39,6 +45,14 @@ def findings_of(states: xr.Dataset) -> list[Finding]:
         Signs, units and axes of what kinematics tie together; signs of the surfaces by the answer of the aeroplane; no excitation;
         inputs that move together.
     """
+    time = states["time"].values
+    edges = [0, *(np.flatnonzero(np.diff(time) > GAP * np.median(np.diff(time))) + 1).tolist(), len(time)]
+    stretches = [states.isel(time=slice(a, b)) for a, b in pairwise(edges) if b - a > _LEAST]
+    return [finding for stretch in stretches for finding in _of_stretch(stretch)]
+
+
+def _of_stretch(states: xr.Dataset) -> list[Finding]:
+    """Return the findings of a stretch without gaps."""
     record = _as_record(states)
     signals = signals_of(record, pd.DataFrame(columns=["leaf", "channel", "kind", "start", "stop"]))
     explanations, mended, comparisons = explain(signals)
@@ -54,19 +68,24 @@ def findings_of(states: xr.Dataset) -> list[Finding]:
 def _as_record(states: xr.Dataset) -> xr.DataTree:
     """Return the states as a record whose sensors sit at the c.g., under the names of the channels that show them."""
     whole = [str(name) for name, x in states.data_vars.items() if x.dims == ("time",) and x.dtype.kind == "f" and x.notnull().any()]
-    leaf = states[[name for name in whole if name not in _SEEN.values()]].rename({name: seen for name, seen in _SEEN.items() if name in whole})
+    leaf = states[[name for name in whole if name not in (*_SEEN.values(), *_PRESSURE)]]
+    leaf = leaf.rename({name: seen for name, seen in _SEEN.items() if name in leaf})
     time = states["time"].values.astype(float)
     return xr.DataTree.from_dict({f"/{_LEAF}": leaf.assign_attrs(rate=(len(time) - 1) / (time[-1] - time[0]))})
 
 
-def demand_sound(flown: Sequence[xr.Dataset], names: Sequence[str]) -> None:
+def tell_faults(flown: Sequence[xr.Dataset], names: Sequence[str], known: Sequence[str] = ()) -> None:
     """Refuse manoeuvres whose signs, units or axes are wrong; warn of missing excitation and of inputs that move together.
+
+    What no manoeuvre excites, and inputs that move together in all of them, are told once.
 
     Parameters
     ----------
     flown : sequence of Dataset (time,)
     names : sequence of str
         What to call them.
+    known : sequence of str
+        Kinds of findings that are not told: ``excitation`` where the fit itself refuses what does not move.
 
     Raises
     ------
@@ -78,14 +97,19 @@ def demand_sound(flown: Sequence[xr.Dataset], names: Sequence[str]) -> None:
     AeromatchWarning
         Each warning by name.
     """
-    problems = []
-    for states, name in zip(flown, names):
-        for finding in findings_of(states):
-            remedy = f"; {finding.remedy}" if finding.remedy and finding.severity != "error" else ""
-            text = f"{name}: {finding.name}: {finding.text}{remedy}"
-            if finding.severity == "error":
-                problems.append(text)
-            elif finding.severity == "warning":
-                warnings.warn(text, AeromatchWarning, stacklevel=2)
+    found = [findings_of(states) for states in flown]
+    problems = [
+        f"{name}: {finding.name}: {finding.text}; mend the name map and reconstruct again"
+        for name, findings in zip(names, found)
+        for finding in findings
+        if finding.severity == "error"
+    ]
+    everywhere = set.intersection(*({finding.name for finding in findings} for findings in found))
+    told: set[str] = set()
+    for name, finding in ((name, finding) for name, findings in zip(names, found) for finding in findings):
+        alone = finding.kind not in _JOINT or finding.name in everywhere  # what one manoeuvre lacks another may have
+        if finding.severity == "warning" and finding.kind not in known and alone and finding.name not in told:
+            told.add(finding.name)
+            warnings.warn(f"{name}: {finding.name}: {finding.text}; {finding.remedy}", AeromatchWarning, stacklevel=2)
     if problems:
-        raise SchemaError("records", [f"{text}; mend the name map and reconstruct again" for text in problems])
+        raise SchemaError("records", problems)

@@ -1,0 +1,91 @@
+"""Eigenmotions by fit: free and driven responses of known modes, and records in which there is none."""
+
+import numpy as np
+import pytest
+import xarray as xr
+from scipy.signal import lsim
+
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flighttest import fit_motion
+
+SIGMA, OMEGA = 0.2, 2.0
+ROOT = 2 * SIGMA, SIGMA**2 + OMEGA**2
+
+
+def free(noise=0.0, seed=0, duration=12.0, rate=10.0):
+    t = np.arange(round(duration * rate)) / rate
+    decay = np.exp(-SIGMA * t)
+    rng = np.random.default_rng(seed)
+    columns = {"r": 0.3 + decay * np.cos(OMEGA * t + 1.0), "p": 0.1 * t + 2.0 * decay * np.cos(OMEGA * t - 0.4)}
+    return xr.Dataset({name: ("time", x + noise * rng.standard_normal(t.size)) for name, x in columns.items()}, {"time": t})
+
+
+def driven(kind):
+    """Pitch rate behind an elevator, or roll rate behind an aileron, with a trimmed control; linear between samples."""
+    t = np.arange(0.0, 10.0, 0.05)
+    u = 0.02 + 0.1 * (((t > 1.0) & (t < 2.5)) * 1.0 - 0.5 * ((t > 4.0) & (t < 6.0)))
+    system = ([-5.0, -4.0], [1.0, *ROOT]) if kind == "oscillation" else ([-8.0], [1.0, 2.5])
+    _, y, _ = lsim(system, u - u[0], t)
+    return xr.Dataset({"rate": ("time", y + 0.05), "control": ("time", u)}, {"time": t})
+
+
+def test_free_oscillation_to_rounding():
+    found = fit_motion(free(), ["r", "p"])
+    assert found.sigma == pytest.approx(SIGMA, rel=1e-6)
+    assert found.omega == pytest.approx(OMEGA, rel=1e-6)
+    values = {name: row[0] for name, row in found.values.items()}
+    assert values["period"] == pytest.approx(np.pi, rel=1e-6)
+    assert values["damping_ratio"] == pytest.approx(SIGMA / np.hypot(SIGMA, OMEGA), rel=1e-6)
+    assert values["t_half"] == pytest.approx(np.log(2.0) / SIGMA, rel=1e-6)
+    assert "period" in found.report()
+    assert found.share == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("kind", "roots"), [("oscillation", (SIGMA, OMEGA)), ("aperiodic", (2.5, 0.0))])
+def test_driven_response_to_rounding(kind, roots):
+    found = fit_motion(driven(kind), ["rate"], kind, ["control"], trend=False)
+    assert (found.sigma, found.omega) == pytest.approx(roots, rel=1e-5)
+    assert fit_motion(driven("aperiodic"), ["rate"], "aperiodic", ["control"]).values["time_constant"][0] == pytest.approx(0.4, rel=1e-5)
+
+
+def test_growing_spiral():
+    t = np.arange(0.0, 40.0, 0.2)
+    found = fit_motion(xr.Dataset({"phi": ("time", 0.1 * np.exp(t / 30.0))}, {"time": t}), ["phi"], "aperiodic", trend=False)
+    assert found.values["time_constant"][0] == pytest.approx(-30.0, rel=1e-5)
+    assert found.values["t_half"][0] == pytest.approx(-30.0 * np.log(2.0), rel=1e-5)  # to double
+
+
+def test_standard_errors_cover_the_truth():
+    """25 noisy records, two channels: the errors in standard errors scatter by one (chi of 50 values: 0.8 to 1.2 in 95 %)."""
+    errors = []
+    for seed in range(25):
+        found = fit_motion(free(0.05, seed), ["r", "p"])
+        errors += [(found.sigma - SIGMA) / found.covariance[0, 0] ** 0.5, (found.omega - OMEGA) / found.covariance[1, 1] ** 0.5]
+    assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.3
+    assert np.mean(np.abs(errors) < 2.0) > 0.87
+
+
+def test_no_motion_is_refused_by_name():
+    quiet = xr.Dataset({"r": ("time", np.random.default_rng(1).standard_normal(200))}, {"time": 0.1 * np.arange(200)})
+    with pytest.raises(IdentificationError, match=r"no oscillation stands out in r: it explains .* 50% are needed"):
+        fit_motion(quiet, ["r"])
+    with pytest.raises(IdentificationError, match="no aperiodic motion stands out in r"):
+        fit_motion(quiet, ["r"], "aperiodic")
+    with pytest.raises(IdentificationError, match="no motion: r has one value throughout"):
+        fit_motion(quiet * 0.0, ["r"])
+    still = driven("aperiodic").assign(control=("time", np.full(200, 0.1)))
+    with pytest.raises(IdentificationError, match="no excitation: control moves by 0 "):
+        fit_motion(still, ["rate"], "aperiodic", ["control"])
+
+
+def test_bad_records_are_refused_by_name():
+    data = free()
+    gap = data.isel(time=np.r_[0:40, 60:120])
+    with pytest.raises(SchemaError, match="time is not uniform"):
+        fit_motion(gap, ["r"])
+    with pytest.raises(SchemaError, match="p: samples are missing"):
+        fit_motion(data.assign(p=data["p"].where(data["time"] > 1.0)), ["r", "p"])
+    with pytest.raises(UnknownName, match="unknown channel 'rr'"):
+        fit_motion(data, ["rr"])
+    with pytest.raises(SchemaError, match="kind is 'spiral'; allowed: oscillation, aperiodic"):
+        fit_motion(data, ["r"], "spiral")
