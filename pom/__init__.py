@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from flightmech.lazy import load
 
 if TYPE_CHECKING:
+    from .archive import Archive, read_archive
     from .batch import replay_all
     from .case import PomCase, read_case
     from .diagnosis import diagnose
@@ -17,8 +18,11 @@ if TYPE_CHECKING:
     from .result import PomResult
     from .swap_table import ranking, waterfall
     from .swaps import corrected_aircraft, corrected_database, corrected_terms, swap_terms
+    from .verification import Finding, verify
 
 _HOME = {
+    "Archive": "archive",
+    "read_archive": "archive",
     "PomCase": "case",
     "read_case": "case",
     "corrected_aircraft": "swaps",
@@ -33,9 +37,13 @@ _HOME = {
     "replay": "replaying",
     "replay_all": "batch",
     "write_report": "report",
+    "Finding": "verification",
+    "verify": "verification",
     "PomResult": "result",
 }
 __all__ = [
+    "Archive",
+    "Finding",
     "PomCase",
     "PomResult",
     "corrected_aircraft",
@@ -45,10 +53,12 @@ __all__ = [
     "fit_mode",
     "provenance",
     "ranking",
+    "read_archive",
     "read_case",
     "replay",
     "replay_all",
     "swap_terms",
+    "verify",
     "waterfall",
     "write_report",
 ]

@@ -92,8 +92,8 @@ def read_archive(path: str | os.PathLike) -> Archive:
 
 
 def _write_result(group: h5py.Group, result: PomResult) -> None:
-    parts = {part: getattr(result, part) for part in _NAMES}
-    head = {
+    parts: dict[str, xr.Dataset] = {part: getattr(result, part) for part in _NAMES}
+    head: dict[str, Any] = {
         "case": result.case.to_dict(),
         "conditions": result.conditions,
         "failure": result.failure,

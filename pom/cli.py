@@ -7,19 +7,14 @@ from typing import Any
 
 import click
 
-from flightmech.console import command_line, document, jobs_option, json_option, table
+from flightmech.console import NewFile, command_line, document, jobs_option, json_option, table
 
+from .case_arguments import biases_option, case_files, cases_argument, read_biases
 from .case_cli import init, schema
+from .diagnose_cli import diagnose
+from .report_cli import report, report_options, verify
 
 _CASE = click.argument("case", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-_BIASES = click.option(
-    "--biases",
-    "biases_file",
-    type=click.Path(exists=True, dir_okay=False),
-    help="Reconstruction of another record; its instrument constants are the prior where the record of a case is raw.",
-)
-
-_IDLE = 0.005  # share of the gap
 
 
 @click.group()
@@ -29,6 +24,9 @@ def pom() -> None:
 
 pom.add_command(init)
 pom.add_command(schema)
+pom.add_command(diagnose)
+pom.add_command(report)
+pom.add_command(verify)
 
 
 @pom.command()
@@ -52,10 +50,12 @@ def check(case: Path, as_json: bool) -> None:
 
 
 @pom.command()
-@click.argument("cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
+@cases_argument
 @click.option("--model", "models", multiple=True, required=True, metavar="NAME=FILE.fmu", help="A model; as often as wanted.")
-@click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), help="Folder for report.html and results.json.")
+@click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), help="Folder for the report: pages, numbers, manifest.")
 @click.option("--title", default="Proof of Match", show_default=True, help="Title of the report.")
+@report_options
+@click.option("--junit", type=NewFile(), help="JUnit XML for a build server, beside or without a report.")
 @click.option("--names", "tables", multiple=True, metavar="NAME=FILE.toml", help="Table of names, units and signs of a model.")
 @click.option("--timeout", default=60.0, show_default=True, help="Wall time per model and case. [s]")
 @jobs_option
@@ -63,7 +63,8 @@ def check(case: Path, as_json: bool) -> None:
 @click.option(
     "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
 )
-@_BIASES
+@biases_option
+@click.option("-v", "--verbose", is_flag=True, help="Also print trim, math pilot and drift of every model.")
 @json_option
 @click.pass_context
 def run(
@@ -72,12 +73,18 @@ def run(
     models: tuple[str, ...],
     output: Path | None,
     title: str,
+    revision: str,
+    date: str,
+    paper: str,
+    no_pdf: bool,
+    junit: str | None,
     tables: tuple[str, ...],
     timeout: float,
     jobs: int,
     scheduler: str | None,
     resume: Path | None,
     biases_file: str | None,
+    verbose: bool,
     as_json: bool,
 ):
     """Replay CASES (files, or folders of them) by models and print one line per case and model.
@@ -91,91 +98,48 @@ def run(
     from .replaying import files_by_name
 
     runs, names = files_by_name("--model", models, "final=out/final.fmu"), files_by_name("--names", tables, "simulator=names.toml")
-    read = [read_case(file) for file in _files(cases)]
+    read = [read_case(file) for file in case_files(cases)]
     waiting: list[str] = []
     flown = False
 
     def tell(result: Any) -> None:
         nonlocal flown
         flown = flown or not result.failure or any(result.status(name) != "invalid" for name in runs)
-        waiting.extend(_lines(result))
+        waiting.extend(_lines(result, verbose))
         if flown and not as_json:
             click.echo("\n".join(waiting))
             waiting.clear()
 
     shared = {"jobs": jobs, "scheduler": scheduler, "resume": resume}
-    results = replay_all(read, runs, names=names, biases=_biases(biases_file), timeout=timeout, told=tell, **shared)
+    results = replay_all(read, runs, names=names, biases=read_biases(biases_file), timeout=timeout, told=tell, **shared)
     if not flown:
         raise SimulationError("no model could be replayed: " + results[0].failure)
-    report = None
+    written = None
     if output is not None:
         from .origins import provenance
         from .report import write_report
 
-        made_from = provenance([*(file for case in read for file in case.files()), *map(str, names.values())], runs, command_line())
-        report = write_report(results, output, title=title, provenance=made_from)
+        made_from = provenance([*(file for case in read for file in case.files()), *map(str, names.values())], runs, command_line(), date)
+        written = write_report(results, output, title=title, provenance=made_from, revision=revision, paper=None if no_pdf else paper)
+    if junit is not None:
+        from .exports import write_junit
+
+        write_junit(junit, results, title)
     statuses = [r.status(name) for r in results for name in runs]
     if as_json:
         document([_summary(r) for r in results])
     else:
         counts = ", ".join(f"{statuses.count(word)} {word}" for word in dict.fromkeys(statuses))
         click.echo(f"{len(runs)} model{'s' if len(runs) > 1 else ''} x {len(results)} case{'s' if len(results) > 1 else ''}: {counts}")
-        if report is not None:
-            click.echo(f"written: {report}")
+        if written is not None:
+            click.echo(f"written: {written}")
     ctx.exit(0 if set(statuses) == {"pass"} else 1)
 
 
-@pom.command()
-@_CASE
-@click.option("--prior", required=True, type=click.Path(exists=True, dir_okay=False), help="A-priori database.")
-@click.option("--final", required=True, type=click.Path(exists=True, dir_okay=False), help="Database with flight-identified terms.")
-@_BIASES
-@json_option
-def diagnose(case: Path, prior: str, final: str, biases_file: str | None, as_json: bool) -> None:
-    """Swap terms between two databases and rank which closes how much of the miss."""
-    import aerodb
-    from flightmech import read_aircraft
-    from flightmech.errors import SchemaError
-
-    from .case import read_case
-    from .diagnosis import diagnose as rank
-    from .flight import recorded_states
-
-    found = read_case(case)
-    if not found.aircraft:
-        raise SchemaError(f"case {case}", ["case.aircraft: missing; the kernel flies an aircraft, give its file"])
-    states = recorded_states(found, _biases(biases_file))
-    ranked = rank(found, aerodb.open(prior), aerodb.open(final), read_aircraft(found.aircraft), states)
-    if as_json:
-        document(ranked)
-        return
-    columns = list(map(str, ranked.columns))
-    idle = (ranked["stage"] == "single") & (ranked["closes"].abs() < _IDLE)
-    rows = [[_cell(row[c]) for c in columns] for row in ranked[~idle].to_dict("records")]
-    table(columns, rows, f"{found.id}  {found.title}", right=columns[2:3] + columns[4:])
-    if idle.any():
-        click.echo(f"{int(idle.sum())} single terms that change less than {_IDLE:g} of the gap are left out; --json has them all")
-
-
-def _biases(file: str | None) -> Any:
-    if file is None:
-        return None
-    from flighttest import open_biases
-
-    return open_biases(file)
-
-
-def _files(places: tuple[Path, ...]) -> list[Path]:
-    found: list[Path] = []
-    for place in places:
-        found += sorted(place.glob("*.toml")) if place.is_dir() else [place]
-    if not found:
-        raise click.UsageError(f"no case file (*.toml) in {', '.join(map(str, places))}")
-    return found
-
-
-def _lines(result: Any) -> list[str]:
+def _lines(result: Any, verbose: bool = False) -> list[str]:
     """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s (1.5 deg)``."""
+    from .run_notes import run_notes
+
     case, lines = result.case, []
     for name in result.runs:
         status = result.status(name)
@@ -190,6 +154,7 @@ def _lines(result: Any) -> list[str]:
             rows = result.verdict[(result.verdict["run"] == name) & (result.verdict["verdict"] == status)]
             said += f"  {rows.iloc[0]['note']}" if len(rows) else ""
         lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {said}")
+        lines += [f"{'':8}{text}" for text in run_notes(result, name)] if verbose else []
     return lines
 
 
@@ -204,7 +169,3 @@ def _summary(result: Any) -> dict[str, Any]:
         "verdict": result.verdict.to_dict("records"),
         "trim": result.trim,
     }
-
-
-def _cell(value: Any) -> str:
-    return f"{value:.3f}" if isinstance(value, float) else str(value)

@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+import os
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from typing import Any
 from xml.etree import ElementTree
@@ -14,9 +15,11 @@ import numpy as np
 import pandas as pd
 
 from flightmech.console import plain
+from flightmech.whole import written_whole
 
 from .archive import Archive
 from .result import PomResult
+from .sections.case import keys
 
 _SAMPLES = ("signals", "tolerance", "inputs")
 # a verdict of a group -> the element JUnit has for it; a pass has none
@@ -59,13 +62,13 @@ def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return plain(table.to_dict("records"))
 
 
-def junit(archive: Archive, keys: Sequence[str]) -> str:
+def junit(results: Sequence[PomResult], title: str) -> str:
     """Return the verdicts as JUnit XML: a suite per case, a test per model and group of criteria.
 
     Criteria of one group are alternatives, so a group is one test: it fails only when none of them passes.
     """
-    root = ElementTree.Element("testsuites", name=_clean(archive.title))
-    for key, result in zip(keys, archive.results, strict=True):
+    root = ElementTree.Element("testsuites", name=_clean(title))
+    for key, result in zip(keys(results), results, strict=True):
         suite = ElementTree.SubElement(root, "testsuite", name=_clean(f"{result.case.id} {result.case.title}"))
         for run in result.runs:
             for name, verdict, why in _tests(result, run):
@@ -76,6 +79,12 @@ def junit(archive: Archive, keys: Sequence[str]) -> str:
     _count(root, list(root))
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def write_junit(path: str | os.PathLike, results: Sequence[PomResult], title: str) -> None:
+    """Write `junit` to a file, whole or not at all."""
+    with written_whole(path) as place:
+        place.write_text(junit(results, title), encoding="utf-8", newline="\n")
 
 
 def _tests(result: PomResult, run: str) -> Iterator[tuple[str, str, str]]:

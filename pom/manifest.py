@@ -70,10 +70,9 @@ def manifest(
 
 def _inputs(provenance: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
     """Return every input with its digest; its place is told from the report where it is known."""
-    start = provenance.get("folder", "")
-    found = []
+    places, found = provenance.get("places", {}), []
     for name, digest in sorted(provenance.get("inputs", {}).items()):
-        found.append(_dependency(name, digest, Path(start, name) if start else None, folder))
+        found.append(_dependency(name, digest, Path(places[name]) if name in places else None, folder))
     for run, model in provenance.get("models", {}).items():
         path = model.get("path", "")
         found.append(_dependency(model.get("file", run), model.get("sha256", ""), Path(path) if path else None, folder))

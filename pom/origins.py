@@ -5,14 +5,15 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterable, Mapping
-from importlib.metadata import version
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .sections.provenance import Provenance
 
-SOFTWARE = ("aeromatch", "fmpy", "numpy", "scipy", "xarray")
+SOFTWARE = ("aeromatch", "fmpy", "numpy", "scipy", "typst", "xarray")
 
 
 def provenance(inputs: Iterable[str | Path], models: Mapping[str, str | Path], command: str = "", date: str = "") -> Provenance:
@@ -32,27 +33,35 @@ def provenance(inputs: Iterable[str | Path], models: Mapping[str, str | Path], c
     Returns
     -------
     dict
-        For `write_report`: ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, the ``folder`` their names start
-        from, ``models`` with file, SHA-256 and path.
+        For `write_report`: ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, the ``places`` where they lie,
+        ``models`` with file, SHA-256 and path.
     """
     files = sorted({Path(file).resolve() for file in inputs})
     folder = os.path.commonpath([file.parent for file in files]) if files else ""
     return {
         "command": command,
         "date": date,
-        "folder": folder,
-        "versions": {name: version(name) for name in SOFTWARE},
+        "versions": _versions(),
         "inputs": {file.relative_to(folder).as_posix(): sha256(file) for file in files},
+        "places": {file.relative_to(folder).as_posix(): str(file) for file in files},
         "models": {
             name: {"file": Path(file).name, "sha256": sha256(file), "path": str(Path(file).resolve())} for name, file in models.items()
         },
     }
 
 
+def _versions() -> dict[str, str]:
+    found = {}
+    for name in SOFTWARE:
+        with suppress(PackageNotFoundError):
+            found[name] = version(name)
+    return found
+
+
 def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a report prints of its provenance: names and hashes, no folder of the machine it was made on."""
     models = {run: {key: text for key, text in model.items() if key != "path"} for run, model in provenance.get("models", {}).items()}
-    kept = {key: item for key, item in provenance.items() if key != "folder"}
+    kept = {key: item for key, item in provenance.items() if key != "places"}
     return {**kept, "models": models} if models else kept
 
 

@@ -56,8 +56,8 @@ def write_report(
     title : str
         Title of the report, e.g. the airplane and the model standard.
     provenance : Provenance, optional
-        From `pom.provenance`: ``date`` of the results, ``command``, ``versions``, ``inputs`` (file to SHA-256) and the ``folder``
-        they start from, ``models`` (run to ``file``, ``sha256`` and ``path``).
+        From `pom.provenance`: ``date`` of the results, ``command``, ``versions``, ``inputs`` (file to SHA-256) and their
+        ``places``, ``models`` (run to ``file``, ``sha256`` and ``path``).
     databases : mapping of str to DataTree, optional
         Aero databases to set against each other, the prior first; names of runs take the line code of the runs.
     diagnoses : mapping of str to DataFrame, optional
@@ -106,7 +106,7 @@ def write_report(
         written = {name: new(name) for name in (HTML, JSON, SAMPLES, JUNIT)}
         _write(written[HTML], html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes))
         _write(written[JSON], results_json(archive, modes))
-        _write(written[JUNIT], junit(archive, names))
+        _write(written[JUNIT], junit(results, title))
         write_archive(written[SAMPLES], archive, names)
         tables = stack.enter_context(folder_written_whole(folder / CSV))
         for name, result in zip(names, results, strict=True):

@@ -25,7 +25,7 @@ from . import content
 from .figure import LEAST, MOST_PANELS, Drawing, arranged, drawing, legend
 from .waterfall import waterfall
 
-STANDARDS = ["a-3b", "ua-1"]
+STANDARDS: Any = ["a-3b", "ua-1"]
 UNDATED = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 """PDF/A demands a date and no clock is read: a report without a date carries this one in its metadata, and says so on its cover."""
 
@@ -74,8 +74,12 @@ def pdf_pages(
 
 
 def _set(folder: Path, date: datetime.datetime) -> bytes:
-    import typst
-
+    try:
+        import typst
+    except ImportError as error:
+        raise SchemaError(
+            "report.pdf", ["typst is not installed; pip install typst, or leave the PDF out (--no-pdf, paper=None)"]
+        ) from error
     try:
         return typst.compile(
             str(folder / "report.typ"),

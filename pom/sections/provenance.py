@@ -25,14 +25,14 @@ class Provenance(TypedDict, total=False):
     """Where a report comes from; every key may be absent.
 
     ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs`` (file to SHA-256),
-    ``folder`` (where the names of ``inputs`` start), ``models`` (run to file, SHA-256 and path).
+    ``places`` (input to path), ``models`` (run to file, SHA-256 and path).
     """
 
     date: str
     command: str
     versions: Mapping[str, str]
     inputs: Mapping[str, str]
-    folder: str
+    places: Mapping[str, str]
     models: Mapping[str, Model]
 
 

@@ -12,7 +12,7 @@ def test_inputs_are_named_from_their_common_folder(tmp_path):
     fmu.write_bytes(b"zip")
     found = pom.provenance([*files, tmp_path / "a" / "deep" / ".." / "one.toml"], {"final": fmu}, "aeromatch pom run")
     assert found["inputs"] == {"deep/two.nc": hashlib.sha256(b"two.nc").hexdigest(), "one.toml": hashlib.sha256(b"one.toml").hexdigest()}
-    assert found["folder"] == str(tmp_path / "a")
+    assert found["places"] == {"deep/two.nc": str(files[1]), "one.toml": str(files[0])}
     assert found["models"] == {"final": {"file": "model.fmu", "sha256": hashlib.sha256(b"zip").hexdigest(), "path": str(fmu)}}
     assert found["command"] == "aeromatch pom run"
     assert set(found["versions"]) >= {"aeromatch", "numpy"}
