@@ -1,0 +1,37 @@
+"""Arguments that several verbs of ``aeromatch pom`` share: case files, and instrument constants for raw records."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import click
+
+cases_argument = click.argument("cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
+biases_option = click.option(
+    "--biases",
+    "biases_file",
+    type=click.Path(exists=True, dir_okay=False),
+    help="Reconstruction of another record; its instrument constants are the prior where the record of a case is raw.",
+)
+
+
+def read_biases(file: str | None) -> Any:
+    """Return the instrument constants of `biases_option`; None without a file."""
+    if file is None:
+        return None
+    from flighttest import open_biases
+
+    return open_biases(file)
+
+
+def case_files(places: Iterable[Path]) -> list[Path]:
+    """Return the case files among files and folders of them."""
+    places = list(places)
+    found: list[Path] = []
+    for place in places:
+        found += sorted(place.glob("*.toml")) if place.is_dir() else [place]
+    if not found:
+        raise click.UsageError(f"no case file (*.toml) in {', '.join(map(str, places))}")
+    return found
