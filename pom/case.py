@@ -13,7 +13,7 @@ from flightmech.names import lookup
 
 from . import case_parts as parts
 from . import table
-from .case_file import FORCES, INPUTS, SHOWN, TRAVEL, CaseFile
+from .case_file import FORCES, INPUTS, SHOWN, TRAVEL, WIND, CaseFile
 from .criteria import Criterion
 from .pilot import Loop
 
@@ -206,6 +206,8 @@ def read_case(path: str | Path) -> PomCase:
     parts.check_names("ticks", file.ticks, names, "criterion", problems)
     parts.check_names("rationale", file.rationale, names | {c.channel for c in found} | set(case.show), "criterion or channel", problems)
     parts.check_names("certified", file.certified, {c.parameter for c in found}, "parameter", problems)
+    calm = [name for name in file.conditions if name in WIND and file.drive.wind == "none"]
+    problems += [f'conditions.{name}: drive.wind is "none", calm air; give one of the two' for name in calm]
     largest, fraction = parts.ranges(file.ranges, problems), parts.fraction(file)
     drive = _drive(file, found, problems)
     as_written: dict[str, Any] = {key: getattr(case, key) for key in _AS_WRITTEN}
