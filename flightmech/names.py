@@ -166,6 +166,7 @@ _ROWS = [
     ("ignition", "1", "", "ignition, 0 off, 1 on", "", "1"),
     ("flameout", "1", "", "failure that puts the flame out, 0 none, 1 out", "", "1"),
     ("fuel", "kg", "", "fuel on board", "", "lb"),
+    ("fuel_used", "kg", "", "fuel burned from the start", "", "lb"),
     # coefficients
     ("CL", "1", "up", "lift coefficient, stability axes", "liftCoefficient", "1"),
     ("CD", "1", "aft", "drag coefficient, stability axes", "dragCoefficient", "1"),

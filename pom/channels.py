@@ -74,8 +74,9 @@ CHANNELS: dict[str, str] = {
     "throttle_angle": "engine1.pla",
     "prop_lever": "engine1.prop_lever",
 }
-OTHERS: dict[str, tuple[str, ...]] = {"trim_surface": ("i_h",), "trim_rate": ("i_h",), "fuel_used": ("engine1.fuel_flow",)}
-"""What a parameter is judged on when the record lacks the first choice: an adjustable stabilizer instead of a tab."""
+OTHERS: dict[str, tuple[str, ...]] = {"trim_surface": ("i_h",), "trim_rate": ("i_h",), "fuel_used": ("fuel_used",)}
+"""What a parameter is judged on when the record lacks the first choice: an adjustable stabilizer instead of a tab, fuel
+flow instead of fuel on board."""
 
 MODE_CHANNELS = {"2.c.9": "V_cas", "2.d.7": "r"}
 """Where a mode is measured unless the case says otherwise: the phugoid in airspeed, the Dutch roll in yaw rate."""

@@ -24,6 +24,7 @@ SOURCES: dict[str, tuple[str, ...]] = {
     "y_runway": ("vn", "ve"),
     "psi_dot": ("q", "r", "phi", "theta"),
     "F_rim": ("F_wheel",),
+    "fuel_used": ("engine1.fuel_flow",),
 }
 """Quantities that are formed of signals, and of which; a record or a model that holds the quantity itself is believed."""
 
@@ -114,5 +115,6 @@ _RECIPES: dict[str, Callable[[Signals], np.ndarray]] = {
     "distance": lambda s: _integral(s["V_ground"], s.time),
     "y_runway": _deviation,
     "psi_dot": lambda s: (s["q"] * np.sin(s["phi"]) + s["r"] * np.cos(s["phi"])) / np.cos(s["theta"]),
+    "fuel_used": lambda s: _integral(np.sum(list(s.fuel_flow.values()), axis=0), s.time),
     "F_rim": lambda s: s["F_wheel"] / s.wheel_radius,
 }

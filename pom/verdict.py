@@ -156,7 +156,8 @@ def helpful(criterion: Criterion) -> tuple[str, ...]:
     """Return signals that tell the events and conditions of a criterion; a model may have them."""
     event = OF_PARAMETER.get(criterion.parameter, "") if criterion.measure in ("event_value", "setup") else ""
     tellers = [name for mark in (event, *criterion.bounds) for name in (*DISCRETES.get(mark, ()), *LEVELS.get(mark, ())[:1])]
-    return tuple(dict.fromkeys(name for channel in (*tellers, *asked(criterion.condition)) for name in sources(channel)))
+    flows = [f"engine{n}.fuel_flow" for n in range(1, 5)] if criterion.channel == "fuel_used" else []
+    return tuple(dict.fromkeys(name for channel in (*tellers, *asked(criterion.condition), *flows) for name in sources(channel)))
 
 
 def formed_channels(case: PomCase, flight: Signals) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from flightmech.units import FOOT, KNOT
 
@@ -82,7 +81,9 @@ def _gate(criterion: Criterion, match: Match, start: float) -> Gate:
         raise NotJudged(f"{event} has to be told by {channel}, and flight and model do not both have it")
     mark = marked(match, event)
     if mark <= end + 1e-9:
-        return Gate(channel, level_at(match, event, mark), direction, mark)
+        level = level_at(match, event, mark)
+        stood = crossing(match.time, match.flight[channel], level, direction, start) if event == "full_stop" else None
+        return Gate(channel, level, direction, mark if stood is None else stood)
     asked = SHARE.get(plain_id(match.case.id), 1.0)
     share = (end - start) / (mark - start)
     if share < asked:
@@ -142,13 +143,9 @@ def _amount(criterion: Criterion, match: Match, which: int, ends: tuple[float, f
     signals, time = (match.flight, match.model)[which], match.time
     if criterion.channel == "time":
         return ends[1] - ends[0]
-    if criterion.parameter == "fuel_used" and criterion.channel != "fuel":
-        engines = sorted(set(match.flight.fuel_flow) & set(match.model.fuel_flow))
-        flow = np.sum([signals[name] for name in engines], axis=0)
-        part = (time >= ends[0]) & (time <= ends[1])
-        demand_finite(WHO[which], time[part], flow[part])
-        return float(trapezoid(flow[part], time[part]))
+    if criterion.channel == "fuel_used" and set(match.flight.fuel_flow) != set(match.model.fuel_flow):
+        raise NotJudged("flight and model do not tell the fuel flow of the same engines")
     part = (time >= ends[0] - 1e-9) & (time <= ends[1] + 1e-9)
     demand_finite(WHO[which], time[part], signals[criterion.channel][part])
     low, high = np.interp(ends, time, signals[criterion.channel])
-    return float(low - high if criterion.parameter == "fuel_used" else high - low)
+    return float(low - high if criterion.channel == "fuel" else high - low)

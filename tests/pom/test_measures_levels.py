@@ -151,7 +151,11 @@ def test_lateral_deviation_is_formed_of_ground_speed_alike_in_both(judged):
 
     def run(drift):
         along, across = 60.0 * FLAT, np.where(TIME > 20.0, drift, 0.0)
-        return {"vn": along * np.cos(track) - across * np.sin(track), "ve": along * np.sin(track) + across * np.cos(track), "V_cas": 60.0 * FLAT}
+        return {
+            "vn": along * np.cos(track) - across * np.sin(track),
+            "ve": along * np.sin(track) + across * np.cos(track),
+            "V_cas": 60.0 * FLAT,
+        }
 
     events = {"engine_failure": 15.0, "recovery": 60.0}
     got = judged("1.b.2", TIME, run(0.2), run(0.25), events=events)["lateral_deviation"]
