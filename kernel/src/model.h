@@ -142,7 +142,7 @@ typedef struct {
     double acceleration[3], angular[3];          /* d(u, v, w)/dt relative to the air, d(p, q, r)/dt */
     double alpha_dot, beta_dot;
     double c[COEFFICIENTS];                      /* CL CD stability axes, CY body axis, Cl Cm Cn body axes at the reference */
-    double thrust[MAX_ENGINES], steady[MAX_ENGINES];
+    double thrust[MAX_ENGINES];
 } now_t;
 
 /* A place, and the radii of curvature there plus its height, north-south and east-west. */
