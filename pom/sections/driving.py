@@ -12,7 +12,7 @@ from pom.pilot_activity import pilot_activity
 from pom.result import PomResult
 
 from .panels import split_inputs
-from .quantities import Label, fixed, label, measured, number, percent, plainly, short
+from .quantities import Label, fixed, has_ends, label, measured, number, percent, plainly, short
 
 _SURFACES = {
     "recorded": "recorded surface positions drive the model; augmentation of the airplane, if any, is in the record",
@@ -79,7 +79,7 @@ def _steady(result: PomResult, name: str) -> str:
     values = result.inputs[name].values
     mean, stray = float(values.mean()), float(np.abs(values - values.mean()).max())
     shown = label(name)
-    if stray < 1e-9 * max(1.0, abs(mean)) or shown.is_word:
+    if stray < 1e-9 * max(1.0, abs(mean)) or has_ends(name):
         return measured(mean, name)
     value = f"{plainly(float(shown.shown(mean)), shown.unit)} ±\N{NO-BREAK SPACE}{short(float(shown.width(stray)), 2)}"
     return f"{value} {shown.unit}".strip()

@@ -50,6 +50,7 @@ _SYMBOLS = {
     "mass": ("m", ""),
     "thrust_drive": ("F", ""),
     **{f"wind_{x}": ("W", x) for x in "ned"},
+    **{f"{axis}_cg_b": (axis, "cg") for axis in "xyz"},
     "V_cas": ("V", "CAS"),
     "V_eas": ("V", "EAS"),
     **{name: (name[0], name[1:]) for name in ("ax", "ay", "az", "nz", "vn", "ve", "vd", "n1", "n2", "CL", "CD", "CY", "CX", "CZ")},
@@ -148,13 +149,13 @@ class Label:
     @property
     def is_word(self) -> bool:
         """Whether the quantity has no symbol, only a name such as ``gear``."""
-        return not self.sub and len(self.base) > 2 and self.base.isascii()
+        return len(self.base) > 2 and self.base.isascii()
 
     @property
     def html(self) -> Markup:
         """The symbol with its subscript; a plain name stays upright."""
         if self.is_word:
-            return Markup("{}").format(self.base)
+            return Markup("{}").format(self.words or self.name)
         return Markup("<i>{}</i>{}").format(self.base, Markup("<sub>{}</sub>").format(self.sub) if self.sub else "")
 
     @property
@@ -292,6 +293,11 @@ def measured(si: float, name: str) -> str:
     if stem in _ENDS and (end := round(si)) in (0, 1) and abs(si - end) < AT_END:
         return _ENDS[stem][end]
     return f"{plainly(float(shown.shown(si)), shown.unit)}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
+
+
+def has_ends(name: str) -> bool:
+    """Whether a quantity is told by the words of its ends, such as an undercarriage that is up or down."""
+    return name.rpartition(".")[2] in _ENDS
 
 
 def plainly(value: float, unit: str) -> str:

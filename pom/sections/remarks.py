@@ -8,7 +8,7 @@ from typing import Any
 
 from pom.result import PomResult
 
-from .quantities import MINUS, label, measured, short
+from .quantities import MINUS, has_ends, label, measured, short
 from .verdicts import MARKS, MODAL, words
 
 _REFERENCES = {
@@ -64,7 +64,7 @@ def _of_rows(result: PomResult) -> list[str]:
 def _given(value: float, name: str) -> str:
     """Return a value as somebody set it, without trailing zeros."""
     shown = label(name)
-    if shown.is_word:
+    if has_ends(name):
         return measured(value, name)
     return f"{short(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
 

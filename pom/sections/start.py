@@ -16,6 +16,7 @@ from .quantities import MINUS, MISSING, Label, fixed, label, measured, number, p
 
 _CONFIGURATION = ("mass", "x_cg", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "delta_f", "gear", "speedbrake")
 _ATMOSPHERE = ("h", "h_agl", "h_baro", "p_static", "temperature", "rho", "delta_T", "qnh", "runway_elevation", "wind", "a_sound")
+_LONG = 20.0  # [s] from which small errors of force add up
 _CALM = 0.05  # [m/s] a vertical wind below this is not told
 
 
@@ -93,7 +94,7 @@ def _value(value: float, shown: Label) -> str:
 
 def _difference(value: float, shown: Label) -> str:
     text = _value(value, shown)
-    return text if text == MISSING or text.startswith(MINUS) or value == 0.0 else f"+{text}"
+    return text if text == MISSING or text.startswith(MINUS) or not text.strip("0.") else f"+{text}"
 
 
 def calibration(result: PomResult) -> list[tuple[str, str]]:
@@ -106,7 +107,10 @@ def calibration(result: PomResult) -> list[tuple[str, str]]:
 
 
 def drift(result: PomResult) -> list[tuple[Label, str, str, str]]:
-    """Return how fast speed, height and heading of every model leave those of the flight: channel, run, rate, spread."""
+    """Return how fast speed, height and heading of every model leave those of the flight in a long run: channel, run, rate, spread."""
+    time = result.signals["time"].values
+    if time[-1] - time[0] < _LONG:
+        return []
     rows = []
     for row in offsets.drift(result).to_dict("records"):
         shown = label(str(row["channel"]))
