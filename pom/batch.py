@@ -17,7 +17,7 @@ from flightmech.errors import SchemaError, SimulationError
 
 from .case import PomCase
 from .flight import recorded_states
-from .flying import Model, models_of
+from .flying import Models
 from .replaying import Plan, check_plan, perform, plan_of
 from .result import PomResult
 from .store import Store
@@ -79,11 +79,13 @@ def replay_all(
     SimulationError
         No scheduler or no worker answers, or the workers of one case died again and again.
     """
-    models = models_of(runs, names)
+    models = Models(runs, names)
+    for case in cases:
+        models.of(case)  # a table that does not fit is told before records are reconstructed, which takes long
     plans = _plans(cases, paths or {}, biases)
     _check(plans, models)
     store = Store(Path(resume).resolve()) if resume is not None else None
-    calls = ((plan, models, timeout, store) for plan in plans)
+    calls = ((plan, models.of(plan.case), timeout, store) for plan in plans)
     results = []
     for result in _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs):
         results.append(result)
@@ -107,10 +109,10 @@ def _plans(cases: Iterable[PomCase], paths: Mapping[str, Any], biases: xr.Datase
     return plans
 
 
-def _check(plans: Iterable[Plan], models: Mapping[str, Model]) -> None:
+def _check(plans: Iterable[Plan], models: Models) -> None:
     problems: list[str] = []
     for plan in plans:
-        for name, model in models.items():
+        for name, model in models.of(plan.case).items():
             try:
                 check_plan(plan, model)
             except SchemaError as error:

@@ -103,6 +103,8 @@ class PomCase:
         By criterion or channel: why it is as it is.
     source : dict of str to str
         Where the flight data come from: document, pages, flight, run, filters ...
+    models : dict of str to str
+        By model: the table of its names, when its names, units or signs are not those of the house.
     objective, procedure, manual, evaluation, notes : str
         What the test shows, how it is flown automatically and by hand, how it is evaluated, remarks.
     """
@@ -133,6 +135,7 @@ class PomCase:
     ticks: dict[str, str] = field(default_factory=dict)
     rationale: dict[str, str] = field(default_factory=dict)
     source: dict[str, str] = field(default_factory=dict)
+    models: dict[str, str] = field(default_factory=dict)
     objective: str = ""
     procedure: str = ""
     manual: str = ""
@@ -141,7 +144,7 @@ class PomCase:
 
     def files(self) -> list[str]:
         """Return the case file and the files it names."""
-        return [name for name in (self.path, self.record, self.names, self.aircraft) if name]
+        return [name for name in (self.path, self.record, self.names, self.aircraft, *self.models.values()) if name]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the case as plain data."""
@@ -211,7 +214,7 @@ def read_case(path: str | Path) -> PomCase:
     largest, fraction = parts.ranges(file.ranges, problems), parts.fraction(file)
     drive = _drive(file, found, problems)
     as_written: dict[str, Any] = {key: getattr(case, key) for key in _AS_WRITTEN}
-    as_written |= {key: parts.place(path, getattr(case, key), key, problems) for key in ("record", "names", "aircraft")}
+    as_written |= {key: parts.place(path, getattr(case, key), f"case.{key}", problems) for key in ("record", "names", "aircraft")}
     resolved = PomCase(
         **as_written,
         path=str(path),
@@ -226,6 +229,7 @@ def read_case(path: str | Path) -> PomCase:
         ticks=dict(file.ticks),
         rationale=dict(file.rationale),
         source=dict(file.source),
+        models={name: parts.place(path, place, f"models.{name}", problems) for name, place in file.models.items()},
     )
     if problems:
         raise SchemaError(f"case {path}", problems)

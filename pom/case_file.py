@@ -109,6 +109,7 @@ class CaseFile(Strict):
     drive: DriveTable = DriveTable()
     conditions: dict[str, Quantity] = _table("Values against the record: inputs held constant, parts of the initial state, mass, air.")
     events: dict[str, float] = _table("Instants that bound the windows of rows, on the clock of the record [s].")
+    models: Texts = _table("By model: its table of names, when its names, units or signs are not of the house. Relative to this file.")
     tolerance: dict[str, Any] = _table("Bands that replace those of the row or add to them, by criterion or channel.")
     ranges: dict[str, Quantity] = _table("Largest value in service by channel, the base of lone percentages (rule R3).")
     certified: dict[str, Quantity] = _table("Certified value by parameter, below which a floor criterion fails.")

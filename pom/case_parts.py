@@ -111,7 +111,7 @@ def place(path: Path, name: str, key: str, problems: list[str]) -> str:
         return ""
     found = path.parent / name
     if not found.is_file():
-        problems.append(f"case.{key}: no file {found}; the name is relative to the case file")
+        problems.append(f"{key}: no file {found}; the name is relative to the case file")
     return os.path.normpath(found)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from flightmech.errors import SchemaError
 
+from .case import PomCase
 from .channels import WRAPPED
 from .child import hired
 from .drive import Job
@@ -35,32 +36,49 @@ class Model:
         return f"{self.fmu.path.name}, FMI {self.fmu.version}{kind}, sha256 {self.fmu.sha256}"
 
 
-def models_of(runs: Mapping[str, str | Path], names: Mapping[str, str | Path] | None = None) -> dict[str, Model]:
-    """Read FMUs and their tables of names.
+class Models:
+    """The models of a batch, read once; each case may bring tables of names of its own.
 
     Parameters
     ----------
     runs : mapping of str to path
         Name of a model to its FMU.
     names : mapping of str to path, optional
-        Name of a model to its table of names (`links_of`).
+        Name of a model to its table of names (`links_of`); it goes before that of a case.
 
     Raises
     ------
     ParseError, FileNotFoundError
-        No FMU, no table.
+        No FMU.
     SchemaError
-        A table that does not fit its FMU, or one for a model that is not there.
+        A table for a model that is not there.
     """
-    tables = dict(names or {})
-    strangers = [name for name in tables if name not in runs]
-    if strangers:
-        raise SchemaError("names", [f"{name}: no such model; there are {', '.join(runs)}" for name in strangers])
-    found = {}
-    for name, file in runs.items():
-        fmu = read_fmu(file)
-        found[name] = Model(fmu, links_of(fmu, tables.get(name)))
-    return found
+
+    def __init__(self, runs: Mapping[str, str | Path], names: Mapping[str, str | Path] | None = None):
+        self.names = {name: str(table) for name, table in (names or {}).items()}
+        strangers = [name for name in self.names if name not in runs]
+        if strangers:
+            raise SchemaError("names", [f"{name}: no such model; there are {', '.join(runs)}" for name in strangers])
+        self._fmus = {name: read_fmu(file) for name, file in runs.items()}
+        self._links: dict[tuple[str, str | None], Links] = {}
+
+    def of(self, case: PomCase) -> dict[str, Model]:
+        """Return the models as they speak in a case.
+
+        Raises
+        ------
+        ParseError, FileNotFoundError
+            No table of names.
+        SchemaError
+            A table that does not fit its FMU.
+        """
+        tables = {**case.models, **self.names}
+        return {name: Model(fmu, self._joined(name, tables.get(name))) for name, fmu in self._fmus.items()}
+
+    def _joined(self, name: str, table: str | None) -> Links:
+        if (name, table) not in self._links:
+            self._links[name, table] = links_of(self._fmus[name], table)
+        return self._links[name, table]
 
 
 def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: Store | None = None) -> tuple[Found, str]:
@@ -115,8 +133,14 @@ def _task(model: Model, job: Job, outputs: list[str], time: np.ndarray) -> dict[
     def at_points(values: np.ndarray) -> np.ndarray:
         return values if time is job.time else np.interp(time, job.time, values)
 
-    inputs = {links.inputs[name].variable: links.inputs[name].to_fmu(at_points(u)) for name, u in job.inputs.items() if name in links.inputs}
-    parameters = {links.parameters[name].variable: links.parameters[name].to_fmu(value) for name, value in job.parameters.items() if name in links.parameters}
+    inputs = {
+        links.inputs[name].variable: links.inputs[name].to_fmu(at_points(u)) for name, u in job.inputs.items() if name in links.inputs
+    }
+    parameters = {
+        links.parameters[name].variable: links.parameters[name].to_fmu(value)
+        for name, value in job.parameters.items()
+        if name in links.parameters
+    }
     inputs |= {name: np.full(len(time), value) for name, value in links.fixed.items() if name in model.fmu.inputs}
     parameters |= {name: value for name, value in links.fixed.items() if name not in model.fmu.inputs}
     task = {"time": time, "inputs": inputs, "parameters": parameters, "outputs": [links.outputs[name].variable for name in outputs]}

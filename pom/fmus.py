@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -160,16 +161,19 @@ def check(fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str],
         raise SchemaError(f"FMU {fmu.path}", problems)
 
 
-def _unit_problem(what: str, name: str, unit: str) -> list[str]:
+@cache
+def _unit_problem(what: str, name: str, unit: str) -> tuple[str, ...]:
     """Compare the declared unit of a variable that no table turns with that of the house: same quantity, same size."""
     try:
         expected = house_unit(name)
     except UnknownName:
-        return []
+        return ()
     try:
         same = not unit or parse(unit) == parse(expected)
     except UnitError as error:
         return [f"{what} {name}: {error}"]
     if same:
         return []
-    return [f"{what} {name} is in {unit!r}; this house needs {expected!r}, write the FMU in SI or give its unit in a table of names (--names)"]
+    return [
+        f"{what} {name} is in {unit!r}; this house needs {expected!r}, write the FMU in SI or give its unit in a table of names (--names)"
+    ]

@@ -21,7 +21,7 @@ from .conditions import settled
 from .criteria import Criterion
 from .drive import Job, configuration, job_of
 from .flight import flight_states
-from .flying import Model, fly, models_of
+from .flying import Model, Models, fly
 from .fmus import check
 from .offsets import CALIBRATION
 from .pilot_activity import PILOT, activity
@@ -73,7 +73,8 @@ def replay(
     timeout : float
         Wall time allowed per model. [s]
     names : mapping of str to path, optional
-        Name of a model to the table of its names, units and signs, when they are not those of the house (`docs/pom-replay.md`).
+        Name of a model to the table of its names, units and signs, when they are not those of the house (`docs/pom-replay.md`);
+        it goes before that of the case file.
 
     Returns
     -------
@@ -87,7 +88,7 @@ def replay(
     OutOfRange
         The window is not inside the record, or an input holds a NaN.
     """
-    models = models_of(runs, names)
+    models = Models(runs, names).of(case)
     plan = plan_of(case, path)
     for model in models.values():
         check_plan(plan, model)
@@ -190,9 +191,7 @@ def assemble(
     return PomResult(
         case=case,
         conditions=dict(configuration(case, job)),
-        signals=_signals(shown, flight, found).assign_attrs(
-            {**told, **(attrs or {})}
-        ),
+        signals=_signals(shown, flight, found).assign_attrs({**told, **(attrs or {})}),
         tolerance=bands(case, job.time, flight),
         inputs=_inputs(job),
         trim=trim_table(flight, found),

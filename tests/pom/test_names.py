@@ -111,3 +111,16 @@ def test_a_fixed_value_and_the_sign_reach_the_fmu(write_case, toy, table, lag_st
     assert abs(result.signals["theta"][1] - result.signals["theta"][0]).max() < 1e-14
     fixed = replay(case, {"toy": fmu}, lag_states.assign(delta_e=0.0 * lag_states["delta_e"]), names={"toy": table('[fixed]\nElev = 0.1\n')})
     assert fixed.signals["nz"][1].values == pytest.approx(1.0 - 4.0 * 0.1, abs=1e-15)
+
+
+def test_a_case_file_may_name_the_table_and_the_call_goes_before_it(write_case, toy, table, lag_states, tmp_path):
+    turned = table('[inputs]\ndelta_e = {variable = "Elev", sign = -1}\n')
+    (tmp_path / "plain.toml").write_text('[inputs]\ndelta_e = "Elev"\n')
+    case = read_case(write_case(case='show = ["theta"]', more='trim = false\n[models]\ntoy = "names.toml"\nother = "plain.toml"'))
+    assert case.files()[2:] == [str(turned), str(tmp_path / "plain.toml")]
+    fmu = toy(rename={"delta_e": "Elev"})
+    own = replay(case, {"toy": fmu}, lag_states)
+    given = replay(case, {"toy": fmu}, lag_states, names={"toy": tmp_path / "plain.toml"})
+    assert own.signals["theta"][1].values == pytest.approx(-given.signals["theta"][1].values, abs=1e-15)
+    with pytest.raises(SchemaError, match="models.toy: no file .*gone.toml"):
+        read_case(write_case(more='trim = false\n[models]\ntoy = "gone.toml"'))

@@ -48,15 +48,17 @@ def scaled(db, **factors):
     return aerodb.replace_terms(db, {name: found[name].assign(value=found[name]["value"] * factors[key]) for key, name in names.items()})
 
 
-def flight(db, **controls):
+def flight(db, duration=20.0, **controls):
     """Return what a perfect reconstruction of a flight would give: 20 s at 50 Hz, trimmed at 85 m/s in wind and warm air.
 
     Parameters
     ----------
+    duration : float
+        [s]
     **controls : list of (time, deflection)
         Corners of control movements added to the trim, ``delta_e=[(5.5, 0.0), (5.6, -0.05)]``.
     """
-    time = np.round(np.arange(0.0, 20.001, 0.02), 9)
+    time = np.round(np.arange(0.0, duration + 0.001, 0.02), 9)
     inputs = {name: ("time", np.interp(time, *np.transpose(corners))) for name, corners in controls.items()}
     inputs |= {"wind_n": ("time", time * 0.0 + 5.0), "wind_e": ("time", time * 0.0 - 3.0)}
     start = {"init.V": 85.0, "init.h": 1500.0, "init.psi": 6.2, "env.delta_T": 12.0, "env.qnh": 100500.0, "mode.engine": 2, "mode.trim": 1}
