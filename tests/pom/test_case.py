@@ -105,3 +105,70 @@ def test_conditions_carry_units(write_case):
 
 def test_memory_rows_keep_their_mark(write_case):
     assert criteria(write_case("2.d.3"))["bank_angle"].provenance == "memory"
+
+
+def test_engineering_reference_takes_the_fraction_of_its_edition(write_case):
+    """Rule R9: 20 % in the edition of 2014, 40 % from 2016 on; a fraction that the file says goes before both."""
+    assert read_case(write_case(case='reference = "engineering"')).fraction == 0.2
+    later = 'reference = "engineering"\nedition = "2016-05-31 (Amdt 60-4)"'
+    assert read_case(write_case("2.c.8.a", case=later)).fraction == 0.4
+    own = read_case(write_case(case='reference = "engineering"\nfraction = 0.3'))
+    assert {c.fraction for c in own.criteria} == {0.3}
+    assert read_case(write_case()).fraction == 1.0
+
+
+def test_texts_and_ranges_reach_the_case(write_case):
+    more = '[ranges]\n"engine1.thrust" = "1000 lbf"\n[ticks]\npitch_angle = "A. Smith, 2026-11-21, agreed"\n[rationale]\ntheta = "gust"\n'
+    case = read_case(write_case(case='objective = "shows it"\nmanual = "pull"', more=more + '[source]\nrun = "21"'))
+    assert case.ranges == {"engine1.thrust": pytest.approx(4448.2216)}
+    assert (case.objective, case.manual, case.source["run"]) == ("shows it", "pull", "21")
+    assert case.ticks["pitch_angle"].startswith("A. Smith")
+    assert PomCase.from_dict(case.to_dict()) == case
+
+
+def test_a_floor_takes_its_certified_value(write_case):
+    case = read_case(write_case("1.c.2", more='[certified]\nclimb_gradient = "2.4 %"', case='shortened = "x"'))
+    assert case.certified == {"climb_gradient": pytest.approx(0.024)}
+
+
+@pytest.mark.parametrize(
+    ("more", "text"),
+    [
+        ('[ticks]\npitch = "x"', "ticks: unknown criterion 'pitch'; near it: pitch_"),
+        ('[rationale]\nthetta = "x"', "rationale: unknown criterion or channel 'thetta'; near it: theta"),
+        ('[ranges]\ntheta = "3 ft"', "ranges.theta: unit 'ft' cannot be converted to 'rad'"),
+        ('[certified]\nclimb_gradient = "2.4 %"', "certified: unknown parameter 'climb_gradient'"),
+    ],
+)
+def test_tables_of_texts_and_ranges_know_their_keys(write_case, more, text):
+    with pytest.raises(SchemaError) as caught:
+        read_case(write_case(more=more))
+    assert text in str(caught.value)
+
+
+def test_problems_of_every_table_come_together(write_case):
+    """One file, one list: wrong limits, a loop without its drive, an event, a tick and a missing record."""
+    loop = '[[drive.pilot]]\ncontrol = "delta_q"\nchannel = "phi"\ngain = 1\nlimit = 1'
+    path = write_case(more=f'[events]\nrelease_x = 1\n[ticks]\nnone = "x"\n{loop}')
+    text = path.read_text().replace("record.nc", "no.nc")
+    path.write_text(text.replace("[drive]", '[drive]\nlimits = { delta_e = "-1 deg", delta_x = 3 }'))
+    with pytest.raises(SchemaError) as caught:
+        read_case(path)
+    told = "\n".join(caught.value.problems)
+    for part in (
+        "events: unknown event 'release_x'",
+        "ticks: unknown criterion 'none'",
+        "drive.limits.delta_e: -0.0174533 is not positive",
+        "unknown bias of the trim 'delta_x'",
+        "unknown control 'delta_q'",
+        "loops and surfaces",
+        "case.record: no file",
+    ):
+        assert part in told
+
+
+def test_calm_air_takes_no_wind(write_case):
+    path = write_case(more='[conditions]\nwind_n = "5 kt"')
+    path.write_text(path.read_text().replace("[drive]", '[drive]\nwind = "none"'))
+    with pytest.raises(SchemaError, match=r"conditions\.wind_n: drive\.wind is \"none\""):
+        read_case(path)

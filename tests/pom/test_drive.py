@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from flightmech.errors import UnknownName
 from pom.case import read_case
 from pom.drive import job_of
 
@@ -60,3 +61,52 @@ def test_one_pedal_recorded_brakes_both_wheels_and_its_noise_none(write_case, tm
         assert side in found.needed_inputs
     released = rolling.assign(brake=rolling["brake"] * 0.0 + 0.004)
     assert "brake_left" not in job(write_case, tmp_path, released, "trim = true").needed_inputs
+
+
+TRAVELS = {"column": 0.03, "wheel": 0.2, "pedal": -0.01}
+FORCES = {"F_column": 20.0, "F_wheel": 1.0, "F_pedal": -5.0}
+
+
+def cockpit(states: xr.Dataset, values: dict[str, float]) -> xr.Dataset:
+    return states.assign({name: ("time", np.full(states.sizes["time"], value)) for name, value in values.items()})
+
+
+@pytest.mark.parametrize(("level", "values", "mode"), [("cockpit", TRAVELS, 1.0), ("force", FORCES, 2.0)])
+def test_cockpit_channels_drive_and_surfaces_tell_the_start_only(level, values, mode, write_case, tmp_path, rolling):
+    moving = rolling.assign(delta_e=0.01 + 0.001 * (rolling["time"] > 2.0))
+    found = job(write_case, tmp_path, cockpit(moving, values), f'engine = "thrust"\nsurfaces = "{level}"')
+    assert {name: found.inputs[name][-1] for name in values} == values
+    assert set(values) <= set(found.needed_inputs)
+    assert set(found.inputs["delta_e"]) == {0.01}  # held: the circuits start there, then move it
+    assert "delta_e" not in found.needed_inputs
+    assert found.parameters["mode.controls"] == mode
+
+
+def test_surfaces_are_the_default_and_set_no_mode(write_case, tmp_path, rolling):
+    assert "mode.controls" not in job(write_case, tmp_path, rolling, 'engine = "thrust"').parameters
+
+
+def test_a_force_that_is_not_recorded_is_asked_for_or_held(write_case, tmp_path, rolling):
+    states = cockpit(rolling, {"F_column": 20.0})
+    drive = 'engine = "thrust"\nsurfaces = "force"'
+    with pytest.raises(UnknownName, match=r"'F_wheel'.*drives the pilot forces as recorded; map the channel, or hold it by \[conditions\]"):
+        job(write_case, tmp_path, states, drive)
+    held = job(write_case, tmp_path, states, drive + "\n[conditions]\nF_wheel = 0.0\nF_pedal = 0.0")
+    assert not held.inputs["F_wheel"].any()
+
+
+def test_wind_of_the_record_or_none(write_case, tmp_path, rolling):
+    windy = rolling.assign(wind_n=0.0 * rolling["time"] + 4.0)
+    assert set(job(write_case, tmp_path, windy, 'engine = "thrust"').inputs["wind_n"]) == {4.0}
+    assert "wind_n" not in job(write_case, tmp_path, windy, 'engine = "thrust"\nwind = "none"').inputs
+
+
+def test_a_loop_on_the_throttle_moves_every_lever(write_case, tmp_path, rolling):
+    states = rolling.assign({"engine2.throttle": rolling["engine1.throttle"], "engine2.thrust": rolling["engine1.thrust"]})
+    loop = '[[drive.pilot]]\ncontrol = "throttle"\nchannel = "V_cas"\ngain = "2 %/kt"\nlimit = "30 %"'
+    drive = f'engine = "throttle"\nsurfaces = "pilot"\n{loop}'
+    found = job(write_case, tmp_path, states.assign(V_cas=states["V"]), drive)
+    assert [loop.control for loop in found.pilot] == ["engine1.throttle", "engine2.throttle"]
+    assert set(found.targets["V_cas"]) == {7.0}
+    with pytest.raises(UnknownName, match=r"'V_cas'.*the math pilot holds it"):
+        job(write_case, tmp_path, states, drive)
