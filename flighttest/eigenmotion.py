@@ -34,7 +34,7 @@ from .covariance import coloured
 KINDS = ("oscillation", "aperiodic")
 LEAST_CYCLES = 0.5
 LEAST_SHARE = 0.5  # of the variance about a straight line that the mode must explain
-MOVES = 1e-4  # range below which an input does not move [SI: 0.006 deg]
+MOVES = 1e-4  # range below which an input or a channel does not move [SI: 0.006 deg, 0.1 mm/s]
 _COARSE = 300  # samples kept for the search of a start
 _RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / omega of the search
 _ROUNDS = 2  # of weighing the channels by their residuals
@@ -181,8 +181,8 @@ def _samples(data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Seque
         if np.ptp(column) < MOVES:
             raise IdentificationError(f"no excitation: {name} moves by {np.ptp(column):.2g} in the window; choose one in which it moves")
     for name, column in zip(channels, y.T):
-        if np.ptp(column) == 0.0:
-            raise IdentificationError(f"no motion: {name} has one value throughout; it is dead or nothing happens in the window")
+        if np.ptp(column) < MOVES:
+            raise IdentificationError(f"no motion: {name} moves by {np.ptp(column):.2g} in the window; it is dead or nothing happens there")
     return y, u, time
 
 
