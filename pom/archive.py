@@ -3,7 +3,7 @@
 Layout: the text ``document`` of the root is JSON (title, revision, provenance, diagnoses, order of the cases); the group of a case
 holds ``signals(run, channel, time)``, ``tolerance(banded, time)`` and ``inputs(input, time)`` with the names along these dimensions,
 and its own ``document`` (case, conditions, trim, verdicts, failure).  SI and radians; the verdicts are in the unit of the tolerance
-table.  Few large variables instead of many small ones: a hundred cases are read in seconds.
+table.  Files are named from the folder of the report.  Few large variables instead of many small ones: a hundred cases are read in seconds.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from flightmech.console import plain
 from flightmech.errors import SchemaError
 
 from .case import PomCase
+from .origins import case_found_from, case_seen_from
 from .result import PomResult, verdict_table
 
 _NAMES = {"signals": "channel", "tolerance": "banded", "inputs": "input"}  # part of a result -> the dimension of its names
@@ -64,7 +65,7 @@ def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]
     with h5py.File(path, "w") as file:
         _write_document(file, head)
         for key, result in zip(keys, archive.results, strict=True):
-            _write_result(file.create_group(key), result)
+            _write_result(file.create_group(key), result, Path(path).parent)
 
 
 def read_archive(path: str | os.PathLike) -> Archive:
@@ -84,17 +85,17 @@ def read_archive(path: str | os.PathLike) -> Archive:
     try:
         with h5py.File(path, "r") as file:
             head = _read_document(file)
-            results = [_read_result(file[key]) for key in head["cases"]]
+            results = [_read_result(file[key], path.parent) for key in head["cases"]]
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise SchemaError(str(path), [f"not a results.nc of a report, or damaged ({error}); write the report again"]) from error
     diagnoses = {name: pd.DataFrame(table["rows"], columns=table["columns"]) for name, table in head["diagnoses"].items()}
     return Archive(results, head["title"], head["revision"], head["provenance"], diagnoses)
 
 
-def _write_result(group: h5py.Group, result: PomResult) -> None:
+def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
     parts: dict[str, xr.Dataset] = {part: getattr(result, part) for part in _NAMES}
     head: dict[str, Any] = {
-        "case": result.case.to_dict(),
+        "case": case_seen_from(result.case, folder).to_dict(),
         "conditions": result.conditions,
         "failure": result.failure,
         "trim": result.trim.to_dict("split"),
@@ -128,11 +129,11 @@ def _scale(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
     return scale
 
 
-def _read_result(group: h5py.Group) -> PomResult:
+def _read_result(group: h5py.Group, folder: Path) -> PomResult:
     head = _read_document(group)
     trim = pd.DataFrame(head["trim"]["data"], head["trim"]["index"], head["trim"]["columns"], dtype=float)
     return PomResult(
-        case=PomCase.from_dict(head["case"]),
+        case=case_found_from(PomCase.from_dict(head["case"]), folder),
         conditions={name: float("nan") if value is None else float(value) for name, value in head["conditions"].items()},
         trim=trim.rename_axis("quantity"),
         verdict=verdict_table(head["verdict"]),

@@ -18,6 +18,7 @@ from flightmech.console import plain
 from flightmech.whole import written_whole
 
 from .archive import Archive
+from .origins import case_seen_from
 from .result import PomResult
 from .sections.case import keys
 
@@ -26,25 +27,25 @@ _SAMPLES = ("signals", "tolerance", "inputs")
 _ELEMENTS = {"fail": "failure", "invalid": "error", "not_tested": "skipped", "advisory": "skipped"}
 
 
-def results_json(archive: Archive, modes: Sequence[pd.DataFrame]) -> str:
-    """Return ``results.json``: every number that the report prints; the samples are in ``results.nc``."""
+def results_json(archive: Archive, modes: Sequence[pd.DataFrame], folder: str | os.PathLike) -> str:
+    """Return ``results.json``: every number that the report prints; the samples are in ``results.nc``, files are named from `folder`."""
     results = archive.results
     document = {
         "title": archive.title,
         "revision": archive.revision,
         "provenance": plain(archive.provenance),
         "samples": "results.nc",
-        "results": [_numbers(result) for result in results],
+        "results": [_numbers(result, folder) for result in results],
         "modes": {result.case.name: _records(table) for result, table in zip(results, modes, strict=True) if len(table)},
         "diagnoses": {name: _records(table) for name, table in archive.diagnoses.items()},
     }
     return json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False) + "\n"
 
 
-def _numbers(result: PomResult) -> dict[str, Any]:
+def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
     return plain(
         {
-            "case": result.case.to_dict(),
+            "case": case_seen_from(result.case, folder).to_dict(),
             "conditions": result.conditions,
             "status": {run: result.status(run) for run in result.runs},
             "models": dict(result.signals.attrs),

@@ -16,6 +16,7 @@ from urllib.parse import quote, unquote
 from flightmech.console import plain
 from flightmech.errors import SchemaError
 
+from .origins import case_seen_from, seen_from
 from .result import PomResult
 
 NAME = "manifest.json"
@@ -59,7 +60,7 @@ def manifest(
             "buildDefinition": {
                 "buildType": BUILD,
                 "externalParameters": given,
-                "internalParameters": {"cases": [result.case.to_dict() for result in results]},
+                "internalParameters": {"cases": [case_seen_from(result.case, folder).to_dict() for result in results]},
                 "resolvedDependencies": _inputs(provenance, Path(folder)),
             },
             "runDetails": {"builder": {"id": BUILD, "version": dict(provenance.get("versions", {}))}},
@@ -83,15 +84,8 @@ def _inputs(provenance: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]
 def _dependency(name: str, digest: str, path: Path | None, folder: Path) -> dict[str, Any]:
     item: dict[str, Any] = {"name": name, "digest": {"sha256": digest}}
     if path is not None:
-        item["uri"] = quote(_from(path, folder))
+        item["uri"] = quote(seen_from(path, folder))
     return item
-
-
-def _from(path: Path, folder: Path) -> str:
-    try:
-        return Path(os.path.relpath(path, folder.resolve())).as_posix()
-    except ValueError:  # another drive
-        return path.as_posix()
 
 
 def place(dependency: Mapping[str, Any], folder: str | os.PathLike) -> Path | None:

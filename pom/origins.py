@@ -6,13 +6,16 @@ import hashlib
 import os
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .case import PomCase
     from .sections.provenance import Provenance
 
+FILES = ("path", "record", "names", "aircraft")
 SOFTWARE = ("aeromatch", "fmpy", "numpy", "scipy", "typst", "xarray")
 
 
@@ -63,6 +66,24 @@ def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
     models = {run: {key: text for key, text in model.items() if key != "path"} for run, model in provenance.get("models", {}).items()}
     kept = {key: item for key, item in provenance.items() if key != "places"}
     return {**kept, "models": models} if models else kept
+
+
+def seen_from(path: str | os.PathLike, folder: str | os.PathLike) -> str:
+    """Return a path as it is seen from a folder, so that a report tells nothing of the machine it was made on."""
+    try:
+        return Path(os.path.relpath(Path(path).resolve(), Path(folder).resolve())).as_posix()
+    except ValueError:  # another drive
+        return Path(path).as_posix()
+
+
+def case_seen_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
+    """Return a case whose files are named as seen from `folder`."""
+    return replace(case, **{name: seen_from(getattr(case, name), folder) for name in FILES if getattr(case, name)})
+
+
+def case_found_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
+    """Return a case of `case_seen_from` with its files found again."""
+    return replace(case, **{name: os.path.normpath(Path(folder, getattr(case, name))) for name in FILES if getattr(case, name)})
 
 
 def sha256(file: str | Path) -> str:

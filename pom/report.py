@@ -105,7 +105,7 @@ def write_report(
 
         written = {name: new(name) for name in (HTML, JSON, SAMPLES, JUNIT)}
         _write(written[HTML], html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes))
-        _write(written[JSON], results_json(archive, modes))
+        _write(written[JSON], results_json(archive, modes, folder))
         _write(written[JUNIT], junit(results, title))
         write_archive(written[SAMPLES], archive, names)
         tables = stack.enter_context(folder_written_whole(folder / CSV))
