@@ -16,6 +16,7 @@ from flightmech.units import FOOT, KNOT
 
 QUIET_LEAD = 0.5  # [s] at the start of the searched stretch in which the controls still rest
 MOVED = 0.05  # share of the swing beyond which a control has left its rest
+RAMP = 0.1  # of a movement: rest that has to follow it; less is the rounding of a ramp that goes on
 NOISE = 6.0  # standard deviations of its noise that a movement is larger than
 PEDAL_UP = 0.02  # [1]
 HELD_STILL = 4.0  # [s] before the captured instant of a snapshot, one second after it (rule R5 of the table)
@@ -184,7 +185,9 @@ def _input(end: str) -> Finder:
 
     def find(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
         moved = movement(recorded, input_channels(test), window)
-        return None if moved is None or getattr(moved, end) > window[1] - 2.0 * QUIET_LEAD else getattr(moved, end)
+        if moved is None or (end == "end" and window[1] - moved.end < max(2.0 * QUIET_LEAD, RAMP * (moved.end - moved.start))):
+            return None
+        return getattr(moved, end)
 
     return find
 
