@@ -216,7 +216,8 @@ def _shares(bench: Bench, table: _Table, told: Sequence[str], replays: int, seed
 
     found = shares(len(players), game, replays, seed)
     # what adds to the miss comes first: no level of the waterfall is below the miss of the final model
-    order = sorted(range(len(players)), key=lambda k: (labels[k] == OTHERS, found.share[k, 0] < 0.0, -abs(found.share[k, 0])))
+    change = found.share[:, 0]
+    order = sorted(range(len(players)), key=lambda k: (change[k] < 0.0, labels[k] == OTHERS, -abs(change[k])))
     left = table.start + np.cumsum(found.share[order], axis=0)
     for k, player in enumerate(order):
         table.add_share(labels[player], found.share[player], found.stderr[player], left[k])

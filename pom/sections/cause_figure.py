@@ -16,6 +16,7 @@ from .figure import Frame
 from .quantities import fixed
 
 MOST_PANELS = 4  # criteria beside the total
+LEAST_TOLD = 0.005  # of the gap: smaller shares are not told in the alternative text
 _NAMES, _TOTAL, _GAP = 116.0, 210.0, 10.0  # widths of the names, of the panel of the total with its numbers, between panels
 _NUMBER, _WITH_ERROR = 36.0, 58.0  # width of the numbers beside a panel
 _HEAD, _ROW, _BAR = 36.0, 17.0, 10.0
@@ -53,7 +54,8 @@ def alternative(table: pd.DataFrame) -> str:
     said = []
     for name in ("", *_shown(table)):
         steps = waterfall(table, name)
-        parts = [f"{_called(step.term)} {_share(step.closes, step.stderr)}" for step in steps.itertuples() if abs(step.closes) >= 0.005]
+        told = [step for step in steps.to_dict("records") if abs(step["closes"]) >= LEAST_TOLD]
+        parts = [f"{_called(step['term'])} {_share(step['closes'], step['stderr'])}" for step in told]
         way = f"{fixed(steps['start'].iloc[0], 2)} to {fixed(steps['stop'].iloc[-1], 2)} half widths"
         said.append(f"{name.replace('_', ' ') or 'all criteria'}, from {way}: {', '.join(parts) or 'no share of half a percent'}")
     return f"Waterfall of the miss from the a-priori to the final model. {'. '.join(said)}."
@@ -70,7 +72,9 @@ def _panels(table: pd.DataFrame, total: pd.DataFrame, needed: Collection[str], b
     shown = _shown(table)
     number = _WITH_ERROR if (total["stderr"] > 0.0).any() else _NUMBER
     width = _TOTAL if shown else figure.WIDTH - _NAMES
-    drawn = [_panel("all criteria", total, needed, (_NAMES, width - number - _GAP, bottom), True)]
+    names = criteria_of(table)
+    title = "all criteria" if len(names) > 1 else names[0].replace("_", " ")
+    drawn = [_panel(title, total, needed, (_NAMES, width - number - _GAP, bottom), True)]
     each = (figure.WIDTH - _NAMES - width) / max(len(shown), 1)
     for k, name in enumerate(shown):
         place = _NAMES + width + k * each, each - _NUMBER - _GAP, bottom
@@ -82,9 +86,10 @@ def _panel(title: str, steps: pd.DataFrame, needed: Collection[str], place: tupl
     """Return one column: title, scale and bars; `place` is left edge, width and lower edge."""
     first, last = steps["start"].iloc[0], steps["stop"].iloc[-1]
     bars = [_Bar(0.0, first, "run-1-area", fixed(first, 2))]
-    for step in steps.itertuples():
-        css = "exit" if step.stop > step.start else "run-2-area" if step.term in needed else "band"
-        bars.append(_Bar(step.start, step.stop, css, _share(step.closes, step.stderr if main else 0.0), step.stderr * abs(first - last)))
+    for step in steps.to_dict("records"):
+        start, stop, stderr = step["start"], step["stop"], step["stderr"]
+        css = "exit" if stop > start else "run-2-area" if step["term"] in needed else "band"
+        bars.append(_Bar(start, stop, css, _share(step["closes"], stderr if main else 0.0), stderr * abs(first - last)))
     bars.append(_Bar(0.0, last, "run-3-area", fixed(last, 2)))
     left, width, bottom = place
     ends = [end for bar in bars for end in (bar.start - bar.stderr, bar.stop - bar.stderr, bar.start + bar.stderr, bar.stop + bar.stderr)]
