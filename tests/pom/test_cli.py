@@ -102,25 +102,6 @@ def test_check_prints_the_criteria(aeromatch, case):
         assert word in done.stdout
 
 
-def test_diagnose_ranks_terms(aeromatch, write_case, trainer, tmp_path):
-    import aerodb
-
-    final = trainer.database()
-    aerodb.save(final, tmp_path / "final.nc")
-    aerodb.save(trainer.scaled(final, Cm_elevator=0.6), tmp_path / "prior.nc")
-    case = write_case(case='aircraft = "trainer.toml"')
-    pulse = [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]
-    trainer.flight(final, delta_e=pulse).to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
-    (tmp_path / "trainer.toml").write_text(trainer.TOML)
-    done = aeromatch("pom", "diagnose", case, "--prior", "prior.nc", "--final", "final.nc", "--json")
-    assert done.returncode == 0, done.stderr
-    rows = json.loads(done.stdout)
-    assert [row["term"] for row in rows if row["stage"] == "sequence"] == ["Cm/elevator"]
-    text = aeromatch("pom", "diagnose", case, "--prior", "prior.nc", "--final", "final.nc").stdout
-    assert text.splitlines()[1].split()[:4] == ["stage", "term", "closes", "verdict"]
-    assert "sequence  Cm/elevator" in text
-
-
 def test_the_record_may_be_the_file_of_a_reconstruction(aeromatch, case, toy, lag_states, tmp_path):
     """`flight reconstruct` writes the states as a group beside constants and residuals."""
     lag_states.to_netcdf(tmp_path / "record.nc", group="states", engine="h5netcdf")
