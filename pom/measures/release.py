@@ -33,7 +33,7 @@ class FreeMotion:
     Ad : float
         First displacement from neutral. [SI]
     crossings : array (crossing,)
-        Times at which it passes neutral between excursions beyond the residual band, and once after the last. [s]
+        Times at which it passes neutral: once between two excursions beyond the residual band, and all after the last. [s]
     overshoots : array (overshoot,)
         Sizes of the significant overshoots over Ad.
     """
@@ -57,6 +57,16 @@ class FreeMotion:
         """Time from 0.9 Ad to the first crossing of neutral. [s]"""
         start = self.falls_to(FROM)
         return None if start is None or not self.crossings.size else float(self.crossings[0]) - start
+
+    def overshoot(self, n: int) -> float:
+        """Return the size of the n-th overshoot, significant or not; zero when there is none. [SI]"""
+        if n <= self.overshoots.size:
+            return float(self.overshoots[n - 1]) * abs(self.Ad)
+        if n > self.crossings.size:
+            return 0.0
+        end = self.crossings[n] if n < self.crossings.size else np.inf
+        swing = (self.time > self.crossings[n - 1]) & (self.time < end)
+        return float(np.abs(self.y[swing]).max(initial=0.0)) * abs(self.Ad)
 
     def period(self, n: int) -> float | None:
         """Return the n-th full cycle after the first crossing; None when the record does not hold it. [s]"""
@@ -104,10 +114,8 @@ def _excursions(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     crossings = [_middle(t, y, a, b) for a, b in zip(starts, stops, strict=True)]
     ends = [*outside[turns[1:]], outside[-1]] if turns.size else []
     overshoots = [float(np.abs(y[a : b + 1]).max()) for a, b in zip(stops, ends, strict=True)]
-    after = _first(t, y, int(outside[-1]))
-    if after is not None:
-        crossings.append(after)
-    return np.array(crossings), np.array(overshoots)
+    after = _zeros(t, y, int(outside[-1]), t.size - 1)
+    return np.concatenate([crossings, after]), np.array(overshoots)
 
 
 def _zeros(t: np.ndarray, y: np.ndarray, a: int, b: int) -> np.ndarray:
@@ -119,11 +127,6 @@ def _zeros(t: np.ndarray, y: np.ndarray, a: int, b: int) -> np.ndarray:
 def _middle(t: np.ndarray, y: np.ndarray, a: int, b: int) -> float:
     zeros = _zeros(t, y, a, b)
     return 0.5 * float(zeros[0] + zeros[-1])
-
-
-def _first(t: np.ndarray, y: np.ndarray, a: int) -> float | None:
-    zeros = _zeros(t, y, a, t.size - 1)
-    return float(zeros[0]) if zeros.size else None
 
 
 def _motions(criterion: Criterion, match: Match) -> tuple[FreeMotion, FreeMotion]:
@@ -182,14 +185,13 @@ def overshoot_n(criterion: Criterion, match: Match) -> Outcome:
     """
     flight, model = _motions(criterion, match)
     of_first = criterion.band.base == "first_overshoot"
-    first = 0 if of_first or criterion.parameter == "a1" else 1
+    first = 1 if of_first or criterion.parameter == "a1" else 2
     last = 1 if criterion.parameter == "a1" else flight.overshoots.size
     judged = []
-    for n in range(first, min(last, flight.overshoots.size)):
-        ours = float(flight.overshoots[n] * abs(flight.Ad))
-        theirs = float(model.overshoots[n] * abs(model.Ad)) if n < model.overshoots.size else 0.0
-        base = float(flight.overshoots[0] * abs(flight.Ad)) if of_first else ours
-        note = f"A{n + 1}: {ours / abs(flight.Ad):.3f} of Ad in flight, {theirs / abs(model.Ad):.3f} in the model"
+    for n in range(first, min(last, flight.overshoots.size) + 1):
+        ours, theirs = flight.overshoot(n), model.overshoot(n)
+        base = flight.overshoot(1) if of_first else ours
+        note = f"A{n}: {ours / abs(flight.Ad):.3f} of Ad in flight, {theirs / abs(model.Ad):.3f} in the model"
         judged.append(scalar(criterion, ours, theirs, criterion.window[0], note, base))
     return _worst(judged, "the flight has no such overshoot beyond 5 % of its first displacement")
 
