@@ -7,7 +7,7 @@ from pathlib import Path
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
-from .sections import case, models, overview
+from .sections import case, identification, models, overview
 from .sections import provenance as origin
 from .sections.traces import parcel
 from .table import rows as tolerance_rows
@@ -18,12 +18,12 @@ _STATIC = {
     "report_css": "report.css",
     "uplot_js": "uplot/uPlot.iife.min.js",
 }
-_SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper", "pages")
+_SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper", "fits", "pages")
 # figures for readers without a script take 10 kB a case: only a report that is short enough to be read that way has them
 MOST_WITH_FIGURES = 30
 
 
-def html_page(results, title, revision, provenance, databases, diagnoses, support, modes) -> str:
+def html_page(results, title, revision, provenance, databases, diagnoses, support, modes, fits=()) -> str:
     """Return the text of ``report.html``; the arguments are those of `pom.write_report`, `modes` a table for every result."""
     environment = Environment(
         loader=FunctionLoader(_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -41,13 +41,20 @@ def html_page(results, title, revision, provenance, databases, diagnoses, suppor
         packed = parcel({**page["head"], "page": texts["page"]}, page["body"])
         fail = any(cell["status"] == "fail" for cell in outcome)
         cases.append({"key": key, "fail": fail, "brief": Markup(texts["brief"]), "parcel": packed})
-    more = [("models", environment.get_template("models.html").render(common))] if databases else []
+    more = {}
+    if databases:
+        more["models"] = parcel({"page": environment.get_template("models.html").render(common)})
+    if fits:
+        context, head, body = identification.page(fits)
+        more["identification"] = parcel(
+            {**head, "page": environment.get_template("identification.html").render(common, identification=context)}, body
+        )
     return environment.get_template("report.html").render(
         common,
         matrix=overview.matrix(keys, results, found),
         coverage=overview.coverage(results, tolerance_rows()),
         cases=cases,
-        more=[(name, parcel({"page": text})) for name, text in more],
+        more=more.items(),
         report_js=Markup("\n".join(_static(f"script/{name}.js") for name in _SCRIPT)),
         **{name: Markup(_static(file)) for name, file in _STATIC.items()},
     )

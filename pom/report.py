@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
+    from flighttest import Fit
+
     from .result import PomResult
 
 PAPERS = ("a4", "letter")
@@ -39,6 +41,7 @@ def write_report(
     databases: Mapping[str, xr.DataTree] | None = None,
     diagnoses: Mapping[str, pd.DataFrame] | None = None,
     support: Mapping[str, pd.DataFrame] | None = None,
+    fits: Sequence[Fit] = (),
     revision: str = "",
     paper: str | None = "a4",
 ) -> Path:
@@ -64,6 +67,8 @@ def write_report(
         Case name to the table of `pom.diagnose`.
     support : mapping of str to DataFrame, optional
         Term (``CL/basic``) to the flight samples that support it, columns named after the axes of the term. [SI]
+    fits : sequence of flighttest.Fit
+        Local models of the identification; the page shows their estimates, residuals and collinearity.
     revision : str
         Revision of the report, as the user counts them.
     paper : {"a4", "letter"}, optional
@@ -104,7 +109,7 @@ def write_report(
             return manifest(results, outputs, folder, title=title, revision=revision, paper=paper, provenance=located)
 
         written = {name: new(name) for name in (HTML, JSON, SAMPLES, JUNIT)}
-        _write(written[HTML], html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes))
+        _write(written[HTML], html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits))
         _write(written[JSON], results_json(archive, modes, folder))
         _write(written[JUNIT], junit(results, title))
         write_archive(written[SAMPLES], archive, names)

@@ -19,7 +19,7 @@ from .crosses import crosses
 from .driving import driving
 from .panels import panels
 from .quantities import fixed
-from .verdicts import Verdict, verdict_table, words
+from .verdicts import MODAL, Verdict, verdict_table, words
 
 # the line code of LR-743 Figs. 18 to 21; any further model takes the next free style
 _STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
@@ -91,12 +91,16 @@ def page(
 def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any]]:
     """Return status, deciding criterion and worst ratio of every model."""
     rows = []
-    verdicts = list(zip(result.verdict["run"], result.verdict["criterion"], result.verdict["verdict"], strict=True))
+    verdicts = result.verdict[["run", "criterion", "measure", "verdict", "worst_ratio", "at", "note"]].to_dict("records")
     for run in result.runs:
+        mine = [row for row in verdicts if row["run"] == run]
+        status = status_of(group_verdicts(result.case, {row["criterion"]: row["verdict"] for row in mine}))
         found = result.worst(run)
         worst = {} if found is None else found.to_dict()
-        ratio, at = worst.get("worst_ratio", math.nan), worst.get("at", math.nan)
-        status = status_of(group_verdicts(result.case, {name: verdict for who, name, verdict in verdicts if who == run}))
+        if status == "fail" and not worst.get("worst_ratio", 0.0) > 1.0:  # what fails without a number, such as a mode that is not there
+            worst = next((row for row in mine if row["verdict"] == "fail"), worst)
+        ratio = worst.get("worst_ratio", math.nan)
+        at = math.nan if worst.get("measure") in MODAL else worst.get("at", math.nan)
         rows.append(
             {
                 "run": run,
@@ -106,6 +110,7 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
                 "ratio": ratio,
                 "ratio_text": fixed(ratio, 2),
                 "criterion": words(worst.get("criterion", "")),
+                "why": "" if math.isfinite(ratio) else worst.get("note", ""),
                 "at": at,
                 "at_text": fixed(at, 2),
             }

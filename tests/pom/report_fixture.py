@@ -246,3 +246,20 @@ def diagnosis():
             row |= {f"{name} miss": left[k], f"{name} ratio": numbers[2 * k + 1], f"{name} closes": closed[k], f"{name} stderr": stderr}
         found.append({**row, "miss": left[0]})
     return pd.DataFrame(found)
+
+
+def fits():
+    """Two local models of lift from two manoeuvres, one of them without the terms it needs."""
+    import flighttest
+
+    rng = np.random.default_rng(3)
+    t = 0.02 * np.arange(300)
+    parts = []
+    for mach in (0.2, 0.25):
+        alpha = np.radians(4.0 + 2.0 * np.sin(0.9 * t))
+        qhat, elevator = 0.002 * np.cos(0.9 * t) + rng.normal(0.0, 1e-4, t.size), np.radians(2.0 * np.sign(np.sin(2.0 * t)))
+        lift = 0.3 + 4.9 * alpha + 6.0 * qhat + 0.4 * elevator + rng.normal(0.0, 0.004, t.size)
+        data = {"CL": lift, "alpha": alpha, "qhat": qhat, "delta_e": elevator, "mach": 0.0 * t + mach}
+        parts.append(xr.Dataset({name: ("time", values) for name, values in data.items()}, {"time": t}))
+    words = (["1", "alpha", "qhat", "delta_e"], ["1", "alpha"])
+    return [flighttest.regress(flighttest.Model("CL", terms), parts, name=f"short period, {len(terms)} terms") for terms in words]

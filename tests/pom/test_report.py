@@ -282,6 +282,97 @@ def test_supporting_samples_are_drawn_in_their_slice(tmp_path):
     assert texts(write(tmp_path).read_text(encoding="utf-8")).count('class="rug"') == 0
 
 
+def test_identification_shows_every_local_model(tmp_path):
+    fits = fixture.fits()
+    head, body = parcels(write(tmp_path, fits=fits).read_text(encoding="utf-8"))["identification"]
+    html = head["page"]
+    assert html.count('<details class="fit"') == len(head["fits"]) == 2
+    for fit, drawn in zip(fits, head["fits"], strict=True):
+        measured, fitted = (traces.restore(drawn[name], body) for name in ("measured", "fitted"))
+        lift = fit.data["CL"].values
+        assert np.abs(measured - lift).max() <= np.ptp(lift) / 1000 * (1 + 1e-9)
+        assert np.std(measured - fitted) == pytest.approx(np.std(fit.residual), rel=0.02)
+        assert drawn["starts"] == [300]
+        for name, estimate in zip(fit.estimates["term"].values, fit.estimates["estimate"].values, strict=True):
+            assert re.search(rf'scope="row">{name}</th><td class="num">{re.escape(quantities.number(float(estimate), 4))}</td>', html)
+    assert 'class="test-point"' in html
+    assert "Correlated estimates: 1 with alpha" in html
+    assert "identification" not in parcels(write(tmp_path).read_text(encoding="utf-8"))
+
+
+def test_the_bar_of_an_estimate_spans_two_standard_errors():
+    bar = identification._error_bar(3.0, 0.5)
+    assert (bar["at"] - bar["zero"]) / (bar["high"] - bar["at"]) == pytest.approx(3.0, rel=0.01)
+    assert bar["high"] - bar["at"] == pytest.approx(bar["at"] - bar["low"], abs=0.11)
+    assert identification._error_bar(0.0, 0.0) is None
+
+
+def test_coverage_tells_what_of_an_entry_was_not_judged_and_why():
+    results = fixture.results()
+    results[0].verdict.loc[results[0].verdict["criterion"] == "normal_acceleration", ["verdict", "note"]] = "not_tested", "no accelerometer"
+    rows = [
+        {"standard": r.case.standard, "edition": r.case.edition, "test_id": i, "title": i} for r in results[:1] for i in ("2.c.10", "9.z.9")
+    ]
+    (part,) = overview.coverage(results[:1], rows)
+    assert [(entry["id"], entry["judged"], entry["criteria"], entry["left"]) for entry in part["run"]] == [
+        ("2.c.10", 2, 3, [("normal acceleration", "no accelerometer")])
+    ]
+    assert [entry["id"] for entry in part["missing"]] == ["9.z.9"]
+
+
+def test_what_fails_without_a_number_is_named():
+    from dataclasses import replace
+
+    result = fixture.roll_result()
+    verdict = result.verdict.copy()
+    verdict.loc[verdict["run"] == "datcom", ["worst_ratio", "at", "note"]] = np.nan, np.nan, "the model does not oscillate"
+    (row, *_) = case.outcomes(replace(result, verdict=verdict), case.line_styles(result.runs))
+    assert (row["status"], row["criterion"], row["ratio_text"], row["why"]) == ("fail", "roll rate", "–", "the model does not oscillate")
+
+
+def test_outcomes_are_those_of_the_result():
+    for result in fixture.results():
+        for row in case.outcomes(result, case.line_styles(result.runs)):
+            assert row["status"] == result.status(row["run"])
+
+
+def test_what_an_engineer_says_is_printed(tmp_path):
+    from dataclasses import replace
+
+    before = fixture.roll_result()
+    told = replace(
+        before.case,
+        objective="Show the roll mode.",
+        manual="Wheel left for five seconds.",
+        source={"document": "FT-12, page 7", "filters": "none"},
+        rationale={"roll_rate": "The gyro lags by 8 ms."},
+        ticks={"sideslip trend": "A. Smith, 2026-11-20, trend agrees"},
+        notes="Flown in smooth air.",
+    )
+    html = texts(write(tmp_path, results=[replace(before, case=told)], diagnoses={}).read_text(encoding="utf-8"))
+    for words in ("Show the roll mode.", "Wheel left for five seconds.", "FT-12, page 7", "The gyro lags by 8 ms.", "Flown in smooth air."):
+        assert words in html
+    assert "☒</span> sideslip trend: correct trend and magnitude, ticked by A. Smith, 2026-11-20, trend agrees" in html
+
+
+def test_an_engineering_reference_and_its_share_are_told(tmp_path):
+    from dataclasses import replace
+
+    before = fixture.roll_result()
+    result = replace(before, case=replace(before.case, reference="engineering", fraction=0.2))
+    html = texts(write(tmp_path, results=[result], diagnoses={}).read_text(encoding="utf-8"))
+    assert "20 % of the tolerance applied" in html
+    assert "The reference is an engineering simulator, not a flight; 20 % of the flight tolerance is applied." in html
+
+
+def test_reports_of_many_cases_leave_out_the_figures_for_readers_without_script(tmp_path, monkeypatch):
+    monkeypatch.setattr("pom.page.MOST_WITH_FIGURES", 2)
+    many = write(tmp_path / "many").read_text(encoding="utf-8")
+    few = write(tmp_path / "few", results=fixture.results()[:2]).read_text(encoding="utf-8")
+    assert "<noscript><h1>" in many.replace("<noscript>\n", "<noscript>")
+    assert many.count('class="figure"') == 0 < few.count('class="figure"')
+
+
 def test_tables_of_unlike_axes_share_a_figure():
     from flightmech import terms
 

@@ -30,6 +30,7 @@ def address(tmp_path_factory):
         provenance=fixture.PROVENANCE,
         databases=fixture.databases(),
         diagnoses={"short_period_full_flaps": fixture.diagnosis()},
+        fits=fixture.fits(),
     ).as_uri()
 
 
@@ -354,10 +355,22 @@ def test_a_term_of_the_cause_leads_to_its_tables(page, address):
     assert 0 <= page.locator("#term-CL-gear").bounding_box()["y"] < 300
 
 
+def test_a_local_model_is_drawn_when_it_is_opened(page, address):
+    page.goto(address + "#identification")
+    page.wait_for_selector("#identification h1")
+    assert page.locator(".fit-figure svg").count() == 0
+    page.locator('#identification a[href="#fit-1"]').click()
+    page.wait_for_selector("#fit-1 .fit-figure svg path.trace")
+    assert page.locator("#fit-1 .fit-figure svg path.trace").count() == 3  # measured, fitted, residual
+    assert page.locator("#fit-1 tbody tr").count() == 2
+    page.goto(address + "#fit-0")
+    page.wait_for_selector("#fit-0 .fit-figure svg path.trace")
+
+
 def test_a_narrow_screen_needs_no_sideways_scrolling(chromium, address):
     context = chromium.new_context(viewport={"width": 400, "height": 800})
     page = context.new_page()
-    for place in ("#overview", CASE, "#models", "#provenance"):
+    for place in ("#overview", CASE, "#models", "#identification", "#provenance"):
         page.goto("about:blank")
         page.goto(address + place)
         page.wait_for_timeout(300)
@@ -385,7 +398,7 @@ PROBLEMS = """() => {
 
 
 def test_tables_have_heads_and_controls_have_names(page, address):
-    for place in ("#overview", CASE, "#models", "#provenance"):
+    for place in ("#overview", CASE, "#models", "#identification", "#provenance"):
         page.goto(address + place)
         page.wait_for_selector(f"{place} h1")
         page.wait_for_timeout(300)

@@ -11,7 +11,8 @@ function remember() {
   history.replaceState(null, "", `#${view.page.id}${span}${asked()}`);
 }
 const ready = () => root.classList.contains("ready");
-const pageOf = (id) => (id.startsWith("term-") ? $("#models") : document.getElementById(id)?.closest("main > .page"));
+// a term or a fit lies on a page that may still be packed
+const pageOf = (id) => (id.startsWith("term-") ? $("#models") : id.startsWith("fit-") ? $("#identification") : document.getElementById(id)?.closest("main > .page"));
 async function route() {
   const { id, span, fraction: wanted } = address(), open = pages.find((candidate) => !candidate.hidden);
   const found = pageOf(id), page = found || (ready() ? open : pages[0]);   // "#main" of the skip link opens no page
@@ -32,7 +33,9 @@ async function route() {
   if (at >= 0) { await show(page, span); return; }
   drop();
   if ($("script.parcel", page)) await unpack(page).then(() => layOut(page), () => layOutPlain(page));
-  if (page.id !== id) document.getElementById(id)?.scrollIntoView();
+  const part = page.id === id ? null : document.getElementById(id);
+  if (part?.matches(".fit")) part.open = true;
+  part?.scrollIntoView();
 }
 const go = (page) => { if (page) location.hash = page.id + (cases.includes(page) ? asked() : ""); };
 function step(by) {
