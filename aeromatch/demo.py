@@ -35,21 +35,25 @@ def demo(output: Path, jobs: int, as_json: bool) -> None:
 @click.argument("project", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder to write.")
 @jobs_option
+@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Replay on the workers of a dask.distributed cluster that see the same files.")
+@click.option(
+    "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
+)
 @json_option
-def match(project: Path, output: Path, jobs: int, as_json: bool) -> None:
+def match(project: Path, output: Path, jobs: int, scheduler: str | None, resume: Path | None, as_json: bool) -> None:
     """Perform the whole job of a PROJECT file: databases, FMUs and the Proof-of-Match report.
 
     Exit code 0 when the job was done: failed rows are its result.
     """
-    _match(project, output, jobs, as_json)
+    _match(project, output, jobs, as_json, scheduler, resume)
 
 
-def _match(file: Path, output: Path, jobs: int, as_json: bool) -> None:
+def _match(file: Path, output: Path, jobs: int, as_json: bool, scheduler: str | None = None, resume: Path | None = None) -> None:
     from .project import read_project
     from .workflow import perform
 
     project = read_project(file)
-    outcome = perform(project, output, jobs, step, command_line())
+    outcome = perform(project, output, jobs, step, command_line(), scheduler, resume)
     if as_json:
         document(outcome.to_dict())
         return

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,9 @@ from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.units import quantity
 from flighttest import Model
+
+OWN_MODELS = ("datcom", "corrected", "final")
+"""Names of the models that a project makes."""
 
 
 class NewTerm(Strict):
@@ -43,6 +46,13 @@ class Fit(Strict):
     records: tuple[str, ...]
     manoeuvres: tuple[str, ...]
     models: tuple[str, ...]
+
+
+class Stranger(Strict):
+    """A model from elsewhere that is replayed beside those of the project, and its table of names (`pom.replay`)."""
+
+    fmu: str
+    names: str = ""
 
 
 Paths = str | tuple[str, ...]
@@ -77,6 +87,7 @@ class _File(Strict):
     cutoff: si("Hz") | None = None  # type: ignore[valid-type]
     held: tuple[str, ...] = ()
     terms: dict[str, NewTerm] = {}
+    models: dict[str, Stranger] = {}
     fit: tuple[Fit, ...]
 
 
@@ -106,6 +117,10 @@ class Project:
     held : tuple of str
         Terms that keep their a-priori value in the identification.
     fits : tuple of Fit
+    models : dict of str to Path
+        FMUs from elsewhere, by the name of the model.
+    tables : dict of str to Path
+        Their tables of names, for those that have one.
     """
 
     title: str
@@ -121,6 +136,8 @@ class Project:
     terms: dict[str, NewTerm]
     held: tuple[str, ...]
     fits: tuple[Fit, ...]
+    models: dict[str, Path] = field(default_factory=dict)
+    tables: dict[str, Path] = field(default_factory=dict)
 
 
 def read_project(path: str | Path) -> Project:
@@ -168,6 +185,9 @@ def read_project(path: str | Path) -> Project:
     cases = tuple(file for pattern in content.cases for file in sorted(folder.glob(pattern)))
     if not cases:
         problems.append(f"cases: no file matches {', '.join(content.cases)} in {folder}")
+    for name in content.models:
+        if name in OWN_MODELS or name == "flight":
+            problems.append(f"models.{name}: the name is taken; call it otherwise than flight, {', '.join(OWN_MODELS)}")
     project = Project(
         content.title,
         path.resolve(),
@@ -182,6 +202,8 @@ def read_project(path: str | Path) -> Project:
         content.terms,
         content.held,
         content.fit,
+        {name: existing(item.fmu, f"models.{name}.fmu") for name, item in content.models.items()},
+        {name: existing(item.names, f"models.{name}.names") for name, item in content.models.items() if item.names},
     )
     if problems:
         raise SchemaError(str(path), problems)

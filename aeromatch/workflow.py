@@ -68,7 +68,7 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     flights = [project.flights[name] for name in names]
     listings = [path for paths in project.listings.values() for path in paths]
     aircraft = [project.aircraft, *([project.apriori] if project.apriori else [])]
-    return [project.file, *aircraft, project.names, *listings, *flights, *project.cases]
+    return [project.file, *aircraft, project.names, *listings, *flights, *project.cases, *project.tables.values()]
 
 
 def before_flight(project: Project, aircraft: Aircraft) -> Aircraft:
@@ -181,7 +181,15 @@ class Outcome:
         }
 
 
-def perform(project: Project, folder: str | Path, jobs: int, step: Step, command: str = "") -> Outcome:
+def perform(
+    project: Project,
+    folder: str | Path,
+    jobs: int,
+    step: Step,
+    command: str = "",
+    scheduler: str | None = None,
+    resume: str | Path | None = None,
+) -> Outcome:
     """Do the whole job of a project and write databases, FMUs and report into a folder.
 
     Parameters
@@ -195,6 +203,8 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step, command
         ``with step("text"):`` surrounds every step, for progress.
     command : str
         Command line, for the report.
+    scheduler, resume : str, optional
+        Of `pom.replay_all`: the address of a cluster for the replay, and the folder that keeps its flights.
 
     Returns
     -------
@@ -228,8 +238,9 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step, command
         for name, db in databases.items():
             aerodb.save(db, folder / f"{name}.nc")
             fmus[name] = flightmech.write_fmu(flightmech.compile(flown[name], db), folder / f"{name}.fmu")
-    with step(f"replay {len(cases)} cases by three FMUs"):
-        results = replay_all(cases, fmus, paths, jobs)
+    fmus |= project.models
+    with step(f"replay {len(cases)} cases by {len(fmus)} FMUs"):
+        results = pom.replay_all(cases, fmus, paths, names=project.tables, jobs=jobs, scheduler=scheduler, resume=resume)
     with step("write the report"):
         report = pom.write_report(
             results,
@@ -238,13 +249,6 @@ def perform(project: Project, folder: str | Path, jobs: int, step: Step, command
             provenance=pom.provenance(inputs_of(project, names), fmus, command),
             databases=databases,
             diagnoses=diagnoses,
+            fits=fits,
         )
     return Outcome(results, pom.corrected_terms(diagnoses.values()), tabulation, report)
-
-
-def replay_all(cases: Sequence[Any], fmus: Mapping[str, Path], paths: Mapping[str, Any], jobs: int) -> list[Any]:
-    """Replay every case by every FMU; the FMUs run in child processes of their own."""
-    from concurrent.futures import ThreadPoolExecutor
-
-    with ThreadPoolExecutor(jobs) as pool:
-        return list(pool.map(lambda case: pom.replay(case, fmus, paths[Path(case.record).stem]), cases))

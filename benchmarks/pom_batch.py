@@ -153,9 +153,7 @@ def by_fmpy(file: Path, job: Any, outputs: list[str]) -> Callable[[], Any]:
 
     def run() -> Any:
         with contextlib.redirect_stdout(io.StringIO()):  # a warning for every input that is not given
-            return fmpy.simulate_fmu(
-                str(file), stop_time=duration, output_interval=step, start_values=start, input=signals, output=outputs
-            )
+            return fmpy.simulate_fmu(str(file), stop_time=duration, output_interval=step, start_values=start, input=signals, output=outputs)
 
     return run
 

@@ -171,9 +171,9 @@ def _unit_problem(what: str, name: str, unit: str) -> tuple[str, ...]:
     try:
         same = not unit or parse(unit) == parse(expected)
     except UnitError as error:
-        return [f"{what} {name}: {error}"]
+        return (f"{what} {name}: {error}",)
     if same:
-        return []
-    return [
-        f"{what} {name} is in {unit!r}; this house needs {expected!r}, write the FMU in SI or give its unit in a table of names (--names)"
-    ]
+        return ()
+    return (
+        f"{what} {name} is in {unit!r}; this house needs {expected!r}, write the FMU in SI or give its unit in a table of names (--names)",
+    )

@@ -100,7 +100,7 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
         With every entry that names no such variable, another kind of variable, one that another entry has, an unknown house name, or
         a unit that cannot be; and every input of the FMU that nothing drives.
     """
-    own = Links(*({name: Link(name) for name in offered} for offered in (fmu.inputs, fmu.outputs, fmu.parameters)))
+    own = Links(_alike(fmu.inputs), _alike(fmu.outputs), _alike(fmu.parameters))
     if table is None:
         return own
     file = validate(_File, load(table), f"names {table}")
@@ -129,6 +129,10 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
         {name: float(value) for name, value in file.fixed.items()},
         table=f"{Path(table).name}, sha256 {digest}",
     )
+
+
+def _alike(offered: Mapping[str, str]) -> dict[str, Link]:
+    return {name: Link(name) for name in offered}
 
 
 def _taken_once(what: str, entries: Mapping[str, _Entry], problems: list[str]) -> set[str]:

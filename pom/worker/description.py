@@ -22,6 +22,7 @@ def read_description(path: str | Path) -> Any:
         with zipfile.ZipFile(path) as file:
             root = ElementTree.fromstring(file.read("modelDescription.xml"))
         given = root.find("Implementation//Capabilities")
-        for name in _CAPABILITIES if given is not None else ():
-            setattr(found.coSimulation, name, given.get(name) in ("true", "1"))
+        words = {} if given is None else given.attrib
+        for name in _CAPABILITIES:
+            setattr(found.coSimulation, name, words.get(name) in ("true", "1"))
     return found

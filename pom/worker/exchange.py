@@ -26,7 +26,7 @@ class Exchange:
         self.model, self.course = model, course
         self.instance = model.open()
         self.inputs = Ports(self.instance, model.version, inputs)
-        self.places = np.flatnonzero(course.continuous)
+        self.places = np.flatnonzero(course.continuous).tolist()
         self.continuous = Ports(self.instance, model.version, [inputs[i] for i in self.places])
         self.time, self.next_event = 0.0, np.inf
         self.solver: Any = None
@@ -76,7 +76,7 @@ class Exchange:
 
     def apply(self, t: float) -> None:
         """Set the continuous inputs of an instant; the solver asks for it before it looks for events."""
-        self.continuous.put(self.course.between(t)[self.places].tolist())
+        self.continuous.put(self.course.between(t)[self.places])
 
     def advance(self, k: int) -> None:
         """Integrate from sample k to k + 1, through all events on the way; the inputs of k + 1 are set in the end.

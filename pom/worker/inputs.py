@@ -34,7 +34,7 @@ class Ports:
             references = [variables[i].valueReference for i in columns]
             self.groups.append((kind, columns, references, getattr(instance, f"set{kind}"), getattr(instance, f"get{kind}")))
 
-    def put(self, values: Sequence[float]) -> None:
+    def put(self, values: Sequence[float] | np.ndarray) -> None:
         """Set all; a Boolean is true from one half on, an Integer is rounded."""
         for kind, columns, references, put, _ in self.groups:
             numbers = [_typed(kind, values[i]) for i in columns]

@@ -122,3 +122,15 @@ def test_a_new_term_is_zero_with_its_standard_error():
 def test_standard_errors_that_do_not_fit_the_nodes():
     with pytest.raises(SchemaError, match="stderr has 2 values for 3 nodes"):
         NewTerm(axes={"beta": (-0.1, 0.0, 0.1)}, stderr=(0.3, 0.3)).leaf()
+
+
+def test_models_from_elsewhere_come_with_their_tables_of_names(write, tmp_path):
+    (tmp_path / "simulator.fmu").touch()
+    models = '[models]\nsimulator = { fmu = "simulator.fmu", names = "names.toml" }\nother = { fmu = "simulator.fmu" }\n\n[listings]'
+    project = read_project(write(("[listings]", models)))
+    assert project.models == dict.fromkeys(("simulator", "other"), tmp_path / "simulator.fmu")
+    assert project.tables == {"simulator": tmp_path / "names.toml"}
+    wrong = '[models]\nfinal = { fmu = "gone.fmu" }\n\n[listings]'
+    found = problems(write(("[listings]", wrong)))
+    assert found[0] == "models.final: the name is taken; call it otherwise than flight, datcom, corrected, final"
+    assert found[1].startswith("models.final.fmu: no file 'gone.fmu' in ")

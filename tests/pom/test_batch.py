@@ -150,7 +150,7 @@ def test_a_child_that_somebody_else_stopped_is_given_its_job_again(toy, tmp_path
 def test_no_scheduler_is_said_plainly(cases, paths, toy, monkeypatch):
     pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
     monkeypatch.setattr("pom.batch.WAIT", 1.0)
-    with pytest.raises(SimulationError, match="no cluster at tcp://127.0.0.1:9: .*start a scheduler and workers"):
+    with pytest.raises(SimulationError, match=r"no cluster at tcp://127.0.0.1:9: .*start a scheduler and workers"):
         replay_all(cases[:1], {"toy": toy()}, paths, scheduler="tcp://127.0.0.1:9")
 
 

@@ -19,7 +19,9 @@ def exchanged(text):
     start = text.index("<CoSimulation")
     text = text[:start] + '<ModelExchange modelIdentifier="toy"/>' + text[text.index("/>", start) + 2 :]
     gear = '<ScalarVariable name="gear" valueReference="2" causality="input" variability="discrete"><Boolean start="0"/></ScalarVariable>'
-    notch = '<ScalarVariable name="delta_s" valueReference="3" causality="input" variability="discrete"><Integer start="0"/></ScalarVariable>'
+    notch = (
+        '<ScalarVariable name="delta_s" valueReference="3" causality="input" variability="discrete"><Integer start="0"/></ScalarVariable>'
+    )
     text = text.replace("</ModelVariables>", f"{gear}{notch}</ModelVariables>")
     return text.replace("<ModelStructure/>", '<ModelStructure><Derivatives><Unknown index="4"/></Derivatives></ModelStructure>')
 

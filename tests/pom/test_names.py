@@ -84,7 +84,7 @@ def test_a_scale_is_for_a_variable_without_a_unit(stranger, table):
 
 
 def test_misspelt_keys_are_told(stranger, table):
-    with pytest.raises(SchemaError, match="inputs.delta_e.units: unknown key; near it: unit"):
+    with pytest.raises(SchemaError, match=r"inputs\.delta_e.units: unknown key; near it: unit"):
         links_of(read_fmu(stranger), table(NAMES.replace("sign = -1", 'units = "deg"')))
 
 
@@ -97,7 +97,7 @@ def test_a_table_for_a_model_that_is_not_there(write_case, toy, table, lag_state
 def test_the_case_still_says_what_it_misses(write_case, stranger, table, lag_states):
     case = read_case(write_case(more="trim = false"))
     text = NAMES.replace('theta = {variable = "Pitch"}', "")
-    with pytest.raises(SchemaError, match="unknown output 'theta'.*the case needs it and the FMU does not offer it"):
+    with pytest.raises(SchemaError, match=r"unknown output 'theta'.*the case needs it and the FMU does not offer it"):
         replay(case, {"toy": stranger}, lag_states, names={"toy": table(text)})
 
 
@@ -109,7 +109,9 @@ def test_a_fixed_value_and_the_sign_reach_the_fmu(write_case, toy, table, lag_st
     fmu = toy(rename={"delta_e": "Elev"})
     result = replay(case, {"toy": fmu}, turned, names={"toy": table(text)})
     assert abs(result.signals["theta"][1] - result.signals["theta"][0]).max() < 1e-14
-    fixed = replay(case, {"toy": fmu}, lag_states.assign(delta_e=0.0 * lag_states["delta_e"]), names={"toy": table('[fixed]\nElev = 0.1\n')})
+    fixed = replay(
+        case, {"toy": fmu}, lag_states.assign(delta_e=0.0 * lag_states["delta_e"]), names={"toy": table("[fixed]\nElev = 0.1\n")}
+    )
     assert fixed.signals["nz"][1].values == pytest.approx(1.0 - 4.0 * 0.1, abs=1e-15)
 
 
@@ -122,5 +124,5 @@ def test_a_case_file_may_name_the_table_and_the_call_goes_before_it(write_case, 
     own = replay(case, {"toy": fmu}, lag_states)
     given = replay(case, {"toy": fmu}, lag_states, names={"toy": tmp_path / "plain.toml"})
     assert own.signals["theta"][1].values == pytest.approx(-given.signals["theta"][1].values, abs=1e-15)
-    with pytest.raises(SchemaError, match="models.toy: no file .*gone.toml"):
+    with pytest.raises(SchemaError, match=r"models\.toy: no file .*gone.toml"):
         read_case(write_case(more='trim = false\n[models]\ntoy = "gone.toml"'))

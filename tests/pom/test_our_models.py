@@ -9,9 +9,9 @@ import aerodb
 import flightmech
 from pom import worker
 from pom.case import read_case
-from pom.kernel_replay import fly
 from pom.drive import job_of
 from pom.flight import flight_states
+from pom.kernel_replay import fly
 from pom.replaying import replay
 
 
