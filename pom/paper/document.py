@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,6 +30,9 @@ STANDARDS: Any = ["a-3b", "ua-1"]
 UNDATED = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
 """PDF/A demands a date and no clock is read: a report without a date carries this one in its metadata, and says so on its cover."""
 
+_GLYPHLESS = re.compile(r'the text `"(.+?)"` could not be displayed')
+_ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")
+_CONTROL = re.compile(r"\\u00[01][0-9a-f]|[\ud800-\udfff]")  # in JSON
 _HERE = Path(__file__).parent
 _FONTS = _HERE.parent / "static" / "fonts"
 # height of the column in units of the drawings, less head and foot of the page
@@ -68,30 +72,49 @@ def pdf_pages(
             cases.append(said | _drawings(folder, i, result, diagnosis, _room(said, paper), _COLUMN[paper]))
         front["attached"] = _attach(folder, attached)
         data = {**front, "cases": cases, "paper": {"a4": "a4", "letter": "us-letter"}[paper]}
-        (folder / "data.json").write_text(json.dumps(plain(data), ensure_ascii=False), encoding="utf-8")
+        text = _CONTROL.sub("?", json.dumps(plain(data), ensure_ascii=False))
+        (folder / "data.json").write_text(text, encoding="utf-8", errors="replace")
         (folder / "report.typ").write_bytes((_HERE / "report.typ").read_bytes())
         return _set(folder, _date(provenance.get("date", "")))
 
 
 def _set(folder: Path, date: datetime.datetime) -> bytes:
+    """Typeset the folder; texts in scripts that our fonts lack take those of the system, and what no font has becomes ``?``."""
     try:
         import typst
     except ImportError as error:
-        raise SchemaError(
-            "report.pdf", ["typst is not installed; pip install typst, or leave the PDF out (--no-pdf, paper=None)"]
-        ) from error
-    try:
-        return typst.compile(
-            str(folder / "report.typ"),
-            root=str(folder),
-            format="pdf",
-            font_paths=[str(_FONTS)],
-            ignore_system_fonts=True,
-            pdf_standards=STANDARDS,
-            timestamp=date,
-        )
-    except typst.TypstError as error:
-        raise SchemaError("report.pdf", [f"typst: {error.diagnostic}"]) from error
+        raise SchemaError("report.pdf", ["typst is not installed; pip install typst, or leave the PDF out (--no-pdf, paper=None)"]) from error
+    for ours_only in (True, False, False):
+        try:
+            return typst.compile(
+                str(folder / "report.typ"),
+                root=str(folder),
+                format="pdf",
+                font_paths=[str(_FONTS)],
+                ignore_system_fonts=ours_only,
+                pdf_standards=STANDARDS,
+                timestamp=date,
+            )
+        except typst.TypstError as error:
+            problem, missing = error, _missing(error.diagnostic)
+            if not missing:
+                break
+            if not ours_only:
+                _replace(folder, missing)
+    raise SchemaError("report.pdf", [f"typst: {problem.message}"]) from problem
+
+
+def _missing(words: str) -> set[str]:
+    """Return the characters that typst found in no font; it writes marks and controls as ``\\u{301}``."""
+    found = "".join(_GLYPHLESS.findall(words))
+    escaped = {chr(int(code, 16)) for code in _ESCAPED.findall(found)}
+    return {character for character in escaped | set(_ESCAPED.sub("", found)) if not " " <= character <= "~"}
+
+
+def _replace(folder: Path, missing: set[str]) -> None:
+    for path in [folder / "data.json", *folder.glob("*.svg")]:
+        text = path.read_text(encoding="utf-8")
+        path.write_text(text.translate(dict.fromkeys(map(ord, missing), "?")), encoding="utf-8")
 
 
 def _date(text: str) -> datetime.datetime:

@@ -8,12 +8,12 @@ that no model hides it.  What must be seen in grey has a pattern or a dash besid
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pom.sections.figure import WIDTH, Frame, area, arrow, axes, clipped, curve, line, rect, spaced, text
-from pom.sections.panels import Panel, description
+from pom.sections.panels import Panel, description, limits
 from pom.sections.quantities import fixed, number, pretty_unit
 from pom.sections.verdicts import WORDS
 
@@ -22,6 +22,7 @@ from .look import defs
 LEFT, RIGHT = 50.0, 6.0
 HEAD, GAP, STRIP, FOOT = 15.0, 3.0, 24.0, 27.0
 RESIDUAL = 1.6
+SQUEEZED = 2.0  # scale of the whole record over that of the window
 LANE = 4.0  # height of one run's bar of exits above the time axis
 LEAST, MOST = 30.0, 160.0  # height of an input panel
 MOST_PANELS = 7  # on a page
@@ -78,6 +79,7 @@ def drawing(
         The panel bears the names of the events, the time axis of its page.
     """
     x = (float(time[0]), float(time[-1]))
+    panel = _scaled(panel)
     main = height * (JUDGED if panel.kind == "judged" else 1.0)
     frame = Frame(LEFT, HEAD, WIDTH - LEFT - RIGHT, main, x, panel.limits)
     parts = [_head(panel), axes(frame, x_labels=last and panel.half is None, x_most=10)]
@@ -93,6 +95,16 @@ def drawing(
         parts.append(text(LEFT + frame.width / 2, bottom + 23.5, "time, s (clock of the record)", "caption", "middle"))
     full = bottom + (FOOT if last else GAP)
     return Drawing(svg(full, "".join(parts)), full, description(panel))
+
+
+def _scaled(panel: Panel) -> Panel:
+    """Return a judged panel whose scale is that of its window, where the rest of the record would squeeze it."""
+    if panel.half is None:
+        return panel
+    inside = np.isfinite(panel.half)
+    own = limits({run: values[inside] for run, values in panel.traces.items()}, panel.half[inside], panel.label.least_span)
+    squeezed = panel.limits[1] - panel.limits[0] > SQUEEZED * (own[1] - own[0])
+    return replace(panel, limits=own) if squeezed else panel
 
 
 def svg(height: float, body: str) -> str:
