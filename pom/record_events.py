@@ -132,18 +132,16 @@ def _stretch(time: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | No
 def quiet_instant(recorded: Recorded, window: tuple[float, float]) -> float | None:
     """Return the instant about which speed, attitude and rates stand stillest, from 4 s before to 1 s after it. [s]"""
     names = [name for name in ("V_cas", "V", "theta", "phi", "p", "q", "r") if name in recorded.channels]
-    places = np.arange(window[0] + HELD_STILL, window[1] - 1.0 + 1e-9, 0.5)
-    if not names or not places.size:
+    step, stretch = 0.1, round((HELD_STILL + 1.0) / 0.1)
+    grid = np.arange(window[0], window[1] + 0.5 * step, step)
+    if not names or grid.size <= stretch:
         return None
-    unrest = np.zeros(places.size)
+    unrest = np.zeros(grid.size - stretch)
     for name in names:
-        spread = []
-        for at in places:
-            _, y = recorded.within(name, (at - HELD_STILL, at + 1.0))
-            spread.append(float(np.ptp(y)) if y.size else np.inf)
-        most = np.max([s for s in spread if np.isfinite(s)], initial=0.0)
-        unrest += np.array(spread) / (most or 1.0)
-    return float(places[int(np.argmin(unrest))])
+        y = np.interp(grid, *recorded.channels[name])
+        spread = np.ptp(np.lib.stride_tricks.sliding_window_view(y, stretch + 1), axis=1)
+        unrest += spread / (float(spread.max()) or 1.0)
+    return float(grid[int(np.argmin(unrest))] + HELD_STILL)
 
 
 def on_ground(recorded: Recorded, time: float) -> bool:
