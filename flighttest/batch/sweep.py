@@ -81,7 +81,7 @@ def sweep(problem: Problem, starts: np.ndarray, c: np.ndarray, weak: tuple[np.nd
     it; height and sensitivities the trapezoidal rule (1e-5 of their size at 50 Hz).  Straight lines between samples would
     take (omega dt)^2/12 off what swings with omega: 1e-3 at 0.9 Hz and 50 samples per second, found again in the vane factors.
     """
-    x, R, turn, force = _run(problem, starts, c, weak)
+    x, R, turn, force, vanes = _run(problem, starts, c, weak)
     places, D = input_derivatives(problem, c)
     names = [name for name in ("wind_n", "wind_e", "wind_d") if name in problem.constants] + (["lag.vanes"] if problem.vanes else [])
     columns = np.append(places, problem.constants.index(*names))
@@ -90,7 +90,7 @@ def sweep(problem: Problem, starts: np.ndarray, c: np.ndarray, weak: tuple[np.nd
     for part in segments(problem):
         _sensitivities(problem, part, x, R, turn, force, D, X)
     if problem.vanes:
-        _lagged_sensitivities(problem, x, c, columns, X)
+        _lagged_sensitivities(problem, x, c, columns, X, vanes)
     return Sweep(x, X, columns)
 
 
@@ -110,8 +110,8 @@ def chained(J: np.ndarray, X: np.ndarray, k: np.ndarray | None = None, f: np.nda
     return out
 
 
-def _run(problem: Problem, starts, c, weak) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return states, rotations, turns between samples, and specific force in level axes."""
+def _run(problem: Problem, starts, c, weak) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
+    """Return states, rotations, turns between samples, specific force in level axes, and what `vane_geometry` says, if there are vanes."""
     turning, pull = weak
     omega, a = body_rates(problem, c) - turning, specific_force(problem, c)
     dt = problem.dt
@@ -131,13 +131,14 @@ def _run(problem: Problem, starts, c, weak) -> tuple[np.ndarray, np.ndarray, np.
         x[part, VELOCITY] = start[VELOCITY] + _summed(gain)
         down = x[part, 5]
         x[part, HEIGHT] = start[HEIGHT] - _summed(dt / 2.0 * (down[:-1] + down[1:]))
+    vanes: tuple[np.ndarray, ...] = ()
     if problem.vanes:
-        angle, _, _ = vane_geometry(problem, x, c)
-        tau = problem.constants.get(c, "lag.vanes")
+        vanes = vane_geometry(problem, x, c)
+        angle, tau = vanes[0], problem.constants.get(c, "lag.vanes")
         for start, part in zip(starts, segments(problem), strict=True):
             (E, c0, c1), _ = lag_weights(tau, dt)
             x[part, 7:] = _recursion(E, c0 * angle[part][:-1] + c1 * angle[part][1:], start[7 : 7 + len(problem.vanes)])
-    return x, R, turn, (R @ a[..., None])[..., 0]
+    return x, R, turn, (R @ a[..., None])[..., 0], vanes
 
 
 def _sensitivities(problem: Problem, part: slice, x, R, turn, force, D, X) -> None:
@@ -175,10 +176,10 @@ def _across(delta: np.ndarray, force: np.ndarray) -> np.ndarray:
     return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
 
 
-def _lagged_sensitivities(problem: Problem, x, c, columns, X) -> None:
+def _lagged_sensitivities(problem: Problem, x, c, columns, X, vanes) -> None:
     """Fill the sensitivities of the lagged vane angles."""
     n, count = problem.states, len(problem.vanes)
-    angle, J, Jw = vane_geometry(problem, x, c)
+    angle, J, Jw = vanes
     A = chained(J, X)
     where = {int(place): n + j for j, place in enumerate(columns)}
     for i, name in vane_behind(problem).items():
