@@ -12,7 +12,22 @@ import pytest
 import pom
 from flightmech.errors import SchemaError, UnknownName
 from pom.modes import mode_table
-from pom.sections import case, case_data, figure, modal, models, panels, quantities, start, term_words, traces, verdicts
+from pom.page import html_page
+from pom.sections import (
+    case,
+    case_data,
+    figure,
+    identification,
+    modal,
+    models,
+    overview,
+    panels,
+    quantities,
+    start,
+    term_words,
+    traces,
+    verdicts,
+)
 
 sys.path.insert(0, str(Path(__file__).parent))
 import report_fixture as fixture
@@ -48,6 +63,12 @@ def parcels(html):
 def texts(html):
     """Return the page with every packed part unpacked in its place."""
     return html + "".join(f'<article id="{name}">{head["page"]}</article>' for name, (head, _) in parcels(html).items())
+
+
+def page(results, fits=()):
+    """The page alone, without databases, as text with its packed parts unpacked."""
+    html = html_page(results, "T-37", "A", {}, {}, {}, {}, [mode_table(result) for result in results], fits)
+    return texts(html)
 
 
 class Table(HTMLParser):
@@ -282,9 +303,9 @@ def test_supporting_samples_are_drawn_in_their_slice(tmp_path):
     assert texts(write(tmp_path).read_text(encoding="utf-8")).count('class="rug"') == 0
 
 
-def test_identification_shows_every_local_model(tmp_path):
+def test_identification_shows_every_local_model():
     fits = fixture.fits()
-    head, body = parcels(write(tmp_path, fits=fits).read_text(encoding="utf-8"))["identification"]
+    head, body = parcels(page([fixture.roll_result()], fits))["identification"]
     html = head["page"]
     assert html.count('<details class="fit"') == len(head["fits"]) == 2
     for fit, drawn in zip(fits, head["fits"], strict=True):
@@ -297,7 +318,7 @@ def test_identification_shows_every_local_model(tmp_path):
             assert re.search(rf'scope="row">{name}</th><td class="num">{re.escape(quantities.number(float(estimate), 4))}</td>', html)
     assert 'class="test-point"' in html
     assert "Correlated estimates: 1 with alpha" in html
-    assert "identification" not in parcels(write(tmp_path).read_text(encoding="utf-8"))
+    assert "identification" not in parcels(page([fixture.roll_result()]))
 
 
 def test_the_bar_of_an_estimate_spans_two_standard_errors():
@@ -336,7 +357,7 @@ def test_outcomes_are_those_of_the_result():
             assert row["status"] == result.status(row["run"])
 
 
-def test_what_an_engineer_says_is_printed(tmp_path):
+def test_what_an_engineer_says_is_printed():
     from dataclasses import replace
 
     before = fixture.roll_result()
@@ -349,28 +370,28 @@ def test_what_an_engineer_says_is_printed(tmp_path):
         ticks={"sideslip trend": "A. Smith, 2026-11-20, trend agrees"},
         notes="Flown in smooth air.",
     )
-    html = texts(write(tmp_path, results=[replace(before, case=told)], diagnoses={}).read_text(encoding="utf-8"))
+    html = page([replace(before, case=told)])
     for words in ("Show the roll mode.", "Wheel left for five seconds.", "FT-12, page 7", "The gyro lags by 8 ms.", "Flown in smooth air."):
         assert words in html
     assert "☒</span> sideslip trend: correct trend and magnitude, ticked by A. Smith, 2026-11-20, trend agrees" in html
 
 
-def test_an_engineering_reference_and_its_share_are_told(tmp_path):
+def test_an_engineering_reference_and_its_share_are_told():
     from dataclasses import replace
 
     before = fixture.roll_result()
-    result = replace(before, case=replace(before.case, reference="engineering", fraction=0.2))
-    html = texts(write(tmp_path, results=[result], diagnoses={}).read_text(encoding="utf-8"))
+    html = page([replace(before, case=replace(before.case, reference="engineering", fraction=0.2))])
     assert "20 % of the tolerance applied" in html
     assert "The reference is an engineering simulator, not a flight; 20 % of the flight tolerance is applied." in html
 
 
-def test_reports_of_many_cases_leave_out_the_figures_for_readers_without_script(tmp_path, monkeypatch):
-    monkeypatch.setattr("pom.page.MOST_WITH_FIGURES", 2)
-    many = write(tmp_path / "many").read_text(encoding="utf-8")
-    few = write(tmp_path / "few", results=fixture.results()[:2]).read_text(encoding="utf-8")
-    assert "<noscript><h1>" in many.replace("<noscript>\n", "<noscript>")
-    assert many.count('class="figure"') == 0 < few.count('class="figure"')
+def test_reports_of_many_cases_leave_out_the_figures_for_readers_without_script(monkeypatch):
+    monkeypatch.setattr("pom.page.MOST_WITH_FIGURES", 1)
+    result = fixture.roll_result()
+    many, few = page([result, result]), page([result])
+    assert many.count("<noscript>") == 2
+    assert many.count("<figure><svg") == 0
+    assert few.count("<figure><svg") == 1
 
 
 def test_tables_of_unlike_axes_share_a_figure():
@@ -402,12 +423,12 @@ def test_coverage_counts_entries_of_the_table(report):
     assert re.search(r'<span class="id">2\.c\.9</span> Phugoid', html)
 
 
-def test_what_the_case_sets_against_record_and_table_is_told(tmp_path):
+def test_what_the_case_sets_against_record_and_table_is_told():
     from dataclasses import replace
 
     before = fixture.roll_result()
     result = replace(before, case=replace(before.case, shortened="the record ends", conditions={"delta_f": np.radians(40.0)}))
-    html = texts(write(tmp_path, results=[result], diagnoses={}).read_text(encoding="utf-8"))
+    html = page([result])
     assert "The window is shorter than the table asks: the record ends." in html
     assert "From the case file, not from the record: flap deflection 40\N{NO-BREAK SPACE}deg." in html
 
