@@ -135,7 +135,7 @@ def stalling(rate, warning=None):
     """Decelerates by `rate` m/s2 from 60 m/s; angle of attack goes with 1/V^2."""
     V = 60.0 - rate * TIME
     found = {"V_cas": V, "alpha": 0.05 * (60.0 / V) ** 2, "phi": 0.0 * V}
-    return found if warning is None else found | {"stall_warning": (TIME >= warning) * 1.0}
+    return found if warning is None else found | {"stall_warning": 1.0 * (TIME - warning >= 0.0)}
 
 
 def test_stall_warning_is_the_speed_at_each_record_s_own_signal(judged):

@@ -5,8 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from pom import table
+from pom.case import PomCase
 from pom.criteria import Band, Criterion, Limit
-from pom.modes import fit_mode, modal, peak_lag
+from pom.match import Match
+from pom.modes import fit_mode
+from pom.modes import modal as judge_mode
+from pom.modes import peak_lag as judge_lag
 from pom.tolerance import Invalid
 
 TIME = np.arange(0.0, 120.001, 0.1)
@@ -18,6 +23,18 @@ def sine(period, zeta, time=TIME, amplitude=5.0, phase=0.4, offset=90.0, slope=0
     wd = 2.0 * math.pi / period
     sigma = zeta * wd / math.sqrt(1.0 - zeta**2)
     return offset + slope * time + amplitude * np.exp(-sigma * time) * np.cos(wd * time + phase)
+
+
+def matched(time, flight, model, id):
+    return Match.of(PomCase("c", "C", id, table.STANDARD, table.EDITION, "c.toml", "r.nc", (0.0, 120.0)), time, flight, model)
+
+
+def modal(criterion, time, flight, model, id="1.a.1"):
+    return judge_mode(criterion, matched(time, flight, model, id))
+
+
+def peak_lag(criterion, time, flight, model):
+    return judge_lag(criterion, matched(time, flight, model, "2.d.7"))
 
 
 def criterion(measure, band=TEN, channel="V_cas", window=(0.0, 120.0)):
@@ -111,3 +128,33 @@ def test_peak_lag_from_fitted_phases():
     assert got.width == pytest.approx(0.12, rel=1e-3)  # 20 % of 0.6 s
     late = peak_lag(criterion("peak_lag", band, "phi", (0.0, 19.9)), time, run(1.2), run(-1.2))
     assert late.worst == pytest.approx(0.1, abs=1e-4)  # -1.2 s is the peak of the next cycle, at 1.3 s
+
+
+@pytest.mark.parametrize(("id", "edition"), [("2.c(9)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300"), ("2.c.9", table.STANDARD)])
+def test_three_cycles_are_asked_for_by_whatever_name_the_standard_has_for_the_test(id, edition):
+    short = TIME <= 80.0
+    slow = {"V_cas": sine(38.0, 0.03)[short]}
+    with pytest.raises(Invalid, match="the table asks for 3 cycles"):
+        modal(criterion("period", window=(0.0, 80.0)), TIME[short], slow, slow, id)
+    assert table.rows_of(id, edition, {"2.c(9)": "2018-05-03"}.get(id, table.EDITION))
+
+
+def test_a_legal_period_is_far_off_as_a_trace():
+    """Trap 4: 10 % more period differs by 62 % of the amplitude within three cycles at a damping ratio of 0.05."""
+    flat = {"amplitude": 10.0, "phase": -0.5 * math.pi, "offset": 0.0, "slope": 0.0}
+    time = np.arange(0.0, 3.0 * 38.0, 0.05)
+    for longer, expected in ((1.10, 0.62), (1.05, 0.34), (1.02, 0.14)):
+        apart = np.abs(sine(38.0 * longer, 0.05, time, **flat) - sine(38.0, 0.05, time, **flat)).max() / 10.0
+        assert apart == pytest.approx(expected, abs=0.006)
+    flight, model = ({"V_cas": sine(period, 0.05, **flat)} for period in (38.0, 38.0 * 1.0999))
+    assert modal(criterion("period"), TIME, flight, model, "2.c.9").verdict == "pass"
+
+
+def test_half_a_second_is_17_percent_of_a_dutch_roll():
+    """Trap 5: the greater of 10 % and 0.5 s on 3 s."""
+    band = Band((Limit("percent", 10.0, "%"), Limit("absolute", 0.5, "s")), "greater_of", "ref_scalar")
+    time = np.arange(0.0, 20.0, 0.02)
+    flight, model = ({"r": sine(period, 0.1, time, 0.1, offset=0.0, slope=0.0)} for period in (3.0, 3.49))
+    got = modal(criterion("period", band, "r", (0.0, 19.9)), time, flight, model)
+    assert (got.verdict, round(got.worst_ratio, 3)) == ("pass", 0.98)
+    assert got.applied == "10 % of the flight value or 0.5 s, the greater (3 s): 0.5 s"

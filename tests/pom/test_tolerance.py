@@ -1,12 +1,16 @@
 """Time histories against hand-computed bands, and the traps of the tolerance table's README."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from pom import table, tolerance
+from pom.case import PomCase
 from pom.criteria import Band, Criterion, Limit
-from pom.tolerance import Invalid, NotJudged, difference, half_width, inside_window, scalar, trace
+from pom.match import Match
+from pom.tolerance import Invalid, NotJudged, difference, half_width, inside_window, scalar
 
 TIME = np.arange(0.0, 10.001, 0.02)
 DEG = math.pi / 180.0
@@ -17,6 +21,12 @@ PITCH = Band((Limit("absolute", 1.5, "deg"),))
 
 def criterion(channel="theta", band=PITCH, window=(0.0, 10.0), measure="trace"):
     return Criterion("c", "", channel, measure, "g", band, window)
+
+
+def trace(criterion, time, flight, model):
+    case = PomCase("c", "C", "2.d.6", table.STANDARD, table.EDITION, "c.toml", "r.nc", (0.0, 10.0))
+    match = Match.of(case, time, {criterion.channel: flight}, {criterion.channel: model})
+    return tolerance.trace(criterion, *match.both(criterion))
 
 
 def both(percent, absolute, unit, rule="greater_of", base="ref_local"):
@@ -139,3 +149,47 @@ def test_scalar_takes_the_percentage_of_the_flight_value():
     band = both(10.0, 0.5, "s", base="ref_scalar")
     assert scalar(criterion("r", band, measure="period"), 3.0, 3.49).verdict == "pass"  # 0.5 s governs
     assert scalar(criterion("r", band, measure="period"), 8.0, 8.81).verdict == "fail"  # 0.8 s governs
+
+
+def test_a_share_of_the_tolerance_for_engineering_simulator_data():
+    """Rule R9: 20 % of it before 2016, 40 % after; greater of 10 % of 38 s and 0.5 s is 3.8 s, of which 0.76 s are left."""
+    whole = criterion("r", both(10.0, 0.5, "s", base="ref_scalar"), measure="period")
+    fifth = replace(whole, fraction=0.2)
+    assert half_width(fifth, 38.0)[0] == pytest.approx(0.76)
+    got = scalar(fifth, 38.0, 38.8)
+    assert (got.verdict, got.worst_ratio) == ("fail", pytest.approx(0.8 / 0.76))
+    assert got.applied == "20 % of: 10 % of the flight value or 0.5 s, the greater (38 s): 0.76 s"
+    assert scalar(replace(whole, fraction=0.4), 38.0, 38.8).verdict == "pass"
+    assert trace(replace(criterion(), fraction=0.4), TIME, np.zeros_like(TIME), np.full_like(TIME, 0.59 * DEG)).verdict == "pass"
+
+
+def test_the_range_in_service_is_the_base_of_a_lone_percentage():
+    band = Band((Limit("percent", 5.0, "%"),), "single", "range_max")
+    wide = replace(criterion("V", band), largest=120.0)
+    np.testing.assert_allclose(half_width(wide, np.array([1.0, 50.0])), [6.0, 6.0])
+
+
+def test_a_percentage_that_grows_with_the_cycle():
+    band = Band((Limit("percent_times_n_plus_1", 10.0, "%"),), "single", "ref_scalar")
+    wide = criterion("column", band, measure="period_n")
+    assert [half_width(wide, 0.8, n)[0] for n in (1, 2, 3)] == pytest.approx([0.16, 0.24, 0.32])
+    assert band.text == "10(n+1) % of the flight value"
+
+
+def test_the_tolerance_as_applied_says_base_and_numbers():
+    flight = 40.0 * DEG * np.sin(TIME)
+    local = trace(criterion("p", both(10.0, 2.0, "deg/s")), TIME, flight, flight)
+    assert local.applied == "10 % of the flight value or 2 deg/s, the greater: 2 ... 4 deg/s"
+    peak = trace(criterion("q", both(20.0, 0.15, "deg/s", base="ref_peak")), TIME, 2.0 * DEG * np.sin(TIME), 2.0 * DEG * np.sin(TIME))
+    assert peak.applied == "20 % of the largest flight value or 0.15 deg/s, the greater (2 deg/s): 0.4 deg/s"
+    smaller = criterion("distance", both(10.0, 200.0, "ft", "lesser_of", "ref_scalar"), measure="elapsed")
+    assert scalar(smaller, 3000.0 * 0.3048, 3000.0 * 0.3048).applied == "10 % of the flight value or 200 ft, the smaller (3000 ft): 200 ft"
+
+
+def test_the_readme_doublet_of_a_late_answer_misses_by_3p6_deg_per_s():
+    """Trap 7: a doublet of 1 s each way, 12 deg/s: 0.15 s late it is 3.6 deg/s off on the slope of 24 deg/s2."""
+    q = 12.0 * DEG * np.interp(TIME, [2.0, 2.5, 3.5, 4.0], [0.0, 1.0, -1.0, 0.0])
+    late = 12.0 * DEG * np.interp(TIME - 0.15, [2.0, 2.5, 3.5, 4.0], [0.0, 1.0, -1.0, 0.0])
+    got = trace(criterion("q", Band((Limit("absolute", 2.0, "deg/s"),))), TIME, q, late)
+    assert abs(got.worst) / DEG == pytest.approx(3.6)
+    assert (got.verdict, got.worst_ratio) == ("fail", pytest.approx(1.8))

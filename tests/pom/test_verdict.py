@@ -1,17 +1,24 @@
-"""What becomes of each row of the table: judged, advisory, not tested, invalid."""
+"""What becomes of each row in a case: judged, advisory, not tested, invalid; conditions, drives, references, standards."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import pom
+from flightmech.units import KNOT
 from pom import table
 from pom.case import Drive, PomCase
+from pom.conditions import settled
 from pom.criteria import Band, Limit
-from pom.verdict import bands, judge, row, unjudged
+from pom.pilot import Loop
+from pom.result import group_verdicts, status_of
+from pom.verdict import bands, channels, helpful, judge, needs, row, unjudged
 
 TIME = np.arange(0.0, 40.0, 0.02)
+FLAT = np.ones_like(TIME)
 DEG = np.pi / 180.0
+OF_2016 = {"edition": "2016-05-31 (Amdt 60-4)"}
 
 
 def case(id, drive=None, **more):
@@ -30,32 +37,7 @@ def named(case, name):
     return next(c for c in case.criteria if c.name == name)
 
 
-def test_every_row_of_the_table_becomes_a_criterion_that_is_judged_or_says_why_not():
-    count = {"judged": 0, "not": 0}
-    for item in table.rows():
-        found = table.criterion(item, "x", (0.0, 1.0), tuple(item["condition"].split(";")), engine_parameter="engine1.thrust")
-        assert found.applies
-        count["not" if found.reason else "judged"] += 1
-        if not found.reason:
-            assert found.channel
-            assert found.measure in table.JUDGED
-    # traces 114, snapshots 53, modes 14, engine 12, trends 8 make 201; 27 of them are on parameters without a house
-    # channel: lateral deviation 2, wheel force 5, elevator change 4, trim surfaces 3, spoiler 1, turn rate 1, engine
-    # instruments 7, demonstrations and pedal trends 4
-    assert count == {"judged": 174, "not": 146}
-
-
-def test_all_tolerances_of_the_table_are_symmetric():
-    for item in table.rows():
-        for low, high in (("lower", "upper"), ("alt_lower", "alt_upper")):
-            if item[high]:
-                assert float(item[low]) == -float(item[high])
-
-
-def test_a_measure_not_evaluated_is_not_tested_and_never_a_pass():
-    c = case("1.c.2")
-    got = judge(c, named(c, "climb_rate"), TIME, {"hdot": TIME}, {"hdot": TIME})
-    assert (got.verdict, got.note) == ("not_tested", "measure segment_mean is not evaluated yet")
+# ---- what is not judged
 
 
 def test_what_drives_a_model_is_not_judged():
@@ -64,10 +46,37 @@ def test_what_drives_a_model_is_not_judged():
     assert unjudged(case("1.f.1", Drive(engine="throttle")), named(c, "ti")) == ""
 
 
-def test_forces_of_a_model_driven_by_its_surfaces_are_not_judged():
-    c = case("2.c.5", features=("reversible_controls",))
-    force = next((x for x in c.criteria if x.channel == "F_column"), None) or replace(c.criteria[0], channel="F_column", reason="")
+def test_forces_are_judged_where_the_cockpit_is_driven():
+    """Trap 8."""
+    c = case("2.d.2", features=("reversible_controls",))
+    force = named(c, "wheel_force")
     assert unjudged(c, force) == "the surfaces are driven, so pilot forces have no meaning"
+    assert unjudged(case("2.d.2", Drive("cockpit")), force) == ""
+    assert unjudged(case("2.d.2", Drive("force")), force).startswith("F_rim is driven")
+    assert not named(case("2.d.2"), "wheel_force").applies  # powered controls: the row is not there
+
+
+def test_what_a_math_pilot_holds_is_not_judged_and_what_he_moves_is():
+    pilot = Drive("pilot", "throttle", pilot=(Loop("delta_a", "phi", 0.5, 0.1),))
+    c = case("2.d.8", pilot)
+    assert unjudged(c, named(c, "bank_angle")) == "phi is held by the math pilot; what a controller holds cannot be judged"
+    assert unjudged(c, named(c, "aileron")) == ""
+    still = case("2.d.8", Drive(trim=False))
+    assert unjudged(still, named(still, "aileron")).startswith("delta_a is driven")
+
+
+def test_a_footprint_has_no_band_and_no_verdict():
+    c = replace(case("2.d.6"), reference="footprint")
+    flight = {"r": 0.1 * np.sin(TIME)}
+    got = judge(c, c.criteria[0], TIME, flight, flight)
+    assert (got.verdict, got.note) == ("not_tested", "a footprint: a recording without a reference has no band and no verdict")
+    assert not bands(c, TIME, flight).data_vars
+
+
+def test_demonstrations_are_explained():
+    got = judge(case("2.g"), case("2.g").criteria[0], TIME, {}, {})
+    assert (got.verdict, got.note) == ("not_tested", table.DEMONSTRATION)
+    assert "four recordings" in case("2.g").criteria[0].note  # the row says what to fly
 
 
 def test_a_channel_that_one_side_lacks_is_not_tested():
@@ -76,44 +85,236 @@ def test_a_channel_that_one_side_lacks_is_not_tested():
     assert (got.verdict, got.note) == ("not_tested", "the model has no r")
 
 
-def test_a_lone_percentage_of_the_range_is_not_tested():
-    c = case("2.d.6")
-    lone = replace(c.criteria[0], band=Band((Limit("percent", 5.0, "%"),), "single", "range_max"))
-    got = judge(c, lone, TIME, {"r": TIME}, {"r": TIME})
-    assert got.verdict == "not_tested"
-    assert "largest value in service" in got.note
+def test_an_input_of_a_model_is_told_by_what_it_applies():
+    pilot = Drive("pilot", "throttle", pilot=(Loop("delta_e", "theta", 0.5, 0.1),))
+    c = case("2.f", pilot, events={"capture": 20.0})
+    flight = {"delta_e": -0.05 * FLAT}
+    got = judge(c, named(c, "elevator"), TIME, flight, {"applied.delta_e": -0.06 * FLAT})
+    assert got.model == pytest.approx(-0.06)
 
 
-def test_short_data_are_invalid_not_an_exception():
+def test_short_data_and_missing_samples_are_invalid_not_an_exception():
     c = case("2.d.6")
-    short = TIME[:1000]
+    short = TIME[TIME < 16.0]  # 60 % short
     got = judge(c, c.criteria[0], short, {"r": short}, {"r": short})
-    assert got.verdict == "invalid"
-    assert got.note.startswith("samples cover 0.00 ... 19.98 s")
+    assert (got.verdict, got.note[:28]) == ("invalid", "samples cover 0.00 ... 15.98")
+    tail = np.where(TIME > 36.0, np.nan, 0.1)
+    got = judge(c, c.criteria[0], TIME, {"r": 0.1 * FLAT}, {"r": tail})
+    assert (got.verdict, got.note[:28]) == ("invalid", "the model has no value in 19")
+
+
+# ---- which rows count, and where
+
+
+def test_a_row_outside_its_segment_does_not_count(judged):
+    """Trap 9: the heading band of 1.b.6 counts above 40 kt, below it the trend; bank of 2.c.8 above the warning."""
+    V = 2.0 * TIME  # 40 kt at 10.3 s
+    flight = {"V_cas": V, "vn": V, "ve": 0.0 * V, "psi": 0.0 * V}
+    flight |= dict.fromkeys(("theta", "alpha", "h_agl", "phi", "beta", "pedal"), 0.0 * FLAT)
+    events = {"brake_release": 0.0, "200ft_agl": 39.0}
+    swings = flight | {"psi": np.where(TIME < 10.0, 8.0, 0.0) * DEG}
+    got = judged("1.b.6", TIME, flight, swings, events=events)
+    assert got["heading"]["verdict"] == "pass"
+    assert (
+        judged("1.b.6", TIME, flight, flight | {"psi": np.where(TIME > 10.5, 3.1, 0.0) * DEG}, events=events)["heading"]["verdict"]
+        == "fail"
+    )
+    slow = judged("1.b.6", TIME, flight | {"psi": 0.02 * np.sin(TIME)}, flight | {"psi": 0.021 * np.sin(TIME)}, events=events)
+    assert slow["heading trend"]["verdict"] == "advisory"
+
+    V = 60.0 - 0.5 * TIME  # warning at 50 m/s, 20 s
+    stall = {"V_cas": V, "phi": 0.0 * FLAT, "alpha": 0.1 + 0.001 * TIME}
+    rolls = stall | {"phi": np.where(TIME > 20.1, 30.0, 1.0) * DEG}
+    got = judged("2.c.8", TIME, stall, rolls, events={"stall_warning": 20.0, "initial_buffet": 22.0})
+    assert (got["bank_angle"]["verdict"], got["bank_angle"]["worst_ratio"]) == ("pass", pytest.approx(0.5))
+
+
+def test_parts_of_a_stall_lie_between_its_events(judged):
+    V = 60.0 - 0.5 * TIME
+    flight = {
+        "V_cas": V,
+        "phi": 0.0 * FLAT,
+        "alpha": 0.1 + 0.001 * TIME,
+        "theta": 0.05 * FLAT,
+        "p": 0.1 * np.sin(TIME),
+        "r": 0.1 * np.sin(TIME),
+    }
+    model = flight | {"theta": 0.05 + np.where(TIME > 20.05, 3.0, 1.0) * DEG}
+    events = {"stall_warning": 20.0, "stall": 30.0}
+    got = judged("2.c.8.a", TIME, flight, model, events=events, **OF_2016)
+    assert (got["pitch_angle"]["window_stop"], got["pitch_angle"]["verdict"]) == (20.0, "pass")
+    after = next(item for name, item in got.items() if name.startswith("pitch_angle trace"))
+    assert (after["window_start"], after["window_stop"], after["verdict"]) == (20.0, 30.0, "fail")
+    unmarked = judged("2.c.8.a", TIME, flight, model, **OF_2016)["pitch_angle"]
+    assert unmarked["note"].startswith("mark the event stall_warning in [events]: the row counts only in approach_to_stall")
+
+
+def test_groups_are_alternatives_across_parameters(judged):
+    """Trap 1.  Short period: pitch angle or pitch rate, and load factor.  Half a second of 4 deg/s is too much for the rate."""
+    flight = {"theta": 0.0 * FLAT, "q": 0.0 * FLAT, "nz": FLAT}
+    model = flight | {"q": np.where((TIME > 10.0) & (TIME < 10.5), 4.0, 0.0) * DEG, "theta": np.where(TIME > 10.0, 1.4, 0.0) * DEG}
+    got = judged("2.c.10", TIME, flight, model)
+    assert (got["pitch_angle"]["verdict"], got["pitch_rate"]["verdict"]) == ("pass", "fail")
+    verdicts = {name: item["verdict"] for name, item in got.items()}
+    c = case("2.c.10")
+    assert group_verdicts(c, verdicts) == {"pitch": "pass", "g3": "pass"}
+    assert status_of(group_verdicts(c, verdicts)) == "pass"
+    assert status_of(group_verdicts(c, verdicts | {"normal_acceleration": "fail"})) == "fail"
+
+
+def test_a_precondition_alone_is_no_pass_and_a_broken_one_makes_the_case_invalid():
+    c = case("1.b.8")
+    rates = dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), "not_tested")
+    assert status_of(group_verdicts(c, rates | {"engine_failure_speed": "pass"})) == "not_tested"
+    passed = dict.fromkeys(rates, "pass")
+    assert status_of(group_verdicts(c, passed | {"engine_failure_speed": "pass"})) == "pass"
+    assert status_of(group_verdicts(c, passed | {"engine_failure_speed": "invalid"})) == "invalid"
+    assert group_verdicts(c, {"engine_failure_speed": "pass"}) == {}
+
+
+def test_a_row_that_the_flight_rules_out_does_not_block(judged):
+    V = np.maximum(50.0 - 4.0 * np.maximum(TIME - 1.0, 0.0), 0.0)  # 313 m = 1025 ft
+    flight = {"vn": V, "ve": 0.0 * V, "h_agl": np.where(TIME < 1.0, 1.0 - TIME, -0.1), "V_cas": V}
+    c = replace(case("1.e.1"), events={"touchdown": 1.0, "full_stop": 13.5})
+    c = replace(c, criteria=tuple(replace(x, window=(1.0, 13.5)) for x in c.criteria))
+    done = settled(c, TIME, flight)
+    assert [x.applies for x in done.criteria] == [True, True, False]
+    verdicts = {x.name: judge(done, x, TIME, flight, flight).verdict for x in done.criteria}
+    assert group_verdicts(done, verdicts) == {"g1": "pass", "g2": "pass"}
+    assert settled(done, TIME, flight) == done
 
 
 def test_spiral_is_judged_at_the_end_and_its_trend_is_advice():
     c = case("2.d.4")
-    flight = {"phi": 20.0 * DEG + 0.0 * TIME}
-    model = {"phi": 20.0 * DEG + np.where(TIME < 30.0, 10.0 * DEG, 1.0 * DEG)}
+    flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}
+    model = {"phi": flight["phi"] + np.where(TIME < 30.0, 10.0 * DEG, 1.0 * DEG)}
     assert judge(c, named(c, "bank_angle"), TIME, flight, model).worst_ratio == pytest.approx(0.5)
     assert judge(c, named(c, "bank_angle trend"), TIME, flight, model).verdict == "advisory"
     assert not named(c, "aileron").applies
+
+
+# ---- trend
+
+
+def test_a_trend_states_its_criteria(judged):
+    flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}  # 20 (exp(-40/60) - 1) = -9.73 deg
+    half = judged("2.d.4", TIME, flight, {"phi": 0.5 * flight["phi"] + 10.0 * DEG})["bank_angle trend"]
+    assert half["verdict"] == "advisory"
+    assert half["note"].startswith(
+        "largest change of flight -9.73 deg, of model -4.86 deg, amplitude ratio 0.50, correlation 1.00; "
+        "all four criteria of trend are met; to be ticked by an engineer"
+    )
+    away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]})["bank_angle trend"]
+    assert "not met: sign, correlation; to be ticked" in away["note"]
+    small = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG})["bank_angle trend"]
+    assert "not met: amplitude;" in small["note"]
+
+
+def test_the_order_of_peaks_is_part_of_the_trend(judged):
+    flight = {"phi": np.sin(TIME / 6.0)}
+    swapped = {"phi": -np.sin(TIME / 6.0) * np.where(TIME < 19.0, 1.0, 1.2)}
+    got = judged("2.d.4", TIME, flight, swapped)["bank_angle trend"]
+    assert "order of peaks" in got["note"]
+
+
+def test_a_tick_makes_a_trend_a_pass_that_says_who_but_not_a_wrong_sign(judged):
+    flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}
+    ticks = {"bank_angle trend": "A. Engineer, 2026-11-21, both converge"}
+    got = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG}, ticks=ticks)["bank_angle trend"]
+    assert got["verdict"] == "pass"
+    assert "not met: amplitude; ticked by A. Engineer, 2026-11-21, both converge" in got["note"]
+    away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]}, ticks=ticks)["bank_angle trend"]
+    assert away["verdict"] == "advisory"
+    assert "does not hold: the model moves the other way" in away["note"]
+
+
+# ---- rows of the verdict table
 
 
 def test_rows_are_in_the_unit_of_the_table():
     c = case("2.c.10")
     flight = {"q": 0.0 * TIME}
     found = row("m", named(c, "pitch_rate"), judge(c, named(c, "pitch_rate"), TIME, flight, {"q": flight["q"] + 3.0 * DEG}))
-    assert (found["unit"], found["tolerance_text"], found["provenance"]) == ("deg/s", "2 deg/s", "verified")
+    assert (found["unit"], found["tolerance_text"], found["applied_text"], found["provenance"]) == (
+        "deg/s",
+        "2 deg/s",
+        "2 deg/s: 2 deg/s",
+        "verified",
+    )
     assert found["worst"] == pytest.approx(3.0)
     assert found["width"] == pytest.approx(2.0)
+    assert found["fraction"] == 1.0
+    assert np.isnan(found["flight_value"])
 
 
-def test_bands_are_drawn_inside_their_window_only():
+def test_the_share_of_the_tolerance_comes_from_the_case():
+    """Trap 10."""
+    c = replace(case("2.c.10"), reference="engineering", fraction=0.2)
+    flight = {"q": 0.0 * TIME}
+    got = judge(c, named(c, "pitch_rate"), TIME, flight, {"q": flight["q"] + 0.5 * DEG})
+    assert (got.verdict, got.worst_ratio) == ("fail", pytest.approx(0.5 / 0.4))
+    assert got.applied == "20 % of: 2 deg/s: 0.4 deg/s"
+
+
+def test_memory_stays_in_every_row(judged):
+    rates = dict.fromkeys("pqr", 0.1 * np.sin(TIME)) | {"V_cas": 60.0 * FLAT}
+    got = judged("1.b.8", TIME, rates, rates, events={"engine_failure": 10.0})
+    assert {name: item["provenance"] for name, item in got.items()} == {
+        "roll_rate": "partial",
+        "pitch_rate": "partial",
+        "yaw_rate": "partial",
+        "engine_failure_speed": "memory",
+    }
+    assert all(item["provenance"] == "memory" for item in judged("2.d.3", TIME, {"phi": TIME}, {}).values())
+
+
+def test_bands_are_drawn_where_they_count():
     c = case("2.d.2")
     inside = replace(c.criteria[0], window=(10.0, 20.0))
-    c = replace(c, criteria=(inside,))
-    width = bands(c, TIME, {"p": 30.0 * DEG * np.ones_like(TIME)})["p"].values
+    width = bands(replace(c, criteria=(inside,)), TIME, {"p": 30.0 * DEG * FLAT})["p"].values
     assert np.isnan(width[TIME < 9.9]).all()
     np.testing.assert_allclose(width[(TIME > 10.1) & (TIME < 19.9)], 3.0 * DEG)  # 10 % of 30 deg/s
+    fast = replace(inside, condition="groundspeed>=40kt")
+    width = bands(replace(c, criteria=(fast,)), TIME, {"p": 30.0 * DEG * FLAT, "vn": 1.4 * TIME, "ve": 0.0 * TIME})["p"].values
+    assert np.isnan(width[TIME < 40.0 * KNOT / 1.4]).all()
+    assert np.isfinite(width[(TIME > 40.0 * KNOT / 1.4 + 0.1) & (TIME < 19.9)]).all()
+
+
+def test_what_a_model_has_to_offer():
+    c = case("1.b.1")
+    assert channels(named(c, "distance")) == ("vn", "ve", "V_cas")
+    assert needs(named(c, "distance")) == ("distance", "V_cas")
+    assert channels(named(case("2.a.2.a"), "wheel_force")) == ("F_wheel", "wheel")
+    assert helpful(named(case("2.c.8"), "stall_warning_speed")) == ("stall_warning", "alpha")
+
+
+# ---- standards and editions are data
+
+
+@pytest.mark.parametrize(
+    ("id", "standard", "edition", "name", "off", "verdict"),
+    [
+        ("2.c(10)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300", "2018-05-03", "pitch_rate", 1.9, "pass"),
+        ("2.d(2)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300", "2018-05-03", "roll_rate", 2.1, "fail"),
+        ("2.f", "CAAC CCAR-60 App A aeroplane simulator tests", "2005-09-01", "pitch_angle", 0.9, "pass"),
+        ("2.c.8", "FAA 14 CFR Part 60 App B Table B2A", "2014-01-01", "bank_angle", 2.1, "fail"),
+        ("2.c.8.b", "FAA 14 CFR Part 60 App A Table A2A", "2016-05-31 (Amdt 60-4)", "bank_angle", 1.9, "pass"),
+    ],
+)
+def test_a_case_of_every_standard_is_read_and_judged(write_case, id, standard, edition, name, off, verdict):
+    path = write_case(id, case=f'standard = "{standard}"\nedition = "{edition}"', more="[events]\ncapture = 5.0\nstall_warning = 8.0")
+    read = pom.read_case(path)
+    time = np.arange(1.0, 9.001, 0.02)
+    flight = {channel: 0.0 * time for channel in ("theta", "q", "p", "phi")} | {"V_cas": 60.0 - time}
+    criterion = named(read, name)
+    got = judge(read, criterion, time, flight, {k: v + off * DEG for k, v in flight.items()})
+    assert (got.verdict, criterion.provenance) == (
+        verdict,
+        "verified" if standard.startswith(("CAAC", "FAA 14 CFR Part 60 App B")) else "memory",
+    )
+
+
+def test_a_row_without_a_width_is_not_tested():
+    c = case("2.d.6")
+    odd = replace(c.criteria[0], band=Band((Limit("ratio", 5.0, "%"),)))
+    assert judge(c, odd, TIME, {"r": TIME}, {"r": TIME}).verdict == "not_tested"
