@@ -150,6 +150,7 @@ def _print(case: PomCase, ranked: pd.DataFrame) -> None:
 
     criteria = criteria_of(ranked)
     idle = ranked["stage"].isin(["single", "group"]) & (ranked["closes"].abs() < _IDLE)
+    idle |= (ranked["stage"] == "without") & ((ranked["closes"] - 1.0).abs() < _IDLE)
     pairs = ranked[ranked["stage"] == "pair"]
     quiet = pairs.index.difference(pairs["interaction"].abs().nlargest(_INTERACTING).index)
     columns = [

@@ -83,11 +83,12 @@ def diagnose(
         - ``single``, one row per term, best first; ``group``, best first;
         - ``pair``, terms ``A + B`` of those that change most, best first; ``interaction`` is what both close beyond the sum of each;
         - ``sequence``, terms added one after the other, each row with all before it;
+        - ``without``, the final model without one of the terms told apart or a group, the one it misses most first;
         - ``share``, the Shapley shares with their standard errors (zero when exact): first those that add to the miss, then those that
           close it, the largest first.  Their ``miss`` is the level after this share and those above it, from that of `prior` to that
           of `final`.
 
-        Pairs, sequence and shares are left out when `prior` passes or `final` is no better.
+        Pairs, sequence, what is left out, and shares are not there when `prior` passes or `final` is no better.
     """
     bench = Bench.of(case, prior, final, (apriori or aircraft, aircraft), path)
     start, end = bench.judged([(), bench.names])
@@ -109,6 +110,7 @@ def diagnose(
         _pairs(bench, table, sorted(told, key=felt.index)[:PAIRED])
         for k, found in enumerate(bench.judged([needed[: k + 1] for k in range(len(needed))])):
             table.add("sequence", needed[k], found)
+        _without(bench, table, {name: (name,) for name in told} | members)
         _shares(bench, table, told, replays, seed)
     return pd.DataFrame(table.rows)
 
@@ -202,6 +204,13 @@ def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) ->
         if (without.verdict == "pass") >= (reached.verdict == "pass") and without.total - reached.total < LEAST_SHARE * gap:
             needed.remove(name)
     return needed
+
+
+def _without(bench: Bench, table: _Table, left_out: Mapping[str, Sequence[str]]) -> None:
+    """Append the final model without each of these terms or groups, the one it misses most first."""
+    rests = [[other for other in bench.names if other not in names] for names in left_out.values()]
+    for name, found in sorted(zip(left_out, bench.judged(rests), strict=True), key=lambda row: -_total(row[1])):
+        table.add("without", name, found)
 
 
 def _shares(bench: Bench, table: _Table, told: Sequence[str], replays: int, seed: int) -> None:

@@ -25,10 +25,11 @@ _TITLES = {
     "group": "a-priori model with a group of terms taken from the final model",
     "pair": "a-priori model with two terms taken from the final model: the pairs that interact most",
     "sequence": "corrected a-priori model: terms of the final model taken one after the other",
+    "without": "final model without a term or group",
     "share": "fair split of the gap: what each term closes on average over all orders of taking them",
     "final": "final model",
 }
-_MOST = {"single": 8, "group": 4, "pair": 3}  # rows shown
+_MOST = {"single": 8, "group": 4, "pair": 3, "without": 5}  # rows shown
 # the bars run from -20 to 120 % of the gap
 _LOW, _HIGH = -0.2, 1.2
 

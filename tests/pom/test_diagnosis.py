@@ -34,15 +34,16 @@ def test_the_spoilt_term_closes_the_gap_alone(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=0.6, Cl_phat=0.8)
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
-    assert list(table["stage"]) == ["prior", "final", "single", "single", "sequence", "share", "share"]
+    assert list(table["stage"]) == ["prior", "final", "single", "single", "sequence", "without", "share", "share"]
     assert table.loc[0, "verdict"] == "fail"
     assert table.loc[1, "verdict"] == "pass"
     assert table.loc[2, "term"] == "Cm/elevator"
     assert table.loc[2, "closes"] == pytest.approx(1.0, abs=0.02)
     assert table.loc[3, "closes"] == pytest.approx(0.0, abs=0.02)  # roll damping has no part in a short period
     assert table.loc[4, "verdict"] == "pass"
-    assert list(table.loc[5:, "term"]) == ["Cm/elevator", "others"]
-    assert table.loc[5, "closes"] == pytest.approx(1.0, abs=0.02)
+    assert list(table.loc[6:, "term"]) == ["Cm/elevator", "others"]
+    assert table.loc[6, "closes"] == pytest.approx(1.0, abs=0.02)
+    assert table.loc[5, "closes"] == pytest.approx(0.0, abs=0.02)  # the final model without it is the a-priori one
     assert pom.corrected_terms([table]) == ["Cm/elevator"]
 
 
@@ -161,6 +162,9 @@ def test_shares_of_two_terms_by_hand(case, truth, trainer):
     assert set(pair["term"].split(" + ")) == {"Cm/elevator", "Cm/qhat"}
     assert pair["closes"] == pytest.approx(1.0)
     assert pair["interaction"] == pytest.approx(1.0 - alone["closes"].sum(), rel=1e-9)
+    without = table[table["stage"] == "without"].set_index("term")
+    for one, other in (("Cm/elevator", "Cm/qhat"), ("Cm/qhat", "Cm/elevator")):
+        assert without.loc[one, "closes"] == alone.loc[other, "closes"]  # of two terms, one left out is the other alone
     assert (share["stderr"] == 0.0).all()
     assert set(share["verdict"]) == {"not_tested"}
 
