@@ -15,7 +15,7 @@ from flightmech.whole import written_whole
 
 from ..quality.of_states import tell_faults
 from ..reduction import between, open_states
-from .flown import output_error
+from .flown import output_error, uniform_step
 from .result import OutputError
 from .specification import Specification
 
@@ -127,6 +127,7 @@ def perform(specification: Specification) -> Performed:
     for table in specification.record:
         states = open_states(table.file)
         records.append((between(states, *table.window) if table.window else states).assign_attrs(record=table.file.stem))
+        uniform_step(records[-1]["time"].values.astype(float), table.file.name)
     tell_faults(records, [table.file.name for table in specification.record])
     unknowns, held = specification.unknowns(sim), specification.held(sim)
     fit = output_error(sim, records, unknowns, specification.outputs, held, specification.noise, iterations=specification.iterations)

@@ -37,7 +37,7 @@ def findings_of(states: xr.Dataset) -> list[Finding]:
     Parameters
     ----------
     states : Dataset (time,)
-        House names, SI, at the c.g.; stretches between gaps are looked at one by one.
+        House names, SI, at the c.g.; stretches between gaps are looked at one by one, and what one excites is excited.
 
     Returns
     -------
@@ -48,7 +48,13 @@ def findings_of(states: xr.Dataset) -> list[Finding]:
     time = states["time"].values
     edges = [0, *(np.flatnonzero(np.diff(time) > GAP * np.median(np.diff(time))) + 1).tolist(), len(time)]
     stretches = [states.isel(time=slice(a, b)) for a, b in pairwise(edges) if b - a > _LEAST]
-    return [finding for stretch in stretches for finding in _of_stretch(stretch)]
+    found = [_of_stretch(stretch) for stretch in stretches]
+    return [finding for findings in found for finding in findings if finding.kind not in _JOINT or finding.name in _in_all(found)]
+
+
+def _in_all(found: Sequence[Sequence[Finding]]) -> set[str]:
+    """Return the names of the findings that every one of several lists holds."""
+    return set.intersection(*({finding.name for finding in findings} for findings in found)) if found else set()
 
 
 def _of_stretch(states: xr.Dataset) -> list[Finding]:
@@ -104,7 +110,7 @@ def tell_faults(flown: Sequence[xr.Dataset], names: Sequence[str], known: Sequen
         for finding in findings
         if finding.severity == "error"
     ]
-    everywhere = set.intersection(*({finding.name for finding in findings} for findings in found))
+    everywhere = _in_all(found)
     told: set[str] = set()
     for name, finding in ((name, finding) for name, findings in zip(names, found) for finding in findings):
         alone = finding.kind not in _JOINT or finding.name in everywhere  # what one manoeuvre lacks another may have
