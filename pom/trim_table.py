@@ -30,14 +30,14 @@ OBSERVED = (*STATE, *(f"applied.{name}" for name in CONTROLS), *FOUND, *LEFT, "o
 
 HOUSE_LIMITS = {
     **dict.fromkeys(("delta_e", "delta_a", "delta_r"), 1.0 * DEGREE),  # longitudinal trim, 2.c.5 of Table A2A: elevator 1 deg
-    **dict.fromkeys(("F_column", "F_pedal"), 5.0 * POUND_FORCE),  # static force checks, 2.a.1 and 2.a.3 of Table A2A: 5 lbf
+    **dict.fromkeys(("F_column", "F_pedal"), 5.0 * POUND_FORCE),  # static force checks, 2.a.1.a and 2.a.3.a of Table A2A
     "throttle": 0.05,  # of the travel: 2.c.5 allows 5 % of net thrust
     # our number: an acceleration that goes on changes the speed by 1 m/s in 20 s, an attitude by 1.5 deg in 5 s
     **dict.fromkeys(("u_dot", "v_dot", "w_dot"), 0.05),
     **dict.fromkeys(("p_dot", "q_dot", "r_dot"), 2.0e-3),
 }
 """Size of a bias or of an acceleration left beyond which a run is remarked. [SI]"""
-THRUST_SHARE = 0.05  # of the recorded thrust of an engine, 2.c.5 of Table A2A
+THRUST_SHARE = 0.05  # of the recorded thrust of an engine; 2.c.5 of Table A2A, from memory, has 5 % of the largest
 SHOWN_UNITS = {"rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
 
 
