@@ -131,9 +131,8 @@ class Bench:
             verdicts[criterion.name] = "invalid" if failure and criterion.applies else found.verdict
             if found.verdict not in ("pass", "fail", "invalid"):
                 continue
-            ratio[criterion.name] = miss[criterion.name] = found.worst_ratio
-            if criterion.measure == "trace":
-                miss[criterion.name] = found.rms
+            ratio[criterion.name] = found.worst_ratio
+            miss[criterion.name] = found.rms if np.isfinite(found.rms) else found.worst_ratio  # of a curve, of a number
             counted = float(np.fmin(miss[criterion.name], CEILING))
             groups[criterion.group] = min(groups.get(criterion.group, CEILING), counted)
         total = float(np.sqrt(np.mean(np.square(list(groups.values()))))) if groups else np.nan
