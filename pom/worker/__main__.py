@@ -4,12 +4,15 @@ import os
 import pickle
 import shutil
 import sys
+import threading
+import time
 
 from pom.worker import Model, replay
 
 
 def main(path: str, folder: str) -> None:
     """Answer jobs until stdin ends."""
+    threading.Thread(target=_end_with, args=(os.getppid(), folder), daemon=True).start()
     replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
@@ -24,6 +27,14 @@ def main(path: str, folder: str) -> None:
         pickle.dump(replay(model, job) if model else {"outputs": None, "moved": {}, "error": fault}, replies)
         replies.flush()
     shutil.rmtree(folder, ignore_errors=True)
+
+
+def _end_with(parent: int, folder: str) -> None:
+    """End with the parent, even when the FMU hangs and reads no input any more."""
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
 
 
 if __name__ == "__main__":

@@ -61,22 +61,23 @@ def describe(kind, interpolates, units, rename):
 
 
 def compiled(source, folder):
-    """Compile a C file beside this one into a shared library of an FMU."""
+    """Compile a C file, of this folder or with its place, into a shared library of an FMU."""
     from fmpy import sharedLibraryExtension
 
     place = folder / f"toy{sharedLibraryExtension}"
     command = [sys.executable, "-m", "ziglang", "cc", "-shared", "-fPIC", "-O1", "-w", "-fno-sanitize=undefined", "-o", str(place)]
-    subprocess.run([*command, str(Path(__file__).with_name(source))], check=True, capture_output=True)
+    subprocess.run([*command, str(Path(__file__).parent / source)], check=True, capture_output=True)
     return place
 
 
 def write_fmu(path, description, library):
     """Write an FMU of a description and a library."""
-    from fmpy import platform
+    from fmpy import platform, platform_tuple
 
+    folder = platform_tuple if 'fmiVersion="3' in description else platform
     with zipfile.ZipFile(path, "w") as file:
         file.writestr("modelDescription.xml", description)
-        file.write(library, f"binaries/{platform}/{library.name}")
+        file.write(library, f"binaries/{folder}/{library.name}")
     return path
 
 

@@ -2,6 +2,9 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
 from dataclasses import replace as changed
 
 import numpy as np
@@ -145,6 +148,30 @@ def test_a_child_that_somebody_else_stopped_is_given_its_job_again(toy, tmp_path
     assert child.run(job, 20.0).error == ""
     assert (tmp_path / "mark").exists()
     child.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows tells no new parent")
+def test_a_hanging_fmu_ends_with_a_parent_that_was_killed(toy):
+    script = """
+import sys, numpy as np
+from pom.child import Child
+child = Child(sys.argv[1])
+print(child._start().pid, flush=True)
+child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "outputs": ["theta"]}, 600.0)
+"""
+    parent = subprocess.Popen([sys.executable, "-c", script, str(toy("hang"))], stdout=subprocess.PIPE, text=True)
+    child = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    for _ in range(200):
+        try:
+            os.kill(child, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.1)
+    os.kill(child, signal.SIGKILL)
+    pytest.fail("the child still ran after 20 s")
 
 
 def test_no_scheduler_is_said_plainly(cases, paths, toy, monkeypatch):
