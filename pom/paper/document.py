@@ -83,7 +83,7 @@ def _set(folder: Path, date: datetime.datetime) -> bytes:
     try:
         import typst
     except ImportError as error:
-        raise SchemaError("report.pdf", ["typst is not installed; pip install typst, or leave the PDF out (--no-pdf, paper=None)"]) from error
+        raise SchemaError("report.pdf", ["typst is not installed; pip install it, or leave the PDF out (--no-pdf, paper=None)"]) from error
     for ours_only in (True, False, False):
         try:
             return typst.compile(

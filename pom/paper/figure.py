@@ -135,9 +135,10 @@ def _inside(frame: Frame, time: np.ndarray, panel: Panel, styles: Mapping[str, s
     parts.append(_scalars(frame, time, panel))
     if panel.window:
         parts += [line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window") for t in panel.window]
-    parts += [curve(frame, time, values, f"trace {styles[run]}") for run, values in panel.traces.items()]
-    if flight is not None and len(panel.traces) > 1:
-        parts.append(curve(frame, time, flight, "hair"))
+    curves = {run: curve(frame, time, values, f"trace {styles[run]}") for run, values in panel.traces.items()}
+    parts += curves.values()
+    if len(curves) > 1 and "flight" in curves:
+        parts.append(curves["flight"].replace(f"trace {styles['flight']}", "hair"))
     return "".join(parts)
 
 

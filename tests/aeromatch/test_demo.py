@@ -5,6 +5,7 @@ import json
 import pytest
 
 import aerodb
+import pom
 
 
 @pytest.mark.slow
@@ -13,8 +14,12 @@ def test_the_demo_writes_what_it_promises(demo):
     assert run.returncode == 0, run.stderr
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     models = {f"{name}.{kind}" for name in ("datcom", "corrected", "final") for kind in ("nc", "fmu")}
-    assert names == models | {"report/report.html", "report/results.json"}
-    assert len(json.loads((folder / "report" / "results.json").read_text())["results"]) == 12
+    results = json.loads((folder / "report" / "results.json").read_text())["results"]
+    assert len(results) == 12
+    report = {"report.html", "report.pdf", "results.json", "results.nc", "results.xml", "manifest.json"}
+    report |= {f"csv/{item['case']['name']}.csv" for item in results}
+    assert names == models | {f"report/{name}" for name in report}
+    assert {item.state for item in pom.verify(folder / "report")} == {"same"}
     for name in ("datcom", "corrected", "final"):
         assert aerodb.check(aerodb.open(folder / f"{name}.nc")) == []
 

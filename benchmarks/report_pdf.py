@@ -1,0 +1,65 @@
+"""The report on paper: time and size of a PDF of a hundred pages, and of all that is written beside it.
+
+    python benchmarks/report_pdf.py                 as many cases as fill about 100 pages: 25, 3 models, 7 channels, 30 s at 50 Hz
+    python benchmarks/report_pdf.py --cases 100 --paper letter
+
+Results are those of ``report_page.py``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import re
+import tempfile
+import time
+from pathlib import Path
+
+from report_page import MODELS, result
+
+import pom
+from flightmech.console import table
+from pom.modes import mode_table
+from pom.paper import pdf_pages
+
+
+def main() -> None:
+    """Read the command line, make the document twice, print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--cases", type=int, default=25)
+    parser.add_argument("--paper", choices=["a4", "letter"], default="a4")
+    options = parser.parse_args()
+    results = [result(number) for number in range(options.cases)]
+    modes = [mode_table(one) for one in results]
+    times, made = [], set()
+    for _ in range(2):
+        begin, worked = time.perf_counter(), time.process_time()
+        document = pdf_pages(results, "Report on paper", "A", {"date": "2026-11-21"}, {}, {}, modes, options.paper, {})
+        times.append((time.perf_counter() - begin, time.process_time() - worked))
+        made.add(document)
+    found = re.search(rb"NPages>(\d+)<", document)
+    pages = int(found.group(1)) if found else 0
+    rows = [
+        ["cases x models x samples", f"{len(results)} x {len(MODELS)} x {results[0].signals.sizes['time']}"],
+        ["pages", f"{pages}"],
+        ["size", f"{len(document) / 1e6:.2f} MB, {len(document) / 1e3 / max(pages, 1):.0f} kB a page"],
+        ["made in", f"{times[0][0]:.1f} s, again {times[1][0]:.1f} s"],
+        ["processor time", f"{times[1][1]:.1f} s, {1e3 * times[1][1] / max(pages, 1):.0f} ms a page"],
+        ["twice the same bytes", "yes" if len(made) == 1 else "NO"],
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        for paper in (None, options.paper):
+            begin = time.perf_counter()
+            pom.write_report(results, folder, title="Report on paper", paper=paper)
+            rows.append([f"whole report, {'PDF' if paper else 'no PDF'}", f"{time.perf_counter() - begin:.1f} s"])
+        rows += [[path.name, f"{path.stat().st_size / 1e6:.2f} MB"] for path in sorted(Path(folder).iterdir()) if path.is_file()]
+        rows.append(["csv", f"{sum(path.stat().st_size for path in Path(folder, 'csv').iterdir()) / 1e6:.2f} MB"])
+        begin = time.perf_counter()
+        findings = pom.verify(folder)
+        rows.append(
+            ["verified in", f"{time.perf_counter() - begin:.1f} s, {sum(x.state != 'same' for x in findings)} of {len(findings)} differ"]
+        )
+    table(["", ""], rows)
+
+
+if __name__ == "__main__":
+    main()
