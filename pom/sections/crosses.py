@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from pom.criteria import Criterion
 from pom.result import PomResult
-from pom.tolerance import NotJudged, half_width
+from pom.signals import Signals, signals_of
+from pom.tolerance import NotJudged, half_width, inside_window
 
 from .quantities import Label, label
 from .traces import STEPS_PER_HEIGHT, step_of
@@ -41,32 +43,33 @@ class Cross:
 
 def crosses(result: PomResult) -> list[Cross]:
     """Return the cross plots of the criteria that compare curves; several criteria on one pair of channels share a plot."""
+    curves = [c for c in result.case.criteria if c.abscissa and c.channel and c.applies]
+    if not curves:
+        return []
+    time = result.signals["time"].values
+    held = {run: _signals(result, run, time) for run in ("flight", *result.runs)}
     found: dict[tuple[str, str], Cross] = {}
-    for criterion in result.case.criteria:
-        pair = getattr(criterion, "abscissa", ""), criterion.channel
-        if not all(pair) or pair in found or not criterion.applies or not {*pair} <= set(result.signals):
-            continue
-        cross = _cross(result, criterion)
-        if cross is not None:
-            found[pair] = cross
+    for criterion in curves:
+        pair = criterion.abscissa, criterion.channel
+        runs = {run: signals for run, signals in held.items() if all(name in signals for name in pair)}
+        if pair not in found and "flight" in runs:
+            found[pair] = _cross(result, criterion, runs, inside_window(time, criterion.window))
     return list(found.values())
 
 
-def _cross(result: PomResult, criterion: Criterion) -> Cross | None:
-    time = result.signals["time"].values
-    inside = (time >= criterion.window[0] - 1e-9) & (time <= criterion.window[1] + 1e-9)
-    names = tuple(c.name for c in result.case.criteria if c.channel == criterion.channel and c.measure == criterion.measure)
+def _signals(result: PomResult, run: str, time: np.ndarray) -> Signals:
+    """Return what a run holds of the channels of a result."""
+    raw = {str(name): item.sel(run=run).values for name, item in result.signals.items()}
+    return signals_of(result.case, {name: values for name, values in raw.items() if np.isfinite(values).any()}, time)
+
+
+def _cross(result: PomResult, criterion: Criterion, runs: Mapping[str, Signals], inside: np.ndarray) -> Cross:
+    names = tuple(c.name for c in result.case.criteria if (c.abscissa, c.channel) == (criterion.abscissa, criterion.channel))
     x, y = label(criterion.abscissa), label(criterion.channel)
-    runs = [run for run in ("flight", *result.runs) if np.isfinite(result.signals[criterion.channel].sel(run=run).values[inside]).any()]
-    if "flight" not in runs:
-        return None
-    flight = result.signals[criterion.channel].sel(run="flight").values[inside]
+    flight = runs["flight"][criterion.channel][inside]
     try:
         half = y.width(np.broadcast_to(half_width(criterion, flight), flight.shape))
-    except (NotJudged, ValueError):
+    except NotJudged:
         half = np.full(flight.shape, np.nan)
-
-    def cut(name: str, shown: Label) -> dict[str, np.ndarray]:
-        return {run: shown.shown(result.signals[name].sel(run=run).values[inside]) for run in runs}
-
-    return Cross(names, x, y, cut(criterion.abscissa, x), cut(criterion.channel, y), half)
+    xs, ys = ({run: shown.shown(signals[shown.name][inside]) for run, signals in runs.items()} for shown in (x, y))
+    return Cross(names, x, y, xs, ys, half)

@@ -137,7 +137,7 @@ def sample_map(fits: Sequence[flighttest.Fit]) -> str:
     frame = Frame(54.0, 12.0, WIDTH - 66.0, 240.0, _reach(x), _reach(y))
     cells = np.unique(np.stack([np.floor(_CELLS * (v - low) / (high - low)) for v, (low, high) in ((x, frame.x), (y, frame.y))]), axis=1)
     centres = [low + (cell + 0.5) / _CELLS * (high - low) for cell, (low, high) in zip(cells, (frame.x, frame.y), strict=True)]
-    body = axes(frame, x_labels=True) + dots(frame, *centres, "test-point")
+    body = axes(frame, x_labels=True) + dots(frame, centres[0], centres[1], "test-point")
     body += spaced(frame.left + frame.width / 2, frame.bottom + 28, [("M", "symbol")], "middle") + spaced(
         8, 20, [("α", "symbol"), (", deg", "caption")]
     )

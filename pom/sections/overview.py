@@ -42,7 +42,7 @@ def matrix(keys: Sequence[str], results: Sequence[PomResult], found: Sequence[Se
     for run in runs:
         count = Counter(cell["status"] for outcome in found for cell in outcome if cell["run"] == run)
         counts.append({"run": run, "counts": [count[word] for word in _ORDER]})
-    chapters = sorted({row["chapter"] for row in rows})
+    chapters = sorted({chapter(result.case.id) for result in results})
     order = [Verdict.of(word) for word in _ORDER]
     return {"runs": runs, "styles": line_styles(runs), "rows": rows, "counts": counts, "order": order, "chapters": chapters}
 

@@ -248,6 +248,37 @@ def diagnosis():
     return pd.DataFrame(found)
 
 
+def column_sweep_result():
+    """Force over position of a slow sweep, with friction; one model with too much of it."""
+    time = 0.02 * np.arange(1001)
+    column = 0.15 * np.interp(time, [1.0, 6.0, 14.0, 19.0], [0.0, 1.0, -1.0, 0.0])
+    way = np.sign(np.gradient(column))
+    force = {run: 600.0 * column + friction * way for run, friction in zip(("flight", *RUNS), (10.0, 45.0, 12.0, 10.5), strict=True)}
+    band = Band((Limit("absolute", 5.0, "lbf"), Limit("percent", 10.0, "%")), "greater_of", "ref_local")
+    row = Criterion("column_force", "column_force", "F_column", "curve", "g1", band, (1.0, 19.0), abscissa="column")
+    case = PomCase(
+        "column_sweep", "Column force against position", "2.a.1.a", STANDARD, EDITION, "cases/sweep.toml", "flight/t37_40_sweep.nc",
+        (0.0, 20.0), description="Column slowly full aft, full forward, neutral.", criteria=(row,),
+    )  # fmt: skip
+    data = xr.Dataset(
+        {"column": (("run", "time"), np.stack([column] * 4)), "F_column": (("run", "time"), np.stack(list(force.values())))},
+        {"run": ["flight", *RUNS], "time": time},
+    )
+    same = {
+        "criterion": row.name,
+        "channel": row.channel,
+        "measure": row.measure,
+        "group": row.group,
+        "unit": "lbf",
+        "provenance": "verified",
+    }
+    same |= {"window_start": 1.0, "window_stop": 19.0, "tolerance_text": band.text, "fraction": 1.0, "width": 5.0, "at": 3.0}
+    worst = {"datcom": 7.87, "corrected": 0.45, "final": 0.11}
+    rows = [{**same, "run": run, "worst": w, "worst_ratio": w / 5.0, "verdict": "pass" if w <= 5.0 else "fail"} for run, w in worst.items()]
+    inputs = xr.Dataset({"column": ("time", column)}, {"time": time})
+    return PomResult(case, CONDITIONS, data, xr.Dataset(coords={"time": time}), inputs, trim(RUNS), verdict_table(rows))
+
+
 def fits():
     """Two local models of lift from two manoeuvres, one of them without the terms it needs."""
     import flighttest

@@ -16,6 +16,7 @@ from pom.page import html_page
 from pom.sections import (
     case,
     case_data,
+    crosses,
     figure,
     identification,
     modal,
@@ -326,6 +327,22 @@ def test_the_bar_of_an_estimate_spans_two_standard_errors():
     assert (bar["at"] - bar["zero"]) / (bar["high"] - bar["at"]) == pytest.approx(3.0, rel=0.01)
     assert bar["high"] - bar["at"] == pytest.approx(bar["at"] - bar["low"], abs=0.11)
     assert identification._error_bar(0.0, 0.0) is None
+
+
+def test_a_sweep_is_drawn_force_over_position():
+    result = fixture.column_sweep_result()
+    (cross,) = crosses.crosses(result)
+    data, body = case_data.data(result, panels.panels(result), [cross], case.line_styles(result.runs))
+    (drawn,) = data["crosses"]
+    assert (drawn["abscissa"]["channel"], drawn["ordinate"]["unit"]) == ("column", "lbf")
+    assert [row["run"] for row in drawn["verdicts"]] == list(fixture.RUNS)
+    inside = slice(50, 951)  # the window of the row, 1 to 19 s
+    force = result.signals["F_column"].sel(run="flight").values[inside] / 4.4482216152605
+    np.testing.assert_allclose(traces.restore(drawn["y"]["flight"], body), force, atol=5.0 / 1000)
+    np.testing.assert_allclose(traces.restore(drawn["half"], body), np.maximum(5.0, 0.1 * np.abs(force)), atol=5.0 / 1000)
+    reach = np.ptp(traces.restore(drawn["x"]["flight"], body))
+    assert reach == pytest.approx(quantities.label("column").width(0.3), rel=2e-3)
+    assert crosses.crosses(fixture.roll_result()) == []
 
 
 def test_coverage_tells_what_of_an_entry_was_not_judged_and_why():

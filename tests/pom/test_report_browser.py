@@ -14,6 +14,9 @@ import pom
 sys.path.insert(0, str(Path(__file__).parent))
 import report_fixture as fixture
 
+from pom.modes import mode_table
+from pom.page import html_page
+
 CHROMIUM = shutil.which("chromium")
 pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="needs chromium: apt-get install chromium")]
 WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested"}
@@ -353,6 +356,31 @@ def test_a_term_of_the_cause_leads_to_its_tables(page, address):
     page.wait_for_timeout(200)
     assert page.locator("#models").is_visible()
     assert 0 <= page.locator("#term-CL-gear").bounding_box()["y"] < 300
+
+
+def test_a_sweep_is_a_cross_plot_on_screen_and_paper(page, tmp_path):
+    result = fixture.column_sweep_result()
+    document = tmp_path / "report.html"
+    document.write_text(html_page([result], "T-37", "", {}, {}, {}, {}, [mode_table(result)]), encoding="utf-8")
+    page.goto(document.as_uri() + "#case-column_sweep")
+    page.wait_for_selector("#case-column_sweep .crosses svg path.trace")
+    lines = page.locator("#case-column_sweep .crosses path.trace")
+    assert lines.count() == 4
+    assert page.locator("#case-column_sweep .crosses .bars-of-band").is_visible()
+    page.keyboard.press("2")
+    page.wait_for_timeout(100)
+    assert lines.count() == 3
+    page.keyboard.press("2")
+    bars = page.locator("#case-column_sweep .crosses .bars-of-band")
+    height = (
+        "bars => { const [top, bottom] = bars.getAttribute('d').match(/ ([\\d.]+)V([\\d.]+)/).slice(1).map(Number); return bottom - top; }"
+    )
+    whole = bars.evaluate(height)
+    page.get_by_role("button", name="40 %").click()
+    page.wait_for_timeout(100)
+    assert 0.35 < bars.evaluate(height) / whole < 0.6  # 0.4, on a scale that the smaller band leaves tighter
+    page.emulate_media(media="print")
+    assert lines.first.is_visible()
 
 
 def test_a_local_model_is_drawn_when_it_is_opened(page, address):

@@ -44,8 +44,10 @@ function setFraction(asked) {
 function applyFraction() {
   const { page, data } = view, factor = share() / data.fraction, asked = fraction != null && fraction !== data.fraction;
   if (!asked) fraction = null;
+  const scaled = (half) => (asked && half ? half.map((h) => (h == null ? null : h * factor)) : half);
+  for (const cross of data.crosses) cross.half = scaled(cross.applied);
   for (const panel of data.panels) {
-    panel.half = asked && panel.applied ? panel.applied.map((h) => (h == null ? null : h * factor)) : panel.applied;
+    panel.half = scaled(panel.applied);
     panel.exits = asked && panel.applied ? exitsOf(panel, data.time) : panel.counted;
   }
   all(".fraction button", page).forEach((button) => button.setAttribute("aria-pressed", String(Number(button.dataset.fraction) === share())));
@@ -55,6 +57,7 @@ function applyFraction() {
   if (asked) note.textContent = `Shown at ${Math.round(100 * share())} % of the tolerance, to see what would happen. The verdicts of this report are at ${Math.round(100 * data.fraction)} %.`;
   writeVerdicts();
   draw();
+  drawCrosses();
 }
 function exitsOf({ traces, half }, time) {
   const found = {};

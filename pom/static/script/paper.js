@@ -64,13 +64,14 @@ function quantity(x, y, { base, sub, words, channel, unit }, css = "title", anch
   const symbol = base ? `<tspan class="symbol">${escaped(base)}</tspan>${sub ? `<tspan class="sub" dy="3">${escaped(sub)}</tspan><tspan dy="-3">\u2002</tspan>` : "<tspan>\u2002</tspan>"}` : "";
   return `<text x="${tenth(x)}" y="${tenth(y)}" text-anchor="${anchor}">${symbol}<tspan class="${css}">${escaped(`${words || channel}${unit ? `, ${unit}` : ""}`)}</tspan></text>`;
 }
-function keyOf(runs, withBand) {
+function keyOf(runs, withBand, withOutside = withBand) {
   let x = SHEET.left, body = "";
   for (const { name, style } of runs) {
     body += straight(x, 9, x + 30, 9, `trace ${style}`) + said(x + 35, 12.5, name, "caption");
     x += 52 + 6.4 * name.length;
   }
-  if (withBand) body += rectangle(x, 4, 26, 10, "band") + said(x + 31, 12.5, "tolerance", "caption") + rectangle(x + 96, 4, 26, 10, "exit") + said(x + 127, 12.5, "outside", "caption");
+  if (withBand) body += rectangle(x, 4, 26, 10, "band") + said(x + 31, 12.5, "tolerance", "caption");
+  if (withOutside) body += rectangle(x + 96, 4, 26, 10, "exit") + said(x + 127, 12.5, "outside", "caption");
   return body;
 }
 function arrows(frame, time, values, style, lift, withValue) {
@@ -159,7 +160,7 @@ function crossPlot(cross, runs, hidden) {
   const bars = cross.x.flight.map((x, i) => (x == null || upper[i] == null ? "" : `M${tenth(frame.px(x))} ${tenth(frame.py(upper[i]))}V${tenth(frame.py(lower[i]))}`)).join("");
   const lines = shown.map(({ name, style }) => curve(frame, cross.x[name], cross.y[name], `trace ${style}`)).join("");
   const verdicts = cross.verdicts.map(atFraction).map(({ run, verdict, ratio }) => `${run} ${SYMBOLS[verdict]} ${ratio == null ? WORDS[verdict] : fixed(ratio, 2)}`).join("\u2003");
-  const body = keyOf(shown, true) + quantity(frame.left, 34, cross.ordinate) + said(frame.right, 34, verdicts, "caption", "end")
+  const body = keyOf(shown, true, false) + quantity(frame.left, 34, cross.ordinate) + said(frame.right, 34, verdicts, "caption", "end")
     + axesOf(frame, true) + clipped(frame, `<path class="bars-of-band" d="${bars}"/>${lines}`) + quantity(frame.left + frame.width / 2, frame.bottom + 28, cross.abscissa, "caption", "middle");
   return svg(frame.bottom + 40, body, cross.alt);
 }

@@ -41,6 +41,9 @@ function dataOf(page) {
     const half = panel.half && restore(panel.half, body);
     return { ...panel, half, applied: half, counted: panel.exits, traces: restored(panel.traces, body) };
   });
-  const crosses = head.crosses.map((cross) => ({ ...cross, x: restored(cross.x, body), y: restored(cross.y, body), half: restore(cross.half, body) }));
+  const crosses = head.crosses.map((cross) => {
+    const half = restore(cross.half, body);
+    return { ...cross, x: restored(cross.x, body), y: restored(cross.y, body), half, applied: half };
+  });
   return { ...head, time: restore(head.time, body), panels, crosses };
 }

@@ -92,7 +92,6 @@ async function show(page, span) {
   drawLegend();
   drawFractions();
   applyFraction();
-  drawCrosses();
 }
 function drop() {
   if (!view) return;
