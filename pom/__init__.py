@@ -10,9 +10,12 @@ if TYPE_CHECKING:
     from .archive import Archive, read_archive
     from .batch import replay_all
     from .case import PomCase, read_case
+    from .case_init import init_case
     from .diagnosis import diagnose
     from .modes import fit_mode
+    from .offsets import calibration, drift
     from .origins import provenance
+    from .piloting import pilot_activity
     from .replaying import replay
     from .report import write_report
     from .result import PomResult
@@ -25,6 +28,10 @@ _HOME = {
     "read_archive": "archive",
     "PomCase": "case",
     "read_case": "case",
+    "init_case": "case_init",
+    "calibration": "offsets",
+    "drift": "offsets",
+    "pilot_activity": "piloting",
     "corrected_aircraft": "swaps",
     "corrected_database": "swaps",
     "corrected_terms": "swaps",
@@ -46,11 +53,15 @@ __all__ = [
     "Finding",
     "PomCase",
     "PomResult",
+    "calibration",
     "corrected_aircraft",
     "corrected_database",
     "corrected_terms",
     "diagnose",
+    "drift",
     "fit_mode",
+    "init_case",
+    "pilot_activity",
     "provenance",
     "ranking",
     "read_archive",

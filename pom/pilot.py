@@ -66,6 +66,8 @@ class Pilot:
     ----------
     moved : dict of str to array (time,)
         Correction of every control, in force from its sample to the next; NaN where the run did not come. [SI]
+    cut : dict of str to array (time,)
+        Whether a loop of the control was at its limit.
     """
 
     def __init__(self, loops: Sequence[Loop | Mapping], time: np.ndarray, targets: Mapping[str, np.ndarray]):
@@ -74,6 +76,7 @@ class Pilot:
         self.targets = [np.asarray(targets[loop.channel], float) for loop in self.loops]
         self.integrals = [0.0] * len(self.loops)
         self.moved = {loop.control: np.full(len(time), np.nan) for loop in self.loops}
+        self.cut = {name: np.zeros(len(time), bool) for name in self.moved}
 
     @property
     def channels(self) -> list[str]:
@@ -106,6 +109,7 @@ class Pilot:
         loop = self.loops[i]
         wanted = loop.gain * error + self.integrals[i]
         found = min(max(wanted, -loop.limit), loop.limit)
+        self.cut[loop.control][k] |= found != wanted
         push = loop.integral * error
         if k < len(self.steps) and (found == wanted or push * wanted < 0.0):
             self.integrals[i] += push * self.steps[k]

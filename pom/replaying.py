@@ -24,7 +24,7 @@ from .flight import flight_states
 from .flying import Model, Models, fly
 from .fmus import check
 from .offsets import CALIBRATION
-from .pilot_activity import PILOT, activity
+from .piloting import PILOT, activity
 from .result import PomResult, verdict_table
 from .signals import Signals, output_of, signals_of
 from .store import Store

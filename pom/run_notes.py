@@ -9,7 +9,7 @@ from flightmech.units import from_si
 
 from .case_parts import LIMIT_UNITS
 from .offsets import drift
-from .pilot_activity import pilot_activity
+from .piloting import pilot_activity
 from .result import PomResult
 from .trim_table import FOUND, LEFT, SHOWN_UNITS, trim_limits
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pom.case import PRIMARY
 from pom.pilot import Loop
-from pom.pilot_activity import pilot_activity
+from pom.piloting import pilot_activity
 from pom.result import PomResult
 
 from .panels import split_inputs

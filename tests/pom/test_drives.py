@@ -13,7 +13,7 @@ from pom.case import driven, read_case
 from pom.flight import flight_states, recorded_states
 from pom.kernel_replay import fly
 from pom.pilot import Loop
-from pom.pilot_activity import pilot_activity
+from pom.piloting import pilot_activity
 from pom.replaying import plan_of, replay
 
 CASES = Path(__file__).parents[2] / "data" / "t37" / "cases"

@@ -6,7 +6,7 @@ import pytest
 from flightmech.errors import SchemaError
 from pom.case import PomCase, driven, read_case
 from pom.pilot import Loop, Pilot, shortest
-from pom.pilot_activity import activity
+from pom.piloting import activity
 
 STEP = 0.01
 TIME = np.arange(0.0, 10.0 + STEP / 2, STEP)
@@ -39,7 +39,9 @@ def test_the_integral_takes_out_a_steady_disturbance_and_the_gain_does_not():
 
 
 def test_loops_on_one_control_add_up():
-    pilot = Pilot([Loop("wheel", "phi", 2.0, 9.0), Loop("wheel", "p", 3.0, 9.0)], TIME, {"phi": np.ones(TIME.size), "p": np.zeros(TIME.size)})
+    pilot = Pilot(
+        [Loop("wheel", "phi", 2.0, 9.0), Loop("wheel", "p", 3.0, 9.0)], TIME, {"phi": np.ones(TIME.size), "p": np.zeros(TIME.size)}
+    )
     assert pilot.controls(0, {"phi": 0.5, "p": -0.1}) == {"wheel": pytest.approx(2.0 * 0.5 + 3.0 * 0.1)}
     assert pilot.channels == ["phi", "p"]
 
@@ -62,16 +64,17 @@ def test_the_error_of_a_heading_goes_the_short_way_round():
 
 
 def test_activity_tells_size_share_at_the_limit_and_what_was_held():
-    loops = [Loop("delta_a", "phi", -0.5, 0.1)]
+    """Half a degree per degree of 0.3 and then of 0.1 rad, cut at 0.1 rad: at the limit in the first two of ten seconds."""
+    loops = [Loop("delta_a", "phi", -0.5, 0.1), Loop("delta_a", "p", -1.0, 1.0)]
+    flown = {"phi": np.where(TIME < 2.0, -0.3, 0.1), "p": np.zeros(TIME.size)}
     moved = {"delta_a": np.where(TIME < 2.0, -0.1, 0.05)}
     moved["delta_a"][-1] = np.nan  # the run ended there
-    flown = {"phi": np.full(TIME.size, 0.03)}
-    (row,) = activity("final", loops, TIME, moved, {"phi": np.zeros(TIME.size)}, flown)
+    (row,) = activity("final", loops, TIME, moved, dict.fromkeys(flown, np.zeros(TIME.size)), flown)
     assert (row["run"], row["control"], row["largest"], row["at"]) == ("final", "delta_a", -0.1, 0.0)
     assert row["at_limit"] == pytest.approx(200 / 1000)
     assert row["rms"] == pytest.approx(np.sqrt(0.2 * 0.01 + 0.8 * 0.0025))
-    assert row["held"] == "phi 1.72 deg rms"  # 0.03 rad
-    assert row["gains"] == "-0.5 deg/deg x phi, at most 5.73 deg"
+    assert row["held"].startswith("phi 9.24 deg rms, p 0 ")  # root of 0.2 * 0.3^2 + 0.8 * 0.1^2 rad
+    assert row["gains"] == "-0.5 deg/deg x phi, at most 5.73 deg; -1 deg/(deg/s) x p, at most 57.3 deg"
 
 
 PILOT = '[[drive.pilot]]\ncontrol = "{}"\nchannel = "{}"\ngain = "{}"\nlimit = "{}"\n'

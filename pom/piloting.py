@@ -11,7 +11,7 @@ import pandas as pd
 from flightmech.names import lookup
 from flightmech.units import from_si, parse
 
-from .pilot import Loop, shortest
+from .pilot import Loop, Pilot, shortest
 from .result import PomResult
 
 PILOT = "pilot"  # attribute of the signals of a result: JSON
@@ -41,10 +41,10 @@ def activity(
     -------
     list of dict
         ``control``; ``gains``, his loops in words; ``mean``, ``rms`` and ``largest`` correction (signed) and its time ``at`` [s];
-        ``at_limit``, the share of samples with all that his loops allow; ``held``, the rms by which each channel missed its
-        record, in words. [SI]
+        ``at_limit``, the share of samples at which one of his loops was at its limit; ``held``, the rms by which each channel
+        missed its record, in words. [SI]
     """
-    rows = []
+    rows, cut = [], _cut(loops, time, targets, outputs)
     for control, correction in moved.items():
         mine = [loop for loop in loops if loop.control == control]
         known = np.isfinite(correction)
@@ -52,7 +52,6 @@ def activity(
             continue
         used, when = correction[known], time[known]
         largest = int(np.argmax(np.abs(used)))
-        allowed = sum(loop.limit for loop in mine)
         rows.append(
             {
                 "run": run,
@@ -62,7 +61,7 @@ def activity(
                 "rms": float(np.sqrt(np.mean(used**2))),
                 "largest": float(used[largest]),
                 "at": float(when[largest]),
-                "at_limit": float(np.mean(np.abs(used) >= allowed * (1.0 - 1e-9))),
+                "at_limit": float(np.mean(cut[control][known])),
                 "held": ", ".join(_held(loop.channel, targets, outputs) for loop in mine),
             }
         )
@@ -72,6 +71,16 @@ def activity(
 def pilot_activity(result: PomResult) -> pd.DataFrame:
     """Return the rows of `activity` of all models of a result; empty when no math pilot flew."""
     return pd.DataFrame(json.loads(result.signals.attrs.get(PILOT, "[]")), columns=list(_COLUMNS))
+
+
+def _cut(
+    loops: Sequence[Loop], time: np.ndarray, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return for every control whether a loop was at its limit: the loops once more, on what the model did."""
+    pilot = Pilot(loops, time, targets)
+    for k in range(time.size):
+        pilot.controls(k, {name: float(outputs[name][k]) for name in pilot.channels})
+    return pilot.cut
 
 
 def _gains(loop: Loop) -> str:
