@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .evaluation import contributions, evaluate
     from .exchange.check_cases import export_checkcases, run_checkcases, with_checks
     from .exchange.csv_terms import export_csv, import_csv
+    from .exchange.daveml.airframe import import_daveml_aircraft
     from .exchange.daveml.exporting import export_daveml
     from .exchange.daveml.importing import import_daveml
     from .exchange.jsbsim_read import import_jsbsim
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 _HOME = {
     "export_daveml": "exchange.daveml.exporting",
     "import_daveml": "exchange.daveml.importing",
+    "import_daveml_aircraft": "exchange.daveml.airframe",
     "blend": "blending",
     "consistency": "blending",
     "move_reference": "moving",
@@ -113,6 +115,7 @@ __all__ = [
     "history",
     "import_csv",
     "import_daveml",
+    "import_daveml_aircraft",
     "import_jsbsim",
     "import_matlab",
     "in_ground_effect",
