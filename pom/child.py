@@ -106,7 +106,7 @@ class Child:
             self._folder = tempfile.mkdtemp(prefix="aeromatch-fmu-")
             self._words = tempfile.TemporaryFile()  # noqa: SIM115  lives as long as the process
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "pom.worker", str(self._fmu.resolve()), self._folder],
+                [sys.executable, "-P", "-m", "pom.worker", str(self._fmu.resolve()), self._folder, str(os.getpid())],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._words,

@@ -177,6 +177,10 @@ def assemble(
         Provenance, kept as attributes of the signals.
     """
     flight = signals_of(case, _samples(states), job.time)
+    told = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
+    if job.pilot:
+        told[PILOT] = json.dumps(plain(_pilot(job, found)))
+        found = {run: _as_applied(job, outputs) for run, outputs in found.items()}
     rows, limits = [], trim_limits(case, flight)
     for name, outputs in found.items():
         remarks = [", ".join([*beyond_limits(limits, outputs, demanded=False), *filter(None, [_remark(outputs)])])]
@@ -185,9 +189,6 @@ def assemble(
             rows.append(row(name, criterion, _outcome(case, criterion, failure, job.time, flight, outputs)))
             rows[-1]["note"] = "; ".join(text for text in (rows[-1]["note"], *remarks) if text)
     shown = [*shown_channels(case, states), *formed_channels(case, flight)]
-    told = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
-    if job.pilot:
-        told[PILOT] = json.dumps(plain(_pilot(job, found)))
     return PomResult(
         case=case,
         conditions=dict(configuration(case, job)),
@@ -220,6 +221,12 @@ def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
         moved = {name: outputs[name] - job.inputs[name] for name in dict.fromkeys(loop.control for loop in job.pilot) if name in outputs}
         rows += activity(run, job.pilot, job.time, moved, job.targets, outputs)
     return rows
+
+
+def _as_applied(job: Job, outputs: Traces) -> dict[str, np.ndarray]:
+    """Return outputs with the positions of the controls that the math pilot moves, bias of the trim included, where the model tells them."""
+    moved = {loop.control for loop in job.pilot if f"applied.{loop.control}" in outputs}
+    return {**outputs, **{name: outputs[f"applied.{name}"] for name in moved}}
 
 
 def _signals(names: list[str], flight: Signals, found: Mapping[str, Traces]) -> xr.Dataset:

@@ -10,9 +10,9 @@ import time
 from pom.worker import Model, replay
 
 
-def main(path: str, folder: str) -> None:
-    """Answer jobs until stdin ends."""
-    threading.Thread(target=_end_with, args=(os.getppid(), folder), daemon=True).start()
+def main(path: str, folder: str, parent: str) -> None:
+    """Answer jobs until stdin ends, or the process with the number `parent`."""
+    threading.Thread(target=_end_with, args=(int(parent), folder), daemon=True).start()
     replies = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
@@ -38,4 +38,4 @@ def _end_with(parent: int, folder: str) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:3])
+    main(*sys.argv[1:4])

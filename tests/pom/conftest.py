@@ -87,13 +87,30 @@ def toy_library(tmp_path_factory):
     return compiled("toy.c", tmp_path_factory.mktemp("toy"))
 
 
+@pytest.fixture(scope="session")
+def toys(toy_library, tmp_path_factory):
+    """Write a toy FMU of a description, once for each: its child process serves all tests."""
+    return once(tmp_path_factory, toy_library)
+
+
+def once(factory, library):
+    """Return a function that writes an FMU of a name and a description and keeps it."""
+    written = {}
+
+    def write(name, description):
+        if (name, description) not in written:
+            written[name, description] = write_fmu(factory.mktemp("fmu") / f"{name}.fmu", description, library)
+        return written[name, description]
+
+    return write
+
+
 @pytest.fixture
-def toy(toy_library, tmp_path):
+def toy(toys):
     """Write a toy FMU: first-order lag, or ``crash``, ``hang``, ``error``, ``nan``."""
 
     def write(kind="lag", interpolates=True, units=None, rename=None):
-        path = tmp_path / f"{kind}{'' if interpolates else '_held'}.fmu"
-        return write_fmu(path, describe(kind, interpolates, units or {}, rename or {}), toy_library)
+        return toys(f"{kind}{'' if interpolates else '_held'}", describe(kind, interpolates, units or {}, rename or {}))
 
     return write
 

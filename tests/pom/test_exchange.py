@@ -27,11 +27,8 @@ def exchanged(text):
 
 
 @pytest.fixture
-def model(toy_library, tmp_path):
-    def write(kind="lag"):
-        return tools.write_fmu(tmp_path / f"{kind}_me.fmu", exchanged(tools.describe(kind, False, {}, {})), toy_library)
-
-    return write
+def model(toys):
+    return lambda kind="lag": toys(f"{kind}_me", exchanged(tools.describe(kind, False, {}, {})))
 
 
 @pytest.fixture

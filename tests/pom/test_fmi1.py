@@ -64,14 +64,10 @@ def describe(guid="lag", slave=True, interpolates=True):
     return DESCRIPTION.format(guid=guid, variables=variables, implementation=implementation)
 
 
-@pytest.fixture(scope="session")
-def library(tmp_path_factory):
-    return tools.compiled("toy1.c", tmp_path_factory.mktemp("toy1"))
-
-
-@pytest.fixture
-def fmu(library, tmp_path):
-    return lambda **kinds: tools.write_fmu(tmp_path / f"{'_'.join(map(str, kinds.values())) or 'lag'}.fmu", describe(**kinds), library)
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory):
+    write = tools.once(tmp_path_factory, tools.compiled("toy1.c", tmp_path_factory.mktemp("toy1")))
+    return lambda **kinds: write("lag", describe(**kinds))
 
 
 @pytest.fixture

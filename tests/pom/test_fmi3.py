@@ -18,7 +18,9 @@ spec.loader.exec_module(tools)
 DESCRIPTION = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="3.0" modelName="toy" instantiationToken="toy">
 {kind}
-<TypeDefinitions><EnumerationType name="Positions"><Item name="up" value="0"/><Item name="down" value="1"/></EnumerationType></TypeDefinitions>
+<TypeDefinitions>
+<EnumerationType name="Positions"><Item name="up" value="0"/><Item name="down" value="1"/></EnumerationType>
+</TypeDefinitions>
 <ModelVariables>
 <Float32 name="delta_e" valueReference="0" causality="input" start="0"/>
 <Float64 name="engine1.thrust_drive" valueReference="1" causality="input" start="0"/>

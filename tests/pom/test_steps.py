@@ -18,14 +18,14 @@ SIXTIETH = '<DefaultExperiment stepSize="0.016666666666666666"/>'
 
 
 @pytest.fixture
-def fixed(toy_library, tmp_path):
+def fixed(toys):
     """Write a toy that takes steps of 1/60 s only."""
 
     def write(**changes):
         text = tools.describe("fixed", True, {}, {}).replace('StepSize="true"', 'StepSize="false"')
         for old, new in {"<ModelVariables>": f"{SIXTIETH}<ModelVariables>", **changes}.items():
             text = text.replace(old, new)
-        return tools.write_fmu(tmp_path / "fixed.fmu", text, toy_library)
+        return toys("fixed", text)
 
     return write
 
@@ -47,9 +47,9 @@ def test_it_is_stepped_by_its_own_length_and_read_between(case, fixed, lag_state
     assert result.signals["time"].size == 401  # the samples of the record, not of the model
 
 
-def test_uneven_samples_are_flown_at_even_steps(case, toy_library, tmp_path, lag_states):
+def test_uneven_samples_are_flown_at_even_steps(case, toys, lag_states):
     text = tools.describe("lag", True, {}, {}).replace('StepSize="true"', 'StepSize="false"')
-    path = tools.write_fmu(tmp_path / "even.fmu", text, toy_library)
+    path = toys("even", text)
     uneven = lag_states.isel(time=np.r_[0:200, 203:501])
     result = replay(case, {"even": path}, uneven)
     assert result.failure == ""
