@@ -1,0 +1,58 @@
+"""Take the waterfalls of docs/diagnosis.md from a report: ``python docs/make_diagnosis_images.py out/t37/report/report.html``.
+
+Needs Debian's ``chromium`` and the package ``playwright``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from pathlib import Path
+
+IMAGES = Path(__file__).parent / "images"
+CASES = {"normal_takeoff": "diagnosis-takeoff.png", "short_period": "diagnosis-short-period.png"}
+
+
+def waterfalls(report: Path, folder: Path) -> list[Path]:
+    """Write the waterfall of every case of `CASES` as PNG.
+
+    Parameters
+    ----------
+    report : Path
+        ``report.html`` with diagnoses of the T-37.
+    folder : Path
+        Gets the pictures.
+
+    Raises
+    ------
+    SystemExit
+        No chromium, or no such case in the report.
+    """
+    from playwright.sync_api import sync_playwright
+
+    program = shutil.which("chromium")
+    if program is None:
+        raise SystemExit("no chromium: apt-get install chromium")
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 1400, "height": 4000}, color_scheme="light", device_scale_factor=1.5)
+        written = []
+        for case, name in CASES.items():
+            page.goto("about:blank")  # a new fragment alone would not load the page again
+            page.goto(f"{report.resolve().as_uri()}#case-{case}")
+            figure = page.locator(f"#case-{case} section:has(> h2:text-is('Cause')) figure svg")
+            page.wait_for_timeout(1000)
+            if not figure.count():
+                raise SystemExit(f"{report}: no waterfall for the case {case}; make the report by `aeromatch demo`")
+            figure.screenshot(path=folder / name)
+            written.append(folder / name)
+        browser.close()
+    return written
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("report", type=Path, help="report.html of the T-37")
+    parser.add_argument("--folder", type=Path, default=IMAGES, help="where the pictures go")
+    arguments = parser.parse_args()
+    print("\n".join(map(str, waterfalls(arguments.report, arguments.folder))))
