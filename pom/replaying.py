@@ -224,7 +224,7 @@ def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
 
 
 def _as_applied(job: Job, outputs: Traces) -> dict[str, np.ndarray]:
-    """Return outputs with the positions of the controls that the math pilot moves, bias of the trim included, where the model tells them."""
+    """Return outputs with what the math pilot moves at its true position, bias of the trim included, where the model tells it."""
     moved = {loop.control for loop in job.pilot if f"applied.{loop.control}" in outputs}
     return {**outputs, **{name: outputs[f"applied.{name}"] for name in moved}}
 
