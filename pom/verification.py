@@ -18,7 +18,8 @@ from .archive import read_archive
 from .manifest import place, read_manifest
 from .origins import sha256
 from .result import NUMBERS, PomResult
-from .verdict import channels, judge, row
+from .trim_table import beyond_limits, trim_limits
+from .verdict import judge, row
 
 CLOSE = 1e-6
 """Relative difference of a number that still counts as the same: another processor rounds a fit differently."""
@@ -98,26 +99,37 @@ def _json(folder: Path) -> list[dict[str, Any]]:
 
 
 def _judged_again(result: PomResult, run: str, stored: Mapping[str, Mapping[Hashable, Any]]) -> Iterator[str]:
-    time = result.signals["time"].values
+    time, refused = result.signals["time"].values, _refused(result, run)
     flight, model = _traces(result, "flight"), _traces(result, run)
     for criterion in result.case.criteria:
-        if criterion.name not in stored:
+        before = stored.get(criterion.name)
+        if before is None:
             yield f"{criterion.name}: not in the table of verdicts"
-            continue
-        before = stored[criterion.name]
-        if before["verdict"] == "invalid" and f"{run}: " in result.failure:
-            continue  # the model stopped; its samples say nothing
-        needed = channels(criterion) if criterion.channel else ()
-        if any(not np.isfinite(who.get(name, np.empty(0))).any() for who in (flight, model) for name in needed):
-            if before["verdict"] not in ("invalid", "not_tested"):
-                yield f"{criterion.name}: {before['verdict']} without samples"
-            continue
-        now = row(run, criterion, judge(result.case, criterion, time, flight, model))
-        yield from _difference(criterion.name, "judged again", before, now)
+        elif refused and criterion.applies:
+            if before["verdict"] != "invalid":
+                yield f"{criterion.name}: verdict {before['verdict']}, but the model stopped or its trim went beyond the limits of the case"
+        else:
+            now = row(run, criterion, judge(result.case, criterion, time, flight, model))
+            if {before["verdict"], now["verdict"]} != _EMPTY:
+                yield from _difference(criterion.name, "judged again", before, now)
+
+
+_EMPTY = {"invalid", "not_tested"}  # a channel without any sample is missing or empty: the archive does not tell which
+
+
+def _refused(result: PomResult, run: str) -> bool:
+    """Whether a run carries no judgement at all."""
+    if f"{run}: " in result.failure:
+        return True
+    if not {"flight", run} <= set(result.trim):
+        return False
+    flight, found = ({str(name): np.array([value]) for name, value in result.trim[column].items()} for column in ("flight", run))
+    return bool(beyond_limits(trim_limits(result.case, flight), found, demanded=True))
 
 
 def _traces(result: PomResult, run: str) -> dict[str, np.ndarray]:
-    return {str(name): item.sel(run=run).values for name, item in result.signals.data_vars.items()}
+    traces = {str(name): item.sel(run=run).values for name, item in result.signals.data_vars.items()}
+    return {name: values for name, values in traces.items() if np.isfinite(values).any()}
 
 
 def _differences(where: str, run: str, stored: Mapping[str, Mapping[Hashable, Any]], others: Mapping[Any, Any]) -> Iterator[str]:

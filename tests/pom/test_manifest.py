@@ -22,7 +22,7 @@ def made(write_case, lag_states, toy, tmp_path):
     """A report of one real replay with its inputs beside it."""
     case = write_case(more="trim = false")
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
-    runs = {"toy": toy()}
+    runs = {"toy": toy().rename(tmp_path / "toy.fmu")}
     read = read_case(case)
     result = replay(read, runs, lag_states)
     made_from = pom.provenance(read.files(), runs, "aeromatch pom run", "2026-11-21")
@@ -46,7 +46,7 @@ def test_an_untouched_report_holds(made):
     }
     assert {item.name for item in found if item.kind == "input"} == {"case.toml", "record.nc"}
     assert [(item.kind, item.name) for item in found if item.kind in ("model", "verdict")] == [
-        ("model", "toy: lag.fmu"),
+        ("model", "toy: toy.fmu"),
         ("verdict", "a_case, toy"),
     ]
 
@@ -60,7 +60,7 @@ def test_the_manifest_is_an_in_toto_statement_without_places_or_clock(made):
     definition = statement["predicate"]["buildDefinition"]
     assert definition["externalParameters"]["command"] == "aeromatch pom run"
     assert definition["internalParameters"]["cases"][0]["name"] == "a_case"
-    assert [item["uri"] for item in definition["resolvedDependencies"]] == ["../case.toml", "../record.nc", "../lag.fmu"]
+    assert [item["uri"] for item in definition["resolvedDependencies"]] == ["../case.toml", "../record.nc", "../toy.fmu"]
     assert str(made) not in text
     for file in ("results.json", "results.nc", "report.html"):
         assert str(made).encode() not in (made / "report" / file).read_bytes()
@@ -68,14 +68,14 @@ def test_the_manifest_is_an_in_toto_statement_without_places_or_clock(made):
 
 def test_every_changed_file_is_named(made):
     (made / "record.nc").write_bytes(b"other")
-    (made / "lag.fmu").unlink()
+    (made / "toy.fmu").unlink()
     page = made / "report" / "report.html"
     page.write_text(page.read_text(encoding="utf-8").replace("Toy", "Tow"), encoding="utf-8")
     found = changed(made)
     assert {key: item.state for key, item in found.items()} == {
         ("output", "report.html"): "changed",
         ("input", "record.nc"): "changed",
-        ("model", "toy: lag.fmu"): "missing",
+        ("model", "toy: toy.fmu"): "missing",
     }
     assert found["input", "record.nc"].detail.startswith("SHA-256 was ")
 
