@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .inputs.specification import read_design
     from .join import merge
     from .joining import Joined, join_fits
+    from .likelihood.corrected import corrected_database
     from .likelihood.files import open_output_error, save_output_error
     from .likelihood.flown import output_error
     from .likelihood.in_frequency import frequency_output_error
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "save_output_error": "likelihood.files",
+    "corrected_database": "likelihood.corrected",
     "open_output_error": "likelihood.files",
     "evaluate": "evaluation.evaluating",
     "Evaluation": "evaluation.evaluating",
@@ -244,6 +246,7 @@ __all__ = [
     "compatibility_table",
     "complete",
     "contents",
+    "corrected_database",
     "cramer_rao",
     "cut",
     "decide",

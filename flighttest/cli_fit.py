@@ -11,24 +11,31 @@ from flightmech.console import NewFile, document, json_option
 @click.argument("fit_file", metavar="FIT", type=click.Path(exists=True, dir_okay=False))
 @click.option("-o", "--output", type=NewFile(), help="Write estimates, noise and residuals to this netCDF file.")
 @click.option("--page", type=NewFile(), help="Write one self-contained HTML page: estimates, and measured and predicted outputs.")
+@click.option("--database", type=NewFile(), help="Write the database with the estimates in it.")
 @json_option
-def fit(fit_file: str, output: str | None, page: str | None, as_json: bool) -> None:
+def fit(fit_file: str, output: str | None, page: str | None, database: str | None, as_json: bool) -> None:
     """Estimate parameters of the simulation by output error, as FIT (TOML) says: model, records, outputs, unknowns."""
     from .likelihood.files import save_output_error
     from .likelihood.performing import perform
     from .likelihood.specification import read_specification
 
     done = perform(read_specification(fit_file))
-    files = []
+    files: list[str] = []
+    left: list[str] = []
     if output:
         save_output_error(done.fit, output)
         files.append(output)
     if page:
         done.write_page(page)
         files.append(page)
+    if database:
+        left = done.write_database(database)
+        files.append(database)
     if as_json:
-        document({**done.as_dict(), "files": files})
+        document({**done.as_dict(), "files": files, "not_in_the_database": left})
         return
     click.echo(done.report())
     for file in files:
         click.echo(f"written: {file}")
+    if left:
+        click.echo(f"not in the database: {' '.join(left)}")

@@ -15,6 +15,7 @@ from flightmech.whole import written_whole
 
 from ..quality.of_states import tell_faults
 from ..reduction import between, open_states
+from .corrected import corrected_database
 from .flown import output_error, uniform_step
 from .result import OutputError
 from .specification import Specification
@@ -90,6 +91,14 @@ class Performed:
         about = {"title": self.specification.title, **e.attrs, "parameters": rows, "noise": noise}
         explained = {str(name): self.explained.sel(output=name).values for name in self.explained["output"].values}
         return plain({**about, "explained": explained, "covariance": e["covariance"].values, "remarks": [*self.fit.remarks, *self.remarks]})
+
+    def write_database(self, path: str | Path) -> list[str]:
+        """Write the database with the estimates in it; return the parameters that have no place there."""
+        import aerodb
+
+        db, left = corrected_database(aerodb.open(self.specification.database), self.fit)
+        aerodb.save(db, path)
+        return left
 
     def write_page(self, path: str | Path) -> None:
         """Write one self-contained HTML page, whole or not at all."""

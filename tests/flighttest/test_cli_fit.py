@@ -108,7 +108,7 @@ def replaced(folder, change):
 
 
 def test_the_truth_comes_back_with_file_and_page(folder):
-    done = call(folder / "fit.toml", "-o", folder / "fit.nc", "--page", folder / "fit.html", "--json")
+    done = call(folder / "fit.toml", "-o", folder / "fit.nc", "--page", folder / "fit.html", "--database", folder / "fitted.nc", "--json")
     assert done.exit_code == 0
     found = json.loads(done.stdout)
     for name, truth in TRUTH.items():
@@ -122,6 +122,19 @@ def test_the_truth_comes_back_with_file_and_page(folder):
     assert again.estimates["estimate"].sel(parameter="term.Cm.qhat") == found["parameters"]["term.Cm.qhat"]["estimate"]
     assert len(again.residuals) == 2
     assert again.of_manoeuvre(2)["init.V"] == pytest.approx(40.0, abs=0.3)
+    corrected = aerodb.open(folder / "fitted.nc")
+    assert found["not_in_the_database"] == [
+        "init.V@1",
+        "init.V@2",
+        "init.alpha@1",
+        "init.alpha@2",
+        "init.theta@1",
+        "init.theta@2",
+        "sensor.alpha",
+    ]
+    scale = found["parameters"]["term.Cm.qhat"]
+    assert float(corrected["Cm/qhat"]["value"]) == pytest.approx(-14.0 * scale["estimate"])
+    assert float(corrected["Cm/qhat"]["stderr"]) == pytest.approx(14.0 * scale["stderr"])
     page = (folder / "fit.html").read_text()
     assert "term.Cm.elevator" in page
     assert page.count("<svg") >= 12  # five outputs and the elevator, twice
@@ -215,3 +228,27 @@ def test_nodes_start_from_the_database(folder, model):
     assert unknowns["table.CD.basic"].start == 1.0
     assert unknowns["init.V"].start is None
     assert unknowns["term.Cm.elevator"][2:4] == (0.5, 2.0)
+
+
+def test_estimates_in_a_database_fly_as_the_parameters_do(model):
+    """Scale, offset, node and bias: the corrected model under no parameters is the old one under the estimates."""
+    folder, sim = model
+    values = {"term.Cm.basic": 1.2, "offset.CL.basic": 0.03, "node.Cm.basic[1]": 0.05, "bias.CD": 0.01, "table.Cm.elevator": 0.9}
+    names = list(values)
+    columns = {"estimate": ("parameter", list(values.values())), "stderr": ("parameter", np.full(5, 0.01))}
+    estimates = xr.Dataset(columns, {"parameter": names}, {"method": "test", "manoeuvres": 1})
+    fit = flighttest.OutputError(estimates, (), xr.Dataset())
+    db = aerodb.open(folder / "prior.nc")
+    corrected, left = flighttest.corrected_database(db, fit)
+    assert left == []
+    record = flown(sim, 1)[["delta_e"]]
+    start = {"mode.earth": 0.0, "init.h": 500.0, "init.V": 40.0, "init.alpha": 0.03}
+    craft = flightmech.Aircraft(name="glider", **CRAFT)
+    one = flightmech.simulate(sim, record, {**start, **values}, outputs=["q", "V"], step=0.04)
+    two = flightmech.simulate(flightmech.compile(craft, corrected), record, start, outputs=["q", "V"], step=0.04)
+    for name in ("q", "V"):
+        np.testing.assert_allclose(two[name], one[name], rtol=1e-9, atol=1e-12)
+    with pytest.raises(UnknownName, match=r"unknown term 'Cm/rudder'"):
+        flighttest.corrected_database(
+            db, flighttest.OutputError(estimates.assign_coords(parameter=["term.Cm.rudder", *names[1:]]), (), xr.Dataset())
+        )
