@@ -19,7 +19,7 @@ from .crosses import crosses
 from .driving import driving
 from .panels import panels
 from .quantities import fixed
-from .verdicts import MODAL, Verdict, verdict_table, words
+from .verdicts import MODAL, Verdict, reason, verdict_table, words
 
 # the line code of LR-743 Figs. 18 to 21; any further model takes the next free style
 _STYLES = {"datcom": "run-1", "corrected": "run-2", "final": "run-3"}
@@ -110,7 +110,7 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
                 "ratio": ratio,
                 "ratio_text": fixed(ratio, 2),
                 "criterion": words(worst.get("criterion", "")),
-                "why": "" if math.isfinite(ratio) else worst.get("note", ""),
+                "why": "" if math.isfinite(ratio) else reason(worst.get("note", "")),
                 "at": at,
                 "at_text": fixed(at, 2),
             }

@@ -10,7 +10,7 @@ from typing import Any
 from pom.result import PomResult
 
 from .case import line_styles
-from .verdicts import Verdict, words
+from .verdicts import Verdict, reason, words
 
 _ORDER = ("pass", "fail", "invalid", "not_tested")
 
@@ -90,7 +90,7 @@ def _entry(test: str, title: str, results: Sequence[PomResult]) -> dict[str, Any
     for result in results:
         for row in result.verdict.to_dict("records"):
             if row["verdict"] in ("not_tested", "invalid"):
-                why.setdefault(row["criterion"], row["note"])
+                why.setdefault(row["criterion"], reason(row["note"]))
             else:
                 judged.add(row["criterion"])
     left = [(words(name), note) for name, note in why.items() if name not in judged]

@@ -8,14 +8,14 @@ from typing import Any
 
 from pom.result import PomResult
 
-from .quantities import MINUS, has_ends, label, measured, short
-from .verdicts import MARKS, MODAL, words
+from .quantities import MINUS, has_ends, label, measured, number, short
+from .verdicts import MARKS, MODAL, in_mode_table, words
 
 _REFERENCES = {
     "engineering": "The reference is an engineering simulator, not a flight; {share} of the flight tolerance is applied.",
     "footprint": "Footprint: the response of the device itself, kept for later comparison; no band is drawn and nothing is judged.",
 }
-_BIAS = re.compile(r"trim\.(\w+) ([+-])([\d.]+) deg is beyond")
+_BEYOND = re.compile(r"trim\.(\w+) ([+-])([\d.e+-]+)( ?[^ ,;]*) is beyond ([\d.e+-]+)")
 
 
 def notes(result: PomResult) -> list[str]:
@@ -55,8 +55,8 @@ def _of_rows(result: PomResult) -> list[str]:
     for row in result.verdict.to_dict("records"):
         note = row["note"] if row["note"] != "nan" else ""
         if row["measure"] in MODAL and row["verdict"] in ("pass", "fail"):
-            note = "; ".join(piece for piece in note.split("; ") if not _in_mode_table(piece))
-        for piece in filter(None, _BIAS.sub(_bias_words, note).split("; ")):
+            note = "; ".join(piece for piece in note.split("; ") if not in_mode_table(piece))
+        for piece in filter(None, _BEYOND.sub(_beyond_words, note).split("; ")):
             places.setdefault(piece, []).append((words(row["criterion"]), row["run"]))
     return [f"{_where(found, result)}: {piece}" for piece, found in places.items()]
 
@@ -69,15 +69,16 @@ def _given(value: float, name: str) -> str:
     return f"{short(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
 
 
-def _bias_words(found: re.Match[str]) -> str:
-    """Return the remark of a replay on a bias in the words of the table of the trim."""
-    name, sign, size = found.groups()
-    return f"{label(name).words} biased by {sign.replace('-', MINUS)}{size} deg, beyond"
+def _beyond_words(found: re.Match[str]) -> str:
+    """Return the remark of a replay on the trim in the words of its table."""
+    name, sign, size, unit, limit = found.groups()
+    what = label(f"trim.{name}").words if name.endswith("_dot") else f"{label(name).words or name} biased by the trim"
+    return f"{what}: {sign.replace('-', MINUS)}{_plain(size)}{unit}, beyond {_plain(limit)}"
 
 
-def _in_mode_table(piece: str) -> bool:
-    """Whether a remark only repeats numbers that stand in the table of modes."""
-    return re.match(r"flight (zeta )?-?[\d.]+|[\d.]+ cycles$|the model: ", piece) is not None
+def _plain(text: str) -> str:
+    """Return a number of a remark without powers of ten."""
+    return number(float(text)) if "e" in text else text
 
 
 def _where(found: Sequence[tuple[str, str]], result: PomResult) -> str:

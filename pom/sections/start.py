@@ -101,8 +101,13 @@ def calibration(result: PomResult) -> list[tuple[str, str]]:
     """Return the constants of the instruments by which the flight data were corrected, with their standard errors."""
     rows = []
     for row in offsets.calibration(result).to_dict("records"):
-        unit = pretty_unit(str(row["unit"]))
-        rows.append((str(row["parameter"]), f"{number(row['estimate'])} ± {number(row['stderr'], 2)} {unit}".strip()))
+        given = str(row["unit"])
+        unit = {"rad": "deg", "rad s-1": "deg/s"}.get(given, given)
+        scale = math.degrees(1.0) if unit != given else 1.0
+        estimate, stderr = scale * row["estimate"], scale * row["stderr"]
+        decimals = max(0, 1 - math.floor(math.log10(stderr))) if stderr > 0.0 else 4
+        value = f"{fixed(estimate, decimals)} ± {fixed(stderr, decimals)} {pretty_unit(unit)}"
+        rows.append((str(row["parameter"]).replace(".", " ").replace("_", " "), value.strip()))
     return rows
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -50,6 +51,23 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+def in_mode_table(piece: str) -> bool:
+    """Whether a piece of a note only repeats what stands in the table of modes."""
+    return re.match(r"flight (zeta )?-?[\d.]+|[\d.]+ cycles$|the model: ", piece) is not None
+
+
+def reason(note: str) -> str:
+    """Return why a row is not judged, or fails without a number: the first piece of its note that says more than a number.
+
+    Examples
+    --------
+    >>> reason("flight 2.84 s; the model: no oscillation stands out; tables left in 18 internal steps")
+    'the model: no oscillation stands out'
+    """
+    pieces = [piece for piece in note.split("; ") if not re.match(r"flight (zeta )?-?[\d.]+ ?\w*$", piece)]
+    return words(pieces[0]) if pieces else ""
+
+
 def verdict_table(result: PomResult) -> dict[str, Any]:
     """Return one block per criterion with one row per model; alternatives of one group follow each other."""
     records: list[dict[Hashable, Any]] = [{**row, "index": i} for i, row in enumerate(result.verdict.to_dict("records"))]
@@ -74,7 +92,7 @@ def verdict_table(result: PomResult) -> dict[str, Any]:
                 "window": f"{fixed(first['window_start'], 2)} … {fixed(first['window_stop'], 2)}",
                 "mark": MARKS.get(first["provenance"], ""),
                 "rows": [_verdict_row(row) for row in rows],
-                "left_out": "" if name in applying else rows[0]["note"],
+                "left_out": "" if name in applying else reason(rows[0]["note"]),
             }
         )
     judged = [block for block in blocks if not block["left_out"]]

@@ -10,7 +10,7 @@ function options(width, height, withTime, series, bands, range, splits) {
   const grid = { stroke: colour("grid"), width: 1 }, values = (_, found, __, ___, increment) => tickText(found, increment);
   const axis = { stroke: colour("quiet"), font: font(11), grid, ticks: { show: true, size: 4, stroke: colour("quiet"), width: 1 }, values, incrs: STEPS };
   return {
-    width, height: height + (withTime ? HEIGHT.time : 0), padding: [3, RIGHT, withTime ? 0 : 3, 0],
+    width, height: height + (withTime ? HEIGHT.time : 0), padding: [6, RIGHT, withTime ? 0 : 5, 0],
     legend: { show: false },
     cursor: {
       y: false, points: { show: false }, sync: { key: "time", scales: ["x", null] }, drag: { x: true, y: false, setScale: false, dist: 4 },
