@@ -1,6 +1,7 @@
 """The manifest of a report, and what its verification finds."""
 
 import json
+import shutil
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,10 +23,10 @@ def made(write_case, lag_states, toy, tmp_path):
     """A report of one real replay with its inputs beside it."""
     case = write_case(more="trim = false")
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
-    runs = {"toy": toy().rename(tmp_path / "toy.fmu")}
+    own = shutil.copy(toy(), tmp_path / "toy.fmu")  # the FMU of the fixture serves other tests too
     read = read_case(case)
-    result = replay(read, runs, lag_states)
-    made_from = pom.provenance(read.files(), runs, "aeromatch pom run", "2026-11-21")
+    result = replay(read, {"toy": toy()}, lag_states)
+    made_from = pom.provenance(read.files(), {"toy": own}, "aeromatch pom run", "2026-11-21")
     pom.write_report([result], tmp_path / "report", title="Toy", provenance=made_from, paper=None)
     return tmp_path
 
