@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from flightmech.names import lookup
 from flightmech.units import from_si
 
@@ -11,7 +9,7 @@ from .case_parts import LIMIT_UNITS
 from .offsets import drift
 from .piloting import pilot_activity
 from .result import PomResult
-from .trim_table import FOUND, LEFT, SHOWN_UNITS, trim_limits
+from .trim_table import FOUND, LEFT, SHOWN_UNITS, limits_of
 
 _TOLD_RATES = ("V_cas", "h", "psi")
 
@@ -22,10 +20,7 @@ def run_notes(result: PomResult, run: str) -> list[str]:
 
 
 def _trim(result: PomResult, run: str) -> str:
-    flight = {str(name): np.array([value]) for name, value in result.trim["flight"].dropna().items()}
-    if "engine1.thrust" in result.signals:
-        flight["engine1.thrust"] = result.signals["engine1.thrust"].sel(run="flight").values
-    limits = trim_limits(result.case, flight)
+    limits = limits_of(result)
     words = []
     told = result.trim[run].dropna().to_dict()
     for quantity in (name for name in (*FOUND, *LEFT) if name in told):

@@ -16,6 +16,7 @@ from flightmech.units import DEGREE, POUND_FORCE, from_si
 
 from .case import PomCase
 from .case_parts import BIASES, LIMIT_UNITS, REMAINDERS
+from .result import PomResult
 
 STATE = (
     *("V", "V_cas", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "delta_e", "delta_a", "delta_r"),
@@ -62,6 +63,12 @@ def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, Tr
     if case.drive.trim == "ground":  # a roll is not steady, and the surfaces stay as recorded
         found = {name: limit for name, limit in found.items() if name in ("w_dot", "p_dot", "q_dot")}
     return found | {name: TrimLimit(size, True) for name, size in case.drive.limits.items()}
+
+
+def limits_of(result: PomResult) -> dict[str, TrimLimit]:
+    """Return the limits that the trim of a result was held against."""
+    signals = result.signals.sel(run="flight")
+    return trim_limits(result.case, {name: signals[name].values for name in ("engine1.thrust",) if name in signals})
 
 
 def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndarray], demanded: bool) -> list[str]:

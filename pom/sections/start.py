@@ -10,7 +10,7 @@ import numpy as np
 
 from pom import offsets
 from pom.result import PomResult
-from pom.trim_table import CONTROLS, trim_limits
+from pom.trim_table import CONTROLS, limits_of
 
 from .quantities import MINUS, MISSING, Label, fixed, label, measured, number, plainly, pretty_unit, short
 
@@ -67,8 +67,7 @@ def trim(result: PomResult) -> dict[str, Any]:
     """Return the table of the trim in its parts; a bias or an acceleration beyond its limit is marked."""
     parts: dict[str, list[Any]] = {"State": [], "Controls as applied": [], _FOUND: [], _LEFT: []}
     table = result.trim
-    flight = {str(name): np.array([value]) for name, value in table["flight"].items()} if "flight" in table else {}
-    limits = trim_limits(result.case, flight)
+    limits = limits_of(result)
     for quantity, values in table.iterrows():
         name = str(quantity)
         shown, stem = label(name), name.rpartition(".")[2]
