@@ -212,7 +212,7 @@ def test_a_trend_states_its_criteria(judged):
 
 def test_the_order_of_peaks_is_part_of_the_trend(judged):
     """Up at 4.7 s and down at 14.1 s; the model goes down first and then up, a little further."""
-    flight = {"phi": np.sin(TIME / 3.0)}
+    flight = {"phi": np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.1, 1.0)}
     swapped = {"phi": -np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.0, 1.2)}
     got = judged("2.d.4", TIME, flight, swapped)["bank_angle trend"]
     assert "not met: order of peaks, correlation; to be ticked" in got["note"]
