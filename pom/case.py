@@ -195,7 +195,17 @@ def read_case(path: str | Path) -> PomCase:
     try:
         file = validate(CaseFile, content, f"case {path}")
     except SchemaError as error:
-        raise SchemaError(error.what, [*error.problems, *_loose_problems(content)]) from None
+        rest = parts.sound_rest(content)
+        more = _resolved(path, rest)[1] if rest is not None else _loose_problems(content)
+        raise SchemaError(error.what, [*error.problems, *(text for text in more if text not in error.problems)]) from None
+    case, problems = _resolved(path, file)
+    if problems:
+        raise SchemaError(f"case {path}", problems)
+    return case
+
+
+def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
+    """Return the case of a file, and what is wrong with it."""
     problems: list[str] = []
     case = file.case
     parts.check_events(file.events, problems)
@@ -231,9 +241,7 @@ def read_case(path: str | Path) -> PomCase:
         source=dict(file.source),
         models={name: parts.place(path, place, f"models.{name}", problems) for name, place in file.models.items()},
     )
-    if problems:
-        raise SchemaError(f"case {path}", problems)
-    return resolved
+    return resolved, problems
 
 
 _AS_WRITTEN = (

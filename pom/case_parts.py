@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
+
+from pydantic import ValidationError
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
@@ -54,6 +57,44 @@ def collect(problems: list[str], place: str, act: Callable[..., T], *items: Any)
     except AeromatchError as error:
         problems.append(f"{place}: {error}")
         return None
+
+
+_BEARING = {"id", "standard", "edition", "window", "features", "shortened", "record"}
+"""Keys of ``[case]`` without which nothing can be said of the rest."""
+
+
+def sound_rest(content: Mapping[str, Any]) -> CaseFile | None:
+    """Return a case file of wrong form without the keys that are wrong, so that all else can be looked at in the same go.
+
+    None when windows and rows hang on what is wrong.
+    """
+    rest = deepcopy(dict(content))
+    try:
+        return CaseFile.model_validate(rest)
+    except ValidationError as error:
+        for item in error.errors():
+            place = item["loc"]
+            if place[0] == "events" or (place[0] == "case" and (len(place) == 1 or place[1] in _BEARING)):
+                return None
+            if item["type"] != "missing":
+                _remove(rest, place)
+    try:
+        return CaseFile.model_validate({**rest, "case": {"name": "", "title": "", **rest["case"]}})
+    except ValidationError:
+        return None
+
+
+def _remove(content: Any, place: tuple[int | str, ...]) -> None:
+    """Take the deepest part of a place that the content has out of it."""
+    *above, last = place
+    for key in above:
+        below = content.get(key) if isinstance(content, dict) else None
+        if not isinstance(below, dict):
+            last = key
+            break
+        content = below
+    if isinstance(content, dict):
+        content.pop(last, None)
 
 
 def quantities(place: str, found: Mapping[str, Any], units: Mapping[str, str], what: str, problems: list[str]) -> dict[str, float]:

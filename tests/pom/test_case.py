@@ -167,6 +167,29 @@ def test_problems_of_every_table_come_together(write_case):
         assert part in told
 
 
+@pytest.mark.parametrize("wrong", ['reference = "flght"', "objektive = 3", "fraction = 7", "show = 3"])
+def test_a_key_of_wrong_form_does_not_hide_the_rest(write_case, wrong):
+    path = write_case("2.c.9", case=wrong, more='[conditions]\ngear = "3 ft"\n[ticks]\nnone = "x"')
+    with pytest.raises(SchemaError) as caught:
+        read_case(path)
+    told = "\n".join(caught.value.problems)
+    assert f"case.{wrong.split(' ')[0]}" in told
+    for part in ("conditions.gear: unit 'ft'", "unknown criterion 'none'", "unknown event 'input_end'"):
+        assert part in told
+    assert len(caught.value.problems) == len(set(caught.value.problems))
+
+
+def test_without_a_test_or_a_window_only_the_free_tables_are_looked_at(write_case):
+    path = write_case("2.c.9", more='[conditions]\ngear = "3 ft"')
+    path.write_text(path.read_text().replace("window", "windw"))
+    with pytest.raises(SchemaError) as caught:
+        read_case(path)
+    told = "\n".join(caught.value.problems)
+    assert "case.window: missing" in told
+    assert "conditions.gear: unit 'ft'" in told
+    assert "input_end" not in told  # nothing is known of the rows' windows
+
+
 def test_calm_air_takes_no_wind(write_case):
     path = write_case(more='[conditions]\nwind_n = "5 kt"')
     path.write_text(path.read_text().replace("[drive]", '[drive]\nwind = "none"'))
