@@ -20,9 +20,11 @@ from flightmech.console import plain
 from flightmech.errors import SchemaError
 from pom.result import PomResult
 from pom.sections.case import keys, line_styles
+from pom.sections.crosses import crosses
 from pom.sections.panels import Panel, panels
 
 from . import content
+from .cross import cross_drawing
 from .figure import LEAST, MOST_PANELS, Drawing, arranged, drawing, legend
 from .waterfall import waterfall
 
@@ -173,10 +175,13 @@ def _drawings(folder: Path, position: int, result: PomResult, diagnosis: pd.Data
         first = first[max(count, 1) :]
     for start in range(0, len(rest), MOST_PANELS):
         draw(rest[start : start + MOST_PANELS], FURTHER)
+    rows = result.verdict.to_dict("records")
+    curves = [cross_drawing(f"c{position}-x{i}", cross, styles, rows) for i, cross in enumerate(crosses(result))]
     fall = waterfall(diagnosis) if diagnosis is not None and len(diagnosis) else None
     code = legend({run: style for run, style in styles.items() if run != "applied"})
     return {
         "pages": pages,
+        "crosses": [_save(folder, f"c{position}-x{i}.svg", item) for i, item in enumerate(curves)],
         "legend": _save(folder, f"c{position}-legend.svg", code),
         "waterfall": _save(folder, f"c{position}-cause.svg", fall) if fall else None,
     }

@@ -49,7 +49,7 @@ def waterfall(table: pd.DataFrame) -> Drawing | None:
     bottom, marks = HEAD + ROW * len(bars), ticks(low, high, 5)
     parts = [line(at(x), HEAD - 3, at(x), bottom, "grid") for x in marks]
     parts += [text(at(x), HEAD - 5, word, "tick", "middle") for x, word in zip(marks, tick_text(marks), strict=True)]
-    parts.append(text(LEFT - 8, HEAD - 5, "total miss, in half widths", "caption", "end"))
+    parts.append(text(LEFT - 20, HEAD - 5, "total miss, in half widths", "caption", "end"))
     for i, (name, start, stop, css, share) in enumerate(bars):
         y = HEAD + ROW * i
         a, b = sorted((at(start), at(stop)))

@@ -16,9 +16,12 @@ import pom
 from flightmech.errors import SchemaError
 from pom.modes import mode_table
 from pom.paper import content, document, figure, look
+from pom.paper.cross import cross_drawing
 from pom.paper.waterfall import waterfall
 from pom.sections.case import line_styles
+from pom.sections.crosses import Cross
 from pom.sections.panels import panels
+from pom.sections.quantities import label
 
 sys.path.insert(0, str(Path(__file__).parent))
 import report_fixture as fixture
@@ -248,3 +251,18 @@ def test_legend_samples_do_not_overlap():
     places = [tuple(map(float, re.findall(r"[\d.]+", group.get("transform")))) for group in tree.findall(f"{SVG}g")]
     assert all(abs(a[0] - b[0]) > 30.0 or a[1] != b[1] for a, b in combinations(places, 2))
     assert all(x < 720.0 for x, _ in places)
+
+
+def test_a_cross_plot_turns_back_with_its_band():
+    turn = np.linspace(0.0, 2.0 * np.pi, 200)
+    x = {run: 10.0 * np.sin(turn) for run in ("flight", "final")}  # a sweep there and back
+    y = {"flight": 100.0 * np.sin(turn) + 20.0 * np.cos(turn), "final": 104.0 * np.sin(turn) + 18.0 * np.cos(turn)}
+    plot = Cross(("force",), label("column"), label("F_column"), x, y, np.full(200, 12.0))
+    rows = [{"run": "final", "criterion": "force", "verdict": "pass", "worst_ratio": 0.42}]
+    item = cross_drawing("x", plot, {"flight": "run-0", "final": "run-3"}, rows)
+    paths = {e.get("class"): e.get("d") for e in ElementTree.fromstring(item.svg).iter(f"{SVG}path")}
+    assert list(paths)[-4:] == ["band", "trace run-0", "trace run-3", "hair"]
+    places = np.array([[float(v) for v in pair.split(",")] for pair in paths["trace run-0"][1:].split()])
+    assert np.diff(places[:, 0]).min() < 0.0 < np.diff(places[:, 0]).max()
+    assert places[:, 0].min() > figure.LEFT
+    assert "final: force pass, 0.42 of the tolerance" in item.words
