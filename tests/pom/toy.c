@@ -21,6 +21,7 @@ typedef void (*logger_t)(void *, const char *, int, const char *, const char *, 
 
 typedef struct {
     double r[256], slope, t, jump;
+    int continuous;
     char kind[16];
     logger_t logger;
     void *environment;
@@ -90,6 +91,7 @@ STUB(fmi2GetFMUstate) STUB(fmi2SetFMUstate) STUB(fmi2FreeFMUstate) STUB(fmi2Seri
 STUB(fmi2DeSerializeFMUstate) STUB(fmi2GetDirectionalDerivative) STUB(fmi2GetRealOutputDerivatives) STUB(fmi2CancelStep)
 STUB(fmi2GetStatus) STUB(fmi2GetRealStatus) STUB(fmi2GetIntegerStatus) STUB(fmi2GetBooleanStatus) STUB(fmi2GetStringStatus)
 API int fmi2SetInteger(void *c, const unsigned *vr, size_t n, const int *value) {
+    if (((toy_t *)c)->continuous) return 3; /* the standard: outside continuous-time mode only */
     for (size_t i = 0; i < n; i++) ((toy_t *)c)->r[vr[i]] = value[i];
     return 0;
 }
@@ -101,8 +103,11 @@ typedef struct {
     double next;
 } event_t;
 
-API int fmi2EnterEventMode(void *c) { return 0; }
-API int fmi2EnterContinuousTimeMode(void *c) { return 0; }
+API int fmi2EnterEventMode(void *c) { return ((toy_t *)c)->continuous = 0; }
+API int fmi2EnterContinuousTimeMode(void *c) {
+    ((toy_t *)c)->continuous = 1;
+    return 0;
+}
 API int fmi2NewDiscreteStates(void *c, event_t *event) {
     toy_t *toy = c;
     const int jumps = !strcmp(toy->kind, "event");
