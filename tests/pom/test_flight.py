@@ -6,7 +6,7 @@ import xarray as xr
 import flighttest
 from flightmech.errors import IdentificationError, SchemaError
 from pom.case import read_case
-from pom.flight import recorded_states
+from pom.flight import flight_states, recorded_states
 
 
 @pytest.fixture
@@ -44,3 +44,32 @@ def test_a_raw_record_needs_the_aircraft(write_case, tmp_path):
     )
     with pytest.raises(SchemaError, match=r"case.aircraft: missing"):
         recorded_states(read_case(path))
+
+
+def with_wind(path, word):
+    path.write_text(path.read_text().replace("[drive]", f'[drive]\nwind = "{word}"'))
+    return read_case(path)
+
+
+def test_measured_wind_is_that_of_the_raw_record(write_case, lag_states, tmp_path):
+    path = write_case()
+    clock = [0.0, 5.0, 10.0]
+    wind = xr.Dataset(
+        {"wind_n": ("time", [2.0, 4.0, 4.0], {"units": "m s-1"}), "wind_e": ("time", [0.0, 0.0, 1.0], {"units": "m s-1"})}, {"time": clock}
+    )
+    wind.to_netcdf(tmp_path / "record.nc", group="air", engine="h5netcdf")
+    states = lag_states.assign(wind_n=lag_states["V"] * 0.0 + 9.0)
+    assert float(flight_states(read_case(path), states)["wind_n"][0]) == 9.0
+    measured = flight_states(with_wind(path, "measured"), states)
+    assert measured["wind_n"].sel(time=[1.0, 7.5], method="nearest").values == pytest.approx([2.4, 4.0])
+    assert measured["wind_e"].sel(time=7.5, method="nearest") == pytest.approx(0.5)
+    assert not measured["wind_d"].any()  # none is recorded
+
+
+def test_a_record_without_wind_says_so(write_case, lag_states, tmp_path):
+    path = write_case()
+    xr.Dataset({"q": ("time", [0.0, 0.0], {"units": "rad s-1"})}, {"time": [0.0, 0.1]}).to_netcdf(
+        tmp_path / "record.nc", group="imu", engine="h5netcdf"
+    )
+    with pytest.raises(SchemaError, match="holds no wind_n and wind_e; map them"):
+        flight_states(with_wind(path, "measured"), lag_states)
