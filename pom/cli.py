@@ -159,6 +159,9 @@ def _lines(result: Any, verbose: bool = False) -> list[str]:
 
 
 def _summary(result: Any) -> dict[str, Any]:
+    from .offsets import calibration, drift
+    from .piloting import pilot_activity
+
     return {
         "case": result.case.name,
         "id": result.case.id,
@@ -168,4 +171,7 @@ def _summary(result: Any) -> dict[str, Any]:
         "failure": result.failure,
         "verdict": result.verdict.to_dict("records"),
         "trim": result.trim,
+        "pilot": pilot_activity(result),
+        "drift": drift(result),
+        "calibration": calibration(result),
     }
