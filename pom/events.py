@@ -39,7 +39,7 @@ def marked(match: Match, event: str) -> float:
     return match.case.events[event]
 
 
-def find(match: Match, event: str, beside: str = "", start: float = -np.inf) -> Instant:
+def find(match: Match, event: str, beside: str = "") -> Instant:
     """Return when an event happens in flight and model.
 
     Parameters
@@ -48,31 +48,32 @@ def find(match: Match, event: str, beside: str = "", start: float = -np.inf) -> 
     event : str
     beside : str
         Channel that is compared and therefore may not tell the event.
-    start : float
-        Time from which it is looked for. [s]
 
     Raises
     ------
     NotJudged
         The event is not marked, or no signal tells it.
     Invalid
-        The model does not come to it in the record.
+        It is marked outside the replay, or the model does not come to it.
     """
+    mark = match.case.events.get(event)
+    if mark is not None and not match.time[0] - 1e-9 <= mark <= match.time[-1] + 1e-9:
+        raise Invalid(f"{event} is marked at {mark:g} s, outside the replay, {match.time[0]:g} ... {match.time[-1]:g} s")
     if event in ACTS:
         time = marked(match, event)
         return Instant(time, time)
-    if match.case.events.get(event, np.inf) <= match.time[0] + np.diff(match.time[:2])[0]:
-        return Instant(*[match.case.events[event]] * 2, f"the replay starts at {event}")
+    if mark is not None and mark <= match.time[1]:
+        return Instant(mark, mark, f"the replay starts at {event}")
     names = DISCRETES.get(event, ())
     if names and all(name in match.model for name in names):
-        return _by_discrete(match, event, names, start)
+        return _by_discrete(match, event, names)
     channel, direction = LEVELS.get(event, ("", 0))
     if not channel or channel == beside or channel not in match.flight or channel not in match.model:
         tellers = [name for name in (*names, channel) if name and name != beside]
         raise NotJudged(f"{event} has to be told by {' or '.join(tellers) or 'a signal'}, and flight and model do not both have it")
     time = marked(match, event)
     level = level_at(match, event, time)
-    reached = crossing(match.time, match.model[channel], level, direction, start)
+    reached = crossing(match.time, match.model[channel], level, direction)
     if reached is None:
         raise Invalid(f"the model does not come to {event} ({written(channel, level)}) in the record")
     return Instant(time, reached, f"{event} at {written(channel, level)}")
@@ -83,9 +84,9 @@ def level_at(match: Match, event: str, time: float) -> float:
     return STANDING if event == "full_stop" else float(np.interp(time, match.time, match.flight[LEVELS[event][0]]))
 
 
-def _by_discrete(match: Match, event: str, names: tuple[str, ...], start: float) -> Instant:
+def _by_discrete(match: Match, event: str, names: tuple[str, ...]) -> Instant:
     """Return an event that a discrete tells; the flight's is as marked where the case marks it."""
-    flight, model = (_jump(match, signals, names, start) for signals in (match.flight, match.model))
+    flight, model = (_jump(match, signals, names) for signals in (match.flight, match.model))
     if model is None:
         raise Invalid(f"the model does not come to {event} in the record ({' and '.join(names)} stay off)")
     if flight is None or event in match.case.events:
@@ -93,11 +94,11 @@ def _by_discrete(match: Match, event: str, names: tuple[str, ...], start: float)
     return Instant(flight, model, f"{event} by {' or '.join(names)}")
 
 
-def _jump(match: Match, signals: Signals, names: tuple[str, ...], start: float) -> float | None:
+def _jump(match: Match, signals: Signals, names: tuple[str, ...]) -> float | None:
     """Return when the first of several discretes comes on; None when none does, or one is not there. [s]"""
     if not all(name in signals for name in names):
         return None
-    return crossing(match.time, np.max([signals[name] for name in names], axis=0), 0.5, 1, start)
+    return crossing(match.time, np.max([signals[name] for name in names], axis=0), 0.5, 1)
 
 
 def crossing(time: np.ndarray, y: np.ndarray, level: float, direction: int, start: float = -np.inf) -> float | None:

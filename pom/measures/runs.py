@@ -63,11 +63,18 @@ def elapsed(criterion: Criterion, match: Match) -> Outcome:
 
 
 def _start(criterion: Criterion, match: Match) -> tuple[float, float]:
-    event = criterion.bounds[0]
-    if not event:
-        return criterion.window[0], criterion.window[0]
-    found = find(match, event)
-    return found.flight, found.model
+    """Return when the run starts in flight and model; a segment without events where both have the same height or speed. [s]"""
+    if criterion.bounds[0]:
+        found = find(match, criterion.bounds[0])
+        return found.flight, found.model
+    start, channel = criterion.window[0], criterion.abscissa
+    if not channel or start <= match.time[1]:
+        return start, start
+    level, end = np.interp(criterion.window, match.time, match.flight[channel])
+    reached = crossing(match.time, match.model[channel], float(level), 1 if end > level else -1)
+    if reached is None:
+        raise Invalid(f"the model does not pass {written(channel, float(level))}, where the segment starts")
+    return start, reached
 
 
 def _gate(criterion: Criterion, match: Match, start: float) -> Gate:

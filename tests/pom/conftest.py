@@ -149,14 +149,15 @@ def judged():
     from pom.conditions import settled
     from pom.verdict import judge, row
 
-    def judge_rows(id, time, flight, model, standard=table.STANDARD, edition=table.EDITION, drive=None, **more):
+    def judge_rows(id, time, flight, model, standard=table.STANDARD, edition=table.EDITION, drive=None, window=None, **more):
         events, features = more.get("events", {}), more.get("features", ())
         found = table.rows_of(id, standard, edition)
         criteria = []
         for item, name in zip(found, table.names_of(found), strict=True):
             marks = {event: time[0] for event in table.events()} | events
-            window = [table.bound(item[key], marks, end) for key, end in (("applies_from", time[0]), ("applies_to", time[-1]))]
-            inside = (max(float(window[0]), time[0]), min(float(window[1]), time[-1]))
+            ends = zip(("applies_from", "applies_to"), window or (time[0], time[-1]), strict=True)
+            start, stop = (float(table.bound(item[key], marks, end)) for key, end in ends)
+            inside = (max(start, time[0]), min(stop, time[-1]))
             criteria.append(table.criterion(item, name, inside, features, engine_parameter="engine1.n1"))
         drive = drive or Drive("cockpit", "throttle")
         case = PomCase(

@@ -157,6 +157,28 @@ def test_without_a_discrete_the_angle_of_attack_tells(judged):
     assert unmarked["note"].startswith("mark the event initial_buffet in [events]")
 
 
+def test_a_mark_outside_the_replay_is_invalid(judged):
+    for mark in (-3.0, 70.0):
+        got = judged("2.c.8", TIME, stalling(0.5), stalling(0.5), events={"stall": mark})["stall_speed"]
+        assert (got["verdict"], got["note"]) == ("invalid", f"stall is marked at {mark:g} s, outside the replay, 0 ... 60 s")
+    got = judged("1.b.1", TIME, rolling(2.0), rolling(2.0), events={"brake_release": -1.0, "vr": 35.0})["time"]
+    assert got["note"].startswith("brake_release is marked at -1 s, outside the replay")
+
+
+def test_a_replay_that_starts_at_touchdown_starts_both_runs(judged):
+    flight, model = (landing(a, touchdown=0.0) for a in (2.9, 2.8))
+    got = judged("1.e.1", TIME, flight, model, events={"touchdown": 0.0, "full_stop": 70.0 / 2.9})["time"]
+    assert got["worst_ratio"] == pytest.approx((2.9 / 2.8 - 1.0) / 0.05, rel=1e-3)
+
+
+def test_a_segment_starts_at_the_same_height_in_both(judged):
+    """The model lags by 1 s but climbs as fast: from 400 m to 2000 m both take 40 s."""
+    flight = {"h": 40.0 * TIME, "vn": 100.0 * FLAT, "ve": 0.0 * FLAT, "fuel": 900.0 - 0.1 * TIME}
+    model = flight | {"h": 40.0 * (TIME - 1.0)}
+    got = judged("1.c.3", TIME, flight, model, window=(10.0, 50.0))
+    assert (got["time"]["flight_value"], got["time"]["model_value"]) == pytest.approx((40.0, 40.0))
+
+
 def test_the_event_may_not_be_told_by_what_is_compared(judged):
     """Angle of attack at buffet onset (2.c.8.a, 2016) needs a buffet signal."""
     standard = {"standard": "FAA 14 CFR Part 60 App A Table A2A", "edition": "2016-05-31 (Amdt 60-4)"}
