@@ -33,34 +33,34 @@ class CaseTable(Strict):
     """What is tested, on which record, over which window."""
 
     id: str = Field(description="Test of the tolerance table, such as 2.c.10.")
-    standard: str = Field(table.STANDARD, description="Standard of the tolerance table.")
-    edition: str = Field(table.EDITION, description="Edition of the standard.")
+    standard: str = Field(default=table.STANDARD, description="Standard of the tolerance table.")
+    edition: str = Field(default=table.EDITION, description="Edition of the standard.")
     name: str = Field(description="Short name of the case, for files and links.")
     title: str = Field(description="Title for people.")
-    description: str = Field("", description="What was flown.")
+    description: str = Field(default="", description="What was flown.")
     record: str = Field(description="Flight record: a raw one, or one of `aeromatch flight reconstruct`. Relative to this file.")
-    names: str = Field("", description="Name map of the record. Relative to this file.")
-    aircraft: str = Field("", description="Aircraft file; a raw record needs it to be reconstructed. Relative to this file.")
+    names: str = Field(default="", description="Name map of the record. Relative to this file.")
+    aircraft: str = Field(default="", description="Aircraft file; a raw record needs it to be reconstructed. Relative to this file.")
     window: tuple[float, float] = Field(description="Start and end of the replay on the clock of the record [s].")
-    features: tuple[str, ...] = Field((), description="Conditions of table rows that hold, such as reversible_controls.")
-    shortened: str = Field("", description="Why a window is shorter than the rows ask; without it a short window is an error.")
-    show: tuple[str, ...] = Field(SHOWN, description="Channels to show beside the judged ones.")
-    mode_channel: str = Field("", description="Channel on which period and damping are measured.")
-    engine_parameter: str = Field("", description="Critical engine parameter of Ti and Tt, such as engine1.n1.")
+    features: tuple[str, ...] = Field(default=(), description="Conditions of table rows that hold, such as reversible_controls.")
+    shortened: str = Field(default="", description="Why a window is shorter than the rows ask; without it a short window is an error.")
+    show: tuple[str, ...] = Field(default=SHOWN, description="Channels to show beside the judged ones.")
+    mode_channel: str = Field(default="", description="Channel on which period and damping are measured.")
+    engine_parameter: str = Field(default="", description="Critical engine parameter of Ti and Tt, such as engine1.n1.")
     reference: Literal["flight", "engineering", "footprint"] = Field(
-        "flight", description="flight; engineering: an engineering simulator; footprint: a recording without reference, no verdict."
+        default="flight", description="flight; engineering: an engineering simulator; footprint: a recording without reference, no verdict."
     )
     fraction: float | None = Field(
-        None,
+        default=None,
         gt=0.0,
         le=1.0,
         description="Share of the tolerance that is applied. Default: 1 for flight; for engineering 0.2 before 2016, 0.4 from then on.",
     )
-    objective: str = Field("", description="What the test shows.")
-    procedure: str = Field("", description="How it runs automatically.")
-    manual: str = Field("", description="How a pilot flies it by hand.")
-    evaluation: str = Field("", description="How it is evaluated.")
-    notes: str = Field("", description="Remarks for the reader of the report.")
+    objective: str = Field(default="", description="What the test shows.")
+    procedure: str = Field(default="", description="How it runs automatically.")
+    manual: str = Field(default="", description="How a pilot flies it by hand.")
+    evaluation: str = Field(default="", description="How it is evaluated.")
+    notes: str = Field(default="", description="Remarks for the reader of the report.")
 
     @model_validator(mode="after")
     def _window_rises(self) -> CaseTable:
@@ -75,7 +75,7 @@ class LoopTable(Strict):
     control: str = Field(description="Control that the loop moves: delta_a, wheel, F_column, throttle ...")
     channel: str = Field(description="Channel that is held to the recorded one; never one that is judged.")
     gain: Quantity = Field(description="Control per error: SI, or with units such as '0.3 deg/deg' or '2 cm/deg'.")
-    integral: Quantity = Field(0.0, description="Control per error and second: SI, or with units such as '0.05 deg/deg s'.")
+    integral: Quantity = Field(default=0.0, description="Control per error and second: SI, or with units such as '0.05 deg/deg s'.")
     limit: Quantity = Field(description="Largest correction of the loop, such as '5 deg'.")
 
 
@@ -83,23 +83,23 @@ class DriveTable(Strict):
     """What drives the model."""
 
     surfaces: Literal["recorded", "cockpit", "force", "pilot"] = Field(
-        "recorded",
+        default="recorded",
         description="recorded: surface positions; cockpit: travel of column, wheel, pedals; force: pilot forces; "
         "pilot: what is recorded of the level of its loops, plus their corrections.",
     )
     engine: Literal["thrust", "n1", "throttle"] = Field(
-        "thrust", description="thrust: recorded thrust drives; n1: the fan speed, throttle: the lever drives the engine model."
+        default="thrust", description="thrust: recorded thrust drives; n1: the fan speed, throttle: the lever drives the engine model."
     )
     trim: bool | Literal["ground"] = Field(
-        True, description="Trim the model to the flight condition at the start; ground: it stands or rolls on its wheels."
+        default=True, description="Trim the model to the flight condition at the start; ground: it stands or rolls on its wheels."
     )
     wind: Literal["record", "measured", "none"] = Field(
-        "record", description="record: wind of the reconstructed path; measured: wind channels of the raw record; none: calm air."
+        default="record", description="record: wind of the reconstructed path; measured: wind channels of the raw record; none: calm air."
     )
     limits: dict[str, Quantity] = _table(
         "Largest bias of the trim, such as { delta_e = '1 deg', thrust = '50 lbf' }; beyond one written here the run is invalid."
     )
-    pilot: tuple[LoopTable, ...] = Field((), description="Loops of the math pilot.")
+    pilot: tuple[LoopTable, ...] = Field(default=(), description="Loops of the math pilot.")
 
 
 class CaseFile(Strict):

@@ -35,10 +35,10 @@ LIMIT_UNITS = (
 """What a trim finds and leaves, with its SI unit: keys of ``drive.limits``, outputs ``trim.*`` of a model."""
 
 KINDRED = (
-    {"V", "V_cas", "V_eas", "mach", "qbar", "u"},
+    {"V", "V_cas", "V_eas", "V_ground", "mach", "qbar", "u", "distance"},
     {"theta", "q", "q_dot"},
     {"phi", "p", "p_dot"},
-    {"psi", "r", "r_dot"},
+    {"psi", "r", "r_dot", "psi_dot", "y_runway"},
     {"h", "h_agl", "h_baro", "hdot", "gamma"},
     {"alpha", "w", "alpha_dot"},
     {"beta", "v", "beta_dot", "ay"},

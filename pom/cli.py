@@ -110,7 +110,7 @@ def run(
             click.echo("\n".join(waiting))
             waiting.clear()
 
-    shared = {"jobs": jobs, "scheduler": scheduler, "resume": resume}
+    shared: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "resume": resume}
     results = replay_all(read, runs, names=names, biases=read_biases(biases_file), timeout=timeout, told=tell, **shared)
     if not flown:
         raise SimulationError("no model could be replayed: " + results[0].failure)
