@@ -16,7 +16,7 @@ from flightmech.names import lookup
 from .channels import factor, si_unit
 from .criteria import Band, Criterion, Limit
 
-_WITH_BAND = ("trace", "end_value", "steady")
+_WITH_BAND = ("trace", "end_value", "steady", "change", "low_speed_end", "curve", "event_value")
 _NUMBER = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)?$")
 
 
@@ -25,7 +25,7 @@ class Entry(Strict):
 
     abs: float | str | None = None
     percent: float | None = None
-    base: Literal["ref_local", "ref_peak", "ref_scalar"] = "ref_local"
+    base: Literal["ref_local", "ref_peak", "ref_scalar", "range_max"] = "ref_local"
     rule: Literal["greater_of", "lesser_of"] = "greater_of"
     group: str = ""
     window: tuple[float, float] | None = None

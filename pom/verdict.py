@@ -164,8 +164,9 @@ def helpful(criterion: Criterion) -> tuple[str, ...]:
 
 
 def formed_channels(case: PomCase, flight: Signals) -> list[str]:
-    """Return the channels judged over time that are formed of signals, so that they can be shown."""
-    return [c.channel for c in case.criteria if c.applies and c.measure == "trace" and c.channel in SOURCES and c.channel in flight]
+    """Return the judged channels that are formed of signals, so that they can be shown."""
+    formed = SOURCES.keys() - {"time"}
+    return [c.channel for c in case.criteria if c.applies and c.channel in formed and c.channel in flight]
 
 
 def row(run: str, criterion: Criterion, outcome: Outcome) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from pom import table
 from pom.case import Drive, PomCase
 from pom.conditions import settled
 from pom.criteria import Band, Limit
+from pom.override import override
 from pom.pilot import Loop
 from pom.result import group_verdicts, status_of
 from pom.verdict import bands, channels, helpful, judge, needs, row, unjudged
@@ -313,6 +314,15 @@ def test_a_case_of_every_standard_is_read_and_judged(write_case, id, standard, e
         verdict,
         "verified" if standard.startswith(("CAAC", "FAA 14 CFR Part 60 App B")) else "memory",
     )
+
+
+def test_a_case_may_take_a_percentage_of_the_range_in_service():
+    c = replace(case("1.d.3"), ranges={"engine1.n1": 1.04}, drive=Drive(engine="throttle"), events={"capture": 20.0})
+    changed = override(c.criteria, "n1", {"percent": 2.0, "base": "range_max"}, c.window)
+    n1 = next(x for x in changed if x.name == "n1")
+    got = judge(c, n1, TIME, {"engine1.n1": 0.5 * FLAT}, {"engine1.n1": 0.52 * FLAT})
+    assert (got.verdict, got.worst_ratio, n1.provenance) == ("pass", pytest.approx(0.02 / 0.0208), "case file")
+    assert got.applied == "2 % of the largest value in service (104 %): 2.08 %"
 
 
 def test_a_row_without_a_width_is_not_tested():
