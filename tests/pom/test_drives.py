@@ -83,7 +83,8 @@ def test_a_math_pilot_holds_the_wings_and_leaves_the_pitch_alone(write_case, tra
         delta_e=[(0.0, 0.0), (2.0, 0.0), (2.06, -0.03), (4.0, -0.03), (4.06, 0.0)],
         delta_a=[(0.0, 0.0), (3.0, 0.0), (3.06, -0.02), (4.0, -0.02), (4.06, 0.0)],
     )
-    flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, trainer.scaled(trainer.database(), Cl_aileron=1.3)), tmp_path / "wrong.fmu")
+    sim = flightmech.compile(trainer.AIRCRAFT, trainer.scaled(trainer.database(), Cl_aileron=1.3))
+    flightmech.write_fmu(sim, tmp_path / "wrong.fmu")
     free = read_case(write_case())
     loops = Loop("delta_a", "phi", -0.5, np.radians(3.0)), Loop("delta_a", "p", -0.2, np.radians(2.0))
     held = replace(free, drive=replace(free.drive, surfaces="pilot", pilot=loops))
@@ -102,3 +103,5 @@ def test_a_math_pilot_holds_the_wings_and_leaves_the_pitch_alone(write_case, tra
     bias = float(flown["pilot"].trim.loc["trim.delta_a", "wrong"])
     difference = moved.sel(run="wrong") - moved.sel(run="flight")
     assert float(np.abs(difference).max()) == pytest.approx(abs(row["largest"] + bias), rel=0.02)  # what the aileron did, trim and all
+    direct, _ = fly(sim, plan_of(held, truth).job, channels=["phi"])  # the same loops around the kernel itself
+    assert np.abs(direct["phi"][0] - flown["pilot"].signals["phi"].sel(run="wrong").values).max() < 1e-9
