@@ -110,7 +110,7 @@ def diagnose(
         _pairs(bench, table, sorted(told, key=felt.index)[:PAIRED])
         for k, found in enumerate(bench.judged([needed[: k + 1] for k in range(len(needed))])):
             table.add("sequence", needed[k], found)
-        _without(bench, table, {name: (name,) for name in told} | members)
+        _without(bench, table, {**{name: (name,) for name in told}, **members})
         _shares(bench, table, told, replays, seed)
     return pd.DataFrame(table.rows)
 

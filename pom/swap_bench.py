@@ -17,13 +17,14 @@ from flightmech.errors import SchemaError
 from flightmech.parts import different_parts, swap_parts
 
 from .case import PomCase
-from .conditions import settled
-from .drive import Job, job_of
-from .flight import flight_states
+from .drive import Job
 from .kernel_replay import fly
+from .replaying import plan_of, shown_channels
 from .result import group_verdicts, status_of
+from .signals import output_of
 from .swap_table import CEILING
 from .swaps import differing
+from .trim_table import OBSERVED, beyond_limits, trim_limits
 from .verdict import judge
 
 _FINAL = "_of_final"
@@ -64,6 +65,7 @@ class Bench:
     case: PomCase
     job: Job
     flight: dict[str, np.ndarray]
+    channels: frozenset[str]
     both: xr.DataTree
     aircraft: tuple[Aircraft, Aircraft]
     terms: tuple[str, ...]
@@ -74,13 +76,14 @@ class Bench:
     @classmethod
     def of(cls, case: PomCase, prior: xr.DataTree, final: xr.DataTree, aircraft: tuple[Aircraft, Aircraft], path: Any) -> Bench:
         """Return the bench of a case; `aircraft` a priori and final, `path` as in `replay`."""
-        states = flight_states(case, path)
-        job = job_of(case, states)
-        flight = {str(name): np.broadcast_to(item.values, job.time.size) for name, item in states.data_vars.items() if item.ndim < 2}
+        plan = plan_of(case, path)
+        count, states = plan.job.time.size, plan.states.data_vars
+        flight = {str(name): np.broadcast_to(item.values, count) for name, item in states.items() if item.ndim < 2}
+        channels = frozenset({*flight, *shown_channels(plan.case, plan.states), *OBSERVED})
         names = tuple(differing(prior, final))
         theirs = aerodb.terms(final)
         both = aerodb.replace_terms(prior, {name + _FINAL: theirs[name] for name in names if name in theirs})
-        return cls(settled(case, job.time, flight), job, flight, both, aircraft, names, _parts(case, flight, aircraft))
+        return cls(plan.case, plan.job, flight, channels, both, aircraft, names, _parts(case, flight, aircraft))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -104,7 +107,9 @@ class Bench:
             sim = self._sim(parts)
         except SchemaError as error:  # tables of two engines that make no engine together
             return [self._judge({name: np.full(self.job.time.size, np.nan) for name in self.flight}, str(error))] * len(choices)
-        outputs, failures = fly(sim, self.job, [self._scales(choice) for choice in choices], list(self.flight))
+        wanted = sorted({output_of(channel, sim.outputs) for channel in self.channels})
+        outputs, failures = fly(sim, self.job, [self._scales(choice) for choice in choices], wanted)
+        outputs |= {loop.control: outputs[f"applied.{loop.control}"] for loop in self.job.pilot if f"applied.{loop.control}" in outputs}
         return [self._judge({name: values[k] for name, values in outputs.items()}, text) for k, text in enumerate(failures)]
 
     def _sim(self, parts: frozenset[str]) -> Any:
@@ -126,6 +131,7 @@ class Bench:
         ratio: dict[str, float] = {}
         verdicts: dict[str, str] = {}
         groups: dict[str, float] = {}
+        failure = failure or ", ".join(beyond_limits(trim_limits(self.case, self.flight), outputs, demanded=True))
         for criterion in self.case.criteria:
             found = judge(self.case, criterion, self.job.time, self.flight, outputs)
             verdicts[criterion.name] = "invalid" if failure and criterion.applies else found.verdict

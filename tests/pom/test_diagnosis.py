@@ -15,6 +15,7 @@ from pom.case import read_case
 from pom.drive import job_of
 from pom.flight import flight_states
 from pom.kernel_replay import fly
+from pom.pilot import Loop
 from pom.swaps import differing, swap_terms
 
 PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}
@@ -256,3 +257,20 @@ def test_the_corrected_database_says_where_its_terms_come_from(case, truth, trai
     assert "pom diagnose" not in aerodb.terms(corrected)["Cl/phat"].attrs.get("history", "")
     flown = pom.diagnose(case, corrected, final, trainer.AIRCRAFT, truth)
     assert flown.loc[0, "verdict"] == "pass"
+
+
+@pytest.mark.parametrize("loops", [(), (Loop("delta_a", "phi", gain=-1.0, limit=0.1), Loop("delta_e", "theta", gain=-0.5, limit=0.1))])
+def test_the_verdicts_are_those_of_a_replay(case, truth, trainer, tmp_path, loops):
+    """The same case by the FMU of the a-priori model, with the recorded controls and with a math pilot on top of them."""
+    case = replace(case, drive=replace(case.drive, surfaces="pilot" if loops else "recorded", pilot=loops))
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.9)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth).set_index("stage")
+    fmu = flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, prior), tmp_path / "prior.fmu")
+    result = pom.replay(case, {"prior": fmu}, truth)
+    assert result.failure == ""
+    assert table.loc["prior", "verdict"] == result.status("prior")
+    judged = result.verdict[result.verdict["verdict"].isin(["pass", "fail"])]
+    assert len(judged) == (2 if loops else 3)  # what the pilot holds is not judged
+    for row in judged.to_dict("records"):
+        assert table.loc["prior", f"{row['criterion']} ratio"] == pytest.approx(row["worst_ratio"], rel=1e-4)
