@@ -1,6 +1,6 @@
 """The report on paper: time and size of a PDF of a hundred pages, and of all that is written beside it.
 
-    python benchmarks/report_pdf.py                 as many cases as fill about 100 pages: 25, 3 models, 7 channels, 30 s at 50 Hz
+    python benchmarks/report_pdf.py                 as many cases as fill about 100 pages: 32, 3 models, 7 channels, 30 s at 50 Hz
     python benchmarks/report_pdf.py --cases 100 --paper letter
 
 Results are those of ``report_page.py``.
@@ -25,7 +25,7 @@ from pom.paper import pdf_pages
 def main() -> None:
     """Read the command line, make the document twice, print the table."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--cases", type=int, default=25)
+    parser.add_argument("--cases", type=int, default=32)
     parser.add_argument("--paper", choices=["a4", "letter"], default="a4")
     options = parser.parse_args()
     results = [result(number) for number in range(options.cases)]

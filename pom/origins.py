@@ -78,12 +78,14 @@ def seen_from(path: str | os.PathLike, folder: str | os.PathLike) -> str:
 
 def case_seen_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
     """Return a case whose files are named as seen from `folder`."""
-    return replace(case, **{name: seen_from(getattr(case, name), folder) for name in FILES if getattr(case, name)})
+    names: dict[str, Any] = {name: seen_from(getattr(case, name), folder) for name in FILES if getattr(case, name)}
+    return replace(case, **names)
 
 
 def case_found_from(case: PomCase, folder: str | os.PathLike) -> PomCase:
     """Return a case of `case_seen_from` with its files found again."""
-    return replace(case, **{name: os.path.normpath(Path(folder, getattr(case, name))) for name in FILES if getattr(case, name)})
+    names: dict[str, Any] = {name: os.path.normpath(Path(folder, getattr(case, name))) for name in FILES if getattr(case, name)}
+    return replace(case, **names)
 
 
 def sha256(file: str | Path) -> str:
