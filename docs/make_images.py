@@ -52,6 +52,8 @@ def pictures(report: Path, case: str, folder: Path, width: int = 1400) -> list[P
             raise SystemExit(f"the report has no case {case!r}; it has {', '.join(names)}")
         places = {"report-case.png": (f"#case-{case or names[0]}", ".panel canvas")}
         if page.locator("#models").count():
+            page.goto(f"{report.resolve().as_uri()}#models")  # the page is unpacked when it is shown
+            page.locator("#models .term .figure").first.wait_for()
             first = page.locator("#models .term .figure").first.evaluate("figure => figure.closest('.term').id")
             places["report-models.png"] = f"#{first}", "#models .figure"
         for name, (place, awaited) in places.items():
