@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import sys
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
+from platform import machine
 from typing import Any
 
 import numpy as np
@@ -105,16 +109,14 @@ def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: 
     outputs = [name for name in model.links.outputs if name in {*wanted, *job.targets}]
     time = _points(model.fmu, job.time)
     task = _task(model, job, outputs, time)
-    key = _key(model, task)
-    kept = store.read(key, (len(time), len(outputs) + len(_controls(task)))) if store else None
-    if kept is None:
+    key = _key(model, task) if store else ""
+    columns, failure = store.read(key, (len(time), len(outputs) + len(_controls(task)))) if store else None, ""
+    if columns is None:
         with hired(model.fmu.path) as child:
             reply = child.run(task, timeout, model.fmu.once)
         columns, failure = np.column_stack([reply.outputs, *_moved(task, reply.moved)]), reply.error
         if store and not failure:
             store.write(key, columns)
-    else:
-        columns, failure = kept, ""
     return _found(model, job, outputs, time, task, columns), failure
 
 
@@ -145,16 +147,20 @@ def _task(model: Model, job: Job, outputs: list[str], time: np.ndarray) -> dict[
     parameters |= {name: value for name, value in links.fixed.items() if name not in model.fmu.inputs}
     task = {"time": time, "inputs": inputs, "parameters": parameters, "outputs": [links.outputs[name].variable for name in outputs]}
     if job.pilot:
-        order = list(inputs)
-        task["pilot"] = {
-            "loops": [asdict(loop) for loop in job.pilot],
-            "targets": {name: at_points(values) for name, values in job.targets.items()},
-            "sense": {name: (outputs.index(name), links.outputs[name].factor, links.outputs[name].offset) for name in job.targets},
-            "move": {
-                loop.control: (order.index(links.inputs[loop.control].variable), links.inputs[loop.control].factor) for loop in job.pilot
-            },
-        }
+        targets = {name: at_points(values) for name, values in job.targets.items()}
+        task["pilot"] = {"targets": targets, **_hand(links, job, outputs, list(inputs))}
     return task
+
+
+def _hand(links: Links, job: Job, outputs: list[str], inputs: list[str]) -> dict[str, Any]:
+    """Return the loops of the math pilot, what they see (column, factor, offset to SI) and what they move (column, factor to SI)."""
+    seen = {name: links.outputs[name] for name in job.targets}
+    moved = {loop.control: links.inputs[loop.control] for loop in job.pilot}
+    return {
+        "loops": [asdict(loop) for loop in job.pilot],
+        "sense": {name: (outputs.index(name), link.factor, link.offset) for name, link in seen.items()},
+        "move": {name: (inputs.index(link.variable), link.factor) for name, link in moved.items()},
+    }
 
 
 def _moved(task: Mapping[str, Any], moved: Mapping[str, np.ndarray]) -> list[np.ndarray]:
@@ -210,15 +216,11 @@ def _hash_into(digest: Any, item: Any) -> None:
         digest.update(repr(item).encode())
 
 
-_HASHES: dict[str, str] = {}
-
-
+@cache
 def _program() -> str:
-    """Return the hash of the modules that fly a job."""
-    if "program" not in _HASHES:
-        here = Path(__file__).parent
-        digest = hashlib.sha256()
-        for file in [here / "pilot.py", *sorted((here / "worker").glob("*.py"))]:
-            digest.update(file.read_bytes())
-        _HASHES["program"] = digest.hexdigest()
-    return _HASHES["program"]
+    """Return what flies a job: the hash of its modules, the version of FMPy, the kind of machine."""
+    here = Path(__file__).parent
+    digest = hashlib.sha256()
+    for file in [here / "pilot.py", *sorted((here / "worker").glob("*.py"))]:
+        digest.update(file.read_bytes())
+    return f"{digest.hexdigest()} {version('fmpy')} {sys.platform} {machine()}"

@@ -19,8 +19,7 @@ def case(write_case):
     return changed(case, drive=Drive(surfaces="pilot", trim=False, pilot=(Loop("delta_e", "theta", GAIN, 1.0),)))
 
 
-@pytest.mark.parametrize("interpolates", [True, False])
-@pytest.mark.parametrize("table", ["", '[inputs]\ndelta_e = {variable = "Elev"}\n'])
+@pytest.mark.parametrize(("interpolates", "table"), [(True, ""), (False, ""), (True, '[inputs]\ndelta_e = {variable = "Elev"}\n')])
 def test_the_error_decays_as_the_closed_form(case, toy, lag_states, tmp_path, interpolates, table):
     (tmp_path / "names.toml").write_text(table)
     fmu = toy(interpolates=interpolates, rename={"delta_e": "Elev"} if table else {})
