@@ -1,6 +1,7 @@
 """Replay of a flight of which the model is the truth: by FMI 2.0, by FMI 3.0, and by the kernel itself."""
 
 import tempfile
+from dataclasses import replace as changed
 
 import numpy as np
 import pytest
@@ -8,10 +9,11 @@ import pytest
 import aerodb
 import flightmech
 from pom import worker
-from pom.case import read_case
+from pom.case import Drive, read_case
 from pom.drive import job_of
 from pom.flight import flight_states
 from pom.kernel_replay import fly
+from pom.pilot import Loop
 from pom.replaying import replay
 
 
@@ -118,3 +120,22 @@ def test_a_trim_beyond_its_limit_is_remarked(write_case, truth, tmp_path, traine
     assert all("trim.delta_e" in note and "is beyond 1 deg" in note for note in result.verdict["note"])
     elevator = 0.05 / (1.1 - 0.4 * 0.7 / 5.0)  # its own lift is carried back by the angle of attack
     assert result.trim.loc["trim.delta_e", "m"] == pytest.approx(elevator, rel=0.01)
+
+
+def test_the_math_pilot_of_the_child_is_that_of_the_kernel(write_case, truth, models, trainer):
+    """A loop on the pitch attitude of a model with two thirds of the elevator: two ways of closing it, one flight."""
+    weak = trainer.scaled(trainer.database(), Cm_elevator=0.67)
+    case = changed(read_case(write_case(case='show = ["theta"]')), drive=Drive("pilot", pilot=(Loop("delta_e", "theta", -0.8, 0.1, -0.3),)))
+    job = job_of(case, flight_states(case, truth))
+    sim = flightmech.compile(trainer.AIRCRAFT, weak)
+    direct, failures = fly(sim, job)
+    assert failures == [""]
+    with tempfile.TemporaryDirectory() as folder:
+        runs = {v: flightmech.write_fmu(sim, f"{folder}/{v}.fmu", version=v) for v in ("2.0", "3.0")}
+        result = replay(case, runs, truth)
+    assert result.failure == ""
+    moved = result.signals["delta_e"] - result.signals["delta_e"].sel(run="flight")
+    assert np.abs(moved.sel(run="2.0")).max() > np.radians(1.0)
+    theta = result.signals["theta"]
+    assert np.abs(theta.sel(run="2.0").values - direct["theta"][0]).max() < 1e-10
+    assert np.abs(theta.sel(run="3.0").values - direct["theta"][0]).max() < 3e-4  # middles of 20 ms held
