@@ -61,6 +61,8 @@ class Match:
 
     def counted(self, criterion: Criterion) -> np.ndarray:
         """Return the samples at which the condition of the row holds in flight; all when it has none on samples."""
+        if not criterion.condition:
+            return np.ones(self.time.size, bool)
         mask = sample_mask(criterion.condition, self.case.events, self.time, self.flight)
         if not mask[inside_window(self.time, criterion.window)].any():
             raise NotJudged(f"no sample of the window has {criterion.condition}")

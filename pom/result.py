@@ -119,7 +119,7 @@ class PomResult:
     def worst(self, run: str) -> pd.Series | None:
         """Return the verdict row that decides: of the alternatives the best, of the groups the worst ratio."""
         rows = self.verdict[(self.verdict["run"] == run) & self.verdict["worst_ratio"].notna()]
-        rows = rows[rows["verdict"].isin(["pass", "fail"])]
+        rows = rows[rows["verdict"].isin(["pass", "fail"]) & (rows["measure"] != "setup")]
         if rows.empty:
             return None
         best = rows.sort_values("worst_ratio").drop_duplicates("group")

@@ -18,6 +18,7 @@ from .relations import KINDS, claimed, unclaimed
 STANDARD = "FAA 14 CFR Part 60 App A Table A2A"
 EDITION = "2014-01-01"
 DEMONSTRATION = "a demonstration: recordings are shown and judged by pilots, the table gives no number"
+_UNCHANNELLED = dict.fromkeys(("response_initial", "response_total"), "name the critical engine parameter in case.engine_parameter")
 Row = Mapping[str, str]
 
 # Rows whose measure the README of the table spells out otherwise: the spiral's bank angle is judged 20 s after release, a
@@ -131,7 +132,7 @@ def criterion(
         band=band_of(row),
         window=window,
         applies=not missing,
-        reason=f"applies only with {', '.join(missing)}" if missing else "" if channel else DEMONSTRATION,
+        reason=f"applies only with {', '.join(missing)}" if missing else "" if channel else _UNCHANNELLED.get(measure, DEMONSTRATION),
         kind=row["kind"],
         provenance=row["provenance"],
         source=row["source"],
@@ -143,6 +144,7 @@ def criterion(
 
 
 def _abscissa(row: Row, measure: str, travel: str) -> str:
+    """Return `Criterion.abscissa` of a row."""
     if measure == "elapsed":
         return PROGRESS.get(plain_id(row["test_id"]), "")
     if row["parameter"] == "trim_rate":

@@ -131,11 +131,12 @@ def inside_window(time: np.ndarray, window: tuple[float, float]) -> np.ndarray:
     Invalid
         Time does not rise, or the samples end before the window does (by more than one step).
     """
-    if time.size < 2 or not (np.diff(time) > 0.0).all():
+    steps = np.diff(time)
+    if not steps.size or not (steps > 0.0).all():
         raise Invalid("time does not rise from sample to sample")
     start, stop = window
-    step = float(np.median(np.diff(time)))
-    if time[0] > start + step or time[-1] < stop - step:
+    missing = max(time[0] - start, stop - time[-1])
+    if missing > 0.0 and missing > np.median(steps):
         raise Invalid(f"samples cover {time[0]:.2f} ... {time[-1]:.2f} s, the window is {start:.2f} ... {stop:.2f} s")
     return (time >= start - 1e-9) & (time <= stop + 1e-9)
 
