@@ -17,7 +17,7 @@ from .quantities import MISSING, fixed
 from .term_words import term_words
 from .verdicts import Verdict, words
 
-LEAST_SHOWN = 0.01  # a single term that closes less is counted only
+LEAST_SHOWN = 0.01  # a single term that closes less is counted only, a group not told
 LEAST_INTERACTION = 0.1  # of the gap: a pair that does less or more together than this is not told in words
 _TITLES = {
     "prior": "a-priori model",
@@ -43,12 +43,13 @@ def cause(result: PomResult, table: pd.DataFrame | None) -> dict[str, Any] | Non
     stages = []
     for stage, title in _TITLES.items():
         rows = by_stage[stage]
-        kept = [row for row in rows if stage != "single" or not abs(row["closes"]) < LEAST_SHOWN][: _MOST.get(stage, len(rows))]
+        felt = [row for row in rows if stage not in ("single", "group") or not abs(row["closes"]) < LEAST_SHOWN]
+        kept = felt[: _MOST.get(stage, len(rows))]
         starts = [0.0, *(row["closes"] for row in rows)] if stage == "sequence" else [0.0] * (len(rows) + 1)
         shown = [_row(row, start, criteria) for row, start in zip(kept, starts, strict=False)]
-        if rows:
-            named = stage not in ("prior", "final")
-            stages.append({"title": title, "named": named, "rows": shown, "hidden": len(rows) - len(kept) if stage == "single" else 0})
+        hidden = len(rows) - len(kept) if stage == "single" else 0
+        if shown or hidden:
+            stages.append({"title": title, "named": stage not in ("prior", "final"), "rows": shown, "hidden": hidden})
     return {
         "criteria": criteria,
         "stages": stages,
