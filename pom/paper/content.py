@@ -186,7 +186,8 @@ def _block(block: Mapping[str, Any]) -> dict[str, Any]:
     rows = [
         {key: item for key, item in row.items() if key not in ("at", "exit", "verdict")} | _verdict(row["verdict"]) for row in block["rows"]
     ]
-    return {**block, "label": quantity(block["label"]) if block["label"] else None, "rows": rows}
+    applied = block["applied"].removeprefix(f"{block['printed']}: ")  # the number alone where the printed tolerance stands beside it
+    return {**block, "label": quantity(block["label"]) if block["label"] else None, "rows": rows, "applied": applied}
 
 
 def _mode(block: Mapping[str, Any]) -> dict[str, Any]:

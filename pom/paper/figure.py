@@ -79,13 +79,13 @@ def drawing(
         The panel bears the names of the events, the time axis of its page.
     """
     x = (float(time[0]), float(time[-1]))
-    panel = _scaled(panel)
+    whole, panel = panel, _scaled(panel)
     main = height * (JUDGED if panel.kind == "judged" else 1.0)
     frame = Frame(LEFT, HEAD, WIDTH - LEFT - RIGHT, main, x, panel.limits)
     parts = [_head(panel), axes(frame, x_labels=last and panel.half is None, x_most=10)]
     parts += [clipped(frame, name, _inside(frame, time, panel, styles)), _marks(frame, time, events, first)]
     clear = Frame(frame.left, frame.top, frame.width, main - LANE * sum(map(bool, panel.exits.values())), x, panel.limits)
-    parts += [_beyond(clear, time, values, styles[run]) for run, values in panel.traces.items() if run != "flight"]
+    parts += [_beyond(clear, time, values, styles[run]) for run, values in whole.traces.items() if run != "flight"]
     bottom = frame.bottom
     if panel.half is not None:
         low = Frame(LEFT, bottom + GAP, frame.width, STRIP, x, (-RESIDUAL, RESIDUAL))
@@ -98,13 +98,16 @@ def drawing(
 
 
 def _scaled(panel: Panel) -> Panel:
-    """Return a judged panel whose scale is that of its window, where the rest of the record would squeeze it."""
+    """Return a judged panel on the scale of its window, where the rest of the record would squeeze it; what leaves the scale is left out."""
     if panel.half is None:
         return panel
     inside = np.isfinite(panel.half)
     own = limits({run: values[inside] for run, values in panel.traces.items()}, panel.half[inside], panel.label.least_span)
     squeezed = panel.limits[1] - panel.limits[0] > SQUEEZED * (own[1] - own[0])
-    return replace(panel, limits=own) if squeezed else panel
+    if not squeezed:
+        return panel
+    fits = {run: inside | ((values >= own[0]) & (values <= own[1])) for run, values in panel.traces.items()}
+    return replace(panel, limits=own, traces={run: np.where(fits[run], values, np.nan) for run, values in panel.traces.items()})
 
 
 def svg(height: float, body: str) -> str:
