@@ -36,8 +36,11 @@ class Ports:
 
     def put(self, values: Sequence[float] | np.ndarray) -> None:
         """Set all; a Boolean is true from one half on, an Integer is rounded."""
+        given = np.asarray(values, float).tolist()
         for kind, columns, references, put, _ in self.groups:
-            numbers = [_typed(kind, values[i]) for i in columns]
+            numbers = given if len(columns) == self.count else [given[i] for i in columns]
+            if kind not in REAL:
+                numbers = [_whole(kind, number) for number in numbers]
             if kind == "Boolean" and self.one_by_one:
                 for reference, number in zip(references, numbers, strict=True):
                     put([reference], [number])
@@ -46,6 +49,8 @@ class Ports:
 
     def get(self) -> list[float]:
         """Return all."""
+        if len(self.groups) == 1:
+            return [float(number) for number in self.groups[0][4](self.groups[0][2])]
         found = [0.0] * self.count
         for _, columns, references, _, get in self.groups:
             for i, number in zip(columns, get(references), strict=True):
@@ -60,10 +65,8 @@ def _kind(word: str, version: int) -> str:
     return word
 
 
-def _typed(kind: str, value: float) -> float | int | bool:
-    if kind in REAL:
-        return float(value)
-    return bool(abs(value) >= 0.5) if kind == "Boolean" else floor(value + 0.5)
+def _whole(kind: str, value: float) -> int | bool:
+    return abs(value) >= 0.5 if kind == "Boolean" else floor(value + 0.5)
 
 
 class Course:
@@ -85,6 +88,8 @@ class Course:
     def __init__(self, time: np.ndarray, values: np.ndarray, continuous: np.ndarray):
         self.time, self.values, self.continuous = time, values, continuous
         self.added = np.zeros(values.shape[1])
+        early, change = values[:-1], np.where(continuous, np.diff(values, axis=0), 0.0)
+        self._middles, self._slopes = early + 0.5 * change, change / np.diff(time)[:, None]
 
     def at(self, k: int) -> np.ndarray:
         """Return the inputs at sample `k`."""
@@ -92,11 +97,11 @@ class Course:
 
     def middle(self, k: int) -> np.ndarray:
         """Return what is held best from sample `k` to the next: the middle, whose error is of second order."""
-        return np.where(self.continuous, 0.5 * (self.values[k] + self.values[k + 1]), self.values[k]) + self.added
+        return self._middles[k] + self.added
 
     def slope(self, k: int) -> np.ndarray:
         """Return the rates of change from sample `k` to the next; zero for what is no continuous Real. [1/s]"""
-        return np.where(self.continuous, (self.values[k + 1] - self.values[k]) / (self.time[k + 1] - self.time[k]), 0.0)
+        return self._slopes[k]
 
     def between(self, t: float) -> np.ndarray:
         """Return the inputs at any time; behind the last sample they stay."""
