@@ -15,7 +15,8 @@ import numpy as np
 from flightmech.units import FOOT, KNOT
 
 QUIET_LEAD = 0.5  # [s] at the start of the searched stretch in which the controls still rest
-MOVED = 0.05  # share of the swing beyond which a control has left its rest
+MOVED = 0.2  # share of the swing that a control free to float does not reach: 12 % in a phugoid of the Citation II
+LONGEST_RAMP = 10.0  # [s] that a corner may lie before the passage of that share
 RAMP = 0.1  # of a movement: rest that has to follow it; less is the rounding of a ramp that goes on
 NOISE = 6.0  # standard deviations of its noise that a movement is larger than
 PEDAL_UP = 0.02  # [1]
@@ -99,8 +100,8 @@ def input_channels(test: str) -> tuple[str, ...]:
 def movement(recorded: Recorded, names: Iterable[str], window: tuple[float, float]) -> Movement | None:
     """Return the movement of the first of `names` that moves; of several kinds of control the one that moves most.
 
-    Rest is the median of the first half second, the end of the movement the last sample away from the rest of the last half
-    second, both by 5 % of the swing.  None when nothing moves by more than six standard deviations of its own noise.
+    Rest is the median of the first half second, and of the last; the movement begins and ends where the lines through the
+    passages of 20 and 50 % of the swing meet it.  None when nothing moves by more than six standard deviations of its own noise.
     """
     found = []
     for name in dict.fromkeys(recorded.first([name]) for name in names):
@@ -121,12 +122,21 @@ def _stretch(time: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | No
     swing = float(np.max(np.abs(y - before)))
     if swing <= max(NOISE * noise, 1e-9):
         return None
-    left = np.flatnonzero(np.abs(y - before) > max(MOVED * swing, NOISE * noise))
-    away = np.flatnonzero(np.abs(y - after) > max(MOVED * swing, NOISE * noise))
-    if not left.size or not away.size:
+    if np.max(np.abs(y - after)) <= NOISE * noise:
         return None
-    start, end = float(time[max(left[0] - 1, 0)]), float(time[min(away[-1] + 1, time.size - 1)])
-    return (start, end, swing / max(noise, 1e-3 * swing)) if end > start else None
+    start, end = _corner(time, np.abs(y - before) / swing), _corner(-time[::-1], np.abs(y - after)[::-1] / swing)
+    if start is None or end is None or not start < -end:
+        return None
+    return max(start, float(time[0])), min(-end, float(time[-1])), swing / max(noise, 1e-3 * swing)
+
+
+def _corner(time: np.ndarray, away: np.ndarray) -> float | None:
+    """Return where the way out of rest begins: on the line through its first passages of 20 and 50 % of the swing. [s]"""
+    slightly, half = np.flatnonzero(away > MOVED), np.flatnonzero(away > 0.5)
+    if not slightly.size or not half.size:
+        return None
+    first, middle = float(time[slightly[0]]), float(time[half[0]])
+    return first - min((middle - first) * MOVED / (0.5 - MOVED), LONGEST_RAMP)
 
 
 def quiet_instant(recorded: Recorded, window: tuple[float, float]) -> float | None:

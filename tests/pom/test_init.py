@@ -44,6 +44,12 @@ def test_a_movement_starts_and_ends_where_the_control_does():
     assert movement(recorded(), ["delta_e"], (0.0, 40.0)) is None
 
 
+def test_a_control_that_floats_after_its_release_is_at_rest():
+    float_of_12_percent = [(18.0, 0.006), (24.0, -0.006), (30.0, 0.006), (36.0, 0.0)]
+    found = movement(recorded(delta_e=[*PULSE, *float_of_12_percent]), ["delta_e"], (0.0, 40.0))
+    assert found.end == pytest.approx(12.1, abs=0.05)
+
+
 def test_of_two_kinds_of_control_the_one_that_moves_most():
     small = [(5.0, 0.0), (5.1, 0.002), (6.0, 0.0)]
     assert movement(recorded(delta_r=small, delta_a=PULSE), ["delta_r", "delta_a"], (0.0, 40.0)).channel == "delta_a"
@@ -144,7 +150,7 @@ def test_the_file_of_the_phugoid_is_the_one_an_engineer_would_write(tmp_path):
     assert (case.drive.surfaces, case.drive.engine, case.conditions) == ("recorded", "thrust", shipped.conditions)
     text = path.read_text()
     assert text.startswith("#:schema case.schema.json\n")
-    assert "#   period: 10 % of the flight value, period of V_cas, 11.56 ... 101.4 s, group g1" in text
+    assert "#   period: 10 % of the flight value, period of V_cas, 11.57 ... 101.4 s, group g1" in text
     assert "verified: 14 CFR 1-1-14 ed. p." in text
     assert Path(case.aircraft).is_file()  # found one folder above the record, with the name map
 
