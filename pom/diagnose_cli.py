@@ -61,6 +61,7 @@ def diagnose(
     """Swap terms between two databases and rank which closes how much of the miss of CASES (files, or folders of them)."""
     if aircraft_output and not apriori:
         raise click.UsageError("--aircraft-output needs --apriori: the aircraft file that is to be corrected")
+    wanted = _groups(groups)
     import aerodb
     from flightmech import read_aircraft
 
@@ -69,8 +70,7 @@ def diagnose(
 
     before, after = aerodb.open(prior), aerodb.open(final)
     old = read_aircraft(apriori) if apriori else None
-    wanted, biases = _groups(groups), read_biases(biases_file)
-    read = _cases(cases)
+    biases, read = read_biases(biases_file), _cases(cases)
     new = {case.aircraft: read_aircraft(case.aircraft) for case in read}
     found: dict[str, pd.DataFrame] = {}
     for case in read:

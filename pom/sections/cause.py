@@ -72,7 +72,9 @@ def story(table: pd.DataFrame) -> str:
         return ""
     if by["prior"][0]["verdict"] == "pass":
         return "The a-priori model is within tolerance; no term has to be taken from the final model."
-    said = ["The a-priori model is out of tolerance."]
+    if by["prior"][0]["verdict"] == "not_tested":
+        return "No criterion of this case carries a verdict, so there is no miss to explain."
+    said = [f"The a-priori model {'could not be judged' if by['prior'][0]['verdict'] == 'invalid' else 'is out of tolerance'}."]
     singles = [row for row in by["single"] if row["closes"] >= LEAST_SHOWN]
     if singles:
         best = singles[0]

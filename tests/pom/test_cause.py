@@ -63,6 +63,14 @@ def test_a_cause_that_no_term_explains(table):
     assert "no term has to be taken" in cause.story(table)
 
 
+@pytest.mark.parametrize(
+    ("verdict", "said"), [("not_tested", "there is no miss to explain"), ("invalid", "The a-priori model could not be judged. Of")]
+)
+def test_a_model_without_a_verdict_is_not_called_out_of_tolerance(table, verdict, said):
+    table.loc[table["stage"] == "prior", "verdict"] = verdict
+    assert said in cause.story(table)
+
+
 def test_the_bars_of_the_waterfall_follow_each_other(table):
     svg = cause_figure.cause_figure(table)
     (start, *_), (end, *_) = numbers(svg, "run-1-area"), numbers(svg, "run-3-area")

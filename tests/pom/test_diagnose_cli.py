@@ -99,8 +99,9 @@ def test_parts_of_the_aircraft_go_into_a_corrected_file(aeromatch, write_case, t
 
 
 @pytest.mark.parametrize("group", ["pitch", "=Cm/elevator", "pitch="])
-def test_a_group_needs_a_name_and_members(aeromatch, files, group):
-    done = aeromatch(*files, "--group", group)
+def test_a_group_needs_a_name_and_members(aeromatch, write_case, group):
+    case = write_case()
+    done = aeromatch(case, "--prior", case, "--final", case, "--group", group)
     assert done.exit_code == 2
     assert "expected NAME=TERM,TERM" in done.output
 

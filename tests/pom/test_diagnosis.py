@@ -274,3 +274,12 @@ def test_the_verdicts_are_those_of_a_replay(case, truth, trainer, tmp_path, loop
     assert len(judged) == (2 if loops else 3)  # what the pilot holds is not judged
     for row in judged.to_dict("records"):
         assert table.loc["prior", f"{row['criterion']} ratio"] == pytest.approx(row["worst_ratio"], rel=1e-4)
+
+
+def test_a_footprint_has_no_miss_to_explain(case, truth, trainer):
+    final = trainer.database()
+    case = replace(case, reference="footprint")
+    table = pom.diagnose(case, trainer.scaled(final, Cm_elevator=0.6), final, trainer.AIRCRAFT, truth)
+    assert list(table["stage"]) == ["prior", "final", "single"]
+    assert set(table["verdict"]) == {"not_tested"}
+    assert table["closes"].isna().all()
