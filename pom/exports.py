@@ -18,6 +18,7 @@ from flightmech.console import plain
 from flightmech.whole import written_whole
 
 from .archive import Archive
+from .offsets import drift
 from .origins import case_seen_from
 from .result import PomResult
 from .sections.case import keys
@@ -48,11 +49,12 @@ def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
             "case": case_seen_from(result.case, folder).to_dict(),
             "conditions": result.conditions,
             "status": {run: result.status(run) for run in result.runs},
-            "models": dict(result.signals.attrs),
+            "attributes": dict(result.signals.attrs),
             "channels": [str(name) for name in result.signals.data_vars],
             "inputs": [str(name) for name in result.inputs.data_vars],
             "samples": int(result.signals.sizes["time"]),
             "trim": result.trim.to_dict("split"),
+            "drift": drift(result).to_dict("records"),
             "verdict": result.verdict.to_dict("records"),
             "failure": result.failure,
         }

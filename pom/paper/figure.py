@@ -98,7 +98,7 @@ def drawing(
 
 
 def _scaled(panel: Panel) -> Panel:
-    """Return a judged panel on the scale of its window, where the rest of the record would squeeze it; what leaves the scale is left out."""
+    """Return a judged panel on the scale of its window, where the rest would squeeze it; of the rest what leaves the scale is left out."""
     if panel.half is None:
         return panel
     inside = np.isfinite(panel.half)

@@ -154,6 +154,17 @@ def test_verify_on_the_command_line(aeromatch, made):
     assert [item["name"] for item in json.loads(done.stdout) if item["state"] != "same"] == ["case.toml"]
 
 
+def test_options_of_a_report_on_the_command_line(aeromatch, made, tmp_path):
+    words = ["--junit", tmp_path / "j.xml", "-o", tmp_path / "run", "--revision", "C", "--date", "2026-11-22", "--no-pdf"]
+    done = aeromatch("pom", "run", made / "case.toml", "--model", f"toy={made / 'toy.fmu'}", *words)
+    assert done.returncode == 0, done.stderr
+    assert 'failures="0"' in (tmp_path / "j.xml").read_text(encoding="utf-8")
+    found = pom.read_archive(tmp_path / "run")
+    assert (found.revision, found.provenance["date"]) == ("C", "2026-11-22")
+    assert not (tmp_path / "run" / "report.pdf").exists()
+    assert {item.state for item in pom.verify(tmp_path / "run")} == {"same"}
+
+
 def test_a_report_is_written_again_from_results(aeromatch, made, tmp_path):
     done = aeromatch("pom", "report", made / "report", "-o", tmp_path / "again", "--no-pdf", "--revision", "B", "--title", "Toy again")
     assert done.returncode == 0, done.stderr
