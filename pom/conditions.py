@@ -87,10 +87,12 @@ def _of_kind(case: PomCase, criterion: Criterion, word: str, time: np.ndarray, f
     kind = KINDS[0] if motion.overshoots.size else KINDS[1]
     if kind != word and word not in case.features:
         return replace(criterion, applies=False, reason=f"applies only {word}; the flight is {kind}")
-    least = {"period_n": 2, "overshoot_n": 1 if criterion.parameter != "an" or criterion.band.base == "first_overshoot" else 2}
-    if motion.overshoots.size < least.get(criterion.measure, 0):
-        seen = f"the flight has {motion.overshoots.size} overshoot beyond 5 % of the first displacement"
-        return replace(criterion, applies=False, reason=f"{seen}; the row needs {least[criterion.measure]}")
+    later_only = criterion.parameter == "an" and criterion.band.base != "first_overshoot"
+    cycles = motion.overshoots.size >= 2 and motion.period(1) is not None
+    lacking = {"period_n": not cycles, "overshoot_n": later_only and motion.overshoots.size < 2}
+    if lacking.get(criterion.measure):
+        seen = f"{motion.overshoots.size} overshoot{'s' if motion.overshoots.size != 1 else ''} beyond 5 % of the first displacement"
+        return replace(criterion, applies=False, reason=f"the flight has {seen} and not what the row measures")
     return criterion
 
 

@@ -16,6 +16,7 @@ from ..tolerance import Invalid, Outcome, demand_finite, half_width, inside_wind
 
 RESIDUAL = 0.05  # of Ad: the residual band; smaller overshoots are not significant
 FROM, TO = 0.9, 0.1  # of Ad
+LATE = 1.5  # half cycles: a crossing in the residual band that comes later belongs to a drift, not to the swing; ours
 NEUTRAL = 0.5  # [s] at the end of the window, over which the neutral value is the mean; ours
 SETTLED = 0.02  # of Ad: standard deviation over that time within which a control stands still; ours
 
@@ -33,7 +34,8 @@ class FreeMotion:
     Ad : float
         First displacement from neutral. [SI]
     crossings : array (crossing,)
-        Times at which it passes neutral: once between two excursions beyond the residual band, and all after the last. [s]
+        Times at which it passes neutral: once between two excursions beyond the residual band, and after the last while it
+        swings on. [s]
     overshoots : array (overshoot,)
         Sizes of the significant overshoots over Ad.
     """
@@ -114,8 +116,22 @@ def _excursions(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     crossings = [_middle(t, y, a, b) for a, b in zip(starts, stops, strict=True)]
     ends = [*outside[turns[1:]], outside[-1]] if turns.size else []
     overshoots = [float(np.abs(y[a : b + 1]).max()) for a, b in zip(stops, ends, strict=True)]
-    after = _zeros(t, y, int(outside[-1]), t.size - 1)
-    return np.concatenate([crossings, after]), np.array(overshoots)
+    crossings += _swings_on(crossings, _zeros(t, y, int(outside[-1]), t.size - 1))
+    return np.array(crossings), np.array(overshoots)
+
+
+def _swings_on(crossings: list[float], after: np.ndarray) -> list[float]:
+    """Return the crossings after the last excursion that still belong to the swing; one that comes late is a creep to neutral."""
+    if not crossings:
+        return [float(time) for time in after]
+    half = crossings[-1] - crossings[-2] if len(crossings) > 1 else 2.0 * crossings[-1]
+    kept, last = [], crossings[-1]
+    for time in after:
+        if time - last > LATE * half:
+            break
+        kept.append(float(time))
+        last = time
+    return kept
 
 
 def _zeros(t: np.ndarray, y: np.ndarray, a: int, b: int) -> np.ndarray:

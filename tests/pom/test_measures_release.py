@@ -119,8 +119,18 @@ def test_rows_are_picked_by_the_kind_of_the_flight(judged):
 
 def test_one_overshoot_has_no_period(judged):
     got = judged("2.b.1", TIME, swing(a=4.5), swing(a=4.5), events=RELEASED, drive=FORCE)
-    assert got["pn"]["note"].startswith("the flight has 1 overshoot beyond 5 % of the first displacement; the row needs 2")
+    assert got["pn"]["note"].startswith("the flight has 1 overshoot beyond 5 % of the first displacement and not what the row measures")
     assert got["an"]["verdict"] == "pass"
+
+
+def test_a_late_creep_to_neutral_ends_no_cycle():
+    """Two overshoots, then 3 % of Ad on one side that fade for seconds: the third crossing is no part of the swing."""
+    t = np.maximum(TIME - 1.0, 0.0)
+    creeping = swing(a=2.6)["column"] + 0.0048 * np.exp(-t / 2.0) * (t > 0.9)
+    found = measure({"column": creeping})
+    assert found.overshoots.size == 2
+    assert found.period(1) is None
+    assert measure(swing(a=2.6)).period(1) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_an_overdamped_control_is_timed_from_0p9_to_0p1(judged):
