@@ -6,9 +6,14 @@ workers of a dask.distributed cluster, which see the same files; a case whose wo
 
 from __future__ import annotations
 
+import hashlib
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
+from platform import machine
 from typing import Any
 
 import xarray as xr
@@ -77,7 +82,7 @@ def replay_all(
     OutOfRange
         A window is not inside its record, or an input holds a NaN.
     SimulationError
-        No scheduler or no worker answers, or the workers of one case died again and again.
+        No scheduler or no worker answers, workers have another program, or those of one case died again and again.
     """
     models = Models(runs, names)
     for case in cases:
@@ -134,10 +139,10 @@ def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[Po
         raise SchemaError("scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"]) from error
     try:
         client = Client(scheduler, timeout=WAIT)
-        client.wait_for_workers(1, timeout=WAIT)
-    except (OSError, TimeoutError, ValueError) as error:
+    except (OSError, ValueError) as error:
         raise SimulationError(f"no cluster at {scheduler}: {error}; start a scheduler and workers, or leave --scheduler out") from error
     with client:
+        _check_workers(client, scheduler)
         window, waiting = _AHEAD * sum(client.ncores().values()), deque[Any]()
         try:
             for call in calls:
@@ -148,3 +153,27 @@ def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[Po
                 yield waiting.popleft().result()
         except KilledWorker as error:
             raise SimulationError(f"the cluster lost its workers on one case again and again: {error}") from error
+
+
+def _check_workers(client: Any, scheduler: str) -> None:
+    """Wait for a worker, and refuse workers that would judge by another program."""
+    try:
+        client.wait_for_workers(1, timeout=WAIT)
+    except TimeoutError as error:
+        raise SimulationError(f"the scheduler at {scheduler} has no worker after {WAIT:g} s; start some") from error
+    others = [worker for worker, found in client.run(installation).items() if found != installation()]
+    if others:
+        raise SimulationError(
+            f"{', '.join(sorted(others))}: another version of aeromatch, FMPy, NumPy or SciPy, or another kind of machine than here; "
+            "install the same on the workers"
+        )
+
+
+@cache
+def installation() -> str:
+    """Return what decides the last bit of a result: the modules of this package, the libraries it counts with, the kind of machine."""
+    here, digest = Path(__file__).parent, hashlib.sha256()
+    for file in sorted(here.rglob("*.py")):
+        digest.update(file.relative_to(here).as_posix().encode() + file.read_bytes())
+    versions = [f"{name} {version(name)}" for name in ("aeromatch", "fmpy", "numpy", "scipy")]
+    return " ".join([digest.hexdigest(), *versions, sys.platform, machine()])

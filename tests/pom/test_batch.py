@@ -182,12 +182,18 @@ def test_no_scheduler_is_said_plainly(cases, paths, toy, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, toy, tmp_path):
+def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, toy, tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
     runs = {"good": toy(), "bad": toy("error")}
     expected = replay_all(cases, runs, paths, jobs=1)
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as local:
         the_same(replay_all(cases, runs, paths, scheduler=local.scheduler_address), expected)
+        with monkeypatch.context() as patch:
+            patch.setattr("pom.batch.machine", lambda: "another")
+            pom.batch.installation.cache_clear()
+            with pytest.raises(SimulationError, match="another version of aeromatch"):
+                replay_all(cases, runs, paths, scheduler=local.scheduler_address)
+        pom.batch.installation.cache_clear()
         with distributed.Client(local) as client:
             victim = sorted(client.run(os.getpid).values())[0]
 
