@@ -63,7 +63,7 @@ def _panel(panel: Panel, pack: Pack, rows: Sequence[Mapping[str, Any]]) -> dict[
         "kind": panel.kind,
         "sign": panel.label.sign,
         "alt": description(panel),
-        "limits": [float(f"{edge:.6g}") for edge in panel.limits],
+        "limits": [float(f"{edge:.6g}") for edge in panel.scale],
         "span": panel.label.least_span,
         "decimals": _decimals(step),
         "window": panel.window,

@@ -105,7 +105,7 @@ def _events(time: np.ndarray, bottom: float, events: Mapping[str, float]) -> str
 def _panel(name, time, panel: Panel, styles, top: float, scale: float, last: bool) -> tuple[str, float]:
     height = (MAIN if panel.kind == "judged" else SMALL) * scale
     x = (float(time[0]), float(time[-1]))
-    frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height, x, panel.limits)
+    frame = Frame(LEFT, top + HEAD, WIDTH - LEFT - RIGHT, height, x, panel.scale)
     parts = [_head(panel, top + 12), axes(frame, x_labels=last and panel.half is None)]
     parts.append(clipped(frame, name, _inside(frame, time, panel, styles)))
     clear = replace(frame, height=frame.height - LANE * sum(map(bool, panel.exits.values())))

@@ -18,6 +18,8 @@ ROOM = 0.5
 # half a band never gets less than this share of the panel because of a model's trace
 LEAST_BAND = 0.05
 MARGIN = 0.05
+# a panel takes the scale of its window when the rest of the record would squeeze that by more
+SQUEEZED = 2.0
 # an input whose half-second mean moves less than this share of a panel's least height is a constant with noise
 STILL = 0.5
 
@@ -41,7 +43,9 @@ class Panel:
     rows : sequence of mapping
         Verdict rows of this channel.
     limits : tuple of float
-        Scale of the panel over the whole record. [display unit]
+        Scale over the whole record. [display unit]
+    scale : tuple of float
+        That, or the scale of the window where the rest of the record would squeeze it: an angle of attack at standstill.
     """
 
     kind: str
@@ -52,6 +56,7 @@ class Panel:
     exits: dict[str, list[tuple[float, float]]]
     rows: Sequence[Mapping[Hashable, Any]]
     limits: tuple[float, float]
+    scale: tuple[float, float]
 
     @property
     def channel(self) -> str:
@@ -77,9 +82,9 @@ def panels(result: PomResult) -> list[Panel]:
 
 
 def _driven(name: str, channels: Sequence[str]) -> str:
-    """Return the channel that shows an input in flight and models: thrust that drives is the thrust of the record."""
+    """Return the channel that shows an input in flight and models: one that a pilot moves, or thrust that drives."""
     twin = name.removesuffix("_drive")
-    return twin if twin != name and twin in channels else ""
+    return twin if twin in channels else ""
 
 
 def split_inputs(result: PomResult) -> tuple[list[str], list[str]]:
@@ -108,7 +113,17 @@ def _compared(result: PomResult, name: str, kind: str, rows: Sequence[Mapping[Ha
         exits = {run: spans(time, outside(values, traces["flight"], half)) for run, values in traces.items() if run != "flight"}
     inside = np.isfinite(half) if half is not None else np.zeros(len(time), bool)
     window = (float(time[inside][0]), float(time[inside][-1])) if inside.any() else _window(rows)
-    return Panel(kind, shown, traces, half, window, exits, rows, limits(traces, half, shown.least_span))
+    whole = limits(traces, half, shown.least_span)
+    return Panel(kind, shown, traces, half, window, exits, rows, whole, _scale(whole, traces, half, shown.least_span))
+
+
+def _scale(whole: tuple[float, float], traces: dict[str, np.ndarray], half: np.ndarray | None, least_span: float) -> tuple[float, float]:
+    """Return the scale of the whole record, or of the window where the rest would squeeze it."""
+    if half is None or not np.isfinite(half).any():
+        return whole
+    inside = np.isfinite(half)
+    own = limits({run: values[inside] for run, values in traces.items()}, half[inside], least_span)
+    return own if whole[1] - whole[0] > SQUEEZED * (own[1] - own[0]) else whole
 
 
 def _window(rows: Sequence[Mapping[Hashable, Any]]) -> tuple[float, float] | None:
@@ -121,7 +136,8 @@ def _input(result: PomResult, name: str) -> Panel:
     shown = label(name)
     values = np.interp(result.signals["time"].values, result.inputs["time"].values, shown.shown(result.inputs[name].values))
     traces = {"applied": values}
-    return Panel("input", shown, traces, None, None, {}, [], limits(traces, None, shown.least_span))
+    scale = limits(traces, None, shown.least_span)
+    return Panel("input", shown, traces, None, None, {}, [], scale, scale)
 
 
 def outside(model: np.ndarray, flight: np.ndarray, half: np.ndarray) -> np.ndarray:

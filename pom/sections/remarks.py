@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import Any
 
 from pom.result import PomResult
 
-from .quantities import MINUS, has_ends, label, measured, number, short
-from .verdicts import MARKS, MODAL, in_mode_table, words
+from .quantities import has_ends, label, measured, short
+from .verdicts import MARKS, MODAL, in_mode_table, trim_words, words
 
 _REFERENCES = {
     "engineering": "The reference is an engineering simulator, not a flight; {share} of the flight tolerance is applied.",
     "footprint": "Footprint: the response of the device itself, kept for later comparison; no band is drawn and nothing is judged.",
 }
-_BEYOND = re.compile(r"trim\.(\w+) ([+-])([\d.e+-]+)( ?[^ ,;]*) is beyond ([\d.e+-]+)")
 
 
 def notes(result: PomResult) -> list[str]:
@@ -56,7 +54,7 @@ def _of_rows(result: PomResult) -> list[str]:
         note = row["note"] if row["note"] != "nan" else ""
         if row["measure"] in MODAL and row["verdict"] in ("pass", "fail"):
             note = "; ".join(piece for piece in note.split("; ") if not in_mode_table(piece))
-        for piece in filter(None, _BEYOND.sub(_beyond_words, note).split("; ")):
+        for piece in filter(None, trim_words(note).split("; ")):
             places.setdefault(piece, []).append((words(row["criterion"]), row["run"]))
     return [f"{_where(found, result)}: {piece}" for piece, found in places.items()]
 
@@ -67,18 +65,6 @@ def _given(value: float, name: str) -> str:
     if has_ends(name):
         return measured(value, name)
     return f"{short(float(shown.shown(value)))}\N{NO-BREAK SPACE}{shown.unit}".rstrip("\N{NO-BREAK SPACE}")
-
-
-def _beyond_words(found: re.Match[str]) -> str:
-    """Return the remark of a replay on the trim in the words of its table."""
-    name, sign, size, unit, limit = found.groups()
-    what = label(f"trim.{name}").words if name.endswith("_dot") else f"{label(name).words or name} biased by the trim"
-    return f"{what}: {sign.replace('-', MINUS)}{_plain(size)}{unit}, beyond {_plain(limit)}"
-
-
-def _plain(text: str) -> str:
-    """Return a number of a remark without powers of ten."""
-    return number(float(text)) if "e" in text else text
 
 
 def _where(found: Sequence[tuple[str, str]], result: PomResult) -> str:

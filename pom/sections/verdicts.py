@@ -12,7 +12,7 @@ import numpy as np
 
 from pom.result import PomResult
 
-from .quantities import MISSING, SYMBOLS, fixed, label, number, percent, pretty_unit
+from .quantities import MINUS, MISSING, SYMBOLS, fixed, label, number, percent, pretty_unit
 
 WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested", "advisory": "advisory"}
 # how a row stands to the regulation, where it was not read there word for word
@@ -30,6 +30,8 @@ _MEASURES = {
     "response_total": "time to 90 % of the change",
     "trend": "correct trend",
 }
+
+_BEYOND = re.compile(r"trim\.(\w+) ([+-])([\d.e+-]+)( ?[^ ,;]*) is beyond ([\d.e+-]+)")
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,29 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
+def trim_words(note: str) -> str:
+    """Return a note with its remarks on the trim in the words of the trim's table.
+
+    Examples
+    --------
+    >>> trim_words("trim.delta_e -3.44 deg is beyond 2 deg")
+    'elevator deflection biased by the trim: −3.44 deg, beyond 2 deg'
+    """
+    return _BEYOND.sub(_beyond_words, note)
+
+
+def _beyond_words(found: re.Match[str]) -> str:
+    """Return the remark of a replay on the trim in the words of its table."""
+    name, sign, size, unit, limit = found.groups()
+    what = label(f"trim.{name}").words if name.endswith("_dot") else f"{label(name).words or name} biased by the trim"
+    return f"{what}: {sign.replace('-', MINUS)}{_plain(size)}{unit}, beyond {_plain(limit)}"
+
+
+def _plain(text: str) -> str:
+    """Return a number of a remark without powers of ten."""
+    return number(float(text)) if "e" in text else text
+
+
 def in_mode_table(piece: str) -> bool:
     """Whether a piece of a note only repeats what stands in the table of modes."""
     return re.match(r"flight (zeta )?-?[\d.]+|[\d.]+ cycles$|the model: ", piece) is not None
@@ -65,7 +90,7 @@ def reason(note: str) -> str:
     'the model: no oscillation stands out'
     """
     pieces = [piece for piece in note.split("; ") if not re.match(r"flight (zeta )?-?[\d.]+ ?\w*$", piece)]
-    return words(pieces[0]) if pieces else ""
+    return words(trim_words(pieces[0])) if pieces else ""
 
 
 def verdict_table(result: PomResult) -> dict[str, Any]:

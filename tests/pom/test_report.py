@@ -24,6 +24,7 @@ from pom.sections import (
     overview,
     panels,
     quantities,
+    remarks,
     start,
     term_words,
     traces,
@@ -368,6 +369,19 @@ def test_what_fails_without_a_number_is_named():
     assert (row["status"], row["criterion"], row["ratio_text"], row["why"]) == ("fail", "roll rate", "–", "the model does not oscillate")
 
 
+def test_an_invalid_run_says_why():
+    from dataclasses import replace
+
+    result = fixture.roll_result()
+    verdict = result.verdict.copy()
+    beyond = "trim.delta_e -3.44 deg is beyond 2 deg; trim.thrust -852 N is beyond 107 N"
+    verdict.loc[verdict["run"] == "datcom", ["worst_ratio", "at", "verdict", "note"]] = np.nan, np.nan, "invalid", beyond
+    result = replace(result, verdict=verdict)
+    (row, *_) = case.outcomes(result, case.line_styles(result.runs))
+    assert (row["status"], row["why"]) == ("invalid", "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg")
+    assert "datcom: net thrust biased by the trim: −852 N, beyond 107 N" in remarks.notes(result)
+
+
 def test_outcomes_are_those_of_the_result():
     for result in fixture.results():
         for row in case.outcomes(result, case.line_styles(result.runs)):
@@ -550,6 +564,24 @@ def test_thrust_that_drives_is_shown_once():
     shown = [(panel.channel, panel.kind) for panel in panels.panels(result)]
     assert ("engine1.thrust", "input") in shown
     assert "engine1.thrust_drive" not in dict(shown)
+
+
+def test_a_control_that_a_pilot_moves_is_shown_with_the_models():
+    result = fixture.roll_result()
+    aileron = result.inputs["delta_a"].values
+    result.signals["delta_a"] = ("run", "time"), np.stack([aileron, 1.1 * aileron, aileron, aileron])
+    panel = next(panel for panel in panels.panels(result) if panel.channel == "delta_a")
+    assert panel.kind == "input"
+    assert list(panel.traces) == ["flight", *fixture.RUNS]
+
+
+def test_the_rest_of_a_record_does_not_squeeze_the_window():
+    result = fixture.short_period_result()
+    result.signals["theta"].loc[{"run": "flight", "time": result.signals["time"][:5]}] = 3.0  # before the window, as vanes at a standstill
+    panel = panels.panels(result)[0]
+    assert panel.limits[1] > np.degrees(3.0)
+    assert panel.scale == panels.panels(fixture.short_period_result())[0].scale  # as if it were not there
+    assert panels.panels(result)[1].scale == panels.panels(result)[1].limits
 
 
 def test_databases_that_hold_the_same_table_share_a_line():

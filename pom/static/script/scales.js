@@ -1,5 +1,5 @@
 // ---- scales: flight and band always fit, an outlier of a model is clipped before it squeezes them --------------------
-const ROOM = 0.5, LEAST_BAND = 0.05, MARGIN = 0.05, RESIDUAL = 1.6;
+const ROOM = 0.5, LEAST_BAND = 0.05, SQUEEZED = 2, MARGIN = 0.05, RESIDUAL = 1.6;
 const STEPS = [-4, -3, -2, -1, 0, 1, 2, 3, 4, 5].flatMap((n) => [1, 2, 5].map((m) => Number(`${m}e${n}`)));
 
 function extent(arrays, from, to) {
@@ -11,9 +11,18 @@ function extent(arrays, from, to) {
   return [low, high];
 }
 const edges = (flight, half) => [1, -1].map((sign) => flight.map((v, i) => (v == null || half[i] == null ? null : v + sign * half[i])));
+// The scale of a span of time: as it came with the data for the whole record, else of the span, or of the window in it where the rest would squeeze that.
 function limits(panel, hidden, time, span) {
+  if (!hidden.size && panel.half === panel.applied && span[0] <= time[0] && span[1] >= time[time.length - 1]) return panel.limits;
+  const whole = limitsOver(panel, hidden, time, span);
+  if (!panel.half || !panel.window) return whole;
+  const inside = [Math.max(span[0], panel.window[0]), Math.min(span[1], panel.window[1])];
+  if (!(inside[1] > inside[0])) return whole;
+  const own = limitsOver(panel, hidden, time, inside);
+  return whole[1] - whole[0] > SQUEEZED * (own[1] - own[0]) ? own : whole;
+}
+function limitsOver(panel, hidden, time, span) {
   const last = time.length - 1;
-  if (!hidden.size && panel.half === panel.applied && span[0] <= time[0] && span[1] >= time[last]) return panel.limits;
   let from = 0, to = last;
   while (from < last && time[from + 1] <= span[0]) from++;
   while (to > 0 && time[to - 1] >= span[1]) to--;
