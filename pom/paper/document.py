@@ -40,6 +40,8 @@ _FONTS = _HERE.parent / "static" / "fonts"
 # height of the column in units of the drawings, less head and foot of the page
 _COLUMN = {"a4": 1040.0, "letter": 942.0}
 _UNIT = 0.255  # mm; 720 of them across the column
+HEADED = 60.0  # heading and line code of a page of panels, in units
+LEAST_ROOM = 280.0  # below it the panels begin on a page of their own, in units
 FURTHER = 46.0  # height of a panel that only proves the condition, in units
 _TEXT = {"a4": 128, "letter": 132}  # characters that surely fit into a line of the column
 _MIME = {".json": "application/json", ".csv": "text/csv", ".nc": "application/x-netcdf"}
@@ -142,11 +144,13 @@ def _room(said: Mapping[str, Any], paper: str) -> float:
     """Return the height that the head of a case leaves for its panels, in units; the layout shrinks them by what this is short."""
     wide = _TEXT[paper]
     lines = _lines(said["objective"], wide) + _lines(said["glance"], wide + 20) + _lines(said["failure"], wide - 20)
-    cells = sum(
-        max(_lines(block["printed"], 36), _lines(block["criterion"], 24), _lines(block["applied"], 20)) for block in said["verdicts"]
-    )
+    cells = sum(max(_lines(block["printed"], 36), _lines(_first(block), 25), _lines(block["applied"], 20)) for block in said["verdicts"])
     millimetres = 29.0 + 3.7 * lines + 3.15 * (len(said["outcomes"]) + cells)
     return _COLUMN[paper] - millimetres / _UNIT
+
+
+def _first(block: Mapping[str, Any]) -> str:
+    return f"{block['joint']} {block['criterion']} {block['mark']}".strip()
 
 
 def _lines(text: str, wide: int) -> int:
@@ -169,8 +173,10 @@ def _drawings(folder: Path, position: int, result: PomResult, diagnosis: pd.Data
 
     first = [panel for panel in shown if panel.kind != "shown"]
     rest = [panel for panel in shown if panel.kind == "shown"]
+    if room < LEAST_ROOM:  # the tables fill the page
+        pages.append([])
     while first:
-        count, height = arranged(first, room if not pages else column)
+        count, height = arranged(first, room if not pages else column - HEADED)
         draw(first[: max(count, 1)], height or LEAST)
         first = first[max(count, 1) :]
     for start in range(0, len(rest), MOST_PANELS):

@@ -120,7 +120,9 @@ def _head(panel: Panel) -> str:
     pieces = [] if shown.is_word else [(shown.base, "symbol"), *([(shown.sub, "sub")] if shown.sub else []), (2 * _SPACE, "")]
     pieces.append((f"{shown.words or shown.name}{f', {shown.unit}' if shown.unit else ''}", "title"))
     body = spaced(LEFT, HEAD - 4.0, pieces)
-    rows = [row for row in panel.rows if row["measure"] == "trace"]
+    traced = sorted((row for row in panel.rows if row["measure"] == "trace"), key=lambda row: float(np.nan_to_num(row["worst_ratio"])))
+    worst = {row["run"]: row for row in traced}  # of several criteria on the channel the worst
+    rows = [worst[run] for run in panel.traces if run in worst]
     words: list[tuple[str, str]] = []
     for row in rows:
         gap, verdict = 3 * _SPACE if words else "", row["verdict"]

@@ -121,6 +121,15 @@ def test_more_than_seven_panels_go_on(tmp_path):
     assert len(drawn) > 2
 
 
+def test_where_tables_fill_the_page_panels_take_the_next(tmp_path):
+    drawn = document._drawings(tmp_path, 1, fixture.short_period_result(), None, 100.0, 1000.0)["pages"]
+    assert drawn[0] == []
+    assert sum(map(len, drawn)) == len(panels(fixture.short_period_result()))
+    result = fixture.short_period_result()
+    again = [result.verdict.assign(criterion=result.verdict["criterion"] + f" {n}", group=f"g{n}") for n in range(18)]
+    assert paper([replace(result, verdict=pd.concat([result.verdict, *again], ignore_index=True))]).startswith(b"%PDF")
+
+
 @pytest.mark.parametrize("words", ['"#[*_ $x$ \\ @a <b>` #panic() //', "短周期 🛩 \x07 \ud800 u\u0307\u0302", "עברית тест"])
 def test_texts_stay_texts(words):
     result = fixture.roll_result()
