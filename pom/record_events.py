@@ -19,6 +19,7 @@ MOVED = 0.2  # share of the swing that a control free to float does not reach: 1
 LONGEST_RAMP = 10.0  # [s] that a corner may lie before the passage of that share
 RAMP = 0.1  # of a movement: rest that has to follow it; less is the rounding of a ramp that goes on
 NOISE = 6.0  # standard deviations of its noise that a movement is larger than
+HELD = 0.9  # of the largest displacement: a control there is still in the hand (2.b.1: P0 counts from here)
 PEDAL_UP = 0.02  # [1]
 HELD_STILL = 4.0  # [s] before the captured instant of a snapshot, one second after it (rule R5 of the table)
 
@@ -98,10 +99,10 @@ def input_channels(test: str) -> tuple[str, ...]:
 
 
 def movement(recorded: Recorded, names: Iterable[str], window: tuple[float, float]) -> Movement | None:
-    """Return the movement of the first of `names` that moves; of several kinds of control the one that moves most.
+    """Return the movement of the first of `names` that moves, in its own noise, at least half as much as the one that moves most.
 
     Rest is the median of the first half second, and of the last; the movement begins and ends where the lines through the
-    passages of 20 and 50 % of the swing meet it.  None when nothing moves by more than six standard deviations of its own noise.
+    passages of 20 and 50 % of the swing meet it.  None when nothing moves by more than six standard deviations of its noise.
     """
     found = []
     for name in dict.fromkeys(recorded.first([name]) for name in names):
@@ -110,7 +111,8 @@ def movement(recorded: Recorded, names: Iterable[str], window: tuple[float, floa
             stretch = _stretch(time, y)
             if stretch is not None:
                 found.append((stretch[2], Movement(name, *stretch[:2])))
-    return max(found, key=lambda item: item[0])[1] if found else None
+    most = max((swing for swing, _ in found), default=0.0)
+    return next((moved for swing, moved in found if swing >= 0.5 * most), None)
 
 
 def _stretch(time: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | None:
@@ -120,9 +122,7 @@ def _stretch(time: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | No
     before, after = (float(np.median(y[part])) for part in (time <= time[0] + QUIET_LEAD, time >= time[-1] - QUIET_LEAD))
     noise = 1.4826 * float(np.median(np.abs(np.diff(y)))) / np.sqrt(2.0)
     swing = float(np.max(np.abs(y - before)))
-    if swing <= max(NOISE * noise, 1e-9):
-        return None
-    if np.max(np.abs(y - after)) <= NOISE * noise:
+    if min(swing, float(np.max(np.abs(y - after)))) <= max(NOISE * noise, 1e-9):
         return None
     start, end = _corner(time, np.abs(y - before) / swing), _corner(-time[::-1], np.abs(y - after)[::-1] / swing)
     if start is None or end is None or not start < -end:
@@ -198,6 +198,17 @@ def _input(end: str) -> Finder:
         return getattr(moved, end)
 
     return find
+
+
+def _let_go(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
+    """Return the instant at which a control held away from neutral is released; what follows is its own motion."""
+    moved = movement(recorded, input_channels(test), window)
+    if moved is None:
+        return None
+    time, y = recorded.within(moved.channel, window)
+    away = np.abs(y - float(np.median(y[time >= time[-1] - QUIET_LEAD])))
+    held = np.flatnonzero(away > HELD * away.max())
+    return float(time[held[-1]])
 
 
 def _throttle(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
@@ -283,7 +294,7 @@ def _released(recorded: Recorded, test: str, window: tuple[float, float]) -> flo
     return free[0] if free else _input("end")(recorded, test, window)
 
 
-_FREE = ("controls_fixed", "controls_free", "release", "free_response")
+_FREE = ("controls_fixed", "controls_free", "release", "free_response")  # words of marks
 _OF_INPUT = ("input_start", "input_end", "change_start", "change_end", "control_release", "throttle_movement")
 _FINDERS: dict[str, Finder] = {
     "input_start": _input("start"),
@@ -291,7 +302,7 @@ _FINDERS: dict[str, Finder] = {
     "change_start": _input("start"),
     "change_end": _input("end"),
     "release": _released,
-    "control_release": _input("end"),
+    "control_release": _let_go,
     "throttle_movement": _throttle,
     "brake_release": _brakes_off,
     "vr": _rotates,

@@ -80,6 +80,13 @@ def test_events_of_a_takeoff_and_a_landing():
     assert not on_ground(recorded(**channels), 30.0)
 
 
+def test_a_control_is_released_where_it_leaves_the_hand():
+    """Held at 0.1 m until 15 s, then two cycles of its own about neutral, of 50 and 20 % of that."""
+    free = [(15.0, 0.1), (15.2, -0.05), (15.5, 0.02), (15.8, 0.0)]
+    found = find_events(["control_release"], "2.b.1", recorded(delta_e=[(9.0, 0.0), (10.0, 0.1), *free]), (0.0, 40.0), (0.0, 40.0))
+    assert found["control_release"] == pytest.approx(15.0, abs=0.04)
+
+
 def test_engines_that_part_tell_a_failure():
     one = {"engine1.thrust": [(12.0, 3000.0), (13.0, 0.0)], "engine2.thrust": [3000.0]}
     assert find_events(["engine_failure"], "1.b.8", recorded(**one), (0.0, 40.0), (0.0, 40.0)) == {
