@@ -175,7 +175,6 @@ function layOutPaper() {
   for (const page of pages.filter((candidate) => everything || !candidate.hidden)) {
     if (!opened.has(page)) { if ($(".body", page)) layOutPlain(page); continue; }
     layOut(page);
-    all(".fit", page).forEach(openFit);
     const host = $(".paper", page);
     if (host) host.innerHTML = sheets(view?.page === page && view.data ? view.data : dataOf(page)).map((figure) => `<figure>${figure}</figure>`).join("");
   }
