@@ -21,7 +21,7 @@ import xarray as xr
 from flightmech.errors import SchemaError, SimulationError
 
 from .case import PomCase
-from .flight import recorded_states
+from .flight import path_states, recorded_states
 from .flying import Models
 from .replaying import Plan, check_plan, perform, plan_of
 from .result import PomResult
@@ -59,7 +59,7 @@ def replay_all(
     biases : Dataset, optional
         Constants of the instruments for records that are reconstructed (`recorded_states`).
     jobs : int
-        Cases at the same time; -1 for one per core.
+        Cases at the same time, and processes for records that are reconstructed; -1 for one per core.
     scheduler : str, optional
         Address of a dask.distributed scheduler, ``tcp://host:8786``; its workers take the place of `jobs`.
     resume : path, optional
@@ -87,7 +87,7 @@ def replay_all(
     models = Models(runs, names)
     for case in cases:
         models.of(case)  # a table that does not fit is told before records are reconstructed, which takes long
-    plans = _plans(cases, paths or {}, biases)
+    plans = _plans(cases, paths or {}, biases, jobs)
     _check(plans, models)
     store = Store(Path(resume).resolve()) if resume is not None else None
     calls = ((plan, models.of(plan.case), timeout, store) for plan in plans)
@@ -99,19 +99,28 @@ def replay_all(
     return results
 
 
-def _plans(cases: Iterable[PomCase], paths: Mapping[str, Any], biases: xr.Dataset | None) -> list[Plan]:
-    """Return what is flown; a record that several cases share is read once."""
-    read: dict[tuple[str, ...], xr.Dataset] = {}
-    plans = []
+def _plans(cases: Sequence[PomCase], paths: Mapping[str, Any], biases: xr.Dataset | None, jobs: int) -> list[Plan]:
+    given = [paths.get(case.record, paths.get(Path(case.record).stem)) for case in cases]
+    read = _states([case for case, path in zip(cases, given, strict=True) if path is None], biases, jobs)
+    return [plan_of(case, read[_source(case)] if path is None else path) for case, path in zip(cases, given, strict=True)]
+
+
+def _source(case: PomCase) -> tuple[str, str, str]:
+    return case.record, case.names, case.aircraft
+
+
+def _states(cases: Iterable[PomCase], biases: xr.Dataset | None, jobs: int) -> dict[tuple[str, str, str], xr.Dataset]:
+    """Return the states of the records of cases, each read or reconstructed once; reconstructions share the cores."""
+    from joblib import Parallel, delayed
+
+    first: dict[tuple[str, str, str], PomCase] = {}
     for case in cases:
-        path = paths.get(case.record, paths.get(Path(case.record).stem))
-        if path is None:
-            key = case.record, case.names, case.aircraft
-            if key not in read:
-                read[key] = recorded_states(case, biases)
-            path = read[key]
-        plans.append(plan_of(case, path))
-    return plans
+        first.setdefault(_source(case), case)
+    found = {source: path_states(case.record) for source, case in first.items()}
+    raw = [source for source, states in found.items() if states is None]
+    work = (delayed(recorded_states)(first[source], biases) for source in raw)
+    made = dict(zip(raw, Parallel(n_jobs=jobs if len(raw) > 1 else 1)(work), strict=True))
+    return {source: made[source] if states is None else states for source, states in found.items()}
 
 
 def _check(plans: Iterable[Plan], models: Models) -> None:

@@ -134,10 +134,19 @@ def test_all_that_does_not_fit_is_told_before_anything_flies(cases, paths, toy, 
 
 def test_a_record_that_cases_share_is_read_once(cases, toy, lag_states, tmp_path, monkeypatch):
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
-    read, real = [], pom.batch.recorded_states
-    monkeypatch.setattr(pom.batch, "recorded_states", lambda case, biases: read.append(case.record) or real(case, biases))
+    read, real = [], pom.batch.path_states
+    monkeypatch.setattr(pom.batch, "path_states", lambda record: read.append(record) or real(record))
     found = replay_all(cases[:3], {"toy": toy()}, jobs=1)
     assert len(read) == 1
+    assert all(result.passed("toy") for result in found)
+
+
+def test_raw_records_are_reconstructed_once_each_and_then_flown(cases, toy, lag_states, monkeypatch):
+    raw = [changed(case, record=f"raw_{k % 2}.csv") for k, case in enumerate(cases[:4])]
+    made = []
+    monkeypatch.setattr(pom.batch, "recorded_states", lambda case, biases: made.append(case.name) or lag_states)
+    found = replay_all(raw, {"toy": toy()}, jobs=1)
+    assert made == ["case_0", "case_1"]
     assert all(result.passed("toy") for result in found)
 
 
