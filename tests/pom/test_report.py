@@ -67,9 +67,10 @@ def texts(html):
     return html + "".join(f'<article id="{name}">{head["page"]}</article>' for name, (head, _) in parcels(html).items())
 
 
-def page(results, fits=()):
-    """The page alone, without databases, as text with its packed parts unpacked."""
-    html = html_page(results, "T-37", "A", {}, {}, {}, {}, [mode_table(result) for result in results], fits)
+def page(results, fits=(), databases=None, support=None):
+    """The page alone, as text with its packed parts unpacked."""
+    modes = [mode_table(result) for result in results]
+    html = html_page(results, "T-37", "A", {}, databases or {}, {}, support or {}, modes, fits)
     return texts(html)
 
 
@@ -295,14 +296,15 @@ def test_models_page_shows_what_differs_and_names_the_rest(report):
     assert re.search(r'scope="row">CL/flap</th><td>lift increment due to flap extension</td><td>alpha 11, delta_f 3', html)
 
 
-def test_supporting_samples_are_drawn_in_their_slice(tmp_path):
+def test_supporting_samples_are_drawn_in_their_slice():
     import pandas as pd
 
     support = {"CL/basic": pd.DataFrame({"alpha": np.radians([1.0, 2.0, 3.0]), "mach": [0.12, 0.28, 0.31]})}
-    html = texts(write(tmp_path, support=support).read_text(encoding="utf-8"))
+    results, databases = [fixture.roll_result()], fixture.databases()
+    html = page(results, databases=databases, support=support)
     section = html[html.index('data-term="CL/basic"') : html.index('data-term="CL/gear"')]
     assert section.count('class="rug"') == 1 + 3  # the key and three samples
-    assert texts(write(tmp_path).read_text(encoding="utf-8")).count('class="rug"') == 0
+    assert page(results, databases=databases).count('class="rug"') == 0
 
 
 def test_identification_shows_every_local_model():

@@ -34,6 +34,7 @@ def address(tmp_path_factory):
         databases=fixture.databases(),
         diagnoses={"short_period_full_flaps": fixture.diagnosis()},
         fits=fixture.fits(),
+        paper=None,
     ).as_uri()
 
 
