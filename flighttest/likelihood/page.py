@@ -35,7 +35,7 @@ def page(done: Performed) -> str:
         style=style(),
         title=specification.title or "Output error",
         attrs=e.attrs,
-        grade="good" if e.attrs["converged"] and not done.remarks else "warning",
+        grade="good" if e.attrs["converged"] and not (done.remarks or done.fit.warnings) else "warning",
         rows=rows,
         remarks=[*done.fit.remarks, *done.remarks],
         records=[_record(done, k) for k in range(len(done.records))],
