@@ -80,7 +80,6 @@ async function show(page, span) {
   } catch (error) {
     console.error(error);
     layOutPlain(page);
-    page.classList.add("static-only");
     return;
   }
   if (view !== mine) return;
