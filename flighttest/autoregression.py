@@ -30,6 +30,7 @@ MEMORY = 0.5  # longest memory, of the longest stretch: what lasts longer cannot
 _STEEPEST = 5.0  # bound of atanh of a reflection coefficient
 OFFSETS = 3  # pieces from which on each has a constant of its own
 _REFUSED = 1e3
+_INSIDE = 0.9  # of the start, for a second try
 _TOLERANCE = 1e-6  # of the log-likelihood per sample
 
 
@@ -140,11 +141,17 @@ class _Likelihood:
 
     def largest(self, reflections: np.ndarray) -> Disturbance:
         """Climb from given reflection coefficients."""
-        start = np.arctanh(np.clip(reflections, -np.tanh(_STEEPEST), np.tanh(_STEEPEST)))
-        found = minimize(self._cost, start, method="L-BFGS-B", bounds=[(-_STEEPEST, _STEEPEST)] * len(start), options={"ftol": _TOLERANCE})
+        found = self._climbed(reflections)
+        if not found.success:  # lost at the edge, where a regressor vanishes in rounding: once more from further inside
+            found = min(found, self._climbed(_INSIDE * reflections), key=lambda one: one.fun)
         reflections = _forgetful(np.tanh(found.x), self.memory)
         root, _ = self._whitened(reflections)
         return Disturbance(reflections, root[-1] ** 2 / self.free * self.scale**2)
+
+    def _climbed(self, reflections: np.ndarray):
+        """What the optimiser finds from given reflection coefficients."""
+        start = np.arctanh(np.clip(reflections, -np.tanh(_STEEPEST), np.tanh(_STEEPEST)))
+        return minimize(self._cost, start, method="L-BFGS-B", bounds=[(-_STEEPEST, _STEEPEST)] * len(start), options={"ftol": _TOLERANCE})
 
     def _cost(self, t: np.ndarray) -> float:
         reflections = _forgetful(np.tanh(t), self.memory)

@@ -166,3 +166,11 @@ def test_selection_finds_the_linear_pitching_moment(citation):
     data = [citation.coefficients(2018, "short_period", -3.0, 14.0)]
     found = flighttest.select_orthogonal("Cm", flighttest.monomials(["alpha", "qhat", "delta_e"], 2), data)
     assert set(found.model.terms) == {"1", "alpha", "qhat", "delta_e"}
+
+
+def test_standard_errors_of_a_weak_short_period_stay_finite(citation):
+    """2020: the climb of the likelihood of its disturbance is lost at the edge from where it starts, and must be tried again."""
+    data = [citation.coefficients(2020, "short_period", -3.0, 14.0)]
+    moment = citation.fit("Cm = 1 + alpha + qhat + alphadothat + delta_e", data)
+    assert value(moment, "alpha") == pytest.approx(-0.13, abs=0.03)
+    assert 0.01 < float(moment.estimates["stderr"].sel(term="alpha")) < 0.1
