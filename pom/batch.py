@@ -21,8 +21,9 @@ import xarray as xr
 from flightmech.errors import SchemaError, SimulationError
 
 from .case import PomCase
-from .flight import path_states, recorded_states
+from .flight import path_states
 from .flying import Models
+from .kept_states import KeptStates
 from .replaying import Plan, check_plan, perform, plan_of
 from .result import PomResult
 from .store import Store
@@ -64,7 +65,7 @@ def replay_all(
         Address of a dask.distributed scheduler, ``tcp://host:8786``; its workers take the place of `jobs`.
     resume : path, optional
         Folder that keeps every flight that went well, by the hash of the FMU, of all that it was given and of the program that flew
-        it.  What is there is not flown again; verdicts are always formed anew.
+        it, and reconstructed records likewise.  What is there is not flown again; verdicts are always formed anew.
     timeout : float
         Wall time allowed per model and case. [s]
     told : callable, optional
@@ -87,9 +88,10 @@ def replay_all(
     models = Models(runs, names)
     for case in cases:
         models.of(case)  # a table that does not fit is told before records are reconstructed, which takes long
-    plans = _plans(cases, paths or {}, biases, jobs)
+    kept = Path(resume).resolve() if resume is not None else None
+    plans = _plans(cases, paths or {}, KeptStates(kept, biases), jobs)
     _check(plans, models)
-    store = Store(Path(resume).resolve()) if resume is not None else None
+    store = Store(kept) if kept is not None else None
     calls = ((plan, models.of(plan.case), timeout, store) for plan in plans)
     results = []
     for result in _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs):
@@ -99,9 +101,9 @@ def replay_all(
     return results
 
 
-def _plans(cases: Sequence[PomCase], paths: Mapping[str, Any], biases: xr.Dataset | None, jobs: int) -> list[Plan]:
+def _plans(cases: Sequence[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int) -> list[Plan]:
     given = [paths.get(case.record, paths.get(Path(case.record).stem)) for case in cases]
-    read = _states([case for case, path in zip(cases, given, strict=True) if path is None], biases, jobs)
+    read = _states([case for case, path in zip(cases, given, strict=True) if path is None], records, jobs)
     return [plan_of(case, read[_source(case)] if path is None else path) for case, path in zip(cases, given, strict=True)]
 
 
@@ -109,18 +111,23 @@ def _source(case: PomCase) -> tuple[str, str, str]:
     return case.record, case.names, case.aircraft
 
 
-def _states(cases: Iterable[PomCase], biases: xr.Dataset | None, jobs: int) -> dict[tuple[str, str, str], xr.Dataset]:
+def _states(cases: Iterable[PomCase], records: KeptStates, jobs: int) -> dict[tuple[str, str, str], xr.Dataset]:
     """Return the states of the records of cases, each read or reconstructed once; reconstructions share the cores."""
     from joblib import Parallel, delayed
 
     first: dict[tuple[str, str, str], PomCase] = {}
     for case in cases:
         first.setdefault(_source(case), case)
-    found = {source: path_states(case.record) for source, case in first.items()}
+    found = {source: _at_hand(case, records) for source, case in first.items()}
     raw = [source for source, states in found.items() if states is None]
-    work = (delayed(recorded_states)(first[source], biases) for source in raw)
+    work = (delayed(records.make)(first[source]) for source in raw)
     made = dict(zip(raw, Parallel(n_jobs=jobs if len(raw) > 1 else 1)(work), strict=True))
     return {source: made[source] if states is None else states for source, states in found.items()}
+
+
+def _at_hand(case: PomCase, records: KeptStates) -> xr.Dataset | None:
+    states = path_states(case.record)
+    return records.read(case) if states is None else states
 
 
 def _check(plans: Iterable[Plan], models: Models) -> None:

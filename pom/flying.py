@@ -21,6 +21,7 @@ from .channels import WRAPPED
 from .child import hired
 from .drive import Job
 from .fmus import Fmu, read_fmu
+from .hashing import content_hash
 from .links import Links, links_of
 from .store import Store
 
@@ -109,7 +110,7 @@ def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: 
     outputs = [name for name in model.links.outputs if name in {*wanted, *job.targets}]
     time = _points(model.fmu, job.time)
     task = _task(model, job, outputs, time)
-    key = _key(model, task) if store else ""
+    key = content_hash(_program(), model.fmu.sha256, task) if store else ""
     columns, failure = store.read(key, (len(time), len(outputs) + len(_controls(task)))) if store else None, ""
     if columns is None:
         with hired(model.fmu.path) as child:
@@ -190,30 +191,6 @@ def _at_samples(name: str, values: np.ndarray, time: np.ndarray, samples: np.nda
         known = np.isfinite(values)
         values = np.where(known, np.unwrap(np.where(known, values, 0.0)), np.nan)
     return np.interp(samples, time, values)
-
-
-def _key(model: Model, task: Mapping[str, Any]) -> str:
-    """Return the hash of all that a flight comes from: the FMU, what it is given, and the program that flies it."""
-    digest = hashlib.sha256(_program().encode())
-    digest.update(model.fmu.sha256.encode())
-    _hash_into(digest, task)
-    return digest.hexdigest()
-
-
-def _hash_into(digest: Any, item: Any) -> None:
-    if isinstance(item, Mapping):
-        for name, value in item.items():
-            digest.update(f"\0{name}=".encode())
-            _hash_into(digest, value)
-    elif isinstance(item, np.ndarray):
-        digest.update(f"{item.dtype}{item.shape}".encode())
-        digest.update(np.ascontiguousarray(item).tobytes())
-    elif isinstance(item, list | tuple):
-        for value in item:
-            digest.update(b"\0,")
-            _hash_into(digest, value)
-    else:
-        digest.update(repr(item).encode())
 
 
 @cache

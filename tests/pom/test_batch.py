@@ -13,7 +13,7 @@ import xarray as xr
 
 import pom
 from flightmech.errors import SchemaError, SimulationError
-from pom import flying
+from pom import flying, kept_states
 from pom.batch import replay_all
 from pom.case import read_case
 from pom.child import Child
@@ -144,10 +144,31 @@ def test_a_record_that_cases_share_is_read_once(cases, toy, lag_states, tmp_path
 def test_raw_records_are_reconstructed_once_each_and_then_flown(cases, toy, lag_states, monkeypatch):
     raw = [changed(case, record=f"raw_{k % 2}.csv") for k, case in enumerate(cases[:4])]
     made = []
-    monkeypatch.setattr(pom.batch, "recorded_states", lambda case, biases: made.append(case.name) or lag_states)
+    monkeypatch.setattr(kept_states, "recorded_states", lambda case, biases: made.append(case.name) or lag_states)
     found = replay_all(raw, {"toy": toy()}, jobs=1)
     assert made == ["case_0", "case_1"]
     assert all(result.passed("toy") for result in found)
+
+
+def test_reconstructed_records_are_kept_until_what_they_come_from_changes(cases, lag_states, tmp_path, trainer, monkeypatch):
+    (tmp_path / "raw.csv").write_text("time")
+    (tmp_path / "trainer.toml").write_text(trainer.TOML)
+    case = changed(cases[0], record=str(tmp_path / "raw.csv"), aircraft=str(tmp_path / "trainer.toml"))
+    made = []
+    monkeypatch.setattr(kept_states, "recorded_states", lambda case, biases: made.append(case.record) or lag_states)
+    records = kept_states.KeptStates(tmp_path / "kept", None)
+    assert records.read(case) is None
+    records.make(case)
+    assert records.read(case)["theta"].values.tobytes() == lag_states["theta"].values.tobytes()
+    xr.testing.assert_identical(records.read(case), lag_states)
+    assert len(made) == 1
+    assert kept_states.KeptStates(tmp_path / "kept", xr.Dataset({"estimate": 1.0})).read(case) is None
+    for file, text in (("raw.csv", "time,V"), ("trainer.toml", trainer.TOML.replace("mass = 2200.0", "mass = 2201.0"))):
+        (tmp_path / file).write_text(text)
+        records = kept_states.KeptStates(tmp_path / "kept", None)
+        assert records.read(case) is None
+        records.make(case)
+    assert kept_states.KeptStates(None, None).read(case) is None
 
 
 def test_a_child_that_somebody_else_stopped_is_given_its_job_again(toy, tmp_path, monkeypatch):
