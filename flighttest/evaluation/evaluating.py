@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from flightmech import Aircraft
 
 T = TypeVar("T")
+_ODD = re.compile(r"[^\w.-]+")  # what no name of a file should hold
 _POINT_RATE = 10.0  # Hz: nothing moves
 
 
@@ -118,7 +120,7 @@ class Evaluation:
         files = [folder / "record.nc"]
         save_record(self.record, files[0])
         for name, path in self.paths.items():
-            files.append(folder / f"path_{name}.nc")
+            files.append(folder / f"path_{_ODD.sub('_', name)}.nc")
             save_path(path, files[-1])
         for fit in self.fits:
             files.append(folder / f"fit_{fit.name}.nc")

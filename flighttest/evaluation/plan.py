@@ -59,7 +59,7 @@ source = "README of the data set"
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -70,6 +70,7 @@ from .sheets import Column
 
 _Length = si("m")
 _Window = tuple[float, float]
+_Name = Annotated[str, Field(pattern=r"^\w+$")]  # of a figure, and of a file
 
 
 class FuelTable(Strict):
@@ -124,7 +125,7 @@ class Manoeuvres(Strict):
 class Line(Strict):
     """A straight line through means; ``kind = "polar"`` is CD over CL squared."""
 
-    name: str
+    name: _Name
     kind: Literal["line", "polar"] = "line"
     y: str = "CD"
     x: str = "CL"
@@ -134,7 +135,7 @@ class Line(Strict):
 class FitTable(Strict):
     """A regression."""
 
-    name: str
+    name: _Name
     model: str
     on: tuple[str, ...]
     window: _Window | None = None
@@ -144,7 +145,7 @@ class FitTable(Strict):
 class Mode(Strict):
     """An eigenmotion."""
 
-    name: str
+    name: _Name
     on: str
     window: _Window
     channels: tuple[str, ...]

@@ -177,6 +177,9 @@ def test_all_mistakes_of_a_plan_come_at_once(folder):
     with pytest.raises(SchemaError, match=r"bound 1: unknown figure 'dutch_roll.perod'; near it: dutch_roll.period"):
         evaluate(change(folder, "dutch_roll.period", "dutch_roll.perod"))
     (folder / "plan.toml").write_text(PLAN)
+    with pytest.raises(SchemaError, match=r"mode.0.name: string should match pattern"):
+        read_plan(change(folder, 'name = "dutch_roll"', 'name = "../roll"'))
+    (folder / "plan.toml").write_text(PLAN)
     with pytest.raises(SchemaError, match="cannot be converted"):
         evaluate(change(folder, "3.1416 s", "3.1416 m"))
     (folder / "plan.toml").write_text(PLAN)
