@@ -86,6 +86,7 @@ def test_a_delay_of_the_input_is_found_in_frequency(model):
     assert row["stderr"] < 0.005
 
 
+@pytest.mark.slow
 def test_open_loop_in_turbulence_is_warned_of_and_the_filter_is_better(model):
     calm = {"process.alpha": 0.01, "process.q": 0.01}
     loop, filtered, wider = [], [], []

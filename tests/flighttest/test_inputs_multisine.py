@@ -11,7 +11,7 @@ from flighttest.inputs.signals import CHANNEL_SETS, active_part, axes_of, correl
 FOUR_DEGREES = np.radians(4.0)
 
 
-@pytest.fixture(scope="module", params=list(CHANNEL_SETS))
+@pytest.fixture(scope="module", params=["glide", *(pytest.param(name, marks=pytest.mark.slow) for name in CHANNEL_SETS if name != "glide")])
 def designed(request):
     """Three, four and seven axes over 30 s, 0.1 to 2 Hz, nothing between 1.0 and 1.1 Hz."""
     return multisine({name: InputAxis(FOUR_DEGREES, (0.1, 2.0), [(1.0, 1.1)]) for name in CHANNEL_SETS[request.param]}, 30.0)

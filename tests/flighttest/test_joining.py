@@ -45,6 +45,7 @@ def test_the_generalised_mean_is_the_sum_of_the_information():
     assert {"estimate", "stderr", "stderr_white", "correlation", "systematic"} <= set(joined.data_vars)
 
 
+@pytest.mark.slow
 def test_joined_estimates_cover():
     """30 sets of eight records; 0.95 of 120 estimates scatters by 2 to 4 %."""
     inside = []

@@ -43,6 +43,7 @@ def test_forces_are_at_the_cg(calm):
     assert rms(path, truth, "az") < 0.05
 
 
+@pytest.mark.slow
 def test_constants_lie_within_their_standard_errors(flown, aircraft):
     z = []
     for seed in range(10):

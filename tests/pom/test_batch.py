@@ -180,6 +180,7 @@ def test_a_child_that_somebody_else_stopped_is_given_its_job_again(toy, tmp_path
     child.close()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="Windows tells no new parent")
 def test_a_hanging_fmu_ends_with_a_parent_that_was_killed(toy):
     script = """
@@ -204,6 +205,7 @@ child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "output
     pytest.fail("the child still ran after 20 s")
 
 
+@pytest.mark.slow
 def test_no_scheduler_is_said_plainly(cases, paths, toy, monkeypatch):
     pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
     monkeypatch.setattr("pom.batch.WAIT", 1.0)
