@@ -1,7 +1,7 @@
 """A batch of cases from replay to page, and what a case of a foreign FMU costs beside FMPy's `simulate_fmu`, in one run.
 
 100 cases x 3 models of 30 s at 50 Hz: flights of an invented trainer, replayed by three of our FMUs (whole records, FMI 3.0), judged and
-written as a report.  The paths are given, so nothing is reconstructed; the start of the FMUs' processes counts.  Run:
+written as a report without its PDF.  The paths are given, so nothing is reconstructed; the start of the FMUs' processes counts.  Run:
 ``python benchmarks/pom_batch.py [CASES] [JOBS]``.
 """
 
@@ -110,8 +110,8 @@ def end_to_end(plane: Any, count: int, jobs: int, folder: Path) -> None:
     steps = {
         "replay and verdicts": flown,
         "the same from kept flights": again,
-        f"HTML ({page.stat().st_size / 1e6:.1f} MB)": written,
-        "replay, verdicts, HTML": flown + written,
+        f"report, HTML of {page.stat().st_size / 1e6:.1f} MB, no PDF": written,
+        "replay, verdicts, report": flown + written,
     }
     rows = [(name, f"{wall:.2f}", f"{cpu:.2f}", f"{1e3 * cpu / count:.1f}") for name, (wall, cpu) in steps.items()]
     columns = ("step", "s", "CPU s", "CPU ms/case")
