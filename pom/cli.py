@@ -169,7 +169,7 @@ def _summary(result: Any) -> dict[str, Any]:
         "edition": result.case.edition,
         "status": {name: result.status(name) for name in result.runs},
         "failure": result.failure,
-        "verdict": result.verdict.to_dict("records"),
+        "verdict": [dict(row) for row in result.rows],
         "trim": result.trim,
         "pilot": pilot_activity(result),
         "drift": drift(result),

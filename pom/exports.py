@@ -55,7 +55,7 @@ def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
             "samples": int(result.signals.sizes["time"]),
             "trim": result.trim.to_dict("split"),
             "drift": drift(result).to_dict("records"),
-            "verdict": result.verdict.to_dict("records"),
+            "verdict": [dict(row) for row in result.rows],
             "failure": result.failure,
         }
     )
@@ -92,7 +92,7 @@ def write_junit(path: str | os.PathLike, results: Sequence[PomResult], title: st
 
 def _tests(result: PomResult, run: str) -> Iterator[tuple[str, str, str]]:
     """Yield name, verdict and reason of every group of criteria that applies."""
-    rows = result.verdict[result.verdict["run"] == run].to_dict("records")
+    rows = [row for row in result.rows if row["run"] == run]
     applying = {c.name for c in result.case.criteria if c.applies}
     for group, verdict in result.groups(run).items():
         mine = [row for row in rows if row["group"] == group and row["criterion"] in applying]

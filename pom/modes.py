@@ -166,7 +166,7 @@ def _words(measure: str, mode: Mode) -> str:
     return f"{abs(value):.2f} s{' to double' if value < 0.0 else ''}"
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=256)
 def _remembered(time: bytes, y: bytes) -> Mode:
     """Fit once what period, damping and time to half ask for, and what every model of a case is compared with."""
     return fit_mode(np.frombuffer(time), np.frombuffer(y))

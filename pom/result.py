@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -99,10 +102,14 @@ class PomResult:
         """Names of the models, in order, without ``flight``."""
         return [str(run) for run in self.signals["run"].values if run != "flight"]
 
+    @cached_property
+    def rows(self) -> tuple[Mapping[Hashable, Any], ...]:
+        """The rows of `verdict` as mappings, made once: a report asks for them many times."""
+        return tuple(MappingProxyType(row) for row in self.verdict.to_dict("records"))
+
     def groups(self, run: str) -> dict[str, str]:
         """Return the verdict of every group that applies: the best of its alternatives."""
-        mine = self.verdict[self.verdict["run"] == run]
-        return group_verdicts(self.case, dict(zip(mine["criterion"], mine["verdict"], strict=True)))
+        return group_verdicts(self.case, {row["criterion"]: row["verdict"] for row in self.rows if row["run"] == run})
 
     def status(self, run: str) -> str:
         """Return ``pass``, ``fail``, ``invalid`` or ``not_tested``.
@@ -116,14 +123,14 @@ class PomResult:
         """Whether `run` passes the case: every group has a passing alternative."""
         return self.status(run) == "pass"
 
-    def worst(self, run: str) -> pd.Series | None:
+    def worst(self, run: str) -> Mapping[Hashable, Any] | None:
         """Return the verdict row that decides: of the alternatives the best, of the groups the worst ratio."""
-        rows = self.verdict[(self.verdict["run"] == run) & self.verdict["worst_ratio"].notna()]
-        rows = rows[rows["verdict"].isin(["pass", "fail"]) & (rows["measure"] != "setup")]
-        if rows.empty:
-            return None
-        best = rows.sort_values("worst_ratio").drop_duplicates("group")
-        return best.iloc[-1]
+        best: dict[str, Mapping[Hashable, Any]] = {}
+        for row in self.rows:
+            if row["run"] != run or row["verdict"] not in ("pass", "fail") or row["measure"] == "setup" or math.isnan(row["worst_ratio"]):
+                continue
+            best[row["group"]] = min(best.get(row["group"], row), row, key=_ratio)
+        return max(best.values(), key=_ratio, default=None)
 
     def to_json(self) -> str:
         """Return the whole result as one JSON document; NaN becomes null, samples keep nine significant digits."""
@@ -138,7 +145,7 @@ class PomResult:
             "tolerance": _dataset_to_dict(self.tolerance),
             "inputs": _dataset_to_dict(self.inputs),
             "trim": self.trim.to_dict("split"),
-            "verdict": self.verdict.to_dict("records"),
+            "verdict": [dict(row) for row in self.rows],
             "failure": self.failure,
         }
 
@@ -158,6 +165,10 @@ class PomResult:
             verdict=verdict_table(item["verdict"]),
             failure=item["failure"],
         )
+
+
+def _ratio(row: Mapping[Hashable, Any]) -> float:
+    return float(row["worst_ratio"])
 
 
 _BEST = ("pass", "advisory", "fail", "not_tested", "invalid")

@@ -103,7 +103,7 @@ def applied(criterion: Criterion, widths: np.ndarray, flight: np.ndarray | float
 
     Examples
     --------
-    ``10 % of the flight value (38 s): 3.8 s``; ``20 % of 2 deg/s: 0.4 deg/s``.
+    ``10 % of the flight value (38 s): 3.8 s``; ``20 % of 2 deg/s: 0.4 deg/s``; ``1.5 deg`` of a plain width.
     """
     unit = display_unit(criterion)
     size = factor(criterion.measure, criterion.channel, unit)
@@ -116,7 +116,8 @@ def applied(criterion: Criterion, widths: np.ndarray, flight: np.ndarray | float
     if base is not None and "%" in words:
         words = f"{words} ({float(base) / size:.4g}{_unit(unit)})"
     share = "" if criterion.fraction == 1.0 else f"{100.0 * criterion.fraction:g} % of: "
-    return f"{share}{words}: {number}{_unit(unit)}"
+    came = f"{number}{_unit(unit)}"
+    return came if share + words == came else f"{share}{words}: {came}"
 
 
 def _unit(unit: str) -> str:

@@ -89,7 +89,7 @@ def _verdicts(folder: Path) -> Iterator[Finding]:
         return
     for result, numbers in zip(results, printed, strict=True):
         for run in result.runs:
-            stored = {r["criterion"]: r for r in result.verdict[result.verdict["run"] == run].to_dict("records")}
+            stored = {row["criterion"]: row for row in result.rows if row["run"] == run}
             words = [*_judged_again(result, run, stored), *_differences("results.json", run, stored, numbers)]
             yield Finding("verdict", f"{result.case.name}, {run}", "changed" if words else "same", "; ".join(words))
 

@@ -181,7 +181,7 @@ def _drawings(folder: Path, position: int, result: PomResult, diagnosis: pd.Data
         first = first[max(count, 1) :]
     for start in range(0, len(rest), MOST_PANELS):
         draw(rest[start : start + MOST_PANELS], FURTHER)
-    rows = result.verdict.to_dict("records")
+    rows = result.rows
     curves = [cross_drawing(f"c{position}-x{i}", cross, styles, rows) for i, cross in enumerate(crosses(result))]
     fall = waterfall(diagnosis) if diagnosis is not None and len(diagnosis) else None
     code = legend({run: style for run, style in styles.items() if run != "applied"})

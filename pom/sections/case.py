@@ -91,13 +91,12 @@ def page(
 def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any]]:
     """Return status, deciding criterion and worst ratio of every model."""
     rows = []
-    verdicts = result.verdict[["run", "criterion", "measure", "verdict", "worst_ratio", "at", "note"]].to_dict("records")
     applying = {c.name for c in result.case.criteria if c.applies}
     for run in result.runs:
-        mine = [row for row in verdicts if row["run"] == run]
+        mine = [row for row in result.rows if row["run"] == run]
         status = status_of(group_verdicts(result.case, {row["criterion"]: row["verdict"] for row in mine}))
         found = result.worst(run)
-        worst = {} if found is None else found.to_dict()
+        worst = {} if found is None else found
         if status != "pass" and not worst.get("worst_ratio", 0.0) > 1.0:  # decided without a number, such as by a mode that is not there
             worst = next((row for row in mine if row["verdict"] == status and row["criterion"] in applying), worst)
         ratio = worst.get("worst_ratio", math.nan)

@@ -47,7 +47,7 @@ def _rows(result: PomResult) -> list[dict[str, Any]]:
             "ratio": row["worst_ratio"] if math.isfinite(row["worst_ratio"]) else None,
             "fraction": row["fraction"] if math.isfinite(row["fraction"]) else 1.0,
         }
-        for row in result.verdict.to_dict("records")
+        for row in result.rows
     ]
 
 

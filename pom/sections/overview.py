@@ -88,7 +88,7 @@ def _entry(test: str, title: str, results: Sequence[PomResult]) -> dict[str, Any
     judged: set[str] = set()
     why: dict[str, str] = {}
     for result in results:
-        for row in result.verdict.to_dict("records"):
+        for row in result.rows:
             if row["verdict"] in ("not_tested", "invalid"):
                 why.setdefault(row["criterion"], reason(row["note"]))
             else:

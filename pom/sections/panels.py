@@ -67,7 +67,7 @@ class Panel:
 def panels(result: PomResult) -> list[Panel]:
     """Return the panels of a case: judged channels, then the inputs that move, then what proves the condition."""
     channels = [str(name) for name in result.signals.data_vars]
-    rows = result.verdict.to_dict("records")
+    rows = result.rows
     judged = [str(c) for c in dict.fromkeys(row["channel"] for row in rows) if c in channels]
     banded = [name for name in judged if name in result.tolerance]
     measured = [name for name in judged if name not in banded]

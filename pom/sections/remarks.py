@@ -50,7 +50,7 @@ def share(fraction: float) -> str:
 def _of_rows(result: PomResult) -> list[str]:
     """Return the remarks of the verdict rows, each once, with the criteria and models it speaks of."""
     places: dict[str, list[tuple[str, str]]] = {}
-    for row in result.verdict.to_dict("records"):
+    for row in result.rows:
         note = row["note"] if row["note"] != "nan" else ""
         if row["measure"] in MODAL and row["verdict"] in ("pass", "fail"):
             note = "; ".join(piece for piece in note.split("; ") if not in_mode_table(piece))

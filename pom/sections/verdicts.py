@@ -95,7 +95,7 @@ def reason(note: str) -> str:
 
 def verdict_table(result: PomResult) -> dict[str, Any]:
     """Return one block per criterion with one row per model; alternatives of one group follow each other."""
-    records: list[dict[Hashable, Any]] = [{**row, "index": i} for i, row in enumerate(result.verdict.to_dict("records"))]
+    records: list[dict[Hashable, Any]] = [{**row, "index": i} for i, row in enumerate(result.rows)]
     applying = {c.name: c.group for c in result.case.criteria if c.applies}
     groups = list(dict.fromkeys(row["group"] for row in records))
     names = sorted(dict.fromkeys((row["group"], row["criterion"]) for row in records), key=lambda pair: groups.index(pair[0]))

@@ -240,7 +240,7 @@ def test_rows_are_in_the_unit_of_the_table():
     assert (found["unit"], found["tolerance_text"], found["applied_text"], found["provenance"]) == (
         "deg/s",
         "2 deg/s",
-        "2 deg/s: 2 deg/s",
+        "2 deg/s",
         "verified",
     )
     assert found["worst"] == pytest.approx(3.0)
