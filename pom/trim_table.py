@@ -39,7 +39,7 @@ HOUSE_LIMITS = {
 }
 """Size of a bias or of an acceleration left beyond which a run is remarked. [SI]"""
 THRUST_SHARE = 0.05  # of the recorded thrust of an engine; 2.c.5 of Table A2A, from memory, has 5 % of the largest
-SHOWN_UNITS = {"rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
+SHOWN_UNITS = {"N": "lbf", "rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
 
 
 class TrimLimit(NamedTuple):

@@ -58,7 +58,7 @@ def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
 
 def test_thrust_is_limited_by_a_share_of_what_was_recorded(flown):
     """5 % of 3000 N, as the longitudinal trim of 2.c.5 allows."""
-    assert "trim.thrust +151 N is beyond 150 N" in flown(trim_thrust=151.0).verdict["note"][0]
+    assert "trim.thrust +33.9 lbf is beyond 33.7 lbf" in flown(trim_thrust=151.0).verdict["note"][0]
     assert "trim" not in flown(trim_thrust=149.0).verdict["note"][0]
 
 
@@ -110,4 +110,4 @@ def test_corrections_of_the_instruments_travel_with_the_result(flown, lag_states
 
 def test_notes_mark_what_is_beyond_its_limit(flown):
     lines = run_notes(flown(trim_delta_e=-1.5 * DEGREE, trim_thrust=20.0), "model")
-    assert lines[0] == "trim   delta_e -1.5 deg (limit 1), thrust +20 N"
+    assert lines[0] == "trim   delta_e -1.5 deg (limit 1), thrust +4.5 lbf"
