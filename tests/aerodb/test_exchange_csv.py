@@ -192,6 +192,7 @@ def test_facts_come_back(tmp_path_factory, facts):
     assert (table.title, dict(table.facts), problems) == ("title", facts, [])
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork and SIGKILL of POSIX")
 def test_a_killed_export_leaves_the_old_folder_or_the_new_one(small, tmp_path):
     folder = tmp_path / "terms"

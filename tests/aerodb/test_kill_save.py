@@ -39,6 +39,7 @@ def killed_while(work, moment):
     os.waitpid(child, 0)
 
 
+@pytest.mark.slow
 def test_a_killed_save_leaves_the_old_file_or_the_new_one(pair, tmp_path):
     path = tmp_path / "db.nc"
     aerodb.save(pair[0], path)

@@ -72,6 +72,7 @@ def test_confused_constants_are_told(calm):
     assert "bias.ax_imu and bias.theta" in calm[0].report()
 
 
+@pytest.mark.slow
 def test_gusts_are_found(flown, aircraft):
     record, _, truth = flown(3, gust=0.6)
     path = flighttest.reconstruct(record, aircraft)
