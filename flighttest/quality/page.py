@@ -6,7 +6,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import Environment, StrictUndefined, Template
+from jinja2 import DictLoader, Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from flightmech.names import lookup
@@ -24,20 +24,22 @@ _HISTORIES = (
     "h_baro", "V", "alpha_vane", "beta_vane", "phi", "theta", "psi", "p", "q", "r", "ax_imu", "ay_imu", "az_imu",
     "delta_e", "delta_a", "delta_r", "engine1.throttle", "engine1.n1",
 )  # fmt: skip
+_HERE = "flighttest.quality"
 _MINUTE = 60.0  # s
 _MISTAKES = ("sign", "unit", "axis", "definition")
 _AIR_DATA = ("airspeed", "mach", "mach_pressure", "calibrated", "altitude")  # exact: the table says it all unless they disagree
 
 
 def template_of(package: str) -> Template:
-    """Return the template ``page.html`` of a package."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.from_string(files(package).joinpath("page.html").read_text(encoding="utf-8"))
+    """Return the template ``page.html`` of a package; the frame around it is the same for all."""
+    texts = {name: files(home).joinpath(name).read_text(encoding="utf-8") for name, home in (("page.html", package), ("frame.html", _HERE))}
+    environment = Environment(loader=DictLoader(texts), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    return environment.get_template("page.html")
 
 
 def style() -> Markup:
     """Return the style sheet of the pages of this package."""
-    return Markup(files("flighttest.quality").joinpath("style.css").read_text(encoding="utf-8"))  # our own file
+    return Markup(files(_HERE).joinpath("style.css").read_text(encoding="utf-8"))  # our own file
 
 
 def page(quality: Quality) -> str:
