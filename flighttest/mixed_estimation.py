@@ -105,12 +105,12 @@ def mixed(fit: Fit, prior: Prior) -> Mixed:
     S = C[np.ix_(chosen, chosen)] + P
     gain = C[:, chosen] @ np.linalg.inv(S)
     innovation = value - theta[chosen]
-    covariance = C - gain @ C[chosen]
+    covariance = _updated(C, gain, chosen, P)
     statistic = float(innovation @ np.linalg.solve(S, innovation))
     given, sd = np.full(len(terms), np.nan), np.full(len(terms), np.nan)
     given[chosen], sd[chosen] = value, np.sqrt(np.diag(P))
-    white = _scaled(C, fit.estimates["stderr_white"].values)
-    white = white - white[:, chosen] @ np.linalg.solve(white[np.ix_(chosen, chosen)] + P, white[chosen])
+    W = _scaled(C, fit.estimates["stderr_white"].values)
+    white = _updated(W, W[:, chosen] @ np.linalg.inv(W[np.ix_(chosen, chosen)] + P), chosen, P)
     more = {
         "prior": ("term", given),
         "prior_stderr": ("term", sd),
@@ -118,7 +118,7 @@ def mixed(fit: Fit, prior: Prior) -> Mixed:
         "prior_share": ("term", np.diag(covariance) / sd**2),
     }
     nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(terms), 0)))
-    found = linear.estimates(terms, theta + gain @ innovation, covariance, np.sqrt(np.maximum(np.diag(white), 0.0)), nothing, more)
+    found = linear.estimates(terms, theta + gain @ innovation, covariance, np.sqrt(np.diag(white)), nothing, more)
     found.attrs = {
         "chi2": statistic,
         "terms_with_prior": len(chosen),
@@ -202,6 +202,13 @@ def _prior(prior: Prior, terms: list[str]) -> tuple[list[int], np.ndarray, np.nd
             "a prior standard error is not positive; give one above zero, or leave the term out of the model to hold it"
         )
     return [terms.index(name) for name in names], value, P
+
+
+def _updated(C: np.ndarray, gain: np.ndarray, chosen: list[int], P: np.ndarray) -> np.ndarray:
+    """Return the covariance with the prior, a sum of squares (Joseph's form): C - gain C rounds to negative variances."""
+    left = np.eye(len(C))
+    left[:, chosen] -= gain
+    return left @ C @ left.T + gain @ P @ gain.T
 
 
 def _scaled(C: np.ndarray, stderr: np.ndarray) -> np.ndarray:
