@@ -88,7 +88,7 @@ def read_archive(path: str | os.PathLike) -> Archive:
             results = [_read_result(file[key], path.parent) for key in head["cases"]]
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise SchemaError(str(path), [f"not a results.nc of a report, or damaged ({error}); write the report again"]) from error
-    diagnoses = {name: pd.DataFrame(table["rows"], columns=table["columns"]) for name, table in head["diagnoses"].items()}
+    diagnoses = {name: _table_from_json(table) for name, table in head["diagnoses"].items()}
     return Archive(results, head["title"], head["revision"], head["provenance"], diagnoses)
 
 
@@ -166,3 +166,9 @@ def _read_document(group: h5py.Group) -> dict[str, Any]:
 
 def _table_to_json(table: pd.DataFrame) -> dict[str, Any]:
     return {"columns": [str(name) for name in table.columns], "rows": plain(table.to_numpy(object).tolist())}
+
+
+def _table_from_json(item: Mapping[str, Any]) -> pd.DataFrame:
+    table = pd.DataFrame(item["rows"], columns=item["columns"])
+    numbers = [name for name in table.columns if not table[name].map(lambda value: isinstance(value, str)).any()]
+    return table.astype(dict.fromkeys(numbers, float))  # a column without any number came as nulls

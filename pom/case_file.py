@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator
 
 from flightmech.configuration import Strict
 
@@ -62,11 +62,12 @@ class CaseTable(Strict):
     evaluation: str = Field(default="", description="How it is evaluated.")
     notes: str = Field(default="", description="Remarks for the reader of the report.")
 
-    @model_validator(mode="after")
-    def _window_rises(self) -> CaseTable:
-        if not self.window[0] < self.window[1]:
-            raise ValueError(f"window must start before it ends, not {self.window[0]:g} ... {self.window[1]:g} s")
-        return self
+    @field_validator("window")
+    @classmethod
+    def _window_rises(cls, window: tuple[float, float]) -> tuple[float, float]:
+        if not window[0] < window[1]:
+            raise ValueError(f"the window must start before it ends, not {window[0]:g} ... {window[1]:g} s")
+        return window
 
 
 class LoopTable(Strict):
