@@ -1,7 +1,7 @@
 """The page of a large report: size, making time, first plot.
 
     python benchmarks/report_page.py                  100 cases, 3 models, 7 channels, 30 s at 50 Hz
-    python benchmarks/report_page.py --cases 12 -o /tmp/page
+    python benchmarks/report_page.py --cases 12 -o page
 
 Responses are those of linear airplanes with the noise that a reconstructed flight keeps; verdicts are judged as in a replay.  The
 first plot is timed in Debian's ``chromium`` when it and the package ``playwright`` are there, from the start of the
