@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pom.sections.figure import WIDTH, Frame, area, arrow, axes, clipped, curve, line, rect, spaced, text
+from pom.sections.figure import LANE, WIDTH, Frame, area, axes, beyond, clipped, curve, exit_ticks, line, rect, spaced, text
 from pom.sections.panels import Panel, description, limits
-from pom.sections.quantities import fixed, number, pretty_unit
+from pom.sections.quantities import fixed, pretty_unit
 from pom.sections.verdicts import WORDS
 
 from .look import defs
@@ -23,7 +23,6 @@ LEFT, RIGHT = 50.0, 6.0
 HEAD, GAP, STRIP, FOOT = 15.0, 3.0, 24.0, 27.0
 RESIDUAL = 1.6
 SQUEEZED = 2.0  # scale of the whole record over that of the window
-LANE = 4.0  # height of one run's bar of exits above the time axis
 LEAST, MOST = 30.0, 160.0  # height of an input panel
 MOST_PANELS = 7  # on a page
 _INSTANTS = ("end_value", "steady")
@@ -85,11 +84,11 @@ def drawing(
     parts = [_head(panel), axes(frame, x_labels=last and panel.half is None, x_most=10)]
     parts += [clipped(frame, name, _inside(frame, time, panel, styles)), _marks(frame, time, events, first)]
     clear = Frame(frame.left, frame.top, frame.width, main - LANE * sum(map(bool, panel.exits.values())), x, panel.limits)
-    parts += [_beyond(clear, time, values, styles[run]) for run, values in whole.traces.items() if run != "flight"]
+    parts += [beyond(clear, time, values, styles[run]) for run, values in whole.traces.items() if run != "flight"]
     bottom = frame.bottom
     if panel.half is not None:
         low = Frame(LEFT, bottom + GAP, frame.width, STRIP, x, (-RESIDUAL, RESIDUAL))
-        parts += [_exit_ticks(frame, panel, styles), _residual(low, f"{name}-e", time, panel, panel.half, styles, last)]
+        parts += [exit_ticks(frame, panel.exits, styles), _residual(low, f"{name}-e", time, panel, panel.half, styles, last)]
         bottom = low.bottom
     if last:
         parts.append(text(LEFT + frame.width / 2, bottom + 23.5, "time, s (clock of the record)", "caption", "middle"))
@@ -182,37 +181,6 @@ def _scalars(frame: Frame, time: np.ndarray, panel: Panel) -> str:
             low, high = (float(frame.py(middle + side * half)) for side in (-1.0, 1.0))
             parts.append(rect(x - 3.0, high, 6.0, low - high, "band"))
     return "".join(sorted(parts))
-
-
-def _exit_ticks(frame: Frame, panel: Panel, styles: Mapping[str, str]) -> str:
-    """Return bars above the time axis where runs are out, one lane per run, and a mark at each first exit."""
-    parts, lane = [], 0
-    for run, found in panel.exits.items():
-        if not found:
-            continue
-        y = frame.bottom - 2.5 - LANE * lane
-        for start, stop in found:
-            a, b = (float(frame.px(t)) for t in (start, stop))
-            parts.append(line(a, y, max(b, a + 1.0), y, f"lane {styles[run]}"))
-        x = float(frame.px(found[0][0]))
-        parts.append(line(x, frame.bottom - 8 - LANE * lane, x, frame.bottom + 3, "tickmark"))
-        lane += 1
-    return "".join(parts)
-
-
-def _beyond(frame: Frame, time: np.ndarray, values: np.ndarray, css: str) -> str:
-    """Return an arrow and the extreme value where a trace leaves the scale."""
-    parts: list[str] = []
-    if not np.isfinite(values).any():
-        return ""
-    for upward in (True, False):
-        k = int(np.nanargmax(values) if upward else np.nanargmin(values))
-        if (values[k] > frame.y[1]) if upward else (values[k] < frame.y[0]):
-            x = float(np.clip(frame.px(time[k]), frame.left + 6, frame.right - 6))
-            y = frame.top + 9 if upward else frame.bottom - 3
-            anchor, shift = ("end", -7) if x > frame.left + frame.width / 2 else ("start", 7)
-            parts += [arrow(x, frame, upward, css), text(x + shift, y, number(values[k]), "tick halo", anchor)]
-    return "".join(parts)
 
 
 def _residual(frame: Frame, name: str, time: np.ndarray, panel: Panel, half: np.ndarray, styles: Mapping[str, str], last: bool) -> str:

@@ -7,17 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from .figure import WIDTH, Frame, area, arrow, axes, clipped, curve, line, rect, spaced, svg, text
+from .figure import LANE, WIDTH, Frame, area, axes, beyond, clipped, curve, exit_ticks, line, rect, spaced, svg, text
 from .panels import Panel, description
-from .quantities import SYMBOLS, fixed, number
+from .quantities import SYMBOLS, fixed
 
 LEFT, RIGHT, HEAD, FOOT = 54.0, 12.0, 17.0, 30.0
 # a page's worth of panels: A4 less margins and caption at `WIDTH` units across 180 mm
 PAGE = 960.0
 MAIN, STRIP, SMALL, GAP = 170.0, 38.0, 66.0, 5.0
 RESIDUAL = 1.6
-# height of one run's bar of exits above the time axis
-LANE = 4.0
 
 
 def figures(
@@ -109,11 +107,11 @@ def _panel(name, time, panel: Panel, styles, top: float, scale: float, last: boo
     parts = [_head(panel, top + 12), axes(frame, x_labels=last and panel.half is None)]
     parts.append(clipped(frame, name, _inside(frame, time, panel, styles)))
     clear = replace(frame, height=frame.height - LANE * sum(map(bool, panel.exits.values())))
-    parts += [_beyond(clear, time, values, styles[run], with_value=True) for run, values in panel.traces.items() if run != "flight"]
+    parts += [beyond(clear, time, values, styles[run]) for run, values in panel.traces.items() if run != "flight"]
     bottom = frame.bottom
     if panel.half is not None:
         low = Frame(LEFT, bottom + GAP, frame.width, STRIP * scale, x, (-RESIDUAL, RESIDUAL))
-        parts += [_exit_ticks(frame, panel, styles), _residual(low, f"{name}-e", time, panel, panel.half, styles, last)]
+        parts += [exit_ticks(frame, panel.exits, styles), _residual(low, f"{name}-e", time, panel, panel.half, styles, last)]
         bottom = low.bottom
     return "".join(parts), bottom + GAP
 
@@ -156,40 +154,6 @@ def _exceedance(frame: Frame, time, values, low, high) -> str:
     return shapes
 
 
-def _exit_ticks(frame: Frame, panel: Panel, styles) -> str:
-    """Return bars along the time axis where runs are out, one lane per run, with a mark at each first exit."""
-    parts, lane = [], 0
-    for run, found in panel.exits.items():
-        if not found:
-            continue
-        y = frame.bottom - 2.5 - LANE * lane
-        for start, stop in found:
-            a, b = (float(frame.px(t)) for t in (start, stop))
-            parts.append(line(a, y, max(b, a + 1.0), y, f"lane {styles[run]}"))
-        x = float(frame.px(found[0][0]))
-        parts.append(line(x, frame.bottom - 9 - LANE * lane, x, frame.bottom + 4, "tickmark"))
-        lane += 1
-    return "".join(parts)
-
-
-def _beyond(frame: Frame, time, values, css: str, with_value: bool) -> str:
-    """Return an arrow, and the extreme value, where a trace leaves the scale of `frame`."""
-    parts: list[str] = []
-    if not np.isfinite(values).any():
-        return ""
-    for upward in (True, False):
-        k = int(np.nanargmax(values) if upward else np.nanargmin(values))
-        if (values[k] > frame.y[1]) if upward else (values[k] < frame.y[0]):
-            x = float(np.clip(frame.px(time[k]), frame.left + 6, frame.right - 6))
-            parts.append(arrow(x, frame, upward, css))
-            if not with_value:
-                continue
-            y = frame.top + 9 if upward else frame.bottom - 3
-            side = ("end", -7) if x > frame.left + frame.width / 2 else ("start", 7)
-            parts.append(text(x + side[1], y, number(values[k]), "tick halo", side[0]))
-    return "".join(parts)
-
-
 def _residual(frame: Frame, name: str, time, panel: Panel, half: np.ndarray, styles, last: bool) -> str:
     flight = panel.traces["flight"]
     unit_band = np.where(np.isfinite(half), 1.0, np.nan)
@@ -200,5 +164,5 @@ def _residual(frame: Frame, name: str, time, panel: Panel, half: np.ndarray, sty
             with np.errstate(invalid="ignore", divide="ignore"):
                 ratio = np.where(half > 0, (values - flight) / half, np.nan)
             body += curve(frame, time, ratio, f"trace {styles[run]}")
-            parts.append(_beyond(frame, time, ratio, styles[run], with_value=False))
+            parts.append(beyond(frame, time, ratio, styles[run], with_value=False))
     return "".join(parts) + clipped(frame, name, body)

@@ -7,17 +7,18 @@ in user units; a figure is `WIDTH` wide and is scaled to the column, 180 mm on A
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 
 import numpy as np
 
-from .quantities import MINUS
+from .quantities import MINUS, number
 
 WIDTH = 720.0
 # a point may be left out of a line when the line stays this close to it: an eighth of a millimetre on paper, a third of its width
 SLACK = 0.5
+LANE = 4.0  # height of one run's bar of exits above the time axis
 
 
 @dataclass(frozen=True)
@@ -206,3 +207,37 @@ def svg(height: float, body: str, words: str) -> str:
         f'<svg class="figure" viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" aria-label="{escape(words)}" '
         f'xmlns="http://www.w3.org/2000/svg">{body}</svg>'
     )
+
+
+def exit_ticks(frame: Frame, exits: Mapping[str, Sequence[tuple[float, float]]], styles: Mapping[str, str]) -> str:
+    """Return bars along the time axis where runs are out, one lane per run, with a mark at each first exit."""
+    parts, lane = [], 0
+    for run, found in exits.items():
+        if not found:
+            continue
+        y = frame.bottom - 2.5 - LANE * lane
+        for start, stop in found:
+            a, b = (float(frame.px(t)) for t in (start, stop))
+            parts.append(line(a, y, max(b, a + 1.0), y, f"lane {styles[run]}"))
+        x = float(frame.px(found[0][0]))
+        parts.append(line(x, frame.bottom - 9 - LANE * lane, x, frame.bottom + 4, "tickmark"))
+        lane += 1
+    return "".join(parts)
+
+
+def beyond(frame: Frame, time: np.ndarray, values: np.ndarray, css: str, with_value: bool = True) -> str:
+    """Return an arrow, and the extreme value, where a trace leaves the scale of `frame`."""
+    parts: list[str] = []
+    if not np.isfinite(values).any():
+        return ""
+    for upward in (True, False):
+        k = int(np.nanargmax(values) if upward else np.nanargmin(values))
+        if (values[k] > frame.y[1]) if upward else (values[k] < frame.y[0]):
+            x = float(np.clip(frame.px(time[k]), frame.left + 6, frame.right - 6))
+            parts.append(arrow(x, frame, upward, css))
+            if not with_value:
+                continue
+            y = frame.top + 9 if upward else frame.bottom - 3
+            side = ("end", -7) if x > frame.left + frame.width / 2 else ("start", 7)
+            parts.append(text(x + side[1], y, number(values[k]), "tick halo", side[0]))
+    return "".join(parts)
