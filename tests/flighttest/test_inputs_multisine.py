@@ -61,7 +61,7 @@ def test_peak_factors(designed):
     assert measures(designed)["peak_factor"].max() < 1.25
 
 
-@pytest.mark.parametrize("first", [2, 3, 4])
+@pytest.mark.parametrize("first", [2, *(pytest.param(first, marks=pytest.mark.slow) for first in (3, 4))])
 def test_twenty_lines_of_three_axes_stay_below_the_acceptance_of_one_point_two(first):
     k = first + 3 * np.arange(20)
     power = np.full(20, 0.05)

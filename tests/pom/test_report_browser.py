@@ -18,7 +18,11 @@ from pom.modes import mode_table
 from pom.page import html_page
 
 CHROMIUM = shutil.which("chromium")
-pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="needs chromium: apt-get install chromium")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs chromium: apt-get install chromium"),
+]
 WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested"}
 CASE = "#case-short_period_full_flaps"
 
