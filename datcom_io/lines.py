@@ -63,12 +63,6 @@ def line_blocks(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[list
         yield from _blocks(text)
 
 
-def open_lines(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[str]:
-    """Yield the lines of a file or of an iterable one by one, as `line_blocks` has them."""
-    for lines in line_blocks(source):
-        yield from lines
-
-
 def _blocks(stream: TextIO) -> Iterator[list[str]]:
     begun: list[str] = []  # pieces of a line whose end has not come yet
     while block := stream.read(_BLOCK_CHARACTERS):

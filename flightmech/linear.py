@@ -36,7 +36,6 @@ LATERAL = ("beta", "p", "r", "phi", "psi")
 STATES = ("V", "alpha", "q", "theta", "beta", "p", "r", "phi")
 OUTPUTS = ("nz", "ay", "gamma")
 _ALLOWED = (*LONGITUDINAL, *LATERAL)
-_LONGITUDINAL_INPUTS = ("delta_e", "delta_t", "delta_f", "gear", "speedbrake")
 _LATERAL_INPUTS = ("delta_a", "delta_r", "delta_ta", "delta_tr")
 _LATERAL_OUTPUTS = (*LATERAL, "ay", "v", "p_dot", "r_dot", "beta_dot", "CY", "Cl", "Cn")
 _FOUND = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")  # biases that a trim finds

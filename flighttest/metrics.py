@@ -20,8 +20,6 @@ from flightmech.errors import IdentificationError, UnknownName
 if TYPE_CHECKING:
     import pandas as pd
 
-GOOD_THEIL = 0.3  # [Jategaonkar]: below it a prediction counts as good
-
 
 class Shares(NamedTuple):
     """Parts of the mean square error that are bias, unequal spread and lack of correlation; their sum is one."""

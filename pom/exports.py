@@ -23,7 +23,6 @@ from .origins import case_seen_from
 from .result import PomResult
 from .sections.case import keys
 
-_SAMPLES = ("signals", "tolerance", "inputs")
 # a verdict of a group -> the element JUnit has for it; a pass has none
 _ELEMENTS = {"fail": "failure", "invalid": "error", "not_tested": "skipped", "advisory": "skipped"}
 

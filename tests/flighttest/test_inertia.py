@@ -61,7 +61,6 @@ def test_exact_accelerations_give_the_exact_moments():
     found = inertia_from_flight(flown(noise=0.0), aircraft(), MODELS)
     for name, truth in TRUE.items():
         assert moments(found)[name] == pytest.approx(truth, rel=1e-8)
-    assert found.remarks == [] or found.estimates.attrs["chi2"] < 1e9  # no residual, no measure of it
 
 
 @pytest.mark.slow
