@@ -62,6 +62,7 @@ def cli() -> None:
 def main() -> None:
     """Run the command; errors and warnings of the house become one clear line, errors exit code 2."""
     try:
+        _demand_own_packages()
         with warnings.catch_warnings():
             warnings.showwarning = _warn
             code = cli(standalone_mode=False)  # click returns the code of ctx.exit() here
@@ -82,6 +83,15 @@ def main() -> None:
         click.echo("internal fault: please report the lines above with the command and its input", err=True)
         sys.exit(3)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _demand_own_packages() -> None:
+    """Refuse to work with a package of another distribution that hides one of ours."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        from flightmech.installation import describe, hidden_packages
+    if hidden := hidden_packages():
+        raise click.ClickException(describe(hidden))
 
 
 def _text(error: Exception) -> str:

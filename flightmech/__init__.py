@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from .installation import warn_if_hidden
 from .lazy import load
 
 if TYPE_CHECKING:
@@ -90,3 +91,6 @@ def __getattr__(name: str):
 
 def __dir__() -> list[str]:
     return __all__
+
+
+warn_if_hidden()
