@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .record import faults, manoeuvres, overview, read
     from .reduction import between, coefficients, open_states
     from .regression import regress
+    from .remarks import Remark
     from .resampling import Bootstrap, Study, bootstrap, monte_carlo
     from .selection.candidates import monomials, spline_terms
     from .selection.orthogonal import select_orthogonal
@@ -81,6 +82,7 @@ _HOME = {
     "Evaluation": "evaluation.evaluating",
     "fit_motion": "eigenmotion",
     "Motion": "eigenmotion",
+    "Remark": "remarks",
     "assess": "quality.assessment",
     "Quality": "quality.assessment",
     "Finding": "quality.finding",
@@ -227,6 +229,7 @@ __all__ = [
     "Partition",
     "Path",
     "Quality",
+    "Remark",
     "Selection",
     "Smoothed",
     "Study",

@@ -8,6 +8,8 @@ import click
 
 from flightmech.console import NewFile, document, json_option, table
 
+from .remarks import documents, lines
+
 _PATHS = click.argument("paths", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
 _AIRCRAFT = click.option("--aircraft", "aircraft_file", required=True, type=click.Path(exists=True, dir_okay=False), help="Aircraft, TOML.")
 _MODEL = click.option("--model", "model_text", required=True, help="For example 'CL = 1 + alpha + qhat + delta_e'.")
@@ -49,7 +51,7 @@ def identify(paths, aircraft_file, model_text, windows, cutoff, band, intercepts
     if output:
         save_fit(fit, output)
     if as_json:
-        more = {} if joined is None else {"with_prior": {**_numbers(joined.estimates), "remarks": joined.remarks}}
+        more = {} if joined is None else {"with_prior": {**_numbers(joined.estimates), "remarks": documents(joined.remarks)}}
         document({**_fitted(fit), **more, "file": output})
         return
     _show(fit)
@@ -115,7 +117,7 @@ def join(fits, method, as_json) -> None:
 
     found = join_fits([open_fit(file) for file in fits], method)
     if as_json:
-        document({**found.estimates.attrs, **_numbers(found.estimates), "remarks": found.remarks})
+        document({**found.estimates.attrs, **_numbers(found.estimates), "remarks": documents(found.remarks)})
         return
     click.echo(found.report())
 
@@ -167,7 +169,7 @@ def inertia(paths, aircraft_file, models, scale, windows, cutoff, as_json) -> No
     parts = [part for path in paths for states in [open_states(path)] for part in [between(states, *w) for w in windows] or [states]]
     found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
     if as_json:
-        document({**found.estimates.attrs, **_numbers(found.estimates), "remarks": found.remarks})
+        document({**found.estimates.attrs, **_numbers(found.estimates), "remarks": documents(found.remarks)})
         return
     click.echo(found.report())
 
@@ -233,7 +235,7 @@ def _edges(name: str, text: str) -> list[float]:
 
 def _fitted(fit) -> dict:
     """A fit as a document."""
-    return {"model": str(fit.model), **fit.estimates.attrs, **_numbers(fit.estimates), "remarks": fit.remarks}
+    return {"model": str(fit.model), **fit.estimates.attrs, **_numbers(fit.estimates), "remarks": documents(fit.remarks)}
 
 
 def _numbers(e) -> dict:
@@ -251,8 +253,8 @@ def _show(fit) -> None:
     if e.attrs["domain"] == "frequency":
         title += f", {e.attrs['frequencies']} frequencies in {e.attrs['band']} Hz"
     table(["term", *shown.values()], rows, title, right=list(shown.values()))
-    for text in fit.remarks:
-        click.echo(f"! {text}")
+    for line in lines(fit.remarks):
+        click.echo(line)
 
 
 def _cell(value: float) -> str:

@@ -18,6 +18,7 @@ RANK = 1e-8  # smallest singular value of the regressors, scaled to unit length,
 CONDITION = 30.0
 SHARE = 0.5
 VIF = 10.0
+CORRELATED = 0.9
 
 
 def demand_rank(X: np.ndarray, terms: Sequence[str]) -> None:

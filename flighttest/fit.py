@@ -13,8 +13,9 @@ import xarray as xr
 from flightmech.errors import ParseError
 from flightmech.whole import written_whole
 
-from . import collinearity
+from .fit_remarks import remarks_of
 from .model import Model
+from .remarks import Remark, lines
 
 _CONTENT = "aeromatch fit"
 
@@ -57,9 +58,9 @@ class Fit:
         return self.data[self.model.coefficient].values - self.regressors.values @ self.estimates["estimate"].values
 
     @property
-    def remarks(self) -> list[str]:
-        """What a reader of the numbers should know: collinear terms, in words."""
-        return _remarks(self)
+    def remarks(self) -> list[Remark]:
+        """What a reader of the numbers must know."""
+        return remarks_of(self)
 
     def report(self) -> str:
         """Return the estimates as a text table."""
@@ -111,22 +112,6 @@ def open_fit(path: str | os.PathLike) -> Fit:
     return Fit(str(about["name"]), model, parts["estimates"], parts["data"], parts["design"]["design"], parts["design"]["regressors"])
 
 
-def _remarks(fit: Fit) -> list[str]:
-    e = fit.estimates
-    terms = [str(term) for term in e["term"].values]
-    found = [f"VIF of {term} is {v:.0f} (above {collinearity.VIF:.0f})" for term, v in zip(terms, e["vif"].values) if v > collinearity.VIF]
-    rho = e["regressor_correlation"].values
-    for i, j in zip(*np.nonzero(np.triu(np.abs(rho) > 0.9, 1))):
-        found.append(f"regressors {terms[i]} and {terms[j]} are correlated by {rho[i, j]:.2f}")
-    for index, words in collinearity.pairs(e):
-        found.append(f"condition index {index:.0f}: hardly told apart are {words}")
-    if e.attrs["offset"] > e.attrs["residual_rms"]:
-        found.append(
-            f"manoeuvres differ by a constant of {e.attrs['offset']:.2g} (1 sigma), more than the residual; consider separate intercepts"
-        )
-    return found
-
-
 def _headline(a) -> str:
     """How the fit was made, in words."""
     words = f"samples {a['samples']}, manoeuvres {a['manoeuvres']}, R2 {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}"
@@ -141,7 +126,7 @@ def _headline(a) -> str:
 
 def _report(fit: Fit) -> str:
     e, a = fit.estimates, fit.estimates.attrs
-    lines = [
+    text = [
         f"{fit.name}: {fit.model}" if fit.name else str(fit.model),
         _headline(a),
         f"{'term':<18}{'estimate':>11}{'stderr':>10}{'white':>10}{'system.':>10}{'t':>9}{'VIF':>8}{'share':>8}",
@@ -151,5 +136,5 @@ def _report(fit: Fit) -> str:
         vif = "-" if np.isnan(row["vif"]) else f"{row['vif']:.1f}"
         errors = "".join(f"{row[name]:>10.2g}" for name in ("stderr", "stderr_white", "stderr_systematic"))
         t = row["estimate"] / row["stderr"]
-        lines.append(f"{term!s:<18}{row['estimate']:>11.5g}{errors}{t:>9.1f}{vif:>8}{row['contribution']:>8.2f}")
-    return "\n".join([*lines, *(f"! {text}" for text in fit.remarks)])
+        text.append(f"{term!s:<18}{row['estimate']:>11.5g}{errors}{t:>9.1f}{vif:>8}{row['contribution']:>8.2f}")
+    return "\n".join([*text, *lines(fit.remarks)])

@@ -38,6 +38,7 @@ from .collinearity import demand_rank
 from .covariance import coloured
 from .model import Model, regressors
 from .reduction import inertia_matrix, known_moment, reduced_rates, smoothed
+from .remarks import Remark, lines
 from .samples import stack
 
 if TYPE_CHECKING:
@@ -68,37 +69,40 @@ class Inertia:
     products: xr.Dataset
 
     @property
-    def remarks(self) -> list[str]:
+    def remarks(self) -> list[Remark]:
         """Physical inequalities that are broken, contradiction between the equations, moments that were not seen."""
         e = self.estimates
         I = dict(zip(MOMENTS, e["estimate"].values))
         found = [
-            f"{a} + {b} < {c}: no body has such moments"
+            Remark("range", f"{a} + {b} < {c}: no body has such moments", c, I[c], I[a] + I[b], "error")
             for a, b, c in (("Ixx", "Iyy", "Izz"), ("Iyy", "Izz", "Ixx"), ("Ixx", "Izz", "Iyy"))
             if I[a] + I[b] < I[c]
         ]
         if abs(I["Ixz"]) > 0.5 * min(I["Ixx"], I["Izz"]):
-            found.append("Ixz is above half of the smaller of Ixx and Izz: not of an aeroplane")
+            words = "Ixz is above half of the smaller of Ixx and Izz: not of an aeroplane"
+            found.append(Remark("range", words, "Ixz", I["Ixz"], 0.5 * min(I["Ixx"], I["Izz"])))
         if e.attrs["probability"] < 0.01:
-            found.append(f"the equations contradict each other: chi2 {e.attrs['chi2']:.1f} of 3; the aerodynamic models are too simple")
+            words = f"the equations contradict each other: chi2 {e.attrs['chi2']:.1f} of 3; the aerodynamic models are too simple"
+            found.append(Remark("scatter", words, "", e.attrs["probability"], 0.01))
         for name in MOMENTS:
             value, s = I[name], float(e["stderr"].sel(term=name))
             if name != "Ixz" and s > 0.2 * abs(value):
-                found.append(f"{name} is known to {100 * s / abs(value):.0f} % only; the manoeuvres are not coupled enough")
+                words = f"{name} is known to {100 * s / abs(value):.0f} % only; the manoeuvres are not coupled enough"
+                found.append(Remark("not significant", words, name, s / abs(value), 0.2))
         return found
 
     def report(self) -> str:
         """Return the moments as a text table."""
         e = self.estimates
-        lines = [
+        text = [
             f"moments of inertia, {e.attrs['scale']} given; chi2 {e.attrs['chi2']:.1f} of 3, probability {e.attrs['probability']:.2g}",
             f"{'moment':<8}{'estimate':>12}{'stderr':>11}{'white':>11}{'stated':>12}  [kg m2]",
         ]
         for name in MOMENTS:
             row = e.sel(term=name)
             numbers = (float(row[key]) for key in ("estimate", "stderr", "stderr_white", "stated"))
-            lines.append(f"{name:<8}" + "".join(f"{x:>{w}.{d}g}" for x, w, d in zip(numbers, (12, 11, 11, 12), (6, 2, 2, 6))))
-        return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
+            text.append(f"{name:<8}" + "".join(f"{x:>{w}.{d}g}" for x, w, d in zip(numbers, (12, 11, 11, 12), (6, 2, 2, 6))))
+        return "\n".join([*text, *lines(self.remarks)])
 
 
 def inertia_from_flight(

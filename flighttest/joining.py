@@ -17,6 +17,7 @@ from flightmech.errors import IdentificationError
 from . import linear
 from .fit import Fit
 from .pooling import METHODS, Pooled, pool
+from .remarks import Remark, lines
 
 _DISAGREEMENT = 3.0
 _LOOSE = 1.17  # standard deviation of a scaled median absolute deviation over its value, times the root of the number
@@ -41,34 +42,37 @@ class Joined:
     estimates: xr.Dataset
 
     @property
-    def remarks(self) -> list[str]:
+    def remarks(self) -> list[Remark]:
         """Terms whose fits contradict each other, or scatter otherwise than their standard errors say."""
         e = self.estimates
         found = []
         for term in e["term"].values:
             row = e.sel(term=term)
             if float(row["disagreement"]) > _DISAGREEMENT:
-                found.append(f"{term}: two fits are {float(row['disagreement']):.1f} combined standard errors apart")
+                apart = float(row["disagreement"])
+                words = f"{term}: two fits are {apart:.1f} combined standard errors apart"
+                found.append(Remark("scatter", words, str(term), apart, _DISAGREEMENT))
             ratio, count = float(row["scatter_ratio"]), int(row["count"])
             loose = 1.0 + 2.0 * _LOOSE / np.sqrt(count)
             if count >= 5 and not 1.0 / loose <= ratio <= loose:
-                found.append(f"{term}: the fits scatter {ratio:.1f} times as much as their standard errors say")
+                words = f"{term}: the fits scatter {ratio:.1f} times as much as their standard errors say"
+                found.append(Remark("scatter", words, str(term), ratio, loose if ratio > 1.0 else 1.0 / loose))
         return found
 
     def report(self) -> str:
         """Return the joined estimates as a text table."""
         e = self.estimates
-        lines = [
+        text = [
             f"{self.name or self.coefficient}: {e.attrs['fits']} fits joined by {self.method.replace('_', ' ')}",
             f"{'term':<18}{'estimate':>11}{'stderr':>10}{'white':>10}{'scatter':>10}{'ratio':>7}{'Birge':>7}{'apart':>7}{'fits':>6}",
         ]
         for term in e["term"].values:
             row = {str(name): float(item.sel(term=term)) for name, item in e.data_vars.items() if item.dims == ("term",)}
-            lines.append(
+            text.append(
                 f"{term!s:<18}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{row['stderr_white']:>10.2g}{row['scatter']:>10.2g}"
                 f"{row['scatter_ratio']:>7.2f}{row['birge']:>7.2f}{row['disagreement']:>7.1f}{row['count']:>6.0f}"
             )
-        return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
+        return "\n".join([*text, *lines(self.remarks)])
 
 
 def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str = "") -> Joined:

@@ -13,6 +13,7 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from . import linear
 from .fit import Fit
 from .model import powers, variable_of
+from .remarks import Remark, lines
 
 Prior = Mapping[str, tuple[float, float]] | xr.Dataset
 
@@ -36,29 +37,29 @@ class Mixed:
     estimates: xr.Dataset
 
     @property
-    def remarks(self) -> list[str]:
+    def remarks(self) -> list[Remark]:
         """Terms on which flight and prior contradict each other, and those that are the prior's."""
         e = self.estimates
         found = [
-            f"{term}: flight and prior differ by {abs(d):.1f} combined standard errors"
+            Remark(
+                "prior", f"{term}: flight and prior differ by {abs(d):.1f} combined standard errors", str(term), float(d), _CONTRADICTION
+            )
             for term, d in zip(e["term"].values, e["distance"].values)
             if abs(d) > _CONTRADICTION
         ]
         own = [str(term) for term, share in zip(e["term"].values, e["prior_share"].values) if share > _UNMOVED]
         if own:
-            found.append(f"hardly moved by the flight: {', '.join(own)}")
-        if e.attrs["probability"] < 0.01:
-            found.append(
-                f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms has probability "
-                f"{e.attrs['probability']:.1g}: prior or fit is surer than it should be"
-            )
+            found.append(Remark("prior", f"hardly moved by the flight: {', '.join(own)}", threshold=_UNMOVED, severity="note"))
+        if e.attrs["probability"] < _IMPROBABLE:
+            words = f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms has probability {e.attrs['probability']:.1g}"
+            found.append(Remark("prior", f"{words}: prior or fit is surer than it should be", "", e.attrs["probability"], _IMPROBABLE))
         return found
 
     def report(self) -> str:
         """Return flight, prior and both as a text table."""
         e, f = self.estimates, self.fit.estimates
         title = f"{self.fit.name}: {self.fit.model}, with prior" if self.fit.name else f"{self.fit.model}, with prior"
-        lines = [
+        text = [
             title,
             f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms, probability {e.attrs['probability']:.2g}",
             f"{'term':<18}{'estimate':>11}{'stderr':>10}{'flight':>11}{'stderr':>10}{'prior':>11}{'stderr':>10}{'apart':>7}{'share':>7}",
@@ -66,13 +67,14 @@ class Mixed:
         for k, term in enumerate(e["term"].values):
             numbers = (e["estimate"], e["stderr"], f["estimate"], f["stderr"], e["prior"], e["prior_stderr"])
             cells = [f"{float(x[k]):>{w}.{d}g}" for x, w, d in zip(numbers, (11, 10) * 3, (5, 2) * 3)]
-            lines.append(
+            text.append(
                 f"{term!s:<18}{''.join(cells)}{float(e['distance'][k]):>7.1f}{float(e['prior_share'][k]):>7.2f}".replace("nan", "  -")
             )
-        return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
+        return "\n".join([*text, *lines(self.remarks)])
 
 
 _CONTRADICTION = 3.0
+_IMPROBABLE = 0.01
 _UNMOVED = 0.81  # share of the prior's variance that is left: a standard error above 0.9 of it
 
 

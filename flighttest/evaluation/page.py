@@ -126,7 +126,14 @@ def _fit(fit: Fit) -> dict[str, Any]:
     if a["manoeuvres"] == 1:
         picture = chart(fit.data["time"].values, [measured, measured - fit.residual], "measured and fitted", label=str(fit.model))
     about = f"{a['samples']} samples, {a['manoeuvres']} windows, R² {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}"
-    return {"name": fit.name, "model": str(fit.model), "about": about, "rows": rows, "remarks": fit.remarks, "svg": picture}
+    return {
+        "name": fit.name,
+        "model": str(fit.model),
+        "about": about,
+        "rows": rows,
+        "remarks": [str(remark) for remark in fit.remarks],
+        "svg": picture,
+    }
 
 
 def _motion(name: str, motion: Motion) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from flightmech.whole import written_whole
 
 from ..quality.of_states import tell_faults
 from ..reduction import between, open_states
+from ..remarks import Remark, documents, lines
 from .corrected import corrected_database
 from .flown import output_error, uniform_step
 from .result import OutputError
@@ -56,31 +57,30 @@ class Performed:
         return xr.DataArray(np.array(rows), {"manoeuvre": np.arange(1, len(rows) + 1), "output": names}, ("manoeuvre", "output"))
 
     @property
-    def remarks(self) -> list[str]:
+    def remarks(self) -> list[Remark]:
         """What a reader should know beyond `OutputError.remarks`: outputs that the model misses, estimates far from what was known."""
         found = []
         for (k, j), share in np.ndenumerate(self.explained.values):
             if share < POOR:
                 name = self.explained["output"].values[j]
-                found.append(
-                    f"record {k + 1}, {name}: the model explains {share:.0%} of its movement; a term is missing, or the record is wrong"
-                )
+                words = f"record {k + 1}, {name}: the model explains {share:.0%} of its movement; a term is missing, or the record is wrong"
+                found.append(Remark("unexplained", words, str(name), float(share), POOR))
         e = self.fit.estimates
         for name, value, start, sigma in zip(*(e[key].values for key in ("parameter", "estimate", "start", "prior_stderr"))):
             if abs(value - start) > PULLED * sigma:
-                found.append(
-                    f"{name} lies {abs(value - start) / sigma:.1f} prior standard errors from {start:g}: check units, signs and model"
-                )
+                far = float(abs(value - start) / sigma)
+                words = f"{name} lies {far:.1f} prior standard errors from {start:g}: check units, signs and model"
+                found.append(Remark("prior", words, str(name), far, PULLED))
         return found
 
     def report(self) -> str:
         """Return estimates, noise, shares and remarks as text."""
         head = [self.specification.title] if self.specification.title else []
-        lines = [*head, self.fit.report(), "", "explained of each output's movement:"]
+        text = [*head, self.fit.report(), "", "explained of each output's movement:"]
         width = max(len(name) for name in self.explained["output"].values)
         for name in self.explained["output"].values:
-            lines.append(f"  {name!s:{width}s}" + "".join(f"{float(x):9.1%}" for x in self.explained.sel(output=name)))
-        return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
+            text.append(f"  {name!s:{width}s}" + "".join(f"{float(x):9.1%}" for x in self.explained.sel(output=name)))
+        return "\n".join([*text, *lines(self.remarks)])
 
     def as_dict(self) -> dict[str, Any]:
         """Return estimates and remarks, made of types that JSON knows."""
@@ -90,7 +90,14 @@ class Performed:
         noise = {str(name): self.fit.noise["stderr"].sel(output=name).values for name in self.fit.noise["output"].values}
         about = {"title": self.specification.title, **e.attrs, "parameters": rows, "noise": noise}
         explained = {str(name): self.explained.sel(output=name).values for name in self.explained["output"].values}
-        return plain({**about, "explained": explained, "covariance": e["covariance"].values, "remarks": [*self.fit.remarks, *self.remarks]})
+        return plain(
+            {
+                **about,
+                "explained": explained,
+                "covariance": e["covariance"].values,
+                "remarks": documents([*self.fit.remarks, *self.remarks]),
+            }
+        )
 
     def write_database(self, path: str | Path) -> list[str]:
         """Write the database with the estimates in it; return the parameters that have no place there."""

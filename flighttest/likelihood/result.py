@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from ..remarks import Remark, lines
 from .colour import Colour
 from .search import Found, inverse
 from .unknowns import Layout
@@ -63,8 +64,8 @@ class OutputError:
         return self.parameters | {name.removesuffix(f"@{number}"): value for name, value in own.items() if name.endswith(f"@{number}")}
 
     @property
-    def remarks(self) -> list[str]:
-        """What a reader of the numbers should know, in words."""
+    def remarks(self) -> list[Remark]:
+        """What a reader of the numbers must know."""
         return _remarks(self)
 
     def report(self) -> str:
@@ -125,36 +126,41 @@ def noise_of(found: Found, outputs: list[str], colours: Sequence[Colour] = (), m
     return noise
 
 
-def _remarks(fit: OutputError) -> list[str]:
+def _remarks(fit: OutputError) -> list[Remark]:
     e = fit.estimates
     names = [str(name) for name in e["parameter"].values]
-    found = list(fit.warnings)
+    found = [Remark("disturbance", text) for text in fit.warnings]
     if not e.attrs["converged"]:
-        found.append(f"not converged after {e.attrs['iterations']} iterations")
+        found.append(Remark("convergence", f"not converged after {e.attrs['iterations']} iterations", severity="error"))
     for name, active, value in zip(names, e["active"].values, e["estimate"].values):
         if active:
-            found.append(f"{name} is at its bound {value:g}: it has no standard error, and those of the others hold it there")
+            words = f"{name} is at its bound {value:g}: it has no standard error, and those of the others hold it there"
+            found.append(Remark("bound", words, name, float(value), float(value)))
     for name, after, before in zip(names, e["stderr"].values, e["prior_stderr"].values):
         if after > SILENT * before:
-            found.append(f"{name}: the records say next to nothing, standard error {after:.3g} after {before:.3g} before")
+            words = f"{name}: the records say next to nothing, standard error {after:.3g} after {before:.3g} before"
+            found.append(Remark("not significant", words, name, float(after), SILENT * float(before)))
     rho = e["correlation"].values
     pairs = [(i, j) for i in range(len(names)) for j in range(i) if abs(rho[i, j]) > HIGH]
-    return found + [f"{names[j]} and {names[i]} are correlated by {rho[i, j]:.3f}" for i, j in pairs]
+    return found + [
+        Remark("collinear", f"{names[j]} and {names[i]} are correlated by {rho[i, j]:.3f}", names[j], float(rho[i, j]), HIGH)
+        for i, j in pairs
+    ]
 
 
 def _report(fit: OutputError) -> str:
     e, width = fit.estimates, max(12, *(len(str(name)) for name in fit.estimates["parameter"].values))
     about, state = e.attrs, "converged" if e.attrs["converged"] else "NOT converged"
     heads = "".join(f"{head:>13s}" for head in ("estimate", "std. error", "if white", "start", "prior s.e."))
-    lines = [
+    text = [
         f"{about['method']}: manoeuvres {about['manoeuvres']}, samples {about['samples']}, iterations {about['iterations']}, {state}",
         f"{'parameter':{width}s}{heads}",
     ]
     for k, name in enumerate(e["parameter"].values):
         row = e.isel(parameter=k)
         numbers = [float(row[key]) for key in ("estimate", "stderr", "stderr_white", "start", "prior_stderr")]
-        lines.append(f"{name!s:{width}s}{numbers[0]:13.6g}{numbers[1]:13.3g}{numbers[2]:13.3g}{numbers[3]:13.6g}{numbers[4]:13.3g}")
-    lines += ["", f"{'output':{width}s}" + "".join(f"{f'noise {k}':>13s}" for k in fit.noise["manoeuvre"].values)]
+        text.append(f"{name!s:{width}s}{numbers[0]:13.6g}{numbers[1]:13.3g}{numbers[2]:13.3g}{numbers[3]:13.6g}{numbers[4]:13.3g}")
+    text += ["", f"{'output':{width}s}" + "".join(f"{f'noise {k}':>13s}" for k in fit.noise["manoeuvre"].values)]
     for name in fit.noise["output"].values:
-        lines.append(f"{name!s:{width}s}" + "".join(f"{float(x):13.4g}" for x in fit.noise["stderr"].sel(output=name)))
-    return "\n".join([*lines, "", *(f"! {text}" for text in fit.remarks)]).rstrip()
+        text.append(f"{name!s:{width}s}" + "".join(f"{float(x):13.4g}" for x in fit.noise["stderr"].sel(output=name)))
+    return "\n".join([*text, "", *lines(fit.remarks)]).rstrip()

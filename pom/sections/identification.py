@@ -48,7 +48,7 @@ def _fit(index: int, fit: flighttest.Fit) -> dict[str, Any]:
         "rms": number(found.attrs.get("residual_rms"), 3),
         **_agreement(fit),
         "vif": fixed(largest_vif, 1),
-        "remarks": list(fit.remarks),
+        "remarks": [str(remark) for remark in fit.remarks],
         "terms": [_term(fit, i, name) for i, name in enumerate(names)],
         "correlated": _correlated(fit, names),
     }

@@ -123,14 +123,14 @@ def test_a_short_manoeuvre_without_pitch_rate_takes_it_from_the_prior():
     joined = mixed(fit, prior_of(fit, database()))
     assert float(fit.estimates["stderr"].sel(term="qhat")) > 2.0
     assert float(joined.estimates["stderr"].sel(term="qhat")) <= 2.0
-    assert any("hardly moved by the flight" in text and "qhat" in text for text in joined.remarks)
+    assert any("hardly moved by the flight" in text and "qhat" in text for text in map(str, joined.remarks))
 
 
 def test_a_database_that_flight_contradicts_is_named():
     fit = regress(LIFT, record(np.random.default_rng(8)))
     joined = mixed(fit, prior_of(fit, database(slope=3.5, error=0.01)))
-    assert any(text.startswith("alpha: flight and prior differ by") for text in joined.remarks)
-    assert any("surer than it should be" in text for text in joined.remarks)
+    assert any(text.startswith("alpha: flight and prior differ by") for text in map(str, joined.remarks))
+    assert any("surer than it should be" in text for text in map(str, joined.remarks))
 
 
 def test_terms_the_database_does_not_know_have_no_prior():
