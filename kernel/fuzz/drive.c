@@ -13,7 +13,7 @@
 #define SAMPLES 4
 #define RUNS 2
 
-/* ---- choices ------------------------------------------------------------------------------------------------------ */
+/* ---- choices --------------------------------------------------------------------------------- */
 
 uint8_t take_byte(bytes_t *bytes) {
     if (!bytes->left) return 0;
@@ -28,7 +28,9 @@ uint32_t take_number(bytes_t *bytes, uint32_t below) {
 }
 
 double take_value(bytes_t *bytes) {
-    static const double ODD[] = {0.0, -0.0, 1.0, -1.0, 0.5, 2.0, 3.0, 1e-300, 1e-9, 1e3, -1e3, 1e9, -1e9, 1e16, 1e300, -1e300, 5e-324, NAN, INFINITY, -INFINITY};
+    static const double ODD[] = {0.0,    -0.0,   1.0,    -1.0, 0.5,      2.0,      3.0,
+                                 1e-300, 1e-9,   1e3,    -1e3, 1e9,      -1e9,     1e16,
+                                 1e300,  -1e300, 5e-324, NAN,  INFINITY, -INFINITY};
     const uint8_t choice = take_byte(bytes);
     uint64_t bits = 0;
     double value;
@@ -64,7 +66,7 @@ static int told(const am_sim *sim, int status) {
     return status;
 }
 
-/* ---- one function each -------------------------------------------------------------------------------------------- */
+/* ---- one function each ----------------------------------------------------------------------- */
 
 static size_t count(const am_model *m, am_kind kind) { return (size_t)am_count(m, kind); }
 
@@ -93,7 +95,9 @@ static void set_parameter(const am_model *m, am_sim *sim, bytes_t *bytes) {
 }
 
 static void set_named(const am_model *m, am_sim *sim, bytes_t *bytes) {
-    static const char *const NAME[] = {"mode.earth", "mode.engine", "mode.controls", "mode.rates", "mode.trim", "turbulence.mode", "steering.order", "runway.condition"};
+    static const char *const NAME[] = {"mode.earth",     "mode.engine",     "mode.controls",
+                                       "mode.rates",     "mode.trim",       "turbulence.mode",
+                                       "steering.order", "runway.condition"};
     const int i = am_find(m, AM_PARAMETER, NAME[take_byte(bytes) % (sizeof NAME / sizeof *NAME)]);
     told(sim, am_set_parameter(sim, i, take_byte(bytes) % 5));
 }
@@ -103,7 +107,8 @@ static void set_inputs(const am_model *m, am_sim *sim, bytes_t *bytes) {
     told(sim, am_set_inputs(sim, u));
     am_get_inputs(sim, u);
     all_finite_or_die(u, count(m, AM_INPUT), "inputs stay finite");
-    told(sim, am_set_input(sim, (int)take_number(bytes, (uint32_t)count(m, AM_INPUT) + 2) - 1, take_value(bytes)));
+    told(sim, am_set_input(sim, (int)take_number(bytes, (uint32_t)count(m, AM_INPUT) + 2) - 1,
+                           take_value(bytes)));
     free(u);
 }
 
@@ -115,18 +120,25 @@ static void start(const am_model *m, am_sim *sim, bytes_t *bytes) {
 
 static void outputs(const am_model *m, am_sim *sim) {
     double *y = room(count(m, AM_OUTPUT));
-    if (told(sim, am_outputs(sim, y)) == AM_OK) all_finite_or_die(y, count(m, AM_OUTPUT), "outputs are finite or an error");
+    if (told(sim, am_outputs(sim, y)) == AM_OK) {
+        all_finite_or_die(y, count(m, AM_OUTPUT), "outputs are finite or an error");
+    }
     free(y);
 }
 
 static void step(const am_model *m, am_sim *sim, bytes_t *bytes) {
     const size_t nx = count(m, AM_STATE);
-    double *u0 = values(bytes, count(m, AM_INPUT)), *u1 = values(bytes, count(m, AM_INPUT)), *x = room(nx);
+    double *u0 = values(bytes, count(m, AM_INPUT));
+    double *u1 = values(bytes, count(m, AM_INPUT));
+    double *x = room(nx);
     const double t = take_byte(bytes) % 4 ? am_time(sim) : take_value(bytes);
-    const int status = told(sim, am_step(sim, t, short_step(m, sim, take_value(bytes)), u0, take_byte(bytes) % 2 ? u1 : u0));
+    const int status = told(sim, am_step(sim, t, short_step(m, sim, take_value(bytes)), u0,
+                                         take_byte(bytes) % 2 ? u1 : u0));
     am_get_state(sim, x);
     if (status == AM_OK) all_finite_or_die(x, nx, "a state after a good step is finite");
-    free(u0), free(u1), free(x);
+    free(u0);
+    free(u1);
+    free(x);
 }
 
 static void complete_step(const am_model *m, am_sim *sim, bytes_t *bytes) {
@@ -135,10 +147,16 @@ static void complete_step(const am_model *m, am_sim *sim, bytes_t *bytes) {
 
 static void slope(const am_model *m, am_sim *sim, bytes_t *bytes) {
     const size_t nx = count(m, AM_STATE);
-    double *x = values(bytes, nx), *dx = room(nx), *u = values(bytes, count(m, AM_INPUT));
+    double *x = values(bytes, nx);
+    double *dx = room(nx);
+    double *u = values(bytes, count(m, AM_INPUT));
     if (take_byte(bytes) % 2) am_get_state(sim, x);
-    if (told(sim, am_derivative(sim, x, u, dx)) == AM_OK) all_finite_or_die(dx, nx, "a derivative is finite or an error");
-    free(x), free(dx), free(u);
+    if (told(sim, am_derivative(sim, x, u, dx)) == AM_OK) {
+        all_finite_or_die(dx, nx, "a derivative is finite or an error");
+    }
+    free(x);
+    free(dx);
+    free(u);
 }
 
 static void set_state(const am_model *m, am_sim *sim, bytes_t *bytes) {
@@ -153,19 +171,33 @@ static void set_state(const am_model *m, am_sim *sim, bytes_t *bytes) {
 static void trim_for(const am_model *m, am_sim *sim, bytes_t *bytes) {
     enum { MOST = 6 };
     am_mover mover[MOST];
-    double found[MOST], low[MOST], high[MOST], size[MOST], wanted[MOST], left[MOST], jacobian[MOST * MOST];
+    double found[MOST], low[MOST], high[MOST], size[MOST], wanted[MOST], left[MOST],
+        jacobian[MOST * MOST];
     int goal[MOST];
-    const int unknowns = 1 + take_byte(bytes) % MOST, goals = 1 + take_byte(bytes) % unknowns;
+    const int unknowns = 1 + take_byte(bytes) % MOST;
+    const int goals = 1 + take_byte(bytes) % unknowns;
     for (int i = 0; i < MOST; i++) {
         const int kind = take_byte(bytes) % 4;
-        mover[i] = (am_mover){kind, (int)take_number(bytes, (uint32_t)am_count(m, (am_kind)kind) + 2) - 1, take_byte(bytes) % unknowns};
+        mover[i] = (am_mover){kind,
+                              (int)take_number(bytes, (uint32_t)am_count(m, (am_kind)kind) + 2) - 1,
+                              take_byte(bytes) % unknowns};
         found[i] = take_byte(bytes) % 2 ? NAN : take_value(bytes);
-        low[i] = take_byte(bytes) % 4 ? -1.0 : take_value(bytes), high[i] = take_byte(bytes) % 4 ? 1.0 : take_value(bytes);
-        size[i] = take_byte(bytes) % 4 ? 1.0 : take_value(bytes), wanted[i] = take_byte(bytes) % 4 ? 0.0 : take_value(bytes);
+        low[i] = take_byte(bytes) % 4 ? -1.0 : take_value(bytes);
+        high[i] = take_byte(bytes) % 4 ? 1.0 : take_value(bytes);
+        size[i] = take_byte(bytes) % 4 ? 1.0 : take_value(bytes);
+        wanted[i] = take_byte(bytes) % 4 ? 0.0 : take_value(bytes);
         goal[i] = (int)take_number(bytes, (uint32_t)am_count(m, AM_OUTPUT) + 3) - 2;
     }
-    const am_trim_task task = {.path = take_byte(bytes) % 4, .movers = unknowns, .unknowns = unknowns, .goals = goals, .mover = mover,
-                               .low = low, .high = high, .size = size, .goal = goal, .wanted = wanted};
+    const am_trim_task task = {.path = take_byte(bytes) % 4,
+                               .movers = unknowns,
+                               .unknowns = unknowns,
+                               .goals = goals,
+                               .mover = mover,
+                               .low = low,
+                               .high = high,
+                               .size = size,
+                               .goal = goal,
+                               .wanted = wanted};
     double *y = room(count(m, AM_OUTPUT));
     if (told(sim, am_trim_for(sim, &task, found, y, left, jacobian)) == AM_OK) {
         all_finite_or_die(y, count(m, AM_OUTPUT), "outputs of a trim are finite or an error");
@@ -176,9 +208,14 @@ static void trim_for(const am_model *m, am_sim *sim, bytes_t *bytes) {
 
 static void evaluate(const am_model *m, am_sim *sim, bytes_t *bytes) {
     const size_t n = take_byte(bytes) % 2 ? 3 : 70; /* one by one, and in blocks of 64 */
-    double *v = values(bytes, n * count(m, AM_VARIABLE)), *c = room(6 * n), *terms = room(n * count(m, AM_TERM));
-    told(sim, am_evaluate(sim, n, v, take_byte(bytes) % 4 ? c : NULL, take_byte(bytes) % 4 ? terms : NULL));
-    free(v), free(c), free(terms);
+    double *v = values(bytes, n * count(m, AM_VARIABLE));
+    double *c = room(6 * n);
+    double *terms = room(n * count(m, AM_TERM));
+    told(sim, am_evaluate(sim, n, v, take_byte(bytes) % 4 ? c : NULL,
+                          take_byte(bytes) % 4 ? terms : NULL));
+    free(v);
+    free(c);
+    free(terms);
 }
 
 static void rise(double *t, const am_model *m, const am_sim *sim, bytes_t *bytes) {
@@ -187,32 +224,52 @@ static void rise(double *t, const am_model *m, const am_sim *sim, bytes_t *bytes
 }
 
 static void record(const am_model *m, am_sim *sim, bytes_t *bytes) {
-    double t[SAMPLES], *u = values(bytes, SAMPLES * count(m, AM_INPUT));
-    const int output[] = {0, (int)take_number(bytes, (uint32_t)am_count(m, AM_OUTPUT) + 2) - 1}, some = take_byte(bytes) % 2;
+    double t[SAMPLES];
+    double *u = values(bytes, SAMPLES * count(m, AM_INPUT));
+    const int output[] = {0, (int)take_number(bytes, (uint32_t)am_count(m, AM_OUTPUT) + 2) - 1};
+    const int some = take_byte(bytes) % 2;
     const size_t outputs = some ? 2 : count(m, AM_OUTPUT);
-    double *y = room(SAMPLES * outputs), *terms = room(SAMPLES * count(m, AM_TERM));
+    double *y = room(SAMPLES * outputs);
+    double *terms = room(SAMPLES * count(m, AM_TERM));
     size_t done = 0;
     rise(t, m, sim, bytes);
-    told(sim, am_record(sim, SAMPLES, t, u, take_byte(bytes) % 2, some ? output : NULL, 2, y, take_byte(bytes) % 2 ? terms : NULL, &done));
+    told(sim, am_record(sim, SAMPLES, t, u, take_byte(bytes) % 2, some ? output : NULL, 2, y,
+                        take_byte(bytes) % 2 ? terms : NULL, &done));
     promise(done <= SAMPLES, "no more rows are done than asked for");
     all_finite_or_die(y, done * outputs, "recorded outputs are finite");
-    free(u), free(y), free(terms);
+    free(u);
+    free(y);
+    free(terms);
 }
 
 static void batch(const am_model *m, am_sim *sim, bytes_t *bytes) {
-    const int parameter[] = {(int)take_number(bytes, (uint32_t)am_count(m, AM_PARAMETER) + 40), am_find(m, AM_PARAMETER, "init.V")}, output[] = {0, 5};
-    double t[SAMPLES], *u = values(bytes, SAMPLES * count(m, AM_INPUT)), changed[RUNS * 2], y[RUNS * SAMPLES * 2];
+    const int parameter[] = {(int)take_number(bytes, (uint32_t)am_count(m, AM_PARAMETER) + 40),
+                             am_find(m, AM_PARAMETER, "init.V")};
+    const int output[] = {0, 5};
+    double t[SAMPLES];
+    double *u = values(bytes, SAMPLES * count(m, AM_INPUT));
+    double changed[RUNS * 2], y[RUNS * SAMPLES * 2];
     int status[RUNS];
     size_t done[RUNS];
     char text[RUNS][AM_TEXT];
     rise(t, m, sim, bytes);
     for (int i = 0; i < RUNS * 2; i++) changed[i] = take_value(bytes);
-    const am_batch_task task = {.samples = SAMPLES - (take_byte(bytes) % 8 == 0 ? SAMPLES : 0), .parameters = 2, .outputs = 2, .t = t, .u = u,
-                                .parameter = parameter, .values = changed, .output = output, .y = y, .hold = take_byte(bytes) % 2};
-    promise(am_batch(sim, &task, 0, RUNS, status, done, text) == AM_OK, "a batch says per run what went wrong");
+    const am_batch_task task = {.samples = SAMPLES - (take_byte(bytes) % 8 == 0 ? SAMPLES : 0),
+                                .parameters = 2,
+                                .outputs = 2,
+                                .t = t,
+                                .u = u,
+                                .parameter = parameter,
+                                .values = changed,
+                                .output = output,
+                                .y = y,
+                                .hold = take_byte(bytes) % 2};
+    promise(am_batch(sim, &task, 0, RUNS, status, done, text) == AM_OK,
+            "a batch says per run what went wrong");
     for (int i = 0; i < RUNS; i++) {
         promise((status[i] == AM_OK) == !text[i][0], "a run that failed has a text");
-        all_finite_or_die(y + (size_t)i * SAMPLES * 2, 2 * done[i], "outputs of a batch are finite");
+        all_finite_or_die(y + (size_t)i * SAMPLES * 2, 2 * done[i],
+                          "outputs of a batch are finite");
     }
     free(u);
 }
@@ -220,19 +277,24 @@ static void batch(const am_model *m, am_sim *sim, bytes_t *bytes) {
 static void copy(const am_model *m, am_sim *sim) {
     am_sim *twin = am_new(m);
     if (!twin) exit(0);
-    promise(am_copy(twin, sim) == AM_OK && am_copy(sim, twin) == AM_OK, "a simulation can be copied and back");
+    promise(am_copy(twin, sim) == AM_OK && am_copy(sim, twin) == AM_OK,
+            "a simulation can be copied and back");
     outputs(m, twin);
     am_delete(twin);
 }
 
-/* Where a double may be changed in an image: anywhere, or at the beginning of the memory of a submodel, where counts and indices stand. */
+/* Where a double may be changed in an image: anywhere, or at the beginning of the memory of a
+ * submodel, where counts and indices stand. */
 static size_t take_place(const am_model *m, const am_sim *sim, size_t n, bytes_t *bytes) {
     if (take_byte(bytes) % 2) return 8 * (size_t)take_number(bytes, (uint32_t)(n / 8));
     const uint32_t first = m->first_memory[take_byte(bytes) % GROUPS] + take_byte(bytes) % 4;
-    return first < m->memories ? (size_t)((const char *)(sim->memory + first) - (const char *)&sim->now) : 0;
+    return first < m->memories
+               ? (size_t)((const char *)(sim->memory + first) - (const char *)&sim->now)
+               : 0;
 }
 
-/* Bytes of a simulation, some of them changed, into another one that then takes the place of the first. */
+/* Bytes of a simulation, some of them changed, into another one that then takes the place of the
+ * first. */
 static void image(const am_model *m, am_sim *sim, bytes_t *bytes) {
     const size_t n = image_size(m);
     uint8_t *stored = malloc(n);
@@ -243,38 +305,76 @@ static void image(const am_model *m, am_sim *sim, bytes_t *bytes) {
         const double value = take_value(bytes);
         memcpy(stored + take_place(m, sim, n, bytes), &value, sizeof value);
     }
-    for (int i = take_byte(bytes) % 8; i > 0; i--) stored[take_number(bytes, (uint32_t)n)] = take_byte(bytes);
+    for (int i = take_byte(bytes) % 8; i > 0; i--) {
+        stored[take_number(bytes, (uint32_t)n)] = take_byte(bytes);
+    }
     if (image_restore(other, stored) == 0) am_copy(sim, other);
     am_delete(other);
     free(stored);
 }
 
 static void ask(const am_model *m, const am_sim *sim, bytes_t *bytes) {
-    double *below = room(count(m, AM_AXIS)), *above = room(count(m, AM_AXIS));
+    double *below = room(count(m, AM_AXIS));
+    double *above = room(count(m, AM_AXIS));
     am_entry entry;
     const am_kind kind = (am_kind)(take_byte(bytes) % 9);
     const int i = (int)take_number(bytes, 600) - 1;
     am_out_of_range(sim, below, above);
-    promise((am_entry_at(m, kind, i, &entry) == AM_OK) == (i >= 0 && i < am_count(m, kind)), "the catalogue has as many rows as it says");
-    am_known(kind, i), am_known_group(kind, i), am_known_stage(kind, i);
-    free(below), free(above);
+    promise((am_entry_at(m, kind, i, &entry) == AM_OK) == (i >= 0 && i < am_count(m, kind)),
+            "the catalogue has as many rows as it says");
+    am_known(kind, i);
+    am_known_group(kind, i);
+    am_known_stage(kind, i);
+    free(below);
+    free(above);
 }
 
 void call_kernel(const am_model *m, am_sim *sim, bytes_t *bytes) {
     switch (take_byte(bytes) % 18) {
-    case 0: case 1: set_parameter(m, sim, bytes); break;
-    case 2: case 3: set_named(m, sim, bytes); break;
-    case 4: set_inputs(m, sim, bytes); break;
-    case 5: case 6: start(m, sim, bytes); break;
-    case 7: case 8: step(m, sim, bytes); break;
-    case 9: outputs(m, sim); break;
-    case 10: slope(m, sim, bytes); break;
-    case 11: set_state(m, sim, bytes); break;
-    case 12: evaluate(m, sim, bytes); break;
-    case 13: record(m, sim, bytes); break;
-    case 14: batch(m, sim, bytes); break;
-    case 15: copy(m, sim), complete_step(m, sim, bytes); break;
-    case 16: image(m, sim, bytes); break;
+    case 0:
+    case 1:
+        set_parameter(m, sim, bytes);
+        break;
+    case 2:
+    case 3:
+        set_named(m, sim, bytes);
+        break;
+    case 4:
+        set_inputs(m, sim, bytes);
+        break;
+    case 5:
+    case 6:
+        start(m, sim, bytes);
+        break;
+    case 7:
+    case 8:
+        step(m, sim, bytes);
+        break;
+    case 9:
+        outputs(m, sim);
+        break;
+    case 10:
+        slope(m, sim, bytes);
+        break;
+    case 11:
+        set_state(m, sim, bytes);
+        break;
+    case 12:
+        evaluate(m, sim, bytes);
+        break;
+    case 13:
+        record(m, sim, bytes);
+        break;
+    case 14:
+        batch(m, sim, bytes);
+        break;
+    case 15:
+        copy(m, sim);
+        complete_step(m, sim, bytes);
+        break;
+    case 16:
+        image(m, sim, bytes);
+        break;
     default:
         if (take_byte(bytes) % 8 == 0) trim_for(m, sim, bytes);
         else if (take_byte(bytes) % 8 == 0) told(sim, am_trim(sim, take_byte(bytes) % 5));
@@ -282,7 +382,7 @@ void call_kernel(const am_model *m, am_sim *sim, bytes_t *bytes) {
     }
 }
 
-/* ---- models ------------------------------------------------------------------------------------------------------- */
+/* ---- models ---------------------------------------------------------------------------------- */
 
 uint32_t crc32(const uint8_t *bytes, size_t n) {
     uint32_t crc = UINT32_MAX;
@@ -297,7 +397,8 @@ const char *folder_of_model(int k) {
     static const char *const NAME[] = {"whole", "plain", "bare", "empty"};
     static char path[sizeof NAME / sizeof *NAME][4000];
     const char *folder = getenv("AEROMATCH_MODELS");
-    promise(folder != NULL, "AEROMATCH_MODELS names the folder of the models; run kernel/fuzz/check.py");
+    promise(folder != NULL,
+            "AEROMATCH_MODELS names the folder of the models; run kernel/fuzz/check.py");
     if (k >= (int)(sizeof NAME / sizeof *NAME)) return NULL;
     snprintf(path[k], sizeof path[k], "%s/%s", folder, NAME[k]);
     return path[k];

@@ -1,4 +1,5 @@
-/* libFuzzer: any bytes as a model block, behind a header and a checksum that agree; what is accepted is flown. */
+/* libFuzzer: any bytes as a model block, behind a header and a checksum that agree; what is
+ * accepted is flown. */
 #include "drive.h"
 
 #include <stdlib.h>
@@ -10,7 +11,8 @@ size_t LLVMFuzzerMutate(uint8_t *data, size_t n, size_t most);
 
 /* magic, format, endian mark, size, CRC-32, sections */
 static void seal(uint8_t *block, size_t n) {
-    const uint32_t words[] = {(uint32_t)am_format(), 0x01020304, (uint32_t)n, 0}, sections = SECTIONS;
+    const uint32_t words[] = {(uint32_t)am_format(), 0x01020304, (uint32_t)n, 0};
+    const uint32_t sections = SECTIONS;
     memcpy(block, "AMKERNEL", 8);
     memcpy(block + 8, words, sizeof words);
     memcpy(block + 28, &sections, sizeof sections);
@@ -23,7 +25,10 @@ static void fly(const am_model *m, uint32_t seed) {
     uint8_t choices[CALLS * 16];
     am_sim *sim = am_new(m);
     if (!sim) return;
-    for (size_t i = 0; i < sizeof choices; i++) seed = seed * 1664525u + 1013904223u, choices[i] = (uint8_t)(seed >> 24);
+    for (size_t i = 0; i < sizeof choices; i++) {
+        seed = seed * 1664525u + 1013904223u;
+        choices[i] = (uint8_t)(seed >> 24);
+    }
     bytes_t bytes = {choices, sizeof choices};
     am_set_parameter(sim, am_find(m, AM_PARAMETER, "init.V"), 80.0);
     am_initialize(sim, 0.0);
@@ -45,19 +50,27 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n) {
     return 0;
 }
 
-/* One word of one section of a whole block; the names, which are most of the bytes, are left alone. */
+/* One word of one section of a whole block; the names, which are most of the bytes, are left
+ * alone. */
 size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t n, size_t most, unsigned seed) {
-    static const uint32_t WORD[] = {0, 1, 2, 3, 4, 7, 16, 255, 65535, 1u << 20, 0x3FF00000, 0x7FF00000, 0x80000000u, UINT32_MAX - 1, UINT32_MAX};
+    static const uint32_t WORD[] = {
+        0,         1,     2,        3,          4,          7,           16,
+        255,       65535, 1u << 20, 0x3FF00000, 0x7FF00000, 0x80000000u, UINT32_MAX - 1,
+        UINT32_MAX};
     uint64_t place[2];
     if (n < DIRECTORY || seed % 8 == 0) return LLVMFuzzerMutate(data, n, most);
     srand(seed);
     for (int edits = 1 + rand() % 3; edits > 0; edits--) {
         memcpy(place, data + HEADER + 16 * (size_t)(rand() % (SECTIONS - 1)), sizeof place);
-        const size_t records = place[0] < n ? n - (size_t)place[0] : 0, at = rand() % 8 ? (size_t)place[0] + 4 * (size_t)(rand() % 64) : HEADER + (size_t)(rand() % 208);
+        const size_t records = place[0] < n ? n - (size_t)place[0] : 0;
+        const size_t at = rand() % 8 ? (size_t)place[0] + 4 * (size_t)(rand() % 64)
+                                     : HEADER + (size_t)(rand() % 208);
         if (records < 4 || at + 4 > n) continue;
         uint32_t word;
         memcpy(&word, data + at, sizeof word);
-        word = rand() % 2 ? WORD[(size_t)rand() % (sizeof WORD / sizeof *WORD)] : rand() % 2 ? word + (uint32_t)(rand() % 5) - 2 : word ^ 1u << rand() % 32;
+        word = rand() % 2   ? WORD[(size_t)rand() % (sizeof WORD / sizeof *WORD)]
+               : rand() % 2 ? word + (uint32_t)(rand() % 5) - 2
+                            : word ^ 1u << rand() % 32;
         memcpy(data + at, &word, sizeof word);
     }
     return n;

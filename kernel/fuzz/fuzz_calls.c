@@ -1,4 +1,5 @@
-/* libFuzzer: functions of kernel.h in any order with any numbers, on models that Python compiled. */
+/* libFuzzer: functions of kernel.h in any order with any numbers, on models that Python
+ * compiled. */
 #include "drive.h"
 
 #include <stdlib.h>

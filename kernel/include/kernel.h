@@ -1,11 +1,13 @@
 /* aeromatch simulation kernel: public interface, in reading order.
  *
- * An aircraft is data: one packed block of tables, terms and constants, written by flightmech.compile and read by
- * am_load.  A model is immutable and may be shared by threads.  A simulation (am_sim) is all that moves; it is plain
- * memory, and am_copy of it is a rollback point.  Nothing here prints, keeps a global variable or allocates inside a step.
+ * An aircraft is data: one packed block of tables, terms and constants, written by
+ * flightmech.compile and read by am_load.  A model is immutable and may be shared by threads.  A
+ * simulation (am_sim) is all that moves; it is plain memory, and am_copy of it is a rollback
+ * point.  Nothing here prints, keeps a global variable or allocates inside a step.
  *
- * Units are SI and radians.  Body axes x forward, y right, z down; north-east-down; Euler angles 3-2-1.
- * p, q, r are relative to inertial space.  u, v, w, V, alpha, beta are relative to the air.
+ * Units are SI and radians.  Body axes x forward, y right, z down; north-east-down; Euler angles
+ * 3-2-1. p, q, r are relative to inertial space.  u, v, w, V, alpha, beta are relative to the
+ * air.
  *
  *     am_model *m = am_load(bytes, n, text, sizeof text);      NULL: text says why
  *     am_sim *s = am_new(m);
@@ -13,9 +15,8 @@
  *     am_set_inputs(s, u);                                      inputs at the start
  *     am_initialize(s);                                         trims when mode.trim says so
  *     am_outputs(s, y);
- *     am_step(s, t, dt, u0, u1);                                as often as wanted, or am_run for a whole record
- *     am_delete(s); am_free(m);
- */
+ *     am_step(s, t, dt, u0, u1);         as often as wanted, or am_run for a record
+ *     am_delete(s); am_free(m); */
 #ifndef AEROMATCH_KERNEL_H
 #define AEROMATCH_KERNEL_H
 
@@ -39,96 +40,121 @@ typedef struct am_sim am_sim;
 /* Status of a call.  After any status but AM_OK, am_error(sim) is a sentence for the user. */
 enum {
     AM_OK = 0,
-    AM_BAD_INDEX = 1,     /* no such input, output or parameter */
-    AM_BAD_VALUE = 2,     /* a parameter that has no physical meaning, e.g. a negative mass */
-    AM_NOT_FINITE = 3,    /* NaN or infinity in an input, a parameter, the state or an output: am_error names it, am_time says when */
-    AM_BAD_ARGUMENT = 4,  /* a wrong argument of the call itself, e.g. a negative dt */
-    AM_NOT_READY = 5      /* am_initialize has not been called or has failed */
+    AM_BAD_INDEX = 1, /* no such input, output or parameter */
+    AM_BAD_VALUE = 2, /* a parameter that has no physical meaning, e.g. a negative mass */
+    /* NaN or infinity in an input, a parameter, the state or an output: am_error names it,
+     * am_time says when */
+    AM_NOT_FINITE = 3,
+    AM_BAD_ARGUMENT = 4, /* a wrong argument of the call itself, e.g. a negative dt */
+    AM_NOT_READY = 5     /* am_initialize has not been called or has failed */
 };
 
 /* What can be counted, named and found. */
 typedef enum {
-    AM_INPUT = 0,      /* delta_e ... wind_d, engine1.throttle ... */
-    AM_OUTPUT = 1,     /* V ... out_of_range, engine1.thrust ... */
-    AM_PARAMETER = 2,  /* init.V ... mode.step, engine1.time_constant ..., term.CL.basic ..., power.CL.ground ... */
-    AM_STATE = 3,      /* state.x ... state.r, state.engine1.thrust ... */
-    AM_VARIABLE = 4,   /* model variables that the tables and terms of this block use: columns of am_evaluate */
-    AM_TARGET = 5,     /* what terms add to: CL ..., engine1.thrust ...; only am_known tells of it */
-    AM_TERM = 6,       /* CL/basic ..., engine1/thrust ..., in order of evaluation; columns of am_evaluate */
-    AM_AXIS = 7        /* table axes: the name is that of the variable, low and high are the range */
+    AM_INPUT = 0,  /* delta_e ... wind_d, engine1.throttle ... */
+    AM_OUTPUT = 1, /* V ... out_of_range, engine1.thrust ... */
+    /* init.V ... mode.step, engine1.time_constant ..., term.CL.basic ..., power.CL.ground ... */
+    AM_PARAMETER = 2,
+    AM_STATE = 3, /* state.x ... state.r, state.engine1.thrust ... */
+    /* model variables that the tables and terms of this block use: columns of am_evaluate */
+    AM_VARIABLE = 4,
+    /* what terms add to: CL ..., engine1.thrust ...; only am_known tells of it */
+    AM_TARGET = 5,
+    /* CL/basic ..., engine1/thrust ..., in order of evaluation; columns of am_evaluate */
+    AM_TERM = 6,
+    /* table axes: the name is that of the variable, low and high are the range */
+    AM_AXIS = 7
 } am_kind;
 
 /* am_entry.flags */
 enum {
-    AM_FIXED = 1,   /* a parameter that acts at am_initialize only (init.*, mode.*); others may change between steps */
+    /* a parameter that acts at am_initialize only (init.*, mode.*); others may change between
+     * steps */
+    AM_FIXED = 1,
     AM_INTEGER = 2, /* an enumeration: mode.earth, mode.engine, mode.controls, mode.trim */
-    AM_LINEAR = 4   /* an axis that goes on linearly beyond its ends instead of holding the end value */
+    /* an axis that goes on linearly beyond its ends instead of holding the end value */
+    AM_LINEAR = 4
 };
 
 /* One row of the catalogue; the texts live as long as the model. */
 typedef struct {
     const char *name, *units, *display_units, *description;
-    double value;     /* start value of an input or parameter; else 0 */
-    double low, high; /* range: limits of a control or parameter (-DBL_MAX, DBL_MAX: none), range of an axis */
+    double value; /* start value of an input or parameter; else 0 */
+    /* range: limits of a control or parameter (-DBL_MAX, DBL_MAX: none), range of an axis */
+    double low, high;
     int flags;
 } am_entry;
 
-/* ---- model -------------------------------------------------------------------------------------------------------- */
+/* ---- model ----------------------------------------------------------------------------------- */
 
-/* Check and copy a block.  Any bytes are safe; on a fault NULL comes back and err (nerr bytes) says what and where. */
+/* Check and copy a block.  Any bytes are safe; on a fault NULL comes back and err (nerr bytes)
+ * says what and where. */
 AM_API am_model *am_load(const void *bytes, size_t n, char *err, size_t nerr);
 AM_API void am_free(am_model *model);
 
-AM_API int am_format(void);                                              /* block format this library reads */
-AM_API const char *am_title(const am_model *model);                      /* name of the aircraft */
-AM_API const char *am_meta(const am_model *model);                       /* JSON: provenance, force axes, source hash */
+/* block format this library reads */
+AM_API int am_format(void);
+/* name of the aircraft */
+AM_API const char *am_title(const am_model *model);
+/* JSON: provenance, force axes, source hash */
+AM_API const char *am_meta(const am_model *model);
 AM_API int am_count(const am_model *model, am_kind kind);
 AM_API int am_entry_at(const am_model *model, am_kind kind, int i, am_entry *entry);
 AM_API int am_find(const am_model *model, am_kind kind, const char *name); /* index, or -1 */
 
-/* Names this library can compute, before any block exists: the i-th of AM_INPUT ... AM_TARGET, NULL past the end.  Names come
- * in groups (am_group: "" the core, "weather", "engine" ...).  A group has items; those of the core and the weather are
- * always there, the others once per item of the aircraft, with the item's name in place of the star: engine*.throttle
- * becomes engine1.throttle, gear.*.force gear.nose.force.  In a block the groups stand in this order, all names of the first
- * item before those of the second; term.<name> for every term and power.<name> for every power factor follow the parameters. */
+/* Names this library can compute, before any block exists: the i-th of AM_INPUT ... AM_TARGET,
+ * NULL past the end.  Names come in groups (am_group: "" the core, "weather", "engine" ...).  A
+ * group has items; those of the core and the weather are always there, the others once per item
+ * of the aircraft, with the item's name in place of the star: engine*.throttle becomes
+ * engine1.throttle, gear.*.force gear.nose.force.  In a block the groups stand in this order,
+ * all names of the first item before those of the second; term.<name> for every term and
+ * power.<name> for every power factor follow the parameters. */
 AM_API const char *am_known(am_kind kind, int i);
 AM_API const char *am_known_group(am_kind kind, int i);
-/* Variables: the first stage of the evaluation that may use it; targets: the stage that evaluates it; -1 past the end. */
+/* Variables: the first stage of the evaluation that may use it; targets: the stage that
+ * evaluates it; -1 past the end. */
 AM_API int am_known_stage(am_kind kind, int i);
 AM_API const char *am_group(int i);
 
-/* ---- simulation --------------------------------------------------------------------------------------------------- */
+/* ---- simulation ------------------------------------------------------------------------------ */
 
-AM_API am_sim *am_new(const am_model *model);                            /* NULL: no memory */
+AM_API am_sim *am_new(const am_model *model); /* NULL: no memory */
 AM_API void am_delete(am_sim *sim);
-AM_API int am_copy(am_sim *to, const am_sim *from);                      /* both of one model; states, inputs, parameters, counters */
-AM_API const char *am_error(const am_sim *sim);                          /* text of the last failure, "" when none */
-AM_API double am_time(const am_sim *sim);                                /* time reached, or at which a step failed [s] */
+/* both of one model; states, inputs, parameters, counters */
+AM_API int am_copy(am_sim *to, const am_sim *from);
+/* text of the last failure, "" when none */
+AM_API const char *am_error(const am_sim *sim);
+/* time reached, or at which a step failed [s] */
+AM_API double am_time(const am_sim *sim);
 
-/* NaN and infinity are refused (AM_NOT_FINITE); after a refusal the old values stay.  Beside the catalogued parameters every
- * table has some that only am_find knows: its nodes (node.CL.basic[3,1], node.CL.gear.K1[0]), a scale (table.CL.basic, start
- * value 1) and an offset (offset.CL.basic).  They change this simulation, not the model; at most 256 of them. */
+/* NaN and infinity are refused (AM_NOT_FINITE); after a refusal the old values stay.  Beside the
+ * catalogued parameters every table has some that only am_find knows: its nodes
+ * (node.CL.basic[3,1], node.CL.gear.K1[0]), a scale (table.CL.basic, start value 1) and an
+ * offset (offset.CL.basic).  They change this simulation, not the model; at most 256 of them. */
 AM_API int am_set_parameter(am_sim *sim, int i, double value);
 AM_API int am_get_parameter(const am_sim *sim, int i, double *value);
 AM_API int am_set_input(am_sim *sim, int i, double value);
 AM_API int am_get_input(const am_sim *sim, int i, double *value);
-AM_API int am_set_inputs(am_sim *sim, const double *u);                  /* u[am_count(AM_INPUT)] */
+/* u[am_count(AM_INPUT)] */
+AM_API int am_set_inputs(am_sim *sim, const double *u);
 AM_API int am_get_inputs(const am_sim *sim, double *u);
 
-/* Put the state to init.* (body axes, wind of the present inputs), engines to their steady thrust, counters and trim.*
- * to zero; then am_trim when mode.trim is 1 or 2.  Time is set to t. */
+/* Put the state to init.* (body axes, wind of the present inputs), engines to their steady
+ * thrust, counters and trim.* to zero; then am_trim when mode.trim is 1 or 2.  Time is set to t. */
 AM_API int am_initialize(am_sim *sim, double t);
 
-/* Seek alpha, beta and biases of elevator, aileron, rudder and of thrust (seek = 1, N per engine) or throttle (seek = 2)
- * so that u', v', w', p', q', r' take the values init.u_dot ... init.r_dot, with init.V gamma phi psi h p q r psi_dot held.
- * Regularised minimum-norm Newton steps inside the limits of the inputs.  A trim that leaves residuals is a result, not
- * an error: outputs trim.u_dot ... trim.r_dot hold what is left, trim.alpha ... trim.throttle what was found.
- * seek = 3 stands on the runway instead, rolling with init.V over the ground along init.psi (0: at rest): height, pitch, bank and, at
- * rest, deflections of the tyres, so that the legs carry the aircraft and, at rest, nothing accelerates. */
+/* Seek alpha, beta and biases of elevator, aileron, rudder and of thrust (seek = 1, N per
+ * engine) or throttle (seek = 2) so that u', v', w', p', q', r' take the values init.u_dot ...
+ * init.r_dot, with init.V gamma phi psi h p q r psi_dot held. Regularised minimum-norm Newton
+ * steps inside the limits of the inputs.  A trim that leaves residuals is a result, not an
+ * error: outputs trim.u_dot ... trim.r_dot hold what is left, trim.alpha ... trim.throttle what
+ * was found. seek = 3 stands on the runway instead, rolling with init.V over the ground along
+ * init.psi (0: at rest): height, pitch, bank and, at rest, deflections of the tyres, so that the
+ * legs carry the aircraft and, at rest, nothing accelerates. */
 AM_API int am_trim(am_sim *sim, int seek);
 
-/* What a trim moves: row `index` of the inputs, parameters or states of submodels follows unknown `unknown`; several may follow
- * one, as the throttles of all engines do. */
+/* What a trim moves: row `index` of the inputs, parameters or states of submodels follows
+ * unknown `unknown`; several may follow one, as the throttles of all engines do. */
 typedef struct {
     int kind, index, unknown;
 } am_mover;
@@ -137,80 +163,94 @@ typedef struct {
 enum {
     AM_PATH_GAMMA = 0, /* theta follows from init.gamma */
     AM_PATH_THETA = 1, /* init.theta is given, the climb angle follows */
-    AM_PATH_GROUND = 2 /* init.V is the speed over the ground along init.psi; airspeed and flow angles follow with attitude and wind */
+    /* init.V is the speed over the ground along init.psi; airspeed and flow angles follow with
+     * attitude and wind */
+    AM_PATH_GROUND = 2
 };
 
 enum { AM_GOAL_CLIMB = -1 }; /* in place of an output: acceleration upward */
 
 typedef struct {
     int path, movers, unknowns, goals;
-    const am_mover *mover;              /* [movers] */
-    const double *low, *high, *size;    /* [unknowns]: limits; what one step of the search should be of the order of */
-    const int *goal;                    /* [goals]: outputs or AM_GOAL_CLIMB; trim.u_dot ...: accelerations less init.u_dot ... */
-    const double *wanted;               /* [goals] */
+    const am_mover *mover; /* [movers] */
+    /* [unknowns]: limits; what one step of the search should be of the order of */
+    const double *low, *high, *size;
+    /* [goals]: outputs or AM_GOAL_CLIMB; trim.u_dot ...: accelerations less init.u_dot ... */
+    const int *goal;
+    const double *wanted; /* [goals] */
 } am_trim_task;
 
-/* Seek unknowns so that outputs take wanted values, inside limits, by steps of the smallest norm; no more goals than unknowns.
- * init.p q r are here rates against the horizon; the turn init.psi_dot about the vertical comes on top.
- * found[unknowns]: in the first guess (NaN: as it is now; standing, for init.h and init.theta on the ground), out what was found.
- * The simulation is then in that state, and inputs and init.* hold it: am_initialize with mode.trim = 0 (3 on the ground) comes
- * back to it.
- * y[outputs]: the outputs there.  left[goals]: what is left, output less wanted value, weighed as an acceleration (m/s2; rotations
- * times half the span, angles and load factors times g, forces times 0.01).  jacobian[goals * unknowns] (NULL: not asked for):
- * slope of `left` over one size of each unknown.  A trim that leaves residuals is a result, not an error. */
-AM_API int am_trim_for(am_sim *sim, const am_trim_task *task, double *found, double *y, double *left, double *jacobian);
+/* Seek unknowns so that outputs take wanted values, inside limits, by steps of the smallest
+ * norm; no more goals than unknowns. init.p q r are here rates against the horizon; the turn
+ * init.psi_dot about the vertical comes on top. found[unknowns]: in the first guess (NaN: as it
+ * is now; standing, for init.h and init.theta on the ground), out what was found. The simulation
+ * is then in that state, and inputs and init.* hold it: am_initialize with mode.trim = 0 (3 on
+ * the ground) comes back to it. y[outputs]: the outputs there.  left[goals]: what is left,
+ * output less wanted value, weighed as an acceleration (m/s2; rotations times half the span,
+ * angles and load factors times g, forces times 0.01).  jacobian[goals * unknowns] (NULL: not
+ * asked for): slope of `left` over one size of each unknown.  A trim that leaves residuals is a
+ * result, not an error. */
+AM_API int am_trim_for(am_sim *sim, const am_trim_task *task, double *found, double *y,
+                       double *left, double *jacobian);
 
-/* Advance from t to t + dt with inputs linear from u0 to u1 (u1 == u0: held), in equal RK4 steps of at most mode.step.
- * u1 becomes the present input.  On failure the state is that of the last good internal step.  Times lie within 1e10 s. */
+/* Advance from t to t + dt with inputs linear from u0 to u1 (u1 == u0: held), in equal RK4 steps
+ * of at most mode.step. u1 becomes the present input.  On failure the state is that of the last
+ * good internal step.  Times lie within 1e10 s. */
 AM_API int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1);
 
 /* All outputs at the present state and input, finite or AM_NOT_FINITE: y[am_count(AM_OUTPUT)]. */
 AM_API int am_outputs(am_sim *sim, double *y);
 
-/* A whole record from an initialised simulation: t[n] rising, u[n * inputs], y[n * outputs] (row by row).
- * hold = 0: inputs linear between samples; 1: u[k] held from t[k] to t[k + 1], as an importer without interpolation does,
- * and the outputs at t[k + 1] are those under u[k].
- * *done is the number of rows of y that are valid; on failure am_time and am_error tell when and why. */
-AM_API int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, double *y, size_t *done);
+/* A whole record from an initialised simulation: t[n] rising, u[n * inputs], y[n * outputs] (row
+ * by row). hold = 0: inputs linear between samples; 1: u[k] held from t[k] to t[k + 1], as an
+ * importer without interpolation does, and the outputs at t[k + 1] are those under u[k]. *done
+ * is the number of rows of y that are valid; on failure am_time and am_error tell when and why. */
+AM_API int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, double *y,
+                  size_t *done);
 
-/* The same with a choice of outputs, y[n * outputs] (output NULL: all of them), and, when terms is given, the contribution of
- * every term: terms[n * am_count(AM_TERM)], scales and implicit variables included. */
-AM_API int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold, const int *output, size_t outputs, double *y,
-                     double *terms, size_t *done);
+/* The same with a choice of outputs, y[n * outputs] (output NULL: all of them), and, when terms
+ * is given, the contribution of every term: terms[n * am_count(AM_TERM)], scales and implicit
+ * variables included. */
+AM_API int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold,
+                     const int *output, size_t outputs, double *y, double *terms, size_t *done);
 
-/* Runs of one record from one simulation, each with its own parameters; runs first ... last - 1 are flown, so that threads can
- * share a batch.  Each run starts with am_initialize at t[0].  status, done and text have one place per run. */
+/* Runs of one record from one simulation, each with its own parameters; runs first ... last - 1
+ * are flown, so that threads can share a batch.  Each run starts with am_initialize at t[0].
+ * status, done and text have one place per run. */
 typedef struct {
     size_t samples, parameters, outputs;
-    const double *t, *u;     /* t[samples], u[samples * inputs] */
-    const int *parameter;    /* indices; values[runs * parameters] */
+    const double *t, *u;  /* t[samples], u[samples * inputs] */
+    const int *parameter; /* indices; values[runs * parameters] */
     const double *values;
-    const int *output;       /* indices */
-    double *y;               /* y[runs * samples * outputs] */
+    const int *output; /* indices */
+    double *y;         /* y[runs * samples * outputs] */
     int hold;
 } am_batch_task;
-AM_API int am_batch(const am_sim *base, const am_batch_task *task, size_t first, size_t last, int *status, size_t *done,
-                    char (*text)[AM_TEXT]);
+AM_API int am_batch(const am_sim *base, const am_batch_task *task, size_t first, size_t last,
+                    int *status, size_t *done, char (*text)[AM_TEXT]);
 
-/* ---- state access: linearisation, model exchange ------------------------------------------------------------------ */
+/* ---- state access: linearisation, model exchange --------------------------------------------- */
 
-/* x as AM_STATE lists it: position (3) and velocity (3) in Earth axes, quaternion Earth to body (4), p q r, then the submodels.
- * Earth axes are Earth-centred Earth-fixed, or north-east-down at the start on the flat Earth (mode.earth = 0).
- * What is not a state, such as a control system with friction, stands still in am_derivative. */
+/* x as AM_STATE lists it: position (3) and velocity (3) in Earth axes, quaternion Earth to body
+ * (4), p q r, then the submodels. Earth axes are Earth-centred Earth-fixed, or north-east-down
+ * at the start on the flat Earth (mode.earth = 0). What is not a state, such as a control system
+ * with friction, stands still in am_derivative. */
 AM_API int am_state_count(const am_model *model);
 AM_API int am_get_state(const am_sim *sim, double *x);
 AM_API int am_set_state(am_sim *sim, const double *x);
 AM_API int am_derivative(am_sim *sim, const double *x, const double *u, double *dx);
 
-/* Model exchange: an accepted step of the importer ends at t; moves what is no state from am_time to t. */
+/* Model exchange: an accepted step of the importer ends at t; moves what is no state from
+ * am_time to t. */
 AM_API int am_complete_step(am_sim *sim, double t);
 
-/* ---- the aero model alone ----------------------------------------------------------------------------------------- */
+/* ---- the aero model alone -------------------------------------------------------------------- */
 
-/* Evaluate the tables and terms for n rows of model variables v[n * am_count(AM_VARIABLE)] (columns in catalogue order;
- * alphadothat, betadothat and dnz are taken as given).  Either result may be NULL.
- * coefficients[n * 6]: CL CD CY Cl Cm Cn (CX CZ CY Cl Cm Cn with body force axes), scales of sim in, biases not;
- * terms[n * am_count(AM_TERM)]: contribution of each term with its scale.  State and counters of sim are not touched. */
+/* Evaluate the tables and terms for n rows of model variables v[n * am_count(AM_VARIABLE)]
+ * (columns in catalogue order; alphadothat, betadothat and dnz are taken as given).  Either
+ * result may be NULL. coefficients[n * 6]: CL CD CY Cl Cm Cn (CX CZ CY Cl Cm Cn with body force
+ * axes), scales of sim in, biases not; terms[n * am_count(AM_TERM)]: contribution of each term
+ * with its scale.  State and counters of sim are not touched. */
 AM_API int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, double *terms);
 
 /* Out-of-range counters since am_initialize: below[axes], above[axes], in internal steps. */

@@ -1,4 +1,5 @@
-/* FMI 2.0, co-simulation and model exchange, over fmu.h.  Types are those of the standard on every platform served here. */
+/* FMI 2.0, co-simulation and model exchange, over fmu.h.  Types are those of the standard on
+ * every platform served here. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -9,7 +10,8 @@
 typedef int fmi2Boolean;
 typedef int fmi2Status;
 typedef unsigned int fmi2ValueReference;
-typedef void (*logger_function)(void *environment, const char *instance, fmi2Status status, const char *category, const char *message, ...);
+typedef void (*logger_function)(void *environment, const char *instance, fmi2Status status,
+                                const char *category, const char *message, ...);
 
 typedef struct {
     logger_function logger;
@@ -40,13 +42,14 @@ static void tell(const fmu_logger *logger, int status, const char *text) {
     function(logger->environment, logger->name, status, "logStatusError", message);
 }
 
-/* ---- life ----------------------------------------------------------------------------------------------------------- */
+/* ---- life ------------------------------------------------------------------------------------ */
 
 AM_API const char *fmi2GetTypesPlatform(void) { return "default"; }
 AM_API const char *fmi2GetVersion(void) { return "2.0"; }
 
-AM_API fmu *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources, const callback_functions *callbacks,
-                            fmi2Boolean visible, fmi2Boolean logging) {
+AM_API fmu *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
+                            const callback_functions *callbacks, fmi2Boolean visible,
+                            fmi2Boolean logging) {
     fmu_logger logger = {.tell = tell};
     char folder[4096];
     (void)visible;
@@ -57,26 +60,36 @@ AM_API fmu *fmi2Instantiate(const char *name, int type, const char *guid, const 
     }
     snprintf(logger.name, sizeof logger.name, "%s", name ? name : "");
     if (type != CO_SIMULATION && type != MODEL_EXCHANGE) {
-        tell(&logger, FMU_ERROR, "unknown type of instance; FMI 2.0 knows model exchange (0) and co-simulation (1)");
+        tell(&logger, FMU_ERROR,
+             "unknown type of instance; FMI 2.0 knows model exchange (0) and co-simulation (1)");
         return NULL;
     }
     if (resource_path(resources, folder, sizeof folder) != 0) {
-        tell(&logger, FMU_ERROR, "the resource location is not a file URI; give file:///<folder>/resources");
+        tell(&logger, FMU_ERROR,
+             "the resource location is not a file URI; give file:///<folder>/resources");
         return NULL;
     }
-    return fmu_open(folder, guid, type == CO_SIMULATION ? FMU_CO_SIMULATION : FMU_MODEL_EXCHANGE, &logger);
+    return fmu_open(folder, guid, type == CO_SIMULATION ? FMU_CO_SIMULATION : FMU_MODEL_EXCHANGE,
+                    &logger);
 }
 
 AM_API void fmi2FreeInstance(fmu *f) { fmu_close(f); }
 
-AM_API fmi2Status fmi2SetDebugLogging(fmu *f, fmi2Boolean on, size_t n, const char *const categories[]) {
-    (void)on, (void)n, (void)categories;
+AM_API fmi2Status fmi2SetDebugLogging(fmu *f, fmi2Boolean on, size_t n,
+                                      const char *const categories[]) {
+    (void)on;
+    (void)n;
+    (void)categories;
     return f ? FMU_OK : FMU_ERROR;
 }
 
-AM_API fmi2Status fmi2SetupExperiment(fmu *f, fmi2Boolean tolerance_defined, double tolerance, double start, fmi2Boolean stop_defined,
-                                      double stop) {
-    (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop; /* the step is fixed by mode.step */
+AM_API fmi2Status fmi2SetupExperiment(fmu *f, fmi2Boolean tolerance_defined, double tolerance,
+                                      double start, fmi2Boolean stop_defined, double stop) {
+    /* the step is fixed by mode.step */
+    (void)tolerance_defined;
+    (void)tolerance;
+    (void)stop_defined;
+    (void)stop;
     return fmu_set_start(f, start);
 }
 
@@ -85,13 +98,14 @@ AM_API fmi2Status fmi2ExitInitializationMode(fmu *f) { return fmu_end_initializa
 AM_API fmi2Status fmi2Terminate(fmu *f) { return fmu_stop(f); }
 AM_API fmi2Status fmi2Reset(fmu *f) { return fmu_reset(f); }
 
-/* ---- values --------------------------------------------------------------------------------------------------------- */
+/* ---- values ---------------------------------------------------------------------------------- */
 
 AM_API fmi2Status fmi2GetReal(fmu *f, const fmi2ValueReference vr[], size_t n, double values[]) {
     return fmu_get(f, vr, n, values, n);
 }
 
-AM_API fmi2Status fmi2SetReal(fmu *f, const fmi2ValueReference vr[], size_t n, const double values[]) {
+AM_API fmi2Status fmi2SetReal(fmu *f, const fmi2ValueReference vr[], size_t n,
+                              const double values[]) {
     return fmu_set(f, vr, n, values, n);
 }
 
@@ -105,7 +119,8 @@ AM_API fmi2Status fmi2GetInteger(fmu *f, const fmi2ValueReference vr[], size_t n
     return FMU_OK;
 }
 
-AM_API fmi2Status fmi2SetInteger(fmu *f, const fmi2ValueReference vr[], size_t n, const int values[]) {
+AM_API fmi2Status fmi2SetInteger(fmu *f, const fmi2ValueReference vr[], size_t n,
+                                 const int values[]) {
     if (fmu_check_integers(f, vr, n)) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
         double value = values[k];
@@ -114,13 +129,19 @@ AM_API fmi2Status fmi2SetInteger(fmu *f, const fmi2ValueReference vr[], size_t n
     return FMU_OK;
 }
 
-AM_API fmi2Status fmi2SetRealInputDerivatives(fmu *f, const fmi2ValueReference vr[], size_t n, const int order[], const double values[]) {
-    for (size_t k = 0; k < n; k++)
-        if (order[k] != 1) return fmu_refuse(f, "derivative of order %d of an input; only the first derivative is taken", order[k]);
+AM_API fmi2Status fmi2SetRealInputDerivatives(fmu *f, const fmi2ValueReference vr[], size_t n,
+                                              const int order[], const double values[]) {
+    for (size_t k = 0; k < n; k++) {
+        if (order[k] != 1) {
+            return fmu_refuse(
+                f, "derivative of order %d of an input; only the first derivative is taken",
+                order[k]);
+        }
+    }
     return fmu_set_slopes(f, vr, n, values);
 }
 
-/* ---- steps ---------------------------------------------------------------------------------------------------------- */
+/* ---- steps ----------------------------------------------------------------------------------- */
 
 AM_API fmi2Status fmi2DoStep(fmu *f, double t, double dt, fmi2Boolean no_set_state_prior) {
     (void)no_set_state_prior;
@@ -128,7 +149,9 @@ AM_API fmi2Status fmi2DoStep(fmu *f, double t, double dt, fmi2Boolean no_set_sta
 }
 
 AM_API fmi2Status fmi2GetRealStatus(fmu *f, int kind, double *value) {
-    if (!f || kind != LAST_SUCCESSFUL_TIME) return fmu_refuse(f, "status %d has no real value", kind);
+    if (!f || kind != LAST_SUCCESSFUL_TIME) {
+        return fmu_refuse(f, "status %d has no real value", kind);
+    }
     *value = fmu_time(f);
     return FMU_OK;
 }
@@ -139,7 +162,7 @@ AM_API fmi2Status fmi2GetBooleanStatus(fmu *f, int kind, fmi2Boolean *value) {
     return FMU_OK;
 }
 
-/* ---- model exchange ------------------------------------------------------------------------------------------------- */
+/* ---- model exchange -------------------------------------------------------------------------- */
 
 AM_API fmi2Status fmi2EnterEventMode(fmu *f) { return fmu_begin_event(f); }
 AM_API fmi2Status fmi2EnterContinuousTimeMode(fmu *f) { return fmu_begin_continuous(f); }
@@ -152,7 +175,8 @@ AM_API fmi2Status fmi2NewDiscreteStates(fmu *f, event_info *info) {
     return status;
 }
 
-AM_API fmi2Status fmi2CompletedIntegratorStep(fmu *f, fmi2Boolean no_set_state_prior, fmi2Boolean *enter_event_mode,
+AM_API fmi2Status fmi2CompletedIntegratorStep(fmu *f, fmi2Boolean no_set_state_prior,
+                                              fmi2Boolean *enter_event_mode,
                                               fmi2Boolean *terminate) {
     (void)no_set_state_prior;
     *enter_event_mode = *terminate = 0;
@@ -160,20 +184,30 @@ AM_API fmi2Status fmi2CompletedIntegratorStep(fmu *f, fmi2Boolean no_set_state_p
 }
 
 AM_API fmi2Status fmi2SetTime(fmu *f, double time) { return fmu_set_time(f, time); }
-AM_API fmi2Status fmi2SetContinuousStates(fmu *f, const double x[], size_t n) { return fmu_set_states(f, x, n); }
-AM_API fmi2Status fmi2GetContinuousStates(fmu *f, double x[], size_t n) { return fmu_get_states(f, x, n); }
-AM_API fmi2Status fmi2GetDerivatives(fmu *f, double dx[], size_t n) { return fmu_get_derivatives(f, dx, n); }
-AM_API fmi2Status fmi2GetNominalsOfContinuousStates(fmu *f, double x[], size_t n) { return fmu_get_nominals(f, x, n); }
+AM_API fmi2Status fmi2SetContinuousStates(fmu *f, const double x[], size_t n) {
+    return fmu_set_states(f, x, n);
+}
+AM_API fmi2Status fmi2GetContinuousStates(fmu *f, double x[], size_t n) {
+    return fmu_get_states(f, x, n);
+}
+AM_API fmi2Status fmi2GetDerivatives(fmu *f, double dx[], size_t n) {
+    return fmu_get_derivatives(f, dx, n);
+}
+AM_API fmi2Status fmi2GetNominalsOfContinuousStates(fmu *f, double x[], size_t n) {
+    return fmu_get_nominals(f, x, n);
+}
 
 AM_API fmi2Status fmi2GetEventIndicators(fmu *f, double z[], size_t n) {
     (void)z;
     return fmu_get_indicators(f, n);
 }
 
-/* ---- stored states -------------------------------------------------------------------------------------------------- */
+/* ---- stored states --------------------------------------------------------------------------- */
 
 AM_API fmi2Status fmi2GetFMUstate(fmu *f, fmu_state **state) { return fmu_take_state(f, state); }
-AM_API fmi2Status fmi2SetFMUstate(fmu *f, const fmu_state *state) { return fmu_put_state(f, state); }
+AM_API fmi2Status fmi2SetFMUstate(fmu *f, const fmu_state *state) {
+    return fmu_put_state(f, state);
+}
 
 AM_API fmi2Status fmi2FreeFMUstate(fmu *f, fmu_state **state) {
     fmu_free_state(state);
@@ -192,17 +226,19 @@ AM_API fmi2Status fmi2DeSerializeFMUstate(fmu *f, const char bytes[], size_t n, 
     return fmu_load_state(f, bytes, n, state);
 }
 
-/* ---- what the standard names and this FMU does not offer -------------------------------------------------------------
- * Importers load every function, so all are there; the model description tells that they are not to be called. */
+/* ---- what the standard names and this FMU does not offer ----------------------------------------
+ * Importers load every function, so all are there; the model description says that they are not to
+ * be called. */
 
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #endif
 #define NOT_OFFERED(function, why, ...) \
     AM_API fmi2Status function(fmu *f, __VA_ARGS__) { return fmu_refuse(f, #function ": " why); }
-#define NO_VARIABLES(function, type) \
+#define NO_VARIABLES(function, type)                                                             \
     AM_API fmi2Status function(fmu *f, const fmi2ValueReference vr[], size_t n, type values[]) { \
-        return f && n == 0 ? FMU_OK : fmu_refuse(f, #function ": the FMU has no variable of this type"); \
+        return f && n == 0 ? FMU_OK                                                              \
+                           : fmu_refuse(f, #function ": the FMU has no variable of this type");  \
     }
 #define ASYNCHRONOUS "steps are never left pending"
 
@@ -216,7 +252,8 @@ NOT_OFFERED(fmi2GetIntegerStatus, ASYNCHRONOUS, int kind, int *value)
 NOT_OFFERED(fmi2GetStringStatus, ASYNCHRONOUS, int kind, const char **value)
 AM_API fmi2Status fmi2CancelStep(fmu *f) { return fmu_refuse(f, "fmi2CancelStep: " ASYNCHRONOUS); }
 
-NOT_OFFERED(fmi2GetRealOutputDerivatives, "no output derivatives are given", const fmi2ValueReference vr[], size_t n, const int order[],
-            double values[])
-NOT_OFFERED(fmi2GetDirectionalDerivative, "no directional derivatives are given", const fmi2ValueReference unknowns[], size_t nu,
-            const fmi2ValueReference knowns[], size_t nk, const double seed[], double sensitivity[])
+NOT_OFFERED(fmi2GetRealOutputDerivatives, "no output derivatives are given",
+            const fmi2ValueReference vr[], size_t n, const int order[], double values[])
+NOT_OFFERED(fmi2GetDirectionalDerivative, "no directional derivatives are given",
+            const fmi2ValueReference unknowns[], size_t nu, const fmi2ValueReference knowns[],
+            size_t nk, const double seed[], double sensitivity[])

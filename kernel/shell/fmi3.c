@@ -7,50 +7,74 @@
 
 typedef int fmi3Status;
 typedef uint32_t fmi3ValueReference;
-typedef void (*logger_function)(void *environment, fmi3Status status, const char *category, const char *message);
-typedef void (*update_function)(void *environment, double time, bool set_requested, bool get_allowed, bool step_finished, bool can_return,
+typedef void (*logger_function)(void *environment, fmi3Status status, const char *category,
+                                const char *message);
+typedef void (*update_function)(void *environment, double time, bool set_requested,
+                                bool get_allowed, bool step_finished, bool can_return,
                                 bool *return_requested, double *return_time);
 typedef void (*notice_function)(void *environment);
 typedef void (*lock_function)(void);
 
 static void tell(const fmu_logger *logger, int status, const char *text) {
-    if (logger->callback) ((logger_function)logger->callback)(logger->environment, status, "logStatusError", text);
+    if (logger->callback) {
+        ((logger_function)logger->callback)(logger->environment, status, "logStatusError", text);
+    }
 }
 
 static fmu_logger logger_of(const char *name, void *environment, logger_function callback) {
-    fmu_logger logger = {.tell = tell, .environment = environment, .callback = (void (*)(void))callback};
+    fmu_logger logger = {
+        .tell = tell, .environment = environment, .callback = (void (*)(void))callback};
     snprintf(logger.name, sizeof logger.name, "%s", name ? name : "");
     return logger;
 }
 
-/* ---- life ----------------------------------------------------------------------------------------------------------- */
+/* ---- life ------------------------------------------------------------------------------------ */
 
 AM_API const char *fmi3GetVersion(void) { return "3.0"; }
 
-AM_API fmu *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources, bool visible, bool logging, bool events,
-                                        bool early_return, const fmi3ValueReference intermediate[], size_t n, void *environment,
-                                        logger_function callback, update_function update) {
+AM_API fmu *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources,
+                                        bool visible, bool logging, bool events, bool early_return,
+                                        const fmi3ValueReference intermediate[], size_t n,
+                                        void *environment, logger_function callback,
+                                        update_function update) {
     fmu_logger logger = logger_of(name, environment, callback);
-    (void)visible, (void)logging, (void)early_return, (void)intermediate, (void)update; /* only errors are logged, and they always are */
+    /* only errors are logged, and they always are */
+    (void)visible;
+    (void)logging;
+    (void)early_return;
+    (void)intermediate;
+    (void)update;
     if (events || n) {
-        tell(&logger, FMU_ERROR, "this FMU has neither an event mode nor intermediate updates; instantiate it without them");
+        tell(&logger, FMU_ERROR,
+             "this FMU has neither an event mode nor intermediate updates; instantiate it without "
+             "them");
         return NULL;
     }
     return fmu_open(resources, token, FMU_CO_SIMULATION, &logger);
 }
 
-AM_API fmu *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources, bool visible, bool logging,
-                                         void *environment, logger_function callback) {
+AM_API fmu *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources,
+                                         bool visible, bool logging, void *environment,
+                                         logger_function callback) {
     fmu_logger logger = logger_of(name, environment, callback);
-    (void)visible, (void)logging;
+    (void)visible;
+    (void)logging;
     return fmu_open(resources, token, FMU_MODEL_EXCHANGE, &logger);
 }
 
-AM_API fmu *fmi3InstantiateScheduledExecution(const char *name, const char *token, const char *resources, bool visible, bool logging,
-                                              void *environment, logger_function callback, notice_function clock, lock_function lock,
+AM_API fmu *fmi3InstantiateScheduledExecution(const char *name, const char *token,
+                                              const char *resources, bool visible, bool logging,
+                                              void *environment, logger_function callback,
+                                              notice_function clock, lock_function lock,
                                               lock_function unlock) {
     fmu_logger logger = logger_of(name, environment, callback);
-    (void)token, (void)resources, (void)visible, (void)logging, (void)clock, (void)lock, (void)unlock;
+    (void)token;
+    (void)resources;
+    (void)visible;
+    (void)logging;
+    (void)clock;
+    (void)lock;
+    (void)unlock;
     tell(&logger, FMU_ERROR, "this FMU offers no scheduled execution");
     return NULL;
 }
@@ -58,13 +82,19 @@ AM_API fmu *fmi3InstantiateScheduledExecution(const char *name, const char *toke
 AM_API void fmi3FreeInstance(fmu *f) { fmu_close(f); }
 
 AM_API fmi3Status fmi3SetDebugLogging(fmu *f, bool on, size_t n, const char *const categories[]) {
-    (void)on, (void)n, (void)categories;
+    (void)on;
+    (void)n;
+    (void)categories;
     return f ? FMU_OK : FMU_ERROR;
 }
 
-AM_API fmi3Status fmi3EnterInitializationMode(fmu *f, bool tolerance_defined, double tolerance, double start, bool stop_defined,
-                                              double stop) {
-    (void)tolerance_defined, (void)tolerance, (void)stop_defined, (void)stop; /* the step is fixed by mode.step */
+AM_API fmi3Status fmi3EnterInitializationMode(fmu *f, bool tolerance_defined, double tolerance,
+                                              double start, bool stop_defined, double stop) {
+    /* the step is fixed by mode.step */
+    (void)tolerance_defined;
+    (void)tolerance;
+    (void)stop_defined;
+    (void)stop;
     return fmu_set_start(f, start) ? FMU_ERROR : fmu_begin_initialization(f);
 }
 
@@ -72,22 +102,26 @@ AM_API fmi3Status fmi3ExitInitializationMode(fmu *f) { return fmu_end_initializa
 AM_API fmi3Status fmi3Terminate(fmu *f) { return fmu_stop(f); }
 AM_API fmi3Status fmi3Reset(fmu *f) { return fmu_reset(f); }
 
-/* ---- values --------------------------------------------------------------------------------------------------------- */
+/* ---- values ---------------------------------------------------------------------------------- */
 
-AM_API fmi3Status fmi3GetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n, double values[], size_t nvalues) {
+AM_API fmi3Status fmi3GetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n, double values[],
+                                 size_t nvalues) {
     return fmu_get(f, vr, n, values, nvalues);
 }
 
-AM_API fmi3Status fmi3SetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n, const double values[], size_t nvalues) {
+AM_API fmi3Status fmi3SetFloat64(fmu *f, const fmi3ValueReference vr[], size_t n,
+                                 const double values[], size_t nvalues) {
     return fmu_set(f, vr, n, values, nvalues);
 }
 
 static int scalars(const fmu *f, size_t n, size_t nvalues) {
     if (n == nvalues) return FMU_OK;
-    return fmu_refuse(f, "%lu values for %lu variables; every variable of this type is a scalar", (unsigned long)nvalues, (unsigned long)n);
+    return fmu_refuse(f, "%lu values for %lu variables; every variable of this type is a scalar",
+                      (unsigned long)nvalues, (unsigned long)n);
 }
 
-AM_API fmi3Status fmi3GetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, int64_t values[], size_t nvalues) {
+AM_API fmi3Status fmi3GetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, int64_t values[],
+                               size_t nvalues) {
     if (scalars(f, n, nvalues) || fmu_check_integers(f, vr, n)) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
         double value;
@@ -97,7 +131,8 @@ AM_API fmi3Status fmi3GetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, 
     return FMU_OK;
 }
 
-AM_API fmi3Status fmi3SetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, const int64_t values[], size_t nvalues) {
+AM_API fmi3Status fmi3SetInt64(fmu *f, const fmi3ValueReference vr[], size_t n,
+                               const int64_t values[], size_t nvalues) {
     if (scalars(f, n, nvalues) || fmu_check_integers(f, vr, n)) return FMU_ERROR;
     for (size_t k = 0; k < n; k++) {
         double value = (double)values[k];
@@ -106,20 +141,23 @@ AM_API fmi3Status fmi3SetInt64(fmu *f, const fmi3ValueReference vr[], size_t n, 
     return FMU_OK;
 }
 
-AM_API fmi3Status fmi3GetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n, uint64_t values[], size_t nvalues) {
+AM_API fmi3Status fmi3GetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n, uint64_t values[],
+                                size_t nvalues) {
     return scalars(f, n, nvalues) ? FMU_ERROR : fmu_get_samples(f, vr, n, values);
 }
 
-AM_API fmi3Status fmi3SetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n, const uint64_t values[], size_t nvalues) {
+AM_API fmi3Status fmi3SetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n,
+                                const uint64_t values[], size_t nvalues) {
     return scalars(f, n, nvalues) ? FMU_ERROR : fmu_set_samples(f, vr, n, values);
 }
 
 AM_API fmi3Status fmi3EnterConfigurationMode(fmu *f) { return fmu_begin_configuration(f); }
 AM_API fmi3Status fmi3ExitConfigurationMode(fmu *f) { return fmu_end_configuration(f); }
 
-/* ---- steps ---------------------------------------------------------------------------------------------------------- */
+/* ---- steps ----------------------------------------------------------------------------------- */
 
-AM_API fmi3Status fmi3DoStep(fmu *f, double t, double dt, bool no_set_state_prior, bool *event_needed, bool *terminate, bool *early_return,
+AM_API fmi3Status fmi3DoStep(fmu *f, double t, double dt, bool no_set_state_prior,
+                             bool *event_needed, bool *terminate, bool *early_return,
                              double *last_time) {
     (void)no_set_state_prior;
     int status = fmu_step(f, t, dt);
@@ -128,12 +166,13 @@ AM_API fmi3Status fmi3DoStep(fmu *f, double t, double dt, bool no_set_state_prio
     return status;
 }
 
-/* ---- model exchange ------------------------------------------------------------------------------------------------- */
+/* ---- model exchange -------------------------------------------------------------------------- */
 
 AM_API fmi3Status fmi3EnterEventMode(fmu *f) { return fmu_begin_event(f); }
 AM_API fmi3Status fmi3EnterContinuousTimeMode(fmu *f) { return fmu_begin_continuous(f); }
 
-AM_API fmi3Status fmi3UpdateDiscreteStates(fmu *f, bool *again, bool *terminate, bool *nominals_changed, bool *states_changed,
+AM_API fmi3Status fmi3UpdateDiscreteStates(fmu *f, bool *again, bool *terminate,
+                                           bool *nominals_changed, bool *states_changed,
                                            bool *next_defined, double *next_time) {
     *again = *terminate = *nominals_changed = *states_changed = false;
     int status = fmu_update_discrete(f, next_time);
@@ -141,20 +180,32 @@ AM_API fmi3Status fmi3UpdateDiscreteStates(fmu *f, bool *again, bool *terminate,
     return status;
 }
 
-AM_API fmi3Status fmi3CompletedIntegratorStep(fmu *f, bool no_set_state_prior, bool *enter_event_mode, bool *terminate) {
+AM_API fmi3Status fmi3CompletedIntegratorStep(fmu *f, bool no_set_state_prior,
+                                              bool *enter_event_mode, bool *terminate) {
     (void)no_set_state_prior;
-    int event = 0, status = fmu_complete_step(f, &event);
+    int event = 0;
+    int status = fmu_complete_step(f, &event);
     *enter_event_mode = event;
     *terminate = false;
     return status;
 }
 
 AM_API fmi3Status fmi3SetTime(fmu *f, double time) { return fmu_set_time(f, time); }
-AM_API fmi3Status fmi3SetContinuousStates(fmu *f, const double x[], size_t n) { return fmu_set_states(f, x, n); }
-AM_API fmi3Status fmi3GetContinuousStates(fmu *f, double x[], size_t n) { return fmu_get_states(f, x, n); }
-AM_API fmi3Status fmi3GetContinuousStateDerivatives(fmu *f, double dx[], size_t n) { return fmu_get_derivatives(f, dx, n); }
-AM_API fmi3Status fmi3GetNominalsOfContinuousStates(fmu *f, double x[], size_t n) { return fmu_get_nominals(f, x, n); }
-AM_API fmi3Status fmi3GetNumberOfContinuousStates(fmu *f, size_t *n) { return fmu_count_states(f, n); }
+AM_API fmi3Status fmi3SetContinuousStates(fmu *f, const double x[], size_t n) {
+    return fmu_set_states(f, x, n);
+}
+AM_API fmi3Status fmi3GetContinuousStates(fmu *f, double x[], size_t n) {
+    return fmu_get_states(f, x, n);
+}
+AM_API fmi3Status fmi3GetContinuousStateDerivatives(fmu *f, double dx[], size_t n) {
+    return fmu_get_derivatives(f, dx, n);
+}
+AM_API fmi3Status fmi3GetNominalsOfContinuousStates(fmu *f, double x[], size_t n) {
+    return fmu_get_nominals(f, x, n);
+}
+AM_API fmi3Status fmi3GetNumberOfContinuousStates(fmu *f, size_t *n) {
+    return fmu_count_states(f, n);
+}
 
 AM_API fmi3Status fmi3GetEventIndicators(fmu *f, double z[], size_t n) {
     (void)z;
@@ -166,10 +217,12 @@ AM_API fmi3Status fmi3GetNumberOfEventIndicators(fmu *f, size_t *n) {
     return fmu_get_indicators(f, 0);
 }
 
-/* ---- stored states -------------------------------------------------------------------------------------------------- */
+/* ---- stored states --------------------------------------------------------------------------- */
 
 AM_API fmi3Status fmi3GetFMUState(fmu *f, fmu_state **state) { return fmu_take_state(f, state); }
-AM_API fmi3Status fmi3SetFMUState(fmu *f, const fmu_state *state) { return fmu_put_state(f, state); }
+AM_API fmi3Status fmi3SetFMUState(fmu *f, const fmu_state *state) {
+    return fmu_put_state(f, state);
+}
 
 AM_API fmi3Status fmi3FreeFMUState(fmu *f, fmu_state **state) {
     fmu_free_state(state);
@@ -184,12 +237,14 @@ AM_API fmi3Status fmi3SerializeFMUState(fmu *f, const fmu_state *state, uint8_t 
     return fmu_save_state(f, state, bytes, n);
 }
 
-AM_API fmi3Status fmi3DeserializeFMUState(fmu *f, const uint8_t bytes[], size_t n, fmu_state **state) {
+AM_API fmi3Status fmi3DeserializeFMUState(fmu *f, const uint8_t bytes[], size_t n,
+                                          fmu_state **state) {
     return fmu_load_state(f, bytes, n, state);
 }
 
-/* ---- what the standard names and this FMU does not offer -------------------------------------------------------------
- * Importers load every function, so all are there; the model description tells that they are not to be called. */
+/* ---- what the standard names and this FMU does not offer ----------------------------------------
+ * Importers load every function, so all are there; the model description says that they are not to
+ * be called. */
 
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"
@@ -198,12 +253,14 @@ AM_API fmi3Status fmi3DeserializeFMUState(fmu *f, const uint8_t bytes[], size_t 
     AM_API fmi3Status function(fmu *f, __VA_ARGS__) { return fmu_refuse(f, #function ": " why); }
 #define NOT_OFFERED_PLAIN(function, why) \
     AM_API fmi3Status function(fmu *f) { return fmu_refuse(f, #function ": " why); }
-#define NO_VARIABLES(type, ctype) \
-    AM_API fmi3Status fmi3Get##type(fmu *f, const fmi3ValueReference vr[], size_t n, ctype values[], size_t nvalues) { \
-        return f && n == 0 ? FMU_OK : fmu_refuse(f, "fmi3Get" #type ": " NO_TYPE); \
-    } \
-    AM_API fmi3Status fmi3Set##type(fmu *f, const fmi3ValueReference vr[], size_t n, const ctype values[], size_t nvalues) { \
-        return f && n == 0 ? FMU_OK : fmu_refuse(f, "fmi3Set" #type ": " NO_TYPE); \
+#define NO_VARIABLES(type, ctype)                                                    \
+    AM_API fmi3Status fmi3Get##type(fmu *f, const fmi3ValueReference vr[], size_t n, \
+                                    ctype values[], size_t nvalues) {                \
+        return f && n == 0 ? FMU_OK : fmu_refuse(f, "fmi3Get" #type ": " NO_TYPE);   \
+    }                                                                                \
+    AM_API fmi3Status fmi3Set##type(fmu *f, const fmi3ValueReference vr[], size_t n, \
+                                    const ctype values[], size_t nvalues) {          \
+        return f && n == 0 ? FMU_OK : fmu_refuse(f, "fmi3Set" #type ": " NO_TYPE);   \
     }
 #define NO_TYPE "the FMU has no variable of this type"
 #define NO_CLOCKS "the FMU has no clocks"
@@ -222,28 +279,40 @@ NO_VARIABLES(Boolean, bool)
 NO_VARIABLES(String, char *)
 
 NOT_OFFERED(fmi3GetBinary, NO_TYPE, VRS, size_t sizes[], const uint8_t *values[], size_t nvalues)
-NOT_OFFERED(fmi3SetBinary, NO_TYPE, VRS, const size_t sizes[], const uint8_t *const values[], size_t nvalues)
+NOT_OFFERED(fmi3SetBinary, NO_TYPE, VRS, const size_t sizes[], const uint8_t *const values[],
+            size_t nvalues)
 NOT_OFFERED(fmi3GetClock, NO_CLOCKS, VRS, bool values[])
 NOT_OFFERED(fmi3SetClock, NO_CLOCKS, VRS, const bool values[])
 NOT_OFFERED(fmi3GetIntervalDecimal, NO_CLOCKS, VRS, double intervals[], int qualifiers[])
-NOT_OFFERED(fmi3GetIntervalFraction, NO_CLOCKS, VRS, uint64_t counters[], uint64_t resolutions[], int qualifiers[])
+NOT_OFFERED(fmi3GetIntervalFraction, NO_CLOCKS, VRS, uint64_t counters[], uint64_t resolutions[],
+            int qualifiers[])
 NOT_OFFERED(fmi3GetShiftDecimal, NO_CLOCKS, VRS, double shifts[])
 NOT_OFFERED(fmi3GetShiftFraction, NO_CLOCKS, VRS, uint64_t counters[], uint64_t resolutions[])
 NOT_OFFERED(fmi3SetIntervalDecimal, NO_CLOCKS, VRS, const double intervals[])
-NOT_OFFERED(fmi3SetIntervalFraction, NO_CLOCKS, VRS, const uint64_t counters[], const uint64_t resolutions[])
+NOT_OFFERED(fmi3SetIntervalFraction, NO_CLOCKS, VRS, const uint64_t counters[],
+            const uint64_t resolutions[])
 NOT_OFFERED(fmi3SetShiftDecimal, NO_CLOCKS, VRS, const double shifts[])
-NOT_OFFERED(fmi3SetShiftFraction, NO_CLOCKS, VRS, const uint64_t counters[], const uint64_t resolutions[])
+NOT_OFFERED(fmi3SetShiftFraction, NO_CLOCKS, VRS, const uint64_t counters[],
+            const uint64_t resolutions[])
 NOT_OFFERED(fmi3ActivateModelPartition, NO_CLOCKS, fmi3ValueReference clock, double time)
 
 NOT_OFFERED_PLAIN(fmi3EnterStepMode, NO_STEPS)
-NOT_OFFERED_PLAIN(fmi3EvaluateDiscreteStates, "discrete states are updated by fmi3UpdateDiscreteStates only")
+NOT_OFFERED_PLAIN(fmi3EvaluateDiscreteStates,
+                  "discrete states are updated by fmi3UpdateDiscreteStates only")
 
-NOT_OFFERED(fmi3GetNumberOfVariableDependencies, "dependencies do not change; see modelDescription.xml", fmi3ValueReference vr, size_t *n)
-NOT_OFFERED(fmi3GetVariableDependencies, "dependencies do not change; see modelDescription.xml", fmi3ValueReference dependent,
-            size_t elements_of_dependent[], fmi3ValueReference independents[], size_t elements_of_independents[], int kinds[], size_t n)
+NOT_OFFERED(fmi3GetNumberOfVariableDependencies,
+            "dependencies do not change; see modelDescription.xml", fmi3ValueReference vr,
+            size_t *n)
+NOT_OFFERED(fmi3GetVariableDependencies, "dependencies do not change; see modelDescription.xml",
+            fmi3ValueReference dependent, size_t elements_of_dependent[],
+            fmi3ValueReference independents[], size_t elements_of_independents[], int kinds[],
+            size_t n)
 
-NOT_OFFERED(fmi3GetOutputDerivatives, "no output derivatives are given", VRS, const int32_t orders[], double values[], size_t nvalues)
-NOT_OFFERED(fmi3GetDirectionalDerivative, NO_DERIVATIVES, VRS, const fmi3ValueReference knowns[], size_t nknowns, const double seed[],
-            size_t nseed, double sensitivity[], size_t nsensitivity)
-NOT_OFFERED(fmi3GetAdjointDerivative, NO_DERIVATIVES, VRS, const fmi3ValueReference knowns[], size_t nknowns, const double seed[],
-            size_t nseed, double sensitivity[], size_t nsensitivity)
+NOT_OFFERED(fmi3GetOutputDerivatives, "no output derivatives are given", VRS,
+            const int32_t orders[], double values[], size_t nvalues)
+NOT_OFFERED(fmi3GetDirectionalDerivative, NO_DERIVATIVES, VRS, const fmi3ValueReference knowns[],
+            size_t nknowns, const double seed[], size_t nseed, double sensitivity[],
+            size_t nsensitivity)
+NOT_OFFERED(fmi3GetAdjointDerivative, NO_DERIVATIVES, VRS, const fmi3ValueReference knowns[],
+            size_t nknowns, const double seed[], size_t nseed, double sensitivity[],
+            size_t nsensitivity)

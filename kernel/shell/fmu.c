@@ -23,13 +23,17 @@ int fmu_refuse(const fmu *f, const char *format, ...) {
 }
 
 int demand(const fmu *f, int allowed, const char *what) {
-    static const char *const phases[] = {"instantiated", "in configuration mode",   "in initialization mode", "in step mode",
-                                         "in event mode", "in continuous-time mode", "terminated",             "stopped by an error"};
+    static const char *const phases[] = {
+        "instantiated", "in configuration mode", "in initialization mode",
+        "in step mode", "in event mode",         "in continuous-time mode",
+        "terminated",   "stopped by an error"};
     if (!f) return FMU_ERROR;
-    return allowed ? FMU_OK : fmu_refuse(f, "%s is not allowed while the instance is %s", what, phases[f->phase]);
+    return allowed ? FMU_OK
+                   : fmu_refuse(f, "%s is not allowed while the instance is %s", what,
+                                phases[f->phase]);
 }
 
-/* ---- life ----------------------------------------------------------------------------------------------------------- */
+/* ---- life ------------------------------------------------------------------------------------ */
 
 static int allocate(fmu *f) {
     f->inputs = (size_t)am_count(f->model, AM_INPUT);
@@ -37,7 +41,8 @@ static int allocate(fmu *f) {
     f->parameters = (size_t)am_count(f->model, AM_PARAMETER);
     f->states = (size_t)am_state_count(f->model);
     if (!(f->sim = am_new(f->model))) return FMU_ERROR;
-    f->u0 = calloc(3 * f->inputs + f->outputs + 2 * f->states + image_memories(f->model), sizeof(double));
+    f->u0 = calloc(3 * f->inputs + f->outputs + 2 * f->states + image_memories(f->model),
+                   sizeof(double));
     if (!f->u0 || replay_resize(f, 1)) return FMU_ERROR;
     f->u1 = f->u0 + f->inputs;
     f->slopes = f->u1 + f->inputs;
@@ -48,25 +53,34 @@ static int allocate(fmu *f) {
     return FMU_OK;
 }
 
-static am_model *load(const char *resources, const char *token, char digest[65], char *text, size_t ntext) {
+static am_model *load(const char *resources, const char *token, char digest[65], char *text,
+                      size_t ntext) {
     char path[4096];
     const char *why;
-    size_t n = resources ? strlen(resources) : 0, size = 0;
+    size_t n = resources ? strlen(resources) : 0;
+    size_t size = 0;
     int ended = n && (resources[n - 1] == '/' || resources[n - 1] == '\\');
-    if (!n || snprintf(path, sizeof path, "%s%smodel.bin", resources, ended ? "" : "/") >= (int)sizeof path) {
-        snprintf(text, ntext, "the folder of the resources is missing or too long; give the unpacked FMU's resources folder");
+    if (!n
+        || snprintf(path, sizeof path, "%s%smodel.bin", resources, ended ? "" : "/")
+               >= (int)sizeof path) {
+        snprintf(text, ntext,
+                 "the folder of the resources is missing or too long; give the unpacked FMU's "
+                 "resources folder");
         return NULL;
     }
     unsigned char *bytes = resource_read(path, &size, &why);
     if (!bytes) {
-        snprintf(text, ntext, "%.800s: %s; unpack the whole FMU before it is instantiated", path, why);
+        snprintf(text, ntext, "%.800s: %s; unpack the whole FMU before it is instantiated", path,
+                 why);
         return NULL;
     }
     sha256_hex(bytes, size, digest);
     am_model *model = am_load(bytes, size, text, ntext);
     free(bytes);
     if (model && (!token || strcmp(token, digest) != 0)) {
-        snprintf(text, ntext, "token %.80s does not belong to model.bin, whose SHA-256 is %s; the FMU is mixed from two, write it anew",
+        snprintf(text, ntext,
+                 "token %.80s does not belong to model.bin, whose SHA-256 is %s; the FMU is mixed "
+                 "from two, write it anew",
                  token ? token : "(none)", digest);
         am_free(model);
         model = NULL;
@@ -114,12 +128,14 @@ int fmu_reset(fmu *f) {
     return FMU_OK;
 }
 
-/* ---- initialisation and steps --------------------------------------------------------------------------------------- */
+/* ---- initialisation and steps ---------------------------------------------------------------- */
 
 static int initialize(fmu *f) {
     f->fresh = 0;
     if (replay_waiting(f)) am_set_inputs(f->sim, f->replay.u);
-    if (am_initialize(f->sim, f->start) != AM_OK) return fmu_refuse(f, "initialisation failed: %s", am_error(f->sim));
+    if (am_initialize(f->sim, f->start) != AM_OK) {
+        return fmu_refuse(f, "initialisation failed: %s", am_error(f->sim));
+    }
     f->time = f->start;
     f->moving = 0;
     f->initialized = 1;
@@ -133,7 +149,9 @@ int demand_initialized(fmu *f, const char *what) {
 
 int fmu_set_start(fmu *f, double start) {
     if (demand(f, f && f->phase == FMU_CREATED, "setting the start time")) return FMU_ERROR;
-    if (!isfinite(start)) return fmu_refuse(f, "start time is %g; give a finite time in seconds", start);
+    if (!isfinite(start)) {
+        return fmu_refuse(f, "start time is %g; give a finite time in seconds", start);
+    }
     f->start = start;
     return FMU_OK;
 }
@@ -158,19 +176,34 @@ int fmu_begin_initialization(fmu *f) {
 }
 
 int fmu_end_initialization(fmu *f) {
-    if (demand(f, f && f->phase == FMU_INITIALIZING, "leaving initialization mode")) return FMU_ERROR;
+    if (demand(f, f && f->phase == FMU_INITIALIZING, "leaving initialization mode")) {
+        return FMU_ERROR;
+    }
     int status = f->initialized ? FMU_OK : initialize(f);
-    f->phase = status != FMU_OK ? FMU_FAILED : f->kind == FMU_CO_SIMULATION ? FMU_STEPPING : FMU_EVENT;
+    f->phase = status != FMU_OK               ? FMU_FAILED
+               : f->kind == FMU_CO_SIMULATION ? FMU_STEPPING
+                                              : FMU_EVENT;
     return status;
 }
 
 int fmu_step(fmu *f, double t, double dt) {
-    if (f && f->kind != FMU_CO_SIMULATION) return fmu_refuse(f, "a step belongs to co-simulation; this instance is for model exchange");
+    if (f && f->kind != FMU_CO_SIMULATION) {
+        return fmu_refuse(f,
+                          "a step belongs to co-simulation; this instance is for model exchange");
+    }
     if (demand(f, f && f->phase == FMU_STEPPING, "a step")) return FMU_ERROR;
     double now = am_time(f->sim);
-    if (!(fabs(t - now) <= 1e-9 * (1.0 + fabs(now)))) /* the importer's clock may differ by rounding only */
-        return fmu_refuse(f, "step from t = %.9g s, but the instance stands at %.9g s; step on from there, or set a stored state", t, now);
-    if (!(dt > 0.0) || !isfinite(dt)) return fmu_refuse(f, "step size is %g s; give a positive, finite step", dt);
+    /* the importer's clock may differ by rounding only */
+    if (!(fabs(t - now) <= 1e-9 * (1.0 + fabs(now)))) {
+        return fmu_refuse(
+            f,
+            "step from t = %.9g s, but the instance stands at %.9g s; step on from there, or set "
+            "a stored state",
+            t, now);
+    }
+    if (!(dt > 0.0) || !isfinite(dt)) {
+        return fmu_refuse(f, "step size is %g s; give a positive, finite step", dt);
+    }
     if (replay_waiting(f)) return replay_run(f, t, dt);
     am_get_inputs(f->sim, f->u0);
     for (size_t i = 0; i < f->inputs; i++) f->u1[i] = f->u0[i] + f->slopes[i] * dt;
@@ -182,7 +215,9 @@ int fmu_step(fmu *f, double t, double dt) {
 }
 
 int fmu_stop(fmu *f) {
-    if (demand(f, f && f->phase > FMU_INITIALIZING && f->phase != FMU_STOPPED, "terminating")) return FMU_ERROR;
+    if (demand(f, f && f->phase > FMU_INITIALIZING && f->phase != FMU_STOPPED, "terminating")) {
+        return FMU_ERROR;
+    }
     f->phase = FMU_STOPPED;
     return FMU_OK;
 }
@@ -192,7 +227,7 @@ double fmu_time(const fmu *f) {
     return f->kind == FMU_CO_SIMULATION ? am_time(f->sim) : f->time;
 }
 
-/* ---- values --------------------------------------------------------------------------------------------------------- */
+/* ---- values ---------------------------------------------------------------------------------- */
 
 typedef enum { INPUT, OUTPUT, PARAMETER, STATE, DERIVATIVE, REPLAY, TIME } value_kind;
 
@@ -206,14 +241,22 @@ static int locate(const fmu *f, uint32_t vr, place *at) {
     const struct {
         uint32_t base;
         size_t count;
-    } group[] = {{FMU_INPUTS, f->inputs}, {FMU_OUTPUTS, f->outputs},        {FMU_PARAMETERS, f->parameters}, {FMU_STATES, f->states},
-                 {FMU_DERIVATIVES, f->states}, {FMU_REPLAY_T, 3}, {FMU_TIME, 1}};
-    for (int k = INPUT; k <= TIME; k++)
+    } group[] = {{FMU_INPUTS, f->inputs},
+                 {FMU_OUTPUTS, f->outputs},
+                 {FMU_PARAMETERS, f->parameters},
+                 {FMU_STATES, f->states},
+                 {FMU_DERIVATIVES, f->states},
+                 {FMU_REPLAY_T, 3},
+                 {FMU_TIME, 1}};
+    for (int k = INPUT; k <= TIME; k++) {
         if (vr >= group[k].base && vr - group[k].base < group[k].count) {
-            *at = (place){(value_kind)k, (int)(vr - group[k].base), k == REPLAY ? replay_elements(f, vr) : 1};
+            *at = (place){(value_kind)k, (int)(vr - group[k].base),
+                          k == REPLAY ? replay_elements(f, vr) : 1};
             return FMU_OK;
         }
-    return fmu_refuse(f, "no variable has the value reference %lu; modelDescription.xml lists them", (unsigned long)vr);
+    }
+    return fmu_refuse(f, "no variable has the value reference %lu; modelDescription.xml lists them",
+                      (unsigned long)vr);
 }
 
 static am_entry entry_of(const fmu *f, place at) {
@@ -226,14 +269,17 @@ static am_entry entry_of(const fmu *f, place at) {
 }
 
 static int refuse_count(const fmu *f, size_t n, size_t nvalues) {
-    return fmu_refuse(f, "%lu values for %lu variables; a scalar takes one, an array as many as it has elements", (unsigned long)nvalues,
-                      (unsigned long)n);
+    return fmu_refuse(
+        f, "%lu values for %lu variables; a scalar takes one, an array as many as it has elements",
+        (unsigned long)nvalues, (unsigned long)n);
 }
 
 int refresh_outputs(fmu *f) {
     if (f->fresh) return FMU_OK;
     if (demand_initialized(f, "reading an output")) return FMU_ERROR;
-    if (am_outputs(f->sim, f->y) != AM_OK) return fmu_refuse(f, "outputs cannot be computed: %s", am_error(f->sim));
+    if (am_outputs(f->sim, f->y) != AM_OK) {
+        return fmu_refuse(f, "outputs cannot be computed: %s", am_error(f->sim));
+    }
     f->fresh = 1;
     return FMU_OK;
 }
@@ -242,16 +288,23 @@ int refresh_outputs(fmu *f) {
 static int get_one(fmu *f, place at, int there[2], double *value) {
     int derivative = at.kind == DERIVATIVE;
     switch (at.kind) {
-    case TIME: return *value = fmu_time(f), FMU_OK;
-    case INPUT: return am_get_input(f->sim, at.i, value);
-    case PARAMETER: return am_get_parameter(f->sim, at.i, value);
-    case REPLAY: return replay_get(f, FMU_REPLAY_T + (uint32_t)at.i, value);
+    case TIME:
+        return *value = fmu_time(f), FMU_OK;
+    case INPUT:
+        return am_get_input(f->sim, at.i, value);
+    case PARAMETER:
+        return am_get_parameter(f->sim, at.i, value);
+    case REPLAY:
+        return replay_get(f, FMU_REPLAY_T + (uint32_t)at.i, value);
     case OUTPUT:
         if (refresh_outputs(f)) return FMU_ERROR;
         return *value = f->y[at.i], FMU_OK;
     default:
-        if (!there[derivative] && (derivative ? fmu_get_derivatives(f, f->dx, f->states) : fmu_get_states(f, f->x, f->states)))
+        if (!there[derivative]
+            && (derivative ? fmu_get_derivatives(f, f->dx, f->states)
+                           : fmu_get_states(f, f->x, f->states))) {
             return FMU_ERROR;
+        }
         there[derivative] = 1;
         return *value = (derivative ? f->dx : f->x)[at.i], FMU_OK;
     }
@@ -266,7 +319,8 @@ int fmu_get(fmu *f, const uint32_t vr[], size_t n, double values[], size_t nvalu
         if (locate(f, vr[k], &at)) return FMU_ERROR;
         if (at.size > left) return refuse_count(f, n, nvalues);
         if (get_one(f, at, there, values)) return FMU_ERROR;
-        values += at.size, left -= at.size;
+        values += at.size;
+        left -= at.size;
     }
     return left ? refuse_count(f, n, nvalues) : FMU_OK;
 }
@@ -274,25 +328,41 @@ int fmu_get(fmu *f, const uint32_t vr[], size_t n, double values[], size_t nvalu
 /* A parameter acts between steps, or in event mode; one that acts at initialisation only before. */
 static int check_settable(const fmu *f, place at) {
     const am_entry entry = entry_of(f, at);
-    if (at.kind != INPUT && at.kind != PARAMETER && !(at.kind == REPLAY && at.i != FMU_REPLAY_Y - FMU_REPLAY_T))
+    if (at.kind != INPUT && at.kind != PARAMETER
+        && !(at.kind == REPLAY && at.i != FMU_REPLAY_Y - FMU_REPLAY_T)) {
         return fmu_refuse(f, "%s is computed by the model and cannot be set", entry.name);
+    }
     if (at.kind == INPUT || f->phase <= FMU_INITIALIZING) return FMU_OK;
-    if (entry.flags & AM_FIXED)
-        return fmu_refuse(f, "%s acts at initialisation only; set it before the end of initialization mode, or reset", entry.name);
-    if (f->phase == FMU_CONTINUOUS) return fmu_refuse(f, "%s is a parameter; set it in event mode", entry.name);
+    if (entry.flags & AM_FIXED) {
+        return fmu_refuse(
+            f,
+            "%s acts at initialisation only; set it before the end of initialization mode, or "
+            "reset",
+            entry.name);
+    }
+    if (f->phase == FMU_CONTINUOUS) {
+        return fmu_refuse(f, "%s is a parameter; set it in event mode", entry.name);
+    }
     return FMU_OK;
 }
 
 static int check_finite(const fmu *f, place at, const double values[]) {
-    for (size_t k = 0; k < at.size; k++)
-        if (!isfinite(values[k])) return fmu_refuse(f, "%s is %g; it must be finite", entry_of(f, at).name, values[k]);
+    for (size_t k = 0; k < at.size; k++) {
+        if (!isfinite(values[k])) {
+            return fmu_refuse(f, "%s is %g; it must be finite", entry_of(f, at).name, values[k]);
+        }
+    }
     return FMU_OK;
 }
 
 int fmu_set(fmu *f, const uint32_t vr[], size_t n, const double values[], size_t nvalues) {
     place at;
-    size_t k, done = 0;
-    if (demand(f, f && f->phase <= FMU_CONTINUOUS && f->phase != FMU_CONFIGURING, "setting a variable")) return FMU_ERROR;
+    size_t k;
+    size_t done = 0;
+    if (demand(f, f && f->phase <= FMU_CONTINUOUS && f->phase != FMU_CONFIGURING,
+               "setting a variable")) {
+        return FMU_ERROR;
+    }
     for (k = 0; k < n; k++, done += at.size) { /* all are checked before the first is set */
         if (locate(f, vr[k], &at) || check_settable(f, at)) return FMU_ERROR;
         if (at.size > nvalues - done) return refuse_count(f, n, nvalues);
@@ -301,10 +371,8 @@ int fmu_set(fmu *f, const uint32_t vr[], size_t n, const double values[], size_t
     if (done != nvalues) return refuse_count(f, n, nvalues);
     for (k = 0; k < n; k++, values += at.size) {
         locate(f, vr[k], &at);
-        if (at.kind == REPLAY)
-            replay_set(f, vr[k], values);
-        else
-            (at.kind == INPUT ? am_set_input : am_set_parameter)(f->sim, at.i, *values);
+        if (at.kind == REPLAY) replay_set(f, vr[k], values);
+        else (at.kind == INPUT ? am_set_input : am_set_parameter)(f->sim, at.i, *values);
     }
     f->fresh = 0;
     if (f->phase <= FMU_INITIALIZING) f->initialized = 0;
@@ -316,19 +384,30 @@ int fmu_check_integers(const fmu *f, const uint32_t vr[], size_t n) {
     for (size_t k = 0; k < n; k++) {
         place at;
         if (locate(f, vr[k], &at)) return FMU_ERROR;
-        if (!(entry_of(f, at).flags & AM_INTEGER))
-            return fmu_refuse(f, "%s is no integer or enumeration; read and set it as a real", entry_of(f, at).name);
+        if (!(entry_of(f, at).flags & AM_INTEGER)) {
+            return fmu_refuse(f, "%s is no integer or enumeration; read and set it as a real",
+                              entry_of(f, at).name);
+        }
     }
     return FMU_OK;
 }
 
 int fmu_set_slopes(fmu *f, const uint32_t vr[], size_t n, const double slopes[]) {
-    if (demand(f, f && f->phase <= FMU_STEPPING && f->phase != FMU_CONFIGURING, "setting the derivative of an input")) return FMU_ERROR;
+    if (demand(f, f && f->phase <= FMU_STEPPING && f->phase != FMU_CONFIGURING,
+               "setting the derivative of an input")) {
+        return FMU_ERROR;
+    }
     for (size_t k = 0; k < n; k++) {
         place at;
         if (locate(f, vr[k], &at)) return FMU_ERROR;
-        if (at.kind != INPUT) return fmu_refuse(f, "%s is not an input; only inputs take derivatives", entry_of(f, at).name);
-        if (!isfinite(slopes[k])) return fmu_refuse(f, "derivative of %s is %g; give a finite value", entry_of(f, at).name, slopes[k]);
+        if (at.kind != INPUT) {
+            return fmu_refuse(f, "%s is not an input; only inputs take derivatives",
+                              entry_of(f, at).name);
+        }
+        if (!isfinite(slopes[k])) {
+            return fmu_refuse(f, "derivative of %s is %g; give a finite value",
+                              entry_of(f, at).name, slopes[k]);
+        }
     }
     for (size_t k = 0; k < n; k++) f->slopes[vr[k] - FMU_INPUTS] = slopes[k];
     return FMU_OK;

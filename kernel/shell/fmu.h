@@ -1,8 +1,10 @@
-/* One instance of the model behind an FMI interface; fmi2.c and fmi3.c translate their standard's calls to these.
+/* One instance of the model behind an FMI interface; fmi2.c and fmi3.c translate their
+ * standard's calls to these.
  *
- * Value references: time 0, then catalogue index + the base of its kind (the writer of modelDescription.xml uses the same).
- * Statuses are those that FMI 2.0 and FMI 3.0 have in common.  A call that is refused leaves the instance as it was; a
- * failed initialisation or step leaves it in FMU_FAILED, where only reading, fmu_reset and fmu_put_state are allowed. */
+ * Value references: time 0, then catalogue index + the base of its kind (the writer of
+ * modelDescription.xml uses the same). Statuses are those that FMI 2.0 and FMI 3.0 have in
+ * common.  A call that is refused leaves the instance as it was; a failed initialisation or step
+ * leaves it in FMU_FAILED, where only reading, fmu_reset and fmu_put_state are allowed. */
 #ifndef AEROMATCH_FMU_H
 #define AEROMATCH_FMU_H
 
@@ -13,11 +15,19 @@
 #include "kernel.h"
 
 enum { FMU_OK = 0, FMU_DISCARD = 2, FMU_ERROR = 3 };
-enum { FMU_TIME = 0, FMU_INPUTS = 1000, FMU_OUTPUTS = 10000, FMU_STATES = 50000, FMU_DERIVATIVES = 60000, FMU_PARAMETERS = 100000 };
+enum {
+    FMU_TIME = 0,
+    FMU_INPUTS = 1000,
+    FMU_OUTPUTS = 10000,
+    FMU_STATES = 50000,
+    FMU_DERIVATIVES = 60000,
+    FMU_PARAMETERS = 100000
+};
 enum { FMU_REPLAY_N = 70000, FMU_REPLAY_T, FMU_REPLAY_U, FMU_REPLAY_Y };
 
 typedef enum { FMU_MODEL_EXCHANGE, FMU_CO_SIMULATION } fmu_kind;
-/* The order is that of `phases` in fmu.c; FMU_STEPPING belongs to co-simulation, FMU_EVENT and FMU_CONTINUOUS to model exchange. */
+/* The order is that of `phases` in fmu.c; FMU_STEPPING belongs to co-simulation, FMU_EVENT and
+ * FMU_CONTINUOUS to model exchange. */
 typedef enum {
     FMU_CREATED,
     FMU_CONFIGURING,
@@ -32,7 +42,8 @@ typedef enum {
 typedef struct fmu fmu;
 typedef struct fmu_state fmu_state;
 
-/* Where messages go: `tell` passes the text to the importer's own logger in the manner of its standard. */
+/* Where messages go: `tell` passes the text to the importer's own logger in the manner of its
+ * standard. */
 typedef struct fmu_logger {
     void (*tell)(const struct fmu_logger *logger, int status, const char *text);
     void *environment;
@@ -40,9 +51,10 @@ typedef struct fmu_logger {
     char name[128];         /* of the instance */
 } fmu_logger;
 
-/* ---- fmu.c: life, steps, values ------------------------------------------------------------------------------------- */
+/* ---- fmu.c: life, steps, values -------------------------------------------------------------- */
 
-/* Read <resources>/model.bin, check it against the token and make an instance; NULL after a message to the logger. */
+/* Read <resources>/model.bin, check it against the token and make an instance; NULL after a
+ * message to the logger. */
 fmu *fmu_open(const char *resources, const char *token, fmu_kind kind, const fmu_logger *logger);
 void fmu_close(fmu *f);
 
@@ -66,16 +78,17 @@ int fmu_check_integers(const fmu *f, const uint32_t vr[], size_t n);
 /* Time derivatives of inputs at the start of the next step; they act in that step only. */
 int fmu_set_slopes(fmu *f, const uint32_t vr[], size_t n, const double slopes[]);
 
-/* ---- replay.c: a whole record in one step ---------------------------------------------------------------------------- */
+/* ---- replay.c: a whole record in one step ---------------------------------------------------- */
 
 int fmu_get_samples(fmu *f, const uint32_t vr[], size_t n, uint64_t counts[]);
 int fmu_set_samples(fmu *f, const uint32_t vr[], size_t n, const uint64_t counts[]);
 
-/* ---- exchange.c: model exchange ----------------------------------------------------------------------------------------- */
+/* ---- exchange.c: model exchange -------------------------------------------------------------- */
 
 int fmu_begin_event(fmu *f);
 int fmu_begin_continuous(fmu *f);
-/* The discrete part is brought to the present time; *next_event is the time of the next time event, or infinity. */
+/* The discrete part is brought to the present time; *next_event is the time of the next time
+ * event, or infinity. */
 int fmu_update_discrete(fmu *f, double *next_event);
 /* *event: event mode is needed. */
 int fmu_complete_step(fmu *f, int *event);
@@ -87,7 +100,7 @@ int fmu_get_nominals(fmu *f, double nominals[], size_t n);
 int fmu_get_indicators(fmu *f, size_t n);
 int fmu_count_states(fmu *f, size_t *n);
 
-/* ---- store.c: stored states ---------------------------------------------------------------------------------------------- */
+/* ---- store.c: stored states ------------------------------------------------------------------ */
 
 int fmu_take_state(fmu *f, fmu_state **state);
 int fmu_put_state(fmu *f, const fmu_state *state);

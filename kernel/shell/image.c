@@ -13,7 +13,9 @@ uint64_t image_layout(void) { return (uint64_t)AM_FORMAT << 32 | sizeof(am_sim);
 
 size_t image_size(const am_model *model) { return model->sim_bytes - MOVING; }
 
-void image_save(const am_sim *sim, void *image) { memcpy(image, (const char *)sim + MOVING, image_size(sim->model)); }
+void image_save(const am_sim *sim, void *image) {
+    memcpy(image, (const char *)sim + MOVING, image_size(sim->model));
+}
 
 /* A byte that is neither 0 nor 1 is no bool. */
 static bool truth(const bool *stored) {
@@ -24,11 +26,13 @@ static bool truth(const bool *stored) {
 
 static bool sound(const am_sim *sim) {
     const am_model *m = sim->model;
-    const bool finite = all_finite(&sim->omega, 1) && all_finite(sim->par, (size_t)m->count[AM_PARAMETER]) &&
-                        all_finite(sim->u, (size_t)m->count[AM_INPUT]) && all_finite(sim->x, (size_t)am_state_count(m)) &&
-                        all_finite(sim->memory, m->memories);
-    return finite && sim->earth >= FLAT_EARTH && sim->earth <= SPHERE_ROTATING && fabs(sim->time) <= LATEST && weather_sound(sim) &&
-           engine_sound(sim);
+    const bool finite = all_finite(&sim->omega, 1)
+                        && all_finite(sim->par, (size_t)m->count[AM_PARAMETER])
+                        && all_finite(sim->u, (size_t)m->count[AM_INPUT])
+                        && all_finite(sim->x, (size_t)am_state_count(m))
+                        && all_finite(sim->memory, m->memories);
+    return finite && sim->earth >= FLAT_EARTH && sim->earth <= SPHERE_ROTATING
+           && fabs(sim->time) <= LATEST && weather_sound(sim) && engine_sound(sim);
 }
 
 int image_restore(am_sim *sim, const void *image) {
@@ -44,6 +48,8 @@ int image_restore(am_sim *sim, const void *image) {
 size_t image_memories(const am_model *model) { return model->memories; }
 
 const double *image_memory(const am_sim *sim, size_t *n) {
-    *n = sim->controls == SURFACE_DRIVEN ? sim->model->first_memory[G_CIRCUIT] : sim->model->memories; /* circuits stand last */
+    /* circuits stand last */
+    *n = sim->controls == SURFACE_DRIVEN ? sim->model->first_memory[G_CIRCUIT]
+                                         : sim->model->memories;
     return sim->memory;
 }

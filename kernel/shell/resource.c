@@ -18,10 +18,8 @@ static int hex(char c) {
 int resource_path(const char *uri, char *path, size_t n) {
     if (!uri || strncmp(uri, "file:", 5) != 0) return -1;
     const char *from = uri + 5;
-    if (strncmp(from, "///", 3) == 0)
-        from += 2;
-    else if (strncmp(from, "//localhost/", 12) == 0)
-        from += 11;
+    if (strncmp(from, "///", 3) == 0) from += 2;
+    else if (strncmp(from, "//localhost/", 12) == 0) from += 11;
 #ifdef _WIN32
     if (from[0] == '/' && from[1] && from[2] == ':') from++; /* /C:/folder */
 #endif
@@ -29,7 +27,8 @@ int resource_path(const char *uri, char *path, size_t n) {
     for (; *from; from++) {
         char c = *from;
         if (c == '%') {
-            int high = hex(from[1]), low = high < 0 ? -1 : hex(from[2]);
+            int high = hex(from[1]);
+            int low = high < 0 ? -1 : hex(from[2]);
             if (low < 0) return -1;
             c = (char)(16 * high + low);
             from += 2;

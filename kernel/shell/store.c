@@ -17,7 +17,8 @@ struct fmu_state {
     double slopes[];
 };
 
-/* Head of a serialised state; slopes, the arrays of the replay and the image of the simulation follow. */
+/* Head of a serialised state; slopes, the arrays of the replay and the image of the simulation
+ * follow. */
 typedef struct {
     char token[64];  /* SHA-256 of the model */
     char digest[64]; /* SHA-256 of all that follows the digest */
@@ -47,9 +48,15 @@ int fmu_take_state(fmu *f, fmu_state **state) {
     if (!f || !state) return fmu_refuse(f, "no place given for the state");
     if (!*state && !(*state = new_state(f))) return FMU_ERROR;
     fmu_state *to = *state;
-    if (am_copy(to->sim, f->sim) != AM_OK) return fmu_refuse(f, "the state belongs to another instance");
+    if (am_copy(to->sim, f->sim) != AM_OK) {
+        return fmu_refuse(f, "the state belongs to another instance");
+    }
     if (replay_copy(f, &to->replay, &f->replay)) return FMU_ERROR;
-    to->kind = f->kind, to->phase = f->phase, to->initialized = f->initialized, to->start = f->start, to->time = f->time;
+    to->kind = f->kind;
+    to->phase = f->phase;
+    to->initialized = f->initialized;
+    to->start = f->start;
+    to->time = f->time;
     to->moving = f->moving;
     memcpy(to->slopes, f->slopes, f->inputs * sizeof(double));
     return FMU_OK;
@@ -57,10 +64,18 @@ int fmu_take_state(fmu *f, fmu_state **state) {
 
 int fmu_put_state(fmu *f, const fmu_state *state) {
     if (!f || !state) return fmu_refuse(f, "no state given");
-    if (state->kind != f->kind) return fmu_refuse(f, "a state of co-simulation does not fit model exchange, nor the other way round");
-    if (am_copy(f->sim, state->sim) != AM_OK) return fmu_refuse(f, "the state belongs to another instance");
+    if (state->kind != f->kind) {
+        return fmu_refuse(
+            f, "a state of co-simulation does not fit model exchange, nor the other way round");
+    }
+    if (am_copy(f->sim, state->sim) != AM_OK) {
+        return fmu_refuse(f, "the state belongs to another instance");
+    }
     if (replay_copy(f, &f->replay, &state->replay)) return FMU_ERROR;
-    f->phase = state->phase, f->initialized = state->initialized, f->start = state->start, f->time = state->time;
+    f->phase = state->phase;
+    f->initialized = state->initialized;
+    f->start = state->start;
+    f->time = state->time;
     f->moving = state->moving;
     memcpy(f->slopes, state->slopes, f->inputs * sizeof(double));
     f->fresh = 0;
@@ -68,7 +83,8 @@ int fmu_put_state(fmu *f, const fmu_state *state) {
 }
 
 static size_t bytes_of(const fmu *f, uint64_t samples) {
-    return sizeof(state_head) + (f->inputs + replay_doubles(f, samples)) * sizeof(double) + image_size(f->model);
+    return sizeof(state_head) + (f->inputs + replay_doubles(f, samples)) * sizeof(double)
+           + image_size(f->model);
 }
 
 static void digest_of(const void *image, size_t n, char digest[65]) {
@@ -83,8 +99,9 @@ int fmu_state_size(const fmu *f, const fmu_state *state, size_t *size) {
 
 int fmu_save_state(const fmu *f, const fmu_state *state, void *image, size_t n) {
     char digest[65];
-    if (!f || !state || !image || n != bytes_of(f, state->replay.n))
+    if (!f || !state || !image || n != bytes_of(f, state->replay.n)) {
         return fmu_refuse(f, "the buffer for the state is missing or of the wrong size");
+    }
     state_head head = {.kind = (int32_t)state->kind,
                        .phase = (int32_t)state->phase,
                        .initialized = state->initialized,
@@ -94,7 +111,8 @@ int fmu_save_state(const fmu *f, const fmu_state *state, void *image, size_t n) 
                        .time = state->time,
                        .samples = state->replay.n,
                        .layout = image_layout()};
-    const size_t slopes = f->inputs * sizeof(double), arrays = replay_doubles(f, state->replay.n) * sizeof(double);
+    const size_t slopes = f->inputs * sizeof(double);
+    const size_t arrays = replay_doubles(f, state->replay.n) * sizeof(double);
     unsigned char *to = (unsigned char *)image + sizeof head;
     memcpy(to, state->slopes, slopes);
     memcpy(to + slopes, state->replay.t, arrays);
@@ -108,19 +126,31 @@ int fmu_save_state(const fmu *f, const fmu_state *state, void *image, size_t n) 
 
 static int check_image(const fmu *f, const void *image, size_t n, state_head *head) {
     char digest[65];
-    if (n < sizeof *head) return fmu_refuse(f, "these bytes are no state of this model: wrong length");
-    memcpy(head, image, sizeof *head);
-    if (memcmp(head->token, f->token, sizeof head->token) != 0) return fmu_refuse(f, "these bytes are a state of another model");
-    if (head->samples < 1 || head->samples > n || n != bytes_of(f, head->samples))
+    if (n < sizeof *head) {
         return fmu_refuse(f, "these bytes are no state of this model: wrong length");
+    }
+    memcpy(head, image, sizeof *head);
+    if (memcmp(head->token, f->token, sizeof head->token) != 0) {
+        return fmu_refuse(f, "these bytes are a state of another model");
+    }
+    if (head->samples < 1 || head->samples > n || n != bytes_of(f, head->samples)) {
+        return fmu_refuse(f, "these bytes are no state of this model: wrong length");
+    }
     digest_of(image, n, digest);
-    if (memcmp(head->digest, digest, sizeof head->digest) != 0)
+    if (memcmp(head->digest, digest, sizeof head->digest) != 0) {
         return fmu_refuse(f, "these bytes are a damaged state: its SHA-256 does not agree");
-    if (head->layout != image_layout())
-        return fmu_refuse(f, "these bytes are a state of another version of the kernel; simulate from the start");
-    if (head->phase < FMU_CREATED || head->phase > FMU_FAILED || (head->kind != FMU_MODEL_EXCHANGE && head->kind != FMU_CO_SIMULATION))
+    }
+    if (head->layout != image_layout()) {
+        return fmu_refuse(
+            f, "these bytes are a state of another version of the kernel; simulate from the start");
+    }
+    if (head->phase < FMU_CREATED || head->phase > FMU_FAILED
+        || (head->kind != FMU_MODEL_EXCHANGE && head->kind != FMU_CO_SIMULATION)) {
         return fmu_refuse(f, "these bytes are no state of this model: unknown mode");
-    if (!isfinite(head->start) || !isfinite(head->time)) return fmu_refuse(f, "these bytes are no state of this model: time is not finite");
+    }
+    if (!isfinite(head->start) || !isfinite(head->time)) {
+        return fmu_refuse(f, "these bytes are no state of this model: time is not finite");
+    }
     return FMU_OK;
 }
 
@@ -128,7 +158,8 @@ int fmu_load_state(fmu *f, const void *image, size_t n, fmu_state **state) {
     state_head head;
     if (!f || !image || !state) return fmu_refuse(f, "no state given");
     if (check_image(f, image, n, &head)) return FMU_ERROR;
-    const size_t slopes = f->inputs * sizeof(double), doubles = replay_doubles(f, head.samples);
+    const size_t slopes = f->inputs * sizeof(double);
+    const size_t doubles = replay_doubles(f, head.samples);
     const unsigned char *from = (const unsigned char *)image + sizeof head;
     fmu_state *made = new_state(f);
     double *arrays = made ? malloc(doubles * sizeof(double)) : NULL;
@@ -137,10 +168,16 @@ int fmu_load_state(fmu *f, const void *image, size_t n, fmu_state **state) {
     const replay stored = {.n = head.samples, .t = arrays, .done = head.replayed};
     int status = replay_copy(f, &made->replay, &stored);
     free(arrays);
-    if (status || image_restore(made->sim, from + slopes + doubles * sizeof(double)))
-        return fmu_free_state(&made), fmu_refuse(f, "these bytes are no state of this model: values without meaning");
-    made->kind = (fmu_kind)head.kind, made->phase = (fmu_phase)head.phase, made->initialized = head.initialized != 0;
-    made->start = head.start, made->time = head.time, made->moving = head.moving != 0;
+    if (status || image_restore(made->sim, from + slopes + doubles * sizeof(double))) {
+        return fmu_free_state(&made),
+               fmu_refuse(f, "these bytes are no state of this model: values without meaning");
+    }
+    made->kind = (fmu_kind)head.kind;
+    made->phase = (fmu_phase)head.phase;
+    made->initialized = head.initialized != 0;
+    made->start = head.start;
+    made->time = head.time;
+    made->moving = head.moving != 0;
     memcpy(made->slopes, from, slopes);
     fmu_free_state(state);
     *state = made;

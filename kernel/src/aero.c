@@ -1,7 +1,8 @@
 /* Sum of terms to six coefficients, and the implicit triple.
  *
- * alpha-dot, beta-dot and the load factor depend on the forces that depend on them.  All three are affine in the force
- * and the force is affine in them, so a 3 x 3 linear system gives them exactly: no iteration, no delay by one step. */
+ * alpha-dot, beta-dot and the load factor depend on the forces that depend on them.  All three
+ * are affine in the force and the force is affine in them, so a 3 x 3 linear system gives them
+ * exactly: no iteration, no delay by one step. */
 #include "elementary.h"
 #include "model.h"
 
@@ -20,20 +21,34 @@ static double term_value(const am_sim *sim, uint32_t i) {
 
 void evaluate_terms(am_sim *sim, int stage) {
     const am_model *m = sim->model;
-    const double *scale = sim->scale, *slot = sim->slot, *var = sim->var;
+    const double *scale = sim->scale;
+    const double *slot = sim->slot;
+    const double *var = sim->var;
     double *term = sim->term;
 #pragma clang loop unroll_count(4)
-    for (const plain_t *t = m->plain + m->first_plain[stage], *end = m->plain + m->first_plain[stage + 1]; t < end; t++)
+    for (const plain_t *t = m->plain + m->first_plain[stage],
+                       *end = m->plain + m->first_plain[stage + 1];
+         t < end; t++) {
         term[t->place] = scale[t->term] * slot[t->T] * var[t->v];
-    for (const factored_t *t = m->factored + m->first_factored[stage], *end = m->factored + m->first_factored[stage + 1]; t < end; t++)
+    }
+    for (const factored_t *t = m->factored + m->first_factored[stage],
+                          *end = m->factored + m->first_factored[stage + 1];
+         t < end; t++) {
         term[t->place] = scale[t->term] * slot[t->T] * var[t->v] * slot[t->K];
-    for (uint32_t k = m->first_mixed[stage]; k < m->first_mixed[stage + 1]; k++) term[m->term[m->mixed[k]].place] = term_value(sim, m->mixed[k]);
+    }
+    for (uint32_t k = m->first_mixed[stage]; k < m->first_mixed[stage + 1]; k++) {
+        term[m->term[m->mixed[k]].place] = term_value(sim, m->mixed[k]);
+    }
 }
 
 void evaluate_special(am_sim *sim) {
     const am_model *m = sim->model;
-    for (uint32_t k = 0; k < m->implicits; k++) sim->term[m->term[m->implicit[k][0]].place] = term_value(sim, m->implicit[k][0]);
-    for (uint32_t k = 0; k < m->lates; k++) sim->term[m->term[m->late[k]].place] = term_value(sim, m->late[k]);
+    for (uint32_t k = 0; k < m->implicits; k++) {
+        sim->term[m->term[m->implicit[k][0]].place] = term_value(sim, m->implicit[k][0]);
+    }
+    for (uint32_t k = 0; k < m->lates; k++) {
+        sim->term[m->term[m->late[k]].place] = term_value(sim, m->late[k]);
+    }
 }
 
 void leave_out_special(am_sim *sim) {
@@ -42,12 +57,30 @@ void leave_out_special(am_sim *sim) {
     for (uint32_t k = 0; k < m->lates; k++) sim->term[m->term[m->late[k]].place] = 0.0;
 }
 
-/* One value after another: they have just been written one by one, and a load of several would wait for the stores. */
+/* One value after another: they have just been written one by one, and a load of several would
+ * wait for the stores. */
 void sum_coefficients(const am_sim *sim, double c[COEFFICIENTS]) {
-    double CL = 0.0, CD = 0.0, CY = 0.0, Cl = 0.0, Cm = 0.0, Cn = 0.0;
-    for (const double *term = sim->term, *end = term + ROW * (size_t)sim->model->rows; term < end; term += ROW)
-        CL += term[T_CL], CD += term[T_CD], CY += term[T_CY], Cl += term[T_ROLL], Cm += term[T_PITCH], Cn += term[T_YAW];
-    c[T_CL] = CL, c[T_CD] = CD, c[T_CY] = CY, c[T_ROLL] = Cl, c[T_PITCH] = Cm, c[T_YAW] = Cn;
+    double CL = 0.0;
+    double CD = 0.0;
+    double CY = 0.0;
+    double Cl = 0.0;
+    double Cm = 0.0;
+    double Cn = 0.0;
+    for (const double *term = sim->term, *end = term + ROW * (size_t)sim->model->rows; term < end;
+         term += ROW) {
+        CL += term[T_CL];
+        CD += term[T_CD];
+        CY += term[T_CY];
+        Cl += term[T_ROLL];
+        Cm += term[T_PITCH];
+        Cn += term[T_YAW];
+    }
+    c[T_CL] = CL;
+    c[T_CD] = CD;
+    c[T_CY] = CY;
+    c[T_ROLL] = Cl;
+    c[T_PITCH] = Cm;
+    c[T_YAW] = Cn;
 }
 
 void evaluate_stage(am_sim *sim, int stage) {
@@ -56,8 +89,11 @@ void evaluate_stage(am_sim *sim, int stage) {
     evaluate_terms(sim, stage);
     double *sum = sim->sum;
     const double *term = sim->term;
-    for (const term_t *t = m->term + m->first_term[stage], *end = m->term + m->first_term[stage + 1]; t < end; t++)
+    for (const term_t *t = m->term + m->first_term[stage],
+                      *end = m->term + m->first_term[stage + 1];
+         t < end; t++) {
         sum[t->target] = (t->first ? 0.0 : sum[t->target]) + term[t->place];
+    }
 }
 
 /* The terms with CL as a factor, once CL is known. */
@@ -72,7 +108,9 @@ static void add_late(am_sim *sim, double c[COEFFICIENTS]) {
 
 /* CL, CD (stability axes) and CY (body axis) to body axes. */
 static void house_to_body(const now_t *now, const double c[3], double f[3]) {
-    f[0] = c[0] * now->sa - c[1] * now->ca, f[1] = c[2], f[2] = -c[0] * now->ca - c[1] * now->sa;
+    f[0] = c[0] * now->sa - c[1] * now->ca;
+    f[1] = c[2];
+    f[2] = -c[0] * now->ca - c[1] * now->sa;
 }
 
 /* Force coefficients of the database to CL, CD (stability axes) and CY (body axis). */
@@ -80,30 +118,47 @@ static void to_house(const am_sim *sim, double c[3]) {
     const now_t *now = &sim->now;
     double f[3];
     if (sim->model->force_axes == STABILITY_AXES) return;
-    if (sim->model->force_axes == BODY_AXES) f[0] = c[0], f[1] = c[2], f[2] = c[1];
-    else {
+    if (sim->model->force_axes == BODY_AXES) {
+        f[0] = c[0];
+        f[1] = c[2];
+        f[2] = c[1];
+    } else {
         const double x = -c[1] * now->cb - c[2] * now->sb;
-        f[0] = c[0] * now->sa + x * now->ca, f[1] = -c[1] * now->sb + c[2] * now->cb, f[2] = -c[0] * now->ca + x * now->sa;
+        f[0] = c[0] * now->sa + x * now->ca;
+        f[1] = -c[1] * now->sb + c[2] * now->cb;
+        f[2] = -c[0] * now->ca + x * now->sa;
     }
-    c[0] = f[0] * now->sa - f[2] * now->ca, c[1] = -f[0] * now->ca - f[2] * now->sa, c[2] = f[1];
+    c[0] = f[0] * now->sa - f[2] * now->ca;
+    c[1] = -f[0] * now->ca - f[2] * now->sa;
+    c[2] = f[1];
 }
 
-/* What alpha-dot (0) or beta-dot (1) takes from the acceleration of the air-relative velocity. [rad/s per m/s2] */
+/* What alpha-dot (0) or beta-dot (1) takes from the acceleration of the air-relative velocity.
+ * [rad/s per m/s2] */
 static void flow_rate(const now_t *now, uint32_t kind, double row[3]) {
     row[0] = row[1] = row[2] = 0.0;
     if (now->Vxz < FLOW_FLOOR) return;
-    if (kind == 0) row[0] = -now->sa * now->per_Vxz, row[2] = now->ca * now->per_Vxz;
-    else row[0] = -now->ca * now->sb * now->per_V, row[1] = now->cb * now->per_V, row[2] = -now->sa * now->sb * now->per_V;
+    if (kind == 0) {
+        row[0] = -now->sa * now->per_Vxz;
+        row[2] = now->ca * now->per_Vxz;
+    } else {
+        row[0] = -now->ca * now->sb * now->per_V;
+        row[1] = now->cb * now->per_V;
+        row[2] = -now->sa * now->sb * now->per_V;
+    }
 }
 
 /* An implicit variable is apart + row . force / mass; returns apart. */
-static double implicit_row(const am_sim *sim, uint32_t kind, const double free_fall[3], double row[3]) {
+static double implicit_row(const am_sim *sim, uint32_t kind, const double free_fall[3],
+                           double row[3]) {
     const now_t *now = &sim->now;
     if (A_ALPHADOTHAT + kind == A_DNZ) {
-        row[0] = row[1] = 0.0, row[2] = -1.0 / G0;
+        row[0] = row[1] = 0.0;
+        row[2] = -1.0 / G0;
         return -1.0;
     }
-    const double half = 0.5 * (kind == 0 ? sim->model->cbar : sim->model->b) * now->per_V; /* no rate below FLOW_FLOOR */
+    /* no rate below FLOW_FLOOR */
+    const double half = 0.5 * (kind == 0 ? sim->model->cbar : sim->model->b) * now->per_V;
     flow_rate(now, kind, row);
     for (int i = 0; i < 3; i++) row[i] *= half;
     return dot(row, free_fall);
@@ -111,7 +166,9 @@ static double implicit_row(const am_sim *sim, uint32_t kind, const double free_f
 
 /* A row over forces to one over CL, CD, CY: the transpose of house_to_body. */
 static void row_to_house(const now_t *now, const double row[3], double factor, double to[3]) {
-    to[0] = factor * (row[0] * now->sa - row[2] * now->ca), to[1] = factor * (-row[0] * now->ca - row[2] * now->sa), to[2] = factor * row[1];
+    to[0] = factor * (row[0] * now->sa - row[2] * now->ca);
+    to[1] = factor * (-row[0] * now->ca - row[2] * now->sa);
+    to[2] = factor * row[1];
 }
 
 /* A x = x in place, without pivoting: A is the unit matrix minus small couplings. */
@@ -131,11 +188,13 @@ static inline void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], u
     }
 }
 
-/* Adds the implicit terms to the coefficients c; applied are the other forces, n is the number of unknowns.  What does not
- * wait for c comes first. */
-static inline void close_loop(am_sim *sim, const double applied[3], const double free_fall[3], double c[COEFFICIENTS], uint32_t n) {
+/* Adds the implicit terms to the coefficients c; applied are the other forces, n is the number
+ * of unknowns.  What does not wait for c comes first. */
+static inline void close_loop(am_sim *sim, const double applied[3], const double free_fall[3],
+                              double c[COEFFICIENTS], uint32_t n) {
     const am_model *m = sim->model;
-    const double per_mass = 1.0 / sim->now.mass, qS = sim->now.qbar * m->S;
+    const double per_mass = 1.0 / sim->now.mass;
+    const double qS = sim->now.qbar * m->S;
     double slope[IMPLICIT][COEFFICIENTS], gain[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
     for (uint32_t j = 0; j < n; j++) {
         sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
@@ -161,7 +220,8 @@ static inline void close_loop(am_sim *sim, const double applied[3], const double
 }
 
 /* The compiler unrolls each. */
-static void solve_implicit(am_sim *sim, const double applied[3], const double free_fall[3], double c[COEFFICIENTS]) {
+static void solve_implicit(am_sim *sim, const double applied[3], const double free_fall[3],
+                           double c[COEFFICIENTS]) {
     const uint32_t n = sim->model->unknowns;
     if (n == 1) close_loop(sim, applied, free_fall, c, 1);
     else if (n == 2) close_loop(sim, applied, free_fall, c, 2);
@@ -171,18 +231,22 @@ static void solve_implicit(am_sim *sim, const double applied[3], const double fr
 void contributions(const am_sim *sim, double *term) {
     const am_model *m = sim->model;
     for (uint32_t i = 0; i < m->terms; i++) term[i] = sim->term[m->term[i].place];
-    for (uint32_t i = 0; i < m->implicits; i++) term[m->implicit[i][0]] = term_value(sim, m->implicit[i][0]);
+    for (uint32_t i = 0; i < m->implicits; i++) {
+        term[m->implicit[i][0]] = term_value(sim, m->implicit[i][0]);
+    }
     for (uint32_t i = 0; i < m->lates; i++) term[m->late[i]] = term_value(sim, m->late[i]);
 }
 
-static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double applied[3], double F[3]) {
+static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double applied[3],
+                      double F[3]) {
     const double qS = sim->now.qbar * sim->model->S;
     house_to_body(&sim->now, c, F);
     for (int i = 0; i < 3; i++) F[i] = qS * F[i] + applied[i];
 }
 
 /* Sets coefficients, force, aerodynamic moment about the reference point and the flow rates.
- * applied: the other forces but gravity (thrust, gear); free_fall: acceleration of the air-relative velocity in body axes without any force but gravity. */
+ * applied: the other forces but gravity (thrust, gear); free_fall: acceleration of the
+ * air-relative velocity in body axes without any force but gravity. */
 void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]) {
     const am_model *m = sim->model;
     now_t *now = &sim->now;
@@ -202,5 +266,7 @@ void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]
     flow_rate(now, 1, row);
     now->beta_dot = dot(row, a);
     const double qS = now->qbar * m->S;
-    now->M[0] = qS * m->b * now->c[3], now->M[1] = qS * m->cbar * now->c[4], now->M[2] = qS * m->b * now->c[5];
+    now->M[0] = qS * m->b * now->c[3];
+    now->M[1] = qS * m->cbar * now->c[4];
+    now->M[2] = qS * m->b * now->c[5];
 }

@@ -1,4 +1,5 @@
-/* The loops over tables for x86-64 with AVX2; without fused multiply-add, which would round once where others round twice. */
+/* The loops over tables for x86-64 with AVX2; without fused multiply-add, which would round once
+ * where others round twice. */
 #include "versions.h"
 
 #include "elementary.h"
@@ -13,7 +14,8 @@
 
 void interpolate_avx2(am_sim *sim, int stage) { interpolate_stage(sim, stage); }
 
-void evaluate_avx2(const block_t *b, size_t rows, const double *v, double *coefficients, double *terms) {
+void evaluate_avx2(const block_t *b, size_t rows, const double *v, double *coefficients,
+                   double *terms) {
     evaluate_block(b, rows, v, coefficients, terms);
 }
 

@@ -4,7 +4,9 @@
 #include <stdio.h>
 
 static int one_run(am_sim *sim, const am_batch_task *task, size_t run, size_t *done) {
-    if (task->samples == 0) return fail(sim, AM_BAD_ARGUMENT, "a batch needs a record of at least one sample");
+    if (task->samples == 0) {
+        return fail(sim, AM_BAD_ARGUMENT, "a batch needs a record of at least one sample");
+    }
     const double *values = task->values + run * task->parameters;
     for (size_t i = 0; i < task->parameters; i++) {
         const int status = am_set_parameter(sim, task->parameter[i], values[i]);
@@ -17,7 +19,8 @@ static int one_run(am_sim *sim, const am_batch_task *task, size_t run, size_t *d
                      task->y + run * task->samples * task->outputs, NULL, done);
 }
 
-int am_batch(const am_sim *base, const am_batch_task *task, size_t first, size_t last, int *status, size_t *done, char (*text)[AM_TEXT]) {
+int am_batch(const am_sim *base, const am_batch_task *task, size_t first, size_t last, int *status,
+             size_t *done, char (*text)[AM_TEXT]) {
     am_sim *sim = am_new(base->model);
     if (!sim) return AM_NOT_READY;
     for (size_t run = first; run < last; run++) {

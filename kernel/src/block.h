@@ -1,6 +1,8 @@
-/* Many rows of variables at once: a block of rows, one column for every variable, table and term.
+/* Many rows of variables at once: a block of rows, one column for every variable, table and
+ * term.
  *
- * The numbers are combined as in interpolate.h and aero.c, so that a row gives the same bits here and in a flight. */
+ * The numbers are combined as in interpolate.h and aero.c, so that a row gives the same bits
+ * here and in a flight. */
 #ifndef AEROMATCH_BLOCK_H
 #define AEROMATCH_BLOCK_H
 
@@ -10,18 +12,19 @@
 
 #include <string.h>
 
-#define ROWS 64   /* of a block, a multiple of eight */
+#define ROWS 64    /* of a block, a multiple of eight */
 #define COUNTED 40 /* most cells of an axis that are counted through */
-#define NARROW 2  /* most tables of a bundle that are looked up for four rows at once, not four tables at once */
+/* most tables of a bundle that are looked up for four rows at once, not four tables at once */
+#define NARROW 2
 
 struct block {
     const am_sim *sim;
-    double *one, *variable;  /* columns: of ones, of the catalogued variables */
-    double *fraction;        /* of the axes */
+    double *one, *variable; /* columns: of ones, of the catalogued variables */
+    double *fraction;       /* of the axes */
     double *slot, *term;
-    double *row;             /* the tables of one bundle */
-    uint32_t *node;          /* lower nodes of the axes */
-    const double **column;   /* by code of a variable */
+    double *row;           /* the tables of one bundle */
+    uint32_t *node;        /* lower nodes of the axes */
+    const double **column; /* by code of a variable */
 };
 
 static inline double *column_of(double *columns, uint32_t i) { return columns + (size_t)i * ROWS; }
@@ -36,28 +39,34 @@ static void take_rows(const block_t *b, const double *v, size_t rows) {
     }
 }
 
-/* ---- tables ------------------------------------------------------------------------------------------------------- */
+/* ---- tables ---------------------------------------------------------------------------------- */
 
 static inline four all(double x) { return (four){x, x, x, x}; }
 
 static inline bool within(const cell_t *cell, const double x[8]) {
-    const four from = all(cell[0].from), to = all(cell[1].from);
+    const four from = all(cell[0].from);
+    const four to = all(cell[1].from);
     const four_counts in = (AT(x) >= from) & (AT(x) < to) & (AT(x + 4) >= from) & (AT(x + 4) < to);
     return in[0] & in[1] & in[2] & in[3];
 }
 
 /* What find_cell finds, for eight rows: as many cells after the first as begin at or below x. */
 static inline void find_cells(const axis_t *axis, const double x[8], uint32_t to[8]) {
-    four_counts low = {0}, high = {0};
+    four_counts low = {0};
+    four_counts high = {0};
     if (axis->cells > COUNTED) {
         for (int k = 0; k < 8; k++) to[k] = find_cell(axis, x[k]);
         return;
     }
     for (const cell_t *cell = axis->cell + 1, *end = axis->cell + axis->cells; cell < end; cell++) {
         const four from = all(cell->from);
-        low -= AT(x) >= from, high -= AT(x + 4) >= from;
+        low -= AT(x) >= from;
+        high -= AT(x + 4) >= from;
     }
-    for (int k = 0; k < 4; k++) to[k] = (uint32_t)low[k], to[4 + k] = (uint32_t)high[k];
+    for (int k = 0; k < 4; k++) {
+        to[k] = (uint32_t)low[k];
+        to[4 + k] = (uint32_t)high[k];
+    }
 }
 
 /* Where eight rows stay in the cell of the row before, as along a flight, nothing is sought. */
@@ -65,13 +74,17 @@ static void locate_rows(const block_t *b, uint32_t i) {
     const axis_t *axis = &b->sim->model->axis[i];
     const double *x = b->column[axis->variable];
     double *fraction = column_of(b->fraction, i);
-    uint32_t *node = b->node + (size_t)i * ROWS, cell[8] = {0};
+    uint32_t *node = b->node + (size_t)i * ROWS;
+    uint32_t cell[8] = {0};
     for (int r = 0; r < ROWS; r += 8) {
         const cell_t *last = &axis->cell[cell[7]];
         if (within(last, x + r)) {
             const uint32_t lower = lower_node(axis, cell[7]);
             for (int k = 0; k < 8; k++) node[r + k] = lower;
-            for (int k = r; k < r + 8; k += 4) PUT(fraction + k) = all(last->start) + (AT(x + k) - all(last->point)) * all(last->per_step);
+            for (int k = r; k < r + 8; k += 4) {
+                PUT(fraction + k) = all(last->start)
+                                    + (AT(x + k) - all(last->point)) * all(last->per_step);
+            }
             continue;
         }
         find_cells(axis, x + r, cell);
@@ -91,7 +104,10 @@ typedef struct {
 
 static corner_t corner_of(const block_t *b, const bundle_t *bundle) {
     corner_t c = {.first = b->sim->model->node + bundle->first};
-    for (uint32_t k = 0; k < bundle->axes; k++) c.node[k] = b->node + (size_t)bundle->axis[k] * ROWS, c.stride[k] = bundle->stride[k];
+    for (uint32_t k = 0; k < bundle->axes; k++) {
+        c.node[k] = b->node + (size_t)bundle->axis[k] * ROWS;
+        c.stride[k] = bundle->stride[k];
+    }
     return c;
 }
 
@@ -105,12 +121,17 @@ static inline const double *corner_at(const corner_t *c, uint32_t axes, int r) {
 #define EACH(n, o) ((four){(n)[0][o], (n)[1][o], (n)[2][o], (n)[3][o]})
 
 /* What PLANE is for four tables, for four rows. */
-static inline four plane_rows(const double *const n[4], size_t o, size_t s0, size_t s1, four w, four f0, four f1) {
-    const four low = w * (1.0 - f0), high = w * f0, g1 = 1.0 - f1;
-    return (low * g1 * EACH(n, o) + low * f1 * EACH(n, o + s1)) + (high * g1 * EACH(n, o + s0) + high * f1 * EACH(n, o + s0 + s1));
+static inline four plane_rows(const double *const n[4], size_t o, size_t s0, size_t s1, four w,
+                              four f0, four f1) {
+    const four low = w * (1.0 - f0);
+    const four high = w * f0;
+    const four g1 = 1.0 - f1;
+    return (low * g1 * EACH(n, o) + low * f1 * EACH(n, o + s1))
+           + (high * g1 * EACH(n, o + s0) + high * f1 * EACH(n, o + s0 + s1));
 }
 
-static inline four table_rows(const block_t *b, const bundle_t *bundle, const double *const n[4], size_t t, uint32_t axes, int r) {
+static inline four table_rows(const block_t *b, const bundle_t *bundle, const double *const n[4],
+                              size_t t, uint32_t axes, int r) {
     const size_t *s = bundle->stride;
     four f[MAX_AXES];
     for (uint32_t k = 0; k < axes; k++) f[k] = AT(column_of(b->fraction, bundle->axis[k]) + r);
@@ -118,10 +139,16 @@ static inline four table_rows(const block_t *b, const bundle_t *bundle, const do
     const four g0 = 1.0 - f[0];
     if (axes == 1) return g0 * EACH(n, t) + f[0] * EACH(n, t + s[0]);
     if (axes == 2) return plane_rows(n, t, s[0], s[1], all(1.0), f[0], f[1]);
-    if (axes == 3) return plane_rows(n, t, s[1], s[2], g0, f[1], f[2]) + plane_rows(n, t + s[0], s[1], s[2], f[0], f[1], f[2]);
+    if (axes == 3) {
+        return plane_rows(n, t, s[1], s[2], g0, f[1], f[2])
+               + plane_rows(n, t + s[0], s[1], s[2], f[0], f[1], f[2]);
+    }
     const four g1 = 1.0 - f[1];
-    const four low = plane_rows(n, t, s[2], s[3], g0 * g1, f[2], f[3]) + plane_rows(n, t + s[1], s[2], s[3], g0 * f[1], f[2], f[3]);
-    return low + (plane_rows(n, t + s[0], s[2], s[3], f[0] * g1, f[2], f[3]) + plane_rows(n, t + s[0] + s[1], s[2], s[3], f[0] * f[1], f[2], f[3]));
+    const four low = plane_rows(n, t, s[2], s[3], g0 * g1, f[2], f[3])
+                     + plane_rows(n, t + s[1], s[2], s[3], g0 * f[1], f[2], f[3]);
+    return low
+           + (plane_rows(n, t + s[0], s[2], s[3], f[0] * g1, f[2], f[3])
+              + plane_rows(n, t + s[0] + s[1], s[2], s[3], f[0] * f[1], f[2], f[3]));
 }
 
 /* The compiler unrolls each number of axes. */
@@ -130,7 +157,9 @@ static inline void narrow_rows(const block_t *b, const bundle_t *bundle, uint32_
     for (int r = 0; r < ROWS; r += 4) {
         const double *n[4];
         for (int i = 0; i < 4; i++) n[i] = corner_at(&corner, axes, r + i);
-        for (uint32_t t = 0; t < bundle->width; t++) PUT(column_of(b->slot, bundle->slot + t) + r) = table_rows(b, bundle, n, t, axes, r);
+        for (uint32_t t = 0; t < bundle->width; t++) {
+            PUT(column_of(b->slot, bundle->slot + t) + r) = table_rows(b, bundle, n, t, axes, r);
+        }
     }
 }
 
@@ -152,21 +181,29 @@ static void look_up_rows(const block_t *b, const bundle_t *bundle) {
     else narrow_rows(b, bundle, 4);
 }
 
-/* ---- terms -------------------------------------------------------------------------------------------------------- */
+/* ---- terms ----------------------------------------------------------------------------------- */
 
 static void term_rows(const block_t *b, uint32_t i) {
     const am_sim *sim = b->sim;
     const term_t *t = &sim->model->term[i];
-    const double *T = column_of(b->slot, t->T), *K1 = column_of(b->slot, t->K1), *K2 = column_of(b->slot, t->K2);
-    const double *v1 = b->column[t->v1], *v2 = b->column[t->v2], scale = sim->scale[i];
+    const double *T = column_of(b->slot, t->T);
+    const double *K1 = column_of(b->slot, t->K1);
+    const double *K2 = column_of(b->slot, t->K2);
+    const double *v1 = b->column[t->v1];
+    const double *v2 = b->column[t->v2];
+    const double scale = sim->scale[i];
     double *to = column_of(b->term, t->place);
     for (int r = 0; r < ROWS; r += 4) PUT(to + r) = scale * AT(T + r) * (AT(v1 + r) * AT(v2 + r));
-    if (t->K1 | t->K2)
+    if (t->K1 | t->K2) {
         for (int r = 0; r < ROWS; r += 4) PUT(to + r) *= AT(K1 + r) * AT(K2 + r);
+    }
     if (!t->power) return;
     const power_t *power = &sim->model->power[t->power - 1];
-    const double *v = b->column[power->variable], exponent = sim->exponent[t->power - 1];
-    for (int r = 0; r < ROWS; r++) to[r] *= am_pow(v[r] > power->floor ? v[r] : power->floor, exponent);
+    const double *v = b->column[power->variable];
+    const double exponent = sim->exponent[t->power - 1];
+    for (int r = 0; r < ROWS; r++) {
+        to[r] *= am_pow(v[r] > power->floor ? v[r] : power->floor, exponent);
+    }
 }
 
 static void coefficient_rows(const block_t *b, size_t rows, double *to) {
@@ -183,7 +220,8 @@ static void coefficient_rows(const block_t *b, size_t rows, double *to) {
     }
 }
 
-static inline void evaluate_block(const block_t *b, size_t rows, const double *v, double *coefficients, double *terms) {
+static inline void evaluate_block(const block_t *b, size_t rows, const double *v,
+                                  double *coefficients, double *terms) {
     const am_model *m = b->sim->model;
     take_rows(b, v, rows);
     for (uint32_t i = 0; i < m->axes; i++) locate_rows(b, i);

@@ -7,11 +7,13 @@
 
 enum { MAX_CIRCUITS = 3 };
 
-/* Loads at a moment, from springs, air, masses and nose wheel; the pilot and friction are not in it. */
+/* Loads at a moment, from springs, air, masses and nose wheel; the pilot and friction are not in
+ * it. */
 typedef struct {
-    double on[LINKAGE_BODIES];    /* force on each body towards positive travel [N or N m] */
-    double aero, mass, nose;      /* parts of it, of all bodies, as the pilot feels them: positive is what he has to push */
-    double hinge_moment;          /* on all surfaces, positive as the deflection [N m] */
+    double on[LINKAGE_BODIES]; /* force on each body towards positive travel [N or N m] */
+    /* parts of it, of all bodies, as the pilot feels them: positive is what he has to push */
+    double aero, mass, nose;
+    double hinge_moment; /* on all surfaces, positive as the deflection [N m] */
 } loads_t;
 
 /* The control that an item moves: U_DELTA_E, U_DELTA_A or U_DELTA_R; -1 for an unknown name. */
@@ -29,7 +31,9 @@ double symmetric_deflection(const am_sim *sim, uint32_t item, const double *q);
 double circuit_neutral(const am_sim *sim, uint32_t item, const double *u);
 /* Masses, dampers, friction, stops and cables; loads are left zero. */
 void circuit_linkage(const am_sim *sim, uint32_t item, linkage_t *linkage);
-/* At q, for the air and accelerations that the last derivative found; `offset` is added to the deflection in the air. */
-void circuit_loads(am_sim *sim, uint32_t item, const double *x, const double *u, const double *q, double offset, loads_t *loads);
+/* At q, for the air and accelerations that the last derivative found; `offset` is added to the
+ * deflection in the air. */
+void circuit_loads(am_sim *sim, uint32_t item, const double *x, const double *u, const double *q,
+                   double offset, loads_t *loads);
 
 #endif

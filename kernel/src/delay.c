@@ -1,18 +1,24 @@
-/* The knots of a piecewise linear signal in a ring.  A knot on the line between its neighbours is not kept, so the line is the
- * same for any steps that describe the same signal; knots older than the delay are dropped.  With more than DELAY_KNOTS / 2
- * knots within the delay the finest are thinned. */
+/* The knots of a piecewise linear signal in a ring.  A knot on the line between its neighbours
+ * is not kept, so the line is the same for any steps that describe the same signal; knots older
+ * than the delay are dropped.  With more than DELAY_KNOTS / 2 knots within the delay the finest
+ * are thinned. */
 #include "delay.h"
 
 #include <math.h>
 
 #define STRAIGHT 1e-13 /* of the value: rounding of inputs blended between samples */
-#define NEAR 1e-9      /* times that count as one, for a jump: sums of steps round differently [s] */
+/* times that count as one, for a jump: sums of steps round differently [s] */
+#define NEAR 1e-9
 
 enum { FIRST, COUNT, KNOT };
 
-static double *knot(double *line, int i) { return line + KNOT + 2 * (((int)line[FIRST] + i) % DELAY_KNOTS); }
+static double *knot(double *line, int i) {
+    return line + KNOT + 2 * (((int)line[FIRST] + i) % DELAY_KNOTS);
+}
 
-static const double *knot_at(const double *line, int i) { return line + KNOT + 2 * (((int)line[FIRST] + i) % DELAY_KNOTS); }
+static const double *knot_at(const double *line, int i) {
+    return line + KNOT + 2 * (((int)line[FIRST] + i) % DELAY_KNOTS);
+}
 
 static void drop_first(double *line) {
     line[FIRST] = ((int)line[FIRST] + 1) % DELAY_KNOTS;
@@ -22,7 +28,8 @@ static void drop_first(double *line) {
 static void append(double *line, double t, double value) {
     if (line[COUNT] >= DELAY_KNOTS) drop_first(line);
     double *last = knot(line, (int)line[COUNT]);
-    last[0] = t, last[1] = value;
+    last[0] = t;
+    last[1] = value;
     line[COUNT]++;
 }
 
@@ -35,8 +42,10 @@ void delay_start(double *line, double t, double value) {
 static bool needless(const double *line, double t, double value, double finest) {
     const int n = (int)line[COUNT];
     if (n < 2) return false;
-    const double *a = knot_at(line, n - 2), *b = knot_at(line, n - 1);
-    if (!(t > a[0])) return b[0] == t; /* a third value at one time: the middle one was never seen */
+    const double *a = knot_at(line, n - 2);
+    const double *b = knot_at(line, n - 1);
+    /* a third value at one time: the middle one was never seen */
+    if (!(t > a[0])) return b[0] == t;
     if (t - a[0] < finest) return true;
     if (b[0] == a[0] || b[0] == t) return false;
     const double between = a[1] + (value - a[1]) * ((b[0] - a[0]) / (t - a[0]));
@@ -44,8 +53,11 @@ static bool needless(const double *line, double t, double value, double finest) 
 }
 
 void delay_record(double *line, double t, double value, double delay) {
-    while (line[COUNT] > 1.0 && knot(line, (int)line[COUNT] - 1)[0] > t + NEAR) line[COUNT]--; /* time was put back */
-    const double *last = knot(line, (int)line[COUNT] - 1), oldest = last[0] - delay - NEAR; /* no reading lies before it */
+    /* time was put back */
+    while (line[COUNT] > 1.0 && knot(line, (int)line[COUNT] - 1)[0] > t + NEAR) line[COUNT]--;
+    /* no reading lies before it */
+    const double *last = knot(line, (int)line[COUNT] - 1);
+    const double oldest = last[0] - delay - NEAR;
     if (last[0] > t) t = last[0];
     if (last[0] == t && last[1] == value) return;
     if (needless(line, t, value, delay * (2.5 / DELAY_KNOTS))) line[COUNT]--;
@@ -54,13 +66,17 @@ void delay_record(double *line, double t, double value, double delay) {
 }
 
 bool delay_sound(const double *line, bool started) {
-    const double first = line[FIRST], count = line[COUNT];
-    return first >= 0.0 && first < DELAY_KNOTS && first == floor(first) && count >= (started ? 1.0 : 0.0) && count <= DELAY_KNOTS && count == floor(count);
+    const double first = line[FIRST];
+    const double count = line[COUNT];
+    return first >= 0.0 && first < DELAY_KNOTS && first == floor(first)
+           && count >= (started ? 1.0 : 0.0) && count <= DELAY_KNOTS && count == floor(count);
 }
 
 double delay_read(const double *line, double t, bool after) {
     const double limit = after ? t + NEAR : t - NEAR;
-    int low = -1, high = (int)line[COUNT]; /* the last knot up to the limit, and the next */
+    /* the last knot up to the limit, and the next */
+    int low = -1;
+    int high = (int)line[COUNT];
     while (high - low > 1) {
         const int middle = (low + high) / 2;
         if (knot_at(line, middle)[0] <= limit) low = middle;

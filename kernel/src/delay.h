@@ -1,4 +1,5 @@
-/* A pure delay of a signal that is linear between knots and may jump: exact, whatever the steps that bring the knots. */
+/* A pure delay of a signal that is linear between knots and may jump: exact, whatever the steps
+ * that bring the knots. */
 #ifndef AEROMATCH_DELAY_H
 #define AEROMATCH_DELAY_H
 
@@ -7,9 +8,12 @@
 #define DELAY_KNOTS 512
 #define DELAY_DOUBLES (2 + 2 * DELAY_KNOTS) /* what a delay needs of the discrete memory */
 
-void delay_start(double *line, double t, double value);                  /* value since ever */
-void delay_record(double *line, double t, double value, double delay);   /* linear from the knot before; a second one at the same t jumps */
-bool delay_sound(const double *line, bool started);                      /* bytes from outside: whether no knot lies beyond the ring */
-double delay_read(const double *line, double t, bool after);             /* at a jump: the value after or before it */
+void delay_start(double *line, double t, double value); /* value since ever */
+/* linear from the knot before; a second one at the same t jumps */
+void delay_record(double *line, double t, double value, double delay);
+/* bytes from outside: whether no knot lies beyond the ring */
+bool delay_sound(const double *line, bool started);
+/* at a jump: the value after or before it */
+double delay_read(const double *line, double t, bool after);
 
 #endif

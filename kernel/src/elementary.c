@@ -1,4 +1,5 @@
-/* Elementary functions.  A number that needs more than 53 bits is a pair: high + low, |low| <= ulp(high) / 2.
+/* Elementary functions.  A number that needs more than 53 bits is a pair: high + low, |low| <=
+ * ulp(high) / 2.
  *
  * Taylor coefficients throughout: the tables and reductions make the intervals short enough. */
 #include "elementary.h"
@@ -13,9 +14,11 @@ typedef struct {
     double high, low;
 } pair_t;
 
-static const double TO_INTEGER = 0x1.8p52; /* adding and subtracting it rounds to an integer, |x| < 2^51 */
+/* adding and subtracting it rounds to an integer, |x| < 2^51 */
+static const double TO_INTEGER = 0x1.8p52;
 static const pair_t PI = {0x1.921fb54442d18p+1, 0x1.1a62633145c07p-53};
-static const pair_t LN2 = {0x1.62e42fefa3800p-1, 0x1.ef35793c76730p-45}; /* high: multiple of 2^-42 */
+/* high: multiple of 2^-42 */
+static const pair_t LN2 = {0x1.62e42fefa3800p-1, 0x1.ef35793c76730p-45};
 
 static inline uint64_t bits_of(double x) {
     uint64_t bits;
@@ -29,7 +32,8 @@ static inline double of_bits(uint64_t bits) {
     return x;
 }
 
-static inline double power_of_two(int e) { return of_bits((uint64_t)(e + 1023) << 52); } /* -1022 ... 1023 */
+/* -1022 ... 1023 */
+static inline double power_of_two(int e) { return of_bits((uint64_t)(e + 1023) << 52); }
 
 /* The leading 26 bits: products of two such numbers are exact. */
 static inline double leading(double x) { return of_bits(bits_of(x) & ~(uint64_t)0x7ffffff); }
@@ -42,30 +46,45 @@ static inline pair_t sum(double a, double b) {
 
 /* a b exactly (Dekker 1971), unless a part of it underflows */
 static inline pair_t product(double a, double b) {
-    const double p = a * b, a1 = leading(a), a2 = a - a1, b1 = leading(b), b2 = b - b1;
+    const double p = a * b;
+    const double a1 = leading(a);
+    const double a2 = a - a1;
+    const double b1 = leading(b);
+    const double b2 = b - b1;
     return (pair_t){p, ((a1 * b1 - p) + a1 * b2 + a2 * b1) + a2 * b2};
 }
 
-/* ---- sine and cosine ---------------------------------------------------------------------------------------------- */
+/* ---- sine and cosine ------------------------------------------------------------------------- */
 
 /* sin(y) without its first term, |y.high| <= pi/4 */
 static inline double sine_rest(pair_t y, pair_t z) {
-    const double s = z.high, s2 = s * s, s4 = s2 * s2;
-    const double a = 0x1.1111111111111p-7 - s * 0x1.a01a01a01a01ap-13;              /* 1/5! 1/7! */
-    const double b = 0x1.71de3a556c734p-19 - s * 0x1.ae64567f544e4p-26;             /* 1/9! 1/11! */
-    const double c = 0x1.6124613a86d09p-33 - s * 0x1.ae7f3e733b81fp-41;             /* 1/13! 1/15! */
+    const double s = z.high;
+    const double s2 = s * s;
+    const double s4 = s2 * s2;
+    /* 1/5! 1/7! */
+    const double a = 0x1.1111111111111p-7 - s * 0x1.a01a01a01a01ap-13;
+    /* 1/9! 1/11! */
+    const double b = 0x1.71de3a556c734p-19 - s * 0x1.ae64567f544e4p-26;
+    /* 1/13! 1/15! */
+    const double c = 0x1.6124613a86d09p-33 - s * 0x1.ae7f3e733b81fp-41;
     const double third = a * s2 + s4 * (b + s2 * (c + s2 * 0x1.952c77030ad4ap-49)); /* 1/17! */
-    const double cube = s * y.high, sixth = 0x1.5555555555555p-3;
+    const double cube = s * y.high;
+    const double sixth = 0x1.5555555555555p-3;
     return (y.low * (1.0 - 0.5 * s) + third * y.high) - cube * sixth;
 }
 
 static inline pair_t sine(pair_t y, pair_t z) { return sum(y.high, sine_rest(y, z)); }
 
 static inline pair_t cosine(pair_t y, pair_t z) {
-    const double s = z.high, s2 = s * s, s4 = s2 * s2;
-    const double a = 0x1.5555555555555p-5 - s * 0x1.6c16c16c16c17p-10;              /* 1/4! 1/6! */
-    const double b = 0x1.a01a01a01a01ap-16 - s * 0x1.27e4fb7789f5cp-22;             /* 1/8! 1/10! */
-    const double c = 0x1.1eed8eff8d898p-29 - s * 0x1.93974a8c07c9dp-37;             /* 1/12! 1/14! */
+    const double s = z.high;
+    const double s2 = s * s;
+    const double s4 = s2 * s2;
+    /* 1/4! 1/6! */
+    const double a = 0x1.5555555555555p-5 - s * 0x1.6c16c16c16c17p-10;
+    /* 1/8! 1/10! */
+    const double b = 0x1.a01a01a01a01ap-16 - s * 0x1.27e4fb7789f5cp-22;
+    /* 1/12! 1/14! */
+    const double c = 0x1.1eed8eff8d898p-29 - s * 0x1.93974a8c07c9dp-37;
     const double fourth = a * s2 + s4 * (b + s2 * (c + s2 * 0x1.ae7f3e733b81fp-45)); /* 1/16! */
     const pair_t w = sum(1.0, -0.5 * s);
     return sum(w.high, w.low + (fourth - (0.5 * z.low + y.high * y.low)));
@@ -73,8 +92,11 @@ static inline pair_t cosine(pair_t y, pair_t z) {
 
 /* 64 bits of 2/pi from the place of weight 2^-(from + 1) on; from >= -64 */
 static uint64_t two_over_pi(int from) {
-    const unsigned at = (unsigned)(from + 64), word = at / 64, shift = at % 64;
-    return shift ? TWO_OVER_PI[word] << shift | TWO_OVER_PI[word + 1] >> (64 - shift) : TWO_OVER_PI[word];
+    const unsigned at = (unsigned)(from + 64);
+    const unsigned word = at / 64;
+    const unsigned shift = at % 64;
+    return shift ? TWO_OVER_PI[word] << shift | TWO_OVER_PI[word + 1] >> (64 - shift)
+                 : TWO_OVER_PI[word];
 }
 
 static inline uint64_t multiply(uint64_t a, uint64_t b, uint64_t *high) {
@@ -83,32 +105,50 @@ static inline uint64_t multiply(uint64_t a, uint64_t b, uint64_t *high) {
     return (uint64_t)p;
 }
 
-/* x less the nearest multiple of pi/2 for any finite x of at least 1: Payne and Hanek (1983).  x = m 2^e with an integer m;
- * bits of 2/pi whose product is a multiple of 4 are left out, the next 192 bits leave 2^-137 of a quarter turn. */
+/* x less the nearest multiple of pi/2 for any finite x of at least 1: Payne and Hanek (1983).  x
+ * = m 2^e with an integer m; bits of 2/pi whose product is a multiple of 4 are left out, the
+ * next 192 bits leave 2^-137 of a quarter turn. */
 static pair_t reduce_large(double x, unsigned *quarter) {
-    const uint64_t bits = bits_of(x), m = (bits & 0xfffffffffffff) | 0x10000000000000;
-    const int e = (int)(bits >> 52 & 0x7ff) - 1075, from = e - 2;
-    uint64_t high, carry, low = multiply(m, two_over_pi(from + 128), &carry);
+    const uint64_t bits = bits_of(x);
+    const uint64_t m = (bits & 0xfffffffffffff) | 0x10000000000000;
+    const int e = (int)(bits >> 52 & 0x7ff) - 1075;
+    const int from = e - 2;
+    uint64_t high, carry;
+    uint64_t low = multiply(m, two_over_pi(from + 128), &carry);
     uint64_t middle = multiply(m, two_over_pi(from + 64), &high);
     middle += carry;
     high += middle < carry;
     high += m * two_over_pi(from);
     /* now high:middle:low is the number of quarters modulo 4, times 2^190 */
     *quarter = (unsigned)(high >> 62);
-    high = high << 2 | middle >> 62, middle = middle << 2 | low >> 62, low <<= 2;
+    high = high << 2 | middle >> 62;
+    middle = middle << 2 | low >> 62;
+    low <<= 2;
     const bool negative = high >> 63;
     if (negative) {
-        high = ~high, middle = ~middle, low = ~low; /* 2^-192 off */
+        /* 2^-192 off */
+        high = ~high;
+        middle = ~middle;
+        low = ~low;
         ++*quarter;
     }
     int zeros = 0;
-    if (!high) high = middle, middle = low, low = 0, zeros = 64;
+    if (!high) {
+        high = middle;
+        middle = low;
+        low = 0;
+        zeros = 64;
+    }
     const int shift = __builtin_clzll(high | 1);
-    if (shift) high = high << shift | middle >> (64 - shift), middle = middle << shift | low >> (64 - shift);
+    if (shift) {
+        high = high << shift | middle >> (64 - shift);
+        middle = middle << shift | low >> (64 - shift);
+    }
     zeros += shift;
     /* 53 bits, then the next 53 */
     const double first = (double)(high >> 11) * power_of_two(-53 - zeros);
-    const double second = (double)((high << 42 | middle >> 22) & 0x1fffffffffffff) * power_of_two(-106 - zeros);
+    const double second = (double)((high << 42 | middle >> 22) & 0x1fffffffffffff)
+                          * power_of_two(-106 - zeros);
     const pair_t p = product(first, 0.5 * PI.high);
     const double rest = p.low + (first * (0.5 * PI.low) + second * (0.5 * PI.high));
     const pair_t y = sum(p.high, rest);
@@ -116,14 +156,18 @@ static pair_t reduce_large(double x, unsigned *quarter) {
     return negative ? (pair_t){-y.high, -y.low} : y;
 }
 
-/* x less the nearest multiple of pi/2, x >= 0: Cody and Waite (1980) in three parts, where these have enough bits. */
+/* x less the nearest multiple of pi/2, x >= 0: Cody and Waite (1980) in three parts, where these
+ * have enough bits. */
 static inline pair_t reduce(double x, unsigned *quarter) {
     *quarter = 0;
     if (x <= 0.25 * PI.high) return (pair_t){x, 0.0};
     if (x < 0x1p20) {
         const double n = (x * 0x1.45f306dc9c883p-1 + TO_INTEGER) - TO_INTEGER;
-        const double r = x - n * 0x1.921fb54400000p+0, w = n * 0x1.0b4611a600000p-34; /* both products are exact */
-        const double high = r - w, low = ((r - high) - w) - n * 0x1.3198a2e037073p-69;
+        /* both products are exact */
+        const double r = x - n * 0x1.921fb54400000p+0;
+        const double w = n * 0x1.0b4611a600000p-34;
+        const double high = r - w;
+        const double low = ((r - high) - w) - n * 0x1.3198a2e037073p-69;
         if (fabs(high) > 0x1p-20) {
             *quarter = (unsigned)(int)n & 3;
             return sum(high, low);
@@ -133,7 +177,9 @@ static inline pair_t reduce(double x, unsigned *quarter) {
 }
 
 static inline pair_t square(pair_t y) {
-    const double y1 = leading(y.high), y2 = y.high - y1, z = y.high * y.high;
+    const double y1 = leading(y.high);
+    const double y2 = y.high - y1;
+    const double z = y.high * y.high;
     return (pair_t){z, ((y1 * y1 - z) + 2.0 * y1 * y2) + y2 * y2};
 }
 
@@ -143,7 +189,8 @@ double am_sin(double x) {
     if (!is_finite(x)) return NAN;
     if (fabs(x) < 0x1p-27) return x;
     unsigned quarter;
-    const pair_t y = reduce(fabs(x), &quarter), z = square(y);
+    const pair_t y = reduce(fabs(x), &quarter);
+    const pair_t z = square(y);
     const double s = (quarter & 1 ? cosine(y, z) : sine(y, z)).high;
     return (quarter > 1) != (x < 0.0) ? -s : s;
 }
@@ -151,20 +198,25 @@ double am_sin(double x) {
 double am_cos(double x) {
     if (!is_finite(x)) return NAN;
     unsigned quarter;
-    const pair_t y = reduce(fabs(x), &quarter), z = square(y);
+    const pair_t y = reduce(fabs(x), &quarter);
+    const pair_t z = square(y);
     const double c = (quarter & 1 ? sine(y, z) : cosine(y, z)).high;
     return quarter == 1 || quarter == 2 ? -c : c;
 }
 
 void am_sincos(double x, double *sine_of, double *cosine_of) {
     if (!is_finite(x) || fabs(x) < 0x1p-27) {
-        *sine_of = am_sin(x), *cosine_of = am_cos(x);
+        *sine_of = am_sin(x);
+        *cosine_of = am_cos(x);
         return;
     }
     unsigned quarter;
-    const pair_t y = reduce(fabs(x), &quarter), z = square(y);
-    const double s = sine(y, z).high, c = cosine(y, z).high;
-    const double sin_x = quarter & 1 ? c : s, cos_x = quarter & 1 ? s : c;
+    const pair_t y = reduce(fabs(x), &quarter);
+    const pair_t z = square(y);
+    const double s = sine(y, z).high;
+    const double c = cosine(y, z).high;
+    const double sin_x = quarter & 1 ? c : s;
+    const double cos_x = quarter & 1 ? s : c;
     *sine_of = (quarter > 1) != (x < 0.0) ? -sin_x : sin_x;
     *cosine_of = quarter == 1 || quarter == 2 ? -cos_x : cos_x;
 }
@@ -173,30 +225,43 @@ double am_tan(double x) {
     if (!is_finite(x)) return NAN;
     if (fabs(x) < 0x1p-27) return x;
     unsigned quarter;
-    const pair_t y = reduce(fabs(x), &quarter), z = square(y), s = sine(y, z), c = cosine(y, z);
-    const pair_t top = quarter & 1 ? c : s, bottom = quarter & 1 ? s : c;
+    const pair_t y = reduce(fabs(x), &quarter);
+    const pair_t z = square(y);
+    const pair_t s = sine(y, z);
+    const pair_t c = cosine(y, z);
+    const pair_t top = quarter & 1 ? c : s;
+    const pair_t bottom = quarter & 1 ? s : c;
     const double t = top.high / bottom.high;
     const pair_t back = product(t, bottom.high);
-    const double tangent = t + (((top.high - back.high) - back.low) + (top.low - t * bottom.low)) / bottom.high;
+    const double tangent =
+        t + (((top.high - back.high) - back.low) + (top.low - t * bottom.low)) / bottom.high;
     return (quarter & 1) != (x < 0.0) ? -tangent : tangent;
 }
 
-/* ---- inverse functions -------------------------------------------------------------------------------------------- */
+/* ---- inverse functions ----------------------------------------------------------------------- */
 
-/* atan(n / d) for 0 <= n <= d, d normal and far from overflow: Taylor series about the nearest j / 64, about 0 below 1/16. */
+/* atan(n / d) for 0 <= n <= d, d normal and far from overflow: Taylor series about the nearest j
+ * / 64, about 0 below 1/16. */
 static inline pair_t arctangent(double n, double d) {
-    const double t = n / d, inverse = 1.0 / d;
+    const double t = n / d;
+    const double inverse = 1.0 / d;
     const pair_t back = product(t, d);
     const double low = ((n - back.high) - back.low) * inverse; /* n / d = t + low */
     if (t < 0x1p-4) {
-        const double z = t * t, z2 = z * z;
-        const double a = 0x1.999999999999ap-3 - z * 0x1.2492492492492p-3, b = 0x1.c71c71c71c71cp-4 - z * 0x1.745d1745d1746p-4;
-        const double c = 0x1.3b13b13b13b14p-4 - z * 0x1.1111111111111p-4; /* 1/5 1/7, 1/9 1/11, 1/13 1/15 */
+        const double z = t * t;
+        const double z2 = z * z;
+        const double a = 0x1.999999999999ap-3 - z * 0x1.2492492492492p-3;
+        const double b = 0x1.c71c71c71c71cp-4 - z * 0x1.745d1745d1746p-4;
+        /* 1/5 1/7, 1/9 1/11, 1/13 1/15 */
+        const double c = 0x1.3b13b13b13b14p-4 - z * 0x1.1111111111111p-4;
         return (pair_t){t, low - z * t * (0x1.5555555555555p-2 - z * (a + z2 * (b + z2 * c)))};
     }
     const int j = (int)(t * 64.0 + 0.5);
-    const double *a = ARCTANGENT[j], h = t - j * 0x1p-6, h2 = h * h;
-    const double second = (a[3] + h * a[4]) + h2 * ((a[5] + h * a[6]) + h2 * ((a[7] + h * a[8]) + h2 * a[9]));
+    const double *a = ARCTANGENT[j];
+    const double h = t - j * 0x1p-6;
+    const double h2 = h * h;
+    const double second = (a[3] + h * a[4])
+                          + h2 * ((a[5] + h * a[6]) + h2 * ((a[7] + h * a[8]) + h2 * a[9]));
     return (pair_t){a[0], a[1] + ((h + low) * a[2] + h2 * second)};
 }
 
@@ -209,22 +274,31 @@ static inline pair_t rest_of(double part, pair_t angle) {
 /* Zeros, infinities and NaN; -x or +x only counts by its sign. */
 static double atan2_special(double y, double x) {
     if (y != y || x != x) return NAN;
-    const bool left = signbit(x), wide = fabs(x) < fabs(y);
+    const bool left = signbit(x);
+    const bool wide = fabs(x) < fabs(y);
     double angle = fabs(y) == fabs(x) && y != 0.0 ? 0.25 * PI.high : wide ? 0.5 * PI.high : 0.0;
     if (left && !wide) angle = angle == 0.0 ? PI.high : 0.75 * PI.high;
     return copysign(angle, y);
 }
 
 double am_atan2(double y, double x) {
-    double n = fabs(y), d = fabs(x);
+    double n = fabs(y);
+    double d = fabs(x);
     const bool steep = n > d;
-    if (steep) n = fabs(x), d = fabs(y);
+    if (steep) {
+        n = fabs(x);
+        d = fabs(y);
+    }
     if (!(n > 0.0 && d < INFINITY)) return atan2_special(y, x);
     if (d > 0x1p500 || n < 0x1p-500) {
-        /* a ratio below 2^-60 is its own arctangent, and to any other angle it adds nothing; else both move by the same power of two */
+        /* a ratio below 2^-60 is its own arctangent, and to any other angle it adds nothing;
+         * else both move by the same power of two */
         const double scale = d > 1.0 ? 0x1p-600 : 0x1p600;
-        if (n / d < 0x1p-60) return steep ? copysign(0.5 * PI.high, y) : signbit(x) ? copysign(PI.high, y) : y / x;
-        n *= scale, d *= scale;
+        if (n / d < 0x1p-60) {
+            return steep ? copysign(0.5 * PI.high, y) : signbit(x) ? copysign(PI.high, y) : y / x;
+        }
+        n *= scale;
+        d *= scale;
     }
     pair_t angle = arctangent(n, d);
     if (steep) angle = rest_of(0.5, angle);
@@ -238,24 +312,33 @@ double am_asin(double x) {
     if (a < 0x1p-27) return x;
     if (a == 1.0) return copysign(0.5 * PI.high, x);
     /* the arc of sine a has the cosine c + rest, (c + rest)^2 = (1 - a) (1 + a) */
-    const pair_t more = sum(1.0, a), less = sum(1.0, -a), squared = product(less.high, more.high);
+    const pair_t more = sum(1.0, a);
+    const pair_t less = sum(1.0, -a);
+    const pair_t squared = product(less.high, more.high);
     const double c = sqrt(squared.high);
     const pair_t back = product(c, c);
-    const double rest = (((squared.high - back.high) - back.low) + (squared.low + less.high * more.low + less.low * more.high)) / (2.0 * c);
+    const double rest = (((squared.high - back.high) - back.low)
+                         + (squared.low + less.high * more.low + less.low * more.high))
+                        / (2.0 * c);
     const pair_t angle = a <= c ? arctangent(a, c) : rest_of(0.5, arctangent(c, a));
     return copysign(angle.high + (angle.low - a * rest), x);
 }
 
-/* ---- exponential and logarithm ------------------------------------------------------------------------------------ */
+/* ---- exponential and logarithm --------------------------------------------------------------- */
 
 /* e^(high + low), |high| < 746 */
 static inline double exponential(double high, double low) {
     const double n = (high * 0x1.71547652b82fep+6 + TO_INTEGER) - TO_INTEGER; /* of ln 2 / 64 */
-    const int k = (int)n, e = k >> 6;
-    const double r = ((high - n * 0x1.62e42fefa0000p-7) - n * 0x1.cf79abc9e3b3ap-46) + low, r2 = r * r;
-    const double fourth = 0x1.5555555555555p-5 + r * 0x1.1111111111111p-7 + r2 * 0x1.6c16c16c16c17p-10; /* 1/4! 1/5! 1/6! */
+    const int k = (int)n;
+    const int e = k >> 6;
+    const double r = ((high - n * 0x1.62e42fefa0000p-7) - n * 0x1.cf79abc9e3b3ap-46) + low;
+    const double r2 = r * r;
+    /* 1/4! 1/5! 1/6! */
+    const double fourth = 0x1.5555555555555p-5 + r * 0x1.1111111111111p-7
+                          + r2 * 0x1.6c16c16c16c17p-10;
     const double more = r + r2 * ((0.5 + r * 0x1.5555555555555p-3) + r2 * fourth);
-    const double *two = POWER_OF_TWO[k & 63], value = two[0] + (two[1] + two[0] * more);
+    const double *two = POWER_OF_TWO[k & 63];
+    const double value = two[0] + (two[1] + two[0] * more);
     if (e > -1022 && e < 1024) return value * power_of_two(e);
     return e > 0 ? value * power_of_two(e - 1) * 2.0 : value * power_of_two(e + 200) * 0x1p-200;
 }
@@ -264,19 +347,30 @@ static inline double exponential(double high, double low) {
 static inline pair_t logarithm(double x) {
     uint64_t bits = bits_of(x);
     int e = 0;
-    if (bits < 0x10000000000000) bits = bits_of(x * 0x1p52), e = -52;
+    if (bits < 0x10000000000000) {
+        bits = bits_of(x * 0x1p52);
+        e = -52;
+    }
     const unsigned j = (unsigned)((bits >> 44 & 0xff) + 1) >> 1;
     const unsigned half = j >= 54;
     e += (int)(bits >> 52) - 1023 + (int)half;
-    const double m = of_bits((bits & 0xfffffffffffff) | (uint64_t)(1023 - half) << 52), m1 = leading(m);
+    const double m = of_bits((bits & 0xfffffffffffff) | (uint64_t)(1023 - half) << 52);
+    const double m1 = leading(m);
     const double *c = LOGARITHM[j];
     /* m / c = 1 + r exactly; log x = e log 2 + log c + r - r^2 / 2 + ... */
-    const pair_t r = sum(m1 * c[0] - 1.0, (m - m1) * c[0]), r2 = product(r.high, r.high);
-    const double h = r.high, h2 = r2.high;
-    const double third = (0x1.5555555555555p-2 - h * 0.25) + h2 * ((0x1.999999999999ap-3 - h * 0x1.5555555555555p-3)
-                       + h2 * ((0x1.2492492492492p-3 - h * 0.125) + h2 * 0x1.c71c71c71c71cp-4));
-    const pair_t s = sum(e * LN2.high + c[1], h), t = sum(s.high, -0.5 * h2);
-    const double rest = (e * LN2.low + c[2]) + ((r.low - h * r.low) - 0.5 * r2.low) + (s.low + t.low) + h * h2 * third;
+    const pair_t r = sum(m1 * c[0] - 1.0, (m - m1) * c[0]);
+    const pair_t r2 = product(r.high, r.high);
+    const double h = r.high;
+    const double h2 = r2.high;
+    const double third =
+        (0x1.5555555555555p-2 - h * 0.25)
+        + h2
+              * ((0x1.999999999999ap-3 - h * 0x1.5555555555555p-3)
+                 + h2 * ((0x1.2492492492492p-3 - h * 0.125) + h2 * 0x1.c71c71c71c71cp-4));
+    const pair_t s = sum(e * LN2.high + c[1], h);
+    const pair_t t = sum(s.high, -0.5 * h2);
+    const double rest = (e * LN2.low + c[2]) + ((r.low - h * r.low) - 0.5 * r2.low)
+                        + (s.low + t.low) + h * h2 * third;
     return sum(t.high, rest);
 }
 

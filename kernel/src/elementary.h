@@ -1,15 +1,19 @@
-/* Elementary functions of the kernel's own: the same bits on every platform, which no two mathematical libraries give.
+/* Elementary functions of the kernel's own: the same bits on every platform, which no two
+ * mathematical libraries give.
  *
- * Double precision, round to nearest, no fused multiply-add (-ffp-contract=off), only + - * / and sqrt.  Every function
- * is within 1 ulp of the exact value for every argument (measured: docs/kernel.md) and treats NaN, infinities, signed
- * zeros and subnormal numbers as C11 annex F says; every NaN that comes out of numbers is the same NaN. */
+ * Double precision, round to nearest, no fused multiply-add (-ffp-contract=off), only + - * /
+ * and sqrt.  Every function is within 1 ulp of the exact value for every argument (measured:
+ * docs/kernel.md) and treats NaN, infinities, signed zeros and subnormal numbers as C11 annex F
+ * says; every NaN that comes out of numbers is the same NaN. */
 #ifndef AEROMATCH_ELEMENTARY_H
 #define AEROMATCH_ELEMENTARY_H
 
-double am_sin(double x);                                  /* any finite x: reduced with as many bits of 2/pi as it takes */
+/* any finite x: reduced with as many bits of 2/pi as it takes */
+double am_sin(double x);
 double am_cos(double x);
 double am_tan(double x);
-void am_sincos(double x, double *sine, double *cosine);   /* the same bits as am_sin and am_cos */
+/* the same bits as am_sin and am_cos */
+void am_sincos(double x, double *sine, double *cosine);
 double am_asin(double x);
 double am_atan2(double y, double x);
 double am_exp(double x);

@@ -8,7 +8,8 @@ static void blend(const am_model *m, const double *u0, const double *u1, double 
     for (int i = 0; i < m->count[AM_INPUT]; i++) u[i] = u0[i] + (u1[i] - u0[i]) * s;
 }
 
-static void advance(int n, const double *restrict x, double h, const double *restrict dx, double *restrict to) {
+static void advance(int n, const double *restrict x, double h, const double *restrict dx,
+                    double *restrict to) {
     for (int i = 0; i < n; i++) to[i] = x[i] + h * dx[i];
 }
 
@@ -19,32 +20,43 @@ void count_outside(am_sim *sim) {
     }
 }
 
-/* The discrete part of the submodels from t to t + h; u0 and u1 are the inputs at both ends.  One that jumps at t clears
- * sim->fresh, so that the first slope is found anew. */
+/* The discrete part of the submodels from t to t + h; u0 and u1 are the inputs at both ends.
+ * One that jumps at t clears sim->fresh, so that the first slope is found anew. */
 void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1) {
     weather_advance(sim, t, h, u0, u1);
     engine_advance(sim, t, h, u0, u1);
     control_advance(sim, t, h, u0, u1);
 }
 
-static void slope(am_sim *sim, double t, double h, double part, const double *x, const double *u, double *k) {
-    sim->part = part, sim->clock = t + part * h;
+static void slope(am_sim *sim, double t, double h, double part, const double *x, const double *u,
+                  double *k) {
+    sim->part = part;
+    sim->clock = t + part * h;
     derivative(sim, x, u, k);
 }
 
 /* Inputs at a part of u0 ... u1; u0 itself when they are held. */
-static const double *inputs_at(const am_sim *sim, const double *u0, const double *u1, double s, double *u) {
+static const double *inputs_at(const am_sim *sim, const double *u0, const double *u1, double s,
+                               double *u) {
     if (u0 == u1) return u0;
     blend(sim->model, u0, u1, s, u);
     return u;
 }
 
-/* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step from t covers. */
-static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const double *u1, double s0, double s1) {
+/* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step from t
+ * covers. */
+static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const double *u1,
+                        double s0, double s1) {
     const am_model *m = sim->model;
     const int n = am_state_count(m);
-    double *k1 = sim->k, *k2 = k1 + n, *k3 = k2 + n, *k4 = k3 + n, *x = sim->x, *to = sim->x_work;
-    const double *u_end = inputs_at(sim, u0, u1, s1, sim->u_end), *u = inputs_at(sim, u0, u1, s0, sim->u_work);
+    double *k1 = sim->k;
+    double *k2 = k1 + n;
+    double *k3 = k2 + n;
+    double *k4 = k3 + n;
+    double *x = sim->x;
+    double *to = sim->x_work;
+    const double *u_end = inputs_at(sim, u0, u1, s1, sim->u_end);
+    const double *u = inputs_at(sim, u0, u1, s0, sim->u_work);
     if (m->memories) advance_memory(sim, t, h, u, u_end);
     if (!sim->fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) {
         slope(sim, t, h, 0.0, x, u, k1);
@@ -65,17 +77,24 @@ static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const
 }
 
 static int check_inputs(am_sim *sim, const double *u) {
-    for (int i = 0; i < sim->model->count[AM_INPUT]; i++)
+    for (int i = 0; i < sim->model->count[AM_INPUT]; i++) {
         if (!isfinite(u[i])) {
             const char *name = sim->model->entry[AM_INPUT][i].name;
-            return fail(sim, AM_NOT_FINITE, "input %s is %g at t = %g s; it must be finite", name, u[i], sim->time);
+            return fail(sim, AM_NOT_FINITE, "input %s is %g at t = %g s; it must be finite", name,
+                        u[i], sim->time);
         }
+    }
     return AM_OK;
 }
 
 int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1) {
-    if (!(dt >= 0.0 && fabs(t) <= LATEST && fabs(t + dt) <= LATEST))
-        return fail(sim, AM_BAD_ARGUMENT, "step from t = %g s by %g s; the step must be finite and not negative, times within 1e10 s", t, dt);
+    if (!(dt >= 0.0 && fabs(t) <= LATEST && fabs(t + dt) <= LATEST)) {
+        return fail(
+            sim, AM_BAD_ARGUMENT,
+            "step from t = %g s by %g s; the step must be finite and not negative, times within "
+            "1e10 s",
+            t, dt);
+    }
     int status = ready(sim);
     if (status != AM_OK) return status;
     sim->time = t;
@@ -83,10 +102,14 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
     sim->time = t + dt;
     if ((status = check_inputs(sim, u1)) != AM_OK) return status;
     const double parts = ceil(dt / sim->par[P_STEP] - 1e-9);
-    if (!(parts <= 1e9)) return fail(sim, AM_BAD_ARGUMENT, "%g s are more than 1e9 steps of mode.step = %g s", dt, sim->par[P_STEP]);
+    if (!(parts <= 1e9)) {
+        return fail(sim, AM_BAD_ARGUMENT, "%g s are more than 1e9 steps of mode.step = %g s", dt,
+                    sim->par[P_STEP]);
+    }
     const long n = dt > 0.0 && parts < 1.0 ? 1 : (long)parts;
     for (long i = 0; i < n; i++) {
-        const double s0 = (double)i / (double)n, s1 = (double)(i + 1) / (double)n;
+        const double s0 = (double)i / (double)n;
+        const double s1 = (double)(i + 1) / (double)n;
         const size_t memory = sizeof(double) * sim->model->memories;
         memcpy(sim->memory_before, sim->memory, memory);
         runge_kutta(sim, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
@@ -104,37 +127,49 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
 static int sample(am_sim *sim, const int *output, size_t outputs, double *y, double *terms) {
     const int status = am_outputs(sim, output ? sim->y_work : y);
     if (status != AM_OK) return status;
-    if (output)
+    if (output) {
         for (size_t i = 0; i < outputs; i++) y[i] = sim->y_work[output[i]];
+    }
     if (!terms) return AM_OK;
     contributions(sim, terms);
     return check_finite(sim, AM_TERM, terms);
 }
 
-int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold, const int *output, size_t outputs, double *y, double *terms,
-              size_t *done) {
+int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold, const int *output,
+              size_t outputs, double *y, double *terms, size_t *done) {
     const am_model *m = sim->model;
-    const size_t nu = (size_t)m->count[AM_INPUT], ny = output ? outputs : (size_t)m->count[AM_OUTPUT];
+    const size_t nu = (size_t)m->count[AM_INPUT];
+    const size_t ny = output ? outputs : (size_t)m->count[AM_OUTPUT];
     *done = 0;
-    for (size_t i = 0; output && i < outputs; i++)
-        if (output[i] < 0 || output[i] >= m->count[AM_OUTPUT]) return fail(sim, AM_BAD_INDEX, "there is no output %d", output[i]);
+    for (size_t i = 0; output && i < outputs; i++) {
+        if (output[i] < 0 || output[i] >= m->count[AM_OUTPUT]) {
+            return fail(sim, AM_BAD_INDEX, "there is no output %d", output[i]);
+        }
+    }
     for (size_t k = 0; k < n; k++) {
         int status;
         if (k == 0) {
-            if (!(fabs(t[0]) <= LATEST)) return fail(sim, AM_BAD_ARGUMENT, "the record starts at %g s; times must be finite and within 1e10 s", t[0]);
+            if (!(fabs(t[0]) <= LATEST)) {
+                return fail(sim, AM_BAD_ARGUMENT,
+                            "the record starts at %g s; times must be finite and within 1e10 s",
+                            t[0]);
+            }
             sim->time = t[0];
             if ((status = check_inputs(sim, u)) == AM_OK) take_inputs(sim, u);
         } else {
             const double *u0 = u + (k - 1) * nu;
             status = am_step(sim, t[k - 1], t[k] - t[k - 1], u0, hold ? u0 : u0 + nu);
         }
-        if (status == AM_OK) status = sample(sim, output, outputs, y + k * ny, terms ? terms + k * m->terms : NULL);
+        if (status == AM_OK) {
+            status = sample(sim, output, outputs, y + k * ny, terms ? terms + k * m->terms : NULL);
+        }
         if (status != AM_OK) return status;
         *done = k + 1;
     }
     return AM_OK;
 }
 
-int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, double *y, size_t *done) {
+int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, double *y,
+           size_t *done) {
     return am_record(sim, n, t, u, hold, NULL, 0, y, NULL, done);
 }

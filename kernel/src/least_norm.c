@@ -6,8 +6,8 @@
 #include <string.h>
 
 #define STEPS 100
-#define ATTEMPTS 24    /* tenfold dampings of one step */
-#define NOTHING 1e-26  /* sum of squares that counts as solved */
+#define ATTEMPTS 24   /* tenfold dampings of one step */
+#define NOTHING 1e-26 /* sum of squares that counts as solved */
 
 static double evaluate(const system_t *s, const double *z, double *r) {
     double sum = 0.0;
@@ -50,15 +50,18 @@ static bool solve(int n, jacobian_t A, double *r) {
     return true;
 }
 
-static bool minimum_norm_step(const system_t *s, jacobian_t J, const bool *free, const double *r, double lambda, double *dz) {
+static bool minimum_norm_step(const system_t *s, jacobian_t J, const bool *free, const double *r,
+                              double lambda, double *dz) {
     const int n = s->equations;
     jacobian_t A;
-    double y[LARGEST_SYSTEM], trace = 0.0;
-    for (int i = 0; i < n; i++)
+    double y[LARGEST_SYSTEM];
+    double trace = 0.0;
+    for (int i = 0; i < n; i++) {
         for (int k = 0; k < n; k++) {
             A[i][k] = 0.0;
             for (int j = 0; j < s->unknowns; j++) A[i][k] += free[j] ? J[i][j] * J[k][j] : 0.0;
         }
+    }
     for (int i = 0; i < n; i++) trace += A[i][i];
     for (int i = 0; i < n; i++) A[i][i] += lambda * trace + DBL_MIN;
     memcpy(y, r, sizeof(double) * (size_t)n);
@@ -70,9 +73,12 @@ static bool minimum_norm_step(const system_t *s, jacobian_t J, const bool *free,
     return true;
 }
 
-/* The step to `next`, unknowns that press against a limit taken out; false when the equations cannot be solved. */
-static bool step_inside(const system_t *s, jacobian_t J, const double *z, const double *r, double lambda, double *next) {
-    bool free[LARGEST_SYSTEM], moved = true;
+/* The step to `next`, unknowns that press against a limit taken out; false when the equations
+ * cannot be solved. */
+static bool step_inside(const system_t *s, jacobian_t J, const double *z, const double *r,
+                        double lambda, double *next) {
+    bool free[LARGEST_SYSTEM];
+    bool moved = true;
     double dz[LARGEST_SYSTEM];
     for (int j = 0; j < s->unknowns; j++) free[j] = true;
     while (moved) {
@@ -80,8 +86,12 @@ static bool step_inside(const system_t *s, jacobian_t J, const double *z, const 
         moved = false;
         for (int j = 0; j < s->unknowns; j++) {
             next[j] = z[j] + dz[j];
-            const bool stuck = (z[j] >= s->high[j] && dz[j] > 0.0) || (z[j] <= s->low[j] && dz[j] < 0.0);
-            if (free[j] && stuck) free[j] = false, moved = true;
+            const bool stuck = (z[j] >= s->high[j] && dz[j] > 0.0)
+                               || (z[j] <= s->low[j] && dz[j] < 0.0);
+            if (free[j] && stuck) {
+                free[j] = false;
+                moved = true;
+            }
             next[j] = next[j] > s->high[j] ? s->high[j] : next[j] < s->low[j] ? s->low[j] : next[j];
         }
     }
@@ -97,16 +107,21 @@ static bool improve(const system_t *s, double *z, double *r, double *size, doubl
         if (!step_inside(s, J, z, r, *lambda, next)) continue;
         const double size_next = evaluate(s, next, r_next);
         if (!(size_next < *size)) continue;
-        memcpy(z, next, sizeof(double) * (size_t)s->unknowns), memcpy(r, r_next, sizeof(double) * (size_t)s->equations);
-        *size = size_next, *lambda = *lambda > 1e-14 ? *lambda * 0.01 : *lambda;
+        memcpy(z, next, sizeof(double) * (size_t)s->unknowns);
+        memcpy(r, r_next, sizeof(double) * (size_t)s->equations);
+        *size = size_next;
+        *lambda = *lambda > 1e-14 ? *lambda * 0.01 : *lambda;
         return true;
     }
     return false;
 }
 
 double least_norm(const system_t *s, double *z) {
-    double r[LARGEST_SYSTEM], lambda = 1e-6, size = evaluate(s, z, r);
-    for (int i = 0; i < STEPS && size > NOTHING; i++)
+    double r[LARGEST_SYSTEM];
+    double lambda = 1e-6;
+    double size = evaluate(s, z, r);
+    for (int i = 0; i < STEPS && size > NOTHING; i++) {
         if (!improve(s, z, r, &size, &lambda)) break;
+    }
     return size;
 }

@@ -1,8 +1,9 @@
 /* Nonlinear equations r(z) = 0 inside limits, by steps of the smallest norm.
  *
- * Levenberg-Marquardt steps  dz = -J^T (J J^T + lambda I)^-1 r :  for lambda -> 0 the minimum-norm step, so an unknown
- * without effect stays where it is, a surplus of unknowns is shared out, and what cannot be removed is left as residual.
- * An unknown at its limit is taken out of the step.  The unknowns should be of the order of one, or NUDGE too coarse or too fine. */
+ * Levenberg-Marquardt steps  dz = -J^T (J J^T + lambda I)^-1 r :  for lambda -> 0 the
+ * minimum-norm step, so an unknown without effect stays where it is, a surplus of unknowns is
+ * shared out, and what cannot be removed is left as residual. An unknown at its limit is taken
+ * out of the step.  The unknowns should be of the order of one, or NUDGE too coarse or too fine. */
 #ifndef AEROMATCH_LEAST_NORM_H
 #define AEROMATCH_LEAST_NORM_H
 
@@ -12,7 +13,8 @@
 typedef struct {
     int unknowns, equations;
     double low[LARGEST_SYSTEM], high[LARGEST_SYSTEM];
-    void (*residual)(void *task, const double *z, double *r); /* weighed alike: the sum of the squares is made small */
+    /* weighed alike: the sum of the squares is made small */
+    void (*residual)(void *task, const double *z, double *r);
     void *task;
 } system_t;
 

@@ -1,5 +1,6 @@
-/* The moving parts of a control circuit: up to three bodies with springs, dampers, dry friction and stops, joined by cables.
- * Knows nothing of aircraft; control.c fills it for a step.  All forces and masses are reduced to the travel in the cockpit. */
+/* The moving parts of a control circuit: up to three bodies with springs, dampers, dry friction
+ * and stops, joined by cables. Knows nothing of aircraft; control.c fills it for a step.  All
+ * forces and masses are reduced to the travel in the cockpit. */
 #ifndef AEROMATCH_LINKAGE_H
 #define AEROMATCH_LINKAGE_H
 
@@ -7,17 +8,22 @@
 
 #define LINKAGE_BODIES 3
 
-/* Body 0 is the cockpit end; bodies 1 and 2 hang on it by one cable each.  Force on a body towards positive travel:
+/* Body 0 is the cockpit end; bodies 1 and 2 hang on it by one cable each.  Force on a body
+ * towards positive travel:
  *
- *     load + load_rate t - stiffness (q - origin) - damping v - friction Sgn(v) - [body 0] preload Sgn(q - neutral) - stop */
+ *     load + load_rate t - stiffness (q - origin) - damping v - friction Sgn(v)
+ *     - [body 0] preload Sgn(q - neutral) - stop */
 typedef struct {
     int bodies;
     double mass[LINKAGE_BODIES], damping[LINKAGE_BODIES];
     double load[LINKAGE_BODIES], load_rate[LINKAGE_BODIES];
-    double stiffness[LINKAGE_BODIES], origin[LINKAGE_BODIES]; /* negative for a surface that the air drives out */
-    double friction[LINKAGE_BODIES], breakout[LINKAGE_BODIES]; /* in motion; from rest, not smaller */
+    /* negative for a surface that the air drives out */
+    double stiffness[LINKAGE_BODIES], origin[LINKAGE_BODIES];
+    /* in motion; from rest, not smaller */
+    double friction[LINKAGE_BODIES], breakout[LINKAGE_BODIES];
     double preload, neutral;
-    double low[LINKAGE_BODIES], high[LINKAGE_BODIES], restitution; /* stops; speed after over speed before the impact */
+    /* stops; speed after over speed before the impact */
+    double low[LINKAGE_BODIES], high[LINKAGE_BODIES], restitution;
     double cable_stiffness, cable_damping;
     bool driven; /* body 0 moves with the velocity `drive`, whatever force that takes */
     double drive;
@@ -25,7 +31,8 @@ typedef struct {
 
 typedef struct {
     double q[LINKAGE_BODIES], v[LINKAGE_BODIES];
-    double friction[LINKAGE_BODIES], stop[LINKAGE_BODIES]; /* mean forces against the motion in the last part of the last step */
+    /* mean forces against the motion in the last part of the last step */
+    double friction[LINKAGE_BODIES], stop[LINKAGE_BODIES];
     double lost[3]; /* energy taken by friction, by dampers and by stops, added up [J] */
 } motion_t;
 

@@ -12,33 +12,39 @@
 #define AM_FORMAT 2
 #define MAX_AXES 4
 #define MAX_ENGINES 16
-#define MAX_ITEMS 16     /* of one group */
-#define G0 9.80665       /* standard gravity [m s-2] */
-#define V_FLOOR 1e-3     /* lower bound of V in reduced rates [m s-1] */
-#define QBAR_FLOOR 1.0   /* lower bound of the dynamic pressure in the thrust coefficient [Pa] */
-#define FLOW_FLOOR 0.15   /* below it alpha-dot and beta-dot are zero [m s-1] */
-#define COEFFICIENTS 6   /* CL CD CY Cl Cm Cn; with body force axes CX CZ CY Cl Cm Cn */
-#define IMPLICIT 3       /* alphadothat, betadothat, dnz: consecutive variables from A_ALPHADOTHAT */
-#define MAX_PATCHES 256  /* changed nodes, scales and offsets of tables in one simulation */
-#define LATEST 1e10      /* most of a time: beyond it the points of the turbulence could no longer be counted [s] */
-#define SPILL 3          /* doubles and slots that a look-up touches beyond the last table of a bundle */
-#define FARTHEST 1e150   /* most of a breakpoint; beyond it a variable counts as this */
-#define ROW 8            /* terms side by side: one of each coefficient, two empty */
-#define NAME_SIZE 80     /* of a name with the item in place of the star */
+#define MAX_ITEMS 16    /* of one group */
+#define G0 9.80665      /* standard gravity [m s-2] */
+#define V_FLOOR 1e-3    /* lower bound of V in reduced rates [m s-1] */
+#define QBAR_FLOOR 1.0  /* lower bound of the dynamic pressure in the thrust coefficient [Pa] */
+#define FLOW_FLOOR 0.15 /* below it alpha-dot and beta-dot are zero [m s-1] */
+#define COEFFICIENTS 6  /* CL CD CY Cl Cm Cn; with body force axes CX CZ CY Cl Cm Cn */
+/* alphadothat, betadothat, dnz: consecutive variables from A_ALPHADOTHAT */
+#define IMPLICIT 3
+#define MAX_PATCHES 256 /* changed nodes, scales and offsets of tables in one simulation */
+/* most of a time: beyond it the points of the turbulence could no longer be counted [s] */
+#define LATEST 1e10
+/* doubles and slots that a look-up touches beyond the last table of a bundle */
+#define SPILL 3
+#define FARTHEST 1e150 /* most of a breakpoint; beyond it a variable counts as this */
+#define ROW 8          /* terms side by side: one of each coefficient, two empty */
+#define NAME_SIZE 80   /* of a name with the item in place of the star */
 
 enum { STABILITY_AXES, WIND_AXES, BODY_AXES };
 enum { FLAT_EARTH, WGS84_EARTH, SPHERE_FIXED, SPHERE_ROTATING };
 enum { LEVER_DRIVEN, N1_DRIVEN, THRUST_DRIVEN };
 enum { RATES_OF_GYROS, RATES_OF_EARTH };
 enum { SURFACE_DRIVEN, POSITION_DRIVEN, FORCE_DRIVEN };
-enum { NAMED_KINDS = AM_TARGET + 1 }; /* kinds whose names are those of the lists: AM_INPUT ... AM_TARGET */
+/* kinds whose names are those of the lists: AM_INPUT ... AM_TARGET */
+enum { NAMED_KINDS = AM_TARGET + 1 };
 
-/* Where x lies from `from` up to that of the next cell, the fraction of the way between two nodes is start + (x - point) per_step. */
+/* Where x lies from `from` up to that of the next cell, the fraction of the way between two
+ * nodes is start + (x - point) per_step. */
 typedef struct {
     double from, point, per_step, start;
 } cell_t;
 
-/* The cells of count breakpoints: below the first, between two, the last itself, beyond it; behind them one that nothing reaches. */
+/* The cells of count breakpoints: below the first, between two, the last itself, beyond it;
+ * behind them one that nothing reaches. */
 typedef struct {
     const cell_t *cell;
     uint32_t cells, count, variable;
@@ -46,13 +52,15 @@ typedef struct {
 
 /* Node at the lower end of a cell. */
 static inline uint32_t lower_node(const axis_t *axis, uint32_t cell) {
-    const uint32_t most = axis->count > 1 ? axis->count - 2 : 0, node = cell ? cell - 1 : 0;
+    const uint32_t most = axis->count > 1 ? axis->count - 2 : 0;
+    const uint32_t node = cell ? cell - 1 : 0;
     return node < most ? node : most;
 }
 
 typedef struct {
     size_t first; /* node of the model */
-    size_t stride[MAX_AXES]; /* doubles from a node to the next along the axis; 0 when the axis has one point */
+    /* doubles from a node to the next along the axis; 0 when the axis has one point */
+    size_t stride[MAX_AXES];
     uint32_t axis[MAX_AXES];
     uint32_t axes, width, slot;
 } bundle_t;
@@ -61,9 +69,11 @@ typedef struct {
     uint32_t K1, K2, T; /* slots of table values; 0 is the constant 1 */
     uint32_t v1, v2;    /* variables; A_ONE is the constant 1 */
     uint32_t target;
-    bool first;         /* of its target */
-    uint32_t power;     /* 0 none, else 1 + place among the power factors */
-    uint32_t place;     /* of its value in am_sim.term: row by row, a column for each coefficient, then the other stages */
+    bool first;     /* of its target */
+    uint32_t power; /* 0 none, else 1 + place among the power factors */
+    /* of its value in am_sim.term: row by row, a column for each coefficient, then the other
+     * stages */
+    uint32_t place;
 } term_t;
 
 /* The frequent forms of a term, T v and K T v. */
@@ -75,8 +85,12 @@ typedef struct {
     uint32_t term, place, T, v, K;
 } factored_t;
 
-static inline double within_reach(double x) { return x > FARTHEST ? FARTHEST : x < -FARTHEST ? -FARTHEST : x; }
-static inline double fraction_in(const cell_t *cell, double x) { return cell->start + (x - cell->point) * cell->per_step; }
+static inline double within_reach(double x) {
+    return x > FARTHEST ? FARTHEST : x < -FARTHEST ? -FARTHEST : x;
+}
+static inline double fraction_in(const cell_t *cell, double x) {
+    return cell->start + (x - cell->point) * cell->per_step;
+}
 
 /* A factor max(v, floor)^exponent; the exponent is a parameter. */
 typedef struct {
@@ -90,10 +104,12 @@ struct am_model {
     am_entry *entry[AM_AXIS + 1];
     int count[AM_AXIS + 1];
     uint32_t items[GROUPS];
-    uint32_t first[NAMED_KINDS][GROUPS]; /* where the names of a group begin, and how many an item has */
+    /* where the names of a group begin, and how many an item has */
+    uint32_t first[NAMED_KINDS][GROUPS];
     uint32_t per[NAMED_KINDS][GROUPS];
     uint32_t total[NAMED_KINDS];
-    uint32_t first_memory[GROUPS], first_work[GROUPS], per_memory[GROUPS], per_work[GROUPS], memories, works;
+    uint32_t first_memory[GROUPS], first_work[GROUPS], per_memory[GROUPS], per_work[GROUPS],
+        memories, works;
     const char *item[GROUPS][MAX_ITEMS];
     uint32_t *variable; /* code of each catalogued variable */
     axis_t *axis;
@@ -105,10 +121,13 @@ struct am_model {
     factored_t *factored;
     uint32_t *mixed; /* terms of other forms, those with CL or an implicit variable apart */
     power_t *power;
-    uint32_t (*implicit)[2]; /* term, place in unknown of the implicit variable that multiplies it */
-    uint32_t unknown[IMPLICIT], unknowns; /* the implicit variables in use, 0..2 from A_ALPHADOTHAT */
+    /* term, place in unknown of the implicit variable that multiplies it */
+    uint32_t (*implicit)[2];
+    /* the implicit variables in use, 0..2 from A_ALPHADOTHAT */
+    uint32_t unknown[IMPLICIT], unknowns;
     uint32_t *late; /* terms with CL as a factor */
-    uint32_t axes, bundles, terms, powers, implicits, lates, slots, plains, factoreds, mixeds, rows, places;
+    uint32_t axes, bundles, terms, powers, implicits, lates, slots, plains, factoreds, mixeds, rows,
+        places;
     uint32_t first_axis[STAGES + 1], first_bundle[STAGES + 1], first_term[STAGES + 1];
     uint32_t first_plain[STAGES + 1], first_factored[STAGES + 1], first_mixed[STAGES + 1];
     uint32_t *target_stage, *first_of; /* terms of target t: first_of[t] ... end_of[t] - 1 */
@@ -120,7 +139,8 @@ struct am_model {
     versions_t versions;
 };
 
-/* Layers of the standard atmosphere below 84.852 km (geopotential), moved by env.delta_T and env.qnh. */
+/* Layers of the standard atmosphere below 84.852 km (geopotential), moved by env.delta_T and
+ * env.qnh. */
 #define LAYERS 7
 typedef struct {
     double T[LAYERS], p[LAYERS];
@@ -128,20 +148,24 @@ typedef struct {
 
 /* What one evaluation of the derivative found; the outputs read it. */
 typedef struct {
-    double lat, lon, h;                          /* lat and lon only after locate_angles */
-    double north[3], east[3], down[3];           /* in Earth axes */
+    double lat, lon, h;                /* lat and lon only after locate_angles */
+    double north[3], east[3], down[3]; /* in Earth axes */
     double T, p, rho, a;
-    double C[3][3];                              /* Earth to body */
+    double C[3][3]; /* Earth to body */
     double u, v, w, V, Vxz, alpha, beta, mach, qbar;
-    double per_V, per_Vxz;                       /* their reciprocals, 0 at rest */
-    double ca, sa, cb, sb;                       /* cosine and sine of alpha and beta */
-    double rate[3];                              /* body rates relative to Earth and air */
-    double gust_rate[3];                         /* rotation of the air about the body axes */
-    double mass, cg[3], J[3][3], J_inverse[3][3]; /* of the moment; cg from the moment reference point */
-    double F[3], M[3];                           /* non-gravitational force, moment about the c.g., body axes */
-    double acceleration[3], angular[3];          /* d(u, v, w)/dt relative to the air, d(p, q, r)/dt */
+    double per_V, per_Vxz; /* their reciprocals, 0 at rest */
+    double ca, sa, cb, sb; /* cosine and sine of alpha and beta */
+    double rate[3];        /* body rates relative to Earth and air */
+    double gust_rate[3];   /* rotation of the air about the body axes */
+    /* of the moment; cg from the moment reference point */
+    double mass, cg[3], J[3][3], J_inverse[3][3];
+    /* non-gravitational force, moment about the c.g., body axes */
+    double F[3], M[3];
+    /* d(u, v, w)/dt relative to the air, d(p, q, r)/dt */
+    double acceleration[3], angular[3];
     double alpha_dot, beta_dot;
-    double c[COEFFICIENTS];                      /* CL CD stability axes, CY body axis, Cl Cm Cn body axes at the reference */
+    /* CL CD stability axes, CY body axis, Cl Cm Cn body axes at the reference */
+    double c[COEFFICIENTS];
     double thrust[MAX_ENGINES];
 } now_t;
 
@@ -161,18 +185,22 @@ typedef struct {
     double value; /* of a node: the change */
 } patch_t;
 
-/* The pointers lead into the same piece of memory, after the struct; am_copy copies everything from `now` on. */
+/* The pointers lead into the same piece of memory, after the struct; am_copy copies everything
+ * from `now` on. */
 struct am_sim {
     const am_model *model;
     double *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *below, *above;
-    double *memory, *memory_before; /* discrete part of the submodels, and what it was before the present step */
-    double *work;   /* what the submodels found in the last derivative */
+    /* discrete part of the submodels, and what it was before the present step */
+    double *memory, *memory_before;
+    double *work; /* what the submodels found in the last derivative */
     double *x_work, *k, *u_work, *u_end, *y_work;
     uint32_t *cell;   /* of each axis */
     uint32_t *corner; /* of each bundle: the node that all its lower nodes make */
     now_t now;
     atmosphere_t atmosphere, standard;
-    anchor_t anchor; /* x, once the first slope belongs to it; the later slopes of a step find their place from there */
+    /* x, once the first slope belongs to it; the later slopes of a step find their place from
+     * there */
+    anchor_t anchor;
     trim_t trim;
     double omega; /* of the Earth */
     double time;  /* reached */
@@ -180,7 +208,8 @@ struct am_sim {
     double part;  /* its place in the internal step, 0 ... 1 */
     int earth, drive, controls;
     bool prepared, ready, anchored;
-    bool fresh; /* now, slots and first slope k belong to the present x, u, memory and parameters */
+    /* now, slots and first slope k belong to the present x, u, memory and parameters */
+    bool fresh;
     uint32_t patches;
     char text[AM_TEXT];
     patch_t patch[MAX_PATCHES];
@@ -194,9 +223,15 @@ static inline uint32_t place(const am_model *m, int kind, int group, uint32_t it
 }
 
 /* The piece of an array that belongs to an item. */
-static inline double *par_of(const am_sim *sim, int group, uint32_t item) { return sim->par + place(sim->model, AM_PARAMETER, group, item); }
-static inline double *var_of(const am_sim *sim, int group, uint32_t item) { return sim->var + place(sim->model, AM_VARIABLE, group, item); }
-static inline double *sum_of(const am_sim *sim, int group, uint32_t item) { return sim->sum + place(sim->model, AM_TARGET, group, item); }
+static inline double *par_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->par + place(sim->model, AM_PARAMETER, group, item);
+}
+static inline double *var_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->var + place(sim->model, AM_VARIABLE, group, item);
+}
+static inline double *sum_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->sum + place(sim->model, AM_TARGET, group, item);
+}
 static inline const double *input_of(const am_sim *sim, const double *u, int group, uint32_t item) {
     return u + place(sim->model, AM_INPUT, group, item);
 }
@@ -206,7 +241,9 @@ static inline double *output_of(const am_sim *sim, double *y, int group, uint32_
 static inline const double *state_of(const am_sim *sim, const double *x, int group, uint32_t item) {
     return x + place(sim->model, AM_STATE, group, item);
 }
-static inline double *rate_of(const am_sim *sim, double *dx, int group, uint32_t item) { return dx + place(sim->model, AM_STATE, group, item); }
+static inline double *rate_of(const am_sim *sim, double *dx, int group, uint32_t item) {
+    return dx + place(sim->model, AM_STATE, group, item);
+}
 static inline double *memory_of(const am_sim *sim, int group, uint32_t item) {
     return sim->memory + sim->model->first_memory[group] + item * sim->model->per_memory[group];
 }
@@ -219,11 +256,17 @@ static inline bool has_terms(const am_model *m, int group, uint32_t item, uint32
     return m->first_of[t] < m->end_of[t];
 }
 
-static inline double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+static inline double dot(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
 
 static inline void cross(const double a[3], const double b[3], double c[3]) {
-    const double x = a[1] * b[2] - a[2] * b[1], y = a[2] * b[0] - a[0] * b[2], z = a[0] * b[1] - a[1] * b[0];
-    c[0] = x, c[1] = y, c[2] = z;
+    const double x = a[1] * b[2] - a[2] * b[1];
+    const double y = a[2] * b[0] - a[0] * b[2];
+    const double z = a[0] * b[1] - a[1] * b[0];
+    c[0] = x;
+    c[1] = y;
+    c[2] = z;
 }
 
 /* b = C a and a = C^T b; C turns reference to body axes, the two vectors must not be the same */
@@ -249,7 +292,8 @@ uint32_t find_cell(const axis_t *axis, double x);
 void look_up(am_sim *sim, int stage);
 void settle_cells(am_sim *sim);
 /* nodes.c */
-void apply_patches(am_sim *sim, int stage); /* the changes of nodes and tables, after a look-up */
+/* the changes of nodes and tables, after a look-up */
+void apply_patches(am_sim *sim, int stage);
 int set_table_parameter(am_sim *sim, uint32_t index, double value);
 int get_table_parameter(const am_sim *sim, uint32_t index, double *value);
 int find_table_parameter(const am_model *m, const char *name);
@@ -265,7 +309,8 @@ double calibrated_airspeed(double mach, double p);
 void place_at(double lat, double lon, double h, int earth, double position[3], now_t *now);
 void place_of(const double position[3], int earth, now_t *now);
 void set_anchor(const double position[3], int earth, const now_t *now, anchor_t *anchor);
-bool place_near(const double position[3], const anchor_t *anchor, now_t *now); /* false: too far from the anchor */
+/* false: too far from the anchor */
+bool place_near(const double position[3], const anchor_t *anchor, now_t *now);
 void locate_angles(const am_sim *sim, const double position[3], now_t *now);
 void gravitation(const double position[3], int earth, double g[3]);
 /* axes.c */
@@ -275,7 +320,8 @@ void euler_matrix(double phi, double theta, double psi, double C[3][3]);
 /* aero.c */
 void evaluate_stage(am_sim *sim, int stage); /* tables, terms and sums of a stage */
 void evaluate_terms(am_sim *sim, int stage);
-void contributions(const am_sim *sim, double *term); /* of every term at the last derivative, implicit ones included */
+/* of every term at the last derivative, implicit ones included */
+void contributions(const am_sim *sim, double *term);
 void evaluate_special(am_sim *sim);  /* terms with CL or an implicit variable, as these stand */
 void leave_out_special(am_sim *sim); /* their places are zero but between these two calls */
 void sum_coefficients(const am_sim *sim, double c[COEFFICIENTS]);
@@ -286,7 +332,8 @@ bool weather_sound(const am_sim *sim); /* as engine_sound */
 void weather_start(am_sim *sim, double t);
 void weather_advance(am_sim *sim, double t, double h, const double *u0, const double *u1);
 void weather_wind(am_sim *sim, const double *u, double wind[3]);
-void steady_wind(const am_sim *sim, const double *u, double h, double wind[3]); /* n, e, d without gusts */
+/* n, e, d without gusts */
+void steady_wind(const am_sim *sim, const double *u, double h, double wind[3]);
 void weather_outputs(am_sim *sim, double *y);
 /* fuel.c */
 int fuel_check(am_sim *sim);
@@ -295,16 +342,19 @@ void mass_now(am_sim *sim, const double *x);
 void fuel_outputs(am_sim *sim, double *y);
 /* engine.c */
 int engine_check(am_sim *sim);
-bool engine_sound(const am_sim *sim); /* whether the memory, which may come from outside, can be worked with */
+/* whether the memory, which may come from outside, can be worked with */
+bool engine_sound(const am_sim *sim);
 void engine_start(am_sim *sim, double t);
 void engine_advance(am_sim *sim, double t, double h, const double *u0, const double *u1);
-void engine_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3], double H[3], double *dx);
+void engine_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3],
+                   double H[3], double *dx);
 double applied_throttle(const am_sim *sim, const double *u, uint32_t engine);
 void engine_outputs(am_sim *sim, double *y);
 /* gear.c */
 int gear_check(am_sim *sim);
 void gear_start(am_sim *sim, double t);
-void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3], double *dx);
+void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3],
+                 double *dx);
 void gear_outputs(am_sim *sim, double *y);
 /* control.c */
 int control_check(am_sim *sim);
@@ -320,10 +370,12 @@ void derivative(am_sim *sim, const double *x, const double *u, double *dx);
 void count_outside(am_sim *sim);
 void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1);
 /* sim.c */
-int check_finite(am_sim *sim, am_kind kind, const double *values); /* names the first of the catalogue that is not, and the time */
+/* names the first of the catalogue that is not, and the time */
+int check_finite(am_sim *sim, am_kind kind, const double *values);
 size_t sim_size(const am_model *model);
 int fail(am_sim *sim, int status, const char *format, ...);
-int bad_parameter(am_sim *sim, uint32_t parameter, const char *rule); /* fails with: <name> is <value>; it must be <rule> */
+/* fails with: <name> is <value>; it must be <rule> */
+int bad_parameter(am_sim *sim, uint32_t parameter, const char *rule);
 void take_inputs(am_sim *sim, const double *u);
 int ready(am_sim *sim);
 int refresh(am_sim *sim);

@@ -11,23 +11,24 @@ typedef struct {
 
 #define AM_NAME(code, name) {name, 0},
 #define AM_NAME_STAGED(code, name, stage) {name, stage},
-#define AM_NAMES(group, lists, word)                                                                    \
-    static const name_t lists##_INPUTS[] = {AM_##lists##_INPUTS(AM_NAME){NULL, 0}};                     \
-    static const name_t lists##_OUTPUTS[] = {AM_##lists##_OUTPUTS(AM_NAME){NULL, 0}};                   \
-    static const name_t lists##_PARAMETERS[] = {AM_##lists##_PARAMETERS(AM_NAME){NULL, 0}};             \
-    static const name_t lists##_STATES[] = {AM_##lists##_STATES(AM_NAME){NULL, 0}};                     \
-    static const name_t lists##_VARIABLES[] = {AM_##lists##_VARIABLES(AM_NAME_STAGED){NULL, 0}};        \
+#define AM_NAMES(group, lists, word)                                                             \
+    static const name_t lists##_INPUTS[] = {AM_##lists##_INPUTS(AM_NAME){NULL, 0}};              \
+    static const name_t lists##_OUTPUTS[] = {AM_##lists##_OUTPUTS(AM_NAME){NULL, 0}};            \
+    static const name_t lists##_PARAMETERS[] = {AM_##lists##_PARAMETERS(AM_NAME){NULL, 0}};      \
+    static const name_t lists##_STATES[] = {AM_##lists##_STATES(AM_NAME){NULL, 0}};              \
+    static const name_t lists##_VARIABLES[] = {AM_##lists##_VARIABLES(AM_NAME_STAGED){NULL, 0}}; \
     static const name_t lists##_TARGETS[] = {AM_##lists##_TARGETS(AM_NAME_STAGED){NULL, 0}};
 AM_GROUP_LIST(AM_NAMES)
 
 /* in the order of the kinds: AM_INPUT, AM_OUTPUT, AM_PARAMETER, AM_STATE, AM_VARIABLE, AM_TARGET */
-#define AM_ROW(group, lists, word) \
-    {lists##_INPUTS, lists##_OUTPUTS, lists##_PARAMETERS, lists##_STATES, lists##_VARIABLES, lists##_TARGETS},
+#define AM_ROW(group, lists, word)                          \
+    {lists##_INPUTS, lists##_OUTPUTS,   lists##_PARAMETERS, \
+     lists##_STATES, lists##_VARIABLES, lists##_TARGETS},
 static const name_t *const NAMES[GROUPS][NAMED_KINDS] = {AM_GROUP_LIST(AM_ROW)};
 
 #define LENGTH(a) (uint32_t)(sizeof(a) / sizeof(a)[0] - 1)
-#define AM_LENGTHS(group, lists, word)                                                                     \
-    {LENGTH(lists##_INPUTS), LENGTH(lists##_OUTPUTS),   LENGTH(lists##_PARAMETERS),                         \
+#define AM_LENGTHS(group, lists, word)                                              \
+    {LENGTH(lists##_INPUTS), LENGTH(lists##_OUTPUTS),   LENGTH(lists##_PARAMETERS), \
      LENGTH(lists##_STATES), LENGTH(lists##_VARIABLES), LENGTH(lists##_TARGETS)},
 static const uint32_t SIZES[GROUPS][NAMED_KINDS] = {AM_GROUP_LIST(AM_LENGTHS)};
 
@@ -42,7 +43,9 @@ static const uint32_t WORK[GROUPS] = {AM_GROUP_LIST(AM_WORK)};
 
 uint32_t group_size(int kind, int group) { return SIZES[group][kind]; }
 
-const char *group_pattern(int kind, int group, uint32_t code) { return code < SIZES[group][kind] ? NAMES[group][kind][code].pattern : NULL; }
+const char *group_pattern(int kind, int group, uint32_t code) {
+    return code < SIZES[group][kind] ? NAMES[group][kind][code].pattern : NULL;
+}
 
 int pattern_stage(int kind, int group, uint32_t code) { return NAMES[group][kind][code].stage; }
 
@@ -93,9 +96,13 @@ const char *am_title(const am_model *model) { return model->title; }
 
 const char *am_meta(const am_model *model) { return model->meta; }
 
-static bool catalogued(am_kind kind) { return (int)kind >= AM_INPUT && (int)kind <= AM_AXIS && kind != AM_TARGET; }
+static bool catalogued(am_kind kind) {
+    return (int)kind >= AM_INPUT && (int)kind <= AM_AXIS && kind != AM_TARGET;
+}
 
-int am_count(const am_model *model, am_kind kind) { return catalogued(kind) ? model->count[kind] : 0; }
+int am_count(const am_model *model, am_kind kind) {
+    return catalogued(kind) ? model->count[kind] : 0;
+}
 
 int am_entry_at(const am_model *model, am_kind kind, int i, am_entry *entry) {
     if (!catalogued(kind) || i < 0 || i >= model->count[kind]) return AM_BAD_INDEX;
@@ -104,8 +111,9 @@ int am_entry_at(const am_model *model, am_kind kind, int i, am_entry *entry) {
 }
 
 int am_find(const am_model *model, am_kind kind, const char *name) {
-    for (int i = 0; i < am_count(model, kind); i++)
+    for (int i = 0; i < am_count(model, kind); i++) {
         if (strcmp(model->entry[kind][i].name, name) == 0) return i;
+    }
     return kind == AM_PARAMETER ? find_table_parameter(model, name) : -1;
 }
 

@@ -1,8 +1,10 @@
-/* Nodes, scales and offsets of single tables as parameters of a simulation: the model stays as it is and is shared.
+/* Nodes, scales and offsets of single tables as parameters of a simulation: the model stays as
+ * it is and is shared.
  *
- * A change of a node moves the value of its table by the change times the weight of the node in the present cell, which is
- * what interpolation in a changed table gives.  Index of a parameter: catalogued ones first, then the nodes in the order of
- * the block, then scale and offset of every table. */
+ * A change of a node moves the value of its table by the change times the weight of the node in
+ * the present cell, which is what interpolation in a changed table gives.  Index of a parameter:
+ * catalogued ones first, then the nodes in the order of the block, then scale and offset of
+ * every table. */
 #include "model.h"
 
 #include <stdlib.h>
@@ -42,16 +44,23 @@ static bool decode(const am_model *m, uint32_t index, patch_t *patch) {
             rest -= n;
             continue;
         }
-        *patch = (patch_t){.index = index, .kind = PATCH_NODE, .stage = stage_of_bundle(m, b), .bundle = b};
+        *patch = (patch_t){
+            .index = index, .kind = PATCH_NODE, .stage = stage_of_bundle(m, b), .bundle = b};
         patch->slot = bundle->slot + rest % bundle->width;
         rest /= bundle->width;
-        for (uint32_t k = bundle->axes; k-- > 0; rest /= m->axis[bundle->axis[k]].count) patch->at[k] = rest % m->axis[bundle->axis[k]].count;
+        for (uint32_t k = bundle->axes; k-- > 0; rest /= m->axis[bundle->axis[k]].count) {
+            patch->at[k] = rest % m->axis[bundle->axis[k]].count;
+        }
         return true;
     }
     if (rest >= PER_SLOT * (m->slots - 1)) return false;
-    const uint32_t slot = 1 + rest / PER_SLOT, b = bundle_of_slot(m, slot);
+    const uint32_t slot = 1 + rest / PER_SLOT;
+    const uint32_t b = bundle_of_slot(m, slot);
     if (b == m->bundles) return false;
-    *patch = (patch_t){.index = index, .kind = rest % PER_SLOT == SCALE ? PATCH_SCALE : PATCH_OFFSET, .slot = slot, .bundle = b};
+    *patch = (patch_t){.index = index,
+                       .kind = rest % PER_SLOT == SCALE ? PATCH_SCALE : PATCH_OFFSET,
+                       .slot = slot,
+                       .bundle = b};
     patch->stage = stage_of_bundle(m, b);
     return true;
 }
@@ -64,18 +73,26 @@ static double node_value(const am_model *m, const patch_t *patch) {
 }
 
 static double unchanged(const am_model *m, const patch_t *patch) {
-    return patch->kind == PATCH_NODE ? node_value(m, patch) : patch->kind == PATCH_SCALE ? 1.0 : 0.0;
+    return patch->kind == PATCH_NODE    ? node_value(m, patch)
+           : patch->kind == PATCH_SCALE ? 1.0
+                                        : 0.0;
 }
 
 int set_table_parameter(am_sim *sim, uint32_t index, double value) {
     patch_t patch;
-    if (!decode(sim->model, index, &patch)) return fail(sim, AM_BAD_INDEX, "there is no parameter %u", (unsigned)index);
+    if (!decode(sim->model, index, &patch)) {
+        return fail(sim, AM_BAD_INDEX, "there is no parameter %u", (unsigned)index);
+    }
     patch.value = patch.kind == PATCH_NODE ? value - node_value(sim->model, &patch) : value;
     uint32_t i = 0;
     while (i < sim->patches && sim->patch[i].index != index) i++;
-    if (i == MAX_PATCHES)
-        return fail(sim, AM_BAD_VALUE, "more than %d nodes, scales and offsets of tables are changed in one simulation; compile a database with them",
-                    MAX_PATCHES);
+    if (i == MAX_PATCHES) {
+        return fail(
+            sim, AM_BAD_VALUE,
+            "more than %d nodes, scales and offsets of tables are changed in one simulation; "
+            "compile a database with them",
+            MAX_PATCHES);
+    }
     if (i == sim->patches) sim->patches++;
     /* nodes before scales before offsets, whatever the order of the calls */
     for (; i > 0 && sim->patch[i - 1].kind > patch.kind; i--) sim->patch[i] = sim->patch[i - 1];
@@ -87,8 +104,11 @@ int get_table_parameter(const am_sim *sim, uint32_t index, double *value) {
     patch_t patch;
     if (!decode(sim->model, index, &patch)) return AM_BAD_INDEX;
     *value = unchanged(sim->model, &patch);
-    for (uint32_t i = 0; i < sim->patches; i++)
-        if (sim->patch[i].index == index) *value = sim->patch[i].value + (patch.kind == PATCH_NODE ? *value : 0.0);
+    for (uint32_t i = 0; i < sim->patches; i++) {
+        if (sim->patch[i].index == index) {
+            *value = sim->patch[i].value + (patch.kind == PATCH_NODE ? *value : 0.0);
+        }
+    }
     return AM_OK;
 }
 
@@ -96,16 +116,22 @@ int get_table_parameter(const am_sim *sim, uint32_t index, double *value) {
 void check_patches(am_sim *sim) {
     patch_t patch;
     if (sim->patches > MAX_PATCHES) sim->patches = 0;
-    for (uint32_t i = 0; i < sim->patches; i++)
-        if (decode(sim->model, sim->patch[i].index, &patch)) patch.value = sim->patch[i].value, sim->patch[i] = patch;
-        else sim->patches = i;
+    for (uint32_t i = 0; i < sim->patches; i++) {
+        if (decode(sim->model, sim->patch[i].index, &patch)) {
+            patch.value = sim->patch[i].value;
+            sim->patch[i] = patch;
+        } else {
+            sim->patches = i;
+        }
+    }
 }
 
 static double weight(const am_sim *sim, const patch_t *patch) {
     const bundle_t *bundle = &sim->model->bundle[patch->bundle];
     double w = 1.0;
     for (uint32_t k = 0; k < bundle->axes; k++) {
-        const uint32_t cell = lower_node(&sim->model->axis[bundle->axis[k]], sim->cell[bundle->axis[k]]);
+        const uint32_t cell = lower_node(&sim->model->axis[bundle->axis[k]],
+                                         sim->cell[bundle->axis[k]]);
         const double f = sim->fraction[bundle->axis[k]];
         w *= patch->at[k] == cell ? 1.0 - f : patch->at[k] == cell + 1 ? f : 0.0;
     }
@@ -123,9 +149,10 @@ void apply_patches(am_sim *sim, int stage) {
     }
 }
 
-/* ---- names: node.CL.basic[3,1], node.CL.gear.K1[0]; table.CL.basic and offset.CL.gear.K1 ---------------------------- */
+/* ---- names: node.CL.basic[3,1], node.CL.gear.K1[0]; table.CL.basic and offset.CL.gear.K1 ----- */
 
-/* The slot of a table named <coefficient>.<contribution>, .K1 or .K2 behind it for a factor; *rest is what follows. */
+/* The slot of a table named <coefficient>.<contribution>, .K1 or .K2 behind it for a factor;
+ * *rest is what follows. */
 static uint32_t slot_named(const am_model *m, const char *name, const char **rest) {
     const am_entry *scale = m->entry[AM_PARAMETER] + m->total[AM_PARAMETER];
     for (uint32_t i = 0; i < m->terms; i++) {
@@ -133,9 +160,12 @@ static uint32_t slot_named(const am_model *m, const char *name, const char **res
         const size_t n = strlen(term);
         if (strncmp(name, term, n) != 0) continue;
         const char *after = name + n;
-        const bool K1 = strncmp(after, ".K1", 3) == 0, K2 = strncmp(after, ".K2", 3) == 0;
+        const bool K1 = strncmp(after, ".K1", 3) == 0;
+        const bool K2 = strncmp(after, ".K2", 3) == 0;
         *rest = K1 || K2 ? after + 3 : after;
-        if (**rest == 0 || **rest == '[') return K1 ? m->term[i].K1 : K2 ? m->term[i].K2 : m->term[i].T;
+        if (**rest == 0 || **rest == '[') {
+            return K1 ? m->term[i].K1 : K2 ? m->term[i].K2 : m->term[i].T;
+        }
     }
     return 0;
 }
@@ -143,7 +173,8 @@ static uint32_t slot_named(const am_model *m, const char *name, const char **res
 static int node_named(const am_model *m, uint32_t slot, const char *rest) {
     const uint32_t b = bundle_of_slot(m, slot);
     const bundle_t *bundle = &m->bundle[b];
-    uint32_t first = catalogued(m), node = 0;
+    uint32_t first = catalogued(m);
+    uint32_t node = 0;
     for (uint32_t i = 0; i < b; i++) first += node_count(m, &m->bundle[i]);
     for (uint32_t k = 0; k < bundle->axes; k++) {
         const uint32_t count = m->axis[bundle->axis[k]].count;

@@ -1,28 +1,36 @@
-/* The full deck of an engine: what engine.c asks of spool.c.  The names of the group stand in engine.h. */
+/* The full deck of an engine: what engine.c asks of spool.c.  The names of the group stand in
+ * engine.h. */
 #ifndef AEROMATCH_SPOOL_H
 #define AEROMATCH_SPOOL_H
 
 #include "model.h"
 
 typedef struct {
-    double thrust;            /* along the thrust line: gross where the deck gives an air flow, else net [N] */
-    double air_flow;          /* what makes ram drag [kg s-1] */
-    double fuel_flow;         /* [kg s-1] */
-    double momentum, torque;  /* of the rotors, along the thrust line, and its rate [kg m2 s-1, N m] */
+    /* along the thrust line: gross where the deck gives an air flow, else net [N] */
+    double thrust;
+    double air_flow;  /* what makes ram drag [kg s-1] */
+    double fuel_flow; /* [kg s-1] */
+    /* of the rotors, along the thrust line, and its rate [kg m2 s-1, N m] */
+    double momentum, torque;
 } deck_t;
 
 int spool_check(am_sim *sim, uint32_t engine);
-void spool_start(am_sim *sim, uint32_t engine, double t);          /* lever history; spools still, flame on where there is fuel */
+/* lever history; spools still, flame on where there is fuel */
+void spool_start(am_sim *sim, uint32_t engine, double t);
 void spool_advance(am_sim *sim, uint32_t engine, double t, double h, double lever0, double lever1);
-bool spool_settle(am_sim *sim, uint32_t engine, double *x, const double *u);   /* one move to the steady state; false when it is there */
+/* one move to the steady state; false when it is there */
+bool spool_settle(am_sim *sim, uint32_t engine, double *x, const double *u);
 void spool_variables(am_sim *sim, uint32_t engine, const double *x, const double *u);
-bool spool_driven(am_sim *sim, uint32_t engine);                   /* N2 of the present N1 in N1 drive; true when that changed it */
+/* N2 of the present N1 in N1 drive; true when that changed it */
+bool spool_driven(am_sim *sim, uint32_t engine);
 deck_t spool_deck(am_sim *sim, uint32_t engine, const double *x, const double *u, double *dx);
 double delayed_lever(const am_sim *sim, const double *u, uint32_t engine);
-double spool_thrust(const am_sim *sim, uint32_t engine, const double *x); /* along the thrust line */
+/* along the thrust line */
+double spool_thrust(const am_sim *sim, uint32_t engine, const double *x);
 
 /* fuel.c */
 bool fuel_left(const am_sim *sim, const double *x);
-void burn_fuel(const am_sim *sim, const double *x, double flow, double *dx); /* sets the rate of the fuel on board */
+/* sets the rate of the fuel on board */
+void burn_fuel(const am_sim *sim, const double *x, double flow, double *dx);
 
 #endif

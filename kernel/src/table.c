@@ -1,12 +1,15 @@
-/* Multilinear tables: each axis is located once, tables over the same axes lie side by side at every node. */
+/* Multilinear tables: each axis is located once, tables over the same axes lie side by side at
+ * every node. */
 #include "model.h"
 
-/* The last cell that begins at or below x, whatever the present one is: a result must not depend on history.  NaN goes to the first. */
+/* The last cell that begins at or below x, whatever the present one is: a result must not depend
+ * on history.  NaN goes to the first. */
 uint32_t find_cell(const axis_t *axis, double x) {
     uint32_t low = 0;
     for (uint32_t n = axis->cells; n > 1;) {
         const uint32_t half = n / 2;
-        low = __builtin_unpredictable(x >= axis->cell[low + half].from) ? low + half : low; /* a move, not a branch */
+        /* a move, not a branch */
+        low = __builtin_unpredictable(x >= axis->cell[low + half].from) ? low + half : low;
         n -= half;
     }
     return low;
@@ -26,7 +29,8 @@ static bool locate(am_sim *sim, uint32_t first, uint32_t end) {
             x = within_reach(x);
             const uint32_t found = find_cell(&axes[i], x);
             moved |= found != cell[i];
-            cell[i] = found, c = &axes[i].cell[found];
+            cell[i] = found;
+            c = &axes[i].cell[found];
         }
         fraction[i] = fraction_in(c, x);
     }
@@ -39,7 +43,10 @@ static void find_corners(am_sim *sim, int stage) {
     for (uint32_t i = m->first_bundle[stage]; i < m->first_bundle[stage + 1]; i++) {
         const bundle_t *bundle = &m->bundle[i];
         size_t corner = bundle->first;
-        for (uint32_t k = 0; k < bundle->axes; k++) corner += bundle->stride[k] * lower_node(&m->axis[bundle->axis[k]], sim->cell[bundle->axis[k]]);
+        for (uint32_t k = 0; k < bundle->axes; k++) {
+            corner += bundle->stride[k]
+                      * lower_node(&m->axis[bundle->axis[k]], sim->cell[bundle->axis[k]]);
+        }
         sim->corner[i] = (uint32_t)corner;
     }
 }
@@ -47,8 +54,9 @@ static void find_corners(am_sim *sim, int stage) {
 /* After the cells came from outside, or at the start. */
 void settle_cells(am_sim *sim) {
     const am_model *m = sim->model;
-    for (uint32_t i = 0; i < m->axes; i++)
+    for (uint32_t i = 0; i < m->axes; i++) {
         if (sim->cell[i] >= m->axis[i].cells) sim->cell[i] = 0;
+    }
     for (int stage = 0; stage < STAGES; stage++) find_corners(sim, stage);
 }
 

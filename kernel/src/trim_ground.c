@@ -1,5 +1,6 @@
-/* Trim on the ground, at rest or rolling: height and attitude so that the legs carry the aircraft; at rest also the
- * deflections of the tyres along the ground, so that brakes, thrust, wind and steering balance. */
+/* Trim on the ground, at rest or rolling: height and attitude so that the legs carry the
+ * aircraft; at rest also the deflections of the tyres along the ground, so that brakes, thrust,
+ * wind and steering balance. */
 #include "elementary.h"
 #include "least_norm.h"
 #include "trim.h"
@@ -7,10 +8,10 @@
 #include <math.h>
 #include <string.h>
 
-#define SAG 0.02          /* of the legs in the first guess [m] */
-#define ROOM 20.0         /* over and under the first guess of the height [m] */
-#define TILT 0.5          /* most pitch and bank [rad] */
-#define TYRE_ROOM 0.2     /* most deflection of a tyre along the ground [m] */
+#define SAG 0.02      /* of the legs in the first guess [m] */
+#define ROOM 20.0     /* over and under the first guess of the height [m] */
+#define TILT 0.5      /* most pitch and bank [rad] */
+#define TYRE_ROOM 0.2 /* most deflection of a tyre along the ground [m] */
 #define HEIGHT_SIZE 10.0
 #define TYRE_SIZE 0.01
 
@@ -28,15 +29,22 @@ static int spots_that_carry(const am_sim *sim, spot_t spot[MAX_ITEMS]) {
     return n;
 }
 
-/* Pitch attitude on the edge of the lower hull of the contacts that spans the c.g.: the edge that lies lowest there. */
+/* Pitch attitude on the edge of the lower hull of the contacts that spans the c.g.: the edge
+ * that lies lowest there. */
 static double rest_pitch(const spot_t *spot, int n) {
-    double lowest = -INFINITY, theta = 0.0;
-    for (int fore = 0; fore < n; fore++)
+    double lowest = -INFINITY;
+    double theta = 0.0;
+    for (int fore = 0; fore < n; fore++) {
         for (int aft = 0; aft < n; aft++) {
             if (!(spot[fore].x > 0.0 && spot[aft].x <= 0.0)) continue;
-            const double slope = (spot[fore].z - spot[aft].z) / (spot[fore].x - spot[aft].x), under = spot[aft].z - slope * spot[aft].x;
-            if (under > lowest) lowest = under, theta = am_atan2(slope, 1.0);
+            const double slope = (spot[fore].z - spot[aft].z) / (spot[fore].x - spot[aft].x);
+            const double under = spot[aft].z - slope * spot[aft].x;
+            if (under > lowest) {
+                lowest = under;
+                theta = am_atan2(slope, 1.0);
+            }
         }
+    }
     return theta;
 }
 
@@ -44,7 +52,9 @@ void stand_up(am_sim *sim) {
     spot_t spot[MAX_ITEMS];
     const int n = spots_that_carry(sim, spot);
     if (n == 0) return;
-    const double theta = rest_pitch(spot, n), s = am_sin(theta), c = am_cos(theta);
+    const double theta = rest_pitch(spot, n);
+    const double s = am_sin(theta);
+    const double c = am_cos(theta);
     double reach = -INFINITY;
     for (int i = 0; i < n; i++) reach = fmax(reach, spot[i].z * c - spot[i].x * s);
     sim->par[P_THETA] = theta;
@@ -59,7 +69,10 @@ typedef struct {
 
 static void add(unknowns_t *to, int kind, uint32_t index, double at, double room, double size) {
     to->mover[to->n] = (am_mover){kind, (int)index, to->n};
-    to->found[to->n] = at, to->low[to->n] = at - room, to->high[to->n] = at + room, to->size[to->n] = size;
+    to->found[to->n] = at;
+    to->low[to->n] = at - room;
+    to->high[to->n] = at + room;
+    to->size[to->n] = size;
     to->n++;
 }
 
@@ -73,7 +86,8 @@ static void add_tyres(const am_sim *sim, unknowns_t *to) {
 }
 
 static int balance(am_sim *sim) {
-    static const int STANDING[] = {Y_TRIM_U_DOT, Y_TRIM_V_DOT, Y_TRIM_W_DOT, Y_TRIM_P_DOT, Y_TRIM_Q_DOT, Y_TRIM_R_DOT};
+    static const int STANDING[] = {Y_TRIM_U_DOT, Y_TRIM_V_DOT, Y_TRIM_W_DOT,
+                                   Y_TRIM_P_DOT, Y_TRIM_Q_DOT, Y_TRIM_R_DOT};
     static const int ROLLING[] = {AM_GOAL_CLIMB, Y_TRIM_P_DOT, Y_TRIM_Q_DOT};
     static const double NONE[6];
     const bool rest = sim->par[P_V] == 0.0;
@@ -84,17 +98,33 @@ static int balance(am_sim *sim) {
     add(&z, AM_PARAMETER, P_THETA, sim->par[P_THETA], TILT, 1.0);
     add(&z, AM_PARAMETER, P_PHI, 0.0, TILT, 1.0);
     if (rest) add_tyres(sim, &z);
-    const am_trim_task task = {.path = AM_PATH_GROUND, .movers = z.n, .unknowns = z.n, .goals = rest ? 6 : 3, .mover = z.mover,
-                               .low = z.low, .high = z.high, .size = z.size, .goal = rest ? STANDING : ROLLING, .wanted = NONE};
+    const am_trim_task task = {.path = AM_PATH_GROUND,
+                               .movers = z.n,
+                               .unknowns = z.n,
+                               .goals = rest ? 6 : 3,
+                               .mover = z.mover,
+                               .low = z.low,
+                               .high = z.high,
+                               .size = z.size,
+                               .goal = rest ? STANDING : ROLLING,
+                               .wanted = NONE};
     return trim_seek(sim, &task, z.found, NULL, left, NULL);
 }
 
 int trim_on_ground(am_sim *sim) {
-    double *p = sim->par, kept[P_R + 1];
-    if (!items(sim->model, G_CONTACT))
-        return fail(sim, AM_BAD_VALUE, "mode.trim = 3 stands on the ground, but the aircraft has no landing gear; give it [gear]");
-    if (!(sim->u[U_GEAR] > 0.0))
-        return fail(sim, AM_BAD_VALUE, "mode.trim = 3 stands on the ground, but the input gear is %g; extend it (1)", sim->u[U_GEAR]);
+    double *p = sim->par;
+    double kept[P_R + 1];
+    if (!items(sim->model, G_CONTACT)) {
+        return fail(
+            sim, AM_BAD_VALUE,
+            "mode.trim = 3 stands on the ground, but the aircraft has no landing gear; give it "
+            "[gear]");
+    }
+    if (!(sim->u[U_GEAR] > 0.0)) {
+        return fail(sim, AM_BAD_VALUE,
+                    "mode.trim = 3 stands on the ground, but the input gear is %g; extend it (1)",
+                    sim->u[U_GEAR]);
+    }
     memcpy(kept, p, sizeof kept);
     const int status = balance(sim);
     memcpy(p, kept, sizeof kept);

@@ -1,5 +1,6 @@
-/* The loops over tables exist twice: for any processor of the platform, and for x86-64 with AVX2 (avx2.c).  A model takes
- * its pair when it is loaded.  Both do the same operations on the same numbers: the results have the same bits. */
+/* The loops over tables exist twice: for any processor of the platform, and for x86-64 with AVX2
+ * (avx2.c).  A model takes its pair when it is loaded.  Both do the same operations on the same
+ * numbers: the results have the same bits. */
 #include "versions.h"
 
 #include "block.h"
@@ -9,7 +10,9 @@
 
 /* AVX2, and an operating system that keeps its registers. */
 static bool has_avx2(void) {
-    const unsigned osxsave_avx = 3u << 27, avx2 = 1u << 5, xmm_ymm = 6;
+    const unsigned osxsave_avx = 3u << 27;
+    const unsigned avx2 = 1u << 5;
+    const unsigned xmm_ymm = 6;
     unsigned a, b, c, d, saved, high;
     if (!__get_cpuid(1, &a, &b, &c, &d) || (c & osxsave_avx) != osxsave_avx) return false;
     __asm__("xgetbv" : "=a"(saved), "=d"(high) : "c"(0));
@@ -19,7 +22,8 @@ static bool has_avx2(void) {
 
 static void interpolate_plain(am_sim *sim, int stage) { interpolate_stage(sim, stage); }
 
-static void evaluate_plain(const block_t *b, size_t rows, const double *v, double *coefficients, double *terms) {
+static void evaluate_plain(const block_t *b, size_t rows, const double *v, double *coefficients,
+                           double *terms) {
     evaluate_block(b, rows, v, coefficients, terms);
 }
 
