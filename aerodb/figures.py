@@ -46,7 +46,7 @@ from .templates import lr743
 _HEAD, _KEY, _FAMILY, _PANEL, _STRIP = 0.5, 0.28, 1.95, 1.3, 0.46
 _TITLE, _TICKS, _AXIS = 0.2, 0.16, 0.34  # above a panel; below it with tick labels only, and with the name of the axis too [in]
 _COLUMNS = 3
-_LABELS = 0.34  # room for the labels at the end of the curves of a family [in]
+_LEADER, _DIGIT = 0.14, 0.06  # from a panel to the labels at the ends of its curves, and the width of one character there [in]
 _MOST_TICKS = 300
 
 
@@ -224,28 +224,30 @@ def _handles(f: Family, code: Mapping[str, Pen], supported: bool) -> list[Any]:
 def _families(sheet: Sheet, f: Family, code: Mapping[str, Pen], top: float) -> None:
     """Draw the whole family of every database, side by side in equal scales."""
     count = len(code)
-    width = (WIDTH - LEFT - RIGHT - _LABELS - (count - 1) * (_LABELS + 0.14)) / count
+    words = [number(float(shown(f.by, member))) for member in f.members]
+    room = _LEADER + _DIGIT * max(4, *map(len, words))  # as wide as the symbol above the labels at least
+    width = (WIDTH - LEFT - RIGHT - room - (count - 1) * (room + RIGHT)) / count
     limits = padded(curve.y for found in f.curves.values() for curve in found if curve is not None)
     shades = colormaps["cividis"](np.linspace(0.0, 0.72, len(f.members)))
     for k, (name, pen) in enumerate(code.items()):
-        axes = sheet.panel(LEFT + k * (width + _LABELS + 0.14), top, width, _FAMILY)
+        axes = sheet.panel(LEFT + k * (width + room + RIGHT), top, width, _FAMILY)
         ends = []
-        for curve, member, shade in zip(f.curves[name], f.members, shades):
+        for curve, member, label, shade in zip(f.curves[name], f.members, words, shades):
             if curve is None:
                 continue
             x = shown(f.over, curve.x)
             axes.plot(x, curve.y, color=shade, linestyle=pen.dashes, linewidth=pen.width, label=f"{name} {equals(f.by, member)}")
-            ends.append((float(x[-1]), float(curve.y[-1]), number(float(shown(f.by, member)))))
+            ends.append((float(x[-1]), float(curve.y[-1]), label))
         _frame(axes, f, limits, k == 0)
         axes.set_title(name, fontsize=7.5, loc="left", pad=3)
-        axes.text(1.05, 1.05, f"${symbol(f.by)}$", transform=axes.transAxes, va="bottom", fontsize=7)
-        _end_labels(axes, ends, limits, _FAMILY)
+        axes.text(1.0 + _LEADER / width, 1.05, f"${symbol(f.by)}$", transform=axes.transAxes, va="bottom", fontsize=7)
+        _end_labels(axes, ends, limits, (width, _FAMILY))
         axes.set_xlabel(axis_label(f.over), labelpad=1)
 
 
-def _end_labels(axes: Axes, ends: Sequence[tuple[float, float, str]], limits: tuple[float, float], height: float) -> None:
-    """Write the member at the end of each curve, moved apart where curves end close together."""
-    low, high = limits
+def _end_labels(axes: Axes, ends: Sequence[tuple[float, float, str]], limits: tuple[float, float], size: tuple[float, float]) -> None:
+    """Write the member at the end of each curve, moved apart where curves end close together; `size` of the panel. [in]"""
+    (low, high), (width, height) = limits, size
     order = np.argsort([y for _, y, _ in ends], kind="stable")
     wanted = np.array([(ends[i][1] - low) / (high - low) for i in order])
     right = axes.get_xlim()[1]
@@ -254,7 +256,7 @@ def _end_labels(axes: Axes, ends: Sequence[tuple[float, float, str]], limits: tu
         axes.annotate(
             words,
             xy=(x, y),
-            xytext=(1.05, place),
+            xytext=(1.0 + _LEADER / width, place),
             textcoords="axes fraction",
             va="center",
             fontsize=6.5,

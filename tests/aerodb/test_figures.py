@@ -9,6 +9,7 @@ import pytest
 
 import aerodb
 from aerodb.figures import spread_apart
+from flightmech import terms
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 
@@ -177,3 +178,20 @@ def test_matplotlib_is_asked_for_only_when_a_figure_is_drawn():
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert said == "AeromatchError figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'\n"
+
+
+@pytest.mark.parametrize("databases", [1, 2, 3])
+def test_labels_at_the_ends_of_curves_are_whole(small, databases):
+    """No text leaves the sheet: a label cut at its edge reads as another number, 0.15 as 0.1."""
+    mach = [0.15, 0.2125, 0.25]
+    leaf = terms.make(np.outer([0.2, 0.21, 0.3], [-1.0, 0.0, 1.0]), {"mach": mach, "alpha": np.radians([-8.0, 0.0, 8.0])}, stderr=0.05)
+    db = aerodb.replace_terms(small, {"CL/basic": leaf})
+    figure = aerodb.plot_comparison({f"model {k}": db for k in range(databases)}, "CL/basic", "mach")
+    panels = figure.axes[:databases]
+    for axes in panels:
+        assert {"0.15", "0.2125", "0.25"} <= {item.get_text() for item in axes.texts}
+    figure.set_dpi(200)
+    sheet = figure.bbox
+    edges = [axes.get_position().x0 * sheet.width for axes in panels[1:]] + [sheet.width]
+    for axes, edge in zip(panels, edges):
+        assert all(item.get_window_extent().x1 < edge for item in axes.texts)
