@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from .likelihood.files import open_output_error, save_output_error
     from .likelihood.flown import output_error
     from .likelihood.in_frequency import frequency_output_error
+    from .likelihood.in_time import linear_output_error
     from .likelihood.result import OutputError
     from .likelihood.state_space import LinearModel, linear_model
     from .likelihood.turbulent import filter_error
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from .partition import Partition, bins, fit_bins
     from .pooling import pool, pool_fits
     from .programme import combine_biases, reconstruct_programme
+    from .published import published_fit
     from .quality.assessment import Quality, assess
     from .quality.finding import Finding
     from .raw_contents import contents
@@ -91,6 +93,7 @@ _HOME = {
     "harmonics": "fourier",
     "Mixed": "mixed_estimation",
     "prior_of": "mixed_estimation",
+    "published_fit": "published",
     "join_fits": "joining",
     "Joined": "joining",
     "fit_bins": "partition",
@@ -116,6 +119,7 @@ _HOME = {
     "visible": "batch.programme",
     "filter_error": "likelihood.turbulent",
     "frequency_output_error": "likelihood.in_frequency",
+    "linear_output_error": "likelihood.in_time",
     "linear_model": "likelihood.state_space",
     "LinearModel": "likelihood.state_space",
     "OutputError": "likelihood.result",
@@ -276,6 +280,7 @@ __all__ = [
     "inertia_from_flight",
     "join_fits",
     "linear_model",
+    "linear_output_error",
     "lowpass",
     "manoeuvres",
     "marks",
@@ -299,6 +304,7 @@ __all__ = [
     "pool_fits",
     "predict_response",
     "prior_of",
+    "published_fit",
     "r_squared",
     "rates_from_attitude",
     "read",

@@ -40,8 +40,9 @@ def demand_rank(X: np.ndarray, terms: Sequence[str]) -> None:
         raise IdentificationError(
             f"{', '.join(constant)} do not move: all of them are constants here; keep one of them or add a manoeuvre that moves the others"
         )
-    _, s, Vt = np.linalg.svd(X / length, full_matrices=False)
-    for value, vector in zip(s, Vt):
+    # fewer rows than terms: the directions beyond the rows vanish
+    _, s, Vt = np.linalg.svd(X / length, full_matrices=len(X) < len(terms))
+    for value, vector in zip(np.pad(s, (0, len(Vt) - len(s))), Vt):
         if value < RANK * s[0]:
             raise IdentificationError(
                 f"the data cannot tell apart: {combination(vector, terms)} vanishes throughout; leave a term out or add a manoeuvre"

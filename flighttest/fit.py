@@ -15,6 +15,7 @@ from flightmech.whole import written_whole
 
 from .fit_remarks import remarks_of
 from .model import Model
+from .prediction import predicted
 from .remarks import Remark, lines
 
 _CONTENT = "aeromatch fit"
@@ -33,7 +34,7 @@ class Fit:
         ``correlation`` of the estimates (coloured), ``systematic`` (term, error): change of the estimates for one
         standard error of each source, ``contribution`` (rms of the term about its mean over the rms of the coefficient
         about its mean); of the regressors ``vif``, ``regressor_correlation``, ``condition_index`` (component) and
-        ``proportion`` (component, term).  Attributes: ``coefficient``, ``name``, ``domain`` (time or frequency), ``R2``,
+        ``proportion`` (component, term).  Attributes: ``coefficient``, ``name``, ``domain`` (time, frequency or published), ``R2``,
         ``residual_rms``, ``samples``, ``manoeuvres``, ``offset`` (standard deviation of a constant between manoeuvres);
         of a frequency fit ``R2`` is that inside ``band``.
     data : Dataset (sample,)
@@ -56,6 +57,43 @@ class Fit:
     def residual(self) -> np.ndarray:
         """Measured minus fitted coefficient, (sample,)."""
         return self.data[self.model.coefficient].values - self.regressors.values @ self.estimates["estimate"].values
+
+    def predict(self, data: xr.Dataset, manoeuvre: int | None = None) -> xr.Dataset:
+        """Return what the fit predicts of other data.
+
+        Parameters
+        ----------
+        data : Dataset (time,) or (sample,)
+            Holds the variables of the model; scalars are allowed. [SI]
+        manoeuvre : int, optional
+            Of a fit with ``intercepts="separate"``: which manoeuvre's constant is meant, from 0.
+
+        Returns
+        -------
+        Dataset (time,) or (sample,)
+            The coefficient, and ``stderr`` of its mean, sqrt(x'(C + D D')x) with the covariance C and the systematic changes D of
+            the estimates; what scatters about the mean, ``residual_rms``, is not in it.
+
+        Raises
+        ------
+        UnknownName
+            A variable that `data` does not hold, or a manoeuvre without a constant of its own.
+        IdentificationError
+            A fit with separate intercepts, and no manoeuvre chosen.
+        SchemaError
+            Variables along more than one dimension.
+
+        Warns
+        -----
+        AeromatchWarning
+            A variable, or a further term such as a product or a power, leaves the range of the samples that were fitted.
+
+        Notes
+        -----
+        Ranges are those of one variable or term at a time.  Data may lie inside all of them and still where no sample was, as at high
+        alpha with an elevator that trims at low alpha; `stderr` grows there.
+        """
+        return predicted(self, data, manoeuvre)
 
     @property
     def remarks(self) -> list[Remark]:
@@ -114,6 +152,8 @@ def open_fit(path: str | os.PathLike) -> Fit:
 
 def _headline(a) -> str:
     """How the fit was made, in words."""
+    if a.get("domain") == "published":
+        return "published values, no samples"
     words = f"samples {a['samples']}, manoeuvres {a['manoeuvres']}, R2 {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}"
     if a.get("domain") == "frequency":
         words += f", {a['frequencies']} frequencies in {a['band']} Hz"

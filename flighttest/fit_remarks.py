@@ -38,7 +38,7 @@ def _collinear(fit: Fit) -> list[Remark]:
 
 def _offset(fit: Fit) -> list[Remark]:
     offset, rms = fit.estimates.attrs["offset"], fit.estimates.attrs["residual_rms"]
-    if offset <= rms:
+    if not offset > rms:  # both are NaN of published values
         return []
     words = f"manoeuvres differ by a constant of {offset:.2g} (1 sigma), more than the residual; consider separate intercepts"
     return [Remark("offset", words, "1", offset, rms)]

@@ -170,7 +170,7 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
     Raises
     ------
     IdentificationError
-        Too few replicates.
+        Too few replicates, or published values without samples.
 
     Notes
     -----
@@ -185,6 +185,8 @@ def bootstrap(fit: Fit, replicates: int = 200, seed: int = 0, jobs: int = 1) -> 
 
     if replicates < FEWEST:
         raise IdentificationError(f"{replicates} replicates; {FEWEST} at least, and 1000 for limits of 95 %")
+    if "time" not in fit.data:
+        raise IdentificationError(f"{fit.name or fit.model}: published values have no residuals to draw from; give a fit of samples")
     source = _Source(fit)
     batches = _batches(list(range(replicates)), jobs)
     found = np.concatenate(Parallel(n_jobs=jobs)(delayed(source.draw)(seed, batch) for batch in batches))

@@ -116,8 +116,15 @@ def demand_known(model: LinearModel, wanted: Sequence[str], extra: Sequence[str]
             raise UnknownName(name, allowed, "parameter")
 
 
-def signals(model: LinearModel, record: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+def signals(model: LinearModel, record: xr.Dataset, gaps: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """Return inputs (time, input) and measured outputs (time, output) less their reference.
+
+    Parameters
+    ----------
+    model : LinearModel
+    record : Dataset (time,)
+    gaps : bool
+        Whether outputs may have readings that are NaN.
 
     Raises
     ------
@@ -131,10 +138,15 @@ def signals(model: LinearModel, record: xr.Dataset) -> tuple[np.ndarray, np.ndar
         if name not in record:
             raise UnknownName(name, map(str, record.data_vars), "signal", "the record does not hold it")
         x = np.broadcast_to(record[name].values.astype(float), (record.sizes["time"],)) - model.reference.get(name, 0.0)
-        if not np.isfinite(x).all():
+        if not (gaps and name in model.outputs) and not np.isfinite(x).all():
             problems.append(f"{name} is not finite in {int((~np.isfinite(x)).sum())} samples; fill short gaps or cut the record there")
         columns.append(x)
     if problems:
         raise SchemaError("record", problems)
     together = np.column_stack(columns)
     return together[:, : len(model.inputs)], together[:, len(model.inputs) :]
+
+
+def picked(values: Mapping[str, float], kind: str, names: Sequence[str]) -> np.ndarray:
+    """Return the values called `kind`.name, zero where there is none."""
+    return np.array([values.get(f"{kind}.{name}", 0.0) for name in names])

@@ -17,7 +17,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -31,7 +31,7 @@ from .flown import uniform_step
 from .kalman import innovations, steady_filter
 from .result import OutputError, noise_of, tabulated
 from .search import Found, search
-from .state_space import LinearModel, demand_known, signals
+from .state_space import LinearModel, demand_known, picked, signals
 from .turbulence import warned
 from .unknowns import Layout, Unknown, Wanted, lay_out
 
@@ -61,7 +61,7 @@ def filter_error(
     Returns
     -------
     OutputError
-        ``residuals`` are the innovations.  Without any ``process.*`` this is output error in time.
+        ``residuals`` are the innovations.  Without any ``process.*`` this is `linear_output_error` with the noise among the unknowns.
 
     Warns
     -----
@@ -219,17 +219,17 @@ class _Predicted:
             filters = [
                 steady_filter(
                     self.model.at(at),
-                    _pick(at, "drift", states),
-                    _pick(at, "process", states),
-                    _pick(at, "noise", outputs),
+                    picked(at, "drift", states),
+                    picked(at, "process", states),
+                    picked(at, "noise", outputs),
                     self.step,
                 )
                 for at in settings
             ]
         except (np.linalg.LinAlgError, ValueError):
             return np.full((len(rows), *self.z.shape), np.nan), np.full((len(rows), len(outputs), len(outputs)), np.nan)
-        start = np.array([_pick(at, "init", states) for at in settings])
-        offset = np.array([_pick(at, "sensor", outputs) for at in settings])
+        start = np.array([picked(at, "init", states) for at in settings])
+        offset = np.array([picked(at, "sensor", outputs) for at in settings])
         with np.errstate(over="ignore", invalid="ignore"):
             e = innovations(filters, start, offset, self.u, self.z)
         return e, np.stack([item.S for item in filters])
@@ -244,7 +244,3 @@ class _Predicted:
     def residual(self, e: np.ndarray) -> xr.Dataset:
         """Return innovations as a Dataset."""
         return xr.Dataset({name: ("time", e[:, k]) for k, name in enumerate(self.model.outputs)}, {"time": self.time})
-
-
-def _pick(values: Mapping[str, float], kind: str, names: Sequence[str]) -> np.ndarray:
-    return np.array([values.get(f"{kind}.{name}", 0.0) for name in names])

@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 import flightmech
+import flighttest
 from flightmech.air import atmosphere
 from flightmech.terms import make
 from flightmech.units import G0
@@ -83,3 +84,24 @@ def test_stability_of_the_published_model(citation):
     roll = next(row for _, row in found.modes.iterrows() if row["mode"] == "roll")
     rho = float(atmosphere(h, delta_T).rho)
     assert -roll["real"] == pytest.approx(rho * V * craft.S * craft.b**2 * 0.7109 / (4 * craft.Ixx), rel=0.1)  # coupled to beta and yaw
+
+
+@pytest.mark.parametrize(("year", "period", "ratio"), [(2018, 3.07, 0.120), (2020, 3.09, 0.102)])
+@pytest.mark.filterwarnings("ignore:turbulence or a missing term")
+def test_linear_output_error_finds_the_flown_dutch_roll(citation, year, period, ratio):
+    """Bank and rates alone: elements are correlated, their mode is sharp.  Pinned as seen; 2 % and 0.02 of the flown mode."""
+    mass, V, h, delta_T = at(citation, year, "dutch_roll")
+    sim = flightmech.compile(*published(citation.aircraft(), mass, V, h, delta_T))
+    point = {"init.V": V, "init.h": h, "env.delta_T": delta_T}
+    linear = flightmech.linearize(sim, point, ("beta", "p", "r", "phi"), ("delta_a", "delta_r"), ("p", "r", "phi"))
+    model = flighttest.linear_model(linear.drop_vars(["u", "y"]))  # constants of the record are drift and start
+    at_start = model.at({})
+    unknowns = {f"A[{a},{b}]": float(at_start.A[i, j]) for i, a in ((1, "p"), (2, "r")) for j, b in enumerate(("beta", "p", "r"))}
+    unknowns |= {f"B[{a},delta_r]": float(at_start.B[i, 1]) for i, a in ((1, "p"), (2, "r"))}
+    unknowns |= dict.fromkeys([*(f"init.{name}" for name in model.states), "drift.p", "drift.r"], 0.0)
+    fit = flighttest.linear_output_error(model, citation.path(year, "dutch_roll", -3.0, 16.0).states, unknowns)
+    assert fit.estimates.attrs["converged"] == 1
+    mode = next(x for x in np.linalg.eigvals(model.at(fit.parameters).A) if x.imag > 0.0)
+    assert 2.0 * np.pi / mode.imag == pytest.approx(period, abs=0.01)
+    assert -mode.real / abs(mode) == pytest.approx(ratio, abs=0.002)
+    assert (period, ratio) == (pytest.approx(FLOWN[year][0], rel=0.02), pytest.approx(FLOWN[year][1], abs=0.02))
