@@ -13,11 +13,13 @@ from flightmech.console import NewFile, document, json_option
 @click.option("--page", type=NewFile(), help="Write one self-contained HTML page: estimates, and measured and predicted outputs.")
 @click.option("--database", type=NewFile(), help="Write the database with the estimates in it.")
 @json_option
-def fit(fit_file: str, output: str | None, page: str | None, database: str | None, as_json: bool) -> None:
-    """Estimate parameters of the simulation by output error, as FIT (TOML) says: model, records, outputs, unknowns."""
+@click.pass_context
+def fit(ctx: click.Context, fit_file: str, output: str | None, page: str | None, database: str | None, as_json: bool) -> None:
+    """Estimate parameters of the simulation by output error, as FIT (TOML) says; exit code 1 when a figure must not be used."""
     from .likelihood.files import save_output_error
     from .likelihood.performing import perform
     from .likelihood.specification import read_specification
+    from .remarks import barred
 
     done = perform(read_specification(fit_file))
     files: list[str] = []
@@ -33,9 +35,10 @@ def fit(fit_file: str, output: str | None, page: str | None, database: str | Non
         files.append(database)
     if as_json:
         document({**done.as_dict(), "files": files, "not_in_the_database": left})
-        return
-    click.echo(done.report())
-    for file in files:
-        click.echo(f"written: {file}")
-    if left:
-        click.echo(f"not in the database: {' '.join(left)}")
+    else:
+        click.echo(done.report())
+        for file in files:
+            click.echo(f"written: {file}")
+        if left:
+            click.echo(f"not in the database: {' '.join(left)}")
+    ctx.exit(1 if barred([*done.fit.remarks, *done.remarks]) else 0)

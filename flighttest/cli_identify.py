@@ -8,7 +8,7 @@ import click
 
 from flightmech.console import NewFile, document, json_option, table
 
-from .remarks import documents, lines
+from .remarks import barred, documents, lines
 
 _PATHS = click.argument("paths", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
 _AIRCRAFT = click.option("--aircraft", "aircraft_file", required=True, type=click.Path(exists=True, dir_okay=False), help="Aircraft, TOML.")
@@ -18,6 +18,7 @@ _WINDOW = click.option(
 )
 _CUTOFF = click.option("--cutoff", type=float, help="Low-pass all states alike first [Hz].")
 _BAND = click.option("--band", type=(float, float), help="Work in frequency, inside this band [Hz]. Default: in time.")
+_CORRELATION = click.option("--correlation", is_flag=True, help="Print the correlation matrix of the estimates.")
 _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to this netCDF file.")
 
 
@@ -33,9 +34,13 @@ _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to 
 @click.option("--ridge", default="0", show_default=True, help="Ridge parameter on standardised regressors, or auto.")
 @click.option("--prior", type=click.Path(exists=True, dir_okay=False), help="Database whose terms are the prior, with standard errors.")
 @_OUTPUT
+@_CORRELATION
 @json_option
-def identify(paths, aircraft_file, model_text, windows, cutoff, band, intercepts, weights, ridge, prior, output, as_json) -> None:
-    """Estimate the terms of one coefficient from reconstructed paths by least squares."""
+@click.pass_context
+def identify(
+    ctx, paths, aircraft_file, model_text, windows, cutoff, band, intercepts, weights, ridge, prior, output, correlation, as_json
+) -> None:
+    """Estimate the terms of one coefficient from reconstructed paths; exit code 1 when a figure must not be used."""
     from .fit import save_fit
     from .mixed_estimation import mixed, prior_of
     from .model import Model
@@ -43,22 +48,25 @@ def identify(paths, aircraft_file, model_text, windows, cutoff, band, intercepts
     model = Model.parse(model_text)
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
     fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge))
-    joined = None
+    joined, remarks = None, fit.remarks
     if prior:
         import aerodb
 
         joined = mixed(fit, prior_of(fit, aerodb.open(prior)))
+        known = {str(term) for term, value in zip(joined.estimates["term"].values, joined.estimates["prior"].values) if value == value}
+        remarks = [remark for remark in remarks if remark.kind != "sign" or remark.term not in known]
     if output:
         save_fit(fit, output)
     if as_json:
         more = {} if joined is None else {"with_prior": {**_numbers(joined.estimates), "remarks": documents(joined.remarks)}}
-        document({**_fitted(fit), **more, "file": output})
-        return
-    _show(fit)
-    if joined is not None:
-        click.echo(f"\n{joined.report()}")
-    if output:
-        click.echo(f"written: {output}")
+        document({**_fitted(fit), "remarks": documents(remarks), **more, "file": output})
+    else:
+        _show(fit, remarks, correlation)
+        if joined is not None:
+            click.echo(f"\n{joined.report()}")
+        if output:
+            click.echo(f"written: {output}")
+    ctx.exit(1 if barred([*remarks, *(joined.remarks if joined is not None else [])]) else 0)
 
 
 @click.command()
@@ -74,9 +82,13 @@ def identify(paths, aircraft_file, model_text, windows, cutoff, band, intercepts
 @_CUTOFF
 @_BAND
 @_OUTPUT
+@_CORRELATION
 @json_option
-def select(paths, aircraft_file, coefficient, variables, order, terms, method, keep, windows, cutoff, band, output, as_json) -> None:
-    """Choose the terms of one coefficient, and estimate them."""
+@click.pass_context
+def select(
+    ctx, paths, aircraft_file, coefficient, variables, order, terms, method, keep, windows, cutoff, band, output, correlation, as_json
+) -> None:
+    """Choose the terms of one coefficient, and estimate them; exit code 1 when a figure must not be used."""
     from flightmech.errors import SchemaError
 
     from .fit import save_fit
@@ -94,10 +106,11 @@ def select(paths, aircraft_file, coefficient, variables, order, terms, method, k
         save_fit(found.fit, output)
     if as_json:
         document({"method": found.method, "steps": found.steps, "idle": found.idle, **_fitted(found.fit), "file": output})
-        return
-    click.echo(found.report())
-    if output:
-        click.echo(f"written: {output}")
+    else:
+        click.echo(found.report(correlation))
+        if output:
+            click.echo(f"written: {output}")
+    ctx.exit(1 if barred(found.fit.remarks) else 0)
 
 
 @click.command()
@@ -157,8 +170,9 @@ def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_
 @_WINDOW
 @_CUTOFF
 @json_option
-def inertia(paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
-    """Estimate moments of inertia from coupled manoeuvres."""
+@click.pass_context
+def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
+    """Estimate moments of inertia from coupled manoeuvres; exit code 1 when no body can have them."""
     from flightmech import read_aircraft
 
     from .inertia import inertia_from_flight
@@ -170,8 +184,9 @@ def inertia(paths, aircraft_file, models, scale, windows, cutoff, as_json) -> No
     found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
     if as_json:
         document({**found.estimates.attrs, **_numbers(found.estimates), "remarks": documents(found.remarks)})
-        return
-    click.echo(found.report())
+    else:
+        click.echo(found.report())
+    ctx.exit(1 if barred(found.remarks) else 0)
 
 
 def _manoeuvres(paths, aircraft_file, windows, cutoff) -> list:
@@ -245,15 +260,18 @@ def _numbers(e) -> dict:
     return {"terms": terms, "covariance": e["covariance"].values}
 
 
-def _show(fit) -> None:
+def _show(fit, remarks, correlation: bool) -> None:
+    from .fit import correlations, tests
+
     e = fit.estimates
-    shown = {"estimate": "estimate", "stderr": "std error", "stderr_white": "if white", "stderr_systematic": "systematic", "vif": "VIF"}
+    shown = {"estimate": "estimate", "stderr": "std error", "low": "95 % low", "high": "high", "stderr_white": "if white"}
+    shown |= {"stderr_systematic": "systematic", "t": "t", "p_value": "p", "vif": "VIF"}
     rows = [(str(term), *(_cell(float(e[name].sel(term=term))) for name in shown)) for term in e["term"].values]
     title = f"{fit.model}   {e.attrs['samples']} samples, R2 {e.attrs['R2']:.4f}, residual rms {e.attrs['residual_rms']:.3g}"
     if e.attrs["domain"] == "frequency":
         title += f", {e.attrs['frequencies']} frequencies in {e.attrs['band']} Hz"
     table(["term", *shown.values()], rows, title, right=list(shown.values()))
-    for line in lines(fit.remarks):
+    for line in [*tests(e.attrs), *(correlations(e) if correlation else []), *lines(remarks)]:
         click.echo(line)
 
 

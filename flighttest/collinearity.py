@@ -17,7 +17,8 @@ from flightmech.errors import IdentificationError
 RANK = 1e-8  # smallest singular value of the regressors, scaled to unit length, against the largest
 CONDITION = 30.0
 SHARE = 0.5
-VIF = 10.0
+VIF = 10.0  # above which a term is remarked
+INSEPARABLE = 1e6  # VIF above which terms are refused: what is independent in one is a thousandth of its movement
 CORRELATED = 0.9
 
 
@@ -47,6 +48,35 @@ def demand_rank(X: np.ndarray, terms: Sequence[str]) -> None:
             raise IdentificationError(
                 f"the data cannot tell apart: {combination(vector, terms)} vanishes throughout; leave a term out or add a manoeuvre"
             )
+
+
+def demand_independence(X: np.ndarray, fixed: np.ndarray, terms: Sequence[str]) -> None:
+    """Raise when terms differ by less than any instrument resolves.
+
+    A variance inflation factor of 1e6 leaves a thousandth of the movement of a regressor to itself: less than the
+    resolution, the calibration and the synchronism of recorded channels.
+
+    Raises
+    ------
+    IdentificationError
+        Names the terms, their factors and the limit.
+    """
+    if fixed.sum() >= len(fixed) - 1:
+        return
+    own = np.flatnonzero(~fixed)
+    Z = X[:, own]
+    if fixed.any():
+        Z = Z - X[:, fixed] @ np.linalg.lstsq(X[:, fixed], Z, rcond=None)[0]
+    R = np.linalg.qr(Z / np.linalg.norm(Z, axis=0))[1]
+    factors = (np.linalg.inv(R) ** 2).sum(axis=1)
+    if not (factors > INSEPARABLE).any():
+        return
+    worst = [f"{terms[own[j]]} ({factors[j]:.1e})" for j in np.argsort(-factors) if factors[j] > INSEPARABLE]
+    raise IdentificationError(
+        f"the data cannot tell apart {', '.join(worst)}: variance inflation factors above the limit of {INSEPARABLE:.0e}, where what is "
+        "independent in a term is less than a thousandth of its movement; leave a term out, hold it at its a-priori value, or add a "
+        "manoeuvre that moves the terms independently"
+    )
 
 
 def correlations(X: np.ndarray, constants: np.ndarray) -> np.ndarray:

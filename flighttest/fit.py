@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -36,7 +38,9 @@ class Fit:
         about its mean); of the regressors ``vif``, ``regressor_correlation``, ``condition_index`` (component) and
         ``proportion`` (component, term).  Attributes: ``coefficient``, ``name``, ``domain`` (time, frequency or published), ``R2``,
         ``residual_rms``, ``samples``, ``manoeuvres``, ``offset`` (standard deviation of a constant between manoeuvres);
-        of a frequency fit ``R2`` is that inside ``band``.
+        of a frequency fit ``R2`` is that inside ``band``.  Tests and intervals are those of `significance.added` (``t``,
+        ``p_value``, ``dof``, ``low``, ``high``; ``F``, ``F_terms``, ``F_dof``, ``F_probability``), the colour of the residual that of
+        `significance.whiteness` (``portmanteau``, ``portmanteau_lags``, ``portmanteau_probability``, ``correlation_time`` [s]).
     data : Dataset (sample,)
         The samples used: coefficient, model variables, what tables may depend on, ``time`` and ``manoeuvre`` (from 0).
     design : DataArray (sample, term)
@@ -100,9 +104,15 @@ class Fit:
         """What a reader of the numbers must know."""
         return remarks_of(self)
 
-    def report(self) -> str:
-        """Return the estimates as a text table."""
-        return _report(self)
+    def report(self, correlation: bool = False) -> str:
+        """Return estimates with 95 % confidence intervals, tests and remarks as text.
+
+        Parameters
+        ----------
+        correlation : bool
+            Print the correlation matrix of the estimates too.
+        """
+        return _report(self, correlation)
 
 
 def save_fit(fit: Fit, path: str | os.PathLike) -> None:
@@ -164,17 +174,53 @@ def _headline(a) -> str:
     return words
 
 
-def _report(fit: Fit) -> str:
+def tests(a: Mapping[str, Any]) -> list[str]:
+    """Return the test of all slopes and the colour of the residual, in words.
+
+    Parameters
+    ----------
+    a : mapping
+        Attributes of the estimates.
+    """
+    found = []
+    if a.get("F_terms"):
+        found.append(f"all slopes: F({a['F_terms']}, {a['F_dof']:.0f}) {a['F']:.4g}, probability {a['F_probability']:.2g}")
+    if "portmanteau" in a:
+        white = "white" if a["portmanteau_probability"] > 0.01 else "not white"
+        found.append(
+            f"residual: {white}, portmanteau {a['portmanteau']:.4g} over {a['portmanteau_lags']} lags, probability "
+            f"{a['portmanteau_probability']:.2g}, correlation time {a['correlation_time']:.2g} s"
+        )
+    return found
+
+
+def correlations(e: xr.Dataset) -> list[str]:
+    """Return the correlation matrix of estimates as lines of text."""
+    terms = [str(term) for term in e["term"].values]
+    width = max(9, *(len(term) + 2 for term in terms))
+    head = f"{'correlation':<18}" + "".join(f"{term:>{width}}" for term in terms)
+    return [head, *(f"{term:<18}" + "".join(f"{x:>{width}.3f}" for x in row) for term, row in zip(terms, e["correlation"].values))]
+
+
+_HEADS = {"white": 10, "system.": 10, "t": 9, "p": 9, "dof": 6, "VIF": 8, "share": 8}
+
+
+def _report(fit: Fit, correlation: bool) -> str:
     e, a = fit.estimates, fit.estimates.attrs
     text = [
         f"{fit.name}: {fit.model}" if fit.name else str(fit.model),
         _headline(a),
-        f"{'term':<18}{'estimate':>11}{'stderr':>10}{'white':>10}{'system.':>10}{'t':>9}{'VIF':>8}{'share':>8}",
+        *tests(a),
+        f"{'term':<18}{'estimate':>11}{'stderr':>10}{'95 % interval':>24}" + "".join(f"{head:>{width}}" for head, width in _HEADS.items()),
     ]
     for term in e["term"].values:
-        row = {str(name): float(e[name].sel(term=term)) for name, item in e.data_vars.items() if item.dims == ("term",)}
+        found = {str(name): float(e[name].sel(term=term)) for name, item in e.data_vars.items() if item.dims == ("term",)}
+        row = {name: float("nan") for name in ("low", "high", "t", "p_value", "dof")} | found
         vif = "-" if np.isnan(row["vif"]) else f"{row['vif']:.1f}"
-        errors = "".join(f"{row[name]:>10.2g}" for name in ("stderr", "stderr_white", "stderr_systematic"))
-        t = row["estimate"] / row["stderr"]
-        text.append(f"{term!s:<18}{row['estimate']:>11.5g}{errors}{t:>9.1f}{vif:>8}{row['contribution']:>8.2f}")
-    return "\n".join([*text, *lines(fit.remarks)])
+        errors = "".join(f"{row[name]:>10.2g}" for name in ("stderr_white", "stderr_systematic"))
+        between = f"{row['low']:.4g} ... {row['high']:.4g}"
+        t = f"{row['t']:>9.1f}{row['p_value']:>9.1g}{row['dof']:>6.0f}"
+        text.append(
+            f"{term!s:<18}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{between:>24}{errors}{t}{vif:>8}{row['contribution']:>8.2f}"
+        )
+    return "\n".join([*text, *(correlations(e) if correlation else []), *lines(fit.remarks)])

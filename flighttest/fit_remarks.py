@@ -1,22 +1,181 @@
-"""What a regression's numbers do not say by themselves: collinear terms, constants that differ between manoeuvres."""
+"""What a regression's numbers do not say by themselves: whether they mean anything, and what may have spoilt them.
+
+Every threshold is a named constant with its reason beside it; docs/regression.md tells how often each speaks by chance.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import stats
 
-from . import collinearity
+from . import collinearity, linear
 from .remarks import Remark
 
 if TYPE_CHECKING:
     from .fit import Fit
 
+EXCITED = 0.01  # probability of F above which a fit is no better than noise: one noise record in a hundred passes
+SIGNIFICANT = 0.05  # probability of t above which a term is called not significant
+WRONG = 0.01  # probability of t below which a wrong sign is no chance
+EXPLAINED = 0.5  # of the variance, that a model must explain for its terms to be what moves the coefficient
+SURE = 2.0  # standard errors by which a prior must differ from zero to have a sign
+SPIKE = 8.0  # robust standard deviations of a departure from its neighbours: never by chance in 10^6 Gaussian samples
+OUTSIDE = 5.0  # and of the residual itself
+BESIDE = 4  # samples on each side that tell what a sample should be; spikes are shorter
+SIGNS = {
+    ("CL", "delta_e"): 1,
+    ("CZ", "delta_e"): -1,
+    ("Cm", "delta_e"): -1,
+    ("CL", "delta_f"): 1,
+    ("CZ", "delta_f"): -1,
+    ("CY", "delta_r"): 1,
+    ("Cn", "delta_r"): -1,
+    ("Cl", "delta_a"): -1,
+    ("Cl", "delta_d"): -1,
+    ("Cl", "delta_s"): -1,
+    ("Cl", "delta_sp"): -1,
+}
+"""Sign of a control derivative by the definition of the control (`flightmech.names`): trailing edge down lifts, elevator at the tail."""
+
 
 def remarks_of(fit: Fit) -> list[Remark]:
     """Return all remarks on a fit; errors first."""
-    found = [*_collinear(fit), *_offset(fit)]
+    found = [*_insignificant(fit), *_unexplained(fit), *_signs(fit), *_spike(fit), *_collinear(fit), *_offset(fit)]
     return sorted(found, key=lambda remark: remark.severity != "error")
+
+
+def against_prior(terms, estimate, variance, dof, prior, prior_stderr) -> list[Remark]:
+    """Return the terms whose sign contradicts a prior that is sure of its own.
+
+    Parameters
+    ----------
+    terms : sequence of str
+    estimate, variance, dof : array (terms,)
+        Of flight alone, systematic errors included in the variance.
+    prior, prior_stderr : array (terms,)
+        NaN where there is none.
+    """
+    found = []
+    for term, value, var, free, before, sigma in zip(terms, estimate, variance, dof, prior, prior_stderr):
+        t = value / np.sqrt(var)
+        if abs(before) > SURE * sigma and value * before < 0.0 and 2.0 * stats.t.sf(abs(t), free) < WRONG:
+            words = (
+                f"sign against the prior: {term} is {value:.3g} at {abs(t):.1f} standard errors, the prior {before:.3g} +- {sigma:.2g}; "
+                "check the sign of the channel, and what else moved with it"
+            )
+            found.append(Remark("sign", words, str(term), float(t), _quantile(free), "error"))
+    return found
+
+
+def _quantile(dof: float) -> float:
+    return float(stats.t.ppf(1.0 - WRONG / 2.0, dof))
+
+
+def _insignificant(fit: Fit) -> list[Remark]:
+    """The F test of all slopes; where it holds, the t test of each."""
+    e, a = fit.estimates, fit.estimates.attrs
+    if not a.get("F_terms"):
+        return []
+    if a["F_probability"] > EXCITED:
+        words = (
+            f"no excitation: the slopes together do not differ from zero, F({a['F_terms']}, {a['F_dof']:.0f}) {a['F']:.2g}, probability "
+            f"{a['F_probability']:.2g} (limit {EXCITED:g}), R2 {a['R2']:.3g}; no figure of this fit may be used: give a manoeuvre that "
+            "moves the terms"
+        )
+        return [Remark("no excitation", words, "", a["F_probability"], EXCITED, "error")]
+    names, p, t = e["term"].values, e["p_value"].values, e["t"].values
+    idle = [k for k in np.flatnonzero(p > SIGNIFICANT) if not linear.constants([str(names[k])])[0]]
+    return [
+        Remark("not significant", f"not significant: {names[k]}, t {t[k]:.1f}, probability {p[k]:.2g}", str(names[k]), p[k], SIGNIFICANT)
+        for k in idle
+    ]
+
+
+def _unexplained(fit: Fit) -> list[Remark]:
+    R2, probability = fit.estimates.attrs["R2"], fit.estimates.attrs.get("F_probability", np.nan)
+    if not R2 < EXPLAINED or not probability <= EXCITED:
+        return []
+    words = f"the model explains {R2:.1%} of the movement of {fit.model.coefficient}, less than {EXPLAINED:.0%}: something else moves it"
+    return [Remark("unexplained", words, "", R2, EXPLAINED)]
+
+
+def _signs(fit: Fit) -> list[Remark]:
+    """Control derivatives, at the mean of the samples, against the definition of the control."""
+    found, e = [], fit.estimates
+    if "dof" not in e:
+        return []
+    D = e["systematic"].values
+    C = e["covariance"].values + D @ D.T
+    for (coefficient, control), sign in SIGNS.items():
+        if coefficient != fit.model.coefficient or control not in fit.model.variables:
+            continue
+        slope = _slope(fit, control)
+        value, sigma = float(slope @ e["estimate"].values), float(np.sqrt(max(0.0, slope @ C @ slope)))
+        free = float(e["dof"].values[slope != 0.0].min(initial=np.inf))
+        if sign * value < 0.0 and 2.0 * stats.t.sf(abs(value) / max(sigma, np.finfo(float).tiny), free) < WRONG:
+            words = (
+                f"sign against the convention: d{coefficient}/d{control} is {value:.3g} at {abs(value) / sigma:.1f} standard errors, "
+                f"{'positive' if sign > 0 else 'negative'} by the definition of {control}; check the sign of the channel, its delay, and "
+                "what else moved with it"
+            )
+            found.append(Remark("sign", words, control, value / sigma, -sign * _quantile(free), "error"))
+    return found
+
+
+def _slope(fit: Fit, control: str) -> np.ndarray:
+    """Derivative of the model by a control at the mean of the samples, as weights of the terms."""
+    data = fit.data
+    step = 1e-3 * float(np.ptp(data[control].values)) or 1e-6
+    up, down = (fit.model.design(data.assign({control: data[control] + side * step})) for side in (1.0, -1.0))
+    mean = dict(zip(fit.model.terms, ((up - down) / (2.0 * step)).mean(axis=0)))
+    return np.array([mean.get(str(term), 0.0) for term in fit.estimates["term"].values])
+
+
+def _spike(fit: Fit) -> list[Remark]:
+    """The largest residual that its neighbours do not share, and what the fit is without it."""
+    if fit.estimates.attrs.get("weights") == "robust" or fit.data.sizes.get("sample", 0) <= 2 * BESIDE + 1:
+        return []
+    v = fit.residual
+    apart = v - np.median(np.lib.stride_tricks.sliding_window_view(np.pad(v, BESIDE, mode="reflect"), 2 * BESIDE + 1), axis=1)
+    sizes = np.abs(apart) / max(_robust(apart), np.finfo(float).tiny)
+    far = np.abs(v - np.median(v)) / max(_robust(v), np.finfo(float).tiny)
+    spikes = np.flatnonzero(
+        (sizes > SPIKE) & (far > OUTSIDE) & (np.abs(v) > _ROUNDING * np.abs(fit.data[fit.model.coefficient].values).max())
+    )
+    if not len(spikes):
+        return []
+    worst = int(spikes[np.argmax(np.abs(apart[spikes]))])
+    time, number = float(fit.data["time"].values[worst]), int(fit.data["manoeuvre"].values[worst])
+    where = f"{time:g} s" if fit.estimates.attrs["manoeuvres"] == 1 else f"{time:g} s of manoeuvre {number}"
+    words = (
+        f"spike of {apart[worst]:.3g} in {fit.model.coefficient} at {where}, {sizes[worst]:.0f} times the scatter of the residual"
+        f"{f' ({len(spikes)} samples stand out)' if len(spikes) > 1 else ''}{_without(fit, spikes)}; take it out of the record, or use "
+        "weights='robust'"
+    )
+    return [Remark("spike", words, "", float(sizes[worst]), SPIKE)]
+
+
+_ROUNDING = 1e-9
+
+
+def _without(fit: Fit, spikes: Collection[int]) -> str:
+    """How the estimate that moves most would change, in words; empty where the fit is no plain one."""
+    e, a = fit.estimates, fit.estimates.attrs
+    if a["domain"] != "time" or a["weights"] != "equal" or a["ridge"]:
+        return ""
+    kept = np.setdiff1d(np.arange(fit.data.sizes["sample"]), list(spikes))
+    z = fit.data[fit.model.coefficient].values
+    theta = np.linalg.lstsq(fit.regressors.values[kept], z[kept], rcond=None)[0]
+    change = np.abs(theta - e["estimate"].values) / np.maximum(e["stderr"].values, np.finfo(float).tiny)
+    k = int(np.argmax(change))
+    return f"; without it {e['term'].values[k]} is {theta[k]:.4g} and not {float(e['estimate'].values[k]):.4g}"
+
+
+def _robust(x: np.ndarray) -> float:
+    return float(1.4826 * np.median(np.abs(x - np.median(x))))
 
 
 def _collinear(fit: Fit) -> list[Remark]:

@@ -12,6 +12,7 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 
 from . import linear
 from .fit import Fit
+from .fit_remarks import against_prior
 from .model import powers, variable_of
 from .remarks import Remark, lines
 
@@ -38,9 +39,14 @@ class Mixed:
 
     @property
     def remarks(self) -> list[Remark]:
-        """Terms on which flight and prior contradict each other, and those that are the prior's."""
+        """Terms whose sign or size contradicts the prior, and those that the flight hardly moves."""
         e = self.estimates
-        found = [
+        f, D = self.fit.estimates, self.fit.estimates["systematic"].values
+        variance = np.diag(f["covariance"].values + D @ D.T)
+        free = f["dof"].values if "dof" in f else np.full(len(variance), np.inf)
+        columns = (f["estimate"].values, variance, free, e["prior"].values, e["prior_stderr"].values)
+        found = against_prior(e["term"].values, *columns)
+        found += [
             Remark(
                 "prior", f"{term}: flight and prior differ by {abs(d):.1f} combined standard errors", str(term), float(d), _CONTRADICTION
             )

@@ -15,7 +15,7 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 from flightmech.names import lookup
 
-from . import collinearity, linear
+from . import collinearity, linear, significance
 from .covariance import coloured
 from .fit import Fit
 from .model import Model, powers, variable_of
@@ -107,6 +107,7 @@ def demand_determined(name: str, model: object, z: np.ndarray, X: np.ndarray, te
     try:
         _demand_movement(z, X, terms)
         collinearity.demand_rank(X, terms)
+        collinearity.demand_independence(X, linear.constants(terms), terms)
     except IdentificationError as error:
         raise IdentificationError(f"{label}{model}: {error}") from None
 
@@ -149,7 +150,8 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag,
     theta, E = linear.solve(Xw, zw, penalty)
     v = z - X @ theta
     s2 = float(v * root @ (v * root)) / (len(z) - len(terms))
-    C, offset = coloured(E, v * root, *samples.pieces(), lag)
+    pieces, steps = samples.pieces()
+    C, offset = coloured(E, v * root, pieces, steps, lag)
     A = linear.estimator(E) * root
     sources, errors = samples.errors(model.coefficient)
     spread = float(np.std(z))
@@ -170,5 +172,8 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag,
         "offset": offset,
         "weights": weights,
         "ridge": parameter,
+        **significance.whiteness(v * root, pieces, steps),
     }
+    dof = significance.of_slopes(A, v, pieces, fixed)
+    found = significance.added(found, fixed, dof, np.ones(len(terms)))
     return found, E if weights == "equal" else linear.equivalent(A)

@@ -49,6 +49,27 @@ class Samples:
         return [str(source) for source in self.data["error"].values], self.data[name].values
 
 
+def _demand_rising(time: np.ndarray, number: int) -> None:
+    """Raise when time does not rise: reversed samples have reversed rates, and colour and gaps would be misread.
+
+    Raises
+    ------
+    IdentificationError
+        Says where, and what to do.
+    """
+    back = np.flatnonzero(~(np.diff(time) > 0.0))
+    if not len(back):
+        return
+    k = int(back[0])
+    where = f"from {time[k]:g} to {time[k + 1]:g} s at sample {k + 1} and {len(back) - 1} more times"
+    if len(back) == len(time) - 1:
+        where = f"at all of its {len(time)} samples, from {time[0]:g} to {time[-1]:g} s"
+    raise IdentificationError(
+        f"time of manoeuvre {number} does not rise: it steps back or stands {where}; a time that rises is needed: sort the samples "
+        "(data.sortby('time')) and drop what comes twice, and check the rates if the record was played backwards"
+    )
+
+
 def stack(coefficient: str, variables: Sequence[str], data: xr.Dataset | Sequence[xr.Dataset], purpose: object) -> Samples:
     """Return all samples in which the coefficient and the variables are finite.
 
@@ -64,7 +85,7 @@ def stack(coefficient: str, variables: Sequence[str], data: xr.Dataset | Sequenc
     Raises
     ------
     IdentificationError
-        No manoeuvre.
+        No manoeuvre, or one whose time does not rise.
     UnknownName
         A variable that a manoeuvre does not hold.
     """
@@ -76,6 +97,7 @@ def stack(coefficient: str, variables: Sequence[str], data: xr.Dataset | Sequenc
         for name in needed:
             if name not in one:
                 raise UnknownName(name, map(str, one.data_vars), "variable", f"manoeuvre {number} does not hold it; {purpose} needs it")
+        _demand_rising(one["time"].values, number)
     kept = [name for name in _KEPT if all(name in one for one in manoeuvres)]
     names = list(dict.fromkeys([*needed, *kept]))
     error = f"{coefficient}_error"

@@ -21,7 +21,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 
-from . import collinearity, linear
+from . import collinearity, linear, significance
 from .covariance import coloured
 from .fit import Fit
 from .fourier import adjoint, detrended, finite_fourier, harmonics
@@ -192,6 +192,7 @@ def demand_frequencies(label: str, rows: np.ndarray, X: np.ndarray, parts: Seque
         )
     try:
         collinearity.demand_rank(stacked(rows), terms)
+        collinearity.demand_independence(stacked(rows), np.zeros(len(terms), bool), terms)
     except IdentificationError as error:
         raise IdentificationError(f"{label}: inside the band {error}") from None
 
@@ -211,7 +212,8 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
     D = linear.estimator(E)
     s2 = float((np.abs(v) ** 2).sum()) / (2 * len(v) - len(slopes))
     dense = np.concatenate([np.full(len(part.frequencies), max(1.0, 1.0 / (part.duration * _spacing(part)))) for part in parts])
-    C = (D * (_power(v, E, parts) * np.tile(dense, 2))) @ D.T * _student(round(len(v) / dense.mean()), len(slopes)) ** 2
+    free = _free(round(len(v) / dense.mean()), len(slopes))
+    C = (D * (_power(v, E, parts) * np.tile(dense, 2))) @ D.T * _student(free) ** 2
     white = np.sqrt(s2 * ((D**2) * np.tile(dense, 2)).sum(axis=1))
     whole = _joined(X, z, fixed, samples, _Whole(theta, C, white, _map(D, parts, len(z)), 0.0))
     sources, errors = samples.errors(model.coefficient)
@@ -237,7 +239,9 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
         "offset": whole.offset,
         "weights": "equal",
         "ridge": parameter,
+        **significance.whiteness(rest, *samples.pieces()),
     }
+    found = significance.added(found, fixed, np.full(len(terms), float(free)), np.where(fixed, 1.0, _student(free)))
     return found, whole.A
 
 
@@ -272,11 +276,15 @@ def _degree(frequencies: int) -> int:
     return min(_SHAPE, frequencies // _PER_SHAPE)
 
 
-def _student(frequencies: int, slopes: int) -> float:
+def _free(frequencies: int, slopes: int) -> int:
+    """Degrees of freedom of the residual's spectrum: two per frequency, less what was fitted."""
+    return max(1, 2 * frequencies - slopes - _degree(frequencies) - 1)
+
+
+def _student(free: int) -> float:
     """Factor on standard errors that makes two of them hold 95.45 % when few frequencies tell the size of the disturbance."""
     from scipy.stats import norm, t
 
-    free = max(1, 2 * frequencies - slopes - _degree(frequencies) - 1)
     return float(t.ppf(norm.cdf(2.0), free)) / 2.0
 
 

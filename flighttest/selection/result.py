@@ -60,8 +60,8 @@ class Selection:
         """Estimates of the ordinary polynomial; names as everywhere."""
         return self.fit.estimates
 
-    def report(self) -> str:
-        """Return the steps and the final estimates as text."""
+    def report(self, correlation: bool = False) -> str:
+        """Return the steps and the final estimates as text, with their correlation matrix on demand."""
         lines = [
             f"{self.method}: {self.model}",
             f"{'step':<28}{'term':<24}{'F':>10}{'partial':>9}{'R2':>9}{'PSE':>11}{'PRESS':>11}{'terms':>7}",
@@ -73,7 +73,7 @@ class Selection:
             )
         if self.idle:
             lines.append(f"candidates that do not move: {' '.join(self.idle[:10])}{' ...' if len(self.idle) > 10 else ''}")
-        return "\n".join([*lines, "", self.fit.report()])
+        return "\n".join([*lines, "", self.fit.report(correlation)])
 
 
 def tally(selections: Sequence[Selection]) -> pd.DataFrame:
