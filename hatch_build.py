@@ -59,13 +59,19 @@ def wanted() -> list[str]:
     return list(TARGETS) if choice == "all" else [native()]
 
 
+def kernel_sources() -> tuple[list[str], list[str]]:
+    """Return the C sources of the kernel and its FMI shell, and the options that name the folders of their headers."""
+    inner = sorted(path for path in (ROOT / "kernel" / "src").iterdir() if path.is_dir())
+    folders = [ROOT / "kernel" / "include", *inner, ROOT / "kernel" / "shell"]
+    return sorted(str(source) for folder in folders for source in folder.glob("*.c")), [f"-I{folder}" for folder in folders]
+
+
 def compile_kernel(name: str) -> Path:
     """Compile the shared library for one platform folder and return its path."""
     target = TARGETS[name]
-    sources = sorted(map(str, [*(ROOT / "kernel" / "src").glob("*.c"), *(ROOT / "kernel" / "shell").glob("*.c")]))
+    sources, include = kernel_sources()
     if not sources:
         raise SystemExit(f"no C sources under {ROOT / 'kernel'}; build from a whole checkout or source archive")
-    include = [f"-I{ROOT / 'kernel' / folder}" for folder in ("include", "src", "shell")]
     system = name.split("-")[1]
     linking = {"linux": ["-fPIC", "-lm"], "darwin": ["-fPIC", f"-Wl,-install_name,@rpath/{target.file}"], "windows": []}[system]
     library = OUT / name / target.file

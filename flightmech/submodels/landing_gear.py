@@ -18,7 +18,7 @@
     cornering_load = "12e3 N"
     brake = "6e3 N"
 
-Equations and assumptions: ``kernel/src/gear.c``, ``tyre.c``, ``steering.c`` and docs/landing-gear.md.
+Equations and assumptions: ``gear.c``, ``tyre.c``, ``steering.c`` in ``kernel/src/gear`` and docs/landing-gear.md.
 """
 
 from __future__ import annotations

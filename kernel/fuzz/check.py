@@ -55,7 +55,7 @@ def run(command: list[str], environment: dict[str, str], what: str) -> str:
 def objects(compiler: str, sanitize: str, folder: Path) -> list[str]:
     """Compile the kernel, the shell and what all programs share; return the object files."""
     folder.mkdir()
-    sources = [*(KERNEL / "src").glob("*.c"), *(KERNEL / "shell").glob("*.c"), KERNEL / "fuzz" / "drive.c"]
+    sources = [*(KERNEL / "src").glob("*/*.c"), *(KERNEL / "shell").glob("*.c"), KERNEL / "fuzz" / "drive.c"]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(lambda source: compiled(compiler, sanitize, source, folder), sources))
 
@@ -63,7 +63,7 @@ def objects(compiler: str, sanitize: str, folder: Path) -> list[str]:
 def compiled(compiler: str, sanitize: str, source: Path, folder: Path) -> str:
     """Compile one source and return the object file."""
     to = folder / f"{source.parent.name}_{source.stem}.o"
-    include = [f"-I{KERNEL / name}" for name in ("include", "src", "shell", "fuzz")]
+    include = [f"-I{folder}" for folder in (KERNEL / "include", *(KERNEL / "src").glob("*/"), KERNEL / "shell", KERNEL / "fuzz")]
     command = [compiler, *FLAGS, f"-fsanitize={sanitize}", *include, "-c", str(source), "-o", str(to)]
     if subprocess.run(command).returncode:
         sys.exit(f"{source} did not compile; the compiler's messages stand above")

@@ -1,7 +1,7 @@
 #include "drive.h"
 
 #include "image.h"
-#include "model.h"
+#include "simulation.h"
 
 #include <math.h>
 #include <stdio.h>

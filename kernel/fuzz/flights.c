@@ -3,7 +3,7 @@
 #include "drive.h"
 
 #include "image.h"
-#include "model.h"
+#include "simulation.h"
 
 #include <math.h>
 #include <pthread.h>

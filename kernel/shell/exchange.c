@@ -1,10 +1,11 @@
 /* Model exchange: the importer's solver integrates; states, derivatives and outputs are those of
  * the kernel. */
+#include "guard.h"
+#include "image.h"
+#include "readiness.h"
+
 #include <math.h>
 #include <string.h>
-
-#include "image.h"
-#include "instance.h"
 
 static int demand_exchange(const fmu *f, int allowed, const char *what) {
     if (f && f->kind != FMU_MODEL_EXCHANGE) {

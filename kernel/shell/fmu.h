@@ -26,7 +26,7 @@ enum {
 enum { FMU_REPLAY_N = 70000, FMU_REPLAY_T, FMU_REPLAY_U, FMU_REPLAY_Y };
 
 typedef enum { FMU_MODEL_EXCHANGE, FMU_CO_SIMULATION } fmu_kind;
-/* The order is that of `phases` in fmu.c; FMU_STEPPING belongs to co-simulation, FMU_EVENT and
+/* The order is that of `phases` in guard.c; FMU_STEPPING belongs to co-simulation, FMU_EVENT and
  * FMU_CONTINUOUS to model exchange. */
 typedef enum {
     FMU_CREATED,

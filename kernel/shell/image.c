@@ -4,7 +4,12 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "model.h"
+#include "engine.h"
+#include "error.h"
+#include "nodes.h"
+#include "simulation.h"
+#include "table.h"
+#include "weather.h"
 
 /* What am_copy copies: everything behind the pointers, free of addresses. */
 static const size_t MOVING = offsetof(am_sim, now);
@@ -32,7 +37,7 @@ static bool sound(const am_sim *sim) {
                         && all_finite(sim->x, (size_t)am_state_count(m))
                         && all_finite(sim->memory, m->memories);
     return finite && sim->earth >= FLAT_EARTH && sim->earth <= SPHERE_ROTATING
-           && fabs(sim->time) <= LATEST && weather_sound(sim) && engine_sound(sim);
+           && fabs(sim->time) <= LATEST && weather_memory_valid(sim) && engine_memory_valid(sim);
 }
 
 int image_restore(am_sim *sim, const void *image) {

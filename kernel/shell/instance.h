@@ -1,4 +1,4 @@
-/* What an instance consists of: private to fmu.c, exchange.c, replay.c and store.c. */
+/* What an instance consists of: private to the shell. */
 #ifndef AEROMATCH_INSTANCE_H
 #define AEROMATCH_INSTANCE_H
 
@@ -34,20 +34,5 @@ struct fmu {
     char token[65];
     fmu_logger logger;
 };
-
-/* fmu.c */
-int demand(const fmu *f, int allowed, const char *what);
-int demand_initialized(fmu *f, const char *what);
-int refresh_outputs(fmu *f);
-
-/* replay.c */
-size_t replay_doubles(const fmu *f, uint64_t n); /* of t, u and y together */
-int replay_resize(fmu *f, uint64_t n);
-int replay_copy(const fmu *f, replay *to, const replay *from);
-size_t replay_elements(const fmu *f, uint32_t vr); /* 0: not one of the arrays */
-int replay_get(fmu *f, uint32_t vr, double values[]);
-void replay_set(fmu *f, uint32_t vr, const double values[]);
-int replay_waiting(const fmu *f);
-int replay_run(fmu *f, double t, double dt);
 
 #endif

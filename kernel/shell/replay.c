@@ -1,10 +1,12 @@
 /* A whole record in one step: FMI 3.0 arrays replay.t, replay.u, replay.y whose length is the
  * structural parameter replay.n. */
+#include "replay.h"
+
+#include "guard.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "instance.h"
 
 #define MOST_SAMPLES 10000000 /* more than a day at 100 Hz */
 
@@ -17,7 +19,6 @@ static void place_arrays(const fmu *f, replay *r, uint64_t n, double *memory) {
     r->y = r->u + n * f->inputs;
 }
 
-/* Times are zero, inputs at their present values, outputs NaN. */
 int replay_resize(fmu *f, uint64_t n) {
     double *memory = calloc(replay_doubles(f, n), sizeof(double));
     if (!memory) {
@@ -74,15 +75,9 @@ size_t replay_elements(const fmu *f, uint32_t vr) {
     return (size_t)f->replay.n * width[vr - FMU_REPLAY_T];
 }
 
-/* Without a replay the one row of y holds the outputs of the moment. */
-int replay_get(fmu *f, uint32_t vr, double values[]) {
+void replay_get(const fmu *f, uint32_t vr, double values[]) {
     const double *from[] = {f->replay.t, f->replay.u, f->replay.y};
-    if (vr == FMU_REPLAY_Y && f->replay.n == 1) {
-        if (refresh_outputs(f)) return FMU_ERROR;
-        from[2] = f->y;
-    }
     memcpy(values, from[vr - FMU_REPLAY_T], replay_elements(f, vr) * sizeof(double));
-    return FMU_OK;
 }
 
 void replay_set(fmu *f, uint32_t vr, const double values[]) {

@@ -1,11 +1,12 @@
 /* Stored states: all that moves in an instance, in memory or as bytes. */
+#include "guard.h"
+#include "image.h"
+#include "replay.h"
+#include "sha256.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "image.h"
-#include "instance.h"
-#include "sha256.h"
 
 struct fmu_state {
     am_sim *sim;
@@ -163,14 +164,17 @@ int fmu_load_state(fmu *f, const void *image, size_t n, fmu_state **state) {
     const unsigned char *from = (const unsigned char *)image + sizeof head;
     fmu_state *made = new_state(f);
     double *arrays = made ? malloc(doubles * sizeof(double)) : NULL;
-    if (!arrays) return fmu_free_state(&made), fmu_refuse(f, "no memory for a state");
+    if (!arrays) {
+        fmu_free_state(&made);
+        return fmu_refuse(f, "no memory for a state");
+    }
     memcpy(arrays, from + slopes, doubles * sizeof(double));
     const replay stored = {.n = head.samples, .t = arrays, .done = head.replayed};
     int status = replay_copy(f, &made->replay, &stored);
     free(arrays);
     if (status || image_restore(made->sim, from + slopes + doubles * sizeof(double))) {
-        return fmu_free_state(&made),
-               fmu_refuse(f, "these bytes are no state of this model: values without meaning");
+        fmu_free_state(&made);
+        return fmu_refuse(f, "these bytes are no state of this model: values without meaning");
     }
     made->kind = (fmu_kind)head.kind;
     made->phase = (fmu_phase)head.phase;

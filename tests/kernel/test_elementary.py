@@ -16,7 +16,7 @@ import flightmech
 
 pytest.importorskip("ziglang", reason="elementary.c is compiled on its own, which needs pip install aeromatch[dev]")
 
-SOURCE = Path(__file__).parents[2] / "kernel" / "src"
+SOURCE = Path(__file__).parents[2] / "kernel" / "src" / "base"
 ONE, TWO = ("sin", "cos", "tan", "asin", "exp", "log"), ("atan2", "pow")
 LOOP = "for (size_t i = 0; i < n; i++)"
 SHIM = "\n".join(

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-SOURCE = Path(__file__).parents[2] / "kernel" / "src" / "linkage.c"
+SOURCE = Path(__file__).parents[2] / "kernel" / "src"
 FREE = 1e9  # a stop that is never reached
 
 Three = c_double * 3
@@ -47,7 +47,8 @@ def advance(tmp_path_factory):
     pytest.importorskip("ziglang", reason="the compiler of the build, ziglang, is not installed")
     library = tmp_path_factory.mktemp("linkage") / "linkage.so"
     flags = ["-std=c11", "-O2", "-ffp-contract=off", "-fno-sanitize=all", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
-    subprocess.run([sys.executable, "-m", "ziglang", "cc", *flags, str(SOURCE), "-o", str(library), "-lm"], check=True)
+    sources = [f"-I{SOURCE / 'base'}", str(SOURCE / "controls" / "linkage.c")]
+    subprocess.run([sys.executable, "-m", "ziglang", "cc", *flags, *sources, "-o", str(library), "-lm"], check=True)
     call = ctypes.CDLL(str(library)).linkage_advance
     call.argtypes, call.restype = [ctypes.POINTER(Linkage), ctypes.POINTER(Motion), c_double, c_int], None
     return lambda linkage, motion, h, parts=1: call(ctypes.byref(linkage), ctypes.byref(motion), h, parts)

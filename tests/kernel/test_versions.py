@@ -25,8 +25,7 @@ def libraries(tmp_path_factory) -> list[ctypes.CDLL]:
     build = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(build)
     plain = tmp_path_factory.mktemp("plain") / "kernel.so"
-    sources = sorted(map(str, [*(ROOT / "kernel" / "src").glob("*.c"), *(ROOT / "kernel" / "shell").glob("*.c")]))
-    include = [f"-I{ROOT / 'kernel' / folder}" for folder in ("include", "src", "shell")]
+    sources, include = build.kernel_sources()
     command = [sys.executable, "-m", "ziglang", "cc", *build.FLAGS, "-DAM_PLAIN", "-fPIC", *include, *sources, "-lm", "-o", str(plain)]
     subprocess.run(command, check=True)
     installed = build.OUT / build.native()

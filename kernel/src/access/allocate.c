@@ -1,0 +1,78 @@
+/* The memory of a simulation: one piece, the arrays behind the struct, so that a copy is one
+ * memcpy. */
+#include "allocate.h"
+
+#include "error.h"
+#include "table.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static double *take(double **at, size_t n) {
+    double *piece = *at;
+    *at += n;
+    return piece;
+}
+
+size_t sim_size(const am_model *m) {
+    const size_t nx = (size_t)am_state_count(m);
+    const size_t nu = (size_t)m->count[AM_INPUT];
+    const size_t np = (size_t)m->count[AM_PARAMETER];
+    const size_t na = m->axes;
+    const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx
+                           + m->total[AM_VARIABLE] + m->slots + m->places + m->total[AM_TARGET]
+                           + 3 * na + 2 * (size_t)m->memories + m->works;
+    return sizeof(am_sim) + doubles * sizeof(double) + (na + m->bundles) * sizeof(uint32_t);
+}
+
+am_sim *am_new(const am_model *m) {
+    const size_t nx = (size_t)am_state_count(m);
+    const size_t nu = (size_t)m->count[AM_INPUT];
+    const size_t np = (size_t)m->count[AM_PARAMETER];
+    const size_t na = m->axes;
+    am_sim *sim = calloc(1, m->sim_bytes);
+    if (!sim) return NULL;
+    sim->model = m;
+    double *at = (double *)(sim + 1);
+    sim->par = take(&at, np);
+    sim->u = take(&at, nu);
+    sim->u_work = take(&at, nu);
+    sim->u_end = take(&at, nu);
+    sim->y_work = take(&at, (size_t)m->count[AM_OUTPUT]);
+    sim->x = take(&at, nx);
+    sim->x_work = take(&at, nx);
+    sim->k = take(&at, 4 * nx);
+    sim->var = take(&at, m->total[AM_VARIABLE]);
+    sim->slot = take(&at, m->slots);
+    sim->term = take(&at, m->places);
+    sim->sum = take(&at, m->total[AM_TARGET]);
+    sim->memory = take(&at, m->memories);
+    sim->memory_before = take(&at, m->memories);
+    sim->work = take(&at, m->works);
+    sim->fraction = take(&at, na);
+    sim->below = take(&at, na);
+    sim->above = take(&at, na);
+    sim->cell = (uint32_t *)at;
+    sim->corner = sim->cell + na;
+    sim->scale = sim->par + m->total[AM_PARAMETER];
+    sim->exponent = sim->scale + m->terms;
+    for (size_t i = 0; i < np; i++) sim->par[i] = m->entry[AM_PARAMETER][i].value;
+    for (size_t i = 0; i < nu; i++) sim->u[i] = m->entry[AM_INPUT][i].value;
+    sim->slot[0] = sim->var[A_ONE] = sim->part = 1.0;
+    settle_cells(sim);
+    return sim;
+}
+
+void am_delete(am_sim *sim) { free(sim); }
+
+int am_copy(am_sim *to, const am_sim *from) {
+    if (to->model != from->model) {
+        return fail(to, AM_BAD_ARGUMENT,
+                    "a simulation can only be copied to one of the same model");
+    }
+    const size_t start = offsetof(am_sim, now);
+    if (to != from) {
+        memcpy((char *)to + start, (const char *)from + start, to->model->sim_bytes - start);
+    }
+    return AM_OK;
+}

@@ -1,0 +1,77 @@
+/* What drives the control circuits.
+ *
+ *     mode.controls 0   recorded surfaces drive; travel and the force that holds them follow
+ *                   1   recorded cockpit positions drive; beyond order 2 cables move the surfaces
+ *                   2   recorded pilot forces drive
+ *
+ * The circuits are stiff and set-valued and so live in the memory: before every step of the
+ * rigid body they go from t to t + h in sub-steps (linkage.c).  The load over the step is linear
+ * in time and in travel: from the derivative at t, which the step needs anyway, one at the state
+ * that an Euler step predicts for t + h, and a difference along the travel.  So the coupling
+ * with the flight is of second order.  The derivative takes the deflection linearly between both
+ * ends of the step.
+ *
+ * Modes 1 and 2 start at rest.  In mode 2 the circuit starts at the deflection of the trim; the
+ * force that holds it there and the recorded force differ by trim.F_*, which stays added, up to
+ * *.trim_limit. */
+#include "control_drive.h"
+
+#include "algebra.h"
+
+/* Biases that the core adds to the deflection of a control. */
+double control_bias(const am_sim *sim, int control) {
+    return sim->par[P_BIAS_DELTA_E + control] + sim->trim.delta[control];
+}
+
+/* What the air sees beyond the deflection of the linkage. */
+double circuit_offset(const am_sim *sim, uint32_t item) {
+    if (sim->controls == SURFACE_DRIVEN) return 0.0;
+    return control_bias(sim, circuit_control(sim->model, item))
+           - memory_of(sim, G_CIRCUIT, item)[D_OFFSET];
+}
+
+double cockpit_travel(const am_sim *sim, uint32_t item, const double *u) {
+    const double *p = par_of(sim, G_CIRCUIT, item);
+    return clamp(input_of(sim, u, G_CIRCUIT, item)[U_CIRCUIT_TRAVEL], p[P_CIRCUIT_LOW],
+                 p[P_CIRCUIT_HIGH]);
+}
+
+void set_rigid(double *q, double s) {
+    for (int i = 0; i < LINKAGE_BODIES; i++) q[i] = s;
+}
+
+bool rigid_drive(const am_sim *sim, uint32_t item) {
+    return sim->controls == POSITION_DRIVEN && circuit_bodies(par_of(sim, G_CIRCUIT, item)) == 1;
+}
+
+/* A circuit whose bodies move by their own equations. */
+bool circuit_moves(const am_sim *sim, uint32_t item) {
+    return sim->controls != SURFACE_DRIVEN && !rigid_drive(sim, item);
+}
+
+double control_deflection(const am_sim *sim, const double *u, int control) {
+    for (uint32_t i = 0; i < circuits(sim); i++) {
+        if (circuit_control(sim->model, i) != control) continue;
+        const double *d = memory_of(sim, G_CIRCUIT, i);
+        double q[LINKAGE_BODIES];
+        set_rigid(q, cockpit_travel(sim, i, u));
+        if (rigid_drive(sim, i)) return control_of_travel(sim, i, q);
+        return d[D_FROM] + sim->part * (d[D_TO] - d[D_FROM]) - d[D_OFFSET];
+    }
+    return u[control];
+}
+
+/* Travel of the cockpit end of a circuit that is driven, mode 0 or 1. */
+double driven_travel(const am_sim *sim, uint32_t item, const double *u) {
+    const double *p = par_of(sim, G_CIRCUIT, item);
+    const int control = circuit_control(sim->model, item);
+    if (sim->controls == POSITION_DRIVEN) return cockpit_travel(sim, item, u);
+    const double delta = applied(sim, u, control);
+    return control == U_DELTA_A ? delta / p[P_CIRCUIT_GEARING] : surface_travel(p, delta);
+}
+
+double pilot_force(const am_sim *sim, uint32_t item, const double *u) {
+    return input_of(sim, u, G_CIRCUIT, item)[U_CIRCUIT_FORCE]
+           + par_of(sim, G_CIRCUIT, item)[P_CIRCUIT_BIAS_FORCE]
+           + memory_of(sim, G_CIRCUIT, item)[D_TRIM_FORCE];
+}

@@ -1,0 +1,148 @@
+/* US Standard Atmosphere 1976 below 84.852 km, moved by a temperature offset and the pressure at
+ * sea level, and air data.
+ *
+ * The offset is added to the temperature of every layer and the pressure follows
+ * hydrostatically; with an offset of zero and 101325 Pa this is the standard itself.  Constants
+ * are those of ISO 2533 and ICAO Doc 7488, which is the same atmosphere: R with M0 = 28.96442
+ * kg/kmol gives the 1.225 kg m-3 at sea level that the US document prints. */
+#include "air_data.h"
+
+#include "elementary.h"
+
+#include <math.h>
+
+#define R_AIR 287.05287                       /* [J kg-1 K-1] */
+static const double EARTH_RADIUS = 6356766.0; /* of the geopotential height [m] */
+static const double RATIO = 1.4;              /* specific heats */
+static const double P_SEA = 101325.0;
+static const double A_SEA = 340.29398802608895;
+static const double T_SEA = 288.15;
+/* geopotential height of the base [m], gradient [K m-1]: U.S. Standard Atmosphere 1976, table 4 */
+static const double BASE[LAYERS] = {0.0, 11000.0, 20000.0, 32000.0, 47000.0, 51000.0, 71000.0};
+static const double GRADIENT[LAYERS] = {-0.0065, 0.0, 0.001, 0.0028, 0.0, -0.0028, -0.002};
+static const double TOP = 84852.0;
+
+/* Binomial coefficients of the exponent of the troposphere, each from the one before. */
+#define K (G0 / (R_AIR * 0.0065))
+#define B2 (K * (K - 1) / 2)
+#define B3 (B2 * (K - 2) / 3)
+#define B4 (B3 * (K - 3) / 4)
+#define B5 (B4 * (K - 4) / 5)
+#define B6 (B5 * (K - 5) / 6)
+#define B7 (B6 * (K - 6) / 7)
+#define B8 (B7 * (K - 7) / 8)
+#define B9 (B8 * (K - 8) / 9)
+#define B10 (B9 * (K - 9) / 10)
+#define B11 (B10 * (K - 10) / 11)
+#define B12 (B11 * (K - 11) / 12)
+#define B13 (B12 * (K - 12) / 13)
+#define B14 (B13 * (K - 13) / 14)
+#define B15 (B14 * (K - 14) / 15)
+#define B16 (B15 * (K - 15) / 16)
+#define B17 (B16 * (K - 16) / 17)
+#define B18 (B17 * (K - 17) / 18)
+
+/* (1 + u)^K for |u| <= 1/4, where the terms left out are below 2e-17: twice as fast as a power,
+ * as flight below 11 km needs it. */
+static double troposphere(double u) {
+    const double u2 = u * u;
+    const double u4 = u2 * u2;
+    const double u8 = u4 * u4;
+    const double q0 = (1.0 + K * u) + u2 * (B2 + B3 * u);
+    const double q4 = (B4 + B5 * u) + u2 * (B6 + B7 * u);
+    const double q8 = (B8 + B9 * u) + u2 * (B10 + B11 * u);
+    const double q12 = (B12 + B13 * u) + u2 * (B14 + B15 * u);
+    return (q0 + u4 * q4) + u8 * ((q8 + u4 * q12) + u8 * (B16 + u * (B17 + u * B18)));
+}
+
+static double layer_pressure(const atmosphere_t *atm, int i, double H) {
+    const double dH = H - BASE[i];
+    if (GRADIENT[i] == 0.0) return atm->p[i] * am_exp(-G0 * dH / (R_AIR * atm->T[i]));
+    const double u = GRADIENT[i] * dH / atm->T[i];
+    return atm->p[i]
+           * (i == 0 && fabs(u) <= 0.25 ? troposphere(u)
+                                        : am_pow(1.0 + u, -G0 / (R_AIR * GRADIENT[i])));
+}
+
+void set_atmosphere(atmosphere_t *atm, double delta_T, double qnh) {
+    atm->T[0] = T_SEA + delta_T;
+    atm->p[0] = qnh;
+    for (int i = 1; i < LAYERS; i++) {
+        atm->T[i] = atm->T[i - 1] + GRADIENT[i - 1] * (BASE[i] - BASE[i - 1]);
+        atm->p[i] = layer_pressure(atm, i - 1, BASE[i]);
+    }
+}
+
+/* Above the top layer the values of its upper end hold; below sea level the first layer goes on
+ * to -5 km. */
+void atmosphere_at(const atmosphere_t *atm, double h, double *T, double *p, double *rho,
+                   double *a) {
+    double H = EARTH_RADIUS * h / (EARTH_RADIUS + h);
+    H = H > TOP ? TOP : H < -5000.0 ? -5000.0 : H;
+    int i = 0;
+    while (i + 1 < LAYERS && H > BASE[i + 1]) i++;
+    *T = atm->T[i] + GRADIENT[i] * (H - BASE[i]);
+    *p = layer_pressure(atm, i, H);
+    *rho = *p / (R_AIR * *T);
+    *a = sqrt(RATIO * R_AIR * *T);
+}
+
+/* Height of the standard atmosphere with this pressure: what an altimeter set to 1013.25 hPa
+ * shows. */
+double pressure_altitude(const atmosphere_t *standard, double p) {
+    int i = 0;
+    while (i + 1 < LAYERS && p < standard->p[i + 1]) i++;
+    const double ratio = p / standard->p[i];
+    if (GRADIENT[i] == 0.0) return BASE[i] - R_AIR * standard->T[i] / G0 * am_log(ratio);
+    return BASE[i]
+           + standard->T[i] / GRADIENT[i] * (am_pow(ratio, -R_AIR * GRADIENT[i] / G0) - 1.0);
+}
+
+void set_standard(atmosphere_t *atm) { set_atmosphere(atm, 0.0, P_SEA); }
+
+/* From the velocity relative to the air in body axes.  Nothing is divided by V, so that rest and
+ * 90 degrees are safe. */
+void air_data(now_t *now, const double velocity[3]) {
+    const double u = velocity[0];
+    const double v = velocity[1];
+    const double w = velocity[2];
+    now->u = u;
+    now->v = v;
+    now->w = w;
+    now->Vxz = sqrt(u * u + w * w);
+    now->V = sqrt(u * u + v * v + w * w);
+    now->per_Vxz = now->Vxz > 0.0 ? 1.0 / now->Vxz : 0.0;
+    now->per_V = now->V > 0.0 ? 1.0 / now->V : 0.0;
+    now->ca = now->Vxz > 0.0 ? u * now->per_Vxz : 1.0;
+    now->sa = w * now->per_Vxz;
+    now->cb = now->V > 0.0 ? now->Vxz * now->per_V : 1.0;
+    now->sb = v * now->per_V;
+    now->alpha = am_atan2(w, u);
+    now->beta = am_atan2(v, now->Vxz);
+    now->mach = now->V / now->a;
+    now->qbar = 0.5 * now->rho * now->V * now->V;
+}
+
+static double power_2_5(double x) { return x * x * sqrt(x); }
+static double power_3_5(double x) { return x * x * x * sqrt(x); }
+
+/* Impact pressure over static pressure: isentropic below Mach 1, Rayleigh's pitot formula above. */
+static double impact_ratio(double mach) {
+    const double M2 = mach * mach;
+    if (mach <= 1.0) return power_3_5(1.0 + 0.2 * M2) - 1.0;
+    return power_3_5(1.2 * M2) * power_2_5(6.0 / (7.0 * M2 - 1.0)) - 1.0;
+}
+
+double calibrated_airspeed(double mach, double p) {
+    const double ratio = p * impact_ratio(mach) / P_SEA;
+    double M = sqrt(5.0 * (am_pow(1.0 + ratio, 1.0 / 3.5) - 1.0));
+    /* Rayleigh's formula solved for the leading Mach number; a contraction, 1e-15 after 40
+     * rounds at M = 1 */
+    if (M > 1.0) {
+        for (int i = 0; i < 40; i++) {
+            M = sqrt((1.0 + ratio) * power_2_5(7.0 - 1.0 / (M * M))
+                     / (power_2_5(6.0) * power_3_5(1.2)));
+        }
+    }
+    return M * A_SEA;
+}

@@ -1,0 +1,25 @@
+/* The standard atmosphere and what an aircraft feels of the air. */
+#ifndef AEROMATCH_AIR_DATA_H
+#define AEROMATCH_AIR_DATA_H
+
+#include "simulation.h"
+
+/* US Standard Atmosphere 1976 with a temperature offset [K] and pressure at sea level [Pa]. */
+void set_atmosphere(atmosphere_t *atm, double delta_T, double qnh);
+void set_standard(atmosphere_t *atm);
+
+/* Height of the standard atmosphere with the static pressure p [Pa]: what an altimeter set to
+ * 1013.25 hPa shows. [m] */
+double pressure_altitude(const atmosphere_t *standard, double p);
+
+/* Temperature [K], pressure [Pa], density [kg m-3] and speed of sound [m s-1] at height h [m]. */
+void atmosphere_at(const atmosphere_t *atm, double h, double *T, double *p, double *rho, double *a);
+
+/* V, alpha, beta, mach, qbar and their trigonometry from the velocity relative to the air in body
+ * axes [m s-1]; now->rho and now->a are set. */
+void air_data(now_t *now, const double velocity[3]);
+
+/* Calibrated airspeed [m s-1] at a Mach number and static pressure [Pa]. */
+double calibrated_airspeed(double mach, double p);
+
+#endif

@@ -1,0 +1,176 @@
+/* Coefficients and the implicit triple.
+ *
+ * alpha-dot, beta-dot and the load factor depend on the forces that depend on them.  All three are
+ * affine in the force and the force is affine in them, so a 3 x 3 linear system gives them exactly:
+ * no iteration, no delay by one step. */
+#include "aero.h"
+
+#include "algebra.h"
+#include "table.h"
+#include "terms.h"
+
+/* The terms with CL as a factor, once CL is known. */
+static void add_late(am_sim *sim, double c[COEFFICIENTS]) {
+    const am_model *m = sim->model;
+    sim->var[A_CL] = c[0];
+    for (uint32_t k = 0; k < m->lates; k++) {
+        const uint32_t i = m->late[k];
+        c[m->term[i].target] += term_value(sim, i);
+    }
+}
+
+/* CL, CD (stability axes) and CY (body axis) to body axes. */
+static void house_to_body(const now_t *now, const double c[3], double f[3]) {
+    f[0] = c[0] * now->sa - c[1] * now->ca;
+    f[1] = c[2];
+    f[2] = -c[0] * now->ca - c[1] * now->sa;
+}
+
+/* Force coefficients of the database to CL, CD (stability axes) and CY (body axis). */
+static void to_house(const am_sim *sim, double c[3]) {
+    const now_t *now = &sim->now;
+    double f[3];
+    if (sim->model->force_axes == STABILITY_AXES) return;
+    if (sim->model->force_axes == BODY_AXES) {
+        f[0] = c[0];
+        f[1] = c[2];
+        f[2] = c[1];
+    } else {
+        const double x = -c[1] * now->cb - c[2] * now->sb;
+        f[0] = c[0] * now->sa + x * now->ca;
+        f[1] = -c[1] * now->sb + c[2] * now->cb;
+        f[2] = -c[0] * now->ca + x * now->sa;
+    }
+    c[0] = f[0] * now->sa - f[2] * now->ca;
+    c[1] = -f[0] * now->ca - f[2] * now->sa;
+    c[2] = f[1];
+}
+
+/* What alpha-dot (0) or beta-dot (1) takes from the acceleration of the air-relative velocity.
+ * [rad/s per m/s2] */
+static void flow_rate(const now_t *now, uint32_t kind, double row[3]) {
+    row[0] = row[1] = row[2] = 0.0;
+    if (now->Vxz < FLOW_FLOOR) return;
+    if (kind == 0) {
+        row[0] = -now->sa * now->per_Vxz;
+        row[2] = now->ca * now->per_Vxz;
+    } else {
+        row[0] = -now->ca * now->sb * now->per_V;
+        row[1] = now->cb * now->per_V;
+        row[2] = -now->sa * now->sb * now->per_V;
+    }
+}
+
+/* An implicit variable is apart + row . force / mass; returns apart. */
+static double implicit_row(const am_sim *sim, uint32_t kind, const double free_fall[3],
+                           double row[3]) {
+    const now_t *now = &sim->now;
+    if (A_ALPHADOTHAT + kind == A_DNZ) {
+        row[0] = row[1] = 0.0;
+        row[2] = -1.0 / G0;
+        return -1.0;
+    }
+    /* no rate below FLOW_FLOOR */
+    const double half = 0.5 * (kind == 0 ? sim->model->cbar : sim->model->b) * now->per_V;
+    flow_rate(now, kind, row);
+    for (int i = 0; i < 3; i++) row[i] *= half;
+    return dot(row, free_fall);
+}
+
+/* A row over forces to one over CL, CD, CY: the transpose of house_to_body. */
+static void row_to_house(const now_t *now, const double row[3], double factor, double to[3]) {
+    to[0] = factor * (row[0] * now->sa - row[2] * now->ca);
+    to[1] = factor * (-row[0] * now->ca - row[2] * now->sa);
+    to[2] = factor * row[1];
+}
+
+/* A x = x in place, without pivoting: A is the unit matrix minus small couplings. */
+static inline void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], uint32_t n) {
+    double per[IMPLICIT];
+    for (uint32_t k = 0; k < n; k++) {
+        per[k] = 1.0 / A[k][k];
+        for (uint32_t i = k + 1; i < n; i++) {
+            const double factor = A[i][k] * per[k];
+            for (uint32_t j = k; j < n; j++) A[i][j] -= factor * A[k][j];
+            x[i] -= factor * x[k];
+        }
+    }
+    for (uint32_t k = n; k-- > 0;) {
+        for (uint32_t j = k + 1; j < n; j++) x[k] -= A[k][j] * x[j];
+        x[k] *= per[k];
+    }
+}
+
+/* Adds the implicit terms to the coefficients c; applied are the other forces, n is the number
+ * of unknowns.  What does not wait for c comes first. */
+static inline void close_loop(am_sim *sim, const double applied[3], const double free_fall[3],
+                              double c[COEFFICIENTS], uint32_t n) {
+    const am_model *m = sim->model;
+    const double per_mass = 1.0 / sim->now.mass;
+    const double qS = sim->now.qbar * m->S;
+    double slope[IMPLICIT][COEFFICIENTS], gain[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
+    for (uint32_t j = 0; j < n; j++) {
+        sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
+        for (int k = 0; k < COEFFICIENTS; k++) slope[j][k] = 0.0;
+    }
+    for (uint32_t i = 0; i < m->implicits; i++) {
+        const uint32_t term = m->implicit[i][0];
+        slope[m->implicit[i][1]][m->term[term].target] += term_value(sim, term);
+    }
+    for (uint32_t j = 0; j < n; j++) to_house(sim, slope[j]);
+    for (uint32_t i = 0; i < n; i++) {
+        double row[3];
+        x[i] = implicit_row(sim, m->unknown[i], free_fall, row) + dot(row, applied) * per_mass;
+        row_to_house(&sim->now, row, qS * per_mass, gain[i]);
+        for (uint32_t j = 0; j < n; j++) A[i][j] = (i == j) - dot(gain[i], slope[j]);
+    }
+    for (uint32_t i = 0; i < n; i++) x[i] += dot(gain[i], c);
+    eliminate(A, x, n);
+    for (uint32_t j = 0; j < n; j++) {
+        sim->var[A_ALPHADOTHAT + m->unknown[j]] = x[j];
+        for (int k = 0; k < COEFFICIENTS; k++) c[k] += slope[j][k] * x[j];
+    }
+}
+
+/* The compiler unrolls each. */
+static void solve_implicit(am_sim *sim, const double applied[3], const double free_fall[3],
+                           double c[COEFFICIENTS]) {
+    const uint32_t n = sim->model->unknowns;
+    if (n == 1) close_loop(sim, applied, free_fall, c, 1);
+    else if (n == 2) close_loop(sim, applied, free_fall, c, 2);
+    else close_loop(sim, applied, free_fall, c, 3);
+}
+
+static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double applied[3],
+                      double F[3]) {
+    const double qS = sim->now.qbar * sim->model->S;
+    house_to_body(&sim->now, c, F);
+    for (int i = 0; i < 3; i++) F[i] = qS * F[i] + applied[i];
+}
+
+/* Sets coefficients, force, aerodynamic moment about the reference point and the flow rates.
+ * applied: the other forces but gravity (thrust, gear); free_fall: acceleration of the
+ * air-relative velocity in body axes without any force but gravity. */
+void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]) {
+    const am_model *m = sim->model;
+    now_t *now = &sim->now;
+    double row[3], a[3];
+    look_up(sim, STAGE_AERO);
+    evaluate_terms(sim, STAGE_AERO);
+    sum_coefficients(sim, now->c);
+    to_house(sim, now->c);
+    for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
+    if (m->unknowns) solve_implicit(sim, applied, free_fall, now->c);
+    forces_of(sim, now->c, applied, now->F);
+    if (m->lates) add_late(sim, now->c);
+    const double per_mass = 1.0 / sim->now.mass;
+    for (int i = 0; i < 3; i++) a[i] = now->acceleration[i] = now->F[i] * per_mass + free_fall[i];
+    flow_rate(now, 0, row);
+    now->alpha_dot = dot(row, a);
+    flow_rate(now, 1, row);
+    now->beta_dot = dot(row, a);
+    const double qS = now->qbar * m->S;
+    now->M[0] = qS * m->b * now->c[3];
+    now->M[1] = qS * m->cbar * now->c[4];
+    now->M[2] = qS * m->b * now->c[5];
+}

@@ -1,0 +1,283 @@
+/* The control circuits through a step of the flight.
+ *
+ * The circuits are stiff and set-valued and so live in the memory: before every step of the
+ * rigid body they go from t to t + h in sub-steps (linkage.c).  The load over the step is linear
+ * in time and in travel: from the derivative at t, which the step needs anyway, one at the state
+ * that an Euler step predicts for t + h, and a difference along the travel.  So the coupling
+ * with the flight is of second order.  The derivative takes the deflection linearly between both
+ * ends of the step.
+ *
+ * Modes 1 and 2 start at rest.  In mode 2 the circuit starts at the deflection of the trim; the
+ * force that holds it there and the recorded force differ by trim.F_*, which stays added, up to
+ * *.trim_limit. */
+#include "control_step.h"
+
+#include "algebra.h"
+#include "control_drive.h"
+#include "sixdof.h"
+
+#include <math.h>
+#include <string.h>
+
+#define PROBE 1e-4  /* least part of the travel over which the slope of the load is taken */
+#define SETTLING 12 /* iterations of the cable stretch at the start */
+
+/* of a cable less what the air takes from it, in parts of the cable: holds the iteration
+ * together */
+#define LEAST_STIFFNESS 0.1
+#define MOST_PARTS 1e6 /* sub-steps of one step */
+
+static double sign(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
+
+static bool any_moves(const am_sim *sim) {
+    for (uint32_t i = 0; i < circuits(sim); i++) {
+        if (circuit_moves(sim, i)) return true;
+    }
+    return false;
+}
+
+static double *scratch_slope(const am_sim *sim) { return sim->k + am_state_count(sim->model); }
+
+/* ---- start ----------------------------------------------------------------------------------- */
+
+static void hold_between_stops(const linkage_t *c, double *q) {
+    for (int i = 0; i < c->bodies; i++) q[i] = clamp(q[i], c->low[i], c->high[i]);
+}
+
+/* Loads at q and their slope along the travel of each body. */
+static void probe(am_sim *sim, uint32_t item, const double *u, const double *q, const double *move,
+                  loads_t *at, double *slope) {
+    const double offset = circuit_offset(sim, item);
+    double there[LINKAGE_BODIES];
+    loads_t beyond;
+    for (int i = 0; i < LINKAGE_BODIES; i++) there[i] = q[i] + move[i];
+    circuit_loads(sim, item, sim->x, u, q, offset, at);
+    circuit_loads(sim, item, sim->x, u, there, offset, &beyond);
+    for (int i = 0; i < LINKAGE_BODIES; i++) slope[i] = (beyond.on[i] - at->on[i]) / move[i];
+}
+
+static double least_move(const double *p) { return PROBE * (p[P_CIRCUIT_HIGH] - p[P_CIRCUIT_LOW]); }
+
+/* Move the surfaces until their cables end at the same place, with the control deflected as
+ * wanted; put the cockpit end there. */
+static void meet(const am_sim *sim, uint32_t item, double wanted, const loads_t *at,
+                 const double *slope, double *q) {
+    const double *p = par_of(sim, G_CIRCUIT, item);
+    const double C = p[P_CIRCUIT_CABLE];
+    const int n = circuit_bodies(p);
+    double end = 0.0;
+    double mean = 0.0;
+    for (int i = 1; i < n; i++) end += (q[i] - at->on[i] / C) / (n - 1);
+    for (int i = 1; i < n; i++) {
+        q[i] += (end - (q[i] - at->on[i] / C)) / fmax(1.0 - slope[i] / C, LEAST_STIFFNESS);
+        mean += q[i] / (n - 1);
+    }
+    const double shift = (wanted - control_of_travel(sim, item, q)) / surface_slope(p, mean);
+    for (int i = 1; i < n; i++) q[i] += shift;
+    q[0] = end;
+}
+
+/* Let the surfaces hang at rest on the cables of a cockpit end that stays where it is. */
+static void hang(const am_sim *sim, uint32_t item, const loads_t *at, const double *slope,
+                 double *q) {
+    const double *p = par_of(sim, G_CIRCUIT, item);
+    const double C = p[P_CIRCUIT_CABLE];
+    for (int i = 1; i < circuit_bodies(p); i++) {
+        q[i] += (at->on[i] - C * (q[i] - q[0])) / fmax(C - slope[i], LEAST_STIFFNESS * C);
+    }
+}
+
+static void stretch_cables(am_sim *sim, uint32_t item, double wanted, double *q) {
+    const double *p = par_of(sim, G_CIRCUIT, item);
+    double move[LINKAGE_BODIES], slope[LINKAGE_BODIES];
+    loads_t at;
+    set_rigid(move, least_move(p));
+    for (int iteration = 0; iteration < SETTLING; iteration++) {
+        probe(sim, item, sim->u, q, move, &at, slope);
+        if (sim->controls == FORCE_DRIVEN) meet(sim, item, wanted, &at, slope, q);
+        else hang(sim, item, &at, slope, q);
+    }
+}
+
+/* The force that holds the circuit at rest at q. */
+static double holding_force(am_sim *sim, uint32_t item, const double *q) {
+    const double *p = par_of(sim, G_CIRCUIT, item);
+    loads_t at;
+    circuit_loads(sim, item, sim->x, sim->u, q, circuit_offset(sim, item), &at);
+    double force = p[P_CIRCUIT_PRELOAD] * sign(q[0] - circuit_neutral(sim, item, sim->u));
+    for (int i = 0; i < LINKAGE_BODIES; i++) force -= at.on[i];
+    return force;
+}
+
+static void start_travel(am_sim *sim, uint32_t item) {
+    const double *p = par_of(sim, G_CIRCUIT, item);
+    const int control = circuit_control(sim->model, item);
+    const bool forced = sim->controls == FORCE_DRIVEN;
+    double *d = memory_of(sim, G_CIRCUIT, item);
+    linkage_t c;
+    memset(d, 0, sizeof(double) * D_PER_CIRCUIT);
+    const double delta = sim->u[control] + control_bias(sim, control);
+    const double even = control == U_DELTA_A ? delta / p[P_CIRCUIT_GEARING]
+                                             : surface_travel(p, delta);
+    set_rigid(d + D_TRAVEL,
+              sim->controls == POSITION_DRIVEN ? cockpit_travel(sim, item, sim->u) : even);
+    if (sim->controls == SURFACE_DRIVEN) return;
+    circuit_linkage(sim, item, &c);
+    hold_between_stops(&c, d + D_TRAVEL);
+    d[D_FROM] = d[D_TO] = control_of_travel(sim, item, d + D_TRAVEL);
+    d[D_OFFSET] = forced ? control_bias(sim, control) : 0.0;
+}
+
+/* At rest: cables stretched by the loads, and in mode 2 the force that the record lacks. */
+static void settle(am_sim *sim, uint32_t item) {
+    const double *p = par_of(sim, G_CIRCUIT, item);
+    const double *u = input_of(sim, sim->u, G_CIRCUIT, item);
+    double *d = memory_of(sim, G_CIRCUIT, item);
+    double *q = d + D_TRAVEL;
+    linkage_t c;
+    circuit_linkage(sim, item, &c);
+    if (c.bodies > 1) stretch_cables(sim, item, d[D_TO], q);
+    hold_between_stops(&c, q);
+    d[D_FROM] = d[D_TO] = control_of_travel(sim, item, q);
+    if (sim->controls != FORCE_DRIVEN) return;
+    const double lacking = holding_force(sim, item, q) - u[U_CIRCUIT_FORCE]
+                           - p[P_CIRCUIT_BIAS_FORCE];
+    d[D_TRIM_FORCE] = clamp(lacking, -p[P_CIRCUIT_TRIM_LIMIT], p[P_CIRCUIT_TRIM_LIMIT]);
+}
+
+void control_start(am_sim *sim) {
+    for (uint32_t i = 0; i < circuits(sim); i++) start_travel(sim, i);
+    if (!any_moves(sim)) return;
+    derivative(sim, sim->x, sim->u, scratch_slope(sim));
+    for (uint32_t i = 0; i < circuits(sim); i++) {
+        if (circuit_moves(sim, i)) settle(sim, i);
+    }
+}
+
+/* ---- a step ---------------------------------------------------------------------------------- */
+
+/* The load of one circuit over a step. */
+typedef struct {
+    loads_t start, end; /* both at the travel of the start */
+    double slope[LINKAGE_BODIES], force[2], neutral[2];
+} course_t;
+
+static void begin_course(am_sim *sim, uint32_t item, double h, const double *u, course_t *course) {
+    const double *d = memory_of(sim, G_CIRCUIT, item);
+    const double least = least_move(par_of(sim, G_CIRCUIT, item));
+    double move[LINKAGE_BODIES];
+    for (int i = 0; i < LINKAGE_BODIES; i++) {
+        const double reach = h * d[D_RATE + i];
+        move[i] = fabs(reach) > least ? reach : reach < 0.0 ? -least : least;
+    }
+    probe(sim, item, u, d + D_TRAVEL, move, &course->start, course->slope);
+    course->force[0] = pilot_force(sim, item, u);
+    course->neutral[0] = circuit_neutral(sim, item, u);
+}
+
+static void end_course(am_sim *sim, uint32_t item, const double *x, const double *u,
+                       course_t *course) {
+    circuit_loads(sim, item, x, u, memory_of(sim, G_CIRCUIT, item) + D_TRAVEL,
+                  circuit_offset(sim, item), &course->end);
+    course->force[1] = pilot_force(sim, item, u);
+    course->neutral[1] = circuit_neutral(sim, item, u);
+}
+
+/* Courses of all circuits that move, from the flight at both ends of the step. */
+static void find_courses(am_sim *sim, double t, double h, const double *u0, const double *u1,
+                         course_t *course) {
+    const int n = am_state_count(sim->model);
+    if (!sim->fresh
+        || memcmp(u0, sim->u, sizeof(double) * (size_t)sim->model->count[AM_INPUT]) != 0) {
+        sim->part = 0.0;
+        sim->clock = t;
+        derivative(sim, sim->x, u0, sim->k);
+        sim->fresh = false;
+    }
+    for (uint32_t i = 0; i < circuits(sim); i++) {
+        double *d = memory_of(sim, G_CIRCUIT, i);
+        if (!circuit_moves(sim, i)) continue;
+        begin_course(sim, i, h, u0, course + i);
+        double there[LINKAGE_BODIES];
+        for (int k = 0; k < LINKAGE_BODIES; k++) there[k] = d[D_TRAVEL + k] + h * d[D_RATE + k];
+        d[D_TO] = control_of_travel(sim, i, there);
+    }
+    for (int i = 0; i < n; i++) sim->x_work[i] = sim->x[i] + h * sim->k[i];
+    sim->part = 1.0;
+    sim->clock = t + h;
+    derivative(sim, sim->x_work, u1, scratch_slope(sim));
+    for (uint32_t i = 0; i < circuits(sim); i++) {
+        if (circuit_moves(sim, i)) end_course(sim, i, sim->x_work, u1, course + i);
+    }
+}
+
+static void set_loads(const am_sim *sim, uint32_t item, double h, const course_t *course,
+                      linkage_t *c) {
+    const double *d = memory_of(sim, G_CIRCUIT, item);
+    for (int i = 0; i < c->bodies; i++) {
+        c->load[i] = course->start.on[i];
+        c->load_rate[i] = (course->end.on[i] - course->start.on[i]) / h;
+        c->stiffness[i] = -course->slope[i];
+        c->origin[i] = d[D_TRAVEL + i];
+    }
+    c->neutral = 0.5 * (course->neutral[0] + course->neutral[1]);
+    if (sim->controls != FORCE_DRIVEN) return;
+    c->load[0] += course->force[0];
+    c->load_rate[0] += (course->force[1] - course->force[0]) / h;
+}
+
+/* Second difference of a driven travel, for the force that accelerates it; none at the start. */
+static double acceleration(const double *d, double rate, double h) {
+    return d[D_STEP] > 0.0 ? 2.0 * (rate - d[D_RATE]) / (h + d[D_STEP]) : 0.0;
+}
+
+static void advance_bodies(am_sim *sim, uint32_t item, double h, const course_t *course,
+                           double drive) {
+    double *d = memory_of(sim, G_CIRCUIT, item);
+    linkage_t c;
+    motion_t m = {0};
+    circuit_linkage(sim, item, &c);
+    set_loads(sim, item, h, course, &c);
+    c.driven = sim->controls == POSITION_DRIVEN;
+    c.drive = drive;
+    memcpy(m.q, d + D_TRAVEL, sizeof m.q);
+    memcpy(m.v, d + D_RATE, sizeof m.v);
+    linkage_advance(
+        &c, &m, h,
+        (int)clamp(ceil(h / par_of(sim, G_CIRCUIT, item)[P_CIRCUIT_STEP] - 1e-9), 1.0, MOST_PARTS));
+    for (int i = 1; i < c.bodies; i++) d[D_ACCELERATION + i] = (m.v[i] - d[D_RATE + i]) / h;
+    memcpy(d + D_TRAVEL, m.q, sizeof m.q);
+    memcpy(d + D_RATE, m.v, sizeof m.v);
+    memcpy(d + D_FRICTION, m.friction, sizeof m.friction);
+    memcpy(d + D_STOP, m.stop, sizeof m.stop);
+    d[D_TO] = control_of_travel(sim, item, m.q);
+}
+
+static void advance_circuit(am_sim *sim, uint32_t item, double h, const double *u0,
+                            const double *u1, const course_t *course) {
+    double *d = memory_of(sim, G_CIRCUIT, item);
+    if (sim->controls == FORCE_DRIVEN) {
+        advance_bodies(sim, item, h, course, 0.0);
+    } else {
+        const double from = driven_travel(sim, item, u0);
+        const double to = driven_travel(sim, item, u1);
+        const double rate = (to - from) / h;
+        d[D_ACCELERATION] = acceleration(d, rate, h);
+        d[D_TRAVEL] = from;
+        if (circuit_moves(sim, item)) advance_bodies(sim, item, h, course, rate);
+        d[D_TRAVEL] = to;
+        d[D_RATE] = rate;
+    }
+    d[D_STEP] = h;
+}
+
+void control_advance(am_sim *sim, double t, double h, const double *u0, const double *u1) {
+    course_t course[MAX_CIRCUITS];
+    if (!circuits(sim) || !(h > 0.0)) return;
+    for (uint32_t i = 0; i < circuits(sim); i++) {
+        double *d = memory_of(sim, G_CIRCUIT, i);
+        d[D_FROM] = d[D_TO];
+    }
+    if (any_moves(sim)) find_courses(sim, t, h, u0, u1, course);
+    for (uint32_t i = 0; i < circuits(sim); i++) advance_circuit(sim, i, h, u0, u1, course + i);
+}

@@ -1,0 +1,163 @@
+/* Classical Runge-Kutta with a fixed step; the end of a step that an importer's solver has made. */
+#include "integrate.h"
+
+#include "access.h"
+#include "control_step.h"
+#include "earth.h"
+#include "engine.h"
+#include "error.h"
+#include "outputs.h"
+#include "prepare.h"
+#include "sixdof.h"
+#include "weather.h"
+
+#include <math.h>
+#include <string.h>
+
+static void blend(const am_model *m, const double *u0, const double *u1, double s, double *u) {
+    for (int i = 0; i < m->count[AM_INPUT]; i++) u[i] = u0[i] + (u1[i] - u0[i]) * s;
+}
+
+static void advance(int n, const double *restrict x, double h, const double *restrict dx,
+                    double *restrict to) {
+    for (int i = 0; i < n; i++) to[i] = x[i] + h * dx[i];
+}
+
+void count_outside(am_sim *sim) {
+    for (uint32_t i = 0; i < sim->model->axes; i++) {
+        if (sim->cell[i] == 0) sim->below[i] += 1.0;
+        if (sim->cell[i] == sim->model->axis[i].cells - 1) sim->above[i] += 1.0;
+    }
+}
+
+/* The discrete part of the submodels from t to t + h; u0 and u1 are the inputs at both ends.
+ * One that jumps at t clears sim->fresh, so that the first slope is found anew. */
+void advance_memory(am_sim *sim, double t, double h, const double *u0, const double *u1) {
+    weather_advance(sim, t, h, u0, u1);
+    engine_advance(sim, t, h, u0, u1);
+    control_advance(sim, t, h, u0, u1);
+}
+
+static void slope(am_sim *sim, double t, double h, double part, const double *x, const double *u,
+                  double *k) {
+    sim->part = part;
+    sim->clock = t + part * h;
+    derivative(sim, x, u, k);
+}
+
+/* Inputs at a part of u0 ... u1; u0 itself when they are held. */
+static const double *inputs_at(const am_sim *sim, const double *u0, const double *u1, double s,
+                               double *u) {
+    if (u0 == u1) return u0;
+    blend(sim->model, u0, u1, s, u);
+    return u;
+}
+
+/* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step from t
+ * covers. */
+static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const double *u1,
+                        double s0, double s1) {
+    const am_model *m = sim->model;
+    const int n = am_state_count(m);
+    double *k1 = sim->k;
+    double *k2 = k1 + n;
+    double *k3 = k2 + n;
+    double *k4 = k3 + n;
+    double *x = sim->x;
+    double *to = sim->x_work;
+    const double *u_end = inputs_at(sim, u0, u1, s1, sim->u_end);
+    const double *u = inputs_at(sim, u0, u1, s0, sim->u_work);
+    if (m->memories) advance_memory(sim, t, h, u, u_end);
+    if (!sim->fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) {
+        slope(sim, t, h, 0.0, x, u, k1);
+        set_anchor(x, sim->earth, &sim->now, &sim->anchor);
+    }
+    sim->fresh = false;
+    sim->anchored = sim->earth != FLAT_EARTH;
+    count_outside(sim);
+    u = inputs_at(sim, u0, u1, 0.5 * (s0 + s1), sim->u_work);
+    advance(n, x, 0.5 * h, k1, to);
+    slope(sim, t, h, 0.5, to, u, k2);
+    advance(n, x, 0.5 * h, k2, to);
+    slope(sim, t, h, 0.5, to, u, k3);
+    advance(n, x, h, k3, to);
+    slope(sim, t, h, 1.0, to, u_end, k4);
+    sim->anchored = false;
+    for (int i = 0; i < n; i++) to[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+}
+
+int check_inputs(am_sim *sim, const double *u) {
+    for (int i = 0; i < sim->model->count[AM_INPUT]; i++) {
+        if (!isfinite(u[i])) {
+            const char *name = sim->model->entry[AM_INPUT][i].name;
+            return fail(sim, AM_NOT_FINITE, "input %s is %g at t = %g s; it must be finite", name,
+                        u[i], sim->time);
+        }
+    }
+    return AM_OK;
+}
+
+int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1) {
+    if (!(dt >= 0.0 && fabs(t) <= LATEST && fabs(t + dt) <= LATEST)) {
+        return fail(
+            sim, AM_BAD_ARGUMENT,
+            "step from t = %g s by %g s; the step must be finite and not negative, times within "
+            "1e10 s",
+            t, dt);
+    }
+    int status = ready(sim);
+    if (status != AM_OK) return status;
+    sim->time = t;
+    if ((status = check_inputs(sim, u0)) != AM_OK) return status;
+    sim->time = t + dt;
+    if ((status = check_inputs(sim, u1)) != AM_OK) return status;
+    const double parts = ceil(dt / sim->par[P_STEP] - 1e-9);
+    if (!(parts <= 1e9)) {
+        return fail(sim, AM_BAD_ARGUMENT, "%g s are more than 1e9 steps of mode.step = %g s", dt,
+                    sim->par[P_STEP]);
+    }
+    const long n = dt > 0.0 && parts < 1.0 ? 1 : (long)parts;
+    for (long i = 0; i < n; i++) {
+        const double s0 = (double)i / (double)n;
+        const double s1 = (double)(i + 1) / (double)n;
+        const size_t memory = sizeof(double) * sim->model->memories;
+        memcpy(sim->memory_before, sim->memory, memory);
+        runge_kutta(sim, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
+        sim->time = t + dt * s1;
+        if ((status = check_finite(sim, AM_STATE, sim->x_work)) != AM_OK) {
+            memcpy(sim->memory, sim->memory_before, memory);
+            return status;
+        }
+        memcpy(sim->x, sim->x_work, sizeof(double) * (size_t)am_state_count(sim->model));
+    }
+    take_inputs(sim, u1);
+    return AM_OK;
+}
+
+int am_derivative(am_sim *sim, const double *x, const double *u, double *dx) {
+    int status = ready(sim);
+    if (status != AM_OK) return status;
+    sim->fresh = false;
+    sim->clock = sim->time;
+    sim->part = 1.0;
+    derivative(sim, x, u, dx);
+    return check_finite(sim, AM_STATE, dx);
+}
+
+int am_complete_step(am_sim *sim, double t) {
+    const int status = ready(sim);
+    if (status != AM_OK) return status;
+    if (!(t >= sim->time && t <= LATEST)) {
+        return fail(
+            sim, AM_BAD_ARGUMENT,
+            "a step is completed at %g s, but the simulation stands at %g s; times go on, up to "
+            "1e10 s",
+            t, sim->time);
+    }
+    if (t > sim->time) advance_memory(sim, sim->time, t - sim->time, sim->u, sim->u);
+    sim->time = t;
+    sim->fresh = false;
+    refresh(sim);
+    count_outside(sim);
+    return AM_OK;
+}

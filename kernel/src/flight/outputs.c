@@ -1,0 +1,105 @@
+/* Outputs at the present state and inputs. */
+#include "outputs.h"
+
+#include "air_data.h"
+#include "algebra.h"
+#include "control_drive.h"
+#include "control_outputs.h"
+#include "earth.h"
+#include "elementary.h"
+#include "engine.h"
+#include "error.h"
+#include "fuel.h"
+#include "gear.h"
+#include "prepare.h"
+#include "sixdof.h"
+#include "weather.h"
+
+#include <math.h>
+#include <string.h>
+
+int refresh(am_sim *sim) {
+    const int status = ready(sim);
+    if (status != AM_OK || sim->fresh) return status;
+    sim->clock = sim->time;
+    sim->part = 1.0;
+    derivative(sim, sim->x, sim->u, sim->k);
+    set_anchor(sim->x, sim->earth, &sim->now, &sim->anchor);
+    sim->fresh = true;
+    return AM_OK;
+}
+
+static void attitude_outputs(const now_t *now, double *y) {
+    const double n = dot(now->C[0], now->north);
+    const double e = dot(now->C[0], now->east);
+    const double d = dot(now->C[0], now->down);
+    y[Y_PHI] = am_atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
+    y[Y_THETA] = am_atan2(-d, sqrt(n * n + e * e));
+    y[Y_PSI] = am_atan2(e, n);
+}
+
+static void ground_outputs(am_sim *sim, double *y) {
+    now_t *now = &sim->now;
+    const double *v = sim->x + 3;
+    locate_angles(sim, sim->x, now);
+    y[Y_H] = now->h;
+    y[Y_H_AGL] = sim->var[A_H_AGL];
+    y[Y_LAT] = now->lat;
+    y[Y_LON] = now->lon;
+    y[Y_VN] = dot(v, now->north);
+    y[Y_VE] = dot(v, now->east);
+    y[Y_VD] = dot(v, now->down);
+    y[Y_HDOT] = -y[Y_VD];
+    y[Y_GAMMA] = am_atan2(-y[Y_VD], sqrt(y[Y_VN] * y[Y_VN] + y[Y_VE] * y[Y_VE]));
+}
+
+static void write_outputs(am_sim *sim, double *y) {
+    const am_model *m = sim->model;
+    const now_t *now = &sim->now;
+    y[Y_V] = now->V;
+    y[Y_V_CAS] = calibrated_airspeed(now->mach, now->p);
+    y[Y_MACH] = now->mach;
+    y[Y_QBAR] = now->qbar;
+    y[Y_ALPHA] = now->alpha;
+    y[Y_BETA] = now->beta;
+    y[Y_U] = now->u;
+    y[Y_V_BODY] = now->v;
+    y[Y_W] = now->w;
+    y[Y_ALPHA_DOT] = now->alpha_dot;
+    y[Y_BETA_DOT] = now->beta_dot;
+    for (int i = 0; i < 3; i++) {
+        y[Y_P + i] = sim->x[10 + i];
+        y[Y_P_DOT + i] = now->angular[i];
+        y[Y_AX + i] = now->F[i] / now->mass;
+        y[Y_TRIM_DELTA_E + i] = sim->trim.delta[i];
+    }
+    y[Y_NZ] = -y[Y_AZ] / G0;
+    attitude_outputs(now, y);
+    ground_outputs(sim, y);
+    memcpy(y + Y_CL, now->c, sizeof now->c);
+    y[Y_RHO] = now->rho;
+    y[Y_P_STATIC] = now->p;
+    y[Y_TEMPERATURE] = now->T;
+    y[Y_H_BARO] = pressure_altitude(&sim->standard, now->p);
+    y[Y_MASS] = now->mass;
+    for (int i = 0; i <= U_DELTA_D; i++) y[Y_APPLIED_DELTA_E + i] = applied(sim, sim->u, i);
+    y[Y_TRIM_ALPHA] = sim->trim.alpha;
+    y[Y_TRIM_BETA] = sim->trim.beta;
+    y[Y_TRIM_THRUST] = sim->trim.thrust;
+    y[Y_TRIM_THROTTLE] = sim->trim.throttle;
+    memcpy(y + Y_TRIM_U_DOT, sim->trim.residual, sizeof sim->trim.residual);
+    y[Y_OUT_OF_RANGE] = 0.0;
+    for (uint32_t i = 0; i < m->axes; i++) y[Y_OUT_OF_RANGE] += sim->below[i] + sim->above[i];
+    weather_outputs(sim, y);
+    fuel_outputs(sim, y);
+    engine_outputs(sim, y);
+    gear_outputs(sim, y);
+    control_outputs(sim, y);
+}
+
+int am_outputs(am_sim *sim, double *y) {
+    const int status = refresh(sim);
+    if (status != AM_OK) return status;
+    write_outputs(sim, y);
+    return check_finite(sim, AM_OUTPUT, y);
+}

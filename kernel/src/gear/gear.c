@@ -1,0 +1,430 @@
+/* Landing gear: legs, wheels and skids on a level runway at env.runway_elevation.
+ *
+ * In the order of LR-743 4.5.4: deflections and their rates, vertical forces, then side and
+ * longitudinal forces (tyre.c), steering (steering.c).  A leg with tyre_stiffness is a strut in
+ * series with a tyre, without unsprung mass:
+ *
+ *     F = tyre_stiffness (deflection - s)        zero when negative: the ground never pulls
+ *     F = preload + stiffness s + table + damping s' + orifice s' |s'|
+ *                                                solved for s', between the stops 0 and stroke
+ *
+ * with own damping constants in extension; without tyre_stiffness (a rigid wheel, a skid) s is
+ * the deflection itself. Legs stand along body z: rake and friction of the strut and the inertia
+ * of the wheel are not there. */
+#include "gear.h"
+
+#include "algebra.h"
+#include "elementary.h"
+#include "error.h"
+#include "steering.h"
+#include "terms.h"
+#include "tyre.h"
+
+#include <math.h>
+#include <string.h>
+
+/* shortest time constant of strut and tyre: holds the rate of s below 1 / STRUT_LAG [s] */
+#define STRUT_LAG 0.01
+#define STOP_LAG 0.02     /* in which a strut reaches its stop [s] */
+#define FASTEST_WET 103.0 /* the wet polynomial ends here: 200 kt [m s-1] */
+/* part above the greatest friction over which an excess of brake locks the wheel */
+#define LOCKING 0.1
+#define UPRIGHT 1e-3 /* floor of the length of the heading in the ground plane */
+/* floor of the cosine between leg and vertical: beyond 78 deg the leg is as stiff as there */
+#define LEANING 0.2
+/* for the load and the forces in the plane that depend on each other through the lean of the leg */
+#define PASSES 3
+#define NOTHING 1e-9    /* a deflection that is none [m] */
+#define SLIP_FLOOR 1e-3 /* below it the slip angle is zero [m s-1] */
+#define BISECTIONS 52   /* halvings of a stroke: to rounding */
+
+enum { DRY, WET, ICY };
+
+typedef struct {
+    double arm[3];               /* from the c.g. to the point on the ground */
+    double deflection, sink;     /* of leg and tyre together along the leg, and its rate */
+    double forward[3], right[3]; /* wheel axes in the ground plane */
+    /* velocity of the point over ground in wheel axes, and their rate of turn */
+    double v[2], turn;
+    double upright; /* cosine between leg and vertical */
+} place_t;
+
+typedef struct {
+    footprint_t print;
+    double brake; /* that the anti-skid system lets through */
+} contact_t;
+
+static int check_contact(am_sim *sim, const double *p) {
+    static const int POSITIVE[] = {P_CONTACT_STROKE, P_CONTACT_SIDE, P_CONTACT_CORNERING_LOAD};
+    static const int NOT_NEGATIVE[] = {
+        P_CONTACT_RADIUS,      P_CONTACT_STIFFNESS, P_CONTACT_PRELOAD,     P_CONTACT_DAMPING,
+        P_CONTACT_DAMPING_EXT, P_CONTACT_ORIFICE,   P_CONTACT_ORIFICE_EXT, P_CONTACT_TYRE,
+        P_CONTACT_CORNERING,   P_CONTACT_LOSS,      P_CONTACT_ROLLING,     P_CONTACT_BRAKE,
+        P_CONTACT_FRICTION};
+    for (size_t k = 0; k < sizeof POSITIVE / sizeof *POSITIVE; k++) {
+        if (!(p[POSITIVE[k]] > 0.0)) return bad_value(sim, p + POSITIVE[k], "positive");
+    }
+    for (size_t k = 0; k < sizeof NOT_NEGATIVE / sizeof *NOT_NEGATIVE; k++) {
+        if (!(p[NOT_NEGATIVE[k]] >= 0.0)) {
+            return bad_value(sim, p + NOT_NEGATIVE[k], "zero or positive");
+        }
+    }
+    if (p[P_CONTACT_PRELOAD] > 0.0 && p[P_CONTACT_TYRE] == 0.0) {
+        return bad_value(
+            sim, p + P_CONTACT_PRELOAD,
+            "zero without a tyre_stiffness, or the ground would push at a touch with the whole "
+            "preload");
+    }
+    if (p[P_CONTACT_FRICTION] == 0.0 && p[P_CONTACT_CORNERING] == 0.0) {
+        return bad_value(sim, p + P_CONTACT_CORNERING,
+                         "positive for a wheel; a skid has a friction instead");
+    }
+    /* more would give energy back where the rubber is renewed */
+    if (p[P_CONTACT_LOSS] > 2.0 * TYRE_LAG) {
+        return bad_value(sim, p + P_CONTACT_LOSS, "at most 0.04 s");
+    }
+    if (p[P_CONTACT_RETRACTS] != 0.0 && p[P_CONTACT_RETRACTS] != 1.0) {
+        return bad_value(sim, p + P_CONTACT_RETRACTS, "0 (fixed) or 1 (retracts)");
+    }
+    return AM_OK;
+}
+
+static int check_runway(am_sim *sim, const double *p) {
+    static const int NOT_NEGATIVE[] = {P_MU_DRY, P_MU_ICY};
+    for (size_t k = 0; k < sizeof NOT_NEGATIVE / sizeof *NOT_NEGATIVE; k++) {
+        if (!(p[NOT_NEGATIVE[k]] >= 0.0)) {
+            return bad_value(sim, p + NOT_NEGATIVE[k], "zero or positive");
+        }
+    }
+    if (p[P_RUNWAY_CONDITION] != DRY && p[P_RUNWAY_CONDITION] != WET
+        && p[P_RUNWAY_CONDITION] != ICY) {
+        return bad_value(sim, p + P_RUNWAY_CONDITION, "0 (dry), 1 (wet) or 2 (icy)");
+    }
+    if (!(p[P_SKID_RATIO] >= 0.0 && p[P_SKID_RATIO] <= 1.0)) {
+        return bad_value(sim, p + P_SKID_RATIO, "between 0 and 1");
+    }
+    if (!(p[P_ANTISKID] >= 0.0 && p[P_ANTISKID] <= 1.0)) {
+        return bad_value(sim, p + P_ANTISKID, "between 0 (none) and 1");
+    }
+    return AM_OK;
+}
+
+int gear_check(am_sim *sim) {
+    if (!items(sim->model, G_GEAR)) return AM_OK;
+    int status = check_runway(sim, par_of(sim, G_GEAR, 0));
+    if (status == AM_OK) status = steering_check(sim);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT) && status == AM_OK; i++) {
+        status = check_contact(sim, par_of(sim, G_CONTACT, i));
+    }
+    return status;
+}
+
+/* Where the leg, along body z, meets the runway.  The tyre is round in the plane of symmetry:
+ * pitch moves its lowest point along the rim.  Velocity is that of the point where the leg
+ * stands, a function of the attitude and height alone: so a wheel held by friction comes back to
+ * its place whatever the aircraft on it does. */
+static void place_contact(const am_sim *sim, const double *p, const double down[3],
+                          const double ground[3], double angle, place_t *at) {
+    const now_t *now = &sim->now;
+    const double R = p[P_CONTACT_RADIUS];
+    const double in_plane = fmax(sqrt(down[0] * down[0] + down[2] * down[2]), UPRIGHT);
+    const double rim[3] = {R * down[0] / in_plane, 0.0, R * (down[2] / in_plane - 1.0)};
+    const double heading[3] = {am_cos(angle), am_sin(angle), 0.0};
+    const double across = dot(heading, down);
+    double velocity[3], swing[3];
+    double level = 0.0;
+    at->upright = fmax(down[2], LEANING);
+    for (int i = 0; i < 3; i++) at->arm[i] = p[P_CONTACT_X + i] + rim[i] - now->cg[i];
+    at->deflection = (dot(at->arm, down) - (now->h - sim->par[P_RUNWAY])) / at->upright;
+    at->arm[2] -= at->deflection;
+    for (int i = 0; i < 3; i++) {
+        at->forward[i] = heading[i] - across * down[i];
+        level += at->forward[i] * at->forward[i];
+    }
+    level = fmax(sqrt(level), UPRIGHT);
+    for (int i = 0; i < 3; i++) at->forward[i] /= level;
+    cross(down, at->forward, at->right);
+    cross(now->rate, heading, swing);
+    cross(now->rate, at->arm, velocity);
+    for (int i = 0; i < 3; i++) velocity[i] += ground[i];
+    at->sink = dot(velocity, down) / at->upright;
+    velocity[2] -= at->sink;
+    at->v[0] = dot(velocity, at->forward);
+    at->v[1] = dot(velocity, at->right);
+    at->turn = dot(swing, at->right) / level;
+}
+
+static double strut_spring(const am_sim *sim, uint32_t i, double s) {
+    const double *p = par_of(sim, G_CONTACT, i);
+    return p[P_CONTACT_PRELOAD] + p[P_CONTACT_STIFFNESS] * s
+           + sum_of(sim, G_CONTACT, i)[T_CONTACT_STRUT];
+}
+
+/* s' from damping s' + orifice s' |s'| = force, then inside the stops. */
+static double strut_rate(const double *p, double s, double force) {
+    const bool in = force >= 0.0;
+    const double orifice = p[in ? P_CONTACT_ORIFICE : P_CONTACT_ORIFICE_EXT];
+    const double c = fmax(p[in ? P_CONTACT_DAMPING : P_CONTACT_DAMPING_EXT],
+                          (p[P_CONTACT_TYRE] + p[P_CONTACT_STIFFNESS]) * STRUT_LAG);
+    const double rate = 2.0 * force / (c + sqrt(c * c + 4.0 * orifice * fabs(force)));
+    return clamp(rate, -s / STOP_LAG, fmax(p[P_CONTACT_STROKE] - s, 0.0) / STOP_LAG);
+}
+
+/* Force along a leg that is out; sets the rate of s. */
+static double leg_force(const am_sim *sim, uint32_t i, const place_t *at, double s, double *rate) {
+    const double *p = par_of(sim, G_CONTACT, i);
+    if (p[P_CONTACT_TYRE] > 0.0) {
+        const double tyre = p[P_CONTACT_TYRE] * fmax(at->deflection - s, 0.0);
+        *rate = strut_rate(p, s, tyre - strut_spring(sim, i, s));
+        return tyre;
+    }
+    *rate = -s / STOP_LAG;
+    if (!(at->deflection > 0.0)) return 0.0;
+    const bool in = at->sink >= 0.0;
+    const double c = p[in ? P_CONTACT_DAMPING : P_CONTACT_DAMPING_EXT];
+    const double orifice = p[in ? P_CONTACT_ORIFICE : P_CONTACT_ORIFICE_EXT];
+    return fmax(strut_spring(sim, i, at->deflection) + (c + orifice * fabs(at->sink)) * at->sink,
+                0.0);
+}
+
+/* Compression of the strut, as its transducer shows it. */
+static double compression(const double *p, double s, double deflection) {
+    return p[P_CONTACT_TYRE] > 0.0 ? s : fmax(deflection, 0.0);
+}
+
+static double runway_friction(const double *p, double speed) {
+    if (p[P_RUNWAY_CONDITION] == DRY) return p[P_MU_DRY];
+    if (p[P_RUNWAY_CONDITION] == ICY) return p[P_MU_ICY];
+    const double V = fmin(speed, FASTEST_WET);
+    return fmax(p[P_MU_WET_0] + V * (p[P_MU_WET_1] + V * (p[P_MU_WET_2] + V * p[P_MU_WET_3])), 0.0);
+}
+
+static double brake_pedal(const double *u, double y) {
+    const double left = clamp(u[U_BRAKE_LEFT], 0.0, 1.0);
+    const double right = clamp(u[U_BRAKE_RIGHT], 0.0, 1.0);
+    return y < 0.0 ? left : y > 0.0 ? right : 0.5 * (left + right);
+}
+
+/* Brake force that the anti-skid system lets through, and what it does to the friction when the
+ * wheel locks. */
+static double set_friction(const double *gear, const double *p, double pedal, double speed,
+                           tyre_t *tyre) {
+    tyre->mu = runway_friction(gear, speed);
+    double brake = pedal * p[P_CONTACT_BRAKE];
+    if (gear[P_ANTISKID] > 0.0) brake = fmin(brake, gear[P_ANTISKID] * tyre->mu * tyre->load);
+    tyre->brake = brake + p[P_CONTACT_ROLLING] * tyre->load;
+    const double grip = tyre->mu * tyre->load;
+    const double excess = tyre->brake - grip;
+    const double locked = excess > LOCKING * grip ? 1.0
+                          : excess > 0.0          ? excess / (LOCKING * grip)
+                                                  : 0.0;
+    tyre->mu *= 1.0 - (1.0 - gear[P_SKID_RATIO]) * locked;
+    return brake;
+}
+
+static void contact_outputs(const double *p, double s, const place_t *at, const tyre_t *tyre,
+                            const contact_t *contact, double *found) {
+    const double speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
+    found[Y_CONTACT_WOW] = tyre->load > 0.0;
+    found[Y_CONTACT_COMPRESSION] = compression(p, s, at->deflection);
+    found[Y_CONTACT_TYRE] = p[P_CONTACT_TYRE] > 0.0 ? fmax(at->deflection - s, 0.0) : 0.0;
+    found[Y_CONTACT_FX] = contact->print.F[0];
+    found[Y_CONTACT_FY] = contact->print.F[1];
+    found[Y_CONTACT_FZ] = tyre->load;
+    found[Y_CONTACT_SLIP] = tyre->load > 0.0 && speed > SLIP_FLOOR
+                                ? am_atan2(at->v[1], fabs(at->v[0]))
+                                : 0.0;
+    found[Y_CONTACT_BRAKE] = contact->brake;
+}
+
+/* The leg carries what its spring and damper push and what the ground pushes along it: Fz from
+ * the balance of the wheel along the leg, with the forces in the ground plane that depend on it
+ * in turn. */
+static void ground_forces(const am_sim *sim, uint32_t i, const place_t *at, const double *u,
+                          const double *z, double leg, tyre_t *tyre, contact_t *found) {
+    const double *p = par_of(sim, G_CONTACT, i);
+    const double speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
+    /* the rubber on the ground does not turn with the wheel */
+    const double v[2] = {at->v[0] + at->turn * z[1], at->v[1] - at->turn * z[0]};
+    const double pedal = brake_pedal(input_of(sim, u, G_GEAR, 0), p[P_CONTACT_Y]);
+    *tyre = (tyre_t){
+        .stiffness = p[P_CONTACT_SIDE], .loss = p[P_CONTACT_LOSS], .load = leg / at->upright};
+    for (int pass = 0; pass < PASSES; pass++) {
+        tyre->mu = p[P_CONTACT_FRICTION];
+        tyre->brake = INFINITY;
+        tyre->cornering = found->brake = 0.0;
+        if (p[P_CONTACT_FRICTION] == 0.0) {
+            tyre->cornering = cornering_stiffness(p[P_CONTACT_CORNERING],
+                                                  p[P_CONTACT_CORNERING_LOAD], tyre->load);
+            found->brake = set_friction(par_of(sim, G_GEAR, 0), p, pedal, speed, tyre);
+        }
+        tyre_forces(tyre, z, v, &found->print);
+        if (!(leg > 0.0)) break;
+        const double along = found->print.F[0] * at->forward[2] + found->print.F[1] * at->right[2];
+        tyre->load = fmax((leg + along) / at->upright, 0.0);
+    }
+}
+
+/* Forces of one contact and the rates of its states. */
+static void contact_forces(am_sim *sim, uint32_t i, const place_t *at, const double *x,
+                           const double *u, double *dx, tyre_t *tyre, contact_t *found) {
+    const double *p = par_of(sim, G_CONTACT, i);
+    const double *own = state_of(sim, x, G_CONTACT, i);
+    const double out = clamp(u[U_GEAR], 0.0, 1.0);
+    double *rate = rate_of(sim, dx, G_CONTACT, i);
+    const double leg = leg_force(sim, i, at, own[X_CONTACT_STROKE], rate + X_CONTACT_STROKE)
+                       * (p[P_CONTACT_RETRACTS] != 0.0 ? out : 1.0);
+    ground_forces(sim, i, at, u, own + X_CONTACT_LONG, leg, tyre, found);
+    rate[X_CONTACT_LONG] = found->print.rate[0];
+    rate[X_CONTACT_SIDE] = found->print.rate[1];
+    contact_outputs(p, own[X_CONTACT_STROKE], at, tyre, found, work_of(sim, G_CONTACT, i));
+}
+
+static void add_force(const place_t *at, const double down[3], double load, const double plane[2],
+                      double F[3], double M[3]) {
+    double force[3], moment[3];
+    for (int k = 0; k < 3; k++) {
+        force[k] = plane[0] * at->forward[k] + plane[1] * at->right[k] - load * down[k];
+    }
+    cross(at->arm, force, moment);
+    for (int k = 0; k < 3; k++) {
+        F[k] += force[k];
+        M[k] += moment[k];
+    }
+}
+
+static void add_steered(double share, const place_t *at, const tyre_t *tyre,
+                        const footprint_t *patch, steered_t *wheel) {
+    if (share == 0.0) return;
+    wheel->side += share * patch->F[1];
+    wheel->grip += fabs(share) * tyre->mu * tyre->load;
+    wheel->renewal = patch->renewal;
+    wheel->speed = sqrt(at->v[0] * at->v[0] + at->v[1] * at->v[1]);
+    wheel->across = share > 0.0 ? at->v[1] : -at->v[1];
+}
+
+/* Places of all contacts under the state in now; compressions into the variables, and the tables
+ * over them. */
+static void place_contacts(am_sim *sim, const double *x, const double down[3],
+                           place_t at[MAX_ITEMS]) {
+    const double angle = steering_angle(sim, x);
+    double ground[3];
+    to_body(sim->now.C, x + X_VX, ground);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        const double *p = par_of(sim, G_CONTACT, i);
+        const double s = state_of(sim, x, G_CONTACT, i)[X_CONTACT_STROKE];
+        place_contact(sim, p, down, ground, angle * p[P_CONTACT_STEERING], at + i);
+        var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = compression(p, s, at[i].deflection);
+    }
+    evaluate_stage(sim, STAGE_GEAR);
+}
+
+/* True when nothing can touch the ground at any attitude and no strut or tyre has anything left
+ * to give back. */
+static bool clear(const am_sim *sim, const double *x) {
+    const double *cg = sim->now.cg;
+    const double height = sim->now.h - sim->par[P_RUNWAY];
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        const double *p = par_of(sim, G_CONTACT, i);
+        const double *own = state_of(sim, x, G_CONTACT, i);
+        double reach = 2.0 * p[P_CONTACT_RADIUS];
+        for (int k = 0; k < 3; k++) reach += fabs(p[P_CONTACT_X + k]) + fabs(cg[k]);
+        if (height < reach) return false;
+        for (int k = 0; k < X_PER_CONTACT; k++) {
+            if (fabs(own[k]) > NOTHING) return false;
+        }
+    }
+    return true;
+}
+
+/* Away from the ground only the steering moves. */
+static void fly(am_sim *sim, const double *x, const double *u, double *dx) {
+    const steered_t airborne = {0};
+    double *found = work_of(sim, G_GEAR, 0);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        memset(rate_of(sim, dx, G_CONTACT, i), 0, sizeof(double) * X_PER_CONTACT);
+        memset(work_of(sim, G_CONTACT, i), 0, sizeof(double) * W_PER_CONTACT);
+        var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.0;
+    }
+    evaluate_stage(sim, STAGE_GEAR);
+    memset(found, 0, sizeof(double) * W_PER_GEAR);
+    found[Y_GEAR_STEERING] = steering_angle(sim, x);
+    found[Y_GEAR_STEERING_MOMENT] = steering_derivative(sim, x, u, &airborne, dx);
+}
+
+/* Force and moment about the c.g., body axes; rates of the states of gear and contacts. */
+void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3],
+                 double *dx) {
+    place_t at[MAX_ITEMS];
+    steered_t wheel = {0};
+    double down[3];
+    for (int k = 0; k < 3; k++) F[k] = M[k] = 0.0;
+    if (!items(sim->model, G_GEAR)) return;
+    if (clear(sim, x)) {
+        fly(sim, x, u, dx);
+        return;
+    }
+    to_body(sim->now.C, sim->now.down, down);
+    place_contacts(sim, x, down, at);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        contact_t contact;
+        tyre_t tyre;
+        contact_forces(sim, i, at + i, x, u, dx, &tyre, &contact);
+        add_force(at + i, down, tyre.load, contact.print.F, F, M);
+        add_steered(par_of(sim, G_CONTACT, i)[P_CONTACT_STEERING], at + i, &tyre, &contact.print,
+                    &wheel);
+    }
+    wheel.yaw = dot(sim->now.rate, down);
+    double *found = work_of(sim, G_GEAR, 0);
+    found[Y_GEAR_STEERING] = steering_angle(sim, x);
+    found[Y_GEAR_STEERING_MOMENT] = steering_derivative(sim, x, u, &wheel, dx);
+    for (int k = 0; k < 3; k++) {
+        found[Y_GEAR_FX + k] = F[k];
+        found[Y_GEAR_MX + k] = M[k];
+    }
+}
+
+void gear_outputs(am_sim *sim, double *y) {
+    if (!items(sim->model, G_GEAR)) return;
+    memcpy(output_of(sim, y, G_GEAR, 0), work_of(sim, G_GEAR, 0), sizeof(double) * Y_PER_GEAR);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        memcpy(output_of(sim, y, G_CONTACT, i), work_of(sim, G_CONTACT, i),
+               sizeof(double) * Y_PER_CONTACT);
+    }
+}
+
+/* Struts where spring and tyre balance at the height and attitude of the start, by bisection for
+ * all legs at once, since their tables are looked up together; tyres without deflection along
+ * the ground. */
+void gear_start(am_sim *sim) {
+    if (!items(sim->model, G_GEAR)) return;
+    const uint32_t n = items(sim->model, G_CONTACT);
+    place_t at[MAX_ITEMS];
+    double down[3], low[MAX_ITEMS], high[MAX_ITEMS];
+    steering_start(sim, sim->x);
+    for (uint32_t i = 0; i < n; i++) {
+        for (int k = 0; k < X_PER_CONTACT; k++) rate_of(sim, sim->x, G_CONTACT, i)[k] = 0.0;
+    }
+    to_body(sim->now.C, sim->now.down, down);
+    place_contacts(sim, sim->x, down, at);
+    for (uint32_t i = 0; i < n; i++) {
+        low[i] = 0.0;
+        high[i] = fmin(fmax(at[i].deflection, 0.0), par_of(sim, G_CONTACT, i)[P_CONTACT_STROKE]);
+    }
+    for (int round = 0; round < BISECTIONS; round++) {
+        for (uint32_t i = 0; i < n; i++) {
+            var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.5 * (low[i] + high[i]);
+        }
+        evaluate_stage(sim, STAGE_GEAR);
+        for (uint32_t i = 0; i < n; i++) {
+            const double s = 0.5 * (low[i] + high[i]);
+            const double tyre = par_of(sim, G_CONTACT, i)[P_CONTACT_TYRE] * (at[i].deflection - s);
+            *(tyre > strut_spring(sim, i, s) ? low + i : high + i) = s;
+        }
+    }
+    for (uint32_t i = 0; i < n; i++) {
+        if (par_of(sim, G_CONTACT, i)[P_CONTACT_TYRE] > 0.0) {
+            rate_of(sim, sim->x, G_CONTACT, i)[X_CONTACT_STROKE] = 0.5 * (low[i] + high[i]);
+        }
+    }
+}

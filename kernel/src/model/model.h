@@ -1,0 +1,161 @@
+/* A loaded model: tables, terms, names and sizes.  Immutable, shared by simulations and threads. */
+#ifndef AEROMATCH_MODEL_H
+#define AEROMATCH_MODEL_H
+
+#include "catalogue.h"
+#include "kernel.h"
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define AM_FORMAT 2
+#define MAX_AXES 4
+#define MAX_ENGINES 16
+#define MAX_ITEMS 16    /* of one group */
+#define G0 9.80665      /* standard gravity [m s-2] */
+#define V_FLOOR 1e-3    /* lower bound of V in reduced rates [m s-1] */
+#define QBAR_FLOOR 1.0  /* lower bound of the dynamic pressure in the thrust coefficient [Pa] */
+#define FLOW_FLOOR 0.15 /* below it alpha-dot and beta-dot are zero [m s-1] */
+#define COEFFICIENTS 6  /* CL CD CY Cl Cm Cn; with body force axes CX CZ CY Cl Cm Cn */
+/* alphadothat, betadothat, dnz: consecutive variables from A_ALPHADOTHAT */
+#define IMPLICIT 3
+/* most of a time: beyond it the points of the turbulence could no longer be counted [s] */
+#define LATEST 1e10
+/* doubles and slots that a look-up touches beyond the last table of a bundle */
+#define SPILL 3
+#define FARTHEST 1e150 /* most of a breakpoint; beyond it a variable counts as this */
+#define ROW 8          /* terms side by side: one of each coefficient, two empty */
+#define NAME_SIZE 80   /* of a name with the item in place of the star */
+
+enum { STABILITY_AXES, WIND_AXES, BODY_AXES };
+enum { FLAT_EARTH, WGS84_EARTH, SPHERE_FIXED, SPHERE_ROTATING };
+enum { LEVER_DRIVEN, N1_DRIVEN, THRUST_DRIVEN };
+enum { RATES_OF_GYROS, RATES_OF_EARTH };
+enum { SURFACE_DRIVEN, POSITION_DRIVEN, FORCE_DRIVEN };
+/* kinds whose names are those of the lists: AM_INPUT ... AM_TARGET */
+enum { NAMED_KINDS = AM_TARGET + 1 };
+
+/* Where x lies from `from` up to that of the next cell, the fraction of the way between two
+ * nodes is start + (x - point) per_step. */
+typedef struct {
+    double from, point, per_step, start;
+} cell_t;
+
+/* The cells of count breakpoints: below the first, between two, the last itself, beyond it;
+ * behind them one that nothing reaches. */
+typedef struct {
+    const cell_t *cell;
+    uint32_t cells, count, variable;
+} axis_t;
+
+/* Node at the lower end of a cell. */
+static inline uint32_t lower_node(const axis_t *axis, uint32_t cell) {
+    const uint32_t most = axis->count > 1 ? axis->count - 2 : 0;
+    const uint32_t node = cell ? cell - 1 : 0;
+    return node < most ? node : most;
+}
+
+static inline double within_reach(double x) {
+    return x > FARTHEST ? FARTHEST : x < -FARTHEST ? -FARTHEST : x;
+}
+
+static inline double fraction_in(const cell_t *cell, double x) {
+    return cell->start + (x - cell->point) * cell->per_step;
+}
+
+typedef struct {
+    size_t first; /* node of the model */
+    /* doubles from a node to the next along the axis; 0 when the axis has one point */
+    size_t stride[MAX_AXES];
+    uint32_t axis[MAX_AXES];
+    uint32_t axes, width, slot;
+} bundle_t;
+
+typedef struct {
+    uint32_t K1, K2, T; /* slots of table values; 0 is the constant 1 */
+    uint32_t v1, v2;    /* variables; A_ONE is the constant 1 */
+    uint32_t target;
+    bool first;     /* of its target */
+    uint32_t power; /* 0 none, else 1 + place among the power factors */
+    /* of its value in am_sim.term: row by row, a column for each coefficient, then the other
+     * stages */
+    uint32_t place;
+} term_t;
+
+/* The frequent forms of a term, T v and K T v. */
+typedef struct {
+    uint32_t term, place, T, v;
+} plain_t;
+
+typedef struct {
+    uint32_t term, place, T, v, K;
+} factored_t;
+
+/* A factor max(v, floor)^exponent; the exponent is a parameter. */
+typedef struct {
+    uint32_t variable;
+    double floor;
+} power_t;
+
+/* The loops over tables, in the version that the processor allows (versions.c). */
+struct block;
+typedef struct {
+    void (*interpolate)(am_sim *sim, int stage);
+    void (*evaluate)(const struct block *block, size_t rows, const double *v, double *coefficients,
+                     double *terms);
+} versions_t;
+
+struct am_model {
+    unsigned char *block;
+    const char *title, *meta;
+    am_entry *entry[AM_AXIS + 1];
+    int count[AM_AXIS + 1];
+    uint32_t items[GROUPS];
+    /* where the names of a group begin, and how many an item has */
+    uint32_t first[NAMED_KINDS][GROUPS];
+    uint32_t per[NAMED_KINDS][GROUPS];
+    uint32_t total[NAMED_KINDS];
+    uint32_t first_memory[GROUPS], first_work[GROUPS], per_memory[GROUPS], per_work[GROUPS],
+        memories, works;
+    const char *item[GROUPS][MAX_ITEMS];
+    uint32_t *variable; /* code of each catalogued variable */
+    axis_t *axis;
+    cell_t *cell;
+    const double *node;
+    bundle_t *bundle;
+    term_t *term;
+    plain_t *plain;
+    factored_t *factored;
+    uint32_t *mixed; /* terms of other forms, those with CL or an implicit variable apart */
+    power_t *power;
+    /* term, place in unknown of the implicit variable that multiplies it */
+    uint32_t (*implicit)[2];
+    /* the implicit variables in use, 0..2 from A_ALPHADOTHAT */
+    uint32_t unknown[IMPLICIT], unknowns;
+    uint32_t *late; /* terms with CL as a factor */
+    uint32_t axes, bundles, terms, powers, implicits, lates, slots, plains, factoreds, mixeds, rows,
+        places;
+    uint32_t first_axis[STAGES + 1], first_bundle[STAGES + 1], first_term[STAGES + 1];
+    uint32_t first_plain[STAGES + 1], first_factored[STAGES + 1], first_mixed[STAGES + 1];
+    uint32_t *target_stage, *first_of; /* terms of target t: first_of[t] ... end_of[t] - 1 */
+    uint32_t *end_of;
+    double S, cbar, b, x_ref_mac;
+    int force_axes;
+    bool uses_phi;
+    size_t sim_bytes;
+    versions_t versions;
+};
+
+static inline uint32_t items(const am_model *m, int group) { return m->items[group]; }
+
+/* Index of the first name of one kind that belongs to an item of a group. */
+static inline uint32_t place(const am_model *m, int kind, int group, uint32_t item) {
+    return m->first[kind][group] + item * m->per[kind][group];
+}
+
+static inline bool has_terms(const am_model *m, int group, uint32_t item, uint32_t target) {
+    const uint32_t t = place(m, AM_TARGET, group, item) + target;
+    return m->first_of[t] < m->end_of[t];
+}
+
+#endif

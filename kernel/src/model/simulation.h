@@ -1,0 +1,122 @@
+/* A simulation: what moves, and the piece of each array that belongs to an item of a group. */
+#ifndef AEROMATCH_SIMULATION_H
+#define AEROMATCH_SIMULATION_H
+
+#include "model.h"
+
+#define MAX_PATCHES 256 /* changed nodes, scales and offsets of tables in one simulation */
+
+/* Layers of the standard atmosphere below 84.852 km (geopotential), moved by env.delta_T and
+ * env.qnh. */
+#define LAYERS 7
+typedef struct {
+    double T[LAYERS], p[LAYERS];
+} atmosphere_t;
+
+/* What one evaluation of the derivative found; the outputs read it. */
+typedef struct {
+    double lat, lon, h;                /* lat and lon only after locate_angles */
+    double north[3], east[3], down[3]; /* in Earth axes */
+    double T, p, rho, a;
+    double C[3][3]; /* Earth to body */
+    double u, v, w, V, Vxz, alpha, beta, mach, qbar;
+    double per_V, per_Vxz; /* their reciprocals, 0 at rest */
+    double ca, sa, cb, sb; /* cosine and sine of alpha and beta */
+    double rate[3];        /* body rates relative to Earth and air */
+    double gust_rate[3];   /* rotation of the air about the body axes */
+    /* of the moment; cg from the moment reference point */
+    double mass, cg[3], J[3][3], J_inverse[3][3];
+    /* non-gravitational force, moment about the c.g., body axes */
+    double F[3], M[3];
+    /* d(u, v, w)/dt relative to the air, d(p, q, r)/dt */
+    double acceleration[3], angular[3];
+    double alpha_dot, beta_dot;
+    /* CL CD stability axes, CY body axis, Cl Cm Cn body axes at the reference */
+    double c[COEFFICIENTS];
+    double thrust[MAX_ENGINES];
+} now_t;
+
+/* A place, and the radii of curvature there plus its height, north-south and east-west. */
+typedef struct {
+    double position[3], north[3], east[3], down[3], h, meridian, transverse;
+} anchor_t;
+
+typedef struct {
+    double alpha, beta, delta[3], thrust, throttle, residual[6];
+} trim_t;
+
+/* A changed node, or a scale or offset of a whole table (slot). */
+enum { PATCH_NODE, PATCH_SCALE, PATCH_OFFSET };
+typedef struct {
+    uint32_t index, kind, stage, bundle, slot, at[MAX_AXES];
+    double value; /* of a node: the change */
+} patch_t;
+
+/* The pointers lead into the same piece of memory, after the struct; am_copy copies everything
+ * from `now` on. */
+struct am_sim {
+    const am_model *model;
+    double *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *below, *above;
+    /* discrete part of the submodels, and what it was before the present step */
+    double *memory, *memory_before;
+    double *work; /* what the submodels found in the last derivative */
+    double *x_work, *k, *u_work, *u_end, *y_work;
+    uint32_t *cell;   /* of each axis */
+    uint32_t *corner; /* of each bundle: the node that all its lower nodes make */
+    now_t now;
+    atmosphere_t atmosphere, standard;
+    /* x, once the first slope belongs to it; the later slopes of a step find their place from
+     * there */
+    anchor_t anchor;
+    trim_t trim;
+    double omega; /* of the Earth */
+    double time;  /* reached */
+    double clock; /* of the derivative that is being evaluated */
+    double part;  /* its place in the internal step, 0 ... 1 */
+    int earth, drive, controls;
+    bool prepared, ready, anchored;
+    /* now, slots and first slope k belong to the present x, u, memory and parameters */
+    bool fresh;
+    uint32_t patches;
+    char text[AM_TEXT];
+    patch_t patch[MAX_PATCHES];
+};
+
+/* The piece of an array that belongs to an item. */
+static inline double *par_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->par + place(sim->model, AM_PARAMETER, group, item);
+}
+
+static inline double *var_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->var + place(sim->model, AM_VARIABLE, group, item);
+}
+
+static inline double *sum_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->sum + place(sim->model, AM_TARGET, group, item);
+}
+
+static inline const double *input_of(const am_sim *sim, const double *u, int group, uint32_t item) {
+    return u + place(sim->model, AM_INPUT, group, item);
+}
+
+static inline double *output_of(const am_sim *sim, double *y, int group, uint32_t item) {
+    return y + place(sim->model, AM_OUTPUT, group, item);
+}
+
+static inline const double *state_of(const am_sim *sim, const double *x, int group, uint32_t item) {
+    return x + place(sim->model, AM_STATE, group, item);
+}
+
+static inline double *rate_of(const am_sim *sim, double *dx, int group, uint32_t item) {
+    return dx + place(sim->model, AM_STATE, group, item);
+}
+
+static inline double *memory_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->memory + sim->model->first_memory[group] + item * sim->model->per_memory[group];
+}
+
+static inline double *work_of(const am_sim *sim, int group, uint32_t item) {
+    return sim->work + sim->model->first_work[group] + item * sim->model->per_work[group];
+}
+
+#endif

@@ -1,0 +1,179 @@
+/* Thrust and its lever arms: a static table with a first-order lag, a full deck (spool.c), or
+ * the recorded thrust.
+ *
+ * The thrust acts at the engine's position along its thrust line.  Where a deck gives gross
+ * thrust and the air flow, the momentum of the air taken in is a force of its own: - air flow x
+ * velocity of the aircraft, at the inlet. */
+#include "engine.h"
+
+#include "algebra.h"
+#include "error.h"
+#include "fuel.h"
+#include "spool.h"
+#include "terms.h"
+
+#define SETTLED 30 /* most passes to the steady state; a cascade of two spools needs three */
+
+double applied_throttle(const am_sim *sim, const double *u, uint32_t i) {
+    return input_of(sim, u, G_ENGINE, i)[U_THROTTLE] + sim->par[P_BIAS_THROTTLE]
+           + sim->trim.throttle;
+}
+
+static bool decked(const am_sim *sim) { return items(sim->model, G_SPOOL) > 0; }
+
+static bool has_thrust(const am_sim *sim, uint32_t i) {
+    return has_terms(sim->model, G_ENGINE, i, T_THRUST)
+           || (decked(sim) && has_terms(sim->model, G_SPOOL, i, T_CORRECTED_THRUST));
+}
+
+int engine_check(am_sim *sim) {
+    const am_model *m = sim->model;
+    if (sim->drive == N1_DRIVEN && items(m, G_ENGINE) && !decked(sim)) {
+        return fail(sim, AM_BAD_VALUE,
+                    "mode.engine = 1 drives N1, but the engines have no deck of spool speeds; use "
+                    "mode.engine = 0 or 2");
+    }
+    for (uint32_t i = 0; i < items(m, G_ENGINE); i++) {
+        const uint32_t tau = place(m, AM_PARAMETER, G_ENGINE, i) + P_TIME_CONSTANT;
+        if (!(sim->par[tau] >= 0.0)) return bad_parameter(sim, tau, "zero or positive");
+        if (sim->drive != THRUST_DRIVEN && !has_thrust(sim, i)) {
+            return fail(
+                sim, AM_BAD_VALUE,
+                "mode.engine = %d needs a thrust table, engine%u has none; use mode.engine = 2",
+                sim->drive, (unsigned)(i + 1));
+        }
+        const int status = decked(sim) ? spool_check(sim, i) : AM_OK;
+        if (status != AM_OK) return status;
+    }
+    return AM_OK;
+}
+
+/* Variables and tables of all engines. */
+static void look_at_engines(am_sim *sim, const double *x, const double *u) {
+    const uint32_t n = items(sim->model, G_ENGINE);
+    bool again = false;
+    for (uint32_t i = 0; i < n; i++) {
+        const double lever = decked(sim) ? delayed_lever(sim, u, i)
+                                         : input_of(sim, u, G_ENGINE, i)[U_THROTTLE];
+        var_of(sim, G_ENGINE, i)[A_THROTTLE] = lever + sim->par[P_BIAS_THROTTLE]
+                                               + sim->trim.throttle;
+        if (decked(sim)) spool_variables(sim, i, x, u);
+    }
+    evaluate_stage(sim, STAGE_ENGINE);
+    for (uint32_t i = 0; decked(sim) && i < n; i++) again = spool_driven(sim, i) || again;
+    if (again) evaluate_stage(sim, STAGE_ENGINE);
+}
+
+static void push(const double force[3], const double at[3], const double cg[3],
+                 double F[restrict 3], double M[restrict 3]) {
+    const double arm[3] = {at[0] - cg[0], at[1] - cg[1], at[2] - cg[2]};
+    double moment[3];
+    cross(arm, force, moment);
+    for (int k = 0; k < 3; k++) {
+        F[k] += force[k];
+        M[k] += moment[k];
+    }
+}
+
+static void ram_force(am_sim *sim, uint32_t i, double air_flow, double F[3], double M[3]) {
+    const now_t *now = &sim->now;
+    const double force[3] = {-air_flow * now->u, -air_flow * now->v, -air_flow * now->w};
+    push(force, par_of(sim, G_SPOOL, i) + P_INLET_X, now->cg, F, M);
+}
+
+/* Force and moment of one engine; returns the fuel flow. */
+static double run_engine(am_sim *sim, uint32_t i, const double *x, const double *u,
+                         double F[restrict 3], double M[restrict 3], double H[restrict 3],
+                         double *dx) {
+    now_t *now = &sim->now;
+    const double *p = par_of(sim, G_ENGINE, i);
+    const double *line = p + P_DIRECTION_X;
+    const deck_t deck = decked(sim) ? spool_deck(sim, i, x, u, dx)
+                                    : (deck_t){.thrust = sum_of(sim, G_ENGINE, i)[T_THRUST]};
+    const bool recorded = sim->drive == THRUST_DRIVEN;
+    const bool lags = p[P_TIME_CONSTANT] > 0.0;
+    const double state = state_of(sim, x, G_ENGINE, i)[X_LAGGED];
+    rate_of(sim, dx, G_ENGINE,
+            i)[X_LAGGED] = lags && !recorded ? (deck.thrust - state) / p[P_TIME_CONSTANT] : 0.0;
+    const double own = recorded ? input_of(sim, u, G_ENGINE, i)[U_THRUST_DRIVE]
+                       : lags   ? state
+                                : deck.thrust;
+    const double thrust = own + sim->par[P_BIAS_THRUST] + sim->trim.thrust;
+    const double air_flow = recorded ? 0.0 : deck.air_flow;
+    const double force[3] = {thrust * line[0], thrust * line[1], thrust * line[2]};
+    push(force, p + P_ENGINE_X, now->cg, F, M);
+    for (int k = 0; k < 3; k++) {
+        H[k] += (p[P_ANGULAR_MOMENTUM] + deck.momentum) * line[k];
+        M[k] -= deck.torque * line[k];
+    }
+    now->thrust[i] = var_of(sim, G_ENGINE, i)[A_THRUST] = thrust - air_flow * now->V;
+    if (!decked(sim)) return 0.0;
+    ram_force(sim, i, air_flow, F, M);
+    double *work = work_of(sim, G_SPOOL, i);
+    work[W_GROSS_THRUST] = thrust;
+    work[W_RAM_DRAG] = air_flow * now->V;
+    work[W_AIR_FLOW] = deck.air_flow;
+    return deck.fuel_flow;
+}
+
+void engine_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3],
+                   double H[3], double *dx) {
+    double flow = 0.0;
+    for (int k = 0; k < 3; k++) F[k] = M[k] = H[k] = 0.0;
+    look_at_engines(sim, x, u);
+    for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) {
+        flow += run_engine(sim, i, x, u, F, M, H, dx);
+    }
+    burn_fuel(sim, x, flow, dx);
+}
+
+void engine_start(am_sim *sim, double t) {
+    const uint32_t n = items(sim->model, G_ENGINE);
+    bool moved = decked(sim);
+    for (uint32_t i = 0; decked(sim) && i < n; i++) spool_start(sim, i, t);
+    for (int pass = 0; pass < SETTLED && moved; pass++) {
+        look_at_engines(sim, sim->x, sim->u);
+        moved = false;
+        for (uint32_t i = 0; i < n; i++) moved = spool_settle(sim, i, sim->x, sim->u) || moved;
+    }
+    look_at_engines(sim, sim->x, sim->u);
+    for (uint32_t i = 0; i < n; i++) {
+        rate_of(sim, sim->x, G_ENGINE, i)[X_LAGGED] = decked(sim)
+                                                          ? spool_thrust(sim, i, sim->x)
+                                                          : sum_of(sim, G_ENGINE, i)[T_THRUST];
+    }
+}
+
+bool engine_memory_valid(const am_sim *sim) {
+    for (uint32_t i = 0; i < items(sim->model, G_SPOOL); i++) {
+        if (!delay_sound(memory_of(sim, G_SPOOL, i), sim->ready)) return false;
+    }
+    return true;
+}
+
+void engine_advance(am_sim *sim, double t, double h, const double *u0, const double *u1) {
+    for (uint32_t i = 0; i < items(sim->model, G_SPOOL); i++) {
+        spool_advance(sim, i, t, h, input_of(sim, u0, G_ENGINE, i)[U_THROTTLE],
+                      input_of(sim, u1, G_ENGINE, i)[U_THROTTLE]);
+    }
+}
+
+void engine_outputs(am_sim *sim, double *y) {
+    for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) {
+        output_of(sim, y, G_ENGINE, i)[Y_THRUST] = sim->now.thrust[i];
+    }
+    for (uint32_t i = 0; i < items(sim->model, G_SPOOL); i++) {
+        const double *v = var_of(sim, G_SPOOL, i);
+        const double *work = work_of(sim, G_SPOOL, i);
+        double *to = output_of(sim, y, G_SPOOL, i);
+        to[Y_N1] = v[A_N1];
+        to[Y_N2] = v[A_N2];
+        to[Y_PLA] = v[A_PLA];
+        to[Y_BURNING] = state_of(sim, sim->x, G_SPOOL, i)[X_BURNING];
+        to[Y_ITT] = work[W_ITT];
+        to[Y_FUEL_FLOW] = work[W_FUEL_FLOW];
+        to[Y_GROSS_THRUST] = work[W_GROSS_THRUST];
+        to[Y_RAM_DRAG] = work[W_RAM_DRAG];
+        to[Y_AIR_FLOW] = work[W_AIR_FLOW];
+    }
+}

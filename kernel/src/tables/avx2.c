@@ -1,0 +1,24 @@
+/* The loops over tables for x86-64 with AVX2; without fused multiply-add, which would round once
+ * where others round twice. */
+#include "avx2.h"
+
+#include "elementary.h"
+#include "simulation.h"
+#include "table.h"
+
+#include <string.h>
+
+#if defined(__x86_64__)
+#pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
+
+#include "block.h"
+
+void interpolate_avx2(am_sim *sim, int stage) { interpolate_stage(sim, stage); }
+
+void evaluate_avx2(const block_t *b, size_t rows, const double *v, double *coefficients,
+                   double *terms) {
+    evaluate_block(b, rows, v, coefficients, terms);
+}
+
+#pragma clang attribute pop
+#endif

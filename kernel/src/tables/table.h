@@ -1,0 +1,16 @@
+/* Look-up of the tables of a stage. */
+#ifndef AEROMATCH_TABLE_H
+#define AEROMATCH_TABLE_H
+
+#include "simulation.h"
+
+/* Cell of an axis that holds x; any x, NaN in cell 0. */
+uint32_t find_cell(const axis_t *axis, double x);
+
+/* Values of all tables of a stage, from sim->var to sim->slot, changes of nodes included. */
+void look_up(am_sim *sim, int stage);
+
+/* Cells to those of a new simulation: the search starts from there. */
+void settle_cells(am_sim *sim);
+
+#endif

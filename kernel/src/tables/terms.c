@@ -1,0 +1,90 @@
+/* Terms of a stage and their sums. */
+#include "terms.h"
+
+#include "table.h"
+
+void evaluate_terms(am_sim *sim, int stage) {
+    const am_model *m = sim->model;
+    const double *scale = sim->scale;
+    const double *slot = sim->slot;
+    const double *var = sim->var;
+    double *term = sim->term;
+#pragma clang loop unroll_count(4)
+    for (const plain_t *t = m->plain + m->first_plain[stage],
+                       *end = m->plain + m->first_plain[stage + 1];
+         t < end; t++) {
+        term[t->place] = scale[t->term] * slot[t->T] * var[t->v];
+    }
+    for (const factored_t *t = m->factored + m->first_factored[stage],
+                          *end = m->factored + m->first_factored[stage + 1];
+         t < end; t++) {
+        term[t->place] = scale[t->term] * slot[t->T] * var[t->v] * slot[t->K];
+    }
+    for (uint32_t k = m->first_mixed[stage]; k < m->first_mixed[stage + 1]; k++) {
+        term[m->term[m->mixed[k]].place] = term_value(sim, m->mixed[k]);
+    }
+}
+
+void evaluate_special(am_sim *sim) {
+    const am_model *m = sim->model;
+    for (uint32_t k = 0; k < m->implicits; k++) {
+        sim->term[m->term[m->implicit[k][0]].place] = term_value(sim, m->implicit[k][0]);
+    }
+    for (uint32_t k = 0; k < m->lates; k++) {
+        sim->term[m->term[m->late[k]].place] = term_value(sim, m->late[k]);
+    }
+}
+
+void leave_out_special(am_sim *sim) {
+    const am_model *m = sim->model;
+    for (uint32_t k = 0; k < m->implicits; k++) sim->term[m->term[m->implicit[k][0]].place] = 0.0;
+    for (uint32_t k = 0; k < m->lates; k++) sim->term[m->term[m->late[k]].place] = 0.0;
+}
+
+/* One value after another: they have just been written one by one, and a load of several would
+ * wait for the stores. */
+void sum_coefficients(const am_sim *sim, double c[COEFFICIENTS]) {
+    double CL = 0.0;
+    double CD = 0.0;
+    double CY = 0.0;
+    double Cl = 0.0;
+    double Cm = 0.0;
+    double Cn = 0.0;
+    for (const double *term = sim->term, *end = term + ROW * (size_t)sim->model->rows; term < end;
+         term += ROW) {
+        CL += term[T_CL];
+        CD += term[T_CD];
+        CY += term[T_CY];
+        Cl += term[T_ROLL];
+        Cm += term[T_PITCH];
+        Cn += term[T_YAW];
+    }
+    c[T_CL] = CL;
+    c[T_CD] = CD;
+    c[T_CY] = CY;
+    c[T_ROLL] = Cl;
+    c[T_PITCH] = Cm;
+    c[T_YAW] = Cn;
+}
+
+void evaluate_stage(am_sim *sim, int stage) {
+    const am_model *m = sim->model;
+    look_up(sim, stage);
+    evaluate_terms(sim, stage);
+    double *sum = sim->sum;
+    const double *term = sim->term;
+    for (const term_t *t = m->term + m->first_term[stage],
+                      *end = m->term + m->first_term[stage + 1];
+         t < end; t++) {
+        sum[t->target] = (t->first ? 0.0 : sum[t->target]) + term[t->place];
+    }
+}
+
+void contributions(const am_sim *sim, double *term) {
+    const am_model *m = sim->model;
+    for (uint32_t i = 0; i < m->terms; i++) term[i] = sim->term[m->term[i].place];
+    for (uint32_t i = 0; i < m->implicits; i++) {
+        term[m->implicit[i][0]] = term_value(sim, m->implicit[i][0]);
+    }
+    for (uint32_t i = 0; i < m->lates; i++) term[m->late[i]] = term_value(sim, m->late[i]);
+}

@@ -1,0 +1,104 @@
+/* Trim at the start of a run: six accelerations to their wanted values by alpha, beta, elevator,
+ * aileron, rudder and thrust (or throttle), found as biases on top of the inputs.
+ *
+ * Minimum-norm steps (least_norm.h) on the same derivative that flies.  Residuals are weighed as
+ * accelerations: rotations by half the span.  Unknowns are in radians, thrust in parts of the
+ * weight, throttle in parts of its travel. */
+#include "trim_ground.h"
+
+#include "algebra.h"
+#include "control_drive.h"
+#include "engine.h"
+#include "error.h"
+#include "least_norm.h"
+#include "prepare.h"
+#include "start.h"
+#include "trim_residual.h"
+
+#include <math.h>
+#include <string.h>
+
+enum { Z_ALPHA, Z_BETA, Z_DELTA, Z_POWER = 5, UNKNOWNS };
+
+#define ALPHA_LIMIT 0.6 /* [rad] */
+#define BETA_LIMIT 0.35 /* [rad] */
+
+typedef struct {
+    am_sim *sim;
+    int seek;
+    double power; /* thrust per engine for one unit of Z_POWER [N], or 1 for the throttle */
+} task_t;
+
+static void start_with(const task_t *task, const double *z, double r[6]) {
+    am_sim *sim = task->sim;
+    for (int i = 0; i < 3; i++) sim->trim.delta[i] = z[Z_DELTA + i];
+    sim->trim.alpha = z[Z_ALPHA];
+    sim->trim.beta = z[Z_BETA];
+    *(task->seek == 2 ? &sim->trim.throttle : &sim->trim.thrust) = z[Z_POWER] * task->power;
+    start_state(sim, z[Z_ALPHA], z[Z_BETA], start_pitch(sim, z[Z_ALPHA], z[Z_BETA]));
+    add_turn(sim);
+    accelerations(sim, r);
+}
+
+static void weighed(void *task, const double *z, double *r) {
+    const task_t *t = task;
+    start_with(t, z, r);
+    for (int i = 3; i < 6; i++) r[i] *= 0.5 * t->sim->model->b;
+}
+
+static void set_limits(const task_t *task, system_t *s) {
+    const am_sim *sim = task->sim;
+    const am_entry *input = sim->model->entry[AM_INPUT];
+    s->low[Z_ALPHA] = -ALPHA_LIMIT;
+    s->high[Z_ALPHA] = ALPHA_LIMIT;
+    s->low[Z_BETA] = -BETA_LIMIT;
+    s->high[Z_BETA] = BETA_LIMIT;
+    for (int i = 0; i < 3; i++) {
+        const double at = applied(sim, sim->u, i);
+        s->low[Z_DELTA + i] = fmin(input[i].low - at, 0.0);
+        s->high[Z_DELTA + i] = fmax(input[i].high - at, 0.0);
+    }
+    s->low[Z_POWER] = -1.0;
+    s->high[Z_POWER] = 1.0;
+    if (task->seek != 2) return;
+    for (uint32_t k = 0; k < items(sim->model, G_ENGINE); k++) {
+        const am_entry *throttle = &input[place(sim->model, AM_INPUT, G_ENGINE, k) + U_THROTTLE];
+        const double at = applied_throttle(sim, sim->u, k);
+        s->low[Z_POWER] = fmax(s->low[Z_POWER], fmin(throttle->low - at, 0.0));
+        s->high[Z_POWER] = fmin(s->high[Z_POWER], fmax(throttle->high - at, 0.0));
+    }
+}
+
+static int trim_biases(am_sim *sim, int seek) {
+    if (seek == 2 && sim->drive == THRUST_DRIVEN) {
+        return fail(
+            sim, AM_BAD_VALUE,
+            "mode.trim = 2 seeks the throttle, but mode.engine = 2 flies a given thrust; use "
+            "mode.trim = 1");
+    }
+    if (!(sim->par[P_V] > 1.0)) return trim_too_slow(sim);
+    const double engines = items(sim->model, G_ENGINE) ? items(sim->model, G_ENGINE) : 1.0;
+    task_t task = {
+        .sim = sim, .seek = seek, .power = seek == 2 ? 1.0 : sim->par[P_MASS] * G0 / engines};
+    system_t system = {.unknowns = UNKNOWNS, .equations = 6, .residual = weighed, .task = &task};
+    set_limits(&task, &system);
+    double z[UNKNOWNS] = {clamp(sim->par[P_ALPHA], -ALPHA_LIMIT, ALPHA_LIMIT),
+                          clamp(sim->par[P_BETA], -BETA_LIMIT, BETA_LIMIT)};
+    const double left = least_norm(&system, z);
+    start_with(&task, z, sim->trim.residual);
+    sim->fresh = false;
+    return isfinite(left) ? AM_OK : trim_not_finite(sim);
+}
+
+int am_trim(am_sim *sim, int seek) {
+    const int status = ready(sim);
+    if (status != AM_OK) return status;
+    if (seek < 1 || seek > 3) {
+        return fail(
+            sim, AM_BAD_ARGUMENT,
+            "mode.trim is %d; allowed: 1 seeks thrust, 2 seeks throttle, 3 stands on the ground",
+            seek);
+    }
+    memset(&sim->trim, 0, sizeof sim->trim);
+    return seek == 3 ? trim_on_ground(sim) : trim_biases(sim, seek);
+}
