@@ -6,17 +6,20 @@
  * point.  Nothing here prints, keeps a global variable or allocates inside a step.
  *
  * Units are SI and radians.  Body axes x forward, y right, z down; north-east-down; Euler angles
- * 3-2-1. p, q, r are relative to inertial space.  u, v, w, V, alpha, beta are relative to the
- * air.
+ * 3-2-1.  p, q, r are relative to inertial space; u, v, w, V, alpha, beta relative to the air.
+ *
+ * Arrays belong to the caller and are not kept.  Calls on one simulation must not overlap in time;
+ * simulations of one model may run in different threads.
  *
  *     am_model *m = am_load(bytes, n, text, sizeof text);      NULL: text says why
  *     am_sim *s = am_new(m);
  *     am_set_parameter(s, am_find(m, AM_PARAMETER, "init.V"), 80.0);
  *     am_set_inputs(s, u);                                      inputs at the start
- *     am_initialize(s);                                         trims when mode.trim says so
+ *     am_initialize(s, 0.0);                                    trims when mode.trim says so
  *     am_outputs(s, y);
  *     am_step(s, t, dt, u0, u1);         as often as wanted, or am_run for a record
- *     am_delete(s); am_free(m); */
+ *     am_delete(s);
+ *     am_free(m); */
 #ifndef AEROMATCH_KERNEL_H
 #define AEROMATCH_KERNEL_H
 
@@ -37,7 +40,8 @@ typedef struct am_sim am_sim;
 
 #define AM_TEXT 200 /* bytes of the text of a failure */
 
-/* Status of a call.  After any status but AM_OK, am_error(sim) is a sentence for the user. */
+/* Status of a call.  After any status but AM_OK of a call that may change the
+ * simulation, am_error(sim) is a sentence for the user. */
 enum {
     AM_OK = 0,
     AM_BAD_INDEX = 1, /* no such input, output or parameter */
@@ -58,7 +62,7 @@ typedef enum {
     AM_STATE = 3, /* state.x ... state.r, state.engine1.thrust ... */
     /* model variables that the tables and terms of this block use: columns of am_evaluate */
     AM_VARIABLE = 4,
-    /* what terms add to: CL ..., engine1.thrust ...; only am_known tells of it */
+    /* what terms add to: CL ..., engine1.thrust ...; am_known only */
     AM_TARGET = 5,
     /* CL/basic ..., engine1/thrust ..., in order of evaluation; columns of am_evaluate */
     AM_TERM = 6,
@@ -87,74 +91,104 @@ typedef struct {
 
 /* ---- model ----------------------------------------------------------------------------------- */
 
-/* Check and copy a block.  Any bytes are safe; on a fault NULL comes back and err (nerr bytes)
- * says what and where. */
+/* Check and copy a block of n bytes.  Any bytes are safe; they may be freed after the call. NULL
+ * on a fault: err (nerr bytes, may be NULL) says what and where.  Free the model with am_free. */
 AM_API am_model *am_load(const void *bytes, size_t n, char *err, size_t nerr);
+
+/* Free a model, after all its simulations; NULL is allowed. */
 AM_API void am_free(am_model *model);
 
-/* block format this library reads */
+/* Format of the blocks that this library reads. */
 AM_API int am_format(void);
-/* name of the aircraft */
-AM_API const char *am_title(const am_model *model);
-/* JSON: provenance, force axes, source hash */
-AM_API const char *am_meta(const am_model *model);
-AM_API int am_count(const am_model *model, am_kind kind);
-AM_API int am_entry_at(const am_model *model, am_kind kind, int i, am_entry *entry);
-AM_API int am_find(const am_model *model, am_kind kind, const char *name); /* index, or -1 */
 
-/* Names this library can compute, before any block exists: the i-th of AM_INPUT ... AM_TARGET,
- * NULL past the end.  Names come in groups (am_group: "" the core, "weather", "engine" ...).  A
- * group has items; those of the core and the weather are always there, the others once per item
- * of the aircraft, with the item's name in place of the star: engine*.throttle becomes
+/* Name of the aircraft, and provenance, force axes and source hash as JSON; the texts belong to the
+ * model. */
+AM_API const char *am_title(const am_model *model);
+AM_API const char *am_meta(const am_model *model);
+
+/* Number of names of a kind; 0 for AM_TARGET. */
+AM_API int am_count(const am_model *model, am_kind kind);
+
+/* Row i of the catalogue of a kind; its texts belong to the model.  AM_OK or AM_BAD_INDEX. */
+AM_API int am_entry_at(const am_model *model, am_kind kind, int i, am_entry *entry);
+
+/* Index of a name, or -1. */
+AM_API int am_find(const am_model *model, am_kind kind, const char *name);
+
+/* Name i of AM_INPUT ... AM_TARGET that this library can compute, before any block exists; NULL
+ * past the end.  The texts are constants of the library.
+ *
+ * Names come in groups (am_known_group: "" the core, "weather", "engine" ...).  A group has
+ * items; those of the core and the weather are always there, the others once per item of the
+ * aircraft, with the item's name in place of the star: engine*.throttle becomes
  * engine1.throttle, gear.*.force gear.nose.force.  In a block the groups stand in this order,
  * all names of the first item before those of the second; term.<name> for every term and
  * power.<name> for every power factor follow the parameters. */
 AM_API const char *am_known(am_kind kind, int i);
 AM_API const char *am_known_group(am_kind kind, int i);
-/* Variables: the first stage of the evaluation that may use it; targets: the stage that
- * evaluates it; -1 past the end. */
+
+/* Variables: the first stage of the evaluation that may use it; targets: the stage that evaluates
+ * it; -1 past the end. */
 AM_API int am_known_stage(am_kind kind, int i);
+
+/* Name of group i; NULL past the last. */
 AM_API const char *am_group(int i);
 
 /* ---- simulation ------------------------------------------------------------------------------ */
 
-AM_API am_sim *am_new(const am_model *model); /* NULL: no memory */
+/* A simulation of a model, with the start values of the catalogue.  NULL: no memory.  The model
+ * must outlive it; free it with am_delete. */
+AM_API am_sim *am_new(const am_model *model);
 AM_API void am_delete(am_sim *sim);
-/* both of one model; states, inputs, parameters, counters */
+
+/* Copy states, inputs, parameters and counters between simulations of one model. */
 AM_API int am_copy(am_sim *to, const am_sim *from);
-/* text of the last failure, "" when none */
+
+/* Text of the last failure, "" when there was none; it belongs to the simulation and stays until
+ * the next failure or am_initialize. */
 AM_API const char *am_error(const am_sim *sim);
-/* time reached, or at which a step failed [s] */
+
+/* Time reached, or at which a step failed. [s] */
 AM_API double am_time(const am_sim *sim);
 
-/* NaN and infinity are refused (AM_NOT_FINITE); after a refusal the old values stay.  Beside the
- * catalogued parameters every table has some that only am_find knows: its nodes
- * (node.CL.basic[3,1], node.CL.gear.K1[0]), a scale (table.CL.basic, start value 1) and an
- * offset (offset.CL.basic).  They change this simulation, not the model; at most 256 of them. */
+/* Set or get parameter i, in the units of the catalogue.  NaN and infinity are refused
+ * (AM_NOT_FINITE); after a refusal the old value stays.
+ *
+ * Beyond the catalogued parameters every table has some that only am_find knows: its nodes
+ * (node.CL.basic[3,1], node.CL.gear.K1[0]), a scale (table.CL.basic, start value 1) and an offset
+ * (offset.CL.basic).  They change this simulation, not the model; at most 256 of them. */
 AM_API int am_set_parameter(am_sim *sim, int i, double value);
 AM_API int am_get_parameter(const am_sim *sim, int i, double *value);
+
+/* Set or get the present inputs, one or all (u[am_count(AM_INPUT)]), in the units of the catalogue;
+ * refused as parameters are. */
 AM_API int am_set_input(am_sim *sim, int i, double value);
 AM_API int am_get_input(const am_sim *sim, int i, double *value);
-/* u[am_count(AM_INPUT)] */
 AM_API int am_set_inputs(am_sim *sim, const double *u);
 AM_API int am_get_inputs(const am_sim *sim, double *u);
 
-/* Put the state to init.* (body axes, wind of the present inputs), engines to their steady
- * thrust, counters and trim.* to zero; then am_trim when mode.trim is 1 or 2.  Time is set to t. */
+/* Put the state to init.* (body axes, wind of the present inputs), engines to their steady thrust,
+ * counters and trim.* to zero; then am_trim when mode.trim is 1, 2 or 3.  Time is set to t [s],
+ * within 1e10 s. */
 AM_API int am_initialize(am_sim *sim, double t);
 
-/* Seek alpha, beta and biases of elevator, aileron, rudder and of thrust (seek = 1, N per
- * engine) or throttle (seek = 2) so that u', v', w', p', q', r' take the values init.u_dot ...
- * init.r_dot, with init.V gamma phi psi h p q r psi_dot held. Regularised minimum-norm Newton
- * steps inside the limits of the inputs.  A trim that leaves residuals is a result, not an
- * error: outputs trim.u_dot ... trim.r_dot hold what is left, trim.alpha ... trim.throttle what
- * was found. seek = 3 stands on the runway instead, rolling with init.V over the ground along
- * init.psi (0: at rest): height, pitch, bank and, at rest, deflections of the tyres, so that the
- * legs carry the aircraft and, at rest, nothing accelerates. */
-AM_API int am_trim(am_sim *sim, int seek);
+/* Trim at the start of a run, as mode.trim.
+ *
+ * 1 or 2: solve for alpha, beta and biases of elevator, aileron, rudder and of thrust (1, N per
+ * engine) or throttle (2) so that u', v', w', p', q', r' take the values init.u_dot ... init.r_dot,
+ * with init.V gamma phi psi h p q r psi_dot held: regularised minimum-norm Newton steps inside the
+ * limits of the inputs.
+ * 3: stand on the runway, rolling with init.V over the ground along init.psi (0: at rest): height,
+ * pitch, bank and, at rest, deflections of the tyres, so that the legs carry the aircraft and, at
+ * rest, nothing accelerates.
+ *
+ * A trim with residuals is a result, not an error: outputs trim.u_dot ... trim.r_dot are the
+ * residuals, trim.alpha ... trim.throttle the solution. */
+AM_API int am_trim(am_sim *sim, int mode);
 
-/* What a trim moves: row `index` of the inputs, parameters or states of submodels follows
- * unknown `unknown`; several may follow one, as the throttles of all engines do. */
+/* What a trim moves: input, parameter or state of a submodel (kind AM_INPUT, AM_PARAMETER,
+ * AM_STATE) of an index follows an unknown; several may follow one, as the throttles of all
+ * engines do. */
 typedef struct {
     int kind, index, unknown;
 } am_mover;
@@ -168,92 +202,108 @@ enum {
     AM_PATH_GROUND = 2
 };
 
-enum { AM_GOAL_CLIMB = -1 }; /* in place of an output: acceleration upward */
+enum { AM_GOAL_CLIMB = -1 }; /* in place of an output: acceleration upward [m s-2] */
 
+/* The arrays belong to the caller and are not changed. */
 typedef struct {
     int path, movers, unknowns, goals;
-    const am_mover *mover; /* [movers] */
-    /* [unknowns]: limits; what one step of the search should be of the order of */
-    const double *low, *high, *size;
+    const am_mover *mover;           /* [movers] */
+    const double *low, *high, *size; /* [unknowns]: limits; typical size of a change, > 0 */
     /* [goals]: outputs or AM_GOAL_CLIMB; trim.u_dot ...: accelerations less init.u_dot ... */
     const int *goal;
-    const double *wanted; /* [goals] */
+    const double *wanted; /* [goals], in the units of the outputs */
 } am_trim_task;
 
-/* Seek unknowns so that outputs take wanted values, inside limits, by steps of the smallest
- * norm; no more goals than unknowns. init.p q r are here rates against the horizon; the turn
- * init.psi_dot about the vertical comes on top. found[unknowns]: in the first guess (NaN: as it
- * is now; standing, for init.h and init.theta on the ground), out what was found. The simulation
- * is then in that state, and inputs and init.* hold it: am_initialize with mode.trim = 0 (3 on
- * the ground) comes back to it. y[outputs]: the outputs there.  left[goals]: what is left,
- * output less wanted value, weighed as an acceleration (m/s2; rotations times half the span,
- * angles and load factors times g, forces times 0.01).  jacobian[goals * unknowns] (NULL: not
- * asked for): slope of `left` over one size of each unknown.  A trim that leaves residuals is a
- * result, not an error. */
+/* Solve for unknowns so that outputs take wanted values, inside limits, by steps of the smallest
+ * norm; no more goals than unknowns.  init.p q r are here rates relative to the horizon; the
+ * turn init.psi_dot about the vertical comes on top.
+ *
+ * found[unknowns]: in the first guess (NaN: the present value; on the ground, for init.h and
+ * init.theta, that of standing), out the solution.  y[outputs]: the outputs there.  left[goals]:
+ * the residuals, output less wanted value, weighed as an acceleration (m s-2; rotations times
+ * half the span, angles and load factors times g, forces times 0.01).  jacobian[goals *
+ * unknowns] (may be NULL): slope of `left` over one size of each unknown.  All belong to the
+ * caller.
+ *
+ * The simulation is then in that state, and inputs and init.* hold it: am_initialize with
+ * mode.trim = 0 (3 on the ground) comes back to it.  A trim with residuals is a result, not an
+ * error. */
 AM_API int am_trim_for(am_sim *sim, const am_trim_task *task, double *found, double *y,
                        double *left, double *jacobian);
 
-/* Advance from t to t + dt with inputs linear from u0 to u1 (u1 == u0: held), in equal RK4 steps
- * of at most mode.step. u1 becomes the present input.  On failure the state is that of the last
- * good internal step.  Times lie within 1e10 s. */
+/* Advance from t to t + dt [s] with inputs linear from u0 to u1 (u1 == u0: held), in equal RK4
+ * steps of at most mode.step.  u1 becomes the present input.  On failure the state is that of
+ * the last good internal step.  Times lie within 1e10 s. */
 AM_API int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1);
 
-/* All outputs at the present state and input, finite or AM_NOT_FINITE: y[am_count(AM_OUTPUT)]. */
+/* All outputs at the present state and input, finite or AM_NOT_FINITE: y[am_count(AM_OUTPUT)],
+ * in the units of the catalogue. */
 AM_API int am_outputs(am_sim *sim, double *y);
 
-/* A whole record from an initialised simulation: t[n] rising, u[n * inputs], y[n * outputs] (row
- * by row). hold = 0: inputs linear between samples; 1: u[k] held from t[k] to t[k + 1], as an
- * importer without interpolation does, and the outputs at t[k + 1] are those under u[k]. *done
- * is the number of rows of y that are valid; on failure am_time and am_error tell when and why. */
+/* A whole record from an initialised simulation: t[n] rising [s], u[n * inputs], y[n * outputs]
+ * (row by row).
+ *
+ * hold = 0: inputs linear between samples; 1: u[k] held from t[k] to t[k + 1], as an importer
+ * without interpolation does, and the outputs at t[k + 1] are those under u[k].  *done is the
+ * number of rows of y that are valid; on failure am_time and am_error say when and why. */
 AM_API int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, double *y,
                   size_t *done);
 
-/* The same with a choice of outputs, y[n * outputs] (output NULL: all of them), and, when terms
- * is given, the contribution of every term: terms[n * am_count(AM_TERM)], scales and implicit
- * variables included. */
+/* The same with a choice of outputs, y[n * outputs] (output NULL: all of them), and, unless
+ * terms is NULL, the contribution of every term: terms[n * am_count(AM_TERM)], scales and
+ * implicit variables included. */
 AM_API int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold,
                      const int *output, size_t outputs, double *y, double *terms, size_t *done);
 
-/* Runs of one record from one simulation, each with its own parameters; runs first ... last - 1
- * are flown, so that threads can share a batch.  Each run starts with am_initialize at t[0].
- * status, done and text have one place per run. */
+/* Runs of one record from one simulation, each with its own parameters.  The arrays belong to the
+ * caller; y is written. */
 typedef struct {
     size_t samples, parameters, outputs;
-    const double *t, *u;  /* t[samples], u[samples * inputs] */
+    const double *t, *u;  /* t[samples] [s], u[samples * inputs] */
     const int *parameter; /* indices; values[runs * parameters] */
     const double *values;
     const int *output; /* indices */
     double *y;         /* y[runs * samples * outputs] */
-    int hold;
+    int hold;          /* as am_run */
 } am_batch_task;
+
+/* Fly runs first ... last - 1 of a task, so that threads can share a batch; each starts with
+ * am_initialize at t[0].  base is not changed.  status, done and text have one place per run.
+ * AM_NOT_READY: no memory. */
 AM_API int am_batch(const am_sim *base, const am_batch_task *task, size_t first, size_t last,
                     int *status, size_t *done, char (*text)[AM_TEXT]);
 
 /* ---- state access: linearisation, model exchange --------------------------------------------- */
 
-/* x as AM_STATE lists it: position (3) and velocity (3) in Earth axes, quaternion Earth to body
- * (4), p q r, then the submodels. Earth axes are Earth-centred Earth-fixed, or north-east-down
- * at the start on the flat Earth (mode.earth = 0). What is not a state, such as a control system
- * with friction, stands still in am_derivative. */
+/* Number of states.  x as AM_STATE lists it: position [m] (3) and velocity [m s-1] (3) in Earth
+ * axes, quaternion Earth to body (4), p q r [rad s-1], then the submodels.  Earth axes are
+ * Earth-centred Earth-fixed, or north-east-down at the start on the flat Earth (mode.earth = 0). */
 AM_API int am_state_count(const am_model *model);
+
+/* Copy the state to or from x[am_state_count]. */
 AM_API int am_get_state(const am_sim *sim, double *x);
 AM_API int am_set_state(am_sim *sim, const double *x);
+
+/* Rate dx[am_state_count] (units of x per second) of the state x under inputs u.  What is not a
+ * state, such as a control system with friction, stands still. */
 AM_API int am_derivative(am_sim *sim, const double *x, const double *u, double *dx);
 
-/* Model exchange: an accepted step of the importer ends at t; moves what is no state from
+/* Model exchange: an accepted step of the importer ends at t [s]; moves what is not a state from
  * am_time to t. */
 AM_API int am_complete_step(am_sim *sim, double t);
 
 /* ---- the aero model alone -------------------------------------------------------------------- */
 
 /* Evaluate the tables and terms for n rows of model variables v[n * am_count(AM_VARIABLE)]
- * (columns in catalogue order; alphadothat, betadothat and dnz are taken as given).  Either
- * result may be NULL. coefficients[n * 6]: CL CD CY Cl Cm Cn (CX CZ CY Cl Cm Cn with body force
- * axes), scales of sim in, biases not; terms[n * am_count(AM_TERM)]: contribution of each term
- * with its scale.  State and counters of sim are not touched. */
+ * (columns in catalogue order and units; alphadothat, betadothat and dnz are taken as given).
+ * Either result may be NULL.
+ *
+ * coefficients[n * 6]: CL CD CY Cl Cm Cn (CX CZ CY Cl Cm Cn with body force axes), with the
+ * scales of sim, without its biases; terms[n * am_count(AM_TERM)]: contribution of each term
+ * with its scale. State and counters of sim are not touched. */
 AM_API int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficients, double *terms);
 
-/* Out-of-range counters since am_initialize: below[axes], above[axes], in internal steps. */
+/* Internal steps since am_initialize that lay outside each axis: below[axes], above[axes]. */
 AM_API int am_out_of_range(const am_sim *sim, double *below, double *above);
 
 #ifdef __cplusplus

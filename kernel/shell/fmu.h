@@ -51,25 +51,40 @@ typedef struct fmu_logger {
     char name[128];         /* of the instance */
 } fmu_logger;
 
-/* ---- fmu.c: life, steps, values -------------------------------------------------------------- */
+/* ---- life.c ---------------------------------------------------------------------------------- */
 
-/* Read <resources>/model.bin, check it against the token and make an instance; NULL after a
- * message to the logger. */
+/* Read <resources>/model.bin, check it against the token (its SHA-256) and make an instance; NULL
+ * after a message to the logger.  Free it with fmu_close. */
 fmu *fmu_open(const char *resources, const char *token, fmu_kind kind, const fmu_logger *logger);
 void fmu_close(fmu *f);
+
+/* Back to FMU_CREATED with the start values of the model. */
+int fmu_reset(fmu *f);
+
+/* ---- guard.c --------------------------------------------------------------------------------- */
 
 /* Send a message (printf format) and return FMU_ERROR. */
 int fmu_refuse(const fmu *f, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
+/* ---- steps.c: modes and steps of co-simulation ----------------------------------------------- */
+
+/* Start time [s], before initialization mode. */
 int fmu_set_start(fmu *f, double start);
+
+/* Change of phase, refused where the standard does not allow it. */
 int fmu_begin_configuration(fmu *f);
 int fmu_end_configuration(fmu *f);
 int fmu_begin_initialization(fmu *f);
 int fmu_end_initialization(fmu *f);
-int fmu_step(fmu *f, double t, double dt);
 int fmu_stop(fmu *f);
-int fmu_reset(fmu *f);
+
+/* Advance from t, where the instance stands, to t + dt. [s] */
+int fmu_step(fmu *f, double t, double dt);
+
+/* Time reached. [s] */
 double fmu_time(const fmu *f);
+
+/* ---- values.c -------------------------------------------------------------------------------- */
 
 /* Values of n variables one behind the other; an array takes as many as it has elements. */
 int fmu_get(fmu *f, const uint32_t vr[], size_t n, double values[], size_t nvalues);
