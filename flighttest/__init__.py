@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .inputs.specification import read_design
     from .join import merge
     from .joining import Joined, join_fits
+    from .lag import remove_lag
     from .likelihood.corrected import corrected_database
     from .likelihood.files import open_output_error, save_output_error
     from .likelihood.flown import output_error
@@ -136,6 +137,7 @@ _HOME = {
     "vane_true": "calibrate",
     "derivative_window": "differentiate",
     "remove_delay": "conditioning",
+    "remove_lag": "lag",
     "smooth": "conditioning",
     "Smoothed": "fourier_smoothing",
     "fourier_smooth": "fourier_smoothing",
@@ -318,6 +320,7 @@ __all__ = [
     "regress",
     "regress_frequency",
     "remove_delay",
+    "remove_lag",
     "resample",
     "save_design",
     "save_fit",

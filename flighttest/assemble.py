@@ -10,14 +10,14 @@ import numpy as np
 import xarray as xr
 
 from flightmech.air import R_AIR, pressure_altitude
-from flightmech.errors import OutOfRange
+from flightmech.errors import OutOfRange, SchemaError
 from flightmech.names import lookup
 
 from . import observation
 from .conditioning import to_grid
 from .constants import PER_RUN, Constants, biases
 from .differentiate import derivative
-from .instruments import IMU, Instruments
+from .instruments import IMU, SPEEDS, VANES, Instruments
 from .kinematics import earth, gravity, rotation
 from .observation import LAPSE
 from .problem import Problem, Sensor
@@ -25,11 +25,14 @@ from .readings import MEASURED, Channels, air_readings
 from .trajectory import Solution
 
 WIND_SIGMA = 25.0  # m/s, of each horizontal component
-WIND_DOWN_SIGMA = 0.2  # m/s, mean over a run in air without thermals
+WIND_DOWN_SIGMA = 0.2  # m/s, mean over a run in air without thermals, where the record states no other
 SIDESLIP = (3.0, 5.0)  # m/s and s: size and memory of the sideslip velocity where no vane shows it
 # weights that keep the start of a window from drifting where nothing holds it; without a compass the heading counts from there
 _START = {"phi": 0.2, "theta": 0.2, "psi": 3.0, "no psi": 1e-3, "v": 50.0, "h": 500.0, "vane": 0.3}
 _EXACT, _LAG = (1.0, 1e-6), (0.02, 0.01)  # factor and lag [s] of vanes whose specification says nothing
+# Freedom of the lag equation over the noise of the vane.  It adds (factor * freedom)^2 to the variance of a reading, which a mode of the
+# joint density takes for a reason to enlarge the factor: by N share^2 s^2 of a factor with standard error s from N readings.
+VANE_SHARE = 0.01
 _STEEPEST = np.radians(80.0)  # Euler angles
 _FAST = 20.0  # m/s, for a first wind
 _RADIO_MAXIMUM = 700.0  # m, when the instrument states none
@@ -47,6 +50,7 @@ class Setup:
     cg: np.ndarray
     unused: tuple[str, ...]
     held: tuple[str, ...] = ()
+    spikes: tuple[str, ...] = ()
 
     def biases(self, solution: Solution) -> xr.Dataset:
         """Return the constants of a solution, see `constants.biases`."""
@@ -73,6 +77,7 @@ class _Assembly:
         self.specification, self.windows, self.rate = specification, windows, rate
         self.latitude = float(record.attrs["latitude"]) if "latitude" in record.attrs else None
         self.runway = float(record.attrs["runway_elevation"]) if "runway_elevation" in record.attrs else None
+        self.wind_down = float(record.attrs.get("wind_down_sigma", WIND_DOWN_SIGMA))
         self.grids = [a + np.arange(int(np.floor((b - a) * rate + 1e-6)) + 1) / rate for a, b in windows]
         if min(map(len, self.grids)) < 10:
             raise OutOfRange(f"a window holds {min(map(len, self.grids))} samples at {rate:g} Hz; at least 10 are needed")
@@ -83,7 +88,8 @@ class _Assembly:
             raise OutOfRange(
                 f"pitch attitude reaches {np.degrees(steepest):.0f} deg; Euler angles serve up to 80 deg; choose other windows"
             )
-        self.vanes = tuple(name for name in ("alpha_vane", "beta_vane") if self.usable(name))
+        self.measured = tuple(name for name in MEASURED if name not in ("q_c", *SPEEDS) or name == self.air.channel)
+        self.vanes = tuple(name for name in VANES if self.usable(name))
         default = dict(zip("xyz", aircraft.cg, strict=True))
         self.cg = np.array([self.mean(f"{axis}_cg_b", default[axis]) for axis in "xyz"])
         self.x = self.first_path()
@@ -127,19 +133,34 @@ class _Assembly:
             force=np.stack([self.on_grid(name) for name in ("ax_imu", "ay_imu", "az_imu")], axis=1),
             noise=np.array([self.specification.noise(name) * np.sqrt(min(self.rate / self.channels.rate(name), 1.0)) for name in IMU]),
             arm=self.arm("ax_imu"),
-            vane_arm=self.arm(self.vanes[0]) if self.vanes else np.zeros(3),
+            vane_arms=np.array([self.arm(name) for name in self.vanes]).reshape(-1, 3),
             g=self.g,
             g_height=self.reference[0],
             earth=earth(self.latitude),
             airborne=self.air.speed_at(self.time) > limit,
             vanes=self.vanes,
+            vane_noise=VANE_SHARE * np.array([self.specification.noise(name) for name in self.vanes]),
             sensors=sensors,
             constants=constants,
             start_sigma=np.array(start),
+            gyro_spin=self.gyro_spin(),
         )
         used = {name for sensor in sensors for name in sensor.names} | {"temperature"}
-        unused = tuple(sorted((set(MEASURED) & set(self.channels.leaf)) - used))
-        return Setup(problem, self.x, c, self.air.temperature_at(self.time), self.reference, self.cg, unused)
+        shown = set(MEASURED) - {*SPEEDS} if self.air.channel in used else set(MEASURED)  # all airspeeds show the same
+        unused = tuple(sorted((shown & self.channels.recorded) - used))
+        temperature, spikes = self.air.temperature_at(self.time), tuple(self.channels.spikes_in_words())
+        return Setup(problem, self.x, c, temperature, self.reference, self.cg, unused, spikes=spikes)
+
+    def gyro_spin(self) -> np.ndarray:
+        """Return the rate of the Earth as far as the gyros show it, north-east-down."""
+        if not self.specification.of("p").earth_rate:
+            return np.zeros(3)
+        if self.latitude is None:
+            raise SchemaError(
+                "flight record",
+                ['no latitude, but the gyros show the rate of the Earth (earth_rate); give [record] latitude = "45 deg" in the name map'],
+            )
+        return earth(self.latitude)[0]
 
     def first_path(self) -> np.ndarray:
         """Return a first trajectory from the readings."""
@@ -151,7 +172,7 @@ class _Assembly:
             x[:, 2] = self.turned(x)
         alpha = np.zeros(len(self.time))
         for i, name in enumerate(self.vanes):
-            x[:, 7 + i] = self.shifted(name) / self.specification.of(name).factor.get(name, (1.0, 0.0))[0]
+            x[:, 7 + i] = self.shifted(name) / self.specification.of(name).factor.get(name, _EXACT)[0]
             alpha = x[:, 7 + i] if name == "alpha_vane" else alpha
         if self.usable("vn", "ve", "vd"):
             x[:, 3:6] = np.stack([self.shifted(name) for name in ("vn", "ve", "vd")], axis=1)
@@ -177,7 +198,7 @@ class _Assembly:
         """Return the constants with their prior, and start values."""
         rows: dict[str, tuple[str, float, float]] = {}  # unit, prior mean, sigma
         start: dict[str, float] = {}
-        known = [name for name in (*IMU, *MEASURED) if name != "h_radio" and self.usable(name)]
+        known = [name for name in (*IMU, *self.measured) if name != "h_radio" and self.usable(name)]
         if self.low_radio() is not None:
             known.append("h_radio")
         for name in known:
@@ -189,6 +210,9 @@ class _Assembly:
             rows[f"factor.{name}"] = ("1", *self.specification.of(name).factor.get(name, _EXACT))
         if self.vanes:
             rows["lag.vanes"] = ("s", *(self.specification.of(self.vanes[0]).lag or _LAG))
+        factor = self.specification.of(self.air.channel).factor.get(self.air.channel)
+        if factor and self.usable(self.air.channel):
+            rows[f"factor.{self.air.channel}"] = ("1", *factor)
         static_error = self.specification.of("q_c").static_error
         if static_error:
             rows["static_error"] = ("1", *static_error)
@@ -199,7 +223,7 @@ class _Assembly:
         if self.usable("vn", "ve"):
             rows["wind_n"] = rows["wind_e"] = ("m s-1", 0.0, WIND_SIGMA)
             start["wind_n"], start["wind_e"] = self.first_wind()
-        rows["wind_d"] = ("m s-1", 0.0, WIND_DOWN_SIGMA)
+        rows["wind_d"] = ("m s-1", 0.0, self.wind_down)
         p = self.air.at(self.time, self.air.p_static)
         left = 1.0 - LAPSE * (self.x[:, 6] - self.reference[0]) / self.reference[1]
         level = float(np.mean(p / left ** (self.g / (R_AIR * LAPSE))))
@@ -226,10 +250,12 @@ class _Assembly:
             found.append(self.sensor(constants, names, observation.pick, {"places": np.array([place[n] for n in names])}))
         for names in self.groups(*self.vanes):
             found.append(self.sensor(constants, names, observation.vanes, {}, air.speed_at(self.channels.get(names[0])[0])))
-        for names in self.groups("q_c", "p_static"):
+        for names in self.groups(air.channel, "p_static"):
             clock = self.channels.get(names[0])[0]
             extra = {"temperature": np.interp(clock, air.time, air.temperature), "reference": self.reference}
-            found.append(self.sensor(constants, names, observation.pressures, extra, np.interp(clock, air.time, air.speed)))
+            if self.specification.of(air.channel).position is not None:
+                extra["arm"] = self.arm(air.channel)
+            found.append(self.sensor(constants, names, observation.air_data, extra, np.interp(clock, air.time, air.speed)))
         if "beta_vane" not in self.vanes:
             found.append(self.sideslip())
         low = self.low_radio()
@@ -253,6 +279,7 @@ class _Assembly:
         if speed is not None:
             inside &= speed > item.minimum_speed
         inside &= extra.pop("keep", True)
+        inside &= ~np.any([self.channels.spikes(name) for name in names], axis=0)
         extra = {key: item[inside] if key == "temperature" else item for key, item in extra.items()}
         noise = np.array([self.specification.noise(name) for name in names])
         return Sensor(tuple(names), clock[inside], z[inside], noise, model, delay, extra)

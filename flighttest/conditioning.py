@@ -15,6 +15,8 @@ import xarray as xr
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.names import attrs
 
+from .marking import ENDLESS
+
 SLOW = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "x_cg", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
 GAP = 3.0  # a step of the clock longer than so many median steps is a gap
 _SWITCHES = ("wow_", "gear", "speedbrake", "brake")
@@ -166,7 +168,8 @@ def remove_delay(time, x, delay: float, name: str) -> np.ndarray:
     good = np.isfinite(x)
     if not delay or good.sum() < 2:
         return x
-    moved = resample(time[good], x[good], np.clip(time + delay, time[0], time[-1]), name)
+    known = np.unwrap(x[good]) if name in ENDLESS else x[good]
+    moved = resample(time[good], known, np.clip(time + delay, time[0], time[-1]), name)
     lost = np.interp(time + delay, time, (~good).astype(float)) > 0.0
     return np.where(lost, np.nan, moved)
 

@@ -9,6 +9,8 @@ import xarray as xr
 
 PER_RUN = ("wind_n", "wind_e", "wind_d", "p_reference")  # all others belong to the instruments and stay from run to run
 
+CONTRADICTED = 4.0  # standard errors of its prior beyond which an estimate contradicts it
+
 
 @dataclass(frozen=True)
 class Constants:
@@ -88,12 +90,13 @@ def biases(constants: Constants, c: np.ndarray, covariance: np.ndarray, held: tu
 
 
 def identifiability(found: xr.Dataset) -> list[str]:
-    """Return in words what the data could not tell: constants that rest on their prior, and pairs that do the same.
+    """Return in words what the data could not tell: constants that rest on their prior or contradict it, and pairs that do the same.
 
     Notes
     -----
     A posterior standard error above half the prior one means that the data said little; a correlation beyond 0.9 means
-    that only a combination of the two is known.
+    that only a combination of the two is known.  An estimate beyond four standard errors of the prior, which chance brings once in 16 000,
+    means that the prior is too narrow or a reading wrong: the estimate then lies between the two and its standard error is too small.
     """
     words = []
     ratio = (found["stderr"] / found["prior_stderr"]).values
@@ -101,6 +104,13 @@ def identifiability(found: xr.Dataset) -> list[str]:
     for name, r in zip(names, ratio, strict=True):
         if r > 0.5:
             words.append(f"{name} rests on its prior: standard error {r:.0%} of the prior one")
+    off = ((found["estimate"] - found["prior"]) / found["prior_stderr"]).values
+    for name, z in zip(names, off, strict=True):
+        if abs(z) > CONTRADICTED:
+            words.append(
+                f"{name} contradicts its prior: {abs(z):.1f} standard errors of the prior from it; give it a wider one"
+                f"{' (wind_down_sigma of the record)' if name == 'wind_d' else ''} or look for a wrong reading"
+            )
     correlation = found["correlation"].values
     for i in range(len(names)):
         for j in range(i):

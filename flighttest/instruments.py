@@ -11,11 +11,16 @@ It stands in the aircraft file, one table per instrument; the names of the table
     factor = { alpha_vane = [1.08, 0.04] }              # upwash: mean and one sigma
     lag = [0.05, 0.02]                                  # first-order time constant
     [instruments.air_data]
+    position = [4.1, 0.0, 0.1]                          # of the pitot tube; at the c.g. without it
     static_error = [0.0, 0.02]                          # static-pressure error over impact pressure
     delay = [0.10, 0.05]                                # latency of the whole instrument
     minimum_speed = 25.0                                # below it the readings mean nothing
+    [instruments.airspeed]                              # where no impact pressure was recorded: V, V_cas or mach
+    noise = { V = 0.3 }
+    factor = { V = [1.0, 0.03] }                        # scale factor: mean and one sigma
 
-A channel is used as a measurement when an instrument gives its noise.
+A channel is used as a measurement when an instrument gives its noise.  `earth_rate = true` in the table of the gyros states that they
+show the rate of the Earth too, as those of an inertial reference do; the record then needs its latitude.
 """
 
 from __future__ import annotations
@@ -31,6 +36,8 @@ from flightmech.names import lookup
 from flightmech.units import quantity
 
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
+SPEEDS = ("V", "V_cas", "mach")  # airspeeds that are measured channels themselves where no impact pressure was recorded
+VANES = ("alpha_vane", "beta_vane")
 
 
 def _pair(units: str) -> Any:
@@ -81,6 +88,7 @@ class Instrument(Strict):
     static_error: _Number | None = None
     minimum_speed: si("m s-1") = 0.0  # type: ignore[valid-type]
     maximum: si("m") | None = None  # type: ignore[valid-type]
+    earth_rate: bool = False
 
     @field_validator("scale_sigma")
     @classmethod
@@ -92,10 +100,11 @@ class Instrument(Strict):
 
     @field_validator("factor")
     @classmethod
-    def _vanes_only(cls, factor: dict[str, Any]) -> dict[str, Any]:
-        wrong = sorted(set(factor) - {"alpha_vane", "beta_vane"})
+    def _angles_and_speeds_only(cls, factor: dict[str, Any]) -> dict[str, Any]:
+        wrong = sorted(set(factor) - {*VANES, *SPEEDS})
         if wrong:
-            raise ValueError(f"factors are estimated for alpha_vane and beta_vane only, not for {', '.join(wrong)}")
+            hint = "; give q_c a static_error" if "q_c" in wrong else ""
+            raise ValueError(f"factors are estimated for {', '.join((*VANES, *SPEEDS))} only, not for {', '.join(wrong)}{hint}")
         return factor
 
 
@@ -142,8 +151,12 @@ def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instru
         if found.name_of(name) and name not in found.of(name).bias_sigma:
             problems.append(f"{found.name_of(name)}: missing bias_sigma of {name}")
     for name, item in found.table.items():
-        if item.position is None and {"ax_imu", "alpha_vane", "beta_vane", "h_radio"} & set(item.noise):
+        if item.position is None and {"ax_imu", *VANES, "h_radio"} & set(item.noise):
             problems.append(f"{name}: missing position (m, body axes, from the moment reference point)")
+        alone = sorted(item.factor.keys() - item.noise.keys())
+        problems += [f"{name}: factor of {key} without its noise; give noise = {{ {key} = ... }} in the same table" for key in alone]
+        if item.earth_rate and not {"p", "q", "r"} <= set(item.noise):
+            problems.append(f"{name}: earth_rate belongs to the instrument that gives the noise of p, q and r; move it there")
     if problems:
         raise SchemaError(what, problems)
     return found

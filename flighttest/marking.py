@@ -28,6 +28,7 @@ import xarray as xr
 
 from flightmech.errors import UnknownName
 
+ENDLESS = ("psi", "phi", "lon")  # angles that go on at zero behind a full turn
 KINDS = ("gap", "wrap", "stray", "duplicate", "reset", "missing", "outside", "held", "spike")
 MOST = 20  # spans kept for one kind on one channel; the last one then covers all the rest
 HELD_TIME = 0.5  # s
@@ -161,18 +162,35 @@ def sample_faults(time: np.ndarray, x: np.ndarray, channel: str, rate: float) ->
     A spike leaves and returns by more than `SPIKE` typical steps and `BURST` times every other step within five samples.
     """
     found = spans(time, np.isnan(x), channel, "missing")
-    step = np.diff(x)
-    if len(step) < HELD_SAMPLES:
+    step = _steps(x, channel)
+    typical = _typical(step)
+    if typical is None:
         return found
+    size = np.abs(step)
+    if np.count_nonzero(size) > 0.5 * len(size):
+        found += _held(time, size, typical, channel, rate)
+    return found + spans(time, _spikes(step, typical), channel, "spike")
+
+
+def spiked(x: np.ndarray, channel: str) -> np.ndarray:
+    """Return which samples of a channel are spikes, see `sample_faults` (time,)."""
+    step = _steps(x, channel)
+    typical = _typical(step)
+    return np.zeros(len(x), bool) if typical is None else _spikes(step, typical)
+
+
+def _steps(x: np.ndarray, channel: str) -> np.ndarray:
+    """Return the steps from sample to sample; an angle that passes its full turn makes none."""
+    step = np.diff(x)
+    return np.where(np.abs(step) > np.pi, (step + np.pi) % (2.0 * np.pi) - np.pi, step) if channel in ENDLESS else step
+
+
+def _typical(step: np.ndarray) -> float | None:
+    """Return the median size of the steps that are not zero; None for a channel too short or at rest."""
     size = np.abs(step)
     sample = size[:: max(1, len(size) // 20_000)]  # enough for a median
     sample = sample[np.isfinite(sample) & (sample > 0.0)]
-    if not len(sample):
-        return found
-    typical = float(np.median(sample))
-    if np.count_nonzero(size) > 0.5 * len(size):
-        found += _held(time, size, typical, channel, rate)
-    return found + _spikes(time, step, size, typical, channel)
+    return float(np.median(sample)) if len(step) >= HELD_SAMPLES and len(sample) else None
 
 
 def _held(time: np.ndarray, size: np.ndarray, typical: float, channel: str, rate: float) -> list[Mark]:
@@ -192,11 +210,11 @@ def _held(time: np.ndarray, size: np.ndarray, typical: float, channel: str, rate
     return spans(time, bad, channel, "held")
 
 
-def _spikes(time: np.ndarray, step: np.ndarray, size: np.ndarray, typical: float, channel: str) -> list[Mark]:
+def _spikes(step: np.ndarray, typical: float) -> np.ndarray:
+    size, bad = np.abs(step), np.zeros(len(step) + 1, bool)
     large = np.flatnonzero(size > SPIKE * typical)
     if not len(large) or len(large) > max(10.0, 0.1 * len(size)):
-        return []
-    bad = np.zeros(len(time), bool)
+        return bad
     for out, back in pairwise(large):
         width = back - out
         if width > 3 or step[out] * step[back] > 0.0:
@@ -205,4 +223,4 @@ def _spikes(time: np.ndarray, step: np.ndarray, size: np.ndarray, typical: float
         near = np.concatenate([size[max(0, out - 5) : out], size[out + 1 : back], size[back + 1 : back + 6]])
         if small > 0.5 * great and small > BURST * np.max(near, initial=0.0, where=np.isfinite(near)):
             bad[out + 1 : back + 1] = True
-    return spans(time, bad, channel, "spike")
+    return bad

@@ -20,6 +20,8 @@ A channel is ``sign * scale * column + offset`` after calibration and change of 
 `table` (raw, value; linear between, NaN and marked beyond) give the value in `unit`; a `scale` with a unit (``"40 deg"`` per one of
 the column) replaces the change of unit.  `column` may be a list: the first that the file holds is taken.  `optional = true` leaves a
 channel out where the file has no such column.  `delay` is a known latency: the channel shows at t what was true at t - delay.
+`lag` is a known time constant: the channel follows the truth as a first-order lag; a negative one makes a recorded command the position
+of an actuator that follows it with that time constant.
 """
 
 from __future__ import annotations
@@ -27,9 +29,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import Field
 
 from flightmech.configuration import Strict, load, si, validate
 from flightmech.errors import SchemaError, UnitError, UnknownName
@@ -55,6 +58,7 @@ class Channel(Strict):
     polynomial: tuple[float, ...] | None = None
     table: tuple[tuple[float, float], ...] | None = None
     delay: si("s") = 0.0  # type: ignore[valid-type]
+    lag: si("s") = 0.0  # type: ignore[valid-type]
     optional: bool = False
 
     @property
@@ -113,6 +117,8 @@ class Facts(Strict):
     purpose: str | None = None
     latitude: si("rad") | None = None  # type: ignore[valid-type]
     runway_elevation: si("m") | None = None  # type: ignore[valid-type]
+    temperature: Annotated[si("K"), Field(gt=100.0)] | None = None  # type: ignore[valid-type]
+    wind_down_sigma: Annotated[si("m s-1"), Field(gt=0.0)] | None = None  # type: ignore[valid-type]
 
 
 class Clock(Strict):

@@ -59,16 +59,22 @@ class Problem:
         Inertial unit as recorded (not yet moved to the c.g.). [rad s-1], [rad s-2], [m s-2]
     noise : array (6,)
         One sigma of omega and force per sample of the grid.
-    arm, vane_arm : array (3,)
-        Inertial unit and vanes from the c.g. [m]
+    arm : array (3,)
+        Inertial unit from the c.g. [m]
+    vane_arms : array (vanes, 3)
+        Vanes from the c.g. [m]
     g : float
         Gravity at the height `g_height`. [m s-2]
     earth : (array (3,), array (3, 3))
         Rate of the Earth and transport matrix, see `kinematics.earth`.
+    gyro_spin : array (3,)
+        Rate of the Earth as far as the gyros show it, north-east-down. [rad s-1]
     airborne : array (N,) of bool
         Fast enough for vanes.
     vanes : tuple of str
         Lagged angles in the state, of ``alpha_vane``, ``beta_vane``.
+    vane_noise : array (vanes,)
+        One sigma by which the lag equation may be off per step, far below the noise of the vane. [rad]
     gust : array (3,) or None
         One sigma of the gust components north, east, down [m s-1]; or, when `shown`, of what they add to ``alpha_vane``,
         ``beta_vane`` and ``q_c``. [rad], [rad], [Pa]
@@ -88,11 +94,12 @@ class Problem:
     force: np.ndarray
     noise: np.ndarray
     arm: np.ndarray
-    vane_arm: np.ndarray
+    vane_arms: np.ndarray
     g: float
     earth: tuple[np.ndarray, np.ndarray]
     airborne: np.ndarray
     vanes: tuple[str, ...]
+    vane_noise: np.ndarray
     sensors: Sequence[Sensor]
     constants: Constants
     start_sigma: np.ndarray
@@ -100,6 +107,7 @@ class Problem:
     gust_time: float = 1.0
     shown: bool = False
     g_height: float = 0.0
+    gyro_spin: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     @property
     def dt(self) -> float:

@@ -14,13 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
-from flightmech.air import R_AIR
+from flightmech.air import GAMMA, R_AIR, RHO_SEA
 from flightmech.errors import IdentificationError
 
 from .assemble import Setup, assemble
 from .compatibility import channel_signals
 from .constants import identifiability
-from .instruments import instruments
+from .instruments import SPEEDS, VANES, instruments
+from .observation import SEES_GUSTS
 from .problem import Problem
 from .readings import windows_of
 from .states import path_states
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
 GUST_LENGTH = 150.0  # m, of the gust model; vanes and pitot see the gusts themselves, so it matters little
 CALM = 1.1  # residual rms over noise of vanes and pitot above which the air is turbulent
 CALM_STEPS = 4
-_HELD = ("factor.", "lag.", "delay.air")  # turbulence hides them: gusts move vanes and aeroplane alike
-_SEES_GUSTS = ("alpha_vane", "beta_vane", "q_c")
 ACCEPT = 1.5  # residual rms over sensor noise
 
 
@@ -86,8 +85,10 @@ def reconstruct(
     Parameters
     ----------
     record : DataTree
-        Flight record.  Needed: inertial unit (p q r ax_imu ay_imu az_imu), phi, theta, air data; used when there: psi,
-        vn ve vd h_gps, alpha_vane, beta_vane, h_radio (with root attribute ``runway_elevation``).
+        Flight record.  Needed: inertial unit (p q r ax_imu ay_imu az_imu), phi, theta; airspeed (q_c, or V, V_cas or mach); p_static,
+        h_baro or h_gps; temperature, as a channel or as root attribute.  Used when there: psi, vn ve vd h_gps, alpha_vane, beta_vane,
+        h_radio.  Root attributes: ``temperature`` [K], ``wind_down_sigma`` (standard error of the prior of the mean vertical wind, 0.2)
+        [m s-1], ``latitude`` [rad], ``runway_elevation`` (for h_radio) [m].
     aircraft : Aircraft
         For cbar, b, c.g. and the instruments (see `flighttest.instruments`).
     windows : sequence of (start, stop), optional
@@ -153,17 +154,15 @@ def in_calm_air(setup: Setup, solution: Solution) -> bool:
     ratios = [1.0]
     for sensor in setup.problem.sensors:
         rest, _ = residuals(setup.problem, sensor, solution.x, solution.c)
-        ratios += [
-            float(np.sqrt(np.mean(r**2)) / s) for r, s, n in zip(rest.T, sensor.sigma, sensor.names, strict=True) if n in _SEES_GUSTS
-        ]
+        ratios += [float(np.sqrt(np.mean(r**2)) / s) for r, s, n in zip(rest.T, sensor.sigma, sensor.names, strict=True) if n in SEES_GUSTS]
     return max(ratios) < CALM
 
 
 def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
     """Return problem and solution with gusts: first the constants, then with these the gusts themselves."""
     noise = {n: s for sensor in setup.problem.sensors for n, s in zip(sensor.names, sensor.sigma, strict=True)}
-    sigma = 5.0 * np.array([noise.get(n, 1e-3) for n in _SEES_GUSTS])
-    held = tuple(name for name in setup.problem.constants.names if name.startswith(_HELD))
+    sigma = 5.0 * np.array([noise.get(n, 1e-3) for n in (*VANES, _airspeed(setup.problem))])
+    held = _hidden_by_gusts(setup.problem)
     problem, x = with_gusts(setup.problem, setup.x, sigma, GUST_LENGTH, shown=True)
     first = estimate(problem, x, setup.c, CALM_STEPS, held)
     sigma = np.maximum(np.sqrt(np.mean(first.x[:, problem.gusts] ** 2, axis=0)), 0.1 * sigma)
@@ -174,6 +173,19 @@ def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
     return replace(setup, problem=blowing, held=held), replace(
         air, covariance=found.covariance, iterations=found.iterations + air.iterations
     )
+
+
+def _airspeed(problem: Problem) -> str:
+    """Return the channel that shows the airspeed."""
+    shown = [name for sensor in problem.sensors for name in sensor.names if name in ("q_c", *SPEEDS)]
+    return shown[0] if shown else "q_c"
+
+
+def _hidden_by_gusts(problem: Problem) -> tuple[str, ...]:
+    """Return the constants that turbulence hides, because gusts move vanes and aeroplane alike."""
+    latencies = {sensor.delay for sensor in problem.sensors if not SEES_GUSTS.keys().isdisjoint(sensor.names)}
+    factors = {f"factor.{name}" for name in VANES}
+    return tuple(name for name in problem.constants.names if name in {*latencies, *factors, "lag.vanes"})
 
 
 def _settle(problem: Problem, solution: Solution, held: Sequence[str] = ()) -> Solution:
@@ -189,10 +201,15 @@ def _settle(problem: Problem, solution: Solution, held: Sequence[str] = ()) -> S
 
 
 def _intensity(setup: Setup, solution: Solution, sigma: np.ndarray) -> np.ndarray:
-    """Return one sigma of the gusts north, east, down from what they add to the readings: w = V alpha, v = V beta, u = q_c/(rho V)."""
+    """Return one sigma of the gusts north, east, down from what they add to the readings.
+
+    w = V alpha, v = V beta; u is the reading times its slope: 1/(rho V) of q_c, sqrt(rho_0/rho) of V_cas, the speed of sound of mach.
+    """
     V = max(float(np.median(np.linalg.norm(solution.x[:, 3:6], axis=1))), 10.0)
     rho = setup.problem.constants.get(solution.c, "p_reference") / (R_AIR * setup.reference[1])
-    up, across, along = sigma * np.array([V, V, 1.0 / (rho * V)])
+    a = np.sqrt(GAMMA * R_AIR * setup.reference[1])
+    slope = {"q_c": 1.0 / (rho * V), "V": 1.0, "V_cas": np.sqrt(RHO_SEA / rho), "mach": a}[_airspeed(setup.problem)]
+    up, across, along = sigma * np.array([V, V, slope])
     level = float(np.sqrt((across**2 + along**2) / 2.0))
     return np.array([level, level, up])
 
@@ -239,6 +256,7 @@ def _report(path: Path) -> str:
         f"State reconstruction: {states.attrs['record']}, {time[0]:g} ... {time[-1]:g} s",
         f"{len(time)} samples at {states.attrs['rate']:g} Hz, {states.attrs['iterations']} iterations",
         f"channels not used: {states.attrs['unused'] or 'none'}; gusts [m/s]: {states.attrs['gusts']}",
+        *(["spikes: " + states.attrs["spikes"]] if states.attrs.get("spikes") else []),
         "",
         f"{'constant':22s}{'estimate':>13s}{'std. error':>13s}{'prior':>13s}{'prior s.e.':>13s}  unit",
     ]

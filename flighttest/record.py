@@ -21,6 +21,7 @@ from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownNam
 from flightmech.names import VOCABULARY, attrs, lookup
 
 from .conditioning import remove_delay
+from .lag import remove_lag
 from .marking import Mark, as_text, in_words, kept, sample_faults, spans
 from .names_map import Channel, NameMap, read_names, shipped_maps
 from .readers.clocks import Clocks, utc_facts
@@ -257,10 +258,11 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
         raw = raw if len(clock.keep) == len(raw) else raw[clock.keep]
         x = np.asarray(channel.convert(raw, unit, name), float)
         found += spans(clock.time, np.isnan(x) & ~np.isnan(raw), name, "outside") if channel.table is not None else []
-        x = remove_delay(clock.time, x, channel.delay, name)
+        x = remove_lag(clock.time, remove_delay(clock.time, x, channel.delay, name), channel.lag, name)
         found += sample_faults(clock.time, x, name, clock.about["rate"])
         about = {**attrs(name), "column": f"{group}/{column}", "calibration": channel.calibration(unit, column)}
-        columns[name] = "time", x, {**about, "delay_removed": channel.delay} if channel.delay else about
+        removed = {f"{key}_removed": value for key, value in (("delay", channel.delay), ("lag", channel.lag)) if value}
+        columns[name] = "time", x, {**about, **removed}
     if {"delta_a_left", "delta_a_right"} <= set(columns) and "delta_a" not in columns:
         about = {**attrs("delta_a"), "calibration": "(delta_a_right - delta_a_left) / 2"}
         columns["delta_a"] = "time", (columns["delta_a_right"][1] - columns["delta_a_left"][1]) / 2.0, about

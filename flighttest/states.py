@@ -20,7 +20,7 @@ from .problem import body_rates, specific_force, wind
 from .readings import MEASURED
 from .trajectory import Solution
 
-_RAW = {*MEASURED, *IMU, "V", "V_cas", "V_eas", "mach", "h_baro", "north", "east", *SLOW}
+_RAW = {*MEASURED, *IMU, "V_eas", "h_baro", "north", "east", *SLOW}
 
 
 def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution) -> xr.Dataset:
@@ -38,7 +38,7 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
     columns.update(zip(("ax", "ay", "az"), force.T, strict=True))
     columns.update(zip(("wind_n", "wind_e", "wind_d"), air_mass.T, strict=True))
     V = np.linalg.norm(U, axis=1)
-    q_c, p, _ = impact_and_static(problem, x, c, setup.temperature, setup.reference)
+    q_c, p, _ = impact_and_static(problem, V**2, x[:, 6], c, setup.temperature, setup.reference)
     T = setup.temperature - problem.constants.get(c, "bias.temperature")
     rho = p / (R_AIR * T)
     alpha_dot, beta_dot = incidence_rates(U, omega, force, g_b)
@@ -74,6 +74,7 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
         "rate": 1.0 / problem.dt,
         "iterations": solution.iterations,
         "unused": " ".join(setup.unused),
+        "spikes": "; ".join(setup.spikes),
         "gusts": "none" if problem.gust is None else " ".join(f"{s:.3g}" for s in problem.gust),
     }
     return data

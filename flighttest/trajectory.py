@@ -25,10 +25,11 @@ from .bordered import NormalEquations
 from .constants import inverse
 from .instruments import IMU
 from .kinematics import rate_matrix, rates, skew, to_body
+from .lag import lag_weights
 from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, gains, over_steps, sensed_force, specific_force, wind
 
 HEIGHT_NOISE = 0.005  # m/s: closes the height equation; far below any height sensor
-VANE_NOISE = 1e-4  # rad: closes the lag equation; far below the noise of a vane
+LOOSE = 0.01  # rad per step: vanes too slow to show anything
 GAIN = 0.01  # expected change of the cost at which the iteration has settled
 FAR = 1000.0  # cost per sample above which the path is no more than a first guess
 SCALES = tuple(f"scale.{name}" for name in IMU)
@@ -161,7 +162,7 @@ def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: N
     needed = difference[:, VELOCITY] + np.cross(2.0 * spin + carried, v)
     needed[:, 2] -= problem.gravity_at(middle[:, HEIGHT])
     U, turn, Rt = to_body(middle[:, ATTITUDE], needed)
-    r[:, ATTITUDE] = from_angles + (Rt @ carried[..., None])[..., 0] - over_steps(problem, omega)
+    r[:, ATTITUDE] = from_angles + (Rt @ (carried + problem.gyro_spin)[..., None])[..., 0] - over_steps(problem, omega)
     r[:, VELOCITY] = U - over_steps(problem, force)
     r[:, HEIGHT] = difference[:, HEIGHT] + middle[:, 5]
     # half of the derivative with respect to the middle, and the one with respect to the difference
@@ -202,9 +203,9 @@ def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.nd
     air = x[:, VELOCITY] - wind(problem, x, c)
     U, turn, Rt = to_body(x[:, ATTITUDE], air)
     omega, gain = body_rates(problem, c), gains(problem, c)[:3]
-    u, v, w = (U + np.cross(omega, problem.vane_arm)).T
     angle, J, Jw = (np.zeros((len(x), len(problem.vanes), *m)) for m in ((), (problem.states,), (len(_BEHIND),)))
-    for i, name in enumerate(problem.vanes):
+    for i, (name, arm) in enumerate(zip(problem.vanes, problem.vane_arms, strict=True)):
+        u, v, w = (U + np.cross(omega, arm)).T
         side = w if name == "alpha_vane" else v
         row = np.zeros((len(x), 3))
         row[:, 0], row[:, 2 if name == "alpha_vane" else 1] = -side, u
@@ -216,7 +217,7 @@ def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.nd
         if problem.gust is not None and not problem.shown:
             J[:, i, problem.gusts] = -by_velocity
         Jw[:, i, :3] = -by_velocity
-        Jw[:, i, 3:6] = row @ skew(problem.vane_arm) * gain
+        Jw[:, i, 3:6] = row @ skew(arm) * gain
         Jw[:, i, 6:] = Jw[:, i, 3:6] * omega
     return angle, J, Jw
 
@@ -224,21 +225,6 @@ def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.nd
 def vane_behind(problem: Problem) -> dict[int, str]:
     """Return the constants behind what a vane sees, by their column in the derivative of `vane_geometry`."""
     return {i: name for i, name in enumerate(_BEHIND) if name in problem.constants}
-
-
-def lag_weights(tau: float, dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return (E, c0, c1) of y_k+1 = E y_k + c0 x_k + c1 x_k+1, a first-order lag of an input linear between samples, and d/dtau.
-
-    Below a twentieth of a step, E = exp(-dt/tau) is nothing and y = x - tau x', which holds for a negative lag too: a vane that is ahead
-    of an inertial unit with a latency of its own.
-    """
-    s = tau / dt
-    if s < 0.05:
-        return np.array([0.0, s, 1.0 - s]), np.array([0.0, 1.0, -1.0]) / dt
-    E, ds = np.exp(-1.0 / s), 1.0 / dt
-    dE = E * dt / tau**2
-    rise, d_rise = s * (1.0 - E), ds * (1.0 - E) - s * dE
-    return np.array([E, rise - E, 1.0 - rise]), np.array([dE, d_rise - dE, -d_rise])
 
 
 def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
@@ -263,7 +249,7 @@ def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: Norma
     for i in range(count):
         r[slow, i] = (lagged[1:] - lagged[:-1])[slow, i]
         A[slow, i, first + i], B[slow, i, first + i] = -1.0, 1.0
-    weight = problem.linked[:, None] / VANE_NOISE
+    weight = problem.linked[:, None] / np.where(slow[:, None], LOOSE, problem.vane_noise)
     w = weight[..., None]
     equations.add_steps(r * weight, A * w, B * w, columns, Jc * w)
 
@@ -289,10 +275,22 @@ def place(problem: Problem, sensor: Sensor, c: np.ndarray) -> tuple[np.ndarray, 
     return k, np.where((np.abs(f) < 1e-6) | last[k], 0.0, f)
 
 
-def _at(k: np.ndarray, f: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the state at k + f and the change over the step from k."""
-    after = x[np.minimum(k + 1, len(x) - 1)]
-    return (1.0 - f)[:, None] * x[k] + f[:, None] * after, after - x[k]
+def _at(problem: Problem, k: np.ndarray, f: np.ndarray, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return state and body rates at k + f (M, n + 3), and their change over the step from k."""
+    moving = np.concatenate([x, body_rates(problem, c)], axis=1)
+    after = moving[np.minimum(k + 1, len(x) - 1)]
+    return (1.0 - f)[:, None] * moving[k] + f[:, None] * after, after - moving[k]
+
+
+def _by_gyro_errors(problem: Problem, c: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the constants behind the body rates and the derivative of the rates by them (M, 3, constants)."""
+    names = [f"{kind}.{axis}" for kind in ("bias", "scale") for axis in IMU[:3] if f"{kind}.{axis}" in problem.constants]
+    gain, D = gains(problem, c)[:3], np.zeros((len(omega), 3, len(names)))
+    for j, name in enumerate(names):
+        kind, axis = name.split(".")
+        i = IMU.index(axis)
+        D[:, i, j] = -gain[i] * (omega[:, i] if kind == "scale" else 1.0)
+    return problem.constants.index(*names), D
 
 
 def shown(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray):
@@ -312,15 +310,18 @@ def shown(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray):
         Derivative by them.
     """
     k, f = place(problem, sensor, c)
-    at, step = _at(k, f, x)
+    at, step = _at(problem, k, f, x, c)
     y, J, names, Jc = sensor.model(sensor, problem, at, c)
-    columns = problem.constants.index(*names)
+    columns, n = problem.constants.index(*names), problem.states
     if sensor.delay:
         if problem.shown:
-            step = np.where(np.arange(problem.states) < problem.gusts.start, step, 0.0)
-        Jc = np.concatenate([Jc, -(J @ step[..., None]) / problem.dt], axis=-1)
+            step[:, problem.gusts] = 0.0
+        Jc = np.concatenate([Jc, -(J @ step[:, : J.shape[-1], None]) / problem.dt], axis=-1)
         columns = np.append(columns, problem.constants.index(sensor.delay))
-    return y - sensor.z, k, f, J, columns, Jc
+    if J.shape[-1] > n:  # the sensor sees the body rates too, which are known but for the errors of the gyros
+        errors, D = _by_gyro_errors(problem, c, at[:, n:])
+        Jc, columns = np.concatenate([Jc, J[..., n:] @ D], axis=-1), np.append(columns, errors)
+    return y - sensor.z, k, f, J[..., :n], columns, Jc
 
 
 def _add_sensor(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
@@ -332,7 +333,7 @@ def _add_sensor(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray, 
 def residuals(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return readings minus model (M, m) of a sensor and the sample each belongs to."""
     k, f = place(problem, sensor, c)
-    at, _ = _at(k, f, x)
+    at, _ = _at(problem, k, f, x, c)
     return sensor.z - sensor.model(sensor, problem, at, c)[0], k + (f > 0.5)
 
 

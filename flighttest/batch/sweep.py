@@ -19,8 +19,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from ..kinematics import rate_matrix, rotation, skew
+from ..lag import lag_weights
 from ..problem import ATTITUDE, HEIGHT, VELOCITY, Problem, bend, body_rates, over_steps, specific_force
-from ..trajectory import input_derivatives, lag_weights, vane_behind, vane_geometry
+from ..trajectory import input_derivatives, vane_behind, vane_geometry
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def weak_terms(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     carried = v @ transport.T
     pull = -np.cross(2.0 * spin + carried, v)
     pull[:, 2] += problem.gravity_at(x[:, HEIGHT])
-    turning = (np.swapaxes(rotation(x[:, ATTITUDE]), 1, 2) @ carried[..., None])[..., 0]
+    turning = (np.swapaxes(rotation(x[:, ATTITUDE]), 1, 2) @ (carried + problem.gyro_spin)[..., None])[..., 0]
     return turning, pull
 
 

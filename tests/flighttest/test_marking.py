@@ -104,3 +104,13 @@ def test_marks_of_others_are_added_once_and_stay_in_the_file(tmp_path):
         flighttest.add_marks(flown, "imu", [Mark("q", "heldd", 0, 0, 1)])
     with pytest.raises(UnknownName, match="unknown channel 'qq'"):
         flighttest.add_marks(flown, "imu", [Mark("qq", "held", 0, 0, 1)])
+
+
+@pytest.mark.parametrize("name", ["psi", "phi", "lon"])
+def test_noise_of_an_angle_across_its_full_turn_is_no_spike(name):
+    time, _ = noisy()
+    around = (0.012 + np.random.default_rng(3).normal(0.0, 0.005, len(time))) % (2.0 * np.pi)  # single samples west of north
+    assert {m.kind for m in sample_faults(time, around, "q", RATE)} == {"spike"}
+    assert sample_faults(time, around, name, RATE) == []
+    around[1000] = 1.5
+    assert [(m.kind, m.samples) for m in sample_faults(time, around, name, RATE)] == [("spike", 1)]

@@ -9,7 +9,8 @@ import xarray as xr
 import flighttest
 from flightmech.errors import IdentificationError, OutOfRange, SchemaError
 from flighttest.constants import identifiability
-from flighttest.trajectory import lag_weights, moved
+from flighttest.lag import lag_weights
+from flighttest.trajectory import moved
 
 ERROR_FREE = {"V": 0.05, "alpha": 0.0012, "beta": 0.0012, "theta": 0.0008, "h": 0.6}  # m/s, rad, m
 
