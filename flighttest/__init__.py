@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from .fit import Fit, open_fit, save_fit
     from .fourier import finite_fourier, harmonics
     from .fourier_smoothing import Smoothed, fourier_smooth
+    from .ground_effect.database import replace_ground_effect
+    from .ground_effect.identification import identify_ground_effect
+    from .ground_effect.result import GroundEffect
     from .inertia import Inertia, inertia_from_flight
     from .inputs.accuracy import Expected, cramer_rao, expected_errors
     from .inputs.designing import Designed, design_input, save_design
@@ -62,6 +65,9 @@ if TYPE_CHECKING:
     from .selection.orthogonal import select_orthogonal
     from .selection.result import Selection, tally
     from .selection.stepwise import select_stepwise
+    from .separable.model import SeparableModel, ShapeParameter
+    from .separable.regression import regress_separable
+    from .separable.result import SeparableFit
     from .spectrum import regress_frequency
     from .spin.database import polynomial_database
     from .spin.decomposition import nominal_variables, spin_variables, wind_axis_rates
@@ -166,6 +172,13 @@ _HOME = {
     "save_path": "files",
     "open_biases": "files",
     "fit_thrust": "thrust",
+    "GroundEffect": "ground_effect.result",
+    "identify_ground_effect": "ground_effect.identification",
+    "replace_ground_effect": "ground_effect.database",
+    "SeparableFit": "separable.result",
+    "SeparableModel": "separable.model",
+    "ShapeParameter": "separable.model",
+    "regress_separable": "separable.regression",
     "force_at_cg": "calibrate",
     "velocity_at": "calibrate",
     "vane_angles": "calibrate",
@@ -223,6 +236,7 @@ __all__ = [
     "Expected",
     "Finding",
     "Fit",
+    "GroundEffect",
     "Inertia",
     "InputAxis",
     "Joined",
@@ -237,6 +251,9 @@ __all__ = [
     "Quality",
     "Remark",
     "Selection",
+    "SeparableFit",
+    "SeparableModel",
+    "ShapeParameter",
     "Smoothed",
     "Study",
     "Unknown",
@@ -276,6 +293,7 @@ __all__ = [
     "fourier_smooth",
     "frequency_output_error",
     "harmonics",
+    "identify_ground_effect",
     "in_sequence",
     "incidence_at_cg",
     "incidence_from_velocity",
@@ -319,8 +337,10 @@ __all__ = [
     "reconstruct_steep",
     "regress",
     "regress_frequency",
+    "regress_separable",
     "remove_delay",
     "remove_lag",
+    "replace_ground_effect",
     "resample",
     "save_design",
     "save_fit",

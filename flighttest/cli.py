@@ -25,6 +25,7 @@ _ELSEWHERE = {
     "report": "cli_report",
     "modes": "cli_report",
     "fit": "cli_fit",
+    "ground-effect": "cli_ground_effect",
 }  # verb: module
 
 
@@ -36,7 +37,7 @@ class _Group(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name in _ELSEWHERE:
-            return getattr(importlib.import_module(f"flighttest.{_ELSEWHERE[cmd_name]}"), cmd_name)
+            return getattr(importlib.import_module(f"flighttest.{_ELSEWHERE[cmd_name]}"), cmd_name.replace("-", "_"))
         return super().get_command(ctx, cmd_name)
 
 

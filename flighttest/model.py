@@ -13,13 +13,17 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import product
 from math import comb
+from typing import TYPE_CHECKING, overload
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError, UnknownName
-from flightmech.names import COEFFICIENTS, lookup
+from flightmech.names import COEFFICIENTS, VOCABULARY, lookup
 from flightmech.units import quantity
+
+if TYPE_CHECKING:
+    from .separable.model import SeparableModel, ShapeParameter
 
 MEASURED = (*COEFFICIENTS, "CX", "CZ")
 _FACTOR = re.compile(r"^([A-Za-z_][\w.]*(?:\([^()]*\))?)(?:(?:\*\*|\^)([1-9]))?$")
@@ -34,7 +38,7 @@ class Model:
     Parameters
     ----------
     coefficient : str
-        One of CL, CD, CY, Cl, Cm, Cn, CX, CZ.
+        The measured quantity: a coefficient such as CL or CX, or any other name of the vocabulary, such as Ch_e. [its unit]
     terms : sequence of str
         ``"1"`` or products of powers of vocabulary names and ramps; ``^`` may stand for ``**``.
     reference : mapping, optional
@@ -59,7 +63,10 @@ class Model:
 
     def __post_init__(self):
         if self.coefficient not in MEASURED:
-            raise UnknownName(self.coefficient, MEASURED, "coefficient")
+            try:
+                lookup(self.coefficient)
+            except UnknownName:
+                raise UnknownName(self.coefficient, (*MEASURED, *VOCABULARY), "coefficient") from None
         names = tuple(word(powers(term)) for term in self.terms)
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
@@ -71,9 +78,43 @@ class Model:
             if name not in self.variables:
                 raise UnknownName(name, self.variables, "reference", "it must be a variable of the model")
 
+    @overload
     @classmethod
-    def parse(cls, text: str) -> Model:
-        """Return the model that a text such as ``"CL = 1 + alpha + qhat + delta_e"`` describes."""
+    def parse(cls, text: str) -> Model: ...
+
+    @overload
+    @classmethod
+    def parse(
+        cls, text: str, parameters: Mapping[str, ShapeParameter | tuple], units: Mapping[str, str] | None = None
+    ) -> SeparableModel: ...
+
+    @overload
+    @classmethod
+    def parse(cls, text: str, *, units: Mapping[str, str]) -> SeparableModel: ...
+
+    @classmethod
+    def parse(
+        cls, text: str, parameters: Mapping[str, ShapeParameter | tuple] | None = None, units: Mapping[str, str] | None = None
+    ) -> Model | SeparableModel:
+        """Return the model that a text such as ``"CL = 1 + alpha + qhat + delta_e"`` describes.
+
+        Parameters
+        ----------
+        text : str
+        parameters : mapping of str to ShapeParameter or (low, high), optional
+            Parameters on which the terms do not depend linearly; the model is a `SeparableModel` then, for `regress_separable`.
+        units : mapping of str to str, optional
+            Units of quantities that the vocabulary does not have; the model is a `SeparableModel` then.
+
+        Examples
+        --------
+        >>> Model.parse("CL = 1 + alpha + alpha*h_agl^s", {"s": (-4.0, -0.1)}).variables
+        ('alpha', 'h_agl')
+        """
+        if parameters is not None or units is not None:
+            from .separable.model import SeparableModel
+
+            return SeparableModel.parse(text, parameters, units)
         left, sign, right = text.partition("=")
         if not sign or not right.strip():
             raise ParseError("<model>", 0, repr(text), "'CL = 1 + alpha + qhat + delta_e'")
