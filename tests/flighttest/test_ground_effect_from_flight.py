@@ -10,11 +10,13 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from click.testing import CliRunner
 
 import aerodb
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make
 from flighttest import Model, identify_ground_effect, replace_ground_effect
+from flighttest.cli_ground_effect import ground_effect
 from flighttest.ground_effect.evidence import best, breakpoints, compared
 
 SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "identification"
@@ -218,3 +220,45 @@ def test_simulated_landings_low_passes_and_free_air():
         assert abs(row.s - truth[name]["s"]) < 3 * row.s_stderr
         assert np.abs(row.k * h**row.s - truth[name]["k"] * h ** truth[name]["s"]).max() < 0.03
     assert "CL:qhat" in found.not_identified
+
+
+AIRCRAFT = """
+name = "test"
+S = 24.2
+cbar = 2.06
+b = 14.4
+mass = 4700.0
+Ixx = 11000.0
+Iyy = 18000.0
+Izz = 25000.0
+"""
+
+
+def test_the_command_prints_table_2_and_writes_the_database(records, database, tmp_path):
+    """The same records as states: specific forces of CL with a CD of 0.05."""
+    files = []
+    for k, one in enumerate(records):
+        n, alpha, CL = one.sizes["time"], one["alpha"].values, one["CL"].values
+        CX, CZ = CL * np.sin(alpha) - 0.05 * np.cos(alpha), -CL * np.cos(alpha) - 0.05 * np.sin(alpha)
+        qbar, V = np.full(n, 1800.0), np.full(n, 54.0)
+        columns = {"V": V, "qbar": qbar, "alpha": alpha, "beta": 0.0 * V, "q": 2.0 * V * one["qhat"].values / 2.06}
+        columns |= {name: 0.0 * V for name in ("p", "r", "p_dot", "q_dot", "r_dot", "ay")}
+        columns |= {"ax": qbar * 24.2 * CX / 4700.0, "az": qbar * 24.2 * CZ / 4700.0}
+        columns |= {"h_agl": one["h_agl"].values} if "h_agl" in one else {}
+        states = xr.Dataset({name: ("time", values) for name, values in columns.items()}, {"time": one["time"].values})
+        files.append(str(tmp_path / f"run{k}.nc"))
+        xr.DataTree.from_dict({"/states": states}).to_netcdf(files[-1], engine="h5netcdf")
+    (tmp_path / "a.toml").write_text(AIRCRAFT)
+    aerodb.save(database, tmp_path / "prior.nc")
+    base = [*files, "--aircraft", str(tmp_path / "a.toml"), "--model", "CL = 1 + alpha + qhat", "--database", str(tmp_path / "prior.nc")]
+    result = CliRunner().invoke(ground_effect, [*base, "--height", "3", "-o", str(tmp_path / "new.nc")], catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "CL:1" in result.output
+    assert "3 m 0.1" in result.output
+    assert "CL:qhat       k and s not identified" in result.output
+    assert "CL/ground_basic" in aerodb.terms(aerodb.open(tmp_path / "new.nc"))
+    document = json.loads(CliRunner().invoke(ground_effect, [*base, "--ground", "CL = 1 + alpha", "--json"], catch_exceptions=False).output)
+    first = document["coefficients"]["CL"]["terms"][0]
+    assert abs(first["k"] - 0.5) < 3 * first["k_stderr"]
+    with pytest.raises(SchemaError, match="give --database"):
+        CliRunner().invoke(ground_effect, [*base[:-2], "--hold"], catch_exceptions=False)
