@@ -43,8 +43,9 @@ def report(ctx: click.Context, plan_file: str, output: str | None, folder: str |
 @click.option("--aperiodic", is_flag=True, help="A real root, as roll and spiral, and not an oscillation.")
 @click.option("--level", is_flag=True, help="A constant under each channel and no straight line.")
 @json_option
-def modes(record_file, start, stop, names, channels, inputs, aperiodic, level, as_json) -> None:
-    """Fit one eigenmotion to a record from START to STOP [s]: period, damping, time constant with standard errors."""
+@click.pass_context
+def modes(ctx, record_file, start, stop, names, channels, inputs, aperiodic, level, as_json) -> None:
+    """Fit one eigenmotion to a record from START to STOP [s]; exit code 1 when its figures must not be used."""
     import warnings
 
     from flightmech.errors import AeromatchWarning
@@ -54,6 +55,7 @@ def modes(record_file, start, stop, names, channels, inputs, aperiodic, level, a
     from .quality.assessment import assess
     from .record import channels as homes
     from .record import read
+    from .remarks import barred, documents, lines
 
     record = read(record_file, names)
     home = homes(record)
@@ -63,10 +65,25 @@ def modes(record_file, start, stop, names, channels, inputs, aperiodic, level, a
             warnings.warn(f"{finding.name}: {finding.text}", AeromatchWarning, stacklevel=1)
     data = cut(record, start, stop, rate=min(rates, default=50.0))
     found = fit_motion(data, channels, "aperiodic" if aperiodic else "oscillation", inputs, not level)
+    test = {"F": found.F, "F_terms": found.F_terms, "F_dof": found.F_dof, "F_probability": found.F_probability}
     if as_json:
         values = {name: dict(zip(("value", "stderr", "unit"), row)) for name, row in found.values.items()}
-        document({"kind": found.kind, "channels": channels, "inputs": inputs, "share": found.share, **values})
-        return
+        document(
+            {
+                "kind": found.kind,
+                "channels": channels,
+                "inputs": inputs,
+                "share": found.share,
+                **values,
+                **test,
+                "remarks": documents(found.remarks),
+            }
+        )
+        ctx.exit(1 if barred(found.remarks) else 0)
     rows = [(name, f"{value:.5g}", f"{stderr:.2g}", "" if unit == "1" else unit) for name, (value, stderr, unit) in found.values.items()]
     title = f"{found.kind} in {' '.join(channels)}, {start:g} ... {stop:g} s, {found.share:.1%} of the movement explained"
     table(["figure", "estimate", "std error", "unit"], rows, title, right=["estimate", "std error"])
+    click.echo(f"amplitudes: F({found.F_terms}, {found.F_dof:.0f}) {found.F:.4g}, probability {found.F_probability:.2g}")
+    for line in lines(found.remarks):
+        click.echo(line)
+    ctx.exit(1 if barred(found.remarks) else 0)

@@ -30,10 +30,16 @@ import xarray as xr
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 
 from .covariance import coloured
+from .remarks import Remark, lines
+from .significance import degrees
 
 KINDS = ("oscillation", "aperiodic")
 LEAST_CYCLES = 0.5
 LEAST_SHARE = 0.5  # of the variance about a straight line that the mode must explain
+PURE = 0.85  # and below which it is not alone: the rest is as large as two fifths of the motion
+EXCITED = 1e-3  # probability of F above which a motion is no better than noise; the frequency was searched for, so one in a thousand
+GROWING = -0.1  # damping ratio of a free oscillation below which it doubles within about a cycle: no aeroplane is flown so
+KNOWN = 0.2  # relative standard error of the frequency up to which a motion is known
 MOVES = 1e-4  # range below which an input or a channel does not move [SI: 0.006 deg, 0.1 mm/s]
 _COARSE = 300  # samples kept for the search of a start
 _RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / omega of the search
@@ -59,6 +65,9 @@ class Motion:
         Per channel. [SI]
     time, fitted, measured : array (time,), dict of array (time,)
         For a figure. [s], [SI]
+    F, F_terms, F_dof, F_probability : float, int, float, float
+        Wald's statistic of the amplitudes of the motion, per amplitude, with residuals as they are coloured; beside an oscillation
+        a cubic drift is allowed, so that a slow curve is not taken for one.  Its degrees of freedom, and the probability of more by chance.
     """
 
     kind: str
@@ -71,6 +80,15 @@ class Motion:
     time: np.ndarray
     measured: dict[str, np.ndarray]
     fitted: dict[str, np.ndarray]
+    F: float
+    F_terms: int
+    F_dof: float
+    F_probability: float
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """What forbids or restricts the use of the figures."""
+        return _remarks(self)
 
     @property
     def values(self) -> dict[str, tuple[float, float, str]]:
@@ -97,7 +115,8 @@ class Motion:
         """Return the figures as text."""
         head = f"{self.kind} in {' '.join(self.channels)}, {self.time[0]:g} ... {self.time[-1]:g} s, {self.share:.1%} explained"
         rows = [f"  {name:14s}{value:12.5g}{stderr:12.2g} {unit}" for name, (value, stderr, unit) in self.values.items()]
-        return "\n".join([head, f"  {'':14s}{'estimate':>12s}{'std. error':>12s}", *rows])
+        test = f"amplitudes: F({self.F_terms}, {self.F_dof:.0f}) {self.F:.4g}, probability {self.F_probability:.2g}"
+        return "\n".join([head, test, f"  {'':14s}{'estimate':>12s}{'std. error':>12s}", *rows, *lines(self.remarks)])
 
 
 def fit_motion(
@@ -157,9 +176,37 @@ def fit_motion(
             f"movement about a straight line, {LEAST_SHARE:.0%} are needed; give a window in which the motion is excited and alone"
         )
     rms = np.sqrt(np.mean((y - fitted) ** 2, axis=0))
-    columns = [dict(zip(channels, part.T)) for part in (y, fitted)]
-    covariance = model.covariance(x)
-    return Motion(kind, sigma, omega, covariance, tuple(channels), share, dict(zip(channels, rms.tolist())), time, *columns)
+    measured, shown = (dict(zip(channels, part.T)) for part in (y, fitted))
+    covariance, test = model.covariance(x), model.test(x)
+    residual_rms = dict(zip(channels, rms.tolist()))
+    return Motion(kind, sigma, omega, covariance, tuple(channels), share, residual_rms, time, measured, shown, *test)
+
+
+def _remarks(motion: Motion) -> list[Remark]:
+    found, channels = [], " ".join(motion.channels)
+    if motion.F_probability > EXCITED or motion.share < PURE:
+        kind = motion.kind.replace("aperiodic", "aperiodic motion")
+        words = (
+            f"no excitation: the {kind} explains {motion.share:.0%} of {channels} ({PURE:.0%} needed), probability of its amplitudes by "
+            f"chance {motion.F_probability:.2g} (limit {EXCITED:g}); no figure of it may be used: give a window in which the motion is "
+            "excited and alone, and the inputs that drive it"
+        )
+        value, limit = (motion.share, PURE) if motion.share < PURE else (motion.F_probability, EXCITED)
+        found.append(Remark("no excitation", words, channels, value, limit, "error"))
+    ratio = motion.sigma / math.hypot(motion.sigma, motion.omega)
+    if motion.kind == "oscillation" and ratio < GROWING:
+        words = (
+            f"grows: damping ratio {ratio:.2f}, below {GROWING:g}; something drives it inside the window, and no figure of it may be used"
+        )
+        found.append(Remark("growth", words, channels, ratio, GROWING, "error"))
+    errors = np.sqrt(np.maximum(np.diag(motion.covariance), 0.0))
+    if motion.kind == "oscillation" and errors[1] > KNOWN * motion.omega:
+        words = f"not significant: frequency {motion.omega:.3g} +- {errors[1]:.2g} rad/s"
+        found.append(Remark("not significant", words, "omega", float(errors[1] / motion.omega), KNOWN))
+    if abs(motion.sigma) < 2.0 * errors[0]:
+        words = f"not significant: decay {motion.sigma:.3g} +- {errors[0]:.2g} 1/s; whether it grows or decays is not known"
+        found.append(Remark("not significant", words, "sigma", float(abs(motion.sigma) / errors[0]), 2.0))
+    return found
 
 
 def _samples(data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -171,8 +218,10 @@ def _samples(data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Seque
             raise UnknownName(name, map(str, data.data_vars), "channel")
     time = data["time"].values.astype(float)
     steps = np.diff(time)
-    if len(time) < 12 or np.ptp(steps) > 1e-3 * steps.mean():
-        raise SchemaError("motion", ["its time is not uniform, or it has fewer than 12 samples; cut it with flighttest.cut"])
+    if len(time) < 12 or not np.ptp(steps) <= 1e-3 * steps.mean():
+        raise SchemaError(
+            "motion", ["its time is not uniform or does not rise, or it has fewer than 12 samples; cut it with flighttest.cut"]
+        )
     y, u = (np.column_stack([np.zeros((len(time), 0)), *(data[n].values.astype(float) for n in names)]) for names in (channels, inputs))
     empty = [name for name in (*channels, *inputs) if not np.isfinite(data[name].values).all()]
     if empty:
@@ -235,8 +284,47 @@ class _Response:
 
     def covariance(self, x: np.ndarray) -> np.ndarray:
         """Return the covariance (2, 2) of sigma and omega; all other parameters are estimated with them."""
+        free, basis = len(x), self.basis(x)
+        X = self._tangents(x, basis)
+        v = ((self.y - self.fitted(x)) / self.weight).T.ravel()
+        found, _ = coloured(X, v, self._pieces(), [self.step] * self.y.shape[1])
+        covariance = np.zeros((2, 2))
+        covariance[:free, :free] = found[:free, :free]
+        return covariance
+
+    def test(self, x: np.ndarray) -> tuple[float, int, float, float]:
+        """Return F of the amplitudes, their number, degrees of freedom and probability; a drift beside an oscillation is a cubic."""
+        from scipy import stats
+
+        basis, channels = self.basis(x), self.y.shape[1]
+        drift = 1 + self.trend
+        if self.kind == "oscillation":
+            bent = (self.t[:, None] / self.t[-1]) ** np.arange(drift, 4)
+            basis, drift = np.column_stack([basis[:, :drift], bent, basis[:, drift:]]), 4
+        X, size = self._tangents(x, basis), np.maximum(np.abs(basis).max(axis=0), 1e-300)
+        left = ((self.y - self.fitted(x)) / self.weight).T.ravel()
+        v = left - X @ np.linalg.lstsq(X, left, rcond=1e-10)[0]
+        pieces = self._pieces()
+        try:
+            C, _ = coloured(X, v, pieces, [self.step] * channels)
+        except np.linalg.LinAlgError:  # the motion is a cubic in this window
+            return 0.0, channels, 1.0, 1.0
+        amplitudes = (np.linalg.lstsq(basis / size, self.y, rcond=1e-12)[0] / self.weight)[drift:].T.ravel()
+        at = len(x) + np.concatenate([k * basis.shape[1] + np.arange(drift, basis.shape[1]) for k in range(channels)])
+        F = float(amplitudes @ np.linalg.lstsq(C[np.ix_(at, at)], amplitudes, rcond=1e-12)[0]) / len(at)
+        impulses = np.zeros((1, len(v)))
+        impulses[0, [piece.start for piece in pieces]] = 1.0  # a flat spectrum: all frequencies of the residual count
+        dof = float(degrees(impulses, v, pieces, len(at) + len(x))[0])
+        return max(F, 0.0), len(at), dof, float(stats.f.sf(max(F, 0.0), len(at), dof))
+
+    def _pieces(self) -> list[slice]:
+        """Where each channel stands among the stacked residuals."""
         n, channels = self.y.shape
-        basis = self.basis(x)
+        return [slice(a, b) for a, b in pairwise(range(0, n * channels + 1, n))]
+
+    def _tangents(self, x: np.ndarray, basis: np.ndarray) -> np.ndarray:
+        """Return the derivatives of the weighted response, channel after channel, by the root and by the linear parameters."""
+        n, channels = self.y.shape
         basis = basis / np.maximum(np.abs(basis).max(axis=0), 1e-300)
         free = len(x)
         X = np.zeros((n * channels, free + channels * basis.shape[1]))
@@ -244,14 +332,9 @@ class _Response:
             step = 1e-5 * max(abs(x[k]), abs(x[-1]), 1e-6)
             up, down = (self.fitted(x + side * step * np.eye(free)[k]) for side in (1.0, -1.0))
             X[:, k] = ((up - down) / (2.0 * step) / self.weight).T.ravel()
-        for k in range(channels):
-            X[k * n : (k + 1) * n, free + k * basis.shape[1] : free + (k + 1) * basis.shape[1]] = basis
-        v = ((self.y - self.fitted(x)) / self.weight).T.ravel()
-        pieces = [slice(a, b) for a, b in pairwise(range(0, n * channels + 1, n))]
-        found, _ = coloured(X, v, pieces, [self.step] * channels)
-        covariance = np.zeros((2, 2))
-        covariance[:free, :free] = found[:free, :free]
-        return covariance
+        for k, piece in enumerate(self._pieces()):
+            X[piece, free + k * basis.shape[1] : free + (k + 1) * basis.shape[1]] = basis
+        return X
 
 
 def _driven(pole: complex, u: np.ndarray, step: float) -> np.ndarray:

@@ -28,6 +28,7 @@ from ..reconstruction import reconstruct
 from ..record import read
 from ..reduction import between, coefficients
 from ..regression import regress
+from ..remarks import Remark, barred, documents
 from .figures import INSIDE, Figure, collect, judge, limits_of
 from .plan import FitTable, Mode, Plan, read_plan
 from .points import Fitted, line_through, means, windows_of
@@ -82,8 +83,18 @@ class Evaluation:
 
     @property
     def passed(self) -> bool:
-        """Whether the record is sound, everything was determined and every bound holds."""
-        return self.quality.usable and not self.refused and bool((self.judged["verdict"] == INSIDE).all())
+        """Whether the record is sound, everything was determined, no remark bars a figure, and every bound holds."""
+        return self.quality.usable and not self.refused and not self.barred and bool((self.judged["verdict"] == INSIDE).all())
+
+    @property
+    def remarks(self) -> dict[str, list[Remark]]:
+        """Remarks on each fit and motion by name."""
+        return {fit.name: fit.remarks for fit in self.fits} | {name: motion.remarks for name, motion in self.motions.items()}
+
+    @property
+    def barred(self) -> dict[str, list[Remark]]:
+        """Fits and motions whose figures must not be used, with the remarks that say why."""
+        return {name: remarks for name, remarks in self.remarks.items() if barred(remarks)}
 
     @property
     def verdict(self) -> str:
@@ -92,7 +103,8 @@ class Evaluation:
             return f"not evaluated: the record is not fit for it ({self.quality.verdict})"
         count = int((self.judged["verdict"] == INSIDE).sum())
         refused = f"; not determined: {', '.join(self.refused)}" if self.refused else ""
-        return f"{count} of {len(self.judged)} figures inside their bounds{refused}"
+        unusable = f"; not to be used: {', '.join(self.barred)}" if self.barred else ""
+        return f"{count} of {len(self.judged)} figures inside their bounds{refused}{unusable}"
 
     def report(self) -> str:
         """Return quality, fits, motions and bounds as text."""
@@ -104,7 +116,8 @@ class Evaluation:
         """Return everything but the time histories, made of types that JSON knows."""
         figures = {name: figure._asdict() for name, figure in self.figures.items()}
         parts = {"title": self.plan.title, "verdict": self.verdict, "figures": figures, "bounds": self.judged, "refused": self.refused}
-        return plain({**parts, "points": self.points, "quality": self.quality.as_dict()})
+        remarks = {name: documents(found) for name, found in self.remarks.items()}
+        return plain({**parts, "remarks": remarks, "points": self.points, "quality": self.quality.as_dict()})
 
     def write_page(self, path: str | Path) -> None:
         """Write one self-contained HTML page, whole or not at all."""

@@ -142,7 +142,14 @@ def _motion(name: str, motion: Motion) -> dict[str, Any]:
         units = _units(channel)
         lines = [from_si(part[channel], units) for part in (motion.measured, motion.fitted)]
         charts.append({"title": _name(channel), "svg": chart(motion.time, lines, units, label=f"{channel}, measured and fitted")})
-    return {"name": name, "kind": motion.kind, "share": motion.share, "figures": _figures(motion.values), "charts": charts}
+    return {
+        "name": name,
+        "kind": motion.kind,
+        "share": motion.share,
+        "remarks": [str(remark) for remark in motion.remarks],
+        "figures": _figures(motion.values),
+        "charts": charts,
+    }
 
 
 def _file(path: Path) -> dict[str, str]:

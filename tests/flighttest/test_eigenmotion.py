@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 import xarray as xr
-from scipy.signal import lsim
+from scipy.signal import lfilter, lsim
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest import fit_motion
+from flighttest.remarks import barred
 
 SIGMA, OMEGA = 0.2, 2.0
 ROOT = 2 * SIGMA, SIGMA**2 + OMEGA**2
@@ -89,3 +90,58 @@ def test_bad_records_are_refused_by_name():
         fit_motion(data, ["rr"])
     with pytest.raises(SchemaError, match="kind is 'spiral'; allowed: oscillation, aperiodic"):
         fit_motion(data, ["r"], "spiral")
+
+
+def coloured(seed, tau, duration=12.0, step=0.1):
+    """A channel that nothing excites: noise with one correlation time."""
+    keep, rng, n = np.exp(-step / tau), np.random.default_rng(seed), round(duration / step)
+    x = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.standard_normal(n + 500))[500:]
+    return xr.Dataset({"r": ("time", x)}, {"time": step * np.arange(n)})
+
+
+@pytest.mark.parametrize("tau", [0.3, 1.0, 5.0])
+def test_a_quiet_stretch_gives_no_figure(tau):
+    """Forty records of slow noise: refused, or remarked as an error; at most three pass (one in a thousand per free frequency)."""
+    passed = 0
+    for seed in range(40):
+        try:
+            passed += not barred(fit_motion(coloured(seed, tau), ["r"]).remarks)
+        except IdentificationError:
+            continue
+    assert passed <= 3
+
+
+def test_a_slow_curve_is_no_oscillation():
+    """Speed that drifts along a bend in a minute: nearly all of it fits a cycle, and a cubic fits as well."""
+    t = 0.1 * np.arange(600)
+    s = (t - 30.0) / 30.0
+    drift = 100.0 + 2.0 * (s**3 - 0.6 * s) + 0.02 * np.random.default_rng(0).standard_normal(600)
+    found = fit_motion(xr.Dataset({"V": ("time", drift)}, {"time": t}), ["V"])
+    assert found.share > 0.9
+    assert found.remarks[0].kind == "no excitation"
+
+
+def test_an_excited_motion_carries_no_error():
+    for seed in range(10):
+        assert not barred(fit_motion(free(0.05, seed), ["r", "p"]).remarks)
+    found = fit_motion(free(0.05), ["r", "p"])
+    assert found.F_probability < 1e-6
+    assert "amplitudes: F(4, " in found.report()
+    for kind in ("oscillation", "aperiodic"):
+        assert not barred(fit_motion(driven(kind), ["rate"], kind, ["control"], trend=False).remarks)
+
+
+def test_a_motion_that_grows_or_has_no_known_decay_is_remarked():
+    t = 0.1 * np.arange(120)
+    grown = xr.Dataset({"r": ("time", np.exp(0.3 * t) * np.cos(2.0 * t))}, {"time": t})
+    (remark,) = fit_motion(grown, ["r"]).remarks
+    assert (remark.kind, remark.severity) == ("growth", "error")
+    rng = np.random.default_rng(3)
+    steady = xr.Dataset({"r": ("time", np.cos(2.0 * t) + 0.1 * rng.standard_normal(120))}, {"time": t})
+    (remark,) = fit_motion(steady, ["r"]).remarks
+    assert (remark.kind, remark.term, remark.severity) == ("not significant", "sigma", "warning")
+
+
+def test_reversed_time_is_refused():
+    with pytest.raises(SchemaError, match="its time is not uniform or does not rise"):
+        fit_motion(free().isel(time=slice(None, None, -1)), ["r"])
