@@ -24,6 +24,8 @@ from .instruments import SPEEDS, VANES, instruments
 from .observation import SEES_GUSTS
 from .problem import Problem
 from .readings import windows_of
+from .remarks import Remark, documents
+from .remarks import lines as remark_lines
 from .states import path_states
 from .trajectory import Solution, estimate, residuals, with_gusts
 
@@ -31,7 +33,10 @@ if TYPE_CHECKING:
     from flightmech import Aircraft
 
 GUST_LENGTH = 150.0  # m, of the gust model; vanes and pitot see the gusts themselves, so it matters little
-CALM = 1.1  # residual rms over noise of vanes and pitot above which the air is turbulent
+CALM = 1.1  # residual rms over noise of vanes and pitot above which the air may be turbulent, or the noise is larger than specified
+GUSTY = 0.5  # share of the excess variance that must be correlated for it to be gusts: halfway between white noise and gusts alone
+MEMORY = 0.25  # of the correlation time of gusts, over which their correlation is looked for
+STILL = 0.1  # standard errors: a constant that moves less has settled
 CALM_STEPS = 4
 ACCEPT = 1.5  # residual rms over sensor noise
 
@@ -65,12 +70,23 @@ class Path:
         """Return the data-compatibility report as text."""
         return _report(self)
 
+    @property
+    def remarks(self) -> list[Remark]:
+        """What a reader of the path must know: turbulence and what rests on its prior for it, noise that is not as specified."""
+        return _remarks(self)
+
     def summary(self) -> dict[str, Any]:
         """Return constants, sensors and remarks as plain numbers and words."""
         keys = ("estimate", "stderr", "prior", "prior_stderr", "unit")
         constants = {str(n): {k: self.biases[k].sel(parameter=n).item() for k in keys} for n in self.biases["parameter"].values}
         about = {**self.states.attrs, "samples": self.states.sizes["time"]}
-        return {**about, "constants": constants, "sensors": self.fit, "identifiability": identifiability(self.biases)}
+        return {
+            **about,
+            "constants": constants,
+            "sensors": self.fit,
+            "identifiability": identifiability(self.biases),
+            "remarks": documents(self.remarks),
+        }
 
 
 def reconstruct(
@@ -147,15 +163,45 @@ def refine(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solu
 
 
 def in_calm_air(setup: Setup, solution: Solution) -> bool:
-    """Return whether vanes and impact pressure keep to a path in uniformly moving air within their noise.
+    """Return whether vanes and impact pressure keep to a path in uniformly moving air.
 
-    With an inertial unit the path hardly follows gusts, so they are left over in these residuals.
+    With an inertial unit the path hardly follows gusts, so they are left over in these residuals.  Gusts last, noise of instruments
+    does not: of a residual larger than the noise specified, only what is correlated from reading to reading speaks of gusts.  So a
+    specification that is too small is no turbulence.
     """
-    ratios = [1.0]
+    V = max(float(np.median(np.linalg.norm(solution.x[:, 3:6], axis=1))), 10.0)
     for sensor in setup.problem.sensors:
         rest, _ = residuals(setup.problem, sensor, solution.x, solution.c)
-        ratios += [float(np.sqrt(np.mean(r**2)) / s) for r, s, n in zip(rest.T, sensor.sigma, sensor.names, strict=True) if n in SEES_GUSTS]
-    return max(ratios) < CALM
+        for r, sigma, name in zip(rest.T, sensor.sigma, sensor.names, strict=True):
+            if name in SEES_GUSTS and gusty(r / sigma, sensor.time, MEMORY * GUST_LENGTH / V):
+                return False
+    return True
+
+
+def gusty(r: np.ndarray, time: np.ndarray, memory: float) -> bool:
+    """Return whether scaled residuals hold gusts: larger than the noise, and by something that lasts.
+
+    Parameters
+    ----------
+    r : array (readings,)
+        Residuals over the noise specified.
+    time : array (readings,)
+        [s]
+    memory : float
+        Lags up to this one are averaged, at least one reading. [s]
+
+    Notes
+    -----
+    With the variance s^2 of r and its mean autocovariance c over the lags, c is 0 of white noise of any size and s^2 - 1 of gusts
+    added to the noise specified.  Gusts are found where s > `CALM` and c > `GUSTY` (s^2 - 1), and c above two of its standard
+    errors of white noise, s^2/sqrt(readings lags).
+    """
+    power = float(np.mean(r**2))
+    if len(r) < 3 or power < CALM**2:
+        return False
+    lags = int(np.clip(memory // max(float(np.median(np.diff(time))), 1e-9), 1, max(len(r) // 4, 1)))
+    c = float(np.mean([r[k:] @ r[:-k] / len(r) for k in range(1, lags + 1)]))
+    return c > max(GUSTY * (power - 1.0), 2.0 * power / np.sqrt(len(r) * lags))
 
 
 def _in_turbulence(setup: Setup) -> tuple[Setup, Solution]:
@@ -195,9 +241,25 @@ def _settle(problem: Problem, solution: Solution, held: Sequence[str] = ()) -> S
         solution = replace(more, iterations=solution.iterations + more.iterations)
     if not solution.settled:
         raise IdentificationError(
-            f"the reconstruction did not settle in {solution.iterations} iterations; see which constants have neither data nor a prior"
+            f"the reconstruction did not settle in {solution.iterations} iterations: {_moving(problem, solution, held)}"
         )
     return solution
+
+
+def _moving(problem: Problem, solution: Solution, held: Sequence[str]) -> str:
+    """Say which constants one more iteration moves, by how much, and what to do."""
+    change = estimate(problem, solution.x, solution.c, 1, held).c - solution.c
+    errors = np.sqrt(np.diag(solution.covariance))
+    constants = problem.constants
+    order = [k for k in np.argsort(-np.abs(change) / errors) if abs(change[k]) > STILL * errors[k]]
+    if not order:
+        return "all constants stand still and only the path moves; look for readings that contradict each other (signs, units, clocks)"
+    names = [
+        f"{constants.names[k]} by {change[k]:.2g} {constants.units[k]} ({abs(change[k]) / errors[k]:.2g} standard errors)"
+        for k in order[:5]
+    ]
+    rest = f" and {len(order) - 5} more" if len(order) > 5 else ""
+    return f"still moving are {', '.join(names)}{rest}; give them a prior in the aircraft file, or a window whose readings tell them"
 
 
 def _intensity(setup: Setup, solution: Solution, sigma: np.ndarray) -> np.ndarray:
@@ -249,6 +311,26 @@ def _row(name: str, rest: np.ndarray, sigma: float) -> dict[str, Any]:
     }
 
 
+def _remarks(path: Path) -> list[Remark]:
+    found = []
+    gusts, about = str(path.states.attrs.get("gusts", "none")), path.biases
+    if gusts != "none":
+        held = [str(name) for name in about["parameter"].values[about["held"].values.astype(bool)]]
+        words = (
+            f"turbulence (gusts {gusts} m/s, one sigma): {', '.join(held) or 'no constant'} cannot be told from gusts and rests on its "
+            "prior; give the vane calibration of a flight in calm air (--biases)"
+        )
+        found.append(Remark("turbulence", words, " ".join(held)))
+    for name, row in path.fit.iterrows():
+        if row.ratio > CALM and row.autocorrelation < GUSTY * (1.0 - 1.0 / row.ratio**2):
+            words = (
+                f"noise of {name} is {row.ratio:.2f} times that specified ({row.rms:.3g} for {row.noise:.3g}), and white; correct it in "
+                "the aircraft file"
+            )
+            found.append(Remark("noise", words, str(name), float(row.ratio), CALM))
+    return found
+
+
 def _report(path: Path) -> str:
     states = path.states
     time = states["time"].values
@@ -270,4 +352,5 @@ def _report(path: Path) -> str:
             f"{name:14s}{row.readings:9d}{row.noise:11.4g}{row.rms:11.4g}{row.ratio:7.2f}{row.autocorrelation:9.2f}  {row.verdict}"
         )
     words = identifiability(path.biases)
+    lines += ["", *remark_lines(path.remarks)] if path.remarks else []
     return "\n".join([*lines, "", "Identifiability:", *(f"  - {word}" for word in words or ["every constant is told by the data"])])

@@ -41,12 +41,15 @@ class Colour(NamedTuple):
         Standard deviation of the noise from sample to sample.
     time : float
         Over how long the disturbance is correlated: integral of its autocorrelation, at least a block. [s]
+    block : float
+        Length of a block: white noise has this correlation time. [s]
     """
 
     disturbance: Disturbance
     slow: float
     white: float
     time: float
+    block: float
 
 
 class _Blocks(NamedTuple):
@@ -129,7 +132,7 @@ def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> 
     r = model.autocovariance(max(2, len(v) // 4))
     white = float(rest @ rest) / max(1, len(rest) - len(v))
     time = block * max(1.0, float(2.0 * r.sum() / r[0] - 1.0)) if r[0] > 0.0 else block
-    return Colour(model, float(np.sqrt(r[0])), float(np.sqrt(white)), time)
+    return Colour(model, float(np.sqrt(r[0])), float(np.sqrt(white)), time, block)
 
 
 def _links(pieces: Sequence[_Blocks], colours: Sequence[Colour]) -> np.ndarray:

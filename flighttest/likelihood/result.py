@@ -121,6 +121,7 @@ def noise_of(found: Found, outputs: list[str], colours: Sequence[Colour] = (), m
         noise["slow"] = "output", [colour.slow * scale for colour, scale in zip(colours, size)]
         noise["fast"] = "output", [colour.white * scale for colour, scale in zip(colours, size)]
         noise["time"] = "output", [colour.time for colour in colours]
+        noise["block"] = "output", [colour.block for colour in colours]
         about = np.concatenate([z - np.nanmean(z, axis=0) for z in measured])
         noise["motion"] = "output", np.sqrt(np.nanmean(about**2, axis=0))
     return noise

@@ -10,6 +10,7 @@ from flightmech.errors import AeromatchWarning
 
 LOUD = 2.0  # disturbance over the noise from sample to sample
 FELT = 1e-3  # part of the motion below which a disturbance does not matter
+BLOCKS = 2.0  # and blocks: a recorder below 12 Hz has one sample per block, and its white noise lasts as long as that
 LASTING = 0.25  # correlation time from which a disturbance is one of the motion [s]
 OUTPUTS = 2  # so many outputs show it: a gust moves more than one
 
@@ -20,19 +21,19 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
     Parameters
     ----------
     noise : Dataset (output,)
-        ``slow``, ``fast``, ``time`` and ``motion`` as in `OutputError`.
+        ``slow``, ``fast``, ``time``, ``motion`` and ``block`` as in `OutputError`.
 
     Notes
     -----
     Noise of instruments is nearly white and belongs to one output.  What moves the aeroplane lasts as long as its modes and
     shows in several outputs at once.  It is called turbulence when two outputs carry a disturbance of more than twice the noise
-    between neighbouring samples, correlated over 0.25 s and more, and above a thousandth of the motion.  A term that the
+    between neighbouring samples, correlated over 0.25 s and two blocks and more, and above a thousandth of the motion.  A term that the
     model lacks looks the same: the residuals over the inputs tell which.
     """
     loud = []
     for name in noise["output"].values:
-        slow, fast, time, motion = (float(noise[key].sel(output=name)) for key in ("slow", "fast", "time", "motion"))
-        if slow > LOUD * fast and time > LASTING and slow > FELT * motion:
+        slow, fast, time, motion, block = (float(noise[key].sel(output=name)) for key in ("slow", "fast", "time", "motion", "block"))
+        if slow > LOUD * fast and time > max(LASTING, BLOCKS * block) and slow > FELT * motion:
             loud.append(f"{name} ({slow / max(fast, 1e-300):.1f} times its noise, {time:.2g} s)")
     if len(loud) < OUTPUTS:
         return ()

@@ -112,13 +112,18 @@ def test_a_quiet_stretch_gives_no_figure(tau):
 
 
 def test_a_slow_curve_is_no_oscillation():
-    """Speed that drifts along a bend in a minute: nearly all of it fits a cycle, and a cubic fits as well."""
-    t = 0.1 * np.arange(600)
-    s = (t - 30.0) / 30.0
-    drift = 100.0 + 2.0 * (s**3 - 0.6 * s) + 0.02 * np.random.default_rng(0).standard_normal(600)
-    found = fit_motion(xr.Dataset({"V": ("time", drift)}, {"time": t}), ["V"])
-    assert found.share > 0.9
-    assert found.remarks[0].kind == "no excitation"
+    """Speed that drifts along random bends in a minute: a cycle explains up to 99 % of it, and a cubic as much; one of 25 passed."""
+    passed, shares, t = 0, [], 0.1 * np.arange(600)
+    for seed in range(25):
+        drift = 100.0 + np.cumsum(np.cumsum(np.random.default_rng(seed).standard_normal(600))) / 1000.0
+        try:
+            found = fit_motion(xr.Dataset({"V": ("time", drift)}, {"time": t}), ["V"])
+        except IdentificationError:
+            continue
+        passed += not barred(found.remarks)
+        shares.append(found.share)
+    assert passed <= 2
+    assert max(shares) > 0.99
 
 
 def test_an_excited_motion_carries_no_error():

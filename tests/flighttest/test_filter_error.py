@@ -198,3 +198,15 @@ def test_bad_requests_are_refused_by_name(model):
         flighttest.filter_error(model, record, STARTS)
     with pytest.raises(UnknownName, match="unknown signal 'nz'"):
         flighttest.filter_error(model, record.drop_vars("nz"), STARTS)
+
+
+@pytest.mark.parametrize("step", [0.1, 0.25])
+def test_measurement_noise_on_a_slow_recorder_is_no_turbulence(model, step):
+    """Six records of white noise; a block of 0.08 s holds one sample and no noise inside."""
+    for seed in range(6):
+        assert flighttest.filter_error(model, flight(seed, duration=40.0, step=step), STARTS).warnings == ()
+
+
+def test_gusts_show_on_a_recorder_of_ten_samples_a_second(model):
+    with pytest.warns(AeromatchWarning, match="turbulence or a missing term"):
+        flighttest.filter_error(model, flight(0, duration=40.0, step=0.1, gust=2.0), STARTS)

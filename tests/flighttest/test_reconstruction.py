@@ -5,11 +5,14 @@ import copy
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.signal import lfilter
 
 import flighttest
 from flightmech.errors import IdentificationError, OutOfRange, SchemaError
+from flighttest import reconstruction
 from flighttest.constants import identifiability
 from flighttest.lag import lag_weights
+from flighttest.reconstruction import gusty
 from flighttest.trajectory import moved
 
 ERROR_FREE = {"V": 0.05, "alpha": 0.0012, "beta": 0.0012, "theta": 0.0008, "h": 0.6}  # m/s, rad, m
@@ -253,3 +256,47 @@ def test_prior_of_other_runs_is_used(flown, aircraft):
     k = "bias.theta"
     assert float(after.biases["stderr"].sel(parameter=k)) < float(alone.biases["stderr"].sel(parameter=k))
     np.testing.assert_allclose(after.biases["prior"].sel(parameter=k), prior["estimate"].sel(parameter=k))
+
+
+def specified(aircraft, **factors):
+    """The aircraft with another noise specification of its air data."""
+    changed = copy.deepcopy(aircraft)
+    for name, factor in factors.items():
+        changed.instruments["air_data"]["noise"][name] *= factor
+    return changed
+
+
+@pytest.mark.parametrize("factor", [1.0 / 1.11, 1.0 / 1.4])
+def test_a_noise_specification_too_small_is_no_turbulence(calm, flown, aircraft, factor):
+    """The residual of q_c is larger than specified and white: the vane factors are estimated as before, and the noise is named."""
+    path = flighttest.reconstruct(flown(0)[0], specified(aircraft, q_c=factor))
+    assert path.states.attrs["gusts"] == "none"
+    row, right = (found.biases.sel(parameter="factor.alpha_vane") for found in (path, calm[0]))
+    assert abs(float(row["estimate"] - right["estimate"])) < 0.5 * float(right["stderr"])
+    (remark,) = [one for one in path.remarks if one.term == "q_c"]
+    assert remark.kind == "noise"
+    assert remark.value == pytest.approx(1.0 / factor, rel=0.05)  # two thousand readings scatter by 1.6 %
+    assert "noise of q_c is 1." in path.report()
+    assert path.summary()["remarks"][0]["kind"] == "noise"
+    assert calm[0].remarks == []
+
+
+def test_gusts_are_told_from_noise_by_what_lasts():
+    """Two thousand readings at 50 a second: white noise of any size is none, a gust as large as half the noise is one."""
+    t = 0.02 * np.arange(2000)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        noise = rng.normal(size=2000)
+        keep = np.exp(-0.02 / 1.5)
+        gust = lfilter([np.sqrt(1.0 - keep**2)], [1.0, -keep], rng.normal(size=3000))[1000:]
+        assert not any(gusty(size * noise, t, 0.4) for size in (1.0, 1.11, 1.5, 3.0))
+        assert gusty(noise + 0.8 * gust / gust.std(), t, 0.4)
+
+
+def test_what_has_not_settled_is_named(flown, aircraft, monkeypatch):
+    """A single iteration and no more: the constants that still move are told with how far."""
+    monkeypatch.setattr(reconstruction, "CALM_STEPS", 1)
+    whole = reconstruction.estimate
+    monkeypatch.setattr(reconstruction, "estimate", lambda problem, x, c, iterations=1, held=(): whole(problem, x, c, 1, held))
+    with pytest.raises(IdentificationError, match=r"did not settle in 2 iterations: still moving are \S+ by \S+ .*standard errors\)"):
+        flighttest.reconstruct(flown(0)[0], aircraft)
