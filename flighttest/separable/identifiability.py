@@ -11,7 +11,6 @@ from .. import collinearity
 from .model import SeparableModel, ShapeParameter
 
 T_SHAPED = 3.0  # least coefficient over standard error of a term whose shape was searched: the search takes the largest of many
-T_PLAIN = 2.0
 NARROWED = 0.5  # largest standard error of a shape parameter over that before the flights
 
 
@@ -66,8 +65,8 @@ def judged(
 
 
 def _coefficient(t: float, shapes: Sequence[str]) -> str:
-    least = T_SHAPED if shapes else T_PLAIN
-    return "" if t >= least else f"{t:.1f} standard errors from zero, {least:g} are needed"
+    """A term of known form may well be zero; one whose form was searched must be seen, or its form means nothing."""
+    return "" if t >= T_SHAPED or not shapes else f"{t:.1f} standard errors from zero, {T_SHAPED:g} are needed"
 
 
 def _shape(name: str, item: ShapeParameter, value: float, narrowed: float, t: float, free: bool) -> str:
