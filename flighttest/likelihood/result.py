@@ -33,7 +33,8 @@ class OutputError:
     noise : Dataset
         ``stderr`` (manoeuvre, output) of the noise, ``covariance`` (output, output_) of the residuals of all manoeuvres, and, in
         time, per output ``slow`` and ``fast``, its disturbance and its noise from sample to sample, ``time``, how long the
-        disturbance lasts [s], ``block``, the blocks in which it was looked for [s], and ``motion``, rms of the measured output about its mean.
+        disturbance lasts [s], ``block``, the blocks in which it was looked for [s], and ``motion``, rms of the measured output
+        about its mean.
     warnings : tuple of str
         Why the standard errors or the estimates are not to be trusted.
     """
