@@ -59,7 +59,7 @@ static void all_finite_or_die(const double *values, size_t n, const char *words)
 }
 
 /* A status, and after a failure a sentence. */
-static int told(const am_sim *sim, int status) {
+static int checked(const am_sim *sim, int status) {
     promise(status >= AM_OK && status <= AM_NOT_READY, "a status is one of kernel.h");
     promise(status == AM_OK || am_error(sim)[0], "a failure has a text");
     promise(strlen(am_error(sim)) < AM_TEXT, "a text ends");
@@ -89,7 +89,7 @@ static void set_parameter(const am_model *m, am_sim *sim, bytes_t *bytes) {
     const int i = (int)take_number(bytes, (uint32_t)am_count(m, AM_PARAMETER) + 300) - 1;
     const double value = take_value(bytes);
     double back;
-    if (told(sim, am_set_parameter(sim, i, value)) != AM_OK) return;
+    if (checked(sim, am_set_parameter(sim, i, value)) != AM_OK) return;
     promise(isfinite(value), "a parameter that is not finite is refused");
     promise(am_get_parameter(sim, i, &back) == AM_OK, "a parameter that was set can be read");
 }
@@ -99,28 +99,28 @@ static void set_named(const am_model *m, am_sim *sim, bytes_t *bytes) {
                                        "mode.rates",     "mode.trim",       "turbulence.mode",
                                        "steering.order", "runway.condition"};
     const int i = am_find(m, AM_PARAMETER, NAME[take_byte(bytes) % (sizeof NAME / sizeof *NAME)]);
-    told(sim, am_set_parameter(sim, i, take_byte(bytes) % 5));
+    checked(sim, am_set_parameter(sim, i, take_byte(bytes) % 5));
 }
 
 static void set_inputs(const am_model *m, am_sim *sim, bytes_t *bytes) {
     double *u = values(bytes, count(m, AM_INPUT));
-    told(sim, am_set_inputs(sim, u));
+    checked(sim, am_set_inputs(sim, u));
     am_get_inputs(sim, u);
     all_finite_or_die(u, count(m, AM_INPUT), "inputs stay finite");
-    told(sim, am_set_input(sim, (int)take_number(bytes, (uint32_t)count(m, AM_INPUT) + 2) - 1,
-                           take_value(bytes)));
+    checked(sim, am_set_input(sim, (int)take_number(bytes, (uint32_t)count(m, AM_INPUT) + 2) - 1,
+                              take_value(bytes)));
     free(u);
 }
 
 /* A trim on the ground that finds nothing takes a second, so the next start has none. */
 static void start(const am_model *m, am_sim *sim, bytes_t *bytes) {
-    told(sim, am_initialize(sim, take_byte(bytes) % 4 ? 0.0 : take_value(bytes)));
+    checked(sim, am_initialize(sim, take_byte(bytes) % 4 ? 0.0 : take_value(bytes)));
     am_set_parameter(sim, am_find(m, AM_PARAMETER, "mode.trim"), 0.0);
 }
 
 static void outputs(const am_model *m, am_sim *sim) {
     double *y = room(count(m, AM_OUTPUT));
-    if (told(sim, am_outputs(sim, y)) == AM_OK) {
+    if (checked(sim, am_outputs(sim, y)) == AM_OK) {
         all_finite_or_die(y, count(m, AM_OUTPUT), "outputs are finite or an error");
     }
     free(y);
@@ -132,8 +132,8 @@ static void step(const am_model *m, am_sim *sim, bytes_t *bytes) {
     double *u1 = values(bytes, count(m, AM_INPUT));
     double *x = room(nx);
     const double t = take_byte(bytes) % 4 ? am_time(sim) : take_value(bytes);
-    const int status = told(sim, am_step(sim, t, short_step(m, sim, take_value(bytes)), u0,
-                                         take_byte(bytes) % 2 ? u1 : u0));
+    const int status = checked(sim, am_step(sim, t, short_step(m, sim, take_value(bytes)), u0,
+                                            take_byte(bytes) % 2 ? u1 : u0));
     am_get_state(sim, x);
     if (status == AM_OK) all_finite_or_die(x, nx, "a state after a good step is finite");
     free(u0);
@@ -142,7 +142,7 @@ static void step(const am_model *m, am_sim *sim, bytes_t *bytes) {
 }
 
 static void complete_step(const am_model *m, am_sim *sim, bytes_t *bytes) {
-    told(sim, am_complete_step(sim, am_time(sim) + short_step(m, sim, take_value(bytes))));
+    checked(sim, am_complete_step(sim, am_time(sim) + short_step(m, sim, take_value(bytes))));
 }
 
 static void slope(const am_model *m, am_sim *sim, bytes_t *bytes) {
@@ -151,7 +151,7 @@ static void slope(const am_model *m, am_sim *sim, bytes_t *bytes) {
     double *dx = room(nx);
     double *u = values(bytes, count(m, AM_INPUT));
     if (take_byte(bytes) % 2) am_get_state(sim, x);
-    if (told(sim, am_derivative(sim, x, u, dx)) == AM_OK) {
+    if (checked(sim, am_derivative(sim, x, u, dx)) == AM_OK) {
         all_finite_or_die(dx, nx, "a derivative is finite or an error");
     }
     free(x);
@@ -164,7 +164,7 @@ static void set_state(const am_model *m, am_sim *sim, bytes_t *bytes) {
     double *x = room(nx);
     am_get_state(sim, x);
     if (nx) x[take_number(bytes, (uint32_t)nx)] = take_value(bytes);
-    told(sim, am_set_state(sim, x));
+    checked(sim, am_set_state(sim, x));
     free(x);
 }
 
@@ -199,7 +199,7 @@ static void trim_for(const am_model *m, am_sim *sim, bytes_t *bytes) {
                                .goal = goal,
                                .wanted = wanted};
     double *y = room(count(m, AM_OUTPUT));
-    if (told(sim, am_trim_for(sim, &task, found, y, left, jacobian)) == AM_OK) {
+    if (checked(sim, am_trim_for(sim, &task, found, y, left, jacobian)) == AM_OK) {
         all_finite_or_die(y, count(m, AM_OUTPUT), "outputs of a trim are finite or an error");
         all_finite_or_die(found, (size_t)unknowns, "what a trim found is finite or an error");
     }
@@ -211,8 +211,8 @@ static void evaluate(const am_model *m, am_sim *sim, bytes_t *bytes) {
     double *v = values(bytes, n * count(m, AM_VARIABLE));
     double *c = room(6 * n);
     double *terms = room(n * count(m, AM_TERM));
-    told(sim, am_evaluate(sim, n, v, take_byte(bytes) % 4 ? c : NULL,
-                          take_byte(bytes) % 4 ? terms : NULL));
+    checked(sim, am_evaluate(sim, n, v, take_byte(bytes) % 4 ? c : NULL,
+                             take_byte(bytes) % 4 ? terms : NULL));
     free(v);
     free(c);
     free(terms);
@@ -233,8 +233,8 @@ static void record(const am_model *m, am_sim *sim, bytes_t *bytes) {
     double *terms = room(SAMPLES * count(m, AM_TERM));
     size_t done = 0;
     rise(t, m, sim, bytes);
-    told(sim, am_record(sim, SAMPLES, t, u, take_byte(bytes) % 2, some ? output : NULL, 2, y,
-                        take_byte(bytes) % 2 ? terms : NULL, &done));
+    checked(sim, am_record(sim, SAMPLES, t, u, take_byte(bytes) % 2, some ? output : NULL, 2, y,
+                           take_byte(bytes) % 2 ? terms : NULL, &done));
     promise(done <= SAMPLES, "no more rows are done than asked for");
     all_finite_or_die(y, done * outputs, "recorded outputs are finite");
     free(u);
@@ -313,7 +313,7 @@ static void image(const am_model *m, am_sim *sim, bytes_t *bytes) {
     free(stored);
 }
 
-static void ask(const am_model *m, const am_sim *sim, bytes_t *bytes) {
+static void query(const am_model *m, const am_sim *sim, bytes_t *bytes) {
     double *below = room(count(m, AM_AXIS));
     double *above = room(count(m, AM_AXIS));
     am_entry entry;
@@ -377,8 +377,8 @@ void call_kernel(const am_model *m, am_sim *sim, bytes_t *bytes) {
         break;
     default:
         if (take_byte(bytes) % 8 == 0) trim_for(m, sim, bytes);
-        else if (take_byte(bytes) % 8 == 0) told(sim, am_trim(sim, take_byte(bytes) % 5));
-        else ask(m, sim, bytes);
+        else if (take_byte(bytes) % 8 == 0) checked(sim, am_trim(sim, take_byte(bytes) % 5));
+        else query(m, sim, bytes);
     }
 }
 

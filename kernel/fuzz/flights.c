@@ -122,10 +122,10 @@ static int flights(const am_model *m) {
 }
 
 static void trims(const am_model *m) {
-    for (int seek = 1; seek <= 3; seek++) {
+    for (int mode = 1; mode <= 3; mode++) {
         for (int start = 0; start < 4; start++) {
             am_sim *sim = made(m, start, start % 2, 0, start % 3, 0);
-            set(m, sim, "mode.trim", seek);
+            set(m, sim, "mode.trim", mode);
             fly(m, sim, NULL);
             am_delete(sim);
         }
@@ -134,7 +134,7 @@ static void trims(const am_model *m) {
 
 /* Images of a flight with one double of the memory of a submodel changed, at the places where
  * counts and indices stand. */
-static void strangers(const am_model *m) {
+static void changed_images(const am_model *m) {
     static const double VALUE[] = {-1e300, -1e9, -1.0, 0.0, 0.5, 600.0, 1e9, 1e300};
     const size_t n = image_size(m);
     const size_t nu = (size_t)am_count(m, AM_INPUT);
@@ -246,7 +246,7 @@ int main(int argc, char **argv) {
             flown += flights(m);
             trims(m);
             crowd(m);
-            strangers(m);
+            changed_images(m);
             any_calls(m, 1u + (uint32_t)k);
         }
         am_free(m);

@@ -76,7 +76,7 @@ enum {
      * steps */
     AM_FIXED = 1,
     AM_INTEGER = 2, /* an enumeration: mode.earth, mode.engine, mode.controls, mode.trim */
-    /* an axis that goes on linearly beyond its ends instead of holding the end value */
+    /* an axis that continues linearly beyond its ends instead of holding the end value */
     AM_LINEAR = 4
 };
 

@@ -50,9 +50,9 @@ int fmu_begin_continuous(fmu *f) {
     return FMU_OK;
 }
 
-/* Turbulence, gusts, delays and control systems with friction are no states.  They stand still
+/* Turbulence, gusts, delays and control systems with friction are no states.  They are constant
  * between events and move at them, so that they do not depend on the solver's steps; a model in
- * which none is at work asks for one event only. */
+ * which none is active needs one event only. */
 static int move_discrete(fmu *f) {
     size_t n;
     const double *memory = image_memory(f->sim, &n);
@@ -99,8 +99,8 @@ int fmu_set_time(fmu *f, double t) {
     return FMU_OK;
 }
 
-/* A solver may try states that are not finite: it is told to try a smaller step, the instance
- * stays as it was. */
+/* A solver may try states that are not finite: FMU_DISCARD makes it try a smaller step, and the
+ * instance stays as it was. */
 int fmu_set_states(fmu *f, const double x[], size_t n) {
     if (demand_exchange(f, f && f->phase == FMU_CONTINUOUS, "setting the states")
         || demand_states(f, n)) {

@@ -29,7 +29,7 @@ typedef struct {
 enum { MODEL_EXCHANGE, CO_SIMULATION };
 enum { DO_STEP_STATUS, PENDING_STATUS, LAST_SUCCESSFUL_TIME, TERMINATED };
 
-static void tell(const fmu_logger *logger, int status, const char *text) {
+static void report(const fmu_logger *logger, int status, const char *text) {
     logger_function function = (logger_function)logger->callback;
     char message[2048]; /* the message is a printf format */
     size_t k = 0;
@@ -50,7 +50,7 @@ AM_API const char *fmi2GetVersion(void) { return "2.0"; }
 AM_API fmu *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
                             const callback_functions *callbacks, fmi2Boolean visible,
                             fmi2Boolean logging) {
-    fmu_logger logger = {.tell = tell};
+    fmu_logger logger = {.report = report};
     char folder[4096];
     (void)visible;
     (void)logging; /* only errors are logged, and they always are */
@@ -60,13 +60,13 @@ AM_API fmu *fmi2Instantiate(const char *name, int type, const char *guid, const 
     }
     snprintf(logger.name, sizeof logger.name, "%s", name ? name : "");
     if (type != CO_SIMULATION && type != MODEL_EXCHANGE) {
-        tell(&logger, FMU_ERROR,
-             "unknown type of instance; FMI 2.0 knows model exchange (0) and co-simulation (1)");
+        report(&logger, FMU_ERROR,
+               "unknown type of instance; FMI 2.0 knows model exchange (0) and co-simulation (1)");
         return NULL;
     }
     if (resource_path(resources, folder, sizeof folder) != 0) {
-        tell(&logger, FMU_ERROR,
-             "the resource location is not a file URI; give file:///<folder>/resources");
+        report(&logger, FMU_ERROR,
+               "the resource location is not a file URI; give file:///<folder>/resources");
         return NULL;
     }
     return fmu_open(folder, guid, type == CO_SIMULATION ? FMU_CO_SIMULATION : FMU_MODEL_EXCHANGE,
@@ -158,7 +158,7 @@ AM_API fmi2Status fmi2GetRealStatus(fmu *f, int kind, double *value) {
 
 AM_API fmi2Status fmi2GetBooleanStatus(fmu *f, int kind, fmi2Boolean *value) {
     if (!f || kind != TERMINATED) return fmu_refuse(f, "status %d has no truth value", kind);
-    *value = 0; /* the model never asks for an end */
+    *value = 0; /* the model never ends a simulation */
     return FMU_OK;
 }
 

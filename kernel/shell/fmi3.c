@@ -15,7 +15,7 @@ typedef void (*update_function)(void *environment, double time, bool set_request
 typedef void (*notice_function)(void *environment);
 typedef void (*lock_function)(void);
 
-static void tell(const fmu_logger *logger, int status, const char *text) {
+static void report(const fmu_logger *logger, int status, const char *text) {
     if (logger->callback) {
         ((logger_function)logger->callback)(logger->environment, status, "logStatusError", text);
     }
@@ -23,7 +23,7 @@ static void tell(const fmu_logger *logger, int status, const char *text) {
 
 static fmu_logger logger_of(const char *name, void *environment, logger_function callback) {
     fmu_logger logger = {
-        .tell = tell, .environment = environment, .callback = (void (*)(void))callback};
+        .report = report, .environment = environment, .callback = (void (*)(void))callback};
     snprintf(logger.name, sizeof logger.name, "%s", name ? name : "");
     return logger;
 }
@@ -45,9 +45,10 @@ AM_API fmu *fmi3InstantiateCoSimulation(const char *name, const char *token, con
     (void)intermediate;
     (void)update;
     if (events || n) {
-        tell(&logger, FMU_ERROR,
-             "this FMU has neither an event mode nor intermediate updates; instantiate it without "
-             "them");
+        report(
+            &logger, FMU_ERROR,
+            "this FMU has neither an event mode nor intermediate updates; instantiate it without "
+            "them");
         return NULL;
     }
     return fmu_open(resources, token, FMU_CO_SIMULATION, &logger);
@@ -75,7 +76,7 @@ AM_API fmu *fmi3InstantiateScheduledExecution(const char *name, const char *toke
     (void)clock;
     (void)lock;
     (void)unlock;
-    tell(&logger, FMU_ERROR, "this FMU offers no scheduled execution");
+    report(&logger, FMU_ERROR, "this FMU offers no scheduled execution");
     return NULL;
 }
 

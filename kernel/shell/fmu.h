@@ -42,12 +42,12 @@ typedef enum {
 typedef struct fmu fmu;
 typedef struct fmu_state fmu_state;
 
-/* Where messages go: `tell` passes the text to the importer's own logger in the manner of its
+/* Where messages go: `report` passes the text to the importer's own logger in the manner of its
  * standard. */
 typedef struct fmu_logger {
-    void (*tell)(const struct fmu_logger *logger, int status, const char *text);
+    void (*report)(const struct fmu_logger *logger, int status, const char *text);
     void *environment;
-    void (*callback)(void); /* the importer's function, cast back by `tell` */
+    void (*callback)(void); /* the importer's function, cast back by `report` */
     char name[128];         /* of the instance */
 } fmu_logger;
 

@@ -11,7 +11,7 @@ int fmu_refuse(const fmu *f, const char *format, ...) {
     va_start(arguments, format);
     vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
-    f->logger.tell(&f->logger, FMU_ERROR, text);
+    f->logger.report(&f->logger, FMU_ERROR, text);
     return FMU_ERROR;
 }
 

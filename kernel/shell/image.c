@@ -29,7 +29,7 @@ static bool truth(const bool *stored) {
     return byte == 1;
 }
 
-static bool sound(const am_sim *sim) {
+static bool valid(const am_sim *sim) {
     const am_model *m = sim->model;
     const bool finite = all_finite(&sim->omega, 1)
                         && all_finite(sim->par, (size_t)m->count[AM_PARAMETER])
@@ -47,7 +47,7 @@ int image_restore(am_sim *sim, const void *image) {
     sim->prepared = sim->fresh = sim->anchored = false;
     check_patches(sim); /* these and the cells are the only indices among the bytes */
     settle_cells(sim);
-    return sound(sim) ? 0 : -1;
+    return valid(sim) ? 0 : -1;
 }
 
 size_t image_memories(const am_model *model) { return model->memories; }

@@ -73,7 +73,7 @@ fmu *fmu_open(const char *resources, const char *token, fmu_kind kind, const fmu
         if (f->model && allocate(f) == FMU_OK) return f;
         if (f->model) snprintf(text, sizeof text, "no memory for an instance");
     }
-    logger->tell(logger, FMU_ERROR, text);
+    logger->report(logger, FMU_ERROR, text);
     fmu_close(f);
     return NULL;
 }

@@ -42,7 +42,8 @@ def code(path: Path) -> str:
 def program(path: Path) -> str:
     """Return the code without preprocessor lines, and without what stands in parentheses, brackets and initialisers."""
     text = re.sub(r"^#(?:.*\\\n)*.*$", lambda found: re.sub(r"[^\n]", " ", found.group()), code(path), flags=re.M)
-    out, open_pieces = [], []
+    out: list[str] = []
+    open_pieces: list[str] = []
     for i, character in enumerate(text):
         starts = character in "([" or (character == "{" and bool(open_pieces or re.search(r"(=\s|\))$", text[max(i - 2, 0) : i])))
         if open_pieces and character in ")]}":

@@ -111,5 +111,5 @@ def test_no_speed_is_an_error(sim):
 
 
 def test_throttle_and_recorded_thrust_contradict(sim):
-    with pytest.raises(SimulationError, match=r"mode.trim = 2 seeks the throttle, but mode.engine = 2"):
+    with pytest.raises(SimulationError, match=r"mode.trim = 2 solves for the throttle, but mode.engine = 2"):
         flightmech.trim(sim, {**CRUISE, "mode.engine": 2.0, "mode.trim": 2.0})

@@ -65,7 +65,7 @@ void delay_record(double *line, double t, double value, double delay) {
     append(line, t, value);
 }
 
-bool delay_sound(const double *line, bool started) {
+bool delay_valid(const double *line, bool started) {
     const double first = line[FIRST];
     const double count = line[COUNT];
     return first >= 0.0 && first < DELAY_KNOTS && first == floor(first)

@@ -12,7 +12,7 @@ void delay_start(double *line, double t, double value); /* value since ever */
 /* linear from the knot before; a second one at the same t jumps */
 void delay_record(double *line, double t, double value, double delay);
 /* bytes from outside: whether no knot lies beyond the ring */
-bool delay_sound(const double *line, bool started);
+bool delay_valid(const double *line, bool started);
 /* at a jump: the value after or before it */
 double delay_read(const double *line, double t, bool after);
 

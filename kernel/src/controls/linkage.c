@@ -166,7 +166,7 @@ static void solve(const linkage_t *c, const motion_t *m, double t, double h, pie
     split_reaction(c, p, 0, reaction);
 }
 
-/* What the sign of tells whether an event has happened by the end of the piece.  Friction,
+/* A value whose change of sign is an event in the piece.  Friction,
  * preload and stop are those before the event, so that the value is smooth in h. */
 static event_t event_of(const linkage_t *c, const motion_t *m, const piece_t *p, kind_t kind,
                         int i) {

@@ -8,7 +8,7 @@
 
 #define LINKAGE_BODIES 3
 
-/* Body 0 is the cockpit end; bodies 1 and 2 hang on it by one cable each.  Force on a body
+/* Body 0 is the cockpit end; bodies 1 and 2 are connected to it by one cable each.  Force on a body
  * towards positive travel:
  *
  *     load + load_rate t - stiffness (q - origin) - damping v - friction Sgn(v)

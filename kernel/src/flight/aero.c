@@ -20,14 +20,14 @@ static void add_late(am_sim *sim, double c[COEFFICIENTS]) {
 }
 
 /* CL, CD (stability axes) and CY (body axis) to body axes. */
-static void house_to_body(const now_t *now, const double c[3], double f[3]) {
+static void lift_drag_to_body(const now_t *now, const double c[3], double f[3]) {
     f[0] = c[0] * now->sa - c[1] * now->ca;
     f[1] = c[2];
     f[2] = -c[0] * now->ca - c[1] * now->sa;
 }
 
 /* Force coefficients of the database to CL, CD (stability axes) and CY (body axis). */
-static void to_house(const am_sim *sim, double c[3]) {
+static void to_lift_drag(const am_sim *sim, double c[3]) {
     const now_t *now = &sim->now;
     double f[3];
     if (sim->model->force_axes == STABILITY_AXES) return;
@@ -77,8 +77,8 @@ static double implicit_row(const am_sim *sim, uint32_t kind, const double free_f
     return dot(row, free_fall);
 }
 
-/* A row over forces to one over CL, CD, CY: the transpose of house_to_body. */
-static void row_to_house(const now_t *now, const double row[3], double factor, double to[3]) {
+/* A row over forces to one over CL, CD, CY: the transpose of lift_drag_to_body. */
+static void row_to_lift_drag(const now_t *now, const double row[3], double factor, double to[3]) {
     to[0] = factor * (row[0] * now->sa - row[2] * now->ca);
     to[1] = factor * (-row[0] * now->ca - row[2] * now->sa);
     to[2] = factor * row[1];
@@ -103,12 +103,13 @@ static inline void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], u
 
 /* Adds the implicit terms to the coefficients c; applied are the other forces, n is the number
  * of unknowns.  What does not wait for c comes first. */
-static inline void close_loop(am_sim *sim, const double applied[3], const double free_fall[3],
-                              double c[COEFFICIENTS], uint32_t n) {
+static inline void add_implicit(am_sim *sim, const double applied[3], const double free_fall[3],
+                                double c[COEFFICIENTS], uint32_t n) {
     const am_model *m = sim->model;
     const double per_mass = 1.0 / sim->now.mass;
     const double qS = sim->now.qbar * m->S;
     double slope[IMPLICIT][COEFFICIENTS], gain[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
+    /* slope of the coefficients over each implicit variable: its terms at the value one */
     for (uint32_t j = 0; j < n; j++) {
         sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
         for (int k = 0; k < COEFFICIENTS; k++) slope[j][k] = 0.0;
@@ -117,11 +118,13 @@ static inline void close_loop(am_sim *sim, const double applied[3], const double
         const uint32_t term = m->implicit[i][0];
         slope[m->implicit[i][1]][m->term[term].target] += term_value(sim, term);
     }
-    for (uint32_t j = 0; j < n; j++) to_house(sim, slope[j]);
+    for (uint32_t j = 0; j < n; j++) to_lift_drag(sim, slope[j]);
+    /* x_i = apart_i + row_i . F / m and c = c_0 + slope x make (I - gain slope) x = apart + gain
+     * c_0 */
     for (uint32_t i = 0; i < n; i++) {
         double row[3];
         x[i] = implicit_row(sim, m->unknown[i], free_fall, row) + dot(row, applied) * per_mass;
-        row_to_house(&sim->now, row, qS * per_mass, gain[i]);
+        row_to_lift_drag(&sim->now, row, qS * per_mass, gain[i]);
         for (uint32_t j = 0; j < n; j++) A[i][j] = (i == j) - dot(gain[i], slope[j]);
     }
     for (uint32_t i = 0; i < n; i++) x[i] += dot(gain[i], c);
@@ -136,15 +139,15 @@ static inline void close_loop(am_sim *sim, const double applied[3], const double
 static void solve_implicit(am_sim *sim, const double applied[3], const double free_fall[3],
                            double c[COEFFICIENTS]) {
     const uint32_t n = sim->model->unknowns;
-    if (n == 1) close_loop(sim, applied, free_fall, c, 1);
-    else if (n == 2) close_loop(sim, applied, free_fall, c, 2);
-    else close_loop(sim, applied, free_fall, c, 3);
+    if (n == 1) add_implicit(sim, applied, free_fall, c, 1);
+    else if (n == 2) add_implicit(sim, applied, free_fall, c, 2);
+    else add_implicit(sim, applied, free_fall, c, 3);
 }
 
 static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double applied[3],
                       double F[3]) {
     const double qS = sim->now.qbar * sim->model->S;
-    house_to_body(&sim->now, c, F);
+    lift_drag_to_body(&sim->now, c, F);
     for (int i = 0; i < 3; i++) F[i] = qS * F[i] + applied[i];
 }
 
@@ -155,20 +158,23 @@ void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]
     const am_model *m = sim->model;
     now_t *now = &sim->now;
     double row[3], a[3];
+    /* coefficients: sum of the terms, to CL and CD, biases on top, then the implicit terms */
     look_up(sim, STAGE_AERO);
     evaluate_terms(sim, STAGE_AERO);
     sum_coefficients(sim, now->c);
-    to_house(sim, now->c);
+    to_lift_drag(sim, now->c);
     for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
     if (m->unknowns) solve_implicit(sim, applied, free_fall, now->c);
     forces_of(sim, now->c, applied, now->F);
     if (m->lates) add_late(sim, now->c);
+    /* (u, v, w)' = F / m + free fall; alpha-dot and beta-dot follow */
     const double per_mass = 1.0 / sim->now.mass;
     for (int i = 0; i < 3; i++) a[i] = now->acceleration[i] = now->F[i] * per_mass + free_fall[i];
     flow_rate(now, 0, row);
     now->alpha_dot = dot(row, a);
     flow_rate(now, 1, row);
     now->beta_dot = dot(row, a);
+    /* M = qbar S (b Cl, cbar Cm, b Cn) about the reference point */
     const double qS = now->qbar * m->S;
     now->M[0] = qS * m->b * now->c[3];
     now->M[1] = qS * m->cbar * now->c[4];

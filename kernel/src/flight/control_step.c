@@ -77,9 +77,9 @@ static void meet(const am_sim *sim, uint32_t item, double wanted, const loads_t 
     q[0] = end;
 }
 
-/* Let the surfaces hang at rest on the cables of a cockpit end that stays where it is. */
-static void hang(const am_sim *sim, uint32_t item, const loads_t *at, const double *slope,
-                 double *q) {
+/* Surfaces at rest on the cables of a cockpit end that does not move. */
+static void rest_on_cables(const am_sim *sim, uint32_t item, const loads_t *at, const double *slope,
+                           double *q) {
     const double *p = par_of(sim, G_CIRCUIT, item);
     const double C = p[P_CIRCUIT_CABLE];
     for (int i = 1; i < circuit_bodies(p); i++) {
@@ -95,7 +95,7 @@ static void stretch_cables(am_sim *sim, uint32_t item, double wanted, double *q)
     for (int iteration = 0; iteration < SETTLING; iteration++) {
         probe(sim, item, sim->u, q, move, &at, slope);
         if (sim->controls == FORCE_DRIVEN) meet(sim, item, wanted, &at, slope, q);
-        else hang(sim, item, &at, slope, q);
+        else rest_on_cables(sim, item, &at, slope, q);
     }
 }
 

@@ -67,7 +67,9 @@ static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const
     double *to = sim->x_work;
     const double *u_end = inputs_at(sim, u0, u1, s1, sim->u_end);
     const double *u = inputs_at(sim, u0, u1, s0, sim->u_work);
+    /* the discrete part goes first: it stands still in the derivatives of this step */
     if (m->memories) advance_memory(sim, t, h, u, u_end);
+    /* the first slope, unless the last call left it */
     if (!sim->fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) {
         slope(sim, t, h, 0.0, x, u, k1);
         set_anchor(x, sim->earth, &sim->now, &sim->anchor);
@@ -75,6 +77,7 @@ static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const
     sim->fresh = false;
     sim->anchored = sim->earth != FLAT_EARTH;
     count_outside(sim);
+    /* two slopes at the middle, one at the end */
     u = inputs_at(sim, u0, u1, 0.5 * (s0 + s1), sim->u_work);
     advance(n, x, 0.5 * h, k1, to);
     slope(sim, t, h, 0.5, to, u, k2);
@@ -83,6 +86,7 @@ static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const
     advance(n, x, h, k3, to);
     slope(sim, t, h, 1.0, to, u_end, k4);
     sim->anchored = false;
+    /* x + h (k1 + 2 k2 + 2 k3 + k4) / 6 */
     for (int i = 0; i < n; i++) to[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
 

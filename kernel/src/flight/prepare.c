@@ -86,7 +86,7 @@ int prepare(am_sim *sim) {
     }
     if (!whole(p[P_TRIM], 3)) {
         return bad_parameter(sim, P_TRIM,
-                             "0 (none), 1 (seek thrust), 2 (seek throttle) or 3 (on the ground)");
+                             "0 (none), 1 (thrust), 2 (throttle) or 3 (on the ground)");
     }
     /* they act at the start only */
     if (!sim->ready) {

@@ -61,7 +61,7 @@ static void set_variables(am_sim *sim, const double *x, const double *u) {
 
 /* Air, attitude, motion relative to the air, mass and the variables of the tables from the
  * state. */
-void look_around(am_sim *sim, const double *x, const double *u) {
+void set_flight_condition(am_sim *sim, const double *x, const double *u) {
     now_t *now = &sim->now;
     double air[3], velocity[3], wind[3];
     if (!sim->anchored || !place_near(x, &sim->anchor, now)) place_of(x, sim->earth, now);
@@ -107,8 +107,9 @@ void derivative(am_sim *sim, const double *x, const double *u, double *dx) {
     const double *w = x + X_P;
     double g[3], fall[3], turn[3], push[3], moment[3], H[3], ground[3], ground_moment[3], aero[3],
         arm[3], Jw[3];
-    look_around(sim, x, u);
+    set_flight_condition(sim, x, u);
     const double per_mass = 1.0 / now->mass;
+    /* force and moment of engines and gear; tables of the gear may use the thrust */
     engine_forces(sim, x, u, push, moment, H, dx);
     set_thrust_coefficient(sim);
     gear_forces(sim, x, u, ground, ground_moment, dx);
@@ -116,22 +117,26 @@ void derivative(am_sim *sim, const double *x, const double *u, double *dx) {
         push[i] += ground[i];
         moment[i] += ground_moment[i];
     }
+    /* velocity rate relative to the air without any force: C g - (w - C W) x v */
     field(sim, x, g);
     const double velocity[3] = {now->u, now->v, now->w};
     to_body(now->C, g, fall);
     cross(now->rate, velocity, turn);
     for (int i = 0; i < 3; i++) fall[i] -= turn[i];
+    /* the force acts at the reference point: its moment about the c.g. is -cg x F */
     aero_forces(sim, push, fall);
     for (int i = 0; i < 3; i++) aero[i] = now->F[i] - push[i];
-    cross(aero, now->cg, arm); /* -cg x F: the force acts at the reference point */
+    cross(aero, now->cg, arm);
     to_body(now->J, w, Jw);
     for (int i = 0; i < 3; i++) {
         now->M[i] += arm[i] + moment[i];
         Jw[i] += H[i];
     }
+    /* w' = J^-1 (M + (J w + H) x w) */
     cross(Jw, w, turn);
     for (int i = 0; i < 3; i++) turn[i] += now->M[i];
     to_body(now->J_inverse, turn, now->angular);
+    /* v' = C^T F / m + g */
     from_body(now->C, now->F, push);
     for (int i = 0; i < 3; i++) {
         dx[X_X + i] = x[X_VX + i];

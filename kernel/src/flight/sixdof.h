@@ -6,7 +6,7 @@
 
 /* Air, attitude, motion relative to the air, mass and the variables of the tables from the
  * state. */
-void look_around(am_sim *sim, const double *x, const double *u);
+void set_flight_condition(am_sim *sim, const double *x, const double *u);
 
 /* Rate dx[am_state_count] of the state x under the inputs u; what it found stands in now. */
 void derivative(am_sim *sim, const double *x, const double *u, double *dx);

@@ -59,6 +59,7 @@ void start_state(am_sim *sim, double alpha, double beta, double theta) {
     double *x = sim->x;
     double Cn[3][3], flow[3], air[3], wind[3];
     now_t *now = &sim->now;
+    /* position, velocity over ground (air-relative velocity plus wind), attitude, body rates */
     place_at(p[P_LAT], p[P_LON], p[P_H], sim->earth, x, now);
     steady_wind(sim, sim->u, p[P_H], wind);
     euler_matrix(p[P_PHI], theta, p[P_PSI], Cn);
@@ -77,9 +78,10 @@ void start_state(am_sim *sim, double alpha, double beta, double theta) {
     matrix_quaternion(now->C, x + 6);
     sim->clock = sim->time;
     sim->part = 1.0;
+    /* submodels in the order in which they need one another */
     weather_start(sim, sim->time);
     fuel_start(sim);
-    look_around(sim, x, sim->u);
+    set_flight_condition(sim, x, sim->u);
     engine_start(sim, sim->time);
     gear_start(sim);
     control_start(sim);

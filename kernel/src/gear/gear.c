@@ -133,10 +133,12 @@ static void place_contact(const am_sim *sim, const double *p, const double down[
     const double across = dot(heading, down);
     double velocity[3], swing[3];
     double level = 0.0;
+    /* from the lowest point of the rim along the leg to the runway */
     at->upright = fmax(down[2], LEANING);
     for (int i = 0; i < 3; i++) at->arm[i] = p[P_CONTACT_X + i] + rim[i] - now->cg[i];
     at->deflection = (dot(at->arm, down) - (now->h - sim->par[P_RUNWAY])) / at->upright;
     at->arm[2] -= at->deflection;
+    /* wheel axes: heading without its part along down, and down x forward */
     for (int i = 0; i < 3; i++) {
         at->forward[i] = heading[i] - across * down[i];
         level += at->forward[i] * at->forward[i];
@@ -144,6 +146,7 @@ static void place_contact(const am_sim *sim, const double *p, const double down[
     level = fmax(sqrt(level), UPRIGHT);
     for (int i = 0; i < 3; i++) at->forward[i] /= level;
     cross(down, at->forward, at->right);
+    /* velocity of the point over ground: v + w x arm, less what moves along the leg */
     cross(now->rate, heading, swing);
     cross(now->rate, at->arm, velocity);
     for (int i = 0; i < 3; i++) velocity[i] += ground[i];

@@ -63,6 +63,7 @@ void tyre_forces(const tyre_t *tyre, const double z[2], const double v[2], footp
     const double most = tyre->mu * tyre->load;
     const double speed = length(v);
     const double C = tyre->cornering;
+    /* off the ground: no force, and the deflection decays */
     if (!(tyre->load > 0.0)) {
         for (int i = 0; i < 2; i++) {
             print->F[i] = 0.0;
@@ -73,8 +74,10 @@ void tyre_forces(const tyre_t *tyre, const double z[2], const double v[2], footp
     }
     const double k = C > 0.0 && tyre->stiffness * TYRE_LAG * speed > C ? C / (TYRE_LAG * speed)
                                                                        : tyre->stiffness;
+    /* deflection at which all of the patch slides: three times friction over stiffness */
     const double yield = 3.0 * most / k + NEAR;
     const double w[2] = {z[0] + TYRE_LAG * v[0], z[1] + TYRE_LAG * v[1]};
+    /* the rubber follows the wheel unless the brake lets the wheel turn, or the patch slides */
     for (int i = 0; i < 2; i++) print->rate[i] = v[i];
     print->renewal = 0.0;
     if (C > 0.0 && most * chord(length(w) / yield) * fabs(w[0]) / yield > tyre->brake) {
@@ -83,6 +86,7 @@ void tyre_forces(const tyre_t *tyre, const double z[2], const double v[2], footp
     } else if (length(w) > yield) {
         slide(w, yield, z, print->rate);
     }
+    /* force against the deflection, with the damping of the carcass */
     const double damped[2] = {z[0] + tyre->loss * print->rate[0],
                               z[1] + tyre->loss * print->rate[1]};
     const double scale = -most * chord(length(damped) / yield) / yield;

@@ -93,19 +93,22 @@ static double run_engine(am_sim *sim, uint32_t i, const double *x, const double 
     const bool recorded = sim->drive == THRUST_DRIVEN;
     const bool lags = p[P_TIME_CONSTANT] > 0.0;
     const double state = state_of(sim, x, G_ENGINE, i)[X_LAGGED];
-    rate_of(sim, dx, G_ENGINE,
-            i)[X_LAGGED] = lags && !recorded ? (deck.thrust - state) / p[P_TIME_CONSTANT] : 0.0;
+    /* lag of first order: T' = (T_steady - T) / tau; a recorded thrust has none */
+    double *rate = rate_of(sim, dx, G_ENGINE, i);
+    rate[X_LAGGED] = lags && !recorded ? (deck.thrust - state) / p[P_TIME_CONSTANT] : 0.0;
     const double own = recorded ? input_of(sim, u, G_ENGINE, i)[U_THRUST_DRIVE]
                        : lags   ? state
                                 : deck.thrust;
     const double thrust = own + sim->par[P_BIAS_THRUST] + sim->trim.thrust;
     const double air_flow = recorded ? 0.0 : deck.air_flow;
+    /* along the thrust line at the engine; the rotors add momentum, and torque as they spin up */
     const double force[3] = {thrust * line[0], thrust * line[1], thrust * line[2]};
     push(force, p + P_ENGINE_X, now->cg, F, M);
     for (int k = 0; k < 3; k++) {
         H[k] += (p[P_ANGULAR_MOMENTUM] + deck.momentum) * line[k];
         M[k] -= deck.torque * line[k];
     }
+    /* net thrust: gross thrust less the momentum of the air taken in */
     now->thrust[i] = var_of(sim, G_ENGINE, i)[A_THRUST] = thrust - air_flow * now->V;
     if (!decked(sim)) return 0.0;
     ram_force(sim, i, air_flow, F, M);
@@ -146,7 +149,7 @@ void engine_start(am_sim *sim, double t) {
 
 bool engine_memory_valid(const am_sim *sim) {
     for (uint32_t i = 0; i < items(sim->model, G_SPOOL); i++) {
-        if (!delay_sound(memory_of(sim, G_SPOOL, i), sim->ready)) return false;
+        if (!delay_valid(memory_of(sim, G_SPOOL, i), sim->ready)) return false;
     }
     return true;
 }

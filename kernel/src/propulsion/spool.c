@@ -131,7 +131,7 @@ static bool fed(const am_sim *sim, const double *x, const double *u, uint32_t i)
     return !(in[U_CUTOFF] > ON) && !(in[U_FLAMEOUT] > ON) && fuel_left(sim, x);
 }
 
-/* Whether the flame goes on, or lights. */
+/* Whether the flame burns on, or lights. */
 static bool burns(const am_sim *sim, uint32_t i, const double *x, const double *u) {
     const double *in = input_of(sim, u, G_SPOOL, i);
     const double *p = par_of(sim, G_SPOOL, i);

@@ -1,4 +1,4 @@
-/* Many runs of one record, each with its own parameters: what an estimation asks for. */
+/* Many runs of one record, each with its own parameters, as an estimation needs them. */
 #include "error.h"
 
 #include <stdio.h>

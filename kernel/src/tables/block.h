@@ -70,7 +70,7 @@ static inline void find_cells(const axis_t *axis, const double x[8], uint32_t to
     }
 }
 
-/* Where eight rows stay in the cell of the row before, as along a flight, nothing is sought. */
+/* Eight rows that stay in the cell of the row before, as along a flight, need no search. */
 static void locate_rows(const block_t *b, uint32_t i) {
     const axis_t *axis = &b->sim->model->axis[i];
     const double *x = b->column[axis->variable];

@@ -40,7 +40,7 @@ static double rest_pitch(const spot_t *spot, int n) {
     return theta;
 }
 
-void stand_up(am_sim *sim) {
+void guess_standing(am_sim *sim) {
     spot_t spot[MAX_ITEMS];
     const int n = spots_that_carry(sim, spot);
     if (n == 0) return;

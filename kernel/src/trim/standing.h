@@ -5,6 +5,6 @@
 #include "simulation.h"
 
 /* Guess init.h and init.theta for standing on the ground on legs that do not bend. */
-void stand_up(am_sim *sim);
+void guess_standing(am_sim *sim);
 
 #endif

@@ -25,7 +25,7 @@ enum { Z_ALPHA, Z_BETA, Z_DELTA, Z_POWER = 5, UNKNOWNS };
 
 typedef struct {
     am_sim *sim;
-    int seek;
+    int mode;
     double power; /* thrust per engine for one unit of Z_POWER [N], or 1 for the throttle */
 } task_t;
 
@@ -34,7 +34,7 @@ static void start_with(const task_t *task, const double *z, double r[6]) {
     for (int i = 0; i < 3; i++) sim->trim.delta[i] = z[Z_DELTA + i];
     sim->trim.alpha = z[Z_ALPHA];
     sim->trim.beta = z[Z_BETA];
-    *(task->seek == 2 ? &sim->trim.throttle : &sim->trim.thrust) = z[Z_POWER] * task->power;
+    *(task->mode == 2 ? &sim->trim.throttle : &sim->trim.thrust) = z[Z_POWER] * task->power;
     start_state(sim, z[Z_ALPHA], z[Z_BETA], start_pitch(sim, z[Z_ALPHA], z[Z_BETA]));
     add_turn(sim);
     accelerations(sim, r);
@@ -60,7 +60,7 @@ static void set_limits(const task_t *task, system_t *s) {
     }
     s->low[Z_POWER] = -1.0;
     s->high[Z_POWER] = 1.0;
-    if (task->seek != 2) return;
+    if (task->mode != 2) return;
     for (uint32_t k = 0; k < items(sim->model, G_ENGINE); k++) {
         const am_entry *throttle = &input[place(sim->model, AM_INPUT, G_ENGINE, k) + U_THROTTLE];
         const double at = applied_throttle(sim, sim->u, k);
@@ -69,17 +69,17 @@ static void set_limits(const task_t *task, system_t *s) {
     }
 }
 
-static int trim_biases(am_sim *sim, int seek) {
-    if (seek == 2 && sim->drive == THRUST_DRIVEN) {
+static int trim_biases(am_sim *sim, int mode) {
+    if (mode == 2 && sim->drive == THRUST_DRIVEN) {
         return fail(
             sim, AM_BAD_VALUE,
-            "mode.trim = 2 seeks the throttle, but mode.engine = 2 flies a given thrust; use "
+            "mode.trim = 2 solves for the throttle, but mode.engine = 2 flies a given thrust; use "
             "mode.trim = 1");
     }
     if (!(sim->par[P_V] > 1.0)) return trim_too_slow(sim);
     const double engines = items(sim->model, G_ENGINE) ? items(sim->model, G_ENGINE) : 1.0;
     task_t task = {
-        .sim = sim, .seek = seek, .power = seek == 2 ? 1.0 : sim->par[P_MASS] * G0 / engines};
+        .sim = sim, .mode = mode, .power = mode == 2 ? 1.0 : sim->par[P_MASS] * G0 / engines};
     system_t system = {.unknowns = UNKNOWNS, .equations = 6, .residual = weighed, .task = &task};
     set_limits(&task, &system);
     double z[UNKNOWNS] = {clamp(sim->par[P_ALPHA], -ALPHA_LIMIT, ALPHA_LIMIT),
@@ -90,15 +90,14 @@ static int trim_biases(am_sim *sim, int seek) {
     return isfinite(left) ? AM_OK : trim_not_finite(sim);
 }
 
-int am_trim(am_sim *sim, int seek) {
+int am_trim(am_sim *sim, int mode) {
     const int status = ready(sim);
     if (status != AM_OK) return status;
-    if (seek < 1 || seek > 3) {
+    if (mode < 1 || mode > 3) {
         return fail(
             sim, AM_BAD_ARGUMENT,
-            "mode.trim is %d; allowed: 1 seeks thrust, 2 seeks throttle, 3 stands on the ground",
-            seek);
+            "mode.trim is %d; allowed: 1 (thrust), 2 (throttle), 3 (standing on the ground)", mode);
     }
     memset(&sim->trim, 0, sizeof sim->trim);
-    return seek == 3 ? trim_on_ground(sim) : trim_biases(sim, seek);
+    return mode == 3 ? trim_on_ground(sim) : trim_biases(sim, mode);
 }

@@ -27,7 +27,7 @@
 
 typedef struct {
     am_sim *sim;
-    const am_trim_task *ask;
+    const am_trim_task *given;
     double weight[LARGEST_SYSTEM];
     double *y;    /* NULL when all goals are accelerations */
     double theta; /* pitch attitude of the last start */
@@ -73,9 +73,9 @@ static void start_on_path(study_t *study) {
     double *p = sim->par;
     double flow[3] = {p[P_V], p[P_ALPHA], p[P_BETA]};
     const double speed = p[P_V];
-    if (study->ask->path == AM_PATH_GROUND) flow_on_ground(sim, flow);
-    study->theta = study->ask->path == AM_PATH_GAMMA ? start_pitch(sim, flow[1], flow[2])
-                                                     : p[P_THETA];
+    if (study->given->path == AM_PATH_GROUND) flow_on_ground(sim, flow);
+    study->theta = study->given->path == AM_PATH_GAMMA ? start_pitch(sim, flow[1], flow[2])
+                                                       : p[P_THETA];
     p[P_V] = flow[0];
     start_state(sim, flow[1], flow[2], study->theta);
     p[P_V] = speed;
@@ -84,33 +84,35 @@ static void start_on_path(study_t *study) {
     sim->trim.beta = flow[2];
 }
 
-static double *seat(am_sim *sim, const am_mover *m) {
+static double *moved_value(am_sim *sim, const am_mover *m) {
     return (m->kind == AM_STATE ? sim->x : m->kind == AM_INPUT ? sim->u : sim->par) + m->index;
 }
 
 /* Where no guess was given: standing on the ground, or as it is now. */
-static void first_guess(am_sim *sim, const am_trim_task *ask, double *found) {
+static void first_guess(am_sim *sim, const am_trim_task *given, double *found) {
     const double h = sim->par[P_H];
     const double theta = sim->par[P_THETA];
-    if (ask->path == AM_PATH_GROUND) stand_up(sim);
-    for (int i = 0; i < ask->movers; i++) {
-        double *guess = &found[ask->mover[i].unknown];
-        if (isnan(*guess)) *guess = *seat(sim, &ask->mover[i]);
+    if (given->path == AM_PATH_GROUND) guess_standing(sim);
+    for (int i = 0; i < given->movers; i++) {
+        double *guess = &found[given->mover[i].unknown];
+        if (isnan(*guess)) *guess = *moved_value(sim, &given->mover[i]);
     }
     sim->par[P_H] = h;
     sim->par[P_THETA] = theta;
 }
 
 /* Values of the unknowns: inputs and parameters before the start, states on top of it. */
-static void move(am_sim *sim, const am_trim_task *ask, const double *z, bool states) {
-    for (int i = 0; i < ask->movers; i++) {
-        const am_mover *m = &ask->mover[i];
-        if ((m->kind == AM_STATE) == states) *seat(sim, m) = z[m->unknown] * ask->size[m->unknown];
+static void move(am_sim *sim, const am_trim_task *given, const double *z, bool states) {
+    for (int i = 0; i < given->movers; i++) {
+        const am_mover *m = &given->mover[i];
+        if ((m->kind == AM_STATE) == states) {
+            *moved_value(sim, m) = z[m->unknown] * given->size[m->unknown];
+        }
     }
 }
 
-/* Tyres where they stand still along the ground: rolling they carry rolling resistance, brakes
- * and slip; at rest what lies beyond brake and friction runs back, or its damping would feign a
+/* Deflections of the tyres that no longer change: rolling they carry rolling resistance, brakes and
+ * slip; at rest what exceeds brake and friction runs back, else its damping would appear as a
  * force. */
 static void settle_tyres(am_sim *sim) {
     double most = INFINITY;
@@ -129,16 +131,16 @@ static void settle_tyres(am_sim *sim) {
 
 static int attempt(study_t *study, const double *z) {
     am_sim *sim = study->sim;
-    for (int j = 0; j < study->ask->unknowns; j++) {
-        if (!isfinite(z[j] * study->ask->size[j])) return trim_not_finite(sim);
+    for (int j = 0; j < study->given->unknowns; j++) {
+        if (!isfinite(z[j] * study->given->size[j])) return trim_not_finite(sim);
     }
-    move(sim, study->ask, z, false);
+    move(sim, study->given, z, false);
     sim->prepared = false;
     const int status = ready(sim);
     if (status != AM_OK) return status;
     start_on_path(study);
-    move(sim, study->ask, z, true);
-    if (study->ask->path == AM_PATH_GROUND) settle_tyres(sim);
+    move(sim, study->given, z, true);
+    if (study->given->path == AM_PATH_GROUND) settle_tyres(sim);
     accelerations(sim, sim->trim.residual);
     sim->fresh = true;
     return study->y ? am_outputs(sim, study->y) : AM_OK;
@@ -166,11 +168,11 @@ static double value_of(const study_t *study, int goal) {
 
 static void weighed_goals(void *task, const double *z, double *r) {
     study_t *study = task;
-    const am_trim_task *ask = study->ask;
+    const am_trim_task *given = study->given;
     study->status = attempt(study, z);
-    for (int i = 0; i < ask->goals; i++) {
+    for (int i = 0; i < given->goals; i++) {
         r[i] = study->status == AM_OK
-                   ? (value_of(study, ask->goal[i]) - ask->wanted[i]) * study->weight[i]
+                   ? (value_of(study, given->goal[i]) - given->wanted[i]) * study->weight[i]
                    : INFINITY;
     }
 }
@@ -192,68 +194,69 @@ static double weight_of(const am_sim *sim, int output, double wanted) {
     return G0 / fmax(fabs(wanted), 1.0);
 }
 
-static int check_task(am_sim *sim, const am_trim_task *ask) {
-    if (ask->unknowns < 1 || ask->unknowns > LARGEST_SYSTEM || ask->goals < 1
-        || ask->goals > ask->unknowns) {
+static int check_task(am_sim *sim, const am_trim_task *given) {
+    if (given->unknowns < 1 || given->unknowns > LARGEST_SYSTEM || given->goals < 1
+        || given->goals > given->unknowns) {
         return fail(
             sim, AM_BAD_ARGUMENT,
             "a trim of %d goals by %d unknowns; allowed are 1 to %d unknowns and no more goals "
             "than unknowns",
-            ask->goals, ask->unknowns, LARGEST_SYSTEM);
+            given->goals, given->unknowns, LARGEST_SYSTEM);
     }
-    for (int i = 0; i < ask->movers; i++) {
-        const am_mover *m = &ask->mover[i];
+    for (int i = 0; i < given->movers; i++) {
+        const am_mover *m = &given->mover[i];
         if (m->kind != AM_INPUT && m->kind != AM_PARAMETER && m->kind != AM_STATE) {
             return fail(sim, AM_BAD_INDEX, "a trim moves inputs, parameters and states only");
         }
         const bool here = m->index >= (m->kind == AM_STATE ? X_PER_CORE : 0)
                           && m->index < sim->model->count[m->kind];
-        if (!here || m->unknown < 0 || m->unknown >= ask->unknowns) {
+        if (!here || m->unknown < 0 || m->unknown >= given->unknowns) {
             return fail(sim, AM_BAD_INDEX, "mover %d of the trim names what is not there", i);
         }
     }
-    for (int i = 0; i < ask->goals; i++) {
-        if (ask->goal[i] < AM_GOAL_CLIMB || ask->goal[i] >= sim->model->count[AM_OUTPUT]) {
-            return fail(sim, AM_BAD_INDEX, "there is no output %d", ask->goal[i]);
+    for (int i = 0; i < given->goals; i++) {
+        if (given->goal[i] < AM_GOAL_CLIMB || given->goal[i] >= sim->model->count[AM_OUTPUT]) {
+            return fail(sim, AM_BAD_INDEX, "there is no output %d", given->goal[i]);
         }
     }
-    for (int j = 0; j < ask->unknowns; j++) {
-        if (!(ask->low[j] <= ask->high[j] && ask->size[j] > 0.0 && isfinite(ask->size[j]))) {
+    for (int j = 0; j < given->unknowns; j++) {
+        if (!(given->low[j] <= given->high[j] && given->size[j] > 0.0
+              && isfinite(given->size[j]))) {
             return fail(
                 sim, AM_BAD_ARGUMENT,
                 "unknown %d of the trim lies between %g and %g in steps of %g; the limits must "
                 "be in order, the size positive",
-                j, ask->low[j], ask->high[j], ask->size[j]);
+                j, given->low[j], given->high[j], given->size[j]);
         }
     }
-    for (int i = 0; i < ask->goals; i++) {
-        if (!isfinite(ask->wanted[i])) {
+    for (int i = 0; i < given->goals; i++) {
+        if (!isfinite(given->wanted[i])) {
             return fail(sim, AM_NOT_FINITE, "goal %d of the trim is %g; it must be finite", i,
-                        ask->wanted[i]);
+                        given->wanted[i]);
         }
     }
-    if (ask->path < AM_PATH_GAMMA || ask->path > AM_PATH_GROUND) {
+    if (given->path < AM_PATH_GAMMA || given->path > AM_PATH_GROUND) {
         return fail(sim, AM_BAD_ARGUMENT,
-                    "path %d of the trim; allowed: 0 (gamma), 1 (theta), 2 (ground)", ask->path);
+                    "path %d of the trim; allowed: 0 (gamma), 1 (theta), 2 (ground)", given->path);
     }
-    if (ask->path != AM_PATH_GROUND && !(sim->par[P_V] > 1.0)) return trim_too_slow(sim);
+    if (given->path != AM_PATH_GROUND && !(sim->par[P_V] > 1.0)) return trim_too_slow(sim);
     return AM_OK;
 }
 
-int trim_seek(am_sim *sim, const am_trim_task *ask, double *found, double *y, double *left,
-              double *jacobian) {
+int solve_trim(am_sim *sim, const am_trim_task *given, double *found, double *y, double *left,
+               double *jacobian) {
     memset(&sim->trim, 0, sizeof sim->trim);
-    study_t study = {.sim = sim, .ask = ask, .y = y};
-    system_t system = {.unknowns = ask->unknowns,
-                       .equations = ask->goals,
+    study_t study = {.sim = sim, .given = given, .y = y};
+    system_t system = {.unknowns = given->unknowns,
+                       .equations = given->goals,
                        .residual = weighed_goals,
                        .task = &study};
-    for (int i = 0; i < ask->goals; i++) {
-        study.weight[i] = weight_of(sim, ask->goal[i], ask->wanted[i]);
+    for (int i = 0; i < given->goals; i++) {
+        study.weight[i] = weight_of(sim, given->goal[i], given->wanted[i]);
     }
     double z[LARGEST_SYSTEM];
-    first_guess(sim, ask, found);
-    for (int j = 0; j < ask->unknowns; j++) {
+    first_guess(sim, given, found);
+    for (int j = 0; j < given->unknowns; j++) {
         if (!isfinite(found[j])) {
             return fail(
                 sim, AM_NOT_FINITE,
@@ -261,10 +264,10 @@ int trim_seek(am_sim *sim, const am_trim_task *ask, double *found, double *y, do
                 found[j]);
         }
     }
-    for (int j = 0; j < ask->unknowns; j++) {
-        system.low[j] = ask->low[j] / ask->size[j];
-        system.high[j] = ask->high[j] / ask->size[j];
-        z[j] = clamp(found[j] / ask->size[j], system.low[j], system.high[j]);
+    for (int j = 0; j < given->unknowns; j++) {
+        system.low[j] = given->low[j] / given->size[j];
+        system.high[j] = given->high[j] / given->size[j];
+        z[j] = clamp(found[j] / given->size[j], system.low[j], system.high[j]);
     }
     if (!isfinite(least_norm(&system, z))) {
         return study.status != AM_OK ? study.status : trim_not_finite(sim);
@@ -272,19 +275,19 @@ int trim_seek(am_sim *sim, const am_trim_task *ask, double *found, double *y, do
     if (jacobian) {
         jacobian_t J;
         differences(&system, z, J);
-        for (int i = 0; i < ask->goals; i++) {
-            for (int j = 0; j < ask->unknowns; j++) jacobian[i * ask->unknowns + j] = J[i][j];
+        for (int i = 0; i < given->goals; i++) {
+            for (int j = 0; j < given->unknowns; j++) jacobian[i * given->unknowns + j] = J[i][j];
         }
     }
-    for (int j = 0; j < ask->unknowns; j++) found[j] = z[j] * ask->size[j];
+    for (int j = 0; j < given->unknowns; j++) found[j] = z[j] * given->size[j];
     weighed_goals(&study, z, left);
-    if (study.status == AM_OK && ask->path != AM_PATH_GROUND) keep_start(&study);
+    if (study.status == AM_OK && given->path != AM_PATH_GROUND) keep_start(&study);
     return study.status;
 }
 
-int am_trim_for(am_sim *sim, const am_trim_task *ask, double *found, double *y, double *left,
+int am_trim_for(am_sim *sim, const am_trim_task *given, double *found, double *y, double *left,
                 double *jacobian) {
     int status = ready(sim);
-    if (status == AM_OK) status = check_task(sim, ask);
-    return status == AM_OK ? trim_seek(sim, ask, found, y, left, jacobian) : status;
+    if (status == AM_OK) status = check_task(sim, given);
+    return status == AM_OK ? solve_trim(sim, given, found, y, left, jacobian) : status;
 }

@@ -5,7 +5,7 @@
 #include "simulation.h"
 
 /* am_trim_for without its checks; y may be NULL when all goals are accelerations. */
-int trim_seek(am_sim *sim, const am_trim_task *task, double *found, double *y, double *left,
-              double *jacobian);
+int solve_trim(am_sim *sim, const am_trim_task *task, double *found, double *y, double *left,
+               double *jacobian);
 
 #endif

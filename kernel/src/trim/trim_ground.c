@@ -49,7 +49,7 @@ static int balance(am_sim *sim) {
     const bool rest = sim->par[P_V] == 0.0;
     unknowns_t z = {.n = 0};
     double left[6];
-    stand_up(sim);
+    guess_standing(sim);
     add(&z, AM_PARAMETER, P_H, sim->par[P_H], ROOM, HEIGHT_SIZE);
     add(&z, AM_PARAMETER, P_THETA, sim->par[P_THETA], TILT, 1.0);
     add(&z, AM_PARAMETER, P_PHI, 0.0, TILT, 1.0);
@@ -64,7 +64,7 @@ static int balance(am_sim *sim) {
                                .size = z.size,
                                .goal = rest ? STANDING : ROLLING,
                                .wanted = NONE};
-    return trim_seek(sim, &task, z.found, NULL, left, NULL);
+    return solve_trim(sim, &task, z.found, NULL, left, NULL);
 }
 
 int trim_on_ground(am_sim *sim) {
