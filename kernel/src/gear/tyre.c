@@ -5,9 +5,9 @@
  * anchor that does not creep, however long and however it is shaken (the elastic zone of Dupont
  * et al. 2002).  Two things let go:
  *
- * the ground      |z| <= yield = 3 mu Fz / k                where the force of the brush model
- * reaches mu Fz the brake       |F_x| <= B, brake and rolling resistance  the wheel turns as
- * fast as that takes
+ *     the ground   |z| <= yield = 3 mu Fz / k   where the brush model reaches mu Fz
+ *     the brake    |F_x| <= B                   brake and rolling resistance; the wheel turns as
+ *                                               fast as that takes
  *
  * Both are return maps over the time TYRE_LAG, z' = (P(z + TYRE_LAG v) - z) / TYRE_LAG, P the
  * nearest admissible point: z' = v inside, mu Fz against the motion at any speed, no rate above
