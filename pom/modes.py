@@ -14,6 +14,8 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import least_squares
 
+from flightmech.units import DEGREE
+
 from .channels import plain_id
 from .criteria import Criterion
 from .match import Match
@@ -24,6 +26,9 @@ MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}
 """Full cycles the table asks for; time to half or double in the record will do instead."""
 
 LEAST_AMPLITUDE = 0.1  # of the flight's, for a mode to count as excited
+PHUGOID = "2.c.9"
+BANKED = 10.0 * DEGREE
+"""Bank of a model off the flight's above which its phugoid is no motion of the plane of symmetry: lift 1.5 % above weight."""
 _MEASURES = ("period", "t_half", "damping_ratio")
 _FITTED = (*_MEASURES, "cycles", "amplitude", "residual_rms")
 _COARSE = 250  # samples kept for the search of a start point
@@ -144,11 +149,22 @@ def modal(criterion: Criterion, match: Match) -> Outcome:
         s = _excited(_fit("the model", t, model), f)
     except Invalid as error:
         return Outcome("fail", at=float(t[0]), note=f"flight {_words(criterion.measure, f)}; {error}", flight=value)
-    note = f"flight {_words(criterion.measure, f)}, model {_words(criterion.measure, s)}; {f.cycles:.1f} cycles"
+    note = f"flight {_words(criterion.measure, f)}, model {_words(criterion.measure, s)}; {f.cycles:.1f} cycles{_banked(criterion, match)}"
     outcome = scalar(criterion, value, getattr(s, criterion.measure), float(t[0]), note)
     if criterion.measure != "period" and f.sigma * s.sigma < 0.0:
         return replace(outcome, verdict="fail", note=f"{note}; stability differs")
     return outcome
+
+
+def _banked(criterion: Criterion, match: Match) -> str:
+    """Return a remark on a phugoid that a model flies in a turn; empty where it does not, or its bank is not known."""
+    if plain_id(match.case.id) != PHUGOID or not all("phi" in side for side in (match.flight, match.model)):
+        return ""
+    off = np.abs(np.angle(np.exp(1j * (match.model["phi"] - match.flight["phi"]))))[inside_window(match.time, criterion.window)]
+    off = float(np.fmax.reduce(off))  # gaps in a recorded bank do not matter
+    if not off > BANKED:
+        return ""
+    return f"; bank of the model up to {off / DEGREE:.0f} deg off the flight's, a turn and no phugoid: let a math pilot hold the wings"
 
 
 def _excited(model: Mode, flight: Mode) -> Mode:

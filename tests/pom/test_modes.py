@@ -82,6 +82,16 @@ def test_an_unstable_model_of_a_stable_flight_fails_inside_the_width():
     assert (got.verdict, got.note.endswith("stability differs")) == ("fail", True)
 
 
+@pytest.mark.parametrize(("bank", "told"), [(9.9, False), (10.1, True), (-39.0, True)])
+def test_a_phugoid_in_a_turn_is_told(bank, told):
+    """The damping of a model that rolls off is that of a spiral dive as well."""
+    flight = {"V_cas": sine(38.0, 0.05), "phi": np.full(TIME.size, math.radians(2.0))}
+    model = {"V_cas": sine(38.0, 0.05), "phi": math.radians(2.0) + math.radians(bank) * TIME / TIME[-1]}
+    note = modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.c.9").note
+    assert (f"bank of the model up to {abs(bank):.0f} deg off the flight's" in note) == told
+    assert "bank" not in modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.d.7").note
+
+
 def test_too_few_cycles_are_invalid_unless_the_time_to_half_is_seen():
     short = TIME <= 80.0
     window = (0.0, 80.0)

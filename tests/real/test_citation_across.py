@@ -7,6 +7,7 @@ demanded as such: the verdicts that came out are pinned, the good and the bad on
 import shutil
 import warnings
 
+import numpy as np
 import pytest
 
 import aerodb
@@ -21,14 +22,31 @@ pytestmark = pytest.mark.slow
 YEARS = (2018, 2020)
 HELD = ["CL/altitude", "CD/altitude", "Cm/altitude"]
 # motion: row of the table, part of the path, and per year window and event, seconds from the noted start.  Controls are still in the
-# spiral from the release on; in the rolls the wheel is moved once.
+# spiral from the release on; in the rolls the wheel is moved once.  The crew of 2020 ended the phugoid at 138 s, with a turn of 33 deg.
 MOTIONS = {
-    "phugoid": ("2.c.9", (-5.0, 150.0), {2018: (-4.0, 148.0, "input_end", 16.0), 2020: (-4.0, 148.0, "input_end", 16.0)}),
+    "phugoid": ("2.c.9", (-5.0, 150.0), {2018: (-4.0, 148.0, "input_end", 16.0), 2020: (-4.0, 138.0, "input_end", 16.0)}),
     "short_period": ("2.c.10", (-3.0, 14.0), {2018: (-2.5, 9.0, "", 0.0), 2020: (-2.5, 9.0, "", 0.0)}),
     "dutch_roll": ("2.d.7", (-3.0, 16.0), {2018: (-2.5, 15.5, "input_end", 4.5), 2020: (-2.5, 15.5, "input_end", 4.5)}),
     "aperiodic_roll": ("2.d.2", (-3.0, 20.0), {2018: (0.0, 11.0, "", 0.0), 2020: (-2.5, 6.5, "", 0.0)}),
     "spiral": ("2.d.4", (-3.0, 30.0), {2018: (5.0, 27.0, "release", 6.0), 2020: (-1.0, 21.0, "release", 0.0)}),
 }
+# In 150 s of recorded aileron and rudder every model rolls into a turn that the crew did not fly.
+WINGS_HELD = """
+[drive]
+surfaces = "pilot"
+engine = "thrust"
+[[drive.pilot]]
+control = "delta_a"
+channel = "phi"
+gain = "-0.3 deg/deg"
+integral = "-0.03 deg/deg s"
+limit = "5 deg"
+[[drive.pilot]]
+control = "delta_a"
+channel = "p"
+gain = "-0.15 deg s/deg"
+limit = "3 deg"
+"""
 
 
 @pytest.fixture(scope="module")
@@ -70,27 +88,29 @@ def models(citation, fits, folder):
     }
 
 
-def judged(citation, models, motion, year, folder):
-    """Return the verdict table of one motion of one flight."""
+def judged(citation, models, motion, year, folder, drive=""):
+    """Return the verdicts of one motion of one flight that were judged, and the whole result."""
     test, part, windows = MOTIONS[motion]
     begin, end, event, at = windows[year]
     start, path = citation.start(year, motion), citation.path(year, motion, *part)
     path.states.to_netcdf(folder / "path.nc", engine="h5netcdf")
     words = f'id = "{test}"\nname = "{motion}"\ntitle = "{motion}"\nrecord = "path.nc"\nwindow = [{start + begin}, {start + end}]'
     events = f"[events]\n{event} = {start + at}\n" if event else ""
-    (folder / "case.toml").write_text(f"[case]\n{words}\n{events}")
+    (folder / "case.toml").write_text(f"[case]\n{words}\n{drive}{events}")
     result = pom.replay(pom.read_case(folder / "case.toml"), models, path)
     assert result.failure == ""
     table = result.verdict
     print(f"\n{motion} {year}\n{table[['criterion', 'run', 'worst_ratio', 'verdict', 'note']].to_string(max_colwidth=90)}")
-    return table[table["verdict"].isin(["pass", "fail"])]
+    return table[table["verdict"].isin(["pass", "fail"])], result
 
 
 @pytest.fixture(scope="module")
 def verdicts(citation, models, folder):
     """Ratio of worst difference to half width, and verdict, by motion, flight, criterion and model."""
     return {
-        (motion, year): judged(citation, models, motion, year, folder).set_index(["run", "criterion"])
+        (motion, year): judged(citation, models, motion, year, folder, WINGS_HELD if motion == "phugoid" else "")[0].set_index(
+            ["run", "criterion"]
+        )
         for motion in MOTIONS
         for year in YEARS
     }
@@ -101,6 +121,7 @@ def of(verdicts, model, year):
     return {
         (motion, criterion): (row["verdict"], row["worst_ratio"])
         for motion in MOTIONS
+        if model in verdicts[motion, year].index.get_level_values("run")
         for criterion, row in verdicts[motion, year].loc[model].iterrows()
     }
 
@@ -124,13 +145,33 @@ def test_datcom_alone_has_no_dutch_roll(verdicts):
     for year in YEARS:
         found = of(verdicts, "datcom", year)
         assert {found["dutch_roll", c][0] for c in ("period", "damping_ratio")} == {"fail"}
-        assert found["phugoid", "period"][0] == "pass"
+    assert of(verdicts, "datcom", 2018)["phugoid", "period"][0] == "pass"
+
+
+def test_the_phugoid_of_2020_is_too_short_to_be_judged(verdicts):
+    """2.6 cycles in 122 s from the input to the recovery, and 130 s to half the amplitude."""
+    assert ("phugoid", 2020) in verdicts
+    assert verdicts["phugoid", 2020].empty
+
+
+@pytest.mark.filterwarnings("ignore:turbulence or a missing term")
+def test_without_a_pilot_the_models_leave_the_phugoid_in_a_turn(citation, models, folder):
+    """DATCOM on 2018: zeta 0.018 in a bank of 54 deg, 0.041 with the wings held; 0.029 flown.  Both would pass."""
+    some = {name: models[name] for name in ("datcom", "output error 2020")}
+    off = {}
+    for drive in ("", WINGS_HELD):
+        table, result = judged(citation, some, "phugoid", 2018, folder, drive)
+        bank = result.signals["phi"]
+        off[drive] = [float(np.abs(bank.sel(run=name) - bank.sel(run="flight")).max()) for name in some]
+        told = table["note"].str.contains("bank of the model up to .* deg off the flight's, a turn and no phugoid")
+        assert told.all() if not drive else not told.any()
+    assert min(off[""]) > np.radians(25.0)  # 54 and 36 deg measured
+    assert max(off[WINGS_HELD]) < np.radians(1.0)  # 0.4 deg
 
 
 def test_output_error_of_2018_on_the_flight_of_2020(verdicts):
     found = of(verdicts, "output error 2018", 2020)
     for criterion in ("period", "damping_ratio"):
-        assert found["phugoid", criterion][0] == "pass"
         assert found["dutch_roll", criterion][0] == "pass"
     for criterion in ("pitch_rate", "normal_acceleration"):
         assert found["short_period", criterion][0] == "pass"
@@ -154,10 +195,8 @@ def test_output_error_of_2020_on_the_flight_of_2018(verdicts):
 
 
 def test_regression_across(verdicts):
-    """The polar of 2018 damps the phugoid of 2020 rightly; the weak short period of 2020 makes its pitch stiffness useless."""
-    assert {of(verdicts, "regression 2018", 2020)["phugoid", c][0] for c in ("period", "time_to_half_or_double", "damping_ratio")} == {
-        "pass"
-    }
-    assert of(verdicts, "regression 2020", 2018)["phugoid", "period"][0] == "fail"
+    """The polar of 2018 damps the phugoid of its own flight rightly; in yaw the derivative of 10 Hz rates costs the damping."""
+    found = of(verdicts, "regression 2018", 2018)
+    assert {found["phugoid", c][0] for c in ("period", "time_to_half_or_double", "damping_ratio")} == {"pass"}
     assert {of(verdicts, "regression 2020", 2018)["dutch_roll", c][0] for c in ("period", "damping_ratio")} == {"pass"}
     assert of(verdicts, "regression 2018", 2020)["dutch_roll", "damping_ratio"][0] == "fail"
