@@ -149,3 +149,23 @@ def test_inertia_of_a_flight_without_coupling_is_refused(files):
     models = [x for text in ("Cl = 1 + beta", "Cm = 1 + delta_r", "Cn = 1 + beta") for x in ("--model", text)]
     with pytest.raises(IdentificationError, match="equation of p_dot: pq, qr are zero throughout"):
         CliRunner().invoke(inertia, [*base, *models], catch_exceptions=False)
+
+
+def test_a_figure_that_must_not_be_used_is_exit_code_1(files):
+    """Rudder of the other sign; and a rolling moment that no term moves."""
+    base, folder = files
+    with xr.open_datatree(folder / "path.nc") as tree:
+        states = tree["states"].to_dataset().load()
+    rng = np.random.default_rng(1)
+    states["delta_r"] = -states["delta_r"]
+    states["p_dot"] = states["p_dot"] + 0.01 * rng.normal(size=1000)
+    xr.DataTree.from_dict({"/states": states}).to_netcdf(folder / "odd.nc", engine="h5netcdf")
+    odd = [str(folder / "odd.nc"), *base[1:]]
+    wrong = run(*odd, "--model", "CY = 1 + beta + delta_r", "--correlation")
+    assert wrong.exit_code == 1
+    assert "!! sign against the convention: dCY/ddelta_r is -0.2" in wrong.output
+    assert "correlation " in wrong.output
+    assert "all slopes: F(2, " in wrong.output
+    noise = run(*odd, "--model", "Cl = 1 + beta + delta_r", "--json")
+    assert noise.exit_code == 1
+    assert [one["kind"] for one in json.loads(noise.output)["remarks"]] == ["no excitation"]

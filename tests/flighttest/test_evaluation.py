@@ -267,3 +267,30 @@ def test_modes_on_the_command_line(folder):
     wrong.write_text(NAMES.replace('phi = "phi"', 'phi = { column = "phi", sign = -1 }'))
     with pytest.warns(flightmech.errors.AeromatchWarning, match="sign:phi"):
         call("modes", folder / "flight.csv", 20.0, 35.0, "--names", wrong, "--channel", "phi")
+
+
+def test_a_motion_that_must_not_be_used_fails_the_flight_though_its_figures_lie_inside(folder, monkeypatch):
+    monkeypatch.setattr("flighttest.eigenmotion.PURE", 1.1)
+    done = call("report", folder / "plan.toml", "-o", folder / "page.html", "--json")
+    assert done.exit_code == 1
+    found = json.loads(done.stdout)
+    assert found["verdict"] == "2 of 2 figures inside their bounds; not to be used: dutch_roll"
+    assert found["remarks"]["dutch_roll"][0]["kind"] == "no excitation"
+    assert "no excitation: the oscillation explains" in (folder / "page.html").read_text()
+
+
+def test_modes_on_a_quiet_stretch_end_with_exit_code_1(tmp_path):
+    """Noise that lasts a second: an oscillation explains more than half of it in twelve seconds, and none is there."""
+    rng, r = np.random.default_rng(9), [0.0]
+    for _ in range(119):
+        r.append(0.9 * r[-1] + 0.01 * rng.standard_normal())
+    rows = [f"{0.1 * k:.1f},{x:.9g}" for k, x in enumerate(r)]
+    (tmp_path / "quiet.csv").write_text("\n".join(["t,r", "s,rad s-1", *rows]) + "\n")
+    (tmp_path / "names.toml").write_text('[time]\ncolumn = "t"\n[ahrs]\nr = "r"\n')
+    base = ["modes", tmp_path / "quiet.csv", 0.0, 11.9, "--names", tmp_path / "names.toml", "--channel", "r"]
+    done = call(*base)
+    assert done.exit_code == 1
+    assert "!! no excitation: the oscillation explains" in done.stdout
+    found = call(*base, "--json")
+    assert found.exit_code == 1
+    assert json.loads(found.stdout)["remarks"][0]["severity"] == "error"
