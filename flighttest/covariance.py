@@ -1,8 +1,8 @@
 """Covariance of a least-squares estimate whose residuals are correlated in time.
 
-The textbook formula takes residuals for white and is two to five times too small on flight data.  Here the disturbance
-behind the residuals is found as an autoregression by restricted likelihood; or, where a lag window is given, the
-residual's own autocorrelation is used, tapered and cut.  Between manoeuvres nothing is correlated.  What differs from
+The textbook formula takes residuals for white and is two to five times too small on flight data.  Here the spectrum of the
+disturbance behind the residuals is found, what the fit has taken up included (`residual_spectrum`); or, where a lag window is
+given, the residual's own autocorrelation is used, tapered and cut.  Between manoeuvres nothing is correlated.  What differs from
 manoeuvre to manoeuvre as a constant is a variance of its own.
 """
 
@@ -11,20 +11,42 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import fftconvolve
 
-from .autoregression import OFFSETS, Disturbance, disturbance
+from .autoregression import Disturbance
+from .residual_spectrum import OFFSETS, ResidualSpectrum, residual_spectrum
 
 BLOCK = 0.08  # residuals are averaged over so long before their colour is looked at [s]
+WINDOW = 0.1  # lag window that standard errors are compared with, of the longest piece
 _OWN = 25  # blocks from which on a manoeuvre has a disturbance of its own size
 
 
-def coloured(
-    X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float], lag: float | None = None
-) -> tuple[np.ndarray, float]:
-    """Return the covariance of a least-squares estimate, and the offset between manoeuvres that it holds.
+class Coloured(NamedTuple):
+    """Covariance of a least-squares estimate, and what it rests on.
+
+    Attributes
+    ----------
+    covariance : array (terms, terms)
+    offset : float
+        Standard deviation of a constant that differs from piece to piece, beyond what the disturbance explains; in the covariance.
+    windowed : array (terms,)
+        Standard errors by a lag window: the one given, or of a tenth of the longest piece, for comparison.
+    hidden, edge : float
+        Largest over the clocks of what `ResidualSpectrum` holds; 1 and 0 with a lag window.
+    """
+
+    covariance: np.ndarray
+    offset: float
+    windowed: np.ndarray
+    hidden: float = 1.0
+    edge: float = 0.0
+
+
+def coloured(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequence[float], lag: float | None = None) -> Coloured:
+    """Return the covariance of a least-squares estimate whose residuals are correlated in time.
 
     Parameters
     ----------
@@ -41,27 +63,35 @@ def coloured(
 
     Returns
     -------
-    covariance : array (terms, terms)
-        D [sum over pieces, i, j of x_i R(i - j) x_j'] D with D = (X'X)^-1 and R the autocovariance of the disturbance.
-        With a lag window R(k) = w_k (1/N) sum v_i v_(i+k) of the piece, w_k = max(0, 1 - |k|/L), and the whole times
-        N/(N - n).
-    offset : float
-        Standard deviation of a constant that differs from piece to piece, beyond what R explains; in the covariance.
+    Coloured
 
     Notes
     -----
+    cov = D [sum over pieces, i, j of x_i R(i - j) x_j'] D with D = (X'X)^-1 and R the autocovariance of the disturbance.
+    With a lag window R(k) = w_k (1/N) sum v_i v_(i+k) of the piece, w_k = max(0, 1 - |k|/L), and the whole times
+    N/(N - n).
+
     The window follows [Morelli1997] and [Newey1987].  It sees only what the fit has left of the disturbance and is too
-    small for slow terms: of intercepts fitted to 10 s, two standard errors cover 77 %, against 90 % by default.
+    small for slow terms: of intercepts fitted to 10 s, two standard errors cover 77 %, against 92 % by default.
 
     References
     ----------
     .. [Morelli1997] Morelli, Klein, J. Guidance 20, 1997.
     .. [Newey1987] Newey, West, Econometrica 55, 1987.
     """
-    if lag is None:
-        parts = [colour.spread(X[piece]) for colour, piece in zip(colours(X, v, pieces, steps), pieces)]
-    else:
-        parts = _windowed(X, v, pieces, steps, lag)
+    window = WINDOW * max((piece.stop - piece.start) * step for piece, step in zip(pieces, steps)) if lag is None else lag
+    by_window, offset = _covariance(X, v, pieces, _windowed(X, v, pieces, steps, window))
+    windowed = np.sqrt(np.diag(by_window))
+    if lag is not None:
+        return Coloured(by_window, offset, windowed)
+    found = colours(X, v, pieces, steps)
+    covariance, offset = _covariance(X, v, pieces, [colour.spread(X[piece]) for colour, piece in zip(found, pieces)])
+    hidden, edge = (max(getattr(colour.spectrum, name) for colour in found) for name in ("hidden", "edge"))
+    return Coloured(covariance, offset, windowed, hidden, edge)
+
+
+def _covariance(X, v, pieces, parts: Sequence[tuple[np.ndarray, float]]) -> tuple[np.ndarray, float]:
+    """Covariance and offset between pieces, from X'RX and the variance of the mean per piece."""
     means, sizes = np.array([v[piece].mean() for piece in pieces]), np.array([piece.stop - piece.start for piece in pieces])
     offset2 = _between(means, np.array([mean for _, mean in parts]), sizes)
     sums = np.array([X[piece].sum(axis=0) for piece in pieces])
@@ -81,14 +111,13 @@ def _windowed(X, v, pieces, steps, lag: float) -> list[tuple[np.ndarray, float]]
 
 @dataclass(frozen=True)
 class Colour:
-    """The disturbance of one piece: an autoregression of block means, and white noise within the blocks.
+    """The disturbance of one piece: that of block means, and white noise within the blocks.
 
-    Averaging takes out the part of the spectrum that a low-pass has emptied, where a whitening filter would be lost in
-    rounding, and lets an autoregression of low order reach far back.
+    Averaging takes out the part of the spectrum that a low-pass has emptied, and lets an autoregression reach far back.
 
     Attributes
     ----------
-    model : Disturbance
+    spectrum : ResidualSpectrum
         Of block means; common to all pieces of one clock.
     size : float
         Variance of this piece over that of the model.
@@ -98,10 +127,15 @@ class Colour:
         Variance within blocks.
     """
 
-    model: Disturbance
+    spectrum: ResidualSpectrum
     size: float
     length: int
     white: float
+
+    @property
+    def model(self) -> Disturbance:
+        """The disturbance of block means as an autoregression."""
+        return self.spectrum.model
 
     def spread(self, X: np.ndarray) -> tuple[np.ndarray, float]:
         """Return X'RX and the variance of the mean of the disturbance."""
@@ -142,9 +176,11 @@ def colours(X: np.ndarray, v: np.ndarray, pieces: Sequence[slice], steps: Sequen
         members = [k for k, own in enumerate(clocks) if own == clock]
         edges = np.cumsum([0, *(len(means[k]) for k in members)])
         together = np.concatenate([means[k] for k in members])
-        model = disturbance(together[:, :-1], together[:, -1], [slice(int(a), int(b)) for a, b in pairwise(edges)])
-        for k, size in zip(members, _sizes([model.innovations(means[k][:, -1]) for k in members])):
-            found[k] = Colour(model, float(size), lengths[k], whites[k])
+        places = [slice(int(a), int(b)) for a, b in pairwise(edges)]
+        spectrum = residual_spectrum(together[:, :-1], together[:, -1], places)
+        sizes = _sizes(spectrum.model, [means[k][:, -1] for k in members])
+        for k, size in zip(members, sizes):
+            found[k] = Colour(spectrum, float(size), lengths[k], whites[k])
     return [found[k] for k in range(len(pieces))]
 
 
@@ -160,8 +196,12 @@ def _spread(x: np.ndarray, kernel: np.ndarray) -> tuple[np.ndarray, float]:
     return x.T @ fftconvolve(x, kernel[:, None], mode="same", axes=0), mean
 
 
-def _sizes(innovations: list[np.ndarray]) -> np.ndarray:
+def _sizes(model: Disturbance, residuals: list[np.ndarray]) -> np.ndarray:
     """Variance of each piece over the common one; short pieces have the common one."""
+    if len(residuals) == 1:
+        return np.ones(1)
+    own = len(residuals) >= OFFSETS  # constants, which are no part of the disturbance
+    innovations = [model.innovations(v - v.mean() if own else v) for v in residuals]
     power = np.array([float(e @ e) for e in innovations])
     counts = np.array([len(e) for e in innovations])
     if power.sum() == 0.0:

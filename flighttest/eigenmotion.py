@@ -287,7 +287,7 @@ class _Response:
         free, basis = len(x), self.basis(x)
         X = self._tangents(x, basis)
         v = ((self.y - self.fitted(x)) / self.weight).T.ravel()
-        found, _ = coloured(X, v, self._pieces(), [self.step] * self.y.shape[1])
+        found = coloured(X, v, self._pieces(), [self.step] * self.y.shape[1]).covariance
         covariance = np.zeros((2, 2))
         covariance[:free, :free] = found[:free, :free]
         return covariance
@@ -306,7 +306,7 @@ class _Response:
         v = left - X @ np.linalg.lstsq(X, left, rcond=1e-10)[0]
         pieces = self._pieces()
         try:
-            C, _ = coloured(X, v, pieces, [self.step] * channels)
+            C = coloured(X, v, pieces, [self.step] * channels).covariance
         except np.linalg.LinAlgError:  # the motion is a cubic in this window
             return 0.0, channels, 1.0, 1.0
         amplitudes = (np.linalg.lstsq(basis / size, self.y, rcond=1e-12)[0] / self.weight)[drift:].T.ravel()

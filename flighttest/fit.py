@@ -34,7 +34,8 @@ class Fit:
     estimates : Dataset (term, term_, error)
         ``estimate``, ``stderr`` (coloured residuals), ``stderr_white``, ``stderr_systematic``, ``covariance`` and
         ``correlation`` of the estimates (coloured), ``systematic`` (term, error): change of the estimates for one
-        standard error of each source, ``contribution`` (rms of the term about its mean over the rms of the coefficient
+        standard error of each source, ``stderr_window`` (by a lag window of a tenth of the longest stretch, in time),
+        ``contribution`` (rms of the term about its mean over the rms of the coefficient
         about its mean); of the regressors ``vif``, ``regressor_correlation``, ``condition_index`` (component) and
         ``proportion`` (component, term).  Attributes: ``coefficient``, ``name``, ``domain`` (time, frequency or published), ``R2``,
         ``residual_rms``, ``samples``, ``manoeuvres``, ``offset`` (standard deviation of a constant between manoeuvres);

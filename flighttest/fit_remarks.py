@@ -13,6 +13,7 @@ from scipy import stats
 
 from . import collinearity, linear
 from .remarks import Remark
+from .residual_spectrum import HIDDEN
 
 if TYPE_CHECKING:
     from .fit import Fit
@@ -24,7 +25,9 @@ EXPLAINED = 0.5  # of the variance, that a model must explain for its terms to b
 SURE = 2.0  # standard errors by which a prior must differ from zero to have a sign
 SPIKE = 8.0  # robust standard deviations of a departure from its neighbours: never by chance in 10^6 Gaussian samples
 OUTSIDE = 5.0  # and of the residual itself
+SMOOTH = 0.1  # least scatter about the neighbours, of that of the residual
 BESIDE = 4  # samples on each side that tell what a sample should be; spikes are shorter
+APART = 3.0  # standard error over that of a lag window: four fifths of real fits lie between 1 and 2
 SIGNS = {
     ("CL", "delta_e"): 1,
     ("CZ", "delta_e"): -1,
@@ -43,7 +46,7 @@ SIGNS = {
 
 def remarks_of(fit: Fit) -> list[Remark]:
     """Return all remarks on a fit; errors first."""
-    found = [*_insignificant(fit), *_unexplained(fit), *_signs(fit), *_spike(fit), *_collinear(fit), *_offset(fit)]
+    found = [*_insignificant(fit), *_unexplained(fit), *_signs(fit), *_spike(fit), *_collinear(fit), *_offset(fit), *_disturbance(fit)]
     return sorted(found, key=lambda remark: remark.severity != "error")
 
 
@@ -140,7 +143,8 @@ def _spike(fit: Fit) -> list[Remark]:
         return []
     v = fit.residual
     apart = v - np.median(np.lib.stride_tricks.sliding_window_view(np.pad(v, BESIDE, mode="reflect"), 2 * BESIDE + 1), axis=1)
-    sizes = np.abs(apart) / max(_robust(apart), np.finfo(float).tiny)
+    # a smooth residual is its own running median almost everywhere
+    sizes = np.abs(apart) / max(_robust(apart), SMOOTH * _robust(v), np.finfo(float).tiny)
     far = np.abs(v - np.median(v)) / max(_robust(v), np.finfo(float).tiny)
     spikes = np.flatnonzero(
         (sizes > SPIKE) & (far > OUTSIDE) & (np.abs(v) > _ROUNDING * np.abs(fit.data[fit.model.coefficient].values).max())
@@ -201,3 +205,27 @@ def _offset(fit: Fit) -> list[Remark]:
         return []
     words = f"manoeuvres differ by a constant of {offset:.2g} (1 sigma), more than the residual; consider separate intercepts"
     return [Remark("offset", words, "1", offset, rms)]
+
+
+def _disturbance(fit: Fit) -> list[Remark]:
+    """What the standard errors rest on: how much of the disturbance is hidden in the fit, and what a lag window says."""
+    e = fit.estimates
+    if "hidden" not in e.attrs:
+        return []
+    found = []
+    hidden, edge = e.attrs["hidden"], e.attrs["edge"]
+    if hidden > HIDDEN**2:
+        words = (
+            f"the disturbance has {hidden:.0f} times the variance of the residual: the fit has taken up most of it; standard errors "
+            "rest on assumptions about slow disturbances, add manoeuvres"
+        )
+        found.append(Remark("disturbance", words, "", hidden, HIDDEN**2))
+    if edge > 0.5:
+        words = "the spectrum of the residual is rougher than all that were allowed: look for lines in it; standard errors may be too small"
+        found.append(Remark("disturbance", words, "", edge, 0.5))
+    for term, own, window in zip(e["term"].values, e["stderr"].values, e["stderr_window"].values):
+        ratio = float(own / window) if window > 0.0 else 1.0
+        if not 1.0 / APART <= ratio <= APART:
+            words = f"{term}: the standard error is {ratio:.2g} times that of a lag window ({window:.2g}); the disturbance is slow or rough"
+            found.append(Remark("disturbance", words, str(term), ratio, APART if ratio > 1.0 else 1.0 / APART))
+    return found

@@ -194,7 +194,7 @@ def _regressed(rate: str, parts: Sequence[xr.Dataset], aircraft: Aircraft, model
         raise IdentificationError(f"equation of {rate}: {error}") from None
     theta, _ = linear.solve(X, z)
     v = z - X @ theta
-    C, _ = coloured(X, v, *samples.pieces())
+    C = coloured(X, v, *samples.pieces()).covariance
     A = linear.estimator(X)
     white = A @ A.T * float(v @ v) / (len(z) - len(theta))
     n = len(products)

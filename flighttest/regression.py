@@ -151,7 +151,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag,
     v = z - X @ theta
     s2 = float(v * root @ (v * root)) / (len(z) - len(terms))
     pieces, steps = samples.pieces()
-    C, offset = coloured(E, v * root, pieces, steps, lag)
+    C = coloured(E, v * root, pieces, steps, lag)
     A = linear.estimator(E) * root
     sources, errors = samples.errors(model.coefficient)
     spread = float(np.std(z))
@@ -160,8 +160,9 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag,
     if parameter:
         shrinkage = -np.linalg.solve(Xw.T @ Xw + np.diag(penalty), penalty * linear.solve(Xw, zw)[0])
         more["shrinkage"] = "term", shrinkage, {"long_name": "bias of the ridge, from the estimates without it"}
+    more["stderr_window"] = "term", C.windowed, {"long_name": "standard error by a lag window, for comparison"}
     white = np.sqrt(s2 * ((A / root) ** 2).sum(axis=1))
-    found = linear.estimates(terms, theta, C, white, (sources, A @ errors.T), more)
+    found = linear.estimates(terms, theta, C.covariance, white, (sources, A @ errors.T), more)
     found.attrs = {
         "coefficient": model.coefficient,
         "domain": "time",
@@ -169,7 +170,9 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag,
         "residual_rms": float(np.sqrt(v @ v / len(v))),
         "samples": len(z),
         "manoeuvres": len(samples.steps),
-        "offset": offset,
+        "offset": C.offset,
+        "hidden": C.hidden,
+        "edge": C.edge,
         "weights": weights,
         "ridge": parameter,
         **significance.whiteness(v * root, pieces, steps),

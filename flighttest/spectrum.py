@@ -223,6 +223,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
     size = np.zeros(len(terms))
     size[~fixed] = np.sqrt((np.abs(Xf) ** 2).sum(axis=0) / (np.abs(zf) ** 2).sum()) * np.abs(theta)
     more["contribution"] = "term", size
+    more["stderr_window"] = "term", np.full(len(terms), np.nan), {"long_name": "standard error by a lag window; none in frequency"}
     if parameter:
         bias = np.zeros(len(terms))
         bias[~fixed] = -np.linalg.solve(X2.T @ X2 + np.diag(penalty), penalty * linear.solve(X2, z2)[0])
@@ -322,14 +323,14 @@ def _joined(X: np.ndarray, z: np.ndarray, fixed: np.ndarray, samples: Samples, s
     P = linear.estimator(X[:, fixed])
     theta[fixed] = P @ (z - X[:, ~fixed] @ slopes.theta)
     v = z - X @ theta
-    own, offset = coloured(X[:, fixed], v, *samples.pieces())
+    own = coloured(X[:, fixed], v, *samples.pieces())
     means = P @ X[:, ~fixed]
     A[fixed] = P - means @ slopes.A
-    C[np.ix_(fixed, fixed)] = own + means @ slopes.covariance @ means.T
+    C[np.ix_(fixed, fixed)] = own.covariance + means @ slopes.covariance @ means.T
     C[np.ix_(fixed, ~fixed)] = -means @ slopes.covariance
     C[np.ix_(~fixed, fixed)] = C[np.ix_(fixed, ~fixed)].T
     white[fixed] = np.sqrt((v @ v) / (len(v) - n) * (P**2).sum(axis=1) + means**2 @ slopes.white**2)
-    return _Whole(theta, C, white, A, offset)
+    return _Whole(theta, C, white, A, own.offset)
 
 
 def _with_constants(more: dict[str, tuple], terms: Sequence[str], fixed: np.ndarray) -> dict[str, tuple]:

@@ -85,7 +85,7 @@ def height_table(
     collinearity.demand_rank(whole, names)
     theta = np.linalg.lstsq(whole, z, rcond=None)[0]
     v = z - whole @ theta
-    C, _ = coloured(whole, v, *samples.pieces())
+    C = coloured(whole, v, *samples.pieces()).covariance
     shape = (ground.shape[1], len(heights) - 1)
     value, stderr = (np.zeros((shape[0], shape[1] + 1)) for _ in range(2))
     value[:, :-1] = theta[X.shape[1] :].reshape(shape)
@@ -125,7 +125,7 @@ def breakpoints(h: np.ndarray, ratio: float = 1.5, least: int = 25, highest: flo
 def independent_samples(v: np.ndarray, samples: Samples) -> float:
     """Return how many independent samples would have a mean as good as that of the residual."""
     pieces, steps = samples.pieces()
-    C, _ = coloured(np.ones((len(v), 1)), v, pieces, steps)
+    C = coloured(np.ones((len(v), 1)), v, pieces, steps).covariance
     return float(min(np.var(v) / C[0, 0], len(v)))
 
 

@@ -3,7 +3,7 @@
     cov = M^-1 [ P^-1 + sum_i sum_k S_i' R^-1 Rvv(i - k) R^-1 S_k ] M^-1
 
 with the cross-covariance Rvv of the disturbance behind the residuals.  As in `flighttest.covariance` it is found on means over short
-blocks, output by output, as an autoregression by restricted likelihood; what the fit has taken up of an output are the directions
+blocks, output by output, by its spectrum; what the fit has taken up of an output are the directions
 of the unknowns that this output tells more than half of.  Between outputs the innovations are correlated at equal times, so that
 Rvv is the cross-spectrum  H_a(f) C_ab H_b*(f),  which no estimate can make negative.  Between manoeuvres nothing is correlated.
 
@@ -21,8 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..autoregression import Disturbance, disturbance
+from ..autoregression import Disturbance
 from ..covariance import BLOCK
+from ..residual_spectrum import residual_spectrum
 from .search import Found, inverse, root_of_inverse
 
 _TOLD = 0.5  # share of the information on a direction above which an output's residual has lost it
@@ -127,7 +128,7 @@ def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> 
     told = X @ root
     _, s, Vt = np.linalg.svd(told * np.sqrt(length), full_matrices=False)
     share = s**2
-    model = disturbance(told @ Vt[share >= min(_TOLD, share[0])].T, v, places)  # the first is always there
+    model = residual_spectrum(told @ Vt[share >= min(_TOLD, share[0])].T, v, places).model  # the first is always there
     rest = np.concatenate([piece.rest[:, a] for piece in pieces])
     r = model.autocovariance(max(2, len(v) // 4))
     white = float(rest @ rest) / max(1, len(rest) - len(v))
@@ -137,13 +138,8 @@ def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> 
 
 def _links(pieces: Sequence[_Blocks], colours: Sequence[Colour]) -> np.ndarray:
     """Return the covariance of the innovations of all outputs at equal times."""
-    lost = max(len(colour.disturbance.coefficients) for colour in colours) - 1
-    rows = []
-    for piece in pieces:
-        kept = max(0, len(piece.residual) - lost)
-        single = [colour.disturbance.innovations(piece.residual[:, a]) for a, colour in enumerate(colours)]
-        rows.append(np.column_stack([x[len(x) - kept :] for x in single]))
-    e = np.concatenate(rows)
+    rows = [[colour.disturbance.innovations(piece.residual[:, a]) for a, colour in enumerate(colours)] for piece in pieces]
+    e = np.concatenate([np.column_stack(row) for row in rows])
     size = np.sqrt((e**2).mean(axis=0))
     e = e / np.where(size > 0.0, size, 1.0)
     deviation = np.array([np.sqrt(colour.disturbance.variance) for colour in colours])

@@ -222,5 +222,5 @@ def _regressed(y: np.ndarray, columns: Sequence[np.ndarray], mask: np.ndarray, s
     breaks = np.flatnonzero(np.diff(np.flatnonzero(mask)) > 1) + 1
     bounds = [0, *breaks.tolist(), len(y)]
     pieces = [slice(a, b) for a, b in pairwise(bounds)]
-    covariance, _ = coloured(scaled, residual, pieces, [step] * len(pieces), lag=_MEMORY)
+    covariance = coloured(scaled, residual, pieces, [step] * len(pieces), lag=_MEMORY).covariance
     return float(theta[-1] / size[-1]), float(np.sqrt(covariance[-1, -1]) / size[-1]), float(1.0 - residual.var() / y.var())

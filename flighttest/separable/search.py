@@ -117,6 +117,6 @@ def _spread(X: np.ndarray, v: np.ndarray, pieces: Pieces, lag: float | None) -> 
     length = np.linalg.norm(X, axis=0)
     U, s, Vt = np.linalg.svd(X / np.where(length > 0, length, 1.0), full_matrices=False)
     seen = s > 1e-10 * s[0]
-    inner, offset = coloured(U[:, seen], v, pieces.slices, pieces.steps, lag)
+    found = coloured(U[:, seen], v, pieces.slices, pieces.steps, lag)
     back = (s[:, None] * Vt)[seen] * length
-    return back.T @ inner @ back, offset
+    return back.T @ found.covariance @ back, found.offset

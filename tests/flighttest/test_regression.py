@@ -56,9 +56,9 @@ def test_the_covariance_of_a_lag_window_is_the_double_sum_by_hand():
         r, n = v[piece], piece.stop - piece.start
         R = np.array([(r[: n - k] @ r[k:]) / n * max(0.0, 1 - k / L) for k in range(n)])
         middle = middle + X[piece].T @ toeplitz(R) @ X[piece]
-    covariance, offset = coloured(X, v, pieces, [STEP, STEP], lag=0.5)
-    np.testing.assert_allclose(covariance, D @ middle @ D * 120 / 117, rtol=1e-9)
-    assert offset == 0.0
+    found = coloured(X, v, pieces, [STEP, STEP], lag=0.5)
+    np.testing.assert_allclose(found.covariance, D @ middle @ D * 120 / 117, rtol=1e-9)
+    assert found.offset == 0.0
 
 
 def test_time_gaps_and_manoeuvres_break_the_correlation_but_nan_samples_only_leave():
