@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import xarray as xr
+from pydantic import Field
 
 from flightmech import terms
 from flightmech.configuration import Strict, load, si, validate
@@ -15,6 +17,7 @@ from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.units import quantity
 from flighttest import Model
+from flighttest.reduction import ERRORS
 
 OWN_MODELS = ("datcom", "corrected", "final")
 """Names of the models that a project makes."""
@@ -86,6 +89,7 @@ class _File(Strict):
     cases: tuple[str, ...]
     cutoff: si("Hz") | None = None  # type: ignore[valid-type]
     held: tuple[str, ...] = ()
+    errors: dict[str, Annotated[float, Field(ge=0.0)]] = {}
     terms: dict[str, NewTerm] = {}
     models: dict[str, Stranger] = {}
     fit: tuple[Fit, ...]
@@ -112,6 +116,8 @@ class Project:
         Proof-of-Match case files.
     cutoff : float or None
         Low-pass applied before coefficients are formed. [Hz]
+    errors : dict of str to float
+        Relative standard errors of ``qbar mass inertia thrust`` that differ from the defaults, see `flighttest.coefficients`.
     terms : dict of str to NewTerm
         Terms that start from nothing, by ``CL/gear``.
     held : tuple of str
@@ -133,6 +139,7 @@ class Project:
     flights: dict[str, Path]
     cases: tuple[Path, ...]
     cutoff: float | None
+    errors: dict[str, float]
     terms: dict[str, NewTerm]
     held: tuple[str, ...]
     fits: tuple[Fit, ...]
@@ -180,6 +187,9 @@ def read_project(path: str | Path) -> Project:
                 problems.append(f"fit.{number}.records: {UnknownName(record, flights, 'record')}")
         for model in fit.models:
             _collect(problems, f"fit.{number}.models", Model.parse, model)
+    for source in content.errors:
+        if source not in ERRORS:
+            problems.append(f"errors: {UnknownName(source, ERRORS, 'source of error')}")
     for term, new in content.terms.items():
         _collect(problems, f"terms.{term}", new.leaf)
     cases = tuple(file for pattern in content.cases for file in sorted(folder.glob(pattern)))
@@ -199,6 +209,7 @@ def read_project(path: str | Path) -> Project:
         flights,
         cases,
         content.cutoff,
+        content.errors,
         content.terms,
         content.held,
         content.fit,

@@ -109,7 +109,7 @@ def _windows(fit: Fit, record: str, table: pd.DataFrame, problems: list[str]) ->
 
 def identify(project: Project, aircraft: Aircraft, paths: Mapping[str, Any], windows: Windows) -> list[Any]:
     """Return one `flighttest.Fit` per record and model of every fit of the project; `windows` from `windows_of`."""
-    data = {name: flighttest.coefficients(paths[name], aircraft, cutoff=project.cutoff) for name in records_of(project)}
+    data = {name: flighttest.coefficients(paths[name], aircraft, project.errors, project.cutoff) for name in records_of(project)}
     found = []
     for fit, places in zip(project.fits, windows, strict=True):
         for record, spans in places.items():

@@ -102,13 +102,10 @@ class NormalEquations:
             The normal matrix is singular: something is neither measured nor bounded by a prior.
         """
         from scipy.linalg import cho_factor, cho_solve
-        from scipy.linalg.lapack import dpbtrf, dtbtrs
+        from scipy.linalg.lapack import dtbtrs
 
         samples, states, constants = self.G.shape
-        factor, fault = dpbtrf(self._band(), lower=1, overwrite_ab=1)
-        if fault:
-            k, i = divmod(fault - 1, states)
-            raise IdentificationError(f"the trajectory is not determined at sample {k}, state {i}; give a sensor or a prior for it")
+        factor = self._factor()
         right = np.empty((samples * states, constants + 1), order="F")
         right[:, :constants] = self.G.reshape(-1, constants)
         right[:, constants] = self.gx.ravel()
@@ -129,6 +126,32 @@ class NormalEquations:
         rest = np.asfortranarray((-Y[:, -1] - Y[:, :-1] @ dc)[:, None])
         dx, _ = dtbtrs(factor, rest, uplo="L", trans="T", overwrite_b=1)
         return dx.reshape(samples, states), dc, schur
+
+    def following(self) -> np.ndarray:
+        """Return how the states follow the constants, dx/dc = -T^-1 G (N, n, nc).
+
+        Raises
+        ------
+        IdentificationError
+            As `solve`.
+        """
+        from scipy.linalg.lapack import dpbtrs
+
+        samples, states, constants = self.G.shape
+        factor = self._factor()
+        follow, _ = dpbtrs(factor, np.asfortranarray(-self.G.reshape(-1, constants)), lower=1, overwrite_b=1)
+        return follow.reshape(samples, states, constants)
+
+    def _factor(self) -> np.ndarray:
+        """Return the Cholesky factor of T in band storage."""
+        from scipy.linalg.lapack import dpbtrf
+
+        states = self.D.shape[1]
+        factor, fault = dpbtrf(self._band(), lower=1, overwrite_ab=1)
+        if fault:
+            k, i = divmod(fault - 1, states)
+            raise IdentificationError(f"the trajectory is not determined at sample {k}, state {i}; give a sensor or a prior for it")
+        return factor
 
     def _band(self) -> np.ndarray:
         """Return T in lower band storage: band[i - j, j]."""

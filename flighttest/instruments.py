@@ -18,6 +18,9 @@ It stands in the aircraft file, one table per instrument; the names of the table
     [instruments.airspeed]                              # where no impact pressure was recorded: V, V_cas or mach
     noise = { V = 0.3 }
     factor = { V = [1.0, 0.03] }                        # scale factor: mean and one sigma
+    [instruments.surfaces]
+    bias_sigma = { delta_e = "0.1 deg" }                # rigging of the pick-ups; goes into the errors of the derivatives
+    scale_sigma = { delta_e = 0.01 }
 
 A channel is used as a measurement when an instrument gives its noise.  `earth_rate = true` in the table of the gyros states that they
 show the rate of the Earth too, as those of an inertial reference do; the record then needs its latitude.
@@ -33,11 +36,14 @@ from pydantic import BeforeValidator, Field, field_validator
 from flightmech.configuration import Strict, si, validate
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.units import quantity
+from flightmech.units import DEGREE, quantity
 
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
 SPEEDS = ("V", "V_cas", "mach")  # airspeeds that are measured channels themselves where no impact pressure was recorded
 VANES = ("alpha_vane", "beta_vane")
+SURFACES = ("delta_e", "delta_a", "delta_r")
+SURFACE_BIAS = 0.1 * DEGREE  # what a pick-up is rigged and calibrated to, unless the instruments say otherwise [rad]
+SURFACE_SCALE = 0.01
 
 
 def _pair(units: str) -> Any:
@@ -92,10 +98,10 @@ class Instrument(Strict):
 
     @field_validator("scale_sigma")
     @classmethod
-    def _inertial_only(cls, scale_sigma: dict[str, float]) -> dict[str, float]:
-        wrong = sorted(set(scale_sigma) - set(IMU))
+    def _scaled_only(cls, scale_sigma: dict[str, float]) -> dict[str, float]:
+        wrong = sorted(set(scale_sigma) - {*IMU, *SURFACES})
         if wrong:
-            raise ValueError(f"scale errors are estimated for {', '.join(IMU)} only, not for {', '.join(wrong)}")
+            raise ValueError(f"scale errors are known for {', '.join((*IMU, *SURFACES))} only, not for {', '.join(wrong)}")
         return scale_sigma
 
     @field_validator("factor")
@@ -131,6 +137,26 @@ class Instruments(Strict):
         return f"delay.{self.name_of(channel)}" if self.of(channel).delay else ""
 
 
+def surface_errors(content: Mapping[str, Any], what: str = "instruments") -> dict[str, tuple[float, float]]:
+    """Return standard errors of bias [rad] and scale of the surface pick-ups, those of an aircraft file or the defaults.
+
+    Raises
+    ------
+    SchemaError
+        With all problems of the tables.
+    """
+    tables = validate(Instruments, {"table": _tables(content)}, what).table.values()
+    found = {}
+    for name in SURFACES:
+        bias = next((item.bias_sigma[name] for item in tables if name in item.bias_sigma), SURFACE_BIAS)
+        found[name] = bias, next((item.scale_sigma[name] for item in tables if name in item.scale_sigma), SURFACE_SCALE)
+    return found
+
+
+def _tables(content: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: item if isinstance(item, dict) else item.model_dump() for name, item in content.items()}
+
+
 def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instruments:
     """Return the specification from the tables of an aircraft file.
 
@@ -144,8 +170,7 @@ def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instru
     SchemaError
         With all problems; an inertial unit (noise of p q r ax_imu ay_imu az_imu and its position) must be there.
     """
-    tables = {name: item if isinstance(item, dict) else item.model_dump() for name, item in content.items()}
-    found = validate(Instruments, {"table": tables}, what)
+    found = validate(Instruments, {"table": _tables(content)}, what)
     problems = [f"no instrument gives the noise of {name}; the reconstruction integrates it" for name in IMU if not found.name_of(name)]
     for name in IMU:
         if found.name_of(name) and name not in found.of(name).bias_sigma:

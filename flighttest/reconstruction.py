@@ -26,6 +26,7 @@ from .problem import Problem
 from .readings import windows_of
 from .remarks import Remark, documents
 from .remarks import lines as remark_lines
+from .state_errors import state_errors
 from .states import path_states
 from .trajectory import Solution, estimate, residuals, with_gusts
 
@@ -58,6 +59,9 @@ class Path:
         Per channel: readings, noise, residual rms, ratio, autocorrelation at the first lag, verdict.
     compatibility : Dataset (time, version)
         Per channel ``raw``, ``corrected`` and ``reconstructed`` signal, see `flighttest.compatibility_table`.
+    errors : Dataset (error, time)
+        Change of the states for one standard error of each independent error that the constants leave, see
+        `flighttest.state_errors`; None for a path without them.
     """
 
     states: xr.Dataset
@@ -65,6 +69,7 @@ class Path:
     residuals: xr.Dataset
     fit: Any
     compatibility: xr.Dataset
+    errors: xr.Dataset | None = None
 
     def report(self) -> str:
         """Return the data-compatibility report as text."""
@@ -291,7 +296,8 @@ def finish(record: xr.DataTree, aircraft: Aircraft, setup: Setup, solution: Solu
             column[k] = values[:, i]
             rest[name] = "time", column
             rows.append(_row(name, values[:, i], float(sensor.sigma[i])))
-    return Path(states, found, rest, pd.DataFrame(rows).set_index("channel"), channel_signals(setup, solution))
+    errors = state_errors(record, aircraft, setup, solution)
+    return Path(states, found, rest, pd.DataFrame(rows).set_index("channel"), channel_signals(setup, solution), errors)
 
 
 def _row(name: str, rest: np.ndarray, sigma: float) -> dict[str, Any]:

@@ -9,8 +9,10 @@ Equation of motion of a rigid aeroplane with spinning rotors, solved for the aer
 `a` is the specific force at the c.g., so gravity does not appear.  Positions count from the moment reference point.
 Valid in the air only: wheel forces are inside `a`, so samples with a wheel on the ground give NaN.
 
-Every coefficient comes with what a one-sigma error of dynamic pressure, mass, inertia and each thrust would change in
-it, sample by sample; the regression turns these into systematic errors of the derivatives.
+Every coefficient comes with what one standard error of each common error of the measurement would change in it, sample by
+sample: mass, inertia, each thrust, and what the instruments' constants leave open in the reconstructed states (without a
+reconstruction, dynamic pressure).  The same errors move the regressors, and so do bias and scale error of the surface
+pick-ups; the regression turns all of them into systematic errors of the derivatives.
 """
 
 from __future__ import annotations
@@ -30,11 +32,15 @@ from flightmech.units import G0
 
 from .conditioning import lowpass
 from .differentiate import derivative
+from .instruments import SURFACES, surface_errors
 
 if TYPE_CHECKING:
     from flightmech import Aircraft
 
-ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02}
+ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02, "timing": 0.002}
+# what regressors and tables are functions of: their errors go with them
+MOVED = ("alpha", "beta", "mach", "phat", "qhat", "rhat", "alphadothat", "betadothat", "h", "h_agl", *SURFACES)
+_LEAST = 1e-3  # share of the standard error of every coefficient and variable below which a source is left out
 _REACH = 1.5  # periods of the cut-off over which the low-pass spreads a shock
 NAMES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
 
@@ -51,8 +57,10 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
     aircraft : Aircraft
         Reference lengths, inertia, engines.
     errors : mapping, optional
-        Relative standard errors of `qbar`, `mass`, `inertia`, `thrust` (each engine by itself); missing ones keep the
-        defaults 1 %, 0.5 %, 2 %, 2 %.
+        Relative standard errors of `qbar`, `mass`, `inertia`, `thrust` (each engine by itself); and `timing`, that of the
+        clock of accelerations against the one of states and controls [s].  Missing ones keep the defaults 1 %, 0.5 %, 2 %,
+        2 %, 2 ms (a tenth of a sample at 50 Hz, the skew of a scan).  A Path brings the errors of its dynamic pressure along
+        with those of its other states; `qbar` then counts only when it is given.
     cutoff : float, optional
         Low-pass all states alike first, controls included (`smoothed`): 2 to 3 times the frequency of the fastest mode
         of motion. [Hz]
@@ -63,6 +71,10 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
         The states, and ``CL CD`` (stability axes), ``CX CY CZ`` (body axes), ``Cl Cm Cn`` (body axes, about the moment
         reference point), ``nz dnz``, reduced rates.  ``CL_error (error, time)`` etc. hold the change of the coefficient
         for one standard error of each source; their rms is in the attributes ``error_qbar`` ... of the coefficient.
+        ``alpha_error`` and its sisters of `MOVED` hold the change of the variable, where any source moves it.  Sources
+        are ``qbar mass inertia thrust1 ... timing``, the errors of a Path (`state_errors`), ``bias.delta_e`` and ``scale.delta_e``
+        and the same of the other surfaces that are in the states, of the size that the aircraft's instruments give
+        (`instruments.surface_errors`).
 
     Raises
     ------
@@ -85,27 +97,83 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
     total = reduced(F, M)
     sigma = _sigma(errors)
     nothing = np.zeros_like(F)
-    shares = {
-        "qbar": (sigma["qbar"], {name: -c for name, c in total.items()}),
-        "mass": (sigma["mass"], reduced(F_inertial, nothing)),
-        "inertia": (sigma["inertia"], reduced(nothing, M_inertial)),
-        **{f"thrust{i + 1}": (sigma["thrust"], reduced(-f, -m)) for i, (f, m) in enumerate(thrust)},
+    shares: dict[str, dict[str, np.ndarray]] = {
+        "qbar": {name: -sigma["qbar"] * c for name, c in total.items()},
+        "mass": {name: sigma["mass"] * c for name, c in reduced(F_inertial, nothing).items()},
+        "inertia": {name: sigma["inertia"] * c for name, c in reduced(nothing, M_inertial).items()},
+        **{f"thrust{i + 1}": {name: sigma["thrust"] * c for name, c in reduced(-f, -m).items()} for i, (f, m) in enumerate(thrust)},
+        "timing": {name: sigma["timing"] * _by_time(c, data["time"].values) for name, c in total.items()},
     }
+    left = getattr(path, "errors", None)
+    if left is not None:
+        if "qbar" not in (errors or {}):
+            del shares["qbar"]
+        shares |= _of_states(data, left, total, aircraft)
+    shares |= _of_surfaces(data, aircraft)
     airborne = _airborne(data, 0.0 if cutoff is None else _REACH / cutoff)
+    shares = _counting(shares, airborne)
     found: dict[str, Any] = {}
-    for name in NAMES:
-        change = np.stack([size * share[name] for size, share in shares.values()])
-        rms = np.sqrt(np.nanmean(np.where(airborne, change, np.nan) ** 2, axis=1)) if airborne.any() else np.full(len(shares), np.nan)
-        budget = {f"error_{source}": float(value) for source, value in zip(shares, rms)}
-        found[name] = "time", np.where(airborne, total[name], np.nan), {**attrs(name), **budget}
-        found[f"{name}_error"] = (
-            ("error", "time"),
-            change,
-            {"units": "1", "long_name": f"change of {name} for one standard error of the source"},
-        )
+    for name in (*NAMES, *MOVED):
+        if name not in NAMES and not any(name in share for share in shares.values()):
+            continue
+        change = np.stack([share.get(name, nothing[:, 0]) for share in shares.values()])
+        about = {"units": attrs(name)["units"], "long_name": f"change of {name} for one standard error of the source"}
+        found[f"{name}_error"] = ("error", "time"), change, about
+        if name in NAMES:
+            rms = np.sqrt(np.nanmean(np.where(airborne, change, np.nan) ** 2, axis=1)) if airborne.any() else np.full(len(shares), np.nan)
+            budget = {f"error_{source}": float(value) for source, value in zip(shares, rms)}
+            found[name] = "time", np.where(airborne, total[name], np.nan), {**attrs(name), **budget}
     nz = -_column(data, "az") / G0
     found |= {"nz": ("time", nz, attrs("nz")), "dnz": ("time", nz - 1.0, attrs("dnz"))}
     return data.assign_coords(error=list(shares)).assign(found).assign_attrs(force_axes="stability")
+
+
+def _by_time(c: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Return the derivative by time, zero where it has no value: beside a gap and at the ends of what is known. [s-1]"""
+    if len(time) < 3:
+        return np.zeros_like(c)
+    slope = np.gradient(c, time)
+    gap = np.diff(time) > 1.5 * np.median(np.diff(time))
+    beside = np.append(gap, False) | np.append(False, gap)
+    return np.where(beside | ~np.isfinite(slope), 0.0, slope)
+
+
+def _of_states(data: xr.Dataset, left: xr.Dataset, total: Mapping[str, np.ndarray], aircraft: Aircraft) -> dict[str, dict[str, np.ndarray]]:
+    """Return what the errors of reconstructed states change in coefficients and variables, by source."""
+    found = {}
+    left = left.sel(time=data["time"])
+    derived = [name for name in ("phat", "qhat", "rhat", "alphadothat", "betadothat") if name in data]
+    for k, source in enumerate(left["error"].values):
+        states = {str(name): ("time", data[name].values + item.values[k]) for name, item in left.data_vars.items() if name in data}
+        moved = reduced_rates(data.drop_vars(derived).assign(states), aircraft)
+        F, M = _inertial(moved, aircraft)
+        thrust = [_thrust(moved, aircraft, i) for i in range(len(aircraft.engines))]
+        coefficients = _reduced(F - sum(f for f, _ in thrust), M - sum(m for _, m in thrust), moved, aircraft)
+        share = {name: (c - total[name]).astype(np.float32) for name, c in coefficients.items()}
+        share |= {name: (moved[name].values - data[name].values).astype(np.float32) for name in MOVED if name in moved and name in data}
+        found[str(source)] = share
+    return found
+
+
+def _of_surfaces(data: xr.Dataset, aircraft: Aircraft) -> dict[str, dict[str, np.ndarray]]:
+    """Return what bias and scale error of the pick-ups change in the surfaces, by source."""
+    found = {}
+    for name, (bias, scale) in surface_errors(getattr(aircraft, "instruments", {})).items():
+        if name in data:
+            found[f"bias.{name}"] = {name: np.full(data.sizes["time"], bias)}
+            found[f"scale.{name}"] = {name: scale * _column(data, name)}
+    return found
+
+
+def _counting(shares: Mapping[str, dict[str, np.ndarray]], airborne: np.ndarray) -> dict[str, dict[str, np.ndarray]]:
+    """Return the sources that count: with more than `_LEAST` of the standard error of some coefficient or variable."""
+    names = list(dict.fromkeys(name for share in shares.values() for name in share))
+    at = airborne if airborne.any() else np.ones_like(airborne)
+    power = np.array(
+        [[np.nanmean(share[name][at].astype(float) ** 2) if name in share else 0.0 for name in names] for share in shares.values()]
+    )
+    counts = (power > _LEAST**2 * power.sum(axis=0)).any(axis=1)
+    return {source: share for (source, share), used in zip(shares.items(), counts) if used}
 
 
 def between(data: xr.Dataset, start: float, stop: float) -> xr.Dataset:

@@ -1,8 +1,8 @@
 """Equation error in time: a linear model of a coefficient fitted to measured coefficients by least squares.
 
 Errors of the regressors bias the slopes towards zero by about var(noise)/var(signal): reconstruct the states first.
-Standard errors are those of coloured residuals; the errors of dynamic pressure, mass, inertia and thrust, which are
-common to all samples, are kept apart as systematic ones.
+Standard errors are those of coloured residuals; the errors of mass, inertia, thrust, surface pick-ups and reconstructed
+states, which are common to many samples, are kept apart as systematic ones.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from . import collinearity, linear, significance
 from .covariance import coloured
 from .fit import Fit
 from .model import Model, powers, variable_of
-from .samples import Samples, stack
+from .samples import Samples, slopes_of, stack
 from .weighting import WEIGHTS, ridge_penalty, roots
 
 SAMPLES_PER_TERM = 5
@@ -80,9 +80,10 @@ def regress(
     if intercepts == "separate":
         X, terms = separated(X, terms, samples.data["manoeuvre"].values)
     demand_determined(name, model, samples.data[model.coefficient].values, X, terms)
-    found, design = _solve(model, samples, X, terms, lag, weights, ridge)
+    found, design, change = _solve(model, samples, X, terms, lag, weights, ridge)
     found.attrs.update(name=name, intercepts=intercepts)
-    return Fit(name, model, found, samples.data, linear.labelled(design, terms), linear.labelled(X, terms))
+    data = samples.kept(model.coefficient, change)
+    return Fit(name, model, found, data, linear.labelled(design, terms), linear.labelled(X, terms))
 
 
 def demand_choice(what: str, given: str, allowed: Sequence[str]) -> None:
@@ -141,8 +142,10 @@ def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None
             )
 
 
-def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag, weights: str, ridge) -> tuple[xr.Dataset, np.ndarray]:
-    """The estimates, and the regressors of which they are the ordinary least squares."""
+def _solve(
+    model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag, weights: str, ridge
+) -> tuple[xr.Dataset, np.ndarray, np.ndarray]:
+    """The estimates, the regressors of which they are the ordinary least squares, and what the common errors change."""
     z, fixed = samples.data[model.coefficient].values, linear.constants(terms)
     root = roots(weights, X, z, samples.data)
     Xw, zw = X * root[:, None], z * root
@@ -153,7 +156,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag,
     pieces, steps = samples.pieces()
     C = coloured(E, v * root, pieces, steps, lag)
     A = linear.estimator(E) * root
-    sources, errors = samples.errors(model.coefficient)
+    sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, theta))
     spread = float(np.std(z))
     more = linear.diagnostics(Xw, fixed)
     more["contribution"] = "term", np.std(X, axis=0) * np.abs(theta) / spread
@@ -179,4 +182,4 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], lag,
     }
     dof = significance.of_slopes(A, v, pieces, fixed)
     found = significance.added(found, fixed, dof, np.ones(len(terms)))
-    return found, E if weights == "equal" else linear.equivalent(A)
+    return found, E if weights == "equal" else linear.equivalent(A), errors

@@ -1,8 +1,8 @@
-"""The samples of several manoeuvres along one dimension, and where they hang together in time."""
+"""The samples of several manoeuvres along one dimension, and where they are contiguous in time."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -10,6 +10,8 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
+
+from .model import Model
 
 # what tables may depend on: kept with the samples
 _KEPT = (
@@ -25,7 +27,8 @@ class Samples:
     Attributes
     ----------
     data : Dataset (sample,)
-        Coefficient, variables, ``time``, ``manoeuvre`` (from 0); ``<coefficient>_error`` (error, sample) where all have it.
+        Coefficient, variables, ``time``, ``manoeuvre`` (from 0); where all have it, ``<coefficient>_error`` (error, sample) and
+        the same of the variables that any source moves.
     steps : list of float
         Sampling interval of each manoeuvre. [s]
     """
@@ -41,12 +44,58 @@ class Samples:
         edges = [0, *cuts.tolist(), len(time)]
         return [slice(a, b) for a, b in pairwise(edges)], [self.steps[manoeuvre[a]] for a in edges[:-1]]
 
-    def errors(self, coefficient: str) -> tuple[list[str], np.ndarray]:
-        """Return names of the common errors of the measurement and what they change, (error, sample)."""
-        name = f"{coefficient}_error"
+    def errors(
+        self, target: str, variables: Sequence[str] = (), fitted: Callable[[xr.Dataset], np.ndarray] | None = None
+    ) -> tuple[list[str], np.ndarray]:
+        """Return names of the common errors of the measurement and what they change, (error, sample).
+
+        Parameters
+        ----------
+        target : str
+            The measured quantity.
+        variables : sequence of str
+            Of the model.
+        fitted : callable, optional
+            What the model makes of values of the variables, a Dataset (sample,), but for constants; see `slopes_of`.  An error of a
+            variable changes that, and so the samples with the opposite sign.
+        """
+        name = f"{target}_error"
         if name not in self.data:
             return [], np.zeros((0, self.data.sizes["sample"]))
-        return [str(source) for source in self.data["error"].values], self.data[name].values
+        change = self.data[name].values.astype(float)
+        moving = {variable: self.data[f"{variable}_error"].values for variable in variables if f"{variable}_error" in self.data}
+        if fitted is not None and moving:
+            values = self.data[list(variables)]
+            before = fitted(values)
+            for k in range(len(change)):
+                by = {variable: steps[k] for variable, steps in moving.items() if steps[k].any()}
+                if by:
+                    moved = {variable: ("sample", values[variable].values + step) for variable, step in by.items()}
+                    change[k] -= fitted(values.assign(moved)) - before
+        return [str(source) for source in self.data["error"].values], change
+
+    def kept(self, coefficient: str, change: np.ndarray) -> xr.Dataset:
+        """Return the samples for a Fit: with the change by all errors, and without those of the variables."""
+        wanted = f"{coefficient}_error"
+        others = [name for name, item in self.data.data_vars.items() if "error" in item.dims and name != wanted]
+        data = self.data.drop_vars(others)
+        return data.assign({wanted: (("error", "sample"), change.astype(np.float32))}) if wanted in data else data
+
+
+def slopes_of(model: Model, theta: np.ndarray) -> Callable[[xr.Dataset], np.ndarray]:
+    """Return what a model makes of values of its variables without its constant, for `Samples.errors`.
+
+    Parameters
+    ----------
+    model : Model
+    theta : array (terms,)
+        Estimates, perhaps with one constant per manoeuvre in place of the term ``1``.
+    """
+    if len(theta) != len(model.terms):
+        at, extra = model.terms.index("1"), len(theta) - len(model.terms)
+        theta = np.concatenate([theta[:at], [0.0], theta[at + extra + 1 :]])
+    slopes = np.where([term == "1" for term in model.terms], 0.0, theta)
+    return lambda values: model.design(values) @ slopes
 
 
 def _demand_rising(time: np.ndarray, number: int) -> None:
@@ -100,9 +149,10 @@ def stack(coefficient: str, variables: Sequence[str], data: xr.Dataset | Sequenc
         _demand_rising(one["time"].values, number)
     kept = [name for name in _KEPT if all(name in one for one in manoeuvres)]
     names = list(dict.fromkeys([*needed, *kept]))
-    error = f"{coefficient}_error"
-    with_errors = all(error in one and one["error"].equals(manoeuvres[0]["error"]) for one in manoeuvres)
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in (*names, "time", "manoeuvre", error)}
+    with_errors = all(f"{coefficient}_error" in one for one in manoeuvres)
+    sources = list(dict.fromkeys(str(source) for one in manoeuvres for source in one["error"].values)) if with_errors else []
+    moved = [f"{name}_error" for name in needed if with_errors and any(f"{name}_error" in one for one in manoeuvres)]
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in (*names, "time", "manoeuvre", *moved)}
     for number, one in enumerate(manoeuvres):
         size = one.sizes["time"]
         columns = {name: np.broadcast_to(np.asarray(one[name].values, float), (size,)) for name in names}
@@ -111,11 +161,19 @@ def stack(coefficient: str, variables: Sequence[str], data: xr.Dataset | Sequenc
             parts[name].append(column[use])
         parts["time"].append(one["time"].values.astype(float)[use])
         parts["manoeuvre"].append(np.full(int(use.sum()), number))
-        if with_errors:
-            parts[error].append(one[error].values[:, use])
-    samples = xr.Dataset({name: ("sample", np.concatenate(found)) for name, found in parts.items() if name != error})
+        for name in moved:
+            parts[name].append(_by_source(one, name, sources, use))
+    samples = xr.Dataset({name: ("sample", np.concatenate(found)) for name, found in parts.items() if name not in moved})
     if with_errors:
-        samples = samples.assign_coords(error=manoeuvres[0]["error"].values)
-        samples[error] = ("error", "sample"), np.concatenate(parts[error], axis=1)
+        changes = {name: (("error", "sample"), np.concatenate(parts[name], axis=1)) for name in moved}
+        samples = samples.assign_coords(error=sources).assign(changes)
     steps = [float(np.median(np.diff(one["time"].values))) if one.sizes["time"] > 1 else 1.0 for one in manoeuvres]
     return Samples(samples, steps)
+
+
+def _by_source(one: xr.Dataset, name: str, sources: Sequence[str], use: np.ndarray) -> np.ndarray:
+    """The change of a variable by every source, (source, sample); nothing by those that this manoeuvre does not know."""
+    found = np.zeros((len(sources), int(use.sum())))
+    if name in one:
+        found[[sources.index(str(source)) for source in one["error"].values]] = one[name].values[:, use]
+    return found

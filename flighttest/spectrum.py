@@ -27,7 +27,7 @@ from .fit import Fit
 from .fourier import adjoint, detrended, finite_fourier, harmonics
 from .model import Model
 from .regression import demand_choice, demand_determined, separated
-from .samples import Samples, stack
+from .samples import Samples, slopes_of, stack
 from .weighting import ridge_penalty
 
 _EXCITED = 1e-6  # rms of a regressor inside the band, over its largest value, that is no rounding
@@ -152,11 +152,12 @@ def regress_frequency(
         X, terms = separated(X, terms, samples.data["manoeuvre"].values)
     demand_determined(name, model, samples.data[model.coefficient].values, X, terms)
     parts = stretches(samples, band, spacing)
-    found, A = _solve(model, samples, X, terms, parts, name, ridge)
+    found, A, change = _solve(model, samples, X, terms, parts, name, ridge)
     found.attrs.update(
         name=name, intercepts=intercepts, band=f"{band[0]:g} ... {band[1]:g}", frequencies=sum(len(part.frequencies) for part in parts)
     )
-    return Fit(name, model, found, samples.data, linear.labelled(linear.equivalent(A), terms), linear.labelled(X, terms))
+    data = samples.kept(model.coefficient, change)
+    return Fit(name, model, found, data, linear.labelled(linear.equivalent(A), terms), linear.labelled(X, terms))
 
 
 def demand_frequencies(label: str, rows: np.ndarray, X: np.ndarray, parts: Sequence[Stretch], terms: Sequence[str]) -> None:
@@ -198,7 +199,7 @@ def demand_frequencies(label: str, rows: np.ndarray, X: np.ndarray, parts: Seque
 
 
 def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], parts: list[Stretch], name: str, ridge):
-    """The estimates, and the linear map (terms, samples) from the measured coefficient to them."""
+    """The estimates, the linear map (terms, samples) from the measured coefficient to them, and what the common errors change."""
     z, fixed = samples.data[model.coefficient].values, linear.constants(terms)
     slopes = [term for term, constant in zip(terms, fixed) if not constant]
     if not slopes:
@@ -216,7 +217,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
     C = (D * (_power(v, E, parts) * np.tile(dense, 2))) @ D.T * _student(free) ** 2
     white = np.sqrt(s2 * ((D**2) * np.tile(dense, 2)).sum(axis=1))
     whole = _joined(X, z, fixed, samples, _Whole(theta, C, white, _map(D, parts, len(z)), 0.0))
-    sources, errors = samples.errors(model.coefficient)
+    sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, whole.theta))
     rest = z - X @ whole.theta
     more = linear.diagnostics(X2, np.zeros(len(slopes), bool))
     more = _with_constants(more, terms, fixed)
@@ -243,7 +244,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
         **significance.whiteness(rest, *samples.pieces()),
     }
     found = significance.added(found, fixed, np.full(len(terms), float(free)), np.where(fixed, 1.0, _student(free)))
-    return found, whole.A
+    return found, whole.A, errors
 
 
 def _spacing(part: Stretch) -> float:

@@ -25,7 +25,25 @@ _RAW = {*MEASURED, *IMU, "V_eas", "h_baro", "north", "east", *SLOW}
 
 def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution) -> xr.Dataset:
     """Return the states of a solution with the controls, engines and mass of the record on the same clock."""
-    problem, x, c = setup.problem, solution.x, solution.c
+    problem = setup.problem
+    columns = motion(record, aircraft, setup, solution.x, solution.c)
+    columns.update(_recorded(record, problem.time, problem.starts, set(columns)))
+    columns.update(_mass(record, problem.time, aircraft, setup))
+    data = xr.Dataset({n: ("time", v, attrs(n)) for n, v in columns.items()}, coords={"time": ("time", problem.time, attrs("time"))})
+    data.attrs = {
+        "record": str(record.attrs.get("title", "")),
+        "rate": 1.0 / problem.dt,
+        "iterations": solution.iterations,
+        "unused": " ".join(setup.unused),
+        "spikes": "; ".join(setup.spikes),
+        "gusts": "none" if problem.gust is None else " ".join(f"{s:.3g}" for s in problem.gust),
+    }
+    return data
+
+
+def motion(record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the quantities that follow from a trajectory (N, n) and constants (nc,). [SI]"""
+    problem = setup.problem
     omega, force = body_rates(problem, c), specific_force(problem, c)
     air_mass = wind(problem, x, c)
     R = rotation(x[:, :3])
@@ -66,18 +84,7 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
     )
     if "runway_elevation" in record.attrs:
         columns["h_agl"] = x[:, 6] + R[:, 2] @ setup.cg - float(record.attrs["runway_elevation"])
-    columns.update(_recorded(record, problem.time, problem.starts, set(columns)))
-    columns.update(_mass(record, problem.time, aircraft, setup))
-    data = xr.Dataset({n: ("time", v, attrs(n)) for n, v in columns.items()}, coords={"time": ("time", problem.time, attrs("time"))})
-    data.attrs = {
-        "record": str(record.attrs.get("title", "")),
-        "rate": 1.0 / problem.dt,
-        "iterations": solution.iterations,
-        "unused": " ".join(setup.unused),
-        "spikes": "; ".join(setup.spikes),
-        "gusts": "none" if problem.gust is None else " ".join(f"{s:.3g}" for s in problem.gust),
-    }
-    return data
+    return columns
 
 
 def _recorded(record: xr.DataTree, time: np.ndarray, starts: np.ndarray, known: set[str]) -> dict[str, np.ndarray]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
+import xarray as xr
 
 from flightmech.errors import IdentificationError
 
@@ -59,3 +60,9 @@ class Problem:
     def residuals(self, s: np.ndarray, coefficients: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Measured minus fitted, per quantity."""
         return [z - A @ c for z, (A, _), c in zip(self.z, self.designs(s), coefficients)]
+
+    def fitted(self, j: int, s: np.ndarray, coefficients: np.ndarray) -> Callable[[xr.Dataset], np.ndarray]:
+        """Return what model `j` makes of values of its variables, for `Samples.errors`."""
+        model, values = self.models[j], dict(zip(self.names, s))
+        parameters = {name: values[name] for name in model.parameters}
+        return lambda data: model.design(data, parameters, self.pieces[j])[0] @ coefficients

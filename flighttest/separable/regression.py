@@ -69,7 +69,7 @@ def regress_separable(
     residuals = problem.residuals(found.values, found.coefficients)
     for attribute, value in _facts(problem, found, residuals, name).items():
         estimates.attrs[attribute] = value
-    kept = {one.target: samples.data for one, samples in zip(models, problem.samples)}
+    kept = {one.target: samples.data.drop_dims("error", errors="ignore") for one, samples in zip(models, problem.samples)}
     return SeparableFit(name, tuple(models), estimates, kept, {one.target: v for one, v in zip(models, residuals)})
 
 
@@ -90,7 +90,7 @@ def _estimates(problem: Problem, found: Found) -> xr.Dataset:
     for j, (model, samples, X) in enumerate(zip(problem.models, problem.samples, found.regressors)):
         columns = [*range(at, at + len(model.terms)), *range(size - len(problem.names), size)]
         at += len(model.terms)
-        own, errors = samples.errors(model.target)
+        own, errors = samples.errors(model.target, model.variables, problem.fitted(j, found.values, found.coefficients[j]))
         for source, error in zip(own, errors):
             pushed = np.zeros(size)
             pushed[columns] = X.T @ (problem.weights[j] * error)

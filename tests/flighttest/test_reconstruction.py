@@ -10,10 +10,12 @@ from scipy.signal import lfilter
 import flighttest
 from flightmech.errors import IdentificationError, OutOfRange, SchemaError
 from flighttest import reconstruction
-from flighttest.constants import identifiability
+from flighttest.constants import PER_RUN, identifiability
 from flighttest.lag import lag_weights
-from flighttest.reconstruction import gusty
-from flighttest.trajectory import moved
+from flighttest.reconstruction import gusty, solve
+from flighttest.state_errors import state_errors
+from flighttest.states import motion
+from flighttest.trajectory import estimate, moved
 
 ERROR_FREE = {"V": 0.05, "alpha": 0.0012, "beta": 0.0012, "theta": 0.0008, "h": 0.6}  # m/s, rad, m
 
@@ -45,6 +47,28 @@ def test_forces_are_at_the_cg(calm):
     path, _, truth = calm
     # the noise of one reading, 0.04 m/s2, and the error of the differentiated rates over the arm of 0.9 m
     assert rms(path, truth, "az") < 0.05
+
+
+def test_errors_of_the_states_are_what_the_path_does_when_a_constant_is_wrong(flown, aircraft):
+    """Against paths solved again with every constant held, one standard error of one independent error away."""
+    record = flown(0, duration=12.0)[0]
+    setup, solution = solve(record, aircraft)
+    errors = state_errors(record, aircraft, setup, solution)
+    names = setup.problem.constants.names
+    labels = [str(label) for label in errors["error"].values]
+    nominal = motion(record, aircraft, setup, solution.x, solution.c)
+    order = [names.index(label.split(" of ")[0]) for label in labels]
+    assert [" of " in label for label in labels] == [names[i] in PER_RUN for i in order]
+    L = np.linalg.cholesky(solution.covariance[np.ix_(order, order)])
+    for label in ("bias.ax_imu", "factor.alpha_vane", labels[-1]):
+        dc = np.zeros(len(names))
+        dc[order] = L[:, labels.index(label)]
+        other = estimate(setup.problem, solution.x, solution.c + dc, held=names)
+        changed = motion(record, aircraft, setup, other.x, other.c)
+        for name in ("alpha", "qbar", "ax"):
+            wanted = changed[name] - nominal[name]
+            # to first order, and in single precision: 2 % of the largest change of the state by any source
+            np.testing.assert_allclose(errors[name].sel(error=label), wanted, atol=0.02 * float(np.abs(errors[name]).max()))
 
 
 @pytest.mark.slow

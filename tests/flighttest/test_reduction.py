@@ -167,6 +167,28 @@ def test_rates_of_incidence_follow_from_accelerations():
     np.testing.assert_allclose(d.betadothat, d.beta_dot * 10 / (2 * V), rtol=1e-14)
 
 
+def test_errors_of_a_path_and_of_pick_ups_are_in_the_budget():
+    """What a path says of its states replaces the flat error of dynamic pressure; pick-ups have theirs from the instruments."""
+    d = states().assign(delta_e=states()["alpha"] * 0.0 - 0.03)
+    alpha, ax = np.full((2, d.sizes["time"]), 0.0), np.full((2, d.sizes["time"]), 0.0)
+    alpha[0], ax[1] = 1e-4, 2e-3
+    left = xr.Dataset(
+        {"alpha": (("error", "time"), alpha), "ax": (("error", "time"), ax)},
+        {"error": ["bias.alpha_vane", "bias.ax_imu"], "time": d["time"]},
+    )
+    known = {"pick-ups": {"bias_sigma": {"delta_e": "0.2 deg"}, "scale_sigma": {"delta_e": 0.03}}}
+    c = coefficients(SimpleNamespace(states=d, errors=left), plane(instruments=known))
+    assert "qbar" not in c["error"]
+    for source, name, size in (("bias.alpha_vane", "alpha", 1e-4), ("bias.ax_imu", "ax", 2e-3)):
+        other = coefficients(d.assign({name: d[name] + size}), plane())
+        np.testing.assert_allclose(c["CD_error"].sel(error=source), other["CD"] - c["CD"], atol=1e-7)  # kept in single precision
+    np.testing.assert_allclose(c["alpha_error"].sel(error="bias.alpha_vane"), 1e-4, rtol=1e-5)
+    np.testing.assert_allclose(c["delta_e_error"].sel(error="bias.delta_e"), 0.2 * np.pi / 180)
+    np.testing.assert_allclose(c["delta_e_error"].sel(error="scale.delta_e"), -0.03 * 0.03)
+    assert "qbar" in coefficients(SimpleNamespace(states=d, errors=left), plane(), errors={"qbar": 0.01})["error"]
+    assert float(coefficients(d, plane())["delta_e_error"].sel(error="bias.delta_e")[0]) == pytest.approx(0.1 * np.pi / 180)
+
+
 def test_missing_states_and_unknown_errors_are_named():
     with pytest.raises(UnknownName, match=r"unknown state 'engine1.thrust'.*the coefficients need it"):
         coefficients(states(), plane([engine()]))

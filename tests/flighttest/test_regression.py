@@ -154,6 +154,32 @@ def test_mixed_estimation_is_the_weighted_mean_with_the_coloured_covariance():
         mixed(fit, {"alpha": (5.0, 0.0)})
 
 
+def test_errors_of_regressors_move_the_estimates_as_other_regressors_would():
+    """A bias of the pick-up goes into the constant, a scale error into the effectiveness, each with the opposite sign."""
+    data = record(np.random.default_rng(7))
+    flat = np.zeros(data.sizes["time"])
+    moved = np.stack([flat + 0.002, 0.01 * data["delta_e"].values, flat])
+    data = data.assign_coords(error=["bias.delta_e", "scale.delta_e", "mass"])
+    data = data.assign(CL_error=(("error", "time"), np.stack([flat, flat, flat + 0.001])), delta_e_error=(("error", "time"), moved))
+    fit = regress(LIFT, data)
+    e, slope = fit.estimates, float(fit.estimates["estimate"].sel(term="delta_e"))
+    np.testing.assert_allclose(e["systematic"].sel(error="bias.delta_e"), [-0.002 * slope, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(e["systematic"].sel(error="scale.delta_e"), [0, 0, 0, -0.01 * slope], atol=1e-12)
+    again = regress(LIFT, data.assign(delta_e=data["delta_e"] + 0.002)).estimates["estimate"]
+    np.testing.assert_allclose(again - e["estimate"], e["systematic"].sel(error="bias.delta_e"), atol=1e-12)
+    other = data.isel(error=[2]).assign_coords(time=data["time"] + 40)  # a manoeuvre that knows one of the sources only
+    both = regress(LIFT, [data, other], intercepts="separate").estimates
+    np.testing.assert_allclose(
+        both["systematic"].sel(error="bias.delta_e", term=["1[0]", "1[1]"]), [-0.002 * _slope(both), 0.0], atol=1e-12
+    )
+    assert set(fit.data.data_vars) >= {"CL_error"}
+    assert "delta_e_error" not in fit.data
+
+
+def _slope(estimates):
+    return float(estimates["estimate"].sel(term="delta_e"))
+
+
 def test_a_fit_survives_its_file(tmp_path):
     data = record(np.random.default_rng(11)).assign_coords(error=["qbar"])
     data["CL_error"] = ("error", "time"), 0.01 * data["CL"].values[None]
