@@ -8,90 +8,91 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flightmech.lazy import load
+from flightmech.support.lazy import load
 
 if TYPE_CHECKING:
-    from . import templates
-    from .along import read_conditions
-    from .blending import blend, consistency
-    from .build import from_datcom
-    from .comparison import compare
-    from .drawing import save_figure
-    from .edit import delete_terms, replace_terms
-    from .evaluation import contributions, evaluate
-    from .exchange.check_cases import export_checkcases, run_checkcases, with_checks
-    from .exchange.csv_terms import export_csv, import_csv
-    from .exchange.daveml.airframe import import_daveml_aircraft
-    from .exchange.daveml.exporting import export_daveml
-    from .exchange.daveml.importing import import_daveml
-    from .exchange.jsbsim_read import import_jsbsim
-    from .exchange.jsbsim_write import export_jsbsim
-    from .exchange.matlab_terms import export_matlab, import_matlab
-    from .factoring import factored
-    from .figure_folder import write_comparison
-    from .figures import plot_comparison, plot_term
-    from .files import open, save
-    from .ground_effect import bank_in_ground_effect, in_ground_effect, with_height_table
-    from .maps import plot_difference
-    from .moving import move_reference
-    from .overview import summary
-    from .rescaling import rescale
-    from .schema import check, database, terms
-    from .shaping import extend, regrid, regrid_error, scale, shift
-    from .spread import standard_error
-    from .states import forget, history, previous
-    from .tabulation import tabulate
+    from .comparison.along_record import read_conditions
+    from .comparison.comparison import compare
+    from .edit.blending import blend, consistency
+    from .edit.table_edits import extend, regrid, regrid_error, scale, shift
+    from .edit.terms import delete_terms, replace_terms
+    from .exchange.daveml.from_database.exporter import export_daveml
+    from .exchange.daveml.to_database.airframe import import_daveml_aircraft
+    from .exchange.daveml.to_database.importer import import_daveml
+    from .exchange.jsbsim.read import import_jsbsim
+    from .exchange.jsbsim.write import export_jsbsim
+    from .exchange.tables.check_cases import export_checkcases, run_checkcases
+    from .exchange.tables.csv_terms import export_csv, import_csv
+    from .exchange.tables.matlab import export_matlab, import_matlab
+    from .figures.difference_maps import plot_difference
+    from .figures.drawing import save_figure
+    from .figures.figure_folder import write_comparison
+    from .figures.figures import plot_comparison, plot_term
+    from .prior.build import from_datcom
+    from .store import templates
+    from .store.evaluation import contributions, evaluate
+    from .store.files import open, save
+    from .store.overview import summary
+    from .store.schema import check, database, terms
+    from .store.stored_checks import with_checks
+    from .store.undo_history import forget, history, previous
+    from .transform.ground_effect import bank_in_ground_effect, in_ground_effect, with_height_table
+    from .transform.ground_factor import factored
+    from .transform.reference_point import move_reference
+    from .transform.rescaling import rescale
+    from .update.standard_errors import standard_error
+    from .update.tabulation import tabulate
 
 _HOME = {
-    "export_daveml": "exchange.daveml.exporting",
-    "import_daveml": "exchange.daveml.importing",
-    "import_daveml_aircraft": "exchange.daveml.airframe",
-    "blend": "blending",
-    "consistency": "blending",
-    "move_reference": "moving",
-    "extend": "shaping",
-    "regrid": "shaping",
-    "regrid_error": "shaping",
-    "scale": "shaping",
-    "shift": "shaping",
-    "forget": "states",
-    "history": "states",
-    "previous": "states",
-    "from_datcom": "build",
-    "compare": "comparison",
-    "plot_comparison": "figures",
-    "plot_difference": "maps",
-    "plot_term": "figures",
-    "read_conditions": "along",
-    "save_figure": "drawing",
-    "standard_error": "spread",
-    "write_comparison": "figure_folder",
-    "delete_terms": "edit",
-    "replace_terms": "edit",
-    "contributions": "evaluation",
-    "evaluate": "evaluation",
-    "open": "files",
-    "save": "files",
-    "export_jsbsim": "exchange.jsbsim_write",
-    "import_jsbsim": "exchange.jsbsim_read",
-    "export_checkcases": "exchange.check_cases",
-    "run_checkcases": "exchange.check_cases",
-    "with_checks": "exchange.check_cases",
-    "export_csv": "exchange.csv_terms",
-    "import_csv": "exchange.csv_terms",
-    "export_matlab": "exchange.matlab_terms",
-    "import_matlab": "exchange.matlab_terms",
-    "check": "schema",
-    "database": "schema",
-    "terms": "schema",
-    "rescale": "rescaling",
-    "summary": "overview",
-    "factored": "factoring",
-    "bank_in_ground_effect": "ground_effect",
-    "in_ground_effect": "ground_effect",
-    "with_height_table": "ground_effect",
-    "tabulate": "tabulation",
-    "templates": "templates",
+    "export_daveml": "exchange.daveml.from_database.exporter",
+    "import_daveml": "exchange.daveml.to_database.importer",
+    "import_daveml_aircraft": "exchange.daveml.to_database.airframe",
+    "blend": "edit.blending",
+    "consistency": "edit.blending",
+    "move_reference": "transform.reference_point",
+    "extend": "edit.table_edits",
+    "regrid": "edit.table_edits",
+    "regrid_error": "edit.table_edits",
+    "scale": "edit.table_edits",
+    "shift": "edit.table_edits",
+    "forget": "store.undo_history",
+    "history": "store.undo_history",
+    "previous": "store.undo_history",
+    "from_datcom": "prior.build",
+    "compare": "comparison.comparison",
+    "plot_comparison": "figures.figures",
+    "plot_difference": "figures.difference_maps",
+    "plot_term": "figures.figures",
+    "read_conditions": "comparison.along_record",
+    "save_figure": "figures.drawing",
+    "standard_error": "update.standard_errors",
+    "write_comparison": "figures.figure_folder",
+    "delete_terms": "edit.terms",
+    "replace_terms": "edit.terms",
+    "contributions": "store.evaluation",
+    "evaluate": "store.evaluation",
+    "open": "store.files",
+    "save": "store.files",
+    "export_jsbsim": "exchange.jsbsim.write",
+    "import_jsbsim": "exchange.jsbsim.read",
+    "export_checkcases": "exchange.tables.check_cases",
+    "run_checkcases": "exchange.tables.check_cases",
+    "with_checks": "store.stored_checks",
+    "export_csv": "exchange.tables.csv_terms",
+    "import_csv": "exchange.tables.csv_terms",
+    "export_matlab": "exchange.tables.matlab",
+    "import_matlab": "exchange.tables.matlab",
+    "check": "store.schema",
+    "database": "store.schema",
+    "terms": "store.schema",
+    "rescale": "transform.rescaling",
+    "summary": "store.overview",
+    "factored": "transform.ground_factor",
+    "bank_in_ground_effect": "transform.ground_effect",
+    "in_ground_effect": "transform.ground_effect",
+    "with_height_table": "transform.ground_effect",
+    "tabulate": "update.tabulation",
+    "templates": "store.templates",
 }
 __all__ = [
     "bank_in_ground_effect",

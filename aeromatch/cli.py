@@ -11,11 +11,11 @@ import click
 
 # group or verb: (module, attribute, one line for --help); nothing heavy is imported to print the help
 COMMANDS = {
-    "datcom": ("datcom_io.cli", "datcom", "Read Digital DATCOM listings."),
-    "db": ("aerodb.cli", "db", "Build, show and compare aero databases."),
-    "flight": ("flighttest.cli", "flight", "Read flight records, reconstruct states, identify."),
-    "fmu": ("flightmech.cli", "fmu", "Write simulation models as FMUs."),
-    "pom": ("pom.cli", "pom", "Replay recorded inputs and judge the match."),
+    "datcom": ("datcom_io.cli.group", "datcom", "Read Digital DATCOM listings."),
+    "db": ("aerodb.cli.group", "db", "Build, show and compare aero databases."),
+    "flight": ("flighttest.cli.group", "flight", "Read flight records, reconstruct states, identify."),
+    "fmu": ("flightmech.cli.group", "fmu", "Write simulation models as FMUs."),
+    "pom": ("pom.cli.group", "pom", "Replay recorded inputs and judge the match."),
     "match": ("aeromatch.demo", "match", "Perform the whole job of a project file."),
     "demo": ("aeromatch.demo", "demo", "Perform the whole job on the shipped T-37 example."),
 }
@@ -89,7 +89,7 @@ def _demand_own_packages() -> None:
     """Refuse to work with a package of another distribution that hides one of ours."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        from flightmech.installation import describe, hidden_packages
+        from flightmech.support.installation import describe, hidden_packages
     if hidden := hidden_packages():
         raise click.ClickException(describe(hidden))
 

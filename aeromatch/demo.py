@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from flightmech.console import command_line, document, jobs_option, json_option, remark, table
+from flightmech.support.console import command_line, document, jobs_option, json_option, remark, table
 
 SHIPPED = Path(__file__).parents[1] / "data" / "t37" / "aeromatch.toml"
 

@@ -12,12 +12,12 @@ import xarray as xr
 from pydantic import Field
 
 from flightmech import terms
-from flightmech.configuration import Strict, load, si, validate
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
+from flightmech.support.configuration import Strict, load, si, validate
 from flightmech.units import quantity
 from flighttest import Model
-from flighttest.reduction import ERRORS
+from flighttest.dynamics.force_coefficients import ERRORS
 
 OWN_MODELS = ("datcom", "corrected", "final")
 """Names of the models that a project makes."""

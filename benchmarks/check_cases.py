@@ -20,7 +20,7 @@ from types import ModuleType
 import numpy as np
 import xarray as xr
 
-from flightmech.console import table
+from flightmech.support.console import table
 
 TESTS = Path(__file__).parents[1] / "tests" / "published"
 sys.path.insert(0, str(TESTS))

@@ -17,7 +17,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 import aerodb
 from flightmech import terms
-from flightmech.aircraft import Aircraft
+from flightmech.aircraft.aircraft import Aircraft
 
 POINTS = {
     "alpha": np.radians(np.linspace(-8.0, 24.0, 17)),
@@ -52,13 +52,13 @@ def build_up() -> xr.DataTree:
     """Every term of the scheme for the six coefficients, with all its axes and its factor, and random nodes."""
     rng = np.random.default_rng(0)
     leaves = {}
-    for name, slot in aerodb.templates.lr743().items():
+    for name, slot in aerodb.store.templates.lr743().items():
         if name.startswith("Ch_"):
             continue
         axes = {axis: points(axis) for axis in slot.axes}
         factor = {slot.K1: (points(slot.K1), rng.random(len(points(slot.K1))))} if slot.K1 else None
         value = rng.normal(size=[len(p) for p in axes.values()])
-        leaves[name] = aerodb.templates.make(name, axes, value=value, K1=factor, stderr=0.1, source="datcom", history="benchmark")
+        leaves[name] = aerodb.store.templates.make(name, axes, value=value, K1=factor, stderr=0.1, source="datcom", history="benchmark")
     return aerodb.database(leaves, title="build-up", aircraft="any", S=30.0, cbar=2.0, b=15.9, x_ref=0.0, y_ref=0.0, z_ref=0.0,
                            force_axes="stability")  # fmt: skip
 

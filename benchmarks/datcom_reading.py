@@ -23,7 +23,7 @@ from tempfile import TemporaryDirectory
 import pandas as pd
 
 import datcom_io
-from flightmech.console import table
+from flightmech.support.console import table
 
 ROOT = Path(__file__).parents[1]
 T37 = ROOT / "data" / "t37" / "datcom"

@@ -20,8 +20,8 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
 import flightmech
-from flightmech.aircraft import Engine
-from flightmech.console import table
+from flightmech.aircraft.systems.engine import Engine
+from flightmech.support.console import table
 from flightmech.terms import make
 
 START = {"init.V": 100.0, "init.h": 3000.0, "mode.trim": 1}

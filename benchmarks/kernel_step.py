@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 import flightmech
-from flightmech.library import Simulation
+from flightmech.simulation.kernel import Simulation
 from flightmech.terms import make
 
 ALPHA, MACH = np.linspace(-0.15, 0.35, 14), np.linspace(0.1, 0.75, 8)

@@ -33,10 +33,10 @@ import pom
 from flightmech.air import atmosphere
 from flightmech.errors import AeromatchWarning
 from flightmech.units import DEGREE, G0
-from flighttest.likelihood.performing import perform
-from flighttest.likelihood.specification import read_specification
-from pom.modes import fit_mode
-from pom.tolerance import Invalid
+from flighttest.maximum_likelihood.job.run import perform
+from flighttest.maximum_likelihood.job.specification import read_specification
+from pom.judging.modal import fit_mode
+from pom.tolerances.bands import Invalid
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "real"))

@@ -25,10 +25,10 @@ import xarray as xr
 
 import flightmech
 import pom
-from flightmech.console import table
-from pom.child import close_all
-from pom.flying import Models, fly
-from pom.replaying import OBSERVED, plan_of
+from flightmech.support.console import table
+from pom.fmu.process import close_all
+from pom.fmu.simulate import Models, fly
+from pom.replaying.replay_case import OBSERVED, plan_of
 
 DURATION = 30.0
 KINDS = (("2.c.10", "delta_e", 0.05), ("2.d.2", "delta_a", 0.03), ("2.d.6", "delta_r", 0.04), ("2.d.7", "delta_r", 0.05))

@@ -25,9 +25,9 @@ import scipy.io
 import xarray as xr
 
 import flighttest
-from flightmech.console import table
 from flightmech.names import VOCABULARY
-from flighttest.names_map import Channel, NameMap
+from flightmech.support.console import table
+from flighttest.readers.name_map import Channel, NameMap
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "flighttest"))
 from recorders import dataflash, ulog

@@ -22,14 +22,14 @@ import numpy as np
 import xarray as xr
 from scipy.linalg import expm
 
-from flightmech.console import table
-from pom import table as tolerances
-from pom.case import PomCase
-from pom.drive import Job
-from pom.modes import mode_table
-from pom.page import html_page
-from pom.replaying import assemble
+from flightmech.support.console import table
+from pom.cases.case import PomCase
+from pom.cases.job import Job
+from pom.judging.modal import mode_table
+from pom.replaying.replay_case import assemble
+from pom.report.page import html_page
 from pom.result import PomResult
+from pom.tolerances import rows as tolerances
 
 RATE, START, SAMPLES, V = 50.0, 100.0, 1501, 85.0
 EDGES = (2.0, 2.2, 4.0, 4.2, 6.0, 6.2)  # of the input, from the start [s]

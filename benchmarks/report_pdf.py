@@ -17,9 +17,9 @@ from pathlib import Path
 from report_page import MODELS, result
 
 import pom
-from flightmech.console import table
-from pom.modes import mode_table
-from pom.paper import pdf_pages
+from flightmech.support.console import table
+from pom.judging.modal import mode_table
+from pom.report.pdf import pdf_pages
 
 
 def main() -> None:

@@ -18,14 +18,14 @@ import numpy as np
 import xarray as xr
 
 import flightmech
-from flighttest.inputs.multisines import InputAxis, multisine
-from flighttest.metrics import validation_report, validation_table
-from flighttest.model import Model
+from flighttest.equation_error.model import Model
+from flighttest.input_design.multisines import InputAxis, multisine
 from flighttest.spin.campaign import EDGE, Recovery, fit_run, fly_and_record, joined, measured_variables, predictions
 from flighttest.spin.database import polynomial_database
 from flighttest.spin.decomposition import nominal_variables
 from flighttest.spin.recording import draw_errors
 from flighttest.spin.tables import Polynomial, read_polynomials
+from flighttest.uncertainty.goodness_of_fit import validation_report, validation_table
 
 DATA = Path(__file__).parents[1] / "data" / "cz150"
 DEG, FOOT = np.pi / 180.0, 0.3048

@@ -16,7 +16,7 @@ import pandas as pd
 import xarray as xr
 
 import flighttest
-from flightmech.whole import written_whole
+from flightmech.support.atomic_write import written_whole
 
 _COLUMNS = {
     "h": "h_agl",

@@ -13,7 +13,7 @@ import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
 
 import flightmech
-from flightmech.library import Simulation
+from flightmech.simulation.kernel import Simulation
 from flightmech.terms import make
 
 AXES = {"alpha": np.linspace(-0.2, 0.4, 20), "mach": np.linspace(0.1, 0.8, 8), "delta_f": np.array([0.0, 0.2, 0.4, 0.7])}

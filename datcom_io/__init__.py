@@ -13,54 +13,56 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flightmech.lazy import load
+from flightmech.support.lazy import load
 
 if TYPE_CHECKING:
+    from .arrays.grid import join, to_grid
     from .cells import FLAGS
     from .decks.cards import Finding
     from .decks.check import check_deck
     from .decks.deck import Deck
     from .decks.file import DeckFile, read_deck
-    from .decks.running import Run, run_deck
-    from .decks.splitting import split_deck
     from .decks.writing import write_deck
     from .exchange.datcom_plus import read_datcom_plus_csv
-    from .exchange.matlab_read import read_matlab
-    from .exchange.matlab_write import write_matlab
-    from .exchange.plot_file import read_plot
-    from .exchange.plot_table import read_for014
-    from .exchange.refining import refine
-    from .grid import join, to_grid
-    from .listing import Case, DamagedListing, Listing, Message, Page, Table
-    from .scan import iterate, read
+    from .exchange.matlab.read import read_matlab
+    from .exchange.matlab.write import write_matlab
+    from .exchange.plot_files.refining import refine
+    from .exchange.plot_files.unit13 import read_plot
+    from .exchange.plot_files.unit14 import read_for014
+    from .listing import Case, DamagedListing, Listing
+    from .printout.content import Message, Page
+    from .printout.tables import Table
+    from .reading.reader import iterate, read
+    from .runs.running import Run, run_deck
+    from .runs.splitting import split_deck
 
 _HOME = {
-    "read": "scan",
-    "iterate": "scan",
+    "read": "reading.reader",
+    "iterate": "reading.reader",
     "Listing": "listing",
     "DamagedListing": "listing",
     "Case": "listing",
-    "Page": "listing",
-    "Table": "listing",
-    "Message": "listing",
+    "Page": "printout.content",
+    "Table": "printout.tables",
+    "Message": "printout.content",
     "Deck": "decks.deck",
     "DeckFile": "decks.file",
     "Finding": "decks.cards",
-    "Run": "decks.running",
+    "Run": "runs.running",
     "check_deck": "decks.check",
     "read_deck": "decks.file",
-    "run_deck": "decks.running",
-    "split_deck": "decks.splitting",
+    "run_deck": "runs.running",
+    "split_deck": "runs.splitting",
     "write_deck": "decks.writing",
     "FLAGS": "cells",
-    "join": "grid",
-    "to_grid": "grid",
-    "read_plot": "exchange.plot_file",
-    "read_matlab": "exchange.matlab_read",
-    "write_matlab": "exchange.matlab_write",
+    "join": "arrays.grid",
+    "to_grid": "arrays.grid",
+    "read_plot": "exchange.plot_files.unit13",
+    "read_matlab": "exchange.matlab.read",
+    "write_matlab": "exchange.matlab.write",
     "read_datcom_plus_csv": "exchange.datcom_plus",
-    "read_for014": "exchange.plot_table",
-    "refine": "exchange.refining",
+    "read_for014": "exchange.plot_files.unit14",
+    "refine": "exchange.plot_files.refining",
 }
 __all__ = [
     "FLAGS",

@@ -1,135 +1,22 @@
-"""What a listing holds, exactly as printed: cases, pages, tables, cells and messages, each with its line number."""
+"""A listing and its cases, with their conversions to data frames and arrays; what is printed of a case is `PrintedCase`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from flightmech.errors import ParseError, UnknownName
 
-from .decks.deck import Deck
-from .layouts import CONDITIONS, NAMES
-from .tables import Printed, Table, Values
+from .printout.content import Message, Page, PrintedCase
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-_CONDITION_COLUMNS = {column.house: k for k, column in enumerate(CONDITIONS.columns)}
 
-
-class Message(NamedTuple):
-    """A message: line number from 1 (0: the whole file), text, and who says it, the ``program`` or this ``reader``."""
-
-    line: int
-    text: str
-    origin: str = "program"
-
-
-@dataclass(frozen=True, eq=False)
-class Page:
-    """One printed page.
-
-    ``kind`` is ``static``, ``dynamic``, ``high-lift``, ``auxiliary``, ``section``, ``special``, ``hypersonic``, ``final inputs``,
-    ``dump``, ``extrapolation`` or ``other``.  ``ground_height`` is the printed height [ft], infinite for FREE AIR and without
-    ground effect; ``flap`` the printed deflection [deg] or NaN; ``power`` is ``off``, ``jet`` or ``propeller``; ``per`` is ``deg``,
-    ``rad`` or empty.  ``heading`` are the heading lines below the program's name; ``notes`` the footnotes; ``unread``
-    the numbers of the lines that were not understood.
-    """
-
-    kind: str
-    case: int
-    first: int
-    last: int
-    heading: tuple[str, ...] = ()
-    configuration: str = ""
-    ground_height: float = float("inf")
-    flap: float = float("nan")
-    power: str = "off"
-    dim: str = ""
-    per: str = ""
-    conditions: Table | None = None
-    printed: tuple[Printed, ...] = ()
-    notes: tuple[Message, ...] = ()
-    unread: tuple[int, ...] = ()
-
-    @property
-    def parsed(self) -> bool:
-        """Whether anything on the page was understood, or nothing was left to understand."""
-        return bool(self.printed) or not self.unread
-
-    @property
-    def tables(self) -> tuple[Table, ...]:
-        """The page's tables, without its groups of ``label = value``."""
-        return tuple(item for item in self.printed if isinstance(item, Table))
-
-    def table(self, name: str) -> Table | None:
-        """Return the page's table of a kind, or None."""
-        return next((table for table in self.tables if table.name == name), None)
-
-    def condition(self, name: str) -> float:
-        """Return a number of the flight-condition line by its house name, NaN when it is missing. [as printed]
-
-        A hypersonic page has no such line, only a Mach number in its heading.
-        """
-        if self.conditions is None:
-            heading = next((item for item in self.printed if item.name == "hypersonic" and isinstance(item, Values)), None)
-            return heading.value("MACH NUMBER") if heading is not None and name == "mach" else float("nan")
-        return self.conditions.number(0, _CONDITION_COLUMNS[name])
-
-
-@dataclass(eq=False)
-class Case:
-    """One case: its input deck, pages and messages.
-
-    Attributes
-    ----------
-    name : str
-        CASEID, made unique within the listing; ``case 3`` where there is none.
-    ordinal : int
-        Number of the card block in the file, from 1.
-    run : int
-        Number of the program run in the file, from 1.
-    line : int
-        Line of the card block.
-    deck : Deck
-        Namelists and control cards, those replayed by SAVE included.
-    pages : list of Page
-    messages : list of Message
-    """
-
-    ordinal: int
-    run: int
-    line: int
-    file: str = ""
-    name: str = ""
-    deck: Deck = field(default_factory=Deck)
-    pages: list[Page] = field(default_factory=list)
-    messages: list[Message] = field(default_factory=list)
-
-    def tables(self, name: str) -> Iterator[tuple[Page, Table]]:
-        """Yield page and table of every table of a kind, in order."""
-        self._demand_kind(name)
-        for page in self.pages:
-            if name == "conditions" and page.conditions is not None:
-                yield page, page.conditions
-            for table in page.printed:
-                if table.name == name and isinstance(table, Table):
-                    yield page, table
-
-    def values(self, name: str) -> Iterator[tuple[Page, Values]]:
-        """Yield page and group of every group of ``label = value`` of a kind, in order."""
-        self._demand_kind(name)
-        for page in self.pages:
-            for group in page.printed:
-                if group.name == name and isinstance(group, Values):
-                    yield page, group
-
-    @staticmethod
-    def _demand_kind(name: str) -> None:
-        if name not in NAMES:
-            raise UnknownName(name, NAMES, "table kind")
+class Case(PrintedCase):
+    """One case, which can be had as data frames and as arrays; attributes are those of `PrintedCase`."""
 
     def block(self, name: str) -> pd.DataFrame:
         """Return all tables of a kind as one table of printed numbers.
@@ -146,7 +33,7 @@ class Case:
             printed names, or ``label text value unit`` of numbers that are printed with labels; NaN where no number is printed.
             ``attrs["units"]`` gives the printed units.
         """
-        from .frames import block
+        from .export.frames import block
 
         return block(self, name)
 
@@ -160,7 +47,7 @@ class Case:
             ``column text value flag``; numbers as printed, axis values NaN where the table has no such axis, ``flag`` a word of
             `datcom_io.FLAGS`.  ``page table column text flag`` are categorical.
         """
-        from .cell_frame import cells
+        from .export.cell_frame import cells
 
         return cells([self])
 
@@ -182,7 +69,7 @@ class Case:
         ParseError
             The printed axes do not agree with the input deck.
         """
-        from .dataset import case_tree
+        from .arrays.dataset import case_tree
 
         return case_tree(self, fill_transonic=fill_transonic)
 
@@ -257,15 +144,15 @@ class Listing:
         DataFrame (cell, ...)
             As `Case.cells` of all cases.
         """
-        from .cell_frame import cells
+        from .export.cell_frame import cells
 
         return cells(self)
 
     def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
         """Return all cases that have tables, one child per case (see `Case.to_datatree`); ``/`` in a name becomes ``|``."""
-        from .dataset import listing_tree
+        from .arrays.dataset import listing_tree
 
-        return listing_tree(self, fill_transonic=fill_transonic)
+        return listing_tree(self, self.file, self.runs, fill_transonic=fill_transonic)
 
 
 class DamagedListing(ParseError):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from aerodb.exchange.jsbsim_properties import AXIS, REGRESSOR
+from aerodb.exchange.jsbsim.properties import AXIS, REGRESSOR
 from flightmech.names import VOCABULARY, Quantity
 
 PAGE = Path(__file__).with_name("nomenclature.md")

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 
 import flightmech
 import flighttest
+from flighttest.quality.page import write_page
 
 ROOT = Path(__file__).parents[1]
 T37 = ROOT / "data" / "t37"
@@ -29,7 +30,7 @@ def page(folder: Path) -> Path:
     names = folder / "names.toml"
     names.write_text(text, encoding="utf-8")
     record = flighttest.read(T37 / "flight" / "t37_01_clean_low_speed_5kft.nc", names)
-    flighttest.assess(record, flightmech.read_aircraft(T37 / "aircraft.toml")).write_page(folder / "page.html")
+    write_page(flighttest.assess(record, flightmech.read_aircraft(T37 / "aircraft.toml")), folder / "page.html")
     return folder / "page.html"
 
 

@@ -22,8 +22,8 @@ import aerodb
 import flightmech
 from aeromatch.project import read_project
 from aeromatch.workflow import a_priori
-from flightmech.library import INPUT, OUTPUT, Simulation
-from flightmech.simulation import index_of_parameter
+from flightmech.simulation.kernel import INPUT, OUTPUT, Simulation
+from flightmech.simulation.run import index_of_parameter
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

@@ -7,50 +7,54 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from .installation import warn_if_hidden
-from .lazy import load
+from .support.installation import warn_if_hidden
+from .support.lazy import load
 
 if TYPE_CHECKING:
-    from . import air, axes, errors, linear, names, similarity, terms, units
-    from .aircraft import Aircraft, Control, Engine, read_aircraft
-    from .aircraft_writing import write_aircraft
-    from .batch import simulate_batch
-    from .compiler import SimModel, compile
-    from .eigenmodes import modes
-    from .fmu import write_fmu
-    from .linear import linearize
-    from .parts import different_parts, swap_parts
-    from .qualities.assemble import Characteristics, characteristics
-    from .similarity import rescale
-    from .simulation import simulate
-    from .trimming import start_of, trim
+    from . import air, axes, errors, names, terms, units
+    from .aircraft import similarity
+    from .aircraft.aircraft import Aircraft, read_aircraft
+    from .aircraft.control_surface import Control
+    from .aircraft.parts import different_parts, swap_parts
+    from .aircraft.similarity import rescale
+    from .aircraft.systems.engine import Engine
+    from .aircraft.writing import write_aircraft
+    from .flying_qualities.evaluation import Characteristics, characteristics
+    from .fmu_export.writer import write_fmu
+    from .linearisation import linear
+    from .linearisation.eigenmodes import modes
+    from .linearisation.linear import linearize
+    from .simulation.batch import simulate_batch
+    from .simulation.compiler import SimModel, compile
+    from .simulation.run import simulate
+    from .trimming.search import start_of, trim
 
 _HOME = {
-    "read_aircraft": "aircraft",
-    "Aircraft": "aircraft",
-    "Control": "aircraft",
-    "Engine": "aircraft",
-    "write_aircraft": "aircraft_writing",
-    "compile": "compiler",
-    "SimModel": "compiler",
-    "linearize": "linear",
-    "different_parts": "parts",
-    "swap_parts": "parts",
-    "modes": "eigenmodes",
-    "Characteristics": "qualities.assemble",
-    "characteristics": "qualities.assemble",
-    "rescale": "similarity",
-    "simulate": "simulation",
-    "simulate_batch": "batch",
-    "start_of": "trimming",
-    "trim": "trimming",
-    "write_fmu": "fmu",
+    "read_aircraft": "aircraft.aircraft",
+    "Aircraft": "aircraft.aircraft",
+    "Control": "aircraft.control_surface",
+    "Engine": "aircraft.systems.engine",
+    "write_aircraft": "aircraft.writing",
+    "compile": "simulation.compiler",
+    "SimModel": "simulation.compiler",
+    "linearize": "linearisation.linear",
+    "different_parts": "aircraft.parts",
+    "swap_parts": "aircraft.parts",
+    "modes": "linearisation.eigenmodes",
+    "Characteristics": "flying_qualities.evaluation",
+    "characteristics": "flying_qualities.evaluation",
+    "rescale": "aircraft.similarity",
+    "simulate": "simulation.run",
+    "simulate_batch": "simulation.batch",
+    "start_of": "trimming.search",
+    "trim": "trimming.search",
+    "write_fmu": "fmu_export.writer",
     "air": "air",
     "axes": "axes",
     "errors": "errors",
-    "linear": "linear",
+    "linear": "linearisation.linear",
     "names": "names",
-    "similarity": "similarity",
+    "similarity": "aircraft.similarity",
     "terms": "terms",
     "units": "units",
 }

@@ -4,77 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flightmech.lazy import load
+from flightmech.support.lazy import load
 
 if TYPE_CHECKING:
-    from .batch.programme import Batch, reconstruct_batch, visible
-    from .calibrate import force_at_cg, incidence_at_cg, true_pressures, vane_angles, vane_at_cg, vane_true, velocity_at
-    from .compatibility import compatibility_report, compatibility_table, draw_compatibility
-    from .conditioning import channel, cut, lowpass, remove_delay, resample, smooth
-    from .delay import Delay, time_delay
-    from .deletion import decide
-    from .differentiate import derivative, derivative_window
-    from .eigenmotion import Motion, fit_motion
-    from .evaluation.evaluating import Evaluation, evaluate
-    from .files import open_biases, save_path, save_record
-    from .fit import Fit, open_fit, save_fit
-    from .fourier import finite_fourier, harmonics
-    from .fourier_smoothing import Smoothed, fourier_smooth
-    from .ground_effect.database import replace_ground_effect
-    from .ground_effect.identification import identify_ground_effect
-    from .ground_effect.result import GroundEffect
-    from .inertia import Inertia, inertia_from_flight
-    from .inputs.accuracy import Expected, cramer_rao, expected_errors
-    from .inputs.designing import Designed, design_input, save_design
-    from .inputs.multisines import InputAxis, multisine
-    from .inputs.playback import open_timetable, save_timetable
-    from .inputs.pulses import in_sequence, multistep, sweep, unit_step
-    from .inputs.response import amplitude_within, predict_response, trimmed_start
-    from .inputs.specification import read_design
-    from .join import merge
-    from .joining import Joined, join_fits
-    from .lag import remove_lag
-    from .likelihood.corrected import corrected_database
-    from .likelihood.files import open_output_error, save_output_error
-    from .likelihood.flown import output_error
-    from .likelihood.in_frequency import frequency_output_error
-    from .likelihood.in_time import linear_output_error
-    from .likelihood.result import OutputError
-    from .likelihood.state_space import LinearModel, linear_model
-    from .likelihood.turbulent import filter_error
-    from .likelihood.unknowns import Unknown
-    from .marking import add_marks, marks
-    from .metrics import nrmse, r_squared, theil, theil_shares, validation_report, validation_table
-    from .mixed_estimation import Mixed, mixed, prior_of
-    from .model import Model
-    from .names_map import NameMap, read_names, shipped_maps
-    from .partition import Partition, bins, fit_bins
-    from .pooling import pool, pool_fits
-    from .programme import combine_biases, reconstruct_programme
-    from .published import published_fit
-    from .quality.assessment import Quality, assess
-    from .quality.finding import Finding
-    from .raw_contents import contents
-    from .reconstruction import Path, reconstruct
-    from .record import faults, manoeuvres, overview, read
-    from .reduction import between, coefficients, open_states
-    from .regression import regress
-    from .remarks import Remark
-    from .resampling import Bootstrap, Study, bootstrap, monte_carlo
-    from .selection.candidates import monomials, spline_terms
-    from .selection.orthogonal import select_orthogonal
-    from .selection.result import Selection, tally
-    from .selection.stepwise import select_stepwise
-    from .separable.model import SeparableModel, ShapeParameter
-    from .separable.regression import regress_separable
-    from .separable.result import SeparableFit
-    from .spectrum import regress_frequency
-    from .spin.database import polynomial_database
-    from .spin.decomposition import nominal_variables, spin_variables, wind_axis_rates
-    from .spin.tables import read_polynomials
-    from .spin.turned import reconstruct_steep
-    from .thrust import fit_thrust
-    from .unmeasured import (
+    from .aircraft_properties.eigenmotion import Motion, fit_motion
+    from .aircraft_properties.inertia import Inertia, inertia_from_flight
+    from .aircraft_properties.thrust_table import fit_thrust
+    from .combining.data_partition import Partition, bins, fit_bins
+    from .combining.joined_fits import Joined, join_fits
+    from .combining.mixed_estimation import Mixed, mixed, prior_of
+    from .combining.pooling import pool, pool_fits
+    from .combining.published import published_fit
+    from .dynamics.derived_channels import (
         airspeed_from_pressures,
         angular_accelerations,
         complete,
@@ -82,150 +23,212 @@ if TYPE_CHECKING:
         incidence_from_velocity,
         rates_from_attitude,
     )
+    from .dynamics.force_coefficients import between, coefficients, open_states
+    from .equation_error.fit import Fit, open_fit, save_fit
+    from .equation_error.frequency_domain import regress_frequency
+    from .equation_error.model import Model
+    from .equation_error.resampling import Bootstrap, Study, bootstrap, monte_carlo
+    from .equation_error.time_domain import regress
+    from .evaluation.flight_evaluation import evaluate
+    from .evaluation.result import Evaluation
+    from .expressions.separable_model import SeparableModel, ShapeParameter
+    from .ground_effect.database import replace_ground_effect
+    from .ground_effect.identification import identify_ground_effect
+    from .ground_effect.result import GroundEffect
+    from .input_design.design import Designed, design_input, save_design
+    from .input_design.input_accuracy import Expected, cramer_rao, expected_errors
+    from .input_design.multisines import InputAxis, multisine
+    from .input_design.multisteps import in_sequence, multistep, sweep, unit_step
+    from .input_design.predicted_response import amplitude_within, predict_response, trimmed_start
+    from .input_design.specification import read_design
+    from .input_design.timetable import open_timetable, save_timetable
+    from .maximum_likelihood.files import open_output_error, save_output_error
+    from .maximum_likelihood.frequency_domain import frequency_output_error
+    from .maximum_likelihood.linear_time_domain import linear_output_error
+    from .maximum_likelihood.models.state_space import LinearModel, linear_model
+    from .maximum_likelihood.parameters import Unknown
+    from .maximum_likelihood.process_noise import filter_error
+    from .maximum_likelihood.result import OutputError
+    from .maximum_likelihood.time_domain import output_error
+    from .maximum_likelihood.updated_database import corrected_database
+    from .model_structure.candidates import monomials, spline_terms
+    from .model_structure.deletion_rule import decide
+    from .model_structure.orthogonal_functions import select_orthogonal
+    from .model_structure.selection import Selection, tally
+    from .model_structure.stepwise import select_stepwise
+    from .quality.assessment import assess
+    from .quality.finding import Finding
+    from .quality.result import Quality
+    from .readers.name_map import NameMap, read_names, shipped_maps
+    from .reconstruction.batch.programme import Batch, reconstruct_batch, visible
+    from .reconstruction.compatibility import compatibility_report, compatibility_table, draw_compatibility
+    from .reconstruction.flight_programme import combine_biases, reconstruct_programme
+    from .reconstruction.path_files import open_biases, save_path
+    from .reconstruction.smoother import Path, reconstruct
+    from .records.file_contents import contents
+    from .records.files import save_record
+    from .records.joining import merge
+    from .records.record import faults, manoeuvres, overview, read
+    from .remarks import Remark
+    from .sensors.position_corrections import force_at_cg, incidence_at_cg, true_pressures, vane_angles, vane_at_cg, vane_true, velocity_at
+    from .separable.regression import regress_separable
+    from .separable.result import SeparableFit
+    from .signals.conditioning import channel, cut, lowpass, remove_delay, resample, smooth
+    from .signals.delays import Delay, time_delay
+    from .signals.differentiation import derivative, derivative_window
+    from .signals.first_order_lag import remove_lag
+    from .signals.fourier import finite_fourier, harmonics
+    from .signals.fourier_smoothing import Smoothed, fourier_smooth
+    from .signals.sample_flags import add_marks, marks
+    from .spin.database import polynomial_database
+    from .spin.decomposition import nominal_variables, spin_variables, wind_axis_rates
+    from .spin.steep_reconstruction import reconstruct_steep
+    from .spin.tables import read_polynomials
+    from .uncertainty.goodness_of_fit import nrmse, r_squared, theil, theil_shares, validation_report, validation_table
 
 _HOME = {
-    "save_output_error": "likelihood.files",
-    "corrected_database": "likelihood.corrected",
-    "open_output_error": "likelihood.files",
-    "evaluate": "evaluation.evaluating",
-    "Evaluation": "evaluation.evaluating",
-    "fit_motion": "eigenmotion",
-    "Motion": "eigenmotion",
+    "save_output_error": "maximum_likelihood.files",
+    "corrected_database": "maximum_likelihood.updated_database",
+    "open_output_error": "maximum_likelihood.files",
+    "evaluate": "evaluation.flight_evaluation",
+    "Evaluation": "evaluation.result",
+    "fit_motion": "aircraft_properties.eigenmotion",
+    "Motion": "aircraft_properties.eigenmotion",
     "Remark": "remarks",
     "assess": "quality.assessment",
-    "Quality": "quality.assessment",
+    "Quality": "quality.result",
     "Finding": "quality.finding",
-    "regress_frequency": "spectrum",
-    "finite_fourier": "fourier",
-    "harmonics": "fourier",
-    "Mixed": "mixed_estimation",
-    "prior_of": "mixed_estimation",
-    "published_fit": "published",
-    "join_fits": "joining",
-    "Joined": "joining",
-    "fit_bins": "partition",
-    "bins": "partition",
-    "Partition": "partition",
-    "inertia_from_flight": "inertia",
-    "Inertia": "inertia",
-    "bootstrap": "resampling",
-    "Bootstrap": "resampling",
-    "monte_carlo": "resampling",
-    "Study": "resampling",
-    "select_stepwise": "selection.stepwise",
-    "select_orthogonal": "selection.orthogonal",
-    "monomials": "selection.candidates",
-    "spline_terms": "selection.candidates",
-    "tally": "selection.result",
-    "Selection": "selection.result",
-    "compatibility_report": "compatibility",
-    "compatibility_table": "compatibility",
-    "draw_compatibility": "compatibility",
-    "Batch": "batch.programme",
-    "reconstruct_batch": "batch.programme",
-    "visible": "batch.programme",
-    "filter_error": "likelihood.turbulent",
-    "frequency_output_error": "likelihood.in_frequency",
-    "linear_output_error": "likelihood.in_time",
-    "linear_model": "likelihood.state_space",
-    "LinearModel": "likelihood.state_space",
-    "OutputError": "likelihood.result",
-    "Unknown": "likelihood.unknowns",
-    "output_error": "likelihood.flown",
-    "incidence_from_velocity": "unmeasured",
-    "airspeed_from_pressures": "unmeasured",
-    "forces_from_velocity": "unmeasured",
-    "rates_from_attitude": "unmeasured",
-    "angular_accelerations": "unmeasured",
-    "complete": "unmeasured",
-    "true_pressures": "calibrate",
-    "incidence_at_cg": "calibrate",
-    "vane_true": "calibrate",
-    "derivative_window": "differentiate",
-    "remove_delay": "conditioning",
-    "remove_lag": "lag",
-    "smooth": "conditioning",
-    "Smoothed": "fourier_smoothing",
-    "fourier_smooth": "fourier_smoothing",
-    "Delay": "delay",
-    "time_delay": "delay",
-    "read": "record",
-    "manoeuvres": "record",
-    "overview": "record",
-    "faults": "record",
-    "contents": "raw_contents",
-    "marks": "marking",
-    "add_marks": "marking",
-    "merge": "join",
-    "save_record": "files",
-    "read_names": "names_map",
-    "shipped_maps": "names_map",
-    "NameMap": "names_map",
-    "cut": "conditioning",
-    "channel": "conditioning",
-    "lowpass": "conditioning",
-    "resample": "conditioning",
-    "reconstruct": "reconstruction",
-    "Path": "reconstruction",
-    "reconstruct_programme": "programme",
-    "combine_biases": "programme",
-    "save_path": "files",
-    "open_biases": "files",
-    "fit_thrust": "thrust",
+    "regress_frequency": "equation_error.frequency_domain",
+    "finite_fourier": "signals.fourier",
+    "harmonics": "signals.fourier",
+    "Mixed": "combining.mixed_estimation",
+    "prior_of": "combining.mixed_estimation",
+    "published_fit": "combining.published",
+    "join_fits": "combining.joined_fits",
+    "Joined": "combining.joined_fits",
+    "fit_bins": "combining.data_partition",
+    "bins": "combining.data_partition",
+    "Partition": "combining.data_partition",
+    "inertia_from_flight": "aircraft_properties.inertia",
+    "Inertia": "aircraft_properties.inertia",
+    "bootstrap": "equation_error.resampling",
+    "Bootstrap": "equation_error.resampling",
+    "monte_carlo": "equation_error.resampling",
+    "Study": "equation_error.resampling",
+    "select_stepwise": "model_structure.stepwise",
+    "select_orthogonal": "model_structure.orthogonal_functions",
+    "monomials": "model_structure.candidates",
+    "spline_terms": "model_structure.candidates",
+    "tally": "model_structure.selection",
+    "Selection": "model_structure.selection",
+    "compatibility_report": "reconstruction.compatibility",
+    "compatibility_table": "reconstruction.compatibility",
+    "draw_compatibility": "reconstruction.compatibility",
+    "Batch": "reconstruction.batch.programme",
+    "reconstruct_batch": "reconstruction.batch.programme",
+    "visible": "reconstruction.batch.programme",
+    "filter_error": "maximum_likelihood.process_noise",
+    "frequency_output_error": "maximum_likelihood.frequency_domain",
+    "linear_output_error": "maximum_likelihood.linear_time_domain",
+    "linear_model": "maximum_likelihood.models.state_space",
+    "LinearModel": "maximum_likelihood.models.state_space",
+    "OutputError": "maximum_likelihood.result",
+    "Unknown": "maximum_likelihood.parameters",
+    "output_error": "maximum_likelihood.time_domain",
+    "incidence_from_velocity": "dynamics.derived_channels",
+    "airspeed_from_pressures": "dynamics.derived_channels",
+    "forces_from_velocity": "dynamics.derived_channels",
+    "rates_from_attitude": "dynamics.derived_channels",
+    "angular_accelerations": "dynamics.derived_channels",
+    "complete": "dynamics.derived_channels",
+    "true_pressures": "sensors.position_corrections",
+    "incidence_at_cg": "sensors.position_corrections",
+    "vane_true": "sensors.position_corrections",
+    "derivative_window": "signals.differentiation",
+    "remove_delay": "signals.conditioning",
+    "remove_lag": "signals.first_order_lag",
+    "smooth": "signals.conditioning",
+    "Smoothed": "signals.fourier_smoothing",
+    "fourier_smooth": "signals.fourier_smoothing",
+    "Delay": "signals.delays",
+    "time_delay": "signals.delays",
+    "read": "records.record",
+    "manoeuvres": "records.record",
+    "overview": "records.record",
+    "faults": "records.record",
+    "contents": "records.file_contents",
+    "marks": "signals.sample_flags",
+    "add_marks": "signals.sample_flags",
+    "merge": "records.joining",
+    "save_record": "records.files",
+    "read_names": "readers.name_map",
+    "shipped_maps": "readers.name_map",
+    "NameMap": "readers.name_map",
+    "cut": "signals.conditioning",
+    "channel": "signals.conditioning",
+    "lowpass": "signals.conditioning",
+    "resample": "signals.conditioning",
+    "reconstruct": "reconstruction.smoother",
+    "Path": "reconstruction.smoother",
+    "reconstruct_programme": "reconstruction.flight_programme",
+    "combine_biases": "reconstruction.flight_programme",
+    "save_path": "reconstruction.path_files",
+    "open_biases": "reconstruction.path_files",
+    "fit_thrust": "aircraft_properties.thrust_table",
     "GroundEffect": "ground_effect.result",
     "identify_ground_effect": "ground_effect.identification",
     "replace_ground_effect": "ground_effect.database",
     "SeparableFit": "separable.result",
-    "SeparableModel": "separable.model",
-    "ShapeParameter": "separable.model",
+    "SeparableModel": "expressions.separable_model",
+    "ShapeParameter": "expressions.separable_model",
     "regress_separable": "separable.regression",
-    "force_at_cg": "calibrate",
-    "velocity_at": "calibrate",
-    "vane_angles": "calibrate",
-    "vane_at_cg": "calibrate",
-    "derivative": "differentiate",
-    "coefficients": "reduction",
-    "between": "reduction",
-    "open_states": "reduction",
-    "Model": "model",
-    "regress": "regression",
-    "Fit": "fit",
-    "save_fit": "fit",
-    "open_fit": "fit",
-    "mixed": "mixed_estimation",
-    "pool": "pooling",
-    "pool_fits": "pooling",
-    "decide": "deletion",
-    "Expected": "inputs.accuracy",
-    "cramer_rao": "inputs.accuracy",
-    "expected_errors": "inputs.accuracy",
-    "Designed": "inputs.designing",
-    "design_input": "inputs.designing",
-    "save_design": "inputs.designing",
-    "InputAxis": "inputs.multisines",
-    "multisine": "inputs.multisines",
-    "open_timetable": "inputs.playback",
-    "save_timetable": "inputs.playback",
-    "in_sequence": "inputs.pulses",
-    "multistep": "inputs.pulses",
-    "sweep": "inputs.pulses",
-    "unit_step": "inputs.pulses",
-    "amplitude_within": "inputs.response",
-    "predict_response": "inputs.response",
-    "trimmed_start": "inputs.response",
-    "read_design": "inputs.specification",
-    "nrmse": "metrics",
-    "r_squared": "metrics",
-    "theil": "metrics",
-    "theil_shares": "metrics",
-    "validation_report": "metrics",
-    "validation_table": "metrics",
+    "force_at_cg": "sensors.position_corrections",
+    "velocity_at": "sensors.position_corrections",
+    "vane_angles": "sensors.position_corrections",
+    "vane_at_cg": "sensors.position_corrections",
+    "derivative": "signals.differentiation",
+    "coefficients": "dynamics.force_coefficients",
+    "between": "dynamics.force_coefficients",
+    "open_states": "dynamics.force_coefficients",
+    "Model": "equation_error.model",
+    "regress": "equation_error.time_domain",
+    "Fit": "equation_error.fit",
+    "save_fit": "equation_error.fit",
+    "open_fit": "equation_error.fit",
+    "mixed": "combining.mixed_estimation",
+    "pool": "combining.pooling",
+    "pool_fits": "combining.pooling",
+    "decide": "model_structure.deletion_rule",
+    "Expected": "input_design.input_accuracy",
+    "cramer_rao": "input_design.input_accuracy",
+    "expected_errors": "input_design.input_accuracy",
+    "Designed": "input_design.design",
+    "design_input": "input_design.design",
+    "save_design": "input_design.design",
+    "InputAxis": "input_design.multisines",
+    "multisine": "input_design.multisines",
+    "open_timetable": "input_design.timetable",
+    "save_timetable": "input_design.timetable",
+    "in_sequence": "input_design.multisteps",
+    "multistep": "input_design.multisteps",
+    "sweep": "input_design.multisteps",
+    "unit_step": "input_design.multisteps",
+    "amplitude_within": "input_design.predicted_response",
+    "predict_response": "input_design.predicted_response",
+    "trimmed_start": "input_design.predicted_response",
+    "read_design": "input_design.specification",
+    "nrmse": "uncertainty.goodness_of_fit",
+    "r_squared": "uncertainty.goodness_of_fit",
+    "theil": "uncertainty.goodness_of_fit",
+    "theil_shares": "uncertainty.goodness_of_fit",
+    "validation_report": "uncertainty.goodness_of_fit",
+    "validation_table": "uncertainty.goodness_of_fit",
     "polynomial_database": "spin.database",
     "nominal_variables": "spin.decomposition",
     "spin_variables": "spin.decomposition",
     "wind_axis_rates": "spin.decomposition",
     "read_polynomials": "spin.tables",
-    "reconstruct_steep": "spin.turned",
+    "reconstruct_steep": "spin.steep_reconstruction",
 }
 __all__ = [
     "Batch",

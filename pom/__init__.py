@@ -4,48 +4,48 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flightmech.lazy import load
+from flightmech.support.lazy import load
 
 if TYPE_CHECKING:
-    from .archive import Archive, read_archive
-    from .batch import replay_all
-    from .case import PomCase, read_case
-    from .case_init import init_case
-    from .diagnosis import diagnose
-    from .modes import fit_mode
-    from .offsets import calibration, drift
-    from .origins import provenance
-    from .piloting import pilot_activity
-    from .replaying import replay
-    from .report import write_report
+    from .archive.archive import Archive, read_archive
+    from .archive.origins import provenance
+    from .archive.verification import Finding, verify
+    from .cases.case import PomCase, read_case
+    from .diagnosis.diagnosis import diagnose
+    from .diagnosis.swap_table import ranking, waterfall
+    from .diagnosis.term_swaps import corrected_aircraft, corrected_database, corrected_terms, swap_terms
+    from .drafting.draft import init_case
+    from .judging.modal import fit_mode
+    from .replaying.batch import replay_all
+    from .replaying.offsets import calibration, drift
+    from .replaying.piloting import pilot_activity
+    from .replaying.replay_case import replay
+    from .report.writer import write_report
     from .result import PomResult
-    from .swap_table import ranking, waterfall
-    from .swaps import corrected_aircraft, corrected_database, corrected_terms, swap_terms
-    from .verification import Finding, verify
 
 _HOME = {
-    "Archive": "archive",
-    "read_archive": "archive",
-    "PomCase": "case",
-    "read_case": "case",
-    "init_case": "case_init",
-    "calibration": "offsets",
-    "drift": "offsets",
-    "pilot_activity": "piloting",
-    "corrected_aircraft": "swaps",
-    "corrected_database": "swaps",
-    "corrected_terms": "swaps",
-    "swap_terms": "swaps",
-    "ranking": "swap_table",
-    "waterfall": "swap_table",
-    "diagnose": "diagnosis",
-    "fit_mode": "modes",
-    "provenance": "origins",
-    "replay": "replaying",
-    "replay_all": "batch",
-    "write_report": "report",
-    "Finding": "verification",
-    "verify": "verification",
+    "Archive": "archive.archive",
+    "read_archive": "archive.archive",
+    "PomCase": "cases.case",
+    "read_case": "cases.case",
+    "init_case": "drafting.draft",
+    "calibration": "replaying.offsets",
+    "drift": "replaying.offsets",
+    "pilot_activity": "replaying.piloting",
+    "corrected_aircraft": "diagnosis.term_swaps",
+    "corrected_database": "diagnosis.term_swaps",
+    "corrected_terms": "diagnosis.term_swaps",
+    "swap_terms": "diagnosis.term_swaps",
+    "ranking": "diagnosis.swap_table",
+    "waterfall": "diagnosis.swap_table",
+    "diagnose": "diagnosis.diagnosis",
+    "fit_mode": "judging.modal",
+    "provenance": "archive.origins",
+    "replay": "replaying.replay_case",
+    "replay_all": "replaying.batch",
+    "write_report": "report.writer",
+    "Finding": "archive.verification",
+    "verify": "archive.verification",
     "PomResult": "result",
 }
 __all__ = [

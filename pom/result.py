@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.console import plain
+from flightmech.support.console import plain
 
-from .case import PomCase
+from .cases.case import PomCase
 
 VERDICT_COLUMNS = (
     "run",

@@ -33,7 +33,7 @@ def test_package_imports_only_what_stands_to_its_left(package):
 
 def test_the_walker_sees_an_import_to_the_right(tmp_path):
     file = tmp_path / "wrong.py"
-    file.write_text("def f():\n    from pom.case import read_case\n    import aeromatch.cli\n    return read_case\n")
+    file.write_text("def f():\n    from pom.cases.case import read_case\n    import aeromatch.cli\n    return read_case\n")
     assert imported_packages(file) == {"pom", "aeromatch"}
 
 

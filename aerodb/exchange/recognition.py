@@ -7,7 +7,7 @@ from pathlib import Path
 
 from flightmech.errors import ParseError
 
-from .csv_terms import INDEX
+from .tables.csv_terms import INDEX
 
 _HEAD = 65_536  # bytes in which the first element of an XML file must begin, comments and document type before it
 _BEFORE = re.compile(rb"\s+|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(\[.*?\]\s*)?>", re.DOTALL)

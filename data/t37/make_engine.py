@@ -21,9 +21,9 @@ from scipy.optimize import minimize_scalar, nnls
 import flightmech
 import flighttest
 from flightmech import air
-from flightmech.library import STATE
-from flightmech.simulation import constant_inputs, prepared
-from flightmech.submodels.deck import Deck, write_tables
+from flightmech.simulation.kernel import STATE
+from flightmech.simulation.run import constant_inputs, prepared
+from flightmech.aircraft.systems.engine_deck import Deck, write_tables
 from flightmech.terms import basis, make
 
 HERE = Path(__file__).parent

@@ -9,12 +9,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 
-from . import rules_aircraft, rules_cards, rules_flight
 from .cards import WARNING, Finding
 from .deck import Deck
 from .file import DeckFile, read_deck
+from .rules import aircraft, cards, flight
 
-_RULES = (*rules_cards.RULES, *rules_flight.RULES, *rules_aircraft.RULES)
+_RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES)
 
 
 def check_deck(deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck]) -> list[Finding]:

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from flightmech.errors import SchemaError
-from flightmech.whole import written_whole
+from flightmech.support.atomic_write import written_whole
 
 from .cards import Assignment, Card, Item
 from .deck import Deck, pieces

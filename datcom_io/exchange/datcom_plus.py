@@ -29,10 +29,10 @@ import xarray as xr
 from flightmech.errors import ParseError, UnknownName
 from flightmech.units import DEGREE
 
+from ..arrays.stacking import add_variable
 from ..cells import BLANK, FILLED, NA, NDM, OK, SENTINEL, read_cell
-from ..layouts import BY_NAME
-from ..layouts.form import Column
-from ..stacking import add_variable
+from ..printout.columns import Column
+from ..printout.layouts import BY_NAME
 
 _MARKS = {1.0e-30: NDM, 2.0e-30: NA, -1.0e-30: BLANK}
 _HEADING = re.compile(r"([A-Za-z]\w*) *, *([A-Za-z]\w*) *,?")

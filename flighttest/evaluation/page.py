@@ -10,23 +10,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flightmech.console import command_line
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
+from flightmech.support.atomic_write import written_whole
+from flightmech.support.console import command_line
 from flightmech.units import from_si
 
-from ..quality.drawing import chart, scatter
 from ..quality.page import style, template_of
-from ..quality.words import shown, told
-from .figures import INSIDE
+from ..quality.plots import chart, scatter
+from ..quality.text import shown, told
+from .figures_of_merit import INSIDE
 from .plan import files_of
-from .words import limits_shown, number, unit_shown
+from .text import limits_shown, number, unit_shown
 
 if TYPE_CHECKING:
-    from ..eigenmotion import Motion
-    from ..fit import Fit
-    from .evaluating import Evaluation
-    from .points import Fitted
+    from ..aircraft_properties.eigenmotion import Motion
+    from ..equation_error.fit import Fit
+    from .result import Evaluation
+    from .stationary_points import Fitted
 
 _SHOWN = (
     "V",
@@ -42,6 +43,12 @@ _SHOWN = (
     "CL",
     "CD",
 )
+
+
+def write_page(evaluation: Evaluation, path: str | Path) -> None:
+    """Write an evaluation as one self-contained HTML page; an error leaves no file."""
+    with written_whole(path) as part:
+        part.write_text(page(evaluation), encoding="utf-8")
 
 
 def page(evaluation: Evaluation) -> str:

@@ -63,10 +63,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from flightmech.configuration import Strict, load, si, validate
 from flightmech.errors import SchemaError
+from flightmech.support.configuration import Strict, load, si, validate
 
-from .sheets import Column
+from .test_point_sheets import Column
 
 _Length = si("m")
 _Window = tuple[float, float]

@@ -45,7 +45,7 @@ def replace_ground_effect(database: xr.DataTree, found: GroundEffect, tables: bo
         A factor to which no term of the database belongs, or a term without room for it.
     """
     from aerodb import delete_terms, replace_terms
-    from aerodb.schema import terms
+    from aerodb.store.schema import terms
 
     new: dict[str, xr.Dataset] = {}
     old: list[str] = []
@@ -76,7 +76,7 @@ def ground_terms_of(one: CoefficientOverGround, database: xr.DataTree, tables: b
     dict of str to Dataset
         ``ground_<term in free air>``, of a part of it ``ground_<term>_alpha``; ``ground`` for the rolling moment of bank.
     """
-    from aerodb.schema import terms
+    from aerodb.store.schema import terms
 
     name = one.model.coefficient
     free = {

@@ -18,9 +18,9 @@ import pandas as pd
 
 from flightmech.errors import IdentificationError
 
-from .. import collinearity
-from ..covariance import coloured
-from ..samples import Samples
+from ..equation_error.samples import Samples
+from ..uncertainty import collinearity
+from ..uncertainty.coloured_residuals import coloured
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,8 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, UnknownName
 
-from ..model import Model, regressors
-from ..samples import Samples, stack
+from ..equation_error.model import Model, regressors
+from ..equation_error.samples import Samples, stack
 from ..separable.regression import regress_separable
 from ..separable.result import SeparableFit
 from .evidence import HeightTable, breakpoints, compared, criterion, height_table, independent_samples
@@ -218,7 +218,7 @@ class _Database(NamedTuple):
 
 def _database_parts(database: xr.DataTree, coefficient: str, records: Sequence[xr.Dataset]) -> _Database:
     from aerodb import contributions
-    from aerodb.schema import terms
+    from aerodb.store.schema import terms
     from flightmech.terms import SOURCES, variables
 
     leaves = {name: leaf for name, leaf in terms(database).items() if name.startswith(f"{coefficient}/") and HEIGHT in variables(leaf)}

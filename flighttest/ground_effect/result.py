@@ -12,7 +12,7 @@ import xarray as xr
 
 from flightmech.errors import UnknownName
 
-from ..model import Model
+from ..equation_error.model import Model
 from ..separable.result import SeparableFit
 from .evidence import HeightTable, best
 from .structure import HEIGHT, exponent, raised, spelled

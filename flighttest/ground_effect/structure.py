@@ -15,9 +15,9 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 
-from ..model import Model
-from ..separable.model import SeparableModel, ShapeParameter
-from ..separable.reading import parse
+from ..equation_error.model import Model
+from ..expressions.reading import parse
+from ..expressions.separable_model import SeparableModel, ShapeParameter
 
 HEIGHT = "h_agl"
 EXPONENTS = (-4.0, -0.1)  # bounds of s: above -0.1 the ground is felt at all heights alike

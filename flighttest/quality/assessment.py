@@ -2,107 +2,27 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 import xarray as xr
 
-from flightmech.console import plain
-from flightmech.whole import written_whole
-
-from ..instruments import Instruments, instruments
-from ..record import manoeuvres
-from .answers import answer_findings, answers, hands
-from .excitation import correlations, excitation, excitation_findings
-from .finding import SEVERITIES, Finding, by_severity, without_consequences
-from .kinematics import accuracy_findings, kinematic_findings, kinematic_table
-from .lags import lag_findings, lags
-from .relations import Comparison, compare_all
-from .remarks import remarks
-from .repairs import explain
-from .samples import channel_findings, channel_table, faults_of, mark_findings
-from .signals import Signals, at_cg, signals_of
+from ..records.record import manoeuvres
+from ..sensors.instruments import Instruments, instruments
+from .checks.control_response import answer_findings, answers, hands
+from .checks.delays import lag_findings, lags
+from .checks.excitation import correlations, excitation, excitation_findings
+from .checks.kinematic_findings import accuracy_findings, kinematic_findings, kinematic_table
+from .checks.mistake_search import explain
+from .checks.notes import remarks
+from .checks.relations import compare_all
+from .checks.samples import channel_findings, channel_table, faults_of, mark_findings
+from .checks.signals import Signals, at_cg, signals_of
+from .finding import by_severity, without_consequences
+from .result import Quality
 
 if TYPE_CHECKING:
-    from flightmech.aircraft import Aircraft
-
-
-@dataclass(frozen=True)
-class Quality:
-    """What `assess` found.
-
-    Attributes
-    ----------
-    facts : dict
-        Title, source file, start, purpose, duration [s], share in flight, aircraft.
-    findings : list of Finding
-        Errors first.
-    channels, kinematics, delays, answers, hands, excitation, correlation : DataFrame
-        The figures behind them, SI, see the functions that make them.
-    comparisons : dict of Comparison
-        Both sides of every relation, mistakes undone.
-    as_read : dict of Comparison
-        The same before any mistake is undone.
-    signals : Signals
-        As recorded, on the slow clock of the checks.
-    """
-
-    facts: dict[str, Any]
-    findings: list[Finding]
-    channels: pd.DataFrame
-    kinematics: pd.DataFrame
-    delays: pd.DataFrame
-    answers: pd.DataFrame
-    hands: pd.DataFrame
-    excitation: pd.DataFrame
-    correlation: pd.DataFrame
-    comparisons: dict[str, Comparison]
-    as_read: dict[str, Comparison]
-    signals: Signals
-
-    def count(self, severity: str) -> int:
-        """Return the number of findings of one severity."""
-        return sum(finding.severity == severity for finding in self.findings)
-
-    @property
-    def usable(self) -> bool:
-        """Whether nothing was found that makes numbers wrong."""
-        return self.count("error") == 0
-
-    @property
-    def verdict(self) -> str:
-        """The whole in one line."""
-        counts = ", ".join(f"{self.count(s)} {s}{'s' if self.count(s) != 1 else ''}" for s in SEVERITIES)
-        head = "not fit for identification as read" if not self.usable else "fit for use, with care" if self.count("warning") else "sound"
-        return f"{head}: {counts}"
-
-    def report(self) -> str:
-        """Return the findings and figures as text."""
-        from .words import report
-
-        return report(self)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything but the time histories, made of types that JSON knows."""
-        tables = ("channels", "kinematics", "delays", "answers", "hands", "excitation", "correlation")
-        found = {name: getattr(self, name).to_dict("records") for name in tables if name != "correlation"}
-        found["correlation"] = self.correlation.to_dict()
-        return plain({"facts": self.facts, "verdict": self.verdict, "findings": [f.as_dict() for f in self.findings], **found})
-
-    def to_json(self) -> str:
-        """Return `as_dict` as text."""
-        return json.dumps(self.as_dict(), indent=2, ensure_ascii=False)
-
-    def write_page(self, path: str | Path) -> None:
-        """Write one self-contained HTML page, whole or not at all."""
-        from .page import page
-
-        with written_whole(path) as part:
-            part.write_text(page(self), encoding="utf-8")
+    from flightmech.aircraft.aircraft import Aircraft
 
 
 def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:

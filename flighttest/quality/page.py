@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,15 +11,16 @@ from jinja2 import DictLoader, Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from flightmech.names import lookup
+from flightmech.support.atomic_write import written_whole
 from flightmech.units import from_si
 
-from .answers import SURE
-from .drawing import chart
-from .words import shown, told
+from .checks.control_response import SURE
+from .plots import chart
+from .text import shown, told
 
 if TYPE_CHECKING:
-    from .assessment import Quality
-    from .relations import Comparison
+    from .checks.relations import Comparison
+    from .result import Quality
 
 _HISTORIES = (
     "h_baro", "V", "alpha_vane", "beta_vane", "phi", "theta", "psi", "p", "q", "r", "ax_imu", "ay_imu", "az_imu",
@@ -40,6 +42,12 @@ def template_of(package: str) -> Template:
 def style() -> Markup:
     """Return the style sheet of the pages of this package."""
     return Markup(files(_HERE).joinpath("style.css").read_text(encoding="utf-8"))  # our own file
+
+
+def write_page(quality: Quality, path: str | Path) -> None:
+    """Write the quality of a record as one self-contained HTML page; an error leaves no file."""
+    with written_whole(path) as part:
+        part.write_text(page(quality), encoding="utf-8")
 
 
 def page(quality: Quality) -> str:

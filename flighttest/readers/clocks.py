@@ -10,9 +10,9 @@ import numpy as np
 
 from flightmech.errors import SchemaError, UnknownName
 
-from ..names_map import NameMap, Utc
-from .arinc429 import label_tables, words_of_columns
-from .decode import Arinc429
+from .bus.arinc429 import label_tables, words_of_columns
+from .bus.decode import Arinc429
+from .name_map import NameMap, Utc
 from .recording import CLOCK_NAMES, Table, first
 from .stamps import Settled, settled
 

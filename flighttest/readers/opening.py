@@ -9,13 +9,13 @@ from pathlib import Path
 
 from flightmech.errors import ParseError
 
-from ..names_map import NameMap
+from .name_map import NameMap
 from .recording import Recording, guarded
 
 # format: (module, what people call it); the modules import their packages when they read
 FORMATS = {
     "csv": ("csv_text", "CSV"),
-    "netcdf3": ("netcdf_classic", "netCDF classic"),
+    "netcdf3": ("netcdf3", "netCDF classic"),
     "hdf5": ("hdf5", "netCDF-4 or HDF5"),
     "matlab5": ("matlab", "MATLAB v5 to v7"),
     "matlab73": ("hdf5", "MATLAB v7.3"),
@@ -84,4 +84,4 @@ def open_recording(path: str | Path, names: NameMap) -> Recording:
         The package that reads the format is not installed.
     """
     module, _ = FORMATS[recognise(path)]
-    return importlib.import_module(f".{module}", __package__).read(Path(path), names)
+    return importlib.import_module(f".formats.{module}", __package__).read(Path(path), names)

@@ -13,9 +13,9 @@ import numpy as np
 
 from flightmech.errors import SchemaError
 
-from ..conditioning import GAP
-from ..marking import MOST, Mark
-from ..names_map import Clock
+from ..signals.conditioning import GAP
+from ..signals.sample_flags import MOST, Mark
+from .name_map import Clock
 
 _COUNTERS = tuple(float(2**bits) for bits in (16, 24, 31, 32))  # in counts of the clock
 _PERIODS = (60.0, 3600.0, 86400.0, 604800.0)  # s: minute, hour, day, week of satellite time

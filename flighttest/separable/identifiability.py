@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import collinearity
-from .model import SeparableModel, ShapeParameter
+from ..expressions.separable_model import SeparableModel, ShapeParameter
+from ..uncertainty import collinearity
 
 T_SHAPED = 3.0  # least coefficient over standard error of a term whose shape was searched: the search takes the largest of many
 NARROWED = 0.5  # largest standard error of a shape parameter over that before the flights

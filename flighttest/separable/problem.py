@@ -9,10 +9,10 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 
-from .. import collinearity
-from ..samples import Samples
-from .functions import Pieces
-from .model import SeparableModel, ShapeParameter
+from ..equation_error.samples import Samples
+from ..expressions.functions import Pieces
+from ..expressions.separable_model import SeparableModel, ShapeParameter
+from ..uncertainty import collinearity
 from .projection import Block, Projection, project
 
 SAMPLES_PER_PARAMETER = 5

@@ -9,10 +9,11 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 
-from .. import collinearity, linear
-from ..samples import stack
+from ..equation_error import least_squares
+from ..equation_error.samples import stack
+from ..expressions.separable_model import SeparableModel, ShapeParameter
+from ..uncertainty import collinearity
 from .identifiability import judged
-from .model import SeparableModel, ShapeParameter
 from .problem import Problem
 from .result import SeparableFit
 from .search import Found, Search
@@ -96,7 +97,7 @@ def _estimates(problem: Problem, found: Found) -> xr.Dataset:
             pushed[columns] = X.T @ (problem.weights[j] * error)
             change[free, sources.index(source)] += D @ pushed[free]
     more = judged(problem.models, problem.shape, names, theta, covariance, found)
-    return linear.estimates(names, theta, covariance, white, (sources, change), more)
+    return least_squares.estimates(names, theta, covariance, white, (sources, change), more)
 
 
 def _inverse(M: np.ndarray, names: Sequence[str]) -> np.ndarray:

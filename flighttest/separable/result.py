@@ -10,10 +10,10 @@ import xarray as xr
 
 from flightmech.errors import UnknownName
 
-from .. import collinearity
-from .expression import Scope
-from .model import SeparableModel
-from .reading import parse
+from ..expressions.expression import Scope
+from ..expressions.reading import parse
+from ..expressions.separable_model import SeparableModel
+from ..uncertainty import collinearity
 
 
 @dataclass(frozen=True)

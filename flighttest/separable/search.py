@@ -8,9 +8,9 @@ import numpy as np
 
 from flightmech.errors import IdentificationError
 
-from .. import collinearity
-from ..covariance import coloured
-from .functions import Pieces
+from ..expressions.functions import Pieces
+from ..uncertainty import collinearity
+from ..uncertainty.coloured_residuals import coloured
 from .problem import Problem
 from .projection import minimise, spread_starts
 

@@ -19,16 +19,16 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError
 
-from ..fit import Fit
-from ..model import Model
-from ..pooling import pool
-from ..reconstruction import reconstruct
-from ..reduction import between, coefficients
-from ..regression import regress
+from ..combining.pooling import pool
+from ..dynamics.force_coefficients import between, coefficients
+from ..equation_error.fit import Fit
+from ..equation_error.model import Model
+from ..equation_error.time_domain import regress
+from ..reconstruction.smoother import reconstruct
 from .decomposition import spin_variables
 from .recording import as_recorded
+from .steep_reconstruction import reconstruct_steep
 from .tables import Polynomial
-from .turned import reconstruct_steep
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,7 +21,7 @@ import xarray as xr
 from flightmech.errors import ParseError, SchemaError
 from flightmech.terms import MAX_REGRESSORS, make
 
-from ..model import Model, powers
+from ..equation_error.model import Model, powers
 from .decomposition import WIND_RATES
 
 if TYPE_CHECKING:

@@ -32,7 +32,7 @@ import xarray as xr
 from flightmech.errors import UnknownName
 from flightmech.names import attrs
 
-from ..reduction import reduced_rates
+from ..dynamics.force_coefficients import reduced_rates
 
 if TYPE_CHECKING:
     from flightmech import Aircraft

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from flightmech.errors import UnknownName
 
-from ..model import Model, powers
+from ..equation_error.model import Model, powers
 
 GLIDE: Mapping[str, tuple[str, ...]] = {  # eq. (24)-(29)
     "CX": ("alpha", "qhat", "delta_e", "alpha**2", "beta**2", "1"),

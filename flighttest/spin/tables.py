@@ -11,7 +11,7 @@ import numpy as np
 
 from flightmech.errors import ParseError
 
-from ..model import Model, powers
+from ..equation_error.model import Model, powers
 
 COLUMNS = ("coefficient", "term", "estimate", "sigma")
 

@@ -13,11 +13,11 @@ from click.testing import CliRunner
 
 import aerodb
 import flightmech
-from aerodb.cli import db as command
-from flightmech.qualities.condition import parameters
+from aerodb.cli.group import db as command
+from flightmech.steady_flight.flight_condition import parameters
 from flightmech.terms import evaluate
 from flightmech.units import FOOT
-from pom.modes import fit_mode
+from pom.judging.modal import fit_mode
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "data" / "t37"

@@ -13,11 +13,12 @@ from fmpy.fmi2 import FMU2Model, FMU2Slave, fmi2CallbackFunctions, fmi2CallbackL
 from fmpy.fmi3 import FMU3Model, FMU3Slave
 
 import flightmech
-from flightmech.aircraft import Control, Engine
-from flightmech.submodels.controls import Circuit
-from flightmech.submodels.deck import Deck
-from flightmech.submodels.fuel import Fuel
-from flightmech.submodels.landing_gear import Contact, LandingGear, Steering
+from flightmech.aircraft.control_surface import Control
+from flightmech.aircraft.systems.control_circuits import Circuit
+from flightmech.aircraft.systems.engine import Engine
+from flightmech.aircraft.systems.engine_deck import Deck
+from flightmech.aircraft.systems.fuel import Fuel
+from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering
 from flightmech.terms import make
 
 VERSIONS = ("2.0", "3.0")

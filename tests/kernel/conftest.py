@@ -8,8 +8,8 @@ import xarray as xr
 
 import flightmech
 from flightmech import air, axes, terms
-from flightmech.aircraft import inertia
-from flightmech.library import Simulation
+from flightmech.aircraft.aircraft import inertia
+from flightmech.simulation.kernel import Simulation
 from flightmech.terms import make
 
 ALPHA = np.array([-0.2, -0.05, 0.0, 0.1, 0.22, 0.4])

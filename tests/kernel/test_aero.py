@@ -8,7 +8,7 @@ import xarray as xr
 
 import flightmech
 from flightmech import axes, terms
-from flightmech.library import Simulation
+from flightmech.simulation.kernel import Simulation
 from flightmech.terms import make
 
 

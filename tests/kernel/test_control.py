@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import flightmech
-from flightmech.aircraft import Control, read_aircraft
+from flightmech.aircraft.aircraft import read_aircraft
+from flightmech.aircraft.control_surface import Control
+from flightmech.aircraft.systems.control_circuits import Circuit
+from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import SchemaError, SimulationError
-from flightmech.library import INPUT, OUTPUT, PARAMETER
-from flightmech.submodels.controls import Circuit
-from flightmech.submodels.landing_gear import Contact, LandingGear, Steering
+from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER
 from flightmech.terms import make
 
 G0 = 9.80665

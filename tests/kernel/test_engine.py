@@ -53,7 +53,7 @@ def test_force_and_moment_of_one_engine(bare, flown, make_aircraft):
     y = flown(bare, **STILL, mode__engine=2.0, engine2__thrust_drive=1000.0)
     craft = make_aircraft()
     moment = np.cross(np.array(craft.engines[1].position) - craft.cg, [1000.0, 0.0, 0.0])
-    from flightmech.aircraft import inertia
+    from flightmech.aircraft.aircraft import inertia
 
     assert y["ax"] == pytest.approx(1000.0 / 2300.0, rel=1e-14)
     np.testing.assert_allclose([y["p_dot"], y["q_dot"], y["r_dot"]], np.linalg.solve(inertia(craft), moment), rtol=1e-12, atol=1e-15)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import flightmech
-from flightmech.aircraft import inertia
+from flightmech.aircraft.aircraft import inertia
+from flightmech.aircraft.systems.engine_deck import Deck
+from flightmech.aircraft.systems.fuel import Fuel, Tank, tank_tables
 from flightmech.errors import SimulationError
-from flightmech.library import STATE
-from flightmech.submodels.deck import Deck
-from flightmech.submodels.fuel import Fuel, Tank, tank_tables
+from flightmech.simulation.kernel import STATE
 from flightmech.terms import make
 
 STILL = {"init__V": 0.0, "init__h": 0.0, "mode__earth": 0.0, "mode__engine": 0.0}

@@ -11,9 +11,9 @@ from scipy.integrate import solve_ivp
 
 import flightmech
 from flightmech import axes
+from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering
 from flightmech.errors import SimulationError
-from flightmech.library import STATE
-from flightmech.submodels.landing_gear import Contact, LandingGear, Steering
+from flightmech.simulation.kernel import STATE
 from flightmech.terms import make
 
 g = 9.80665

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import flightmech
 from flightmech.errors import SimulationError
-from flightmech.library import Simulation
+from flightmech.simulation.kernel import Simulation
 
 MODELS = Path(__file__).parents[2] / "kernel" / "fuzz" / "models.py"
 EVERY = [0.0, -1.0, 0.5, 1e-300, -1e300, 1e9, -1e9, 1e16]

@@ -124,7 +124,7 @@ def test_divergence_stops_the_run_and_keeps_the_last_good_state(make_aircraft, m
 
 
 def test_step_before_initialisation_is_refused(sim):
-    from flightmech.library import Simulation
+    from flightmech.simulation.kernel import Simulation
 
     u = np.zeros(len(sim.inputs))
     with pytest.raises(SimulationError, match=r"has not been initialised"):

@@ -8,7 +8,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import SimulationError, UnknownName
-from flightmech.library import PARAMETER, Simulation
+from flightmech.simulation.kernel import PARAMETER, Simulation
 from flightmech.terms import make
 
 HELD = {"init.V": 90.0, "init.h": 1500.0, "init.alpha": 0.06, "engine1.throttle": 0.6, "engine2.throttle": 0.6, "gear": 0.3, "delta_f": 0.2}

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import flightmech
 from flightmech.errors import SchemaError
-from flightmech.library import Model, Simulation
+from flightmech.simulation.kernel import Model, Simulation
 
 SECTIONS = (
     "geometry",

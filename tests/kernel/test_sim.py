@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flightmech.errors import SimulationError
-from flightmech.library import Simulation, library
+from flightmech.simulation.kernel import Simulation, library
 
 AM_BAD_INDEX, AM_NOT_FINITE = 1, 3
 NOT_FINITE = pytest.mark.parametrize(("value", "text"), [(np.nan, "nan"), (np.inf, "inf"), (-np.inf, "-inf")])

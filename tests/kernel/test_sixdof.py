@@ -70,7 +70,7 @@ def empty(make_aircraft, make_tree, **changes) -> flightmech.SimModel:
 
 
 def test_rotational_energy_and_momentum_of_a_tumbling_body(make_aircraft, make_tree, start):
-    from flightmech.aircraft import inertia
+    from flightmech.aircraft.aircraft import inertia
 
     sim = empty(make_aircraft, make_tree)
     run = start(sim, init__p=0.3, init__q=-0.8, init__r=0.5, init__V=10.0, init__h=9000.0, mode__step=0.005)

@@ -11,10 +11,10 @@ from scipy.integrate import solve_ivp
 
 import flightmech
 from flightmech import air, terms
-from flightmech.aircraft import inertia
+from flightmech.aircraft.aircraft import inertia
+from flightmech.aircraft.systems.engine_deck import Deck
 from flightmech.errors import SimulationError
-from flightmech.library import STATE, Simulation
-from flightmech.submodels.deck import Deck
+from flightmech.simulation.kernel import STATE, Simulation
 from flightmech.terms import make
 
 STILL = {"init__V": 0.0, "init__h": 0.0, "mode__earth": 0.0, "mode__engine": 0.0}

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 import flightmech
-from flightmech.library import Simulation
+from flightmech.simulation.kernel import Simulation
 from flightmech.terms import make
 
 NAMES = ("alpha", "beta", "mach", "delta_e")

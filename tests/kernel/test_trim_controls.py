@@ -11,8 +11,8 @@ import xarray as xr
 
 import flightmech
 from flightmech import start_of
-from flightmech.aircraft import Control
-from flightmech.submodels.controls import Circuit
+from flightmech.aircraft.control_surface import Control
+from flightmech.aircraft.systems.control_circuits import Circuit
 from flightmech.terms import make
 
 CRUISE = {"init.V": 110.0, "init.h": 3000.0, "mode.earth": 0.0}

@@ -8,8 +8,8 @@ import xarray as xr
 
 import flightmech
 from flightmech import start_of
+from flightmech.aircraft.systems.landing_gear import Contact, LandingGear
 from flightmech.errors import SchemaError, SimulationError
-from flightmech.submodels.landing_gear import Contact, LandingGear
 
 G0, MASS = 9.80665, 2300.0
 NOSE, MAIN, TRACK, LOW = 2.2, -0.35, 1.9, 0.85

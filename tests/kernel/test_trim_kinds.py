@@ -13,8 +13,8 @@ import xarray as xr
 
 import flightmech
 from flightmech import axes, start_of
+from flightmech.aircraft.systems.engine_deck import Deck
 from flightmech.errors import SchemaError, SimulationError, UnknownName
-from flightmech.submodels.deck import Deck
 from flightmech.terms import make
 
 G0 = 9.80665

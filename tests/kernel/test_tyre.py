@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import flightmech
+from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering, wet_friction
 from flightmech.errors import SchemaError
-from flightmech.library import PARAMETER, STATE
-from flightmech.submodels.landing_gear import Contact, LandingGear, Steering, wet_friction
+from flightmech.simulation.kernel import PARAMETER, STATE
 from flightmech.terms import make
 
 g, MASS, KNOT = 9.80665, 2150.0, 1852.0 / 3600.0

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flightmech.library import INPUT, PARAMETER, TERM
+from flightmech.simulation.kernel import INPUT, PARAMETER, TERM
 
 pytest.importorskip("ziglang", reason="the second library is compiled here, which needs pip install aeromatch[dev]")
 

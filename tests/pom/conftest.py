@@ -144,10 +144,10 @@ def trainer():
 @pytest.fixture
 def judged():
     """Judge the rows of a test on signals made by hand; returns the verdict rows by criterion."""
-    from pom import table
-    from pom.case import Drive, PomCase
-    from pom.conditions import settled
-    from pom.verdict import judge, row
+    from pom.cases.case import Drive, PomCase
+    from pom.judging.applicability import settled
+    from pom.judging.verdict import judge, row
+    from pom.tolerances import rows as table
 
     def judge_rows(id, time, flight, model, standard=table.STANDARD, edition=table.EDITION, drive=None, window=None, **more):
         events, features = more.get("events", {}), more.get("features", ())

@@ -5,9 +5,9 @@ import pandas as pd
 import xarray as xr
 
 from flightmech import terms
-from pom.case import PomCase
-from pom.criteria import Band, Criterion, Limit
+from pom.cases.case import PomCase
 from pom.result import PomResult, verdict_table
+from pom.tolerances.criteria import Band, Criterion, Limit
 
 STANDARD, EDITION = "FAA 14 CFR Part 60 App A Table A2A", "2014-01-01"
 DEG = np.pi / 180.0

@@ -3,9 +3,9 @@ import pandas as pd
 import pytest
 import xarray as xr
 
-from pom.case import PomCase
-from pom.criteria import Band, Criterion, Limit
+from pom.cases.case import PomCase
 from pom.result import PomResult, verdict_table
+from pom.tolerances.criteria import Band, Criterion, Limit
 
 BAND = Band((Limit("percent", 10.0, "%"), Limit("absolute", 2.0, "deg/s")), "greater_of", "ref_local")
 

@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 
 import flightmech
-from pom.case import read_case
-from pom.replaying import replay
-from pom.verdict import unjudged
+from pom.cases.case import read_case
+from pom.judging.verdict import unjudged
+from pom.replaying.replay_case import replay
 
 FOLDER = Path(__file__).parents[2] / "data" / "t37" / "cases"
 ROWS = {

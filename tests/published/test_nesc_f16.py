@@ -14,7 +14,7 @@ from nesc.law import function_of
 from nesc.scenarios import SCENARIOS
 
 from aerodb.exchange import daveml
-from flightmech.library import VARIABLE, Simulation
+from flightmech.simulation.kernel import VARIABLE, Simulation
 
 pytestmark = pytest.mark.skipif(not f16.MODELS.is_dir(), reason="../shared/data/flight/nesc_checkcases is not there")
 

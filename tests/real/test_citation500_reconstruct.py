@@ -13,7 +13,7 @@ from scipy.io import loadmat
 
 import flighttest
 from flightmech.air import GAMMA, R_AIR, atmosphere, impact_pressure
-from flighttest import kinematics
+from flighttest.dynamics import kinematics
 
 FOLDER = Path(__file__).parents[2] / ".." / "shared" / "data" / "flight" / "citation500_sim"
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
@@ -79,7 +79,7 @@ def test_error_free_signals_show_no_accelerometer_bias(monkeypatch):
     with_height = bias()
     assert abs(with_height) < 2e-3
     # with the gravity of sea level the 0.023 m/s2 of 7500 m come back as the bias of an accelerometer
-    monkeypatch.setattr("flighttest.assemble.gravity", lambda latitude, h: kinematics.gravity(latitude, 0.0))
+    monkeypatch.setattr("flighttest.reconstruction.problem.assembly.gravity", lambda latitude, h: kinematics.gravity(latitude, 0.0))
     assert bias() - with_height == pytest.approx(0.023, abs=0.002)
 
 

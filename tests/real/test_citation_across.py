@@ -14,8 +14,8 @@ import aerodb
 import flightmech
 import flighttest
 import pom
-from flighttest.likelihood.performing import perform
-from flighttest.likelihood.specification import read_specification
+from flighttest.maximum_likelihood.job.run import perform
+from flighttest.maximum_likelihood.job.specification import read_specification
 
 pytestmark = pytest.mark.slow
 

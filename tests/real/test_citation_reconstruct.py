@@ -15,7 +15,7 @@ import flighttest
 from flightmech.air import impact_pressure_at, mach_number
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND
-from flighttest.air_data import pressure
+from flighttest.sensors.air_data import pressure
 from pom import fit_mode
 
 HERE = Path(__file__).parent

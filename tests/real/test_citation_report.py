@@ -8,7 +8,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from flighttest.cli import flight
+from flighttest.cli.group import flight
 
 BOUNDS = {2018: 25, 2019: 14, 2020: 20}
 

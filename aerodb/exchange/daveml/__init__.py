@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from flightmech.lazy import load
+from flightmech.support.lazy import load
 
 if TYPE_CHECKING:
-    from .exporting import export_daveml
-    from .importing import import_daveml
-    from .model import DaveModel
-    from .reading import read
+    from .document.model import DaveModel
+    from .document.reading import read
+    from .from_database.exporter import export_daveml
+    from .to_database.importer import import_daveml
 
-_HOME = {"DaveModel": "model", "export_daveml": "exporting", "import_daveml": "importing", "read": "reading"}
+_HOME = {
+    "DaveModel": "document.model",
+    "export_daveml": "from_database.exporter",
+    "import_daveml": "to_database.importer",
+    "read": "document.reading",
+}
 __all__ = ["DaveModel", "export_daveml", "import_daveml", "read"]
 
 

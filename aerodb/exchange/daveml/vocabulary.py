@@ -8,8 +8,8 @@ from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, lookup
 from flightmech.units import parse
 
-from .model import Variable
-from .unit_codes import house_unit
+from .document.model import Variable
+from .document.unit_codes import house_unit
 
 COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn", "Ch_e", "Ch_a", "Ch_r")
 # names seen in published files beside those of S-119 that `flightmech.names` lists; letters only, lower case

@@ -1,5 +1,5 @@
 /* Packed block to immutable model.  Every number of the block is checked before use: any bytes
- * are safe.  flightmech/block.py writes the block; block_reader.h is its format. */
+ * are safe.  flightmech/simulation/packer.py writes the block; block_reader.h is its format. */
 #include "block_reader.h"
 
 #include "allocate.h"

@@ -13,8 +13,8 @@ import numpy as np
 import xarray as xr
 
 from aerodb.exchange import daveml
-from flightmech.library import OUTPUT, Simulation
-from flightmech.simulation import attributes
+from flightmech.simulation.kernel import OUTPUT, Simulation
+from flightmech.simulation.run import attributes
 
 from .f16 import DEG, FT, KT, MODELS, compiled
 from .law import function_of

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from functools import reduce
 
 from aerodb.exchange.daveml import DaveModel
-from aerodb.exchange.daveml.mathml import Apply, Choice, Expression, Name, Number
+from aerodb.exchange.daveml.document.mathml import Apply, Choice, Expression, Name, Number
 
 Values = list[float]
 Step = Callable[[Values], float]

@@ -1,0 +1,131 @@
+"""The verbs ``characteristics`` and ``rescale`` of ``aeromatch db``."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from flightmech.support.console import NewFile, document, json_option
+
+_FILE = click.Path(exists=True, dir_okay=False)
+
+
+class Pairs(click.ParamType):
+    """NAME=VALUE."""
+
+    name = "NAME=VALUE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, str]:
+        """Return name and text of the value."""
+        name, sign, text = str(value).partition("=")
+        if not (name.strip() and sign and text.strip()):
+            self.fail(f"{value!r} is not NAME=VALUE, such as delta_f='20 deg'", param, ctx)
+        return name.strip(), text.strip()
+
+
+@click.command()
+@click.argument("database", metavar="DB", type=_FILE)
+@click.argument("aircraft", type=_FILE)
+@click.option("--speed", help="True airspeed, such as '175 kt' or 90 [m/s].")
+@click.option("--cas", help="Calibrated airspeed instead.")
+@click.option("--mach", type=float, help="Mach number instead.")
+@click.option("--altitude", default="0", show_default=True, help="Height, such as '5000 ft'.")
+@click.option(
+    "--set", "further", multiple=True, type=Pairs(), help="More of the condition: delta_f='20 deg', gear=1, mass=2400, x_cg_b=-0.05 ..."
+)
+@json_option
+def characteristics(
+    database: str, aircraft: str, speed: str | None, cas: str | None, mach: float | None, altitude: str, further: tuple, as_json: bool
+) -> None:
+    """Compute the flying qualities and performance of AIRCRAFT (TOML) with DB (netCDF) at one condition."""
+    from flightmech import characteristics as compute
+    from flightmech import read_aircraft
+    from flightmech.units import quantity
+
+    from ..store.files import open
+
+    condition: dict[str, float] = {"h": quantity(_number(altitude), "m")}
+    condition |= {name: quantity(_number(text), "m s-1") for name, text in (("V", speed), ("V_cas", cas)) if text is not None}
+    condition |= {} if mach is None else {"mach": mach}
+    condition |= {name: _si(name, text) for name, text in further}
+    found = compute(read_aircraft(aircraft), open(database), condition)
+    if not as_json:
+        click.echo(found.report())
+        return
+    curves = {"trim": found.trim, "polar": found.polar, "performance": found.performance}
+    document(
+        {
+            "title": found.title,
+            "condition": found.condition,
+            "characteristics": found.table,
+            "modes": found.modes,
+            "derivatives": found.derivatives["value"].to_pandas().to_dict(),
+            **{name: {str(key): curve[key].values for key in curve.variables} for name, curve in curves.items()},
+        }
+    )
+
+
+@click.command()
+@click.argument("database", metavar="DB", type=_FILE)
+@click.argument("aircraft", type=_FILE)
+@click.option("--length-ratio", required=True, type=float, help="New length over known length.")
+@click.option("--mass-ratio", type=float, help="New mass over known mass; the cube of the length ratio unless given.")
+@click.option("--law", "laws", multiple=True, type=Pairs(), help="Factor in place of a law: thrust=1.4, inertia=2.1 ...")
+@click.option("--factor", "factors", multiple=True, type=Pairs(), help="Factor on terms: horizontal_tail=1.1, Cm/elevator=0.9 ...")
+@click.option("--name", default="", help="Name of the new aircraft.")
+@click.option("-o", "--output", required=True, type=NewFile(), help="The new database, netCDF-4.")
+@click.option("--aircraft-output", required=True, type=NewFile(), help="The new aircraft file, TOML.")
+@json_option
+def rescale(
+    database: str,
+    aircraft: str,
+    length_ratio: float,
+    mass_ratio: float | None,
+    laws: tuple,
+    factors: tuple,
+    name: str,
+    output: str,
+    aircraft_output: str,
+    as_json: bool,
+) -> None:
+    """Make a similar aircraft and its database from AIRCRAFT (TOML) and DB (netCDF) by the laws of similarity."""
+    import flightmech
+
+    from ..store.files import open, save
+    from ..store.overview import summary
+    from ..transform.rescaling import rescale as rescaled
+
+    craft = flightmech.rescale(flightmech.read_aircraft(aircraft), length_ratio, mass_ratio, _numbers(laws), name)
+    tree = rescaled(open(database), craft, _numbers(factors))
+    save(tree, output)
+    flightmech.write_aircraft(craft, aircraft_output)
+    if as_json:
+        document({"file": output, "aircraft": aircraft_output, "history": craft.history.splitlines()[-1], "attributes": tree.attrs})
+        return
+    click.echo(craft.history.splitlines()[-1])
+    click.echo(summary(tree))
+    click.echo(f"\nwritten: {output}, {aircraft_output}")
+
+
+def _number(text: str) -> str | float:
+    """Return a bare number as one, which is SI; a text with a unit stays."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _numbers(pairs: tuple) -> dict[str, float]:
+    from flightmech.units import quantity
+
+    return {name: quantity(_number(text), "1") for name, text in pairs}
+
+
+def _si(name: str, text: str) -> float:
+    """Return the value of a condition; names of the vocabulary have a unit, parameters of the simulation are bare SI numbers."""
+    from flightmech.names import VOCABULARY
+    from flightmech.units import quantity
+
+    units = VOCABULARY[name].units if name in VOCABULARY else "1"
+    return quantity(_number(text), units)

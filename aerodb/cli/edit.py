@@ -1,0 +1,285 @@
+"""The verbs ``aeromatch db edit FILE ...``, ``history``, ``previous`` and ``forget``."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from flightmech.support.console import NewFile, document, json_option, remark, table
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_FILE = click.Path(exists=True, dir_okay=False)
+_note = click.option("--note", default="", help="Why, for the history.")
+_output = click.option("-o", "--output", required=True, type=NewFile(), help="The new database, netCDF-4.")
+_source = click.option(
+    "--source",
+    type=click.Choice(["judgement", "flight", "datcom"]),
+    default="judgement",
+    show_default=True,
+    help="Where the number comes from.",
+)
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NUMBERS = re.compile(rf"^\s*((?:{_NUMBER}[\s,]+)*{_NUMBER})\s*(.*?)\s*$")
+
+
+class Axis(click.ParamType):
+    """AXIS='numbers unit', such as alpha='-4 0 4 8 deg'; without a unit SI."""
+
+    name = "AXIS='NUMBERS UNIT'"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, list[float]]:
+        """Return the axis and its breakpoints in SI."""
+        from flightmech.names import lookup
+
+        axis, sign, text = str(value).partition("=")
+        if not sign:
+            self.fail(f"{value!r} is not AXIS='NUMBERS UNIT', such as alpha='-4 0 4 8 deg'", param, ctx)
+        return axis.strip(), _numbers(text, lookup(axis.strip()).units)
+
+
+class Numbers(click.ParamType):
+    """One number or several: '1.2', '1.0 1.1 1.2'."""
+
+    name = "NUMBERS"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | list[float]:
+        """Return the number, or the list."""
+        found = _numbers(str(value), "1")
+        return found[0] if len(found) == 1 else found
+
+
+_axis = click.option("--axis", "axes", multiple=True, required=True, type=Axis(), help="Breakpoints, such as alpha='-4 0 4 8 deg'.")
+_over = click.option("--over", type=Axis(), help="Axis and breakpoints of several numbers, such as alpha='0 8 deg'.")
+_stderr = click.option("--stderr", type=Numbers(), default="0", help="Its standard error.")
+
+
+@click.group()
+@click.argument("file", type=_FILE)
+@click.pass_context
+def edit(ctx: click.Context, file: str) -> None:
+    """Change a database FILE: what is replaced stays in the new file and can be taken back."""
+    ctx.obj = file
+
+
+@edit.command()
+@click.argument("names", metavar="TERM...", nargs=-1, required=True)
+@click.option("--by", required=True, type=Numbers(), help="Factor, or several with --over.")
+@_over
+@_stderr
+@_source
+@_note
+@_output
+@click.pass_obj
+def scale(file: str, names: tuple[str, ...], by: Any, over: tuple | None, stderr: Any, source: str, note: str, output: str) -> None:
+    """Multiply terms; TERM may be a pattern such as '*/gear'."""
+    from ..edit.table_edits import scale as scaled
+
+    axes = None if over is None else dict([over])
+    _write(file, output, lambda db: scaled(db, names, by, axes, stderr=stderr, source=source, note=note))
+
+
+@edit.command()
+@click.argument("names", metavar="TERM...", nargs=-1, required=True)
+@click.option("--by", required=True, type=Numbers(), help="Amount in the unit of the table, or several with --over.")
+@_over
+@_stderr
+@_source
+@_note
+@_output
+@click.pass_obj
+def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, stderr: Any, source: str, note: str, output: str) -> None:
+    """Add an amount to terms."""
+    from ..edit.table_edits import shift as shifted
+
+    axes = None if over is None else dict([over])
+    _write(file, output, lambda db: shifted(db, names, by, axes, stderr=stderr, source=source, note=note))
+
+
+@edit.command()
+@click.argument("name", metavar="TERM")
+@_axis
+@click.option("--tolerance", type=float, help="Largest difference from the old table that is allowed.")
+@_note
+@_output
+@click.pass_obj
+def regrid(file: str, name: str, axes: tuple, tolerance: float | None, note: str, output: str) -> None:
+    """Put a term on other breakpoints; the largest difference from the old table is said."""
+    from ..edit.table_edits import regrid as regridded
+
+    _write(file, output, lambda db: regridded(db, name, dict(axes), tolerance=tolerance, note=note))
+
+
+@edit.command()
+@click.argument("name", metavar="TERM")
+@click.option("--axis", "axes", required=True, type=Axis(), help="Breakpoints beyond the table, such as alpha='24 28 deg'.")
+@click.option("--how", type=click.Choice(["hold", "linear"]), default="hold", show_default=True, help="Which values.")
+@click.option("--values", type=Numbers(), help="The values instead, along the axis.")
+@click.option("--stderr", type=Numbers(), help="Standard error of the new nodes.")
+@_note
+@_output
+@click.pass_obj
+def extend(file: str, name: str, axes: tuple, how: str, values: Any, stderr: Any, note: str, output: str) -> None:
+    """Let a term reach further."""
+    from ..edit.table_edits import extend as extended
+
+    axis, points = axes
+    _write(file, output, lambda db: extended(db, name, axis, points, how if values is None else values, stderr=stderr, note=note))
+
+
+@edit.command("move-reference")
+@click.option("--x", help="Forward of the drawing datum, such as '-9.5 ft' or -2.9 [m]; each stays unless given.")
+@click.option("--y", help="Right of it.")
+@click.option("--z", help="Below it.")
+@click.option("--tolerance", type=float, default=1e-3, show_default=True, help="Share of the moment that may be lost between breakpoints.")
+@click.option(
+    "--flow", type=click.Choice(["kept", "moved"]), default="kept", show_default=True, help="Whether V, alpha, beta go with the point."
+)
+@_note
+@_output
+@click.pass_obj
+def move_reference(file: str, x: str | None, y: str | None, z: str | None, tolerance: float, flow: str, note: str, output: str) -> None:
+    """Take the moments about another point; the aircraft file must name the same point then."""
+    from flightmech.units import quantity
+
+    from ..transform.reference_point import move_reference as moved
+
+    given = {key: _number(text) for key, text in (("x_ref", x), ("y_ref", y), ("z_ref", z)) if text is not None}
+
+    def work(db: xr.DataTree) -> xr.DataTree:
+        point = [quantity(given[key], "m") if key in given else float(db.attrs[key]) for key in ("x_ref", "y_ref", "z_ref")]
+        return moved(db, point, tolerance=tolerance, flow=flow, note=note)
+
+    _write(file, output, work)
+
+
+@edit.command()
+@click.argument("other", type=_FILE)
+@click.argument("names", metavar="[TERM]...", nargs=-1)
+@click.option("--rule", type=click.Choice(["inverse_variance", "correlated"]), default="inverse_variance", show_default=True)
+@_note
+@_output
+@click.pass_obj
+def blend(file: str, other: str, names: tuple[str, ...], rule: str, note: str, output: str) -> None:
+    """Join terms with those of the database OTHER, each with the weight of its standard errors."""
+    from ..edit.blending import blend as blended
+    from ..edit.blending import consistency
+    from ..store.files import open
+
+    second = open(other)
+    chosen = names or None
+    frame = consistency(open(file), second, chosen, rule)
+    _write(file, output, lambda db: blended(db, second, chosen, rule, note=note))
+    rows = [
+        (name, row.nodes, f"{row.chi2:.4g}", f"{row.probability:.3g}", f"{row.worst:+.3g}", row.location) for name, row in frame.iterrows()
+    ]
+    head = ("term", "nodes", "chi-square", "probability", "worst in std. errors", "where")
+    table(head, rows, title="how well they agree", right=head[1:5])
+
+
+@edit.command()
+@click.argument("names", metavar="TERM...", nargs=-1, required=True)
+@_note
+@_output
+@click.pass_obj
+def delete(file: str, names: tuple[str, ...], note: str, output: str) -> None:
+    """Take terms out; they count as zero."""
+    from ..edit.terms import delete_terms
+
+    _write(file, output, lambda db: delete_terms(db, names, note))
+
+
+@edit.command()
+@click.argument("other", type=_FILE)
+@click.argument("names", metavar="TERM...", nargs=-1, required=True)
+@_note
+@_output
+@click.pass_obj
+def replace(file: str, other: str, names: tuple[str, ...], note: str, output: str) -> None:
+    """Take terms from the database OTHER, in place of those of their name or beside them."""
+    from ..edit.terms import matching, replace_terms
+    from ..store.files import open
+    from ..store.schema import terms
+
+    second = open(other)
+    theirs = terms(second)
+    _write(file, output, lambda db: replace_terms(db, {name: theirs[name] for name in matching(second, names)}, note))
+
+
+@click.command()
+@click.argument("file", type=_FILE)
+@json_option
+def history(file: str, as_json: bool) -> None:
+    """Show how a database became what it is; numbered edits can be taken back."""
+    from ..store.files import open
+    from ..store.undo_history import history as told
+
+    frame = told(open(file))
+    if as_json:
+        document(frame)
+        return
+    table(("edit", "what was done"), [("" if row.edit is None else row.edit, row.text) for row in frame.itertuples()], right=("edit",))
+
+
+@click.command()
+@click.argument("file", type=_FILE)
+@click.option("--steps", type=click.IntRange(1), default=1, show_default=True, help="Edits to take back.")
+@click.option("--edit", "number", type=int, help="Take back this edit and all later ones instead.")
+@_output
+def previous(file: str, steps: int, number: int | None, output: str) -> None:
+    """Write the database as it was before its last edits."""
+    from ..store.undo_history import previous as before
+
+    _write(file, output, lambda db: before(db, steps, number), said=False)
+
+
+@click.command()
+@click.argument("file", type=_FILE)
+@_output
+def forget(file: str, output: str) -> None:
+    """Write the database without the states before its edits, for a release."""
+    from ..store.undo_history import forget as forgotten
+
+    _write(file, output, forgotten, said=False)
+
+
+def _write(file: str, output: str, work: Any, said: bool = True) -> None:
+    """Open, work, save, and say the new line of history; warnings go to stderr."""
+    import warnings
+
+    from flightmech.errors import AeromatchWarning
+
+    from ..store.files import open, save
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        tree = work(open(file))
+    save(tree, output)
+    for warning in caught:
+        if issubclass(warning.category, AeromatchWarning):
+            remark(f"warning: {warning.message}")
+    if said:
+        click.echo(str(tree.attrs["history"]).rsplit("\n", 1)[-1])
+    click.echo(f"written: {output}")
+
+
+def _numbers(text: str, units: str) -> list[float]:
+    """Return numbers with one unit behind them, '0 4 8 deg', in SI."""
+    from flightmech.errors import UnitError
+    from flightmech.units import to_si
+
+    match = _NUMBERS.match(text)
+    if not match:
+        raise UnitError(f"found {text!r}; expected numbers and a unit such as '0 4 8 deg', or numbers in {units}")
+    return [float(to_si(float(word), match.group(2) or units, units)) for word in re.split(r"[\s,]+", match.group(1))]
+
+
+def _number(text: str) -> str | float:
+    """Return a bare number as one, which is SI; a text with a unit stays."""
+    try:
+        return float(text)
+    except ValueError:
+        return text

@@ -1,0 +1,104 @@
+"""The verbs ``aeromatch db export`` and ``aeromatch db import``."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import click
+
+from flightmech.support.console import NewFile, document, json_option
+
+# format: module and function
+_EXPORTS = {
+    "netcdf": ("aerodb.store.files", "save"),
+    "jsbsim": ("aerodb.exchange.jsbsim.write", "export_jsbsim"),
+    "daveml": ("aerodb.exchange.daveml.from_database.exporter", "export_daveml"),
+    "matlab": ("aerodb.exchange.tables.matlab", "export_matlab"),
+    "csv": ("aerodb.exchange.tables.csv_terms", "export_csv"),
+    "checkcases": ("aerodb.exchange.tables.check_cases", "export_checkcases"),
+}
+_IMPORTS = {
+    "netcdf": ("aerodb.store.files", "open"),
+    "jsbsim": ("aerodb.exchange.jsbsim.read", "import_jsbsim"),
+    "daveml": ("aerodb.exchange.daveml.to_database.importer", "import_daveml"),
+    "matlab": ("aerodb.exchange.tables.matlab", "import_matlab"),
+    "csv": ("aerodb.exchange.tables.csv_terms", "import_csv"),
+}
+
+
+def _function(place: tuple[str, str]) -> Any:
+    return getattr(importlib.import_module(place[0]), place[1])
+
+
+@click.command("export")
+@click.argument("file", type=click.Path(exists=True, dir_okay=False))
+@click.option("--to", "fmt", required=True, type=click.Choice(list(_EXPORTS)), help="Format.")
+@click.option("-o", "--output", required=True, type=click.Path(), help="File to write, for csv a folder.")
+@click.option("--aircraft", type=click.Path(exists=True, dir_okay=False), help="Aircraft file; jsbsim needs it, daveml takes its limits.")
+@click.option("--count", type=click.IntRange(1), help="Number of check cases.")
+@click.option("--seed", type=int, help="Seed of the check cases.")
+@json_option
+def export_database(file: str, fmt: str, output: str, aircraft: str | None, count: int | None, seed: int | None, as_json: bool) -> None:
+    """Write the database FILE for another program."""
+    from ..store.files import open
+
+    taken = {"aircraft": ("jsbsim", "daveml"), "count": ("checkcases",), "seed": ("checkcases",)}
+    given: dict[str, Any] = {"aircraft": aircraft, "count": count, "seed": seed}
+    options = {key: item for key, item in given.items() if item is not None}
+    for key in options:
+        if fmt not in taken[key]:
+            raise click.UsageError(f"--{key} belongs to {' and '.join(taken[key])}; leave it out for {fmt}")
+    if fmt == "jsbsim" and aircraft is None:
+        raise click.UsageError("--to jsbsim needs --aircraft: geometry, mass and engines stand in the same file")
+    if aircraft is not None:
+        from flightmech.aircraft.aircraft import read_aircraft
+
+        options["aircraft"] = read_aircraft(aircraft)
+    _function(_EXPORTS[fmt])(open(file), output, **options)
+    document({"file": output, "format": fmt}) if as_json else click.echo(f"written: {output}")
+
+
+@click.command("import")
+@click.argument("file", type=click.Path(exists=True))
+@click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
+@click.option("--without", multiple=True, help="jsbsim: a function to leave out; daveml: a coefficient to leave out.")
+@click.option("--travel", multiple=True, help="jsbsim: full deflection of a control that moves as a fraction, such as 'delta_f=40 deg'.")
+@json_option
+def import_database(file: str, output: str, without: tuple[str, ...], travel: tuple[str, ...], as_json: bool) -> None:
+    """Read a database from FILE, a folder of CSV files or a file of another program; its content tells the format."""
+    from ..exchange.recognition import recognized
+    from ..store.files import save
+    from ..store.overview import describe, summary
+
+    fmt = recognized(Path(file))
+    options: dict[str, Any] = {}
+    if without:
+        options[_only("--without", fmt, {"jsbsim": "leave_out", "daveml": "without"})] = without
+    if travel:
+        options[_only("--travel", fmt, {"jsbsim": "travel"})] = dict(_deflection(text) for text in travel)
+    tree = _function(_IMPORTS[fmt])(file, **options)
+    save(tree, output)
+    if as_json:
+        document({"file": output, "format": fmt, "attributes": tree.attrs, "terms": describe(tree)})
+    else:
+        click.echo(summary(tree))
+        click.echo(f"\n{fmt}: written {output}")
+
+
+def _only(option: str, fmt: str, names: dict[str, str]) -> str:
+    """Return what the reader of a format calls an option; refuse it for the other formats."""
+    if fmt not in names:
+        raise click.UsageError(f"{option} belongs to {' and '.join(names)}; leave it out for {fmt}")
+    return names[fmt]
+
+
+def _deflection(text: str) -> tuple[str, float]:
+    """Return control and angle [rad] of ``delta_f=40 deg``."""
+    from flightmech.units import quantity
+
+    name, sign, amount = text.partition("=")
+    if not sign:
+        raise click.UsageError(f"--travel is {text!r}; write a control and its angle, such as 'delta_f=40 deg'")
+    return name.strip(), quantity(amount, "rad")

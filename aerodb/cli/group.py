@@ -1,0 +1,125 @@
+"""The command group ``aeromatch db``: build, show, compare and check aero databases."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from flightmech.support.console import NewFile, document, json_option, remark, table
+
+from .characteristics import characteristics, rescale
+from .compare import compare, plot
+from .edit import edit, forget, history, previous
+from .exchange import export_database, import_database
+from .listings import ListingPath, read
+from .scheme import scheme
+
+_LISTING = click.Path(exists=True, dir_okay=False)
+
+
+@click.group()
+def db() -> None:
+    """Build, show and compare aero databases."""
+
+
+@db.command()
+@click.argument("aircraft", type=_LISTING)
+@click.option("--clean", required=True, multiple=True, type=ListingPath(), help="Whole aeroplane, static and dynamic pages.")
+@click.option("--flaps", multiple=True, type=ListingPath(), help="SYMFLP on the wing.")
+@click.option("--elevator", multiple=True, type=ListingPath(), help="SYMFLP on the tail, one condition per program run.")
+@click.option("--aileron", multiple=True, type=ListingPath(), help="ASYFLP with ailerons.")
+@click.option("--ground", multiple=True, type=ListingPath(), help="GRNDEF, whole aeroplane.")
+@click.option("--ground-flap", multiple=True, type=ListingPath(), help="GRNDEF with flap settings.")
+@click.option("--ground-elevator", multiple=True, type=ListingPath(), help="GRNDEF with elevator deflections.")
+@click.option("--power", multiple=True, type=ListingPath(), help="JETPWR or PROPWR, at the Mach numbers of the clean listing.")
+@click.option("--spoilers", multiple=True, type=ListingPath(), help="ASYFLP with spoilers.")
+@click.option("--differential-tail", multiple=True, type=ListingPath(), help="ASYFLP with the halves of the stabilizer.")
+@click.option("--tabs", multiple=True, type=ListingPath(), help="CONTAB with SYMFLP on the tail.")
+@click.option("--aileron-hinge", multiple=True, type=ListingPath(), help="SYMFLP on the wing with the geometry of the aileron.")
+@click.option("--altitude", help="Altitude of the basic tables, such as '10000 ft'; the middle one unless given.")
+@click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
+@json_option
+def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **listings: tuple[tuple[str, str], ...]) -> None:
+    """Build a database from the listings of AIRCRAFT (a TOML file).
+
+    An option given twice takes several files; FILE:CASE takes one case of a file.
+    """
+    import warnings
+
+    from flightmech.aircraft.aircraft import read_aircraft
+    from flightmech.errors import AeromatchWarning
+    from flightmech.units import quantity
+
+    from ..prior.build import from_datcom
+    from ..store.files import save
+    from ..store.overview import describe, summary
+
+    craft = read_aircraft(aircraft)
+    given: dict[str, Any] = {role: [read(path) for path in paths] for role, paths in listings.items() if paths}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        tree = from_datcom(craft, altitude=None if altitude is None else quantity(altitude, "m"), **given)
+    said = [str(warning.message) for warning in caught if issubclass(warning.category, AeromatchWarning)]
+    save(tree, output)
+    for text in said:
+        remark(f"warning: {text}")
+    if as_json:
+        document({"file": output, "attributes": tree.attrs, "terms": describe(tree), "warnings": said})
+    else:
+        click.echo(summary(tree))
+        click.echo(f"\nwritten: {output}")
+
+
+@db.command()
+@click.argument("file", type=_LISTING)
+@click.option("--term", help="One term with its numbers, such as CL/basic.")
+@json_option
+def show(file: str, term: str | None, as_json: bool) -> None:
+    """Show what a database holds, or the numbers of one term."""
+    from flightmech.terms import power
+
+    from ..store.files import open
+    from ..store.overview import describe, leaf_rows, summary
+    from ..store.schema import leaf_of
+
+    tree = open(file)
+    if term is None:
+        document({"attributes": tree.attrs, "terms": describe(tree)}) if as_json else click.echo(summary(tree))
+        return
+    leaf = leaf_of(tree, term)
+    if as_json:
+        document({"term": term, **leaf.to_dict()})
+        return
+    head, rows = leaf_rows(leaf)
+    table(head, rows, title=term, right=head)
+    said = {key: leaf.attrs.get(key) for key in ("regressors", "comment", "references", "history")}
+    for key, text in {"power": power(leaf), **said}.items():
+        if text:
+            click.echo(f"{key}: {text}")
+
+
+@db.command()
+@click.argument("file", type=_LISTING)
+@json_option
+def check(file: str, as_json: bool) -> None:
+    """Check a database file; every problem is listed, exit code 2 when there is any."""
+    from ..store.files import open
+    from ..store.schema import terms
+
+    tree = open(file)
+    count = len(terms(tree))
+    document({"file": file, "terms": count, "problems": []}) if as_json else click.echo(f"{file}: sound, {count} terms")
+
+
+db.add_command(characteristics)
+db.add_command(compare)
+db.add_command(edit)
+db.add_command(export_database)
+db.add_command(history)
+db.add_command(import_database)
+db.add_command(plot)
+db.add_command(previous)
+db.add_command(forget)
+db.add_command(rescale)
+db.add_command(scheme)

@@ -1,0 +1,1 @@
+"""Databases compared, on a grid or along a flight record."""

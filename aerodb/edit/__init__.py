@@ -1,0 +1,1 @@
+"""Edits by hand: terms, tables, blending; every edit is recorded."""

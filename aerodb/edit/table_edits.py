@@ -1,0 +1,370 @@
+"""Single tables changed by hand: scaled, shifted, put on other breakpoints, extended.
+
+Between its nodes every table stays multilinear: a factor table multiplies the nodes, after its own breakpoints were put in, so with axes
+in common a product in between is the straight line, not the parabola.  Numbers, and tables over other axes, act exactly.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech import terms as _terms
+from flightmech.errors import AeromatchWarning, OutOfRange, SchemaError
+
+from ..store.number_text import readable
+from ..store.schema import leaf_of, terms
+from ..store.undo_history import noted, recorded, remark
+from ..transform.grids import (
+    JUDGEMENT,
+    axes_of,
+    factor_axes,
+    folded,
+    known_source,
+    own_axis,
+    place,
+    rising,
+    spread,
+    table,
+    union,
+    union_axes,
+    with_table,
+    within,
+)
+from .terms import matching
+
+_Work = Callable[[xr.Dataset, xr.Dataset], tuple[np.ndarray, np.ndarray | None]]  # leaf and table on one grid to value and stderr
+
+
+def scale(
+    db: xr.DataTree,
+    names: str | Iterable[str],
+    factor: Any,
+    axes: Mapping[str, Any] | None = None,
+    *,
+    stderr: Any = 0.0,
+    source: str = "judgement",
+    note: str = "",
+) -> xr.DataTree:
+    """Return a database with terms multiplied by a factor.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database; it is left as it is.
+    names : str or iterable of str
+        Terms, or patterns such as ``"*/gear"``.
+    factor : float or array
+        A number, or a table over `axes`. [1]
+    axes : mapping of str to array, optional
+        Axis to the breakpoints of the factor, which is held beyond them; axes a term does not have are added to it. [SI]
+    stderr : float or array
+        Standard error of the factor itself. [1]
+    source : {"judgement", "flight", "datcom"}
+        Where the factor comes from; nodes that it does not change keep their source.
+    note : str, optional
+        Why, for the history.
+
+    Returns
+    -------
+    DataTree
+        value = factor x value, stderr = hypot(factor x stderr, value x standard error of the factor).
+
+    Raises
+    ------
+    UnknownName
+        A term or an axis.
+    SchemaError
+        Breakpoints do not rise, shapes do not fit, or a table would have too many axes.
+    """
+    by = table(factor, axes, stderr, "factor")
+
+    def scaled(leaf: xr.Dataset, times: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None]:
+        value, f, sd = leaf["value"].values, times["value"].values, times["stderr"].values
+        own = leaf["stderr"].values if "stderr" in leaf else 0.0
+        return f * value, np.hypot(f * own, sd * value) if "stderr" in leaf or sd.any() else None
+
+    return _worked(db, names, by, scaled, "scale", f"by {_said(by)}", source, note)
+
+
+def shift(
+    db: xr.DataTree,
+    names: str | Iterable[str],
+    amount: Any,
+    axes: Mapping[str, Any] | None = None,
+    *,
+    stderr: Any = 0.0,
+    source: str = "judgement",
+    note: str = "",
+) -> xr.DataTree:
+    """Return a database with an amount added to the tables of terms.
+
+    Parameters
+    ----------
+    db, names, axes, note
+        As in `scale`.
+    amount : float or array
+        A number, or a table over `axes`, in the unit of the table: per unit of its regressors, before its factors K1 and K2.
+    stderr : float or array
+        Standard error of the amount, in its unit; combined with that of the nodes as independent.
+    source : {"judgement", "flight", "datcom"}
+        Where the amount comes from; nodes that it does not change keep their source.
+
+    Raises
+    ------
+    UnknownName, SchemaError
+        As in `scale`.
+
+    Warns
+    -----
+    AeromatchWarning
+        Nodes that are zero by definition (value and standard error zero: an increment without its cause) would no longer be.
+    """
+    by = table(amount, axes, stderr, "amount")
+    for name in matching(db, names):
+        _warn_of_zeros(name, leaf_of(db, name), by)
+
+    def shifted(leaf: xr.Dataset, more: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None]:
+        sd = more["stderr"].values
+        own = leaf["stderr"].values if "stderr" in leaf else 0.0
+        return leaf["value"].values + more["value"].values, np.hypot(own, sd) if "stderr" in leaf or sd.any() else None
+
+    return _worked(db, names, by, shifted, "shift", f"by {_said(by)}", source, note)
+
+
+def regrid(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any], *, tolerance: float | None = None, note: str = "") -> xr.DataTree:
+    """Return a database with a table on new breakpoints, its nodes read off the old one.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database; it is left as it is.
+    name : str
+        The term.
+    breakpoints : mapping of str to array
+        Axis to all its new breakpoints, within the old range; other axes keep theirs. [SI]
+    tolerance : float, optional
+        Largest difference from the old table that is allowed; in the unit of the table.
+    note : str, optional
+        Why, for the history.
+
+    Returns
+    -------
+    DataTree
+        The largest difference, as `regrid_error` finds it, stands in the history.
+
+    Raises
+    ------
+    UnknownName
+        The term or an axis.
+    SchemaError
+        Breakpoints do not rise.
+    OutOfRange
+        Breakpoints beyond the table, or a difference above `tolerance`.
+    """
+    leaf = leaf_of(db, name)
+    new, error, at = _regridded(name, leaf, breakpoints)
+    if tolerance is not None and not error <= tolerance:
+        raise OutOfRange(
+            f"regrid {name}: the new table differs from the old one by up to {error:.4g} at {at}, allowed {tolerance:g}; "
+            "put breakpoints there or allow more"
+        )
+    counts = ", ".join(f"{axis} {np.size(points)} for {leaf.sizes[axis]} breakpoints" for axis, points in breakpoints.items())
+    said = f"{counts}, differs by up to {error:.4g}{f' at {at}' if error else ''}"
+    leaves = terms(db) | {name: noted(new, f"regrid: {said}{remark(note)}")}
+    return recorded(db, leaves, "regrid", f"{name} on {said}", note)
+
+
+def regrid_error(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any]) -> float:
+    """Return by how much `regrid` would change a term at most, anywhere in the old table; in the unit of the table.
+
+    Notes
+    -----
+    Both tables are multilinear between the breakpoints of the two together, so the largest difference stands at one of these nodes: the
+    number is exact, not an estimate.  Factors K1 and K2 count with their largest values; regressors do not count.
+    """
+    return _regridded(name, leaf_of(db, name), breakpoints)[1]
+
+
+def extend(
+    db: xr.DataTree,
+    name: str,
+    axis: str,
+    points: Any,
+    how: Any = "hold",
+    *,
+    stderr: Any = None,
+    note: str = "",
+) -> xr.DataTree:
+    """Return a database with a table that reaches further along one axis.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database; it is left as it is.
+    name, axis : str
+        The term, and an axis of its table.
+    points : array
+        New breakpoints outside the old ones, on one side or both, rising. [SI]
+    how : {"hold", "linear"} or array
+        The end value, the straight line through the last two nodes, or the values: numbers along `points`, or an array of the shape of
+        the table with ``len(points)`` along the axis. Unit of the table.
+    stderr : float or array, optional
+        Standard error of the new nodes, shaped as values; needed with values where the term has standard errors.
+    note : str, optional
+        Why, for the history.
+
+    Returns
+    -------
+    DataTree
+        New nodes have the source ``judgement``.  Their standard error, unless given, at t times the last interval beyond the end, with
+        v_1, s_1 of the last node and v_2, s_2 of the one before: hypot(s_1, t (v_1 - v_2)) of a value held, for the straight line may
+        be true; hypot((1 + t) s_1, t s_2) of the straight line.
+
+    Raises
+    ------
+    UnknownName
+        The term or the axis.
+    SchemaError
+        Points that do not rise or lie inside the table, values that do not fit, a line through a single breakpoint, or no standard errors.
+    """
+    leaf = leaf_of(db, name)
+    own_axis(name, leaf, axis)
+    old, new = leaf[axis].values.astype(float), rising(axis, points)
+    if within(old, new).any():
+        raise SchemaError(
+            f"extend {name}", [f"breakpoints of {axis} must lie outside {old[0]:.6g} ... {old[-1]:.6g}; regrid puts some inside"]
+        )
+    words = how if isinstance(how, str) else "given values"
+    value, sd = _beyond(name, leaf, axis, new, how)
+    if stderr is not None:
+        sd = _along(name, leaf, axis, new, stderr, "stderr")
+        if not (sd >= 0.0).all():
+            raise SchemaError(f"extend {name}", ["stderr holds negative numbers or NaN; give zero or more"])
+    if "stderr" in leaf and sd is None:
+        raise SchemaError(f"extend {name}", ["the term has standard errors; give stderr= with the values"])
+    if "stderr" not in leaf and stderr is not None:
+        raise SchemaError(f"extend {name}", ["the term has no standard errors; leave stderr= out"])
+    whole = _joined(leaf, axis, new, value, sd if "stderr" in leaf else None)
+    said = f"{axis} to {', '.join(readable(axis, x) for x in new)}, {words}"
+    leaves = terms(db) | {name: noted(whole, f"extend: {said}{remark(note)}")}
+    return recorded(db, leaves, "extend", f"{name} in {said}", note)
+
+
+def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, said: str, source: str, note: str) -> xr.DataTree:
+    """Return a database with terms worked on node by node over their breakpoints and those of `by`."""
+    if source not in _terms.SOURCES:
+        raise SchemaError(verb, [f"source is {source!r}; allowed: {', '.join(_terms.SOURCES)}"])
+    chosen, leaves = matching(db, names), terms(db)
+    for name in chosen:
+        try:
+            leaf, other = _common(leaves[name], by)
+        except SchemaError as error:
+            raise SchemaError(f"{verb} {name}", error.problems) from None
+        value, stderr = work(leaf, other)
+        codes = np.where(value == leaf["value"].values, known_source(leaf), _terms.SOURCES.index(source))
+        leaves[name] = noted(with_table(leaf, axes_of(leaf), value, stderr, codes), f"{verb}: {said}{remark(note)}")
+    return recorded(db, leaves, verb, f"{' '.join(chosen)} {said}", note)
+
+
+def _common(leaf: xr.Dataset, by: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
+    """Return leaf and table over one grid: the breakpoints of the leaf and those of the table between them."""
+    if factor_axes(leaf) & set(map(str, by["value"].dims)):
+        leaf = folded(leaf)
+    points = axes_of(leaf)
+    for axis, more in axes_of(by).items():
+        points[axis] = union(points[axis], more[within(points[axis], more)]) if axis in points else more
+    if len(points) > _terms.MAX_AXES:
+        raise SchemaError("table", [f"would have the axes {' '.join(points)}; at most {_terms.MAX_AXES} are allowed"])
+    return spread(leaf, points), spread(by, points)
+
+
+def _said(by: xr.Dataset) -> str:
+    value, sd = by["value"], by["stderr"].values
+    low, high = float(value.min()), float(value.max())
+    numbers = f"{low:g}" if low == high else f"{low:g} ... {high:g}"
+    doubt = f" +- {sd.max():g}" if sd.any() else ""
+    over = f" over {' '.join(map(str, value.dims))}" if value.ndim else ""
+    return f"{numbers}{doubt}{over}"
+
+
+def _warn_of_zeros(name: str, leaf: xr.Dataset, by: xr.Dataset) -> None:
+    if "stderr" not in leaf:
+        return
+    leaf, by = _common(leaf, by)
+    count = int(((leaf["value"].values == 0.0) & (leaf["stderr"].values == 0.0) & (by["value"].values != 0.0)).sum())
+    if count:
+        text = f"shift: {count} nodes of {name} were zero by definition and no longer are; shift by a table that is zero there"
+        warnings.warn(text, AeromatchWarning, stacklevel=3)
+
+
+def _regridded(name: str, leaf: xr.Dataset, breakpoints: Mapping[str, Any]) -> tuple[xr.Dataset, float, str]:
+    """Return the leaf on new breakpoints, the largest difference and where it stands."""
+    points = axes_of(leaf)
+    for axis, wanted in breakpoints.items():
+        own_axis(name, leaf, axis)
+        new = rising(axis, wanted)
+        off = new[~within(points[axis], new)]
+        if off.size:
+            reach = f"{points[axis][0]:.6g} ... {points[axis][-1]:.6g}"
+            raise OutOfRange(f"regrid {name}: {axis} = {off[0]:.6g} lies outside {reach}; extend the table first")
+        points[axis] = new
+    new_leaf = spread(leaf, points)
+    both = union_axes(leaf, new_leaf)
+    difference = np.abs(spread(new_leaf, both)["value"].values - spread(leaf, both)["value"].values)
+    node = np.unravel_index(int(np.argmax(difference)), difference.shape)
+    factors = np.prod([float(np.abs(leaf[key]).max()) for key in ("K1", "K2") if key in leaf])
+    return new_leaf, float(difference[node] * factors), place(both, [int(i) for i in node])
+
+
+def _beyond(name: str, leaf: xr.Dataset, axis: str, new: np.ndarray, how: Any) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return values of nodes beyond the ends, and their standard errors where the rule gives them."""
+    if not isinstance(how, str):
+        return _along(name, leaf, axis, new, how, "values"), None
+    if how not in ("hold", "linear"):
+        raise SchemaError(f"extend {name}", [f"how is {how!r}; allowed: hold, linear, or the values"])
+    at, old = leaf["value"].dims.index(axis), leaf[axis].values.astype(float)
+    if how == "linear" and len(old) == 1:
+        raise SchemaError(f"extend {name}", [f"{axis} has one breakpoint and no slope; hold the value or give numbers"])
+    value = np.moveaxis(leaf["value"].values, at, -1)
+    sd = np.moveaxis(leaf["stderr"].values, at, -1) if "stderr" in leaf else np.zeros_like(value)
+    end = np.where(new > old[-1], len(old) - 1, 0)
+    inner = np.clip(np.where(new > old[-1], len(old) - 2, 1), 0, len(old) - 1)
+    width = old[end] - old[inner]
+    t = np.divide(new - old[end], width, out=np.zeros(len(new)), where=width != 0)
+    rise = t * (value[..., end] - value[..., inner])
+    if how == "hold":
+        found, doubt = value[..., end], np.hypot(sd[..., end], rise)
+    else:
+        found, doubt = value[..., end] + rise, np.hypot((1.0 + t) * sd[..., end], t * sd[..., inner])
+    return np.moveaxis(found, -1, at), np.moveaxis(doubt, -1, at)
+
+
+def _along(name: str, leaf: xr.Dataset, axis: str, new: np.ndarray, given: Any, what: str) -> np.ndarray:
+    """Return numbers given for new nodes in the shape of the table."""
+    at, array = leaf["value"].dims.index(axis), np.asarray(given, float)
+    shape = tuple(len(new) if i == at else size for i, size in enumerate(leaf["value"].shape))
+    if array.ndim == 1 and len(array) == len(new):
+        array = array.reshape([-1 if i == at else 1 for i in range(len(shape))])
+    if array.ndim not in (0, len(shape)) or any(n not in (1, m) for n, m in zip(array.shape, shape)):
+        raise SchemaError(
+            f"extend {name}", [f"{what} have the shape {np.shape(given)}; give {len(new)} numbers along {axis}, or the shape {shape}"]
+        )
+    return np.broadcast_to(array, shape)
+
+
+def _joined(leaf: xr.Dataset, axis: str, new: np.ndarray, value: np.ndarray, sd: np.ndarray | None) -> xr.Dataset:
+    at, old = leaf["value"].dims.index(axis), leaf[axis].values.astype(float)
+    order = np.argsort(np.concatenate([old, new]))
+
+    def whole(inside: np.ndarray, outside: np.ndarray) -> np.ndarray:
+        return np.concatenate([inside, outside], axis=at).take(order, axis=at)
+
+    points = axes_of(leaf) | {axis: np.concatenate([old, new])[order]}
+    stderr = None if sd is None else whole(leaf["stderr"].values, sd)
+    source = whole(known_source(leaf), np.full(value.shape, JUDGEMENT, np.uint8))
+    return with_table(leaf, points, whole(leaf["value"].values, value), stderr, source)

@@ -1,0 +1,1 @@
+"""A DAVE-ML model as a database."""

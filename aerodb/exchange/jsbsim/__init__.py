@@ -1,0 +1,1 @@
+"""JSBSim aircraft files."""

@@ -1,0 +1,216 @@
+"""A database and its aircraft as a flight model of JSBSim: one XML file that it loads and flies.
+
+Every term is a function ``aero/coefficient/CL/gear`` below its axis: dynamic pressure times area (times chord or span)
+times regressors times tables.  Force axes:
+
+==========  ==================================================================================================
+stability   ``X``, ``Y``, ``Z`` with ``frame="STABILITY"``, in which JSBSim takes +CD as X and +CL as Z
+wind        ``DRAG``, ``SIDE``, ``LIFT``
+body        ``X``, ``Y``, ``Z`` with ``frame="BODY"``, as they are
+==========  ==================================================================================================
+
+Moments are body axes about ``AERORP``, the moment reference point.  JSBSim holds tables beyond their ends, as terms with
+``outside`` = ``hold`` do.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import xarray as xr
+
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.errors import SchemaError
+from flightmech.support.atomic_write import written_whole
+from flightmech.terms import SOURCES, power, regressors, variables
+
+from ...store.schema import HINGE, require, terms
+from . import airframe
+from .properties import AXIS, COEFFICIENT, FUNCTION, OWN, REGRESSOR
+from .tables import factors, reaching
+
+AXES = {
+    "stability": {"CD": ("X", "STABILITY"), "CY": ("Y", "STABILITY"), "CL": ("Z", "STABILITY")},
+    "wind": {"CD": ("DRAG", ""), "CY": ("SIDE", ""), "CL": ("LIFT", "")},
+    "body": {"CX": ("X", "BODY"), "CY": ("Y", "BODY"), "CZ": ("Z", "BODY")},
+}
+MOMENTS = {"Cl": ("ROLL", "metrics/bw-ft"), "Cm": ("PITCH", "metrics/cbarw-ft"), "Cn": ("YAW", "metrics/bw-ft")}
+_AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
+_NEAR = 1e-4  # of the chord: two places of the moment reference that count as one
+
+
+def export_jsbsim(
+    db: xr.DataTree,
+    path: str | os.PathLike,
+    aircraft: Aircraft,
+    *,
+    jsbsim_min: str = "1.3.1",
+    reach: Mapping[str, tuple[float, float]] | None = None,
+) -> None:
+    """Write a database and its aircraft as a JSBSim flight model.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database.
+    path : path
+        The XML file, such as ``aircraft/t37/t37.xml``.
+    aircraft : Aircraft
+        Geometry, mass and engines; the ``limits`` scale the commands of -1 ... 1 (flaps 0 ... 1) to deflections.
+    jsbsim_min : str
+        Oldest JSBSim that shall load the file; below 1.3.1 a table of four axes is written as interpolated tables of three.
+    reach : mapping of str to (low, high), optional
+        Range per axis to which terms with ``outside`` = ``linear`` are continued by added breakpoints; without it they are
+        refused, because JSBSim holds tables beyond their ends. [SI]
+
+    Raises
+    ------
+    SchemaError
+        With all problems: faults of the database, a geometry that is not the aircraft's, terms that JSBSim cannot compute, a
+        control without limits.
+
+    Notes
+    -----
+    Engines become external forces ``engine1`` ..., first-order lag included; the angular momentum of their rotors is lost.
+    The file has no landing gear, since an aircraft file has none.  JSBSim takes the load factor of its last step, and so do
+    terms with ``dnz``; they are solved for in our own simulation.  Standard errors and sources of the nodes are summed up in
+    comments; the database file stays the master.  `import_jsbsim` reads the file back, term by term.
+    """
+    require(db)
+    native = tuple(int(part) for part in jsbsim_min.split(".")) >= (1, 3, 1)
+    leaves = {name: leaf.squeeze(drop=True) for name, leaf in terms(db).items()}
+    thrusts = airframe.engine_terms(aircraft)
+    problems = _disagreements(db, aircraft)
+    for name, leaf in (*leaves.items(), *thrusts.items()):
+        problems += [f"{name}: {text}" for text in _leaf_problems(leaf, aircraft, reach or {})]
+    used = set().union(*(variables(leaf) for leaf in leaves.values()))
+    problems += airframe.missing_limits(aircraft, used)
+    if problems:
+        raise SchemaError(f"JSBSim model of {aircraft.name}", problems)
+    leaves, thrusts = ({name: reaching(leaf, reach or {}) for name, leaf in found.items()} for found in (leaves, thrusts))
+
+    root = ET.Element("fdm_config", name=aircraft.name, version="2.0", release="BETA")
+    airframe.header(root, db.attrs)
+    airframe.body(root, aircraft)
+    airframe.propulsion(root, aircraft)
+    airframe.flight_control(root, aircraft, used, thrusts, native)
+    aerodynamics = ET.SubElement(root, "aerodynamics")
+    for variable in FUNCTION:
+        if any(_needs_function(variable, leaf) for leaf in leaves.values()):
+            aerodynamics.append(_own_function(variable, aircraft))
+    _axes(aerodynamics, leaves, str(db.attrs["force_axes"]), native)
+    _hinge_moments(aerodynamics, leaves, native)
+    _make_printable(root)
+    ET.indent(root, "  ")
+    with written_whole(path) as part:
+        ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
+
+
+def _leaf_problems(leaf: xr.Dataset, aircraft: Aircraft, reach: Mapping[str, tuple[float, float]]) -> list[str]:
+    engines = [f"engine{number}.{kind}" for number in range(1, len(aircraft.engines) + 1) for kind in ("throttle", "thrust")]
+    known = {*AXIS, *REGRESSOR, *FUNCTION, *engines} - ({"CT"} if not engines else set())
+    problems = [
+        f"{variable} is nothing that JSBSim knows or that can be computed from what it knows; leave the term out (aerodb.delete_terms)"
+        for variable in sorted(variables(leaf) - known)
+    ]
+    factor = power(leaf)
+    if factor is not None:
+        problems.append(f"the factor {factor} is a formula, and the export writes tables; make it one first (aerodb.with_height_table)")
+    if leaf.attrs.get("outside", "hold") == "linear":
+        axes = [str(axis) for axis in leaf.dims if axis not in reach]
+        if axes:
+            problems.append(
+                f"goes on linearly beyond its table and JSBSim holds the last value; give reach = {{{axes[0]!r}: (low, high)}} for "
+                f"{', '.join(axes)} to have breakpoints added, or make the attribute outside 'hold'"
+            )
+    return problems
+
+
+def _disagreements(db: xr.DataTree, aircraft: Aircraft) -> list[str]:
+    problems = [
+        f"{name} is {db.attrs[name]:.8g} in the database and {getattr(aircraft, name):.8g} in the aircraft; they must agree"
+        for name in ("S", "cbar", "b")
+        if not np.isclose(db.attrs[name], getattr(aircraft, name), rtol=_AGREE, atol=0.0)
+    ]
+    for name, own in zip(("x_ref", "y_ref", "z_ref"), aircraft.reference):
+        if not np.isclose(db.attrs[name], own, rtol=_AGREE, atol=_NEAR * aircraft.cbar):
+            problems.append(f"{name} is {db.attrs[name]:.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference")
+    return problems
+
+
+def _needs_function(variable: str, leaf: xr.Dataset) -> bool:
+    """Say whether a term looks up, or multiplies by, a variable that JSBSim has not as a property."""
+    return variable in leaf.dims or (variable in regressors(leaf) and variable not in REGRESSOR)
+
+
+def _own_function(variable: str, aircraft: Aircraft) -> ET.Element:
+    fields = airframe.function_fields(aircraft)
+    function = ET.Element("function", name=OWN + variable)
+    function.append(ET.fromstring(FUNCTION[variable].format(**fields)))
+    return function
+
+
+def _axes(aerodynamics: ET.Element, leaves: Mapping[str, xr.Dataset], force_axes: str, native: bool) -> None:
+    for coefficient, (name, frame) in AXES[force_axes].items():
+        axis = ET.SubElement(aerodynamics, "axis", {"name": name, **({"frame": frame} if frame else {})})
+        _functions(axis, coefficient, leaves, [], native)
+    for coefficient, (name, length) in MOMENTS.items():
+        _functions(ET.SubElement(aerodynamics, "axis", name=name), coefficient, leaves, [length], native)
+
+
+def _functions(axis: ET.Element, coefficient: str, leaves: Mapping[str, xr.Dataset], lengths: list[str], native: bool) -> None:
+    for name, leaf in leaves.items():
+        if name.split("/")[0] == coefficient:
+            scale = [_text("property", word) for word in ("aero/qbar-psf", "metrics/Sw-sqft", *lengths)]
+            _function(axis, name, leaf, [*scale, *factors(leaf, native)])
+
+
+def _hinge_moments(aerodynamics: ET.Element, leaves: Mapping[str, xr.Dataset], native: bool) -> None:
+    """Write hinge-moment coefficients: functions that JSBSim evaluates after the forces and that act on nothing."""
+    for name, leaf in leaves.items():
+        if name.split("/")[0] in HINGE:
+            _function(aerodynamics, name, leaf, factors(leaf, native), type="post")
+
+
+def _function(parent: ET.Element, name: str, leaf: xr.Dataset, parts: list[ET.Element], **attributes: str) -> None:
+    parent.append(ET.Comment(f" {_remark(leaf).replace('--', '- -')} "))
+    function = ET.SubElement(parent, "function", {"name": COEFFICIENT + name, **attributes})
+    if leaf.attrs.get("comment"):
+        function.append(_text("description", _line(leaf.attrs["comment"])))
+    (ET.SubElement(function, "product") if len(parts) > 1 else function).extend(parts)
+
+
+def _remark(leaf: xr.Dataset) -> str:
+    """Return in one line what the term is, where its nodes come from and how far they can be trusted."""
+    words = [" x ".join((*regressors(leaf), f"table({', '.join(map(str, leaf['value'].dims))})"))]
+    if "source" in leaf:
+        flags, counts = np.unique(leaf["source"].values, return_counts=True)
+        words.append("nodes: " + ", ".join(f"{SOURCES[flag]} {count}" for flag, count in zip(flags, counts)))
+    if "stderr" in leaf:
+        words.append(f"standard error {leaf['stderr'].values.min():.3g} ... {leaf['stderr'].values.max():.3g}")
+    words += [str(leaf.attrs[key]) for key in ("references", "history") if leaf.attrs.get(key)]
+    return _line("; ".join(words))
+
+
+def _line(text: object) -> str:
+    return " ".join(str(text).split())
+
+
+def _make_printable(root: ET.Element) -> None:
+    """Take out of all texts what XML cannot hold, control characters among it."""
+    for element in root.iter():
+        element.attrib.update({key: _printable(text) for key, text in element.attrib.items()})
+        element.text = _printable(element.text) if element.text else None
+
+
+def _printable(text: str) -> str:
+    return "".join(c if c.isprintable() or c in "\n\t" else " " for c in text)
+
+
+def _text(tag: str, text: str) -> ET.Element:
+    element = ET.Element(tag)
+    element.text = text
+    return element

@@ -1,0 +1,1 @@
+"""Terms as CSV and MAT files; check cases."""

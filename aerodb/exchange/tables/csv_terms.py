@@ -1,0 +1,222 @@
+"""Terms as CSV files that a person and a spreadsheet read: one file per table in long form, and an index.
+
+Every row of a term is a node: the axes with their units in brackets, value, standard error, source.  Factor tables have files of
+their own.  File names carry a number, because ``CL`` and ``Cl`` are one name to some file systems.  The folder is written whole or
+not at all; check cases and states before edits stay in the database.
+"""
+
+from __future__ import annotations
+
+import errno
+import math
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from flightmech import terms as _terms
+from flightmech.errors import ParseError, SchemaError, UnknownName
+from flightmech.names import lookup
+from flightmech.support.atomic_write import folder_written_whole
+from flightmech.units import parse
+
+from ...store.schema import check, require, terms
+from ...store.undo_history import noted
+from .attributes import dressed, flat
+from .csv_text import Table, numbers, read_csv, si_column, unwritable, written_csv
+
+FORMAT = "aeromatch terms, format 1"
+INDEX = "index.csv"
+_TABLES = ("value", "K1", "K2")
+_BESIDE = ("stderr", "source")
+_HEADER = ("file", "term", "table", "axes", "regressors", "nodes")
+_TOLD = 10  # nodes that stand twice and are named
+
+
+def export_csv(db: xr.DataTree, folder: str | os.PathLike) -> None:
+    """Write the terms of a database as CSV files into a folder of their own.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database.
+    folder : path
+        Folder to write. One that holds an earlier export and nothing else is replaced, in one step.
+
+    Raises
+    ------
+    SchemaError
+        The database is faulty.
+    FileExistsError
+        The folder holds other files than an export; nothing is touched.
+    """
+    folder = Path(folder)
+    require(db)
+    leaves = terms(db)
+    facts = {name: flat(leaf) for name, leaf in leaves.items()}
+    root = {str(key): item for key, item in db.attrs.items()}
+    problems = [f"{name}: {text}" for name, given in [("root", root), *facts.items()] for text in unwritable(given)]
+    if problems:
+        raise SchemaError("CSV files", problems)
+    _demand_ours(folder)
+    with folder_written_whole(folder) as part:
+        rows = []
+        for number, (name, leaf) in enumerate(leaves.items(), 1):
+            for table in (key for key in _TABLES if key in leaf):
+                file = f"{number:03d}_{name.replace('/', '_')}{'' if table == 'value' else f'_{table}'}.csv"
+                said = {} if table != "value" else facts[name]
+                text = written_csv(f"{name}, {table}", said, *_long(leaf, table))
+                (part / file).write_text(text, encoding="utf-8", newline="")
+                words = " ".join(_terms.regressors(leaf)) if table == "value" else ""
+                rows.append([file, name, table, " ".join(map(str, leaf[table].dims)), words, str(leaf[table].size)])
+        (part / INDEX).write_text(written_csv(FORMAT, root, _HEADER, rows), encoding="utf-8", newline="")
+
+
+def _long(leaf: xr.Dataset, name: str) -> tuple[list[str], list[list[str]]]:
+    """Return one table in long form: header and rows, the last axis fastest."""
+    table = leaf[name]
+    axes = [str(axis) for axis in table.dims]
+    mesh = np.meshgrid(*(leaf[axis].values.astype(float) for axis in axes), indexing="ij")
+    columns: dict[str, Iterable[str]]
+    columns = {f"{axis} [{lookup(axis).units}]": map(repr, points.ravel().tolist()) for axis, points in zip(axes, mesh)}
+    columns[name] = map(repr, table.values.astype(float).ravel().tolist())
+    if name == "value" and "stderr" in leaf:
+        columns["stderr"] = map(repr, leaf["stderr"].values.astype(float).ravel().tolist())
+    if name == "value" and "source" in leaf:
+        columns["source"] = (_terms.SOURCES[int(code)] for code in leaf["source"].values.ravel())
+    return list(columns), [list(row) for row in zip(*columns.values())]
+
+
+def _demand_ours(folder: Path) -> None:
+    """Raise unless a folder is not there, empty, or an earlier export that nobody put a file into."""
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise FileExistsError(errno.EEXIST, "is a file; name a folder", str(folder))
+    names = {file.name for file in folder.iterdir()}
+    if names and names != _listed(folder):
+        text = "holds other files than an export of terms; name another folder, or empty this one"
+        raise FileExistsError(errno.EEXIST, text, str(folder))
+
+
+def _listed(folder: Path) -> set[str]:
+    """Return the files that the index of an export names, itself among them; none where there is no such index."""
+    try:
+        index, _ = read_csv(folder / INDEX)
+    except (OSError, ParseError):
+        return set()
+    return {INDEX, *index.columns.get("file", ())} if index.title == FORMAT else set()
+
+
+def import_csv(folder: str | os.PathLike) -> xr.DataTree:
+    """Return the database of a folder of CSV files.
+
+    Parameters
+    ----------
+    folder : path
+        As `export_csv` writes it; files may be edited. Rows may stand in any order, every node once. Axes in another unit of the same
+        quantity (``alpha [deg]``) are converted, which the history of the term says.
+
+    Raises
+    ------
+    FileNotFoundError, ParseError
+        No index of terms there, or a file that is no text.
+    SchemaError
+        Everything that is wrong, with file and line.
+    """
+    folder = Path(folder)
+    if not (folder / INDEX).is_file():
+        raise FileNotFoundError(errno.ENOENT, f"no {INDEX} there; name a folder that aerodb.export_csv wrote", str(folder))
+    index, problems = read_csv(folder / INDEX)
+    if index.title != FORMAT or not {"file", "term", "table"} <= set(index.columns):
+        raise ParseError(str(folder / INDEX), 1, repr(index.title), f"'# {FORMAT}' and the columns {', '.join(_HEADER[:3])}")
+    stray = {file.name for file in folder.iterdir()} - set(index.columns["file"]) - {INDEX}
+    problems += [f"{name} is not in {INDEX}; list it or take it away" for name in sorted(stray)]
+    leaves: dict[str, xr.Dataset] = {}
+    for line, file, term, kind in zip(index.lines, *(index.columns[key] for key in ("file", "term", "table"))):
+        place = f"{INDEX}, line {line}"
+        if kind not in _TABLES or kind in leaves.get(term, ()) or (kind != "value" and term not in leaves):
+            problems.append(f"{place}: table {kind!r} of {term}; allowed: value once, then K1 and K2 at most once")
+        elif Path(file).name != file or not (folder / file).is_file():
+            problems.append(f"{place}: no file {file!r} in the folder")
+        else:
+            leaves[term] = _with_table(leaves.get(term, xr.Dataset()), folder / file, kind, problems)
+    if not problems:
+        nodes = {f"/{name}": dressed(leaf, leaf.attrs) for name, leaf in leaves.items()}
+        db = xr.DataTree.from_dict({"/": xr.Dataset(attrs=index.facts), **nodes})
+        problems = check(db)
+    if problems:
+        raise SchemaError(str(folder), problems)
+    return db
+
+
+def _with_table(leaf: xr.Dataset, path: Path, kind: str, problems: list[str]) -> xr.Dataset:
+    """Return a leaf with the table of one file, its facts as attributes; without it where there are problems."""
+    before = len(problems)
+    table, faults = read_csv(path)
+    axes = [name for name in table.columns if table.units[name]]
+    rest = [name for name in table.columns if name not in axes]
+    known = (kind, *(_BESIDE if kind == "value" else ()))
+    strange = [name for name in rest if name not in known]
+    problems += faults
+    problems += [f"{path.name}: column {name!r}; allowed: axes with their unit in brackets, {', '.join(known)}" for name in strange]
+    problems += [f"{path.name}: no column {kind!r}"] if kind not in rest else []
+    problems += [f"{path.name}: axis: {fault}" for axis in axes for fault in _unknown(axis)]
+    if len(problems) > before:
+        return leaf
+    coords = {axis: si_column(table, axis, problems) for axis in axes}
+    columns = {name: _codes(table, problems) if name == "source" else numbers(table, name, problems) for name in rest}
+    grid = _grid(table, coords, problems) if len(problems) == before else None
+    if grid is None:
+        return leaf
+    points, order = grid
+    shape = tuple(len(p) for p in points.values())
+    found = leaf.assign_coords(points).assign({name: (tuple(points), column[order].reshape(shape)) for name, column in columns.items()})
+    found.attrs |= table.facts
+    given = [f"{axis} in {table.units[axis]}" for axis in axes if parse(table.units[axis]) != parse(lookup(axis).units)]
+    return noted(found, f"import_csv: {path.name} gives {', '.join(given)}") if given else found
+
+
+def _unknown(axis: str) -> Iterator[str]:
+    try:
+        lookup(axis)
+    except UnknownName as error:
+        yield str(error)
+
+
+def _codes(table: Table, problems: list[str]) -> np.ndarray:
+    """Return the column of sources as codes."""
+    found = np.zeros(len(table.lines), np.uint8)
+    for place, (word, line) in enumerate(zip(table.columns["source"], table.lines)):
+        if word in _terms.SOURCES:
+            found[place] = _terms.SOURCES.index(word)
+        else:
+            problems.append(f"{table.name}, line {line}: source is {word!r}; allowed: {', '.join(_terms.SOURCES)}")
+    return found
+
+
+def _grid(table: Table, coords: Mapping[str, np.ndarray], problems: list[str]) -> tuple[dict[str, np.ndarray], np.ndarray] | None:
+    """Return the breakpoints and, for every node in order, its row; None with problems when rows are missing or stand twice."""
+    points = {axis: np.unique(x) for axis, x in coords.items()}
+    shape = tuple(len(p) for p in points.values())
+    size, rows = math.prod(shape), len(table.lines)
+    if size > 10 * max(rows, 1):
+        problems.append(f"{table.name}: {rows} rows for {' x '.join(map(str, shape))} = {size} nodes; every node needs a row")
+        return None
+    places = [points[axis].searchsorted(x) for axis, x in coords.items()]
+    node = np.ravel_multi_index(places, shape) if places else np.zeros(rows, int)
+    found, count = np.unique(node, return_counts=True)
+    for twice in found[count > 1][:_TOLD]:
+        lines = ", ".join(str(line) for line, at in zip(table.lines, node) if at == twice)
+        problems.append(f"{table.name}, lines {lines}: the same node {_named(points, int(twice))}; every node stands once")
+    missing = np.setdiff1d(np.arange(size), found)
+    if missing.size:
+        problems.append(f"{table.name}: {missing.size} of {size} nodes have no row, the first is {_named(points, int(missing[0]))}")
+    return (points, np.argsort(node)) if rows == size == found.size else None
+
+
+def _named(points: Mapping[str, np.ndarray], node: int) -> str:
+    place = np.unravel_index(node, [len(p) for p in points.values()]) if points else ()
+    return " ".join(f"{axis} {points[axis][i]:.6g}" for axis, i in zip(points, place)) or "of a table without axes"

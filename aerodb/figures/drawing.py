@@ -1,0 +1,217 @@
+"""What all figures of databases share: line code, a sheet measured in inches, notes at its foot, files that repeat byte by byte.
+
+matplotlib is an extra of the installation; it is imported here and nowhere else, the other modules take its names from this one.
+"""
+
+from __future__ import annotations
+
+import os
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import AeromatchError, SchemaError
+from flightmech.support.atomic_write import written_whole
+from flightmech.terms import SOURCES
+
+from .symbols import number
+
+try:
+    import matplotlib
+except ModuleNotFoundError as missing:
+    raise AeromatchError("figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'") from missing
+
+from matplotlib import colormaps as colormaps
+from matplotlib import style
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator as MaxNLocator
+
+WIDTH = 7.48  # text width of A4 [in]
+LEFT, RIGHT = 0.72, 0.10
+FORMATS = ("svg", "png", "pdf")
+_STYLE: dict[str, Any] = {
+    "font.size": 7.0,
+    "axes.titlesize": 7.5,
+    "axes.labelsize": 8.0,
+    "axes.linewidth": 0.6,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "axes.formatter.limits": (-4, 6),
+    "grid.color": "#d9d9d9",
+    "grid.linewidth": 0.4,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.major.width": 0.5,
+    "ytick.major.width": 0.5,
+    "lines.markersize": 3.2,
+    "hatch.linewidth": 0.4,
+    "savefig.dpi": 200,
+    "svg.hashsalt": "aeromatch",
+    "svg.fonttype": "path",
+}
+FOOT_SIZE, FOOT_LINE, FOOT_CHARACTERS = 6.2, 0.115, 165
+
+
+class Pen(NamedTuple):
+    """How one database is drawn."""
+
+    color: str
+    dashes: Any
+    width: float
+
+
+# line code of LR-743 Figs. 18 to 21, without a flight trace: a priori dotted, in between dashed, the last one solid
+_FIRST, _LAST = Pen("#6e6e6e", (0, (1.2, 1.2)), 1.3), Pen("#0072b2", "-", 1.0)
+_BETWEEN = (Pen("#8a5a00", (0, (4.5, 2)), 1.0), Pen("#00664b", (0, (6, 1.5, 1.2, 1.5)), 1.0), Pen("#000000", (0, (2.5, 1)), 0.8))
+# open as the prior gave it, filled where flight has touched it, a cross where an engineer decided
+MARKS: dict[int, dict[str, Any]] = {
+    0: {"marker": "o", "markerfacecolor": "white"},
+    1: {"marker": "o"},
+    2: {"marker": "x"},
+    -1: {"marker": "."},
+}
+
+
+def pens(names: Sequence[str]) -> dict[str, Pen]:
+    """Return the line code of several databases in order: dotted, dashed ..., solid; a single one is solid."""
+    if len(names) == 1:
+        return {names[0]: _LAST}
+    between = [_BETWEEN[i % len(_BETWEEN)] for i in range(len(names) - 2)]
+    return dict(zip(names, [_FIRST, *between, _LAST]))
+
+
+@contextmanager
+def drawing():
+    """Draw in the style of the house, whatever the user's own settings are."""
+    with style.context(["default", _STYLE]):
+        yield
+
+
+class Sheet:
+    """A figure whose panels are placed in inches from its upper left corner."""
+
+    def __init__(self, height: float):
+        self.height = height
+        self.figure = Figure(figsize=(WIDTH, height), facecolor="white")
+
+    def panel(self, left: float, top: float, width: float, height: float) -> Axes:
+        """Return new axes."""
+        return self.figure.add_axes((left / WIDTH, 1.0 - (top + height) / self.height, width / WIDTH, height / self.height))
+
+    def text(self, left: float, top: float, words: str, **looks: Any) -> None:
+        """Write words with their upper left corner at a place."""
+        self.figure.text(left / WIDTH, 1.0 - top / self.height, words, va="top", **looks)
+
+    def head(self, title: str, lines: Iterable[str]) -> None:
+        """Write the title and lines under it."""
+        self.text(0.08, 0.08, title, fontsize=9.5, fontweight="bold")
+        for i, line in enumerate(lines):
+            self.text(0.08, 0.29 + 0.15 * i, line, fontsize=7.5)
+
+    def key(self, handles: Sequence[Any], top: float) -> None:
+        """Draw the legend in one row below the head."""
+        self.figure.legend(
+            handles=list(handles),
+            loc="upper left",
+            bbox_to_anchor=(0.0, 1.0 - top / self.height),
+            ncols=len(handles),
+            frameon=False,
+            fontsize=7,
+            handlelength=2.1,
+            handletextpad=0.5,
+            columnspacing=1.1,
+            borderaxespad=0.2,
+        )
+
+    def foot(self, lines: Sequence[str]) -> None:
+        """Write notes at the foot of the sheet, as `foot_height` counted them."""
+        top = self.height - FOOT_LINE * len(lines) - 0.05
+        for i, line in enumerate(lines):
+            self.text(0.08, top + FOOT_LINE * i, line, fontsize=FOOT_SIZE, color="#333333")
+
+
+def foot_lines(notes: Iterable[str]) -> list[str]:
+    """Return notes broken into lines of the sheet."""
+    return [line for note in notes for line in textwrap.wrap(note, FOOT_CHARACTERS, break_long_words=False)]
+
+
+def foot_height(lines: Sequence[str]) -> float:
+    """Return the height that the lines take. [in]"""
+    return FOOT_LINE * len(lines) + 0.1
+
+
+def reference_notes(databases: Mapping[str, xr.DataTree]) -> list[str]:
+    """Return what every number refers to: areas, lengths, moment point, axes; once when all databases agree."""
+    texts: dict[str, list[str]] = {}
+    for name, db in databases.items():
+        a = db.attrs
+        point = ", ".join(number(float(a[key])) for key in ("x_ref", "y_ref", "z_ref"))
+        text = (
+            f"S = {number(a['S'])} m², cbar = {number(a['cbar'])} m, b = {number(a['b'])} m; moments about ({point}) m from the drawing "
+            f"datum (x forward, y right, z down); forces in {a['force_axes']} axes, moments and rates in body axes."
+        )
+        texts.setdefault(text, []).append(name)
+    if len(texts) == 1:
+        return [f"Reference: {next(iter(texts))}"]
+    return [f"Reference of {', '.join(names)}: {text}" for text, names in texts.items()]
+
+
+def database_handles(code: Mapping[str, Pen]) -> list[Line2D]:
+    """Return the legend of the databases."""
+    return [Line2D([], [], color=pen.color, linestyle=pen.dashes, linewidth=pen.width, label=name) for name, pen in code.items()]
+
+
+def source_handles(codes: Iterable[int]) -> list[Line2D]:
+    """Return the legend of the sources of nodes."""
+    words = {**dict(enumerate(SOURCES)), -1: "source not stated"}
+    return [Line2D([], [], color="black", linestyle="none", label=f"node: {words[code]}", **MARKS[code]) for code in sorted(codes)]
+
+
+def band_handle(color: str, label: str) -> Patch:
+    """Return the legend of a band."""
+    return Patch(facecolor=color, alpha=0.25, linewidth=0, label=label)
+
+
+def save_figure(figure: Figure, path: str | os.PathLike) -> None:
+    """Write a figure to a file, whole or not at all; equal figures give equal bytes.
+
+    Parameters
+    ----------
+    figure : matplotlib Figure
+        From `plot_term`, `plot_comparison` or `plot_difference`.
+    path : path
+        Its suffix tells the format: ``.svg``, ``.png`` (200 dots per inch) or ``.pdf``.
+
+    Raises
+    ------
+    SchemaError
+        Another suffix.
+    """
+    kind = Path(path).suffix.lower().lstrip(".")
+    if kind not in FORMATS:
+        raise SchemaError(str(path), [f"the suffix is {Path(path).suffix!r}; allowed: {', '.join(f'.{f}' for f in FORMATS)}"])
+    title = figure.get_label() or "figure"
+    metadata: dict[str, dict[str, Any]] = {
+        "svg": {"Date": None, "Creator": "aeromatch", "Title": title},
+        "png": {"Software": "aeromatch", "Title": title},
+        "pdf": {"CreationDate": None, "Creator": "aeromatch", "Producer": f"matplotlib {matplotlib.__version__}", "Title": title},
+    }
+    with drawing(), written_whole(path) as part:
+        figure.savefig(part, format=kind, metadata=metadata[kind])
+
+
+def padded(values: Iterable[np.ndarray], zero: bool = False) -> tuple[float, float]:
+    """Return the limits of an axis that shows all values."""
+    finite = np.concatenate([np.ravel(v)[np.isfinite(np.ravel(v))] for v in values] + [np.zeros(int(zero))])
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+    pad = 0.06 * (high - low) or 0.1 * abs(high) or 1.0
+    return low - pad, high + pad

@@ -1,0 +1,1 @@
+"""From DATCOM listings to the a-priori database."""

@@ -1,0 +1,247 @@
+"""DATCOM listings to an aerodynamic database: the a-priori model.
+
+Assumptions: the aeroplane is symmetric; effects add up; increments printed for wing-body or at one altitude hold for the
+whole aeroplane and every altitude.  What has no DATCOM method is absent and counts as zero [LR743] 3.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import SchemaError
+
+from ..store.schema import SCHEME, database
+from ..transform.effects import Effect, rate_shift, rates_to_body, rereference, rolled_to_body, transferred, with_added
+from . import devices, hinges, increments
+from .effect_to_terms import completed, leaves
+from .power import power as power_effect
+from .prior_errors import errors_with
+from .sources import Source, source, warn
+
+if TYPE_CHECKING:
+    from flightmech.aircraft.aircraft import Aircraft
+
+_NEAR = 5e-4  # moment centres closer than this many chords are the same: rounding of print and drawing
+_ROLL_CONTROLS = {"aileron": increments.aileron, "spoilers": devices.spoilers, "differential_tail": devices.differential_tail}
+_INCOMPRESSIBLE = 0.3  # below, tables may be held down to Mach 0
+
+
+def from_datcom(
+    aircraft: Aircraft,
+    *,
+    clean: Any,
+    flaps: Any = None,
+    elevator: Any = None,
+    aileron: Any = None,
+    ground: Any = None,
+    ground_flap: Any = None,
+    ground_elevator: Any = None,
+    power: Any = None,
+    spoilers: Any = None,
+    differential_tail: Any = None,
+    tabs: Any = None,
+    aileron_hinge: Any = None,
+    altitude: float | None = None,
+    stderr: Mapping[str, tuple[float, float] | float] | None = None,
+) -> xr.DataTree:
+    """Return the database that Digital DATCOM listings give.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Name, reference quantities and moment reference point; coefficients are referred to them.
+    clean : Listing, Case, case tree or list of them
+        The whole aeroplane, static and dynamic (card DAMP) pages; with PART pages the tail's share of missing alpha-dot derivatives.
+    flaps, elevator : as `clean`, optional
+        SYMFLP on the wing, and on the tail. One condition per program run, or D(CM) drifts; several runs may be given. An all-movable
+        stabilizer (TRIM without SYMFLP) may stand in for the elevator. Hinge moments of the elevator come along.
+    aileron : as `clean`, optional
+        ASYFLP with ailerons (STYPE 4).
+    ground : as `clean`, optional
+        GRNDEF, whole aeroplane without deflection.
+    ground_flap, ground_elevator : as `clean`, optional
+        GRNDEF with flap settings (wing-body), and with elevator deflections.
+    power : as `clean`, optional
+        The whole aeroplane with JETPWR or PROPWR at Mach numbers and angles of attack of `clean`, with its input cards.
+    spoilers, differential_tail : as `clean`, optional
+        ASYFLP with STYPE 1 to 3, and with STYPE 5.
+    tabs : as `clean`, optional
+        CONTAB with SYMFLP on the tail.
+    aileron_hinge : as `clean`, optional
+        SYMFLP on the wing with the geometry of the aileron, of which only the hinge moments are taken.
+    altitude : float, optional
+        Altitude of the basic tables, one of the printed ones; the middle one unless given. [m]
+    stderr : mapping, optional
+        A-priori relative and absolute standard errors by term, ``{"Cm/qhat": (0.5, 0.0)}``, and factors by regime and class of method,
+        ``{"transonic static": 3.0}``, over those of `aerodb.prior.prior_errors`.
+
+    Returns
+    -------
+    DataTree
+        The database: forces in stability axes, moments and rates in body axes about the aircraft's reference point. Root attribute
+        ``absent`` lists the terms of the scheme that DATCOM does not give.
+
+    Raises
+    ------
+    SchemaError
+        A listing lacks the tables of its role, its conditions fill no grid, or the reference point lies off the plane of symmetry.
+    UnknownName
+        `stderr` names an unknown term.
+
+    Warns
+    -----
+    AeromatchWarning
+        Reference quantities differ by more than 1 % (coefficients are re-referenced), D(CM) comes from a loop over several
+        conditions, ground pages with elevator are unusable, a value is held into another speed regime, a spoiler of no height has a
+        moment, Mach numbers stand at altitudes of their own, or a term of a listing given has to stay absent.
+    """
+    given = {
+        role: source(role, listing)
+        for role, listing in {
+            "clean": clean,
+            "flaps": flaps,
+            "elevator": elevator,
+            "aileron": aileron,
+            "ground": ground,
+            "ground_flap": ground_flap,
+            "ground_elevator": ground_elevator,
+            "power": power,
+            "spoilers": spoilers,
+            "differential_tail": differential_tail,
+            "tabs": tabs,
+            "aileron_hinge": aileron_hinge,
+        }.items()
+        if listing is not None
+    }
+    prior = errors_with(stderr, *given["clean"].regimes)
+    x_ref, y_ref, z_ref = (float(item) for item in aircraft.reference)
+    if abs(y_ref) > _NEAR * aircraft.cbar:
+        raise SchemaError(
+            "aircraft", [f"the moment reference point lies {y_ref:.4f} m right of the plane of symmetry; DATCOM's lies in it, set y to 0"]
+        )
+    h_ref = _reference_altitude(given["clean"], altitude)
+    effects = _referred(_effects(given, h_ref, aircraft.b, z_ref), given, aircraft)
+    cover = _range_of(effects["basic"].tables["CL"])
+    history = f"from_datcom: {'; '.join(f'{role} from {place.file}' for role, place in given.items())}"
+    found: dict[str, xr.Dataset] = {}
+    for effect in (*effects.values(), *_hinge_effects(given, h_ref)):
+        found |= leaves(effect, prior, cover)
+    return database(
+        {name: found[name] for name in sorted(found, key=_place_in_scheme)},
+        title=f"{aircraft.name}: a-priori database from Digital DATCOM",
+        aircraft=aircraft.name,
+        S=float(aircraft.S),
+        cbar=float(aircraft.cbar),
+        b=float(aircraft.b),
+        x_ref=x_ref,
+        y_ref=y_ref,
+        z_ref=z_ref,
+        force_axes="stability",
+        source="Digital DATCOM",
+        references="AFFDL-TR-79-3032; LR-743",
+        history=history,
+        comment="moments and rates in body axes; DATCOM's stability-axis ones are turned by alpha at the nodes",
+        absent=" ".join(name for name in SCHEME if name not in found),
+    )
+
+
+def _effects(given: Mapping[str, Source], h_ref: float, b: float, z_ref: float) -> list[tuple[str, Effect]]:
+    """Return all effects with the role they come from, as DATCOM means them."""
+    clean = given["clean"]
+    found = [("clean", effect) for effect in increments.static(clean, h_ref)]
+    found.append(("clean", increments.sideslip(clean, h_ref)))
+    found += [("clean", effect) for effect in increments.pitch_rates(clean, h_ref)]
+    if clean.has("dynamic"):
+        found += [("clean", effect) for effect in increments.lateral_rates(clean, h_ref)]
+    if "flaps" in given:
+        found += [("flaps", effect) for effect in increments.flaps(given["flaps"], h_ref)]
+    if "elevator" in given:
+        movable = given["elevator"].has("trim_stabilizer") and not given["elevator"].has("symflp")
+        found.append(("elevator", (devices.stabilizer if movable else increments.elevator)(given["elevator"], h_ref)))
+    for role, effect in _ROLL_CONTROLS.items():
+        if role in given:
+            found.append((role, effect(given[role], h_ref)))
+    if "power" in given:
+        found.append(("power", power_effect(given["power"], clean, h_ref)))
+    over_ground = increments.ground(given["ground"], h_ref, b, z_ref) if "ground" in given else None
+    if over_ground is not None:
+        found.append(("ground", over_ground))
+    for role, axis in (("ground_flap", "delta_f"), ("ground_elevator", "delta_e")):
+        if role in given:
+            found.append((role, increments.ground_with(axis, given[role], over_ground, h_ref, b, z_ref)))
+    return found
+
+
+def _hinge_effects(given: Mapping[str, Source], h_ref: float) -> list[Effect]:
+    """Return the hinge moments; they have the reference of their control and no axes to turn."""
+    found: list[Effect] = []
+    if "elevator" in given and given["elevator"].has("symflp"):
+        found += hinges.elevator_hinge(given["elevator"], given["clean"], h_ref)
+    if "tabs" in given:
+        found += hinges.tabs(given["tabs"], h_ref, bool(found))
+    if "aileron_hinge" in given:
+        found += hinges.aileron_hinge(given["aileron_hinge"], h_ref)
+    return found
+
+
+def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], aircraft: Aircraft) -> dict[str, Effect]:
+    """Return the effects by name with the aircraft's reference quantities, in body axes, about the aircraft's reference point."""
+    new = {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b}
+    for role, place in given.items():
+        old = place.reference
+        off = [f"{key} {old[key]:.5g} against {item:.5g}" for key, item in new.items() if abs(old[key] / item - 1) > 0.01]
+        if off:
+            warn(f"{role}: {', '.join(off)}: not the reference quantities of the aircraft; the coefficients are referred to the aircraft's")
+    effects = {effect.name: rereference(effect, given[role].reference, new) for role, effect in found}
+    roles = {effect.name: role for role, effect in found}
+    alpha = effects["basic"].tables["CL"]["alpha"]
+    for name in ("beta", "aileron", "spoiler", "differential_tail"):
+        if name in effects:
+            effects[name] = rolled_to_body(effects[name], alpha)
+    if "phat" in effects:
+        effects["phat"], effects["rhat"] = rates_to_body(effects["phat"], effects["rhat"])
+    for name, effect in effects.items():
+        d = _arm(given[roles[name]], aircraft)
+        if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar and effect.tables:
+            effects[name] = transferred(effect, d, aircraft.cbar, aircraft.b, alpha)
+    d = _arm(given["clean"], aircraft)
+    if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar:
+        for name, more in rate_shift(effects["basic"], effects["beta"], d, aircraft.cbar, aircraft.b).items():
+            if name in effects and effects[name].tables:
+                effects[name] = with_added(effects[name], more)
+    return effects
+
+
+def _arm(place: Source, aircraft: Aircraft) -> tuple[float, float, float]:
+    """Return the vector from the aircraft's reference point to the listing's moment centre, body axes. [m]"""
+    x_ref, _, z_ref = aircraft.reference
+    return -place.reference["x_cg"] - x_ref, 0.0, -place.reference["z_cg"] - z_ref
+
+
+def _reference_altitude(clean: Source, altitude: float | None) -> float:
+    heights = clean.grid("static")["h"].values
+    if altitude is None:
+        return float(heights[len(heights) // 2])
+    nearest = float(heights[np.argmin(np.abs(heights - altitude))])
+    if abs(nearest - altitude) > 1.0:
+        printed = ", ".join(f"{h:.1f}" for h in heights)
+        raise SchemaError("clean", [f"altitude {altitude:.1f} m is not printed; choose one of {printed} m"])
+    return nearest
+
+
+def _range_of(CL: xr.DataArray) -> dict[str, tuple[float, float]]:
+    """Return the Mach numbers and angles of attack that every table must cover: those of CL, and the incompressible ones."""
+    whole, _, _ = completed(CL)
+    machs, alphas = whole["mach"].values, whole["alpha"].values
+    return {
+        "mach": (0.0 if machs[0] <= _INCOMPRESSIBLE else float(machs[0]), float(machs[-1])),
+        "alpha": (float(alphas[0]), float(alphas[-1])),
+    }
+
+
+def _place_in_scheme(name: str) -> tuple[int, str]:
+    return (SCHEME.index(name), name) if name in SCHEME else (len(SCHEME), name)

@@ -1,0 +1,229 @@
+"""From gridded DATCOM tables to effects: the basic aeroplane, rates, controls, flaps, ground.
+
+Increments are formed against the aeroplane without the cause and are zero without it by definition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import SchemaError
+
+from ..transform.effects import Effect, joined
+from .sources import Source, known, warn
+from .tail_rates import with_tail_share
+
+_PRINTED_ZERO = 2e-4  # ground pages print 0.01 deg for no flap deflection [rad]
+FAR = 30_000.0  # second breakpoint without ground effect, so that flight at height lies inside the table [m]
+_LONGITUDINAL = ("CL", "CD", "Cm")
+_PITCH = ("qhat", "alphadothat")
+_DRIFT = (
+    "{role}: D(CM) comes from a loop over several flight conditions, and the program carries something of each condition into the "
+    "next (up to 40 % seen late in a list); run one condition per program run and give all runs"
+)
+
+
+def static(clean: Source, h_ref: float) -> list[Effect]:
+    """Return the effects ``basic`` and ``altitude``: CL, CD, Cm over Mach and alpha, and what altitude adds to them."""
+    grid = clean.grid("static")
+    tables = known({coefficient: grid[coefficient] for coefficient in _LONGITUDINAL})
+    if "CL" not in tables:
+        raise SchemaError(clean.role, [f"{clean.file} prints no lift coefficient; give a case whose static page has numbers"])
+    basic = {coefficient: table.sel(h=h_ref, drop=True) for coefficient, table in tables.items()}
+    lines = clean.place("static")
+    found = [Effect("basic", basic, references=lines, comment=f"clean aeroplane at {h_ref:.0f} m")]
+    if grid.sizes["h"] > 1:
+        comment = f"Reynolds-number effect of altitude, against the basic table at {h_ref:.0f} m"
+        found.append(Effect("altitude", {c: tables[c] - basic[c] for c in basic}, zeros={"h": [h_ref]}, references=lines, comment=comment))
+    return found
+
+
+def pitch_rates(clean: Source, h_ref: float) -> list[Effect]:
+    """Return the effects of ``qhat`` and ``alphadothat`` on CL and Cm; without dynamic page only the tail's share of the latter."""
+    if not clean.has("dynamic"):
+        return [with_tail_share(Effect("alphadothat", {}, "alphadothat"), clean, h_ref)]
+    grid = clean.grid("dynamic").sel(h=h_ref, drop=True)
+    lines = clean.place("dynamic")
+    q, alphadot = (Effect(rate, known({c: grid[f"{c}_{rate}"] for c in ("CL", "Cm")}), rate, references=lines) for rate in _PITCH)
+    return [q, with_tail_share(alphadot, clean, h_ref)]
+
+
+def sideslip(clean: Source, h_ref: float) -> Effect:
+    """Return the effect of ``beta`` on CY, Cl and Cn, in stability axes."""
+    grid = clean.grid("static").sel(h=h_ref, drop=True)
+    return Effect("beta", known({c: grid[f"{c}_beta"] for c in ("CY", "Cl", "Cn")}), "beta", references=clean.place("static"))
+
+
+def lateral_rates(clean: Source, h_ref: float) -> tuple[Effect, Effect]:
+    """Return the effects of ``phat`` and ``rhat``, in stability axes."""
+    grid = clean.grid("dynamic").sel(h=h_ref, drop=True)
+    lines, comment = clean.place("dynamic"), "CY_rhat, which has no DATCOM method, counts as zero"
+    roll = known({c: grid[f"{c}_phat"] for c in ("CY", "Cl", "Cn")})
+    yaw = known({c: grid[f"{c}_rhat"] for c in ("Cl", "Cn")})
+    return Effect("phat", roll, "phat", references=lines, comment=comment), Effect("rhat", yaw, "rhat", references=lines)
+
+
+def elevator(given: Source, h_ref: float) -> Effect:
+    """Return the effect of ``delta_e`` on CL, CD, Cm."""
+    tables, _, note = _symflp(given, "tail", "delta_e", h_ref)
+    return Effect("elevator", tables, zeros={"delta_e": [0.0]}, references=given.place("symflp"), comment=note)
+
+
+def flaps(given: Source, h_ref: float) -> list[Effect]:
+    """Return the effects ``flap`` and ``flap_slope`` of ``delta_f``."""
+    tables, slope, note = _symflp(given, "wing", "delta_f", h_ref)
+    lines, zeros = given.place("symflp"), {"delta_f": [0.0]}
+    comment = joined(note, "wing-body: a change of downwash at the tail is not in Cm")
+    found = [Effect("flap", tables, zeros=zeros, references=lines, comment=comment)]
+    if slope is not None:
+        comment = "lift slope of the flapped surface against the same without deflection; per radian of alpha"
+        found.append(Effect("flap_slope", {"CL": slope}, "alpha", zeros=zeros, references=lines, comment=comment))
+    return found
+
+
+def aileron(given: Source, h_ref: float) -> Effect:
+    """Return the effect of ``delta_a`` = (right - left)/2 on Cl and Cn, in stability axes."""
+    grid = at_height(given.grid("asyflp"), h_ref)
+    if grid.attrs.get("surface", "wing") != "wing":
+        raise SchemaError(
+            given.role, ["the deflected surface is the tail, ailerons are needed (STYPE 4); this case goes to differential_tail="]
+        )
+    delta_a = 0.5 * (grid["delta_right"] - grid["delta_left"]).values
+    if np.unique(delta_a).size != delta_a.size:
+        raise SchemaError(given.role, ["two pairs of deflections have the same (right - left); give pairs that differ in it"])
+    grid = grid.drop_vars(["delta_left", "delta_right"]).assign_coords(delta_pair=delta_a).rename(delta_pair="delta_a").sortby("delta_a")
+    tables = known({c: from_zero(grid[c], "delta_a") for c in ("Cl", "Cn") if c in grid})
+    return Effect("aileron", tables, zeros={"delta_a": [0.0]}, references=given.place("asyflp"))
+
+
+def ground(given: Source, h_ref: float, b: float, z_ref: float) -> Effect:
+    """Return the effect ``ground``: what the ground adds to CL, CD, Cm of the clean aeroplane.
+
+    Parameters
+    ----------
+    b : float
+        Span; from two spans on the effect is zero. [m]
+    z_ref : float
+        Moment reference point below the drawing datum, from which DATCOM counts the height. [m]
+    """
+    tables, note = _over_ground(given, h_ref, b, z_ref)
+    for axis in ("delta_f", "delta_e"):
+        tables = {c: t.sel({axis: 0.0}, method="nearest", drop=True) if axis in t.dims else t for c, t in tables.items()}
+    return Effect("ground", tables, zeros={"h_agl": [2 * b, FAR]}, references=given.place("static"), comment=note)
+
+
+def ground_with(axis: str, given: Source, clean_ground: Effect | None, h_ref: float, b: float, z_ref: float) -> Effect:
+    """Return the effect ``ground_flap`` or ``ground_elevator``: what a deflection adds to the ground effect.
+
+    Notes
+    -----
+    The pages hold the clean aeroplane and the ground increment computed with the deflection, not the free-air increment of
+    the deflection; so the difference between the pages with and without deflection is the ground effect alone.
+
+    With a tail flap both program builds carry the ground pages from one deflection to the next: the first deflection prints the
+    clean ground pages, whatever it is, and the page of zero deflection is not the clean one.  Such pages are refused.
+    """
+    name = {"delta_f": "ground_flap", "delta_e": "ground_elevator"}[axis]
+    tables, note = _over_ground(given, h_ref, b, z_ref)
+    points = tables["CL"][axis].values if axis in tables["CL"].dims else np.array([np.inf])
+    if np.abs(points).min() > _PRINTED_ZERO:
+        raise SchemaError(
+            given.role, [f"the ground pages hold no several {axis} with zero among them; give a case with GRNDEF and such deflections"]
+        )
+    zero = {c: t.isel({axis: int(np.argmin(np.abs(points)))}, drop=True) for c, t in tables.items()}
+    if axis == "delta_e" and (clean_ground is None or not _agree(zero, clean_ground.tables)):
+        warn(
+            f"{given.role}: the ground pages at zero elevator are not those of the clean aeroplane: the program carries them from "
+            "deflection to deflection; CL/ground_elevator, CD/ground_elevator and Cm/ground_elevator are left absent"
+        )
+        return Effect(name, {})
+    increments = {c: exact_zero(t - zero[c], axis) for c, t in tables.items()}
+    return Effect(name, increments, zeros={"h_agl": [2 * b, FAR], axis: [0.0]}, references=given.place("static"), comment=note)
+
+
+def _symflp(given: Source, surface: str, axis: str, h_ref: float) -> tuple[dict[str, xr.DataArray], xr.DataArray | None, str]:
+    """Return CL, CD, Cm of a symmetrical flap, zero at zero deflection, its lift-slope increment, and a note."""
+    grid = at_height(given.grid("symflp"), h_ref)
+    found = grid.attrs.get("surface")
+    if found != surface:
+        raise SchemaError(given.role, [f"the deflected surface is the {found}, the {surface} is needed; exchange flaps and elevator"])
+    if "symflp" in given.looped:
+        warn(_DRIFT.format(role=given.role))
+    grid = grid.rename(delta=axis).sortby(axis)
+    printed = {"CL": grid["dCL"], "CD": grid["dCDmin"], "Cm": grid["dCm"]}
+    induced = known({"dCDi": grid["dCDi"]} if "dCDi" in grid else {})
+    note = "" if induced else "induced-drag increment not printed"
+    printed["CD"] = sum(induced.values(), printed["CD"])
+    tables = {c: from_zero(table, axis) for c, table in known(printed).items()}
+    slope = known({"slope": grid["CL_alpha_delta"]}) if np.any(grid[axis].values == 0.0) else {}
+    return tables, from_zero(slope["slope"], axis) if slope else None, note
+
+
+def at_height(grid: xr.Dataset, h_ref: float) -> xr.Dataset:
+    """Return the altitude nearest the reference; controls are printed at few altitudes and hardly depend on it."""
+    return grid.sel(h=h_ref, method="nearest", drop=True)
+
+
+def from_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
+    """Return increments that are zero at zero deflection: its own value taken off, or a node put in."""
+    points = table[axis].values
+    if np.any(points == 0.0):
+        return exact_zero(table - table.sel({axis: 0.0}, drop=True), axis)
+    node = xr.zeros_like(table.isel({axis: [0]})).assign_coords({axis: [0.0]})
+    return xr.concat([table, node], axis).sortby(axis)
+
+
+def exact_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
+    """Return a table whose breakpoint printed as nearly zero stands at zero exactly."""
+    points = table[axis].values.copy()
+    points[np.argmin(np.abs(points))] = 0.0
+    return table.assign_coords({axis: points}).transpose(*table.dims)
+
+
+def _over_ground(given: Source, h_ref: float, b: float, z_ref: float) -> tuple[dict[str, xr.DataArray], str]:
+    """Return page over ground minus page in free air over h_agl, fading to zero at two spans."""
+    grid = at_height(given.grid("static"), h_ref)
+    if "ground_height" not in grid.dims or not np.isinf(grid["ground_height"].values).any():
+        raise SchemaError(given.role, ["the case holds no pages over ground beside the one in free air; give a case with GRNDEF"])
+    low = grid.sel(ground_height=np.isfinite(grid["ground_height"]))
+    tables = {}
+    for coefficient in _LONGITUDINAL:
+        free = grid[coefficient].sel(ground_height=np.inf, drop=True)
+        for axis in set(free.dims) & {"delta_f", "delta_e"}:  # the free-air page is printed once, without deflection
+            free = free.dropna(axis, how="all").isel({axis: 0}, drop=True)
+        tables[coefficient] = low[coefficient] - free
+    tables = known(tables)
+    last = float(low["ground_height"].max()) - z_ref
+    if last >= 2 * b:
+        raise SchemaError(
+            given.role,
+            [f"ground heights reach {last:.1f} m, beyond two spans ({2 * b:.1f} m) where the effect is taken as zero; leave them out"],
+        )
+    machs = grid["mach"].values
+    comment = (
+        f"zero from two spans ({2 * b:.2f} m) on, by definition; the breakpoint at {FAR:.0f} m keeps flight at height inside the table"
+    )
+    if machs.size == 1:
+        tables = {name: table.isel(mach=0, drop=True) for name, table in tables.items()}
+        comment = joined(f"computed at Mach {machs[0]:g}", comment)
+    return {name: _faded(table, b, z_ref) for name, table in tables.items()}, comment
+
+
+def _faded(table: xr.DataArray, b: float, z_ref: float) -> xr.DataArray:
+    table = table.assign_coords(ground_height=table["ground_height"] - z_ref).rename(ground_height="h_agl").sortby("h_agl")
+    far = xr.zeros_like(table.isel(h_agl=[0, 0])).assign_coords(h_agl=[2 * b, FAR])
+    return xr.concat([table, far], "h_agl")
+
+
+def _agree(zero: Mapping[str, xr.DataArray], clean: Mapping[str, xr.DataArray]) -> bool:
+    """Tell whether two ground effects agree within the rounding of the print (CL, CD three decimals, Cm four)."""
+    if set(zero) - set(clean):
+        return False
+    for coefficient, table in zero.items():
+        near = clean[coefficient].interp_like(table)
+        if float(np.abs(table - near).max()) > 0.003:  # NaN where either is not printed does not count
+            return False
+    return True

@@ -1,0 +1,122 @@
+"""Power effects from pages with JETPWR or PROPWR: what running engines do to the airflow, per thrust coefficient.
+
+The program adds to its pages [routines JETPWE, PRPWEF]: the lift CT sin(alpha + i) of the thrust itself, its moment about the moment
+centre (-CT z/cbar), the normal force of inlet or propeller, and what jet or slipstream do to wing and tail; the drag of the thrust is
+not in it.  A simulation that lets the thrust act at the engines would count the first two twice, so they are taken off here.
+
+The rest is divided by the thrust coefficient of the deck and multiplies the regressor ``CT``: right at that thrust, linear
+in between and beyond by assumption (the inlet force does not grow with thrust, the downwash at the tail less than in proportion).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import SchemaError
+from flightmech.units import DEGREE, FOOT, INCH
+
+from ..transform.effects import Effect
+from .sources import Source, known, warn
+
+_LENGTH = {"FT": FOOT, "IN": INCH, "M": 1.0, "CM": 0.01}
+_ROUNDING = {"CL": 1e-3, "CD": 1e-3, "Cm": 1e-4}  # of the difference of two prints
+
+
+@dataclass(frozen=True)
+class Thrust:
+    """The thrust of a deck: coefficient of all engines T / (qbar S), incidence [rad], height of its line over the moment centre [m]."""
+
+    CT: float
+    incidence: float
+    height: float
+    jet: bool
+
+
+def thrust(given: Source) -> Thrust:
+    """Return the thrust that the input cards describe.
+
+    Raises
+    ------
+    SchemaError
+        No or two power namelists, no input cards, or a thrust coefficient of zero.
+    """
+    names = {name for deck in given.decks for name in ("JETPWR", "PROPWR") if name in deck.namelists}
+    if given.decks and len(names) != 1:
+        raise SchemaError(
+            given.role, [f"the input cards hold {' and '.join(sorted(names)) or 'no JETPWR or PROPWR'}; one of them is needed"]
+        )
+    jet = names == {"JETPWR"}
+    name, letter = ("JETPWR", "J") if jet else ("PROPWR", "P")
+    CT = given.card(name, f"NENGS{letter}") * given.card(name, f"THSTC{letter}")
+    if not CT > 0.0:
+        raise SchemaError(given.role, [f"the thrust coefficient of the input cards is {CT:g}; a positive one is needed"])
+    incidence = given.card(name, f"AIETL{letter}", 0.0) * DEGREE
+    z = given.card(name, "JEVLOC" if jet else "PHVLOC", 0.0) - given.card("SYNTHS", "ZCG", 0.0)
+    x = given.card(name, "JEALOC", 0.0) - given.card("SYNTHS", "XCG", 0.0)
+    height = np.cos(incidence) * z + np.sin(incidence) * x if jet else z  # as the program forms it
+    if jet and given.card(name, "JIALOC", 0.0) > given.card("SYNTHS", "XW", 0.0):
+        warn(
+            f"{given.role}: the inlet lies behind the apex of the wing, where the program extrapolates its chart of the upwash before it; "
+            "the normal force of the inlet in CL/power and Cm/power is doubtful"
+        )
+    return Thrust(CT, incidence, float(height) * _LENGTH[given.decks[0].dim], jet)
+
+
+def power(given: Source, clean: Source, h_ref: float) -> Effect:
+    """Return the effect ``power`` on CL, CD, Cm per unit of the thrust coefficient, without the thrust force itself.
+
+    Notes
+    -----
+    A cell without value on the unpowered page is left out: the program prints the increment alone there.
+    """
+    engine = thrust(given)
+    other = [key for key, item in given.reference.items() if not np.isclose(item, clean.reference[key], rtol=1e-6, atol=1e-9)]
+    if other:
+        raise SchemaError(
+            given.role, [f"{', '.join(other)} of the powered pages are not those of the clean ones; compute both with the same"]
+        )
+    pages = _pages(given, True)
+    h = float(pages["h"].sel(h=h_ref, method="nearest"))
+    powered, free = pages.sel(h=h, drop=True), _pages(clean, False)
+    if not np.isclose(free["h"], h, rtol=0.0, atol=1.0).any():
+        raise SchemaError(
+            given.role, [f"the powered pages stand at {h:.1f} m, the clean listing has no page there; compute both at one altitude"]
+        )
+    free = free.sel(h=h, method="nearest", drop=True)
+    missing = [f"{mach:g}" for mach in powered["mach"].values if not np.isclose(free["mach"], mach, rtol=0.0, atol=1e-6).any()]
+    if missing:
+        raise SchemaError(
+            given.role,
+            [f"Mach {', '.join(missing)} stands on no page without power; the clean listing must hold the Mach numbers of the powered one"],
+        )
+    free = free.sel(mach=powered["mach"], method="nearest").assign_coords(mach=powered["mach"])
+    if powered.sizes["alpha"] != free.sizes["alpha"] or not np.allclose(powered["alpha"], free["alpha"], rtol=0.0, atol=1e-9):
+        raise SchemaError(given.role, ["the angles of attack are not those of the clean listing; give the same schedule to both"])
+    free = free.assign_coords(alpha=powered["alpha"])
+    forces = ("CL", "Cm") if engine.jet else ("CL", "CD", "Cm")  # JETPWE sets the drag increment to zero
+    whole = {c: powered[c] - free[c] for c in forces}
+    itself: dict[str, xr.DataArray] = {
+        "CL": xr.DataArray(engine.CT * np.sin(powered["alpha"] + engine.incidence)),
+        "CD": xr.DataArray(0.0),
+        "Cm": xr.DataArray(-engine.CT * engine.height / given.reference["cbar"]),
+    }
+    tables = known({c: table for c, table in whole.items() if float(np.abs(table).max()) > _ROUNDING[c]})
+    if not tables:
+        warn(f"{given.role}: the powered pages are those without power; the power terms are left absent")
+    comment = (
+        f"thrust itself taken off (CT sin(alpha + {engine.incidence / DEGREE:g} deg), line {engine.height:.3f} m above the moment centre); "
+        f"computed at CT = {engine.CT:g}, linear in CT by assumption"
+    )
+    rest = {c: (table - itself[c]) / engine.CT for c, table in tables.items()}
+    return Effect("power", rest, "CT", references=given.place("static"), comment=comment)
+
+
+def _pages(place: Source, powered: bool) -> xr.Dataset:
+    grid = place.grid("static", powered)
+    for axis in ("delta_f", "delta_e"):
+        if axis in grid.dims:
+            grid = grid.isel({axis: 0}, drop=True)
+    return grid

@@ -1,0 +1,1 @@
+"""What a database is: its scheme, rules, file, history and evaluation."""

@@ -1,0 +1,113 @@
+"""Databases on disk: netCDF-4 that plain HDF5 readers open, written whole or not at all, sealed against damage.
+
+HDF5 has no check over its texts and numbers: a flipped byte changes a value without a word or, in the heap of the texts, sends the
+library into an endless loop (HDF5 2.0).  So the SHA-256 of all bytes stands in a last line behind the end of the HDF5 content, where
+no reader looks; a program that changes the file in place cuts the line off.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+
+import h5py
+import xarray as xr
+
+from flightmech.errors import ParseError, SchemaError
+from flightmech.support.atomic_write import written_whole
+
+from .netcdf import faults, image, read
+from .schema import CHECKS, check
+
+_SEAL = b"\nsha256 of the bytes above: %s\n"
+_END_AT = {0: 40, 1: 44, 2: 28, 3: 28}  # byte of the superblock, by its version, with addresses of eight bytes
+_ENDS = max(_END_AT.values())
+_LENGTH = len(_SEAL) - len(b"%s") + 2 * hashlib.sha256().digest_size
+
+
+def save(db: xr.DataTree, path: str | os.PathLike) -> None:
+    """Check a database, run the check cases it carries, and write it to a netCDF-4 file.
+
+    Parameters
+    ----------
+    db : DataTree
+        The database.
+    path : path
+        The file; an older one is replaced in one step once the new one is complete on disk.
+
+    Raises
+    ------
+    SchemaError
+        With all faults; nothing is written then.
+    OSError
+        The disk is full, say; the older file stays as it was.
+    """
+    problems = check(db) + faults(db)
+    problems += [] if problems else _failing_checks(db)
+    if problems:
+        raise SchemaError(f"database {db.attrs.get('title', '')!r}", list(dict.fromkeys(problems)))
+    content = image(db)
+    with written_whole(path) as part:
+        part.write_bytes(_sealed(content))
+
+
+def open(path: str | os.PathLike) -> xr.DataTree:
+    """Read a database from a file, whole into memory, check it, and run the check cases it carries.
+
+    Raises
+    ------
+    FileNotFoundError
+        No such file.
+    ParseError
+        Not a netCDF-4 file, or a damaged one.
+    SchemaError
+        A netCDF file that is not a database, or one with faults; all of them.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file; `aeromatch db build` writes a database")
+    if not path.is_file() or not h5py.is_hdf5(path):
+        raise ParseError(str(path), 0, "no netCDF-4 (HDF5) signature", "a database as aerodb.save writes it; build or copy the file again")
+    _demand_unbroken(path)
+    try:
+        db, problems = read(path)
+    except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
+        raise ParseError(str(path), 0, f"a damaged file ({type(error).__name__}: {error})", "a database; build or copy it again") from error
+    problems += check(db)
+    problems += [] if problems else _failing_checks(db)
+    if problems:
+        raise SchemaError(str(path), list(dict.fromkeys(problems)))
+    return db
+
+
+def _failing_checks(db: xr.DataTree) -> list[str]:
+    """Return which of the check cases that travel with a database fail; most carry none."""
+    if CHECKS not in db.children:
+        return []
+    from .stored_checks import failing_checks
+
+    return failing_checks(db)
+
+
+def _sealed(content: bytes) -> bytes:
+    return content + _SEAL % hashlib.sha256(content).hexdigest().encode()
+
+
+def _demand_unbroken(path: Path) -> None:
+    """Raise unless what stands behind the HDF5 content is the seal, or nothing: a file that another program wrote."""
+    with path.open("rb") as file:
+        head = file.read(_ENDS + 8)
+        size = file.seek(0, os.SEEK_END)
+        if size == _end_of_content(head):
+            return
+        file.seek(0)
+        content = file.read()
+    if content != _sealed(content[:-_LENGTH]):
+        raise ParseError(str(path), 0, "a damaged file (its SHA-256 is not that of its seal)", "a database; build or copy it again")
+
+
+def _end_of_content(head: bytes) -> int:
+    """Return the address of the end of file in an HDF5 superblock (HDF5 File Format Specification 3.0, section II.A)."""
+    place = _END_AT.get(head[8] if len(head) > 8 else 0, _ENDS)
+    return int.from_bytes(head[place : place + 8], "little")

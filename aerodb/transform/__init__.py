@@ -1,0 +1,1 @@
+"""A database for another reference, size, grid or height above ground."""

@@ -1,0 +1,1 @@
+"""Flight estimates joined with the a-priori tables, and the standard errors of the result."""

@@ -1,0 +1,476 @@
+"""Local estimates from flight and a prior database joined into tables.
+
+A local estimate theta = (X'X)^-1 X' z of samples that follow the tables, z = B g, has the expectation H g with
+H = (X'X)^-1 X' B, whatever the local model leaves out.  Every fit is therefore an observation
+
+    theta = H g + D s + e,    s ~ N(0, 1),    e ~ N(0, C)
+
+of the nodes g of all terms of its coefficient at once.  C is its coloured-residual covariance; D holds the changes by
+one standard error of every error that fits share: mass, inertia, thrust, the pick-ups of the surfaces, and what the
+instruments leave open in the reconstructed states.  With the prior g ~ N(g0, P) everything is Gaussian, and the nodes have
+a posterior in closed form.  The common errors s are *considered*, not estimated (Schmidt): they widen the standard errors,
+but the tables take what was measured.  Estimating them lets the shape of a handbook table decide about an instrument: the
+bias of an elevator pick-up, which nothing but that shape can tell from a constant pitching moment, then came out with a third of
+its true uncertainty, at values that were no better.
+
+The prior covariance of the nodes is a sum of four parts (`aerodb.update.correlation.prior_parts`): common to the whole table; common
+to its flown region, and fading with the distance from it; and two shapes that fade over long and short correlation lengths.  The
+weights of the parts, and one factor on C, are learnt for each term: those with the largest marginal likelihood, given lognormal
+hyperpriors about the a-priori shares, found by Newton's method with exact derivatives.  The weights used are their lognormal
+means, which for a term that no fit speaks of are the a-priori shares.  What the flights say about the reach of a correction
+holds where they were flown: the second part is hardly learnt and never counts less than a priori, so that beside the flown
+region the standard errors go back to those of the handbook.  What the whole handbook method is wrong by is the first part,
+which may grow by much, and carries a correction to nodes that were not flown.
+Nodes of different terms are independent a priori; after the flight they are not, and a leaf has no room to say so: the
+standard errors are those of single nodes.
+
+What no fit can tell apart stays divided by the priors: a fit with one term for pitch rate and rate of incidence informs
+``qhat`` and ``alphadothat`` together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from flightmech import terms as _terms
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
+
+from ..store.schema import coefficients, terms
+from .correlation import LENGTHS, PARTS, SHARES, SPREADS, prior_parts
+
+REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the first identified, below the second corrected
+SUSPECT = 0.3  # weight below which a fit is listed as suspect
+_HUBER = 2.5
+FLOWN = 0.25  # least weight that some sample gives to a node of the flown region: half a cell away on each of two axes
+_ROUNDS, _STEPS = 4, 100  # of weighting, and of Newton's method within each
+_SPREAD_OF_FITS = 0.7  # standard error of the logarithm of the factor on C a priori
+_SETTLED = 1e-6  # step in these logarithms
+_AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")
+_FREE_AIR = 1e4  # h_agl where a fit says nothing about the ground [m]
+
+
+@dataclass(frozen=True)
+class Tabulation(Mapping):
+    """The new terms, ``{"CL/basic": leaf, ...}``, ready for `replace_terms`, and what was found on the way.
+
+    Attributes
+    ----------
+    terms : dict of str to Dataset
+        Every term that the fits say something about.  ``source`` is flight at nodes of the flown region (some sample gives
+        them a quarter of its weight, none but samples inside the table counting) whose standard error fell below 0.9 of the
+        a-priori one, and stays as it was elsewhere.
+    report : DataFrame
+        Index term; ``nodes``, ``flight`` (nodes from flight), ``corrected`` and ``identified`` (nodes with a ratio of
+        posterior to prior standard error below 0.9 and 0.5), ``ratio_least``, ``ratio_median``, ``change_rms``,
+        ``change_largest``, ``change_in_sd`` (largest change, in a-priori standard errors), ``widened`` (factor on the
+        a-priori standard errors; above 1 they were too small), ``level reach long short`` (weights of the parts of the
+        prior covariance).
+    points : DataFrame
+        Index (coefficient, fit): ``rms_prior``, ``rms`` of measured minus tables with the prior and the new ones,
+        ``range`` of the coefficient, ``distance`` of the fit from the tables in its own standard errors, ``weight``,
+        ``suspect``, ``clamped`` (share of samples outside a table).
+    compatibility : DataFrame
+        Index coefficient; ``chi2`` of the fits against prior and measurement errors, ``count`` of estimates,
+        ``probability``, ``inflation`` (factor on the standard errors of all fits, 1 or more, from their disagreement).
+    """
+
+    terms: dict[str, xr.Dataset]
+    report: pd.DataFrame
+    points: pd.DataFrame
+    compatibility: pd.DataFrame
+
+    def __getitem__(self, name: str) -> xr.Dataset:
+        return self.terms[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.terms)
+
+    def __len__(self) -> int:
+        return len(self.terms)
+
+
+def tabulate(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] = (), lengths: Mapping[str, float] | None = None) -> Tabulation:
+    """Return the terms of a database after the fits have been heard.
+
+    Parameters
+    ----------
+    fits : sequence of Fit
+        Of any coefficients; used are ``estimates`` (``estimate``, ``covariance``, ``systematic``; attributes
+        ``coefficient``, ``name``), ``data`` and ``design``.
+    prior : DataTree
+        The database; its leaves need ``stderr``, a node with ``stderr`` 0 stays.  A term that the flight shall bring in
+        must be there, as zeros with a wide standard error.
+    held : sequence of str
+        Terms such as ``"CL/altitude"`` that keep their values exactly.
+    lengths : mapping, optional
+        Correlation lengths by axis that differ from `LENGTHS`; ``inf`` for fully correlated. [SI]
+
+    Returns
+    -------
+    Tabulation
+
+    Raises
+    ------
+    SchemaError
+        Terms without standard errors, or force axes other than those of the fits; all faults.
+    UnknownName
+        A held term or a coefficient that the database does not have, or a variable that a table needs and the data of a
+        fit do not hold.
+
+    References
+    ----------
+    .. [Rasmussen2006] Rasmussen, Williams, Gaussian Processes for Machine Learning, MIT Press 2006, chapter 2.
+    .. [Searle1992] Searle, Casella, McCulloch, Variance Components, Wiley 1992, chapter 8.
+    .. [Schmidt1966] Schmidt, Application of state-space methods to navigation problems, Advances in Control Systems 3, 1966.
+    """
+    leaves = terms(prior)
+    _demand(fits, prior, leaves, held)
+    lengths = {**LENGTHS, **(lengths or {})}
+    new: dict[str, xr.Dataset] = {}
+    tables: dict[str, list] = {"report": [], "points": [], "compatibility": []}
+    for coefficient in dict.fromkeys(_coefficient(fit) for fit in fits):
+        mine = {name: leaf for name, leaf in leaves.items() if name.startswith(f"{coefficient}/")}
+        local = [fit for fit in fits if _coefficient(fit) == coefficient]
+        new |= _one_coefficient(coefficient, local, mine, held, lengths, tables)
+    frames = {name: pd.concat(parts) for name, parts in tables.items()}
+    return Tabulation(new, **frames)
+
+
+@dataclass(frozen=True)
+class _Observation:
+    """One fit, as linear in the free nodes."""
+
+    theta: np.ndarray  # estimates less what the held terms contribute
+    H: np.ndarray  # (estimates, free nodes)
+    D: np.ndarray  # (estimates, common errors)
+    C: np.ndarray  # (estimates, estimates)
+    flown: np.ndarray  # (free nodes,), True where samples lie close by
+    bases: dict[str, Any]  # of all terms, free and held: (samples, nodes)
+
+
+@dataclass(frozen=True)
+class _Posterior:
+    """Nodes and what was found on the way; arrays by node, then by fit."""
+
+    value: np.ndarray
+    stderr: np.ndarray
+    weight: np.ndarray
+    distance: np.ndarray
+    parts: dict[str, np.ndarray]  # weights of the parts of the prior covariance, by term
+    inflation: float
+    chi2: float
+
+
+def _one_coefficient(coefficient, fits, leaves, held, lengths, tables) -> dict[str, xr.Dataset]:
+    free = {name: leaf for name, leaf in leaves.items() if name not in held}
+    sources = list(dict.fromkeys(str(name) for fit in fits for name in fit.estimates["error"].values))
+    observed = [_observe(fit, leaves, free, sources) for fit in fits]
+    flown = np.any([o.flown for o in observed], axis=0)
+    touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
+    found = _posterior(observed, free, flown & touched, lengths)
+    new = {}
+    for (name, leaf), nodes in zip(free.items(), _slices([leaf["value"].size for leaf in free.values()])):
+        if touched[nodes].any():
+            new[name] = _leaf(leaf, found.value[nodes], found.stderr[nodes], (flown & touched)[nodes], _contributors(fits, observed, nodes))
+            tables["report"].append(_term_row(name, leaf, new[name], found.parts[name]))
+    tables["points"].append(_point_rows(coefficient, fits, observed, leaves, {**leaves, **new}, found))
+    tables["compatibility"].append(_compatibility_row(coefficient, sum(len(o.theta) for o in observed), found))
+    return new
+
+
+def _observe(fit, leaves: Mapping[str, xr.Dataset], free: Mapping[str, xr.Dataset], sources: Sequence[str]) -> _Observation:
+    X = fit.design.values
+    Q, R = np.linalg.qr(X)
+    bases = {name: basis_at(leaf, fit.data) for name, leaf in leaves.items()}
+    H = [np.linalg.solve(R, (bases[name].T @ Q).T) for name in free]
+    fixed = sum((bases[name] @ leaf["value"].values.ravel() for name, leaf in leaves.items() if name not in free), np.zeros(len(X)))
+    e = fit.estimates
+    D = np.zeros((X.shape[1], len(sources)))
+    D[:, [sources.index(str(name)) for name in e["error"].values]] = e["systematic"].values
+    flown = np.concatenate([_flown(leaf, fit.data) for leaf in free.values()])
+    return _Observation(e["estimate"].values - np.linalg.solve(R, Q.T @ fixed), np.hstack(H), D, e["covariance"].values, flown, bases)
+
+
+def _flown(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
+    """Return which nodes have samples close by: the table gives them a weight of `FLOWN` at some sample inside it."""
+    bare = _terms.bare(leaf)
+    B = basis_at(bare, data)[~_outside(bare, data)]
+    return np.asarray(B.max(axis=0).todense()).ravel() >= FLOWN if B.shape[0] else np.zeros(leaf["value"].size, bool)
+
+
+def _posterior(observed: Sequence[_Observation], free: Mapping[str, xr.Dataset], flown: np.ndarray, lengths) -> _Posterior:
+    """Nodes given the fits; fits far from the tables that the others support lose weight, the prior covariance is learnt."""
+    H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
+    g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
+    y = np.concatenate([o.theta for o in observed]) - H @ g0
+    columns = _slices([leaf["value"].size for leaf in free.values()])
+    slices = _slices([len(o.theta) for o in observed])
+    priors = [prior_parts(leaf, flown[at], lengths) for leaf, at in zip(free.values(), columns)]
+    PH = [P @ H[:, at].T for P, at in zip(priors, columns)]  # (parts, nodes, estimates)
+    expected = np.concatenate([H[:, at] @ one for one, at in zip(PH, columns)])
+    weight, start = np.ones(len(observed)), None
+    for _ in range(_ROUNDS):
+        noise = _block_diagonal([o.C / w for o, w in zip(observed, weight)])
+        factors, start = _learnt(y, np.concatenate([expected, noise[None]]), D @ D.T, start)
+        noise *= factors[-1]
+        inverse = _inverse(np.einsum("k,kij->ij", factors[:-1], expected) + noise)
+        residual = noise @ inverse @ y
+        distance = np.array([_distance(residual[part], o.C) for part, o in zip(slices, observed)])
+        weight = np.minimum(1.0, (_HUBER * np.sqrt(factors[-1]) / np.maximum(distance, 1e-12)) ** 2)
+    weights = factors[:-1].reshape(len(free), -1)
+    reach = np.vstack([np.einsum("k,kij->ij", w, one) for w, one in zip(weights, PH)])
+    own = np.concatenate([w @ np.diagonal(P, axis1=1, axis2=2) for w, P in zip(weights, priors)])
+    gain = reach @ inverse
+    variance = own - np.einsum("ij,ij->i", gain, reach) + ((gain @ D) ** 2).sum(axis=1)
+    declared = np.einsum("k,kij->ij", np.tile(list(SHARES.values()), len(free)), expected)
+    chi2 = float(y @ _inverse(declared + D @ D.T + _block_diagonal([o.C for o in observed])) @ y)
+    stderr = np.sqrt(np.maximum(variance, 0.0))
+    return _Posterior(g0 + gain @ y, stderr, weight, distance, dict(zip(free, weights)), float(np.sqrt(factors[-1])), chi2)
+
+
+def _learnt(y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the weights of the parts of the covariance that the fits support, and their logarithms at the mode.
+
+    The covariance of `y` is ``sum(exp(u_k) parts_k) + fixed``: `PARTS` for each table, and last the errors of the fits.  All
+    are learnt together, so that a prior that was too sure is not mistaken for fits that disagree.  The u are normal a
+    priori, with the shares as the means of exp(u); at the mode of their posterior the inverse of the information matrix is taken
+    for their covariance, and the weights are the means of exp(u) again.  The part that fades outside the flown region, and
+    the errors of the fits, are never made smaller.
+    """
+    tables = (len(parts) - 1) // len(SHARES)
+    spread = np.append(np.tile(list(SPREADS.values()), tables), _SPREAD_OF_FITS)
+    share = np.append(np.tile(list(SHARES.values()), tables), 1.0)
+    mean = np.log(share) - spread**2 / 2.0
+    used = np.einsum("kii->k", parts) > 0
+    u, covariance = mean.copy(), np.diag(spread**2)
+    u[used], covariance[np.ix_(used, used)] = _mode(
+        y, parts[used], fixed, mean[used], spread[used], (mean if start is None else start)[used]
+    )
+    least = np.append(np.tile([share if name == "reach" else 0.0 for name, share in SHARES.items()], tables), 1.0)
+    return np.maximum(np.exp(u + np.diag(covariance) / 2.0), least), u
+
+
+def _mode(y, parts, fixed, mean, spread, u) -> tuple[np.ndarray, np.ndarray]:
+    """Return the mode of the logarithms and the inverse of the information there: Newton's method with Marquardt's damping."""
+    cost, S = _cost(y, parts, fixed, mean, spread, u)
+    damping = 1e-3
+    for _ in range(_STEPS):
+        inverse = _inverse(S)
+        r = inverse @ y
+        size = np.exp(u)
+        share = size[:, None, None] * (inverse @ parts)
+        pull = size[:, None] * (parts @ r)
+        likelihood = (np.einsum("kii->k", share) - pull @ r) / 2.0
+        gradient = likelihood + (u - mean) / spread**2
+        flat = share.reshape(len(u), -1)
+        expected = flat @ share.transpose(0, 2, 1).reshape(len(u), -1).T / 2.0
+        information = expected + np.diag(spread**-2.0)
+        curvature = pull @ inverse @ pull.T - expected + np.diag(likelihood + spread**-2.0)
+        while damping < 1e10:
+            trial, S_trial = np.inf, S
+            try:
+                L = np.linalg.cholesky(curvature + damping * np.diag(np.diag(information)))
+                step = -np.linalg.solve(L.T, np.linalg.solve(L, gradient))
+                step *= min(1.0, 2.0 / np.abs(step).max())
+                trial, S_trial = _cost(y, parts, fixed, mean, spread, u + step)
+            except np.linalg.LinAlgError:
+                pass  # no minimum of the quadratic: damp more
+            if trial <= cost + 1e-12 * abs(cost):
+                break
+            damping *= 10.0
+        else:
+            break
+        u, cost, S, damping = u + step, trial, S_trial, max(damping / 10.0, 1e-10)
+        if np.abs(step).max() < _SETTLED:
+            break
+    return u, np.linalg.inv(information)
+
+
+def _cost(y, parts, fixed, mean, spread, u) -> tuple[float, np.ndarray]:
+    """Return the negative logarithm of the density of `y` and the logarithms, and the covariance of `y`."""
+    S = np.einsum("k,kij->ij", np.exp(u), parts) + fixed
+    scale = np.sqrt(np.diag(S))
+    L = np.linalg.cholesky(S / np.outer(scale, scale))
+    z = np.linalg.solve(L, y / scale)
+    return float(np.log(scale * np.diag(L)).sum() + z @ z / 2.0 + (((u - mean) / spread) ** 2).sum() / 2.0), S
+
+
+def _slices(sizes: Sequence[int]) -> list[slice]:
+    ends = np.cumsum(sizes)
+    return [slice(end - size, end) for end, size in zip(ends, sizes)]
+
+
+def _inverse(S: np.ndarray) -> np.ndarray:
+    """Inverse of a covariance, scaled to unit diagonal first: terms differ by orders of magnitude."""
+    scale = np.sqrt(np.diag(S))
+    return np.linalg.inv(S / np.outer(scale, scale)) / np.outer(scale, scale)
+
+
+def _distance(residual: np.ndarray, C: np.ndarray) -> float:
+    """Rms of a residual in its own standard errors, correlations taken into account."""
+    sd = np.sqrt(np.diag(C))
+    correlation = C / np.outer(sd, sd) + 1e-9 * np.eye(len(sd))
+    return float(np.sqrt((residual / sd) @ np.linalg.solve(correlation, residual / sd) / len(sd)))
+
+
+def _leaf(leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, flown: np.ndarray, contributors: Sequence[str]) -> xr.Dataset:
+    shape = leaf["value"].shape
+    flown = flown.reshape(shape) & (sd.reshape(shape) < CORRECTED * leaf["stderr"].values)
+    known = leaf["source"].values if "source" in leaf else np.full(shape, _terms.SOURCES.index("judgement"), np.uint8)
+    new = leaf.copy(deep=True)
+    new["value"] = leaf["value"].dims, value.reshape(shape), leaf["value"].attrs
+    new["stderr"] = leaf["value"].dims, sd.reshape(shape), leaf["stderr"].attrs
+    source = np.where(flown, _terms.SOURCES.index("flight"), known).astype(np.uint8)
+    new["source"] = leaf["value"].dims, source, {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
+    words = [str(leaf.attrs.get("comment", "")), f"{int(flown.sum())} of {flown.size} nodes from flight: {', '.join(contributors)}."]
+    if set(_terms.regressors(leaf)) & {"qhat", "alphadothat"}:
+        words.append("Pitch rate and rate of incidence move alike in flight; between their terms the a-priori errors decide.")
+    words.append("Standard errors are of single nodes; their correlation is not kept.")
+    new.attrs["comment"] = " ".join(word for word in words if word)
+    line = f"tabulate: joined with {len(contributors)} fits"
+    new.attrs["history"] = f"{leaf.attrs['history']}\n{line}" if leaf.attrs.get("history") else line
+    return new
+
+
+def _contributors(fits: Sequence[Any], observed: Sequence[_Observation], nodes: slice) -> list[str]:
+    return [
+        str(fit.estimates.attrs.get("name") or f"fit {k}")
+        for k, (fit, o) in enumerate(zip(fits, observed))
+        if np.abs(o.H[:, nodes]).max() > 0
+    ]
+
+
+def _term_row(name: str, before: xr.Dataset, after: xr.Dataset, weights: np.ndarray) -> pd.DataFrame:
+    sd0, change = before["stderr"].values.ravel(), (after["value"] - before["value"]).values.ravel()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(sd0 > 0, after["stderr"].values.ravel() / sd0, 1.0)
+        in_sd = np.where(sd0 > 0, np.abs(change) / sd0, 0.0)
+    row = {
+        "nodes": len(ratio),
+        "flight": int((after["source"].values == _terms.SOURCES.index("flight")).sum()),
+        "corrected": int((ratio < CORRECTED).sum()),
+        "identified": int((ratio < REPLACED).sum()),
+        "ratio_least": ratio.min(),
+        "ratio_median": np.median(ratio),
+        "change_rms": np.sqrt((change**2).mean()),
+        "change_largest": change[np.abs(change).argmax()],
+        "change_in_sd": in_sd.max(),
+        "widened": np.sqrt(weights.sum()),
+        **dict(zip(PARTS, weights)),
+    }
+    return pd.DataFrame(row, index=pd.Index([name], name="term"))
+
+
+def _point_rows(coefficient: str, fits, observed, before, after, found: _Posterior) -> pd.DataFrame:
+    rows = []
+    for k, (fit, o) in enumerate(zip(fits, observed)):
+        z = fit.data[coefficient].values
+        prior, new = (z - sum(B @ leaves[name]["value"].values.ravel() for name, B in o.bases.items()) for leaves in (before, after))
+        rows.append(
+            {
+                "coefficient": coefficient,
+                "fit": str(fit.estimates.attrs.get("name", "")),
+                "rms_prior": np.sqrt((prior**2).mean()),
+                "rms": np.sqrt((new**2).mean()),
+                "range": np.ptp(z),
+                "distance": found.distance[k],
+                "weight": found.weight[k],
+                "suspect": bool(found.weight[k] < SUSPECT),
+                "clamped": max(_clamped(leaf, fit.data) for leaf in before.values()),
+            }
+        )
+    return pd.DataFrame(rows).set_index(["coefficient", "fit"])
+
+
+def _compatibility_row(coefficient: str, count: int, found: _Posterior) -> pd.DataFrame:
+    from scipy.stats import chi2 as chi2_distribution
+
+    row = {"chi2": found.chi2, "count": count, "probability": float(chi2_distribution.sf(found.chi2, count)), "inflation": found.inflation}
+    return pd.DataFrame(row, index=pd.Index([coefficient], name="coefficient"))
+
+
+def _demand(fits: Sequence[Any], prior: xr.DataTree, leaves: Mapping[str, xr.Dataset], held: Sequence[str]) -> None:
+    if not fits:
+        raise IdentificationError("no fit; tabulate needs at least one")
+    for name in held:
+        if name not in leaves:
+            raise UnknownName(name, leaves, "held term")
+    wanted = list(dict.fromkeys(_coefficient(fit) for fit in fits))
+    for name in wanted:
+        if name not in coefficients(prior):
+            raise UnknownName(name, coefficients(prior), "coefficient", "the database does not hold it with its force axes")
+    problems = []
+    if prior.attrs["force_axes"] == "wind" and set(wanted) & {"CL", "CD", "CY"}:
+        problems.append("force_axes is 'wind', the fits are of stability axes; build the database in stability axes")
+    for name, leaf in leaves.items():
+        if name.split("/")[0] in wanted and name not in held and "stderr" not in leaf:
+            problems.append(f"{name} has no stderr; give one to every node, or hold the term")
+    if problems:
+        raise SchemaError("prior", problems)
+
+
+def _conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
+    """The samples of a fit as conditions of a term; devices that were not recorded are at rest, the ground is far."""
+    found: dict[str, Any] = {}
+    for name in _terms.variables(leaf):
+        if name in data:
+            found[name] = data[name].values
+        elif name in _AT_REST:
+            found[name] = np.zeros(data.sizes["sample"])
+        elif name == "h_agl":
+            found[name] = np.full(data.sizes["sample"], _FREE_AIR)
+        else:
+            raise UnknownName(name, map(str, data.data_vars), "variable", "a table needs it and the data of the fit do not hold it")
+    return found
+
+
+def basis_at(leaf: xr.Dataset, data: xr.Dataset):
+    """Return the linear map from the nodes of a term to its contribution at the samples of a fit, sparse (sample, node).
+
+    Parameters
+    ----------
+    leaf : Dataset
+        The term.
+    data : Dataset (sample,)
+        ``Fit.data``; devices that were not recorded are at rest, the ground is far.
+
+    Raises
+    ------
+    UnknownName
+        A variable of the term that the samples do not hold.
+    """
+    B = _terms.basis(leaf, _conditions(leaf, data), outside="clamp")
+    # a single number without axes or regressors has no samples of its own
+    return B if B.shape[0] == data.sizes["sample"] else type(B)(np.repeat(B.toarray(), data.sizes["sample"], axis=0))
+
+
+def _clamped(leaf: xr.Dataset, data: xr.Dataset) -> float:
+    """Share of the samples that lie outside the table on some axis."""
+    return float(_outside(leaf, data).mean())
+
+
+def _outside(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
+    """Samples that lie outside the table on some axis."""
+    outside = np.zeros(data.sizes["sample"], bool)
+    for table in (leaf[name] for name in ("value", "K1", "K2") if name in leaf):
+        for axis in map(str, table.dims):
+            if axis in data:
+                x, points = data[axis].values, table[axis].values
+                outside |= (x < points[0]) | (x > points[-1])
+    return outside
+
+
+def _coefficient(fit: Any) -> str:
+    return str(fit.estimates.attrs["coefficient"])
+
+
+def _block_diagonal(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    from scipy.linalg import block_diag
+
+    return block_diag(*blocks)

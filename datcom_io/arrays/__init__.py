@@ -1,0 +1,1 @@
+"""Printed tables as arrays in SI and radians."""

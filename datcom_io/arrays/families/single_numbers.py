@@ -1,0 +1,90 @@
+"""Stacking numbers that are printed one by one, with a label or in a row of their own, into arrays: SI, a flag beside every value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import ParseError
+from flightmech.names import VOCABULARY, attrs
+
+from ...cells import ABSENT
+from ...printout.columns import Column
+from ...printout.content import Page
+from ...printout.tables import Table, Values
+from ..stacking import Stacker, add_variable, describe
+
+_PER = {"1/deg": "radian", "1/deg2": "radian squared"}
+
+
+class Number(NamedTuple):
+    """One printed number with its flag and line. [as printed]"""
+
+    line: int
+    value: float
+    flag: int
+
+
+Numbers = Mapping[str, Number]
+"""Numbers by their printed name."""
+Item = tuple[tuple[int, ...], Page, Numbers]
+"""Index along the dimensions, page and numbers."""
+
+
+def labelled(group: Values, subject: str = "") -> dict[str, Number]:
+    """Return the numbers of a group; with a subject only those whose labels begin with it, without it."""
+    start = f"{subject} " if subject else ""
+    cells = zip(group.labels, group.lines, group.values.tolist(), group.flags.tolist())
+    return {label.removeprefix(start): Number(*cell) for label, *cell in cells if label.startswith(start)}
+
+
+def row(table: Table, k: int = 0) -> dict[str, Number]:
+    """Return the numbers of a row."""
+    cells = zip(table.columns, table.values[k].tolist(), table.flags[k].tolist())
+    return {column.name: Number(table.lines[k], value, flag) for column, value, flag in cells}
+
+
+class Sheet:
+    """A leaf in the making.
+
+    `axes` maps dimensions to coordinate values, None for the dimension ``condition``; the coordinate ``lines`` goes over the first one.
+    """
+
+    def __init__(self, stacker: Stacker, axes: Mapping[str, Sequence | None]):
+        self.stacker, self.axes = stacker, axes
+        self.first = next(iter(axes))
+        self.dataset = xr.Dataset(coords=stacker.coords([stacker.condition_axis()]) if "condition" in axes else {})
+        for name, values in axes.items():
+            if values is not None:
+                self.dataset[name] = (name, np.array(values), attrs(name) if name in VOCABULARY else {})
+        self.seen: dict[int, list[int]] = {}
+
+    def add(self, columns: Iterable[Column], dims: Sequence[str], items: Iterable[Item]) -> None:
+        """Add a variable over `dims` for each column, filled where an item has a number of that name."""
+        shape = tuple(self.dataset.sizes[dim] for dim in dims)
+        items = list(items)
+        for column in columns:
+            value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
+            for where, page, numbers in items:
+                number = numbers.get(column.name)
+                if number is None:
+                    continue
+                if flag[where] != ABSENT:
+                    found = f"a second {column.name} for the place of an earlier one"
+                    raise ParseError(self.stacker.case.file, number.line, found, f"one for each {' and '.join(dims)}")
+                value[where] = self.stacker.si(column, page, np.array(number.value), np.array(number.flag))
+                flag[where] = number.flag
+                self.seen.setdefault(where[0], []).append(number.line)
+            add_variable(self.dataset, column, dims, value, flag)
+            if column.units in _PER:
+                self.dataset[column.house].attrs["per"] = _PER[column.units]
+
+    def leaf(self, long_names: Mapping[str, str], **attributes: str) -> xr.Dataset:
+        """Return the leaf with long names, attributes and the range of lines of its numbers."""
+        lines = np.full(self.dataset.sizes[self.first], "", dtype=object)
+        for k, numbers in self.seen.items():
+            lines[k] = f"{min(numbers)}-{max(numbers)}"
+        return describe(self.dataset, long_names).assign_coords(lines=(self.first, lines.astype(str))).assign_attrs(attributes)

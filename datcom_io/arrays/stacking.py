@@ -1,0 +1,213 @@
+"""Stacking the printed tables of one case into arrays: SI, radians, a flag beside every value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import ParseError
+from flightmech.names import VOCABULARY, attrs
+from flightmech.units import DEGREE, parse
+
+from ..cells import ABSENT, BLANK, FILLED, FLAGS, OK
+from ..printout.columns import Column
+from ..printout.content import Page, PrintedCase
+from ..printout.layouts.notes import FOOTNOTE_WORDS, footnotes
+from ..printout.tables import Table, Values
+from .conditions import Condition, Spot, si_factor
+
+HALF_UNIT = 0.0501  # of the axes, printed with one decimal [deg]
+_OF_DIM = {"length": "m", "area": "m2", "speed": "m s-1", "pressure": "Pa", "temperature": "K", "reynolds": "m-1"}  # unit of card DIM
+_SI = {"deg": "rad", "lbf": "N", **_OF_DIM}
+_CONDITION_UNITS = {"mach": "1", "h": "m", "V": "m s-1", "p_static": "Pa", "temperature": "K", "reynolds_per_m": "m-1"}
+_LONG_NAMES = {
+    "CN": "normal-force coefficient, body axes",
+    "CA": "axial-force coefficient, body axes, positive aft",
+    "xcp": "centre of pressure forward of the moment centre, in chords: CM/CN, and CMA/CLA from the first row without CM or CN on",
+    "ground_height": "height of the drawing datum (z = 0) over the ground, infinite in free air",
+    "q_ratio": "dynamic pressure at the horizontal tail over that of the free stream",
+    "epsilon": "downwash angle at the horizontal tail",
+    "epsilon_alpha": "slope of the downwash angle with alpha",
+}
+_FLAG_ATTRS = {"flag_values": " ".join(map(str, range(len(FLAGS)))), "flag_meanings": " ".join(FLAGS)}
+
+
+class Axis(NamedTuple):
+    """A dimension with its coordinate in SI."""
+
+    name: str
+    values: Sequence
+    units: str = ""
+
+
+class Stacker:
+    """Stacks the printed tables of one case into arrays."""
+
+    def __init__(self, case: PrintedCase, conditions: list[Condition], spots: dict[int, Spot], fill_transonic: bool):
+        self.case, self.conditions, self.spots, self.fill_transonic = case, conditions, spots, fill_transonic
+
+    def placed(self, name: str) -> list[tuple[Spot, Page, Table]]:
+        """Return place, page and table of every table of a kind that has a place."""
+        return [(self.spots[page.first], page, table) for page, table in self.case.tables(name) if page.first in self.spots]
+
+    def placed_values(self, name: str) -> list[tuple[Spot, Page, Values]]:
+        """Return place, page and group of every group of a kind that has a place."""
+        return [(self.spots[page.first], page, group) for page, group in self.case.values(name) if page.first in self.spots]
+
+    def with_two_way(
+        self,
+        found: xr.Dataset,
+        placed: list[tuple[Spot, Page, Table]],
+        across: Axis,
+        printed: Sequence[float] | None = None,
+        half_unit: float = HALF_UNIT,
+    ) -> xr.Dataset:
+        """Add two-way tables as a variable (condition, alpha, across); `printed` are the heading values when they are not the axis."""
+        column = placed[0][2].layout.across
+        assert column is not None
+        wanted = across.values if printed is None else printed
+        for _, _, table in placed:
+            assert table.across is not None
+            self.demand(column.name, table.across, wanted, [table.across_line] * len(table.across), half_unit)
+        alphas = self.axis(placed, "alpha", self.alphas())
+        shape = (len(self.conditions), len(alphas.values), len(across.values))
+        value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
+        for spot, page, table in placed:
+            rows, count = len(table.rows), len(table.columns) - 1
+            flag[spot.condition, :rows, :count] = table.flags[:, 1:]
+            value[spot.condition, :rows, :count] = self.si(column.cell, page, table.values[:, 1:], table.flags[:, 1:])
+        lines = self.lines(shape[:1], [((spot.condition,), table) for spot, _, table in placed])
+        found = found.assign_coords({"alpha": self.coords([alphas])["alpha"]})
+        add_variable(found, column.cell, ["condition", "alpha", across.name], value, flag)
+        return found.assign_coords({f"lines_{column.cell.house}": ("condition", lines)})
+
+    def over_alpha(self, placed: list[tuple[Spot, Page, Table]], alphas: Axis) -> xr.Dataset:
+        """Return tables of one kind, with one row per alpha and one page per flight condition, as arrays (condition, alpha)."""
+        items = [([spot.condition], page, table) for spot, page, table in placed]
+        return self.stack(placed[0][2].columns[1:], [self.condition_axis()], alphas, items)
+
+    def stack(self, columns: Sequence[Column], axes: list[Axis], rows: Axis, items: list[tuple[list[int], Page, Table]]) -> xr.Dataset:
+        """Return tables as arrays (axes..., rows); `items` holds index along the axes, page and table."""
+        outer = tuple(len(axis.values) for axis in axes)
+        lines = self.lines(outer, [(where, table) for where, _, table in items])
+        stacked = xr.Dataset(coords=self.coords([*axes, rows]))
+        for column in columns:
+            value, flag = np.full((*outer, len(rows.values)), np.nan), np.full((*outer, len(rows.values)), ABSENT, np.uint8)
+            for where, page, table in items:
+                part_value, part_flag = self.column(column, page, table)
+                value[tuple(where)][: len(part_value)], flag[tuple(where)][: len(part_flag)] = part_value, part_flag
+            add_variable(stacked, column, [axis.name for axis in (*axes, rows)], value, flag)
+        dims = [axis.name for axis in axes]
+        return stacked.assign_coords(lines=(dims, lines), notes=self.notes(dims, outer, [(where, page) for where, page, _ in items]))
+
+    @staticmethod
+    def notes(dims: Sequence[str], shape: tuple[int, ...], items: Iterable[tuple[Sequence[int], Page]]) -> xr.Variable:
+        """Return the footnotes that change what a table means, as words of `FOOTNOTE_WORDS`, at the place of each table."""
+        words = np.full(shape, "", dtype=object)
+        for where, page in items:
+            words[tuple(where)] = " ".join(footnotes([note.text for note in page.notes]))
+        meant = dict.fromkeys(word for text in words.ravel() for word in text.split())
+        return xr.Variable(dims, words.astype(str), {word: FOOTNOTE_WORDS[word] for word in meant})
+
+    def lines(self, shape: tuple[int, ...], items: Iterable[tuple[Sequence[int], Table]]) -> np.ndarray:
+        """Return the range of lines of each table at its place; two tables for one place raise."""
+        lines = np.full(shape, "", dtype=object)
+        for where, table in items:
+            if lines[tuple(where)]:
+                found = f"a second {table.name} table for the place of the one at lines {lines[tuple(where)]}"
+                raise ParseError(self.case.file, table.lines[0], found, "one table per configuration, condition, height and deflection")
+            lines[tuple(where)] = f"{table.lines[0]}-{table.lines[-1]}"
+        return lines.astype(str)
+
+    def column(self, column: Column, page: Page, table: Table) -> tuple[np.ndarray, np.ndarray]:
+        """Return a printed column in SI and its flags, a constant column filled downwards where that is allowed."""
+        at = table.columns.index(column)
+        flag = table.flags[:, at].copy()
+        value = self.si(column, page, table.values[:, at], flag)
+        transonic = self.case.deck.regime(page.condition("mach")) == "transonic"
+        if column.constant and len(flag) > 1 and (flag[1:] == BLANK).all() and (self.fill_transonic or not transonic):
+            value[1:] = value[0]
+            flag[1:] = FILLED if flag[0] == OK else flag[0]
+        return value, flag
+
+    def si(self, column: Column, page: Page, value: np.ndarray, flag: np.ndarray) -> np.ndarray:
+        """Return printed numbers of a column in SI, NaN where there is none."""
+        if column.units == "1/angle":
+            factor = 1.0 / DEGREE if (page.per or self.case.deck.deriv.lower()) == "deg" else 1.0
+        elif column.units in _OF_DIM:
+            factor = si_factor(column.units, page.dim)
+        else:
+            factor = parse(column.units)[1]
+        return np.where(flag == OK, value * factor, np.nan)
+
+    def alphas(self) -> list[float]:
+        """Return the schedule of the input cards. [deg]"""
+        return self.case.deck.schedule("FLTCON", "ALSCHD", "NALPHA")
+
+    def condition_axis(self) -> Axis:
+        """Return the axis of the flight conditions of the case."""
+        return Axis("condition", list(range(len(self.conditions))))
+
+    def axis(self, placed: list[tuple[Spot, Page, Table]], name: str, exact: Sequence[float], column: int = 0) -> Axis:
+        """Return a row axis: the deck's values, or the printed ones without a deck; all tables must agree with it. [deg]"""
+        longest = max((table for _, _, table in placed), key=lambda table: len(table.rows))
+        values = list(exact) or [float(x) for x in longest.values[:, column]]
+        for _, _, table in placed:
+            self.demand(table.columns[column].name, table.values[:, column], values, table.lines)
+        return Axis(name, values, "deg")
+
+    def demand(
+        self,
+        name: str,
+        printed: np.ndarray,
+        exact: Sequence[float],
+        lines: Sequence[int],
+        half_unit: float = HALF_UNIT,
+        units: str = "deg",
+    ) -> None:
+        """Raise when printed axis values are not the deck's, to the half unit of the print."""
+        if len(printed) > len(exact):
+            raise ParseError(self.case.file, lines[-1], f"{len(printed)} values of {name}", f"{len(exact)} as in the input cards")
+        unit = f" {units}" if units != "1" else ""
+        for line, shown, wanted in zip(lines, printed, exact):
+            if not abs(shown - wanted) <= half_unit:
+                raise ParseError(self.case.file, line, f"{name} = {shown:g}{unit}", f"{wanted:g}{unit} as in the input cards of the case")
+
+    def coords(self, axes: Sequence[Axis]) -> Mapping[str, object]:
+        """Return the coordinates of axes, and what names a flight condition."""
+        coords: dict[str, object] = {}
+        for axis in axes:
+            values = np.array(axis.values) * DEGREE if axis.units == "deg" else np.array(axis.values)
+            units = {"deg": "rad"}.get(axis.units, axis.units)
+            known = attrs(axis.name) if axis.name in VOCABULARY else {"units": units} if units else {}
+            if axis.name in _LONG_NAMES:
+                known["long_name"] = _LONG_NAMES[axis.name]
+            coords[axis.name] = (axis.name, values, known)
+        for name, units in _CONDITION_UNITS.items():
+            coords[name] = ("condition", np.array([getattr(condition, name) for condition in self.conditions]), {"units": units})
+        count = len(self.conditions)
+        coords["case"] = ("condition", np.array([self.case.name] * count, dtype=str))
+        coords["file"] = ("condition", np.array([self.case.file] * count, dtype=str))
+        return coords
+
+
+def add_variable(dataset: xr.Dataset, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray) -> None:
+    """Put a variable and its twin of flags into a Dataset."""
+    known = attrs(column.house) if column.house in VOCABULARY else {"units": _SI.get(column.units, "1")}
+    if column.house in _LONG_NAMES:
+        known["long_name"] = _LONG_NAMES[column.house]
+    if column.units in ("1/angle", "1/deg"):
+        known["per"] = "radian"
+    dataset[column.house] = (dims, value, {**known, "printed_as": column.name})
+    dataset[f"{column.house}_flag"] = (dims, flag, dict(_FLAG_ATTRS))
+
+
+def describe(dataset: xr.Dataset, long_names: Mapping[str, str]) -> xr.Dataset:
+    """Give variables and coordinates their long names, those that are there."""
+    for name, text in long_names.items():
+        if name in dataset.variables:
+            dataset[name].attrs["long_name"] = text
+    return dataset

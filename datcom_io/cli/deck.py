@@ -1,0 +1,152 @@
+"""``aeromatch datcom deck | check | split | run``: work with input decks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from flightmech.support import console
+
+_DECK = click.argument("deck", type=click.Path(exists=True, dir_okay=False))
+_FOLDER = click.Path(file_okay=False)
+
+
+@click.command("deck")
+@_DECK
+@click.option("-o", "--output", type=console.NewFile(), help="Deck to write as the program reads it: upper case, 80 columns.")
+@click.option("--resolved", is_flag=True, help="Every case complete, without SAVE.")
+@console.json_option
+def deck_verb(deck: str, output: str | None, resolved: bool, as_json: bool) -> None:
+    """Show the cases of an input deck (unit 5, plain or DATCOM+); with -o write it again."""
+    from ..decks.file import read_deck
+    from ..decks.writing import write_deck
+
+    found = read_deck(deck)
+    if output:
+        write_deck(found, output, resolved=resolved)
+    rows = [_case_row(number, case) for number, case in enumerate(found, 1)]
+    if as_json:
+        console.document({"file": found.file, "cases": rows, **({"written": output} if output else {})})
+        return
+    head = ["no", "case", "units", "conditions", "Mach", "altitude", "alpha [deg]", "namelists", "cards"]
+    console.table(
+        head, [tuple(row.values()) for row in rows], title=f"{found.file}: {_count(len(found), 'case')}", right=["no", "conditions"]
+    )
+    if output:
+        click.echo(f"written: {output}")
+
+
+def _case_row(number: int, case) -> dict:
+    machs, heights = case.schedule("FLTCON", "MACH", "NMACH"), case.schedule("FLTCON", "ALT", "NALT")
+    return {
+        "no": number,
+        "case": case.caseid,
+        "units": f"{case.dim}, {case.deriv}",
+        "conditions": len(case.conditions()),
+        "mach": " ".join(f"{x:g}" for x in machs),
+        "altitude": " ".join(f"{x:g}" for x in heights),
+        "alpha": " ".join(f"{x:g}" for x in case.schedule("FLTCON", "ALSCHD", "NALPHA")),
+        "namelists": " ".join(case.namelists),
+        "cards": " ".join(card.name for card in case.cards if card.name not in ("CASEID", "DIM", "DERIV", "NACA", "NEXT")),
+    }
+
+
+@click.command()
+@_DECK
+@console.json_option
+@click.pass_context
+def check(ctx: click.Context, deck: str, as_json: bool) -> None:
+    """Say what the program would choke on in an input deck; exit code 1 when there are errors."""
+    from ..decks.check import check_deck
+    from ..decks.file import read_deck
+
+    read = read_deck(deck)
+    found = check_deck(read)
+    numbers = {severity: sum(finding.severity == severity for finding in found) for severity in ("error", "warning", "note")}
+    if as_json:
+        console.document({"file": read.file, "cases": len(read), **numbers, "findings": [finding._asdict() for finding in found]})
+    else:
+        for (severity, text), lines in _together(found).items():
+            more = f" and {len(lines) - 1} more" if len(lines) > 1 else ""
+            click.echo(f"line {lines[0]}{more}: {severity}: {text}")
+        said = ", ".join(_count(number, severity) for severity, number in numbers.items() if number)
+        click.echo(f"{read.file}: {_count(len(read), 'case')}, {said or 'nothing found'}")
+    if numbers["error"]:
+        ctx.exit(1)
+
+
+def _together(found) -> dict[tuple[str, str], list[int]]:
+    """Put findings of the same text together."""
+    lines: dict[tuple[str, str], list[int]] = {}
+    for finding in found:
+        lines.setdefault((finding.severity, finding.text), []).append(finding.line)
+    return lines
+
+
+@click.command()
+@click.argument("study", type=click.Path(exists=True, dir_okay=False))
+@click.option("-o", "--output", "folder", required=True, type=_FOLDER, help="Folder for the run decks; made when missing.")
+@console.json_option
+def split(study: str, folder: str, as_json: bool) -> None:
+    """Split a study into run decks: clean, flaps, elevator, aileron, ground.
+
+    STUDY is a deck of one case with all devices of the aircraft, or a TOML file that names one and plans the runs.
+    """
+    from ..decks.writing import write_deck
+    from ..runs.splitting import split_deck
+
+    decks = split_deck(study)
+    place = Path(folder)
+    place.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for name, deck in decks.items():
+        path = place / deck.file
+        write_deck(deck, path, resolved=True)
+        case = deck[0]
+        devices = " ".join(name for name in ("SYMFLP", "ASYFLP", "GRNDEF") if name in case.namelists)
+        rows.append({"run": name, "file": str(path), "conditions": len(case.conditions()), "devices": devices, "caseid": case.caseid})
+    if as_json:
+        console.document({"study": study, "runs": rows})
+        return
+    console.table(["run", "file", "conditions", "devices", "CASEID"], [tuple(row.values()) for row in rows], right=["conditions"])
+    click.echo(f"{_count(len(rows), 'run deck')} in {folder}")
+
+
+@click.command()
+@_DECK
+@click.option("--program", required=True, type=click.Path(), help="Your Digital DATCOM executable.")
+@click.option("-o", "--output", "folder", type=_FOLDER, help="Folder for the results; default: beside the deck.")
+@click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=600.0, show_default=True, help="Longest time. [s]")
+@console.json_option
+@click.pass_context
+def run(ctx: click.Context, deck: str, program: str, folder: str | None, timeout: float, as_json: bool) -> None:
+    """Run a deck with your Digital DATCOM program and collect its files; exit code 1 when the program left out a case."""
+    from ..runs.running import run_deck
+
+    if folder is not None:
+        Path(folder).mkdir(parents=True, exist_ok=True)
+    done = run_deck(deck, program, folder, timeout=timeout)
+    empty = [case.name for case in done.listing if not case.pages]
+    if as_json:
+        files = {key: str(path) for key, path in done.files.items()}
+        messages = [message._asdict() for message in done.messages]
+        console.document(
+            {"files": files, "cases": done.listing.cases, "without_pages": empty, "messages": messages, "seconds": done.seconds}
+        )
+    else:
+        for message in done.messages:
+            click.echo(f"line {message.line}: {message.text}")
+        cases = f"{_count(len(done.listing), 'case')}, {_count(len(done.listing.pages), 'page')}"
+        click.echo(f"{cases} in {done.seconds:.1f} s; written: {', '.join(str(path) for path in done.files.values())}")
+        for name in empty:
+            click.echo(f"case without a page: {name}")
+    if empty:
+        ctx.exit(1)
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
+VERBS = (deck_verb, check, split, run)

@@ -1,0 +1,111 @@
+"""Verbs for other programs' files: ``export plot``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from flightmech.support import console
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+@click.command()
+@click.argument("file", type=click.Path(exists=True, dir_okay=False))
+@click.option("-o", "--output", required=True, type=console.NewFile(), help="MAT file to write.")
+@click.option("--zero", is_flag=True, help="0 instead of NaN where the program prints no number.")
+@click.option("--partial", is_flag=True, help="Take what is complete in a listing that is cut.")
+@console.json_option
+def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> None:
+    """Write a listing as the structure of MATLAB's datcomimport; say what it has no room for."""
+    from ..exchange.matlab.write import write_matlab
+    from ..reading.reader import read
+
+    listing = read(file, partial=partial)
+    left_out = write_matlab(listing, output, usenan=not zero)
+    if as_json:
+        console.document({"file": output, "cases": listing.cases, "left_out": left_out})
+        return
+    click.echo(f"written: {output}; left out:")
+    for text in left_out:
+        click.echo(f"  {text}")
+
+
+@click.command()
+@click.argument("file", type=click.Path(exists=True, dir_okay=False))
+@click.option("--listing", type=click.Path(exists=True, dir_okay=False), help="Print file of the same run: check the numbers against it.")
+@click.option("-o", "--output", type=console.NewFile(), help="netCDF file to write: the listing's tree with the finer digits.")
+@console.json_option
+def plot(file: str, listing: str | None, output: str | None, as_json: bool) -> None:
+    """Show what a plot file (unit 13 or 14) holds; with --listing take its five digits into the listing's tree."""
+    from flightmech.errors import SchemaError
+
+    from ..exchange.file_types import plot_case, read_other
+    from ..exchange.plot_files.refining import refine
+    from ..export.netcdf import write_tree
+    from ..reading.reader import read
+
+    tree = read_other(file, "DEG")
+    if tree is None:
+        raise SchemaError(file, ["is no plot file; it is written in a run with card PLOT, as for013.dat or for014.dat"])
+    if listing is None:
+        if output:
+            write_tree(tree, output)
+        show_tree(tree, as_json)
+        return
+    printed = read(listing)
+    fine = printed.to_datatree()
+    refined = {}
+    places = {child.attrs["case"]: name for name, child in fine.children.items()}
+    for case in printed:
+        written = plot_case(printed, case, tree)
+        if written is not None:
+            name = places[case.name]
+            finer = refine(fine.children[name], written)
+            fine[name], refined[name] = finer, _refined(finer)
+    if output:
+        write_tree(fine, output)
+    if as_json:
+        console.document({"file": file, "listing": listing, "output": output, "refined": refined})
+        return
+    rows = [
+        (name, leaf, variable, text)
+        for name, leaves in refined.items()
+        for leaf, found in leaves.items()
+        for variable, text in found.items()
+    ]
+    console.table(["case", "leaf", "variable", "numbers"], rows)
+    if output:
+        click.echo(f"written: {output}")
+
+
+VERBS = (export, plot)
+
+
+def _refined(case: xr.DataTree) -> dict[str, dict[str, str]]:
+    """Return leaf and variable to what `refine` says of it."""
+    found: dict[str, dict[str, str]] = {}
+    for leaf, node in case.children.items():
+        for name, variable in node.data_vars.items():
+            if "refined" in variable.attrs:
+                found.setdefault(leaf, {})[str(name)] = str(variable.attrs["refined"]).partition(" with ")[0]
+    return found
+
+
+def show_tree(tree: xr.DataTree, as_json: bool) -> None:
+    """Print what the leaves of a tree hold."""
+    from ..exchange.file_types import contents
+
+    rows = contents(tree)
+    if as_json:
+        console.document({**tree.attrs, "leaves": rows})
+        return
+    lines = []
+    for row in rows:
+        sizes = " ".join(f"{name} {size}" for name, size in row["sizes"].items())
+        missing = " ".join(f"{name} {count}" for name, count in row["missing"].items())
+        variables = " ".join(row["variables"])
+        lines.append((row["case"], row["leaf"], sizes, variables, row["numbers"], missing))
+    console.table(["case", "leaf", "sizes", "variables", "numbers", "missing"], lines, title=f"{tree.attrs.get('file')}", right=["numbers"])

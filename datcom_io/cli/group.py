@@ -1,0 +1,237 @@
+"""``aeromatch datcom``: look into Digital DATCOM listings and convert them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import click
+
+from flightmech.support import console
+
+if TYPE_CHECKING:
+    from ..printout.content import Page
+    from ..printout.tables import Printed
+
+from . import deck as deck_cli
+from . import exchange as exchange_cli
+
+_FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False))
+_CASE = click.option("--case", "name", help="Case by its name or by its number, from 1.")
+_PARTIAL = click.option("--partial", is_flag=True, help="Take what is complete in a listing that is cut.")
+
+
+@click.group()
+def datcom() -> None:
+    """Read Digital DATCOM listings and their neighbours; read, check, split and run decks."""
+
+
+@datcom.command()
+@_FILE
+@_CASE
+@_PARTIAL
+@console.json_option
+def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
+    """Show cases, conditions, tables, missing values and messages of a listing; with --case its pages too.
+
+    A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is told by what it holds; its leaves are shown.
+    """
+    from ..exchange.file_types import read_other
+    from ..reading.reader import read
+    from .summary import page_row, summary
+
+    if (tree := read_other(file, "DEG")) is not None:
+        exchange_cli.show_tree(tree, as_json)
+        return
+    listing = read(file, partial=partial)
+    found = summary(listing)
+    pages = None
+    if name is not None:
+        case = _case(listing, name)
+        found = [row for row in found if row["ordinal"] == case.ordinal]
+        pages = [page_row(page) for page in case.pages]
+    remarks = [message._asdict() for message in listing.own_messages]
+    if as_json:
+        document = {"file": listing.file, "runs": listing.runs, "lines": listing.line_count, "cases": found, "messages": remarks}
+        console.document({**document, "unread": listing.unread, **({"pages": pages} if pages is not None else {})})
+        return
+    console.table(
+        ["no", "case", "units", "Mach", "altitude", "alpha [deg]", "tables", "not read", "missing"],
+        [_summary_row(row) for row in found],
+        title=f"{listing.file}: {_count(listing.runs, 'run')}, {_count(len(listing), 'case')}, {_count(listing.line_count, 'line')}",
+        right=["no"],
+    )
+    if pages is not None:
+        rows = [(i, p["kind"], p["configuration"], *_place(p), " ".join(p["tables"]), p["lines"]) for i, p in enumerate(pages, 1)]
+        console.table(["page", "kind", "configuration", "Mach", "altitude", "over ground", "tables", "lines"], rows, right=["page"])
+    _print_messages([message for row in found for message in row["messages"]] + remarks)
+    if listing.unread:
+        numbers = " ".join(map(str, listing.unread[:20])) + (" ..." if len(listing.unread) > 20 else "")
+        click.echo(f"{_count(len(listing.unread), 'line')} not understood: {numbers}")
+
+
+@datcom.command()
+@_FILE
+@_CASE
+@click.option("--page", "number", type=int, required=True, help="Page of the case, as numbered by `show --case`.")
+@_PARTIAL
+@console.json_option
+def table(file: str, name: str | None, number: int, partial: bool, as_json: bool) -> None:
+    """Print the tables of one page as the listing has them."""
+    from flightmech.errors import UnknownName
+
+    from ..reading.reader import read
+    from .summary import page_row
+
+    case = _case(read(file, partial=partial), name or "1")
+    if not 1 <= number <= len(case.pages):
+        raise UnknownName(str(number), [f"1 ... {len(case.pages)}"], f"page of case {case.name!r}")
+    page = case.pages[number - 1]
+    sheets = [_sheet(item, page) for item in page.printed]
+    if as_json:
+        tables = [
+            {"table": t.name, "columns": [h.split("\n") for h in head], "rows": body} for t, (head, body) in zip(page.printed, sheets)
+        ]
+        console.document({**page_row(page), "tables": tables, "notes": [note.text for note in page.notes]})
+        return
+    click.echo(f"{' / '.join(page.heading)}  (lines {page.first}-{page.last})")
+    if not page.parsed:
+        click.echo("tables of this kind of page are not read; see the lines of the file")
+    for item, (head, body) in zip(page.printed, sheets):
+        console.table(head, body, title=f"\n{item.name}, lines {item.lines[0]}-{item.lines[-1]}", right=[h for h in head if h != "label"])
+    for note in page.notes:
+        click.echo(f"line {note.line}: {note.text}")
+
+
+def _sheet(item: Printed, page: Page) -> tuple[list[str], list[list[str]]]:
+    """Return headings and texts of a table or of a group of ``label = value``."""
+    from ..export.frames import printed_units
+    from ..printout.tables import Table
+
+    if not isinstance(item, Table):
+        units = item.units or ("",) * len(item.labels)
+        return ["label", "value", "unit"], [list(row) for row in zip(item.labels, item.texts, units)]
+    heads = [f"{column.name}\n[{printed_units(column, page)}]" for column in item.columns]
+    if item.across is not None:
+        heads[1:] = [f"{item.columns[1].name}\n{x:g} deg" for x in item.across]
+    return heads, [[item.text(i, k) for k in range(len(item.columns))] for i in range(len(item.rows))]
+
+
+@datcom.command()
+@_FILE
+@click.option("-o", "--output", required=True, type=console.NewFile(), help="netCDF file to write.")
+@_CASE
+@click.option("--join", "joined", is_flag=True, help="Put the cases together along the flight condition.")
+@_PARTIAL
+@click.option("--fill-transonic", is_flag=True, help="Fill constant columns on transonic pages too.")
+@click.option("--deriv", type=click.Choice(["DEG", "RAD"]), help="Card DERIV of the deck, for a CSV of DATCOM+.")
+@console.json_option
+def convert(
+    file: str,
+    output: str,
+    name: str | None,
+    joined: bool,
+    partial: bool,
+    fill_transonic: bool,
+    deriv: Literal["DEG", "RAD"] | None,
+    as_json: bool,
+) -> None:
+    """Write a listing as a netCDF tree in SI and radians: one group per case, or one case, or all joined.
+
+    A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is told by what it holds.
+    """
+    from ..arrays.grid import join
+    from ..exchange.file_types import read_other
+    from ..export.netcdf import write_tree
+    from ..reading.reader import read
+
+    tree = read_other(file, deriv)
+    if tree is None:
+        listing = read(file, partial=partial)
+        if name is not None:
+            tree = _case(listing, name).to_datatree(fill_transonic=fill_transonic)
+        elif joined:
+            tree = join(case.to_datatree(fill_transonic=fill_transonic) for case in listing if case.pages)
+        else:
+            tree = listing.to_datatree(fill_transonic=fill_transonic)
+    write_tree(tree, output)
+    if as_json:
+        console.document({"file": output, "groups": [node.path for node in tree.subtree if node.data_vars]})
+    else:
+        click.echo(f"written: {output}")
+
+
+@datcom.command()
+@_FILE
+@click.option("-o", "--output", required=True, type=console.NewFile(), help="CSV file to write.")
+@_CASE
+@_PARTIAL
+@console.json_option
+def cells(file: str, output: str, name: str | None, partial: bool, as_json: bool) -> None:
+    """Write every printed cell of a listing, or of one case, as CSV: line, page, table, axes, column, text, value, flag."""
+    from ..export.cell_csv import write_cells
+    from ..reading.reader import iterate, read
+
+    count = write_cells(iterate(file, partial=partial) if name is None else [_case(read(file, partial=partial), name)], output)
+    if as_json:
+        console.document({"file": output, "cells": count})
+    else:
+        click.echo(f"written: {output}, {_count(count, 'cell')}")
+
+
+def _case(listing, name: str):
+    """Return a case by its name, or by its number from 1."""
+    if name not in listing.cases and name.isdecimal() and 1 <= int(name) <= len(listing):
+        return listing[int(name) - 1]
+    return listing[name]
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}{'' if number == 1 else 's'}"
+
+
+def _range(values: list[float], unit: str = "") -> str:
+    if not values:
+        return ""
+    low, high = min(values), max(values)
+    span = f"{low:g}" if low == high else f"{low:g} ... {high:g}"
+    return f"{span} {unit}".strip() + (f" ({len(values)})" if len(values) > 1 else "")
+
+
+def _summary_row(row: dict) -> tuple:
+    tables = " ".join(f"{name} {count}" for name, count in row["tables"].items())
+    not_read = " ".join(f"{name} {count}" for name, count in row["not_read"].items())
+    missing = " ".join(f"{name} {count}" for name, count in row["missing"].items())
+    alpha = " ... ".join(f"{x:g}" for x in row["alpha"])
+    units = f"{row['dim']}, {row['deriv']}"
+    return (
+        row["ordinal"],
+        row["case"],
+        units,
+        _range(row["mach"]),
+        _range(row["altitude"], row["dim"].lower()),
+        alpha,
+        tables,
+        not_read,
+        missing,
+    )
+
+
+def _place(page: dict) -> tuple[str, str, str]:
+    height = "free air" if page["ground_height"] == float("inf") else f"{page['ground_height']:g} ft"
+    flap = "" if page["flap"] != page["flap"] else f", flap {page['flap']:g} deg"
+    known = page["mach"] == page["mach"]
+    return (f"{page['mach']:g}", f"{page['altitude']:g}", height + flap) if known else ("", "", "")
+
+
+def _print_messages(messages: list[dict]) -> None:
+    """Print messages, repeated ones once."""
+    lines: dict[tuple[str, str], list[int]] = {}
+    for message in messages:
+        lines.setdefault((message["origin"], message["text"]), []).append(message["line"])
+    for (origin, text), at in lines.items():
+        more = f" and {len(at) - 1} more" if len(at) > 1 else ""
+        click.echo(f"line {at[0]}{more} ({origin}): {text}")
+
+
+for _verb in (*deck_cli.VERBS, *exchange_cli.VERBS):
+    datcom.add_command(_verb)

@@ -1,0 +1,67 @@
+"""What a listing holds, at a glance."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import numpy as np
+
+from ..cells import FLAGS, OK
+from ..listing import Case, Listing
+from ..printout.content import Page
+
+
+def summary(listing: Listing) -> list[dict[str, Any]]:
+    """Return one dict per case, of plain numbers and texts as printed.
+
+    Keys: ``case ordinal run line dim deriv mach altitude alpha pages tables not_read missing messages``.  ``mach`` and
+    ``altitude`` are the printed values in order, ``alpha`` the smallest and largest [deg]; ``tables`` counts tables and groups of
+    ``label = value`` by kind, ``not_read`` pages by kind on which nothing was understood, ``missing`` cells without a number by flag.
+    """
+    return [_case(case) for case in listing]
+
+
+def _case(case: Case) -> dict[str, Any]:
+    printed = [item for page in case.pages for item in page.printed]
+    flags: Counter[str] = Counter()
+    for item in printed:
+        flags.update({FLAGS[code]: count for code, count in enumerate(np.bincount(item.flags.ravel())) if count and code != OK})
+    tables = [table for page in case.pages for table in page.tables]
+    alphas = [x for table in tables if table.columns[0].house == "alpha" for x in table.values[:, 0].tolist()]
+    return {
+        "case": case.name,
+        "ordinal": case.ordinal,
+        "run": case.run,
+        "line": case.line,
+        "dim": case.deck.dim,
+        "deriv": case.deck.deriv,
+        "mach": _printed(case, "mach"),
+        "altitude": _printed(case, "h"),
+        "alpha": [min(alphas), max(alphas)] if alphas else [],
+        "pages": len(case.pages),
+        "tables": dict(Counter(item.name for item in printed)),
+        "not_read": dict(Counter(page.kind for page in case.pages if not page.parsed)),
+        "missing": {name: int(count) for name, count in flags.items()},
+        "messages": [message._asdict() for message in case.messages],
+    }
+
+
+def _printed(case: Case, name: str) -> list[float]:
+    values = dict.fromkeys(page.condition(name) for page in case.pages if page.conditions is not None)
+    return [x for x in values if x == x]
+
+
+def page_row(page: Page) -> dict[str, Any]:
+    """Return the heading of a page as a dict: ``kind configuration mach altitude ground_height flap power tables lines``."""
+    return {
+        "kind": page.kind if page.parsed else f"{page.kind} (not read)",
+        "configuration": page.configuration or " / ".join(page.heading[:1]),
+        "mach": page.condition("mach"),
+        "altitude": page.condition("h"),
+        "ground_height": page.ground_height,
+        "flap": page.flap,
+        "power": page.power,
+        "tables": [item.name for item in page.printed],
+        "lines": f"{page.first}-{page.last}",
+    }

@@ -1,0 +1,1 @@
+"""Rules that an input deck is checked against."""

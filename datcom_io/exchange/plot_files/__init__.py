@@ -1,0 +1,1 @@
+"""Plot files of DATCOM: units 13 and 14."""

@@ -1,0 +1,272 @@
+"""Plot files: the same tables as the print file, with five significant digits instead of three decimals.
+
+The blocks of all eleven configurations are in the file whether they are printed or not; what is no part of the aeroplane holds
+nothing or what an earlier case left there, so the logicals of the case decide which configurations are real.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from flightmech.units import DEGREE, FOOT
+
+from ...arrays.stacking import add_variable
+from ...cells import ABSENT, BLANK, FILLED, OK
+from ...printout.columns import Column
+from ...printout.layouts import BY_NAME
+from ..configurations import printed_name
+from .records import CONFIGURATIONS, PlotCase, Record, read_records
+
+_COLUMNS = {column.house: column for name in ("static", "downwash", "symflp") for column in BY_NAME[name].columns}
+_STATIC = ("CD", "CL", "Cm", "CN", "CA", "CL_alpha", "Cm_alpha", "CY_beta", "Cn_beta", "Cl_beta")
+_DOWNWASH = ("q_ratio", "epsilon", "epsilon_alpha")
+_SYMFLP = ("dCL", "dCm", "dCLmax", "dCDmin", "CL_alpha_delta", "Ch_alpha", "Ch_delta")
+_DCDI = Column("D(CDI)", 0, 0, "dCDi")
+_CD0 = Column("CDO", 0, 0, "CD0")
+_SURFACES = {"BO": "body", "WGPL": "wing", "HTPL": "horizontal", "VTPL": "vertical", "VFPL": "fin", "TVTPAN": "panels"}
+_MADE_OF = dict(
+    zip(
+        CONFIGURATIONS,
+        ("body", "wing", "horizontal", "vertical", "fin", "body wing", "body horizontal", "body upright")
+        + ("body wing horizontal", "body wing upright", "body wing horizontal upright"),
+    )
+)
+_MOST = 20  # angles of attack in a block
+_MOST_DELTAS = 10
+_AREA = FOOT**2
+# names of SYNA in the order of the file; lengths in feet, angles in degrees
+_SYNTHESIS = (
+    *("XCG", "XW", "ZW", "ALIW", "ZCG", "XH", "ZH", "ALIH", "XV", "VERTUP", "HINAX", "XVF", "SCALE", "ZV", "ZVF", "YV", "YF"),
+    *("PHIV", "PHIF"),
+)
+_ANGLES = ("ALIW", "ALIH", "PHIV", "PHIF")
+_NO_LENGTH = ("VERTUP", "SCALE")
+
+
+def read_plot(path: str | os.PathLike[str]) -> xr.DataTree:
+    """Read a plot file (unit 13).
+
+    Parameters
+    ----------
+    path : path
+        ``for013.dat``, written by a run with card PLOT.
+
+    Returns
+    -------
+    DataTree
+        One child per case, ``case 1`` ..., in SI and radians with flags, under the names of `Case.to_datatree`:
+
+        ``static`` (configuration, condition, alpha) and ``zero_lift`` (configuration, condition) for every configuration the
+        case has, printed or not; ``downwash`` (condition, alpha); ``symflp`` (condition, delta), ``dCDi`` (condition, alpha, delta);
+        ``records``: all numbers as written, in feet, pounds, degrees Rankine and degrees, each with its flag.  A deflection of
+        zero is written as 0.01 deg, as the program uses it.
+
+    Raises
+    ------
+    ParseError
+        The file is no plot file, or ends within a record.
+    """
+    file = Path(path).name
+    root = xr.DataTree(xr.Dataset(attrs={"file": file}))
+    for number, case in enumerate(read_records(path), 1):
+        root[f"case {number}"] = _case_tree(case, file, f"case {number}")
+    return root
+
+
+def _case_tree(case: PlotCase, file: str, name: str) -> xr.DataTree:
+    leaves = {"static": _static(case), "zero_lift": _zero_lift(case), "downwash": _downwash(case), "symflp": _symflp(case)}
+    leaves["records"] = _records(case)
+    root = xr.Dataset(attrs=_attrs(case, file, name))
+    return xr.DataTree.from_dict({"/": root, **{key: leaf for key, leaf in leaves.items() if leaf is not None}}, name=name)
+
+
+def _attrs(case: PlotCase, file: str, name: str) -> dict[str, str | float]:
+    options, place = case.records["OPT"], dict(zip(_SYNTHESIS, range(1, 20)))
+    synthesis = case.records["SYNA"]
+    found: dict[str, str | float] = {
+        "S": options.number(1) * _AREA,
+        "cbar": options.number(2) * FOOT,
+        "b": options.number(4) * FOOT,
+        "roughness": options.number(3) * FOOT,
+        "x_cg": synthesis.number(place["XCG"]) * FOOT,
+        "z_cg": synthesis.number(place["ZCG"]) * FOOT,
+        "case": name,
+        "file": file,
+        "line": case.line,
+        "moment_centre": "x_cg aft and z_cg up from the drawing datum [m]",
+        "logicals": " ".join(word for word, value in case.logicals.items() if value),
+    }
+    for word in _SYNTHESIS:
+        value = synthesis.number(place[word])
+        if word not in ("XCG", "ZCG", *_NO_LENGTH) and not np.isnan(value):
+            found[word] = value * (DEGREE if word in _ANGLES else FOOT)
+    count = len(case.conditions)
+    if len(_schedule(case)) != count:
+        found["messages"] = (
+            f"line {case.line}: {count} flight conditions are written, {len(_schedule(case))} are asked for by NMACH, NALT and LOOP; "
+            "Mach number and altitude are left open"
+        )
+    return found
+
+
+def _schedule(case: PlotCase) -> list[tuple[float, float]]:
+    """Return Mach number and altitude [ft] in the order of the run."""
+    flight = case.records["FLC"]
+    counts = [flight.number(place) for place in (1, 159)]
+    machs, heights = (
+        flight.numbers(first, first + _MOST - 1)[0][: int(count) if 0 < count <= _MOST else 0] for first, count in zip((3, 97), counts)
+    )
+    loop = flight.number(160)
+    if not len(heights):
+        heights = np.full(len(machs) if loop not in (2.0, 3.0) else 1, np.nan)
+    if loop == 2.0:
+        return [(mach, height) for height in heights for mach in machs]
+    if loop == 3.0:
+        return [(mach, height) for mach in machs for height in heights]
+    return list(zip(machs, heights))
+
+
+def _coords(case: PlotCase) -> dict[str, object]:
+    count, schedule = len(case.conditions), _schedule(case)
+    pairs = np.array(schedule if len(schedule) == count else [(np.nan, np.nan)] * count, float).reshape(count, 2)
+    return {
+        "condition": np.arange(count),
+        "mach": ("condition", pairs[:, 0], {"units": "1"}),
+        "h": ("condition", pairs[:, 1] * FOOT, {"units": "m"}),
+        "line": ("condition", np.array([condition["BODY"].line for condition in case.conditions], int)),
+    }
+
+
+def _alphas(case: PlotCase) -> np.ndarray:
+    """Return the angles of attack. [deg]"""
+    count = case.records["FLC"].number(2)
+    return case.records["FLC"].numbers(23, 42)[0][: int(count) if 0 < count <= _MOST else 0]
+
+
+def _alpha_coord(case: PlotCase) -> dict[str, object]:
+    return {"alpha": ("alpha", _alphas(case) * DEGREE, {"units": "rad", "sign": "ANU", "long_name": "angle of attack"})}
+
+
+def _real(case: PlotCase) -> dict[str, str]:
+    """Return block and printed name of the configurations that the case has."""
+    surfaces = [part for word, part in _SURFACES.items() if case.logicals[word]]
+    upright = " ".join(part for part in surfaces if part in ("vertical", "fin", "panels"))
+    found = {}
+    for block, words in _MADE_OF.items():
+        made_of = frozenset(words.replace("upright", upright).split())
+        if made_of <= set(surfaces) and (upright or "upright" not in words):
+            found[block] = printed_name(made_of)
+    return found
+
+
+def _si(column: Column, values: np.ndarray) -> np.ndarray:
+    factor = DEGREE if column.units == "deg" else 1.0 / DEGREE if column.units in ("1/angle", "1/deg") else 1.0
+    return values * factor
+
+
+def _filled(column: Column, values: np.ndarray, flags: np.ndarray, transonic: bool) -> None:
+    """Fill a column that is constant in alpha or deflection downwards, as for the print file."""
+    if column.constant and len(flags) > 1 and (flags[1:] == BLANK).all() and not transonic:
+        values[1:], flags[1:] = values[0], FILLED if flags[0] == OK else flags[0]
+
+
+def _transonic(case: PlotCase) -> list[bool]:
+    flight = case.records["FLC"]
+    low, high = flight.number(94), flight.number(95)
+    machs = [mach for mach, _ in _schedule(case)]
+    return [low < mach < high for mach in machs] if len(machs) == len(case.conditions) else [True] * len(case.conditions)
+
+
+def _static(case: PlotCase) -> xr.Dataset | None:
+    real = _real(case)
+    if not case.conditions or not real:
+        return None
+    count, transonic = len(_alphas(case)), _transonic(case)
+    found = xr.Dataset(coords={**_coords(case), **_alpha_coord(case), "configuration": list(real.values())})
+    shape = (len(real), len(case.conditions), count)
+    for k, name in enumerate(_STATIC):
+        value, flag = np.empty(shape), np.empty(shape, np.uint8)
+        for i, block in enumerate(real):
+            for j, condition in enumerate(case.conditions):
+                part_value, part_flag = condition[block].numbers(_MOST * k + 1, _MOST * k + count)
+                _filled(_COLUMNS[name], part_value, part_flag, transonic[j])
+                value[i, j], flag[i, j] = _si(_COLUMNS[name], part_value), part_flag
+        add_variable(found, _COLUMNS[name], ("configuration", "condition", "alpha"), value, flag)
+    return found
+
+
+def _zero_lift(case: PlotCase) -> xr.Dataset | None:
+    real = _real(case)
+    if not case.conditions or not real:
+        return None
+    found = xr.Dataset(coords={**_coords(case), "configuration": list(real.values())})
+    places = [CONFIGURATIONS.index(block) for block in real]
+    parts = [condition["CDO"].numbers(1, len(CONFIGURATIONS)) for condition in case.conditions]
+    value, flag = (np.array([part[which][places] for part in parts]).T for which in (0, 1))
+    add_variable(found, _CD0, ("configuration", "condition"), value, flag)
+    found["CD0"].attrs["long_name"] = "drag coefficient at zero lift"
+    return found
+
+
+def _downwash(case: PlotCase) -> xr.Dataset | None:
+    if not (case.conditions and case.logicals["WGPL"] and case.logicals["HTPL"]):
+        return None
+    found, count = xr.Dataset(coords={**_coords(case), **_alpha_coord(case)}), len(_alphas(case))
+    for k, name in enumerate(_DOWNWASH):
+        parts = [condition["DWASH"].numbers(_MOST * k + 1, _MOST * k + count) for condition in case.conditions]
+        value, flag = (np.array([part[which] for part in parts]) for which in (0, 1))
+        add_variable(found, _COLUMNS[name], ("condition", "alpha"), _si(_COLUMNS[name], value), flag)
+    return found
+
+
+def _symflp(case: PlotCase) -> xr.Dataset | None:
+    """Return the control tables: WING(201...) holds one block of ten deflections per column, BODY(201...) D(CDI) alpha by alpha."""
+    written = [condition for condition in case.conditions if "F" in condition]
+    if not written or not case.logicals["SYMFP"]:
+        return None
+    count, deltas = written[0]["F"].number(16), written[0]["F"].numbers(1, _MOST_DELTAS)[0]
+    deltas = deltas[: int(count) if 0 < count < _MOST_DELTAS else 0]
+    coords = {**_coords(case), **_alpha_coord(case), "delta": ("delta", deltas * DEGREE, {"units": "rad"})}
+    found, alphas = xr.Dataset(coords=coords), len(_alphas(case))
+    shape = (len(case.conditions), len(deltas))
+    for k, name in enumerate(_SYMFLP):
+        value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
+        for j, condition in enumerate(case.conditions):
+            if "F" in condition:
+                value[j], flag[j] = condition["WING_CONTROL"].numbers(_MOST_DELTAS * k + 1, _MOST_DELTAS * k + len(deltas))
+                _filled(_COLUMNS[name], value[j], flag[j], transonic=False)
+        add_variable(found, _COLUMNS[name], ("condition", "delta"), _si(_COLUMNS[name], value), flag)
+    value, flag = np.full((*shape, alphas), np.nan), np.full((*shape, alphas), ABSENT, np.uint8)
+    for j, condition in enumerate(case.conditions):
+        if "F" in condition:
+            value[j], flag[j] = (part.reshape(shape[1], alphas) for part in condition["BODY_CONTROL"].numbers(1, shape[1] * alphas))
+    add_variable(found, _DCDI, ("condition", "alpha", "delta"), value.swapaxes(1, 2), flag.swapaxes(1, 2))
+    found["dCDi"].attrs["long_name"] = "increment of the induced-drag coefficient"
+    surface = "tail" if case.logicals["WGPL"] and case.logicals["HTPL"] else "wing"
+    return found.assign_attrs(surface=surface)
+
+
+def _records(case: PlotCase) -> xr.Dataset:
+    """Return every number as written; index 1 of the program is item 0."""
+    found = xr.Dataset(coords={"condition": np.arange(len(case.conditions))})
+    for name, record in case.records.items():
+        _add_record(found, name, [record], ())
+    for name in dict.fromkeys(name for condition in case.conditions for name in condition):
+        _add_record(found, name, [condition.get(name) for condition in case.conditions], ("condition",))
+    return found.assign_attrs(units="feet, pounds, degrees Rankine, degrees, per degree")
+
+
+def _add_record(found: xr.Dataset, name: str, records: list[Record | None], outer: tuple[str, ...]) -> None:
+    size = next(len(record.values) for record in records if record is not None)
+    value, flag = np.full((len(records), size), np.nan), np.full((len(records), size), ABSENT, np.uint8)
+    for j, record in enumerate(records):
+        if record is not None:
+            value[j], flag[j] = record.values, record.flags
+    shape = (len(records), size) if outer else (size,)
+    dims = (*outer, f"{name}_index")
+    found[name] = dims, value.reshape(shape)
+    found[f"{name}_flag"] = dims, flag.reshape(shape)

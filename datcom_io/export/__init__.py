@@ -1,0 +1,1 @@
+"""Cases as data frames, CSV and netCDF."""

@@ -1,0 +1,133 @@
+"""High-lift and control devices: symmetrical flaps, ailerons, differential tail, spoilers."""
+
+from __future__ import annotations
+
+import re
+
+from ..blocks import Block, heading_words
+from ..columns import Across, Column, Line
+from ..table_reader import make_values
+from ..tables import Layout, Printed, Values
+
+_DIFFERENCE = Across("(DELTAL-DELTAR)", "delta_difference", 18, 23, Column("CN", 14, 25, "Cn"), 12)
+_NO_OUTPUT = "*NOTE* NO OUTPUT AVAILABLE"
+
+LAYOUTS = (
+    Layout(
+        "symflp",
+        "DELTA D(CL) D(CM) D(CL MAX) D(CD MIN) (CLA)D (CH)A (CH)D",
+        (
+            Column("DELTA", 1, 13, "delta", "deg"),
+            Column("D(CL)", 14, 23, "dCL"),
+            Column("D(CM)", 24, 34, "dCm"),
+            Column("D(CL MAX)", 35, 45, "dCLmax"),
+            Column("D(CD MIN)", 46, 62, "dCDmin"),
+            Column("(CLA)D", 63, 81, "CL_alpha_delta", "1/deg"),
+            Column("(CH)A", 82, 93, "Ch_alpha", "1/deg", constant=True),
+            Column("(CH)D", 94, 105, "Ch_delta", "1/deg"),
+        ),
+        keys=1,
+        rows=("SYMFLP", "NDELTA"),
+    ),
+    Layout(
+        "dcdi",
+        "INDUCED DRAG COEFFICIENT INCREMENT , D(CDI) , DUE TO DEFLECTION",
+        (Column("ALPHA", 2, 9, "alpha", "deg"),),
+        keys=1,
+        rows=("FLTCON", "NALPHA"),
+        across=Across("DELTA", "delta", 16, 22, Column("D(CDI)", 15, 24, "dCDi"), 10),
+    ),
+    Layout(
+        "asyflp_cn",
+        "YAWING MOMENT COEFFICIENT,CN,DUE TO CONTROL DEFLECTION",
+        (Column("ALPHA", 1, 8, "alpha", "deg"),),
+        keys=1,
+        rows=("FLTCON", "NALPHA"),
+        across=_DIFFERENCE,
+    ),
+    Layout(
+        "asyflp_tail",
+        "ROLLING-MOMENT COEFFICIENT DUE TO DEFLECTION",
+        (Column("ALPHA", 1, 8, "alpha", "deg"),),
+        keys=1,
+        rows=("FLTCON", "NALPHA"),
+        across=_DIFFERENCE._replace(cell=Column("(CL)ROLL", 14, 25, "Cl")),
+    ),
+    Layout(
+        "asyflp_roll",
+        "DELTAL DELTAR (CL)ROLL",
+        (
+            Column("DELTAL", 43, 52, "delta_left", "deg"),
+            Column("DELTAR", 58, 68, "delta_right", "deg"),
+            Column("(CL)ROLL", 75, 89, "Cl"),
+        ),
+        keys=2,
+        rows=("ASYFLP", "NDELTA"),
+    ),
+    Layout(
+        "spoiler",
+        "XS/C HS/C DS/C (CL)ROLL CN",
+        (
+            Column("XS/C", 32, 43, "xs_c"),
+            Column("HS/C", 44, 55, "hs_c"),
+            Column("DS/C", 56, 67, "ds_c"),
+            Column("(CL)ROLL", 68, 83, "Cl"),
+            Column("CN", 84, 99, "Cn"),
+        ),
+        keys=3,
+        rows=("ASYFLP", "NDELTA"),
+    ),
+    Layout(
+        "spoiler_slot",
+        "XS/C HS/C DD/C DS/C (CL)ROLL CN",
+        (
+            Column("XS/C", 26, 37, "xs_c"),
+            Column("HS/C", 38, 49, "hs_c"),
+            Column("DD/C", 50, 61, "dd_c"),
+            Column("DS/C", 62, 73, "ds_c"),
+            Column("(CL)ROLL", 74, 89, "Cl"),
+            Column("CN", 90, 105, "Cn"),
+        ),
+        keys=4,
+        rows=("ASYFLP", "NDELTA"),
+    ),
+    Layout(
+        "spoiler_supersonic",
+        "DS/C (CL)ROLL CN",
+        (
+            Column("DS/C", 43, 54, "ds_c"),
+            Column("(CL)ROLL", 55, 72, "Cl"),
+            Column("CN", 73, 89, "Cn"),
+        ),
+        keys=1,
+        rows=("ASYFLP", "NDELTA"),
+    ),
+)
+
+
+def heading_values(name: str, across: Across, line: Line) -> Values | None:
+    """Return the values of a heading line as a group; None when it is another line."""
+    number, text = line
+    if not text[1:].lstrip().startswith(across.name) or "=" not in text[: across.first]:
+        return None
+    start = text.index("=") + 1  # the first value may touch it
+    starts = range(across.first - 1, len(text.rstrip()), across.step)
+    width = across.last - across.first + 1
+    texts = [text[max(first, start) : first + width] for first in starts]
+    group = make_values(name, [(number, across.name, field, "deg") for field in texts])
+    group.axes[across.house] = group.values
+    return group
+
+
+def _read_without_method(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
+    """Read the headings of an aileron table that stays empty, because there is no method at this Mach number."""
+    below = [i for i in range(at + 1, len(lines)) if lines[i][1][1:].strip()][:3]
+    if len(below) < 3 or heading_words(lines[below[1]][1]) != "ALPHA" or not lines[below[2]][1][1:].lstrip().startswith(_NO_OUTPUT):
+        return None
+    group = heading_values("asyflp_cn", _DIFFERENCE, lines[below[0]])
+    return None if group is None else ([group], below[2])
+
+
+BLOCKS = (
+    Block(("asyflp_cn",), ("high-lift",), re.compile("^YAWING MOMENT COEFFICIENT,CN,DUE TO CONTROL DEFLECTION$"), _read_without_method),
+)

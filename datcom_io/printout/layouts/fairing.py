@@ -1,0 +1,96 @@
+"""Transonic data fairing (card PART): how the second-level methods join the subsonic to the supersonic derivatives.
+
+Lift slopes, ``CLB/CL`` and ``CNA`` are per degree whatever card DERIV says.
+"""
+
+from __future__ import annotations
+
+import re
+
+from ..blocks import Block, heading_words
+from ..columns import Column, Line
+from ..table_reader import make_values, read_table
+from ..tables import Layout, Printed
+from .labelled import Labelled, read_lines, title_block
+
+_PAGES = ("auxiliary",)
+SUBJECTS = ("WING", "WING-BODY", "HORIZONTAL TAIL", "HORIZONTAL TAIL-BODY")
+
+SURFACE = (
+    Labelled("CDL/CL**2 = CLB/CL =", (Column("CDL/CL**2", 51, 61, "CDL_CL2"), Column("CLB/CL", 75, 85, "Cl_beta_CL", "1/deg"))),
+    Labelled(
+        "FORCE BREAK MACH NUMBER (ZERO SWEEP) = FORCE BREAK MACH NUMBER (WITH SWEEP) =",
+        (
+            Column("FORCE BREAK MACH NUMBER (ZERO SWEEP)", 51, 61, "mach_break_unswept"),
+            Column("FORCE BREAK MACH NUMBER (WITH SWEEP)", 105, 115, "mach_break"),
+        ),
+    ),
+    Labelled(
+        "MACH(A) = CLA(A) = MACH(B) = CLA(B) =",
+        (
+            Column("MACH(A)", 32, 37, "mach_a"),
+            Column("CLA(A)", 51, 61, "CL_alpha_a", "1/deg"),
+            Column("MACH(B)", 76, 81, "mach_b"),
+            Column("CLA(B)", 95, 105, "CL_alpha_b", "1/deg"),
+        ),
+    ),
+    Labelled(
+        "(CLB/CL)M=0.6 = (CLB/CL)M=1.4 =",
+        (
+            Column("(CLB/CL)M=0.6", 64, 74, "Cl_beta_CL_mach_06", "1/deg"),
+            Column("(CLB/CL)M=1.4", 95, 105, "Cl_beta_CL_mach_14", "1/deg"),
+        ),
+    ),
+)
+WITH_BODY = (
+    Labelled(
+        "CLB/CL = (CLB/CL)MFB = (CLB/CL)M=1.4 = (CNA)M=1.4 =",
+        (
+            Column("CLB/CL", 21, 31, "Cl_beta_CL", "1/deg"),
+            Column("(CLB/CL)MFB", 50, 60, "Cl_beta_CL_break", "1/deg"),
+            Column("(CLB/CL)M=1.4", 81, 91, "Cl_beta_CL_mach_14", "1/deg"),
+            Column("(CNA)M=1.4", 109, 119, "CN_alpha_mach_14", "1/deg"),
+        ),
+    ),
+)
+DIVERGENCE = (Labelled("DRAG DIVERGENCE MACH NUMBER =", (Column("DRAG DIVERGENCE MACH NUMBER", 78, 83, "mach_divergence"),)),)
+FORMS = (*SURFACE, *WITH_BODY, *DIVERGENCE)
+
+
+def _over_mach(name: str, column: Column) -> Layout:
+    """Return a table over Mach numbers of its own, which are not the flight condition's."""
+    return Layout(name, "", (Column("MACH", 50, 61, "mach_node"), column), keys=1)
+
+
+SLOPES = {
+    subject: _over_mach(f"slope_{subject.lower().replace(' ', '_')}", Column("CL-ALPHA", 70, 86, "CL_alpha", "1/deg"))
+    for subject in ("WING", "HORIZONTAL TAIL")
+}
+DRAG = _over_mach("drag_rise", Column("CDO", 70, 86, "CD0"))
+_TITLE = re.compile(r"^\*\*\* (\S.*\S) DATA FAIRING \*\*\*$")
+_SLOPE_TABLE = "LIFT-CURVE-SLOPE INTERPOLATION TABLE"
+
+
+def _read_subject(lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
+    """Read what stands below the title of one subject: lines of ``label = value``, then a table over Mach numbers."""
+    title = _TITLE.search(heading_words(lines[at][1]))
+    if title is None:
+        return None
+    subject = title[1]
+    items, at = read_lines(FORMS, lines, at + 1, subject)
+    found: list[Printed] = [make_values("fairing", items)] if items else []
+    while at < len(lines) and (not (words := heading_words(lines[at][1])) or words == _SLOPE_TABLE):
+        at += 1
+    layout = {"MACH CL-ALPHA": SLOPES.get(subject), "MACH CDO": DRAG}.get(heading_words(lines[at][1])) if at < len(lines) else None
+    if layout:
+        table, after = read_table(layout, lines, at + 1)
+        if table:
+            return [*found, table], after
+    return found, at
+
+
+LAYOUTS = ()
+BLOCKS = (
+    Block(("fairing", *(layout.name for layout in SLOPES.values()), DRAG.name), _PAGES, _TITLE, _read_subject),
+    title_block(_PAGES, _SLOPE_TABLE),
+)

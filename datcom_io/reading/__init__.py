@@ -1,0 +1,1 @@
+"""Reading a listing: lines, regions, headings, pages, faults."""

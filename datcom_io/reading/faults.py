@@ -1,0 +1,228 @@
+"""Faults of the program and gaps that can be seen in a listing: reported, never repaired.
+
+Both known builds (the source of January 1996 with the corrections of 2011, and the single-file edition) show them.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+
+from ..arrays.conditions import printed_condition
+from ..cells import OK
+from ..listing import Case
+from ..printout.content import Message
+from ..printout.layouts.special import HYPERSONIC_FROM
+
+_FAILED = re.compile("NaN|Inf|#")
+
+
+class Observer:
+    """Sees the cases of a file in order and adds the reader's messages to them."""
+
+    def __init__(self) -> None:
+        self.run, self.control_tables = 0, 0
+
+    def report(self, case: Case) -> None:
+        """Add the reader's messages about the program's faults to a case."""
+        self._drift_of_control_moments(case)
+        _last_mach_in_static_pages(case)
+        _pressure_on_control_pages(case)
+        _weight(case)
+        _flaps_in_ground_effect(case)
+        _power_on_missing_cells(case)
+        _control_tabs(case)
+        _failed_arithmetic(case)
+        _dynamic_pages_repeated(case)
+        _reference_quantities(case)
+        _aspect_ratio_of_inboard_panels(case)
+        _conditions_missing(case)
+        _hypersonic_flap(case)
+        _transverse_jet(case)
+
+    def _drift_of_control_moments(self, case: Case) -> None:
+        """The program keeps a part of D(CM) from one condition of a run to the next."""
+        if case.run != self.run:
+            self.run, self.control_tables = case.run, 0
+        tables = [table for _, table in case.tables("symflp")]
+        self.control_tables += len(tables)
+        if tables and self.control_tables > 1:
+            _say(
+                case,
+                tables[-1].lines[0],
+                f"D(CM) of {self.control_tables} conditions from one program run: the program carries it from condition to condition and "
+                "it drifts (by 40 % after 18 conditions); for D(CM) that counts make one run per condition",
+            )
+
+
+def _say(case: Case, line: int, text: str) -> None:
+    case.messages.append(Message(line, text, "reader"))
+
+
+def _last_mach_in_static_pages(case: Case) -> None:
+    machs = {page.condition("mach") for page, _ in case.tables("static")}
+    if len(machs) > 1:
+        _say(
+            case,
+            case.line,
+            f"{len(machs)} Mach numbers in one case: static pages carry something of the last one "
+            "(seen: CL off by 0.007, CM by 0.003, CLA by 0.02 per radian); one run per Mach number is clean",
+        )
+
+
+def _pressure_on_control_pages(case: Case) -> None:
+    """With DIM M, CM or IN the high-lift and control pages convert pressure, temperature and Reynolds number the wrong way."""
+    right = {printed_condition(page): page.condition("p_static") for page in case.pages if page.kind == "static"}
+    for page in case.pages:
+        if page.kind != "high-lift" or page.conditions is None:
+            continue
+        pressure, wanted = page.condition("p_static"), right.get(printed_condition(page), math.nan)
+        if abs(pressure - wanted) > 1e-3 * abs(wanted):
+            _say(
+                case,
+                page.conditions.lines[0],
+                f"pressure {pressure:g} on a control page, {wanted:g} on the static page of the same condition: "
+                f"with DIM {page.dim} the program converts pressure, temperature and Reynolds number the wrong way there; "
+                "those of the static page are used",
+            )
+            return
+
+
+def _weight(case: Case) -> None:
+    notes = [note for page in case.pages for note in page.notes if "VEHICLE WEIGHT" in note.text]
+    if notes and case.deck.dim in ("M", "CM"):
+        _say(
+            case,
+            notes[0].line,
+            f"with DIM {case.deck.dim} the program divides the weight by 0.2248 again at every condition: "
+            "do not use the printed weights and level-flight lift coefficients",
+        )
+
+
+def _flaps_in_ground_effect(case: Case) -> None:
+    pages = [page for page in case.pages if math.isfinite(page.ground_height) and not math.isnan(page.flap)]
+    if pages:
+        _say(
+            case,
+            pages[0].first,
+            "ground pages with flaps hold the clean configuration and the ground increment with flaps: "
+            "the flap increment of free air is not in them and must be added",
+        )
+
+
+def _power_on_missing_cells(case: Case) -> None:
+    pages = [page for page in case.pages if page.power != "off"]
+    if pages:
+        _say(
+            case,
+            pages[0].first,
+            f"{pages[0].power} power is added to cells that have no value without power: "
+            "where the page without power shows NA or NDM, the number here is the increment alone",
+        )
+
+
+def _control_tabs(case: Case) -> None:
+    """With CONTAB the stick force is a coefficient divided by qbar S cbar, and one build loses D(CM) of the flap."""
+    force = next((table for _, table in case.tables("tab_force")), None)
+    if force is not None:
+        largest = max(abs(force.values[force.flags == OK]), default=0.0)
+        _say(
+            case,
+            force.lines[0],
+            f"stick forces up to {largest:.3g} lb: the program divides the coefficient by qbar S cbar where it ought to multiply; "
+            "use the hinge moments, not F(C)",
+        )
+    for _, table in case.tables("symflp") if "CONTAB" in case.deck.namelists else ():
+        lift, moment = table.values[:, 1], table.values[:, 2]
+        if not moment.any() and (abs(lift) > 0.01).any():
+            _say(
+                case,
+                table.lines[0],
+                "D(CM) is 0.0000 at every deflection though D(CL) is not: one build of the program loses it with CONTAB, and its D(CDI) "
+                "is wrong as well; run the case without CONTAB for both",
+            )
+
+
+def _failed_arithmetic(case: Case) -> None:
+    texts = ((table, "".join(table.rows)) for page in case.pages for table in page.tables)
+    tables = (table for table, text in texts if "a" in text or "f" in text or "#" in text)  # no other row has such letters
+    rows = [line for table in tables for line, row in zip(table.lines, table.rows) if _FAILED.search(row)]
+    if rows:
+        _say(
+            case,
+            rows[0],
+            f"{len(rows)} row{'s hold' if len(rows) > 1 else ' holds'} NaN: the program's arithmetic failed there "
+            "(seen: canards, propellers at high angles of attack); other numbers of the page may be wrong too",
+        )
+
+
+def _dynamic_pages_repeated(case: Case) -> None:
+    """The dynamic page is printed again after every ground page; it must be the same one."""
+    if not any(math.isfinite(page.ground_height) for page in case.pages):
+        return
+    first: dict[tuple, tuple] = {}
+    for page, table in case.tables("dynamic"):
+        rows = tuple(row.split() for row in table.rows)
+        if first.setdefault((page.configuration, *printed_condition(page)), rows) != rows:
+            _say(case, table.lines[0], "this dynamic page differs from the one before for the same condition; the first one is used")
+            return
+
+
+def _reference_quantities(case: Case) -> None:
+    """One case has one set of reference quantities, but a low-aspect-ratio body brings its own."""
+    found: dict[tuple[str, ...], int] = {}
+    for page, _ in case.tables("static"):
+        if page.conditions is not None:
+            found.setdefault(tuple(page.conditions.text(0, i) for i in range(6, 11)), page.first)
+    if len(found) > 1:
+        texts = "; ".join(f"line {line}: {' '.join(words)}" for words, line in found.items())
+        _say(case, min(found.values()), f"the pages differ in reference quantities; the tree has those of the first page: {texts}")
+
+
+def _aspect_ratio_of_inboard_panels(case: Case) -> None:
+    """The planform properties of a cranked surface take its span in feet, its area as it is printed."""
+    for page, group in case.values("planform"):
+        panels = [k for k, label in enumerate(group.labels) if label.endswith("THEORITICAL INBOARD ASPECT RATIO")]
+        if panels and page.dim != "FT":
+            _say(
+                case,
+                group.lines[panels[0]],
+                f"aspect ratio {group.texts[panels[0]]} of the theoretical inboard panel: with DIM {page.dim} the program divides the "
+                "square of a span in feet by an area in the unit of the print; do not use it",
+            )
+            return
+
+
+def _conditions_missing(case: Case) -> None:
+    wanted = len({pair for pair in case.deck.conditions() if not _has_hypersonic_page(case, pair[0])})
+    found = len({printed_condition(page) for page, _ in case.tables("static")})
+    if 0 < found < wanted:
+        _say(
+            case,
+            case.line,
+            f"{wanted} flight conditions in the input cards, {found} in the listing: the program left some out, or pages are lost",
+        )
+
+
+def _has_hypersonic_page(case: Case, mach: float) -> bool:
+    """Tell whether the program computes a hypersonic flap at a Mach number, and nothing else."""
+    return "HYPEFF" in case.deck.namelists and case.deck.value("FLTCON", "HYPERS") == 1.0 and mach >= HYPERSONIC_FROM
+
+
+def _hypersonic_flap(case: Case) -> None:
+    """One build computes a hypersonic flap and prints nothing."""
+    wanted = any(_has_hypersonic_page(case, mach) for mach in case.deck.schedule("FLTCON", "MACH", "NMACH"))
+    if wanted and not any(page.kind == "hypersonic" for page in case.pages):
+        _say(case, case.line, "HYPEFF is given and nothing of it is printed: one build of the program has that page switched off")
+
+
+def _transverse_jet(case: Case) -> None:
+    """The method counts in pounds per square inch, the program's atmosphere in pounds per square foot."""
+    lines = [group.lines[0] for _, group in case.values("jet")]
+    if lines and not case.deck.values("FLTCON", "PINF"):
+        _say(
+            case,
+            lines[0],
+            "the transverse-jet method wants pressures in LB/IN2 and gets that of the altitude in LB/FT2: the pressures of the page are "
+            "LB/FT2 in spite of their label, and the control-force coefficients, with all that follows from them, are too small by 144",
+        )

@@ -1,0 +1,178 @@
+"""One printed page: heading, flight conditions, tables, notes."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
+
+from ..printout.blocks import Block, heading_words
+from ..printout.columns import Line
+from ..printout.content import Message, Page
+from ..printout.layouts import BLOCKS, BY_HEADING, CONDITIONS
+from ..printout.layouts import notes as footnotes
+from ..printout.rows import windows
+from ..printout.table_reader import read_table
+from ..printout.tables import Layout, Printed, Table
+from .headings import TITLES, read_heading
+
+_LAST_HEADING_LINE = 12
+_LONGEST_LINE = 160  # of the program; longer ones are not worth remembering
+_CONDITION_WINDOWS = windows(CONDITIONS.columns, CONDITIONS.keys)
+_UNITS = re.compile(r"(FT|IN|M|CM) +\1/SEC ")
+_SECOND_TITLE = "APRIL 1976 VERSION OF DATCOM"  # one build breaks the title of a hypersonic page
+# first line of the numbers on a page whose heading ends in a CASEID
+_NUMBERS_BEGIN = re.compile(r".? *MACH NUMBER ?=|.? TIME \(SEC\)")
+# headings around tables that carry nothing of their own
+_DECORATION = re.compile(
+    r"DERIVATIVE \(PER (DEGREE|RADIAN)\)$|DYNAMIC DERIVATIVES \(PER (DEGREE|RADIAN)\)$|PITCHING +ACCELERATION +ROLLING +YAWING$"
+    r"|INCREMENTS DUE TO DEFLECTION +DERIVATIVES \(PER DEGREE\)$"
+    r"|(?<!\*)\*{100,}$"  # a frame of asterisks around a message
+)
+_PER = re.compile(r"DERIVATIVE[S]? ?\(PER (DEGREE|RADIAN)\)")
+
+
+@dataclass
+class Body:
+    """What stands on a page besides its heading."""
+
+    printed: list[Printed] = field(default_factory=list)
+    notes: list[Message] = field(default_factory=list)
+    messages: list[Message] = field(default_factory=list)
+    unread: list[int] = field(default_factory=list)
+    empty: list[tuple[int, Layout]] = field(default_factory=list)  # headings without a row
+    per: str = ""
+    said: list[Message] = field(default_factory=list)  # notes or messages, where the last one went
+
+
+def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[tuple[int, Layout]]]:
+    """Return a page, the messages that stand on it, and line and kind of the headings that no row follows."""
+    anchor = next((i for i, (_, text) in enumerate(lines[:_LAST_HEADING_LINE]) if "FLIGHT CONDITIONS" in text), None)
+    start = _body_start(lines) if anchor is None else 0
+    top = lines[1:start] if anchor is None else lines[1:anchor]
+    heading = tuple(words for _, text in top if (words := text[1:].strip()) and words != _SECOND_TITLE)
+    said = read_heading(lines[0][1], heading)
+    conditions, dim, after = (None, "", start) if anchor is None else _conditions(lines, anchor)
+    body = _read_body(lines, after, said.kind)
+    page = Page(
+        kind=said.kind,
+        case=case,
+        first=lines[0][0],
+        last=lines[-1][0],
+        heading=heading[:6],
+        configuration=said.configuration,
+        ground_height=said.ground_height,
+        flap=said.flap,
+        power=said.power,
+        dim=dim,
+        per=body.per,
+        conditions=conditions,
+        printed=tuple(body.printed),
+        notes=tuple(body.notes),
+        unread=tuple(body.unread),
+    )
+    return page, body.messages, body.empty
+
+
+def _body_start(lines: list[Line]) -> int:
+    """Return where the body of a page without flight conditions starts: behind the line that names its kind, and the CASEID."""
+    top = lines[:_LAST_HEADING_LINE]
+    start = next((i + 1 for i, (_, text) in enumerate(top) if any(words in text for words, _ in TITLES)), 0)
+    return next((i for i in range(start, len(top)) if _NUMBERS_BEGIN.match(top[i][1])), start)
+
+
+def add_message(messages: list[Message], number: int, text: str) -> None:
+    """Append a message of the program, or continue the one before."""
+    if messages and footnotes.continues(text):
+        messages[-1] = messages[-1]._replace(text=f"{messages[-1].text} {text}")
+    else:
+        messages.append(Message(number, text))
+
+
+def _conditions(lines: list[Line], anchor: int) -> tuple[Table | None, str, int]:
+    """Return the flight-condition line, the unit of length and the index of the line after it."""
+    for i in range(anchor + 1, min(anchor + 9, len(lines))):
+        units = _UNITS.match(lines[i][1].strip() + " ")
+        if units is None:
+            continue
+        for j in range(i + 1, min(i + 4, len(lines))):
+            number, text = lines[j]
+            if not text[1:].strip():
+                continue
+            if _CONDITION_WINDOWS.hold(text):
+                return Table(CONDITIONS, CONDITIONS.columns, (number,), (text,)), units[1], j + 1
+            break
+        return None, units[1], i + 1
+    return None, "", anchor + 1
+
+
+def _read_body(lines: list[Line], at: int, kind: str) -> Body:
+    body = Body()
+    while at < len(lines):
+        number, text = lines[at]
+        at += 1
+        if len(text) < 2:
+            continue
+        meaning = (_meaning if len(text) <= _LONGEST_LINE else _meaning.__wrapped__)(kind, text)
+        if meaning.blocks and (found := _read_block(meaning.blocks, lines, at - 1)):
+            body.printed += [item for item in found[0] if item.lines]
+            at = max(at, found[1])
+        elif meaning.layout is not None:
+            table, after = read_table(meaning.layout, lines, at)
+            if table is not None:
+                body.printed.append(table)
+                at = after
+            elif not _says_no_output(lines, at):
+                body.unread.append(number)
+                body.empty.append((number, meaning.layout))
+        else:
+            _sort(number, meaning, body)
+    return body
+
+
+def _read_block(blocks: tuple[Block, ...], lines: list[Line], at: int) -> tuple[list[Printed], int] | None:
+    return next((found for block in blocks if (found := block.read(lines, at))), None)
+
+
+def _says_no_output(lines: list[Line], at: int) -> bool:
+    words = next((text[1:].strip() for _, text in lines[at : at + 3] if text[1:].strip()), "")
+    return words.startswith("*NOTE* NO OUTPUT AVAILABLE")
+
+
+class Meaning(NamedTuple):
+    """What a line of a page may be: it opens one of the blocks, or a table, or it is a text of its own sort."""
+
+    blocks: tuple[Block, ...]
+    layout: Layout | None
+    sort: str
+    words: str
+    per: str
+
+
+@lru_cache(4096)
+def _meaning(kind: str, text: str) -> Meaning:
+    """Return what a line may be on a page of a kind; the same headings and notes stand on every page."""
+    words = heading_words(text)
+    blocks = tuple(block for block in BLOCKS if kind in block.pages and block.opens.search(words))
+    plain = footnotes.plain(text)
+    per = _PER.search(plain)
+    if per or _DECORATION.match(words):
+        sort = "decoration" if _DECORATION.search(words) else "unread"
+    elif not plain:
+        sort = "decoration"
+    else:
+        sort = "continued" if footnotes.continues(plain) else footnotes.sort_of(plain) or "unread"
+    return Meaning(blocks, BY_HEADING.get(words), sort, plain, {"DEGREE": "deg", "RADIAN": "rad"}[per[1]] if per else "")
+
+
+def _sort(number: int, meaning: Meaning, body: Body) -> None:
+    body.per = body.per or meaning.per
+    if meaning.sort == "unread":
+        body.unread.append(number)
+    elif meaning.sort != "decoration":
+        if meaning.sort != "continued":
+            body.said = body.messages if meaning.sort == "message" else body.notes
+        add_message(body.said, number, meaning.words)
+        if found := footnotes.numbers(number, meaning.words):
+            body.printed.append(found)

@@ -1,0 +1,1 @@
+"""The aircraft: its data, its file, exchange of parts, similar aircraft."""

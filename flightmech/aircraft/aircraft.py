@@ -1,0 +1,266 @@
+"""The aircraft: geometry, mass, engines, limits and instruments, from a TOML file.
+
+Bare numbers are SI, texts carry their unit.  Positions are in body axes from the moment reference point; only
+`reference` itself is given from the drawing datum::
+
+    name = "T-37"
+    S = "182 ft2"
+    cbar = 1.66726
+    b = "33.83 ft"
+    reference = [-4.1, 0.0, 0.3]
+    x_ref_mac = 0.25
+    mass = 2400.0
+    Ixx = 10826.0
+    Iyy = 8135.0
+    Izz = 15162.0
+    cg = [0.0, 0.0, 0.2235]
+
+    [[engine]]
+    position = [0.0, -0.762, 0.0]
+    direction = [1.0, 0.0, 0.0]
+    time_constant = "1.2 s"
+    thrust = { throttle = [0.0, 1.0], mach = [0.0, 0.6], value = [[300.0, 150.0], [4559.0, 4100.0]] }
+
+    [limits]
+    delta_e = ["-20 deg", "17 deg"]
+
+    [control.delta_e]
+    S_hinge = 1.5
+    c_hinge = 0.35
+    gearing = "-1.2 rad/m"
+
+    [instruments.imu]
+    position = [0.9, 0.25, 0.32]
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ConfigDict, Field, field_validator, model_validator
+
+from ..errors import SchemaError, UnitError
+from ..support.configuration import Strict, load, si, validate
+from ..units import quantity
+from .control_surface import CONTROLS, TRAVEL, Control
+from .systems.control_circuits import Circuit, CircuitsTable, circuits_of
+from .systems.engine import Engine, EngineTable, engine_of
+from .systems.fuel import Fuel, FuelTable, fuel_of
+from .systems.landing_gear import GearTable, LandingGear, gear_of
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Aircraft:
+    """Geometry, mass and equipment of an aircraft, SI.
+
+    Parameters
+    ----------
+    name : str
+        Name of the type.
+    S, cbar, b : float
+        Reference area, chord and span. [m2, m, m]
+    mass : float
+        Gross mass. [kg]
+    Ixx, Iyy, Izz, Ixy, Ixz, Iyz : float
+        Moments and products of inertia about the c.g., products as the integrals of xy dm and so on. [kg m2]
+    reference : tuple of float (3,)
+        Moment reference point from the drawing datum, body directions. [m]
+    x_ref_mac : float
+        Its place behind the leading edge of the mean chord, in chords. [1]
+    cg : tuple of float (3,)
+        Centre of gravity from the moment reference point, body axes. [m]
+    engines : tuple of Engine
+        Engine 1 first.
+    limits : dict of str to (low, high)
+        Travel of the controls. [SI]
+    instruments : dict of str to dict
+        Tables of the instruments as in the file; `flighttest` reads them.
+    controls : dict of str to Control
+        Hinge geometry of ``delta_e``, ``delta_a`` and ``delta_r``; ``[control.delta_e]`` in the file.
+    circuits : dict of str to Circuit
+        What moves with ``column``, ``wheel`` and ``pedal``; ``[circuit.column]`` in the file.
+    gear : LandingGear, optional
+        Wheels, skids, steering and runway; ``[gear]`` in the file.
+    fuel : Fuel, optional
+        Fuel on board, part of `mass`; without it the mass does not change.
+    history : str
+        Where the numbers come from when they were computed, one line per step.
+    """
+
+    name: str
+    S: float
+    cbar: float
+    b: float
+    mass: float
+    Ixx: float
+    Iyy: float
+    Izz: float
+    Ixy: float = 0.0
+    Ixz: float = 0.0
+    Iyz: float = 0.0
+    reference: Vector = (0.0, 0.0, 0.0)
+    x_ref_mac: float = 0.25
+    cg: Vector = (0.0, 0.0, 0.0)
+    engines: tuple[Engine, ...] = ()
+    limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    instruments: dict[str, Any] = field(default_factory=dict)
+    controls: dict[str, Control] = field(default_factory=dict)
+    circuits: dict[str, Circuit] = field(default_factory=dict)
+    gear: LandingGear | None = None
+    fuel: Fuel | None = None
+    history: str = ""
+
+
+def read_aircraft(path: str | Path) -> Aircraft:
+    """Read an aircraft file.
+
+    Parameters
+    ----------
+    path : str or path
+        TOML file; a ``thrust_file`` in it is relative to it.
+
+    Raises
+    ------
+    ParseError
+        The text is not TOML.
+    SchemaError
+        With all problems: unknown keys, missing values, wrong units, impossible numbers.
+    """
+    path = Path(path)
+    content = validate(_File, load(path), str(path))
+    problems: list[str] = []
+    engines = tuple(engine_of(item, number, path.parent, problems) for number, item in enumerate(content.engine, 1))
+    gear = gear_of(content.gear, problems) if content.gear else None
+    fuel = fuel_of(content.fuel, path.parent, problems) if content.fuel else None
+    controls = {name: Control(**dict(item)) for name, item in content.control.items()}
+    circuits = circuits_of(content.circuit, controls, problems)
+    if problems:
+        raise SchemaError(str(path), problems)
+    built: dict[str, Any] = {"engines": engines, "controls": controls, "circuits": circuits, "gear": gear}
+    built["fuel"] = fuel
+    plain = {name: getattr(content, name) for name in Aircraft.__dataclass_fields__ if name not in built}
+    return Aircraft(**built, **plain)
+
+
+_Length = si("m")
+_Vector = tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
+
+
+class _Entry(Strict):
+    """Numbers may be given as texts with units, so that nothing else is converted silently."""
+
+    model_config = ConfigDict(protected_namespaces=())
+
+
+class _ControlTable(_Entry):
+    S_hinge: si("m2")  # type: ignore[valid-type]
+    c_hinge: _Length  # type: ignore[valid-type]
+    gearing: float | None = None
+
+    @field_validator("S_hinge", "c_hinge")
+    @classmethod
+    def _positive(cls, value: float) -> float:
+        return _positive(value)
+
+    @field_validator("gearing")
+    @classmethod
+    def _not_zero(cls, value: float | None) -> float | None:
+        if value is not None and not (np.isfinite(value) and value != 0.0):
+            raise ValueError("expected a deflection per travel other than zero; leave it out when it is not known")
+        return value
+
+
+class _File(_Entry):
+    name: str
+    S: si("m2")  # type: ignore[valid-type]
+    cbar: _Length  # type: ignore[valid-type]
+    b: _Length  # type: ignore[valid-type]
+    reference: _Vector = (0.0, 0.0, 0.0)
+    x_ref_mac: si("1") = 0.25  # type: ignore[valid-type]
+    mass: si("kg")  # type: ignore[valid-type]
+    Ixx: si("kg m2")  # type: ignore[valid-type]
+    Iyy: si("kg m2")  # type: ignore[valid-type]
+    Izz: si("kg m2")  # type: ignore[valid-type]
+    Ixy: si("kg m2") = 0.0  # type: ignore[valid-type]
+    Ixz: si("kg m2") = 0.0  # type: ignore[valid-type]
+    Iyz: si("kg m2") = 0.0  # type: ignore[valid-type]
+    cg: _Vector = (0.0, 0.0, 0.0)
+    engine: list[EngineTable] = Field(default_factory=list)
+    limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
+    instruments: dict[str, dict[str, Any]] = Field(default_factory=dict)
+    control: dict[str, _ControlTable] = Field(default_factory=dict)
+    circuit: CircuitsTable = CircuitsTable()
+    gear: GearTable | None = None
+    fuel: FuelTable | None = None
+    history: str = ""
+
+    @field_validator("S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz")
+    @classmethod
+    def _positive(cls, value: float) -> float:
+        return _positive(value)
+
+    @field_validator("control", mode="before")
+    @classmethod
+    def _gearings(cls, table: Any) -> Any:
+        """Turn gearings into SI here, because their unit depends on the control."""
+        if not isinstance(table, dict):
+            return table
+        if unknown := sorted(set(table) - set(TRAVEL)):
+            raise ValueError(f"unknown control {', '.join(unknown)}; allowed: {', '.join(TRAVEL)}")
+        return {name: _with_gearing(item, TRAVEL[name][1]) for name, item in table.items()}
+
+    @field_validator("limits", mode="before")
+    @classmethod
+    def _travel(cls, table: Any) -> dict[str, tuple[float, float]]:
+        if not isinstance(table, dict):
+            raise ValueError('expected a table of control = [low, high], e.g. delta_e = ["-20 deg", "17 deg"]')
+        return {name: _range(name, item) for name, item in table.items()}
+
+    @model_validator(mode="after")
+    def _inertia(self) -> _File:
+        tensor = inertia(self)
+        if not (np.linalg.eigvalsh(tensor) > 0.0).all():
+            raise ValueError("moments and products of inertia make no positive definite tensor")
+        return self
+
+
+def inertia(aircraft: Any) -> np.ndarray:
+    """Return the inertia tensor (3, 3) about the c.g., body axes. [kg m2]"""
+    Ixx, Iyy, Izz, Ixy, Ixz, Iyz = (getattr(aircraft, name) for name in ("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"))
+    return np.array([[Ixx, -Ixy, -Ixz], [-Ixy, Iyy, -Iyz], [-Ixz, -Iyz, Izz]])
+
+
+def _positive(value: float) -> float:
+    if not (np.isfinite(value) and value > 0.0):
+        raise ValueError("expected a positive number")
+    return value
+
+
+def _with_gearing(item: Any, units: str) -> Any:
+    if not isinstance(item, dict) or "gearing" not in item:
+        return item
+    try:
+        return {**item, "gearing": quantity(item["gearing"], units)}
+    except UnitError as error:
+        raise ValueError(f"gearing: {error}") from error
+
+
+def _range(name: str, item: Any) -> tuple[float, float]:
+    from ..names import lookup
+
+    if name not in CONTROLS:
+        raise ValueError(f"unknown control {name}; allowed: {', '.join(CONTROLS)}")
+    if not isinstance(item, list | tuple) or len(item) != 2:
+        raise ValueError(f"{name}: expected [low, high]")
+    try:
+        low, high = (quantity(part, lookup(name).units) for part in item)
+    except UnitError as error:
+        raise ValueError(f"{name}: {error}") from error
+    if not low < high:
+        raise ValueError(f"{name}: low {low:g} is not below high {high:g}")
+    return low, high

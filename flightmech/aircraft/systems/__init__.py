@@ -1,0 +1,1 @@
+"""Systems of the aircraft as data: engines, fuel, control circuits, landing gear."""

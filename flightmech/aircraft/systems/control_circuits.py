@@ -1,0 +1,229 @@
+"""Control circuits: column, wheel and pedals with their masses, cables, springs and friction, from ``[circuit.*]`` of the file.
+
+    [control.delta_e]                    # hinge geometry and gearing, flightmech.aircraft.aircraft
+    S_hinge = 1.5
+    c_hinge = 0.35
+    gearing = "-1.2 rad/m"
+    [circuit.column]
+    order = 4
+    stops = ["-15 cm", "20 cm"]
+    mass = 6.0
+    inertia = 1.1
+    cable_stiffness = "12e3 N/m"
+    friction = "20 N"
+    stiction = "5 N"
+
+Travel is in m for column and pedals and in rad for the wheel, forces in N and N m.  [LR743] 3.4 and 4.5.3; equations, signs and
+assumptions: docs/control-system.md and ``kernel/src/controls``.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pydantic import create_model
+
+from ...support.configuration import Strict, si
+
+if TYPE_CHECKING:
+    from ..control_surface import Control
+
+
+MOST = sys.float_info.max
+MOVES = {"column": "delta_e", "wheel": "delta_a", "pedal": "delta_r"}  # item: control, in the order of a block
+ORDERS = {"column": (2, 4), "wheel": (2, 4, 6), "pedal": (2, 4)}
+RIGHT_ANGLE = math.pi / 2.0  # travel of a surface without limits of its own
+_LONGEST_STEP = 1e-3  # [s]
+_PHASE = 0.2  # of the fastest mode in a sub-step: its frequency is right within _PHASE^2 / 12 [rad]
+
+
+@dataclass(frozen=True)
+class Circuit:
+    """One control circuit, [N] and [m] for column and pedals, [N m] and [rad] for the wheel.
+
+    Parameters
+    ----------
+    stops : tuple of float (2,)
+        Travel between the stops in the cockpit, aft, right and right foot positive. [m or rad]
+    mass : float
+        What moves in the cockpit, reduced to the travel. [kg or kg m2]
+    order : int
+        2: all moves together; 4: cockpit and surface are two masses on a cable; 6, wheel only: each aileron has its own cable.
+    inertia : float
+        Of the surface about its hinge, of both ailerons together. [kg m2]
+    damping, hinge_damping : float
+        Viscous friction in the cockpit and at the hinge. [N s m-1 or N m s; N m s]
+    stiffness, neutral, neutral_trim : float
+        Centring spring, travel at which it is free, travel of that point per deflection of the trim input ``delta_t``, ``delta_ta``
+        or ``delta_tr`` (a spring trim). [N m-1 or N m; m or rad; m rad-1 or 1]
+    preload : float
+        Force with which the spring leaves its neutral. [N or N m]
+    friction, stiction : float
+        Coulomb friction in the cockpit, and what comes on top of it at rest. [N or N m]
+    hinge_friction : float
+        Coulomb friction at the hinge, of both ailerons together. [N m]
+    restitution : float
+        Speed after over speed before a stop. [1]
+    cable_stiffness, cable_damping : float
+        Between cockpit and surface, reduced to the travel; with order 6 of the cable to each aileron. [N m-1 or N m; N s m-1 or N m s]
+    gearing_slope : float
+        Change of the gearing per travel; of ailerons the differential. [rad m-2 or rad rad-2]
+    rigging : float
+        Deflection at zero travel; of ailerons both down. [rad]
+    bob_weight : float
+        Force per specific force at the c.g.: column per upward, pushing it forward; wheel and pedal per right, pushing left.
+        [kg or kg m]
+    unbalance : float
+        Mass of the surface times distance of its centre behind the hinge, of both ailerons together. [kg m]
+    arm : float
+        Elevator and rudder: hinge forward of the moment reference point, so negative; ailerons: distance from the plane of
+        symmetry. [m]
+    tab_left, tab_right : float
+        Part of ``delta_ta`` that each aileron's tab has; used by the wheel only. [1]
+    trim_limit : float
+        Largest force that the start of a run with recorded forces may add. [N or N m]
+    step : float, optional
+        Sub-step; without it 1 ms, or less when the fastest mode asks for it. [s]
+    """
+
+    stops: tuple[float, float]
+    mass: float
+    order: int = 2
+    inertia: float = 0.0
+    damping: float = 0.0
+    hinge_damping: float = 0.0
+    stiffness: float = 0.0
+    neutral: float = 0.0
+    neutral_trim: float = 0.0
+    preload: float = 0.0
+    friction: float = 0.0
+    stiction: float = 0.0
+    hinge_friction: float = 0.0
+    restitution: float = 0.0
+    cable_stiffness: float = 0.0
+    cable_damping: float = 0.0
+    gearing_slope: float = 0.0
+    rigging: float = 0.0
+    bob_weight: float = 0.0
+    unbalance: float = 0.0
+    arm: float = 0.0
+    tab_left: float = 0.0
+    tab_right: float = 1.0
+    trim_limit: float = MOST
+    step: float | None = None
+
+    def sub_step(self, gearing: float) -> float:
+        """Return the sub-step: `step`, or 1 ms, or a fifth of a radian of the fastest mode when that is shorter. [s]"""
+        if self.step is not None:
+            return self.step
+        aft = self.inertia * gearing**2
+        fastest = self.stiffness / self.mass
+        if self.order > 2:
+            fastest += self.cable_stiffness * (self.order // 2 - 1) * (1.0 / self.mass + 1.0 / aft)
+        return min(_LONGEST_STEP, _PHASE / math.sqrt(fastest)) if fastest > 0.0 else _LONGEST_STEP
+
+
+class _Constant(NamedTuple):
+    """Units of a constant for a travel in m and for one in rad, unit for people of the former, least value, description."""
+
+    linear: str
+    rotary: str
+    least: float
+    text: str
+
+
+_CONSTANTS = {
+    "mass": _Constant("kg", "kg m2", 0.0, "mass in the cockpit, reduced to the travel"),
+    "inertia": _Constant("kg m2", "kg m2", 0.0, "inertia of the surface about its hinge"),
+    "damping": _Constant("N s m-1", "N m s", 0.0, "viscous friction in the cockpit"),
+    "hinge_damping": _Constant("N m s", "N m s", 0.0, "viscous friction at the hinge"),
+    "stiffness": _Constant("N m-1", "N m", 0.0, "centring spring"),
+    "neutral": _Constant("m", "rad", -MOST, "travel at which the centring spring is free"),
+    "neutral_trim": _Constant("m", "1", -MOST, "neutral travel per deflection of the trim input"),
+    "preload": _Constant("N", "N m", 0.0, "force with which the centring spring leaves neutral"),
+    "friction": _Constant("N", "N m", 0.0, "Coulomb friction in the cockpit"),
+    "stiction": _Constant("N", "N m", 0.0, "friction at rest beyond the Coulomb friction"),
+    "hinge_friction": _Constant("N m", "N m", 0.0, "Coulomb friction at the hinge"),
+    "restitution": _Constant("1", "1", 0.0, "speed after over speed before a stop"),
+    "cable_stiffness": _Constant("N m-1", "N m", 0.0, "stiffness of the cable, reduced to the travel"),
+    "cable_damping": _Constant("N s m-1", "N m s", 0.0, "damping of the cable, reduced to the travel"),
+    "gearing_slope": _Constant("m-2", "1", -MOST, "change of the gearing per travel"),
+    "rigging": _Constant("rad", "rad", -MOST, "deflection of the surface at zero travel"),
+    "bob_weight": _Constant("kg", "kg m", -MOST, "force of the bob weight per specific force"),
+    "unbalance": _Constant("kg m", "kg m", -MOST, "static unbalance of the surface, positive tail-heavy"),
+    "arm": _Constant("m", "m", -MOST, "hinge of elevator and rudder forward of the reference point; ailerons from the plane of symmetry"),
+    "tab_left": _Constant("1", "1", -MOST, "part of delta_ta on the left aileron"),
+    "tab_right": _Constant("1", "1", -MOST, "part of delta_ta on the right aileron"),
+    "trim_limit": _Constant("N", "N m", 0.0, "largest force that the start of a run may add"),
+}
+
+
+def _units(item: str, constant: _Constant) -> str:
+    return constant.rotary if item == "wheel" else constant.linear
+
+
+class _CircuitTable(Strict):
+    """What the tables of all circuits share; the constants with their units come from `circuit_table`."""
+
+    order: int = 2
+
+
+def circuit_table(item: str) -> type[Strict]:
+    """Return the model of ``[circuit.<item>]``: quantities with the units of that circuit."""
+    travel = si("rad" if item == "wheel" else "m")
+    defaults = {field.name: field.default for field in fields(Circuit)}
+    columns: dict[str, Any] = {name: (si(_units(item, constant)), defaults[name]) for name, constant in _CONSTANTS.items()}
+    columns |= {"mass": (columns["mass"][0], ...), "stops": (tuple[travel, travel], ...), "step": (si("s") | None, None)}  # type: ignore[valid-type]
+    return create_model(f"{item.capitalize()}Table", __base__=_CircuitTable, **columns)
+
+
+# [circuit] of the aircraft file: a table of its own kind for each item
+CircuitsTable = create_model("CircuitsTable", __base__=Strict, **{item: (circuit_table(item) | None, None) for item in MOVES})  # type: ignore
+
+
+def circuits_of(tables: Strict, controls: Mapping[str, Control], problems: list[str]) -> dict[str, Circuit]:
+    """Return the circuits of an aircraft file, in the order of a block; faults are added to `problems`."""
+    found = {item: Circuit(**dict(table)) for item, table in tables if table is not None}
+    for item, circuit in found.items():
+        problems += [f"circuit.{item}: {text}" for text in check(item, circuit, controls.get(MOVES[item]))]
+    return found
+
+
+def check(item: str, circuit: Circuit, control: Control | None) -> list[str]:
+    """Return every fault of a circuit as a text.
+
+    Parameters
+    ----------
+    item : {"column", "wheel", "pedal"}
+        Which circuit it is.
+    circuit : Circuit
+        Its constants.
+    control : Control or None
+        Hinge geometry of the surface it moves.
+    """
+    problems = []
+    if control is None or control.gearing is None:
+        problems.append(f"[control.{MOVES[item]}] with a gearing is missing; give S_hinge, c_hinge and gearing")
+    if circuit.order not in ORDERS[item]:
+        problems.append(f"order is {circuit.order}; allowed: {', '.join(map(str, ORDERS[item]))}")
+    for name, constant in _CONSTANTS.items():
+        value = getattr(circuit, name)
+        if not math.isfinite(value) or value < constant.least:
+            problems.append(f"{name} is {value:g}; it must be {'finite' if constant.least else 'zero or positive'}")
+    if not circuit.mass > 0.0:
+        problems.append(f"mass is {circuit.mass:g}; it must be positive")
+    if circuit.restitution > 1.0:
+        problems.append(f"restitution is {circuit.restitution:g}; a stop gives at most 1 back")
+    if not -math.inf < circuit.stops[0] < circuit.stops[1] < math.inf:
+        problems.append(f"stops are {circuit.stops[0]:g} and {circuit.stops[1]:g}; the first must lie below the second")
+    if circuit.order > 2:
+        problems += [
+            f"{name} is 0; order {circuit.order} needs it" for name in ("inertia", "cable_stiffness") if not getattr(circuit, name) > 0.0
+        ]
+    if circuit.step is not None and not 1e-6 <= circuit.step <= 1.0:
+        problems.append(f"step is {circuit.step:g} s; allowed: 1e-6 ... 1 s")
+    return problems

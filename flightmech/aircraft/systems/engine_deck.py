@@ -1,0 +1,244 @@
+"""A full engine deck: governor schedule, spools, flame, and tables of thrust, air flow, fuel flow and temperature.
+
+``[engine.deck]`` in the aircraft file; what the kernel makes of it stands in docs/engine.md::
+
+    [engine.deck]
+    file = "engine.nc"                 # a leaf per target, or tables here
+    lever_delay = "0.1 s"
+
+    [engine.deck.tables]
+    n2_command = { throttle = [0.0, 1.0], value = [0.6, 1.0] }
+    n2_up_time = "0.4 s"               # a number is a table without axes
+    corrected_thrust = { corrected_n1 = [0.3, 1.1], mach = [0.0, 0.5], value = [["300 N", "150 N"], ["9000 N", "7000 N"]] }
+    windmill_thrust = { value = -0.03, regressors = ["qbar"] }
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import ConfigDict, Field
+
+from ...errors import AeromatchError, SchemaError, UnknownName
+from ...support.configuration import Strict, si
+from ...units import quantity
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Vector = tuple[float, float, float]
+_SPOOLS = ("n1", "n2")
+# what the tables of a deck give, and in which unit; `thrust` and those without `corrected_` are taken as they stand
+TARGETS = {
+    "thrust": "N",
+    "corrected_thrust": "N",
+    "windmill_thrust": "N",
+    "air_flow": "kg s-1",
+    "corrected_air_flow": "kg s-1",
+    "fuel_flow": "kg s-1",
+    "corrected_fuel_flow": "kg s-1",
+    "itt": "K",
+    "corrected_itt": "K",
+    **{f"{n}_command": "1" for n in _SPOOLS},
+    **{f"corrected_{n}_command": "1" for n in _SPOOLS},
+    **{f"{n}_{way}_time": "s" for n in _SPOOLS for way in ("up", "down")},
+    **{f"{n}_{way}_limit": "s-1" for n in _SPOOLS for way in ("up", "down")},
+    **{f"corrected_{n}_windmill": "1" for n in _SPOOLS},
+    "corrected_n2_driven": "1",
+    "burn_margin": "1",
+    "light_margin": "1",
+}
+OWN = ("throttle", "pla", *_SPOOLS, "corrected_n1", "corrected_n2", "temperature_ratio", "pressure_ratio")  # variables of one engine
+
+
+@dataclass(frozen=True)
+class Deck:
+    """Tables and constants of a full engine deck.
+
+    Speeds are fractions of the rated speeds.  The defaults are round figures of a small turbofan, not of one engine.
+
+    Parameters
+    ----------
+    tables : mapping of str to Dataset
+        Target (the keys of `TARGETS`) to a term leaf; the variables of the engine itself (`OWN`) without its number.
+    lever_delay : float
+        Transport delay of the power lever. [s]
+    pla_idle, pla_full : float
+        Lever angle at throttle 0 and 1. [rad]
+    n1_rundown, n2_rundown : float
+        Time constants towards the windmilling speed when the engine does not burn. [s]
+    starter_speed, starter_time : float
+        Speed of the gas generator to which the starter turns it, and its time constant. [1], [s]
+    light_speed, sustain_speed : float
+        Least speed of the gas generator at which the engine lights, and at which it goes on burning. [1]
+    flame_time : float
+        Time constant of the flame. [s]
+    itt_time : float
+        Lag of the turbine temperature; 0 for none. [s]
+    n1_rated, n2_rated : float
+        Rotor speeds at 1, positive right-handed about the thrust. [rad s-1]
+    n1_inertia, n2_inertia : float
+        Moments of inertia of the rotors. [kg m2]
+    inlet : tuple of float (3,), optional
+        Where the ram drag acts, body axes, from the moment reference point; the engine's position without it. [m]
+    """
+
+    tables: Mapping[str, xr.Dataset]
+    lever_delay: float = 0.0
+    pla_idle: float = 0.0
+    pla_full: float = 1.0
+    n1_rundown: float = 8.0
+    n2_rundown: float = 8.0
+    starter_speed: float = 0.2
+    starter_time: float = 4.0
+    light_speed: float = 0.1
+    sustain_speed: float = 0.05
+    flame_time: float = 0.2
+    itt_time: float = 0.0
+    n1_rated: float = 0.0
+    n2_rated: float = 0.0
+    n1_inertia: float = 0.0
+    n2_inertia: float = 0.0
+    inlet: Vector | None = None
+
+    def __post_init__(self) -> None:
+        problems = list(_problems(self.tables))
+        if problems:
+            raise SchemaError("engine deck", problems)
+
+
+_Length = si("m")
+
+
+class DeckTable(Strict):
+    """An ``[engine.deck]`` of the aircraft file."""
+
+    model_config = ConfigDict(protected_namespaces=())
+
+    file: str | None = None
+    tables: dict[str, Any] = Field(default_factory=dict)
+    lever_delay: si("s") | None = None  # type: ignore[valid-type]
+    pla_idle: si("rad") | None = None  # type: ignore[valid-type]
+    pla_full: si("rad") | None = None  # type: ignore[valid-type]
+    n1_rundown: si("s") | None = None  # type: ignore[valid-type]
+    n2_rundown: si("s") | None = None  # type: ignore[valid-type]
+    starter_speed: si("1") | None = None  # type: ignore[valid-type]
+    starter_time: si("s") | None = None  # type: ignore[valid-type]
+    light_speed: si("1") | None = None  # type: ignore[valid-type]
+    sustain_speed: si("1") | None = None  # type: ignore[valid-type]
+    flame_time: si("s") | None = None  # type: ignore[valid-type]
+    itt_time: si("s") | None = None  # type: ignore[valid-type]
+    n1_rated: si("rad s-1") | None = None  # type: ignore[valid-type]
+    n2_rated: si("rad s-1") | None = None  # type: ignore[valid-type]
+    n1_inertia: si("kg m2") | None = None  # type: ignore[valid-type]
+    n2_inertia: si("kg m2") | None = None  # type: ignore[valid-type]
+    inlet: tuple[_Length, _Length, _Length] | None = None  # type: ignore[valid-type]
+
+
+CONSTANTS = tuple(field.name for field in fields(Deck) if field.name not in ("tables", "inlet"))
+
+
+def deck_of(item: DeckTable, folder: Path) -> Deck:
+    """Return the deck of a file in `folder`.
+
+    Raises
+    ------
+    SchemaError
+        With all problems of its tables.
+    """
+    from ...terms import make
+
+    tables: dict[str, xr.Dataset] = {}
+    problems: list[str] = []
+    if item.file is not None:
+        tables |= open_tables(folder / item.file)
+    for target, content in item.tables.items():
+        try:
+            tables[target] = leaf_of(content, TARGETS[target]) if target in TARGETS else make(0.0)
+        except (AeromatchError, ValueError) as error:
+            problems += [f"{target}: {text}" for text in getattr(error, "problems", [str(error)])]
+            tables[target] = make(1.0)  # its place is taken: what else is wrong is still found
+    problems += _problems(tables)
+    if problems:
+        raise SchemaError("engine deck", problems)
+    given = {name: value for name in (*CONSTANTS, "inlet") if (value := getattr(item, name)) is not None}
+    return Deck(tables, **given)
+
+
+def leaf_of(item: Any, units: str) -> xr.Dataset:
+    """Return a leaf from its form in a TOML file: a number, or a table of axes, ``value`` and, as wanted, ``regressors`` and ``outside``.
+
+    Parameters
+    ----------
+    item : number, str or mapping
+        Bare numbers are SI, texts carry their unit; `value` is ordered as the axes are written.
+    units : str
+        SI unit of the value; with regressors it is a bare number in units over those of the regressors.
+    """
+    from ...names import lookup
+    from ...terms import make
+
+    if not isinstance(item, Mapping):
+        return make(quantity(item, units))
+    if "value" not in item:
+        raise ValueError(f"missing value, in {units} over the axes in the order they are written")
+    words = [str(word) for word in item.get("regressors", ())]
+    reserved = ("value", "regressors", "outside")
+    axes = {name: [quantity(point, lookup(name).units) for point in points] for name, points in item.items() if name not in reserved}
+    value = np.vectorize(lambda number: quantity(number, "1" if words else units), otypes=[float])(np.array(item["value"], object))
+    shape = tuple(len(points) for points in axes.values())
+    if value.shape != shape:
+        raise ValueError(f"value has the shape {value.shape}, the axes {' '.join(axes)} have {shape}")
+    return make(value, axes, words, outside=str(item.get("outside", "hold")))
+
+
+def open_tables(path: Path) -> dict[str, xr.Dataset]:
+    """Return the leaves of a netCDF file by their target, the name of the group.
+
+    Raises
+    ------
+    SchemaError
+        With all faults of the leaves.
+    OSError
+        The file is not there or no netCDF.
+    """
+    import xarray as xr
+
+    from ...terms import check
+
+    with xr.open_datatree(path, engine="h5netcdf") as tree:
+        leaves = {str(name): node.to_dataset().load() for name, node in tree.children.items()}
+    problems = [f"{name}: {text}" for name, leaf in leaves.items() for text in check(leaf)]
+    if problems:
+        raise SchemaError(path.name, problems)
+    return leaves
+
+
+def write_tables(tables: Mapping[str, xr.Dataset], path: Path, **attributes: str) -> None:
+    """Write the leaves of a deck to a netCDF file, one group per target."""
+    import xarray as xr
+
+    tree = xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in tables.items()})
+    tree.attrs.update(attributes)
+    tree.to_netcdf(path, engine="h5netcdf")
+
+
+def _problems(tables: Mapping[str, xr.Dataset]) -> Iterator[str]:
+    for target in sorted(set(tables) - set(TARGETS)):
+        yield str(UnknownName(target, TARGETS, "table of an engine deck"))
+    if not {"thrust", "corrected_thrust"} & set(tables):
+        yield "no table of the thrust; give corrected_thrust or thrust"
+    governed = [n for n in _SPOOLS if {f"{n}_command", f"corrected_{n}_command"} & set(tables)]
+    if not governed:
+        yield "no table of a commanded speed; give n1_command or n2_command over the lever, or their corrected_ forms"
+    for n in governed:
+        if f"{n}_up_time" not in tables:
+            yield f"{n} has a command and no {n}_up_time, the time constant with which it follows"
+    for name in sorted(set(tables) & {f"{n}_{way}_{kind}" for n in _SPOOLS for way in ("up", "down") for kind in ("time", "limit")}):
+        lowest = float(tables[name]["value"].min())
+        if not lowest > 0.0:
+            yield f"{name} holds {lowest:g}; it must be positive everywhere"

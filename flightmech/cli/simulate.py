@@ -1,0 +1,101 @@
+"""The verb ``aeromatch fmu simulate``: a record of inputs through a model, without an FMU."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from ..support.console import NewFile, json_option
+from .trim import Pair
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from ..simulation.compiler import SimModel
+
+_FILE = click.Path(exists=True, dir_okay=False)
+_HEADING = re.compile(r"^\s*([A-Za-z_0-9.*]+)\s*(?:\[([^\]]*)\])?\s*$")
+
+
+@click.command()
+@click.argument("aircraft", type=_FILE)
+@click.argument("database", type=_FILE)
+@click.option("--inputs", "record", required=True, type=_FILE, help="CSV with headings 'time', 'delta_e [deg]' ..., or netCDF in SI.")
+@click.option("--set", "given", multiple=True, type=Pair(), help="Parameter or constant input: init.V='175 kt', mode.trim=2, gear=1 ...")
+@click.option("--hold", type=click.Choice(["linear", "zero"]), default="linear", show_default=True, help="Inputs between samples.")
+@click.option("--terms", is_flag=True, help="Write the contribution of every term as well (netCDF only).")
+@click.option("-o", "--output", required=True, type=NewFile(), help="The history: .nc, or .csv in SI.")
+@json_option
+def simulate(aircraft: str, database: str, record: str, given: tuple, hold: str, terms: bool, output: str, as_json: bool) -> None:
+    """Fly AIRCRAFT (TOML) with DATABASE (netCDF) under recorded inputs and write the history."""
+    from ..simulation.model_files import compile_files
+    from ..simulation.run import simulate as fly
+    from ..support.console import document
+
+    if terms and Path(output).suffix == ".csv":
+        raise click.UsageError("--terms needs a netCDF file; name it .nc")
+    sim = compile_files(aircraft, database)
+    found = fly(sim, _read(record), _values(sim, given), hold, terms=terms)
+    _write(found, output)
+    said = {"file": output, "samples": found.sizes["time"], "outputs": len(sim.outputs), "out_of_range": found.attrs["out_of_range"]}
+    if as_json:
+        document(said)
+        return
+    click.echo(f"{said['samples']} samples of {said['outputs']} outputs; tables left: {said['out_of_range'] or 'none'}")
+    click.echo(f"written: {output}")
+
+
+def _values(sim: SimModel, given: tuple) -> dict[str, float]:
+    """Return the values of parameters and inputs in SI; parts of tables are taken as they stand."""
+    from ..simulation.kernel import INPUT, PARAMETER
+    from ..units import quantity
+
+    units = {row.name: row.units for kind in (INPUT, PARAMETER) for row in sim.entries(kind)}
+    found = {}
+    for name, text in given:
+        try:
+            found[name] = float(text)
+        except ValueError:
+            found[name] = quantity(text, units.get(name, "1"))
+    return found
+
+
+def _read(path: str) -> xr.Dataset:
+    import pandas as pd
+    import xarray as xr
+
+    from ..errors import ParseError
+    from ..names import lookup
+    from ..units import to_si
+
+    if Path(path).suffix == ".nc":
+        with xr.open_dataset(path, engine="h5netcdf") as dataset:
+            return dataset.load()
+    try:
+        table = pd.read_csv(path, comment="#", skipinitialspace=True)
+    except (ValueError, UnicodeDecodeError) as error:
+        raise ParseError(path, 1, str(error), "a CSV table with a line of headings") from error
+    columns = {}
+    for heading in map(str, table.columns):
+        match = _HEADING.match(heading)
+        if match is None or not pd.api.types.is_numeric_dtype(table[heading]):
+            raise ParseError(path, 1, heading, "a heading such as 'delta_e [deg]' over numbers")
+        name, unit = match.groups()
+        units = lookup(name).units
+        columns[name] = to_si(table[heading].to_numpy(float), unit or units, units)
+    if "time" not in columns:
+        raise ParseError(path, 1, ", ".join(columns), "a column time in s")
+    return xr.Dataset({name: ("time", values) for name, values in columns.items() if name != "time"}, {"time": columns["time"]})
+
+
+def _write(found: xr.Dataset, output: str) -> None:
+    from ..support.atomic_write import written_whole
+
+    with written_whole(output) as part:
+        if Path(output).suffix == ".csv":
+            found.to_dataframe().to_csv(part)
+        else:
+            found.to_netcdf(part, engine="h5netcdf")

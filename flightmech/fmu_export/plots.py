@@ -1,0 +1,180 @@
+"""Small line plots of the tables of a model, drawn by evaluating its own block: what is seen is what the FMU computes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ..simulation.catalogue import power_name
+from ..simulation.kernel import VARIABLE, Entry, Simulation
+from ..units import from_si, to_si
+
+if TYPE_CHECKING:
+    from ..simulation.compiler import SimModel
+
+WIDTH, HEIGHT = 300, 180
+LEFT, RIGHT, TOP, BOTTOM, LEGEND = 56, 12, 12, 34, 62
+SHADES = ("#08306b", "#2171b5", "#4292c6", "#74a9cf", "#a6bddb")  # one hue, dark to light with the second axis
+POINTS = 121
+
+# "alpha -11.46 ... 17.19 deg (4)" as the compiler describes an axis
+_AXIS = re.compile(r"(?P<name>\S+) (?P<low>\S+?)(?: \.\.\. (?P<high>\S+))?(?: (?P<unit>[^()]+))? \((?P<nodes>\d+)\)")
+
+
+class Span(NamedTuple):
+    """An axis of a table: name, ends [SI], number of breakpoints."""
+
+    name: str
+    low: float
+    high: float
+    nodes: int
+
+
+class Figure(NamedTuple):
+    """The plot of a term (SVG), or its value when it has no axes, and what has to be said with it."""
+
+    term: str
+    svg: str
+    value: float | None
+    caption: str
+
+
+def figures(sim: SimModel) -> Iterator[Figure]:
+    """Return a figure per term, in the order of the model.
+
+    The axis with the most nodes runs, as far as anything changes; the next is at up to five values, others are in their middle.
+    A regressor that is no axis is one and a power factor is left out, so that the plot is per unit of them.
+    """
+    table = _Evaluation(sim)
+    return (table.figure(term, sim.meta.get("terms", {}).get(term, {})) for term in sim.terms)
+
+
+def axes_of(text: str) -> list[Span]:
+    """Return the axes that the compiler wrote down for a term.
+
+    Examples
+    --------
+    >>> axes_of("mach 0.1 ... 0.6 (2)")
+    [Span(name='mach', low=0.1, high=0.6, nodes=2)]
+    """
+    found = []
+    for match in _AXIS.finditer(text.replace(", ", "\n")):
+        unit = match["unit"] or "1"
+        low, high = (float(to_si(float(match[end] or match["low"]), unit)) for end in ("low", "high"))
+        found.append(Span(match["name"], low, high, int(match["nodes"])))
+    return found
+
+
+class _Evaluation:
+    """The terms of a model over chosen variables; all others are zero, power factors are one."""
+
+    def __init__(self, sim: SimModel):
+        self.terms, self.run = sim.terms, Simulation(sim.model)
+        self.rows = {row.name: row for row in sim.entries(VARIABLE)}
+        self.powers = [name for name in sim.parameters if name.startswith("power.")]
+        for name in self.powers:
+            self.run.set_parameter(sim.parameters.index(name), 0.0)
+
+    def over(self, term: str, values: Mapping[str, float | np.ndarray]) -> np.ndarray:
+        """Return the contribution of a term, scalars held and arrays running."""
+        size = max((np.size(value) for value in values.values()), default=1)
+        variables = np.zeros((size, len(self.rows)))
+        for i, name in enumerate(self.rows):
+            variables[:, i] = values.get(name, 0.0)
+        return self.run.evaluate(variables)[1][:, self.terms.index(term)]
+
+    def figure(self, term: str, text: Mapping[str, str]) -> Figure:
+        """Return the figure of a term with the axes and regressors that the compiler wrote down."""
+        spans = sorted(axes_of(text.get("axes", "")), key=lambda span: -span.nodes)
+        units = {word: 1.0 for word in text.get("regressors", "").split() if word not in {span.name for span in spans}}
+        said = [f"per unit of {' '.join(units)}"] if units else []
+        if power_name(term) in self.powers:
+            said.append("without its power factor")
+        if not spans:
+            return Figure(term, "", float(self.over(term, units)[0]), "; ".join(said))
+        first, *others = [self.changing(term, span, spans, units) for span in spans]
+        held = units | {span.name: 0.5 * (span.low + span.high) for span in others[1:]}
+        levels = [{others[0].name: level} for level in _levels(others[0])] if others else [{}]
+        x = np.linspace(first.low, first.high, POINTS)
+        curves = [self.over(term, {**held, **level, first.name: x}) for level in levels]
+        labels = [self.shown(*pair) for level in levels for pair in level.items()]
+        if first.high < spans[0].high:
+            said.append(f"constant beyond {self.shown(first.name, first.high)}")
+        if others:
+            said.append(f"shades: {others[0].name}")
+        said += [f"{span.name} = {self.shown(span.name, held[span.name])}" for span in others[1:]]
+        return Figure(term, _svg(term, self.rows[first.name], x, curves, labels), None, "; ".join(said))
+
+    def changing(self, term: str, span: Span, spans: Sequence[Span], units: Mapping[str, float]) -> Span:
+        """Return an axis without what lies beyond its last change, to a factor of two: heights reach to the stratosphere."""
+        end = span.high
+        while end - span.low > 1e-6 * (span.high - span.low):
+            middle = 0.5 * (span.low + end)
+            x = np.linspace(middle, span.high, POINTS)
+            for part in (0.0, 0.25, 0.5, 1.0):
+                others = {other.name: other.low + part * (other.high - other.low) for other in spans}
+                curve = self.over(term, {**units, **others, span.name: x})
+                if np.ptp(curve) > 1e-9 * abs(curve).max():
+                    return span._replace(high=end)
+            end = middle
+        return span
+
+    def shown(self, name: str, value: float) -> str:
+        """Return a value of a variable in the unit for people."""
+        unit = self.rows[name].display_units
+        return f"{_number(from_si(value, unit))}{'' if unit == '1' else ' ' + unit}"
+
+
+def _levels(span: Span) -> list[float]:
+    return np.linspace(span.low, span.high, min(span.nodes, len(SHADES))).tolist()
+
+
+def _number(value: float) -> str:
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
+
+
+def _svg(term: str, axis: Entry, x: np.ndarray, curves: Sequence[np.ndarray], labels: Sequence[str]) -> str:
+    low, high = float(min(map(np.min, curves))), float(max(map(np.max, curves)))
+    if high == low:
+        low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
+    right, bottom = WIDTH - RIGHT - (LEGEND if labels else 0), HEIGHT - BOTTOM
+    px = LEFT + (x - x[0]) / ((x[-1] - x[0]) or 1.0) * (right - LEFT)
+
+    def py(y):
+        return bottom - (y - low) / (high - low) * (bottom - TOP)
+
+    parts = [f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(term)} over {escape(axis.name)}">']
+    parts += [_tick(right, py(value), _number(value)) for value in (low, 0.5 * (low + high), high)]
+    if low < 0.0 < high:
+        parts.append(f'<path d="M{LEFT} {py(0.0):.1f}H{right}" class="zero"/>')
+    for curve, shade in zip(curves, _shades(len(curves)), strict=True):
+        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(px, py(curve), strict=True))
+        parts.append(f'<polyline points="{points}" stroke="{shade}"/>')
+    for i, (label, shade) in enumerate(zip(labels, _shades(len(labels)), strict=True)):
+        y = TOP + 8 + 14 * i
+        parts.append(f'<path d="M{right + 6} {y - 4}h10" stroke="{shade}" stroke-width="2"/>')
+        parts.append(_text(right + 19, y, label))
+    unit = axis.display_units
+    ends = [_number(from_si(float(end), unit)) for end in (x[0], x[-1])]
+    parts.append(_text(LEFT, bottom + 14, ends[0]))
+    parts.append(_text(right, bottom + 14, ends[1], "end"))
+    parts.append(_text((LEFT + right) // 2, bottom + 26, axis.name + ("" if unit == "1" else f" [{unit}]"), "middle"))
+    return "".join(parts) + "</svg>"
+
+
+def _shades(count: int) -> Sequence[str]:
+    if count < 2:
+        return SHADES[:count]
+    return [SHADES[round(i * (len(SHADES) - 1) / (count - 1))] for i in range(count)]
+
+
+def _tick(right: float, y: float, text: str) -> str:
+    return f'<path d="M{LEFT} {y:.1f}H{right}" class="grid"/>' + _text(LEFT - 5, round(y + 3.0, 1), text, "end")
+
+
+def _text(x: float, y: float, text: str, anchor: str = "") -> str:
+    return f'<text x="{x}" y="{y}"{f" text-anchor={chr(34)}{anchor}{chr(34)}" if anchor else ""}>{escape(text)}</text>'

@@ -1,0 +1,1 @@
+"""The linear model about a steady flight, and its modes."""

@@ -1,0 +1,1 @@
+"""The compiled simulation: kernel, model block, runs."""

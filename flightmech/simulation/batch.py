@@ -1,0 +1,138 @@
+"""Many runs of one record, each with its own parameters, on all processors."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from ctypes import POINTER, byref, c_double, c_int, c_size_t
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from ..errors import SchemaError, SimulationError
+from .kernel import OUTPUT, Simulation, library
+from .run import attributes, check_hold, index_of_parameter, output_indices, read_inputs, read_time
+
+if TYPE_CHECKING:
+    from .compiler import SimModel
+
+_TEXT = 200  # AM_TEXT of kernel.h
+
+
+class _Task(ctypes.Structure):
+    """``am_batch_task`` of kernel.h."""
+
+    _fields_ = [
+        ("samples", c_size_t),
+        ("parameters", c_size_t),
+        ("outputs", c_size_t),
+        ("t", POINTER(c_double)),
+        ("u", POINTER(c_double)),
+        ("parameter", POINTER(c_int)),
+        ("values", POINTER(c_double)),
+        ("output", POINTER(c_int)),
+        ("y", POINTER(c_double)),
+        ("hold", c_int),
+    ]
+
+
+def simulate_batch(
+    sim: SimModel,
+    inputs: xr.Dataset,
+    varied: Mapping[str, Sequence[float] | np.ndarray],
+    parameters: Mapping[str, float] | None = None,
+    outputs: Sequence[str] | None = None,
+    hold: str = "linear",
+    step: float = 0.01,
+    threads: int | None = None,
+    failed: str = "raise",
+) -> xr.Dataset:
+    """Simulate one record many times with different parameters.
+
+    The runs share the compiled model and are flown by threads; a run's result does not depend on their number.
+
+    Parameters
+    ----------
+    sim : SimModel
+        The compiled model.
+    inputs, parameters, hold, step
+        As in `simulate`; they hold for all runs.
+    varied : mapping of str to array (run,)
+        The parameters that differ: any parameter of the model, or a part of a table, ``node.CL.basic[3,1]``,
+        ``table.CL.basic`` (its scale), ``offset.CL.gear.K1``. [SI]
+    outputs : sequence of str, optional
+        What is returned; all outputs without it.
+    threads : int, optional
+        One per processor without it.
+    failed : {"raise", "nan"}
+        What a run that fails does: raise, or leave NaN behind the last good sample and its reason in ``failure``.
+
+    Returns
+    -------
+    Dataset (run, time)
+        The chosen outputs; ``failure`` (run,) is empty for a run that went through.
+
+    Raises
+    ------
+    UnknownName
+        A parameter or output that the model does not have.
+    SchemaError
+        Varied parameters of different lengths.
+    SimulationError
+        A run failed and `failed` is "raise"; the text names the run.
+    """
+    check_hold(hold)
+    if failed not in ("raise", "nan"):
+        raise ValueError(f"failed is {failed!r}; allowed: raise, nan")
+    values = _table(varied)
+    time = read_time(inputs)
+    constant = {"mode.step": step, **(parameters or {})}
+    u = read_inputs(sim, inputs, constant, len(time))
+    base = Simulation(sim.model)
+    for name, value in constant.items():
+        if name not in sim.inputs:
+            base.set_parameter(index_of_parameter(sim, name), float(value))
+    chosen = output_indices(sim, outputs)
+    y, status, done, texts = _fly(base, time, u, [index_of_parameter(sim, name) for name in varied], values, chosen, hold, threads)
+    for run in np.flatnonzero(status):
+        if failed == "raise":
+            raise SimulationError(f"run {run}: {texts[run]}", float(time[min(done[run], len(time) - 1)]))
+        y[run, done[run] :] = np.nan
+    rows = [sim.entries(OUTPUT)[i] for i in chosen]
+    columns: dict[str, Any] = {row.name: (("run", "time"), y[:, :, k], attributes(row)) for k, row in enumerate(rows)}
+    columns["failure"] = ("run", np.array(texts, object), {"long_name": "why a run ended early"})
+    coords = {"time": ("time", time, {"units": "s"}), **{name: ("run", values[:, k]) for k, name in enumerate(varied)}}
+    return xr.Dataset(columns, coords, {"title": sim.title, "step": float(constant["mode.step"]), "hold": hold})
+
+
+def _table(varied: Mapping[str, Sequence[float] | np.ndarray]) -> np.ndarray:
+    """Return the values (run, parameter)."""
+    lengths = {name: np.size(column) for name, column in varied.items()}
+    if not lengths or len(set(lengths.values())) != 1:
+        found = ", ".join(f"{name} {n}" for name, n in lengths.items()) or "none"
+        raise SchemaError("varied parameters", [f"every parameter needs one value per run; lengths found: {found}"])
+    return np.ascontiguousarray(np.column_stack([np.asarray(column, float).ravel() for column in varied.values()]))
+
+
+def _fly(base, time, u, parameter, values, chosen, hold, threads):
+    runs, samples = len(values), len(time)
+    y = np.empty((runs, samples, len(chosen)))
+    status, done = np.zeros(runs, np.intc), np.zeros(runs, np.uintp)
+    texts = ctypes.create_string_buffer(runs * _TEXT)
+    arrays = [np.ascontiguousarray(time), np.ascontiguousarray(u), np.array(parameter, np.intc), values, np.array(chosen, np.intc), y]
+    t, inputs, names, table, output, result = (a.ctypes.data_as(POINTER(c_int if a.dtype == np.intc else c_double)) for a in arrays)
+    task = _Task(samples, len(parameter), len(chosen), t, inputs, names, table, output, result, int(hold == "zero"))
+    statuses, counts = status.ctypes.data_as(POINTER(c_int)), done.ctypes.data_as(POINTER(c_size_t))
+
+    def fly(first: int) -> None:
+        if library().am_batch(base.handle, byref(task), first, first + 1, statuses, counts, texts):
+            raise MemoryError("no memory for a simulation of the batch")
+
+    with ThreadPoolExecutor(max(1, min(runs, threads or os.cpu_count() or 1))) as pool:
+        list(pool.map(fly, range(runs)))
+    raw = texts.raw
+    found = [raw[k * _TEXT : (k + 1) * _TEXT].split(b"\0", 1)[0].decode(errors="replace") for k in range(runs)]
+    return y, status, done.astype(int), found

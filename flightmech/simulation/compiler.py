@@ -1,0 +1,240 @@
+"""Aircraft and tree of terms to one immutable block that the kernel flies; the same two give the same bytes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from ..aircraft.aircraft import Aircraft
+from ..errors import SchemaError, UnknownName
+from ..names import lookup
+from ..terms import SOURCES, check, power, regressors
+from ..units import from_si
+from . import catalogue, submodels
+from .kernel import AXIS, INPUT, OUTPUT, PARAMETER, STATE, TARGET, TERM, VARIABLE, Entry, Model
+from .packer import FORCES, MOMENTS, Packer, Term, axes
+
+IMPLICIT = ("alphadothat", "betadothat", "dnz")
+_AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
+_NEAR = 1e-4  # of the chord: two places of the moment reference that count as one
+_HINGES = ("Ch_e", "Ch_a", "Ch_r")
+_NO_COEFFICIENT = ("checks", "previous")  # groups of a database that hold no terms
+
+
+@dataclass(frozen=True)
+class SimModel:
+    """A compiled simulation model.
+
+    Parameters
+    ----------
+    block : bytes
+        What the kernel loads; ``resources/model.bin`` of an FMU.
+    """
+
+    block: bytes = field(repr=False)
+
+    @cached_property
+    def model(self) -> Model:
+        """The block loaded into the kernel."""
+        return Model(self.block)
+
+    def entries(self, kind: int) -> tuple[Entry, ...]:
+        """Return names, units, descriptions, start values and ranges of one kind (`flightmech.simulation.kernel`: INPUT ... AXIS)."""
+        return self.model.entries(kind)
+
+    @cached_property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the inputs, in the order of the kernel."""
+        return _names(self.entries(INPUT))
+
+    @cached_property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return _names(self.entries(OUTPUT))
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return _names(self.entries(PARAMETER))
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        """Names of the continuous states."""
+        return _names(self.entries(STATE))
+
+    @cached_property
+    def terms(self) -> tuple[str, ...]:
+        """Names of the terms, ``CL/basic`` and so on, in the order of their evaluation."""
+        return _names(self.entries(TERM))
+
+    @cached_property
+    def variables(self) -> tuple[str, ...]:
+        """Names of the model variables that the tables and terms use."""
+        return _names(self.entries(VARIABLE))
+
+    @cached_property
+    def axes(self) -> tuple[str, ...]:
+        """Names of the table axes; a name appears once per set of breakpoints."""
+        return _names(self.entries(AXIS))
+
+    @property
+    def title(self) -> str:
+        """Name of the aircraft."""
+        return self.model.title
+
+    @property
+    def meta(self) -> dict[str, Any]:
+        """Provenance: force axes, attributes of the database; range, sources and remarks of each term."""
+        return json.loads(self.model.meta)
+
+    def __getstate__(self) -> dict[str, bytes]:
+        return {"block": self.block}
+
+    def __setstate__(self, state: dict[str, bytes]) -> None:
+        object.__setattr__(self, "block", state["block"])
+
+
+def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
+    """Compile an aircraft and its database to a simulation model.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Geometry, mass, engines, limits.
+    db : DataTree
+        Terms at ``/<coefficient>/<contribution>``, as in `flightmech.terms`; root attribute ``force_axes``.
+
+    Raises
+    ------
+    SchemaError
+        With all problems: faults of a term, an axis or regressor that the simulation does not know, a geometry that
+        differs from the aircraft's.
+    """
+    found = _collect(aircraft, db)
+    problems = _root_problems(aircraft, db)
+    problems += [text for term in found for text in _leaf_problems(term.name, term.leaf, term.stage, aircraft)]
+    if problems:
+        raise SchemaError(f"model of {aircraft.name}", problems)
+    block = Packer(aircraft, found, _force_axes(db), _meta(db, found)).pack()
+    Model(block)  # the kernel accepts it, or says why not
+    return SimModel(block)
+
+
+def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:
+    return tuple(entry.name for entry in entries)
+
+
+def _force_axes(db: xr.DataTree) -> str:
+    return str(db.attrs.get("force_axes", "stability"))
+
+
+def _collect(aircraft: Aircraft, db: xr.DataTree) -> list[Term]:
+    """Return all terms in the order of their evaluation."""
+    items = submodels.items(aircraft)
+    stage, number = catalogue.stages(TARGET, items), {name: i for i, name in enumerate(catalogue.expand(TARGET, items))}
+    forces = FORCES.get(_force_axes(db), FORCES["stability"])
+    found = [Term(stage[target], number[target], name, leaf) for target, name, leaf in submodels.terms(aircraft)]
+    for target, coefficient in zip((*FORCES["stability"], *MOMENTS, *_HINGES), (*forces, *MOMENTS, *_HINGES), strict=True):
+        if coefficient in db.children:
+            for contribution in sorted(db[coefficient].children):
+                leaf = db[coefficient][contribution].to_dataset()
+                found.append(Term(stage[target], number[target], f"{coefficient}/{contribution}", leaf))
+    return sorted(found, key=lambda term: term[:2])
+
+
+def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
+    problems = []
+    axes = _force_axes(db)
+    if axes not in FORCES:
+        problems.append(f"attribute force_axes is {axes!r}; allowed: {', '.join(FORCES)}")
+        axes = "stability"
+    for name in map(str, db.children):
+        if name not in (*FORCES[axes], *MOMENTS, *_HINGES, *_NO_COEFFICIENT):
+            allowed = ", ".join((*FORCES[axes], *MOMENTS))
+            problems.append(f"/{name} is no coefficient; with force_axes {axes} there are {allowed}")
+    problems += [f"/{path} holds a table; a term lies at /<coefficient>/<contribution>, this one would not fly" for path in _astray(db)]
+    for name in ("S", "cbar", "b"):
+        if name in db.attrs and not np.isclose(float(db.attrs[name]), getattr(aircraft, name), rtol=_AGREE, atol=0.0):
+            problems.append(
+                f"{name} is {float(db.attrs[name]):.8g} in the database and {getattr(aircraft, name):.8g} in the aircraft; they must agree"
+            )
+    for name, own in zip(("x_ref", "y_ref", "z_ref"), aircraft.reference, strict=True):
+        if name in db.attrs and not np.isclose(float(db.attrs[name]), own, rtol=_AGREE, atol=1e-4 * aircraft.cbar):
+            problems.append(
+                f"{name} is {float(db.attrs[name]):.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference"
+            )
+    return problems
+
+
+def _astray(db: xr.DataTree) -> Iterator[str]:
+    for node in db.subtree:
+        path = node.relative_to(db)
+        if node.data_vars and path.count("/") != 1 and path.split("/")[0] not in _NO_COEFFICIENT:
+            yield path
+
+
+def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, aircraft: Aircraft) -> list[str]:
+    problems = check(leaf)
+    if problems:
+        return [f"{name}: {text}" for text in problems]
+    known = catalogue.stages(VARIABLE, submodels.items(aircraft))
+    problems += [f"{name}: {text}" for axis in axes(leaf) for text in _axis_problems(axis, known, stage)]
+    words, factor = regressors(leaf), power(leaf)
+    problems += [f"{name}: regressor: {text}" for word in words for text in _variable_problems(word, known, stage)]
+    if factor:
+        problems += [f"{name}: power: {text}" for text in _axis_problems(factor.variable, known, stage)]
+    if sum(word in IMPLICIT for word in words) > 1:
+        problems.append(f"{name}: regressors {' '.join(words)}: only one of {', '.join(IMPLICIT)} can be solved for in a term")
+    return problems
+
+
+def _axis_problems(axis: str, known: Mapping[str, int], stage: int) -> list[str]:
+    if axis in IMPLICIT:
+        return [f"{axis} cannot be an axis, the simulation solves for it; make it a regressor"]
+    if axis == "CL":
+        return ["CL cannot be an axis, it is known after the tables; make it a regressor"]
+    return [f"axis: {text}" for text in _variable_problems(axis, known, stage)]
+
+
+def _variable_problems(name: str, known: Mapping[str, int], stage: int) -> list[str]:
+    if name not in known:
+        hint = "write engine1.throttle or engine1.thrust for one engine" if name in ("throttle", "thrust") else ""
+        return [str(UnknownName(name, list(known), "model variable of the simulation", hint))]
+    if known[name] > stage:
+        return [f"{name} is found only after this table is evaluated; it cannot depend on it"]
+    return []
+
+
+def _meta(db: xr.DataTree, terms: list[Term]) -> str:
+    plain = {key: item for key, item in db.attrs.items() if isinstance(item, str | int | float)}
+    texts = {t.name: _texts(t.leaf) for t in terms}
+    return json.dumps({"database": plain, "force_axes": _force_axes(db), "terms": texts}, sort_keys=True, ensure_ascii=False)
+
+
+def _texts(leaf: xr.Dataset) -> dict[str, str]:
+    """Return what a reader of the model should know of a term."""
+    found = {"axes": ", ".join(_extent(leaf, axis) for axis in axes(leaf)), "source": _sources(leaf)}
+    found |= {key: str(leaf.attrs.get(key, "")) for key in ("regressors", "references", "comment")}
+    found["power"] = str(power(leaf) or "")
+    return {key: text for key, text in found.items() if text}
+
+
+def _extent(leaf: xr.Dataset, axis: str) -> str:
+    """Return range, display unit and number of the breakpoints: ``alpha -8 ... 20 deg (19)``."""
+    points, unit = leaf[axis].values, lookup(axis).display_units
+    ends = " ... ".join(f"{from_si(float(x), unit):.4g}" for x in dict.fromkeys((points[0], points[-1])))
+    return f"{axis} {ends}{'' if unit == '1' else ' ' + unit} ({len(points)})"
+
+
+def _sources(leaf: xr.Dataset) -> str:
+    """Return how many nodes come from where: ``datcom 30, flight 6``."""
+    if "source" not in leaf:
+        return ""
+    counts = {word: int((leaf["source"].values == flag).sum()) for flag, word in enumerate(SOURCES)}
+    return ", ".join(f"{word} {count}" for word, count in counts.items() if count)

@@ -1,0 +1,344 @@
+"""The compiled kernel through ctypes: loaded at the first use, never at import."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from collections.abc import Iterator, Sequence
+from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_void_p
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import AeromatchError, SchemaError, SimulationError
+
+FOLDER = Path(__file__).parents[1] / "_binaries"
+SUFFIX = {"linux": ".so", "windows": ".dll", "darwin": ".dylib"}
+
+INPUT, OUTPUT, PARAMETER, STATE, VARIABLE, TARGET, TERM, AXIS = range(8)
+FIXED, INTEGER, LINEAR = 1, 2, 4
+
+_doubles = POINTER(c_double)
+
+
+class Entry(NamedTuple):
+    """One row of the catalogue of a model, as in ``am_entry`` of kernel.h."""
+
+    name: str
+    units: str
+    display_units: str
+    description: str
+    value: float
+    low: float
+    high: float
+    flags: int
+
+
+class _Entry(ctypes.Structure):
+    _fields_ = [(name, c_char_p) for name in Entry._fields[:4]] + [(name, c_double) for name in Entry._fields[4:7]] + [("flags", c_int)]
+
+
+class _Mover(ctypes.Structure):
+    _fields_ = [("kind", c_int), ("index", c_int), ("unknown", c_int)]
+
+
+class _TrimTask(ctypes.Structure):
+    _fields_ = [(name, c_int) for name in ("path", "movers", "unknowns", "goals")]
+    _fields_ += [("mover", POINTER(_Mover)), ("low", _doubles), ("high", _doubles), ("size", _doubles)]
+    _fields_ += [("goal", POINTER(c_int)), ("wanted", _doubles)]
+
+
+_SIGNATURES: dict[str, tuple[type | None, list]] = {
+    "am_load": (c_void_p, [c_char_p, c_size_t, c_char_p, c_size_t]),
+    "am_free": (None, [c_void_p]),
+    "am_format": (c_int, []),
+    "am_title": (c_char_p, [c_void_p]),
+    "am_meta": (c_char_p, [c_void_p]),
+    "am_count": (c_int, [c_void_p, c_int]),
+    "am_entry_at": (c_int, [c_void_p, c_int, c_int, POINTER(_Entry)]),
+    "am_find": (c_int, [c_void_p, c_int, c_char_p]),
+    "am_known": (c_char_p, [c_int, c_int]),
+    "am_known_group": (c_char_p, [c_int, c_int]),
+    "am_known_stage": (c_int, [c_int, c_int]),
+    "am_group": (c_char_p, [c_int]),
+    "am_new": (c_void_p, [c_void_p]),
+    "am_delete": (None, [c_void_p]),
+    "am_copy": (c_int, [c_void_p, c_void_p]),
+    "am_error": (c_char_p, [c_void_p]),
+    "am_time": (c_double, [c_void_p]),
+    "am_set_parameter": (c_int, [c_void_p, c_int, c_double]),
+    "am_get_parameter": (c_int, [c_void_p, c_int, _doubles]),
+    "am_set_inputs": (c_int, [c_void_p, _doubles]),
+    "am_initialize": (c_int, [c_void_p, c_double]),
+    "am_trim": (c_int, [c_void_p, c_int]),
+    "am_trim_for": (c_int, [c_void_p, POINTER(_TrimTask), _doubles, _doubles, _doubles, _doubles]),
+    "am_step": (c_int, [c_void_p, c_double, c_double, _doubles, _doubles]),
+    "am_outputs": (c_int, [c_void_p, _doubles]),
+    "am_run": (c_int, [c_void_p, c_size_t, _doubles, _doubles, c_int, _doubles, POINTER(c_size_t)]),
+    "am_record": (
+        c_int,
+        [c_void_p, c_size_t, _doubles, _doubles, c_int, POINTER(c_int), c_size_t, _doubles, _doubles, POINTER(c_size_t)],
+    ),
+    "am_batch": (c_int, [c_void_p, c_void_p, c_size_t, c_size_t, POINTER(c_int), POINTER(c_size_t), c_void_p]),
+    "am_state_count": (c_int, [c_void_p]),
+    "am_get_state": (c_int, [c_void_p, _doubles]),
+    "am_set_state": (c_int, [c_void_p, _doubles]),
+    "am_derivative": (c_int, [c_void_p, _doubles, _doubles, _doubles]),
+    "am_complete_step": (c_int, [c_void_p, c_double]),
+    "am_evaluate": (c_int, [c_void_p, c_size_t, _doubles, _doubles, _doubles]),
+    "am_out_of_range": (c_int, [c_void_p, _doubles, _doubles]),
+}
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Return the kernel of this machine.
+
+    Raises
+    ------
+    AeromatchError
+        When it has not been compiled.
+    """
+    folder = FOLDER / _platform()
+    found = [path for suffix in SUFFIX.values() for path in sorted(folder.glob(f"*{suffix}"))]
+    if not found:
+        raise AeromatchError(f"no compiled kernel in {folder}; install the package, or run 'python hatch_build.py' in a checkout")
+    kernel = ctypes.CDLL(str(found[0]))
+    for name, (result, arguments) in _SIGNATURES.items():
+        function = getattr(kernel, name)
+        function.restype, function.argtypes = result, arguments
+    return kernel
+
+
+def _platform() -> str:
+    import platform
+
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}.get(platform.machine().lower(), platform.machine().lower())
+    return f"{machine}-{platform.system().lower()}"
+
+
+class Known(NamedTuple):
+    """A name that the kernel can compute: its group, the pattern with a star for the item's name, the stage of a variable or target."""
+
+    group: str
+    pattern: str
+    stage: int
+
+
+@cache
+def groups() -> tuple[str, ...]:
+    """Return the groups of names, in the order of a block; the core is ``""``."""
+    found: list[str] = []
+    while (name := library().am_group(len(found))) is not None:
+        found.append(name.decode())
+    return tuple(found)
+
+
+@cache
+def known(kind: int) -> tuple[Known, ...]:
+    """Return the names of one kind that the kernel can compute."""
+    kernel = library()
+    found: list[Known] = []
+    while (name := kernel.am_known(kind, len(found))) is not None:
+        i = len(found)
+        found.append(Known(kernel.am_known_group(kind, i).decode(), name.decode(), kernel.am_known_stage(kind, i)))
+    return tuple(found)
+
+
+class Model:
+    """A loaded block; immutable, may be shared by threads."""
+
+    def __init__(self, block: bytes):
+        kernel = library()
+        text = ctypes.create_string_buffer(400)
+        handle = kernel.am_load(block, len(block), text, len(text))
+        if not handle:
+            raise SchemaError("model block", [text.value.decode(errors="replace").removeprefix("model block: ")])
+        self.handle = c_void_p(handle)
+        weakref.finalize(self, kernel.am_free, self.handle)
+        self._entries: dict[int, tuple[Entry, ...]] = {}
+
+    def count(self, kind: int) -> int:
+        """Return the number of inputs, outputs and so on."""
+        return library().am_count(self.handle, kind)
+
+    def find(self, kind: int, name: str) -> int:
+        """Return the index of a name, -1 when there is none; parameters of tables are found here only, such as ``node.CL.basic[3,1]``."""
+        return library().am_find(self.handle, kind, name.encode())
+
+    def entries(self, kind: int) -> tuple[Entry, ...]:
+        """Return the catalogue of one kind, in the order of the kernel's arrays."""
+        if kind not in self._entries:
+            self._entries[kind] = tuple(self._read(kind))
+        return self._entries[kind]
+
+    def _read(self, kind: int) -> Iterator[Entry]:
+        row = _Entry()
+        for i in range(self.count(kind)):
+            library().am_entry_at(self.handle, kind, i, byref(row))
+            name, units, display_units, description = (getattr(row, column).decode() for column in Entry._fields[:4])
+            yield Entry(name, units, display_units, description, row.value, row.low, row.high, row.flags)
+
+    @property
+    def title(self) -> str:
+        """Name of the aircraft."""
+        return library().am_title(self.handle).decode()
+
+    @property
+    def meta(self) -> str:
+        """Provenance as JSON text."""
+        return library().am_meta(self.handle).decode()
+
+
+class Simulation:
+    """States, inputs and parameters of one run; `copy` makes a rollback point."""
+
+    def __init__(self, model: Model):
+        kernel = library()
+        handle = kernel.am_new(model.handle)
+        if not handle:
+            raise MemoryError("no memory for a simulation")
+        self.model, self.handle = model, c_void_p(handle)
+        weakref.finalize(self, kernel.am_delete, self.handle)
+
+    def copy(self) -> Simulation:
+        """Return an independent simulation in the same state."""
+        twin = Simulation(self.model)
+        twin._demand(library().am_copy(twin.handle, self.handle))
+        return twin
+
+    def set_parameter(self, index: int, value: float) -> None:
+        """Set one parameter."""
+        self._demand(library().am_set_parameter(self.handle, index, value))
+
+    def parameter(self, index: int) -> float:
+        """Return one parameter."""
+        value = c_double()
+        self._demand(library().am_get_parameter(self.handle, index, byref(value)))
+        return value.value
+
+    def set_inputs(self, u: Sequence[float] | np.ndarray) -> None:
+        """Set all inputs, u (inputs,)."""
+        self._demand(library().am_set_inputs(self.handle, _pointer(_checked(u, (self.model.count(INPUT),)))))
+
+    def initialize(self, time: float = 0.0) -> None:
+        """Put the state to ``init.*``; trim when ``mode.trim`` says so."""
+        self._demand(library().am_initialize(self.handle, time))
+
+    def trim(self, seek: int) -> None:
+        """Trim by thrust (1) or throttle (2)."""
+        self._demand(library().am_trim(self.handle, seek))
+
+    def trim_for(
+        self,
+        path: int,
+        movers: Sequence[tuple[int, int, int]],
+        search: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+        goals: Sequence[int],
+        wanted: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Seek unknowns so that outputs take wanted values, as ``am_trim_for`` of kernel.h.
+
+        Parameters
+        ----------
+        path : int
+            0 climb angle given, 1 pitch attitude given, 2 on the ground.
+        movers : sequence of (int, int, int)
+            INPUT or PARAMETER, its index, the unknown it follows.
+        search : tuple of array (unknown,)
+            First guess, lower and upper limits, sizes.
+        goals, wanted : sequence (goal,)
+            Indices of outputs and their wanted values.
+
+        Returns
+        -------
+        found, outputs, left, jacobian : array
+            (unknown,), (output,), (goal,) and (goal, unknown), the last two weighed as accelerations. [m s-2]
+        """
+        n, m = len(search[0]), len(goals)
+        found, low, high, size = (np.array(item, float) for item in search)
+        aims = _checked(wanted, (m,))
+        y, left, jacobian = np.empty(self.model.count(OUTPUT)), np.empty(m), np.empty((m, n))
+        task = _TrimTask(path, len(movers), n, m, (_Mover * len(movers))(*(_Mover(*mover) for mover in movers)))
+        task.low, task.high, task.size = map(_pointer, (low, high, size))
+        task.goal, task.wanted = (c_int * m)(*goals), _pointer(aims)
+        self._demand(library().am_trim_for(self.handle, byref(task), *map(_pointer, (found, y, left, jacobian))))
+        return found, y, left, jacobian
+
+    def step(self, time: float, dt: float, u0: np.ndarray, u1: np.ndarray) -> None:
+        """Advance by `dt` with inputs linear from `u0` to `u1`. [s]"""
+        shape = (self.model.count(INPUT),)
+        self._demand(library().am_step(self.handle, time, dt, _pointer(_checked(u0, shape)), _pointer(_checked(u1, shape))))
+
+    def outputs(self) -> np.ndarray:
+        """Return all outputs (outputs,)."""
+        y = np.empty(self.model.count(OUTPUT))
+        self._demand(library().am_outputs(self.handle, _pointer(y)))
+        return y
+
+    def run(self, time: np.ndarray, u: np.ndarray, hold: bool) -> np.ndarray:
+        """Return the outputs (time, outputs) under the inputs u (time, inputs)."""
+        t = _checked(time, (len(time),))
+        inputs = _checked(u, (len(t), self.model.count(INPUT)))
+        y, done = np.empty((len(t), self.model.count(OUTPUT))), c_size_t()
+        self._demand(library().am_run(self.handle, len(t), _pointer(t), _pointer(inputs), int(hold), _pointer(y), byref(done)))
+        return y
+
+    def record(self, time: np.ndarray, u: np.ndarray, hold: bool, outputs: np.ndarray, terms: bool) -> tuple[np.ndarray, np.ndarray | None]:
+        """Return the outputs of the indices `outputs` (time, chosen) and, on demand, the contribution of every term (time, terms)."""
+        t = _checked(time, (len(time),))
+        inputs = _checked(u, (len(t), self.model.count(INPUT)))
+        chosen = np.ascontiguousarray(outputs, np.intc)
+        y, done = np.empty((len(t), len(chosen))), c_size_t()
+        parts = np.empty((len(t), self.model.count(TERM))) if terms else None
+        pointers = _pointer(t), _pointer(inputs), int(hold), chosen.ctypes.data_as(POINTER(c_int)), len(chosen), _pointer(y)
+        self._demand(library().am_record(self.handle, len(t), *pointers, None if parts is None else _pointer(parts), byref(done)))
+        return y, parts
+
+    @property
+    def state(self) -> np.ndarray:
+        """State (states,): position, velocity, quaternion, body rates, then the submodels; `entries` of STATE names them."""
+        x = np.empty(library().am_state_count(self.model.handle))
+        self._demand(library().am_get_state(self.handle, _pointer(x)))
+        return x
+
+    @state.setter
+    def state(self, x: np.ndarray) -> None:
+        self._demand(library().am_set_state(self.handle, _pointer(_checked(x, (library().am_state_count(self.model.handle),)))))
+
+    def derivative(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Return the rate of the state `x` under the inputs `u`."""
+        state, dx = _checked(x, (library().am_state_count(self.model.handle),)), np.empty(len(x))
+        inputs = _checked(u, (self.model.count(INPUT),))
+        self._demand(library().am_derivative(self.handle, _pointer(state), _pointer(inputs), _pointer(dx)))
+        return dx
+
+    def evaluate(self, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return coefficients (n, 6) and contributions (n, terms) at model variables (n, variables)."""
+        v = np.ascontiguousarray(variables, float).reshape(-1, self.model.count(VARIABLE))
+        coefficients, terms = np.empty((len(v), 6)), np.empty((len(v), self.model.count(TERM)))
+        self._demand(library().am_evaluate(self.handle, len(v), _pointer(v), _pointer(coefficients), _pointer(terms)))
+        return coefficients, terms
+
+    def out_of_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return how many internal steps lay below and above the range of each axis (axes,)."""
+        below, above = np.empty(self.model.count(AXIS)), np.empty(self.model.count(AXIS))
+        self._demand(library().am_out_of_range(self.handle, _pointer(below), _pointer(above)))
+        return below, above
+
+    def _demand(self, status: int) -> None:
+        if status:
+            raise SimulationError(library().am_error(self.handle).decode(errors="replace"), library().am_time(self.handle))
+
+
+def _pointer(array: np.ndarray):
+    return array.ctypes.data_as(_doubles)
+
+
+def _checked(array, shape: tuple[int, ...]) -> np.ndarray:
+    found = np.ascontiguousarray(array, float)
+    if found.shape != shape:
+        raise ValueError(f"array has the shape {found.shape}, expected {shape}")
+    return found

@@ -1,0 +1,31 @@
+"""A simulation model from its two files."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..errors import ParseError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from .compiler import SimModel
+
+
+def compile_files(aircraft: str, database: str) -> SimModel:
+    """Return the model of an aircraft file (TOML) and a database file (netCDF)."""
+    from ..aircraft.aircraft import read_aircraft
+    from .compiler import compile as compile_model
+
+    return compile_model(read_aircraft(aircraft), _open(database))
+
+
+def _open(database: str) -> xr.DataTree:
+    """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this package."""
+    import xarray as xr
+
+    try:
+        with xr.open_datatree(database, engine="h5netcdf") as tree:
+            return tree.load()
+    except (OSError, ValueError) as error:
+        raise ParseError(database, 0, f"no readable aero database ({error})", "netCDF-4 as 'aeromatch db build' writes it") from error

@@ -1,0 +1,48 @@
+"""The submodels beside the aerodynamics: each module says what its groups of names mean for an aircraft.
+
+A module has ``items(aircraft)``, the items of its groups, ``row(kind, group, item, name, aircraft)``, the catalogue row of a
+name, and ``terms(aircraft)``, its tables as (target, name of the term, leaf).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from . import controls, engine, fuel, landing_gear, weather
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from ...aircraft.aircraft import Aircraft
+    from ..kernel import Entry
+
+MODULES = (weather, engine, fuel, landing_gear, controls)
+_OWNER = {
+    "weather": weather,
+    "engine": engine,
+    "spool": engine,
+    "fuel": fuel,
+    "gear": landing_gear,
+    "contact": landing_gear,
+    "circuit": controls,
+}
+
+
+def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
+    """Return the names of the items of every group; the core and groups of one item have the empty name."""
+    found: dict[str, tuple[str, ...]] = {"": ("",)}
+    for module in MODULES:
+        found |= module.items(aircraft)
+    return found
+
+
+def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
+    """Return the catalogue row of a name of a group."""
+    return _OWNER[group].row(kind, group, item, name, aircraft)
+
+
+def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
+    """Return the tables of all submodels: target, name of the term, leaf."""
+    for module in MODULES:
+        yield from module.terms(aircraft)

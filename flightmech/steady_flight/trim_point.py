@@ -1,0 +1,319 @@
+"""A steady flight of an aircraft with a database: coefficients and static derivatives about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+from scipy.optimize import root_scalar
+
+from .. import terms
+from ..aircraft.aircraft import Aircraft
+from ..axes import lift_drag
+from ..errors import SimulationError
+from ..names import COEFFICIENTS
+from ..simulation.compiler import SimModel
+from ..simulation.compiler import compile as compile_model
+from ..simulation.kernel import PARAMETER, Simulation
+from ..simulation.run import constant_inputs
+from ..trimming.search import trimmed_outputs
+from ..units import G0
+from .flight_condition import parameters, words
+
+HINGES = ("Ch_e", "Ch_a", "Ch_r")
+VARIABLES = ("alpha", "beta", "V", "phat", "qhat", "rhat", "alphadothat", "betadothat", "dnz", "delta_e", "delta_a", "delta_r")
+STEP = float(np.finfo(float).eps ** (1.0 / 3.0))  # of a variable's size, for central differences
+_LEFT = 1e-6  # acceleration that still counts as trimmed [m s-2, rad s-2]
+
+
+@dataclass(frozen=True)
+class Pair:
+    """An aircraft and its database, compiled, with what is asked of them again and again.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+        Geometry, engines, controls.
+    db : DataTree
+        The database, for what the kernel does not fly.
+    sim : SimModel
+        The two compiled.
+    """
+
+    aircraft: Aircraft
+    db: xr.DataTree = field(repr=False)
+    sim: SimModel = field(repr=False)
+
+    @cached_property
+    def defaults(self) -> dict[str, float]:
+        """Default of each parameter."""
+        return {row.name: row.value for row in self.sim.entries(PARAMETER)}
+
+    @cached_property
+    def force_axes(self) -> str:
+        """Axes of the force coefficients of the database."""
+        return str(self.sim.meta["force_axes"])
+
+    @cached_property
+    def hinges(self) -> dict[str, list[xr.Dataset]]:
+        """Terms of the hinge moments by coefficient."""
+        found = [name for name in HINGES if name in self.db.children]
+        return {name: [node.to_dataset() for node in self.db[name].children.values()] for name in found}
+
+    @cached_property
+    def lift_range(self) -> dict[str, tuple[float, float]]:
+        """First and last breakpoint that all lift tables share, by axis."""
+        groups = [self.db[name].children.values() for name in ("CL", "CX", "CZ") if name in self.db.children]
+        points = [(str(axis), node.coords[axis].values) for group in groups for node in group for axis in node.coords]
+        ends = [(axis, float(values[0]), float(values[-1])) for axis, values in points if values.size > 1]
+        return {axis: (max(e[1] for e in ends if e[0] == axis), min(e[2] for e in ends if e[0] == axis)) for axis in {e[0] for e in ends}}
+
+
+@dataclass(frozen=True)
+class Point:
+    """A trimmed flight over a flat Earth.
+
+    Parameters
+    ----------
+    pair : Pair
+        Aircraft and database.
+    parameters : dict of str to float
+        Parameters and inputs of the flight. [SI]
+    trimmed : dict of str to float
+        All outputs of the kernel there.
+    """
+
+    pair: Pair
+    parameters: dict[str, float]
+    trimmed: dict[str, float] = field(repr=False)
+
+    def __getitem__(self, name: str) -> float:
+        """Return an output of the trimmed flight, ``point["alpha"]``."""
+        return self.trimmed[name]
+
+    def at(self, **changes: float) -> Point:
+        """Return the flight trimmed anew with other parameters; a dot in a name is written ``__``. [SI]"""
+        return _trimmed(self.pair, {**self.parameters, **{name.replace("__", "."): value for name, value in changes.items()}})
+
+    def parameter(self, name: str) -> float:
+        """Return a parameter of the flight, its default when none was given."""
+        return self.parameters.get(name, self.pair.defaults[name])
+
+    @property
+    def aircraft(self) -> Aircraft:
+        """The aircraft."""
+        return self.pair.aircraft
+
+    @property
+    def sim(self) -> SimModel:
+        """The compiled model."""
+        return self.pair.sim
+
+    @property
+    def mass(self) -> float:
+        """Mass. [kg]"""
+        return self.parameter("mass.mass")
+
+    @property
+    def weight(self) -> float:
+        """Weight. [N]"""
+        return self.mass * G0
+
+    @property
+    def cg(self) -> np.ndarray:
+        """Centre of gravity (3,) from the moment reference point, body axes. [m]"""
+        return np.array([self.parameter(f"mass.{name}_cg_b") for name in "xyz"])
+
+    @property
+    def CW(self) -> float:
+        """Weight over dynamic pressure and area. [1]"""
+        return self.weight / (self["qbar"] * self.aircraft.S)
+
+    @property
+    def thrust(self) -> float:
+        """Sum of the net thrusts. [N]"""
+        return sum(self[f"engine{number}.thrust"] for number in range(1, len(self.aircraft.engines) + 1))
+
+    @property
+    def fuel_flow(self) -> float:
+        """Sum of the fuel flows of engines with decks. [kg s-1]"""
+        return sum(self[f"engine{number}.fuel_flow"] for number in range(1, len(self.aircraft.engines) + 1))
+
+    @property
+    def excess(self) -> float:
+        """Largest acceleration that the longitudinal controls left. [m s-2, rad s-2]"""
+        return max(abs(self[f"trim.{name}_dot"]) for name in "uwq")
+
+    def level(self, V: float, h: float | None = None) -> Point:
+        """Return level flight at another speed [m s-1] and height [m], with whatever thrust it takes."""
+        return self.at(init__V=V, init__gamma=0.0, mode__engine=2.0, init__h=self["h"] if h is None else h)
+
+    @property
+    def is_trimmed(self) -> bool:
+        """Whether speed, path and pitch are steady."""
+        return self.excess < _LEFT
+
+    @cached_property
+    def variables(self) -> dict[str, float]:
+        """Every model variable of the flight, by name."""
+        craft = self.aircraft
+        half = 0.5 / self["V"]
+        found = {name: self[name] for name in ("alpha", "beta", "mach", "h", "h_agl", "V", "qbar", "p", "q", "r", "phi")}
+        found |= {"phat": self["p"] * craft.b * half, "qhat": self["q"] * craft.cbar * half, "rhat": self["r"] * craft.b * half}
+        found |= {"alphadothat": 0.0, "betadothat": 0.0, "dnz": self["nz"] - 1.0}
+        found |= {name.removeprefix("applied."): value for name, value in self.trimmed.items() if name.startswith("applied.")}
+        inputs = dict(zip(self.sim.inputs, constant_inputs(self.sim, self.parameters), strict=True))
+        found |= {"gear": inputs["gear"], "speedbrake": inputs["speedbrake"]}
+        found["x_cg"] = craft.x_ref_mac - self.cg[0] / craft.cbar
+        for number in range(1, len(craft.engines) + 1):
+            lever = inputs[f"engine{number}.throttle"] + self.parameter("bias.throttle") + self["trim.throttle"]
+            found |= {f"engine{number}.throttle": lever, f"engine{number}.thrust": self[f"engine{number}.thrust"]}
+        return found
+
+    @cached_property
+    def _scaled(self) -> Simulation:
+        run = Simulation(self.sim.model)
+        for name, value in self.parameters.items():
+            if name.startswith("term."):
+                run.set_parameter(self.sim.parameters.index(name), float(value))
+        return run
+
+    def coefficients(self, **values: ArrayLike) -> np.ndarray:
+        """Return CL, CD (stability axes), CY (body axis), Cl, Cm, Cn about the moment reference point (6, ...).
+
+        Parameters
+        ----------
+        **values : array (...)
+            Model variables that differ from the trimmed flight, broadcast against each other; with ``V`` the Mach number and dynamic
+            pressure follow. [SI]
+        """
+        known: dict[str, ArrayLike] = {**self.variables, **values}
+        if "V" in values:
+            ratio = np.asarray(values["V"]) / self["V"]
+            known |= {"mach": self["mach"] * ratio, "qbar": self["qbar"] * ratio**2}
+        shape = np.broadcast_shapes(*(np.shape(value) for value in known.values()))
+        own = {name: 0.0 for name in self.sim.variables if "." in name or name == "fuel"}  # of engine decks and legs: in no coefficient
+        known = own | known
+        rows = [np.broadcast_to(np.asarray(known[name], float), shape).ravel() for name in self.sim.variables]
+        table = np.stack(rows, axis=-1) if rows else np.empty((int(np.prod(shape)), 0))
+        c = self._scaled.evaluate(table)[0].T.reshape(6, *shape)
+        bias = np.array([self.parameter(f"bias.{name}") for name in COEFFICIENTS]).reshape(6, *(1 for _ in shape))
+        return _to_house(c, self.pair.force_axes, known["alpha"], known["beta"]) + bias
+
+    def body(self, x_cg_b: float | None = None, **values: ArrayLike) -> np.ndarray:
+        """Return CX, CY, CZ and Cl, Cm, Cn about the centre of gravity (6, ...), body axes; `x_cg_b` [m] puts it somewhere else."""
+        craft, (x, y, z) = self.aircraft, self.cg
+        if x_cg_b is not None:
+            x, values = x_cg_b, {"x_cg": craft.x_ref_mac - x_cg_b / craft.cbar, **values}
+        alpha = values.get("alpha", self.variables["alpha"])
+        CL, CD, CY, Cl, Cm, Cn = self.coefficients(**values)
+        CX, CZ = CL * np.sin(alpha) - CD * np.cos(alpha), -CL * np.cos(alpha) - CD * np.sin(alpha)
+        moved = Cl + (CY * z - CZ * y) / craft.b, Cm + (CZ * x - CX * z) / craft.cbar, Cn + (CX * y - CY * x) / craft.b
+        return np.stack([CX, CY, CZ, *moved])
+
+    def slope(self, variable: str, x_cg_b: float | None = None) -> np.ndarray:
+        """Return the slopes of `body` (6,) over a model variable. [per unit of the variable, SI]"""
+        middle, step = self.variables[variable], STEP * max(abs(self.variables[variable]), 1.0)
+        up, down = (self.body(x_cg_b, **{variable: middle + sign * step}) for sign in (1.0, -1.0))
+        return (up - down) / (2.0 * step)
+
+    def derivatives(self, variables: Sequence[str] = VARIABLES) -> xr.Dataset:
+        """Return the derivatives of the six coefficients, house axes about the moment reference point.
+
+        Returns
+        -------
+        Dataset
+            ``value (coefficient, variable)``, per unit of the variable [SI]; derivatives over ``V`` hold the change with Mach number and
+            dynamic pressure, per m/s.
+        """
+        columns = []
+        for name in variables:
+            middle, step = self.variables[name], STEP * max(abs(self.variables[name]), 1.0)
+            columns.append((self.coefficients(**{name: middle + step}) - self.coefficients(**{name: middle - step})) / (2.0 * step))
+        coords = {"coefficient": list(COEFFICIENTS), "variable": list(variables)}
+        return xr.Dataset({"value": (("coefficient", "variable"), np.stack(columns, axis=1))}, coords)
+
+    def hinge(self, coefficient: str, **values: float) -> float | None:
+        """Return a hinge-moment coefficient, None when the database has none; beyond its tables as the simulation does."""
+        if coefficient not in self.pair.hinges:
+            return None
+        known = {**self.variables, **values}
+        return float(sum(terms.evaluate(leaf, known, outside="clamp") for leaf in self.pair.hinges[coefficient]))
+
+    def hinge_slope(self, coefficient: str, variable: str) -> float:
+        """Return the slope of a hinge-moment coefficient over a model variable."""
+        middle, step = self.variables[variable], STEP * max(abs(self.variables[variable]), 1.0)
+        up, down = (self.hinge(coefficient, **{variable: middle + sign * step}) or 0.0 for sign in (1.0, -1.0))
+        return (up - down) / (2.0 * step)
+
+
+def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, float]) -> Point:
+    """Return the trimmed flight at a condition.
+
+    Parameters
+    ----------
+    aircraft, db
+        Compiled together; hinge moments (``Ch_e Ch_a Ch_r``) of the database are kept beside.
+    condition : mapping of str to float
+        As in `flightmech.characteristics`; ``gamma`` of an aircraft without engines is found. [SI]
+
+    Raises
+    ------
+    UnknownName
+        A word that is none of these.
+    SchemaError
+        No speed, or two.
+    SimulationError
+        No steady flight is found; the text says what is left and which control is at its end.
+    """
+    sim = compile_model(aircraft, db)
+    point = _trimmed(Pair(aircraft, db, sim), parameters(sim, condition))
+    if not point.is_trimmed:
+        raise SimulationError(f"no steady flight at {words(condition)}: {_left(point)}; change the condition or the limits of the controls")
+    return point
+
+
+def _trimmed(pair: Pair, parameters: dict[str, float]) -> Point:
+    if not pair.aircraft.engines:
+        parameters = {**parameters, "init.gamma": _glide(pair, parameters)}
+    return Point(pair, parameters, _outputs(pair, parameters))
+
+
+def _outputs(pair: Pair, parameters: Mapping[str, float]) -> dict[str, float]:
+    return dict(zip(pair.sim.outputs, map(float, trimmed_outputs(pair.sim, parameters)), strict=True))
+
+
+def _glide(pair: Pair, parameters: Mapping[str, float]) -> float:
+    """Return the path angle at which an aircraft without engines neither gains nor loses speed. [rad]"""
+
+    def gain(gamma: float) -> float:
+        return _outputs(pair, {**parameters, "init.gamma": gamma})["trim.u_dot"]
+
+    return float(root_scalar(gain, x0=-0.05, x1=-0.1, method="secant", xtol=1e-12, maxiter=50).root)
+
+
+def _left(point: Point) -> str:
+    left = ", ".join(f"{name}_dot {point[f'trim.{name}_dot']:.3g}" for name in "uwq")
+    ends = [f"{name} {np.degrees(point[f'applied.{name}']):.3g} deg" for name in ("delta_e",) if _at_end(point, name)]
+    place = ", ".join([f"alpha {np.degrees(point['alpha']):.3g} deg", *ends])
+    return f"accelerations of {left} (m/s2, rad/s2) are left at {place}"
+
+
+def _at_end(point: Point, control: str) -> bool:
+    limits = point.aircraft.limits.get(control)
+    return limits is not None and bool(np.isclose(point[f"applied.{control}"], limits, atol=1e-9).any())
+
+
+def _to_house(c: np.ndarray, force_axes: str, alpha: ArrayLike, beta: ArrayLike) -> np.ndarray:
+    """Turn force coefficients of the database (order of `packer.FORCES`) to stability-axis CL, CD and body-axis CY."""
+    if force_axes == "stability":
+        return c
+    if force_axes == "body":
+        CL, CD = lift_drag(c[0], c[1], alpha)
+        return np.stack([CL, CD, *c[2:]])
+    along, side = -c[1] * np.cos(beta) - c[2] * np.sin(beta), -c[1] * np.sin(beta) + c[2] * np.cos(beta)
+    return np.stack([c[0], -along, side, *c[3:]])

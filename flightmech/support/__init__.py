@@ -1,0 +1,1 @@
+"""Shared by all packages: configuration files, console, atomic writing, lazy loading."""

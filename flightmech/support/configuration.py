@@ -1,0 +1,110 @@
+"""TOML files through a pydantic model: every problem at once, in the words of the house, near names for misspelt keys."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
+
+from ..errors import ParseError, SchemaError, UnitError
+from ..units import quantity
+
+T = TypeVar("T", bound="Strict")
+
+
+class Strict(BaseModel):
+    """Base of all file models: frozen, and an unknown key is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+def si(units: str) -> Any:
+    """Return the field type of a quantity: a bare number is SI, a text carries its unit (``"40 deg"``).
+
+    Parameters
+    ----------
+    units : str
+        SI unit of the quantity.
+    """
+
+    def convert(item: Any) -> float:
+        try:
+            return quantity(item, units)
+        except (UnitError, TypeError) as error:
+            raise ValueError(str(error)) from error
+
+    return Annotated[float, BeforeValidator(convert)]
+
+
+def load(path: str | Path) -> dict[str, Any]:
+    """Return the content of a TOML file.
+
+    Raises
+    ------
+    ParseError
+        With the line, when the text is not TOML.
+    """
+    path = Path(path)
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        place = str(error)
+        line = int(place.rsplit("line ", 1)[1].split(",")[0].rstrip(")")) if "line " in place else 0
+        raise ParseError(str(path), line, place, "TOML (key = value, texts in quotes)") from error
+    except UnicodeDecodeError as error:
+        raise ParseError(str(path), 0, "bytes that are not UTF-8", "a TOML text") from error
+
+
+def validate(model: type[T], content: dict[str, Any], what: str) -> T:
+    """Return `content` as a `model`.
+
+    Raises
+    ------
+    SchemaError
+        With all problems: place in the file, what came, what is allowed.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise SchemaError(what, [_sentence(model, item) for item in error.errors()]) from error
+
+
+def _sentence(model: type[BaseModel], item: Any) -> str:
+    place = ".".join(str(part) for part in item["loc"])
+    if item["type"] == "extra_forbidden":
+        allowed = sorted(_fields(model, item["loc"][:-1]))
+        return f"{place}: unknown key{_near(str(item['loc'][-1]), allowed)}"
+    if item["type"] == "missing":
+        return f"{place}: missing; give it"
+    message = item["msg"].removeprefix("Value error, ")
+    return f"{place}: {message[:1].lower()}{message[1:]}; found {item['input']!r}"
+
+
+def _near(name: str, allowed: list[str]) -> str:
+    from difflib import get_close_matches
+
+    near = get_close_matches(name, allowed, n=3, cutoff=0.5)
+    return f"; near it: {', '.join(near)}" if near else f"; allowed: {', '.join(allowed)}"
+
+
+def _fields(model: Any, loc: tuple[Any, ...]) -> set[str]:
+    """Return the keys allowed at a place, by walking down the annotations."""
+    for part in loc:
+        if isinstance(part, str) and isinstance(model, type) and issubclass(model, BaseModel) and part in model.model_fields:
+            model = _inner(model.model_fields[part].annotation)
+        else:
+            model = _inner(model)
+    return set(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else set()
+
+
+def _inner(annotation: Any) -> Any:
+    """Return the model inside ``Optional``, ``tuple``, ``list`` or ``dict`` annotations."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for part in getattr(annotation, "__args__", ()):
+        found = _inner(part)
+        if found is not None:
+            return found
+    return None

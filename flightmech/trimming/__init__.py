@@ -1,0 +1,1 @@
+"""Steady flight of a compiled model: request, search, result."""

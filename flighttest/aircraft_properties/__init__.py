@@ -1,0 +1,1 @@
+"""Inertia, thrust and eigenmotions of the aircraft from flight."""

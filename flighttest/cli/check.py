@@ -1,0 +1,41 @@
+"""The verb ``aeromatch flight check``: the data quality of a record."""
+
+from __future__ import annotations
+
+import click
+
+from flightmech.support.console import NewFile, document, json_option
+
+from .options import names_option
+
+
+@click.command()
+@click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
+@names_option
+@click.option(
+    "--aircraft",
+    "aircraft_file",
+    type=click.Path(exists=True, dir_okay=False),
+    help="Aircraft, TOML: places, noise and latency of its instruments to judge by.",
+)
+@click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")
+@json_option
+@click.pass_context
+def check(ctx: click.Context, record_file: str, names: str | None, aircraft_file: str | None, output: str | None, as_json: bool) -> None:
+    """Check signs, units, axes, clocks, sensors, delays and excitation of a record; exit code 1 when errors are found."""
+    from flightmech import read_aircraft
+
+    from ..quality.assessment import assess
+    from ..quality.page import write_page
+    from ..records.record import read
+
+    quality = assess(read(record_file, names), read_aircraft(aircraft_file) if aircraft_file else None)
+    if output:
+        write_page(quality, output)
+    if as_json:
+        document(quality.as_dict())
+    else:
+        click.echo(quality.report())
+        if output:
+            click.echo(f"\nwritten: {output}")
+    ctx.exit(0 if quality.usable else 1)

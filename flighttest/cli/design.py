@@ -1,0 +1,83 @@
+"""The verb ``aeromatch flight design``: a test input from its TOML description."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from flightmech.support.console import document, json_option, table
+
+if TYPE_CHECKING:
+    from ..input_design.design import Designed
+
+_FILE = click.Path(exists=True, dir_okay=False)
+
+
+@click.command()
+@click.argument("design_file", metavar="DESIGN", type=_FILE)
+@click.option("--aircraft", "aircraft_file", type=_FILE, help="Aircraft, TOML; needed when DESIGN has a condition.")
+@click.option("--database", "database_file", type=_FILE, help="A-priori database, netCDF; needed when DESIGN has a condition.")
+@click.option("-o", "--output", required=True, type=click.Path(file_okay=False), help="Folder for the CSV files and the time table.")
+@json_option
+def design(design_file: str, aircraft_file: str | None, database_file: str | None, output: str, as_json: bool) -> None:
+    """Design a test input from DESIGN (TOML): amplitude inside limits, expected standard errors, files to play."""
+    from ..input_design.design import design_input, save_design
+    from ..input_design.specification import read_design
+
+    wanted = read_design(design_file)
+    if wanted.condition is None:
+        made = design_input(wanted)
+    elif aircraft_file and database_file:
+        from flightmech import read_aircraft
+        from flightmech.simulation.model_files import compile_files
+
+        made = design_input(wanted, compile_files(aircraft_file, database_file), read_aircraft(aircraft_file))
+    else:
+        raise click.UsageError("the design has a [condition]: give --aircraft and --database, or leave the condition out")
+    files = save_design(made, output, Path(design_file).stem)
+    if as_json:
+        document({**made.summary(), "files": [str(file) for file in files]})
+        return
+    _print(made)
+    for file in files:
+        click.echo(f"written: {file}")
+
+
+def _print(made: Designed) -> None:
+    from flightmech.names import lookup
+    from flightmech.units import from_si
+
+    def shown(name: str, value: float) -> str:
+        return f"{float(from_si(value, lookup(name).display_units)):.4g}"
+
+    limited = made.amplitude is not None
+    rows: list[tuple[Any, ...]] = []
+    for name, m in made.measures.iterrows():
+        peak, rms, rate = (shown(str(name), m[key]) for key in ("peak", "rms", "rate"))
+        nearest = f"{m['correlation']:.1e} {m['with']}" if m["with"] else "-"
+        numbers = (
+            peak,
+            rms,
+            lookup(str(name)).display_units,
+            rate,
+            f"{m['peak_factor']:.3f}",
+            f"{m['low']:.2f} ... {m['high']:.2f}",
+            nearest,
+        )
+        rows.append((name, *([f"{m['factor']:.3f}"] if limited else []), *numbers))
+    heads = ["axis", *(["factor"] if limited else []), "peak", "rms", "unit", "rate /s", "peak factor", "band [Hz]", "correlation"]
+    table(heads, rows, made.title, right=["factor", "peak", "rms", "rate /s", "peak factor"])
+    if made.amplitude is not None:
+        extremes = made.amplitude.extremes
+        lines = [
+            (name, *(shown(str(name).removeprefix("applied."), value) for value in row))
+            for name, row in zip(extremes.index, extremes.values)
+        ]
+        click.echo()
+        title = f"predicted response; each axis fitted alone, then all times {made.amplitude.scale:.3f}"
+        table(["response", *extremes.columns], lines, title, right=list(extremes.columns))
+        click.echo(f"a larger input: {made.amplitude.binding}" if made.amplitude.binding else "together they reach no limit")
+    for expected in made.expected:
+        click.echo(f"\n{expected.report()}")

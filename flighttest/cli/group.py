@@ -1,0 +1,178 @@
+"""``aeromatch flight``: look at flight records, cut manoeuvres, reconstruct states."""
+
+from __future__ import annotations
+
+import importlib
+
+import click
+
+from flightmech.support.console import NewFile, document, jobs_option, json_option, remark, table
+
+from .options import names_option
+
+_RECORD = click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
+_NAMES = names_option
+_ELSEWHERE = {
+    "check": "check",
+    "info": "records",
+    "convert": "records",
+    "identify": "identify",
+    "design": "design",
+    "select": "identify",
+    "join": "identify",
+    "partition": "identify",
+    "inertia": "identify",
+    "report": "report",
+    "modes": "report",
+    "fit": "fit",
+    "ground-effect": "ground_effect",
+}  # verb: module
+
+
+class _Group(click.Group):
+    """Imports the verbs of other modules when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return [*super().list_commands(ctx), *_ELSEWHERE]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name in _ELSEWHERE:
+            return getattr(importlib.import_module(f"flighttest.cli.{_ELSEWHERE[cmd_name]}"), cmd_name.replace("-", "_"))
+        return super().get_command(ctx, cmd_name)
+
+
+@click.group(cls=_Group)
+def flight() -> None:
+    """Read flight records, reconstruct states, identify."""
+
+
+@flight.command()
+@_RECORD
+@_NAMES
+@json_option
+def show(record_file: str, names: str | None, as_json: bool) -> None:
+    """Show channels, clocks, faults and manoeuvres of a record."""
+    from ..records.record import faults, manoeuvres, overview, read
+
+    record = read(record_file, names)
+    channels, flown, found = overview(record), manoeuvres(record), faults(record)
+    facts = {key: value for key, value in record.attrs.items() if key not in ("manoeuvres", "unmapped", "notes")}
+    unmapped = record.attrs["unmapped"].split()
+    if as_json:
+        document({**facts, "channels": channels, "manoeuvres": flown, "faults": found, "unmapped": unmapped})
+        return
+    rows = [
+        (f"{c.leaf}/{c.channel}", f"{c.rate:g}", f"{c.start:g} ... {c.stop:g}", f"{c.min:.5g}", f"{c.max:.5g}", c.units, c.calibration)
+        for c in channels.itertuples()
+    ]
+    title = str(facts.get("title", record_file))
+    table(["channel", "Hz", "time [s]", "min", "max", "unit", "from"], rows, title, right=["Hz", "min", "max"])
+    if len(flown):
+        click.echo()
+        table(
+            ["manoeuvre", "control", "start [s]", "end [s]", "note"],
+            [(m.manoeuvre, m.control, f"{m.start:g}", f"{m.end:g}", m.note) for m in flown.itertuples()],
+            right=["start [s]", "end [s]"],
+        )
+    for text in found:
+        click.echo(f"! {text}")
+    if unmapped:
+        click.echo(f"columns the name map leaves out: {' '.join(unmapped)}")
+
+
+@flight.command()
+@_RECORD
+@click.argument("start", type=float)
+@click.argument("stop", type=float)
+@_NAMES
+@click.option("--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz].")
+@click.option("-o", "--output", required=True, type=NewFile(), help="netCDF file to write.")
+@json_option
+def cut(record_file: str, start: float, stop: float, names: str | None, rate: float, output: str, as_json: bool) -> None:
+    """Cut a manoeuvre from START to STOP [s]: every channel on one clock."""
+    from ..records.files import save
+    from ..records.record import read
+    from ..signals.conditioning import cut as cut_record
+
+    data = cut_record(read(record_file, names), start, stop, rate)
+    save(data, output)
+    about = {"file": output, "samples": data.sizes["time"], "channels": len(data.data_vars), **data.attrs}
+    if as_json:
+        document(about)
+    else:
+        click.echo(f"{about['samples']} samples of {about['channels']} channels, {start:g} ... {stop:g} s at {rate:g} Hz")
+        click.echo(f"written: {output}")
+
+
+@flight.command()
+@click.argument("record_files", metavar="RECORD...", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
+@click.option("--aircraft", "aircraft_file", required=True, type=click.Path(exists=True, dir_okay=False), help="Aircraft, TOML.")
+@_NAMES
+@click.option("--window", "windows", type=(float, float), multiple=True, help="Start and stop [s], of a single record. Default: all of it.")
+@click.option("--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz].")
+@click.option(
+    "--biases",
+    "biases_file",
+    type=click.Path(exists=True, dir_okay=False),
+    help="Reconstruction of another record; its instrument constants are the prior of a single record.",
+)
+@click.option(
+    "--method",
+    type=click.Choice(["smoother", "batch"]),
+    default="smoother",
+    show_default=True,
+    help="smoother: the inertial unit is noisy; batch: output error, all records in one fit with common instruments.",
+)
+@click.option("--free", multiple=True, metavar="NAME", help="Constant that a batch estimates from the readings alone; all others are held.")
+@click.option("--figure", type=NewFile(), help="Draw the data compatibility of a single record: png, svg or pdf.")
+@jobs_option
+@click.option("-o", "--output", required=True, type=click.Path(), help="netCDF file; a folder when there are several records.")
+@json_option
+def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, method, free, figure, jobs, output, as_json) -> None:
+    """Reconstruct the states of one record, or of all runs of a programme with common instruments."""
+    from pathlib import Path as File
+
+    from flightmech import read_aircraft
+    from flightmech.errors import SchemaError
+
+    from ..reconstruction.batch.programme import reconstruct_batch
+    from ..reconstruction.compatibility import compatibility_report, draw_compatibility
+    from ..reconstruction.flight_programme import reconstruct_programme
+    from ..reconstruction.path_files import open_biases, save_path
+    from ..reconstruction.smoother import reconstruct as reconstruct_record
+    from ..records.record import read
+
+    if (windows or biases_file) and len(record_files) > 1:
+        raise SchemaError("flight reconstruct", ["--window and --biases go with one record; give the records one at a time"])
+    if figure and len(record_files) > 1:
+        raise SchemaError("flight reconstruct", ["--figure goes with one record; give the records one at a time"])
+    if free and method != "batch":
+        raise SchemaError("flight reconstruct", ["--free goes with --method batch; the smoother estimates all constants"])
+    if len(record_files) == 1:
+        NewFile().convert(output, None, click.get_current_context())
+    aircraft, prior = read_aircraft(aircraft_file), open_biases(biases_file) if biases_file else None
+    records = [read(file, names) for file in record_files]
+    targets = [File(output)]
+    batch = None
+    if method == "batch":
+        batch = reconstruct_batch(records, aircraft, [list(windows) or None] * len(records), free or None, prior, rate)
+        paths = batch.paths
+    elif len(records) == 1:
+        paths = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)]
+    else:
+        remark(f"{len(records)} records: each alone, then each with what the others tell about the instruments")
+        paths = reconstruct_programme(records, aircraft, rate, jobs)
+    if len(records) > 1:
+        targets = [File(output) / f"{File(file).name.split('.')[0]}.nc" for file in record_files]
+        File(output).mkdir(parents=True, exist_ok=True)
+    for path, target in zip(paths, targets, strict=True):
+        save_path(path, target)
+    if figure:
+        draw_compatibility(paths[0], figure)
+    if batch is not None and not as_json:
+        click.echo(batch.report() + "\n")
+    if as_json:
+        document([{"file": str(target), **path.summary()} for path, target in zip(paths, targets, strict=True)])
+        return
+    for path, target in zip(paths, targets, strict=True):
+        click.echo(f"{path.report()}\n\n{compatibility_report(path)}\n\nwritten: {target}\n")

@@ -1,0 +1,279 @@
+"""The verbs ``aeromatch flight identify | select | join | partition | inertia``: reconstructed paths to estimates."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from flightmech.support.console import NewFile, document, json_option, table
+
+from ..remarks import barred, documents, lines
+
+_PATHS = click.argument("paths", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
+_AIRCRAFT = click.option("--aircraft", "aircraft_file", required=True, type=click.Path(exists=True, dir_okay=False), help="Aircraft, TOML.")
+_MODEL = click.option("--model", "model_text", required=True, help="For example 'CL = 1 + alpha + qhat + delta_e'.")
+_WINDOW = click.option(
+    "--window", "windows", type=(float, float), multiple=True, help="Start and stop [s]; several make one fit. Default: all."
+)
+_CUTOFF = click.option("--cutoff", type=float, help="Low-pass all states alike first [Hz].")
+_BAND = click.option("--band", type=(float, float), help="Work in frequency, inside this band [Hz]. Default: in time.")
+_CORRELATION = click.option("--correlation", is_flag=True, help="Print the correlation matrix of the estimates.")
+_OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to this netCDF file.")
+
+
+@click.command()
+@_PATHS
+@_AIRCRAFT
+@_MODEL
+@_WINDOW
+@_CUTOFF
+@_BAND
+@click.option("--intercepts", type=click.Choice(["common", "separate"]), default="common", help="One constant, or one per manoeuvre.")
+@click.option("--weights", default="equal", show_default=True, help="equal, manoeuvre, robust, or a variable with standard errors.")
+@click.option("--ridge", default="0", show_default=True, help="Ridge parameter on standardised regressors, or auto.")
+@click.option("--prior", type=click.Path(exists=True, dir_okay=False), help="Database whose terms are the prior, with standard errors.")
+@_OUTPUT
+@_CORRELATION
+@json_option
+@click.pass_context
+def identify(
+    ctx, paths, aircraft_file, model_text, windows, cutoff, band, intercepts, weights, ridge, prior, output, correlation, as_json
+) -> None:
+    """Estimate the terms of one coefficient from reconstructed paths; exit code 1 when a figure must not be used."""
+    from ..combining.mixed_estimation import mixed, prior_of
+    from ..equation_error.fit import save_fit
+    from ..equation_error.model import Model
+
+    model = Model.parse(model_text)
+    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
+    fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge))
+    joined, remarks = None, fit.remarks
+    if prior:
+        import aerodb
+
+        joined = mixed(fit, prior_of(fit, aerodb.open(prior)))
+        known = {str(term) for term, value in zip(joined.estimates["term"].values, joined.estimates["prior"].values) if value == value}
+        remarks = [remark for remark in remarks if remark.kind != "sign" or remark.term not in known]
+    if output:
+        save_fit(fit, output)
+    if as_json:
+        more = {} if joined is None else {"with_prior": {**_numbers(joined.estimates), "remarks": documents(joined.remarks)}}
+        document({**_fitted(fit), "remarks": documents(remarks), **more, "file": output})
+    else:
+        _show(fit, remarks, correlation)
+        if joined is not None:
+            click.echo(f"\n{joined.report()}")
+        if output:
+            click.echo(f"written: {output}")
+    ctx.exit(1 if barred([*remarks, *(joined.remarks if joined is not None else [])]) else 0)
+
+
+@click.command()
+@_PATHS
+@_AIRCRAFT
+@click.option("--coefficient", required=True, help="CL, CD, CY, Cl, Cm, Cn, CX or CZ.")
+@click.option("--variables", help="Candidates are all their products, as 'alpha qhat delta_e'.")
+@click.option("--order", type=click.IntRange(1, 9), default=2, show_default=True, help="Highest order of the products.")
+@click.option("--term", "terms", multiple=True, help="A further candidate, as 'ramp(alpha,12 deg)'.")
+@click.option("--method", type=click.Choice(["orthogonal", "stepwise"]), default="orthogonal", show_default=True)
+@click.option("--keep", multiple=True, help="A candidate that is in from the start.")
+@_WINDOW
+@_CUTOFF
+@_BAND
+@_OUTPUT
+@_CORRELATION
+@json_option
+@click.pass_context
+def select(
+    ctx, paths, aircraft_file, coefficient, variables, order, terms, method, keep, windows, cutoff, band, output, correlation, as_json
+) -> None:
+    """Choose the terms of one coefficient, and estimate them; exit code 1 when a figure must not be used."""
+    from flightmech.errors import SchemaError
+
+    from ..equation_error.fit import save_fit
+    from ..model_structure.candidates import monomials
+    from ..model_structure.orthogonal_functions import select_orthogonal
+    from ..model_structure.stepwise import select_stepwise
+
+    if not variables and not terms:
+        raise SchemaError("flight select", ["no candidates: give --variables, or --term once for each"])
+    candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
+    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
+    choose = select_orthogonal if method == "orthogonal" else select_stepwise
+    found = choose(coefficient, [*candidates, *keep], manoeuvres, band=band, keep=("1", *keep))
+    if output:
+        save_fit(found.fit, output)
+    if as_json:
+        document({"method": found.method, "steps": found.steps, "idle": found.idle, **_fitted(found.fit), "file": output})
+    else:
+        click.echo(found.report(correlation))
+        if output:
+            click.echo(f"written: {output}")
+    ctx.exit(1 if barred(found.fit.remarks) else 0)
+
+
+@click.command()
+@click.argument("fits", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
+@click.option(
+    "--method",
+    type=click.Choice(["inverse_variance", "median", "inverse_sigma"]),
+    default="inverse_variance",
+    show_default=True,
+    help="median: with the scaled median absolute deviation; inverse_sigma: to reproduce papers.",
+)
+@json_option
+def join(fits, method, as_json) -> None:
+    """Join fits of one coefficient from several manoeuvres; FITS are files that identify or select wrote."""
+    from ..combining.joined_fits import join_fits
+    from ..equation_error.fit import open_fit
+
+    found = join_fits([open_fit(file) for file in fits], method)
+    if as_json:
+        document({**found.estimates.attrs, **_numbers(found.estimates), "remarks": documents(found.remarks)})
+        return
+    click.echo(found.report())
+
+
+@click.command()
+@_PATHS
+@_AIRCRAFT
+@_MODEL
+@click.option("--over", "conditions", type=(str, str), multiple=True, required=True, help="Condition and edges, as alpha '0 5 10 15 deg'.")
+@_WINDOW
+@_CUTOFF
+@json_option
+def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_json) -> None:
+    """Fit a model bin by bin over conditions such as alpha or mach."""
+    from ..combining.data_partition import fit_bins
+    from ..equation_error.model import Model
+
+    edges = {name: _edges(name, text) for name, text in conditions}
+    found = fit_bins(Model.parse(model_text), _manoeuvres(paths, aircraft_file, windows, cutoff), edges)
+    if as_json:
+        e = found.estimates
+        bins = [
+            {str(name): e[name].values[k] for name in e.data_vars if e[name].dims == ("bin",)}
+            | {"estimate": e["estimate"].values[k], "stderr": e["stderr"].values[k], "refused": found.refused.get(k, "")}
+            for k in range(e.sizes["bin"])
+        ]
+        document({"model": str(found.model), "terms": e["term"].values, "bins": bins})
+        return
+    click.echo(found.report())
+
+
+@click.command()
+@_PATHS
+@_AIRCRAFT
+@click.option("--model", "models", multiple=True, required=True, help="One for each of Cl, Cm and Cn, as 'Cl = 1 + beta + phat + delta_a'.")
+@click.option("--scale", type=click.Choice(["Ixx", "Iyy", "Izz"]), default="Iyy", show_default=True, help="The moment that is known.")
+@_WINDOW
+@_CUTOFF
+@json_option
+@click.pass_context
+def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) -> None:
+    """Estimate moments of inertia from coupled manoeuvres; exit code 1 when no body can have them."""
+    from flightmech import read_aircraft
+
+    from ..aircraft_properties.inertia import inertia_from_flight
+    from ..dynamics.force_coefficients import between, open_states
+    from ..equation_error.model import Model
+
+    parsed = {model.coefficient: model for model in map(Model.parse, models)}
+    parts = [part for path in paths for states in [open_states(path)] for part in [between(states, *w) for w in windows] or [states]]
+    found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
+    if as_json:
+        document({**found.estimates.attrs, **_numbers(found.estimates), "remarks": documents(found.remarks)})
+    else:
+        click.echo(found.report())
+    ctx.exit(1 if barred(found.remarks) else 0)
+
+
+def _manoeuvres(paths, aircraft_file, windows, cutoff) -> list:
+    """Coefficients along all windows of all paths."""
+    from flightmech import read_aircraft
+
+    from ..dynamics.force_coefficients import between, coefficients, open_states
+    from ..quality.manoeuvre_assessment import tell_faults
+
+    aircraft = read_aircraft(aircraft_file)
+    found = []
+    for path in paths:
+        data = coefficients(open_states(path), aircraft, cutoff=cutoff)
+        found += [between(data, *window) for window in windows] or [data]
+    tell_faults(found, [Path(path).name for path in paths for _ in range(max(len(windows), 1))], known=("excitation",))
+    return found
+
+
+def _fit(model, manoeuvres, band, intercepts, weights, ridge):
+    from flightmech.errors import SchemaError
+
+    from ..equation_error.frequency_domain import regress_frequency
+    from ..equation_error.time_domain import regress
+
+    if band is None:
+        return regress(model, manoeuvres, intercepts=intercepts, weights=weights, ridge=ridge)
+    if weights != "equal":
+        raise SchemaError("flight identify", ["--weights goes with a fit in time; leave out --band"])
+    return regress_frequency(model, manoeuvres, band, intercepts=intercepts, ridge=ridge)
+
+
+def _ridge(text: str) -> float | str:
+    from flightmech.errors import SchemaError
+
+    try:
+        return text if text == "auto" else float(text)
+    except ValueError:
+        raise SchemaError("flight identify", [f"--ridge is {text!r}; expected a number or auto"]) from None
+
+
+def _edges(name: str, text: str) -> list[float]:
+    """Numbers with one unit at the end, or in SI."""
+    from flightmech.errors import SchemaError
+    from flightmech.names import lookup
+    from flightmech.units import to_si
+
+    words, units = text.split(), lookup(name).units
+    try:
+        float(words[-1])
+    except ValueError:
+        unit = words.pop()
+    except IndexError:
+        raise SchemaError("flight partition", [f"no edges of {name}; expected numbers and a unit, as '0 5 10 deg'"]) from None
+    else:
+        unit = units
+    try:
+        return [float(to_si(float(word), unit, units)) for word in words]
+    except ValueError:
+        raise SchemaError("flight partition", [f"edges of {name} are {text!r}; expected numbers and a unit, as '0 5 10 deg'"]) from None
+
+
+def _fitted(fit) -> dict:
+    """A fit as a document."""
+    return {"model": str(fit.model), **fit.estimates.attrs, **_numbers(fit.estimates), "remarks": documents(fit.remarks)}
+
+
+def _numbers(e) -> dict:
+    """Estimates by term, and their covariance."""
+    columns = [str(name) for name, item in e.data_vars.items() if item.dims == ("term",)]
+    terms = {str(term): {name: float(e[name].values[k]) for name in columns} for k, term in enumerate(e["term"].values)}
+    return {"terms": terms, "covariance": e["covariance"].values}
+
+
+def _show(fit, remarks, correlation: bool) -> None:
+    from ..equation_error.fit import correlations, tests
+
+    e = fit.estimates
+    shown = {"estimate": "estimate", "stderr": "std error", "low": "95 % low", "high": "high", "stderr_white": "if white"}
+    shown |= {"stderr_systematic": "systematic", "t": "t", "p_value": "p", "vif": "VIF"}
+    rows = [(str(term), *(_cell(float(e[name].sel(term=term))) for name in shown)) for term in e["term"].values]
+    title = f"{fit.model}   {e.attrs['samples']} samples, R2 {e.attrs['R2']:.4f}, residual rms {e.attrs['residual_rms']:.3g}"
+    if e.attrs["domain"] == "frequency":
+        title += f", {e.attrs['frequencies']} frequencies in {e.attrs['band']} Hz"
+    table(["term", *shown.values()], rows, title, right=list(shown.values()))
+    for line in [*tests(e.attrs), *(correlations(e) if correlation else []), *lines(remarks)]:
+        click.echo(line)
+
+
+def _cell(value: float) -> str:
+    return "-" if value != value else f"{value:.4g}"

@@ -1,0 +1,1 @@
+"""Estimates of several manoeuvres, bins and sources combined."""

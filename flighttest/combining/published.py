@@ -1,0 +1,187 @@
+"""A local model from the literature as a fit: values and standard errors at a stated condition, without samples.
+
+A published derivative is a statement about the tables: over the stated range about the stated condition they are, in the sense of least
+squares, the local model,
+
+    theta = pinv(X) B g,
+
+with the regressors X of the local model and the bases B of the tables on a grid of conditions that fills the range evenly.  Where a
+variable has a single number for a condition, the grid shrinks to a tangent: the slope of the tables there, on a breakpoint the mean of
+both sides, as of a Taylor expansion.  The grid holds conditions, no measurements: the standard errors are those given, however fine it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import IdentificationError, SchemaError
+from flightmech.names import lookup
+
+from ..equation_error import least_squares
+from ..equation_error.fit import Fit
+from ..equation_error.model import Model, powers, variable_of
+from ..uncertainty import collinearity
+
+_TANGENT = 1e-4  # half the width of a tangent, of the value of the variable or of one, whichever is larger
+_ROWS, _MOST = 16384, 33  # points of the grid in all, and along one variable
+_RATES = ("phat", "qhat", "rhat", "alphadothat", "betadothat")  # zero unless stated
+
+
+def published_fit(
+    model: Model | str,
+    values: Mapping[str, float],
+    stderr: Mapping[str, float],
+    conditions: Mapping[str, float | Sequence[float] | str],
+    correlation: np.ndarray | None = None,
+    name: str = "",
+) -> Fit:
+    """Return a fit of published values, for `aerodb.tabulate`, `join_fits` and `Fit.predict`.
+
+    Parameters
+    ----------
+    model : Model or str
+        Such as ``"Cm = 1 + alpha + qhat + delta_e"``; with `Model.reference` the values are those of an expansion about a point.
+    values, stderr : mapping of str to float
+        Value and standard error of every term of the model, reduced as here: rates by b/2V and cbar/2V, a derivative over q cbar/V is
+        twice as large here. [1, 1/rad]
+    conditions : mapping of str to float, (low, high) or str
+        Where the model holds: every variable of the model and of the tables.  A number is the condition; a pair is the range over which
+        the model was found or is said to hold, needed for variables with higher powers and ramps; a name is a variable that moves as
+        that one: ``{"alphadothat": "qhat"}`` where the value of ``qhat`` is the sum of both derivatives, as in a short period.
+        Rates that are not named are zero. [SI]
+    correlation : array (terms, terms), optional
+        Of the values, in the order of the model; they are independent without it.
+    name : str
+        Source, for reports and provenance.
+
+    Returns
+    -------
+    Fit
+        ``data`` and ``design`` hold the grid of conditions with the coefficient of the model itself; what was not published,
+        ``vif``, ``contribution``, ``R2``, ``residual_rms`` ..., is NaN.  Attribute ``domain`` is ``published``.
+
+    Raises
+    ------
+    SchemaError
+        A term without value or standard error, standard errors that are not positive, ranges that are none, a correlation that is none:
+        every problem.
+    UnknownName
+        A variable that is not in the vocabulary.
+    IdentificationError
+        The conditions do not determine the terms, as a power at a single condition.
+
+    Examples
+    --------
+    >>> fit = published_fit(
+    ...     "Cm = 1 + alpha + qhat + delta_e",
+    ...     {"1": 0.03, "alpha": -0.56, "qhat": -17.6, "delta_e": -1.16},
+    ...     {"1": 0.01, "alpha": 0.06, "qhat": 1.8, "delta_e": 0.12},
+    ...     {"mach": 0.27, "alpha": (0.03, 0.14), "delta_e": (-0.05, 0.02), "qhat": 0.0, "h": 2000.0},
+    ...     name="NASA TM 0000",
+    ... )
+    >>> [float(x) for x in fit.estimates["estimate"]]
+    [0.03, -0.56, -17.6, -1.16]
+    """
+    model = Model.parse(model) if isinstance(model, str) else model
+    _demand(model, values, stderr, conditions, correlation)
+    data = _grid(model, conditions)
+    X, terms = model.design(data), list(model.terms)
+    terms, X = list(model.terms), model.design(data)
+    try:
+        collinearity.demand_rank(X, terms)
+    except IdentificationError as error:
+        raise IdentificationError(f"{name or model}: the conditions do not determine the terms: {error}") from None
+    theta, sd = (np.array([float(given[term]) for term in terms]) for given in (values, stderr))
+    data[model.coefficient] = "sample", X @ theta
+    design = least_squares.labelled(X, terms)
+    R = np.eye(len(terms)) if correlation is None else np.asarray(correlation, float)
+    found = least_squares.estimates(terms, theta, R * np.outer(sd, sd), sd, ([], np.zeros((len(terms), 0))), _unpublished(len(terms)))
+    found.attrs = {
+        "coefficient": model.coefficient, "domain": "published", "R2": np.nan, "residual_rms": np.nan, "samples": 0, "manoeuvres": 0,
+        "offset": np.nan, "name": name, "intercepts": "common",
+    }  # fmt: skip
+    return Fit(name, model, found, data, design, design)
+
+
+def _unpublished(count: int) -> dict[str, tuple]:
+    """Return what only samples could tell."""
+    row, square = np.full(count, np.nan), np.full((count, count), np.nan)
+    return {
+        "vif": ("term", row),
+        "contribution": ("term", row),
+        "regressor_correlation": (("term", "term_"), square),
+        "condition_index": ("component", row),
+        "proportion": (("component", "term"), square),
+    }
+
+
+def _grid(model: Model, conditions: Mapping[str, float | Sequence[float] | str]) -> xr.Dataset:
+    """Return every combination of the conditions along ``sample``: two points per tangent, as many as fit in per range."""
+    tied = {name: item for name, item in conditions.items() if isinstance(item, str)}
+    ranges = {name: _ends(item, name in model.variables) for name, item in conditions.items() if not isinstance(item, str)}
+    moving = [name for name, (low, high) in ranges.items() if high > low]
+    wide = [name for name in moving if not isinstance(conditions[name], float | int)]
+    room = _ROWS / 2 ** (len(moving) - len(wide))
+    count = int(np.clip(room ** (1.0 / max(len(wide), 1)), 3, _MOST))
+    levels = {name: np.linspace(*ends, count if name in wide else 1 + (name in moving)) for name, ends in ranges.items()}
+    mesh = np.meshgrid(*levels.values(), indexing="ij")
+    columns = {name: x.ravel() for name, x in zip(levels, mesh)}
+    size = len(next(iter(columns.values()))) if columns else 1
+    columns = {name: np.zeros(size) for name in _RATES if name not in conditions} | columns
+    columns |= {name: columns[other].copy() for name, other in tied.items()}
+    return xr.Dataset({name: ("sample", x, {"units": lookup(name).units}) for name, x in columns.items()})
+
+
+def _ends(condition: float | Sequence[float], moves: bool) -> tuple[float, float]:
+    if not isinstance(condition, float | int):
+        return float(condition[0]), float(condition[1])
+    step = _TANGENT * max(1.0, abs(condition)) if moves else 0.0
+    return condition - step, condition + step
+
+
+def _demand(model: Model, values, stderr, conditions, correlation) -> None:
+    """Raise with every problem."""
+    problems = []
+    for what, given in (("value", values), ("standard error", stderr)):
+        problems += [f"{term} has no {what}" for term in model.terms if term not in given]
+        problems += [f"{term} has a {what} and is no term of {model}" for term in given if term not in model.terms]
+    problems += [f"the value of {term} is {values[term]!r}; a number is needed" for term in values if not np.isfinite(values[term])]
+    problems += [
+        f"the standard error of {term} is {stderr[term]!r}; give a positive one, wide if it was not published"
+        for term in stderr
+        if not 0.0 < stderr[term] < np.inf
+    ]
+    problems += [text for name, item in conditions.items() for text in _faults(name, item, conditions)]
+    curved = {variable_of(factor) for term in model.terms for factor, power in powers(term).items() if power > 1 or "(" in factor}
+    for name in model.variables:
+        if name not in conditions:
+            problems.append(f"{name} has no condition; give a number, a range (low, high), or the variable that it moves with")
+        elif name in curved and isinstance(conditions[name], float | int):
+            problems.append(f"{name} has the one condition {conditions[name]!r} and a power or ramp in the model; give a range (low, high)")
+    if correlation is not None:
+        problems += _correlation_faults(np.asarray(correlation, float), len(model.terms))
+    if problems:
+        raise SchemaError("published fit", problems)
+
+
+def _faults(name: str, item: float | Sequence[float] | str, conditions: Mapping) -> list[str]:
+    lookup(name)
+    if isinstance(item, str):
+        known = item in conditions and not isinstance(conditions[item], str)
+        return [] if known else [f"{name} moves with {item!r}, which has no number or range of its own"]
+    ends = np.atleast_1d(np.asarray(item, float))
+    if len(ends) > 2 or not np.isfinite(ends).all() or (len(ends) == 2 and not ends[0] < ends[1]):
+        return [f"the condition of {name} is {item!r}; give a number, or a range (low, high) with low below high"]
+    return []
+
+
+def _correlation_faults(R: np.ndarray, count: int) -> list[str]:
+    if R.shape != (count, count):
+        return [f"the correlation is {R.shape}; the model has {count} terms"]
+    whole = np.isfinite(R).all() and np.allclose(R, R.T, atol=1e-12) and np.allclose(np.diag(R), 1.0)
+    if not whole or np.linalg.eigvalsh(R)[0] <= 0.0:
+        return ["the correlation is not symmetric with a diagonal of ones and positive eigenvalues"]
+    return []

@@ -1,0 +1,1 @@
+"""Kinematics of the flight path, channels that follow from others, forces and moments as coefficients."""

@@ -1,0 +1,1 @@
+"""Linear models of coefficients by least squares, in time and in frequency."""

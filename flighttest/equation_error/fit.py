@@ -1,0 +1,192 @@
+"""What a regression found: estimates, their errors, the samples behind them; as text and as a file."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import ParseError
+from flightmech.support.atomic_write import written_whole
+
+from ..remarks import Remark, lines
+from .fit_data import FitData
+from .fit_remarks import remarks_of
+from .model import Model
+from .prediction import predicted
+
+_CONTENT = "aeromatch fit"
+
+
+@dataclass(frozen=True)
+class Fit(FitData):
+    """Estimates of one model from one or several manoeuvres: `FitData` with remarks, text and predictions."""
+
+    def predict(self, data: xr.Dataset, manoeuvre: int | None = None) -> xr.Dataset:
+        """Return what the fit predicts of other data.
+
+        Parameters
+        ----------
+        data : Dataset (time,) or (sample,)
+            Holds the variables of the model; scalars are allowed. [SI]
+        manoeuvre : int, optional
+            Of a fit with ``intercepts="separate"``: which manoeuvre's constant is meant, from 0.
+
+        Returns
+        -------
+        Dataset (time,) or (sample,)
+            The coefficient, and ``stderr`` of its mean, sqrt(x'(C + D D')x) with the covariance C and the systematic changes D of
+            the estimates; what scatters about the mean, ``residual_rms``, is not in it.
+
+        Raises
+        ------
+        UnknownName
+            A variable that `data` does not hold, or a manoeuvre without a constant of its own.
+        IdentificationError
+            A fit with separate intercepts, and no manoeuvre chosen.
+        SchemaError
+            Variables along more than one dimension.
+
+        Warns
+        -----
+        AeromatchWarning
+            A variable, or a further term such as a product or a power, leaves the range of the samples that were fitted.
+
+        Notes
+        -----
+        Ranges are those of one variable or term at a time.  Data may lie inside all of them and still where no sample was, as at high
+        alpha with an elevator that trims at low alpha; `stderr` grows there.
+        """
+        return predicted(self, data, manoeuvre)
+
+    @property
+    def remarks(self) -> list[Remark]:
+        """What a reader of the numbers must know."""
+        return remarks_of(self)
+
+    def report(self, correlation: bool = False) -> str:
+        """Return estimates with 95 % confidence intervals, tests and remarks as text.
+
+        Parameters
+        ----------
+        correlation : bool
+            Print the correlation matrix of the estimates too.
+        """
+        return _report(self, correlation)
+
+
+def save_fit(fit: Fit, path: str | os.PathLike) -> None:
+    """Write a fit to a netCDF-4 file, whole or not at all.
+
+    Parameters
+    ----------
+    fit : Fit
+    path : path
+        An older file is replaced.
+    """
+    path = Path(path)
+    about = {"content": _CONTENT, "name": fit.name, "model": str(fit.model), "reference": json.dumps(dict(fit.model.reference))}
+    tree = xr.DataTree.from_dict(
+        {
+            "/": xr.Dataset(attrs=about),
+            "/estimates": fit.estimates,
+            "/data": fit.data,
+            "/design": xr.Dataset({"design": fit.design, "regressors": fit.regressors}),
+        }
+    )
+    with written_whole(path) as part:
+        tree.to_netcdf(part, engine="h5netcdf", mode="w")
+
+
+def open_fit(path: str | os.PathLike) -> Fit:
+    """Read a fit that `save_fit` wrote.
+
+    Raises
+    ------
+    ParseError
+        Not such a file.
+    """
+    try:
+        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
+            tree.load()
+            if tree.attrs.get("content") != _CONTENT:
+                raise ValueError("a netCDF file of something else")
+            about, parts = tree.attrs, {str(name): node.to_dataset(inherit=False) for name, node in tree.children.items()}
+    except (OSError, KeyError, ValueError) as error:
+        if not Path(path).exists():
+            raise
+        raise ParseError(str(path), 0, str(error), "a fit as `aeromatch flight identify -o` writes it") from error
+    model = replace(Model.parse(about["model"]), reference=json.loads(about["reference"]))
+    return Fit(str(about["name"]), model, parts["estimates"], parts["data"], parts["design"]["design"], parts["design"]["regressors"])
+
+
+def _headline(a) -> str:
+    """How the fit was made, in words."""
+    if a.get("domain") == "published":
+        return "published values, no samples"
+    words = f"samples {a['samples']}, manoeuvres {a['manoeuvres']}, R2 {a['R2']:.4f}, residual rms {a['residual_rms']:.3g}"
+    if a.get("domain") == "frequency":
+        words += f", {a['frequencies']} frequencies in {a['band']} Hz"
+    if a.get("weights", "equal") != "equal":
+        words += f", weights {a['weights']}"
+    if a.get("ridge"):
+        words += f", ridge {a['ridge']:.3g} (biased)"
+    return words
+
+
+def tests(a: Mapping[str, Any]) -> list[str]:
+    """Return the test of all slopes and the colour of the residual, in words.
+
+    Parameters
+    ----------
+    a : mapping
+        Attributes of the estimates.
+    """
+    found = []
+    if a.get("F_terms"):
+        found.append(f"all slopes: F({a['F_terms']}, {a['F_dof']:.0f}) {a['F']:.4g}, probability {a['F_probability']:.2g}")
+    if "portmanteau" in a:
+        white = "white" if a["portmanteau_probability"] > 0.01 else "not white"
+        found.append(
+            f"residual: {white}, portmanteau {a['portmanteau']:.4g} over {a['portmanteau_lags']} lags, probability "
+            f"{a['portmanteau_probability']:.2g}, correlation time {a['correlation_time']:.2g} s"
+        )
+    return found
+
+
+def correlations(e: xr.Dataset) -> list[str]:
+    """Return the correlation matrix of estimates as lines of text."""
+    terms = [str(term) for term in e["term"].values]
+    width = max(9, *(len(term) + 2 for term in terms))
+    head = f"{'correlation':<18}" + "".join(f"{term:>{width}}" for term in terms)
+    return [head, *(f"{term:<18}" + "".join(f"{x:>{width}.3f}" for x in row) for term, row in zip(terms, e["correlation"].values))]
+
+
+_HEADS = {"white": 10, "system.": 10, "t": 9, "p": 9, "dof": 6, "VIF": 8, "share": 8}
+
+
+def _report(fit: Fit, correlation: bool) -> str:
+    e, a = fit.estimates, fit.estimates.attrs
+    text = [
+        f"{fit.name}: {fit.model}" if fit.name else str(fit.model),
+        _headline(a),
+        *tests(a),
+        f"{'term':<18}{'estimate':>11}{'stderr':>10}{'95 % interval':>24}" + "".join(f"{head:>{width}}" for head, width in _HEADS.items()),
+    ]
+    for term in e["term"].values:
+        found = {str(name): float(e[name].sel(term=term)) for name, item in e.data_vars.items() if item.dims == ("term",)}
+        row = {name: float("nan") for name in ("low", "high", "t", "p_value", "dof")} | found
+        vif = "-" if np.isnan(row["vif"]) else f"{row['vif']:.1f}"
+        errors = "".join(f"{row[name]:>10.2g}" for name in ("stderr_white", "stderr_systematic"))
+        between = f"{row['low']:.4g} ... {row['high']:.4g}"
+        t = f"{row['t']:>9.1f}{row['p_value']:>9.1g}{row['dof']:>6.0f}"
+        text.append(
+            f"{term!s:<18}{row['estimate']:>11.5g}{row['stderr']:>10.2g}{between:>24}{errors}{t}{vif:>8}{row['contribution']:>8.2f}"
+        )
+    return "\n".join([*text, *(correlations(e) if correlation else []), *lines(fit.remarks)])

@@ -1,0 +1,350 @@
+"""Equation error in frequency: the same linear model fitted to finite Fourier transforms inside a band.
+
+Only the band with excitation is looked at: drift, trim and the noise above the band stay out, and there is no lag
+window to choose.  Every stretch is freed from its mean and trend, transformed at the multiples of one over its
+duration, and divided by the root of the duration, so that long and short stretches weigh as their information.
+Parameters are real, so every frequency gives two real equations.  The constant is found afterwards in time.
+
+References
+----------
+.. [Morelli2006] Morelli, Practical aspects of the equation-error method for aircraft parameter estimation, AIAA 2006-6144.
+.. [Klein2006] Klein, Morelli, Aircraft System Identification, AIAA 2006, chapter 7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import IdentificationError
+
+from ..signals.fourier import adjoint, detrended, finite_fourier, harmonics
+from ..uncertainty import collinearity, significance
+from ..uncertainty.coloured_residuals import coloured
+from . import least_squares
+from .fit import Fit
+from .model import Model
+from .samples import Samples, slopes_of, stack
+from .time_domain import demand_choice, demand_determined, separated
+from .weights_and_ridge import ridge_penalty
+
+_EXCITED = 1e-6  # rms of a regressor inside the band, over its largest value, that is no rounding
+_SHAPE = 2  # degree of the logarithm of the residual's spectrum over the logarithm of the frequency
+_PER_SHAPE = 6  # frequencies that each degree needs
+_ROUNDS, _STILL = 30, 1e-4
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Where one stretch without a gap stands in the samples and among the transformed rows."""
+
+    samples: slice
+    step: float
+    frequencies: np.ndarray
+    rows: slice
+
+    @property
+    def duration(self) -> float:
+        """Length of the record, one step per sample. [s]"""
+        return (self.samples.stop - self.samples.start) * self.step
+
+
+def stretches(samples: Samples, band: tuple[float, float], spacing: float | None = None) -> list[Stretch]:
+    """Return the stretches that reach down to the band, with the frequencies of each.
+
+    Parameters
+    ----------
+    samples : Samples
+    band : (low, high)
+        Both inside; a stretch shorter than 1/low is left out. [Hz]
+    spacing : float, optional
+        Of the frequencies; default one over the duration of each stretch. [Hz]
+
+    Raises
+    ------
+    IdentificationError
+        No stretch is long enough, or the band is none.
+    """
+    found: list[Stretch] = []
+    start = 0
+    for piece, step in zip(*samples.pieces()):
+        duration = (piece.stop - piece.start) * step
+        if duration * band[0] < 1.0 - 1e-9:
+            continue
+        frequencies = harmonics(duration if spacing is None else 1.0 / spacing, *band)
+        found.append(Stretch(piece, step, frequencies, slice(start, start + len(frequencies))))
+        start += len(frequencies)
+    if not found:
+        longest = max((piece.stop - piece.start) * step for piece, step in zip(*samples.pieces()))
+        raise IdentificationError(
+            f"no stretch is as long as 1/{band[0]:g} Hz, the longest is {longest:.3g} s; raise the lower edge of the band"
+        )
+    return found
+
+
+def transform(columns: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray:
+    """Return the scaled transforms of sampled columns, complex (rows, columns)."""
+    rows = [finite_fourier(detrended(columns[part.samples]), part.step, part.frequencies) / np.sqrt(part.duration) for part in parts]
+    return np.concatenate(rows)
+
+
+def stacked(values: np.ndarray) -> np.ndarray:
+    """Return complex rows as real ones: real parts above imaginary parts."""
+    return np.concatenate([values.real, values.imag])
+
+
+def regress_frequency(
+    model: Model,
+    data: xr.Dataset | Sequence[xr.Dataset],
+    band: tuple[float, float],
+    name: str = "",
+    intercepts: str = "common",
+    spacing: float | None = None,
+    ridge: float | str = 0.0,
+) -> Fit:
+    """Fit a model to measured coefficients by least squares over the frequencies of a band.
+
+    Parameters
+    ----------
+    model : Model
+        Coefficient and terms; ``1`` is the constant found in time.
+    data : Dataset (time,) or list of them
+        Manoeuvres, as `coefficients` returns them.
+    band : (low, high)
+        Where the excitation is: 0.1 to 2 Hz for a small aeroplane, 0.05 to 1.5 Hz for a jet. [Hz]
+    name : str
+        For reports and provenance.
+    intercepts : {"common", "separate"}
+        One constant, or one per manoeuvre.  The slopes do not know the difference: every stretch is freed from its mean.
+    spacing : float, optional
+        Of the frequencies; default one over the duration. Closer frequencies are not independent; standard errors account
+        for it. [Hz]
+    ridge : float or "auto"
+        As in `regress`.
+
+    Returns
+    -------
+    Fit
+        ``stderr`` follows the spectrum of the residual through the band and is widened by Student's t when the frequencies
+        are few; ``stderr_white`` takes the spectrum as flat.  Attributes
+        ``R2`` inside the band, ``R2_time`` over the samples, ``band``, ``frequencies``.
+
+    Raises
+    ------
+    IdentificationError
+        No stretch reaches down to the band, too few frequencies, or terms the data cannot tell apart.
+    UnknownName
+        A variable that the data do not hold.
+
+    Notes
+    -----
+    theta = [Re(X* X)]^-1 Re(X* z), covariance 1/2 s^2 [Re(X* X)]^-1 with s^2 = 2 v* v/(2 M - n): each of the M frequencies
+    is two real equations, so a white disturbance gets the same standard errors as in time.  [Klein2006] divides by M - n
+    without the half, which makes them larger by the root of two.  Frequencies at a spacing of df below 1/T multiply the
+    covariance by 1/(T df).
+    """
+    demand_choice("intercepts", intercepts, ("common", "separate"))
+    samples = stack(model.coefficient, model.variables, data, model)
+    X, terms = model.design(samples.data), list(model.terms)
+    if intercepts == "separate":
+        X, terms = separated(X, terms, samples.data["manoeuvre"].values)
+    demand_determined(name, model, samples.data[model.coefficient].values, X, terms)
+    parts = stretches(samples, band, spacing)
+    found, A, change = _solve(model, samples, X, terms, parts, name, ridge)
+    found.attrs.update(
+        name=name, intercepts=intercepts, band=f"{band[0]:g} ... {band[1]:g}", frequencies=sum(len(part.frequencies) for part in parts)
+    )
+    data = samples.kept(model.coefficient, change)
+    return Fit(name, model, found, data, least_squares.labelled(least_squares.equivalent(A), terms), least_squares.labelled(X, terms))
+
+
+def demand_frequencies(label: str, rows: np.ndarray, X: np.ndarray, parts: Sequence[Stretch], terms: Sequence[str]) -> None:
+    """Raise when the transformed equations cannot determine the terms.
+
+    Parameters
+    ----------
+    label : str
+        For the text.
+    rows : complex array (rows, terms)
+        Transformed regressors.
+    X : array (samples, terms)
+        Regressors in time.
+    parts : sequence of Stretch
+    terms : sequence of str
+
+    Raises
+    ------
+    IdentificationError
+        Too few frequencies, a term without excitation in the band, or combinations that vanish there.
+    """
+    if len(rows) < 2 * len(terms):
+        raise IdentificationError(
+            f"{label}: {len(rows)} frequencies for {len(terms)} slopes; at least two per slope are needed: widen the band"
+        )
+    duration = np.concatenate([np.full(len(part.frequencies), part.duration) for part in parts])
+    inside = np.sqrt(2.0 * (np.abs(rows) ** 2 / duration[:, None]).sum(axis=0) / len(parts))
+    still = [term for term, own, size in zip(terms, inside, np.abs(X).max(axis=0)) if own < _EXCITED * size]
+    if still:
+        raise IdentificationError(
+            f"{label}: {', '.join(still)} {'is' if len(still) == 1 else 'are'} not excited inside the band; leave the term out, "
+            "add a manoeuvre, or work in time"
+        )
+    try:
+        collinearity.demand_rank(stacked(rows), terms)
+        collinearity.demand_independence(stacked(rows), np.zeros(len(terms), bool), terms)
+    except IdentificationError as error:
+        raise IdentificationError(f"{label}: inside the band {error}") from None
+
+
+def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], parts: list[Stretch], name: str, ridge):
+    """The estimates, the linear map (terms, samples) from the measured coefficient to them, and what the common errors change."""
+    z, fixed = samples.data[model.coefficient].values, least_squares.constants(terms)
+    slopes = [term for term, constant in zip(terms, fixed) if not constant]
+    if not slopes:
+        raise IdentificationError(f"{model} has no slope; a spectrum without its mean says nothing about a constant")
+    Xf, zf = transform(X[:, ~fixed], parts), transform(z[:, None], parts)[:, 0]
+    demand_frequencies(f"{name}: {model}" if name else str(model), Xf, X[:, ~fixed], parts, slopes)
+    X2, z2 = stacked(Xf), stacked(zf)
+    penalty, parameter = ridge_penalty(ridge, X2, z2, np.zeros(len(slopes), bool))
+    theta, E = least_squares.solve(X2, z2, penalty)
+    v = zf - Xf @ theta
+    D = least_squares.estimator(E)
+    s2 = float((np.abs(v) ** 2).sum()) / (2 * len(v) - len(slopes))
+    dense = np.concatenate([np.full(len(part.frequencies), max(1.0, 1.0 / (part.duration * _spacing(part)))) for part in parts])
+    free = _free(round(len(v) / dense.mean()), len(slopes))
+    C = (D * (_power(v, E, parts) * np.tile(dense, 2))) @ D.T * _student(free) ** 2
+    white = np.sqrt(s2 * ((D**2) * np.tile(dense, 2)).sum(axis=1))
+    whole = _joined(X, z, fixed, samples, _Whole(theta, C, white, _map(D, parts, len(z)), 0.0))
+    sources, errors = samples.errors(model.coefficient, model.variables, slopes_of(model, whole.theta))
+    rest = z - X @ whole.theta
+    more = least_squares.diagnostics(X2, np.zeros(len(slopes), bool))
+    more = _with_constants(more, terms, fixed)
+    size = np.zeros(len(terms))
+    size[~fixed] = np.sqrt((np.abs(Xf) ** 2).sum(axis=0) / (np.abs(zf) ** 2).sum()) * np.abs(theta)
+    more["contribution"] = "term", size
+    more["stderr_window"] = "term", np.full(len(terms), np.nan), {"long_name": "standard error by a lag window; none in frequency"}
+    if parameter:
+        bias = np.zeros(len(terms))
+        bias[~fixed] = -np.linalg.solve(X2.T @ X2 + np.diag(penalty), penalty * least_squares.solve(X2, z2)[0])
+        more["shrinkage"] = "term", bias, {"long_name": "bias of the ridge, from the estimates without it"}
+    found = least_squares.estimates(terms, whole.theta, whole.covariance, whole.white, (sources, whole.A @ errors.T), more)
+    found.attrs = {
+        "coefficient": model.coefficient,
+        "domain": "frequency",
+        "R2": 1.0 - float((np.abs(v) ** 2).sum() / (np.abs(zf) ** 2).sum()),
+        "R2_time": 1.0 - float(rest @ rest) / float(((z - z.mean()) ** 2).sum()),
+        "residual_rms": float(np.sqrt(np.mean(rest**2))),
+        "samples": len(z),
+        "manoeuvres": len(samples.steps),
+        "offset": whole.offset,
+        "weights": "equal",
+        "ridge": parameter,
+        **significance.whiteness(rest, *samples.pieces()),
+    }
+    found = significance.added(found, fixed, np.full(len(terms), float(free)), np.where(fixed, 1.0, _student(free)))
+    return found, whole.A, errors
+
+
+def _spacing(part: Stretch) -> float:
+    return float(part.frequencies[1] - part.frequencies[0]) if len(part.frequencies) > 1 else 1.0 / part.duration
+
+
+def _power(v: np.ndarray, E: np.ndarray, parts: Sequence[Stretch]) -> np.ndarray:
+    """Variance of each real equation (2 rows,): the residual's spectrum as a parabola in logarithms, less what the fit took up.
+
+    Whittle's likelihood: power over spectrum is chi-square distributed; scoring steps of a regression with logarithmic link.
+    """
+    leverage = (np.linalg.qr(E)[0] ** 2).sum(axis=1)
+    free = np.maximum(0.05, 1.0 - 0.5 * (leverage[: len(v)] + leverage[len(v) :]))
+    power = 0.5 * np.abs(v) ** 2 / free
+    if not power.any():
+        return np.zeros(2 * len(v))
+    x = np.log(np.concatenate([part.frequencies for part in parts]))
+    degree = _degree(len(v))
+    basis = np.linalg.qr(np.vander((x - x.mean()) / max(np.ptp(x), 1e-9), degree + 1))[0]
+    level = np.full(len(v), np.log((power * free).sum() / free.sum()))
+    for _ in range(_ROUNDS):
+        change = power / np.exp(level) - 1.0
+        step = basis @ np.linalg.solve((basis * free[:, None]).T @ basis, (basis * free[:, None]).T @ change)
+        level = level + np.clip(step, -1.0, 1.0)
+        if np.abs(step).max() < _STILL:
+            break
+    return np.tile(np.exp(level), 2)
+
+
+def _degree(frequencies: int) -> int:
+    return min(_SHAPE, frequencies // _PER_SHAPE)
+
+
+def _free(frequencies: int, slopes: int) -> int:
+    """Degrees of freedom of the residual's spectrum: two per frequency, less what was fitted."""
+    return max(1, 2 * frequencies - slopes - _degree(frequencies) - 1)
+
+
+def _student(free: int) -> float:
+    """Factor on standard errors that makes two of them hold 95.45 % when few frequencies tell the size of the disturbance."""
+    from scipy.stats import norm, t
+
+    return float(t.ppf(norm.cdf(2.0), free)) / 2.0
+
+
+def _map(D: np.ndarray, parts: Sequence[Stretch], samples: int) -> np.ndarray:
+    """The linear map (terms, samples) from the measured coefficient to the slopes."""
+    half = D.shape[1] // 2
+    weights = (D[:, :half] + 1j * D[:, half:]).T
+    A = np.zeros((len(D), samples))
+    for part in parts:
+        count = part.samples.stop - part.samples.start
+        back = adjoint(weights[part.rows] / np.sqrt(part.duration), part.step, part.frequencies, count)
+        A[:, part.samples] = detrended(back).T
+    return A
+
+
+@dataclass(frozen=True)
+class _Whole:
+    """Constants and slopes together: estimates, covariance, white standard errors, linear map, offset between stretches."""
+
+    theta: np.ndarray
+    covariance: np.ndarray
+    white: np.ndarray
+    A: np.ndarray
+    offset: float
+
+
+def _joined(X: np.ndarray, z: np.ndarray, fixed: np.ndarray, samples: Samples, slopes: _Whole) -> _Whole:
+    """Slopes joined by the constants that are left in time; these hang on the slopes through the mean regressors."""
+    n = len(fixed)
+    theta, white, C, A = np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, len(z)))
+    theta[~fixed], white[~fixed], A[~fixed] = slopes.theta, slopes.white, slopes.A
+    C[np.ix_(~fixed, ~fixed)] = slopes.covariance
+    if not fixed.any():
+        return _Whole(theta, C, white, A, 0.0)
+    P = least_squares.estimator(X[:, fixed])
+    theta[fixed] = P @ (z - X[:, ~fixed] @ slopes.theta)
+    v = z - X @ theta
+    own = coloured(X[:, fixed], v, *samples.pieces())
+    means = P @ X[:, ~fixed]
+    A[fixed] = P - means @ slopes.A
+    C[np.ix_(fixed, fixed)] = own.covariance + means @ slopes.covariance @ means.T
+    C[np.ix_(fixed, ~fixed)] = -means @ slopes.covariance
+    C[np.ix_(~fixed, fixed)] = C[np.ix_(fixed, ~fixed)].T
+    white[fixed] = np.sqrt((v @ v) / (len(v) - n) * (P**2).sum(axis=1) + means**2 @ slopes.white**2)
+    return _Whole(theta, C, white, A, own.offset)
+
+
+def _with_constants(more: dict[str, tuple], terms: Sequence[str], fixed: np.ndarray) -> dict[str, tuple]:
+    """Diagnostics of the slopes under the names of all terms: nothing is collinear with a constant that was taken out."""
+    n, at = len(terms), np.flatnonzero(~fixed)
+    vif, correlation = np.full(n, np.nan), np.eye(n)
+    vif[at], correlation[np.ix_(at, at)] = more["vif"][1], more["regressor_correlation"][1]
+    proportion = np.zeros((len(more["condition_index"][1]), n))
+    proportion[:, at] = more["proportion"][1]
+    return {
+        **more,
+        "vif": ("term", vif, more["vif"][2]),
+        "regressor_correlation": (("term", "term_"), correlation),
+        "proportion": (("component", "term"), proportion, more["proportion"][2]),
+    }

@@ -1,0 +1,1 @@
+"""Models with parameters that they are not linear in: expressions, their derivatives, their text."""

@@ -1,0 +1,61 @@
+"""Likelihood fits as netCDF files."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import xarray as xr
+
+from flightmech.errors import ParseError
+from flightmech.support.atomic_write import written_whole
+
+from .result import OutputError
+
+_CONTENT = "output error"
+
+
+def save_output_error(fit: OutputError, path: str | os.PathLike) -> None:
+    """Write a fit in time to a netCDF-4 file, whole or not at all.
+
+    Groups ``estimates`` (with the report as attribute), ``noise`` and ``residuals/1`` ... for each manoeuvre.
+
+    Parameters
+    ----------
+    fit : OutputError
+        Of `output_error` or `filter_error`; complex residuals of a fit in frequency have no place in such a file.
+    path : path
+        An older file is replaced.
+    """
+    groups = {
+        "/": xr.Dataset(attrs={"content": _CONTENT, "warnings": "\n".join(fit.warnings)}),
+        "/estimates": fit.estimates.assign_attrs(report=fit.report()),
+        "/noise": fit.noise,
+        **{f"/residuals/{number}": rest for number, rest in enumerate(fit.residuals, start=1)},
+    }
+    with written_whole(Path(path)) as part:
+        xr.DataTree.from_dict(groups).to_netcdf(part, engine="h5netcdf", mode="w")
+
+
+def open_output_error(path: str | os.PathLike) -> OutputError:
+    """Read a fit that `save_output_error` wrote.
+
+    Raises
+    ------
+    ParseError
+        Not such a file.
+    """
+    try:
+        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
+            tree.load()
+            if tree.attrs.get("content") != _CONTENT:
+                raise ValueError("a netCDF file of something else")
+            rest = tree["residuals"].children
+            residuals = tuple(rest[name].to_dataset(inherit=False) for name in sorted(rest, key=int))
+            estimates, noise = (tree.children[name].to_dataset(inherit=False) for name in ("estimates", "noise"))
+            warnings = tuple(str(tree.attrs.get("warnings", "")).splitlines())
+    except (OSError, KeyError, ValueError) as error:
+        if not Path(path).exists():
+            raise
+        raise ParseError(str(path), 0, str(error), "a fit as `aeromatch flight fit -o` writes it") from error
+    return OutputError(estimates, residuals, noise, warnings)

@@ -1,0 +1,1 @@
+"""A fit from its TOML file to its report."""

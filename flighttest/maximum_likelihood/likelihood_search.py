@@ -1,0 +1,266 @@
+"""Search for the maximum of a likelihood whose noise covariance is unknown.
+
+With independent Gaussian noise of variance R_j on output j, the best R_j for given parameters is the mean square of the residual.
+Put in, the negative log-likelihood becomes  J = sum_j N_j/2 ln R_j(theta) + 1/2 (theta - theta_0)' P^-1 (theta - theta_0).  Its
+gradient is that of weighted least squares with the present R, and Gauss-Newton's matrix  M = sum S'R^-1 S + P^-1  its Fisher
+information.  So one Levenberg-Marquardt search takes the place of the usual relaxation between parameters and R, and J falls
+in every step.
+
+References
+----------
+.. [Maine1985] Maine, Iliff, Identification of dynamic systems: theory and formulation, NASA RP-1138, 1985.
+.. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015, ch. 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from flightmech.errors import IdentificationError
+
+from ..uncertainty.collinearity import combination
+from .parameters import Layout
+
+FLOOR = 1e-7  # smallest residual that counts, of the rms of a measured output about its mean
+STEP = 0.05  # step of a difference, in standard errors
+SMALL, LARGE = 1e-6, 1e-2  # its limits, in sizes of the parameter
+CLOSE = 1e-2  # a step of so many standard errors is the last one
+RANK = 1e-12  # smallest eigenvalue of the information scaled to unit diagonal
+_DAMPING, _STUCK = 1e-3, 1e12
+
+
+class Piece(Protocol):
+    """One manoeuvre."""
+
+    measured: np.ndarray  # (samples, outputs), NaN where there is no reading
+
+    def predict(self, values: np.ndarray) -> np.ndarray:
+        """Return the outputs (samples, outputs) for the unknowns of this manoeuvre; NaN when they cannot be flown."""
+
+    def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
+        """Return their slopes (samples, outputs, unknowns), by central differences when asked."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """The maximum.
+
+    Attributes
+    ----------
+    theta : array (unknown,)
+    residuals : list of array (samples, outputs)
+        Per manoeuvre measured minus predicted, 0 where there is no reading.
+    slopes : list of array (samples, outputs, own unknowns)
+    noise : array (manoeuvre, output)
+        Variance R.
+    information : array (unknown, unknown)
+        M, prior included.
+    active : array of bool (unknown,)
+        At a bound against which the likelihood pushes.
+    cost : float
+        J.
+    iterations : int
+    converged : bool
+    """
+
+    theta: np.ndarray
+    residuals: Any
+    slopes: Any
+    noise: np.ndarray
+    information: np.ndarray
+    active: np.ndarray
+    cost: float
+    iterations: int
+    converged: bool
+
+
+class Target(Protocol):
+    """What is minimised; what stands for residuals and slopes is its own affair."""
+
+    layout: Layout
+
+    def residuals(self, theta: np.ndarray) -> Any:
+        """Return what cost and normal equations are made of."""
+
+    def scatter(self, residuals: Any) -> np.ndarray:
+        """Return the variance of the residuals (manoeuvre, output)."""
+
+    def cost(self, theta: np.ndarray, residuals: Any) -> float:
+        """Return J, infinite where there is none."""
+
+    def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> Any:
+        """Return the derivatives of the residuals; one-sided differences will do unless `central`."""
+
+    def normal(self, theta: np.ndarray, residuals: Any, slopes: Any) -> tuple[np.ndarray, np.ndarray]:
+        """Return the information M and the downhill gradient."""
+
+
+class Likelihood:
+    """J over pieces.
+
+    Parameters
+    ----------
+    pieces : sequence of Piece
+    layout : Layout
+    groups : array of int (manoeuvre,)
+        Manoeuvres of one group have one noise covariance.
+    """
+
+    def __init__(self, pieces: Sequence[Piece], layout: Layout, groups: np.ndarray):
+        self.pieces, self.layout, self.groups = pieces, layout, groups
+        self.seen = [np.isfinite(piece.measured) for piece in pieces]
+        self.counts = self._grouped([seen.sum(axis=0) for seen in self.seen])
+        together = np.concatenate([piece.measured - np.nanmean(piece.measured, axis=0) for piece in pieces])
+        self.floor = (FLOOR * np.maximum(np.sqrt(np.nanmean(together**2, axis=0)), 1e-12)) ** 2
+
+    def _grouped(self, rows: Sequence[np.ndarray]) -> np.ndarray:
+        total = np.zeros((self.groups.max() + 1, len(rows[0])))
+        for group, row in zip(self.groups, rows):
+            total[group] += row
+        return total
+
+    def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
+        """Return measured minus predicted per piece."""
+        predicted = [piece.predict(theta[columns]) for piece, columns in zip(self.pieces, self.layout.columns)]
+        return [np.where(seen, piece.measured - y, 0.0) for piece, y, seen in zip(self.pieces, predicted, self.seen)]
+
+    def noise(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
+        """Return R (group, output)."""
+        return np.maximum(self._grouped([(v**2).sum(axis=0) for v in residuals]) / np.maximum(self.counts, 1), self.floor)
+
+    def scatter(self, residuals: Sequence[np.ndarray]) -> np.ndarray:
+        """Return R (manoeuvre, output)."""
+        return self.noise(residuals)[self.groups]
+
+    def cost(self, theta: np.ndarray, residuals: Sequence[np.ndarray]) -> float:
+        """Return J; infinite when a piece could not be flown."""
+        total = 0.5 * float((self.counts * np.log(self.noise(residuals))).sum()) + 0.5 * float((self._pull(theta) ** 2).sum())
+        return total if np.isfinite(total) else np.inf
+
+    def _pull(self, theta: np.ndarray) -> np.ndarray:
+        return (theta - self.layout.start) / self.layout.sigma
+
+    def slopes(self, theta: np.ndarray, steps: np.ndarray, central: bool) -> list[np.ndarray]:
+        """Return S per piece."""
+        made = [piece.slopes(theta[columns], steps[columns], central) for piece, columns in zip(self.pieces, self.layout.columns)]
+        return [np.where(seen[:, :, None], S, 0.0) for S, seen in zip(made, self.seen)]
+
+    def normal(self, theta: np.ndarray, residuals: Sequence[np.ndarray], slopes: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Return the information M and the downhill gradient."""
+        M = np.diag(self.layout.sigma**-2.0)
+        g = -self._pull(theta) / self.layout.sigma
+        noise = self.noise(residuals)
+        for columns, group, v, S in zip(self.layout.columns, self.groups, residuals, slopes):
+            root = 1.0 / np.sqrt(noise[group])
+            X = (S * root[None, :, None]).reshape(-1, S.shape[2])
+            M[np.ix_(columns, columns)] += X.T @ X
+            g[columns] += X.T @ (v * root).ravel()
+        return M, g
+
+
+def search(likelihood: Target, iterations: int) -> Found:
+    """Return the maximum of a likelihood, by Levenberg and Marquardt inside bounds.
+
+    Raises
+    ------
+    IdentificationError
+        The start cannot be flown, an unknown has no effect, or a combination of unknowns has none.
+    """
+    layout = likelihood.layout
+    theta, size = layout.start.copy(), _sizes(layout)
+    residuals = likelihood.residuals(theta)
+    cost = likelihood.cost(theta, residuals)
+    if not np.isfinite(cost):
+        raise IdentificationError("the model cannot be flown through the records from the start values; simulate them once and look")
+    steps, damping, converged, count = 1e-4 * size, _DAMPING, False, 0
+    slopes = likelihood.slopes(theta, steps, central=iterations == 0)
+    while True:
+        M, g = likelihood.normal(theta, residuals, slopes)
+        _demand_effect(M, layout.names)
+        steps = np.clip(STEP / np.sqrt(np.diag(M)), SMALL * size, LARGE * size)
+        active = _active(theta, g, layout)
+        if converged or count == iterations:
+            break
+        count += 1
+        moved = _descend(likelihood, theta, cost, M, g, ~active, damping)
+        if moved is None:
+            converged = True
+        else:
+            step, theta, residuals, lower, damping = moved
+            error = np.sqrt(np.diag(inverse(M, ~active)))
+            near = (np.abs(step[~active]) < CLOSE * error[~active]).all()
+            converged, cost = bool(near and cost - lower < CLOSE), lower
+        # on the way a one-sided difference over a part of the standard error is as good
+        slopes = likelihood.slopes(theta, steps, central=converged or count == iterations)
+    _demand_rank(M[np.ix_(~active, ~active)], [name for name, held in zip(layout.names, active) if not held])
+    return Found(theta, residuals, slopes, likelihood.scatter(residuals), M, active, cost, count, converged)
+
+
+def _descend(likelihood: Target, theta, cost, M, g, free, damping):
+    """Return step, parameters, residuals, cost and damping of the first step that goes down, or None when none does."""
+    layout = likelihood.layout
+    while damping < _STUCK:
+        step = np.zeros(len(theta))
+        step[free] = _solve(M[np.ix_(free, free)], g[free], damping)
+        trial = np.clip(theta + step, layout.low, layout.high)
+        residuals = likelihood.residuals(trial)
+        lower = likelihood.cost(trial, residuals)
+        if lower <= cost:
+            return trial - theta, trial, residuals, lower, max(0.1 * damping, 1e-12)
+        damping *= 10.0
+    return None
+
+
+def _solve(M: np.ndarray, g: np.ndarray, damping: float) -> np.ndarray:
+    scale = 1.0 / np.sqrt(np.diag(M))
+    return scale * np.linalg.solve(M * np.outer(scale, scale) + damping * np.eye(len(g)), scale * g)
+
+
+def root_of_inverse(information: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return B with B B' the inverse of the information over the free unknowns."""
+    scale = np.where(free, 1.0 / np.sqrt(np.diag(information)), 0.0)
+    part = (information * np.outer(scale, scale))[np.ix_(free, free)]
+    values, vectors = np.linalg.eigh(part)
+    root = np.zeros_like(information)
+    root[np.ix_(free, free)] = vectors / np.sqrt(np.maximum(values, 1e-14))
+    return scale[:, None] * root
+
+
+def inverse(information: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Return the inverse of the information over the free unknowns; zero for those at a bound."""
+    root = root_of_inverse(information, free)
+    return root @ root.T
+
+
+def _sizes(layout: Layout) -> np.ndarray:
+    """Size of each unknown: its a-priori standard error, the width of its bounds or its value, whichever is there."""
+    width = layout.high - layout.low
+    rough = np.where(np.isfinite(width), width, np.maximum(np.abs(layout.start), 1e-2))
+    return np.where(np.isfinite(layout.sigma), layout.sigma, rough)
+
+
+def _active(theta: np.ndarray, downhill: np.ndarray, layout: Layout) -> np.ndarray:
+    return ((theta <= layout.low) & (downhill < 0.0)) | ((theta >= layout.high) & (downhill > 0.0))
+
+
+def _demand_effect(M: np.ndarray, names: Sequence[str]) -> None:
+    idle = [name for name, size in zip(names, np.diag(M)) if not size > 0.0]
+    if idle:
+        raise IdentificationError(
+            f"no output responds to {', '.join(idle)}; leave {'it' if len(idle) == 1 else 'them'} out, choose other outputs "
+            "or add a manoeuvre that excites them"
+        )
+
+
+def _demand_rank(M: np.ndarray, names: Sequence[str]) -> None:
+    scale = 1.0 / np.sqrt(np.diag(M))
+    values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
+    if len(values) and values[0] < RANK * values[-1]:
+        raise IdentificationError(
+            f"the records cannot tell apart: {combination(vectors[:, 0], names)} changes no output; hold one of them, give a prior "
+            "or add a manoeuvre"
+        )

@@ -1,0 +1,1 @@
+"""Linear models in state space, the Kalman filter, the test for turbulence."""

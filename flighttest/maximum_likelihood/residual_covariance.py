@@ -1,0 +1,166 @@
+"""Covariance of the estimates when residuals are correlated in time.
+
+    cov = M^-1 [ P^-1 + sum_i sum_k S_i' R^-1 Rvv(i - k) R^-1 S_k ] M^-1
+
+with the cross-covariance Rvv of the disturbance behind the residuals.  As in `flighttest.uncertainty.coloured_residuals` it is found on
+means over short blocks, output by output, by its spectrum; what the fit has taken up of an output are the directions
+of the unknowns that this output tells more than half of.  Between outputs the innovations are correlated at equal times, so that
+Rvv is the cross-spectrum  H_a(f) C_ab H_b*(f),  which no estimate can make negative.  Between manoeuvres nothing is correlated.
+
+References
+----------
+.. [Morelli1997] Morelli, Klein, Accuracy of aerodynamic model parameters estimated from flight test data, J. Guidance 20, 1997.
+.. [Andrews1992] Andrews, Monahan, An improved heteroskedasticity and autocorrelation consistent covariance matrix, Econometrica 60, 1992.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ..uncertainty.coloured_residuals import BLOCK
+from ..uncertainty.residual_autocovariance import Disturbance
+from ..uncertainty.residual_spectrum import residual_spectrum
+from .likelihood_search import Found, inverse, root_of_inverse
+
+_TOLD = 0.5  # share of the information on a direction above which an output's residual has lost it
+
+
+class Colour(NamedTuple):
+    """What the residuals of one output are made of.
+
+    Attributes
+    ----------
+    disturbance : Disturbance
+        Of the means over blocks.
+    slow : float
+        Standard deviation of the disturbance.
+    white : float
+        Standard deviation of the noise from sample to sample.
+    time : float
+        Over how long the disturbance is correlated: integral of its autocorrelation, at least a block. [s]
+    block : float
+        Length of a block: white noise has this correlation time. [s]
+    """
+
+    disturbance: Disturbance
+    slow: float
+    white: float
+    time: float
+    block: float
+
+
+class _Blocks(NamedTuple):
+    """Weighted slopes and residuals of one manoeuvre: means and sums over blocks, and what is left inside them."""
+
+    sums: np.ndarray  # (block, output, unknown)
+    means: np.ndarray  # (block, output, unknown)
+    inside: np.ndarray  # (sample, output, unknown)
+    residual: np.ndarray  # (block, output)
+    rest: np.ndarray  # (sample, output)
+
+
+def coloured_covariance(found: Found, columns: Sequence[np.ndarray], steps: Sequence[float]) -> tuple[np.ndarray, list[Colour]]:
+    """Return the covariance of the estimates (unknown, unknown), and the colour of every output.
+
+    Parameters
+    ----------
+    found : Found
+        Residuals divided by the square root of the noise variance are taken for one process in all manoeuvres.
+    columns : sequence of array of int
+        Places of the unknowns of each manoeuvre.
+    steps : sequence of float
+        Sampling interval of each manoeuvre. [s]
+    """
+    pieces = [_blocks(S, v, noise, step) for S, v, noise, step in zip(found.slopes, found.residuals, found.noise, steps)]
+    free = ~found.active
+    colours = _colours(pieces, columns, found.information, free, steps)
+    rest = np.concatenate([piece.rest for piece in pieces])
+    freedom = max(1, len(rest) - sum(len(piece.residual) for piece in pieces))
+    white = rest.T @ rest / freedom
+    links = _links(pieces, colours)
+    inner = np.zeros_like(found.information)
+    for piece, place in zip(pieces, columns):
+        inner[np.ix_(place, place)] += _slow(piece.sums, colours, links) + _fast(piece.inside, white)
+    D = inverse(found.information, free)
+    prior = found.information - _gathered(pieces, columns, len(free))
+    return D @ (inner + prior) @ D, colours
+
+
+def _blocks(S: np.ndarray, v: np.ndarray, noise: np.ndarray, step: float) -> _Blocks:
+    length = max(1, round(BLOCK / step))
+    starts = np.arange(0, len(v), length)
+    counts = np.diff([*starts, len(v)])
+    root = np.sqrt(noise)
+    X, e = S / root[None, :, None], v / root
+    sums, residual = np.add.reduceat(X, starts, axis=0), np.add.reduceat(e, starts, axis=0) / counts[:, None]
+    means = sums / counts[:, None, None]
+    return _Blocks(sums, means, X - np.repeat(means, counts, axis=0), residual, e - np.repeat(residual, counts, axis=0))
+
+
+def _gathered(pieces: Sequence[_Blocks], columns: Sequence[np.ndarray], unknowns: int) -> np.ndarray:
+    """Return the information of the readings alone, sum S'R^-1 S."""
+    M = np.zeros((unknowns, unknowns))
+    for piece, place in zip(pieces, columns):
+        inside = piece.inside.reshape(-1, len(place))
+        sums, means = (x.reshape(-1, len(place)) for x in (piece.sums, piece.means))
+        M[np.ix_(place, place)] += sums.T @ means + inside.T @ inside
+    return M
+
+
+def _colours(pieces, columns, information: np.ndarray, free: np.ndarray, steps) -> list[Colour]:
+    edges = np.cumsum([0, *(len(piece.residual) for piece in pieces)])
+    places = [slice(int(a), int(b)) for a, b in pairwise(edges)]
+    root = root_of_inverse(information, free)
+    block = max(1, round(BLOCK / steps[0])) * steps[0]
+    return [_colour(a, pieces, columns, places, root, block) for a in range(pieces[0].residual.shape[1])]
+
+
+def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> Colour:
+    v = np.concatenate([piece.residual[:, a] for piece in pieces])
+    X, length = np.zeros((len(v), len(root))), np.zeros((len(v), 1))
+    for piece, rows, place in zip(pieces, places, columns):
+        X[np.ix_(np.arange(rows.start, rows.stop), place)] = piece.means[:, a]
+        length[rows] = len(piece.rest) / len(piece.residual)
+    told = X @ root
+    _, s, Vt = np.linalg.svd(told * np.sqrt(length), full_matrices=False)
+    share = s**2
+    model = residual_spectrum(told @ Vt[share >= min(_TOLD, share[0])].T, v, places).model  # the first is always there
+    rest = np.concatenate([piece.rest[:, a] for piece in pieces])
+    r = model.autocovariance(max(2, len(v) // 4))
+    white = float(rest @ rest) / max(1, len(rest) - len(v))
+    time = block * max(1.0, float(2.0 * r.sum() / r[0] - 1.0)) if r[0] > 0.0 else block
+    return Colour(model, float(np.sqrt(r[0])), float(np.sqrt(white)), time, block)
+
+
+def _links(pieces: Sequence[_Blocks], colours: Sequence[Colour]) -> np.ndarray:
+    """Return the covariance of the innovations of all outputs at equal times."""
+    rows = [[colour.disturbance.innovations(piece.residual[:, a]) for a, colour in enumerate(colours)] for piece in pieces]
+    e = np.concatenate([np.column_stack(row) for row in rows])
+    size = np.sqrt((e**2).mean(axis=0))
+    e = e / np.where(size > 0.0, size, 1.0)
+    deviation = np.array([np.sqrt(colour.disturbance.variance) for colour in colours])
+    return e.T @ e / len(e) * np.outer(deviation, deviation)
+
+
+def _slow(X: np.ndarray, colours: Sequence[Colour], links: np.ndarray) -> np.ndarray:
+    """Return sum_i sum_k X_i' Rvv(i - k) X_k by the cross-spectrum of the disturbances."""
+    size = 1 << int(4 * len(X) - 1).bit_length()
+    F = np.fft.rfft(X, size, axis=0)  # (frequency, output, unknown)
+    H = np.column_stack([1.0 / np.fft.rfft(colour.disturbance.coefficients, size) for colour in colours])
+    # Rvv(k) = E v_i v_(i+k)' has the spectrum conj(H) C H': with root C = L L' the sum is a square
+    values, vectors = np.linalg.eigh(links)
+    L = vectors * np.sqrt(np.maximum(values, 0.0))
+    G = np.einsum("ac,fa,fap->fcp", L, H.conj(), F).reshape(-1, X.shape[2])
+    weight = np.full(len(F), 2.0)
+    weight[[0, -1]] = 1.0
+    return np.real((G * np.repeat(weight, len(colours))[:, None]).conj().T @ G) / size
+
+
+def _fast(inside: np.ndarray, white: np.ndarray) -> np.ndarray:
+    """Return sum_i X_i' W X_i of what varies inside the blocks."""
+    flat = inside.reshape(-1, inside.shape[2])
+    return flat.T @ np.einsum("iap,ab->ibp", inside, white).reshape(flat.shape)

@@ -1,0 +1,240 @@
+"""Output error in time over the compiled simulation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
+
+from .likelihood_search import Likelihood, search
+from .models.turbulence_test import warned
+from .parameters import Wanted, lay_out
+from .residual_covariance import coloured_covariance
+from .result import OutputError, noise_of, tabulated
+
+if TYPE_CHECKING:
+    from flightmech import SimModel
+
+_STARTS = ("V", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "h", "lat", "lon")
+_THRUST = re.compile(r"engine\d+\.thrust")
+
+
+def output_error(
+    sim: SimModel,
+    manoeuvres: xr.Dataset | Sequence[xr.Dataset],
+    parameters: Wanted,
+    outputs: Sequence[str],
+    conditions: Mapping[str, float] | Sequence[Mapping[str, float]] = (),
+    noise: str = "common",
+    step: float | None = None,
+    iterations: int = 50,
+) -> OutputError:
+    """Estimate parameters of a compiled model by maximum likelihood, from the responses of whole manoeuvres.
+
+    The model is flown under the recorded inputs, and the parameters are sought under which it is most probable that the outputs
+    were recorded.  All differences of a manoeuvre are flown as one batch, on all processors.
+
+    Parameters
+    ----------
+    sim : SimModel
+        The compiled model.
+    manoeuvres : Dataset (time,) or sequence of Dataset
+        Inputs and measured outputs at the c.g. on a uniform ``time``; NaN in an output is no reading. [SI]
+    parameters : mapping of str to Unknown, tuple or float
+        What is estimated: start, standard error of the prior, bounds, and whether every manoeuvre has its own value.  Any
+        parameter of the model by name, ``term.CL.basic``, ``node.Cm.basic[3]``, ``table.*``, ``offset.*``, ``mass.*``, ``bias.*``,
+        ``init.*`` and constants of submodels; besides them ``sensor.alpha``, a constant added to the output, and
+        ``factor.alpha``, by which it is multiplied. [SI]
+    outputs : sequence of str
+        Measured outputs of the model, weighted by the noise that is estimated with the parameters.
+    conditions : mapping of str to float or sequence of mappings
+        What is held: for all manoeuvres, or one mapping for each.  What is not named starts as the first sample of a manoeuvre says
+        (``V alpha beta phi theta psi p q r h lat lon``), with its ``mass``, ``x_cg_b`` ... ; recorded thrust drives engines whose lever
+        is not in the record. [SI]
+    noise : {"common", "own"}
+        One noise variance per output, or one per output and manoeuvre.
+    step : float, optional
+        Largest internal step of the simulation, the sampling interval of the manoeuvre without it. [s]
+    iterations : int
+        At most so many.
+
+    Returns
+    -------
+    OutputError
+
+    Raises
+    ------
+    SchemaError
+        Unknowns without a start or outside their bounds, a record whose time is not uniform, a wrong number of conditions.
+    UnknownName
+        A parameter or output that the model or the record does not have.
+    IdentificationError
+        The start cannot be flown, no output responds to a parameter, or the records cannot tell a combination apart.
+
+    Warns
+    -----
+    AeromatchWarning
+        The residuals carry a disturbance far above the noise of the instruments, as turbulence leaves it: see `filter_error`.
+
+    Notes
+    -----
+    J = sum_j N_j/2 ln mean(v_j^2) + 1/2 (theta - theta_0)' P^-1 (theta - theta_0), [Jategaonkar] ch. 4, by Levenberg and Marquardt
+    inside the bounds.  Standard errors are those of coloured residuals; the Cramer-Rao bound stands beside them.
+
+    References
+    ----------
+    .. [Maine1985] Maine, Iliff, NASA RP-1138, 1985; RP-1168, 1986.
+    .. [Jategaonkar] Jategaonkar, Flight Vehicle System Identification, 2nd ed., AIAA 2015.
+    """
+    records = [manoeuvres] if isinstance(manoeuvres, xr.Dataset) else list(manoeuvres)
+    held = _conditions(conditions, len(records))
+    groups = noise_groups(noise, len(records))
+    flown = [_Flight(sim, record, values, list(outputs), step) for record, values in zip(records, held)]
+    layout = lay_out(parameters, [piece.starts for piece in flown])
+    for piece, names in zip(flown, layout.bases):
+        piece.take(names)
+    found = search(Likelihood(flown, layout, groups), iterations)
+    covariance, colours = coloured_covariance(found, layout.columns, [piece.interval for piece in flown])
+    estimates = tabulated(found, layout, covariance, {"method": "output error in time", "title": sim.title})
+    scatter = noise_of(found, list(outputs), colours, [piece.measured for piece in flown])
+    rest = tuple(piece.residual(v) for piece, v in zip(flown, found.residuals))
+    return OutputError(estimates, rest, scatter, warned(scatter))
+
+
+def noise_groups(noise: str, count: int) -> np.ndarray:
+    """Return the noise group of each manoeuvre."""
+    if noise not in ("common", "own"):
+        raise ValueError(f"noise is {noise!r}; allowed: common, own")
+    return np.zeros(count, int) if noise == "common" else np.arange(count)
+
+
+def uniform_step(time: np.ndarray, what: str) -> float:
+    """Return the sampling interval of a uniform clock. [s]"""
+    steps = np.diff(time)
+    if len(steps) < 8 or not (steps > 0.0).all() or np.ptp(steps) > 1e-3 * steps.mean():
+        raise SchemaError(what, ["its time is not uniform, or it has fewer than 9 samples; cut it with flighttest.cut"])
+    return float(steps.mean())
+
+
+def _conditions(conditions, count: int) -> list[dict[str, float]]:
+    if isinstance(conditions, Mapping) or not len(conditions):
+        return [dict(conditions)] * count
+    if len(conditions) != count:
+        raise SchemaError("conditions", [f"{len(conditions)} mappings for {count} manoeuvres; give one for each, or one for all"])
+    return [dict(item) for item in conditions]
+
+
+class _Flight:
+    """One manoeuvre as the simulation flies it."""
+
+    def __init__(self, sim: SimModel, record: xr.Dataset, held: dict[str, float], outputs: list[str], step: float | None):
+        what = f"manoeuvre {record.attrs.get('record', '')}".strip()
+        for name in outputs:
+            if name not in sim.outputs:
+                raise UnknownName(name, sim.outputs, "output")
+            if name not in record:
+                raise UnknownName(name, map(str, record.data_vars), "measured output", f"{what} does not hold it")
+        self.sim, self.record, self.outputs = sim, record, outputs
+        self.time = record["time"].values.astype(float)
+        self.interval = uniform_step(self.time, what)
+        self.step = self.interval if step is None else step
+        self.measured = np.column_stack([record[name].values.astype(float) for name in outputs])
+        idle = [name for name, column in zip(outputs, self.measured.T) if np.isfinite(column).sum() < 9]
+        if idle:
+            raise IdentificationError(f"{what}: {', '.join(idle)} has fewer than 9 readings; leave it out of the outputs")
+        self.starts = _recorded(sim, record)
+        self.inputs, drive = _inputs(sim, record)
+        self.held = {**self.starts, **drive, **held}
+        self.names: tuple[str, ...] = ()
+
+    def take(self, names: Sequence[str]) -> None:
+        """Learn what is estimated; refuse names that mean nothing."""
+        self.names = tuple(names)
+        self.errors = {k: name.split(".", 1) for k, name in enumerate(names) if name.split(".")[0] in ("sensor", "factor")}
+        for kind, output in self.errors.values():
+            if output not in self.outputs:
+                raise UnknownName(f"{kind}.{output}", [f"{kind}.{name}" for name in self.outputs], "parameter")
+        self.flown = [k for k in range(len(names)) if k not in self.errors]
+        moved = {self.names[k] for k in self.flown}
+        self.fixed = {name: value for name, value in self.held.items() if name not in moved}
+
+    def _fly(self, rows: np.ndarray) -> np.ndarray:
+        """Return the outputs (run, time, output) without the errors of the instruments."""
+        import flightmech
+
+        varied = {self.names[k]: rows[:, k] for k in self.flown} or {"mode.step": np.full(len(rows), self.step)}
+        found = flightmech.simulate_batch(
+            self.sim, self.inputs, varied, self.fixed, outputs=list(dict.fromkeys(self.outputs)), step=self.step, failed="nan"
+        )
+        return np.stack([found[name].values for name in self.outputs], axis=2)
+
+    def _sensed(self, y: np.ndarray, values: np.ndarray) -> np.ndarray:
+        z = y.copy()
+        for kind in ("factor", "sensor"):
+            for k, (what, output) in self.errors.items():
+                if what == kind:
+                    at = self.outputs.index(output)
+                    z[..., at] = z[..., at] * values[k] if kind == "factor" else z[..., at] + values[k]
+        return z
+
+    def predict(self, values: np.ndarray) -> np.ndarray:
+        """Return the outputs as the instruments show them."""
+        return self._sensed(self._fly(values[None])[0], values)
+
+    def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
+        """Return differences; those of a step that cannot be flown are one-sided, the other way."""
+        sides = (1.0, -1.0) if central else (1.0,)
+        unit = np.eye(len(values))
+        rows = [values] + [values + side * steps * unit[k] for side in sides for k in self.flown]
+        y = self._fly(np.array(rows))
+        z = self._sensed(y, values)
+        if not central and not np.isfinite(z).all():
+            return self.slopes(values, steps, central=True)
+        moved = [*z[1:].reshape(len(sides), len(self.flown), *z.shape[1:])]
+        good = [np.isfinite(side).all(axis=(1, 2)) for side in moved]
+        up, down = (
+            np.where(ok[:, None, None], side, z[0]) for ok, side in zip([*good, np.zeros(len(self.flown), bool)], [*moved, z[0]][:2])
+        )
+        width = steps[self.flown] * np.sum(good, axis=0)
+        S = np.empty((*z.shape[1:], len(values)))
+        S[:, :, self.flown] = np.moveaxis((up - down) / np.where(width > 0.0, width, np.inf)[:, None, None], 0, 2)
+        for k, (kind, output) in self.errors.items():
+            at = self.outputs.index(output)
+            S[:, :, k] = 0.0
+            S[:, at, k] = 1.0 if kind == "sensor" else y[0, :, at]
+        return S
+
+    def residual(self, v: np.ndarray) -> xr.Dataset:
+        """Return residuals as a Dataset; NaN where there is no reading."""
+        v = np.where(np.isfinite(self.measured), v, np.nan)
+        units = [{"units": str(self.record[name].attrs.get("units", ""))} for name in self.outputs]
+        return xr.Dataset(
+            {name: ("time", v[:, k], units[k]) for k, name in enumerate(self.outputs)}, {"time": self.time}, dict(self.record.attrs)
+        )
+
+
+def _recorded(sim: SimModel, record: xr.Dataset) -> dict[str, float]:
+    """Return what the record says of start and mass."""
+    found = {}
+    for prefix, names in (("init", _STARTS), ("mass", [name[5:] for name in sim.parameters if name.startswith("mass.")])):
+        for name in names:
+            if name in record and f"{prefix}.{name}" in sim.parameters:
+                first = float(np.ravel(record[name].values)[0])
+                if np.isfinite(first):
+                    found[f"{prefix}.{name}"] = first
+    return found
+
+
+def _inputs(sim: SimModel, record: xr.Dataset) -> tuple[xr.Dataset, dict[str, float]]:
+    """Return the inputs of the model, and the mode of the engines where recorded thrust drives them."""
+    inputs = record[[str(name) for name in record.data_vars if name in sim.inputs]]
+    levers = any(str(name).startswith("engine") for name in inputs.data_vars)
+    thrusts = {str(name): f"{name}_drive" for name in record.data_vars if _THRUST.fullmatch(str(name)) and f"{name}_drive" in sim.inputs}
+    if levers or not thrusts:
+        return inputs, {}
+    return inputs.assign({drive: record[name] for name, drive in thrusts.items()}), {"mode.engine": 2.0}

@@ -1,0 +1,1 @@
+"""Words of a bus or a frame to engineering values."""

@@ -1,0 +1,241 @@
+"""What to take out of the words of a bus or a frame: the ``[decode.NAME]`` tables of a name map.
+
+Recordings of buses and telemetry hold words; which bits are which quantity is in the interface document of the aeroplane, so it is the
+user's table.  Four kinds::
+
+    [decode.adc]                    # ARINC 429 words of a Chapter 10 channel, or of a column of any other file
+    kind = "arinc429"
+    channel = 12                    # Chapter 10 channel identifier; with column = "table/word" words of another format
+    bus = 0                         # of the channel; left out: all
+    labels = "octal"                # label byte as octal number in bits 8-1; "transmitted" when bit 1 is the first sent, so reversed
+    [decode.adc.parameters]
+    tas = { label = "210", code = "bnr", bits = 15, range = 2048, unit = "kt" }
+    alt_baro = { label = "235", code = "bcd", digits = 4, resolution = 1, unit = "hPa" }
+    air = { label = "350", code = "discrete", bit = 11 }
+
+    [decode.ins]                    # MIL-STD-1553 messages
+    kind = "mil1553"
+    channel = 3
+    rt = 5
+    subaddress = 1
+    direction = "transmit"
+    [decode.ins.parameters]
+    theta = { word = 3, code = "twos", lsb = 0.0054931640625, unit = "deg" }
+    lat = { word = [7, 8], code = "twos", lsb = 8.381903171539307e-08, unit = "deg" }
+
+    [decode.fti]                    # PCM minor frames, packed or unpacked; words counted from 1 at the first word of the sync pattern
+    kind = "pcm"
+    channel = 7
+    word_bits = 16
+    frame_words = 64
+    counter = { word = 3, first = 0 }        # subframe counter, for words that are not in every frame
+    [decode.fti.parameters]
+    pot_3 = { word = 9, code = "unsigned", bits = [0, 11], unit = "1" }
+    nz = { word = [5, 37], repeated = true, code = "twos", lsb = 0.0005, unit = "g" }   # twice in each frame
+    oil = { word = 12, frame = 2, frames = 4, code = "unsigned", unit = "1" }
+
+    [decode.strain]                 # analogue samples
+    kind = "analog"
+    channel = 9
+    [decode.strain.parameters]
+    F_column = { subchannel = 1, code = "twos", lsb = 0.1, unit = "N" }
+
+A parameter becomes a column of the table NAME (mil1553, analog, pcm words of every frame) or a table of its own, ``NAME.parameter``, where
+it has stamps of its own (arinc429, repeated and subframe words).  Bits of a word are counted from 0, the least significant.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from flightmech.errors import UnitError
+from flightmech.support.configuration import Strict
+from flightmech.units import parse
+
+WordCode = Literal["unsigned", "twos", "offset", "magnitude", "float"]
+
+
+def _unit_fault(name: str, unit: str) -> list[str]:
+    try:
+        parse(unit)
+    except UnitError as error:
+        return [f"parameters.{name}.unit: {error}"]
+    return []
+
+
+class Label(Strict):
+    """One ARINC 429 parameter."""
+
+    label: str
+    code: Literal["bnr", "bcd", "discrete"]
+    sdi: Literal[0, 1, 2, 3] | None = None
+    bits: int | None = None
+    range: float | None = None
+    digits: int | None = None
+    resolution: float | None = None
+    bit: int | None = None
+    unit: str = "1"
+
+    @property
+    def number(self) -> int:
+        """The label as a number."""
+        return int(self.label, 8)
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the table of this parameter."""
+        found = []
+        if not (self.label and set(self.label) <= set("01234567") and int(self.label, 8) <= 0o377):
+            found.append(f'label: found {self.label!r}; expected an octal number in quotes, "001" to "377"')
+        needed = {"bnr": ("bits", "range"), "bcd": ("digits", "resolution"), "discrete": ("bit",)}[self.code]
+        every = ("bits", "range", "digits", "resolution", "bit")
+        found += [f"{key}: missing; code {self.code!r} needs it" for key in needed if getattr(self, key) is None]
+        found += [f"{key}: has no meaning for code {self.code!r}" for key in every if key not in needed and getattr(self, key) is not None]
+        limits = {"bits": (1, 20), "digits": (1, 5), "bit": (9, 29)}
+        for key, (low, high) in limits.items():
+            if getattr(self, key) is not None and not low <= getattr(self, key) <= high:
+                found.append(f"{key}: found {getattr(self, key)}; allowed {low} to {high}")
+        return found
+
+
+class Arinc429(Strict):
+    """Parameters of ARINC 429 words."""
+
+    kind: Literal["arinc429"]
+    labels: Literal["octal", "transmitted"]
+    parameters: dict[str, Label]
+    channel: int | None = None
+    column: str | None = None
+    bus: int | None = None
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the table."""
+        found = [f"parameters.{name}.{text}" for name, label in self.parameters.items() for text in label.problems()]
+        for name, label in self.parameters.items():
+            found += _unit_fault(name, label.unit)
+        if (self.channel is None) == (self.column is None):
+            found.append("channel: give either a Chapter 10 channel or the column that holds the words")
+        return found
+
+
+class Word(Strict):
+    """One parameter in a word, or in consecutive words, of a message or frame."""
+
+    word: int | tuple[int, ...]
+    code: WordCode
+    bits: tuple[int, int] | None = None
+    lsb: float = 1.0
+    offset: float = 0.0
+    unit: str = "1"
+
+    @property
+    def words(self) -> tuple[int, ...]:
+        """The words, most significant first."""
+        return (self.word,) if isinstance(self.word, int) else self.word
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the table of this parameter."""
+        found = [] if self.words and min(self.words) >= 1 else ["word: counted from 1"]
+        if self.bits is not None and not 0 <= self.bits[0] <= self.bits[1]:
+            found.append(f"bits: found {list(self.bits)}; expected [lowest, highest], counted from 0")
+        return found
+
+
+class Mil1553(Strict):
+    """Parameters in the data words of one MIL-STD-1553 message."""
+
+    kind: Literal["mil1553"]
+    channel: int
+    rt: int
+    subaddress: int
+    direction: Literal["transmit", "receive"]
+    parameters: dict[str, Word]
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the table."""
+        found = [f"parameters.{name}.{text}" for name, word in self.parameters.items() for text in word.problems()]
+        for name, word in self.parameters.items():
+            found += _unit_fault(name, word.unit)
+            if max(word.words, default=1) > 32:
+                found.append(f"parameters.{name}.word: a message has 32 data words")
+        for key in ("rt", "subaddress"):
+            if not 0 <= getattr(self, key) <= 31:
+                found.append(f"{key}: found {getattr(self, key)}; allowed 0 to 31")
+        return found
+
+
+class PcmWord(Word):
+    """One parameter of PCM frames; `repeated` words stand several times in a frame, `frame` words once in `frames` frames."""
+
+    repeated: bool = False
+    frame: int | None = None
+    frames: int | None = None
+
+
+class Counter(Strict):
+    """The word that counts minor frames, and the value of it in the frame called 0."""
+
+    word: int
+    first: int = 0
+
+
+class Pcm(Strict):
+    """Parameters of PCM minor frames."""
+
+    kind: Literal["pcm"]
+    channel: int
+    word_bits: int
+    frame_words: int
+    parameters: dict[str, PcmWord]
+    counter: Counter | None = None
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the table."""
+        found = [f"parameters.{name}.{text}" for name, word in self.parameters.items() for text in word.problems()]
+        if not 1 <= self.word_bits <= 64:
+            found.append(f"word_bits: found {self.word_bits}; allowed 1 to 64")
+        if not 1 <= self.frame_words <= 16384:
+            found.append(f"frame_words: found {self.frame_words}; allowed 1 to 16384")
+        for name, word in self.parameters.items():
+            found += _unit_fault(name, word.unit)
+            if max(word.words, default=1) > self.frame_words:
+                found.append(f"parameters.{name}.word: a frame has {self.frame_words} words")
+            if (word.frame is None) != (word.frames is None) or (word.frame is not None and self.counter is None):
+                found.append(f"parameters.{name}.frame: needs `frames` beside it and the table's `counter`")
+            elif word.frames is not None and word.frame is not None and not 0 <= word.frame < word.frames:
+                found.append(f"parameters.{name}.frame: found {word.frame}; allowed 0 to {word.frames - 1}")
+            if word.repeated and word.frame is not None:
+                found.append(f"parameters.{name}.repeated: not together with frame")
+        return found
+
+
+class Subchannel(Strict):
+    """One analogue input."""
+
+    subchannel: int
+    code: WordCode
+    lsb: float = 1.0
+    offset: float = 0.0
+    unit: str = "1"
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the table of this parameter."""
+        return [] if 0 <= self.subchannel <= 255 else [f"subchannel: found {self.subchannel}; allowed 0 to 255"]
+
+
+class Analog(Strict):
+    """Parameters of analogue samples."""
+
+    kind: Literal["analog"]
+    channel: int
+    parameters: dict[str, Subchannel]
+
+    def problems(self) -> list[str]:
+        """Return what is wrong with the table."""
+        found = [f"parameters.{name}.{text}" for name, part in self.parameters.items() for text in part.problems()]
+        for name, part in self.parameters.items():
+            found += _unit_fault(name, part.unit)
+        return found
+
+
+Decode = Arinc429 | Mil1553 | Pcm | Analog
+KINDS: dict[str, type[Decode]] = {"arinc429": Arinc429, "mil1553": Mil1553, "pcm": Pcm, "analog": Analog}

@@ -1,0 +1,222 @@
+"""CSV files, plain or gzip, as one table.
+
+Columns under one line of names, parted by comma, semicolon, tab or blanks; lines that begin with ``#`` are skipped.  Units stand in the
+heading (``alpha [deg]``), in a second line, or in the name map.  Stamps may be numbers, times of day (``10:22:33.05``, with the
+day of the year before them or not) or ISO dates.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import os
+import re
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flightmech.errors import ParseError
+
+from ..name_map import NameMap
+from ..recording import Recording, Table, guarded
+
+_HEAD = re.compile(r"^(.*?)\s*[\[(]([^\])]*)[\])]$")
+_DAY_TIME = re.compile(r"^(?:(\d{1,3})[:\s])?(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)$")
+_ISO = re.compile(r"^\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}(\.\d*)?)?)?(Z|[+-]\d{2}:?\d{2})?$")
+_DIGIT = re.compile(r"^[-+]?\.?\d")
+_CHUNK = 8_000_000  # bytes: smaller files are not worth a second thread
+TABLE = "data"
+
+
+def read(path: Path, names: NameMap) -> Recording:
+    """Return a CSV file as the table ``data``.
+
+    Raises
+    ------
+    ParseError
+        With the line: a cell that is no number, a line with other cells than the heading, or no heading.
+    """
+    raw = _bytes(path)
+    heads, units, begin, mark = _heading(raw, path)
+    texts = _text_columns(raw, begin, heads, mark)
+    columns = _parsed(raw, begin, heads, texts, mark)
+    if columns is None:
+        _find_fault(raw, begin, heads, texts, mark, path)
+        raise ParseError(str(path), 0, "lines that do not fit the heading", f"{len(heads)} numbers in every line")
+    facts: dict[str, Any] = {"title": path.name.split(".")[0]}
+    for name, values in columns.items():
+        if name in texts:
+            columns[name], start = _stamps(values, name, path)
+            units[name] = "s"
+            if start:
+                facts["start"] = start
+    return Recording("csv", {TABLE: Table(columns, units)}, facts)
+
+
+def _bytes(path: Path) -> bytes:
+    raw = path.read_bytes()
+    if raw[:2] == b"\x1f\x8b":
+        with guarded(path, "a whole .gz file"):
+            raw = gzip.decompress(raw)
+    if b"\0" in raw:
+        line = raw.count(b"\n", 0, raw.index(b"\0")) + 1
+        raise ParseError(str(path), line, "zero bytes", "text; the file is damaged or was not closed")
+    return raw[3:] if raw.startswith(b"\xef\xbb\xbf") else raw
+
+
+def _lines(raw: bytes, start: int = 0, number: int = 1) -> Iterator[tuple[int, int, int, str]]:
+    """Yield number, first byte, end and text of every line with content."""
+    while start < len(raw):
+        end = raw.find(b"\n", start)
+        end = len(raw) if end < 0 else end
+        text = raw[start:end].decode("utf-8", "replace").strip()
+        if text and not text.startswith("#"):
+            yield number, start, end + 1, text
+        start, number = end + 1, number + 1
+
+
+def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, str]:
+    """Return the column names, their units, the byte where the numbers begin, and what parts the columns."""
+    lines = _lines(raw)
+    top = next(lines, None)
+    if top is None:
+        raise ParseError(str(path), 0, "no line with content", "comma-separated columns under one line of names")
+    mark = max(",;\t", key=top[3].count)
+    if not top[3].count(mark):
+        mark = " " if " " in top[3] else ","
+    cells = _cells(top[3], mark)
+    if "�" in top[3]:
+        raise ParseError(str(path), top[0], "bytes that are not UTF-8", "comma-separated columns under one line of names")
+    if all(_number(cell) for cell in cells):
+        raise ParseError(str(path), top[0], f"numbers ({', '.join(cells[:3])}) where names belong", "one line of column names at the top")
+    heads, units = [], {}
+    for cell in cells:
+        match = _HEAD.match(cell)
+        heads.append(match.group(1) if match else cell)
+        if match:
+            units[heads[-1]] = match.group(2)
+    if len(set(heads)) < len(heads):
+        twice = next(head for head in heads if heads.count(head) > 1)
+        raise ParseError(str(path), top[0], f"two columns called {twice!r}", "a name of its own for every column")
+    begin, second = top[2], next(lines, None)
+    if second is not None:
+        row = _cells(second[3], mark)
+        if len(row) == len(heads) and _are_units(row):
+            units.update(zip(heads, row, strict=True))
+            begin = second[2]
+    return heads, units, begin, mark
+
+
+def _are_units(row: list[str]) -> bool:
+    """Whether a line holds units: nothing that begins like a number, but for the unit 1, and not blanks alone."""
+    numbers = [cell for cell in row if _DIGIT.match(cell) or _missing(cell)]
+    return all(cell == "1" for cell in numbers) and any(cell and cell not in numbers for cell in row)
+
+
+def _cells(text: str, mark: str) -> list[str]:
+    if mark == " ":
+        return text.split()
+    return [cell.strip() for cell in next(csv.reader([text], delimiter=mark, skipinitialspace=True))]
+
+
+def _text_columns(raw: bytes, begin: int, heads: list[str], mark: str) -> set[str]:
+    """Return the columns whose first cell is a time of day or a date."""
+    line = next(_lines(raw, begin), None)
+    if line is None:
+        return set()
+    row = _cells(line[3], mark)
+    return {head for head, cell in zip(heads, row, strict=False) if _DAY_TIME.match(cell) or _ISO.match(cell)}
+
+
+def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], mark: str) -> dict[str, Any] | None:
+    """Return the columns, or None when a cell or a line does not fit; large files are parsed in several threads."""
+    parts = max(1, min(os.cpu_count() or 1, 8, (len(raw) - begin) // _CHUNK))
+    cuts = [begin]
+    for i in range(1, parts):
+        at = raw.find(b"\n", begin + i * (len(raw) - begin) // parts) + 1
+        cuts.append(max(at, cuts[-1]) if at else len(raw))
+    spans = [(a, b) for a, b in pairwise([*cuts, len(raw)]) if a < b and not (raw[a : a + 4096].isspace() and raw[a:b].isspace())]
+    if not spans:
+        return {head: np.zeros(0) for head in heads}
+    with ThreadPoolExecutor(len(spans)) as pool:
+        frames = list(pool.map(lambda span: _frame(raw[span[0] : span[1]], heads, texts, mark), spans))
+    if any(frame is None for frame in frames):
+        return None
+    if len(frames) == 1:
+        return {head: frames[0][head].to_numpy() for head in heads}
+    return {head: np.concatenate([frame[head].to_numpy() for frame in frames]) for head in heads}
+
+
+def _frame(piece: bytes, heads: list[str], texts: set[str], mark: str):
+    import pandas as pd
+
+    kinds: Any = {head: str if head in texts else np.float64 for head in heads}
+    try:
+        frame = pd.read_csv(
+            io.BytesIO(piece),
+            sep=r"\s+" if mark == " " else mark,
+            comment="#" if b"#" in piece else None,
+            skipinitialspace=mark != " " and f"{mark} ".encode() in piece,
+            names=heads,
+            header=None,
+            dtype=kinds,
+            index_col=False,
+            encoding_errors="replace",
+        )
+    except (ValueError, IndexError, pd.errors.ParserError):
+        return None
+    ragged = mark != " " and b'"' not in piece and b"#" not in piece and piece.count(mark.encode()) != len(frame) * (len(heads) - 1)
+    return None if ragged or any(frame[head].isna().any() for head in texts) else frame
+
+
+def _find_fault(raw: bytes, begin: int, heads: list[str], texts: set[str], mark: str, path: Path) -> None:
+    """Raise for the first line that does not fit."""
+    for number, _, _, text in _lines(raw, begin, raw.count(b"\n", 0, begin) + 1):
+        row = _cells(text.split("#")[0], mark)
+        if len(row) != len(heads):
+            expected = f"{len(heads)} cells, as the line of names has; delete a last line that was cut off"
+            raise ParseError(str(path), number, f"{len(row)} cells", expected)
+        for head, cell in zip(heads, row, strict=False):
+            if head not in texts and cell and not _missing(cell) and not _number(cell):
+                raise ParseError(str(path), number, f"{cell!r} in column {head!r}", "a number or an empty cell")
+            if head in texts and not (_DAY_TIME.match(cell) or _ISO.match(cell)):
+                raise ParseError(str(path), number, f"{cell!r} in column {head!r}", "a time of day or a date, as in the first line")
+
+
+def _missing(cell: str) -> bool:
+    return cell.lower() in ("nan", "na", "n/a", "null", "none", "<na>", "-nan", "#n/a", "#na")
+
+
+def _number(cell: str) -> bool:
+    try:
+        return np.isfinite(float(cell))
+    except ValueError:
+        return cell.lower().lstrip("+-") in ("inf", "infinity")
+
+
+def _stamps(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, str]:
+    """Return times of day [s] (from the start of the first day of the year), or seconds after the first date and that date."""
+    if _ISO.match(str(cells[0])):
+        import pandas as pd
+
+        try:
+            stamps = pd.DatetimeIndex(pd.to_datetime(cells, utc=True, format="ISO8601"))
+        except ValueError as error:
+            raise ParseError(str(path), 0, f"a date in column {name!r} that cannot be read ({error})", "ISO dates in every line") from error
+        seconds = (stamps - stamps[0]).total_seconds().to_numpy()
+        return seconds, stamps[0].isoformat().replace("+00:00", "Z")
+    seconds = np.empty(len(cells))
+    for i, cell in enumerate(cells):
+        match = _DAY_TIME.match(str(cell))
+        if not match:
+            raise ParseError(
+                str(path), 0, f"{cell!r} in column {name!r}, row {i + 1} of the numbers", "hours:minutes:seconds in every line"
+            )
+        day, hours, minutes, rest = match.groups()
+        seconds[i] = (int(day or 1) - 1) * 86400.0 + int(hours) * 3600.0 + int(minutes) * 60.0 + float(rest)
+    return seconds, ""

@@ -1,0 +1,93 @@
+"""The child process that decodes MDF files: ``python -m flighttest.readers.formats.mdf_child FILE '["channel", ...]'``; an empty list means
+all.
+
+Standard output carries one line of JSON (``fault``, ``facts``, ``groups``) and then, group by group, the stamps and the channels that are
+called ``decoded`` there with their NumPy type, `samples` numbers each, as bare bytes.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from typing import Any, BinaryIO
+
+import numpy as np
+
+
+def decode(path: str, wanted: set[str]) -> tuple[dict[str, Any], list[np.ndarray]]:
+    """Return the head and the arrays that follow it."""
+    from asammdf import MDF
+
+    logging.getLogger("asammdf").setLevel(logging.CRITICAL)
+    groups: list[dict[str, Any]] = []
+    arrays: list[np.ndarray] = []
+    with MDF(path) as file:
+        for index in range(len(file.groups)):
+            group: Any = file.groups[index]
+            master = file.masters_db.get(index)
+            if master is None:
+                continue
+            time = np.asarray(file.get_master(index), float)
+            if len(time) < 2 or len(group.channels) < 2:
+                continue
+            about, found = _decoded(file, index, master, len(time), wanted)
+            about["samples"] = len(time)
+            about["name"] = _name(group, index, {one["name"] for one in groups})
+            groups.append(about)
+            arrays += [time, *found]
+        facts = {} if file.start_time is None else {"start": file.start_time.isoformat()}
+    return {"fault": "", "facts": facts, "groups": groups}, arrays
+
+
+def _decoded(file, index: int, master: int, samples: int, wanted: set[str]) -> tuple[dict[str, Any], list[np.ndarray]]:
+    numbers: dict[str, int] = {}
+    units = {}
+    for number, channel in enumerate(file.groups[index].channels):
+        if number == master or channel.name in numbers:
+            continue
+        numbers[channel.name] = number
+        unit = getattr(channel, "unit", "") or getattr(getattr(channel, "conversion", None), "unit", "")
+        if unit:
+            units[channel.name] = unit
+    asked = [name for name in numbers if not wanted or name in wanted]
+    decoded: dict[str, str] = {}
+    arrays = []
+    for name, signal in zip(asked, file.select([(None, index, numbers[name]) for name in asked]) if asked else (), strict=True):
+        values, bad = np.asarray(signal.samples), getattr(signal, "invalidation_bits", None)
+        if values.dtype.kind in "fiub" and values.shape == (samples,):
+            values = values if bad is None else np.where(np.asarray(bad, bool), np.nan, values.astype(float))
+            decoded[name] = values.dtype.str
+            arrays.append(values)
+    known = list(numbers) if wanted else list(decoded)
+    return {"channels": known, "decoded": decoded, "units": units}, arrays
+
+
+def _name(group, index: int, taken: set[str]) -> str:
+    name = (getattr(group.channel_group, "acq_name", "") or "").strip().replace("/", "_") or f"group{index}"
+    return f"{name}.{index}" if name in taken else name
+
+
+def send(head: dict[str, Any], arrays: list[np.ndarray], stream: BinaryIO) -> None:
+    """Write the head and the arrays."""
+    stream.write(json.dumps(head).encode() + b"\n")
+    for array in arrays:
+        stream.write(np.ascontiguousarray(array).data)
+    stream.flush()
+
+
+def main() -> None:
+    """Decode the file of the command line; whatever asammdf raises becomes the fault of the head."""
+    path, wanted = sys.argv[1], set(json.loads(sys.argv[2]))
+    stream = sys.stdout.buffer
+    sys.stdout = sys.stderr
+    try:
+        head, arrays = decode(path, wanted)
+    except Exception as error:  # a foreign decoder on damaged bytes may raise anything
+        text = " ".join(str(error).split())[:300]
+        head, arrays = {"fault": f"content that cannot be decoded ({type(error).__name__}: {text})", "facts": {}, "groups": []}, []
+    send(head, arrays, stream)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,99 @@
+"""Arrays in groups, as HDF5 and MATLAB files hold them, as tables.
+
+A group (structure) with a clock among its arrays is a table of its own; one without adds its arrays to the group above it, as
+``group.array``.  Three layouts of structures are known beside plain arrays: ``data`` with ``units`` or ``description`` is one array;
+Simulink's structure with time (``time``, ``signals.values``, ``signals.label``); and matrices, of which every column is one.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..name_map import NameMap
+from ..recording import CLOCK_NAMES, Columns, Table, spread
+
+ROOT = "data"
+
+
+@dataclass(frozen=True)
+class Array:
+    """An array of a file, read when it is asked for."""
+
+    shape: tuple[int, ...]
+    load: Callable[[], Any]
+    unit: str | None = None
+
+    @classmethod
+    def of(cls, values: np.ndarray, unit: str | None = None) -> Array:
+        """Return an array that is in memory already."""
+        return cls(values.shape, partial(_itself, values), unit)
+
+    @property
+    def size(self) -> int:
+        """Number of values."""
+        return int(np.prod(self.shape, dtype=np.int64))
+
+
+@dataclass
+class Group:
+    """Arrays and groups by name, and the marks that a record of the house carries."""
+
+    arrays: dict[str, Array] = field(default_factory=dict)
+    groups: dict[str, Group] = field(default_factory=dict)
+    marks: str = ""
+
+
+def tables(root: Group, names: NameMap) -> dict[str, Table]:
+    """Return the tables of nested arrays; those of the root are called ``data``."""
+    found: dict[str, Table] = {}
+    left = _collect(root, "", names, found)
+    if left:
+        found = {ROOT: _table(left, ROOT, names, root.marks), **found}
+    return found
+
+
+def _collect(group: Group, place: str, names: NameMap, found: dict[str, Table]) -> dict[str, Array]:
+    """Add the tables of a group to `found` and return its arrays when it has no clock."""
+    arrays = dict(group.arrays)
+    for name, inner in group.groups.items():
+        path = f"{place}/{name}" if place else name
+        for key, array in _collect(inner, path, names, found).items():
+            arrays[f"{name}.{key}"] = array
+    if place and (_clock_name(arrays, place, names) is not None or names.clock_of(place).rate is not None):
+        found[place] = _table(arrays, place, names, group.marks)
+        return {}
+    return arrays
+
+
+def _clock_name(arrays: Mapping[str, Array], place: str, names: NameMap) -> str | None:
+    wanted = names.clock_of(place).column
+    choice = (wanted,) if wanted is not None else CLOCK_NAMES
+    return next((name for name in choice if name in arrays and arrays[name].size > 1), None)
+
+
+def _table(arrays: Mapping[str, Array], place: str, names: NameMap, marks: str) -> Table:
+    clock = _clock_name(arrays, place, names)
+    longest = Counter(max(array.shape) for array in arrays.values() if array.size > 1)
+    length = arrays[clock].size if clock else longest.most_common(1)[0][0] if longest else 1
+    loaders: dict[str, Callable[[], Any]] = {}
+    units: dict[str, str] = {}
+    for name, array in arrays.items():
+        for column, take in spread(name, array.shape, length).items():
+            loaders[column] = partial(_taken, array, take)
+            if array.unit:
+                units[column] = array.unit
+    return Table(Columns(loaders), units, marks=marks)
+
+
+def _taken(array: Array, take: Callable[[Any], np.ndarray]) -> np.ndarray:
+    return take(np.asarray(array.load()))
+
+
+def _itself(values: np.ndarray) -> np.ndarray:
+    return values

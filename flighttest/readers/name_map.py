@@ -1,0 +1,396 @@
+"""Name maps: which column of a file is which quantity of the house, in what unit, sign and scale, over which clock.
+
+A map is a TOML file.  Every table is a leaf of the record (channels of one time base), every key in it a house name::
+
+    extends = "px4"                            # a shipped map, or another file; what stands here goes before it
+    [record]                                   # facts that the file does not state, optional
+    latitude = "45 deg"
+    [time]                                     # the clock; [time.NAME] for one table (group, topic) of the file
+    column = "t"
+    [imu]
+    q = "pitch_rate"                           # column name; the unit stands in the file
+    az_imu = { column = "acc/nz", unit = "g", sign = -1 }
+    [controls]
+    delta_f = { column = "flap", scale = "40 deg" }
+    delta_e = { column = "pot_3", unit = "deg", polynomial = [-12.1, 0.0321, 1.2e-6] }
+    delta_r = { column = "pot_5", unit = "deg", table = [[112, -25], [530, 0], [980, 25]] }
+    [decode.adc]                               # words of a bus or frame, see flighttest.readers.bus.decode
+
+A channel is ``sign * scale * column + offset`` after calibration and change of unit.  `polynomial` (ascending powers of the raw column) or
+`table` (raw, value; linear between, NaN and marked beyond) give the value in `unit`; a `scale` with a unit (``"40 deg"`` per one of
+the column) replaces the change of unit.  `column` may be a list: the first that the file holds is taken.  `optional = true` leaves a
+channel out where the file has no such column.  `delay` is a known latency: the channel shows at t what was true at t - delay.
+`lag` is a known time constant: the channel follows the truth as a first-order lag; a negative one makes a recorded command the position
+of an actuator that follows it with that time constant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field
+
+from flightmech.errors import SchemaError, UnitError, UnknownName
+from flightmech.names import lookup
+from flightmech.support.configuration import Strict, load, si, validate
+from flightmech.units import parse, quantity, to_si
+
+from .bus.decode import KINDS, Decode
+
+MAPS = Path(__file__).parent / "maps"
+_ALIASES = {"-": "1", "pct": "%", "percent": "%", "deg C": "degC", "kts": "kt", "knots": "kt", "seconds": "s", "sec": "s"}
+_TIME_UNITS = {"us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_TOP = ("extends", "optional", "time", "record", "utc", "decode")
+
+
+class Channel(Strict):
+    """Where a channel comes from and how it becomes SI."""
+
+    column: str | tuple[str, ...]
+    unit: str | None = None
+    sign: Literal[1, -1] = 1
+    scale: float | str = 1.0
+    offset: float | str = 0.0
+    polynomial: tuple[float, ...] | None = None
+    table: tuple[tuple[float, float], ...] | None = None
+    delay: si("s") = 0.0  # type: ignore[valid-type]
+    lag: si("s") = 0.0  # type: ignore[valid-type]
+    optional: bool = False
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns in the order in which they are looked for."""
+        return (self.column,) if isinstance(self.column, str) else self.column
+
+    def convert(self, values, file_unit: str | None, name: str):
+        """Return the column's `values` in the SI unit of the house name `name`; beyond a calibration table NaN."""
+        units = lookup(name).units
+        offset = quantity(self.offset, units)
+        values = self._calibrated(values)
+        if isinstance(self.scale, str):
+            return _line(values, self.sign * quantity(self.scale, units), offset)
+        unit = self.unit or file_unit
+        if unit is None:
+            raise UnitError(
+                f'column {self.columns[0]!r} has no unit in the file; give unit = "..." for {name} in the name map (expected {units})'
+            )
+        zero = float(to_si(0.0, _ALIASES.get(unit, unit), units))
+        factor = parse(_ALIASES.get(unit, unit))[1]
+        return _line(values, self.sign * self.scale * factor, self.sign * self.scale * zero + offset)
+
+    def _calibrated(self, values):
+        if self.polynomial is not None:
+            return np.polynomial.polynomial.polyval(values, self.polynomial)
+        if self.table is not None:
+            raw, value = np.array(sorted(self.table)).T
+            return np.interp(values, raw, value, left=np.nan, right=np.nan)
+        return values
+
+    def calibration(self, file_unit: str | None, column: str | None = None) -> str:
+        """Return in words what `convert` did."""
+        scale = f"{self.scale} *" if self.scale != 1.0 else ""
+        source = column or self.columns[0]
+        if self.polynomial is not None:
+            source = f"polynomial {list(self.polynomial)} of {source}"
+        elif self.table is not None:
+            source = f"table of {len(self.table)} points, {self.table[0]} to {self.table[-1]}, of {source}"
+        unit = "" if isinstance(self.scale, str) else f"[{self.unit or file_unit}]"
+        offset = f"+ {self.offset}" if self.offset != 0.0 else ""
+        return " ".join(part for part in ("-" if self.sign < 0 else "", scale, source, unit, offset) if part)
+
+
+def _line(values, factor: float, offset: float):
+    """Return factor * values + offset without passes over the data that change nothing."""
+    scaled = values if factor == 1.0 else factor * values
+    return scaled if offset == 0.0 else scaled + offset
+
+
+class Facts(Strict):
+    """Facts about a record that its file may not state."""
+
+    title: str | None = None
+    start: str | None = None
+    purpose: str | None = None
+    latitude: si("rad") | None = None  # type: ignore[valid-type]
+    runway_elevation: si("m") | None = None  # type: ignore[valid-type]
+    temperature: Annotated[si("K"), Field(gt=100.0)] | None = None  # type: ignore[valid-type]
+    wind_down_sigma: Annotated[si("m s-1"), Field(gt=0.0)] | None = None  # type: ignore[valid-type]
+
+
+class Clock(Strict):
+    """The clock of a file or of one of its tables.
+
+    `column` holds the stamps, in `unit` (the file's own without it, else seconds).  A counter that starts again after `wrap` is unrolled.
+    `rate` makes even stamps from the first one on, for files that state a sampling rate only or stamps too coarse for their samples.
+    The clock runs fast by `drift` seconds per second, counted from its first stamp; `offset` is added last and brings it onto the
+    clock of the record.  `reset = true` moves what follows a backward step behind what went before.
+    """
+
+    column: str | None = None
+    unit: str | None = None
+    wrap: si("s") | None = None  # type: ignore[valid-type]
+    rate: si("Hz") | None = None  # type: ignore[valid-type]
+    offset: si("s") = 0.0  # type: ignore[valid-type]
+    drift: float = 0.0
+    reset: bool = False
+
+    def seconds(self, file_unit: str | None) -> float:
+        """Return the seconds in one unit of the clock's column."""
+        unit = self.unit or file_unit or "s"
+        if unit in _TIME_UNITS:
+            return _TIME_UNITS[unit]
+        return float(to_si(1.0, _ALIASES.get(unit, unit), "s"))
+
+
+class Utc(Strict):
+    """A column that shows the time of day of the world: it names the start of the record and measures the drift of its clock.
+
+    `epoch` is what the column counts from: ``unix`` (1970-01-01, UTC) or ``gps`` (1980-01-06, ahead of UTC by `leap_seconds`).
+    """
+
+    column: str
+    unit: str = "s"
+    epoch: Literal["unix", "gps"] = "unix"
+    leap_seconds: int = 18
+    optional: bool = False
+
+
+@dataclass(frozen=True)
+class NameMap:
+    """A name map: leaves of channels, the clocks, facts about the record, and what to take out of bus words."""
+
+    leaves: dict[str, dict[str, Channel]]
+    clock: Clock = field(default_factory=Clock)
+    facts: Facts = field(default_factory=Facts)
+    source: str = "names"
+    clocks: dict[str, Clock] = field(default_factory=dict)
+    utc: Utc | None = None
+    decode: dict[str, Decode] = field(default_factory=dict)
+
+    def clock_of(self, table: str) -> Clock:
+        """Return the clock of a table of the file."""
+        return self.clocks.get(table, self.clock)
+
+
+def shipped_maps() -> list[str]:
+    """Return the names of the maps that come with the product; each is a readable file in `flighttest/readers/maps`."""
+    return sorted(file.stem for file in MAPS.glob("*.toml"))
+
+
+def read_names(path: str | Path) -> NameMap:
+    """Return the name map in a TOML file, or a shipped one by its name.
+
+    Raises
+    ------
+    ParseError
+        Not TOML.
+    SchemaError
+        With all problems: unknown keys and house names with their near names, wrong units.
+    """
+    path = _place(path, Path())
+    problems: list[str] = []
+    mapping = _parsed(_extended(path, ()), str(path), path.parent, problems)
+    if problems:
+        raise SchemaError(f"name map {path}", problems)
+    return mapping
+
+
+def _place(path: str | Path, folder: Path) -> Path:
+    shipped = MAPS / f"{path}.toml"
+    found = folder / path
+    if found.exists() or not shipped.exists():
+        if not found.exists() and not found.suffix:
+            raise UnknownName(str(path), shipped_maps(), "name map", "give a TOML file or the name of a shipped map")
+        return found
+    return shipped
+
+
+def _extended(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
+    """Return the content of a map with what it extends beneath it."""
+    content = load(path)
+    if content.get("optional") is True:
+        content = {key: item if key in _TOP else _as_optional(item) for key, item in content.items() if key != "optional"}
+    base = content.pop("extends", None)
+    if base is None:
+        return content
+    below = _place(str(base), path.parent)
+    if below in (*above, path):
+        raise SchemaError(f"name map {path}", [f"extends: {base} extends this map in turn; take one of them out"])
+    return _laid_over(content, _extended(below, (*above, path)))
+
+
+def _as_optional(leaf: Any) -> Any:
+    if not isinstance(leaf, dict):
+        return leaf
+    return {
+        name: {"optional": True, **entry} if isinstance(entry, dict) else {"optional": True, "column": entry}
+        for name, entry in _flatten(leaf).items()
+    }
+
+
+def _laid_over(content: dict[str, Any], base: dict[str, Any]) -> dict[str, Any]:
+    """Return both maps: tables are joined, and a quantity named in `content` leaves every leaf of `base`."""
+    named = {name for leaf, table in content.items() if leaf not in _TOP and isinstance(table, dict) for name in _flatten(table)}
+    joined = {
+        leaf: {name: entry for name, entry in _flatten(table).items() if name not in named}
+        if leaf not in _TOP and isinstance(table, dict)
+        else table
+        for leaf, table in base.items()
+    }
+    for leaf, table in content.items():
+        joined[leaf] = {**joined.get(leaf, {}), **_flatten(table)} if isinstance(table, dict) else table
+    return joined
+
+
+def _parsed(content: dict[str, Any], source: str, folder: Path, problems: list[str]) -> NameMap:
+    own: dict[str, Any] = {}
+    others: dict[str, Any] = {}
+    time = content.pop("time", {})
+    if not isinstance(time, dict):
+        time = _part(Clock, time, "time", problems) or {}
+    for key, item in time.items():
+        (others if isinstance(item, dict) else own)[key] = item
+    clock = _clock(own, "time", problems)
+    clocks = {name: _clock({**own, **item}, f"time.{name}", problems) for name, item in others.items()}
+    facts = _part(Facts, content.pop("record", {}), "record", problems)
+    utc = _part(Utc, content.pop("utc"), "utc", problems) if "utc" in content else None
+    decode = _decoded(content.pop("decode", {}), problems)
+    leaves: dict[str, dict[str, Channel]] = {}
+    for leaf, table in content.items():
+        if not isinstance(table, dict):
+            problems.append(f"{leaf}: a leaf is a table of channels ([{leaf}]); found {table!r}")
+            continue
+        leaves[leaf] = _channels(leaf, table, folder, problems)
+    problems += _twice(leaves)
+    return NameMap(leaves, clock, facts or Facts(), source, clocks, utc, decode)
+
+
+def _clock(content: dict[str, Any], place: str, problems: list[str]) -> Clock:
+    clock = _part(Clock, content, place, problems) or Clock()
+    if clock.unit is not None and clock.unit not in _TIME_UNITS:
+        try:
+            clock.seconds(None)
+        except UnitError as error:
+            problems.append(f"{place}.unit: {error}; also us and ns")
+    for key in ("rate", "wrap"):
+        if getattr(clock, key) is not None and not getattr(clock, key) > 0.0:
+            problems.append(f"{place}.{key}: must be positive; found {getattr(clock, key)!r}")
+    return clock
+
+
+def _decoded(content: Any, problems: list[str]) -> dict[str, Decode]:
+    found: dict[str, Decode] = {}
+    for name, table in content.items() if isinstance(content, dict) else ():
+        kind = table.get("kind") if isinstance(table, dict) else None
+        if kind not in KINDS:
+            problems.append(f"decode.{name}.kind: found {kind!r}; allowed: {', '.join(KINDS)}")
+            continue
+        part = _part(KINDS[kind], table, f"decode.{name}", problems)
+        if part is not None:
+            problems += [f"decode.{name}.{text}" for text in part.problems()]
+            found[name] = part
+    return found
+
+
+def _channels(leaf: str, table: dict[str, Any], folder: Path, problems: list[str]) -> dict[str, Channel]:
+    channels = {}
+    for name, entry in _flatten(table).items():
+        place = f"{leaf}.{name}"
+        try:
+            row = lookup(name)
+        except UnknownName as error:
+            problems.append(f"{place}: {error}")
+            continue
+        if isinstance(entry, dict) and isinstance(entry.get("table"), str):
+            entry = {**entry, "table": _table_file(folder / entry["table"], place, problems)}
+        channel = _part(Channel, {"column": entry} if isinstance(entry, str | list) else entry, place, problems)
+        if channel is None:
+            continue
+        problems += [f"{place}.{text}" for text in _faults(channel, row.units)]
+        channels[name] = channel
+    return channels
+
+
+def _faults(channel: Channel, units: str) -> list[str]:
+    """Return what is wrong in a channel beyond the kinds of its values."""
+    found = []
+    for key in ("scale", "offset"):
+        try:
+            if isinstance(getattr(channel, key), str):
+                quantity(getattr(channel, key), units)
+        except UnitError as error:
+            found.append(f"{key}: {error}")
+    if channel.unit is not None:
+        unit = _ALIASES.get(channel.unit, channel.unit)
+        try:
+            if parse(unit)[0] != parse(units)[0]:
+                raise UnitError(f"{channel.unit!r} cannot be converted to {units!r}; give a unit of the same quantity")
+        except UnitError as error:
+            found.append(f"unit: {error}")
+    if not channel.columns:
+        found.append("column: an empty list; name a column")
+    calibrated = channel.polynomial is not None or channel.table is not None
+    if channel.polynomial is not None and channel.table is not None:
+        found.append("table: stands beside a polynomial; give one of them")
+    if calibrated and channel.unit is None and not isinstance(channel.scale, str):
+        found.append(f'unit: a calibration needs the unit of its values; give unit = "..." (of the kind of {units})')
+    if channel.polynomial is not None and not channel.polynomial:
+        found.append("polynomial: empty; give the coefficients by ascending power")
+    if channel.table is not None and (len(channel.table) < 2 or len({raw for raw, _ in channel.table}) < len(channel.table)):
+        found.append("table: needs two rows [raw, value] or more, each raw value once")
+    return found
+
+
+def _table_file(path: Path, place: str, problems: list[str]) -> list[list[float]]:
+    """Return a calibration table kept in a CSV file: two columns, raw and value; other lines than numbers may head it."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        problems.append(f"{place}.table: {path} cannot be read ({error})")
+        return [[0.0, 0.0], [1.0, 0.0]]
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines, 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            raw, value = (float(cell) for cell in line.split(","))
+            rows.append([raw, value])
+        except ValueError:
+            if rows:
+                problems.append(f"{place}.table: {path}, line {number}: found {line!r}; expected two numbers, raw and value")
+    return rows
+
+
+def _flatten(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Join the keys of engines, which TOML splits at the dot: ``engine1.thrust``."""
+    flat = {}
+    for name, entry in table.items():
+        engine = isinstance(entry, dict) and name.startswith("engine") and "column" not in entry
+        flat.update({f"{name}.{key}": item for key, item in entry.items()} if engine else {name: entry})
+    return flat
+
+
+def _part(model, content: Any, place: str, problems: list[str]):
+    if not isinstance(content, dict):
+        problems.append(f'{place}: expected a column name or a table such as {{ column = "..." }}; found {content!r}')
+        return None
+    try:
+        return validate(model, content, place)
+    except SchemaError as error:
+        problems += [f"{place}.{problem}" for problem in error.problems]
+        return None
+
+
+def _twice(leaves: dict[str, dict[str, Channel]]) -> list[str]:
+    seen: dict[str, str] = {}
+    problems = []
+    for leaf, channels in leaves.items():
+        for name in channels:
+            if name in seen:
+                problems.append(f"{leaf}.{name}: already in leaf {seen[name]}; a quantity has one channel")
+            seen.setdefault(name, leaf)
+    return problems

@@ -1,0 +1,229 @@
+"""Batch reconstruction of one or many records with common instrument constants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import IdentificationError, SchemaError
+
+from ...sensors.instruments import instruments
+from ...sensors.measurements import windows_of
+from ..problem.assembly import assemble
+from ..problem.constants import identifiability
+from ..problem.trajectory import Solution
+from ..smoother import ACCEPT, Path, finish
+from .estimator import Fitted, first_equations, fit
+from .normal_equations import Equations
+from .observability import Visibility, demand_sight, visibility
+from .parameter_layout import Layout, layout
+from .standard_errors import covariances
+
+if TYPE_CHECKING:
+    from flightmech import Aircraft
+
+Windows = Sequence[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A batch reconstruction.
+
+    Attributes
+    ----------
+    paths : list of Path
+        One per record; their constants are the common ones.
+    estimates : Dataset (parameter,)
+        ``estimate stderr stderr_white prior prior_stderr unit free``, ``correlation (parameter, parameter_)``.  ``stderr``
+        holds the colour of the residuals and the noise of the inertial unit, ``stderr_white`` is the Cramer-Rao bound.
+    starts : Dataset (segment, state)
+        ``estimate stderr stderr_white``, ``record`` and ``time`` of each start: angles, ground velocity, height, lagged vane angles.
+    noise : DataFrame
+        Per channel: noise of the specification and as estimated.
+    visibility : Visibility
+        What the readings could tell, before the fit.
+    iterations : int
+    """
+
+    paths: list[Path]
+    estimates: xr.Dataset
+    starts: xr.Dataset
+    noise: Any
+    visibility: Visibility
+    iterations: int
+
+    def report(self) -> str:
+        """Return estimates, noise and what could not be seen as text."""
+        names = ", ".join(path.states.attrs["record"] or "record" for path in self.paths)
+        lines = [f"Batch reconstruction: {names}", f"{self.starts.sizes['segment']} segments, {self.iterations} iterations", ""]
+        lines += [
+            self.visibility.report(),
+            "",
+            f"{'constant':22s}{'estimate':>13s}{'std. error':>13s}{'Cramer-Rao':>13s}{'prior s.e.':>13s}  unit",
+        ]
+        for i, name in enumerate(self.estimates["parameter"].values):
+            row = self.estimates.isel(parameter=i, parameter_=i)
+            if not bool(row["free"]):
+                lines.append(f"{name:22s}{float(row['estimate']):13.5g}{'held':>13s}{'':26s}  {row['unit'].item()}")
+                continue
+            numbers = "".join(f"{float(row[key]):13.5g}" for key in ("estimate", "stderr", "stderr_white", "prior_stderr"))
+            lines.append(f"{name:22s}{numbers}  {row['unit'].item()}")
+        lines += ["", f"{'channel':14s}{'noise given':>13s}{'estimated':>13s}"]
+        for name, row in self.noise.iterrows():
+            word = "  ! residual exceeds the noise" if row.estimated > ACCEPT * row.given else ""
+            lines.append(f"{name:14s}{row.given:13.4g}{row.estimated:13.4g}{word}")
+        told = self.estimates.isel(parameter=self.estimates["free"].values, parameter_=self.estimates["free"].values)
+        words = identifiability(told)
+        return "\n".join([*lines, "", "After the fit:", *(f"  - {word}" for word in words or ["every constant is told by the data"])])
+
+
+def reconstruct_batch(
+    records: Sequence[xr.DataTree],
+    aircraft: Aircraft,
+    windows: Sequence[Windows | None] | None = None,
+    free: Sequence[str] | None = None,
+    prior: xr.Dataset | None = None,
+    rate: float = 50.0,
+) -> Batch:
+    """Reconstruct paths by batch output error, with instrument constants common to all records ([LR743] 4.3, type 1).
+
+    Parameters
+    ----------
+    records : sequence of DataTree
+        Flight records, see `reconstruct`.
+    aircraft : Aircraft
+        For its instruments; the noise of the readings is a first value and estimated, that of the inertial unit is taken as given.
+    windows : sequence, optional
+        Per record the windows (start, stop), or None for all of it. [s]
+    free : sequence of str, optional
+        Constants to estimate from the readings alone; all others stay at their prior mean.  Without it all constants are
+        estimated, with their prior.
+    prior : Dataset, optional
+        `biases` of other runs (`combine_biases`).
+    rate : float
+        Samples per second of the path. [Hz]
+
+    Returns
+    -------
+    Batch
+
+    Raises
+    ------
+    IdentificationError
+        Constants of `free` that the readings do not show, by name; or the iteration does not settle.
+    OutOfRange, SchemaError, UnknownName
+        As `reconstruct`; a name of `free` that is no constant.
+
+    Notes
+    -----
+    The path follows from its start and the recorded rates and accelerations.  Gusts are not part of it.
+
+    References
+    ----------
+    .. [LR743] Report LR-743, 1993, section 4.3.
+    """
+    first = _start(records, aircraft, windows, free, prior, rate)
+    seen = visibility(first)
+    if free is not None:
+        demand_sight(seen)
+    try:
+        fitted = fit(first)
+    except IdentificationError as error:
+        raise IdentificationError("\n  - ".join([str(error), *seen.hidden()])) from error
+    return _batch(records, aircraft, fitted, seen)
+
+
+def visible(
+    records: Sequence[xr.DataTree],
+    aircraft: Aircraft,
+    windows: Sequence[Windows | None] | None = None,
+    free: Sequence[str] | None = None,
+    rate: float = 50.0,
+) -> Visibility:
+    """Return what the readings of records can tell of the instruments, without a fit; arguments as `reconstruct_batch`."""
+    return visibility(_start(records, aircraft, windows, free, None, rate))
+
+
+def _start(records, aircraft, windows, free, prior, rate) -> Equations:
+    if not records:
+        raise SchemaError("batch reconstruction", ["no record; give one at least"])
+    chosen = windows if windows is not None else [None] * len(records)
+    if len(chosen) != len(records):
+        raise SchemaError("batch reconstruction", [f"{len(chosen)} sets of windows for {len(records)} records; give one per record"])
+    specification = instruments(aircraft.instruments, f"instruments of {aircraft.name}")
+    setups = [assemble(record, aircraft, specification, windows_of(record, own), rate, prior) for record, own in zip(records, chosen)]
+    return first_equations(layout(setups, free))
+
+
+def _batch(records, aircraft, fitted: Fitted, seen: Visibility) -> Batch:
+    import pandas as pd
+
+    equations = fitted.equations
+    plan = equations.layout
+    covariance, white = covariances(equations)
+    paths = [_path(record, aircraft, i, fitted, covariance) for i, record in enumerate(records)]
+    given: dict[str, float] = {}
+    for setup in plan.setups:
+        for sensor in setup.problem.sensors:
+            given.update(zip(sensor.names, map(float, sensor.sigma)))
+    rms = equations.rms()
+    rows = [{"channel": name, "given": given[name], "estimated": value, "readings": n} for name, (value, n) in rms.items()]
+    return Batch(
+        paths=paths,
+        estimates=_estimates(plan, equations.at.c, covariance, white),
+        starts=_starts(equations, covariance, white),
+        noise=pd.DataFrame(rows).set_index("channel"),
+        visibility=seen,
+        iterations=fitted.iterations,
+    )
+
+
+def _path(record, aircraft, i: int, fitted: Fitted, covariance: np.ndarray) -> Path:
+    """Return the path of one record with the common constants; those held keep the covariance of their prior."""
+    equations = fitted.equations
+    plan, setup = equations.layout, equations.layout.setups[i]
+    at = plan.places[i]
+    own = np.where(np.outer(plan.free[at], plan.free[at]), covariance[np.ix_(at, at)], 0.0)
+    held = ~plan.free[at]
+    own[np.ix_(held, held)] = setup.problem.constants.covariance[np.ix_(held, held)]
+    solution = Solution(equations.sweeps[i].x, equations.at.c[at], own, equations.cost, fitted.iterations, True)
+    names = tuple(name for name, stays in zip(setup.problem.constants.names, held) if stays)
+    return finish(record, aircraft, replace(setup, held=names), solution)
+
+
+def _estimates(plan: Layout, c: np.ndarray, covariance: np.ndarray, white: np.ndarray) -> xr.Dataset:
+    nc, names = len(plan.names), list(plan.names)
+    variance = np.diag(covariance)[:nc]
+    se = np.sqrt(np.where(plan.free, variance, np.diag(plan.covariance)))
+    both = np.outer(plan.free, plan.free)
+    correlation = np.where(both, covariance[:nc, :nc] / np.outer(se, se), np.eye(nc))
+    return xr.Dataset(
+        {
+            "estimate": ("parameter", c),
+            "stderr": ("parameter", se),
+            "stderr_white": ("parameter", np.where(plan.free, np.sqrt(np.diag(white)[:nc]), se)),
+            "prior": ("parameter", plan.mean),
+            "prior_stderr": ("parameter", np.sqrt(np.diag(plan.covariance))),
+            "unit": ("parameter", list(plan.units)),
+            "free": ("parameter", plan.free),
+            "correlation": (("parameter", "parameter_"), correlation),
+        },
+        coords={"parameter": names, "parameter_": names},
+    )
+
+
+def _starts(equations: Equations, covariance: np.ndarray, white: np.ndarray) -> xr.Dataset:
+    plan = equations.layout
+    rows, states = [], ["phi", "theta", "psi", "vn", "ve", "vd", "h", "alpha_vane", "beta_vane"]
+    for i, setup in enumerate(plan.setups):
+        problem = setup.problem
+        names = [*states[:7], *problem.vanes]
+        for start, places, k in zip(equations.at.starts[i], plan.start_places(i), problem.starts):
+            columns = {"estimate": start, "stderr": np.sqrt(np.diag(covariance)[places]), "stderr_white": np.sqrt(np.diag(white)[places])}
+            row = xr.Dataset({key: ("state", value) for key, value in columns.items()}, coords={"state": names})
+            rows.append(row.assign(record=i, time=float(problem.time[k])).reindex(state=states))
+    return xr.concat(rows, dim="segment")

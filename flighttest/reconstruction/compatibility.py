@@ -1,0 +1,159 @@
+"""Data compatibility: what each instrument showed, what it should have shown, and what is left ([Gresham] figure 5).
+
+For every channel there are three signals at its readings: ``raw`` as recorded; ``corrected``, the errors of the
+instrument (offset, factor, latency, position error) taken off; ``reconstructed``, what an instrument without errors would
+have shown on the reconstructed path.  The vanes keep their place on the boom and their lag, which are no errors.
+
+References
+----------
+.. [Gresham] Gresham, Simmons, Hopwood, Woolsey, figure 5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path as File
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flightmech.support.atomic_write import written_whole
+
+from ..uncertainty.goodness_of_fit import theil
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .smoother import Path
+
+
+FORMATS = ("png", "svg", "pdf")
+LAGS = 20  # of the Ljung-Box test
+GAP = 3.0  # median steps between readings that end a line
+_STYLE = {"raw": ("0.6", 0.8), "corrected": ("tab:blue", 0.8), "reconstructed": ("tab:red", 1.1)}
+
+
+def compatibility_table(path: Path) -> pd.DataFrame:
+    """Return one row per channel.
+
+    Returns
+    -------
+    DataFrame
+        ``unit readings noise before after`` (rms against the reconstructed signal, raw and corrected), ``theil`` (inequality
+        coefficient of the corrected signal), ``ljung_box`` (p value of 20 lags of the residual; small when it is not white), ``verdict``.
+    """
+    import pandas as pd
+
+    rows = []
+    for name, row in path.fit.iterrows():
+        if name not in path.compatibility:
+            continue
+        signals = path.compatibility[name]
+        rest = path.residuals[name].values
+        rows.append(
+            {
+                "channel": name,
+                "unit": signals.attrs.get("units", ""),
+                "readings": row.readings,
+                "noise": row.noise,
+                "before": signals.attrs["rms_raw"],
+                "after": signals.attrs["rms_corrected"],
+                "theil": theil(signals.sel(version="corrected").values, signals.sel(version="reconstructed").values),
+                "ljung_box": ljung_box(rest[np.isfinite(rest)]),
+                "verdict": row.verdict,
+            }
+        )
+    return pd.DataFrame(rows).set_index("channel")
+
+
+def compatibility_report(path: Path) -> str:
+    """Return the table of `compatibility_table` as text."""
+    head = (
+        f"{'channel':12s}{'unit':>8s}{'readings':>9s}{'noise':>10s}{'rms before':>12s}{'rms after':>11s}{'Theil':>8s}{'L-B p':>7s}  verdict"
+    )
+    lines = [f"Data compatibility: {path.states.attrs['record']}", head]
+    for name, row in compatibility_table(path).iterrows():
+        numbers = f"{row.readings:9d}{row.noise:10.3g}{row.before:12.4g}{row.after:11.4g}{row.theil:8.4f}{row.ljung_box:7.2f}"
+        lines.append(f"{name:12s}{row.unit:>8s}{numbers}  {row.verdict}")
+    return "\n".join(lines)
+
+
+def ljung_box(rest: np.ndarray, lags: int = LAGS) -> float:
+    """Return the p value of the Ljung-Box test of white residuals: N (N + 2) sum rho_k^2/(N - k) against chi-square of `lags`.
+
+    References
+    ----------
+    .. [LjungBox] Ljung, Box, Biometrika 65, 1978.
+    """
+    from scipy.stats import chi2
+
+    N = len(rest)
+    spread = rest - rest.mean()
+    power = float(spread @ spread)
+    if lags + 1 >= N or power == 0.0:
+        return float("nan")
+    rho = np.array([float(spread[k:] @ spread[:-k]) / power for k in range(1, lags + 1)])
+    return float(chi2.sf(N * (N + 2) * np.sum(rho**2 / (N - np.arange(1, lags + 1))), lags))
+
+
+def draw_compatibility(path: Path, target: str | File, channels: Sequence[str] | None = None) -> None:
+    """Draw raw, corrected and reconstructed signal of each channel over time ([Gresham] figure 5).
+
+    Parameters
+    ----------
+    path : Path
+    target : path
+        File to write; its ending names the format (png, svg, pdf).
+    channels : sequence of str, optional
+        All measured channels without it.
+
+    Raises
+    ------
+    UnknownName
+        A channel that was not measured.
+    SchemaError
+        A format that is not drawn.
+    AeromatchError
+        matplotlib is not installed.
+    """
+    try:
+        from matplotlib.figure import Figure
+    except ImportError as missing:
+        raise AeromatchError("figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'") from missing
+    known = list(map(str, path.compatibility.data_vars))
+    chosen = list(channels) if channels is not None else known
+    for name in chosen:
+        if name not in known:
+            raise UnknownName(name, known, "measured channel")
+    rows = -(-len(chosen) // 2)
+    figure = Figure(figsize=(11.0, 1.9 * rows + 0.8), layout="constrained")
+    axes = figure.subplots(rows, min(2, len(chosen)), sharex=True, squeeze=False)
+    for ax, name in zip(axes.flat, chosen, strict=False):
+        _draw_channel(ax, path.compatibility[name])
+    for ax in axes.flat[len(chosen) :]:
+        ax.set_visible(False)
+    for ax in axes[-1]:
+        ax.set_xlabel("time [s]")
+    axes.flat[0].legend(loc="best", fontsize="small", frameon=False)
+    figure.suptitle(f"Data compatibility: {path.states.attrs['record']}", fontsize="medium")
+    kind = File(target).suffix.lstrip(".").lower()
+    if kind not in FORMATS:
+        raise SchemaError("figure", [f"{File(target).name}: ending {kind or 'missing'!r}; give one of {', '.join(FORMATS)}"])
+    with written_whole(File(target)) as part:
+        figure.savefig(part, dpi=150, format=kind)
+
+
+def _draw_channel(ax, signals: xr.DataArray) -> None:
+    shown, factor = ("deg", np.degrees(1.0)) if signals.attrs.get("units") == "rad" else (signals.attrs.get("units", ""), 1.0)
+    time = signals["time"].values
+    for version, (colour, width) in _STYLE.items():
+        values = signals.sel(version=version).values * factor
+        there = np.isfinite(values)
+        ends = np.flatnonzero(np.diff(time[there]) > GAP * np.median(np.diff(time[there]))) + 1  # between windows nothing is drawn
+        ax.plot(np.insert(time[there], ends, np.nan), np.insert(values[there], ends, np.nan), color=colour, linewidth=width, label=version)
+    before, after = (factor * signals.attrs[key] for key in ("rms_raw", "rms_corrected"))
+    ax.set_title(f"{signals.name}: rms {before:.3g} before, {after:.3g} after", fontsize="small")
+    ax.set_ylabel(f"[{shown}]")
+    ax.grid(linewidth=0.3)

@@ -1,0 +1,41 @@
+"""Reconstructed paths as netCDF files, written whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import xarray as xr
+
+from flightmech.errors import ParseError
+
+from ..records.files import write_groups
+
+if TYPE_CHECKING:
+    from .smoother import Path as FlightPath
+
+
+def save_path(path: FlightPath, target: str | Path) -> None:
+    """Write a reconstruction: groups ``states`` (with the report as attribute), ``biases``, ``residuals``."""
+    states = path.states.assign_attrs(report=path.report())
+    biases = path.biases.assign(held=path.biases["held"].astype("int8"))
+    write_groups({"/states": states, "/residuals": path.residuals, "/biases": biases}, Path(target))
+
+
+def open_biases(path: str | Path) -> xr.Dataset:
+    """Return the constants of a reconstruction written by `save_path`, as a prior or for `combine_biases`.
+
+    Raises
+    ------
+    ParseError
+        Not such a file.
+    """
+    try:
+        with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
+            found = data.load()
+    except (OSError, ValueError, KeyError) as error:
+        if not Path(path).exists():
+            raise
+        wanted = "a path as `aeromatch flight reconstruct -o` writes it"
+        raise ParseError(str(path), 0, f"no constants of a reconstruction ({error})", wanted) from error
+    return found.assign(held=found["held"].astype(bool))

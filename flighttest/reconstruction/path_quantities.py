@@ -1,0 +1,121 @@
+"""The quantities of a reconstructed path: everything that follows from trajectory, constants and recorded channels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.air import GAMMA, R_AIR, calibrated_airspeed
+from flightmech.names import attrs
+from flightmech.units import G0
+
+from ..dynamics.kinematics import incidence_rates, rotation
+from ..sensors.instruments import IMU
+from ..sensors.measurements import MEASURED
+from ..signals.conditioning import SLOW, demand_numbers, to_grid
+from .problem.assembly import Setup
+from .problem.output_equations import impact_and_static
+from .problem.problem import body_rates, specific_force, wind
+from .problem.trajectory import Solution
+
+_RAW = {*MEASURED, *IMU, "V_eas", "h_baro", "north", "east", *SLOW}
+
+
+def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution) -> xr.Dataset:
+    """Return the states of a solution with the controls, engines and mass of the record on the same clock."""
+    problem = setup.problem
+    columns = motion(record, aircraft, setup, solution.x, solution.c)
+    columns.update(_recorded(record, problem.time, problem.starts, set(columns)))
+    columns.update(_mass(record, problem.time, aircraft, setup))
+    data = xr.Dataset({n: ("time", v, attrs(n)) for n, v in columns.items()}, coords={"time": ("time", problem.time, attrs("time"))})
+    data.attrs = {
+        "record": str(record.attrs.get("title", "")),
+        "rate": 1.0 / problem.dt,
+        "iterations": solution.iterations,
+        "unused": " ".join(setup.unused),
+        "spikes": "; ".join(setup.spikes),
+        "gusts": "none" if problem.gust is None else " ".join(f"{s:.3g}" for s in problem.gust),
+    }
+    return data
+
+
+def motion(record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: np.ndarray) -> dict[str, np.ndarray]:
+    """Return the quantities that follow from a trajectory (N, n) and constants (nc,). [SI]"""
+    problem = setup.problem
+    omega, force = body_rates(problem, c), specific_force(problem, c)
+    air_mass = wind(problem, x, c)
+    R = rotation(x[:, :3])
+    U = ((x[:, 3:6] - air_mass)[:, None, :] @ R)[:, 0]
+    g_b = problem.gravity_at(x[:, 6])[:, None] * R[:, 2]
+    columns: dict[str, np.ndarray] = dict(zip(("phi", "theta", "psi", "vn", "ve", "vd", "h"), x[:, :7].T, strict=True))
+    columns.update(zip(("u", "v", "w"), U.T, strict=True))
+    columns.update(zip(("p", "q", "r"), omega.T, strict=True))
+    columns.update(zip(("p_dot", "q_dot", "r_dot"), problem.omega_dot.T, strict=True))
+    columns.update(zip(("ax", "ay", "az"), force.T, strict=True))
+    columns.update(zip(("wind_n", "wind_e", "wind_d"), air_mass.T, strict=True))
+    V = np.linalg.norm(U, axis=1)
+    q_c, p, _ = impact_and_static(problem, V**2, x[:, 6], c, setup.temperature, setup.reference)
+    T = setup.temperature - problem.constants.get(c, "bias.temperature")
+    rho = p / (R_AIR * T)
+    alpha_dot, beta_dot = incidence_rates(U, omega, force, g_b)
+    half = 1.0 / (2.0 * np.maximum(V, 1.0))
+    columns.update(
+        V=V,
+        alpha=np.arctan2(U[:, 2], U[:, 0]),
+        beta=np.arcsin(np.clip(U[:, 1] / np.maximum(V, 1e-6), -1.0, 1.0)),
+        V_cas=calibrated_airspeed(q_c),
+        mach=V / np.sqrt(GAMMA * R_AIR * T),
+        qbar=0.5 * rho * V**2,
+        rho=rho,
+        p_static=p,
+        temperature=T,
+        alpha_dot=alpha_dot,
+        beta_dot=beta_dot,
+        phat=omega[:, 0] * aircraft.b * half,
+        qhat=omega[:, 1] * aircraft.cbar * half,
+        rhat=omega[:, 2] * aircraft.b * half,
+        alphadothat=alpha_dot * aircraft.cbar * half,
+        betadothat=beta_dot * aircraft.b * half,
+        hdot=-x[:, 5],
+        gamma=np.arctan2(-x[:, 5], np.hypot(x[:, 3], x[:, 4])),
+        nz=-force[:, 2] / G0,
+    )
+    if "runway_elevation" in record.attrs:
+        columns["h_agl"] = x[:, 6] + R[:, 2] @ setup.cg - float(record.attrs["runway_elevation"])
+    return columns
+
+
+def _recorded(record: xr.DataTree, time: np.ndarray, starts: np.ndarray, known: set[str]) -> dict[str, np.ndarray]:
+    """Return controls, engine channels and whatever else the record holds beside the instruments, on the clock of the path."""
+    grids = np.split(time, starts[1:])
+    columns = {}
+    for leaf, tree in record.children.items():
+        node = tree.to_dataset()
+        wanted = [str(name) for name in node.data_vars if name not in _RAW and name not in known]
+        demand_numbers({leaf: node.sel(time=slice(time[0], time[-1]))[wanted]}, "recorded inputs of a path")
+        for name in wanted:
+            columns[name] = np.concatenate([to_grid(node["time"].values, node[name].values, grid, name) for grid in grids])
+    return columns
+
+
+def _mass(record: xr.DataTree, time: np.ndarray, aircraft: Any, setup: Setup) -> dict[str, np.ndarray]:
+    """Return mass along the path: gauged mass with the recorded fuel flow between, or a straight line through it."""
+    place = dict(zip(("x_cg_b", "y_cg_b", "z_cg_b"), setup.cg, strict=True))
+    columns = {name: np.full(len(time), value) for name, value in place.items()}
+    node = next((node.to_dataset() for node in record.children.values() if "mass" in node.data_vars), None)
+    if node is None:
+        columns["mass"] = np.full(len(time), float(aircraft.mass))
+        return columns
+    clock, gauged = node["time"].values, node["mass"].values
+    engine = next((n.to_dataset() for n in record.children.values() if any(str(name).endswith("fuel_flow") for name in n.data_vars)), None)
+    if engine is not None:
+        total = np.sum([engine[name].values for name in engine.data_vars if str(name).endswith("fuel_flow")], axis=0)
+        t = engine["time"].values
+        burnt = np.concatenate([[0.0], np.cumsum(0.5 * (total[1:] + total[:-1]) * np.diff(t))])
+        columns["mass"] = float(np.mean(gauged + np.interp(clock, t, burnt))) - np.interp(time, t, burnt)
+    else:
+        line = np.polyfit(clock - clock[0], gauged, 1 if len(clock) > 10 else 0)
+        columns["mass"] = np.polyval(line, time - clock[0])
+    return columns

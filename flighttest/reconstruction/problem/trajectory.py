@@ -1,0 +1,346 @@
+"""The flight path as one least-squares problem: kinematics between samples, sensors at samples, priors on constants.
+
+State at each sample: attitude, ground velocity (north, east, down), height, the lagged angles behind the vanes, and in
+turbulence three more: the gust (north, east, down), or what the gusts add to the readings of the two vanes and the pitot.
+The inertial unit drives it; its white noise is the process noise.  Written in the axes of the instruments, the residual
+of a step is what the gyros and accelerometers would have to be wrong by::
+
+    r_omega = W(mid) (angles_k+1 - angles_k)/dt - (omega_m - b_omega)
+    r_a     = R'(mid) [(v_k+1 - v_k)/dt - g + (2 Omega + omega_level) x v] - (a_m - b_a)
+
+so its weight is the data-sheet noise, and no process noise has to be tuned.  Minimising all residuals at once by
+Gauss-Newton is the iterated extended Kalman smoother.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from flightmech.errors import IdentificationError
+
+from ...dynamics.kinematics import rate_matrix, rates, skew, to_body
+from ...sensors.instruments import IMU
+from ...signals.first_order_lag import lag_weights
+from .constants import inverse
+from .normal_equations import NormalEquations
+from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, gains, over_steps, sensed_force, specific_force, wind
+
+HEIGHT_NOISE = 0.005  # m/s: closes the height equation; far below any height sensor
+LOOSE = 0.01  # rad per step: vanes too slow to show anything
+GAIN = 0.01  # expected change of the cost at which the iteration has settled
+FAR = 1000.0  # cost per sample above which the path is no more than a first guess
+SCALES = tuple(f"scale.{name}" for name in IMU)
+_BEHIND = ("wind_n", "wind_e", "wind_d", "bias.p", "bias.q", "bias.r", *SCALES[:3])  # constants behind what a vane sees
+_MULTIPLY = ("factor.", "lag.", "delay.")
+ITERATIONS = 20
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Estimate of the trajectory x (N, n) and the constants c (nc,), with the covariance of c."""
+
+    x: np.ndarray
+    c: np.ndarray
+    covariance: np.ndarray
+    cost: float
+    iterations: int
+    settled: bool
+
+
+def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = ITERATIONS, held: Sequence[str] = ()) -> Solution:
+    """Minimise the joint negative log density by Gauss-Newton, halving steps that overshoot.
+
+    Parameters
+    ----------
+    problem : Problem
+    x, c : array (N, n), (nc,)
+        Start.
+    iterations : int
+        Largest number of steps.
+    held : sequence of str
+        Constants that stay at their start value: the data do not inform them, and their prior uncertainty is passed on
+        to the others (Schmidt's "consider" parameters).
+
+    Returns
+    -------
+    Solution
+        ``settled`` when the last step promised to lower the cost (twice the negative log density) by less than 0.01, or
+        promised less than one, a standard error, and brought less than 0.01: a latency that crosses a sample is a kink.
+
+    Raises
+    ------
+    IdentificationError
+        No fraction of a step lowers the cost.
+    """
+    free = np.array([name not in held for name in problem.constants.names])
+    equations, step, settled = linearise(problem, x, c), 0, False
+    while step < iterations and not settled:
+        step += 1
+        far = equations.cost > FAR * len(x)  # the readings only start the path: constants that multiply it wait
+        moving = free & ~np.array([name.startswith(_MULTIPLY) for name in problem.constants.names]) if far else free
+        dx, dc, information = equations.solve(moving)
+        gain = -float(np.vdot(equations.gx, dx) + equations.gc @ dc)
+        trial, share = _line_search(problem, x, c, dx, dc, equations.cost, gain)
+        gained = equations.cost - trial.cost
+        if gained < -GAIN and gain > 1.0:
+            raise IdentificationError(
+                "the reconstruction finds no better path from its start; check signs, units and positions of the sensors"
+            )
+        if gained > -GAIN:
+            x, c, equations = moved(x, share * dx), c + share * dc, trial
+        settled = not far and (gain < GAIN or (gain < 1.0 and gained < GAIN))
+    return Solution(x, c, _covariance(information, free, problem.constants.covariance), equations.cost, step, settled)
+
+
+def moved(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
+    """Return the trajectory after a step: the horizontal velocity turns along with the heading.
+
+    To first order this is x + dx.  Without a compass the heading is free, and a straight step in north and east would
+    lengthen the velocity that it only wants to turn.  The vertical velocity takes the straight step, as the height does:
+    the stiff equation between the two is linear and stays fulfilled.
+    """
+    after = x + dx
+    vn, ve, turn = x[:, 3], x[:, 4], dx[:, 2]
+    n, e = vn + dx[:, 3] + ve * turn, ve + dx[:, 4] - vn * turn  # the step less the heading's share of it
+    after[:, 3] = n * np.cos(turn) - e * np.sin(turn)
+    after[:, 4] = n * np.sin(turn) + e * np.cos(turn)
+    return after
+
+
+def _line_search(problem: Problem, x, c, dx, dc, cost: float, gain: float) -> tuple[NormalEquations, float]:
+    """Return the equations at the best of the step's halves, while halving pays; the full step when it keeps its promise."""
+    share, best = 1.0, linearise(problem, moved(x, dx), c + dc)
+    while gain > GAIN and cost - best.cost < 0.25 * gain * share and share > 1e-3:
+        trial = linearise(problem, moved(x, share / 2.0 * dx), c + share / 2.0 * dc)
+        if trial.cost >= best.cost:
+            break
+        best, share = trial, share / 2.0
+    return best, share
+
+
+def _covariance(information: np.ndarray, free: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """Return the covariance of the constants; those not free keep their prior one and hand it on."""
+    covariance = prior.copy()
+    f, h = np.flatnonzero(free), np.flatnonzero(~free)
+    if len(f):
+        own = inverse(information[np.ix_(f, f)])
+        follow = -own @ information[np.ix_(f, h)]
+        covariance[np.ix_(f, f)] = own + follow @ prior[np.ix_(h, h)] @ follow.T
+        covariance[np.ix_(f, h)] = follow @ prior[np.ix_(h, h)]
+        covariance[np.ix_(h, f)] = covariance[np.ix_(f, h)].T
+    return covariance
+
+
+def linearise(problem: Problem, x: np.ndarray, c: np.ndarray) -> NormalEquations:
+    """Return the normal equations of all residuals about a trajectory and constants."""
+    equations = NormalEquations(len(x), problem.states, len(c))
+    _inertial_steps(problem, x, c, equations)
+    _vane_steps(problem, x, c, equations)
+    _gust_steps(problem, x, equations)
+    for sensor in problem.sensors:
+        _add_sensor(problem, sensor, x, c, equations)
+    for k in problem.starts:
+        weight = 1.0 / problem.start_sigma[: problem.states]
+        mean = np.where(np.arange(problem.states) < 7, x[k], 0.0)  # wide and only against drift: the start itself is free
+        equations.add_state(int(k), (x[k] - mean) * weight, weight)
+    equations.add_prior(c - problem.constants.mean, problem.constants.precision())
+    return equations
+
+
+def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
+    dt, n = problem.dt, problem.states
+    difference, middle = np.diff(x[:, :7], axis=0) / dt, (x[1:, :7] + x[:-1, :7]) / 2.0
+    omega, force = body_rates(problem, c), specific_force(problem, c)
+    r = np.zeros((len(middle), 7))
+    from_angles, change = rates(middle[:, ATTITUDE], difference[:, ATTITUDE])
+    spin, transport = problem.earth
+    v = middle[:, VELOCITY]
+    carried = v @ transport.T
+    needed = difference[:, VELOCITY] + np.cross(2.0 * spin + carried, v)
+    needed[:, 2] -= problem.gravity_at(middle[:, HEIGHT])
+    U, turn, Rt = to_body(middle[:, ATTITUDE], needed)
+    r[:, ATTITUDE] = from_angles + (Rt @ (carried + problem.gyro_spin)[..., None])[..., 0] - over_steps(problem, omega)
+    r[:, VELOCITY] = U - over_steps(problem, force)
+    r[:, HEIGHT] = difference[:, HEIGHT] + middle[:, 5]
+    # half of the derivative with respect to the middle, and the one with respect to the difference
+    half, slope = np.zeros((len(middle), 7, n)), np.zeros((len(middle), 7, n))
+    half[:, ATTITUDE, ATTITUDE] = change / 2.0
+    slope[:, ATTITUDE, ATTITUDE] = rate_matrix(middle[:, ATTITUDE]) / dt
+    half[:, VELOCITY, ATTITUDE] = turn / 2.0
+    slope[:, VELOCITY, VELOCITY] = Rt / dt
+    half[:, VELOCITY, HEIGHT] = problem.g_fall / 2.0 * Rt[:, :, 2]
+    half[:, HEIGHT, 5] = 0.5
+    slope[:, HEIGHT, HEIGHT] = 1.0 / dt
+    weight = problem.linked[:, None] / np.append(problem.noise, HEIGHT_NOISE)
+    columns, D = input_derivatives(problem, c)
+    Jc = np.zeros((len(middle), 7, len(columns)))
+    Jc[:, :6] = -(D[1:] + D[:-1]) / 2.0
+    w = weight[..., None]
+    equations.add_steps(r * weight, (half - slope) * w, (half + slope) * w, columns, Jc * w)
+
+
+def input_derivatives(problem: Problem, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the constants behind rates and specific force, and the derivative of both by them (N, 6, constants)."""
+    errors = [f"bias.{name}" for name in IMU] + [name for name in SCALES if name in problem.constants]
+    gain, omega = gains(problem, c), body_rates(problem, c)
+    read = np.concatenate([omega, sensed_force(problem, c)], axis=1)
+    lever = skew(np.cross(omega, problem.arm)) + skew(omega) @ skew(problem.arm)  # the force at the c.g. by the rates
+    D = np.zeros((len(omega), 6, len(errors)))
+    for j, name in enumerate(errors):
+        kind, channel = name.split(".")
+        i = IMU.index(channel)
+        D[:, i, j] = -gain[i] * (read[:, i] if kind == "scale" else 1.0)
+        if i < 3:
+            D[:, 3:6, j] = lever[:, :, i] * D[:, i, j, None]
+    return problem.constants.index(*errors), D
+
+
+def vane_geometry(problem: Problem, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the angles that vanes without lag would see (N, vanes), and their derivatives by state and by ``_BEHIND``."""
+    air = x[:, VELOCITY] - wind(problem, x, c)
+    U, turn, Rt = to_body(x[:, ATTITUDE], air)
+    omega, gain = body_rates(problem, c), gains(problem, c)[:3]
+    angle, J, Jw = (np.zeros((len(x), len(problem.vanes), *m)) for m in ((), (problem.states,), (len(_BEHIND),)))
+    for i, (name, arm) in enumerate(zip(problem.vanes, problem.vane_arms, strict=True)):
+        u, v, w = (U + np.cross(omega, arm)).T
+        side = w if name == "alpha_vane" else v
+        row = np.zeros((len(x), 3))
+        row[:, 0], row[:, 2 if name == "alpha_vane" else 1] = -side, u
+        row /= np.maximum(u**2 + side**2, 1.0)[:, None]
+        angle[:, i] = np.arctan2(side, u)
+        by_velocity = (row[:, None, :] @ Rt)[:, 0]
+        J[:, i, ATTITUDE] = (row[:, None, :] @ turn)[:, 0]
+        J[:, i, VELOCITY] = by_velocity
+        if problem.gust is not None and not problem.shown:
+            J[:, i, problem.gusts] = -by_velocity
+        Jw[:, i, :3] = -by_velocity
+        Jw[:, i, 3:6] = row @ skew(arm) * gain
+        Jw[:, i, 6:] = Jw[:, i, 3:6] * omega
+    return angle, J, Jw
+
+
+def vane_behind(problem: Problem) -> dict[int, str]:
+    """Return the constants behind what a vane sees, by their column in the derivative of `vane_geometry`."""
+    return {i: name for i, name in enumerate(_BEHIND) if name in problem.constants}
+
+
+def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
+    if not problem.vanes:
+        return
+    count, first = len(problem.vanes), 7
+    angle, J, Jw = vane_geometry(problem, x, c)
+    lagged = x[:, first : first + count]
+    behind = vane_behind(problem)
+    columns = problem.constants.index(*behind.values(), "lag.vanes")
+    (E, c0, c1), (dE, d0, d1) = lag_weights(problem.constants.get(c, "lag.vanes"), problem.dt)
+    r = lagged[1:] - E * lagged[:-1] - c0 * angle[:-1] - c1 * angle[1:]
+    A, B = -c0 * J[:-1], -c1 * J[1:]
+    for i in range(count):
+        A[:, i, first + i] -= E
+        B[:, i, first + i] += 1.0
+    used = list(behind)
+    Jc = np.concatenate([-c0 * Jw[:-1][..., used] - c1 * Jw[1:][..., used], np.zeros((len(r), count, 1))], axis=-1)
+    Jc[:, :, -1] = -dE * lagged[:-1] - d0 * angle[:-1] - d1 * angle[1:]
+    slow = ~(problem.airborne[1:] & problem.airborne[:-1])  # the vane hangs loose: its state only has to stay finite
+    r[slow], A[slow], B[slow], Jc[slow] = 0.0, 0.0, 0.0, 0.0
+    for i in range(count):
+        r[slow, i] = (lagged[1:] - lagged[:-1])[slow, i]
+        A[slow, i, first + i], B[slow, i, first + i] = -1.0, 1.0
+    weight = problem.linked[:, None] / np.where(slow[:, None], LOOSE, problem.vane_noise)
+    w = weight[..., None]
+    equations.add_steps(r * weight, A * w, B * w, columns, Jc * w)
+
+
+def _gust_steps(problem: Problem, x: np.ndarray, equations: NormalEquations) -> None:
+    if problem.gust is None:
+        return
+    keep = np.exp(-problem.dt / problem.gust_time)
+    weight = problem.linked[:, None] / (problem.gust * np.sqrt(1.0 - keep**2))
+    gust = x[:, problem.gusts]
+    A, B = np.zeros((len(x) - 1, 3, problem.states)), np.zeros((len(x) - 1, 3, problem.states))
+    places = np.arange(problem.gusts.start, problem.gusts.stop)
+    A[:, np.arange(3), places], B[:, np.arange(3), places] = -keep * weight, weight
+    equations.add_steps((gust[1:] - keep * gust[:-1]) * weight, A, B, np.zeros(0, int), np.zeros((len(x) - 1, 3, 0)))
+
+
+def place(problem: Problem, sensor: Sensor, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return for each reading of a sensor the sample before it, k, and the fraction f of the step, its delay removed."""
+    seen = sensor.time - (problem.constants.get(c, sensor.delay) if sensor.delay else 0.0)
+    k = np.clip(np.searchsorted(problem.time, seen + 1e-9, side="right") - 1, 0, len(problem.time) - 1)
+    f = (seen - problem.time[k]) / problem.dt
+    last = ~np.append(problem.linked, False)  # of its segment: there is no step to go into
+    return k, np.where((np.abs(f) < 1e-6) | last[k], 0.0, f)
+
+
+def _at(problem: Problem, k: np.ndarray, f: np.ndarray, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return state and body rates at k + f (M, n + 3), and their change over the step from k."""
+    moving = np.concatenate([x, body_rates(problem, c)], axis=1)
+    after = moving[np.minimum(k + 1, len(x) - 1)]
+    return (1.0 - f)[:, None] * moving[k] + f[:, None] * after, after - moving[k]
+
+
+def _by_gyro_errors(problem: Problem, c: np.ndarray, omega: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the constants behind the body rates and the derivative of the rates by them (M, 3, constants)."""
+    names = [f"{kind}.{axis}" for kind in ("bias", "scale") for axis in IMU[:3] if f"{kind}.{axis}" in problem.constants]
+    gain, D = gains(problem, c)[:3], np.zeros((len(omega), 3, len(names)))
+    for j, name in enumerate(names):
+        kind, axis = name.split(".")
+        i = IMU.index(axis)
+        D[:, i, j] = -gain[i] * (omega[:, i] if kind == "scale" else 1.0)
+    return problem.constants.index(*names), D
+
+
+def shown(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray):
+    """Return what a sensor shows, linearised at its readings.
+
+    Returns
+    -------
+    r : array (M, m)
+        Model minus reading.
+    k, f : array (M,)
+        Places of the readings, see `place`.
+    J : array (M, m, n)
+        Derivative by the state at k + f.
+    columns : array of int
+        The constants involved.
+    Jc : array (M, m, columns)
+        Derivative by them.
+    """
+    k, f = place(problem, sensor, c)
+    at, step = _at(problem, k, f, x, c)
+    y, J, names, Jc = sensor.model(sensor, problem, at, c)
+    columns, n = problem.constants.index(*names), problem.states
+    if sensor.delay:
+        if problem.shown:
+            step[:, problem.gusts] = 0.0
+        Jc = np.concatenate([Jc, -(J @ step[:, : J.shape[-1], None]) / problem.dt], axis=-1)
+        columns = np.append(columns, problem.constants.index(sensor.delay))
+    if J.shape[-1] > n:  # the sensor sees the body rates too, which are known but for the errors of the gyros
+        errors, D = _by_gyro_errors(problem, c, at[:, n:])
+        Jc, columns = np.concatenate([Jc, J[..., n:] @ D], axis=-1), np.append(columns, errors)
+    return y - sensor.z, k, f, J[..., :n], columns, Jc
+
+
+def _add_sensor(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
+    r, k, f, J, columns, Jc = shown(problem, sensor, x, c)
+    w = 1.0 / sensor.sigma
+    equations.add_samples(r * w, k, f, J * w[:, None], columns, Jc * w[:, None])
+
+
+def residuals(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return readings minus model (M, m) of a sensor and the sample each belongs to."""
+    k, f = place(problem, sensor, c)
+    at, _ = _at(problem, k, f, x, c)
+    return sensor.z - sensor.model(sensor, problem, at, c)[0], k + (f > 0.5)
+
+
+def with_gusts(problem: Problem, x: np.ndarray, sigma: np.ndarray, length: float, shown: bool) -> tuple[Problem, np.ndarray]:
+    """Return the problem with gust states of given intensity and scale length, and the trajectory with zero gusts."""
+    n = 7 + len(problem.vanes)
+    speed = float(np.median(np.linalg.norm(x[:, VELOCITY], axis=1)))
+    sigma_0 = np.concatenate([problem.start_sigma[:n], sigma])
+    changed = replace(problem, gust=sigma, gust_time=length / max(speed, 10.0), shown=shown, start_sigma=sigma_0)
+    return changed, np.concatenate([x[:, :n], np.zeros((len(x), 3))], axis=1)

@@ -1,0 +1,1 @@
+"""Flight records: read, joined, listed and written."""

@@ -1,0 +1,77 @@
+"""What a file holds before anybody has mapped it: tables, clocks, columns and units, for writing a name map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flightmech.errors import AeromatchError
+
+from ..readers.clocks import Clocks
+from ..readers.name_map import NameMap, read_names
+from ..readers.opening import FORMATS, open_recording, recognise
+
+
+def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dict[str, Any]:
+    """Return what a recording holds.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file of any known format.
+    names : str, Path or NameMap, optional
+        Its clocks and ``[decode]`` tables are used; channels need not be mapped.
+
+    Returns
+    -------
+    dict
+        ``file``, ``format``, ``facts``, ``notes`` (faults told by the file), ``tables``: per table ``table``, ``samples``, ``rate`` [Hz],
+        ``start`` and ``stop`` [s], ``clock_fault`` (a text, empty when the clock is sound) and ``columns``, each ``column``, ``unit``,
+        ``min`` and ``max`` in the unit of the file.  For Chapter 10 also ``channels``.
+
+    Raises
+    ------
+    ParseError
+        The file is damaged or of no known format.
+    """
+    path = Path(path)
+    mapping = names if isinstance(names, NameMap) else read_names(names) if names is not None else NameMap({})
+    kind = recognise(path)
+    found: dict[str, Any] = {"file": path.name, "format": FORMATS[kind][1], "facts": {}, "notes": [], "tables": []}
+    if kind == "chapter10":
+        from ..readers.formats.chapter10.packets import index
+        from ..readers.formats.chapter10.tables import channels
+
+        file = index(path)
+        found.update(channels=channels(file), notes=list(file.notes))
+        if not mapping.decode:
+            return found
+    everything = NameMap({}, mapping.clock, mapping.facts, mapping.source, mapping.clocks, None, mapping.decode)
+    recording = open_recording(path, everything)
+    clocks = Clocks(recording.tables, everything, path.name)
+    tables = clocks.with_decoded_words()
+    found["facts"] = {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)}
+    found["notes"] = [*recording.notes, *clocks.notes]
+    found["tables"] = [_table(name, clocks) for name in tables]
+    return found
+
+
+def _table(name: str, clocks: Clocks) -> dict[str, Any]:
+    table = clocks.tables[name]
+    about: dict[str, Any] = {"table": name, "samples": 0, "rate": None, "start": None, "stop": None, "clock_fault": ""}
+    try:
+        clock = clocks.settled(name, f"{clocks.file}, table {name}")
+        about.update(samples=len(clock.time), rate=clock.about["rate"], start=float(clock.time[0]), stop=float(clock.time[-1]))
+    except AeromatchError as error:
+        about["clock_fault"] = str(error)
+    about["columns"] = [_column(column, table.columns[column], table.units.get(column, "")) for column in table.columns]
+    return about
+
+
+def _column(name: str, values: np.ndarray, unit: str) -> dict[str, Any]:
+    values = np.asarray(values, float)
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (None, None)
+    return {"column": name, "unit": unit, "min": low, "max": high}

@@ -1,0 +1,1 @@
+"""Instruments: specification, corrections of position, air data."""

@@ -1,0 +1,187 @@
+"""Specification of the instruments: where they sit, how noisy they are, and how large their constant errors may be.
+
+It stands in the aircraft file, one table per instrument; the names of the tables are free, channels carry house names::
+
+    [instruments.imu]
+    position = [0.90, 0.25, 0.32]                       # from the moment reference point, body axes
+    noise = { q = "0.03 deg/s", az_imu = 0.04 }         # one sigma of white noise, per sample as recorded
+    bias_sigma = { q = "0.03 deg/s", az_imu = 0.06 }    # one sigma of the constant error
+    scale_sigma = { az_imu = 0.002 }                    # one sigma of the scale error; none without it
+    [instruments.vanes]
+    factor = { alpha_vane = [1.08, 0.04] }              # upwash: mean and one sigma
+    lag = [0.05, 0.02]                                  # first-order time constant
+    [instruments.air_data]
+    position = [4.1, 0.0, 0.1]                          # of the pitot tube; at the c.g. without it
+    static_error = [0.0, 0.02]                          # static-pressure error over impact pressure
+    delay = [0.10, 0.05]                                # latency of the whole instrument
+    minimum_speed = 25.0                                # below it the readings mean nothing
+    [instruments.airspeed]                              # where no impact pressure was recorded: V, V_cas or mach
+    noise = { V = 0.3 }
+    factor = { V = [1.0, 0.03] }                        # scale factor: mean and one sigma
+    [instruments.surfaces]
+    bias_sigma = { delta_e = "0.1 deg" }                # rigging of the pick-ups; goes into the errors of the derivatives
+    scale_sigma = { delta_e = 0.01 }
+
+A channel is used as a measurement when an instrument gives its noise.  `earth_rate = true` in the table of the gyros states that they
+show the rate of the Earth too, as those of an inertial reference do; the record then needs its latitude.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+
+from pydantic import BeforeValidator, Field, field_validator
+
+from flightmech.errors import SchemaError, UnitError, UnknownName
+from flightmech.names import lookup
+from flightmech.support.configuration import Strict, si, validate
+from flightmech.units import DEGREE, quantity
+
+IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
+SPEEDS = ("V", "V_cas", "mach")  # airspeeds that are measured channels themselves where no impact pressure was recorded
+VANES = ("alpha_vane", "beta_vane")
+SURFACES = ("delta_e", "delta_a", "delta_r")
+SURFACE_BIAS = 0.1 * DEGREE  # what a pick-up is rigged and calibrated to, unless the instruments say otherwise [rad]
+SURFACE_SCALE = 0.01
+
+
+def _pair(units: str) -> Any:
+    """Return the field type of [mean, sigma] of a quantity."""
+
+    def convert(item: Any) -> tuple[float, float]:
+        if not isinstance(item, list | tuple) or len(item) != 2:
+            raise ValueError(f"expected [mean, sigma] in {units}")
+        mean, sigma = (quantity(part, units) for part in item)
+        if sigma < 0.0:
+            raise ValueError("sigma must not be negative")
+        return mean, sigma
+
+    return Annotated[tuple[float, float], BeforeValidator(convert)]
+
+
+def _per_channel(table: Any) -> dict[str, float]:
+    if not isinstance(table, dict):
+        raise ValueError("expected a table channel = value")
+    try:
+        values = {name: quantity(item, lookup(name).units) for name, item in table.items()}
+    except (UnknownName, UnitError) as error:
+        raise ValueError(str(error)) from error
+    if any(value <= 0.0 for value in values.values()):
+        raise ValueError("standard errors must be positive")
+    return values
+
+
+if TYPE_CHECKING:
+    _Time: TypeAlias = tuple[float, float]
+    _Number: TypeAlias = tuple[float, float]
+else:
+    _Time, _Number = _pair("s"), _pair("1")
+_Length = si("m")
+_Channels = Annotated[dict[str, float], BeforeValidator(_per_channel)]
+
+
+class Instrument(Strict):
+    """One instrument."""
+
+    position: tuple[_Length, _Length, _Length] | None = None  # type: ignore[valid-type]
+    noise: _Channels = Field(default_factory=dict)
+    bias_sigma: _Channels = Field(default_factory=dict)
+    scale_sigma: dict[str, Annotated[float, Field(gt=0.0)]] = Field(default_factory=dict)
+    factor: dict[str, _Number] = Field(default_factory=dict)
+    lag: _Time | None = None
+    delay: _Time | None = None
+    static_error: _Number | None = None
+    minimum_speed: si("m s-1") = 0.0  # type: ignore[valid-type]
+    maximum: si("m") | None = None  # type: ignore[valid-type]
+    earth_rate: bool = False
+
+    @field_validator("scale_sigma")
+    @classmethod
+    def _scaled_only(cls, scale_sigma: dict[str, float]) -> dict[str, float]:
+        wrong = sorted(set(scale_sigma) - {*IMU, *SURFACES})
+        if wrong:
+            raise ValueError(f"scale errors are known for {', '.join((*IMU, *SURFACES))} only, not for {', '.join(wrong)}")
+        return scale_sigma
+
+    @field_validator("factor")
+    @classmethod
+    def _angles_and_speeds_only(cls, factor: dict[str, Any]) -> dict[str, Any]:
+        wrong = sorted(set(factor) - {*VANES, *SPEEDS})
+        if wrong:
+            hint = "; give q_c a static_error" if "q_c" in wrong else ""
+            raise ValueError(f"factors are estimated for {', '.join((*VANES, *SPEEDS))} only, not for {', '.join(wrong)}{hint}")
+        return factor
+
+
+class Instruments(Strict):
+    """All instruments of an aircraft."""
+
+    table: dict[str, Instrument]
+
+    def name_of(self, channel: str) -> str | None:
+        """Return the name of the instrument that gives the noise of `channel`, or None."""
+        return next((name for name, item in self.table.items() if channel in item.noise), None)
+
+    def of(self, channel: str) -> Instrument:
+        """Return the specification behind `channel`; an empty one when no instrument gives its noise."""
+        name = self.name_of(channel)
+        return self.table[name] if name else Instrument()
+
+    def noise(self, channel: str) -> float:
+        """Return one sigma of the noise of a channel that an instrument knows."""
+        return self.of(channel).noise[channel]
+
+    def delay_of(self, channel: str) -> str:
+        """Return the name of the constant that holds the latency of `channel`, or ""."""
+        return f"delay.{self.name_of(channel)}" if self.of(channel).delay else ""
+
+
+def surface_errors(content: Mapping[str, Any], what: str = "instruments") -> dict[str, tuple[float, float]]:
+    """Return standard errors of bias [rad] and scale of the surface pick-ups, those of an aircraft file or the defaults.
+
+    Raises
+    ------
+    SchemaError
+        With all problems of the tables.
+    """
+    tables = validate(Instruments, {"table": _tables(content)}, what).table.values()
+    found = {}
+    for name in SURFACES:
+        bias = next((item.bias_sigma[name] for item in tables if name in item.bias_sigma), SURFACE_BIAS)
+        found[name] = bias, next((item.scale_sigma[name] for item in tables if name in item.scale_sigma), SURFACE_SCALE)
+    return found
+
+
+def _tables(content: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: item if isinstance(item, dict) else item.model_dump() for name, item in content.items()}
+
+
+def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instruments:
+    """Return the specification from the tables of an aircraft file.
+
+    Parameters
+    ----------
+    content : mapping
+        Instrument name to its table, ``Aircraft.instruments``.
+
+    Raises
+    ------
+    SchemaError
+        With all problems; an inertial unit (noise of p q r ax_imu ay_imu az_imu and its position) must be there.
+    """
+    found = validate(Instruments, {"table": _tables(content)}, what)
+    problems = [f"no instrument gives the noise of {name}; the reconstruction integrates it" for name in IMU if not found.name_of(name)]
+    for name in IMU:
+        if found.name_of(name) and name not in found.of(name).bias_sigma:
+            problems.append(f"{found.name_of(name)}: missing bias_sigma of {name}")
+    for name, item in found.table.items():
+        if item.position is None and {"ax_imu", *VANES, "h_radio"} & set(item.noise):
+            problems.append(f"{name}: missing position (m, body axes, from the moment reference point)")
+        alone = sorted(item.factor.keys() - item.noise.keys())
+        problems += [f"{name}: factor of {key} without its noise; give noise = {{ {key} = ... }} in the same table" for key in alone]
+        if item.earth_rate and not {"p", "q", "r"} <= set(item.noise):
+            problems.append(f"{name}: earth_rate belongs to the instrument that gives the noise of p, q and r; move it there")
+    if problems:
+        raise SchemaError(what, problems)
+    return found

@@ -1,0 +1,1 @@
+"""Sampled signals: filtering, resampling, derivatives, delays, spectra, flags of bad samples."""

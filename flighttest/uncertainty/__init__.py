@@ -1,0 +1,1 @@
+"""Standard errors with autocorrelated residuals, collinearity, measures of fit."""

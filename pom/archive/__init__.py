@@ -1,0 +1,1 @@
+"""Results kept: the file, its manifest, provenance, verification."""

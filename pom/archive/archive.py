@@ -1,0 +1,174 @@
+"""``results.nc``: whole results in exact doubles, one group per case, readable by any netCDF-4 or HDF5 tool.
+
+Layout: the text ``document`` of the root is JSON (title, revision, provenance, diagnoses, order of the cases); the group of a case
+holds ``signals(run, channel, time)``, ``tolerance(banded, time)`` and ``inputs(input, time)`` with the names along these dimensions,
+and its own ``document`` (case, conditions, trim, verdicts, failure).  SI and radians; the verdicts are in the unit of the tolerance
+table.  Files are named from the folder of the report.  Few large variables instead of many small ones: a hundred cases are read in seconds.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from flightmech.errors import SchemaError
+from flightmech.support.console import plain
+
+from ..cases.case import PomCase
+from ..result import PomResult, verdict_table
+from .origins import case_found_from, case_seen_from
+
+_NAMES = {"signals": "channel", "tolerance": "banded", "inputs": "input"}  # part of a result -> the dimension of its names
+
+
+@dataclass(frozen=True)
+class Archive:
+    """What ``results.nc`` holds.
+
+    Attributes
+    ----------
+    results : list of PomResult
+        As judged, exact.
+    title, revision : str
+        Of the report.
+    provenance : dict
+        As given to `pom.write_report`, without places on a disk.
+    diagnoses : dict of str to DataFrame
+        Case name to the table of `pom.diagnose`.
+    """
+
+    results: list[PomResult]
+    title: str = ""
+    revision: str = ""
+    provenance: dict[str, Any] = field(default_factory=dict)
+    diagnoses: dict[str, pd.DataFrame] = field(default_factory=dict)
+
+
+def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]) -> None:
+    """Write ``results.nc``; `keys` names the group of every result.  Equal input gives equal bytes."""
+    head = {
+        "title": archive.title,
+        "revision": archive.revision,
+        "provenance": plain(archive.provenance),
+        "diagnoses": {name: _table_to_json(table) for name, table in archive.diagnoses.items()},
+        "cases": list(keys),
+    }
+    with h5py.File(path, "w") as file:
+        _write_document(file, head)
+        for key, result in zip(keys, archive.results, strict=True):
+            _write_result(file.create_group(key), result, Path(path).parent)
+
+
+def read_archive(path: str | os.PathLike) -> Archive:
+    """Read ``results.nc``, or that of the folder of a report.
+
+    Raises
+    ------
+    FileNotFoundError
+        No such file.
+    SchemaError
+        The file is not a ``results.nc`` of `pom.write_report`, or it is damaged.
+    """
+    path = Path(path)
+    path = path / "results.nc" if path.is_dir() else path
+    if not path.is_file():
+        raise FileNotFoundError(2, "no results here; give the folder of a report or its results.nc", str(path))
+    try:
+        with h5py.File(path, "r") as file:
+            head = _read_document(file)
+            results = [_read_result(file[key], path.parent) for key in head["cases"]]
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        raise SchemaError(str(path), [f"not a results.nc of a report, or damaged ({error}); write the report again"]) from error
+    diagnoses = {name: _table_from_json(table) for name, table in head["diagnoses"].items()}
+    return Archive(results, head["title"], head["revision"], head["provenance"], diagnoses)
+
+
+def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
+    parts: dict[str, xr.Dataset] = {part: getattr(result, part) for part in _NAMES}
+    head: dict[str, Any] = {
+        "case": case_seen_from(result.case, folder).to_dict(),
+        "conditions": result.conditions,
+        "failure": result.failure,
+        "trim": result.trim.to_dict("split"),
+        "verdict": [dict(row) for row in result.rows],
+        "attrs": {part: data.attrs for part, data in parts.items()},
+        "channels": {part: {str(name): item.attrs for name, item in data.data_vars.items()} for part, data in parts.items()},
+    }
+    _write_document(group, head)
+    run = _scale(group, "run", [str(name) for name in result.signals["run"].values])
+    time = _scale(group, "time", result.signals["time"].values)
+    for part, data in parts.items():
+        names = _scale(group, _NAMES[part], list(head["channels"][part]))
+        own = np.array_equal(data["time"].values, result.signals["time"].values)
+        clock = time if own else _scale(group, f"{_NAMES[part]}_time", data["time"].values)
+        axes = [run, names, clock] if part == "signals" else [names, clock]
+        values = np.array([item.values for item in data.data_vars.values()], float).reshape(-1, *(len(a) for a in axes if a is not names))
+        table = group.create_dataset(part, data=np.moveaxis(values, 0, axes.index(names)), **_squeeze(values))
+        for i, axis in enumerate(axes):
+            table.dims[i].attach_scale(axis)
+
+
+def _squeeze(values: np.ndarray) -> dict[str, Any]:
+    return {"compression": "gzip", "compression_opts": 1, "shuffle": True} if values.size else {}
+
+
+def _scale(group: h5py.Group, name: str, values: Any) -> h5py.Dataset:
+    """Write the coordinate along a dimension."""
+    kind = h5py.string_dtype(encoding="utf-8") if isinstance(values, list) else float
+    scale = group.create_dataset(name, data=np.array(values, object if isinstance(values, list) else float), dtype=kind)
+    scale.make_scale(name)
+    return scale
+
+
+def _read_result(group: h5py.Group, folder: Path) -> PomResult:
+    head = _read_document(group)
+    trim = pd.DataFrame(head["trim"]["data"], head["trim"]["index"], head["trim"]["columns"], dtype=float)
+    return PomResult(
+        case=case_found_from(PomCase.from_dict(head["case"]), folder),
+        conditions={name: float("nan") if value is None else float(value) for name, value in head["conditions"].items()},
+        trim=trim.rename_axis("quantity"),
+        verdict=verdict_table(head["verdict"]),
+        failure=head["failure"],
+        signals=_read_part(group, head, "signals"),
+        tolerance=_read_part(group, head, "tolerance"),
+        inputs=_read_part(group, head, "inputs"),
+    )
+
+
+def _read_part(group: h5py.Group, head: Mapping[str, Any], part: str) -> xr.Dataset:
+    values, names = group[part][()], list(group[_NAMES[part]].asstr()[()])
+    clock = f"{_NAMES[part]}_time"
+    coords: dict[str, Any] = {"time": group[clock if clock in group else "time"][()]}
+    if part == "signals":
+        coords["run"] = list(group["run"].asstr()[()])
+    dims = ("run", "time") if part == "signals" else ("time",)
+    attrs = head["channels"][part]
+    return xr.Dataset({name: (dims, values[..., i, :], attrs[name]) for i, name in enumerate(names)}, coords, head["attrs"][part])
+
+
+def _write_document(group: h5py.Group, item: Mapping[str, Any]) -> None:
+    text = json.dumps(plain(item), ensure_ascii=False, separators=(",", ":"))
+    group.create_dataset("document", data=text, dtype=h5py.string_dtype(encoding="utf-8"))
+
+
+def _read_document(group: h5py.Group) -> dict[str, Any]:
+    return json.loads(group["document"].asstr()[()])
+
+
+def _table_to_json(table: pd.DataFrame) -> dict[str, Any]:
+    return {"columns": [str(name) for name in table.columns], "rows": plain(table.to_numpy(object).tolist())}
+
+
+def _table_from_json(item: Mapping[str, Any]) -> pd.DataFrame:
+    table = pd.DataFrame(item["rows"], columns=item["columns"])
+    numbers = [name for name in table.columns if not table[name].map(lambda value: isinstance(value, str)).any()]
+    return table.astype(dict.fromkeys(numbers, float))  # a column without any number came as nulls

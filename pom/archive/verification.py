@@ -1,0 +1,155 @@
+"""Whether a report is still what it was: files by their hashes, verdicts by judging the stored samples again."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Hashable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flightmech.errors import AeromatchError
+
+from ..judging.verdict import judge, row
+from ..replaying.trim_state import beyond_limits, trim_limits
+from ..result import NUMBERS, PomResult
+from .archive import read_archive
+from .manifest import place, read_manifest
+from .origins import sha256
+
+CLOSE = 1e-6
+"""Relative difference of a number that still counts as the same: another processor rounds a fit differently."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was checked.
+
+    ``kind`` is ``output``, ``input``, ``model`` or ``verdict``; ``state`` is ``same``, ``changed`` or ``missing``; ``detail`` says
+    what exactly changed.
+    """
+
+    kind: str
+    name: str
+    state: str
+    detail: str = ""
+
+
+def verify(folder: str | os.PathLike) -> list[Finding]:
+    """Check a report: hash all outputs and inputs again, judge all verdicts again from ``results.nc``.
+
+    Parameters
+    ----------
+    folder : path
+        With ``manifest.json``.
+
+    Returns
+    -------
+    list of Finding
+        All that was checked; the report holds when every state is ``same``.
+
+    Raises
+    ------
+    FileNotFoundError, SchemaError
+        The folder holds no manifest of a report.
+    """
+    folder = Path(folder)
+    statement = read_manifest(folder)
+    found = [_hashed("output", item["name"], folder / item["name"], item["digest"]["sha256"]) for item in statement["subject"]]
+    for item in statement["predicate"]["buildDefinition"]["resolvedDependencies"]:
+        run = item.get("annotations", {}).get("run", "")
+        name = f"{run}: {item['name']}" if run else item["name"]
+        found.append(_hashed("model" if run else "input", name, place(item, folder), item["digest"]["sha256"]))
+    return [*found, *_verdicts(folder)]
+
+
+def _hashed(kind: str, name: str, path: Path | None, wanted: str) -> Finding:
+    if path is None:
+        return Finding(kind, name, "missing", "the manifest does not say where it lies")
+    if not path.is_file():
+        return Finding(kind, name, "missing", f"no file {path}")
+    have = sha256(path)
+    return Finding(kind, name, "same") if have == wanted else Finding(kind, name, "changed", f"SHA-256 was {wanted}, is {have}")
+
+
+def _verdicts(folder: Path) -> Iterator[Finding]:
+    """Yield one finding per case and model that says what is judged differently now, or printed differently in ``results.json``."""
+    try:
+        results = read_archive(folder).results
+        printed = [{(r["run"], r["criterion"]): r for r in item["verdict"]} for item in _json(folder)]
+    except (AeromatchError, OSError, ValueError, KeyError, TypeError) as error:
+        yield Finding("verdict", "all", "missing", f"the results cannot be read: {error}")
+        return
+    if len(printed) != len(results):
+        yield Finding("verdict", "all", "changed", f"results.json has {len(printed)} cases, results.nc has {len(results)}")
+        return
+    for result, numbers in zip(results, printed, strict=True):
+        for run in result.runs:
+            stored = {row["criterion"]: row for row in result.rows if row["run"] == run}
+            words = [*_judged_again(result, run, stored), *_differences("results.json", run, stored, numbers)]
+            yield Finding("verdict", f"{result.case.name}, {run}", "changed" if words else "same", "; ".join(words))
+
+
+def _json(folder: Path) -> list[dict[str, Any]]:
+    return json.loads((folder / "results.json").read_text(encoding="utf-8"))["results"]
+
+
+def _judged_again(result: PomResult, run: str, stored: Mapping[str, Mapping[Hashable, Any]]) -> Iterator[str]:
+    time, refused = result.signals["time"].values, _refused(result, run)
+    flight, model = _traces(result, "flight"), _traces(result, run)
+    for criterion in result.case.criteria:
+        before = stored.get(criterion.name)
+        if before is None:
+            yield f"{criterion.name}: not in the table of verdicts"
+        elif refused and criterion.applies:
+            if before["verdict"] != "invalid":
+                yield f"{criterion.name}: verdict {before['verdict']}, but the model stopped or its trim went beyond the limits of the case"
+        else:
+            now = row(run, criterion, judge(result.case, criterion, time, flight, model))
+            if {before["verdict"], now["verdict"]} != _EMPTY:
+                yield from _difference(criterion.name, "judged again", before, now)
+
+
+_EMPTY = {"invalid", "not_tested"}  # a channel without any sample is missing or empty: the archive does not tell which
+
+
+def _refused(result: PomResult, run: str) -> bool:
+    """Whether a run carries no judgement at all."""
+    if f"{run}: " in result.failure:
+        return True
+    if not {"flight", run} <= set(result.trim):
+        return False
+    flight, found = ({str(name): np.array([value]) for name, value in result.trim[column].items()} for column in ("flight", run))
+    return bool(beyond_limits(trim_limits(result.case, flight), found, demanded=True))
+
+
+def _traces(result: PomResult, run: str) -> dict[str, np.ndarray]:
+    traces = {str(name): item.sel(run=run).values for name, item in result.signals.data_vars.items()}
+    return {name: values for name, values in traces.items() if np.isfinite(values).any()}
+
+
+def _differences(where: str, run: str, stored: Mapping[str, Mapping[Hashable, Any]], others: Mapping[Any, Any]) -> Iterator[str]:
+    for name, before in stored.items():
+        other = others.get((run, name))
+        if other is None:
+            yield f"{name}: not in {where}"
+        else:
+            yield from _difference(name, where, before, other)
+
+
+def _difference(name: str, where: str, before: Mapping[Hashable, Any], now: Mapping[Any, Any]) -> Iterator[str]:
+    if before["verdict"] != now["verdict"]:
+        yield f"{name}: verdict {before['verdict']}, {where} {now['verdict']}"
+    for column in NUMBERS:
+        one, other = _number(before[column]), _number(now[column])
+        if math.isfinite(one) and not math.isclose(one, other, rel_tol=CLOSE, abs_tol=1e-12):
+            yield f"{name}: {column} {one:.9g}, {where} {other:.9g}"
+
+
+def _number(value: Any) -> float:
+    """Return a stored number; JSON holds neither NaN nor infinity."""
+    return float(value) if value is not None and math.isfinite(value) else math.nan

@@ -1,0 +1,1 @@
+"""Cases: the file, its parts, and the job that a model is given."""

@@ -1,0 +1,119 @@
+"""The form of a case file: its tables and keys, each with the sentence that an editor shows for it."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from pydantic import Field, field_validator
+
+from flightmech.support.configuration import Strict
+
+from ..tolerances import rows
+
+INITIAL = ("V", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "lat", "lon")
+MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+SURFACES = ("delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "delta_s", "delta_d")
+BRAKES = ("brake_left", "brake_right")
+INPUTS = (*SURFACES, "gear", "speedbrake", "delta_nw", *BRAKES)
+TRAVEL = ("column", "wheel", "pedal")
+FORCES = ("F_column", "F_wheel", "F_pedal")
+WIND = ("wind_n", "wind_e", "wind_d")
+CONDITIONS = (*INPUTS, *TRAVEL, *FORCES, *WIND, *INITIAL, *MASS, "delta_T", "runway_elevation", "wheel_radius")
+SHOWN = ("V_cas", "h", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "nz")
+
+Quantity = float | str
+Texts = dict[str, str]
+
+
+def _table(text: str) -> Any:
+    return Field(default_factory=dict, description=text)
+
+
+class CaseTable(Strict):
+    """What is tested, on which record, over which window."""
+
+    id: str = Field(description="Test of the tolerance table, such as 2.c.10.")
+    standard: str = Field(default=rows.STANDARD, description="Standard of the tolerance table.")
+    edition: str = Field(default=rows.EDITION, description="Edition of the standard.")
+    name: str = Field(description="Short name of the case, for files and links.")
+    title: str = Field(description="Title for people.")
+    description: str = Field(default="", description="What was flown.")
+    record: str = Field(description="Flight record: a raw one, or one of `aeromatch flight reconstruct`. Relative to this file.")
+    names: str = Field(default="", description="Name map of the record. Relative to this file.")
+    aircraft: str = Field(default="", description="Aircraft file; a raw record needs it to be reconstructed. Relative to this file.")
+    window: tuple[float, float] = Field(description="Start and end of the replay on the clock of the record [s].")
+    features: tuple[str, ...] = Field(default=(), description="Conditions of table rows that hold, such as reversible_controls.")
+    shortened: str = Field(default="", description="Why a window is shorter than the rows ask; without it a short window is an error.")
+    show: tuple[str, ...] = Field(default=SHOWN, description="Channels to show beside the judged ones.")
+    mode_channel: str = Field(default="", description="Channel on which period and damping are measured.")
+    engine_parameter: str = Field(default="", description="Critical engine parameter of Ti and Tt, such as engine1.n1.")
+    reference: Literal["flight", "engineering", "footprint"] = Field(
+        default="flight", description="flight; engineering: an engineering simulator; footprint: a recording without reference, no verdict."
+    )
+    fraction: float | None = Field(
+        default=None,
+        gt=0.0,
+        le=1.0,
+        description="Share of the tolerance that is applied. Default: 1 for flight; for engineering 0.2 before 2016, 0.4 from then on.",
+    )
+    objective: str = Field(default="", description="What the test shows.")
+    procedure: str = Field(default="", description="How it runs automatically.")
+    manual: str = Field(default="", description="How a pilot flies it by hand.")
+    evaluation: str = Field(default="", description="How it is evaluated.")
+    notes: str = Field(default="", description="Remarks for the reader of the report.")
+
+    @field_validator("window")
+    @classmethod
+    def _window_rises(cls, window: tuple[float, float]) -> tuple[float, float]:
+        if not window[0] < window[1]:
+            raise ValueError(f"the window must start before it ends, not {window[0]:g} ... {window[1]:g} s")
+        return window
+
+
+class LoopTable(Strict):
+    """A loop of the math pilot: correction = gain e + integral * Int e dt with e = recorded - model, no larger than limit."""
+
+    control: str = Field(description="Control that the loop moves: delta_a, wheel, F_column, throttle ...")
+    channel: str = Field(description="Channel that is held to the recorded one; never one that is judged.")
+    gain: Quantity = Field(description="Control per error: SI, or with units such as '0.3 deg/deg' or '2 cm/deg'.")
+    integral: Quantity = Field(default=0.0, description="Control per error and second: SI, or with units such as '0.05 deg/deg s'.")
+    limit: Quantity = Field(description="Largest correction of the loop, such as '5 deg'.")
+
+
+class DriveTable(Strict):
+    """What drives the model."""
+
+    surfaces: Literal["recorded", "cockpit", "force", "pilot"] = Field(
+        default="recorded",
+        description="recorded: surface positions; cockpit: travel of column, wheel, pedals; force: pilot forces; "
+        "pilot: what is recorded of the level of its loops, plus their corrections.",
+    )
+    engine: Literal["thrust", "n1", "throttle"] = Field(
+        default="thrust", description="thrust: recorded thrust drives; n1: the fan speed, throttle: the lever drives the engine model."
+    )
+    trim: bool | Literal["ground"] = Field(
+        default=True, description="Trim the model to the flight condition at the start; ground: it stands or rolls on its wheels."
+    )
+    wind: Literal["record", "measured", "none"] = Field(
+        default="record", description="record: wind of the reconstructed path; measured: wind channels of the raw record; none: calm air."
+    )
+    limits: dict[str, Quantity] = _table(
+        "Largest bias of the trim, such as { delta_e = '1 deg', thrust = '50 lbf' }; beyond one written here the run is invalid."
+    )
+    pilot: tuple[LoopTable, ...] = Field(default=(), description="Loops of the math pilot.")
+
+
+class CaseFile(Strict):
+    """A case of `aeromatch pom`: one row of the tolerance table, one window of one flight record, and how the model is driven."""
+
+    case: CaseTable
+    drive: DriveTable = DriveTable()
+    conditions: dict[str, Quantity] = _table("Values against the record: inputs held constant, parts of the initial state, mass, air.")
+    events: dict[str, float] = _table("Instants that bound the windows of rows, on the clock of the record [s].")
+    models: Texts = _table("By model: its table of names, when its names, units or signs are not of the house. Relative to this file.")
+    tolerance: dict[str, Any] = _table("Bands that replace those of the row or add to them, by criterion or channel.")
+    ranges: dict[str, Quantity] = _table("Largest value in service by channel, the base of lone percentages (rule R3).")
+    certified: dict[str, Quantity] = _table("Certified value by parameter, below which a floor criterion fails.")
+    ticks: Texts = _table("By advisory criterion: name, date and words of the engineer who ticked it.")
+    rationale: Texts = _table("By criterion or channel: why it is as it is.")
+    source: Texts = _table("Where the flight data come from: document, pages, flight, run, filters ...")

@@ -1,0 +1,170 @@
+"""What drives a model in a case: recorded inputs, the initial state, mass, air, and how it is trimmed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import OutOfRange, UnknownName
+
+from .case import PRIMARY, PomCase
+from .case_file import BRAKES, INPUTS, WIND
+from .initial_state import initial_state, line_at_start, mass_and_air
+from .pilot import Loop
+
+# what drives the engines: the recorded quantity, the input it becomes, mode.engine
+ENGINE_DRIVES = {"throttle": ("throttle", "throttle", 0.0), "n1": ("n1", "n1_drive", 1.0), "thrust": ("thrust", "thrust_drive", 2.0)}
+SEEK_THRUST, SEEK_THROTTLE, SEEK_GROUND = 1.0, 2.0, 3.0  # mode.trim
+LEVELS = {"recorded": 0.0, "cockpit": 1.0, "force": 2.0}  # mode.controls
+SAID = {"recorded": "the surfaces as recorded", "cockpit": "column, wheel and pedals as recorded", "force": "the pilot forces as recorded"}
+RELEASED = 0.02  # [1] brake pedal under which it counts as up
+NEEDED = ("init.V", "init.phi", "init.theta", "init.psi", "init.p", "init.q", "init.r", "init.h")
+_ENGINE = re.compile(r"^engine(\d+)\.(thrust|n1|throttle)$")
+
+
+@dataclass(frozen=True)
+class Job:
+    """Inputs and parameters of one replay, the same for every model.
+
+    Attributes
+    ----------
+    time : array (time,)
+        Communication points, the samples of the record. [s]
+    inputs : dict of str to array (time,)
+        [SI]
+    parameters : dict of str to float
+        ``init.*``, ``mass.*``, ``env.*``, ``mode.*``. [SI]
+    needed_inputs, needed_parameters : tuple of str
+        Without these a model cannot be flown (inputs that are zero throughout are not among them); the others are given
+        where it takes them.
+    pilot : tuple of Loop
+        Loops of the math pilot, closed sample by sample (`pom.cases.pilot.Pilot`); their controls are among the inputs.
+    targets : dict of str to array (time,)
+        The recorded channel of every loop. [SI]
+    """
+
+    time: np.ndarray
+    inputs: dict[str, np.ndarray]
+    parameters: dict[str, float]
+    needed_inputs: tuple[str, ...]
+    needed_parameters: tuple[str, ...]
+    pilot: tuple[Loop, ...] = ()
+    targets: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+def job_of(case: PomCase, states: xr.Dataset) -> Job:
+    """Return what drives the models.
+
+    Raises
+    ------
+    OutOfRange
+        A NaN in an input, in a channel that the math pilot holds, or in the initial state.
+    UnknownName
+        The record has no such control, thrust, channel or state.
+    """
+    time = states["time"].values.astype(float)
+    inputs = _inputs(case, states)
+    loops, targets = _loops(case, states, inputs)
+    for name, values in {**inputs, **targets}.items():
+        _demand_numbers(case, name, time, values)
+    parameters = {**initial_state(case, states), **mass_and_air(case, states), **_modes(case, states)}
+    missing = [name.removeprefix("init.") for name in NEEDED if name not in parameters]
+    if missing:
+        raise UnknownName(missing[0], map(str, states.data_vars), "state", f"case {case.name} starts from the state of the flight")
+    for name, value in parameters.items():
+        if not np.isfinite(value):
+            raise OutOfRange(f"case {case.name}: {name} has no value at the start of the window, t = {time[0]:g} s; move the window")
+    moved = {loop.control for loop in loops}
+    moving = tuple(name for name, values in inputs.items() if name in moved or (values.any() and name not in _held(case)))
+    for values in inputs.values():
+        values[0] = line_at_start(time, values)[0]  # the sample on which the model is trimmed
+    modes = (name for name in parameters if name in ("mode.engine", "mode.trim"))
+    return Job(time, inputs, parameters, moving, (*NEEDED, *modes), loops, targets)
+
+
+def _demand_numbers(case: PomCase, name: str, time: np.ndarray, values: np.ndarray) -> None:
+    bad = ~np.isfinite(values)
+    if bad.any():
+        raise OutOfRange(
+            f"case {case.name}: input {name} has no value in {int(bad.sum())} of {bad.size} samples, first at "
+            f"t = {time[bad][0]:g} s; repair the record or move the window",
+            bad,
+        )
+
+
+def _inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
+    count, level = states.sizes["time"], case.drive.level
+    moved = {loop.control for loop in case.drive.pilot}
+    found = {}
+    for name in (*PRIMARY[level], *(name for name in INPUTS if name not in PRIMARY[level]), *(WIND if case.wind != "none" else ())):
+        if name in case.conditions:
+            found[name] = np.full(count, case.conditions[name])
+        elif name in states:
+            found[name] = np.broadcast_to(states[name].values.astype(float), count).copy()
+        elif name in BRAKES and "brake" in states:
+            pedal = np.clip(np.broadcast_to(states["brake"].values.astype(float), count), 0.0, 1.0)
+            found[name] = np.where(pedal > RELEASED, pedal, 0.0)
+        elif name in moved:
+            found[name] = np.zeros(count)
+        elif name in PRIMARY[level]:
+            hint = f"case {case.name} drives {SAID[level]}; map the channel, or hold it by [conditions]"
+            raise UnknownName(name, map(str, states.data_vars), "recorded control", hint)
+    for name in _held(case).intersection(found):
+        found[name][:] = line_at_start(states["time"].values.astype(float), found[name])[0]
+    return {**found, **_engine_inputs(case, states)}
+
+
+def _held(case: PomCase) -> set[str]:
+    """Return the surfaces that something else moves: their recorded position only tells where the circuits start."""
+    return set(PRIMARY["recorded"]) - set(PRIMARY[case.drive.level])
+
+
+def _engine_inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
+    control, drive, _ = ENGINE_DRIVES[case.drive.engine]
+    engines = [match.group(1) for name in states.data_vars if (match := _ENGINE.match(str(name))) and match.group(2) == control]
+    if not engines:
+        raise UnknownName(f"engine1.{control}", map(str, states.data_vars), "recorded quantity", f'drive.engine is "{case.drive.engine}"')
+    count = states.sizes["time"]
+    return {
+        f"engine{n}.{drive}": np.broadcast_to(states[f"engine{n}.{control}"].values.astype(float), count).copy() for n in sorted(engines)
+    }
+
+
+def _loops(case: PomCase, states: xr.Dataset, inputs: Mapping[str, np.ndarray]) -> tuple[tuple[Loop, ...], dict[str, np.ndarray]]:
+    """Return the loops of the math pilot on inputs of the job, and the recorded channels they hold."""
+    levers = [name for name in inputs if name.endswith(".throttle")]
+    found = [
+        replace(loop, control=name) for loop in case.drive.pilot for name in (levers if loop.control == "throttle" else [loop.control])
+    ]
+    targets = {}
+    for loop in found:
+        if loop.channel not in states:
+            raise UnknownName(loop.channel, map(str, states.data_vars), "recorded channel", f"case {case.name}: the math pilot holds it")
+        targets[loop.channel] = states[loop.channel].values.astype(float)
+    return tuple(found), targets
+
+
+def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
+    found = {"mode.engine": ENGINE_DRIVES[case.drive.engine][2]}
+    if case.drive.trim == "ground":
+        found["mode.trim"] = SEEK_GROUND
+    elif case.drive.trim:
+        found["mode.trim"] = SEEK_THROTTLE if case.drive.engine == "throttle" else SEEK_THRUST
+    if case.drive.level != "recorded":
+        found["mode.controls"] = LEVELS[case.drive.level]
+    if "lat" in states or "lat" in case.conditions:
+        found["mode.earth"] = 1.0
+    return found
+
+
+def configuration(case: PomCase, job: Job) -> Mapping[str, float]:
+    """Return initial conditions and configuration by house name, for the report. [SI]"""
+    found = {name.removeprefix("init.").removeprefix("mass.").removeprefix("env."): value for name, value in job.parameters.items()}
+    for name in ("delta_f", "gear", "speedbrake", *WIND):
+        if name in job.inputs:
+            found[name] = float(job.inputs[name][0])
+    return {name: value for name, value in found.items() if not name.startswith("mode.") and not name.endswith("_dot")}

@@ -1,0 +1,266 @@
+"""The parts of a case file resolved one by one; what is wrong is added to a list of problems, so that all are told at once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flightmech.names import lookup
+from flightmech.units import quantity
+
+from ..tolerances import rows as table
+from ..tolerances.criteria import Criterion
+from ..tolerances.needed_channels import channels
+from ..tolerances.override import override
+from ..tolerances.row_conditions import unclaimed
+from .case_file import BRAKES, CONDITIONS, FORCES, SURFACES, TRAVEL, CaseFile, LoopTable
+from .pilot import Loop
+
+T = TypeVar("T")
+
+MOVABLE = (*SURFACES, *TRAVEL, *FORCES, "throttle", "speedbrake", "delta_nw", *BRAKES)
+"""Controls that a loop of the math pilot may move; ``throttle`` moves the levers of all engines alike."""
+
+BIASES = ("delta_e", "delta_a", "delta_r", "thrust", "throttle", *FORCES)
+REMAINDERS = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot")
+LIMIT_UNITS = (
+    {name: lookup(name).units for name in BIASES} | {name: "m s-2" for name in REMAINDERS[:3]} | dict.fromkeys(REMAINDERS[3:], "rad s-2")
+)
+"""What a trim finds and leaves, with its SI unit: keys of ``drive.limits``, outputs ``trim.*`` of a model."""
+
+KINDRED = (
+    {"V", "V_cas", "V_eas", "V_ground", "mach", "qbar", "u", "distance"},
+    {"theta", "q", "q_dot"},
+    {"phi", "p", "p_dot"},
+    {"psi", "r", "r_dot", "psi_dot", "y_runway"},
+    {"h", "h_agl", "h_baro", "hdot", "gamma"},
+    {"alpha", "w", "alpha_dot"},
+    {"beta", "v", "beta_dot", "ay"},
+    {"nz", "az", "dnz"},
+)
+"""Channels that cannot be held without holding each other: an integral or a derivative apart."""
+
+
+def collect(problems: list[str], place: str, act: Callable[..., T], *items: Any) -> T | None:
+    """Return ``act(*items)``; an error of the house becomes one more problem."""
+    try:
+        return act(*items)
+    except SchemaError as error:
+        problems += [f"{place}: {text}" for text in error.problems]
+        return None
+    except AeromatchError as error:
+        problems.append(f"{place}: {error}")
+        return None
+
+
+_BEARING = {"id", "standard", "edition", "window", "features", "shortened", "record"}
+"""Keys of ``[case]`` without which nothing can be said of the rest."""
+
+
+def sound_rest(content: Mapping[str, Any]) -> CaseFile | None:
+    """Return a case file of wrong form without the keys that are wrong, so that all else can be looked at in the same go.
+
+    None when windows and rows hang on what is wrong.
+    """
+    rest = deepcopy(dict(content))
+    try:
+        return CaseFile.model_validate(rest)
+    except ValidationError as error:
+        for item in error.errors():
+            place = item["loc"]
+            if place[0] == "events" or (place[0] == "case" and (len(place) == 1 or place[1] in _BEARING)):
+                return None
+            if item["type"] != "missing":
+                _remove(rest, place)
+    try:
+        return CaseFile.model_validate({**rest, "case": {"name": "", "title": "", **rest["case"]}})
+    except ValidationError:
+        return None
+
+
+def _remove(content: Any, place: tuple[int | str, ...]) -> None:
+    """Take the deepest part of a place that the content has out of it."""
+    *above, last = place
+    for key in above:
+        below = content.get(key) if isinstance(content, dict) else None
+        if not isinstance(below, dict):
+            last = key
+            break
+        content = below
+    if isinstance(content, dict):
+        content.pop(last, None)
+
+
+def quantities(place: str, found: Mapping[str, Any], units: Mapping[str, str], what: str, problems: list[str]) -> dict[str, float]:
+    """Return the SI values of a table whose keys are those of `units`."""
+    values = {}
+    for name, item in found.items():
+        if name not in units:
+            problems.append(f"{place}: {UnknownName(name, units, what)}")
+            continue
+        value = collect(problems, f"{place}.{name}", quantity, item, units[name])
+        if value is not None:
+            values[name] = value
+    return values
+
+
+def conditions(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+    """Return ``[conditions]`` in SI."""
+    return quantities("conditions", found, {name: lookup(name).units for name in CONDITIONS}, "condition", problems)
+
+
+def limits(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+    """Return ``drive.limits`` in SI, all positive."""
+    values = quantities("drive.limits", found, LIMIT_UNITS, "bias of the trim", problems)
+    problems += [
+        f"drive.limits.{name}: {value:g} is not positive; a limit is a largest size" for name, value in values.items() if not value > 0.0
+    ]
+    return values
+
+
+def ranges(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+    """Return ``[ranges]`` in SI."""
+    units = {}
+    for name in found:
+        row = collect(problems, "ranges", lookup, name)
+        if row is not None:
+            units[name] = row.units
+    return quantities("ranges", {name: found[name] for name in units}, units, "channel", problems)
+
+
+def check_events(found: Mapping[str, Any], problems: list[str]) -> None:
+    """Check the names of ``[events]``."""
+    for name in found:
+        if name not in table.events():
+            problems.append(f"events: {UnknownName(name, table.events(), 'event')}")
+
+
+def check_names(place: str, found: Mapping[str, Any], allowed: set[str], what: str, problems: list[str]) -> None:
+    """Check the keys of a table of texts."""
+    problems += [f"{place}: {UnknownName(name, allowed, what)}" for name in found if name not in allowed]
+
+
+def place(path: Path, name: str, key: str, problems: list[str]) -> str:
+    """Return a file that a case names, relative to the case file; empty for none."""
+    if not name:
+        return ""
+    found = path.parent / name
+    if not found.is_file():
+        problems.append(f"{key}: no file {found}; the name is relative to the case file")
+    return os.path.normpath(found)
+
+
+def criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
+    """Return the rows of the test as criteria, with what the case file says about bands."""
+    case = file.case
+    rows = collect(problems, "case.id", table.rows_of, case.id, case.standard, case.edition) or []
+    found = []
+    for row, name in zip(rows, table.names_of(rows), strict=True):
+        window = _window(row, name, file, problems)
+        criterion = table.criterion(row, name, window, case.features, case.mode_channel, case.engine_parameter)
+        if criterion.applies and criterion.measure.startswith("response_") and not criterion.channel:
+            problems.append(f"case.engine_parameter: missing; row {name} needs the channel of the critical engine parameter")
+        if criterion.applies and criterion.measure == "steady" and "capture" not in file.events:
+            problems.append(f"events.capture: missing; row {name} is a snapshot and needs its instant")
+        found.append(criterion)
+    for key, item in file.tolerance.items():
+        changed = collect(problems, f"tolerance.{key}", override, found, key, item, case.window)
+        found = changed if changed is not None else found
+    return found
+
+
+def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> tuple[float, float]:
+    """Return the window of a row; longer than the case's window only with a stated reason."""
+    start, stop = file.case.window
+    if unclaimed(row["condition"], file.case.features):
+        return file.case.window
+    found = []
+    for mark, default in ((row["applies_from"], start), (row["applies_to"], stop)):
+        time = collect(problems, f"events, row {name}", table.bound, mark, file.events, default)
+        found.append(default if time is None else float(time))
+    asked = f"{found[0]:g} ... {found[1]:g} s"
+    inside = max(found[0], start), min(found[1], stop)
+    if not inside[0] < inside[1]:
+        problems.append(f"events: row {name} asks for {asked}, outside the case window {start:g} ... {stop:g} s")
+    elif inside != (found[0], found[1]) and not file.case.shortened:
+        problems.append(
+            f"case.window: {start:g} ... {stop:g} s is shorter than row {name} asks ({asked}, {row['applies_from']} to "
+            f"{row['applies_to'] or 'the end'}); widen it, or say why in case.shortened"
+        )
+    return inside
+
+
+def weighed(found: Sequence[Criterion], fraction: float, largest: Mapping[str, float]) -> tuple[Criterion, ...]:
+    """Return criteria with the share of the tolerance that is applied and the largest values in service."""
+    return tuple(replace(c, fraction=fraction, largest=largest.get(c.channel)) for c in found)
+
+
+def fraction(file: CaseFile) -> float:
+    """Return the share of the tolerance: as written, else by reference and edition (rule R9 of the table)."""
+    if file.case.fraction is not None:
+        return file.case.fraction
+    if file.case.reference != "engineering":
+        return 1.0
+    return 0.2 if file.case.edition[:4] < "2016" else 0.4
+
+
+def loops(file: CaseFile, problems: list[str]) -> tuple[Loop, ...]:
+    """Return the loops of the math pilot in SI."""
+    tables = file.drive.pilot
+    if bool(tables) != (file.drive.surfaces == "pilot"):
+        problems.append('drive.pilot: loops and surfaces = "pilot" go together; give both, or none')
+    found = [_loop(item, f"drive.pilot.{i}", problems) for i, item in enumerate(tables)]
+    levels = {level_of(item.control) for item in tables} - {""}
+    if len(levels) > 1:
+        problems.append(
+            f"drive.pilot: the loops move controls of {len(levels)} levels ({', '.join(sorted(levels))}); one level drives a model"
+        )
+    return tuple(loop for loop in found if loop is not None)
+
+
+def level_of(control: str) -> str:
+    """Return the level of drive that a control belongs to; empty for those that belong to all."""
+    level = {name: "recorded" for name in ("delta_e", "delta_a", "delta_r")}
+    return (level | dict.fromkeys(TRAVEL, "cockpit") | dict.fromkeys(FORCES, "force")).get(control, "")
+
+
+def _loop(item: LoopTable, where: str, problems: list[str]) -> Loop | None:
+    if item.control not in MOVABLE:
+        problems.append(f"{where}.control: {UnknownName(item.control, MOVABLE, 'control')}")
+        return None
+    channel = collect(problems, f"{where}.channel", lookup, item.channel)
+    if channel is None:
+        return None
+    moved, held = lookup(item.control).units, channel.units
+    units = {"gain": f"{moved}/{held}", "integral": f"{moved}/{held} s", "limit": moved}
+    given = {key: getattr(item, key) for key in units}
+    before = len(problems)
+    values = quantities(where, given, units, "key", problems)
+    if values.get("limit", 1.0) <= 0.0:
+        problems.append(f"{where}.limit: {values['limit']:g} is not positive; a limit is the largest correction")
+    return Loop(item.control, item.channel, **values) if len(problems) == before else None
+
+
+def forbid_judged(loops: Sequence[Loop], found: Sequence[Criterion], problems: list[str]) -> None:
+    """Tell of every loop that holds what is judged: qtg-report practice, section 5; a controller would pass any model."""
+    for loop in loops:
+        kindred = {loop.channel}.union(*(group for group in KINDRED if loop.channel in group))
+        judged = [c for c in found if c.applies and not c.reason and kindred & set(channels(c))]
+        if judged:
+            rows = ", ".join(f"{c.name} ({', '.join(channels(c))})" for c in judged)
+            problems.append(
+                f"drive.pilot: the loop of {loop.control} holds {loop.channel}, on which {rows} is judged; a math pilot may not fly "
+                "what is judged: hold another channel, or drop the loop"
+            )
+
+
+def certified(found: Mapping[str, Any], problems: list[str]) -> dict[str, float]:
+    """Return ``[certified]``: fractions, such as climb gradients."""
+    return quantities("certified", found, dict.fromkeys(found, "1"), "parameter", problems)

@@ -1,0 +1,89 @@
+"""``aeromatch pom init`` and ``aeromatch pom schema``: a first case file, and the schema for editors."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from flightmech.support.console import NewFile, document, json_option, remark
+
+_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+
+
+@click.command()
+@click.argument("record", type=_FILE)
+@click.option("--test", help="Number of the test in the tolerance table, such as 2.c.10. On a terminal it is asked for.")
+@click.option("-o", "--output", default="case.toml", show_default=True, type=NewFile(), help="Case file to write.")
+@click.option("--standard", help="Standard, or a part of its name.  [default: FAA 14 CFR Part 60 App A Table A2A]")
+@click.option("--edition", help="Edition, or its first digits.  [default: 2014-01-01, or the oldest of the standard]")
+@click.option("--names", type=_FILE, help="Name map of the record.  [default: names.toml beside it or one folder up]")
+@click.option("--aircraft", type=_FILE, help="Aircraft.  [default: aircraft.toml beside the record or one folder up]")
+@click.option("--window", nargs=2, type=float, metavar="START STOP", help="Where to look for the manoeuvre. [s]")
+@click.option("--force", is_flag=True, help="Overwrite an older file.")
+@json_option
+def init(
+    record: Path,
+    test: str | None,
+    output: str,
+    standard: str | None,
+    edition: str | None,
+    names: Path | None,
+    aircraft: Path | None,
+    window: tuple[float, float] | None,
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Write a commented case file for a RECORD and a row of the tolerance table.
+
+    Window and events are filled in where the record tells them; what it does not tell is said.
+    """
+    from ..drafting.draft import init_case
+    from ..tolerances.editions import edition_of, titles
+
+    standard, edition = edition_of(standard, edition)
+    if test is None:
+        if not _on_terminal():
+            raise click.UsageError("--test is missing; give the number of a row, such as --test 2.c.10 (on a terminal it is asked for)")
+        test = _ask(titles(standard, edition))
+    case, remarks = init_case(
+        record, test, output, standard=standard, edition=edition, names=names, aircraft=aircraft, window=window, force=force
+    )
+    if as_json:
+        document({"case": case.to_dict(), "remarks": remarks})
+        return
+    click.echo(f"written: {output}")
+    click.echo(f"{case.id}  {case.title}  {case.window[0]:g} ... {case.window[1]:g} s  {case.description}")
+    for text in remarks:
+        remark(f"  - {text}")
+
+
+@click.command()
+@click.option("-o", "--output", default="case.schema.json", show_default=True, type=NewFile(), help="File to write.")
+def schema(output: str) -> None:
+    """Write the JSON schema of case files, for an editor: the first line of a case file names it, ``#:schema case.schema.json``."""
+    from flightmech.support.atomic_write import written_whole
+
+    from ..cases.file_schema import SHIPPED
+
+    with written_whole(output) as part:
+        part.write_bytes(SHIPPED.read_bytes())
+    click.echo(f"written: {output}")
+
+
+def _on_terminal() -> bool:
+    return sys.stdin.isatty()
+
+
+def _ask(titles: dict[str, str]) -> str:
+    """Ask what was flown, then which of the fitting rows it is."""
+    while True:
+        words = click.prompt("What was flown? (words of the title, or a number)").lower().split()
+        fitting = {test: title for test, title in titles.items() if all(word in f"{test} {title}".lower() for word in words)}
+        if fitting:
+            break
+        click.echo("no row has all of these words; try fewer, such as 'roll' or '2.c'")
+    for test, title in fitting.items():
+        click.echo(f"  {test:8} {title}")
+    return click.prompt("Which row?", default=next(iter(fitting)), type=click.Choice(list(fitting)), show_choices=False)

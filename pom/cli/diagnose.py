@@ -1,0 +1,184 @@
+"""``aeromatch pom diagnose``: which terms and parts explain the miss of the a-priori model, and the corrected model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from flightmech.support.console import NewFile, document, json_option, table
+
+from .arguments import biases_option, case_files, cases_argument, read_biases
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from flightmech import Aircraft
+
+    from ..cases.case import PomCase
+
+_FILE = click.Path(exists=True, dir_okay=False)
+_IDLE = 0.005  # share of the gap
+_INTERACTING = 5  # pairs printed
+
+
+@click.command()
+@cases_argument
+@click.option("--prior", required=True, type=_FILE, help="A-priori database.")
+@click.option("--final", required=True, type=_FILE, help="Database with flight-identified terms.")
+@click.option("--apriori", type=_FILE, help="Aircraft file of the a-priori model, when engines, gear or circuits are others.")
+@click.option(
+    "--group", "groups", multiple=True, metavar="NAME=TERM,...", help="Terms, parts or patterns to swap together; may be repeated."
+)
+@click.option("--players", default=5, show_default=True, type=click.IntRange(1), help="Terms that the shares tell apart, at least.")
+@click.option(
+    "--replays",
+    default=256,
+    show_default=True,
+    type=click.IntRange(1),
+    help="Replays for the shares; more terms than they allow are sampled.",
+)
+@click.option("--seed", default=0, show_default=True, help="Of the sample.")
+@click.option("-o", "--output", type=NewFile(), help="Corrected database: the a-priori one with only the terms that the cases need.")
+@click.option("--aircraft-output", type=NewFile(), help="Corrected aircraft: that of --apriori with only the parts that the cases need.")
+@biases_option
+@json_option
+def diagnose(
+    cases: tuple[Path, ...],
+    prior: str,
+    final: str,
+    apriori: str | None,
+    groups: tuple[str, ...],
+    players: int,
+    replays: int,
+    seed: int,
+    output: str | None,
+    aircraft_output: str | None,
+    biases_file: str | None,
+    as_json: bool,
+) -> None:
+    """Swap terms between two databases and rank which closes how much of the miss of CASES (files, or folders of them)."""
+    if aircraft_output and not apriori:
+        raise click.UsageError("--aircraft-output needs --apriori: the aircraft file that is to be corrected")
+    wanted = _groups(groups)
+    import aerodb
+    from flightmech import read_aircraft
+
+    from ..diagnosis.diagnosis import diagnose as rank
+    from ..replaying.reference_states import recorded_states
+
+    before, after = aerodb.open(prior), aerodb.open(final)
+    old = read_aircraft(apriori) if apriori else None
+    biases, read = read_biases(biases_file), _cases(cases)
+    new = {case.aircraft: read_aircraft(case.aircraft) for case in read}
+    found: dict[str, pd.DataFrame] = {}
+    for case in read:
+        states, aircraft = recorded_states(case, biases), new[case.aircraft]
+        found[case.name] = rank(case, before, after, aircraft, states, old, wanted, players, replays, seed)
+        if not as_json:
+            _print(case, found[case.name])
+    written = _written(output, (before, after, final), found) if output else ""
+    if aircraft_output and old is not None:
+        _write_aircraft(aircraft_output, old, new, found)
+    if as_json:
+        document([{"case": name, **row} for name, ranked in found.items() for row in ranked.to_dict("records")])
+        return
+    if written:
+        click.echo(written)
+    if aircraft_output:
+        click.echo(f"written: {aircraft_output}")
+
+
+def _cases(places: tuple[Path, ...]) -> list[PomCase]:
+    from flightmech.errors import SchemaError
+
+    from ..cases.case import read_case
+
+    found = [read_case(file) for file in case_files(places)]
+    problems = [f"{case.path}: case.aircraft: missing; the kernel flies an aircraft, give its file" for case in found if not case.aircraft]
+    names = [case.name for case in found]
+    problems += [f"case name {name!r} is given twice" for name in dict.fromkeys(names) if names.count(name) > 1]
+    if problems:
+        raise SchemaError("cases to diagnose", problems)
+    return found
+
+
+def _groups(texts: tuple[str, ...]) -> dict[str, list[str]]:
+    found: dict[str, list[str]] = {}
+    for text in texts:
+        name, equals, members = text.partition("=")
+        found[name.strip()] = [word.strip() for word in members.split(",") if word.strip()]
+        if not equals or not name.strip() or not found[name.strip()]:
+            raise click.UsageError(f"--group {text!r}: expected NAME=TERM,TERM such as ground=CL/ground,Cm/ground")
+    return found
+
+
+def _written(output: str, databases: tuple[Any, Any, str], found: dict[str, pd.DataFrame]) -> str:
+    import aerodb
+
+    from ..diagnosis.term_swaps import corrected_database, differing
+
+    before, after, final = databases
+    corrected = corrected_database(before, after, found, _source(final))
+    aerodb.save(corrected, output)
+    return f"written: {output}, with {' '.join(differing(before, corrected)) or 'no term'} of {final}"
+
+
+def _write_aircraft(output: str, old: Aircraft, new: dict[str, Aircraft], found: dict[str, pd.DataFrame]) -> None:
+    from flightmech import write_aircraft
+    from flightmech.errors import SchemaError
+
+    from ..diagnosis.term_swaps import corrected_aircraft
+
+    if len(new) > 1:
+        raise SchemaError("corrected aircraft", [f"the cases name {len(new)} aircraft files ({', '.join(new)}); diagnose them one by one"])
+    ((file, aircraft),) = new.items()
+    write_aircraft(corrected_aircraft(old, aircraft, found, _source(file)), output)
+
+
+def _source(file: str) -> str:
+    """Return what the history calls a file: its name and the first half of its digest."""
+    from ..archive.origins import sha256
+
+    return f"{Path(file).name} (SHA-256 {sha256(file)[:32]})"
+
+
+def _print(case: PomCase, ranked: pd.DataFrame) -> None:
+    from ..diagnosis.swap_table import criteria_of
+    from ..report.models.diagnosis import story
+
+    criteria = criteria_of(ranked)
+    idle = ranked["stage"].isin(["single", "group"]) & (ranked["closes"].abs() < _IDLE)
+    idle |= (ranked["stage"] == "without") & ((ranked["closes"] - 1.0).abs() < _IDLE)
+    pairs = ranked[ranked["stage"] == "pair"]
+    quiet = pairs.index.difference(pairs["interaction"].abs().nlargest(_INTERACTING).index)
+    columns = [
+        "stage",
+        "term",
+        "closes",
+        "verdict",
+        "interaction",
+        *(f"{name} {what}" for name in criteria for what in ("closed", "ratio")),
+    ]
+    rows = [_cells(row, criteria) for row in ranked[~idle].drop(quiet).to_dict("records")]
+    table(columns, rows, f"{case.id}  {case.title}", right=[columns[2], *columns[4:]])
+    click.echo(story(ranked))
+    if idle.any():
+        left_out = f"{int(idle.sum())} swaps that change less than {_IDLE:g} of the gap"
+        left_out += f" and {len(quiet)} pairs that interact less" if len(quiet) else ""
+        click.echo(f"{left_out} are left out; --json has them all\n")
+
+
+def _cells(row: dict[Any, Any], criteria: list[str]) -> list[str]:
+    cells = [row["stage"], row["term"], _percent(row["closes"], row["stderr"]), "" if row["stage"] == "share" else row["verdict"]]
+    cells.append(_percent(row["interaction"]))
+    for name in criteria:
+        cells += [_percent(row[f"{name} closes"], row[f"{name} stderr"]), "" if row["stage"] == "share" else f"{row[f'{name} ratio']:.2f}"]
+    return cells
+
+
+def _percent(share: float, stderr: float = 0.0) -> str:
+    if share != share:
+        return ""
+    return f"{100.0 * share:.0f}{f' +- {100.0 * stderr:.0f}' if stderr > 0.0 else ''} %"

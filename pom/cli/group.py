@@ -1,0 +1,177 @@
+"""``aeromatch pom``: check cases, run them against models, name the terms behind a miss."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from flightmech.support.console import NewFile, command_line, document, jobs_option, json_option, table
+
+from .arguments import biases_option, case_files, cases_argument, read_biases
+from .case import init, schema
+from .diagnose import diagnose
+from .report import report, report_options, verify
+
+_CASE = click.argument("case", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+
+
+@click.group()
+def pom() -> None:
+    """Replay recorded inputs and judge the match."""
+
+
+pom.add_command(init)
+pom.add_command(schema)
+pom.add_command(diagnose)
+pom.add_command(report)
+pom.add_command(verify)
+
+
+@pom.command()
+@_CASE
+@json_option
+def check(case: Path, as_json: bool) -> None:
+    """Read one case file and print its criteria as they will be judged."""
+    from ..cases.case import read_case
+    from ..judging.verdict import unjudged
+
+    found = read_case(case)
+    if as_json:
+        document(found.to_dict())
+        return
+    rows = [
+        (c.name, c.channel, c.measure, c.group, c.band.text, f"{c.window[0]:g} ... {c.window[1]:g}", unjudged(found, c) or c.provenance)
+        for c in found.criteria
+    ]
+    title = f"{found.id}  {found.title}  ({found.standard}, {found.edition})"
+    table(("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark"), rows, title)
+
+
+@pom.command()
+@cases_argument
+@click.option("--model", "models", multiple=True, required=True, metavar="NAME=FILE.fmu", help="A model; as often as wanted.")
+@click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), help="Folder for the report: pages, numbers, manifest.")
+@click.option("--title", default="Proof of Match", show_default=True, help="Title of the report.")
+@report_options
+@click.option("--junit", type=NewFile(), help="JUnit XML for a build server, beside or without a report.")
+@click.option("--names", "tables", multiple=True, metavar="NAME=FILE.toml", help="Table of names, units and signs of a model.")
+@click.option("--timeout", default=60.0, show_default=True, help="Wall time per model and case. [s]")
+@jobs_option
+@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Fly on the workers of a dask.distributed cluster that see the same files.")
+@click.option(
+    "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
+)
+@biases_option
+@click.option("-v", "--verbose", is_flag=True, help="Also print trim, math pilot and drift of every model.")
+@json_option
+@click.pass_context
+def run(
+    ctx: click.Context,
+    cases: tuple[Path, ...],
+    models: tuple[str, ...],
+    output: Path | None,
+    title: str,
+    revision: str,
+    date: str,
+    paper: str,
+    no_pdf: bool,
+    junit: str | None,
+    tables: tuple[str, ...],
+    timeout: float,
+    jobs: int,
+    scheduler: str | None,
+    resume: Path | None,
+    biases_file: str | None,
+    verbose: bool,
+    as_json: bool,
+):
+    """Replay CASES (files, or folders of them) by models and print one line per case and model.
+
+    Exit code 0 when all pass, 1 when one does not.
+    """
+    from flightmech.errors import SimulationError
+
+    from ..cases.case import read_case
+    from ..replaying.batch import replay_all
+    from ..replaying.replay_case import files_by_name
+
+    runs, names = files_by_name("--model", models, "final=out/final.fmu"), files_by_name("--names", tables, "simulator=names.toml")
+    read = [read_case(file) for file in case_files(cases)]
+    waiting: list[str] = []
+    flown = False
+
+    def tell(result: Any) -> None:
+        nonlocal flown
+        flown = flown or not result.failure or any(result.status(name) != "invalid" for name in runs)
+        waiting.extend(_lines(result, verbose))
+        if flown and not as_json:
+            click.echo("\n".join(waiting))
+            waiting.clear()
+
+    shared: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "resume": resume}
+    results = replay_all(read, runs, names=names, biases=read_biases(biases_file), timeout=timeout, told=tell, **shared)
+    if not flown:
+        raise SimulationError("no model could be replayed: " + results[0].failure)
+    written = None
+    if output is not None:
+        from ..archive.origins import provenance
+        from ..report.writer import write_report
+
+        made_from = provenance([*(file for case in read for file in case.files()), *map(str, names.values())], runs, command_line(), date)
+        written = write_report(results, output, title=title, provenance=made_from, revision=revision, paper=None if no_pdf else paper)
+    if junit is not None:
+        from ..report.exports import write_junit
+
+        write_junit(junit, results, title)
+    statuses = [r.status(name) for r in results for name in runs]
+    if as_json:
+        document([_summary(r) for r in results])
+    else:
+        counts = ", ".join(f"{statuses.count(word)} {word}" for word in dict.fromkeys(statuses))
+        click.echo(f"{len(runs)} model{'s' if len(runs) > 1 else ''} x {len(results)} case{'s' if len(results) > 1 else ''}: {counts}")
+        if written is not None:
+            click.echo(f"written: {written}")
+    ctx.exit(0 if set(statuses) == {"pass"} else 1)
+
+
+def _lines(result: Any, verbose: bool = False) -> list[str]:
+    """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s (1.5 deg)``."""
+    from ..report.run_notes import run_notes
+
+    case, lines = result.case, []
+    for name in result.runs:
+        status = result.status(name)
+        worst = result.worst(name)
+        said = "pass" if status == "pass" else status.upper()
+        if worst is not None:
+            at = f" at {worst['at']:.1f} s" if worst["measure"] == "trace" else ""
+            unit = "" if worst["unit"] == "1" else f" {worst['unit']}"
+            said += f"  {worst['worst_ratio']:.2f} x tolerance"
+            said += f"  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} ({worst['tolerance_text']})"
+        elif status != "pass":
+            rows = result.verdict[(result.verdict["run"] == name) & (result.verdict["verdict"] == status)]
+            said += f"  {rows.iloc[0]['note']}" if len(rows) else ""
+        lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {said}")
+        lines += [f"{'':8}{text}" for text in run_notes(result, name)] if verbose else []
+    return lines
+
+
+def _summary(result: Any) -> dict[str, Any]:
+    from ..replaying.offsets import calibration, drift
+    from ..replaying.piloting import pilot_activity
+
+    return {
+        "case": result.case.name,
+        "id": result.case.id,
+        "standard": result.case.standard,
+        "edition": result.case.edition,
+        "status": {name: result.status(name) for name in result.runs},
+        "failure": result.failure,
+        "verdict": [dict(row) for row in result.rows],
+        "trim": result.trim,
+        "pilot": pilot_activity(result),
+        "drift": drift(result),
+        "calibration": calibration(result),
+    }

@@ -1,0 +1,99 @@
+"""``aeromatch pom report`` and ``aeromatch pom verify``: a report written again, a report checked; the options of a report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import click
+
+from flightmech.support.console import command_line, document, json_option, table
+
+if TYPE_CHECKING:
+    from ..archive.provenance_record import Provenance
+
+_OPTIONS = (
+    click.option("--revision", default="", help="Revision of the report, printed on every page."),
+    click.option("--date", default="", metavar="YYYY-MM-DD", help="Date of the results; no clock is read."),
+    click.option("--paper", type=click.Choice(["a4", "letter"]), default="a4", show_default=True, help="Paper of report.pdf."),
+    click.option("--no-pdf", is_flag=True, help="No report.pdf, which takes most of the time."),
+)
+
+
+def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add the options that every command that writes a report has in common."""
+    for option in reversed(_OPTIONS):
+        command = option(command)
+    return command
+
+
+@click.command()
+@click.argument("results", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
+@click.option("-o", "--output", required=True, type=click.Path(file_okay=False, path_type=Path), help="Folder of the new report.")
+@click.option("--title", default=None, help="Title of the report.  [default: that of the first of the RESULTS]")
+@click.option(
+    "--database", "databases", multiple=True, metavar="NAME=FILE.nc", help="Database to compare; as often as wanted, the prior first."
+)
+@report_options
+def report(
+    results: tuple[Path, ...],
+    output: Path,
+    title: str | None,
+    databases: tuple[str, ...],
+    revision: str,
+    date: str,
+    paper: str,
+    no_pdf: bool,
+) -> None:
+    """Write a report from RESULTS (folders of reports, or their results.nc), without flying anything again.
+
+    The results of several reports are joined in the order given. Verdicts are those stored; `aeromatch pom verify` judges them again.
+    """
+    from ..archive.merge_reports import joined
+    from ..replaying.replay_case import files_by_name
+    from ..report.writer import write_report
+
+    found = joined(results)
+    opened = {}
+    if databases:
+        import aerodb
+
+        opened = {name: aerodb.open(file) for name, file in files_by_name("--database", databases, "final=out/final.nc").items()}
+    made = write_report(
+        found.results,
+        output,
+        title=title or found.title,
+        provenance=cast("Provenance", {**found.provenance, "command": command_line(), "date": date or found.provenance.get("date", "")}),
+        databases=opened,
+        diagnoses=found.diagnoses,
+        revision=revision or found.revision,
+        paper=None if no_pdf else paper,
+    )
+    click.echo(f"written: {made}")
+
+
+@click.command()
+@click.argument("folder", type=click.Path(exists=True, file_okay=False, path_type=Path))
+@json_option
+@click.pass_context
+def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
+    """Check the report in FOLDER: hash all inputs and outputs again, judge all verdicts again from the stored samples.
+
+    Exit code 0 when all is as it was, 1 when anything changed or is missing, with what exactly.
+    """
+    from dataclasses import asdict
+
+    from ..archive.verification import verify as check
+
+    found = check(folder)
+    bad = [item for item in found if item.state != "same"]
+    if as_json:
+        document([asdict(item) for item in found])
+    else:
+        counts = {kind: sum(item.kind == kind for item in found) for kind in ("output", "input", "model", "verdict")}
+        if bad:
+            table(("what", "name", "state", "detail"), [(item.kind, item.name, item.state, item.detail) for item in bad])
+        checked = ", ".join(f"{count} {kind}{'' if count == 1 else 's'}" for kind, count in counts.items())
+        click.echo(f"{len(bad)} of {len(found)} differ ({checked} checked)" if bad else f"all as it was: {checked} checked")
+    ctx.exit(1 if bad else 0)

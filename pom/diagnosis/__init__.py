@@ -1,0 +1,1 @@
+"""Which terms explain a mismatch."""

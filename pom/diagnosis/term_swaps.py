@@ -1,0 +1,205 @@
+"""Terms and parts exchanged between two models: which differ, which belong together, and the corrected model with its provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+import aerodb
+from flightmech import Aircraft
+from flightmech.aircraft.parts import different_parts, swap_parts
+from flightmech.errors import UnknownName
+
+# what a configuration or a control is made of: terms with one of these among their axes or regressors make a group
+_VARIABLES = ("delta_f", "gear", "speedbrake", "h_agl", "delta_e", "delta_a", "delta_r")
+_SUBMODELS = ("engine", "gear", "circuit", "fuel")
+
+
+def differing(prior: xr.DataTree, final: xr.DataTree) -> list[str]:
+    """Return the names of the terms that are not the same in both databases, or only in one of them."""
+    ours, theirs = aerodb.terms(prior), aerodb.terms(final)
+    return [name for name in {**ours, **theirs} if not _same(ours.get(name), theirs.get(name))]
+
+
+def _same(a: xr.Dataset | None, b: xr.Dataset | None) -> bool:
+    if a is None or b is None:
+        return False
+    tables = [name for name in ("value", "K1", "K2") if name in a or name in b]
+    rules = all(a.attrs.get(key) == b.attrs.get(key) for key in ("regressors", "outside", "power", "exponent", "floor"))
+    return rules and all(name in a and name in b and a[name].equals(b[name]) for name in tables)
+
+
+def groups_of(
+    prior: xr.DataTree,
+    final: xr.DataTree,
+    names: Sequence[str],
+    wanted: Mapping[str, Sequence[str]] | None = None,
+) -> dict[str, tuple[str, ...]]:
+    """Return the groups of terms and parts that are worth a swap as a whole, by name.
+
+    Parameters
+    ----------
+    prior, final : DataTree
+        The two databases.
+    names : sequence of str
+        The terms, and parts of the aircraft, that differ.
+    wanted : mapping of str to sequence of str, optional
+        Further groups: names or patterns, ``{"nose leg and ground": ["gear/nose", "C?/ground*"]}``.
+
+    Returns
+    -------
+    dict of str to tuple of str
+        ``Cm/*`` all of a coefficient, ``*(gear)`` all terms that depend on a variable, ``engine/*`` all parts of a submodel,
+        ``C*/*`` all terms (beside parts), and those that are `wanted`.  Groups of one, of all, and repetitions are left out.
+
+    Raises
+    ------
+    UnknownName
+        A pattern of `wanted` means nothing that differs.
+    """
+    parts = [name for name in names if name.split("/")[0] in _SUBMODELS]
+    terms = [name for name in names if name not in parts]
+    leaves = [aerodb.terms(db) for db in (prior, final)]
+    found = {f"{coefficient}/*": [name for name in terms if name.startswith(f"{coefficient}/")] for coefficient in _heads(terms)}
+    found |= {f"*({variable})": [name for name in terms if variable in _depends(leaves, name)] for variable in _VARIABLES}
+    found |= {f"{model}/*": [name for name in parts if name.startswith(f"{model}/")] for model in _heads(parts)}
+    found |= {"C*/*": terms}
+    kept: dict[str, tuple[str, ...]] = {}
+    for key, members in found.items():
+        if 1 < len(members) < len(names) and tuple(members) not in kept.values():
+            kept[key] = tuple(members)
+    return kept | {key: _meant(key, patterns, names) for key, patterns in (wanted or {}).items()}
+
+
+def _heads(names: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(name.split("/")[0] for name in names))
+
+
+def _depends(leaves: Sequence[Mapping[str, xr.Dataset]], name: str) -> set[str]:
+    """Return the axes and regressors of a term in either database."""
+    found: set[str] = set()
+    for terms in leaves:
+        if name in terms:
+            found |= set(map(str, terms[name].dims)) | set(str(terms[name].attrs.get("regressors", "")).split())
+    return found
+
+
+def _meant(key: str, patterns: Sequence[str], names: Sequence[str]) -> tuple[str, ...]:
+    found: dict[str, None] = {}
+    for pattern in patterns:
+        meant = [name for name in names if fnmatchcase(name, pattern)]
+        if not meant:
+            raise UnknownName(pattern, names, "term or part that differs", f"group {key!r}")
+        found |= dict.fromkeys(meant)
+    return tuple(found)
+
+
+def swap_terms(prior: xr.DataTree, final: xr.DataTree, names: Iterable[str], why: Mapping[str, str] | None = None) -> xr.DataTree:
+    """Return `prior` with the named terms as they are in `final`; a term that `final` does not have is taken out.
+
+    Names that are terms of neither, such as parts of the aircraft, are passed over.
+
+    Parameters
+    ----------
+    prior, final : DataTree
+        Two databases of one aircraft.
+    names : iterable of str
+        Terms to take from `final`.
+    why : mapping of str to str, optional
+        By name: a line for the history of the term.
+    """
+    theirs, ours = aerodb.terms(final), aerodb.terms(prior)
+    names = [name for name in names if name in theirs or name in ours]
+    taken = {name: _told(theirs[name], (why or {}).get(name, "")) for name in names if name in theirs}
+    swapped = aerodb.replace_terms(prior, taken, "term swap")
+    gone = [name for name in names if name not in theirs]
+    reasons = "; ".join(f"{name}: {why[name]}" for name in gone if why and name in why)
+    return aerodb.delete_terms(swapped, gone, f"term swap; {reasons}" if reasons else "term swap") if gone else swapped
+
+
+def _told(leaf: xr.Dataset, line: str) -> xr.Dataset:
+    history = [text for text in (str(leaf.attrs.get("history", "")), line) if text]
+    return leaf.assign_attrs(history="\n".join(history)) if line else leaf
+
+
+def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
+    """Return the terms and parts that the sequences of several diagnoses needed, in the order of the share each closes alone.
+
+    Parameters
+    ----------
+    diagnoses : iterable of DataFrame
+        From `diagnose`.
+    """
+    share: dict[str, float] = {}
+    for table in diagnoses:
+        alone = _closes(table, "single")
+        for name in table.loc[table["stage"] == "sequence", "term"]:
+            share[name] = max(share.get(name, -np.inf), alone[name])
+    return sorted(share, key=lambda name: -share[name])
+
+
+def reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
+    """Return, by term or part that the corrected model takes, which cases asked for it and what it closes there.
+
+    Parameters
+    ----------
+    diagnoses : mapping of str to DataFrame
+        Name of the case to its table of `diagnose`.
+    """
+    said: dict[str, list[str]] = {}
+    for case, table in diagnoses.items():
+        alone, share = _closes(table, "single"), _closes(table, "share")
+        for name in table.loc[table["stage"] == "sequence", "term"]:
+            part = f", share {100.0 * share[name]:.0f} %" if name in share else ""
+            said.setdefault(name, []).append(f"{case} (alone {100.0 * alone[name]:.0f} % of the gap{part})")
+    return {name: f"needed by {'; '.join(said[name])}" for name in corrected_terms(diagnoses.values())}
+
+
+def _closes(table: pd.DataFrame, stage: str) -> dict[str, float]:
+    rows = table[table["stage"] == stage]
+    return dict(zip(rows["term"], rows["closes"], strict=True))
+
+
+def corrected_database(prior: xr.DataTree, final: xr.DataTree, diagnoses: Mapping[str, pd.DataFrame], source: str = "") -> xr.DataTree:
+    """Return the a-priori database with only the terms of the final one that the cases need: the corrected model of LR-743, 5.2.
+
+    The history of every term that was taken says from where and for which cases.
+
+    Parameters
+    ----------
+    prior, final : DataTree
+        The databases that were diagnosed.
+    diagnoses : mapping of str to DataFrame
+        Name of the case to its table of `diagnose`.
+    source : str, optional
+        What to call `final` in the history; its title without it.
+    """
+    why = _lines(diagnoses, source or str(final.attrs.get("title", "the final database")))
+    found = swap_terms(prior, final, why, why)
+    found.attrs["title"] = f"{prior.attrs['aircraft']}: a-priori database with the terms that the diagnosis asks for"
+    return found
+
+
+def corrected_aircraft(apriori: Aircraft, final: Aircraft, diagnoses: Mapping[str, pd.DataFrame], source: str = "") -> Aircraft:
+    """Return the a-priori aircraft with only the parts of the final one that the cases need, and why in its history.
+
+    Parameters
+    ----------
+    apriori, final : Aircraft
+        The aircraft before and after the flights.
+    diagnoses, source
+        As in `corrected_database`.
+    """
+    why = _lines(diagnoses, source or final.name)
+    taken = [name for name in different_parts(apriori, final) if name in why]
+    history = [apriori.history, *(f"{name}: {why[name]}" for name in taken)]
+    return replace(swap_parts(apriori, final, taken), history="\n".join(filter(None, history))) if taken else apriori
+
+
+def _lines(diagnoses: Mapping[str, pd.DataFrame], source: str) -> dict[str, str]:
+    return {name: f"pom diagnose: from {source}, {text}" for name, text in reasons(diagnoses).items()}

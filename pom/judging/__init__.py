@@ -1,0 +1,1 @@
+"""Flight and model compared: signals, events, applicability of rows, verdicts."""

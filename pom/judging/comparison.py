@@ -1,0 +1,69 @@
+"""What a measure looks at: flight and one model over the samples of a case."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..tolerances.bands import NotJudged, demand_finite, inside_window
+from ..tolerances.criteria import Criterion
+from ..tolerances.row_conditions import sample_mask
+from .signals import Raw, Signals, signals_of
+
+if TYPE_CHECKING:
+    from ..cases.case import PomCase
+
+WHO = ("flight", "the model")
+
+
+@dataclass(frozen=True)
+class Match:
+    """Flight and one model on the clock of the record.
+
+    Attributes
+    ----------
+    case : PomCase
+        Tells events, features and certified values.
+    time : array (time,)
+        [s]
+    flight, model : Signals
+        [SI]
+    """
+
+    case: PomCase
+    time: np.ndarray
+    flight: Signals
+    model: Signals
+
+    @classmethod
+    def of(cls, case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> Match:
+        """Return the match of two runs by house name."""
+        return cls(case, time, signals_of(case, flight, time), signals_of(case, model, time))
+
+    def both(self, criterion: Criterion, channel: str = "") -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return time, flight and model over the samples that a criterion counts.
+
+        Raises
+        ------
+        Invalid
+            The record is short, time does not rise, or a value is missing.
+        """
+        return self.over(inside_window(self.time, criterion.window) & self.counted(criterion), channel or criterion.channel)
+
+    def over(self, mask: np.ndarray, channel: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return time, flight and model over the samples of a mask."""
+        time, flight, model = self.time[mask], self.flight[channel][mask], self.model[channel][mask]
+        for who, values in zip(WHO, (flight, model), strict=True):
+            demand_finite(who, time, values)
+        return time, flight, model
+
+    def counted(self, criterion: Criterion) -> np.ndarray:
+        """Return the samples at which the condition of the row holds in flight; all when it has none on samples."""
+        if not criterion.condition:
+            return np.ones(self.time.size, bool)
+        mask = sample_mask(criterion.condition, self.case.events, self.time, self.flight)
+        if not mask[inside_window(self.time, criterion.window)].any():
+            raise NotJudged(f"no sample of the window has {criterion.condition}")
+        return mask

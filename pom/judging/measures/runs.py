@@ -1,0 +1,158 @@
+"""Elapsed time, distance and fuel between two events, each found the same way in both records."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flightmech.units import FOOT, KNOT
+
+from ...tolerances.bands import Invalid, NotJudged, Outcome, demand_finite, half_width, inside_window, scalar
+from ...tolerances.criteria import Criterion
+from ...tolerances.event_names import LEVELS
+from ...tolerances.parameter_channels import plain_id, written
+from ..comparison import WHO, Match
+from ..events import crossing, find, level_at, marked
+
+SHARE = {"1.b.1": 0.8, "1.e.1": 0.8}
+"""Part of the run that has to be recorded; of the others all."""
+
+LEAST = {"h": 5000.0 * FOOT, "V_cas": 50.0 * KNOT}
+"""Change of height or speed that the table asks of a segment without events. [SI]"""
+
+
+@dataclass(frozen=True)
+class Span:
+    """Start and end of the run in both records, and what is to be said of it. [s]"""
+
+    flight: tuple[float, float]
+    model: tuple[float, float]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Gate:
+    """The end of a run: the level of a signal, the direction in which it is passed, and when the flight does."""
+
+    channel: str
+    level: float
+    direction: int
+    flight: float
+
+
+def elapsed(criterion: Criterion, match: Match) -> Outcome:
+    """Judge time, distance or fuel between two events.
+
+    The model's run ends where its own signal passes the level of the event (speed at rotation, height at touchdown,
+    standstill).  Where a test allows a part of the run to be recorded and the model has not come to its end, both are
+    compared up to the level that it has reached; less than the part asked for is invalid.
+    """
+    if criterion.parameter == "flare_time_tf":
+        flare, touchdown = find(match, "flare"), find(match, "touchdown")
+        span = Span((flare.flight, touchdown.flight), (flare.model, touchdown.model), touchdown.how)
+    else:
+        start = _start(criterion, match)
+        gate = _gate(criterion, match, start[0])
+        common = _span(criterion, match, start, gate)
+        if common is None:
+            return _never(criterion, match, start, gate)
+        span = common
+    amounts = [_amount(criterion, match, i, ends) for i, ends in enumerate((span.flight, span.model))]
+    return scalar(criterion, amounts[0], amounts[1], span.flight[1], span.note)
+
+
+def _start(criterion: Criterion, match: Match) -> tuple[float, float]:
+    """Return when the run starts in flight and model; a segment without events where both have the same height or speed. [s]"""
+    if criterion.bounds[0]:
+        found = find(match, criterion.bounds[0])
+        return found.flight, found.model
+    start, channel = criterion.window[0], criterion.abscissa
+    if not channel or start <= match.time[1]:
+        return start, start
+    level, end = np.interp(criterion.window, match.time, match.flight[channel])
+    reached = crossing(match.time, match.model[channel], float(level), 1 if end > level else -1)
+    if reached is None:
+        raise Invalid(f"the model does not pass {written(channel, float(level))}, where the segment starts")
+    return start, reached
+
+
+def _gate(criterion: Criterion, match: Match, start: float) -> Gate:
+    """Return the end of the run as the flight has it; where its record stops early, what the flight has come to."""
+    end = match.time[-1]
+    if not criterion.bounds[1]:
+        return _progress_gate(criterion, match)
+    event = criterion.bounds[1]
+    channel, direction = LEVELS[event]
+    if channel not in match.flight or channel not in match.model:
+        raise NotJudged(f"{event} has to be told by {channel}, and flight and model do not both have it")
+    mark = marked(match, event)
+    if mark <= end + 1e-9:
+        level = level_at(match, event, mark)
+        stood = crossing(match.time, match.flight[channel], level, direction, start) if event == "full_stop" else None
+        return Gate(channel, level, direction, mark if stood is None else stood)
+    asked = SHARE.get(plain_id(match.case.id), 1.0)
+    share = (end - start) / (mark - start)
+    if share < asked:
+        raise Invalid(f"{100.0 * share:.0f} % of the run is recorded, {100.0 * asked:.0f} % have to be")
+    return Gate(channel, float(match.flight[channel][-1]), direction, float(end))
+
+
+def _progress_gate(criterion: Criterion, match: Match) -> Gate:
+    """Return the end of a segment that no event bounds: a change of height or speed."""
+    channel = criterion.abscissa
+    if not channel:
+        raise NotJudged("the row names no event at which the run ends")
+    least = LEAST[channel]
+    mask = inside_window(match.time, criterion.window)
+    demand_finite("flight", match.time[mask], y := match.flight[channel][mask])
+    covered = float(y[-1] - y[0])
+    if abs(covered) < least and not match.case.shortened:
+        raise Invalid(
+            f"the segment covers {written(channel, abs(covered))}; the table asks for {written(channel, least)}: "
+            "widen the window, or say why in case.shortened"
+        )
+    return Gate(channel, float(y[-1]), 1 if covered > 0.0 else -1, criterion.window[1])
+
+
+def _span(criterion: Criterion, match: Match, start: tuple[float, float], gate: Gate) -> Span | None:
+    """Return the run up to the gate, or up to what the model has reached; None when it never comes near enough."""
+    signal = match.model[gate.channel]
+    demand_finite("the model", match.time, signal)
+    reached = crossing(match.time, signal, gate.level, gate.direction, start[1])
+    note = f"to {written(gate.channel, gate.level)}"
+    if reached is not None:
+        return Span((start[0], gate.flight), (start[1], reached), note)
+    level = gate.direction * float(np.max(gate.direction * signal))
+    there = crossing(match.time, match.flight[gate.channel], level, gate.direction, start[0])
+    asked = SHARE.get(plain_id(match.case.id), 1.0)
+    if there is None or asked == 1.0 or there - start[0] < asked * (gate.flight - start[0]):
+        return None
+    own = crossing(match.time, signal, level, gate.direction, start[1])
+    share = 100.0 * (there - start[0]) / (gate.flight - start[0])
+    note = f"the model reaches {written(gate.channel, level)}; both are compared up to there, {share:.0f} % of the run"
+    return Span((start[0], there), (start[1], match.time[-1] if own is None else own), note)
+
+
+def _never(criterion: Criterion, match: Match, start: tuple[float, float], gate: Gate) -> Outcome:
+    """Judge a model that does not come to the end: a failure when it is late by more than the tolerance, else too short a record."""
+    flight = _amount(criterion, match, 0, (start[0], gate.flight))
+    so_far = _amount(criterion, match, 1, (start[1], float(match.time[-1])))
+    width = half_width(criterion, flight)
+    said = f"the model does not come to {written(gate.channel, gate.level)} in the record"
+    if so_far - flight <= width[0]:
+        raise Invalid(f"{said}; widen the window")
+    return scalar(criterion, flight, so_far, float(match.time[-1]), f"{said}; its value is what it has used so far")
+
+
+def _amount(criterion: Criterion, match: Match, which: int, ends: tuple[float, float]) -> float:
+    """Return what a run takes between its ends. [SI]"""
+    signals, time = (match.flight, match.model)[which], match.time
+    if criterion.channel == "time":
+        return ends[1] - ends[0]
+    if criterion.channel == "fuel_used" and set(match.flight.fuel_flow) != set(match.model.fuel_flow):
+        raise NotJudged("flight and model do not tell the fuel flow of the same engines")
+    part = (time >= ends[0] - 1e-9) & (time <= ends[1] + 1e-9)
+    demand_finite(WHO[which], time[part], signals[criterion.channel][part])
+    low, high = np.interp(ends, time, signals[criterion.channel])
+    return float(low - high if criterion.channel == "fuel" else high - low)

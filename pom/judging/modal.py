@@ -1,0 +1,265 @@
+"""Modal measures by fit: period, time to half, damping ratio, and the lag between bank and sideslip.
+
+The free response is fitted by y = b + c t + exp(-sigma t) (A cos wd t + B sin wd t), least squares, with b, c, A, B
+eliminated at every (sigma, wd).  Picking raw extremes is fragile: it needs one noisy sample to miss a period.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import least_squares
+
+from flightmech.units import DEGREE
+
+from ..result import PomResult
+from ..tolerances.bands import Invalid, Outcome, demand_finite, half_width, inside_window, scalar
+from ..tolerances.criteria import Criterion
+from ..tolerances.parameter_channels import plain_id
+from .comparison import Match
+
+MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}
+"""Full cycles the table asks for; time to half or double in the record will do instead."""
+
+LEAST_AMPLITUDE = 0.1  # of the flight's, for a mode to count as excited
+PHUGOID = "2.c.9"
+BANKED = 10.0 * DEGREE
+"""Bank of a model off the flight's above which its phugoid is no motion of the plane of symmetry: lift 1.5 % above weight."""
+_MEASURES = ("period", "t_half", "damping_ratio")
+_FITTED = (*_MEASURES, "cycles", "amplitude", "residual_rms")
+_COARSE = 250  # samples kept for the search of a start point
+_RATIOS = (-0.1, 0.0, 0.1, 0.3, 0.7)  # sigma / wd of the search
+
+
+@dataclass(frozen=True)
+class Mode:
+    """A damped sine: y = offset + slope t + amplitude exp(-sigma t) cos(wd t + phase), t from the first sample."""
+
+    sigma: float
+    wd: float
+    amplitude: float
+    phase: float
+    offset: float
+    slope: float
+    residual_rms: float
+    duration: float
+
+    @property
+    def period(self) -> float:
+        """Time of one cycle, 2 pi / wd. [s]"""
+        return 2.0 * math.pi / self.wd
+
+    @property
+    def damping_ratio(self) -> float:
+        """Negative for a growing oscillation."""
+        return self.sigma / math.hypot(self.sigma, self.wd)
+
+    @property
+    def t_half(self) -> float:
+        """Time to half the amplitude; negative: time to double. [s]"""
+        return math.log(2.0) / self.sigma if self.sigma else math.inf
+
+    @property
+    def cycles(self) -> float:
+        """Full cycles in the record."""
+        return self.duration / self.period
+
+
+def fit_mode(time, y) -> Mode:
+    """Fit one damped sine with a linear trend to a free response.
+
+    Parameters
+    ----------
+    time : array (time,)
+        Rising. [s]
+    y : array (time,)
+        Free response, from the end of the input on.
+
+    Returns
+    -------
+    Mode
+
+    Raises
+    ------
+    Invalid
+        No oscillation stands out: less than half a cycle in the record, or an amplitude below twice the residual.
+    """
+    t, y = np.asarray(time, float) - float(time[0]), np.asarray(y, float)
+    scale = float(np.ptp(y)) or 1.0
+    every = max(len(t) // _COARSE, 1)
+    start = _search(t[::every], y[::every])
+
+    def residual(x):
+        return _project(t, y, x[0], x[1])[1] / scale
+
+    solution = least_squares(residual, start, x_scale=(start[1], start[1]), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    sigma, wd = float(solution.x[0]), abs(float(solution.x[1]))
+    (b, c, A, B), rest = _project(t, y, sigma, wd)
+    mode = Mode(sigma, wd, math.hypot(A, B), math.atan2(-B, A), b, c, float(np.sqrt(np.mean(rest**2))), float(t[-1]))
+    if mode.cycles < 0.5:
+        raise Invalid(f"no oscillation: the fit finds {mode.cycles:.2f} of a cycle in {mode.duration:.1f} s")
+    if mode.amplitude < 2.0 * mode.residual_rms:
+        raise Invalid(f"no oscillation stands out: amplitude {mode.amplitude:.3g}, residual {mode.residual_rms:.3g}")
+    return mode
+
+
+def _project(t: np.ndarray, y: np.ndarray, sigma: float, wd: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the linear parameters (b, c, A, B) at given (sigma, wd), and the residual."""
+    decay = np.exp(-np.clip(sigma * t, -50.0, 50.0))
+    X = np.column_stack([np.ones_like(t), t, decay * np.cos(wd * t), decay * np.sin(wd * t)])
+    theta = np.linalg.lstsq(X, y, rcond=None)[0]
+    return theta, y - X @ theta
+
+
+def _search(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Return (sigma, wd) of the best point on a grid from half a cycle in the record to eight samples a cycle."""
+    fastest = max(2.0 * math.pi / (8.0 * float(np.median(np.diff(t)))), 4.0 * math.pi / t[-1])
+    wd, ratio = (x.ravel() for x in np.meshgrid(np.geomspace(math.pi / t[-1], fastest, 60), _RATIOS))
+    decay, angle = np.exp(-np.clip(np.outer(ratio * wd, t), -50.0, 50.0)), np.outer(wd, t)
+    level = np.ones_like(angle)
+    X = np.stack([level, level * t / t[-1], decay * np.cos(angle), decay * np.sin(angle)], axis=2)
+    X /= np.linalg.norm(X, axis=1, keepdims=True)
+    b = np.einsum("kti,t->ki", X, y)
+    theta = np.linalg.solve(X.transpose(0, 2, 1) @ X + 1e-9 * np.eye(4), b[:, :, None])[:, :, 0]
+    best = int(np.argmax(np.einsum("ki,ki->k", theta, b)))  # largest share explained
+    return float(ratio[best] * wd[best]), float(wd[best])
+
+
+def modal(criterion: Criterion, match: Match) -> Outcome:
+    """Judge period, time to half or damping ratio of the free response.
+
+    A model that does not oscillate where the flight does, or with less than a tenth of its amplitude, fails: it was not
+    excited, and the mode of its rounding errors proves nothing.  A time to half on one side and to double on the other
+    is a failure whatever the width: at a damping ratio of 0.01 the tolerance of 0.02 would pass an unstable model.
+    """
+    t, flight, model = match.both(criterion)
+    f = _fit("flight", t, flight)
+    asked = MINIMUM_CYCLES.get(plain_id(match.case.id), 0.0)
+    if f.cycles < asked and abs(f.t_half) > f.duration:
+        raise Invalid(
+            f"{f.cycles:.1f} cycles and less than the time to half ({f.t_half:.0f} s) in {f.duration:.0f} s; "
+            f"the table asks for {asked:g} cycles or the time to half"
+        )
+    value = getattr(f, criterion.measure)
+    try:
+        s = _excited(_fit("the model", t, model), f)
+    except Invalid as error:
+        return Outcome("fail", at=float(t[0]), note=f"flight {_words(criterion.measure, f)}; {error}", flight=value)
+    note = f"flight {_words(criterion.measure, f)}, model {_words(criterion.measure, s)}; {f.cycles:.1f} cycles{_banked(criterion, match)}"
+    outcome = scalar(criterion, value, getattr(s, criterion.measure), float(t[0]), note)
+    if criterion.measure != "period" and f.sigma * s.sigma < 0.0:
+        return replace(outcome, verdict="fail", note=f"{note}; stability differs")
+    return outcome
+
+
+def _banked(criterion: Criterion, match: Match) -> str:
+    """Return a remark on a phugoid that a model flies in a turn; empty where it does not, or its bank is not known."""
+    if plain_id(match.case.id) != PHUGOID or not all("phi" in side for side in (match.flight, match.model)):
+        return ""
+    off = np.abs(np.angle(np.exp(1j * (match.model["phi"] - match.flight["phi"]))))[inside_window(match.time, criterion.window)]
+    off = float(np.fmax.reduce(off))  # gaps in a recorded bank do not matter
+    if not off > BANKED:
+        return ""
+    return f"; bank of the model up to {off / DEGREE:.0f} deg off the flight's, a turn and no phugoid: let a math pilot hold the wings"
+
+
+def _excited(model: Mode, flight: Mode) -> Mode:
+    """Return the mode of a model that moves enough to be compared."""
+    share = model.amplitude / flight.amplitude
+    if share < LEAST_AMPLITUDE:
+        raise Invalid(f"the model hardly oscillates: {share:.2g} of the amplitude of the flight")
+    return model
+
+
+def _words(measure: str, mode: Mode) -> str:
+    if measure == "damping_ratio":
+        return f"zeta {mode.damping_ratio:.4f}"
+    value = getattr(mode, measure)
+    return f"{abs(value):.2f} s{' to double' if value < 0.0 else ''}"
+
+
+@lru_cache(maxsize=256)
+def _remembered(time: bytes, y: bytes) -> Mode:
+    """Fit once what period, damping and time to half ask for, and what every model of a case is compared with."""
+    return fit_mode(np.frombuffer(time), np.frombuffer(y))
+
+
+def _fit(who: str, time: np.ndarray, y: np.ndarray) -> Mode:
+    try:
+        return _remembered(time.tobytes(), y.tobytes())
+    except Invalid as error:
+        raise Invalid(f"{who}: {error}") from None
+
+
+def peak_lag(criterion: Criterion, match: Match) -> Outcome:
+    """Judge the time from a bank peak to the nearest sideslip peak, from the phases of the fitted mode."""
+    t, flight_bank, model_bank = match.both(criterion, "phi")
+    _, flight_slip, model_slip = match.both(criterion, "beta")
+    mode = _fit("flight", t, flight_slip)
+    lag = _lag(mode, t, flight_bank)
+    try:
+        own = _lag(_excited(_fit("the model", t, model_slip), mode), t, model_bank)
+    except Invalid as error:
+        return Outcome("fail", at=float(t[0]), note=f"flight {lag:.2f} s; {error}", flight=lag)
+    own -= mode.period * round((own - lag) / mode.period)  # the same peak of the next cycle is no difference
+    note = f"flight {lag:.2f} s, model {own:.2f} s"
+    if half_width(criterion, lag)[0] <= 0.0:
+        raise Invalid(f"{note}; the tolerance is zero wide")
+    return scalar(criterion, lag, own, float(t[0]), note)
+
+
+def _lag(sideslip: Mode, time: np.ndarray, bank: np.ndarray) -> float:
+    """Return (phase of bank - phase of sideslip) / wd, within half a period. [s]"""
+    (_, _, A, B), _ = _project(time - time[0], bank, sideslip.sigma, sideslip.wd)
+    angle = math.remainder(math.atan2(-B, A) - sideslip.phase, 2.0 * math.pi)
+    return angle / sideslip.wd
+
+
+MODE_COLUMNS = ("run", "channel", "window_start", "window_stop", *_FITTED, "lag", "note")
+
+
+def mode_table(result: PomResult) -> pd.DataFrame:
+    """Return the modes of flight and models that the modal criteria of a case were judged by.
+
+    Parameters
+    ----------
+    result : PomResult
+
+    Returns
+    -------
+    DataFrame
+        Columns `MODE_COLUMNS`, one row per fitted channel, window and run, flight first: ``period t_half`` [s],
+        ``damping_ratio``, ``cycles`` in the window, ``amplitude residual_rms`` [SI], ``lag`` of bank behind sideslip
+        [s] on the rows of ``beta`` where that is judged; NaN and a ``note`` where no mode could be fitted.
+    """
+    fitted: dict[tuple[str, tuple[float, float]], bool] = {}
+    for criterion in result.case.criteria:
+        lags = criterion.measure == "peak_lag"
+        channel = "beta" if lags else criterion.channel
+        if criterion.applies and (lags or criterion.measure in _MEASURES) and {channel, "phi" if lags else channel} <= set(result.signals):
+            fitted[channel, criterion.window] = fitted.get((channel, criterion.window), False) or lags
+    rows = [_mode_row(result, str(run), *key, lags) for key, lags in fitted.items() for run in result.signals["run"].values]
+    return pd.DataFrame(rows, columns=list(MODE_COLUMNS))
+
+
+def _mode_row(result: PomResult, run: str, channel: str, window: tuple[float, float], lags: bool) -> dict[str, object]:
+    mask = inside_window(result.signals["time"].values, window)
+    time = result.signals["time"].values[mask]
+
+    def samples(who: str, name: str) -> np.ndarray:
+        return result.signals[name].sel(run=who).values[mask]
+
+    row: dict[str, object] = {"run": run, "channel": channel, "window_start": window[0], "window_stop": window[1], "note": ""}
+    try:
+        demand_finite(run, time, samples(run, channel))
+        mode = _fit(run, time, samples(run, channel))
+        if run != "flight":
+            mode = _excited(mode, _fit("flight", time, samples("flight", channel)))
+        lag = _lag(mode, time, samples(run, "phi")) if lags else math.nan
+    except Invalid as error:
+        return {**row, "note": str(error).removeprefix(f"{run}: ")}
+    return {**row, **{name: getattr(mode, name) for name in _FITTED}, "lag": lag}

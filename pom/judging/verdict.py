@@ -1,0 +1,186 @@
+"""Criteria against signals: the verdict table and the bands to draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.names import lookup
+
+from ..cases.case import PomCase, driven
+from ..tolerances.bands import Invalid, NotJudged, Outcome, half_width, trace
+from ..tolerances.criteria import Band, Criterion
+from ..tolerances.derived_channels import SOURCES
+from ..tolerances.needed_channels import needs
+from ..tolerances.parameter_channels import display_unit, factor
+from . import modal
+from .applicability import settle
+from .comparison import Match
+from .measures import curves, engine, instants, levels, release, runs, segments, trends, turning
+from .signals import Raw, Signals, signals_of
+
+FOOTPRINT = "a footprint: a recording without a reference has no band and no verdict"
+TRIMMED = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")
+"""What a trim at the start finds; a snapshot judges it although the record drives it from there on."""
+
+MEASURES: dict[str, Callable[[Criterion, Match], Outcome]] = {
+    "trace": lambda criterion, match: trace(criterion, *match.both(criterion)),
+    "steady": levels.steady,
+    "change": levels.change,
+    "end_value": levels.end_value,
+    "low_speed_end": levels.low_speed_end,
+    "segment_mean": segments.segment_mean,
+    "floor": segments.floor,
+    "elapsed": runs.elapsed,
+    "event_value": instants.event_value,
+    "setup": instants.setup,
+    "response_initial": engine.response,
+    "response_total": engine.response,
+    "curve": curves.curve,
+    "force_increment": curves.force_increment,
+    "breakout": curves.breakout,
+    "scalar": turning.number,
+    "first_zero_crossing": release.first_zero_crossing,
+    "time_90_to_10": release.time_90_to_10,
+    "period_n": release.period_n,
+    "overshoot_n": release.overshoot_n,
+    "overshoot_count": release.overshoot_count,
+    "period": modal.modal,
+    "t_half": modal.modal,
+    "damping_ratio": modal.modal,
+    "peak_lag": modal.peak_lag,
+    "trend": trends.trend,
+}
+
+
+def judge(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, model: Raw) -> Outcome:
+    """Judge one criterion on one model.
+
+    Parameters
+    ----------
+    case : PomCase
+    criterion : Criterion
+        One of the case; it is settled on the flight first (`applicability.settle`).
+    time : array (time,)
+        Samples of the replay on the clock of the record. [s]
+    flight, model : mapping of str to array (time,)
+        Signals by house name. [SI]
+
+    Returns
+    -------
+    Outcome
+        ``not_tested`` or ``invalid`` with the reason as its note when it cannot be judged; never an exception for data.
+    """
+    try:
+        match = Match.of(case, time, flight, model)
+        criterion = settle(case, criterion, time, match.flight)
+        reason = criterion.reason or unjudged(case, criterion)
+        if reason:
+            return Outcome("not_tested", note=reason)
+        for who, signals in (("flight record", match.flight), ("model", match.model)):
+            missing = [name for name in needs(criterion) if name not in signals]
+            if missing:
+                return Outcome("not_tested", note=f"the {who} has no {', '.join(missing)}")
+        return _measured(criterion, match)
+    except NotJudged as error:
+        return Outcome("not_tested", note=str(error))
+    except Invalid as error:
+        return Outcome("invalid", note=str(error))
+
+
+def _measured(criterion: Criterion, match: Match) -> Outcome:
+    measure = MEASURES[criterion.measure]
+    if criterion.band.base != "range_max" or criterion.largest is not None:
+        return measure(criterion, match)
+    # the flight value is never above the largest in service: what passes on that base passes on any
+    strict = replace(criterion, band=Band(criterion.band.limits, criterion.band.rule, "ref_scalar"))
+    with suppress(Invalid):  # not steady within a third of the narrower band; what is wrong beside is found again
+        outcome = measure(strict, match)
+        if outcome.verdict == "pass":
+            said = "passes on the flight value, so on the largest in service"
+            return replace(outcome, note="; ".join(filter(None, (outcome.note, said))))
+    return measure(criterion, match)
+
+
+def unjudged(case: PomCase, criterion: Criterion) -> str:
+    """Return why a criterion is not judged in this case; empty when it is."""
+    if case.reference == "footprint":
+        return FOOTPRINT
+    if criterion.reason:
+        return criterion.reason
+    judged = criterion.channel
+    if any(loop.channel == judged for loop in case.drive.pilot):
+        return f"{judged} is held by the math pilot; what a controller holds cannot be judged"
+    if judged in driven(case) and not _found_by_trim(case, criterion):
+        return f"{judged} is driven by the record; what drives a model cannot be judged"
+    if judged.startswith("F_") and case.drive.level == "recorded":
+        return "the surfaces are driven, so pilot forces have no meaning"
+    if judged == "F_rim" and case.drive.level == "force":
+        return "F_rim is driven by the record; what drives a model cannot be judged"
+    return ""
+
+
+def _found_by_trim(case: PomCase, criterion: Criterion) -> bool:
+    """Whether the trim at the start finds what a snapshot judges: recorded value plus bias is the model's own answer."""
+    return criterion.measure in ("steady", "change") and case.drive.trim is True and criterion.channel.rpartition(".")[2] in TRIMMED
+
+
+def formed_channels(case: PomCase, flight: Signals) -> list[str]:
+    """Return the judged channels that are formed of signals, so that they can be shown."""
+    formed = SOURCES.keys() - {"time"}
+    return [c.channel for c in case.criteria if c.applies and c.channel in formed and c.channel in flight]
+
+
+def row(run: str, criterion: Criterion, outcome: Outcome) -> dict[str, Any]:
+    """Return one row of the verdict table, in the unit of the table."""
+    unit = display_unit(criterion)
+    scale = factor(criterion.measure, criterion.channel, unit) if criterion.channel else 1.0
+    return {
+        "run": run,
+        "criterion": criterion.name,
+        "channel": criterion.channel,
+        "measure": criterion.measure,
+        "group": criterion.group,
+        "window_start": criterion.window[0],
+        "window_stop": criterion.window[1],
+        "tolerance_text": criterion.band.text,
+        "applied_text": outcome.applied,
+        "fraction": criterion.fraction,
+        "width": outcome.width / scale,
+        "unit": unit,
+        "flight_value": outcome.flight / scale,
+        "model_value": outcome.model / scale,
+        "worst": outcome.worst / scale,
+        "worst_ratio": outcome.worst_ratio,
+        "at": outcome.at,
+        "first_exit": outcome.first_exit,
+        "inside": outcome.inside,
+        "verdict": outcome.verdict,
+        "note": "; ".join(text for text in (outcome.note, criterion.note) if text),
+        "provenance": criterion.provenance,
+    }
+
+
+def bands(case: PomCase, time: np.ndarray, flight: Raw) -> xr.Dataset:
+    """Return the half width over time of every judged time history, NaN where it does not count. [SI]"""
+    found: dict[str, np.ndarray] = {}
+    signals = signals_of(case, flight, time)
+    for criterion in case.criteria:
+        criterion = settle(case, criterion, time, signals)
+        if criterion.measure != "trace" or not criterion.applies or unjudged(case, criterion) or criterion.channel not in signals:
+            continue
+        width = np.full(time.size, np.nan)
+        try:
+            mask = Match(case, time, signals, signals).counted(criterion)
+            mask &= (time >= criterion.window[0] - 1e-9) & (time <= criterion.window[1] + 1e-9)
+            width[mask] = half_width(criterion, signals[criterion.channel][mask])
+        except (NotJudged, Invalid, ValueError):
+            continue
+        found[criterion.channel] = np.fmin(width, found.get(criterion.channel, np.full(time.size, np.nan)))
+    attrs = {name: {"units": lookup(name).units} for name in found}
+    return xr.Dataset({name: ("time", width, attrs[name]) for name, width in found.items()}, coords={"time": time})

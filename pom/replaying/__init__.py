@@ -1,0 +1,1 @@
+"""Replay of cases: reference states, trim, pilot, drift; many cases as a batch."""

@@ -1,0 +1,195 @@
+"""A batch: every case by every model, on all cores or on a cluster, going on where it was interrupted.
+
+Here the cases are shared out to threads, for the flights run in processes of their own.  With a scheduler the same calls go to the
+workers of a dask.distributed cluster, which see the same files; a case whose worker dies is given to another.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from platform import machine
+from typing import Any
+
+import xarray as xr
+
+from flightmech.errors import SchemaError, SimulationError
+
+from ..cases.case import PomCase
+from ..fmu.run_cache import Store
+from ..fmu.simulate import Models
+from ..result import PomResult
+from .reference_states import path_states
+from .replay_case import Plan, check_plan, perform, plan_of
+from .state_cache import KeptStates
+
+WAIT = 20.0
+"""How long a scheduler may take to answer and to have a worker. [s]"""
+_AHEAD = 4  # cases per core of the cluster that are on their way at the same time
+
+
+def replay_all(
+    cases: Sequence[PomCase],
+    runs: Mapping[str, str | Path],
+    paths: Mapping[str, Any] | None = None,
+    *,
+    names: Mapping[str, str | Path] | None = None,
+    biases: xr.Dataset | None = None,
+    jobs: int = -1,
+    scheduler: str | None = None,
+    resume: str | Path | None = None,
+    timeout: float = 60.0,
+    told: Callable[[PomResult], None] | None = None,
+) -> list[PomResult]:
+    """Replay every case by every model and judge it.
+
+    Parameters
+    ----------
+    cases : sequence of PomCase
+    runs : mapping of str to path
+        Name of a model to its FMU, in the order of the report.
+    paths : mapping of str to Path of flighttest.reconstruct or Dataset (time), optional
+        Reconstructed paths by the file of the record or its stem; a record that has none is read, and reconstructed when it is raw.
+    names : mapping of str to path, optional
+        Name of a model to the table of its names (`replay`).
+    biases : Dataset, optional
+        Constants of the instruments for records that are reconstructed (`recorded_states`).
+    jobs : int
+        Cases at the same time, and processes for records that are reconstructed; -1 for one per core.
+    scheduler : str, optional
+        Address of a dask.distributed scheduler, ``tcp://host:8786``; its workers take the place of `jobs`.
+    resume : path, optional
+        Folder that keeps every flight that went well, by the hash of the FMU, of all that it was given and of the program that flew
+        it, and reconstructed records likewise.  What is there is not flown again; verdicts are always formed anew.
+    timeout : float
+        Wall time allowed per model and case. [s]
+    told : callable, optional
+        Called with every result in the order of the cases, as soon as it is there.
+
+    Returns
+    -------
+    list of PomResult
+        In the order of the cases; the same to the last bit, however the work was shared out.
+
+    Raises
+    ------
+    SchemaError
+        Every case that a model cannot fly, before any is flown.
+    OutOfRange
+        A window is not inside its record, or an input holds a NaN.
+    SimulationError
+        No scheduler or no worker answers, workers have another program, or those of one case died again and again.
+    """
+    models = Models(runs, names)
+    for case in cases:
+        models.of(case)  # a table that does not fit is told before records are reconstructed, which takes long
+    kept = Path(resume).resolve() if resume is not None else None
+    plans = _plans(cases, paths or {}, KeptStates(kept, biases), jobs)
+    _check(plans, models)
+    store = Store(kept) if kept is not None else None
+    calls = ((plan, models.of(plan.case), timeout, store) for plan in plans)
+    results = []
+    for result in _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs):
+        results.append(result)
+        if told is not None:
+            told(result)
+    return results
+
+
+def _plans(cases: Sequence[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int) -> list[Plan]:
+    given = [paths.get(case.record, paths.get(Path(case.record).stem)) for case in cases]
+    read = _states([case for case, path in zip(cases, given, strict=True) if path is None], records, jobs)
+    return [plan_of(case, read[_source(case)] if path is None else path) for case, path in zip(cases, given, strict=True)]
+
+
+def _source(case: PomCase) -> tuple[str, str, str]:
+    return case.record, case.names, case.aircraft
+
+
+def _states(cases: Iterable[PomCase], records: KeptStates, jobs: int) -> dict[tuple[str, str, str], xr.Dataset]:
+    """Return the states of the records of cases, each read or reconstructed once; reconstructions share the cores."""
+    from joblib import Parallel, delayed
+
+    first: dict[tuple[str, str, str], PomCase] = {}
+    for case in cases:
+        first.setdefault(_source(case), case)
+    found = {source: _at_hand(case, records) for source, case in first.items()}
+    raw = [source for source, states in found.items() if states is None]
+    work = (delayed(records.make)(first[source]) for source in raw)
+    made = dict(zip(raw, Parallel(n_jobs=jobs if len(raw) > 1 else 1)(work), strict=True))
+    return {source: made[source] if states is None else states for source, states in found.items()}
+
+
+def _at_hand(case: PomCase, records: KeptStates) -> xr.Dataset | None:
+    states = path_states(case.record)
+    return records.read(case) if states is None else states
+
+
+def _check(plans: Iterable[Plan], models: Models) -> None:
+    problems: list[str] = []
+    for plan in plans:
+        for name, model in models.of(plan.case).items():
+            try:
+                check_plan(plan, model)
+            except SchemaError as error:
+                problems += [f"case {plan.case.name}, {error.what} ({name}): {text}" for text in error.problems]
+    if problems:
+        raise SchemaError("replay", list(dict.fromkeys(problems)))
+
+
+def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
+    from joblib import Parallel, delayed
+
+    yield from Parallel(n_jobs=jobs, backend="threading", return_as="generator")(delayed(perform)(*call) for call in calls)
+
+
+def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[PomResult]:
+    try:
+        from distributed import Client, KilledWorker
+    except ImportError as error:
+        raise SchemaError("scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"]) from error
+    try:
+        client = Client(scheduler, timeout=WAIT)
+    except (OSError, ValueError) as error:
+        raise SimulationError(f"no cluster at {scheduler}: {error}; start a scheduler and workers, or leave --scheduler out") from error
+    with client:
+        _check_workers(client, scheduler)
+        window, waiting = _AHEAD * sum(client.ncores().values()), deque[Any]()
+        try:
+            for call in calls:
+                if len(waiting) >= window:
+                    yield waiting.popleft().result()
+                waiting.append(client.submit(perform, *call, pure=False))
+            while waiting:
+                yield waiting.popleft().result()
+        except KilledWorker as error:
+            raise SimulationError(f"the cluster lost its workers on one case again and again: {error}") from error
+
+
+def _check_workers(client: Any, scheduler: str) -> None:
+    """Wait for a worker, and refuse workers that would judge by another program."""
+    try:
+        client.wait_for_workers(1, timeout=WAIT)
+    except TimeoutError as error:
+        raise SimulationError(f"the scheduler at {scheduler} has no worker after {WAIT:g} s; start some") from error
+    others = [worker for worker, found in client.run(installation).items() if found != installation()]
+    if others:
+        raise SimulationError(
+            f"{', '.join(sorted(others))}: another version of aeromatch, FMPy, NumPy or SciPy, or another kind of machine than here; "
+            "install the same on the workers"
+        )
+
+
+@cache
+def installation() -> str:
+    """Return what decides the last bit of a result: the modules of this package, the libraries it counts with, the kind of machine."""
+    here, digest = Path(__file__).parents[1], hashlib.sha256()
+    for file in sorted(here.rglob("*.py")):
+        digest.update(file.relative_to(here).as_posix().encode() + file.read_bytes())
+    versions = [f"{name} {version(name)}" for name in ("aeromatch", "fmpy", "numpy", "scipy")]
+    return " ".join([digest.hexdigest(), *versions, sys.platform, machine()])

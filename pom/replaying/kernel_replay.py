@@ -1,0 +1,99 @@
+"""A case replayed by the kernel itself, many times with different parameters: what `replay` does for any FMU, without one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import flightmech
+from flightmech.errors import SimulationError
+from flightmech.simulation.run import output_indices, prepared, read_inputs
+
+from ..cases.job import Job
+from ..cases.pilot import Pilot
+
+_AT_ONCE = 64  # runs whose outputs stand in memory together before they are thinned to the chosen channels
+
+
+def fly(
+    sim: Any, job: Job, choices: Sequence[Mapping[str, float]] = ({},), channels: Sequence[str] | None = None
+) -> tuple[dict[str, np.ndarray], list[str]]:
+    """Replay a job once for every choice of parameters.
+
+    Parameters
+    ----------
+    sim : SimModel
+        From `flightmech.compile`.
+    job : Job
+        Its inputs and parameters; those that the model does not have are passed over.
+    choices : sequence of mapping of str to float
+        Parameters that go before those of the job; every choice names the same ones.  Those that the model does not have are passed over.
+    channels : sequence of str, optional
+        Outputs to return; all without it.
+
+    Returns
+    -------
+    outputs : dict of str to array (run, time)
+        NaN throughout for a run that did not go to its end.
+    failures : list of str
+        Why a run did not; empty for one that did.
+    """
+    names = list(sim.outputs) if channels is None else [name for name in channels if name in sim.outputs]
+    choices = [{name: value for name, value in choice.items() if name in sim.parameters} for choice in choices]
+    flown = _piloted if job.pilot else _batch
+    parts = [flown(sim, job, choices[k : k + _AT_ONCE], names) for k in range(0, len(choices), _AT_ONCE)]
+    failures = [text for _, texts in parts for text in texts]
+    values = np.concatenate([found for found, _ in parts])
+    values[[bool(text) for text in failures]] = np.nan
+    return {name: values[:, :, k] for k, name in enumerate(names)}, failures
+
+
+def _batch(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: list[str]) -> tuple[np.ndarray, list[str]]:
+    """Return outputs (run, time, name) and failures."""
+    parameters = _parameters(sim, job, {})
+    varied = list(choices[0]) or list(parameters)[:1]
+    table = {name: [{**parameters, **choice}[name] for choice in choices] for name in varied}
+    found = flightmech.simulate_batch(sim, _inputs(sim, job), table, parameters, names, failed="nan")
+    return np.stack([found[name].values for name in names], axis=-1), [str(text) for text in found["failure"].values]
+
+
+def _piloted(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: list[str]) -> tuple[np.ndarray, list[str]]:
+    """Return outputs (run, time, name) and failures, the loops of the math pilot closed sample by sample."""
+    found = np.full((len(choices), job.time.size, len(names)), np.nan)
+    failures = [""] * len(choices)
+    for run, choice in enumerate(choices):
+        try:
+            found[run] = _closed(sim, job, _parameters(sim, job, choice), names)
+        except SimulationError as error:
+            failures[run] = str(error)
+    return found, failures
+
+
+def _closed(sim: Any, job: Job, parameters: dict[str, float], names: list[str]) -> np.ndarray:
+    """Return outputs (time, name) of one run; a correction is in force from its sample to the next, as in a replayed FMU."""
+    u = read_inputs(sim, _inputs(sim, job), parameters, job.time.size)
+    pilot = Pilot(job.pilot, job.time, job.targets)
+    chosen, seen = output_indices(sim, names), dict(zip(pilot.channels, output_indices(sim, pilot.channels), strict=True))
+    moved = [sim.inputs.index(name) for name in pilot.moved]
+    run = prepared(sim, parameters, u[0], float(job.time[0]))
+    found = np.empty((job.time.size, len(names)))
+    for k, time in enumerate(job.time):
+        y = run.outputs()
+        found[k] = y[chosen]
+        push = list(pilot.controls(k, {name: float(y[i]) for name, i in seen.items()}).values())
+        if k + 1 < job.time.size:
+            ends = u[[k, k + 1]]
+            ends[:, moved] += push
+            run.step(float(time), float(job.time[k + 1] - time), *ends)
+    return found
+
+
+def _inputs(sim: Any, job: Job) -> xr.Dataset:
+    return xr.Dataset({name: ("time", values) for name, values in job.inputs.items() if name in sim.inputs}, coords={"time": job.time})
+
+
+def _parameters(sim: Any, job: Job, choice: Mapping[str, float]) -> dict[str, float]:
+    return {"mode.step": 0.01, **{name: value for name, value in job.parameters.items() if name in sim.parameters}, **choice}

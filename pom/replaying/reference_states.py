@@ -1,0 +1,140 @@
+"""The flight side of a case: reconstructed states over the window."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import flighttest
+from flightmech import read_aircraft
+from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError
+
+from ..cases.case import PomCase
+from ..cases.case_file import WIND
+from ..tolerances.parameter_channels import WRAPPED
+from .offsets import CALIBRATION, calibration_text
+
+
+def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
+    """Return the corrected flight states of a case over its window.
+
+    Parameters
+    ----------
+    case : PomCase
+    path : Path of flighttest.reconstruct, or Dataset (time), optional
+        Reconstructed path of the record; without it `recorded_states`.
+
+    Returns
+    -------
+    Dataset (time)
+        States, controls, thrust, mass properties; the attribute ``calibration`` tells the corrections of the instruments. [SI]
+
+    Raises
+    ------
+    OutOfRange
+        The window is not inside the record.
+    SchemaError
+        The record names no aircraft and needs reconstruction, or time does not rise.
+    """
+    states = _states(case, path)
+    time = states["time"].values.astype(float)
+    if time.size < 2 or not (np.diff(time) > 0.0).all():
+        raise SchemaError(f"record {case.record}", ["time does not rise from sample to sample"])
+    start, stop = case.window
+    step = float(np.median(np.diff(time)))
+    if start < time[0] - 0.5 * step or stop > time[-1] + 0.5 * step:
+        raise OutOfRange(
+            f"case {case.name}: the window {start:g} ... {stop:g} s lies outside the record {time[0]:g} ... {time[-1]:g} s "
+            f"({case.record}); choose one inside"
+        )
+    inside = unwrapped(states.isel(time=(time >= start - 1e-9) & (time <= stop + 1e-9)))
+    return inside.assign(measured_wind(case, inside["time"].values)) if case.wind == "measured" else inside
+
+
+def _states(case: PomCase, path: Any) -> xr.Dataset:
+    if path is None:
+        return recorded_states(case)
+    return path if isinstance(path, xr.Dataset) else _calibrated(path)
+
+
+def _calibrated(path: Any) -> xr.Dataset:
+    return path.states.assign_attrs({CALIBRATION: calibration_text(path.biases)})
+
+
+def measured_wind(case: PomCase, time: np.ndarray) -> dict[str, Any]:
+    """Return the wind that the raw record of a case tells, on the clock of its states.
+
+    Returns
+    -------
+    dict of str to (dimension, array (time,))
+        ``wind_n``, ``wind_e`` and ``wind_d``, which is zero where none is recorded: velocity of the air mass. [m s-1]
+
+    Raises
+    ------
+    SchemaError
+        The record has no wind, or is a reconstructed path.
+    """
+    found = {}
+    for leaf in flighttest.read(case.record, names=case.names or None).children.values():
+        node = leaf.to_dataset()
+        for name in (name for name in WIND if name in node):
+            found[name] = "time", np.interp(time, node["time"].values, node[name].values)
+    if not {"wind_n", "wind_e"} <= set(found):
+        problem = f'drive.wind: "measured", but {case.record} holds no wind_n and wind_e; map them, or take the wind of the "record"'
+        raise SchemaError(f"case {case.path}", [problem])
+    return {"wind_d": ("time", np.zeros(time.size)), **found}
+
+
+def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Dataset:
+    """Return the states of the record of a case: read when it is a reconstructed path, reconstructed when it is raw.
+
+    Parameters
+    ----------
+    case : PomCase
+    biases : Dataset, optional
+        Constants of the instruments as other records tell them (`flighttest.open_biases`), the prior of a
+        reconstruction.  Without them a raw record has only itself and the class of its instruments.
+
+    Raises
+    ------
+    SchemaError
+        The record is raw and the case names no aircraft.
+    IdentificationError
+        The reconstruction does not settle.
+    """
+    found = path_states(case.record)
+    if found is not None:
+        return found
+    if not case.aircraft:
+        raise SchemaError(f"case {case.path}", ["case.aircraft: missing; the record has to be reconstructed, and that needs the aircraft"])
+    record = flighttest.read(case.record, names=case.names or None)
+    try:
+        return _calibrated(flighttest.reconstruct(record, read_aircraft(case.aircraft), prior=biases))
+    except IdentificationError as error:
+        hint = "give the constants of the instruments from other records (--biases), or a reconstructed path as the record of the case"
+        raise IdentificationError(f"case {case.name}: {error}; {hint}") from error
+
+
+def path_states(record: str) -> xr.Dataset | None:
+    """Return the states of a file of reconstructed states; None when it is something else."""
+    if Path(record).suffix != ".nc":
+        return None
+    try:
+        found = flighttest.open_states(record)
+    except ParseError:
+        return None
+    if not {"V", "alpha", "theta"} <= set(found.data_vars):
+        return None
+    try:
+        return found.assign_attrs({CALIBRATION: calibration_text(flighttest.open_biases(record))})
+    except ParseError:  # states of another house, which tell no constants
+        return found
+
+
+def unwrapped(states: xr.Dataset) -> xr.Dataset:
+    """Return the states with angles that jump by a full turn made continuous."""
+    names = WRAPPED & set(map(str, states.data_vars))
+    return states.assign({name: (states[name].dims, np.unwrap(states[name].values), states[name].attrs) for name in names})

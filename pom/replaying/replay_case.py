@@ -1,0 +1,287 @@
+"""Replay of a case: recorded inputs through every model, its outputs against the flight."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Container, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import SchemaError
+from flightmech.names import lookup
+from flightmech.support.console import plain
+
+from ..cases.case import PomCase
+from ..cases.job import Job, configuration, job_of
+from ..fmu.description import check
+from ..fmu.run_cache import Store
+from ..fmu.simulate import Model, Models, fly
+from ..judging.applicability import settled
+from ..judging.signals import Signals, signals_of
+from ..judging.verdict import bands, formed_channels, judge, row, unjudged
+from ..result import PomResult, verdict_table
+from ..tolerances.bands import Outcome
+from ..tolerances.criteria import Criterion
+from ..tolerances.derived_channels import output_of
+from ..tolerances.needed_channels import channels, helpful
+from ..tolerances.parameter_channels import WRAPPED
+from .offsets import CALIBRATION
+from .piloting import PILOT, activity
+from .reference_states import flight_states
+from .trim_state import OBSERVED, beyond_limits, trim_limits, trim_table
+
+Traces = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A case, ready to be flown by any model.
+
+    Attributes
+    ----------
+    case : PomCase
+    states : Dataset (time)
+        The flight over the window.
+    job : Job
+        What drives the models.
+    """
+
+    case: PomCase
+    states: xr.Dataset
+    job: Job
+
+
+def replay(
+    case: PomCase,
+    runs: Mapping[str, str | Path],
+    path: Any = None,
+    timeout: float = 60.0,
+    names: Mapping[str, str | Path] | None = None,
+) -> PomResult:
+    """Replay a case by FMUs, each in a child process, and judge it.
+
+    Parameters
+    ----------
+    case : PomCase
+        From `read_case`.
+    runs : mapping of str to path
+        Name of a model to its FMU (FMI 1.0 to 3.0, co-simulation or model exchange), in the order of the report.
+    path : Path of flighttest.reconstruct or Dataset (time), optional
+        Reconstructed path of the record; without it the record is read and reconstructed.
+    timeout : float
+        Wall time allowed per model. [s]
+    names : mapping of str to path, optional
+        Name of a model to the table of its names, units and signs, when they are not those of the house (`docs/pom-replay.md`);
+        it goes before that of the case file.
+
+    Returns
+    -------
+    PomResult
+        A model that crashed, hung or refused has ``invalid`` rows and a text in ``failure``.
+
+    Raises
+    ------
+    SchemaError
+        A model lacks an input, output or parameter that the case needs, declares another unit, or its table of names does not fit.
+    OutOfRange
+        The window is not inside the record, or an input holds a NaN.
+    """
+    models = Models(runs, names).of(case)
+    plan = plan_of(case, path)
+    for model in models.values():
+        check_plan(plan, model)
+    return perform(plan, models, timeout)
+
+
+def plan_of(case: PomCase, path: Any = None) -> Plan:
+    """Return what `perform` flies; parameters and errors as `replay`."""
+    states = flight_states(case, path)
+    job = job_of(case, states)
+    return Plan(settled(case, job.time, _samples(states)), states, job)
+
+
+def _samples(states: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return what the flight holds, per sample. [SI]"""
+    return {str(name): np.broadcast_to(item.values, states.sizes["time"]) for name, item in states.data_vars.items() if item.ndim < 2}
+
+
+def check_plan(plan: Plan, model: Model) -> None:
+    """Check that a model offers what a case needs.
+
+    Raises
+    ------
+    SchemaError
+        With every name that is missing and every unit that does not fit.
+    """
+    job, links = plan.job, model.links
+    inputs = _taken(job.inputs, links.inputs, {*job.needed_inputs, *(loop.control for loop in job.pilot)})
+    shown, judged = (_outputs(names, links.outputs) for names in (shown_channels(plan.case, plan.states), judged_channels(plan.case)))
+    outputs = _taken([*shown, *job.targets], links.outputs, {*judged, *job.targets})
+    check(model.fmu, links, inputs, dict.fromkeys(outputs), _taken(job.parameters, links.parameters, job.needed_parameters))
+
+
+def perform(plan: Plan, models: Mapping[str, Model], timeout: float, store: Store | None = None) -> PomResult:
+    """Fly a checked plan by every model and judge it; parameters as `replay` and `fly`."""
+    shown = shown_channels(plan.case, plan.states)
+    found, failures = {}, {}
+    for name, model in models.items():
+        wanted = {*_outputs(shown, model.links.outputs), *OBSERVED}
+        found[name], failures[name] = fly(model, plan.job, wanted, timeout, store)
+    attrs = {f"model.{name}": model.origin() for name, model in models.items()}
+    attrs |= {f"names.{name}": model.links.table for name, model in models.items() if model.links.table}
+    return assemble(plan.case, plan.states, plan.job, found, failures, attrs)
+
+
+def judged_channels(case: PomCase) -> list[str]:
+    """Return the channels that the criteria of a case are computed from."""
+    names = [name for c in case.criteria if c.applies and not unjudged(case, c) for name in channels(c)]
+    return list(dict.fromkeys(names))
+
+
+def shown_channels(case: PomCase, states: xr.Dataset) -> list[str]:
+    """Return every channel of the result: judged, asked for, moved by the math pilot, and the thrust of each engine."""
+    moved = [loop.control for loop in case.drive.pilot]
+    engines = sorted(str(name) for name in states.data_vars if str(name).startswith("engine") and str(name).endswith(".thrust"))
+    told = [name for c in case.criteria if c.applies and not unjudged(case, c) for name in helpful(c)]
+    return list(dict.fromkeys([*judged_channels(case), *case.show, *moved, *engines, *told]))
+
+
+def _outputs(names: Iterable[str], offered: Container[str]) -> list[str]:
+    """Return the outputs of a model that hold channels."""
+    return [output_of(name, offered) for name in names]
+
+
+def _taken(given: Iterable[str], offered: Container[str], needed: Container[str]) -> list[str]:
+    """Return the names that are needed, or given and offered."""
+    return [name for name in given if name in offered or name in needed]
+
+
+def assemble(
+    case: PomCase,
+    states: xr.Dataset,
+    job: Job,
+    found: Mapping[str, Mapping[str, np.ndarray]],
+    failures: Mapping[str, str],
+    attrs: Mapping[str, str] | None = None,
+) -> PomResult:
+    """Return the result of a case from the outputs of its models.
+
+    Parameters
+    ----------
+    found : mapping of model to mapping of output to array (time,)
+    failures : mapping of model to text
+        Empty texts for models that ran.
+    attrs : mapping of str to str, optional
+        Provenance, kept as attributes of the signals.
+    """
+    flight = signals_of(case, _samples(states), job.time)
+    told = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
+    if job.pilot:
+        told[PILOT] = json.dumps(plain(_pilot(job, found)))
+        found = {run: _as_applied(job, outputs) for run, outputs in found.items()}
+    rows, limits = [], trim_limits(case, flight)
+    for name, outputs in found.items():
+        remarks = [", ".join([*beyond_limits(limits, outputs, demanded=False), *filter(None, [_remark(outputs)])])]
+        failure = failures.get(name) or ", ".join(beyond_limits(limits, outputs, demanded=True))
+        for criterion in case.criteria:
+            rows.append(row(name, criterion, _outcome(case, criterion, failure, job.time, flight, outputs)))
+            rows[-1]["note"] = "; ".join(text for text in (rows[-1]["note"], *remarks) if text)
+    shown = [*shown_channels(case, states), *formed_channels(case, flight)]
+    return PomResult(
+        case=case,
+        conditions=dict(configuration(case, job)),
+        signals=_signals(shown, flight, found).assign_attrs({**told, **(attrs or {})}),
+        tolerance=bands(case, job.time, flight),
+        inputs=_inputs(job),
+        trim=trim_table(flight, found),
+        verdict=verdict_table(rows),
+        failure="; ".join(f"{name}: {text}" for name, text in failures.items() if text),
+    )
+
+
+def _outcome(case: PomCase, criterion: Criterion, failure: str, time: np.ndarray, flight: Traces, outputs: Traces) -> Outcome:
+    """Judge a criterion; a run that failed, or started beyond what the case file allows the trim, carries no judgement."""
+    if failure and criterion.applies:
+        return Outcome("invalid", note=failure)
+    return judge(case, criterion, time, flight, outputs)
+
+
+def _remark(outputs: Traces) -> str:
+    """Return how often a run left its tables; empty when it did not or does not tell."""
+    steps = outputs.get("out_of_range", np.zeros(1))
+    return f"tables left in {np.nanmax(steps):.0f} internal steps" if np.isfinite(steps).any() and np.nanmax(steps) > 0.0 else ""
+
+
+def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
+    """Return what the math pilot did in each run."""
+    rows: list[dict[str, Any]] = []
+    for run, outputs in found.items():
+        moved = {name: outputs[name] - job.inputs[name] for name in dict.fromkeys(loop.control for loop in job.pilot) if name in outputs}
+        rows += activity(run, job.pilot, job.time, moved, job.targets, outputs)
+    return rows
+
+
+def _as_applied(job: Job, outputs: Traces) -> dict[str, np.ndarray]:
+    """Return outputs with what the math pilot moves at its true position, bias of the trim included, where the model tells it."""
+    moved = {loop.control for loop in job.pilot if f"applied.{loop.control}" in outputs}
+    return {**outputs, **{name: outputs[f"applied.{name}"] for name in moved}}
+
+
+def _signals(names: list[str], flight: Signals, found: Mapping[str, Traces]) -> xr.Dataset:
+    time = flight.time
+    runs = {"flight": flight, **{run: Signals(outputs, time, flight.wheel_radius) for run, outputs in found.items()}}
+    data = {}
+    for name in dict.fromkeys(names):
+        traces = [np.asarray(run[name], float) if name in run else np.full(time.size, np.nan) for run in runs.values()]
+        if name in WRAPPED:
+            traces = [_beside(trace, traces[0]) for trace in traces]
+        data[name] = (("run", "time"), np.stack(traces), {"units": lookup(name).units, "long_name": lookup(name).long_name})
+    return xr.Dataset(data, coords={"run": list(runs), "time": time})
+
+
+def _beside(angle: np.ndarray, flight: np.ndarray) -> np.ndarray:
+    """Return a wrapped angle without jumps, starting less than half a turn from the flight."""
+    if not np.isfinite(angle).all() or not np.isfinite(flight[0]):
+        return angle
+    smooth = np.unwrap(angle)
+    return smooth - 2.0 * np.pi * np.round((smooth[0] - flight[0]) / (2.0 * np.pi))
+
+
+def _inputs(job: Job) -> xr.Dataset:
+    units = {name: lookup("thrust" if name.endswith("thrust_drive") else name).units for name in job.inputs}
+    data = {name: ("time", values, {"units": units[name]}) for name, values in job.inputs.items()}
+    return xr.Dataset(data, coords={"time": job.time})
+
+
+def files_by_name(option: str, words: tuple[str, ...], example: str) -> dict[str, Path]:
+    """Return the files of command-line words ``name=file``.
+
+    Parameters
+    ----------
+    option : str
+        The option that the words belong to, for the text of an error.
+    words : tuple of str
+    example : str
+        How one is written.
+
+    Raises
+    ------
+    SchemaError
+        Words without a name, with a name that came before, or ``flight``, which is taken; all of them.
+    """
+    found: dict[str, Path] = {}
+    problems = []
+    for word in words:
+        name, _, file = word.partition("=")
+        if not name or not file:
+            problems.append(f"{word!r}: write {'name=file' + Path(example).suffix}, such as {example}")
+        elif name in (*found, "flight"):
+            problems.append(f"{word!r}: the name {name!r} is taken; give every model its own")
+        found[name] = Path(file)
+    if problems:
+        raise SchemaError(option, problems)
+    return found

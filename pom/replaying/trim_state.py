@@ -1,0 +1,109 @@
+"""The trim of a model at the start of a replay: what it found, what it left, and what limits it.
+
+A trim bias is the price of starting in the flight condition: the model flies with its controls that far from the recorded
+ones.  It is never hidden and never taken off the compared traces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from flightmech.units import DEGREE, POUND_FORCE, from_si
+
+from ..cases.case import PomCase
+from ..cases.resolve import BIASES, LIMIT_UNITS, REMAINDERS
+from ..result import PomResult
+
+STATE = (
+    *("V", "V_cas", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "delta_e", "delta_a", "delta_r"),
+    *("column", "wheel", "pedal", "F_column", "F_wheel", "F_pedal"),
+)
+CONTROLS = STATE[12:]
+COCKPIT = (*STATE[15:], "trim.F_column", "trim.F_wheel", "trim.F_pedal")
+FOUND = tuple(f"trim.{name}" for name in BIASES)
+LEFT = tuple(f"trim.{name}" for name in REMAINDERS)
+OBSERVED = (*STATE, *(f"applied.{name}" for name in CONTROLS), *FOUND, *LEFT, "out_of_range")
+"""Outputs of a model that the trim table and its remarks are made of."""
+
+HOUSE_LIMITS = {
+    **dict.fromkeys(("delta_e", "delta_a", "delta_r"), 1.0 * DEGREE),  # longitudinal trim, 2.c.5 of Table A2A: elevator 1 deg
+    **dict.fromkeys(("F_column", "F_pedal"), 5.0 * POUND_FORCE),  # static force checks, 2.a.1.a and 2.a.3.a of Table A2A
+    "throttle": 0.05,  # of the travel: 2.c.5 allows 5 % of net thrust
+    # our number: an acceleration that goes on changes the speed by 1 m/s in 20 s, an attitude by 1.5 deg in 5 s
+    **dict.fromkeys(("u_dot", "v_dot", "w_dot"), 0.05),
+    **dict.fromkeys(("p_dot", "q_dot", "r_dot"), 2.0e-3),
+}
+"""Size of a bias or of an acceleration left beyond which a run is remarked. [SI]"""
+THRUST_SHARE = 0.05  # of the recorded thrust of an engine; 2.c.5 of Table A2A, from memory, has 5 % of the largest
+SHOWN_UNITS = {"N": "lbf", "rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
+
+
+class TrimLimit(NamedTuple):
+    """Largest size of a trim quantity [SI], and whether the case file demands it (else it is the house's, for a remark)."""
+
+    size: float
+    demanded: bool
+
+
+def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, TrimLimit]:
+    """Return the limits of the trim of a case by quantity (``delta_e``, ``thrust``, ``u_dot`` ...).
+
+    Parameters
+    ----------
+    flight : mapping of str to array (time,)
+        Recorded channels; the thrust is limited by a share of its first sample.
+    """
+    found = {name: TrimLimit(size, False) for name, size in HOUSE_LIMITS.items()}
+    if "engine1.thrust" in flight:
+        found["thrust"] = TrimLimit(THRUST_SHARE * abs(float(flight["engine1.thrust"][0])), False)
+    if case.drive.trim == "ground":  # a roll is not steady, and the surfaces stay as recorded
+        found = {name: limit for name, limit in found.items() if name in ("w_dot", "p_dot", "q_dot")}
+    return found | {name: TrimLimit(size, True) for name, size in case.drive.limits.items()}
+
+
+def limits_of(result: PomResult) -> dict[str, TrimLimit]:
+    """Return the limits that the trim of a result was held against."""
+    signals = result.signals.sel(run="flight")
+    return trim_limits(result.case, {name: signals[name].values for name in ("engine1.thrust",) if name in signals})
+
+
+def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndarray], demanded: bool) -> list[str]:
+    """Return a text for every trim quantity of a model beyond its limit; nothing for a model that does not tell it."""
+    said = []
+    for name, limit in limits.items():
+        value = float(outputs[f"trim.{name}"][0]) if f"trim.{name}" in outputs else 0.0
+        if limit.demanded == demanded and abs(value) > limit.size:
+            unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
+            shown = "" if unit == "1" else f" {unit}"
+            said.append(f"trim.{name} {from_si(value, unit):+.3g}{shown} is beyond {from_si(limit.size, unit):.3g}{shown}")
+    return said
+
+
+def trim_table(flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]) -> pd.DataFrame:
+    """Return the first sample of flight and models, index ``quantity``; controls of a model are what it applied, bias included.
+
+    Parameters
+    ----------
+    flight : mapping of str to array (time,)
+    found : mapping of model to mapping of output to array (time,)
+    """
+    columns = {"flight": {name: float(flight[name][0]) for name in STATE if name in flight}}
+    shown = [name for name in (*STATE, *FOUND, *LEFT) if name not in COCKPIT or _told(name, flight, found)]
+    for run, outputs in found.items():
+        values = {}
+        for name in shown:
+            source = f"applied.{name}" if name in CONTROLS else name
+            if source in outputs:
+                values[name] = float(outputs[source][0])
+        columns[run] = values
+    table = pd.DataFrame(columns, index=pd.Index(shown, name="quantity"), dtype=float)
+    return table.dropna(how="all")
+
+
+def _told(name: str, flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]) -> bool:
+    """Whether a quantity of the cockpit belongs to the flight or to the trim; a model driven by its surfaces tells it for nothing."""
+    return name in flight or any(name in outputs and float(outputs[name][0]) != 0.0 for outputs in found.values() if name in FOUND)

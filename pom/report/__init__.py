@@ -1,0 +1,1 @@
+"""The Proof-of-Match report: page, document, numbers for programs."""

@@ -1,0 +1,43 @@
+"""The table of modes: period, time to half, damping and cycles of flight and models, by the fits that the verdicts use."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+
+from pom.result import PomResult
+
+from ..presentation.quantities import MISSING, fixed, label, number
+
+
+def table(result: PomResult, modes: pd.DataFrame, styles: dict[str, str]) -> list[dict[str, Any]]:
+    """Return one block per fitted channel and window, flight first."""
+    blocks = []
+    for (channel, start, stop), rows in modes.groupby(["channel", "window_start", "window_stop"], sort=False):
+        shown = label(str(channel))
+        blocks.append(
+            {
+                "label": shown,
+                "window": f"{fixed(start, 2)} … {fixed(stop, 2)}",
+                "lags": bool(rows["lag"].notna().any()),
+                "rows": [_row(row, shown, styles) for row in rows.to_dict("records")],
+            }
+        )
+    return blocks
+
+
+def _row(row: dict[Any, Any], shown, styles: dict[str, str]) -> dict[str, Any]:
+    half = row["t_half"]
+    return {
+        "run": row["run"],
+        "style": styles[row["run"]],
+        "period": fixed(row["period"], 2),
+        "t_half": MISSING if half != half else f"{fixed(abs(half), 2)}{' to double' if half < 0 else ''}",
+        "damping": fixed(row["damping_ratio"], 4),
+        "cycles": fixed(row["cycles"], 1),
+        "amplitude": number(float(shown.width(row["amplitude"])), 3),
+        "residual": number(float(shown.width(row["residual_rms"])), 2),
+        "lag": fixed(row["lag"], 2),
+        "note": row["note"],
+    }

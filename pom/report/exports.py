@@ -1,0 +1,145 @@
+"""What a report hands to programs: ``results.json``, JUnit XML for build servers, one CSV per case."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+
+from flightmech.support.atomic_write import written_whole
+from flightmech.support.console import plain
+
+from ..archive.archive import Archive
+from ..archive.origins import case_seen_from
+from ..replaying.offsets import drift
+from ..result import PomResult
+from .case.case import keys
+
+# a verdict of a group -> the element JUnit has for it; a pass has none
+_ELEMENTS = {"fail": "failure", "invalid": "error", "not_tested": "skipped", "advisory": "skipped"}
+
+
+def results_json(archive: Archive, modes: Sequence[pd.DataFrame], folder: str | os.PathLike) -> str:
+    """Return ``results.json``: every number that the report prints; the samples are in ``results.nc``, files are named from `folder`."""
+    results = archive.results
+    document = {
+        "title": archive.title,
+        "revision": archive.revision,
+        "provenance": plain(archive.provenance),
+        "samples": "results.nc",
+        "results": [_numbers(result, folder) for result in results],
+        "modes": {result.case.name: _records(table) for result, table in zip(results, modes, strict=True) if len(table)},
+        "diagnoses": {name: _records(table) for name, table in archive.diagnoses.items()},
+    }
+    return json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False) + "\n"
+
+
+def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
+    return plain(
+        {
+            "case": case_seen_from(result.case, folder).to_dict(),
+            "conditions": result.conditions,
+            "status": {run: result.status(run) for run in result.runs},
+            "attributes": dict(result.signals.attrs),
+            "channels": [str(name) for name in result.signals.data_vars],
+            "inputs": [str(name) for name in result.inputs.data_vars],
+            "samples": int(result.signals.sizes["time"]),
+            "trim": result.trim.to_dict("split"),
+            "drift": drift(result).to_dict("records"),
+            "verdict": [dict(row) for row in result.rows],
+            "failure": result.failure,
+        }
+    )
+
+
+def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    return plain(table.to_dict("records"))
+
+
+def junit(results: Sequence[PomResult], title: str) -> str:
+    """Return the verdicts as JUnit XML: a suite per case, a test per model and group of criteria.
+
+    Criteria of one group are alternatives, so a group is one test: it fails only when none of them passes.
+    """
+    root = ElementTree.Element("testsuites", name=_clean(title))
+    for key, result in zip(keys(results), results, strict=True):
+        suite = ElementTree.SubElement(root, "testsuite", name=_clean(f"{result.case.id} {result.case.title}"))
+        for run in result.runs:
+            for name, verdict, why in _tests(result, run):
+                test = ElementTree.SubElement(suite, "testcase", classname=f"{key}.{run}", name=_clean(name))
+                if verdict in _ELEMENTS:
+                    ElementTree.SubElement(test, _ELEMENTS[verdict], message=_clean(why))
+        _count(suite, [suite])
+    _count(root, list(root))
+    ElementTree.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def write_junit(path: str | os.PathLike, results: Sequence[PomResult], title: str) -> None:
+    """Write `junit` to a file, whole or not at all."""
+    with written_whole(path) as place:
+        place.write_text(junit(results, title), encoding="utf-8", newline="\n")
+
+
+def _tests(result: PomResult, run: str) -> Iterator[tuple[str, str, str]]:
+    """Yield name, verdict and reason of every group of criteria that applies."""
+    rows = [row for row in result.rows if row["run"] == run]
+    applying = {c.name for c in result.case.criteria if c.applies}
+    for group, verdict in result.groups(run).items():
+        mine = [row for row in rows if row["group"] == group and row["criterion"] in applying]
+        yield " or ".join(row["criterion"] for row in mine), verdict, "; ".join(_reason(row) for row in mine)
+
+
+def _reason(row: Mapping[Hashable, Any]) -> str:
+    if not math.isfinite(row["worst_ratio"]):
+        return f"{row['criterion']}: {row['verdict'].replace('_', ' ')}: {row['note']}"
+    at = f" at {row['at']:.2f} s" if math.isfinite(row["at"]) else ""
+    return f"{row['criterion']}: {row['worst_ratio']:.3g} x tolerance, {row['worst']:+.3g} {row['unit']}{at} ({row['tolerance_text']})"
+
+
+def _count(element: ElementTree.Element, suites: Sequence[ElementTree.Element]) -> None:
+    element.set("tests", str(sum(len(suite.findall("testcase")) for suite in suites)))
+    for kind in ("failure", "error", "skipped"):
+        plural = kind if kind == "skipped" else f"{kind}s"
+        element.set(plural, str(sum(len(suite.findall(f"testcase/{kind}")) for suite in suites)))
+
+
+def _clean(text: str) -> str:
+    """Return a text without the control characters that XML cannot hold."""
+    return "".join(c if c in "\t\n" or (ord(c) >= 32 and not 0xD800 <= ord(c) <= 0xDFFF and ord(c) < 0xFFFE) else "?" for c in text)
+
+
+def case_csv(result: PomResult) -> str:
+    """Return the samples of a case: time, every channel per run, half widths, inputs; SI, nine significant digits.
+
+    A missing sample is an empty cell.  Inputs on another time base are read off by straight lines.
+    """
+    time = result.signals["time"].values
+    columns = {"time [s]": time}
+    for name, item in result.signals.data_vars.items():
+        for run, values in zip(item["run"].values, item.values, strict=True):
+            columns[_head(f"{name} {run}", item.attrs)] = values
+    for name, item in result.tolerance.data_vars.items():
+        columns[_head(f"{name} tolerance", item.attrs)] = item.values
+    clock = result.inputs["time"].values
+    for name, item in result.inputs.data_vars.items():
+        values = item.values if np.array_equal(clock, time) else np.interp(time, clock, item.values)
+        columns[_head(f"{name} input", item.attrs)] = values
+    head = io.StringIO()
+    csv.writer(head, lineterminator="\n").writerow(columns)
+    line = ",".join(["%.9g"] * len(columns))
+    rows = [line % row for row in zip(*(values.tolist() for values in columns.values()), strict=True)]
+    return head.getvalue() + "\n".join(rows).replace("nan", "") + "\n"
+
+
+def _head(name: str, attrs: Mapping[Hashable, Any]) -> str:
+    units = attrs.get("units", "")
+    return f"{name} [{units}]" if units else name

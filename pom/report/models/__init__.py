@@ -1,0 +1,1 @@
+"""Databases, identification and the diagnosis in the report."""

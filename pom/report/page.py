@@ -1,0 +1,72 @@
+"""The HTML page of the report: one self-contained file that asks for nothing outside itself."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+
+from ..tolerances.rows import rows as tolerance_rows
+from . import overview
+from . import provenance as origin
+from .case import case
+from .models import database_comparison, identification
+from .presentation.traces import parcel
+
+_HERE = Path(__file__).parent
+_STATIC = {
+    "uplot_css": "uplot/uPlot.min.css",
+    "report_css": "report.css",
+    "uplot_js": "uplot/uPlot.iife.min.js",
+}
+_SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper", "fits", "pages")
+# figures for readers without a script take 10 kB a case: only a report that is short enough to be read that way has them
+MOST_WITH_FIGURES = 30
+
+
+def html_page(results, title, revision, provenance, databases, diagnoses, support, modes, fits=()) -> str:
+    """Return the text of ``report.html``; the arguments are those of `pom.write_report`, `modes` a table for every result."""
+    environment = Environment(
+        loader=FunctionLoader(_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.globals["parts"] = environment.get_template("parts.html").module
+    keys = case.keys(results)
+    found = [case.outcomes(result, case.line_styles(result.runs)) for result in results]
+    common = {"title": title, "revision": revision, "origin": origin.page(provenance, results, databases), "count": len(results)}
+    common["models"] = database_comparison.page(databases, support, case.line_styles(databases)) if databases else None
+    inner, brief, cases = environment.get_template("case.html"), environment.get_template("brief.html"), []
+    for i, (key, result, outcome, table) in enumerate(zip(keys, results, found, modes, strict=True), 1):
+        diagnosis = diagnoses.get(result.case.name)
+        page = case.page(key, result, outcome, provenance, diagnosis, table, with_figures=len(results) <= MOST_WITH_FIGURES)
+        texts = {name: template.render(common, page={**page, "position": i}) for name, template in (("page", inner), ("brief", brief))}
+        packed = parcel({**page["head"], "page": texts["page"]}, page["body"])
+        fail = any(cell["status"] == "fail" for cell in outcome)
+        cases.append({"key": key, "fail": fail, "brief": Markup(texts["brief"]), "parcel": packed})
+    more = {}
+    if databases:
+        more["models"] = parcel({"page": environment.get_template("models.html").render(common)})
+    if fits:
+        context, head, body = identification.page(fits)
+        more["identification"] = parcel(
+            {**head, "page": environment.get_template("identification.html").render(common, identification=context)}, body
+        )
+    return environment.get_template("report.html").render(
+        common,
+        matrix=overview.matrix(keys, results, found),
+        coverage=overview.coverage(results, tolerance_rows()),
+        cases=cases,
+        more=more.items(),
+        report_js=Markup("\n".join(_static(f"script/{name}.js") for name in _SCRIPT)),
+        **{name: Markup(_static(file)) for name, file in _STATIC.items()},
+    )
+
+
+def _static(name: str) -> str:
+    return (_HERE / "static" / name).read_text(encoding="utf-8")
+
+
+def _template(name: str) -> str:
+    """Return a template without its indentation, which would be a tenth of the page."""
+    lines = (_HERE / "templates" / name).read_text(encoding="utf-8").splitlines()
+    return "".join(f"{line.lstrip()}\n" for line in lines)

@@ -1,0 +1,196 @@
+"""What stands in the document, as plain data for the templates of typst: the same words and numbers as on the HTML page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from pom.report import overview
+from pom.report import provenance as origin
+from pom.report.case import initial_conditions, remarks
+from pom.report.case import modes as modal
+from pom.report.case.case import digests, line_styles, outcomes
+from pom.report.case.inputs import driving
+from pom.report.models.diagnosis import story
+from pom.report.presentation.quantities import Label
+from pom.report.presentation.verdict_text import Verdict, verdict_table, words
+from pom.result import PomResult
+from pom.tolerances.rows import rows as tolerance_rows
+
+ROLES = ("prepared", "checked", "approved", "authority")
+_REFERENCES = {
+    "flight": "model against flight",
+    "engineering": "model against an engineering simulator",
+    "footprint": "footprint: no reference, no band, no verdict",
+}
+
+
+def front(
+    results: Sequence[PomResult],
+    keys: Sequence[str],
+    title: str,
+    revision: str,
+    provenance: Mapping[str, Any],
+    databases: Mapping[str, xr.DataTree],
+) -> dict[str, Any]:
+    """Return what cover, index, coverage, references and glossary show."""
+    cells = [outcomes(result, line_styles(result.runs)) for result in results]
+    matrix = _matrix(keys, results, cells)
+    source = origin.page(provenance, results, databases)
+    return {
+        "title": title,
+        "revision": revision,
+        "date": provenance.get("date", ""),
+        "command": provenance.get("command", ""),
+        "tool": provenance.get("versions", {}).get("aeromatch", ""),
+        "roles": ROLES,
+        "standards": list(dict.fromkeys(f"{r.case.standard}, edition {r.case.edition}" for r in results)),
+        "kinds": list(dict.fromkeys(_REFERENCES.get(r.case.reference, r.case.reference) for r in results)),
+        "airplanes": list(dict.fromkeys(str(db.attrs["aircraft"]) for db in databases.values() if "aircraft" in db.attrs)),
+        "index": matrix,
+        "coverage": overview.coverage(results, tolerance_rows()),
+        "references": {
+            "versions": source["versions"],
+            "inputs": source["inputs"],
+            "models": [(run, model.get("file", ""), model.get("sha256", "")) for run, model in source["models"]],
+            "databases": [(name, str(db.attrs.get("title", "")), str(db.attrs.get("source", ""))) for name, db in databases.items()],
+            "absent": _joined((name, ", ".join(terms) or "none") for name, terms in source["absent"]),
+            "documents": _documents(results),
+        },
+        "glossary": [{**quantity(q), "name": q.name, "meaning": q.meaning, "sign": q.sign} for q in source["glossary"]],
+    }
+
+
+def case(
+    position: int, key: str, result: PomResult, provenance: Mapping[str, Any], diagnosis: pd.DataFrame | None, modes: pd.DataFrame
+) -> dict[str, Any]:
+    """Return what the pages of one case show beside the drawings."""
+    case, styles = result.case, line_styles(result.runs)
+    said, table = initial_conditions.conditions(result.conditions, result.trim.index), verdict_table(result)
+    return {
+        "position": position,
+        "key": key,
+        "id": case.id,
+        "title": case.title,
+        "name": case.name,
+        "standard": f"{case.standard}, edition {case.edition}",
+        "kind": f"{_REFERENCES.get(case.reference, case.reference)}, tolerances applied to {remarks.share(case.fraction)}",
+        "objective": case.objective or case.description or case.title,
+        "texts": [(head, text) for head, text in _texts(case) if text],
+        "outcomes": [_outcome(item) for item in outcomes(result, styles)],
+        "failure": result.failure,
+        "digests": [list(row) for row in digests(result, provenance)],
+        "source": remarks.data_source(result),
+        "calibration": initial_conditions.calibration(result),
+        "window": [case.window[0], case.window[1]],
+        "events": [(words(name), f"{at:.2f} s") for name, at in sorted(case.events.items(), key=lambda item: item[1])],
+        "conditions": [(part, [(quantity(shown), value) for shown, value in rows]) for part, rows in said],
+        "glance": ";  ".join(f"{_name(shown)} {value}" for _, rows in said for shown, value in rows if shown.name in _GLANCE),
+        "drive": _drive(result),
+        "trim": _trim(result),
+        "drift": _drift(result),
+        "verdicts": [_block(block) for block in table["blocks"]],
+        "left_out": [(block["criterion"], block["printed"], block["left_out"]) for block in table["left_out"]],
+        "values": table["values"],
+        "modes": [_mode(block) for block in modal.table(result, modes, styles)],
+        "story": story(diagnosis) if diagnosis is not None and len(diagnosis) else "",
+        "notes": remarks.notes(result),
+        "rationales": remarks.rationales(result),
+        "ticks": remarks.ticks(result),
+        "runs": result.runs,
+        "styles": styles,
+    }
+
+
+_GLANCE = ("mass", "x_cg", "x_cg_b", "delta_f", "gear", "speedbrake", "h", "h_agl", "delta_T", "wind", "V", "V_cas", "mach")
+
+
+def quantity(shown: Label) -> dict[str, Any]:
+    """Return a quantity as the templates write it: symbol with subscript, words, unit."""
+    word = shown.is_word
+    return {"base": shown.base, "sub": shown.sub, "word": word, "words": shown.words, "unit": shown.unit}
+
+
+def _name(shown: Label) -> str:
+    return shown.words or shown.name
+
+
+def _texts(case: Any) -> list[tuple[str, str]]:
+    description = case.description if case.objective else ""
+    named = (("Manoeuvre", description), ("Procedure, automatic", case.procedure), ("Procedure, manual", case.manual))
+    return [*named, ("Method of evaluation", case.evaluation)]
+
+
+def _outcome(item: Mapping[str, Any]) -> dict[str, Any]:
+    at = f" at {item['at_text']} s" if item["at"] == item["at"] else ""
+    verdict: Verdict = item["verdict"]
+    decides = f"{item['criterion']}{at}" if item["criterion"] else ""
+    return {"run": item["run"], "style": item["style"], "ratio": item["ratio_text"], "decides": decides, **_verdict(verdict)}
+
+
+def _verdict(verdict: Verdict) -> dict[str, str]:
+    return {"word": verdict.word, "symbol": verdict.symbol, "state": verdict.css.removeprefix("is-")}
+
+
+def _matrix(keys: Sequence[str], results: Sequence[PomResult], cells: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
+    runs = list(dict.fromkeys(run for result in results for run in result.runs))
+    rows = []
+    for key, result, found in zip(keys, results, cells, strict=True):
+        by = {cell["run"]: _outcome(cell) for cell in found}
+        rows.append({"key": key, "id": result.case.id, "title": result.case.title, "cells": [by.get(run) for run in runs]})
+    order = ("pass", "fail", "invalid", "not_tested")
+    counts = [[run, *(sum(r.status(run) == word for r in results if run in r.runs) for word in order)] for run in runs]
+    return {"runs": runs, "rows": rows, "counts": counts, "styles": line_styles(runs)}
+
+
+def _joined(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, str]]:
+    """Return pairs with the names of equal texts joined."""
+    found: dict[str, list[str]] = {}
+    for name, text in pairs:
+        found.setdefault(text, []).append(name)
+    return [(", ".join(names), text) for text, names in found.items()]
+
+
+def _drift(result: PomResult) -> list[dict[str, Any]]:
+    """Return the drift of every channel, a cell per model."""
+    rows: dict[str, dict[str, Any]] = {}
+    for shown, run, rate, spread in initial_conditions.drift(result):
+        row = rows.setdefault(shown.name, {"label": quantity(shown), "cells": dict.fromkeys(result.runs, "")})
+        row["cells"][run] = f"{rate} ± {spread}"
+    return [{"label": row["label"], "cells": list(row["cells"].values())} for row in rows.values()]
+
+
+def _documents(results: Sequence[PomResult]) -> list[str]:
+    """Return the documents that the case files name as the source of their flight data, each once."""
+    return list(dict.fromkeys(result.case.source["document"] for result in results if "document" in result.case.source))
+
+
+def _drive(result: PomResult) -> dict[str, Any]:
+    found = driving(result)
+    return {
+        "how": found["how"],
+        "inputs": [(quantity(shown), *rest) for shown, *rest in found["inputs"]],
+        "loops": [{**loop, "control": quantity(loop["control"]), "channel": quantity(loop["channel"])} for loop in found["loops"]],
+        "activity": [{**row, "control": quantity(row["control"])} for row in found["activity"]],
+    }
+
+
+def _trim(result: PomResult) -> dict[str, Any]:
+    found = initial_conditions.trim(result)
+    parts = [(title, [{**row, "label": quantity(row["label"])} for row in rows]) for title, rows in found["parts"]]
+    return {"columns": found["columns"], "parts": parts}
+
+
+def _block(block: Mapping[str, Any]) -> dict[str, Any]:
+    rows = [
+        {key: item for key, item in row.items() if key not in ("at", "exit", "verdict")} | _verdict(row["verdict"]) for row in block["rows"]
+    ]
+    applied = block["applied"].removeprefix(f"{block['printed']}: ")  # the number alone where the printed tolerance stands beside it
+    return {**block, "label": quantity(block["label"]) if block["label"] else None, "rows": rows, "applied": applied}
+
+
+def _mode(block: Mapping[str, Any]) -> dict[str, Any]:
+    return {**block, "label": quantity(block["label"])}

@@ -1,0 +1,1 @@
+"""What page and document share: quantities, verdict texts, traces, SVG."""

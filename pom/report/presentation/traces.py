@@ -1,0 +1,100 @@
+"""Traces for the page: quantised to a step, differenced, compressed.
+
+A trace is stored as integers k with value = k * step: differences of a noisy trace, differences of differences of a
+smooth one, in the fewest bytes that hold them (8, 16 or 32 bits).  With a step of tolerance/500 the error is at most
+tolerance/1000, far below a pixel; the numbers a reader sees come from the verdict table, never from here.  A parcel
+is what a page waits as: its text and what its plots need as JSON, a zero, the traces, all gzipped and written in base64.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flightmech.support.console import plain
+
+STEPS_PER_TOLERANCE = 500
+STEPS_PER_HEIGHT = 500
+TIME_STEP = 1e-6
+_MISSING = {"int8": -(2**7), "int16": -(2**15), "int32": -(2**31)}
+
+
+@dataclass
+class Pack:
+    """Collects arrays into one block; `add` returns what the page needs to read an array back."""
+
+    body: bytearray
+
+    @classmethod
+    def empty(cls) -> Pack:
+        """Return a pack without arrays."""
+        return cls(bytearray())
+
+    def add(self, values: np.ndarray, step: float) -> dict[str, Any]:
+        """Append an array (NaN allowed) quantised to `step` and return its entry: type, order of difference, place, count, first, step."""
+        first, order, differences = quantise(values, step)
+        kind, count = str(differences.dtype), len(differences)
+        entry = {"type": kind, "order": order, "at": len(self.body), "count": count, "first": first, "step": step}
+        self.body += differences.astype(differences.dtype.newbyteorder("<")).tobytes()
+        return entry
+
+
+def parcel(head: Mapping[str, Any], body: bytes = b"") -> str:
+    """Return a page as base64 of gzip; the header holds neither time nor system, so equal input gives equal text."""
+    text = json.dumps(plain(head), sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    squeeze = zlib.compressobj(6, zlib.DEFLATED, 31, 9, zlib.Z_FILTERED)
+    return base64.b64encode(squeeze.compress(text.encode() + b"\0" + body) + squeeze.flush()).decode("ascii")
+
+
+def opened(text: str) -> tuple[dict[str, Any], bytes]:
+    """Return head and body of a `parcel`."""
+    head, _, body = zlib.decompress(base64.b64decode(text), 31).partition(b"\0")
+    return json.loads(head), body
+
+
+def step_of(half_width: np.ndarray | None, scale: tuple[float, float]) -> float:
+    """Return the step for a channel: tolerance/500 at its narrowest, or a 500th of the height of its panel without tolerance."""
+    if half_width is not None:
+        widths = half_width[np.isfinite(half_width) & (half_width > 0)]
+        if len(widths):
+            return float(widths.min()) / STEPS_PER_TOLERANCE
+    return max((scale[1] - scale[0]) / STEPS_PER_HEIGHT, max(map(abs, scale)) * 1e-9) or 1.0
+
+
+def quantise(values: np.ndarray, step: float) -> tuple[int, int, np.ndarray]:
+    """Return the first level, the order of difference (1 or 2) and the differences; NaN becomes the type's least number."""
+    values = np.asarray(values, float)
+    good = np.isfinite(values)
+    if not good.any():
+        return 0, 1, np.full(len(values), _MISSING["int8"], np.int8)
+    level = np.rint(np.where(good, values, 0.0) / step).astype(np.int64)
+    last = np.maximum.accumulate(np.where(good, np.arange(len(values)), -1))
+    first = int(level[good][0])
+    level = np.where(last >= 0, level[last], first)
+    once = np.diff(level, prepend=first)
+    twice = np.diff(once, prepend=0)
+    # over a gap only the level itself is held, so its differences are of first order
+    order = 2 if good.all() and np.log2(1 + np.abs(twice)).sum() < np.log2(1 + np.abs(once)).sum() else 1
+    differences = once if order == 1 else twice
+    largest = int(np.abs(differences[good]).max())
+    kind = next((kind for kind, least in _MISSING.items() if largest < -least), "")
+    if not kind:
+        raise OverflowError(f"a jump of {largest} steps of {step:g} does not fit 32 bits")
+    return first, order, np.where(good, differences, _MISSING[kind]).astype(kind)
+
+
+def restore(entry: Mapping[str, Any], body: bytes) -> np.ndarray:
+    """Return an array of a pack, as the page's script reads it."""
+    kind = np.dtype(entry["type"]).newbyteorder("<")
+    differences = np.frombuffer(body, kind, entry["count"], entry["at"]).astype(np.int64)
+    missing = differences == _MISSING[entry["type"]]
+    level = np.where(missing, 0, differences)
+    for _ in range(entry["order"]):
+        level = np.cumsum(level)
+    return np.where(missing, np.nan, (entry["first"] + level) * entry["step"])

@@ -1,0 +1,27 @@
+"""What the report was made from: inputs with hashes, versions, command, and what no source could give."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import xarray as xr
+
+from pom.result import PomResult
+
+from .presentation.quantities import label
+
+
+def page(provenance: Mapping[str, Any], results: Sequence[PomResult], databases: Mapping[str, xr.DataTree]) -> dict[str, Any]:
+    """Return everything the template ``provenance.html`` needs."""
+    channels = {str(name) for r in results for data in (r.signals, r.inputs) for name in data.data_vars}
+    return {
+        "date": provenance.get("date", ""),
+        "command": provenance.get("command", ""),
+        "versions": sorted(provenance.get("versions", {}).items()),
+        "inputs": sorted(provenance.get("inputs", {}).items()),
+        "models": list(provenance.get("models", {}).items()),
+        "records": sorted({result.case.record for result in results}),
+        "absent": [(name, str(db.attrs.get("absent", "")).split()) for name, db in databases.items()],
+        "glossary": sorted((label(name) for name in channels), key=lambda x: x.name.lower()),
+    }

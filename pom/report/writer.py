@@ -1,0 +1,146 @@
+"""The Proof-of-Match report: one page for a browser, one document for paper, and all numbers for programs, written together.
+
+Equal input gives equal bytes: dates come from the input, keys are sorted, no host name or clock is read.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from flightmech.errors import SchemaError, UnknownName
+from flightmech.support.atomic_write import folder_written_whole, written_whole
+
+from ..archive.origins import sha256, without_places
+from ..archive.provenance_record import Provenance
+from ..archive.provenance_record import check as check_provenance
+from ..judging.modal import mode_table
+from .case.case import keys
+from .page import html_page
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+    from flighttest import Fit
+
+    from ..result import PomResult
+
+PAPERS = ("a4", "letter")
+HTML, PDF, JSON, SAMPLES, JUNIT, CSV = "report.html", "report.pdf", "results.json", "results.nc", "results.xml", "csv"
+
+
+def write_report(
+    results: Sequence[PomResult],
+    folder: str | os.PathLike,
+    *,
+    title: str,
+    provenance: Provenance | None = None,
+    databases: Mapping[str, xr.DataTree] | None = None,
+    diagnoses: Mapping[str, pd.DataFrame] | None = None,
+    support: Mapping[str, pd.DataFrame] | None = None,
+    fits: Sequence[Fit] = (),
+    revision: str = "",
+    paper: str | None = "a4",
+) -> Path:
+    """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
+
+    Beside the two: ``results.json`` (every printed number), ``results.nc`` (samples as exact doubles), ``results.xml`` (JUnit),
+    ``csv/`` (one file per case) and ``manifest.json`` (SHA-256 of every input and output).
+
+    Parameters
+    ----------
+    results : sequence of PomResult
+        In the order of the report.
+    folder : path
+        Made when missing; its files of an earlier report are replaced whole, all of them or none.
+    title : str
+        Title of the report, e.g. the airplane and the model standard.
+    provenance : Provenance, optional
+        From `pom.provenance`: ``date`` of the results, ``command``, ``versions``, ``inputs`` (file to SHA-256) and their
+        ``places``, ``models`` (run to ``file``, ``sha256`` and ``path``).
+    databases : mapping of str to DataTree, optional
+        Aero databases to set against each other, the prior first; names of runs take the line code of the runs.
+    diagnoses : mapping of str to DataFrame, optional
+        Case name to the table of `pom.diagnose`.
+    support : mapping of str to DataFrame, optional
+        Term (``CL/basic``) to the flight samples that support it, columns named after the axes of the term. [SI]
+    fits : sequence of flighttest.Fit
+        Local models of the identification; the page shows their estimates, residuals and collinearity.
+    revision : str
+        Revision of the report, as the user counts them.
+    paper : {"a4", "letter"}, optional
+        Paper of ``report.pdf``; None leaves it out, and removes one of an earlier report.
+
+    Returns
+    -------
+    Path
+        Of ``report.html``.
+
+    Raises
+    ------
+    SchemaError
+        No results, or another paper.
+    UnknownName
+        A diagnosis for a case that is not there, or a misspelt key of `provenance`.
+    """
+    from ..archive.archive import Archive, write_archive
+    from ..archive.manifest import NAME, manifest
+    from .exports import case_csv, junit, results_json
+
+    results, diagnoses, databases = list(results), dict(diagnoses or {}), dict(databases or {})
+    located: dict[str, Any] = {**(provenance or {})}
+    _check(results, located, diagnoses, paper)
+    made_from = without_places(located)
+    modes = [mode_table(result) for result in results]
+    archive, names = Archive(results, title, revision, made_from, diagnoses), keys(results)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+
+    with ExitStack() as stack:
+
+        def new(name: str) -> Path:
+            return stack.enter_context(written_whole(folder / name))
+
+        def manifested(written: Mapping[str, Path]) -> str:
+            outputs = {name: sha256(path) for name, path in written.items()}
+            return manifest(results, outputs, folder, title=title, revision=revision, paper=paper, provenance=located)
+
+        written = {name: new(name) for name in (HTML, JSON, SAMPLES, JUNIT)}
+        _write(written[HTML], html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits))
+        _write(written[JSON], results_json(archive, modes, folder))
+        _write(written[JUNIT], junit(results, title))
+        write_archive(written[SAMPLES], archive, names)
+        tables = stack.enter_context(folder_written_whole(folder / CSV))
+        for name, result in zip(names, results, strict=True):
+            written[f"{CSV}/{name}.csv"] = tables / f"{name}.csv"
+            _write(written[f"{CSV}/{name}.csv"], case_csv(result))
+        if paper is not None:
+            from .pdf import pdf_pages
+
+            attached = {JSON: written[JSON].read_bytes(), NAME: manifested(written).encode("utf-8")}
+            written[PDF] = new(PDF)
+            written[PDF].write_bytes(pdf_pages(results, title, revision, made_from, databases, diagnoses, modes, paper, attached))
+        _write(new(NAME), manifested(written))
+    if paper is None:
+        (folder / PDF).unlink(missing_ok=True)
+    return folder / HTML
+
+
+def _check(results: Sequence[PomResult], provenance: Mapping[str, Any], diagnoses: Mapping[str, Any], paper: str | None) -> None:
+    if not results:
+        raise SchemaError("report", ["no results came; give the outcome of at least one case"])
+    if paper is not None and paper not in PAPERS:
+        raise SchemaError("report", [f"paper is {paper!r}; give {' or '.join(map(repr, PAPERS))}, or None for no PDF"])
+    check_provenance(provenance)
+    names = {result.case.name for result in results}
+    for name in diagnoses:
+        if name not in names:
+            raise UnknownName(name, names, "case", "diagnoses are named after cases")
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8", newline="\n")

@@ -1,9 +1,0 @@
-"""What runs in the child process of an FMU: ``python -m pom.worker MODEL.fmu FOLDER PARENT`` answers jobs until its input ends.
-
-Of the rest of the package it imports the math pilot only, so that the child starts fast and a foreign library cannot reach the parent.
-"""
-
-from .flying import replay
-from .model import Model
-
-__all__ = ["Model", "replay"]

@@ -1,0 +1,113 @@
+"""The verbs of editing, on a file."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import aerodb
+from aerodb.cli.group import db
+from flightmech.errors import OutOfRange, UnitError, UnknownName
+from flightmech.units import FOOT
+
+
+@pytest.fixture
+def file(small, tmp_path):
+    aerodb.save(small, tmp_path / "small.nc")
+    return str(tmp_path / "small.nc")
+
+
+@pytest.fixture
+def output(tmp_path):
+    return str(tmp_path / "new.nc")
+
+
+def run(*arguments):
+    return CliRunner().invoke(db, arguments, catch_exceptions=False)
+
+
+def leaf(path, name):
+    return aerodb.terms(aerodb.open(path))[name]
+
+
+def test_scale(file, output):
+    options = {"stderr": 0.05, "source": "flight", "note": "run 21"}
+    words = [word for key, item in options.items() for word in (f"--{key}", str(item))]
+    result = run("edit", file, "scale", "CL/flap", "--by", "1.2", *words, "-o", output)
+    assert result.stdout == f"scale: CL/flap by 1.2 +- 0.05 (run 21)\nwritten: {output}\n"
+    assert aerodb.open(output).identical(aerodb.scale(aerodb.open(file), "CL/flap", 1.2, **options))
+    run("edit", file, "scale", "CL/basic", "--by", "1 2", "--over", "alpha=4, 12 deg", "-o", output)
+    np.testing.assert_allclose(np.degrees(leaf(output, "CL/basic")["alpha"]), [-8, 0, 4, 8, 12, 16])
+
+
+def test_shift_takes_negative_numbers_and_says_warnings(file, output):
+    result = run("edit", file, "shift", "CL/flap", "--by", "-0.02", "-o", output)
+    assert result.exit_code == 0
+    assert "warning: shift: 1 nodes of CL/flap were zero by definition" in result.stderr
+    np.testing.assert_allclose(leaf(output, "CL/flap")["value"], [-0.02, 0.18, 0.34])
+
+
+def test_regrid_and_extend_take_units(file, output):
+    result = run("edit", file, "regrid", "CL/basic", "--axis", "alpha=-8 16 deg", "--axis", "mach=0.2 0.4", "-o", output)
+    assert result.stdout.startswith("regrid: CL/basic on alpha 2 for 4 breakpoints, mach 2 for 2 breakpoints, differs by up to ")
+    with pytest.raises(OutOfRange, match="outside"):
+        run("edit", file, "regrid", "CL/basic", "--axis", "alpha=-8 20 deg", "-o", output)
+    assert run("edit", file, "extend", "CL/basic", "--axis", "alpha=20 24 deg", "--how", "linear", "-o", output).exit_code == 0
+    np.testing.assert_allclose(leaf(output, "CL/basic")["value"].isel(mach=0, alpha=-1), 0.2 + 5 * np.radians(24))
+    run("edit", file, "extend", "CL/flap", "--axis", "delta_f=50 deg", "--values", "0.4", "--stderr", "0.1", "-o", output)
+    assert float(leaf(output, "CL/flap")["value"][-1]) == 0.4
+
+
+def test_move_reference_takes_units_and_keeps_the_other_coordinates(file, output):
+    assert run("edit", file, "move-reference", "--x", "-9.5 ft", "--z", "0.1", "-o", output).exit_code == 0
+    attributes = aerodb.open(output).attrs
+    assert [float(attributes[key]) for key in ("x_ref", "y_ref", "z_ref")] == [-9.5 * FOOT, 0.0, 0.1]
+
+
+def test_blend_prints_how_well_they_agree(file, output, small, tmp_path):
+    other = str(tmp_path / "other.nc")
+    aerodb.save(aerodb.scale(small, "CL/qhat", 1.1), other)
+    result = run("edit", file, "blend", other, "CL/qhat", "--rule", "correlated", "-o", output)
+    assert result.stdout.splitlines()[0] == "blend: CL/qhat with 'small database', correlated"
+    assert result.stdout.splitlines()[-1].split()[:2] == ["CL/qhat", "2"]
+
+
+def test_delete_and_replace(file, output):
+    run("edit", file, "delete", "CL/*", "--note", "could not be identified", "-o", output)
+    assert list(aerodb.terms(aerodb.open(output))) == ["Cm/qhat"]
+    again = output.replace("new", "again")
+    assert "replace_terms: added CL/flap" in run("edit", output, "replace", file, "CL/flap", "-o", again).stdout
+    np.testing.assert_array_equal(leaf(again, "CL/flap")["value"], leaf(file, "CL/flap")["value"])
+
+
+def test_history_previous_forget(file, output, small, tmp_path):
+    back = str(tmp_path / "back.nc")
+    run("edit", file, "scale", "CL/flap", "--by", "2", "-o", output)
+    run("edit", output, "scale", "CL/flap", "--by", "3", "--note", "again", "-o", output)
+    lines = [line.strip() for line in run("history", output).stdout.splitlines()]
+    assert lines == ["edit  what was done", "by hand", "1  scale: CL/flap by 2", "2  scale: CL/flap by 3 (again)"]
+    told = json.loads(run("history", output, "--json").stdout)
+    assert told[2] == {"line": 3, "edit": 2, "verb": "scale", "terms": "CL/flap", "note": "again", "text": "scale: CL/flap by 3 (again)"}
+    assert told[0]["edit"] is None
+    assert run("previous", output, "--steps", "2", "-o", back).stdout == f"written: {back}\n"
+    assert aerodb.open(back).identical(small)
+    run("previous", output, "--edit", "2", "-o", back)
+    np.testing.assert_allclose(leaf(back, "CL/flap")["value"], [0.0, 0.4, 0.72])
+    run("forget", output, "-o", back)
+    assert "previous" not in aerodb.open(back).children
+    with pytest.raises(OutOfRange):
+        run("previous", back, "-o", output)
+
+
+def test_bad_words(file, output):
+    assert run("edit", file, "regrid", "CL/basic", "--axis", "alpha", "-o", output).exit_code == 2
+    with pytest.raises(UnknownName, match="unknown quantity 'alfa'; near it: alpha"):
+        run("edit", file, "regrid", "CL/basic", "--axis", "alfa=1 deg", "-o", output)
+    with pytest.raises(UnitError, match="unit 'kg' cannot be converted to 'rad'"):
+        run("edit", file, "regrid", "CL/basic", "--axis", "alpha=1 2 kg", "-o", output)
+    with pytest.raises(UnitError, match="expected numbers and a unit such as"):
+        run("edit", file, "regrid", "CL/basic", "--axis", "alpha=low high", "-o", output)
+    with pytest.raises(UnitError, match="cannot be converted to 'm'"):
+        run("edit", file, "move-reference", "--x", "3 deg", "-o", output)
+    assert run("edit", file, "scale", "CL/flap", "--by", "2", "-o", "/nowhere/x.nc").exit_code == 2

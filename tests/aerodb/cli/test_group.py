@@ -1,0 +1,85 @@
+import json
+
+import pytest
+from click.testing import CliRunner
+
+import aerodb
+from aerodb.cli.group import db
+from flightmech.errors import ParseError, UnknownName
+
+
+@pytest.fixture
+def file(small, tmp_path):
+    aerodb.save(small, tmp_path / "small.nc")
+    return str(tmp_path / "small.nc")
+
+
+def run(*arguments):
+    return CliRunner().invoke(db, arguments, catch_exceptions=False)
+
+
+def test_show_prints_one_line_per_term(file):
+    lines = run("show", file).stdout.splitlines()
+    assert lines[0] == "small database"
+    basic = next(line for line in lines if line.startswith("CL/basic"))
+    assert "mach[2] 0.2 ... 0.4, alpha[4] -8 ... 16 deg" in basic
+    assert "0.05" in basic
+    assert basic.endswith("datcom")
+    assert "absent: CL/gear CY/rhat" in lines
+
+
+def test_show_as_json(file):
+    found = json.loads(run("show", file, "--json").stdout)
+    assert found["attributes"]["S"] == 16.9
+    assert [row["term"] for row in found["terms"]] == ["CL/basic", "CL/qhat", "CL/flap", "Cm/qhat"]
+    assert found["terms"][1]["regressors"] == ["qhat"]
+    mach, alpha = found["terms"][0]["axes"]
+    assert mach == {"name": "mach", "points": [0.2, 0.4], "units": "1"}
+    assert (alpha["units"], len(alpha["points"])) == ("rad", 4)
+    assert found["terms"][0]["source"] == {"datcom": 1.0}
+
+
+def test_show_one_term_with_its_numbers(file):
+    text = run("show", file, "--term", "CL/flap").stdout
+    assert "delta_f 40" in text
+    assert "0.36" in text
+    found = json.loads(run("show", file, "--term", "CL/basic", "--json").stdout)
+    assert found["data_vars"]["value"]["dims"] == ["mach", "alpha"]
+    with pytest.raises(UnknownName, match="unknown term 'CL/flop'; near it: CL/flap"):
+        run("show", file, "--term", "CL/flop")
+
+
+def test_check(file, tmp_path):
+    assert run("check", file).stdout == f"{file}: sound, 4 terms\n"
+    bad = tmp_path / "bad.nc"
+    bad.write_bytes(b"nothing")
+    with pytest.raises(ParseError, match="no netCDF-4"):
+        run("check", str(bad))
+    assert run("check", str(tmp_path / "missing.nc")).exit_code == 2
+
+
+AIRCRAFT = """
+name = "T-37"
+S = "182 ft2"
+cbar = "5.47 ft"
+b = "33.83 ft"
+reference = ["-9.88 ft", 0.0, 0.0]
+mass = 2100.0
+Ixx = 10826.0
+Iyy = 8135.0
+Izz = 15162.0
+cg = [0.0, 0.0, 0.2235]
+"""
+
+
+def test_build_from_listings(t37_folder, tmp_path):
+    toml, output = tmp_path / "t37.toml", tmp_path / "prior.nc"
+    toml.write_text(AIRCRAFT)
+    listings = [f"--{role}={t37_folder / f't37_{role}.out'}" for role in ("clean", "flaps")]
+    result = run("build", str(toml), *listings, "--altitude", "10000 ft", "-o", str(output))
+    assert result.exit_code == 0
+    assert "warning: flaps: D(CM) comes from a loop" in result.stderr
+    assert f"written: {output}" in result.stdout
+    built = aerodb.open(output)
+    assert "CL/flap" in aerodb.terms(built)
+    assert built.attrs["aircraft"] == "T-37"

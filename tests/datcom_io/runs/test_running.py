@@ -1,0 +1,160 @@
+"""Fake programs that copy a shipped listing, hang, crash or write nothing, as builds of the program do."""
+
+import sys
+import textwrap
+from pathlib import Path
+
+import pytest
+
+import datcom_io
+from flightmech.errors import SimulationError
+
+T37 = Path(__file__).parents[3] / "data" / "t37" / "datcom"
+LISTING = T37 / "t37_aileron.out"
+HEAD = f"""\
+#!{sys.executable}
+import os, pathlib, signal, sys, time
+LISTING = pathlib.Path({str(LISTING)!r}).read_bytes()
+"""
+# how builds take the deck and where they print
+BUILDS = {
+    "fixed names": """
+        assert "ASYFLP" in open("for005.dat").read()
+        open("for006.dat", "wb").write(LISTING)
+        open("for013.dat", "w").write("1.0\\n")
+        open("for014.dat", "w").write("")
+        open("scratch.tmp", "w").write("x")
+        """,
+    "asks for the name": """
+        assert "ASYFLP" in open(input("Enter the name of the input file: ")).read()
+        open("datcom.out", "wb").write(LISTING)
+        """,
+    "name as argument": """
+        if len(sys.argv) != 2:
+            print("usage: datcom input.dat")
+            sys.exit()
+        assert "ASYFLP" in open(sys.argv[1]).read()
+        open("output.dat", "wb").write(LISTING)
+        """,
+    "deck on standard input": """
+        deck = sys.stdin.read()
+        echo = b"1          THE FOLLOWING IS A LIST OF ALL INPUT CARDS FOR THIS CASE.\\n0\\n for005.dat\\n"
+        refused = echo + b" ERROR IN CARD BELOW\\n for005.dat\\n"
+        text = LISTING if "ASYFLP" in deck else b"".join(LISTING.splitlines(True)[20:32]) + refused
+        sys.stdout.buffer.write(text)
+        """,
+    "ends with a code": """
+        open("for006.dat", "wb").write(LISTING)
+        sys.exit(7)
+        """,
+}
+
+
+@pytest.fixture
+def program(tmp_path):
+    def make(body):
+        path = tmp_path / "datcom"
+        path.write_text(HEAD + textwrap.dedent(body))
+        path.chmod(0o755)
+        return path
+
+    return make
+
+
+@pytest.fixture
+def deck(tmp_path):
+    path = tmp_path / "aileron.inp"
+    path.write_bytes((T37 / "t37_aileron.inp").read_bytes())
+    return path
+
+
+@pytest.fixture
+def results(tmp_path):
+    folder = tmp_path / "results"
+    folder.mkdir()
+    return folder
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_every_known_way_to_hand_over_a_deck(build, program, deck, results):
+    done = datcom_io.run_deck(deck, program(BUILDS[build]), results, timeout=20)
+    assert done.listing.cases == ["T-37 OWN DECK WING-BODY AILERONS"]
+    assert done.listing.file == "aileron.out"
+    assert done.messages == ()
+    assert done.files["out"] == results / "aileron.out"
+    assert done.files["out"].read_bytes() == LISTING.read_bytes()
+    assert sorted(path.name for path in results.iterdir()) == sorted(path.name for path in done.files.values())
+    assert ("for013" in done.files) == (build == "fixed names")
+
+
+def test_results_go_beside_the_deck(program, deck):
+    assert datcom_io.run_deck(deck, program(BUILDS["fixed names"])).files["for013"] == deck.with_suffix(".for013")
+
+
+def test_a_command_with_arguments(program, deck, results):
+    path = program(BUILDS["fixed names"])
+    assert datcom_io.run_deck(deck, [sys.executable, str(path)], results).listing.cases
+
+
+def test_a_datcom_plus_deck_is_rewritten_first(program, deck, results):
+    plain = deck.read_text()
+    deck.write_text("* THE AILERON\n" + plain.replace("NALPHA=19.0,", "NALPHA=19.0, ! many\n  "))
+    body = "assert '!' not in open('for005.dat').read()\n" + textwrap.dedent(BUILDS["fixed names"])
+    assert datcom_io.run_deck(deck, program(body), results).listing.cases
+
+
+FAILURES = {
+    "writes nothing": ("", r"datcom made no result \(tried with for005.dat.*: it ended without a print of unit 6; nothing was written"),
+    "says why": ('print("no licence"); sys.exit(3)', "it ended with code 3; it said: no licence; nothing was written"),
+    "crashes at once": ("os.kill(os.getpid(), signal.SIGSEGV)", "it crashed with signal SIGSEGV; nothing was written"),
+    "crashes in the print": (
+        'open("for006.dat", "wb").write(LISTING[:9000]); os.kill(os.getpid(), signal.SIGSEGV)',
+        "the print of the program is not complete: it crashed with signal SIGSEGV; nothing was written. Run datcom check",
+    ),
+    "print without its end": (
+        'open("for006.dat", "wb").write(LISTING[:9000])',
+        "the print of the program is not complete: it has no END OF JOB; nothing was written",
+    ),
+    "hangs": ("time.sleep(60)", r"it did not end within 0.5 s \(a deck with VINF and a NACA card hangs some builds\); nothing was written"),
+    "hangs with a child": (
+        "if os.fork() == 0:\n    time.sleep(60)\ntime.sleep(60)",
+        "it did not end within 0.5 s",
+    ),
+}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals and forks are of POSIX")
+@pytest.mark.parametrize("failure", FAILURES)
+def test_a_failure_is_clear_and_leaves_nothing(failure, program, deck, results):
+    body, words = FAILURES[failure]
+    (results / "aileron.out").write_text("old")
+    with pytest.raises(SimulationError, match=words):
+        datcom_io.run_deck(deck, program(body), results, timeout=0.5 if "hangs" in failure else 20)
+    assert [path.name for path in results.iterdir()] == ["aileron.out"]
+    assert (results / "aileron.out").read_text() == "old"
+
+
+def test_what_the_program_says_is_told_once(program, results):
+    body = f"open('for006.dat', 'wb').write(open({str(T37 / 't37_flaps.out')!r}, 'rb').read())"
+    done = datcom_io.run_deck(T37 / "t37_flaps.inp", program(body), results)
+    assert sum(message.origin == "program" for message in done.listing.messages) == 3
+    assert [message.text.split("***")[0] for message in done.messages] == ["WARNING"]
+
+
+def test_a_print_of_another_deck_is_told(program, deck, results):
+    deck.write_text(deck.read_text().replace("SREF=182.0", "SREF=183.0") * 2)
+    done = datcom_io.run_deck(deck, program(BUILDS["fixed names"]), results)
+    assert [message.text for message in done.messages] == [
+        "case 1: the cards in the print differ from those of the deck",
+        "number of cases: 2 in the deck, 1 in the print",
+    ]
+
+
+def test_what_is_not_there(deck, results, tmp_path):
+    with pytest.raises(FileNotFoundError, match="no such program; give its path"):
+        datcom_io.run_deck(deck, tmp_path / "nosuch", results)
+    (tmp_path / "text").write_text("x")
+    with pytest.raises(FileNotFoundError, match="not an executable file"):
+        datcom_io.run_deck(deck, tmp_path / "text", results)
+    with pytest.raises(FileNotFoundError, match="no such folder; make it first"):
+        datcom_io.run_deck(deck, sys.executable, tmp_path / "nowhere")

@@ -1,0 +1,212 @@
+from pathlib import Path
+
+import pytest
+
+import datcom_io
+from datcom_io.decks.writing import deck_text
+from flightmech.errors import ParseError, SchemaError
+
+T37 = Path(__file__).parents[3] / "data" / "t37" / "datcom"
+RUNS = ["clean", "build", "flaps", "elevator", "aileron", "ground", "ground_flaps", "ground_elevator"]
+
+
+@pytest.fixture(scope="module")
+def planned():
+    return datcom_io.split_deck(T37 / "t37_study.toml")
+
+
+@pytest.fixture(scope="module")
+def unplanned():
+    return datcom_io.split_deck(T37 / "t37_study.inp")
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_the_t37_study_gives_the_shipped_decks(planned, name):
+    shipped = datcom_io.read_deck(T37 / f"t37_{name.replace('ground_flaps', 'ground_flap')}.inp")
+    assert list(planned) == RUNS
+    assert planned[name][0].meaning() == shipped[0].meaning()
+
+
+def test_without_a_plan_every_elevator_condition_is_a_run_of_its_own(unplanned):
+    """The shipped decks of one condition each differ in CASEID only."""
+    shipped = datcom_io.read_deck(T37 / "t37_elevator_one_by_one.inp")
+    for mach, case in zip((0.15, 0.2, 0.3, 0.4, 0.5, 0.6), shipped, strict=True):
+        ours = unplanned[f"elevator_m{mach:g}_h0"][0]
+        assert ours.caseid == f"T-37 OWN DECK STUDY ELEVATOR M{mach:g} H0"
+        assert {**ours.meaning(), "caseid": ""} == {**case.meaning(), "caseid": ""}
+
+
+def test_without_a_plan_all_that_the_deck_gives(unplanned):
+    assert [name for name in unplanned if "_m" not in name] == ["clean", "aileron", "ground"]
+    conditions = [f"m{mach:g}_h{height}" for height in (0, 10000, 20000) for mach in (0.15, 0.2, 0.3, 0.4, 0.5, 0.6)]
+    for run in ("flaps", "elevator", "ground_flaps"):
+        assert [name for name in unplanned if name.startswith(f"{run}_m")] == [f"{run}_{words}" for words in conditions]
+
+
+def test_wing_devices_come_without_tail(unplanned):
+    for name in ("flaps_m0.15_h0", "aileron", "ground_flaps_m0.15_h0"):
+        deck = unplanned[name][0]
+        assert not {"HTPLNF", "VTPLNF"} & deck.namelists.keys()
+        assert set(deck.sections) == {"W"}
+        assert not {"XH", "ALIH", "XV", "VERTUP"} & deck.namelists["SYNTHS"].keys()
+    assert {"HTPLNF", "VTPLNF"} <= unplanned["elevator_m0.15_h0"][0].namelists.keys()
+
+
+def test_every_run_deck_is_complete_and_without_errors(unplanned, tmp_path):
+    for name, deck in unplanned.items():
+        path = tmp_path / deck.file
+        datcom_io.write_deck(deck, path, resolved=True)
+        assert not [finding for finding in datcom_io.check_deck(path) if finding.severity == "error"]
+        assert datcom_io.read_deck(path)[0].meaning() == deck[0].meaning()
+        assert len(deck) == 1
+        assert path.name == f"{name}.inp"
+
+
+def study(**changes):
+    lines = {
+        "cards": "TRIM\nDAMP\nBUILD",
+        "FLTCON": " $FLTCON NMACH=2.0,MACH(1)=0.2,0.3,NALT=2.0,ALT(1)=0.0,1000.0,\n   NALPHA=2.0,ALSCHD(1)=0.0,2.0$",
+        "OPTINS": " $OPTINS SREF=24.2,CBARR=2.0,BLREF=13.4$",
+        "SYNTHS": " $SYNTHS XCG=6.3,XW=5.4,XH=11.3$",
+        "BODY": " $BODY NX=3.0,X(1)=0.0,6.0,13.0,R(1)=0.0,0.8,0.1$",
+        "WGPLNF": " $WGPLNF CHRDR=2.9,CHRDTP=0.8,SSPN=6.7,SSPNE=5.9,TYPE=1.0$",
+        "HTPLNF": " $HTPLNF CHRDR=1.5,CHRDTP=0.8,SSPN=2.9,SSPNE=2.8,TYPE=1.0$",
+        "NACA": "NACA W 4 2412\nNACA H 4 0010",
+        "flap": " $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=0.0,10.0,SPANFI=1.0,SPANFO=2.5,\n   CHRDFI=0.5,CHRDFO=0.4$",
+        "CASEID": "CASEID JET",
+        **changes,
+    }
+    return datcom_io.read_deck("\n".join(text for text in lines.values() if text).split("\n"))
+
+
+FLAP = " $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=0.0,10.0,SPANFI=1.0,SPANFO=4.5,\n   CHRDFI=0.5$"
+
+
+def test_a_flap_that_fits_both_surfaces_must_be_named():
+    with pytest.raises(SchemaError, match=r"\$SYMFLP: it may be on the wing or on the tail; name it in a study file") as caught:
+        datcom_io.split_deck(study())
+    assert "allowed: flaps, slats, elevator, or by a comment above it" in str(caught.value)
+
+
+def test_a_comment_above_names_a_device():
+    text = study()[0]
+    marked = study(flap="* Elevator, full span\n $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=0.0,10.0,SPANFI=1.0,SPANFO=2.5$")
+    assert text.namelists["SYMFLP"]["NDELTA"] == [2.0]
+    assert list(datcom_io.split_deck(marked))[1] == "elevator_m0.2_h0"
+
+
+def test_cards_go_to_the_runs_they_belong_to():
+    decks = datcom_io.split_deck(study(flap=f"{FLAP}\n $ASYFLP STYPE=5.0,NDELTA=1.0,DELTAL(1)=5.0,DELTAR(1)=-5.0$"))
+    switches = {name: decks[name][0].meaning()["switches"] for name in decks}
+    assert switches["clean"] == {"DAMP", "BUILD"}
+    assert switches["flaps_m0.2_h0"] == {"DAMP"}
+    assert "HTPLNF" in decks["differential_tail"][0].namelists
+    moving = datcom_io.split_deck(study(SYNTHS=" $SYNTHS XCG=6.3,XW=5.4,XH=11.3,HINAX=11.8$", flap=FLAP))
+    assert moving["clean"][0].has("TRIM")
+    assert not moving["flaps_m0.2_h0"][0].has("TRIM")
+
+
+def test_pairs_of_mach_and_altitude_stay_pairs():
+    decks = datcom_io.split_deck(study(flap=FLAP))
+    assert list(decks) == ["clean", "flaps_m0.2_h0", "flaps_m0.3_h1000"]
+
+
+def test_one_device_over_two_groups():
+    decks = datcom_io.split_deck(study(flap=f"{FLAP}\n $SYMFLP CB=0.1$"))
+    assert decks["flaps_m0.2_h0"][0].value("SYMFLP", "CB") == 0.1
+
+
+def test_two_devices_of_a_kind_are_told_apart():
+    assert list(datcom_io.split_deck(study(flap=f"{FLAP}\n{FLAP}")))[1::2] == ["flaps_m0.2_h0", "flaps_2_m0.2_h0"]
+
+
+def test_tabs_go_with_the_elevator():
+    tab = " $CONTAB TTYPE=1.0,CFITC=0.1$"
+    elevator = "* ELEVATOR\n $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=0.0,10.0,SPANFI=1.0,SPANFO=2.5$"
+    decks = datcom_io.split_deck(study(flap=f"{FLAP}\n{elevator}\n{tab}"))
+    assert [name for name, deck in decks.items() if "CONTAB" in deck[0].namelists] == ["elevator_m0.2_h0", "elevator_m0.3_h1000"]
+
+
+def test_a_study_that_would_not_run_is_refused_with_all_faults():
+    with pytest.raises(SchemaError) as caught:
+        datcom_io.split_deck(study(NACA="NACA W 4 2412", flap=FLAP.replace("SPANFI=1.0", "SPANFI=0.1"), HTPLNF=None))
+    assert len(caught.value.problems) == 2
+    assert all("run " in problem for problem in caught.value.problems)
+    assert any(
+        "run flaps_m0.2_h0: line 11 of the study: $SYMFLP: SPANFI=0.1 lies inside the body" in problem for problem in caught.value.problems
+    )
+
+
+def test_what_is_no_study():
+    with pytest.raises(SchemaError, match="2 cases; a study is one case"):
+        datcom_io.split_deck(datcom_io.read_deck([*deck_text(study()).split("\n"), " $BODY NX=1.0$"]))
+    with pytest.raises(SchemaError, match="make cases of their own"):
+        datcom_io.split_deck(datcom_io.read_deck([" $LARWB ZB=1.0$"]))
+
+
+def write(folder, text):
+    datcom_io.write_deck(datcom_io.read_deck(T37 / "t37_study.inp"), folder / "study.inp")
+    path = folder / "study.toml"
+    path.write_text(text)
+    return path
+
+
+def test_faults_of_a_study_file_are_told_at_once(tmp_path):
+    with pytest.raises(SchemaError) as caught:
+        datcom_io.split_deck(write(tmp_path, 'devices = "flaps"\nmach = 1\n[runs.clean]\nseparate = "no"\nalpha = 2\n[runs]\nground = 1\n'))
+    assert caught.value.problems == [
+        "no deck; write deck = 'file.inp'",
+        "unknown key mach; allowed: deck, title, devices, runs",
+        "devices is 'flaps'; it must be a list",
+        "unknown key runs.clean.alpha; allowed: caseid, cards, separate",
+        "runs.clean.separate is 'no'; it must be a bool",
+        "runs.ground is no table",
+    ]
+
+
+def test_faults_of_names_and_cards(tmp_path):
+    head = 'deck = "study.inp"\n'
+    with pytest.raises(SchemaError, match="devices names 1, the deck has 3"):
+        datcom_io.split_deck(write(tmp_path, head + 'devices = ["flaps"]\n'))
+    with pytest.raises(
+        SchemaError, match=r"\$ASYFLP: device 'elevator'; name it in a study file.*allowed: aileron, spoiler, differential_tail"
+    ):
+        datcom_io.split_deck(write(tmp_path, head + 'devices = ["flaps", "elevator", "elevator"]\n'))
+    with pytest.raises(SchemaError, match="run 'rudder'; allowed: clean, build, flaps, elevator, aileron, ground, ground_flaps"):
+        datcom_io.split_deck(write(tmp_path, head + "[runs.rudder]\n"))
+    with pytest.raises(SchemaError, match=r"runs.clean.cards, line 1: not a control card: \?DAMP"):
+        datcom_io.split_deck(write(tmp_path, head + '[runs.clean]\ncards = "?DAMP"\n'))
+    with pytest.raises(ParseError, match=r"study.toml: found .*; expected a study in TOML"):
+        datcom_io.split_deck(write(tmp_path, "deck = "))
+
+
+def test_ground_runs_need_heights(tmp_path):
+    deck = study(flap=FLAP)
+    datcom_io.write_deck(deck, tmp_path / "study.inp")
+    (tmp_path / "study.toml").write_text('deck = "study.inp"\n[runs.ground]\n')
+    with pytest.raises(SchemaError, match=r"run 'ground' needs \$GRNDEF in the deck"):
+        datcom_io.split_deck(tmp_path / "study.toml")
+
+
+def test_a_caseid_is_never_longer_than_a_card(tmp_path):
+    text = f'deck = "study.inp"\ntitle = "{"T" * 100}"\n[runs.ground_flaps]\n[runs.clean]\ncaseid = "{"C" * 100}"\n'
+    decks = datcom_io.split_deck(write(tmp_path, text))
+    assert {len(deck[0].caseid) for deck in decks.values()} == {74}
+    assert decks["ground_flaps_m0.6_h20000"][0].caseid.endswith("T FLAPS, WING-BODY IN GROUND EFFECT M0.6 H20000")
+
+
+def test_experimental_data_follow_their_mach_number(tmp_path):
+    deck = study(flap=f"{FLAP}\n $EXPR02 CLB(1)=0.1,0.2$")
+    decks = datcom_io.split_deck(deck)
+    assert "EXPR02" in decks["clean"][0].namelists
+    assert [name for name in decks["flaps_m0.2_h0"][0].namelists if name.startswith("EXPR")] == []
+    assert decks["flaps_m0.3_h1000"][0].namelists["EXPR01"] == {"CLB": [0.1, 0.2]}
+    datcom_io.write_deck(deck, tmp_path / "study.inp")
+    (tmp_path / "study.toml").write_text('deck = "study.inp"\n[runs.clean]\ncards = " $FLTCON NMACH=1.0,MACH(1)=0.3$"\n')
+    with pytest.raises(SchemaError, match=r"runs.clean.cards change the Mach numbers that the EXPRnn of the study count"):
+        datcom_io.split_deck(tmp_path / "study.toml")
+
+
+def test_a_condition_given_twice_is_run_once():
+    flight = " $FLTCON NMACH=2.0,MACH(1)=0.2,0.2,NALT=2.0,ALT(1)=0.0,0.0,\n   NALPHA=2.0,ALSCHD(1)=0.0,2.0$"
+    assert list(datcom_io.split_deck(study(flap=FLAP, FLTCON=flight))) == ["clean", "flaps_m0.2_h0"]

@@ -1,0 +1,71 @@
+"""aeromatch fmu simulate: inputs from CSV and netCDF, units, wrong input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import flightmech
+from flightmech.cli.group import fmu
+from flightmech.errors import ParseError, UnitError, UnknownName
+from flightmech.terms import make
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("model")
+    craft = flightmech.Aircraft(name="glider", S=16.0, cbar=1.5, b=10.0, mass=900.0, Ixx=2000.0, Iyy=2500.0, Izz=4000.0)
+    leaves = {
+        "CL/basic": make([-0.8, 1.6], {"alpha": [-0.2, 0.3]}),
+        "Cm/elevator": make(-1.2, regressors=["delta_e"]),
+        "Cm/qhat": make(-14.0, regressors=["qhat"]),
+    }
+    tree = xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves.items()})
+    tree.to_netcdf(folder / "db.nc", engine="h5netcdf")
+    return str(flightmech.write_aircraft(craft, folder / "a.toml")), str(folder / "db.nc"), folder
+
+
+def run(files, *arguments: str):
+    return CliRunner().invoke(fmu, ["simulate", files[0], files[1], *arguments], catch_exceptions=False)
+
+
+def test_csv_in_degrees_to_netcdf_with_terms(files):
+    folder = files[2]
+    (folder / "u.csv").write_text("# doublet\ntime, delta_e [deg]\n0,0\n0.5,-2\n1.0,2\n1.5,0\n")
+    said = run(
+        files, "--inputs", str(folder / "u.csv"), "--set", "init.V=80 kt", "--set", "init.h=500", "-o", str(folder / "y.nc"), "--terms"
+    )
+    assert said.output.startswith("4 samples of ")
+    with xr.open_dataset(folder / "y.nc", engine="h5netcdf") as found:
+        assert float(found["V"][0]) == pytest.approx(80 * 1852 / 3600, rel=1e-12)
+        np.testing.assert_allclose(np.degrees(found["applied.delta_e"]), [0, -2, 2, 0], atol=1e-12)
+        assert list(found["term"].values) == ["CL/basic", "Cm/elevator", "Cm/qhat"]
+
+
+def test_netcdf_to_csv(files):
+    folder = files[2]
+    xr.Dataset({"delta_e": ("time", [0.0, 0.01])}, {"time": [0.0, 0.1]}).to_netcdf(folder / "u.nc", engine="h5netcdf")
+    said = run(files, "--inputs", str(folder / "u.nc"), "-o", str(folder / "y.csv"), "--json")
+    assert '"samples": 2' in said.output
+    assert (folder / "y.csv").read_text().splitlines()[0].startswith("time,V,V_cas")
+
+
+@pytest.mark.parametrize(
+    ("text", "setting", "error", "message"),
+    [
+        ("time,delta_e [kt]\n0,0\n", "init.V=40", UnitError, "kt"),
+        ("time,delta_q\n0,0\n", "init.V=40", UnknownName, "delta_q"),
+        ("t,delta_e\n0,0\n", "init.V=40", UnknownName, "'t'"),
+        ("delta_e\n0\n", "init.V=40", ParseError, "a column time in s"),
+        ("time,delta_e\n0,x\n", "init.V=40", ParseError, "over numbers"),
+        ("time,delta_e\n0,0\n", "init.W=40", UnknownName, "init.W"),
+    ],
+)
+def test_wrong_input(files, text, setting, error, message):
+    path = files[2] / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(error, match=message.replace("[", r"\[")):
+        run(files, "--inputs", str(path), "--set", setting, "-o", str(files[2] / "z.nc"))
+    assert not (files[2] / "z.nc").exists()

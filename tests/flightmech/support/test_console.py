@@ -1,0 +1,34 @@
+import math
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from flightmech.support.console import NewFile, plain, table
+
+
+def test_a_heading_keeps_its_unit_and_lines_end_without_blanks(capsys):
+    table(["name", "start [s]"], [("a", 1), ("longer", None)], title="A title", right=["start [s]"])
+    assert capsys.readouterr().out.splitlines() == ["A title", "name    start [s]", "a               1", "longer"]
+
+
+def test_a_long_line_is_not_broken_for_a_program(capsys):
+    table(["a", "b"], [("x", "word " * 100 + "end")])
+    assert len(capsys.readouterr().out.splitlines()) == 2
+
+
+def test_plain_makes_null_of_what_json_lacks():
+    assert plain({"a": math.nan, "b": (1, math.inf), "c": None}) == {"a": None, "b": [1, None], "c": None}
+
+
+@pytest.mark.parametrize(("name", "code", "said"), [("new.nc", 0, ""), ("none/new.nc", 2, "no folder 'none' for the file; make it first")])
+def test_the_folder_of_an_output_is_asked_for_first(name, code, said, tmp_path, monkeypatch):
+    @click.command()
+    @click.option("-o", "output", type=NewFile())
+    def write(output):
+        click.echo(output)
+
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(write, ["-o", name])
+    assert done.exit_code == code
+    assert said in done.output

@@ -1,0 +1,171 @@
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+from flightmech import terms
+from flightmech.errors import AeromatchError, IdentificationError, OutOfRange, SchemaError, UnknownName
+from flighttest.cli.identify import identify, inertia, join, partition, select
+from flighttest.equation_error.fit import open_fit
+
+AIRCRAFT = """
+name = "test"
+S = 16.0
+cbar = 1.6
+b = 10.0
+mass = 2000.0
+Ixx = 11000.0
+Iyy = 8000.0
+Izz = 15000.0
+"""
+
+REFERENCE = {
+    "title": "test",
+    "aircraft": "test",
+    "source": "test",
+    "S": 16.0,
+    "cbar": 1.6,
+    "b": 10.0,
+    "x_ref": 0.0,
+    "y_ref": 0.0,
+    "z_ref": 0.0,
+    "force_axes": "stability",
+}
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A path whose side force is CY = -0.5 beta + 0.2 delta_r."""
+    rng = np.random.default_rng(0)
+    t = 0.02 * np.arange(1000)
+    zero = np.zeros(1000)
+    beta, rudder = 0.05 * np.sin(1.3 * t), 0.1 * np.sin(2.9 * t + 1)
+    columns = {"V": zero + 80, "alpha": zero + 0.05, "beta": beta, "qbar": zero + 4000, "delta_r": rudder}
+    columns |= {k: zero for k in ("p", "q", "r", "p_dot", "q_dot", "r_dot", "ax")}
+    columns |= {"az": zero - 9.8, "ay": 4000 * 16 / 2000 * (-0.5 * beta + 0.2 * rudder + 1e-4 * rng.normal(size=1000))}
+    states = xr.Dataset({k: ("time", v) for k, v in columns.items()}, coords={"time": t})
+    xr.DataTree.from_dict({"/states": states}).to_netcdf(tmp_path / "path.nc", engine="h5netcdf")
+    (tmp_path / "a.toml").write_text(AIRCRAFT)
+    return [str(tmp_path / "path.nc"), "--aircraft", str(tmp_path / "a.toml")], tmp_path
+
+
+def run(*arguments):
+    return CliRunner().invoke(identify, arguments, catch_exceptions=False)
+
+
+def test_the_table_and_the_file(files):
+    base, folder = files
+    result = run(*base, "--model", "CY = 1 + beta + delta_r", "-o", str(folder / "fit.nc"))
+    assert result.exit_code == 0
+    assert "CY = 1 + beta + delta_r" in result.output
+    assert "std error" in result.output
+    np.testing.assert_allclose(open_fit(folder / "fit.nc").estimates["estimate"], [0, -0.5, 0.2], atol=1e-3)
+
+
+def test_the_document_and_windows(files):
+    base, _ = files
+    result = run(
+        *base, "--model", "CY = 1 + beta + delta_r", "--window", "0", "8", "--window", "10", "18", "--intercepts", "separate", "--json"
+    )
+    found = json.loads(result.output)
+    assert found["manoeuvres"] == 2
+    assert set(found["terms"]) == {"1[0]", "1[1]", "beta", "delta_r"}
+    assert found["terms"]["beta"]["estimate"] == pytest.approx(-0.5, abs=1e-3)
+    assert len(found["covariance"]) == 4
+    assert found["remarks"] == []
+
+
+@pytest.mark.parametrize(
+    ("more", "error"),
+    [
+        (["--model", "CY = 1 + betta"], UnknownName),
+        (["--model", "CY = 1 + beta", "--window", "0", "99"], OutOfRange),
+        (["--model", "CY = 1 + beta + gear"], UnknownName),
+    ],
+)
+def test_bad_input_is_an_error_of_the_house_and_leaves_no_file(files, more, error):
+    base, folder = files
+    with pytest.raises(error) as caught:
+        run(*base, *more, "-o", str(folder / "fit.nc"))
+    assert isinstance(caught.value, AeromatchError)
+    assert not (folder / "fit.nc").exists()
+
+
+def test_in_frequency_with_a_ridge_and_with_the_prior_of_a_database(files, tmp_path):
+    base, _ = files
+    found = json.loads(run(*base, "--model", "CY = 1 + beta + delta_r", "--band", "0.1", "1", "--json").output)
+    assert found["domain"] == "frequency"
+    assert found["terms"]["beta"]["estimate"] == pytest.approx(-0.5, abs=1e-3)
+    assert "frequencies in 0.1 ... 1 Hz" in run(*base, "--model", "CY = 1 + beta + delta_r", "--band", "0.1", "1").output
+    assert json.loads(run(*base, "--model", "CY = 1 + beta + delta_r", "--ridge", "0.1", "--json").output)["ridge"] == 0.1
+    leaf = terms.make(np.array(-0.4), {}, ["beta"], stderr=np.array(0.1), source="datcom")
+    xr.DataTree.from_dict({"/": xr.Dataset(attrs=REFERENCE), "/CY/beta": leaf}).to_netcdf(tmp_path / "prior.nc", engine="h5netcdf")
+    result = run(*base, "--model", "CY = 1 + beta + delta_r", "--prior", str(tmp_path / "prior.nc"))
+    assert "with prior" in result.output
+    with pytest.raises(SchemaError, match="--weights goes with a fit in time"):
+        run(*base, "--model", "CY = 1 + beta", "--band", "0.1", "1", "--weights", "robust")
+    with pytest.raises(SchemaError, match="--ridge is 'much'; expected a number or auto"):
+        run(*base, "--model", "CY = 1 + beta", "--ridge", "much")
+
+
+def test_selection_and_its_file(files):
+    base, folder = files
+    arguments = [*base, "--coefficient", "CY", "--variables", "beta delta_r alpha", "--order", "2", "-o", str(folder / "chosen.nc")]
+    result = CliRunner().invoke(select, arguments, catch_exceptions=False)
+    assert "orthogonal functions: CY = 1 + beta + delta_r" in result.output
+    assert open_fit(folder / "chosen.nc").model.terms == ("1", "beta", "delta_r")
+    found = json.loads(CliRunner().invoke(select, [*arguments, "--method", "stepwise", "--json"], catch_exceptions=False).output)
+    assert found["idle"] == ["alpha", "alpha**2"]  # beta*alpha, as good as beta, comes after it
+    assert [step["action"] for step in found["steps"]] == ["kept", "entered", "entered"]
+    with pytest.raises(SchemaError, match="no candidates: give --variables"):
+        CliRunner().invoke(select, [*base, "--coefficient", "CY"], catch_exceptions=False)
+
+
+def test_fits_from_files_are_joined(files):
+    base, folder = files
+    for k, (start, stop) in enumerate((("0", "6"), ("6", "12"), ("12", "18"))):
+        run(*base, "--model", "CY = 1 + beta + delta_r", "--window", start, stop, "-o", str(folder / f"{k}.nc"))
+    names = [str(folder / f"{k}.nc") for k in range(3)]
+    assert "3 fits joined by median" in CliRunner().invoke(join, [*names, "--method", "median"], catch_exceptions=False).output
+    found = json.loads(CliRunner().invoke(join, [*names, "--json"], catch_exceptions=False).output)
+    assert found["terms"]["beta"]["estimate"] == pytest.approx(-0.5, abs=1e-3)
+
+
+def test_bins_with_their_unit(files):
+    base, _ = files
+    arguments = [*base, "--model", "CY = 1 + beta + delta_r", "--over", "beta", "-3 0 3 deg"]
+    assert "in 2 bins" in CliRunner().invoke(partition, arguments, catch_exceptions=False).output
+    found = json.loads(CliRunner().invoke(partition, [*arguments, "--json"], catch_exceptions=False).output)
+    assert found["bins"][0]["beta_low"] == pytest.approx(np.radians(-3))
+    assert found["bins"][1]["estimate"][1] == pytest.approx(-0.5, abs=5e-3)
+    with pytest.raises(SchemaError, match=r"edges of beta are 'a b deg'; expected numbers and a unit"):
+        CliRunner().invoke(partition, [*base, "--model", "CY = 1 + beta", "--over", "beta", "a b deg"], catch_exceptions=False)
+
+
+def test_inertia_of_a_flight_without_coupling_is_refused(files):
+    base, _ = files
+    models = [x for text in ("Cl = 1 + beta", "Cm = 1 + delta_r", "Cn = 1 + beta") for x in ("--model", text)]
+    with pytest.raises(IdentificationError, match="equation of p_dot: pq, qr are zero throughout"):
+        CliRunner().invoke(inertia, [*base, *models], catch_exceptions=False)
+
+
+def test_a_figure_that_must_not_be_used_is_exit_code_1(files):
+    """Rudder of the other sign; and a rolling moment that no term moves."""
+    base, folder = files
+    with xr.open_datatree(folder / "path.nc") as tree:
+        states = tree["states"].to_dataset().load()
+    rng = np.random.default_rng(1)
+    states["delta_r"] = -states["delta_r"]
+    states["p_dot"] = states["p_dot"] + 0.01 * rng.normal(size=1000)
+    xr.DataTree.from_dict({"/states": states}).to_netcdf(folder / "odd.nc", engine="h5netcdf")
+    odd = [str(folder / "odd.nc"), *base[1:]]
+    wrong = run(*odd, "--model", "CY = 1 + beta + delta_r", "--correlation")
+    assert wrong.exit_code == 1
+    assert "!! sign against the convention: dCY/ddelta_r is -0.2" in wrong.output
+    assert "correlation " in wrong.output
+    assert "all slopes: F(2, " in wrong.output
+    noise = run(*odd, "--model", "Cl = 1 + beta + delta_r", "--json")
+    assert noise.exit_code == 1
+    assert [one["kind"] for one in json.loads(noise.output)["remarks"]] == ["no excitation"]

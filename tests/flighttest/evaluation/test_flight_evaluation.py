@@ -1,0 +1,296 @@
+"""The evaluation of a whole flight on a simulated one, from the command line; bad plans, bad sheets and bad records by name."""
+
+import json
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+import flightmech
+from flightmech.errors import IdentificationError, ParseError, SchemaError, UnknownName
+from flighttest.cli.group import flight
+from flighttest.evaluation.flight_evaluation import evaluate
+from flighttest.evaluation.mass_and_balance import deck_thrust, weigh
+from flighttest.evaluation.plan import Line, read_plan
+from flighttest.evaluation.stationary_points import line_through
+from flighttest.evaluation.test_point_sheets import Column, Sheet
+
+AIRCRAFT = """
+name = "glider"
+S = 16.0
+cbar = 1.5
+b = 10.0
+x_ref_mac = 0.25
+mass = 900.0
+Ixx = 2000.0
+Iyy = 2500.0
+Izz = 4000.0
+"""
+LOADING = """
+[loading]
+file = "loading.csv"
+item = "item"
+mass = { column = "mass", unit = "lb" }
+station = { column = "arm", unit = "in" }
+fuel = "fuel"
+leading_edge = "100 in"
+[loading.fuel_table]
+file = "fuel.csv"
+mass = { column = "mass", unit = "lb" }
+moment = { column = "moment", unit = "in lb", scale = 100 }
+"""
+PLAN = """
+title = "Dutch roll of a simulated flight"
+record = "flight.csv"
+names = "names.toml"
+aircraft = "aircraft.toml"
+
+[manoeuvres]
+file = "manoeuvres.csv"
+name = "motion"
+time = { column = "start", unit = "s" }
+
+[[mode]]
+name = "dutch_roll"
+on = "dutch_roll"
+window = [0.0, 15.0]
+channels = ["r"]
+
+[[bound]]
+of = "dutch_roll.period"
+value = "3.1416 s"
+within = "1 %"
+source = "made so"
+[[bound]]
+of = "dutch_roll.damping_ratio"
+low = 0.09
+high = 0.11
+source = "made so"
+"""
+NAMES = """
+[time]
+column = "t"
+[ahrs]
+p = "p"
+q = "q"
+r = "r"
+phi = "phi"
+theta = "theta"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A flight with a Dutch roll at 20 s, kinematically exact."""
+    t = np.arange(1000) / 20.0
+    after = np.clip(t - 20.0, 0.0, None)
+    swing = (t >= 20.0) * np.exp(-0.2 * after)
+    before = (t < 20.0) * np.sin(0.2 * np.pi * t)
+    phi, theta = 0.1 * before + 0.05 * swing * np.sin(2.0 * after), 0.05 * before * (t < 10.0)
+    rate = np.gradient(phi, t)
+    q, psi_dot = np.gradient(theta, t), 0.1 * swing * np.cos(2.0 * after)
+    columns = {"t": t, "p": rate - psi_dot * np.sin(theta), "q": q * np.cos(phi) + psi_dot * np.cos(theta) * np.sin(phi)}
+    columns |= {"r": psi_dot * np.cos(theta) * np.cos(phi) - q * np.sin(phi), "phi": phi, "theta": theta}
+    units = ["s", *["rad s-1"] * 3, *["rad"] * 2]
+    rows = [",".join(columns), ",".join(units), *(",".join(f"{x:.9g}" for x in row) for row in np.column_stack(list(columns.values())))]
+    (tmp_path / "flight.csv").write_text("\n".join(rows) + "\n")
+    (tmp_path / "names.toml").write_text(NAMES)
+    (tmp_path / "aircraft.toml").write_text(AIRCRAFT)
+    (tmp_path / "manoeuvres.csv").write_text("motion,start\ndutch_roll,20.0\n")
+    (tmp_path / "plan.toml").write_text(PLAN)
+    (tmp_path / "loading.csv").write_text("item,mass,arm\nempty,1500,110\ncrew,400,90\nfuel,300,\n")
+    (tmp_path / "fuel.csv").write_text("mass,moment\n100,120\n400,480\n")
+    return tmp_path
+
+
+def call(*words):
+    return CliRunner().invoke(flight, [str(word) for word in words], catch_exceptions=False)
+
+
+def change(folder, old, new):
+    text = (folder / "plan.toml").read_text()
+    assert old in text
+    (folder / "plan.toml").write_text(text.replace(old, new))
+    return folder / "plan.toml"
+
+
+def test_report_passes_and_writes_a_page(folder):
+    done = call("report", folder / "plan.toml", "-o", folder / "page.html", "--save", folder / "out", "--json")
+    assert done.exit_code == 0, done.output
+    found = json.loads(done.stdout)
+    assert found["verdict"] == "2 of 2 figures inside their bounds"
+    assert found["figures"]["dutch_roll.period"]["value"] == pytest.approx(np.pi, rel=1e-3)
+    assert [row["verdict"] for row in found["bounds"]] == ["inside", "inside"]
+    assert sorted(file.name for file in (folder / "out").iterdir()) == ["record.nc"]
+    page = (folder / "page.html").read_text()
+    assert "2 of 2 figures inside their bounds" in page
+    assert "dutch_roll.period" in page
+    assert "<svg" in page
+    assert "http" not in page.replace("http-equiv", "")
+
+
+def test_a_figure_outside_its_bounds_is_exit_code_1(folder):
+    done = call("report", change(folder, "3.1416 s", "3.5 s"))
+    assert done.exit_code == 1
+    assert "! dutch_roll.period" in done.stdout
+    assert "1 of 2 figures inside their bounds" in done.stdout
+
+
+def test_what_the_record_does_not_show_is_not_determined(folder):
+    done = call("report", change(folder, "window = [0.0, 15.0]\nchannels", "window = [-9.0, -1.0]\nchannels"))
+    assert done.exit_code == 1
+    assert "! dutch_roll not determined: no motion: r moves by" in done.stdout
+    assert "0 of 2 figures inside their bounds; not determined: dutch_roll" in done.stdout
+
+
+def test_a_wrong_sign_stops_the_evaluation_by_name(folder):
+    (folder / "names.toml").write_text(NAMES.replace('p = "p"', 'p = { column = "p", sign = -1 }'))
+    done = call("report", folder / "plan.toml", "-o", folder / "page.html")
+    assert done.exit_code == 1
+    assert "not evaluated: the record is not fit for it" in done.stdout
+    assert "sign:p" in done.stdout
+    assert "dutch_roll.period                  - (-) s" in done.stdout  # no confident number
+    assert "sign:p" in (folder / "page.html").read_text()
+
+
+def test_wrong_units_and_gaps_are_named(folder):
+    (folder / "names.toml").write_text(
+        NAMES.replace('r = "r"', 'r = { column = "r", unit = "deg/s" }').replace('q = "q"', 'q = { column = "q", unit = "deg/s" }')
+    )
+    done = call("report", folder / "plan.toml")
+    assert done.exit_code == 1
+    assert "unit:" in done.stdout or "inconsistent:" in done.stdout
+    lines = (folder / "flight.csv").read_text().splitlines()
+    (folder / "names.toml").write_text(NAMES)
+    (folder / "flight.csv").write_text("\n".join(lines[:302] + lines[382:]) + "\n")  # 4 s are missing
+    done = call("report", folder / "plan.toml")
+    assert "gap:" in done.stdout
+
+
+def test_all_mistakes_of_a_plan_come_at_once(folder):
+    change(folder, 'window = [0.0, 15.0]\nchannels = ["r"]', 'windw = [0.0, 15.0]\nchannels = ["r"]')
+    with pytest.raises(SchemaError, match=r"(?s)window: missing.*windw: unknown key; near it: window"):
+        read_plan(folder / "plan.toml")
+    (folder / "plan.toml").write_text(PLAN)
+    with pytest.raises(SchemaError, match=r"bound 1: unknown figure 'dutch_roll.perod'; near it: dutch_roll.period"):
+        evaluate(change(folder, "dutch_roll.period", "dutch_roll.perod"))
+    (folder / "plan.toml").write_text(PLAN)
+    with pytest.raises(SchemaError, match=r"mode.0.name: string should match pattern"):
+        read_plan(change(folder, 'name = "dutch_roll"', 'name = "../roll"'))
+    (folder / "plan.toml").write_text(PLAN)
+    with pytest.raises(SchemaError, match="cannot be converted"):
+        evaluate(change(folder, "3.1416 s", "3.1416 m"))
+    (folder / "plan.toml").write_text(PLAN)
+    with pytest.raises(SchemaError, match=r"no file .*absent.csv; names are relative to the plan"):
+        evaluate(change(folder, "flight.csv", "absent.csv"))
+
+
+def test_an_unknown_manoeuvre_is_told_with_near_names(folder):
+    found = evaluate(change(folder, 'on = "dutch_roll"', 'on = "dutch_rol"'))
+    assert found.refused["dutch_roll"].startswith("unknown manoeuvre 'dutch_rol'; near it: dutch_roll")
+    assert not found.passed
+
+
+def test_mass_and_centre_of_gravity_by_hand(folder):
+    (folder / "plan.toml").write_text(PLAN.replace("[manoeuvres]", LOADING + "\n[manoeuvres]", 1))
+    sheet = read_plan(folder / "plan.toml").loading
+    aircraft = flightmech.read_aircraft(folder / "aircraft.toml")
+    mass, x_cg_b = weigh(sheet, aircraft, np.array([0.0, 100.0 * 0.45359237]))
+    assert mass == pytest.approx(np.array([2200.0, 2100.0]) * 0.45359237)
+    stations = np.array([(1500 * 110 + 400 * 90 + 300 * 120) / 2200, (1500 * 110 + 400 * 90 + 200 * 120) / 2100]) * 0.0254
+    assert x_cg_b == pytest.approx(100 * 0.0254 + 0.25 * 1.5 - stations)
+    with pytest.raises(SchemaError, match=r"fuel left is -.* check the unit of the fuel flow"):
+        weigh(sheet, aircraft, np.array([400.0]))
+
+
+def test_thrust_of_deck_points(tmp_path):
+    from flightmech.air import P_SEA, T_SEA, atmosphere
+    from flighttest.evaluation.plan import Deck
+
+    rng = np.random.default_rng(0)
+    h, mach, flow = rng.uniform(0.0, 8000.0, 30), rng.uniform(0.2, 0.6, 30), rng.uniform(0.02, 0.1, 30)
+    air = atmosphere(h)
+    delta = np.asarray(air.p_static) / P_SEA
+    corrected = flow / (delta * np.sqrt(np.asarray(air.temperature) / T_SEA))
+    thrust = delta * (100.0 + 3e4 * corrected - 500.0 * mach)
+    columns = {"h": h, "mach": mach, "delta_T": 0.0 * h, "fuel_flow": flow, "thrust": thrust}
+    pd.DataFrame(columns).to_csv(tmp_path / "deck.csv", index=False)
+    deck = Deck(file=tmp_path / "deck.csv", **{name: Column(column=name) for name in columns})
+    assert deck_thrust(deck, h, mach, np.asarray(air.temperature), flow) == pytest.approx(thrust, rel=1e-6)
+    pd.DataFrame({**columns, "thrust": rng.uniform(0.0, 3000.0, 30)}).to_csv(tmp_path / "deck.csv", index=False)
+    with pytest.raises(IdentificationError, match=r"reproduce the points within .* N only; check its units"):
+        deck_thrust(deck, h, mach, np.asarray(air.temperature), flow)
+
+
+def test_line_through_points_by_hand():
+    points = pd.DataFrame({"alpha_vane": [0.0, 1.0, 2.0, 3.0], "CL": [1.1, 2.9, 5.1, 6.9]})
+    found = line_through(Line(name="lift", y="CL", x="alpha_vane"), points)
+    # x mean 1.5, Sxx 5, Sxy 9.8, residuals +-0.08 and +-0.24: sum of squares 0.072 + ... = 0.128 less rounding
+    rest = points["CL"] - (1.06 + 1.96 * points["alpha_vane"])
+    assert found.slope == pytest.approx((1.96, np.sqrt(float((rest**2).sum()) / 2.0 / 5.0)))
+    assert found.offset[0] == pytest.approx(1.06)
+    assert found.root[0] == pytest.approx(-1.06 / 1.96)
+    with pytest.raises(IdentificationError, match="3 points; 4 or more are needed"):
+        line_through(Line(name="lift", y="CL", x="alpha_vane"), points[:3])
+    with pytest.raises(IdentificationError, match="no excitation, alpha_vane is 1 at all points"):
+        line_through(Line(name="lift", y="CL", x="alpha_vane"), points.assign(alpha_vane=1.0))
+    with pytest.raises(UnknownName, match="unknown mean 'alpha'; near it: alpha_vane"):
+        line_through(Line(name="lift", y="CL", x="alpha"), points)
+
+
+def test_faulty_sheets_name_line_and_column(tmp_path):
+    file = tmp_path / "sheet.csv"
+    file.write_text("a,b\n1,2\n1\n")
+    with pytest.raises(ParseError, match="line 3: found 1 cells; expected 2"):
+        Sheet(file)
+    file.write_text("a,b\n1,two\n")
+    with pytest.raises(ParseError, match="line 2: found 'two' in column b; expected a number"):
+        Column(column="b").of(Sheet(file), "m")
+    with pytest.raises(UnknownName, match="unknown column 'c'"):
+        Column(column="c").of(Sheet(file), "m")
+    with pytest.raises(SchemaError, match="column a: unit 'kg' cannot be converted to 'm'"):
+        Column(column="a", unit="kg").of(Sheet(file), "m")
+
+
+def test_modes_on_the_command_line(folder):
+    base = ["modes", folder / "flight.csv", 20.0, 35.0, "--names", folder / "names.toml", "--channel", "r"]
+    found = json.loads(call(*base, "--json").stdout)
+    assert found["period"]["value"] == pytest.approx(np.pi, rel=1e-3)
+    assert found["damping_ratio"]["value"] == pytest.approx(0.0995, abs=1e-3)
+    assert "period" in call(*base).stdout
+    with pytest.raises(UnknownName, match="unknown channel 'rr'"):
+        call(*base[:-1], "rr")
+    wrong = folder / "wrong.toml"
+    shutil.copy(folder / "names.toml", wrong)
+    wrong.write_text(NAMES.replace('phi = "phi"', 'phi = { column = "phi", sign = -1 }'))
+    with pytest.warns(flightmech.errors.AeromatchWarning, match="sign:phi"):
+        call("modes", folder / "flight.csv", 20.0, 35.0, "--names", wrong, "--channel", "phi")
+
+
+def test_a_motion_that_must_not_be_used_fails_the_flight_though_its_figures_lie_inside(folder, monkeypatch):
+    monkeypatch.setattr("flighttest.aircraft_properties.eigenmotion.PURE", 1.1)
+    done = call("report", folder / "plan.toml", "-o", folder / "page.html", "--json")
+    assert done.exit_code == 1
+    found = json.loads(done.stdout)
+    assert found["verdict"] == "2 of 2 figures inside their bounds; not to be used: dutch_roll"
+    assert found["remarks"]["dutch_roll"][0]["kind"] == "no excitation"
+    assert "no excitation: the oscillation explains" in (folder / "page.html").read_text()
+
+
+def test_modes_on_a_quiet_stretch_end_with_exit_code_1(tmp_path):
+    """Noise that lasts a second: an oscillation explains more than half of it in twelve seconds, and none is there."""
+    rng, r = np.random.default_rng(9), [0.0]
+    for _ in range(119):
+        r.append(0.9 * r[-1] + 0.01 * rng.standard_normal())
+    rows = [f"{0.1 * k:.1f},{x:.9g}" for k, x in enumerate(r)]
+    (tmp_path / "quiet.csv").write_text("\n".join(["t,r", "s,rad s-1", *rows]) + "\n")
+    (tmp_path / "names.toml").write_text('[time]\ncolumn = "t"\n[ahrs]\nr = "r"\n')
+    base = ["modes", tmp_path / "quiet.csv", 0.0, 11.9, "--names", tmp_path / "names.toml", "--channel", "r"]
+    done = call(*base)
+    assert done.exit_code == 1
+    assert "!! no excitation: the oscillation explains" in done.stdout
+    found = call(*base, "--json")
+    assert found.exit_code == 1
+    assert json.loads(found.stdout)["remarks"][0]["severity"] == "error"

@@ -1,0 +1,156 @@
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flighttest
+from flightmech.errors import ParseError, SchemaError, UnitError
+from flighttest.readers.formats import csv_text
+from flighttest.readers.opening import recognise
+
+NAMES = '[air]\nalpha = { column = "alpha", unit = "deg" }\n'
+
+
+def written(tmp_path, text, names=NAMES):
+    (tmp_path / "names.toml").write_text(names)
+    (tmp_path / "flight.txt").write_bytes(text if isinstance(text, bytes) else text.encode())
+    return tmp_path / "flight.txt", tmp_path / "names.toml"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "time,alpha\n0,1\n0.1,2\n0.2,3\n",
+        "time;alpha\n0;1\n0.1;2\n0.2;3\n",
+        "time\talpha\r\n0\t1\r\n0.1\t2\r\n0.2\t3\r\n",
+        "time alpha\n0 1\n0.1   2\n 0.2 3\n",
+        '"time","alpha"\n0,1\n# a remark\n\n0.1,2\n0.2,3',
+        "\ufefftime,alpha\n0,1\n0.1,2\n0.2,3\n",
+    ],
+    ids=["comma", "semicolon", "tab", "blanks", "quotes_and_remarks", "byte_order_mark"],
+)
+def test_ways_to_write_a_table(tmp_path, text):
+    file, names = written(tmp_path, text)
+    assert recognise(file) == "csv"
+    record = flighttest.read(file, names)
+    np.testing.assert_allclose(np.degrees(record["air/alpha"].values), [1, 2, 3])
+    np.testing.assert_allclose(record["air/time"].values, [0, 0.1, 0.2])
+
+
+def test_times_of_day_run_over_midnight(tmp_path):
+    file, names = written(tmp_path, "time,alpha\n23:59:59.8,1\n23:59:59.9,2\n00:00:00.0,3\n00:00:00.1,4\n")
+    record = flighttest.read(file, names)
+    np.testing.assert_allclose(np.diff(record["air/time"].values), 0.1, atol=1e-9)
+    assert record["air/time"].values[0] == pytest.approx(86399.8)
+    assert list(flighttest.marks(record)["kind"]) == ["wrap"]
+
+
+def test_day_of_the_year_before_the_time(tmp_path):
+    file, names = written(tmp_path, "time,alpha\n032:00:00:01,1\n032:00:00:02,2\n")
+    np.testing.assert_allclose(flighttest.read(file, names)["air/time"].values, [31 * 86400 + 1, 31 * 86400 + 2])
+
+
+def test_dates_name_the_start(tmp_path):
+    file, names = written(tmp_path, "time,alpha\n2018-03-12T10:00:00.5Z,1\n2018-03-12T10:00:01.5Z,2\n")
+    record = flighttest.read(file, names)
+    np.testing.assert_allclose(record["air/time"].values, [0, 1])
+    assert record.attrs["start"] == "2018-03-12T10:00:00.500000Z"
+
+
+def test_clock_in_milliseconds(tmp_path):
+    file, names = written(tmp_path, "tick,alpha\n1000,1\n1020,2\n1040,3\n", '[time]\ncolumn = "tick"\nunit = "ms"\n' + NAMES)
+    record = flighttest.read(file, names)
+    np.testing.assert_allclose(record["air/time"].values, [1.0, 1.02, 1.04])
+    assert record["air"].attrs["rate"] == pytest.approx(50.0)
+
+
+def test_empty_cells_are_missing_samples(tmp_path):
+    file, names = written(tmp_path, "time,alpha\n0,1\n0.1,\n0.2,nan\n0.3,4\n")
+    record = flighttest.read(file, names)
+    assert np.isnan(record["air/alpha"].values).tolist() == [False, True, True, False]
+    assert flighttest.faults(record) == ["air: NaN samples: alpha 2 from 0.1 s"]
+
+
+def test_line_of_a_fault_counts_remarks_and_blank_lines(tmp_path):
+    file, names = written(tmp_path, "# head\ntime,alpha\n0,1\n\n# note\n0.1,oops\n0.2,3\n")
+    with pytest.raises(ParseError, match=r"line 6: found 'oops' in column 'alpha'"):
+        flighttest.read(file, names)
+
+
+def test_line_that_was_cut_off(tmp_path):
+    file, names = written(tmp_path, "time,alpha,beta\n0,1,2\n0.1,1,2\n0.2,1")
+    with pytest.raises(ParseError, match=r"line 4: found 2 cells; expected 3 cells.*cut off"):
+        flighttest.read(file, names)
+
+
+def test_line_with_more_cells_than_names(tmp_path):
+    file, names = written(tmp_path, "time,alpha\n0,1\n0.1,1,2\n")
+    with pytest.raises(ParseError, match="line 3: found 3 cells"):
+        flighttest.read(file, names)
+
+
+def test_decimal_commas_are_told(tmp_path):
+    file, names = written(tmp_path, "time;alpha\n0,0;1,5\n0,1;1,6\n")
+    with pytest.raises(ParseError, match=r"line 2: found '0,0' in column 'time'"):
+        flighttest.read(file, names)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("1,2\n3,4\n", "one line of column names"),
+        ("time,alpha,alpha\n0,1,2\n", "two columns called 'alpha'"),
+        (b"time,alpha\n" + b"0,1\n" * 2000 + bytes(3000), "line 2002: found zero bytes"),
+        (gzip.compress(b"time,alpha\n" + b"0,1\n" * 9000, mtime=0)[:60], "cannot be decoded .*a whole .gz file"),
+        (b"time,alpha\n0,1\n" + bytes([0, 1, 2]), "one of the formats"),
+    ],
+)
+def test_hostile_text(tmp_path, text, word):
+    file, names = written(tmp_path, text)
+    with pytest.raises(ParseError, match=word):
+        flighttest.read(file, names)
+
+
+def test_parts_parsed_beside_each_other_are_the_whole(tmp_path, monkeypatch):
+    rng = np.random.default_rng(1)
+    time, alpha = np.arange(5000) / 50, rng.normal(0, 1, 5000)
+    text = "time,alpha\n" + "".join(f"{t!r},{a!r}\n" for t, a in zip(time.tolist(), alpha.tolist(), strict=True))
+    monkeypatch.setattr(csv_text, "_CHUNK", 20_000)
+    monkeypatch.setattr(csv_text.os, "cpu_count", lambda: 7)
+    file, names = written(tmp_path, text)
+    record = flighttest.read(file, names)
+    np.testing.assert_array_equal(record["air/time"].values, time)
+    np.testing.assert_allclose(record["air/alpha"].values, np.radians(alpha), rtol=1e-15)
+
+
+def test_all_that_does_not_fit_the_file_at_once(tmp_path):
+    names = '[a]\nalpha = { column = "alpa", unit = "deg" }\nV = { column = "speed" }\nh = { column = "altitude", unit = "ft" }\n'
+    file, names = written(tmp_path, "time,alpha,speed,altitud\n0,1,2,3\n0.1,1,2,3\n", names)
+    with pytest.raises(SchemaError) as caught:
+        flighttest.read(file, names)
+    assert [text.split(";")[0] for text in caught.value.problems] == [
+        "unknown column 'alpa'",
+        "column 'speed' has no unit in the file",
+        "unknown column 'altitude'",
+    ]
+    assert "near it: alpha" in str(caught.value)
+    assert "near it: altitud" in str(caught.value)
+
+
+def test_one_unit_of_another_quantity(tmp_path):
+    file, names = written(tmp_path, "time [s],V [deg]\n0,1\n1,2\n", '[a]\nV = "V"\n')
+    with pytest.raises(UnitError, match="'deg' cannot be converted to 'm s-1'"):
+        flighttest.read(file, names)
+
+
+@pytest.mark.parametrize(("year", "name"), [("2018", "20180312_1"), ("2019", "20190305_2_partial"), ("2020", "20200310_2")])
+def test_sound_flights_carry_no_marks(year, name):
+    """Parked, taxiing, in flight, a parabola and a landing: ordinary life of real channels is no fault."""
+    root = Path(__file__).parents[3]
+    file = root / ".." / "shared" / "data" / "flight" / "citation_phlab" / f"flight_{name}.csv.gz"
+    if not file.exists():
+        pytest.skip("the Citation flights are not beside the checkout")
+    record = flighttest.read(file, root / "tests" / "real" / "maps" / f"citation_{year}.toml")
+    assert record["ahrs"].attrs["rate"] == pytest.approx(10.0, rel=1e-6)
+    assert flighttest.faults(record) == []

@@ -1,0 +1,98 @@
+"""The bordered band solver against a dense one, and the derivatives of every residual against differences."""
+
+import numpy as np
+import pytest
+
+from flightmech.errors import IdentificationError
+from flighttest.reconstruction.problem.assembly import assemble
+from flighttest.reconstruction.problem.normal_equations import NormalEquations
+from flighttest.reconstruction.problem.trajectory import estimate, linearise, with_gusts
+from flighttest.sensors.instruments import instruments
+
+
+def test_solution_of_a_small_system():
+    rng = np.random.default_rng(0)
+    N, n, nc = 6, 3, 2
+    equations = NormalEquations(N, n, nc)
+    rows, right = [], []
+
+    def dense(k, blocks, Jc, r):
+        for i in range(len(r)):
+            row = np.zeros(N * n + nc)
+            for at, J in zip(k, blocks, strict=True):
+                row[at * n : at * n + n] += J[i]
+            row[N * n :] = Jc[i]
+            rows.append(row)
+            right.append(r[i])
+
+    r, A, B, Jc = (rng.normal(size=s) for s in ((N - 1, 3), (N - 1, 3, n), (N - 1, 3, n), (N - 1, 3, nc)))
+    equations.add_steps(r, A, B, np.arange(nc), Jc)
+    for k in range(N - 1):
+        dense((k, k + 1), (A[k], B[k]), Jc[k], r[k])
+    k, f = np.array([0, 2, 2, 4, 5]), np.array([0.0, 0.25, 0.75, 0.5, 0.0])  # two readings in one step, one on the last sample
+    r, J, Jc = rng.normal(size=(5, 2)), rng.normal(size=(5, 2, n)), rng.normal(size=(5, 2, 1))
+    equations.add_samples(r, k, f, J, np.array([1]), Jc)
+    for i in range(5):
+        blocks = ((1 - f[i]) * J[i], f[i] * J[i])
+        dense((k[i], min(k[i] + 1, N - 1)), blocks, np.column_stack([np.zeros(2), Jc[i]]), r[i])
+    equations.add_prior(np.array([0.5, -0.5]), np.eye(nc))
+    dense((0,), (np.zeros((2, n)),), np.eye(2), np.array([0.5, -0.5]))
+    X, y = np.array(rows), np.array(right)
+    expected = -np.linalg.lstsq(X, y, rcond=None)[0]
+    dx, dc, information = equations.solve()
+    np.testing.assert_allclose(np.append(dx.ravel(), dc), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.inv(information), np.linalg.inv(X.T @ X)[N * n :, N * n :], rtol=1e-9)
+    assert equations.cost == pytest.approx(y @ y)
+
+
+def test_undetermined_state_is_an_error():
+    with pytest.raises(IdentificationError, match="not determined at sample 0, state 0"):
+        NormalEquations(4, 2, 1).solve()
+
+
+@pytest.fixture(scope="module")
+def setup(flown, aircraft):
+    record, _, _ = flown(0, duration=3.0)
+    return assemble(record, aircraft, instruments(aircraft.instruments), [(0.0, 3.0)], 50.0, None)
+
+
+@pytest.mark.parametrize("air", ["calm", "gusts", "shown"])
+def test_gradient_of_the_whole_cost(setup, air):
+    """The gradient holds the derivative of every residual by every unknown."""
+    problem, x = setup.problem, setup.x
+    if air != "calm":
+        problem, x = with_gusts(problem, x, np.array([0.3, 0.4, 0.5]), 100.0, shown=air == "shown")
+    solution = estimate(problem, x, setup.c, 3, [n for n in problem.constants.names if n.startswith(("factor", "lag", "delay"))])
+    rng = np.random.default_rng(2)
+    x = solution.x + rng.normal(0, 1e-3, solution.x.shape)
+    c = solution.c + rng.normal(0, 0.3, len(solution.c)) * np.sqrt(np.diag(problem.constants.covariance))
+    # off the kinks where a latency meets a sample
+    c[problem.constants.index("delay.air_data", "delay.gps")] = 0.1234, 0.1571
+    equations = linearise(problem, x, c)
+    scale = np.sqrt(np.diag(problem.constants.covariance))
+    for i, name in enumerate(problem.constants.names):
+        step = np.zeros(len(c))
+        step[i] = 1e-4 * scale[i]
+        slope = (linearise(problem, x, c + step).cost - linearise(problem, x, c - step).cost) / (2 * step[i])
+        # what a gust adds to a reading does not move with the latency: its part of the derivative is left out
+        tolerance = 1e-3 if (air, name) == ("shown", "delay.air_data") else 1e-4
+        assert slope == pytest.approx(2 * equations.gc[i], rel=tolerance, abs=1e-3 / scale[i]), name
+    for j in range(problem.states):
+        # samples inside, where the prior on the start (which moves with the iteration) does not act
+        k, h = 70, 1e-6
+        bump = np.zeros_like(x)
+        bump[k, j] = h
+        slope = (linearise(problem, x + bump, c).cost - linearise(problem, x - bump, c).cost) / (2 * h)
+        assert slope == pytest.approx(2 * equations.gx[k, j], rel=1e-4, abs=1e-2), j
+
+
+def test_held_constants_keep_their_prior_and_pass_it_on(setup):
+    problem = setup.problem
+    held = ("factor.alpha_vane",)
+    free, kept = estimate(problem, setup.x, setup.c), estimate(problem, setup.x, setup.c, held=held)
+    names = problem.constants.names
+    at, offset = names.index("factor.alpha_vane"), names.index("bias.alpha_vane")
+    assert kept.c[at] == setup.c[at]
+    assert kept.covariance[at, at] == problem.constants.covariance[at, at]
+    assert kept.covariance[offset, offset] > free.covariance[offset, offset]
+    assert (np.linalg.eigvalsh(kept.covariance / np.sqrt(np.outer(np.diag(kept.covariance), np.diag(kept.covariance)))) > 0).all()

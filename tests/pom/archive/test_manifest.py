@@ -1,0 +1,180 @@
+"""The manifest of a report, and what its verification finds."""
+
+import json
+import shutil
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import h5py
+import numpy as np
+import pytest
+
+import pom
+from aeromatch.cli import main
+from flightmech.errors import SchemaError
+from pom.archive import manifest
+from pom.cases.case import read_case
+from pom.replaying.replay_case import replay
+
+
+@pytest.fixture
+def made(write_case, lag_states, toy, tmp_path):
+    """A report of one real replay with its inputs beside it."""
+    case = write_case(more="trim = false")
+    lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    own = shutil.copy(toy(), tmp_path / "toy.fmu")  # the FMU of the fixture serves other tests too
+    read = read_case(case)
+    result = replay(read, {"toy": toy()}, lag_states)
+    made_from = pom.provenance(read.files(), {"toy": own}, "aeromatch pom run", "2026-11-21")
+    pom.write_report([result], tmp_path / "report", title="Toy", provenance=made_from, paper=None)
+    return tmp_path
+
+
+def changed(folder):
+    return {(item.kind, item.name): item for item in pom.verify(folder / "report") if item.state != "same"}
+
+
+def test_an_untouched_report_holds(made):
+    found = pom.verify(made / "report")
+    assert {item.state for item in found} == {"same"}
+    assert {item.name for item in found if item.kind == "output"} == {
+        "report.html",
+        "results.json",
+        "results.nc",
+        "results.xml",
+        "csv/a_case.csv",
+    }
+    assert {item.name for item in found if item.kind == "input"} == {"case.toml", "record.nc"}
+    assert [(item.kind, item.name) for item in found if item.kind in ("model", "verdict")] == [
+        ("model", "toy: toy.fmu"),
+        ("verdict", "a_case, toy"),
+    ]
+
+
+def test_the_manifest_is_an_in_toto_statement_without_places_or_clock(made):
+    text = (made / "report" / "manifest.json").read_text(encoding="utf-8")
+    statement = json.loads(text)
+    assert statement["_type"] == "https://in-toto.io/Statement/v1"
+    assert statement["predicateType"] == "https://slsa.dev/provenance/v1"
+    assert all(set(item["digest"]) == {"sha256"} for item in statement["subject"])
+    definition = statement["predicate"]["buildDefinition"]
+    assert definition["externalParameters"]["command"] == "aeromatch pom run"
+    assert definition["internalParameters"]["cases"][0]["name"] == "a_case"
+    assert [item["uri"] for item in definition["resolvedDependencies"]] == ["../case.toml", "../record.nc", "../toy.fmu"]
+    assert str(made) not in text
+    for file in ("results.json", "results.nc", "report.html"):
+        assert str(made).encode() not in (made / "report" / file).read_bytes()
+
+
+def test_every_changed_file_is_named(made):
+    (made / "record.nc").write_bytes(b"other")
+    (made / "toy.fmu").unlink()
+    page = made / "report" / "report.html"
+    page.write_text(page.read_text(encoding="utf-8").replace("Toy", "Tow"), encoding="utf-8")
+    found = changed(made)
+    assert {key: item.state for key, item in found.items()} == {
+        ("output", "report.html"): "changed",
+        ("input", "record.nc"): "changed",
+        ("model", "toy: toy.fmu"): "missing",
+    }
+    assert found["input", "record.nc"].detail.startswith("SHA-256 was ")
+
+
+def rehash(folder, name):
+    """Write the new hash of a file into the manifest, as somebody would who wants to hide a change."""
+    path = folder / "report" / manifest.NAME
+    statement = json.loads(path.read_text(encoding="utf-8"))
+    for item in statement["subject"]:
+        if item["name"] == name:
+            item["digest"]["sha256"] = pom.archive.origins.sha256(folder / "report" / name)
+    path.write_text(json.dumps(statement), encoding="utf-8")
+
+
+def test_changed_samples_are_judged_again(made):
+    with h5py.File(made / "report" / "results.nc", "r+") as file:
+        group = file["a_case"]
+        run, channel = (list(group[name].asstr()[()]).index(word) for name, word in (("run", "toy"), ("channel", "q")))
+        group["signals"][run, channel, 200] += np.radians(5.0)
+    rehash(made, "results.nc")
+    found = changed(made)
+    assert list(found) == [("verdict", "a_case, toy")]
+    assert "pitch_rate: verdict pass, judged again fail" in found["verdict", "a_case, toy"].detail
+
+
+def test_another_verdict_in_json_is_found(made):
+    path = made / "report" / "results.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    row = next(row for row in document["results"][0]["verdict"] if row["criterion"] == "pitch_rate")
+    row["verdict"] = "fail"
+    row["worst_ratio"] = 2.0
+    path.write_text(json.dumps(document), encoding="utf-8")
+    rehash(made, "results.json")
+    detail = changed(made)["verdict", "a_case, toy"].detail
+    assert "pitch_rate: verdict pass, results.json fail" in detail
+    assert "results.json 2" in detail
+
+
+def test_a_crashed_model_stays_invalid(write_case, lag_states, toy, tmp_path):
+    result = replay(read_case(write_case(more="trim = false")), {"good": toy(), "bad": toy("error")}, lag_states)
+    assert result.failure.startswith("bad: ")
+    pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
+    assert changed(tmp_path) == {}
+
+
+def test_what_is_no_report_is_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"no manifest\.json here"):
+        pom.verify(tmp_path)
+    (tmp_path / "manifest.json").write_text('{"_type": "x"}')
+    with pytest.raises(SchemaError, match="not a manifest"):
+        pom.verify(tmp_path)
+
+
+@pytest.fixture
+def aeromatch(monkeypatch, capsys):
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["aeromatch", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        said = capsys.readouterr()
+        return SimpleNamespace(returncode=ended.value.code, stdout=said.out, stderr=said.err)
+
+    return call
+
+
+def test_verify_on_the_command_line(aeromatch, made):
+    done = aeromatch("pom", "verify", made / "report")
+    assert (done.returncode, done.stdout.strip()) == (0, "all as it was: 5 outputs, 2 inputs, 1 model, 1 verdict checked")
+    (made / "case.toml").write_text("else")
+    done = aeromatch("pom", "verify", made / "report")
+    assert done.returncode == 1
+    assert "case.toml" in done.stdout
+    assert "1 of 9 differ" in done.stdout
+    done = aeromatch("pom", "verify", made / "report", "--json")
+    assert [item["name"] for item in json.loads(done.stdout) if item["state"] != "same"] == ["case.toml"]
+
+
+def test_options_of_a_report_on_the_command_line(aeromatch, made, tmp_path):
+    words = ["--junit", tmp_path / "j.xml", "-o", tmp_path / "run", "--revision", "C", "--date", "2026-11-22", "--no-pdf"]
+    done = aeromatch("pom", "run", made / "case.toml", "--model", f"toy={made / 'toy.fmu'}", *words)
+    assert done.returncode == 0, done.stderr
+    assert 'failures="0"' in (tmp_path / "j.xml").read_text(encoding="utf-8")
+    found = pom.read_archive(tmp_path / "run")
+    assert (found.revision, found.provenance["date"]) == ("C", "2026-11-22")
+    assert not (tmp_path / "run" / "report.pdf").exists()
+    assert {item.state for item in pom.verify(tmp_path / "run")} == {"same"}
+
+
+def test_a_report_is_written_again_from_results(aeromatch, made, tmp_path):
+    done = aeromatch("pom", "report", made / "report", "-o", tmp_path / "again", "--no-pdf", "--revision", "B", "--title", "Toy again")
+    assert done.returncode == 0, done.stderr
+    assert "Toy again" in (tmp_path / "again" / "report.html").read_text(encoding="utf-8")
+    assert pom.read_archive(tmp_path / "again").revision == "B"
+    assert {item.state for item in pom.verify(tmp_path / "again")} == {"same"}  # its inputs are found from the new place
+
+
+def test_reports_are_joined(aeromatch, made, tmp_path):
+    done = aeromatch("pom", "report", made / "report", made / "report" / "results.nc", "-o", tmp_path / "both", "--no-pdf")
+    assert done.returncode == 0, done.stderr
+    assert len(pom.read_archive(tmp_path / "both").results) == 2
+    assert sorted(path.name for path in Path(tmp_path / "both" / "csv").iterdir()) == ["a_case-2.csv", "a_case.csv"]

@@ -1,0 +1,64 @@
+"""The JSON schema of case files: current, and of one mind with the reader about what a case may say."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from flightmech.errors import SchemaError
+from flightmech.support.configuration import load
+from pom.cases.case import read_case
+from pom.cases.case_file import CaseFile, CaseTable, DriveTable, LoopTable
+from pom.cases.file_schema import SHIPPED, case_schema, schema_text
+
+T37 = Path(__file__).parents[3] / "data" / "t37" / "cases"
+
+
+def test_the_shipped_schema_is_the_one_of_the_reader():
+    """After a change of the case file or of the table: ``python -c "from pom.cases.file_schema import *;
+    SHIPPED.write_text(schema_text())"``."""
+    assert SHIPPED.read_text(encoding="utf-8") == schema_text()
+
+
+def test_every_key_is_explained():
+    schema = case_schema()
+    for table in (schema, *(schema["$defs"][model.__name__] for model in (CaseTable, DriveTable, LoopTable))):
+        unexplained = [key for key, item in table["properties"].items() if not item.get("description") and "$ref" not in item]
+        assert unexplained == []
+    assert set(schema["properties"]) == set(CaseFile.model_fields)
+
+
+def test_an_editor_knows_the_words_of_the_tolerance_table():
+    schema = case_schema()
+    assert {"2.c.10", "2.d(7)", "1.b.1"} <= set(schema["$defs"]["CaseTable"]["properties"]["id"]["enum"])
+    assert {"input_end", "capture", "200ft_agl"} <= set(schema["properties"]["events"]["properties"])
+    assert schema["properties"]["conditions"]["properties"]["delta_f"]["description"] == "flap deflection [rad], or a text with its unit"
+
+
+@pytest.mark.parametrize("file", sorted(T37.rglob("*.toml")), ids=lambda file: file.stem)
+def test_shipped_cases_fit(file):
+    jsonschema = pytest.importorskip("jsonschema")
+    jsonschema.validate(json.loads(json.dumps(load(file))), case_schema())
+
+
+@pytest.mark.parametrize(
+    ("case", "more"),
+    [
+        ('windw = "x"', ""),
+        ('reference = "flght"', ""),
+        ("fraction = 1.5", ""),
+        ('features = ["reversible_control"]', ""),
+        ("", '[conditions]\ndelta_x = "1 deg"'),
+        ("", "[events]\ninput_stop = 3.0"),
+        ("", "[tolerance]\ntheta = { percnt = 3 }"),
+        ("", "[rationale]\ntheta = 3"),
+        ("", '[[drive.pilot]]\ncontrol = "delta_a"\nchannel = "phi"\ngain = 1.0'),
+    ],
+)
+def test_schema_and_reader_refuse_the_same_mistakes(write_case, case, more):
+    jsonschema = pytest.importorskip("jsonschema")
+    path = write_case(case=case, more=more)
+    with pytest.raises(SchemaError):
+        read_case(path)
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(load(path), case_schema())

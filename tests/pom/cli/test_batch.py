@@ -1,0 +1,52 @@
+"""``aeromatch pom run`` with tables of names, kept flights and several jobs."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from flightmech.errors import SchemaError
+from pom.cli.group import pom
+
+NAMES = '[inputs]\ndelta_e = "Elev"\n'
+
+
+@pytest.fixture
+def run(write_case, lag_states, tmp_path):
+    """Run three cases of the toy, whose record is a file of reconstructed states."""
+    text = write_case(more="trim = false").read_text()
+    lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    folder = tmp_path / "cases"
+    folder.mkdir()
+    for k in range(3):
+        (folder / f"{k}.toml").write_text(text.replace("a_case", f"case_{k}").replace("record.nc", "../record.nc"))
+
+    def call(*words):
+        return CliRunner().invoke(pom, ["run", str(folder), *map(str, words)])
+
+    return call
+
+
+def test_a_stranger_is_replayed_by_its_table_and_its_flights_are_kept(run, toy, tmp_path):
+    (tmp_path / "names.toml").write_text(NAMES)
+    words = ("--model", f"strange={toy(rename={'delta_e': 'Elev'})}", "--names", f"strange={tmp_path / 'names.toml'}")
+    words += ("--resume", tmp_path / "kept", "-j", 2, "--json")
+    done = run(*words)
+    assert done.exit_code == 0, done.output
+    assert [row["case"] for row in json.loads(done.stdout)] == ["case_0", "case_1", "case_2"]
+    (kept,) = (tmp_path / "kept").rglob("*.npy")  # three cases that give the model the same are one flight
+    kept.touch()
+    assert run(*words).stdout == done.stdout
+    assert list((tmp_path / "kept").rglob("*.npy")) == [kept]
+
+
+def test_without_the_table_the_stranger_is_refused(run, toy):
+    done = run("--model", f"strange={toy(rename={'delta_e': 'Elev'})}")
+    assert isinstance(done.exception, SchemaError)
+    assert "(strange): unknown input 'delta_e'" in str(done.exception)
+
+
+def test_faulty_words_for_a_table_are_told(run, toy):
+    done = run("--model", f"a={toy()}", "--names", "names.toml")
+    assert isinstance(done.exception, SchemaError)
+    assert "'names.toml': write name=file.toml, such as simulator=names.toml" in str(done.exception)

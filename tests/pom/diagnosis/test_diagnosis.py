@@ -1,0 +1,285 @@
+"""The term swap finds the terms that were spoilt."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import aerodb
+import flightmech
+import pom
+from flightmech.errors import UnknownName
+from flightmech.terms import make
+from pom.cases.case import read_case
+from pom.cases.job import job_of
+from pom.cases.pilot import Loop
+from pom.diagnosis.term_swaps import differing, swap_terms
+from pom.replaying.kernel_replay import fly
+from pom.replaying.reference_states import flight_states
+
+PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}
+
+
+@pytest.fixture(scope="module")
+def truth(trainer):
+    return trainer.flight(trainer.database(), **PULSE)
+
+
+@pytest.fixture
+def case(write_case):
+    return read_case(write_case())
+
+
+def test_the_spoilt_term_closes_the_gap_alone(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, Cl_phat=0.8)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
+    assert list(table["stage"]) == ["prior", "final", "single", "single", "sequence", "without", "share", "share"]
+    assert table.loc[0, "verdict"] == "fail"
+    assert table.loc[1, "verdict"] == "pass"
+    assert table.loc[2, "term"] == "Cm/elevator"
+    assert table.loc[2, "closes"] == pytest.approx(1.0, abs=0.02)
+    assert table.loc[3, "closes"] == pytest.approx(0.0, abs=0.02)  # roll damping has no part in a short period
+    assert table.loc[4, "verdict"] == "pass"
+    assert list(table.loc[6:, "term"]) == ["Cm/elevator", "others"]
+    assert table.loc[6, "closes"] == pytest.approx(1.0, abs=0.02)
+    assert table.loc[5, "closes"] == pytest.approx(0.0, abs=0.02)  # the final model without it is the a-priori one
+    assert pom.corrected_terms([table]) == ["Cm/elevator"]
+
+
+def test_two_spoilt_terms_make_a_sequence_of_two(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.5, CL_basic=0.6)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
+    sequence = table[table["stage"] == "sequence"]
+    assert set(sequence["term"]) == {"Cm/elevator", "CL/basic"}
+    assert sequence.iloc[-1]["verdict"] == "pass"
+    assert sequence.iloc[-1]["closes"] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_swap_by_scales_is_the_swap_of_the_database(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.9)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth).set_index(["stage", "term"])
+    job = job_of(case, flight_states(case, truth))
+    outputs, _ = fly(flightmech.compile(trainer.AIRCRAFT, swap_terms(prior, final, ["CL/basic"])), job)
+    error = outputs["q"][0] - flight_states(case, truth)["q"].values
+    expected = np.abs(error).max() / np.radians(2.0)
+    assert table.loc[("single", "CL/basic"), "pitch_rate ratio"] == pytest.approx(expected, rel=1e-6)
+    assert table.loc[("single", "CL/basic"), "pitch_rate miss"] == pytest.approx(np.sqrt(np.mean(error**2)) / np.radians(2.0), rel=1e-6)
+
+
+def test_a_term_that_only_one_database_has_is_swapped_too(case, truth, trainer):
+    final = trainer.database()
+    prior = aerodb.delete_terms(final, ["Cm/alphadothat"])
+    assert aerodb.terms(swap_terms(final, prior, ["Cm/alphadothat"])).keys() == aerodb.terms(prior).keys()
+    assert differing(prior, final) == ["Cm/alphadothat"]
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth).set_index("stage")
+    assert table.loc["single", "closes"] == pytest.approx(1.0)
+    back = pom.diagnose(case, final, prior, trainer.AIRCRAFT, truth).set_index("stage")
+    assert np.isnan(back.loc["single", "closes"])  # the "final" one is the worse
+    assert back.loc["single", "pitch_rate miss"] == pytest.approx(table.loc["prior", "pitch_rate miss"])
+
+
+def test_equal_databases_have_no_terms_to_swap(case, truth, trainer):
+    db = trainer.database()
+    table = pom.diagnose(case, db, trainer.database(), trainer.AIRCRAFT, truth)
+    assert list(table["stage"]) == ["prior", "final"]
+    assert pom.corrected_terms([table]) == []
+
+
+def test_a_missing_rudder_is_found_behind_a_dutch_roll_that_is_not_there(write_case, trainer):
+    doublet = [(0.0, 0.0), (2.0, 0.0), (2.06, 0.1), (3.0, 0.1), (3.06, -0.1), (4.0, -0.1), (4.06, 0.0)]
+    final = trainer.database()
+    truth = trainer.flight(final, delta_r=doublet)
+    path = write_case("2.d.7", more="[events]\ninput_end = 4.2")
+    path.write_text(path.read_text().replace("window = [1.0, 9.0]", "window = [1.0, 19.9]"))
+    prior = trainer.scaled(aerodb.delete_terms(final, ["Cn/rudder", "CY/rudder"]), Cl_rhat=0.9)
+    table = pom.diagnose(read_case(path), prior, final, trainer.AIRCRAFT, truth)
+    assert table.loc[0, "verdict"] == "fail"
+    assert np.isnan(table.loc[0, "period ratio"])
+    assert table.loc[1, "verdict"] == "pass"
+    assert pom.corrected_terms([table]) == ["Cn/rudder"]
+
+
+def test_a_term_that_helps_only_with_another_is_found(case, truth, trainer):
+    """All of the pitching moment too strong by one factor: each term alone makes it worse, all together close the gap."""
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=1.6, Cm_basic=1.6, Cm_qhat=1.6, Cm_alphadothat=1.6)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
+    sequence = table[table["stage"] == "sequence"]
+    assert sequence.iloc[-1]["verdict"] == "pass"
+    assert set(sequence["term"]) <= {"Cm/elevator", "Cm/basic", "Cm/qhat", "Cm/alphadothat"}
+
+
+def test_an_engine_before_the_flights_is_swapped_like_a_term(write_case, trainer):
+    lever = xr.DataArray([0.0, 0.0, 1.0, 1.0], {"time": [0.0, 3.0, 4.0, 20.0]}, "time")
+    strong, weak = (
+        replace(
+            trainer.AIRCRAFT,
+            engines=tuple(
+                replace(e, thrust=make([500.0, full], {"throttle": [0.0, 1.0]}), time_constant=lag) for e in trainer.AIRCRAFT.engines
+            ),
+        )
+        for full, lag in ((4500.0, 0.5), (2500.0, 3.0))
+    )
+    db = trainer.database()
+    time = np.round(np.arange(0.0, 20.001, 0.02), 9)
+    pushed = {f"engine{i}.throttle": ("time", lever.interp(time=time).values) for i in (1, 2)}
+    start = {"init.V": 85.0, "init.h": 1500.0, "mode.engine": 0.0, "mode.trim": 2.0}
+    flown = flightmech.simulate(flightmech.compile(strong, db), xr.Dataset(pushed, {"time": time}), start)
+    controls = {name: flown[f"applied.{name}"] for name in ("delta_e", "delta_a", "delta_r")}
+    throttle = {name: ("time", values[1] + float(flown["trim.throttle"][0])) for name, values in pushed.items()}
+    found = flown.drop_vars([n for n in flown if str(n).startswith(("applied.", "trim.", "out_of", "air."))] + ["lat", "lon"])
+    found = found.assign(**controls, **throttle, mass=2200.0, z_cg_b=0.2, delta_f=0.0, gear=0.0)
+    path = write_case(id="2.c.1", more="[events]\nchange_start = 3.0\nchange_end = 4.0", case='shortened = "test"')
+    path.write_text(path.read_text().replace('engine = "thrust"', 'engine = "throttle"').replace("[1.0, 9.0]", "[0.0, 15.0]"))
+    table = pom.diagnose(read_case(path), db, db, strong, found, weak).set_index("stage")
+    assert table.loc["prior", "verdict"] == "fail"
+    assert table.loc["single", "term"] == "engine/thrust"
+    assert table.loc["single", "closes"] == pytest.approx(1.0)
+    table = table.reset_index()
+    assert pom.corrected_terms([table]) == ["engine/thrust"]
+    assert list(table.loc[table["stage"] == "share", "term"]) == ["engine/thrust"]
+    corrected = pom.corrected_aircraft(weak, strong, {"chop": table}, "trainer.toml")
+    assert corrected.engines[0].time_constant == 0.5
+    assert corrected.history.startswith("engine/thrust: pom diagnose: from trainer.toml, needed by chop (alone 100 % of the gap")
+    assert pom.corrected_aircraft(strong, strong, {"chop": table}) is strong
+
+
+def test_shares_of_two_terms_by_hand(case, truth, trainer):
+    """Two orders: a term closes what it closes alone when it comes first, and what the other leaves when it comes last."""
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, Cm_qhat=0.5)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
+    alone = table[table["stage"] == "single"].set_index("term")
+    share = table[table["stage"] == "share"].set_index("term")
+    pair = table[table["stage"] == "pair"].iloc[0]
+    for column in ("closes", "pitch_angle closes", "normal_acceleration closes"):
+        for one, other in (("Cm/elevator", "Cm/qhat"), ("Cm/qhat", "Cm/elevator")):
+            by_hand = 0.5 * (alone.loc[one, column] + 1.0 - alone.loc[other, column])
+            assert share.loc[one, column] == pytest.approx(by_hand, rel=1e-9)
+    assert set(pair["term"].split(" + ")) == {"Cm/elevator", "Cm/qhat"}
+    assert pair["closes"] == pytest.approx(1.0)
+    assert pair["interaction"] == pytest.approx(1.0 - alone["closes"].sum(), rel=1e-9)
+    without = table[table["stage"] == "without"].set_index("term")
+    for one, other in (("Cm/elevator", "Cm/qhat"), ("Cm/qhat", "Cm/elevator")):
+        assert without.loc[one, "closes"] == alone.loc[other, "closes"]  # of two terms, one left out is the other alone
+    assert (share["stderr"] == 0.0).all()
+    assert set(share["verdict"]) == {"not_tested"}
+
+
+def test_the_waterfall_leads_from_the_one_miss_to_the_other(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.9, Cm_qhat=0.7, Cl_phat=0.5)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth, players=2)
+    by = table.drop_duplicates("stage").set_index("stage")
+    for criterion, prefix in (("", ""), ("pitch_rate", "pitch_rate ")):
+        steps = pom.waterfall(table, criterion)
+        assert steps["start"].iloc[0] == by.loc["prior", f"{prefix}miss"]
+        assert steps["stop"].iloc[-1] == pytest.approx(by.loc["final", f"{prefix}miss"], abs=1e-12)
+        assert (steps["start"].values[1:] == steps["stop"].values[:-1]).all()
+    assert list(pom.waterfall(table)["term"])[-1] == "others"
+    assert len(pom.waterfall(table)) == 3
+
+
+def test_terms_are_ranked_per_criterion(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.8)
+    found = pom.ranking(pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)).set_index(["criterion", "rank"])
+    assert found.loc[("pitch_angle", 1), "term"] == "Cm/elevator"
+    for criterion in ("", "pitch_angle", "pitch_rate", "normal_acceleration"):
+        rows = found.loc[criterion]
+        assert rows["closes"].sum() == pytest.approx(1.0)
+        assert rows["change"].is_monotonic_increasing
+        assert rows.loc[1, "change"] < 0.0
+
+
+def test_many_terms_are_shared_by_sampled_orders_with_a_stated_error(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.8, Cm_qhat=0.6, Cm_basic=0.8, Cm_alphadothat=0.5)
+    exact, sampled, again, other = (
+        pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth, replays=replays, seed=seed).query("stage == 'share'").set_index("term")
+        for replays, seed in ((32, 0), (31, 0), (31, 0), (31, 1))
+    )
+    assert (exact["stderr"] == 0.0).all()
+    assert (sampled["stderr"] > 0.0).any()
+    assert sampled["closes"].equals(again["closes"])
+    assert not np.allclose(sampled["closes"], other["closes"][sampled.index])
+    assert sampled["closes"].sum() == pytest.approx(1.0)
+    assert (np.abs(sampled["closes"] - exact["closes"][sampled.index]) < 4.0 * sampled["stderr"]).all()
+
+
+def test_a_criterion_without_a_gap_has_no_shares(write_case, truth, trainer):
+    path = write_case(more='[tolerance]\nbank_angle = { abs = "2 deg", channel = "phi" }')
+    path.write_text(path.read_text().replace('bank_angle = { abs = "2 deg", channel = "phi" }', 'phi = "2 deg"'))
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.8)
+    table = pom.diagnose(read_case(path), prior, final, trainer.AIRCRAFT, truth)
+    assert table["phi closes"].isna().all()
+    assert table.loc[table["stage"] == "share", "pitch_rate closes"].notna().all()
+
+
+def test_groups_are_swapped_as_a_whole(write_case, trainer):
+    down = [(0.0, 0.0), (2.0, 0.0), (2.06, 1.0), (20.0, 1.0)]
+    final = trainer.database()
+    prior = trainer.scaled(aerodb.delete_terms(final, ["Cm/gear"]), Cm_qhat=0.8, CL_qhat=0.8)
+    final = aerodb.replace_terms(final, {"CL/gear": make(-0.02, regressors=["gear"])})
+    truth = trainer.flight(final, gear=down)
+    wanted = {"pitch damping and gear": ["C?/qhat", "*/gear"]}
+    table = pom.diagnose(read_case(write_case()), prior, final, trainer.AIRCRAFT, truth, groups=wanted)
+    rows = table[table["stage"] == "group"].set_index("term")
+    assert set(rows.index) == {"CL/*", "Cm/*", "*(gear)", "pitch damping and gear"}
+    assert rows.loc["pitch damping and gear", "closes"] == pytest.approx(1.0)
+    job = job_of(read_case(write_case()), flight_states(read_case(write_case()), truth))
+    outputs, _ = fly(flightmech.compile(trainer.AIRCRAFT, swap_terms(prior, final, ["CL/gear", "Cm/gear"])), job)
+    flown = flight_states(read_case(write_case()), truth)["q"].values
+    worst = np.abs(outputs["q"][0] - flown).max() / np.radians(2.0)
+    assert rows.loc["*(gear)", "pitch_rate ratio"] == pytest.approx(worst, rel=1e-6)
+    with pytest.raises(UnknownName, match="unknown term or part that differs 'CY/gear'"):
+        pom.diagnose(read_case(write_case()), prior, final, trainer.AIRCRAFT, truth, groups={"side": ["CY/gear"]})
+
+
+def test_the_corrected_database_says_where_its_terms_come_from(case, truth, trainer):
+    final = trainer.database()
+    prior = trainer.scaled(aerodb.delete_terms(final, ["Cm/alphadothat"]), Cm_elevator=0.5, CL_basic=0.6, Cl_phat=0.8)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
+    corrected = pom.corrected_database(prior, final, {"short_period": table}, "final.nc")
+    taken = pom.corrected_terms([table])
+    assert set(differing(corrected, prior)) == set(taken)
+    assert {"Cm/elevator", "CL/basic"} <= set(taken)
+    alone = table[table["stage"] == "single"].set_index("term").loc["CL/basic", "closes"]
+    history = aerodb.terms(corrected)["CL/basic"].attrs["history"]
+    assert f"pom diagnose: from final.nc, needed by short_period (alone {100 * alone:.0f} % of the gap, share" in history
+    assert history.endswith("replace_terms: replaced (term swap)")
+    assert "term swap" in corrected.attrs["history"]
+    assert "pom diagnose" not in aerodb.terms(corrected)["Cl/phat"].attrs.get("history", "")
+    flown = pom.diagnose(case, corrected, final, trainer.AIRCRAFT, truth)
+    assert flown.loc[0, "verdict"] == "pass"
+
+
+@pytest.mark.parametrize("loops", [(), (Loop("delta_a", "phi", gain=-1.0, limit=0.1), Loop("delta_e", "theta", gain=-0.5, limit=0.1))])
+def test_the_verdicts_are_those_of_a_replay(case, truth, trainer, tmp_path, loops):
+    """The same case by the FMU of the a-priori model, with the recorded controls and with a math pilot on top of them."""
+    case = replace(case, drive=replace(case.drive, surfaces="pilot" if loops else "recorded", pilot=loops))
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.9)
+    table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth).set_index("stage")
+    fmu = flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, prior), tmp_path / "prior.fmu")
+    result = pom.replay(case, {"prior": fmu}, truth)
+    assert result.failure == ""
+    assert table.loc["prior", "verdict"] == result.status("prior")
+    judged = result.verdict[result.verdict["verdict"].isin(["pass", "fail"])]
+    assert len(judged) == (2 if loops else 3)  # what the pilot holds is not judged
+    for row in judged.to_dict("records"):
+        assert table.loc["prior", f"{row['criterion']} ratio"] == pytest.approx(row["worst_ratio"], rel=1e-4)
+
+
+def test_a_footprint_has_no_miss_to_explain(case, truth, trainer):
+    final = trainer.database()
+    case = replace(case, reference="footprint")
+    table = pom.diagnose(case, trainer.scaled(final, Cm_elevator=0.6), final, trainer.AIRCRAFT, truth)
+    assert list(table["stage"]) == ["prior", "final", "single"]
+    assert set(table["verdict"]) == {"not_tested"}
+    assert table["closes"].isna().all()

@@ -1,0 +1,71 @@
+"""Model exchange: inputs inside a step, discrete inputs at their sample, events of the FMU."""
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pom.cases.case import read_case
+from pom.replaying.replay_case import replay
+
+spec = importlib.util.spec_from_file_location("pom_conftest", (Path(__file__).parents[1] / "conftest.py"))
+tools = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(tools)
+
+
+def exchanged(text):
+    """Return the description of the toy as one for model exchange, with a Boolean and an Integer input."""
+    start = text.index("<CoSimulation")
+    text = text[:start] + '<ModelExchange modelIdentifier="toy"/>' + text[text.index("/>", start) + 2 :]
+    gear = '<ScalarVariable name="gear" valueReference="2" causality="input" variability="discrete"><Boolean start="0"/></ScalarVariable>'
+    notch = (
+        '<ScalarVariable name="delta_s" valueReference="3" causality="input" variability="discrete"><Integer start="0"/></ScalarVariable>'
+    )
+    text = text.replace("</ModelVariables>", f"{gear}{notch}</ModelVariables>")
+    return text.replace("<ModelStructure/>", '<ModelStructure><Derivatives><Unknown index="4"/></Derivatives></ModelStructure>')
+
+
+@pytest.fixture
+def model(toys):
+    return lambda kind="lag": toys(f"{kind}_me", exchanged(tools.describe(kind, False, {}, {})))
+
+
+@pytest.fixture
+def case(write_case):
+    return read_case(write_case(case='show = ["q", "theta"]', more="trim = false"))
+
+
+def test_the_right_hand_side_sees_inputs_inside_a_step(case, model, lag_states):
+    coarse = lag_states.isel(time=slice(None, None, 25))  # 0.5 s: FMPy's own loop holds the input that long and is 13 mrad off
+    result = replay(case, {"me": model()}, coarse)
+    assert result.failure == ""
+    assert np.abs(result.signals["theta"][1] - result.signals["theta"][0]).max() < 5e-7  # CVode, 1e-8 per step
+    assert np.abs(result.signals["nz"][1] - result.signals["nz"][0]).max() < 1e-14
+
+
+def test_discrete_inputs_change_at_their_sample(case, model, lag_states):
+    time = lag_states["time"].values
+    gear, spoiler = (time >= 5.0).astype(float), np.where(time >= 6.0, 3.0, 0.0)
+    nz = lag_states["nz"].values - 0.1 * gear + 0.01 * spoiler
+    states = lag_states.assign(gear=("time", gear), delta_s=("time", spoiler), nz=("time", nz))
+    result = replay(case, {"me": model()}, states)
+    assert result.failure == ""
+    assert np.abs(result.signals["nz"][1] - result.signals["nz"][0]).max() < 1e-14
+
+
+def test_a_pulse_is_not_stepped_over(case, model, toy, lag_states):
+    time = lag_states["time"].values
+    pulse = lag_states.assign(delta_e=("time", 0.1 * ((time > 5.0) & (time < 5.09))))
+    result = replay(case, {"me": model(), "slave": toy()}, pulse)
+    me, slave = (result.signals["theta"].sel(run=run).values for run in ("me", "slave"))
+    assert slave.max() > 0.02
+    assert np.abs(me - slave).max() < 1e-6  # two kinks for each of two steps of CVode
+
+
+def test_a_time_event_between_samples_is_met(case, model, lag_states):
+    result = replay(case, {"me": model("event")}, lag_states)
+    after = np.maximum(result.signals["time"].values - 1.0 - 3.01, 0.0)  # the replay starts at 1 s of the record
+    jump = 0.05 * 0.5 * (1.0 - np.exp(-after / 0.5))
+    difference = result.signals["theta"][1].values - result.signals["theta"][0].values
+    assert np.abs(difference - jump).max() < 5e-7  # an error of 1e-8 per step, some ten of them remembered; seen 1.1e-7

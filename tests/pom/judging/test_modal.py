@@ -1,0 +1,170 @@
+"""Modes by fit, against damped sines whose numbers are chosen."""
+
+import math
+
+import numpy as np
+import pytest
+
+from pom.cases.case import PomCase
+from pom.judging.comparison import Match
+from pom.judging.modal import fit_mode
+from pom.judging.modal import modal as judge_mode
+from pom.judging.modal import peak_lag as judge_lag
+from pom.tolerances import rows
+from pom.tolerances.bands import Invalid
+from pom.tolerances.criteria import Band, Criterion, Limit
+
+TIME = np.arange(0.0, 120.001, 0.1)
+TEN = Band((Limit("percent", 10.0, "%"),), "single", "ref_scalar")
+ZETA = Band((Limit("absolute", 0.02, "-"),))
+
+
+def sine(period, zeta, time=TIME, amplitude=5.0, phase=0.4, offset=90.0, slope=0.02):
+    wd = 2.0 * math.pi / period
+    sigma = zeta * wd / math.sqrt(1.0 - zeta**2)
+    return offset + slope * time + amplitude * np.exp(-sigma * time) * np.cos(wd * time + phase)
+
+
+def matched(time, flight, model, id):
+    return Match.of(PomCase("c", "C", id, rows.STANDARD, rows.EDITION, "c.toml", "r.nc", (0.0, 120.0)), time, flight, model)
+
+
+def modal(criterion, time, flight, model, id="1.a.1"):
+    return judge_mode(criterion, matched(time, flight, model, id))
+
+
+def peak_lag(criterion, time, flight, model):
+    return judge_lag(criterion, matched(time, flight, model, "2.d.7"))
+
+
+def criterion(measure, band=TEN, channel="V_cas", window=(0.0, 120.0)):
+    return Criterion(measure, "", channel, measure, "g", band, window)
+
+
+@pytest.mark.parametrize(("period", "zeta"), [(38.0, 0.05), (35.0, -0.01), (30.0, 0.0), (60.0, 0.2)])
+def test_fit_returns_the_mode_exactly(period, zeta):
+    mode = fit_mode(TIME + 7.0, sine(period, zeta))
+    assert mode.period == pytest.approx(period, rel=1e-6)
+    assert mode.damping_ratio == pytest.approx(zeta, abs=1e-7)
+    assert mode.amplitude == pytest.approx(5.0, rel=1e-5)
+    assert mode.slope == pytest.approx(0.02, abs=1e-5)
+    if zeta:
+        wn = 2.0 * math.pi / period / math.sqrt(1.0 - zeta**2)
+        assert mode.t_half == pytest.approx(math.log(2.0) / (zeta * wn), rel=1e-5)
+
+
+def test_fit_in_noise_misses_the_period_by_far_less_than_the_tolerance():
+    # the case of the tolerance README: 10 kt phugoid, 0.3 kt noise, 3 cycles; a raw peak picker misses by 71 %
+    noise = np.random.default_rng(3).normal(0.0, 0.3, TIME.size)
+    mode = fit_mode(TIME, sine(38.0, 0.05, amplitude=10.0) + noise)
+    assert mode.period == pytest.approx(38.0, rel=5e-3)
+    assert mode.damping_ratio == pytest.approx(0.05, abs=2e-3)
+
+
+@pytest.mark.parametrize(("longer", "verdict"), [(1.05, "pass"), (1.0999, "pass"), (1.101, "fail")])
+def test_phugoid_passes_up_to_ten_percent_of_period(longer, verdict):
+    flight, model = {"V_cas": sine(38.0, 0.05)}, {"V_cas": sine(38.0 * longer, 0.05)}
+    got = modal(criterion("period"), TIME, flight, model, "2.c.9")
+    assert got.verdict == verdict
+    assert got.worst == pytest.approx(38.0 * (longer - 1.0), rel=1e-4)
+
+
+def test_damping_alternative_is_the_wider_below_0p2():
+    flight, model = {"V_cas": sine(38.0, 0.05)}, {"V_cas": sine(38.0, 0.065)}
+    assert modal(criterion("t_half"), TIME, flight, model).verdict == "fail"  # 23 % shorter
+    assert modal(criterion("damping_ratio", ZETA), TIME, flight, model).verdict == "pass"  # 0.015 of 0.02
+
+
+def test_an_unstable_model_of_a_stable_flight_fails_inside_the_width():
+    flight, model = {"V_cas": sine(38.0, 0.008)}, {"V_cas": sine(38.0, -0.008)}
+    got = modal(criterion("damping_ratio", ZETA), TIME, flight, model)
+    assert got.worst_ratio < 1.0
+    assert (got.verdict, got.note.endswith("stability differs")) == ("fail", True)
+
+
+@pytest.mark.parametrize(("bank", "told"), [(9.9, False), (10.1, True), (-39.0, True)])
+def test_a_phugoid_in_a_turn_is_told(bank, told):
+    """The damping of a model that rolls off is that of a spiral dive as well."""
+    flight = {"V_cas": sine(38.0, 0.05), "phi": np.full(TIME.size, math.radians(2.0))}
+    model = {"V_cas": sine(38.0, 0.05), "phi": math.radians(2.0) + math.radians(bank) * TIME / TIME[-1]}
+    note = modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.c.9").note
+    assert (f"bank of the model up to {abs(bank):.0f} deg off the flight's" in note) == told
+    assert "bank" not in modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.d.7").note
+
+
+def test_too_few_cycles_are_invalid_unless_the_time_to_half_is_seen():
+    short = TIME <= 80.0
+    window = (0.0, 80.0)
+    slow = {"V_cas": sine(38.0, 0.03)[short]}  # 2.1 cycles, time to half 140 s
+    with pytest.raises(Invalid, match=r"2.1 cycles and less than the time to half \(140 s\) in 80 s"):
+        modal(criterion("period", window=window), TIME[short], slow, slow, "2.c.9")
+    fast = {"V_cas": sine(38.0, 0.08)[short]}  # time to half 52 s
+    assert modal(criterion("period", window=window), TIME[short], fast, fast, "2.c.9").verdict == "pass"
+
+
+def test_a_model_that_does_not_oscillate_fails_and_a_flight_that_does_not_is_invalid():
+    still = {"V_cas": 90.0 + np.random.default_rng(1).normal(size=TIME.size)}
+    flight = {"V_cas": sine(38.0, 0.05)}
+    got = modal(criterion("period"), TIME, flight, still)
+    assert (got.verdict, got.note.startswith("flight 38.00 s; the model: no oscillation")) == ("fail", True)
+    with pytest.raises(Invalid, match="flight: no oscillation"):
+        modal(criterion("period"), TIME, still, flight)
+
+
+def test_the_right_mode_without_excitation_is_no_match():
+    flight, model = {"V_cas": sine(38.0, 0.05)}, {"V_cas": sine(38.0, 0.05, amplitude=0.4)}
+    got = modal(criterion("period"), TIME, flight, model)
+    assert (got.verdict, got.note) == ("fail", "flight 38.00 s; the model hardly oscillates: 0.08 of the amplitude of the flight")
+
+
+def test_noise_alone_is_no_mode():
+    noise = np.random.default_rng(1).normal(size=TIME.size)
+    with pytest.raises(Invalid, match="no oscillation"):
+        fit_mode(TIME, noise)
+
+
+def test_peak_lag_from_fitted_phases():
+    time = np.arange(0.0, 20.0, 0.02)
+    band = Band((Limit("percent", 20.0, "%"), Limit("absolute", 0.1, "s")), "greater_of", "ref_scalar")
+
+    def run(lag):  # bank peaks `lag` before sideslip, period 2.5 s
+        wd = 2.0 * math.pi / 2.5
+        beta = sine(2.5, 0.1, time, 0.05, 0.0, 0.0, 0.0)
+        return {"beta": beta, "phi": sine(2.5, 0.1, time, 0.03, wd * lag, 0.1, 0.002)}
+
+    got = peak_lag(criterion("peak_lag", band, "phi", (0.0, 19.9)), time, run(0.6), run(0.65))
+    assert got.note == "flight 0.60 s, model 0.65 s"
+    assert got.worst == pytest.approx(0.05, abs=1e-4)
+    assert got.width == pytest.approx(0.12, rel=1e-3)  # 20 % of 0.6 s
+    late = peak_lag(criterion("peak_lag", band, "phi", (0.0, 19.9)), time, run(1.2), run(-1.2))
+    assert late.worst == pytest.approx(0.1, abs=1e-4)  # -1.2 s is the peak of the next cycle, at 1.3 s
+
+
+@pytest.mark.parametrize(("id", "edition"), [("2.c(9)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300"), ("2.c.9", rows.STANDARD)])
+def test_three_cycles_are_asked_for_by_whatever_name_the_standard_has_for_the_test(id, edition):
+    short = TIME <= 80.0
+    slow = {"V_cas": sine(38.0, 0.03)[short]}
+    with pytest.raises(Invalid, match="the table asks for 3 cycles"):
+        modal(criterion("period", window=(0.0, 80.0)), TIME[short], slow, slow, id)
+    assert rows.rows_of(id, edition, {"2.c(9)": "2018-05-03"}.get(id, rows.EDITION))
+
+
+def test_a_legal_period_is_far_off_as_a_trace():
+    """Trap 4: 10 % more period differs by 62 % of the amplitude within three cycles at a damping ratio of 0.05."""
+    flat = {"amplitude": 10.0, "phase": -0.5 * math.pi, "offset": 0.0, "slope": 0.0}
+    time = np.arange(0.0, 3.0 * 38.0, 0.05)
+    for longer, expected in ((1.10, 0.62), (1.05, 0.34), (1.02, 0.14)):
+        apart = np.abs(sine(38.0 * longer, 0.05, time, **flat) - sine(38.0, 0.05, time, **flat)).max() / 10.0
+        assert apart == pytest.approx(expected, abs=0.006)
+    flight, model = ({"V_cas": sine(period, 0.05, **flat)} for period in (38.0, 38.0 * 1.0999))
+    assert modal(criterion("period"), TIME, flight, model, "2.c.9").verdict == "pass"
+
+
+def test_half_a_second_is_17_percent_of_a_dutch_roll():
+    """Trap 5: the greater of 10 % and 0.5 s on 3 s."""
+    band = Band((Limit("percent", 10.0, "%"), Limit("absolute", 0.5, "s")), "greater_of", "ref_scalar")
+    time = np.arange(0.0, 20.0, 0.02)
+    flight, model = ({"r": sine(period, 0.1, time, 0.1, offset=0.0, slope=0.0)} for period in (3.0, 3.49))
+    got = modal(criterion("period", band, "r", (0.0, 19.9)), time, flight, model)
+    assert (got.verdict, round(got.worst_ratio, 3)) == ("pass", 0.98)
+    assert got.applied == "10 % of the flight value or 0.5 s, the greater (3 s): 0.5 s"

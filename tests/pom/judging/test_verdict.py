@@ -1,0 +1,332 @@
+"""What becomes of each row in a case: judged, advisory, not tested, invalid; conditions, drives, references, standards."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pom
+from flightmech.units import KNOT
+from pom.cases.case import Drive, PomCase
+from pom.cases.pilot import Loop
+from pom.judging.applicability import settled
+from pom.judging.verdict import bands, judge, row, unjudged
+from pom.result import group_verdicts, status_of
+from pom.tolerances import rows as table
+from pom.tolerances.criteria import Band, Limit
+from pom.tolerances.needed_channels import channels, helpful, needs
+from pom.tolerances.override import override
+
+TIME = np.arange(0.0, 40.0, 0.02)
+FLAT = np.ones_like(TIME)
+DEG = np.pi / 180.0
+OF_2016 = {"edition": "2016-05-31 (Amdt 60-4)"}
+
+
+def case(id, drive=None, **more):
+    window = (0.0, 39.9)
+    rows = table.rows_of(id)
+    criteria = [
+        table.criterion(r, name, window, tuple(more.get("features", ())), engine_parameter="engine1.thrust")
+        for r, name in zip(rows, table.names_of(rows), strict=True)
+    ]
+    return PomCase(
+        "c", "C", id, table.STANDARD, table.EDITION, "c.toml", "r.nc", window, drive=drive or Drive(), criteria=tuple(criteria), **more
+    )
+
+
+def named(case, name):
+    return next(c for c in case.criteria if c.name == name)
+
+
+# ---- what is not judged
+
+
+def test_what_drives_a_model_is_not_judged():
+    c = case("1.f.1")
+    assert unjudged(c, named(c, "ti")) == "engine1.thrust is driven by the record; what drives a model cannot be judged"
+    assert unjudged(case("1.f.1", Drive(engine="throttle")), named(c, "ti")) == ""
+
+
+def test_forces_are_judged_where_the_cockpit_is_driven():
+    """Trap 8."""
+    c = case("2.d.2", features=("reversible_controls",))
+    force = named(c, "wheel_force")
+    assert unjudged(c, force) == "the surfaces are driven, so pilot forces have no meaning"
+    assert unjudged(case("2.d.2", Drive("cockpit")), force) == ""
+    assert unjudged(case("2.d.2", Drive("force")), force).startswith("F_rim is driven")
+    assert not named(case("2.d.2"), "wheel_force").applies  # powered controls: the row is not there
+
+
+def test_what_a_math_pilot_holds_is_not_judged_and_what_he_moves_is():
+    pilot = Drive("pilot", "throttle", pilot=(Loop("delta_a", "phi", 0.5, 0.1),))
+    c = case("2.d.8", pilot)
+    assert unjudged(c, named(c, "bank_angle")) == "phi is held by the math pilot; what a controller holds cannot be judged"
+    assert unjudged(c, named(c, "aileron")) == ""
+    still = case("2.d.8", Drive(trim=False))
+    assert unjudged(still, named(still, "aileron")).startswith("delta_a is driven")
+
+
+def test_a_footprint_has_no_band_and_no_verdict():
+    c = replace(case("2.d.6"), reference="footprint")
+    flight = {"r": 0.1 * np.sin(TIME)}
+    got = judge(c, c.criteria[0], TIME, flight, flight)
+    assert (got.verdict, got.note) == ("not_tested", "a footprint: a recording without a reference has no band and no verdict")
+    assert not bands(c, TIME, flight).data_vars
+
+
+def test_demonstrations_are_explained():
+    got = judge(case("2.g"), case("2.g").criteria[0], TIME, {}, {})
+    assert (got.verdict, got.note) == ("not_tested", table.DEMONSTRATION)
+    assert "four recordings" in case("2.g").criteria[0].note  # the row says what to fly
+
+
+def test_a_channel_that_one_side_lacks_is_not_tested():
+    c = case("2.d.6")
+    got = judge(c, c.criteria[0], TIME, {"r": TIME}, {"p": TIME})
+    assert (got.verdict, got.note) == ("not_tested", "the model has no r")
+
+
+def test_an_input_of_a_model_is_told_by_what_it_applies():
+    pilot = Drive("pilot", "throttle", pilot=(Loop("delta_e", "theta", 0.5, 0.1),))
+    c = case("2.f", pilot, events={"capture": 20.0})
+    flight = {"delta_e": -0.05 * FLAT}
+    got = judge(c, named(c, "elevator"), TIME, flight, {"applied.delta_e": -0.06 * FLAT})
+    assert got.model == pytest.approx(-0.06)
+
+
+def test_short_data_and_missing_samples_are_invalid_not_an_exception():
+    c = case("2.d.6")
+    short = TIME[TIME < 16.0]  # 60 % short
+    got = judge(c, c.criteria[0], short, {"r": short}, {"r": short})
+    assert (got.verdict, got.note[:28]) == ("invalid", "samples cover 0.00 ... 15.98")
+    tail = np.where(TIME > 36.0, np.nan, 0.1)
+    got = judge(c, c.criteria[0], TIME, {"r": 0.1 * FLAT}, {"r": tail})
+    assert (got.verdict, got.note[:28]) == ("invalid", "the model has no value in 19")
+
+
+# ---- which rows count, and where
+
+
+def test_a_row_outside_its_segment_does_not_count(judged):
+    """Trap 9: the heading band of 1.b.6 counts above 40 kt, below it the trend; bank of 2.c.8 above the warning."""
+    V = 2.0 * TIME  # 40 kt at 10.3 s
+    flight = {"V_cas": V, "vn": V, "ve": 0.0 * V, "psi": 0.0 * V}
+    flight |= dict.fromkeys(("theta", "alpha", "h_agl", "phi", "beta", "pedal"), 0.0 * FLAT)
+    events = {"brake_release": 0.0, "200ft_agl": 39.0}
+    swings = flight | {"psi": np.where(TIME < 10.0, 8.0, 0.0) * DEG}
+    got = judged("1.b.6", TIME, flight, swings, events=events)
+    assert got["heading"]["verdict"] == "pass"
+    assert (
+        judged("1.b.6", TIME, flight, flight | {"psi": np.where(TIME > 10.5, 3.1, 0.0) * DEG}, events=events)["heading"]["verdict"]
+        == "fail"
+    )
+    slow = judged("1.b.6", TIME, flight | {"psi": 0.02 * np.sin(TIME)}, flight | {"psi": 0.021 * np.sin(TIME)}, events=events)
+    assert slow["heading trend"]["verdict"] == "advisory"
+
+    V = 60.0 - 0.5 * TIME  # warning at 50 m/s, 20 s
+    stall = {"V_cas": V, "phi": 0.0 * FLAT, "alpha": 0.1 + 0.001 * TIME}
+    rolls = stall | {"phi": np.where(TIME > 20.1, 30.0, 1.0) * DEG}
+    got = judged("2.c.8", TIME, stall, rolls, events={"stall_warning": 20.0, "initial_buffet": 22.0})
+    assert (got["bank_angle"]["verdict"], got["bank_angle"]["worst_ratio"]) == ("pass", pytest.approx(0.5))
+
+
+def test_parts_of_a_stall_lie_between_its_events(judged):
+    V = 60.0 - 0.5 * TIME
+    flight = {
+        "V_cas": V,
+        "phi": 0.0 * FLAT,
+        "alpha": 0.1 + 0.001 * TIME,
+        "theta": 0.05 * FLAT,
+        "p": 0.1 * np.sin(TIME),
+        "r": 0.1 * np.sin(TIME),
+    }
+    model = flight | {"theta": 0.05 + np.where(TIME > 20.05, 3.0, 1.0) * DEG}
+    events = {"stall_warning": 20.0, "stall": 30.0}
+    got = judged("2.c.8.a", TIME, flight, model, events=events, **OF_2016)
+    assert (got["pitch_angle"]["window_stop"], got["pitch_angle"]["verdict"]) == (20.0, "pass")
+    after = next(item for name, item in got.items() if name.startswith("pitch_angle trace"))
+    assert (after["window_start"], after["window_stop"], after["verdict"]) == (20.0, 30.0, "fail")
+    unmarked = judged("2.c.8.a", TIME, flight, model, **OF_2016)["pitch_angle"]
+    assert unmarked["note"].startswith("mark the event stall_warning in [events]: the row counts only in approach_to_stall")
+
+
+def test_groups_are_alternatives_across_parameters(judged):
+    """Trap 1.  Short period: pitch angle or pitch rate, and load factor.  Half a second of 4 deg/s is too much for the rate."""
+    flight = {"theta": 0.0 * FLAT, "q": 0.0 * FLAT, "nz": FLAT}
+    model = flight | {"q": np.where((TIME > 10.0) & (TIME < 10.5), 4.0, 0.0) * DEG, "theta": np.where(TIME > 10.0, 1.4, 0.0) * DEG}
+    got = judged("2.c.10", TIME, flight, model)
+    assert (got["pitch_angle"]["verdict"], got["pitch_rate"]["verdict"]) == ("pass", "fail")
+    verdicts = {name: item["verdict"] for name, item in got.items()}
+    c = case("2.c.10")
+    assert group_verdicts(c, verdicts) == {"pitch": "pass", "g3": "pass"}
+    assert status_of(group_verdicts(c, verdicts)) == "pass"
+    assert status_of(group_verdicts(c, verdicts | {"normal_acceleration": "fail"})) == "fail"
+
+
+def test_a_precondition_alone_is_no_pass_and_a_broken_one_makes_the_case_invalid():
+    c = case("1.b.8")
+    rates = dict.fromkeys(("roll_rate", "pitch_rate", "yaw_rate"), "not_tested")
+    assert status_of(group_verdicts(c, rates | {"engine_failure_speed": "pass"})) == "not_tested"
+    passed = dict.fromkeys(rates, "pass")
+    assert status_of(group_verdicts(c, passed | {"engine_failure_speed": "pass"})) == "pass"
+    assert status_of(group_verdicts(c, passed | {"engine_failure_speed": "invalid"})) == "invalid"
+    assert group_verdicts(c, {"engine_failure_speed": "pass"}) == {}
+
+
+def test_a_row_that_the_flight_rules_out_does_not_block(judged):
+    V = np.maximum(50.0 - 4.0 * np.maximum(TIME - 1.0, 0.0), 0.0)  # 313 m = 1025 ft
+    flight = {"vn": V, "ve": 0.0 * V, "h_agl": np.where(TIME < 1.0, 1.0 - TIME, -0.1), "V_cas": V}
+    c = replace(case("1.e.1"), events={"touchdown": 1.0, "full_stop": 13.5})
+    c = replace(c, criteria=tuple(replace(x, window=(1.0, 13.5)) for x in c.criteria))
+    done = settled(c, TIME, flight)
+    assert [x.applies for x in done.criteria] == [True, True, False]
+    verdicts = {x.name: judge(done, x, TIME, flight, flight).verdict for x in done.criteria}
+    assert group_verdicts(done, verdicts) == {"g1": "pass", "g2": "pass"}
+    assert settled(done, TIME, flight) == done
+
+
+def test_spiral_is_judged_at_the_end_and_its_trend_is_advice():
+    c = case("2.d.4")
+    flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}
+    model = {"phi": flight["phi"] + np.where(TIME < 30.0, 10.0 * DEG, 1.0 * DEG)}
+    assert judge(c, named(c, "bank_angle"), TIME, flight, model).worst_ratio == pytest.approx(0.5)
+    assert judge(c, named(c, "bank_angle trend"), TIME, flight, model).verdict == "advisory"
+    assert not named(c, "aileron").applies
+
+
+# ---- trend
+
+
+def test_a_trend_states_its_criteria(judged):
+    flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}  # 20 (exp(-20/60) - 1) = -5.67 deg
+    half = judged("2.d.4", TIME, flight, {"phi": 0.5 * flight["phi"] + 10.0 * DEG})["bank_angle trend"]
+    assert half["verdict"] == "advisory"
+    assert half["note"].startswith(
+        "largest change of flight -5.67 deg, of model -2.83 deg, amplitude ratio 0.50, correlation 1.00; "
+        "all four criteria of trend are met; to be ticked by an engineer"
+    )
+    away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]})["bank_angle trend"]
+    assert "not met: sign, correlation; to be ticked" in away["note"]
+    small = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG})["bank_angle trend"]
+    assert "not met: amplitude;" in small["note"]
+
+
+def test_the_order_of_peaks_is_part_of_the_trend(judged):
+    """Up at 4.7 s and down at 14.1 s; the model goes down first and then up, a little further."""
+    flight = {"phi": np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.1, 1.0)}
+    swapped = {"phi": -np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.0, 1.2)}
+    got = judged("2.d.4", TIME, flight, swapped)["bank_angle trend"]
+    assert "not met: order of peaks, correlation; to be ticked" in got["note"]
+
+
+def test_a_tick_makes_a_trend_a_pass_that_says_who_but_not_a_wrong_sign(judged):
+    flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}
+    ticks = {"bank_angle trend": "A. Engineer, 2026-11-21, both converge"}
+    got = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG}, ticks=ticks)["bank_angle trend"]
+    assert got["verdict"] == "pass"
+    assert "not met: amplitude; ticked by A. Engineer, 2026-11-21, both converge" in got["note"]
+    away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]}, ticks=ticks)["bank_angle trend"]
+    assert away["verdict"] == "advisory"
+    assert "does not hold: the model moves the other way" in away["note"]
+
+
+# ---- rows of the verdict table
+
+
+def test_rows_are_in_the_unit_of_the_table():
+    c = case("2.c.10")
+    flight = {"q": 0.0 * TIME}
+    found = row("m", named(c, "pitch_rate"), judge(c, named(c, "pitch_rate"), TIME, flight, {"q": flight["q"] + 3.0 * DEG}))
+    assert (found["unit"], found["tolerance_text"], found["applied_text"], found["provenance"]) == (
+        "deg/s",
+        "2 deg/s",
+        "2 deg/s",
+        "verified",
+    )
+    assert found["worst"] == pytest.approx(3.0)
+    assert found["width"] == pytest.approx(2.0)
+    assert found["fraction"] == 1.0
+    assert np.isnan(found["flight_value"])
+
+
+def test_the_share_of_the_tolerance_comes_from_the_case():
+    """Trap 10."""
+    c = replace(case("2.c.10"), reference="engineering", fraction=0.2)
+    flight = {"q": 0.0 * TIME}
+    got = judge(c, named(c, "pitch_rate"), TIME, flight, {"q": flight["q"] + 0.5 * DEG})
+    assert (got.verdict, got.worst_ratio) == ("fail", pytest.approx(0.5 / 0.4))
+    assert got.applied == "20 % of: 2 deg/s: 0.4 deg/s"
+
+
+def test_memory_stays_in_every_row(judged):
+    rates = dict.fromkeys("pqr", 0.1 * np.sin(TIME)) | {"V_cas": 60.0 * FLAT}
+    got = judged("1.b.8", TIME, rates, rates, events={"engine_failure": 10.0})
+    assert {name: item["provenance"] for name, item in got.items()} == {
+        "roll_rate": "partial",
+        "pitch_rate": "partial",
+        "yaw_rate": "partial",
+        "engine_failure_speed": "memory",
+    }
+    assert all(item["provenance"] == "memory" for item in judged("2.d.3", TIME, {"phi": TIME}, {}).values())
+
+
+def test_bands_are_drawn_where_they_count():
+    c = case("2.d.2")
+    inside = replace(c.criteria[0], window=(10.0, 20.0))
+    width = bands(replace(c, criteria=(inside,)), TIME, {"p": 30.0 * DEG * FLAT})["p"].values
+    assert np.isnan(width[TIME < 9.9]).all()
+    np.testing.assert_allclose(width[(TIME > 10.1) & (TIME < 19.9)], 3.0 * DEG)  # 10 % of 30 deg/s
+    fast = replace(inside, condition="groundspeed>=40kt")
+    width = bands(replace(c, criteria=(fast,)), TIME, {"p": 30.0 * DEG * FLAT, "vn": 1.4 * TIME, "ve": 0.0 * TIME})["p"].values
+    assert np.isnan(width[TIME < 40.0 * KNOT / 1.4]).all()
+    assert np.isfinite(width[(TIME > 40.0 * KNOT / 1.4 + 0.1) & (TIME < 19.9)]).all()
+
+
+def test_what_a_model_has_to_offer():
+    c = case("1.b.1")
+    assert channels(named(c, "distance")) == ("vn", "ve", "V_cas")
+    assert needs(named(c, "distance")) == ("distance", "V_cas")
+    assert channels(named(case("2.a.2.a"), "wheel_force")) == ("F_wheel", "wheel")
+    assert helpful(named(case("2.c.8"), "stall_warning_speed")) == ("stall_warning", "alpha")
+
+
+# ---- standards and editions are data
+
+
+@pytest.mark.parametrize(
+    ("id", "standard", "edition", "name", "off", "verdict"),
+    [
+        ("2.c(10)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300", "2018-05-03", "pitch_rate", 1.9, "pass"),
+        ("2.d(2)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300", "2018-05-03", "roll_rate", 2.1, "fail"),
+        ("2.f", "CAAC CCAR-60 App A aeroplane simulator tests", "2005-09-01", "pitch_angle", 0.9, "pass"),
+        ("2.c.8", "FAA 14 CFR Part 60 App B Table B2A", "2014-01-01", "bank_angle", 2.1, "fail"),
+        ("2.c.8.b", "FAA 14 CFR Part 60 App A Table A2A", "2016-05-31 (Amdt 60-4)", "bank_angle", 1.9, "pass"),
+    ],
+)
+def test_a_case_of_every_standard_is_read_and_judged(write_case, id, standard, edition, name, off, verdict):
+    path = write_case(id, case=f'standard = "{standard}"\nedition = "{edition}"', more="[events]\ncapture = 5.0\nstall_warning = 8.0")
+    read = pom.read_case(path)
+    time = np.arange(1.0, 9.001, 0.02)
+    flight = {channel: 0.0 * time for channel in ("theta", "q", "p", "phi")} | {"V_cas": 60.0 - time}
+    criterion = named(read, name)
+    got = judge(read, criterion, time, flight, {k: v + off * DEG for k, v in flight.items()})
+    assert (got.verdict, criterion.provenance) == (
+        verdict,
+        "verified" if standard.startswith(("CAAC", "FAA 14 CFR Part 60 App B")) else "memory",
+    )
+
+
+def test_a_case_may_take_a_percentage_of_the_range_in_service():
+    c = replace(case("1.d.3"), ranges={"engine1.n1": 1.04}, drive=Drive(engine="throttle"), events={"capture": 20.0})
+    changed = override(c.criteria, "n1", {"percent": 2.0, "base": "range_max"}, c.window)
+    n1 = next(x for x in changed if x.name == "n1")
+    got = judge(c, n1, TIME, {"engine1.n1": 0.5 * FLAT}, {"engine1.n1": 0.52 * FLAT})
+    assert (got.verdict, got.worst_ratio, n1.provenance) == ("pass", pytest.approx(0.02 / 0.0208), "case file")
+    assert got.applied == "2 % of the largest value in service (104 %): 2.08 %"
+
+
+def test_a_row_without_a_width_is_not_tested():
+    c = case("2.d.6")
+    odd = replace(c.criteria[0], band=Band((Limit("ratio", 5.0, "%"),)))
+    assert judge(c, odd, TIME, {"r": TIME}, {"r": TIME}).verdict == "not_tested"

@@ -1,0 +1,241 @@
+"""Many cases: the same results however the work is shared out, kept flights, workers that die."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace as changed
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import pom
+from flightmech.errors import SchemaError, SimulationError
+from pom.cases.case import read_case
+from pom.fmu import simulate
+from pom.fmu.process import Child
+from pom.fmu.run_cache import Store
+from pom.replaying import state_cache
+from pom.replaying.batch import replay_all
+from pom.replaying.replay_case import replay
+
+
+@pytest.fixture
+def cases(write_case):
+    """Eight cases of the toy, each with its own window."""
+    case = read_case(write_case(case='show = ["q", "theta", "nz"]', more="trim = false"))
+    windows = [(1.0, 5.0 + 0.5 * k) for k in range(8)]
+    return [
+        changed(case, name=f"case_{k}", window=window, criteria=tuple(changed(c, window=window) for c in case.criteria))
+        for k, window in enumerate(windows)
+    ]
+
+
+@pytest.fixture
+def paths(lag_states):
+    return {"record": lag_states}
+
+
+def the_same(found, expected):
+    """Whether two lists of results are the same to the last bit."""
+    for one, other in zip(found, expected, strict=True):
+        assert one.to_json() == other.to_json()
+        xr.testing.assert_identical(one.signals, other.signals)
+        assert one.signals["theta"].values.tobytes() == other.signals["theta"].values.tobytes()
+
+
+@pytest.fixture
+def flights(monkeypatch):
+    """Count flights."""
+    made, hired = [], simulate.hired
+
+    def counted(path):
+        made.append(path.name)
+        return hired(path)
+
+    monkeypatch.setattr(simulate, "hired", counted)
+    return made
+
+
+def test_a_batch_is_the_cases_one_by_one(cases, paths, toy, lag_states):
+    runs = {"good": toy(), "bad": toy("error")}
+    told = []
+    found = replay_all(cases, runs, paths, jobs=2, told=lambda result: told.append(result.case.name))
+    assert told == [case.name for case in cases]
+    the_same(found, [replay(case, runs, lag_states) for case in cases])
+    assert {result.status("bad") for result in found} == {"invalid"}
+
+
+def test_what_is_kept_is_not_flown_again(cases, paths, toy, tmp_path, flights):
+    runs = {"a": toy(), "b": toy(interpolates=False), "bad": toy("error")}
+    first = replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept")
+    assert len(flights) == 24
+    flights.clear()
+    the_same(replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept"), first)
+    assert flights == ["error.fmu"] * 8  # a flight that failed is tried again
+
+
+def test_a_batch_goes_on_where_it_was_interrupted(cases, paths, toy, tmp_path, flights):
+    runs = {"toy": toy()}
+
+    def stop(result):
+        if result.case.name == "case_2":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept", told=stop)
+    before = len(flights)
+    assert 3 <= before < 8
+    found = replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept")
+    assert len(flights) == 8
+    the_same(found, replay_all(cases, runs, paths, jobs=1))
+
+
+def test_what_changed_is_flown_again_and_only_that(cases, paths, toy, tmp_path, lag_states, flights):
+    runs, kept = {"toy": toy()}, tmp_path / "kept"
+    replay_all(cases, runs, paths, jobs=1, resume=kept)
+    flights.clear()
+    stricter = [changed(case, criteria=case.criteria[:1]) for case in cases]
+    assert [len(result.verdict) for result in replay_all(stricter, runs, paths, jobs=1, resume=kept)] == [1] * 8
+    assert flights == []  # another tolerance: judged anew, not flown
+    states = lag_states.copy(deep=True)
+    states["delta_e"][320] += 1e-9  # at 6.4 s of the record
+    replay_all(cases, runs, {"record": states}, jobs=1, resume=kept)
+    assert len(flights) == 5  # the windows that reach it: 6.5 s to 8.5 s
+    flights.clear()
+    replay_all(cases, {"toy": toy(units={"theta": ""})}, paths, jobs=1, resume=kept)
+    assert len(flights) == 8  # another file under the same name
+
+
+def test_a_damaged_file_of_the_store_is_flown_again(cases, paths, toy, tmp_path, flights):
+    runs, kept = {"toy": toy()}, tmp_path / "kept"
+    first = replay_all(cases[:2], runs, paths, jobs=1, resume=kept)
+    flights.clear()
+    next(kept.rglob("*.npy")).write_bytes(b"half a file")
+    the_same(replay_all(cases[:2], runs, paths, jobs=1, resume=kept), first)
+    assert len(flights) == 1
+
+
+def test_a_store_keeps_doubles_as_they_are(tmp_path):
+    values = np.array([[0.1, np.nan, -0.0], [1e-310, np.inf, 3.0]])
+    Store(tmp_path / "kept").write("ab12", values)
+    assert Store(tmp_path / "kept").read("ab12", (2, 3)).tobytes() == values.tobytes()
+    assert Store(tmp_path / "kept").read("ab12", (3, 2)) is None
+    assert Store(tmp_path / "kept").read("cd34", (2, 3)) is None
+
+
+def test_all_that_does_not_fit_is_told_before_anything_flies(cases, paths, toy, flights):
+    with pytest.raises(SchemaError) as caught:
+        replay_all(cases[:2], {"good": toy(), "misspelt": toy("nan", rename={"theta": "thetta"})}, paths)
+    assert [text.split(",")[0] for text in caught.value.problems] == ["case case_0", "case case_1"]
+    assert flights == []
+
+
+def test_a_record_that_cases_share_is_read_once(cases, toy, lag_states, tmp_path, monkeypatch):
+    lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    read, real = [], pom.replaying.batch.path_states
+    monkeypatch.setattr(pom.replaying.batch, "path_states", lambda record: read.append(record) or real(record))
+    found = replay_all(cases[:3], {"toy": toy()}, jobs=1)
+    assert len(read) == 1
+    assert all(result.passed("toy") for result in found)
+
+
+def test_raw_records_are_reconstructed_once_each_and_then_flown(cases, toy, lag_states, monkeypatch):
+    raw = [changed(case, record=f"raw_{k % 2}.csv") for k, case in enumerate(cases[:4])]
+    made = []
+    monkeypatch.setattr(state_cache, "recorded_states", lambda case, biases: made.append(case.name) or lag_states)
+    found = replay_all(raw, {"toy": toy()}, jobs=1)
+    assert made == ["case_0", "case_1"]
+    assert all(result.passed("toy") for result in found)
+
+
+def test_reconstructed_records_are_kept_until_what_they_come_from_changes(cases, lag_states, tmp_path, trainer, monkeypatch):
+    (tmp_path / "raw.csv").write_text("time")
+    (tmp_path / "trainer.toml").write_text(trainer.TOML)
+    case = changed(cases[0], record=str(tmp_path / "raw.csv"), aircraft=str(tmp_path / "trainer.toml"))
+    made = []
+    monkeypatch.setattr(state_cache, "recorded_states", lambda case, biases: made.append(case.record) or lag_states)
+    records = state_cache.KeptStates(tmp_path / "kept", None)
+    assert records.read(case) is None
+    records.make(case)
+    assert records.read(case)["theta"].values.tobytes() == lag_states["theta"].values.tobytes()
+    xr.testing.assert_identical(records.read(case), lag_states)
+    assert len(made) == 1
+    assert state_cache.KeptStates(tmp_path / "kept", xr.Dataset({"estimate": 1.0})).read(case) is None
+    for file, text in (("raw.csv", "time,V"), ("trainer.toml", trainer.TOML.replace("mass = 2200.0", "mass = 2201.0"))):
+        (tmp_path / file).write_text(text)
+        records = state_cache.KeptStates(tmp_path / "kept", None)
+        assert records.read(case) is None
+        records.make(case)
+    assert state_cache.KeptStates(None, None).read(case) is None
+
+
+def test_a_child_that_somebody_else_stopped_is_given_its_job_again(toy, tmp_path, monkeypatch):
+    monkeypatch.setenv("TOY_KILLED", str(tmp_path / "mark"))
+    child = Child(toy("killed"))
+    job = {"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "outputs": ["theta"]}
+    assert child.run(job, 20.0).error == ""
+    assert (tmp_path / "mark").exists()
+    child.close()
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.name == "nt", reason="Windows tells no new parent")
+def test_a_hanging_fmu_ends_with_a_parent_that_was_killed(toy):
+    script = """
+import sys, numpy as np
+from pom.fmu.process import Child
+child = Child(sys.argv[1])
+print(child._start().pid, flush=True)
+child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "outputs": ["theta"]}, 600.0)
+"""
+    parent = subprocess.Popen([sys.executable, "-c", script, str(toy("hang"))], stdout=subprocess.PIPE, text=True)
+    child = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    parent.stdout.close()
+    for _ in range(200):
+        try:
+            os.kill(child, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.1)
+    os.kill(child, signal.SIGKILL)
+    pytest.fail("the child still ran after 20 s")
+
+
+@pytest.mark.slow
+def test_no_scheduler_is_said_plainly(cases, paths, toy, monkeypatch):
+    pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
+    monkeypatch.setattr("pom.replaying.batch.WAIT", 1.0)
+    with pytest.raises(SimulationError, match=r"no cluster at tcp://127.0.0.1:9: .*start a scheduler and workers"):
+        replay_all(cases[:1], {"toy": toy()}, paths, scheduler="tcp://127.0.0.1:9")
+
+
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, toy, tmp_path, monkeypatch):
+    distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
+    runs = {"good": toy(), "bad": toy("error")}
+    expected = replay_all(cases, runs, paths, jobs=1)
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as local:
+        the_same(replay_all(cases, runs, paths, scheduler=local.scheduler_address), expected)
+        with monkeypatch.context() as patch:
+            patch.setattr("pom.replaying.batch.machine", lambda: "another")
+            pom.replaying.batch.installation.cache_clear()
+            with pytest.raises(SimulationError, match="another version of aeromatch"):
+                replay_all(cases, runs, paths, scheduler=local.scheduler_address)
+        pom.replaying.batch.installation.cache_clear()
+        with distributed.Client(local) as client:
+            victim = sorted(client.run(os.getpid).values())[0]
+
+        def kill(result):
+            if result.case.name == cases[0].name:
+                os.kill(victim, signal.SIGKILL)
+
+        many = [changed(case, name=f"{case.name}_{k}") for k in range(4) for case in cases]
+        many[0] = cases[0]
+        found = replay_all(many, runs, paths, scheduler=local.scheduler_address, told=kill, resume=tmp_path / "kept")
+    assert [result.case.name for result in found] == [case.name for case in many]
+    the_same(found, replay_all(many, runs, paths, jobs=1))

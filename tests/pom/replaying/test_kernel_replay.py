@@ -1,0 +1,61 @@
+"""Many replays by the kernel are each the one replay; loops of the math pilot are closed in it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import flightmech
+from pom.cases.case import read_case
+from pom.cases.job import job_of
+from pom.cases.pilot import Loop
+from pom.replaying.kernel_replay import fly
+from pom.replaying.reference_states import flight_states
+
+
+@pytest.fixture(scope="module")
+def sim(trainer):
+    return flightmech.compile(trainer.AIRCRAFT, trainer.database())
+
+
+@pytest.fixture
+def job(write_case, trainer):
+    truth = trainer.flight(trainer.database(), delta_e=[(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)])
+    case = read_case(write_case())
+    return job_of(case, flight_states(case, truth))
+
+
+def test_each_run_is_the_simulation_with_its_parameters(sim, job):
+    scales = [1.0, 0.5, 0.0] * 25  # more runs than are kept in memory at once
+    outputs, failures = fly(sim, job, [{"term.Cm.qhat": scale, "term.CY.no_such": 1.0} for scale in scales], ["q", "theta"])
+    assert failures == [""] * 75
+    assert list(outputs) == ["q", "theta"]
+    inputs = xr.Dataset({name: ("time", values) for name, values in job.inputs.items() if name in sim.inputs}, {"time": job.time})
+    start = {name: value for name, value in job.parameters.items() if name in sim.parameters}
+    for run in (0, 1, 2, 74):
+        alone = flightmech.simulate(sim, inputs, {**start, "term.Cm.qhat": scales[run]})
+        assert np.array_equal(outputs["q"][run], alone["q"].values)
+
+
+def test_a_run_that_fails_has_no_values(sim, job):
+    outputs, failures = fly(sim, job, [{"term.CL.basic": 1.0}, {"term.CL.basic": np.inf}], ["q"])
+    assert failures[0] == ""
+    assert failures[1]
+    assert np.isfinite(outputs["q"][0]).all()
+    assert np.isnan(outputs["q"][1]).all()
+
+
+def test_the_math_pilot_flies_in_the_kernel(sim, job):
+    bank = 0.05 * np.sin(job.time)
+    loops = (Loop("delta_a", "phi", gain=-2.0, limit=0.2), Loop("delta_a", "p", gain=-0.5, limit=0.2))
+    targets = {"phi": bank, "p": 0.05 * np.cos(job.time)}
+    free, _ = fly(sim, job, channels=["phi", "q"])
+    idle, failures = fly(sim, replace(job, pilot=(replace(loops[0], gain=0.0),), targets=targets), channels=["phi", "q"])
+    assert failures == [""]
+    assert np.abs(idle["q"] - free["q"]).max() < 1e-12
+    flown, failures = fly(sim, replace(job, pilot=loops, targets=targets), [{}, {"term.CL.basic": np.inf}], ["phi"])
+    assert failures[0] == ""
+    assert failures[1]
+    late = job.time > 4.0
+    assert np.abs(flown["phi"][0] - bank)[late].max() < 0.5 * np.abs(free["phi"][0] - bank)[late].max()

@@ -1,0 +1,479 @@
+"""The report in a real browser: what it asks for, draws and answers."""
+
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pom
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import report_fixture as fixture
+
+from pom.judging.modal import mode_table
+from pom.report.page import html_page
+
+CHROMIUM = shutil.which("chromium")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.browser,
+    pytest.mark.skipif(CHROMIUM is None, reason="needs chromium: apt-get install chromium"),
+]
+WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested"}
+CASE = "#case-short_period_full_flaps"
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    return pom.write_report(
+        fixture.results(),
+        folder,
+        title="T-37 flight model",
+        provenance=fixture.PROVENANCE,
+        databases=fixture.databases(),
+        diagnoses={"short_period_full_flaps": fixture.diagnosis()},
+        fits=fixture.fits(),
+        paper=None,
+    ).as_uri()
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def page(chromium):
+    """A page that must neither complain nor ask for anything but the report itself."""
+    context = chromium.new_context(viewport={"width": 1400, "height": 1000})
+    page = context.new_page()
+    asked, said = [], []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    yield page
+    assert [url for url in asked if not url.startswith("data:")] == [page.url.partition("#")[0]]
+    assert said == []
+    context.close()
+
+
+def open_case(page, address, case=CASE):
+    page.goto(address + case)
+    page.wait_for_selector(f"{case.partition('&')[0]} .panel canvas")
+    page.wait_for_timeout(200)
+
+
+def spans(page):
+    """Limits of the time axis of every plot on the page, read back from the fields and the address."""
+    return [float(page.locator(f"{CASE} .{end}").input_value()) for end in ("from", "to")]
+
+
+PIXELS = """canvas => {
+  const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data, seen = new Set();
+  for (let i = 0; i < data.length; i += 4) if (data[i + 3] > 200) seen.add(data[i] + ',' + data[i + 1] + ',' + data[i + 2]);
+  return [...seen];
+}"""
+
+
+def test_all_panels_are_drawn_in_their_colours(page, address):
+    open_case(page, address)
+    channels = page.locator(f"{CASE} .panel").evaluate_all("panels => panels.map(p => p.dataset.channel)")
+    assert channels == ["theta", "q", "nz", "delta_e", "engine1.thrust_drive", "alpha", "V"]
+    canvases = page.locator(f"{CASE} .panel canvas")
+    assert canvases.count() == 10  # three judged channels with a residual strip each, two inputs, two more
+    colours = [set(canvases.nth(i).evaluate(PIXELS)) for i in range(10)]
+    band, flight, final = "219,233,246", "0,0,0", "0,114,178"
+    assert all(len(seen) > 10 for seen in colours)
+    assert {band, flight, final} <= colours[0]
+    assert {band, final} <= colours[1]
+    assert flight in colours[7]
+    assert band not in colours[7]
+
+
+def test_a_drag_zooms_every_panel_and_a_double_click_resets(page, address):
+    open_case(page, address)
+    assert spans(page) == [4.0, 18.0]
+    area = page.locator(f"{CASE} .u-over").nth(2).bounding_box()
+    x, y = area["x"], area["y"] + area["height"] / 2
+    page.mouse.move(x + area["width"] * 0.25, y)
+    page.mouse.down()
+    page.mouse.move(x + area["width"] * 0.5, y, steps=5)
+    page.mouse.up()
+    page.wait_for_timeout(200)
+    assert spans(page) == pytest.approx([7.5, 11.0], abs=0.1)
+    limits = page.evaluate("report.limits()")
+    assert len(limits) == 10
+    assert limits == [limits[0]] * 10
+    assert limits[0] == pytest.approx([7.5, 11.0], abs=0.1)
+    assert re.search(r"#case-short_period_full_flaps&t=7\.\d+,1[01]\.\d+$", page.url)
+    page.mouse.dblclick(x + 20, y)
+    page.wait_for_timeout(200)
+    assert spans(page) == [4.0, 18.0]
+    assert page.url.endswith(CASE)
+
+
+def test_the_address_opens_the_same_view(page, address):
+    open_case(page, address, CASE + "&t=6.00,9.50")
+    assert spans(page) == [6.0, 9.5]
+    assert page.evaluate("report.limits()")[0] == [6.0, 9.5]
+
+
+def test_a_click_on_a_verdict_goes_to_the_exit(page, address):
+    open_case(page, address)
+    link = page.locator(f'{CASE} tr[data-criterion="pitch angle"][data-run="datcom"] a.jump').last
+    at = float(link.text_content())
+    link.click()
+    page.wait_for_timeout(200)
+    start, stop = spans(page)
+    assert start < at < stop
+    assert stop - start < 3.0
+
+
+def test_keys(page, address):
+    page.goto(address)
+    page.wait_for_selector("#overview:not([hidden])")
+    seen = []
+    for key in ("n", "n", "p", "f", "o"):
+        page.keyboard.press(key)
+        page.wait_for_timeout(150)
+        seen.append(page.evaluate("location.hash"))
+    assert seen == [CASE, "#case-roll_response_clean", CASE, "#case-roll_response_clean", "#overview"]
+    page.keyboard.press("?")
+    assert page.locator("#keys").is_visible()
+    page.keyboard.press("Escape")
+    assert page.locator("#keys").is_hidden()
+
+
+def test_the_skip_link_stays_on_its_page(page, address):
+    open_case(page, address)
+    page.locator("a.skip").focus()
+    page.keyboard.press("Enter")
+    page.wait_for_timeout(150)
+    assert page.evaluate("document.activeElement.id") == "main"
+    assert page.locator(f"{CASE} .panel canvas").first.is_visible()
+
+
+def test_number_keys_hide_and_show_a_trace(page, address):
+    open_case(page, address)
+    first = page.locator(f"{CASE} .panel canvas").first
+    assert "0,114,178" in first.evaluate(PIXELS)
+    page.keyboard.press("4")
+    page.wait_for_timeout(200)
+    assert "0,114,178" not in page.locator(f"{CASE} .panel canvas").first.evaluate(PIXELS)
+    assert page.locator(f'{CASE} .legend button[data-run="final"]').get_attribute("aria-pressed") == "false"
+    page.keyboard.press("4")
+    page.wait_for_timeout(200)
+    assert "0,114,178" in page.locator(f"{CASE} .panel canvas").first.evaluate(PIXELS)
+
+
+def test_one_cursor_reads_all_panels(page, address):
+    open_case(page, address)
+    area = page.locator(f"{CASE} .u-over").first.bounding_box()
+    page.mouse.move(area["x"] + area["width"] / 2, area["y"] + 40)
+    page.wait_for_timeout(150)
+    heads = page.locator(f"{CASE} .panel-values").all_text_contents()
+    assert len(heads) == 7
+    assert all(text.startswith("t 11.0") for text in heads)
+    theta = fixture.short_period_result().signals["theta"].sel(run="final").interp(time=float(heads[0].split()[1]))
+    assert f"{float(theta) * 57.29578:.2f}" in heads[0]
+
+
+def test_scales_of_script_and_print_agree(page, address):
+    open_case(page, address)
+    whole = page.evaluate("report.scales()")
+    page.evaluate("report.zoom([4.0001, 17.9999])")  # the script's own rule instead of the limits that came with the data
+    page.wait_for_timeout(200)
+    for a, b in zip(whole, page.evaluate("report.scales()"), strict=True):
+        assert b == pytest.approx(a, abs=0.01 * (a[1] - a[0]))
+
+
+def test_verdicts_of_the_overview_are_those_of_json(page, address):
+    document = json.loads(Path(address.removeprefix("file://")).with_name("results.json").read_text(encoding="utf-8"))
+    page.goto(address)
+    rows = page.locator("#matrix tbody tr")
+    for i, item in enumerate(document["results"]):
+        words = rows.nth(i).locator(".verdict").all_text_contents()
+        said = [WORDS[item["status"][run]] for run in fixture.RUNS]
+        assert [word.split(maxsplit=1)[1] for word in words] == said
+
+
+def test_filters_and_order_of_the_overview(page, address):
+    page.goto(address)
+
+    def shown():
+        return page.locator("#matrix tbody tr:visible a").all_text_contents()
+
+    assert shown() == ["Short period, full flaps, gear down", "Roll response, clean", "Elevator step in approach"]
+    page.get_by_role("button", name="not run or not judged").click()
+    assert shown() == ["Elevator step in approach"]
+    assert page.locator("#shown-count").text_content() == "1 of 3 cases"
+    page.get_by_role("button", name="all", exact=True).click()
+    page.locator("#chapter").select_option("2.d")
+    assert shown() == ["Roll response, clean"]
+    page.locator("#chapter").select_option("")
+    sort = page.get_by_role("button", name="sort by the ratio of datcom")
+    sort.click()
+    assert shown()[-1] == "Roll response, clean"  # 1.53 against 1.63
+    assert page.locator("#matrix th[aria-sort]").get_attribute("aria-sort") == "descending"
+    sort.click()
+    assert shown()[0] == "Roll response, clean"
+    sort.click()
+    assert shown()[0] == "Short period, full flaps, gear down"
+    assert page.locator("#matrix th[aria-sort]").count() == 0
+
+
+SAID = """rows => rows.map(row => [row.dataset.criterion, row.dataset.run,
+                               row.querySelector('.ratio').textContent, row.querySelector('.said').textContent])"""
+
+
+def said(page):
+    """Ratio and verdict of every row of the verdict table, by criterion and model."""
+    rows = page.locator(f"{CASE} .verdicts tr[data-row]").evaluate_all(SAID)
+    return {(criterion, run): (ratio, word.split(maxsplit=1)[1]) for criterion, run, ratio, word in rows}
+
+
+def outcome(page):
+    return page.locator(f"{CASE} .outcome .said").all_text_contents()
+
+
+def test_another_share_of_the_tolerance_is_shown_and_taken_back(page, address):
+    open_case(page, address)
+    whole, before = said(page), outcome(page)
+    page.get_by_role("button", name="20 %").click()
+    page.wait_for_timeout(200)
+    assert page.url.endswith(f"{CASE}&f=20")
+    assert "Shown at 20 % of the tolerance" in page.locator(f"{CASE} .asked-note").text_content()
+    fifth = said(page)
+    for item in fixture.short_period_result().verdict.to_dict("records"):
+        ratio, word = fifth[(item["criterion"].replace("_", " "), item["run"])]
+        assert ratio == f"{5 * item['worst_ratio']:.2f}"
+        assert word == ("pass" if 5 * item["worst_ratio"] <= 1 else "FAIL")
+    assert fifth != whole
+    assert [word.split()[1] for word in outcome(page)] == ["FAIL", "FAIL", "pass"]
+    exits = page.evaluate("report.exits()")
+    assert set(exits["theta"]) == {"datcom", "corrected"}
+    page.keyboard.press("n")
+    page.wait_for_selector("#case-roll_response_clean .panel canvas")
+    assert page.url.endswith("#case-roll_response_clean&f=20")
+    page.goto(address + CASE)
+    page.wait_for_selector(f"{CASE} .panel canvas")
+    assert page.locator(f"{CASE} .asked-note").is_hidden()
+    assert said(page) == whole
+    assert outcome(page) == before
+
+
+def test_the_verdicts_of_the_page_stay_those_of_the_file(page, address):
+    """What the script shows at the share that was applied is what Python wrote."""
+    open_case(page, address)
+    page.get_by_role("button", name="40 %").click()
+    page.get_by_role("button", name="100 %").click()
+    page.wait_for_timeout(200)
+    assert page.url.endswith(CASE)
+    document = json.loads(Path(address.removeprefix("file://")).with_name("results.json").read_text(encoding="utf-8"))
+    for item in document["results"][0]["verdict"]:
+        assert said(page)[(item["criterion"].replace("_", " "), item["run"])] == (f"{item['worst_ratio']:.2f}", WORDS[item["verdict"]])
+
+
+def test_without_script_tables_and_figures_stand(chromium, address):
+    context = chromium.new_context(java_script_enabled=False, viewport={"width": 1000, "height": 900})
+    page = context.new_page()
+    page.goto(address)
+    assert page.locator("#matrix tbody tr").count() == 3
+    assert page.locator("article.case").count() == 3
+    for i in range(3):
+        case = page.locator("article.case").nth(i)
+        assert case.locator("tbody tr").count() >= 3
+        figure = case.locator("figure svg").first
+        assert figure.is_visible()
+        assert figure.bounding_box()["height"] > 200
+        assert figure.locator("path.trace").count() >= 6
+    context.close()
+
+
+def test_a_browser_that_cannot_unpack_shows_the_figures(chromium, address):
+    context = chromium.new_context()
+    page = context.new_page()
+    page.add_init_script("delete window.DecompressionStream")
+    page.goto(address + CASE)
+    page.wait_for_selector(f"{CASE} .body figure svg")
+    assert page.locator(f"{CASE} .body tbody tr").count() == 9
+    context.close()
+
+
+def test_print_of_the_overview_holds_everything(chromium, address):
+    context = chromium.new_context()
+    page = context.new_page()
+    page.goto(address)
+    page.evaluate("report.unpacked")
+    page.emulate_media(media="print")
+    page.wait_for_selector("#case-roll_response_clean .paper svg")
+    for key in ("short_period_full_flaps", "roll_response_clean", "approach_elevator_step"):
+        assert page.locator(f"#case-{key} .paper svg path.trace").first.is_visible()
+        assert page.locator(f"#case-{key} .verdicts").is_visible()
+    assert page.locator("#models .figure").first.is_visible()
+    assert page.locator(".bar").is_hidden()
+    assert page.evaluate("document.documentElement.scrollWidth") <= page.viewport_size["width"]
+    page.emulate_media(media="screen")
+    page.goto(address + CASE)
+    page.wait_for_selector(f"{CASE} .panel canvas")
+    page.emulate_media(media="print")
+    page.wait_for_selector(f"{CASE} .paper svg")
+    assert page.locator("article.page:visible").count() == 1
+    assert page.locator(f"{CASE} .panels").is_hidden()
+    assert page.locator(f"{CASE} .paper svg .exit").count() >= 2  # hatched, for paper without colours
+    context.close()
+
+
+def test_paper_shows_the_panels_of_the_screen(page, address):
+    open_case(page, address)
+    page.emulate_media(media="print")
+    page.wait_for_selector(f"{CASE} .paper svg")
+    titles = page.locator(f"{CASE} .paper svg .title").all_text_contents()
+    own_text = "all => all.map(title => title.childNodes[title.querySelector('.symbol') ? 1 : 0].textContent)"
+    words = page.locator(f"{CASE} .panel-title").evaluate_all(own_text)
+    assert titles == words
+    traces = page.locator(f"{CASE} .paper svg path.trace")
+    assert traces.count() == 3 * 4 + 3 * 3 + 2 + 2 * 4  # judged with their strips, inputs, the rest
+    frame = page.locator(f"{CASE} .paper rect.frame").first.evaluate("r => ['x', 'y', 'width', 'height'].map(n => +r.getAttribute(n))")
+    path = traces.first.get_attribute("d")
+    drawn = [tuple(map(float, point.split())) for point in re.split("[ML]", path)[1:]]
+    flight = np.degrees(fixture.short_period_result().signals["theta"].sel(run="flight").values)
+    low, high = page.evaluate("report.scales()")[0]
+    time = (np.array([x for x, _ in drawn]) - frame[0]) / frame[2] * 14.0 + 4.0
+    theta = low + (frame[1] + frame[3] - np.array([y for _, y in drawn])) / frame[3] * (high - low)
+    slack = 0.5 / frame[3] * (high - low) + 12.0 * 0.2 / frame[2] * 14.0  # thinning and rounding; the same in time on a slope of 12 deg/s
+    record = fixture.short_period_result().signals["time"].values
+    assert np.abs(np.interp(record, time, theta) - flight).max() < slack
+
+
+def test_a_term_of_the_cause_leads_to_its_tables(page, address):
+    open_case(page, address)
+    page.locator(f"{CASE} .cause a", has_text="CL/gear").first.click()
+    page.wait_for_timeout(200)
+    assert page.locator("#models").is_visible()
+    assert 0 <= page.locator("#term-CL-gear").bounding_box()["y"] < 300
+
+
+def test_a_sweep_is_a_cross_plot_on_screen_and_paper(page, tmp_path):
+    result = fixture.column_sweep_result()
+    document = tmp_path / "report.html"
+    document.write_text(html_page([result], "T-37", "", {}, {}, {}, {}, [mode_table(result)]), encoding="utf-8")
+    page.goto(document.as_uri() + "#case-column_sweep")
+    page.wait_for_selector("#case-column_sweep .crosses svg path.trace")
+    lines = page.locator("#case-column_sweep .crosses path.trace")
+    assert lines.count() == 4
+    assert page.locator("#case-column_sweep .crosses .bars-of-band").is_visible()
+    page.keyboard.press("2")
+    page.wait_for_timeout(100)
+    assert lines.count() == 3
+    page.keyboard.press("2")
+    bars = page.locator("#case-column_sweep .crosses .bars-of-band")
+    height = (
+        "bars => { const [top, bottom] = bars.getAttribute('d').match(/ ([\\d.]+)V([\\d.]+)/).slice(1).map(Number); return bottom - top; }"
+    )
+    whole = bars.evaluate(height)
+    page.get_by_role("button", name="40 %").click()
+    page.wait_for_timeout(100)
+    assert 0.35 < bars.evaluate(height) / whole < 0.6  # 0.4, on a scale that the smaller band leaves tighter
+    page.emulate_media(media="print")
+    assert lines.first.is_visible()
+
+
+def test_a_local_model_is_drawn_when_it_is_opened(page, address):
+    page.goto(address + "#identification")
+    page.wait_for_selector("#identification h1")
+    assert page.locator(".fit-figure svg").count() == 0
+    page.locator('#identification a[href="#fit-1"]').click()
+    page.wait_for_selector("#fit-1 .fit-figure svg path.trace")
+    assert page.locator("#fit-1 .fit-figure svg path.trace").count() == 3  # measured, fitted, residual
+    assert page.locator("#fit-1 tbody tr").count() == 2
+    page.goto(address + "#fit-0")
+    page.wait_for_selector("#fit-0 .fit-figure svg path.trace")
+
+
+def test_a_narrow_screen_needs_no_sideways_scrolling(chromium, address):
+    context = chromium.new_context(viewport={"width": 400, "height": 800})
+    page = context.new_page()
+    for place in ("#overview", CASE, "#models", "#identification", "#provenance"):
+        page.goto("about:blank")
+        page.goto(address + place)
+        page.wait_for_timeout(300)
+        assert page.evaluate("document.documentElement.scrollWidth") <= 400, place
+    context.close()
+
+
+PROBLEMS = """() => {
+  const all = (query) => [...document.querySelectorAll(query)].filter((node) => node.checkVisibility()), found = [];
+  const nameOf = (node) => node.getAttribute('aria-label') || node.textContent.trim() || node.closest('label')?.textContent.trim();
+  const hasText = (image) => image.closest('[aria-hidden]') || (image.getAttribute('role') === 'img' && image.getAttribute('aria-label'));
+  const start = (node) => node.outerHTML.slice(0, 80);
+  for (const node of all('button, a[href], input, select')) if (!nameOf(node)) found.push('no name: ' + start(node));
+  for (const table of all('table')) if (!table.querySelector('th[scope]')) found.push('no heads: ' + start(table));
+  for (const cell of all('th')) if (!cell.scope) found.push('no scope: ' + start(cell));
+  for (const image of all('svg')) if (!hasText(image)) found.push('no text: ' + start(image));
+  for (const panel of all('.panel')) if (!panel.getAttribute('aria-label')) found.push('no text: ' + start(panel));
+  const ids = [...document.querySelectorAll('[id]')].map((node) => node.id), twice = ids.filter((id, i) => ids.indexOf(id) !== i);
+  if (twice.length) found.push('id twice: ' + twice);
+  if (all('h1').length !== 1) found.push('headings of first level: ' + all('h1').length);
+  const unlabelled = (node) => !document.getElementById(node.getAttribute('aria-labelledby'));
+  for (const node of all('[aria-labelledby]')) if (unlabelled(node)) found.push('no label: ' + start(node));
+  return found;
+}"""
+
+
+def test_tables_have_heads_and_controls_have_names(page, address):
+    for place in ("#overview", CASE, "#models", "#identification", "#provenance"):
+        page.goto(address + place)
+        page.wait_for_selector(f"{place} h1")
+        page.wait_for_timeout(300)
+        assert page.evaluate(PROBLEMS) == [], place
+
+
+# WCAG 2.2: relative luminance, and the least contrast of texts against the ground of the page
+CONTRAST = """() => {
+  const channel = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+  const light = (text) => text.match(/[\\d.]+/g).slice(0, 3).reduce((sum, v, i) => sum + channel(v / 255) * [0.2126, 0.7152, 0.0722][i], 0);
+  const ground = light(getComputedStyle(document.documentElement).backgroundColor);
+  const texts = [...document.querySelectorAll('p, td, th, a, h1, h2, .verdict, .quiet, button:enabled')];
+  const shown = texts.filter((node) => node.checkVisibility() && node.textContent.trim());
+  const found = shown.map((node) => light(getComputedStyle(node).color));
+  return Math.min(...found.map((l) => (Math.max(l, ground) + 0.05) / (Math.min(l, ground) + 0.05)));
+}"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_texts_stand_out(chromium, address, scheme):
+    context = chromium.new_context(color_scheme=scheme)
+    page = context.new_page()
+    page.goto(address + CASE)
+    page.wait_for_selector(f"{CASE} .panel canvas")
+    assert page.evaluate(CONTRAST) >= 4.5  # WCAG 2.2, 1.4.3
+    context.close()
+
+
+def test_the_page_is_used_by_keyboard_alone(page, address):
+    page.goto(address)
+    page.wait_for_selector("#overview:not([hidden])")
+    for _ in range(40):
+        page.keyboard.press("Tab")
+        if page.evaluate("document.activeElement.textContent") == "Roll response, clean":
+            break
+    outline = page.evaluate("getComputedStyle(document.activeElement).outlineStyle")
+    assert outline == "solid"
+    page.keyboard.press("Enter")
+    page.wait_for_selector("#case-roll_response_clean .panel canvas")
+    page.locator("#case-roll_response_clean .from").focus()
+    page.keyboard.press("Control+A")
+    page.keyboard.type("32")
+    page.keyboard.press("Enter")
+    page.wait_for_timeout(200)
+    assert page.evaluate("report.limits()")[0] == [32.0, 40.0]
