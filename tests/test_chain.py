@@ -1,40 +1,226 @@
-"""The strict chain of packages: each imports only what stands to its left."""
+"""The order of the code: packages in one strict chain, folders in a declared order inside each package, no circle anywhere.
+
+Every import counts: at the top of a module, inside a function, and for type checking only.
+"""
 
 import ast
+from collections import defaultdict
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 CHAIN = ["flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch"]
+# folders and loose modules of each package: one imports only from those before it
+ORDER = {
+    "flightmech": [
+        "errors",
+        "units",
+        "names",
+        "interpolation",
+        "terms",
+        "air",
+        "axes",
+        "support",
+        "aircraft",
+        "simulation",
+        "trimming",
+        "linearisation",
+        "steady_flight",
+        "performance",
+        "flying_qualities",
+        "fmu_export",
+        "cli",
+    ],
+    "datcom_io": [
+        "cells",
+        "decks",
+        "printout",
+        "arrays",
+        "export",
+        "listing",
+        "reading",
+        "runs",
+        "exchange",
+        "cli",
+    ],
+    "aerodb": [
+        "store",
+        "update",
+        "comparison",
+        "transform",
+        "edit",
+        "prior",
+        "figures",
+        "exchange",
+        "cli",
+    ],
+    "flighttest": [
+        "remarks",
+        "signals",
+        "readers",
+        "records",
+        "sensors",
+        "dynamics",
+        "uncertainty",
+        "reconstruction",
+        "expressions",
+        "equation_error",
+        "separable",
+        "combining",
+        "model_structure",
+        "aircraft_properties",
+        "ground_effect",
+        "input_design",
+        "quality",
+        "maximum_likelihood",
+        "evaluation",
+        "spin",
+        "cli",
+    ],
+    "pom": [
+        "tolerances",
+        "cases",
+        "result",
+        "judging",
+        "fmu",
+        "replaying",
+        "diagnosis",
+        "drafting",
+        "archive",
+        "report",
+        "cli",
+    ],
+    "aeromatch": [
+        "project",
+        "workflow",
+        "demo",
+        "cli",
+        "__main__",
+    ],
+}
+MOST_MODULES = 12  # in one folder
 
 
-def imported_packages(file: Path, depth: int = 1) -> set[str]:
-    """Return the packages that a file names; `depth` counts the folders from the file up to its package's own."""
-    names = set()
+def module_name(file: Path, root: Path = ROOT) -> str:
+    parts = file.relative_to(root).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def modules(root: Path = ROOT) -> dict[str, Path]:
+    return {module_name(file, root): file for package in CHAIN for file in sorted((root / package).rglob("*.py"))}
+
+
+def imported(file: Path, known: dict[str, Path], root: Path = ROOT) -> set[str]:
+    """Return the modules that a file imports, wherever the import stands; names that leave their package by dots begin with one."""
+    own = module_name(file, root)
+    package = own.split(".") if file.name == "__init__.py" else own.split(".")[:-1]
+    found = set()
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            names |= {alias.name.split(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
-            names.add(node.module.split(".")[0])
-        elif isinstance(node, ast.ImportFrom) and node.level > depth:
-            names.add(f"{'.' * node.level} (leaves the package)")
-    return names
+            found |= {nearest(alias.name, known) for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            if node.level > len(package):
+                found.add("." * node.level)
+                continue
+            base = ".".join([*(package[: len(package) - node.level + 1] if node.level else []), *filter(None, [node.module])])
+            found |= {nearest(f"{base}.{alias.name}", known) for alias in node.names}
+    return found - {"", own}
+
+
+def nearest(name: str, known: dict[str, Path]) -> str:
+    """Return the module that a dotted name is, or that holds it; empty for what is not ours."""
+    while name and name not in known:
+        name = name.rpartition(".")[0]
+    return name
+
+
+def circle(edges: dict[str, set[str]]) -> list[str]:
+    """Return one circle of a graph, empty when there is none."""
+    try:
+        TopologicalSorter(edges).prepare()
+    except CycleError as error:
+        return error.args[1]
+    return []
+
+
+@pytest.fixture(scope="module")
+def graph():
+    known = modules()
+    return {name: imported(file, known) for name, file in known.items()}
 
 
 @pytest.mark.parametrize("package", CHAIN)
-def test_package_imports_only_what_stands_to_its_left(package):
-    right = set(CHAIN[CHAIN.index(package) + 1 :])
-    for file in sorted((ROOT / package).rglob("*.py")):
-        found = imported_packages(file, len(file.relative_to(ROOT).parts) - 1)
-        assert not found & right, f"{file.relative_to(ROOT)} imports {sorted(found & right)}"
-        assert not any(name.startswith("..") for name in found), f"{file.relative_to(ROOT)} leaves its package by dots"
+def test_package_imports_only_what_stands_to_its_left(graph, package):
+    right = CHAIN[CHAIN.index(package) + 1 :]
+    for name, others in graph.items():
+        if name.split(".")[0] == package:
+            wrong = {other for other in others if other.startswith(".") or other.split(".")[0] in right}
+            assert not wrong, f"{name} imports {sorted(wrong)}"
 
 
-def test_the_walker_sees_an_import_to_the_right(tmp_path):
-    file = tmp_path / "wrong.py"
-    file.write_text("def f():\n    from pom.cases.case import read_case\n    import aeromatch.cli\n    return read_case\n")
-    assert imported_packages(file) == {"pom", "aeromatch"}
+@pytest.mark.parametrize("package", CHAIN)
+def test_folders_import_only_those_before_them(graph, package):
+    order = ORDER[package]
+    places = {name.split(".")[1] for name in graph if name.startswith(f"{package}.")}
+    assert places == set(order), "declare new folders and loose modules in ORDER, delete those that went"
+    for name, others in graph.items():
+        if name.startswith(f"{package}."):
+            place = order.index(name.split(".")[1])
+            wrong = {x for x in others if x == package or (x.startswith(f"{package}.") and order.index(x.split(".")[1]) > place)}
+            assert not wrong, f"{name} imports {sorted(wrong)}"
+
+
+def test_no_circle_of_modules(graph):
+    assert not circle(graph)
+
+
+def test_no_circle_of_folders(graph):
+    """At every depth: a folder, or a module beside it, never needs what needs it."""
+    for depth in range(2, max(name.count(".") for name in graph) + 2):
+        edges = defaultdict(set)
+        for name, others in graph.items():
+            for other in others:
+                a, b = (x.split(".")[:depth] for x in (name, other))
+                if a != b and len(a) == len(b) == depth and a[:-1] == b[:-1]:
+                    edges[".".join(a)].add(".".join(b))
+        assert not circle(edges), f"depth {depth}"
+
+
+def test_folders_are_small():
+    for folder in {file.parent for file in modules().values()}:
+        count = sum(file.name != "__init__.py" for file in folder.glob("*.py"))
+        assert count <= MOST_MODULES, f"{folder.relative_to(ROOT)} holds {count} modules; make a folder for one of its subjects"
+        assert (folder / "__init__.py").is_file(), f"{folder.relative_to(ROOT)} has no __init__.py"
+
+
+def test_public_names_are_not_hidden_by_folders():
+    """`flighttest.output_error` is a function: a folder or module of that name would take its place once it is imported."""
+    for package in CHAIN[:-1]:
+        namespace: dict = {}
+        tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
+        for node in tree.body:
+            if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "_HOME":
+                namespace = ast.literal_eval(node.value)
+        assert namespace, package
+        hidden = {name for name, home in namespace.items() if name in ORDER[package] and home != name}
+        assert not hidden, f"{package}: {sorted(hidden)}"
+
+
+def test_every_kind_of_import_is_seen(tmp_path):
+    for name in ("pom/__init__.py", "pom/case.py", "pom/rows.py", "aeromatch/__init__.py", "aeromatch/cli.py"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("", encoding="utf-8")
+    file = tmp_path / "pom" / "wrong.py"
+    file.write_text(
+        "from typing import TYPE_CHECKING\n"
+        "if TYPE_CHECKING:\n    from . import rows\n"
+        "def f():\n    from .case import read_case\n    import aeromatch.cli\n    from ...kernel import x\n    return read_case\n"
+    )
+    known = modules(tmp_path)
+    assert imported(file, known, tmp_path) == {"pom.rows", "pom.case", "aeromatch.cli", "..."}
+    assert set(circle({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
 
 
 def test_kernel_knows_no_python():
