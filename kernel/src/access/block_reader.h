@@ -1,8 +1,8 @@
 /* The records of a packed block, and the reader that checks them one section after another.
  *
  * Layout, little-endian: header (32 bytes), directory of SECTIONS x {offset, count} (uint64),
- * sections aligned to 64 bytes.  flightmech/simulation/packer.py writes it; the records below are the
- * format. */
+ * sections aligned to 64 bytes.  Written by flightmech/simulation/packer.py.  The records below are
+ * the format. */
 #ifndef AEROMATCH_BLOCK_READER_H
 #define AEROMATCH_BLOCK_READER_H
 
