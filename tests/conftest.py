@@ -2,8 +2,11 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture(scope="session")
@@ -12,3 +15,12 @@ def demo(tmp_path_factory):
     folder = tmp_path_factory.mktemp("demo") / "t37"
     command = [sys.executable, "-m", "aeromatch", "demo", "--json", "-o", str(folder)]
     return folder, subprocess.run(command, capture_output=True, text=True, timeout=600)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item):
+    """Give all tests of a folder that miss material of ``../shared`` one reason, so that ``-rs`` prints one line a folder."""
+    report = (yield).get_result()
+    if report.skipped and isinstance(report.longrepr, tuple) and "../shared" in report.longrepr[2]:
+        folder = ROOT.joinpath(*report.nodeid.partition("::")[0].split("/")[:2])
+        report.longrepr = str(folder), None, "Skipped: needs ../shared, material that is not part of the repository"

@@ -96,7 +96,7 @@ def make_case():
 def corpus():
     """Return a reader of third-party listings by name, and by case; tests without them are skipped."""
     if not CORPUS.is_dir():
-        pytest.skip("the DATCOM corpus is not at hand")
+        pytest.skip("needs the corpus ../shared/data/datcom")
     import datcom_io
 
     def read(name, case=None, build=""):

@@ -14,7 +14,7 @@ from flightmech.units import DEGREE, FOOT
 FLIGHT = Path(__file__).parents[3] / ".." / "shared" / "data" / "flight"
 EXAMPLES = FLIGHT / "aero_databases" / "daveml_examples"
 NESC = FLIGHT / "nesc_checkcases" / "models"
-samples = pytest.mark.skipif(not NESC.exists(), reason="the DAVE-ML sample files are not beside the checkout")
+samples = pytest.mark.skipif(not NESC.exists(), reason="needs the DAVE-ML samples of ../shared")
 
 S, CBAR, B = 20.0, 2.0, 8.0  # m2, m, m, of the model below
 ROUNDING = 1e-13  # some hundred roundings of coefficients of size 1

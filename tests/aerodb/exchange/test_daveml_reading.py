@@ -18,7 +18,7 @@ from flightmech.units import parse
 FLIGHT = Path(__file__).parents[3] / ".." / "shared" / "data" / "flight"
 EXAMPLES = FLIGHT / "aero_databases" / "daveml_examples"
 NESC = FLIGHT / "nesc_checkcases" / "models"
-samples = pytest.mark.skipif(not NESC.exists(), reason="the DAVE-ML sample files are not beside the checkout")
+samples = pytest.mark.skipif(not NESC.exists(), reason="needs the DAVE-ML samples of ../shared")
 
 # shots and judged values (outputs and internal values) in each sample, counted in the files
 SHOTS = {

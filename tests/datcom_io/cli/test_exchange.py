@@ -12,7 +12,7 @@ from aeromatch.cli import main
 DATA = Path(__file__).parents[3] / "data" / "t37" / "datcom"
 CORPUS = Path(__file__).parents[3] / ".." / "shared" / "data" / "datcom"
 CASCADE = CORPUS / "save_cascade" / "save_cascade"
-needs_corpus = pytest.mark.skipif(not CORPUS.is_dir(), reason="the corpus of listings is not beside the repository")
+needs_corpus = pytest.mark.skipif(not CORPUS.is_dir(), reason="needs the corpus ../shared/data/datcom")
 
 
 @pytest.fixture

@@ -36,7 +36,7 @@ def exported(t37, tmp_path):
     return call
 
 
-@pytest.mark.skipif(not LISTINGS, reason="the corpus of listings is not beside the repository")
+@pytest.mark.skipif(not LISTINGS, reason="needs the corpus ../shared/data/datcom")
 @pytest.mark.parametrize("path", [_listing(path) for path in LISTINGS], ids=lambda path: path.name)
 def test_there_and_back(path, tmp_path):
     listing = datcom_io.read(path)

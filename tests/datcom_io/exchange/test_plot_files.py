@@ -15,7 +15,7 @@ DEG = np.pi / 180.0
 # numbers of a static page, a downwash table, a control page that both files have
 COUNTED = {"plot_dump_namelist": 80 + 24 + 180, "save_cascade": 372 + 24 + 90}
 
-pytestmark = pytest.mark.skipif(not CORPUS.is_dir(), reason="the corpus of listings is not beside the repository")
+pytestmark = pytest.mark.skipif(not CORPUS.is_dir(), reason="needs the corpus ../shared/data/datcom")
 
 
 @pytest.fixture(scope="module")

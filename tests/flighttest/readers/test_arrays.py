@@ -24,7 +24,7 @@ def named(tmp_path, text):
 def shared(name):
     file = SHARED / name
     if not file.exists():
-        pytest.skip(f"third-party recording {name} is not beside the checkout")
+        pytest.skip(f"needs the third-party recording {name} of ../shared")
     return file
 
 

@@ -150,7 +150,7 @@ def test_sound_flights_carry_no_marks(year, name):
     root = Path(__file__).parents[3]
     file = root / ".." / "shared" / "data" / "flight" / "citation_phlab" / f"flight_{name}.csv.gz"
     if not file.exists():
-        pytest.skip("the Citation flights are not beside the checkout")
+        pytest.skip("needs the Citation flights of ../shared")
     record = flighttest.read(file, root / "tests" / "real" / "maps" / f"citation_{year}.toml")
     assert record["ahrs"].attrs["rate"] == pytest.approx(10.0, rel=1e-6)
     assert flighttest.faults(record) == []

@@ -135,7 +135,7 @@ HOUSE = {
 }  # fmt: skip
 
 
-@pytest.mark.skipif(not PUBLISHED.is_dir(), reason="needs the published tables beside the checkout")
+@pytest.mark.skipif(not PUBLISHED.is_dir(), reason="needs the published tables of ../shared")
 @pytest.mark.parametrize(("theirs", "ours"), [("table2_nominal_glide", "glide"), ("table3_spin", "spin")])
 def test_shipped_tables_are_the_published_ones(theirs, ours):
     def words(row):

@@ -74,7 +74,7 @@ def test_table_names_what_is_missing():
         goodness_of_fit.validation_table({"CX": SINE}, {"glide": {"Cm": SINE}})
 
 
-@pytest.mark.skipif(not PUBLISHED.is_dir(), reason="needs the published tables beside the checkout")
+@pytest.mark.skipif(not PUBLISHED.is_dir(), reason="needs the published tables of ../shared")
 def test_published_metrics_belong_to_the_standard_form():
     """Table 4, CY: rms/range = NRMSE/(2 TIC) by the standard form; by the printed one it would exceed that of a pure sine, 1/(2 sqrt 2)."""
     with open(PUBLISHED / "gresham_table4_glide_validation.csv", newline="") as file:

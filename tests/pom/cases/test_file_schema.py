@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import jsonschema
 import pytest
 
 from flightmech.errors import SchemaError
@@ -37,7 +38,6 @@ def test_an_editor_knows_the_words_of_the_tolerance_table():
 
 @pytest.mark.parametrize("file", sorted(T37.rglob("*.toml")), ids=lambda file: file.stem)
 def test_shipped_cases_fit(file):
-    jsonschema = pytest.importorskip("jsonschema")
     jsonschema.validate(json.loads(json.dumps(load(file))), case_schema())
 
 
@@ -56,7 +56,6 @@ def test_shipped_cases_fit(file):
     ],
 )
 def test_schema_and_reader_refuse_the_same_mistakes(write_case, case, more):
-    jsonschema = pytest.importorskip("jsonschema")
     path = write_case(case=case, more=more)
     with pytest.raises(SchemaError):
         read_case(path)
