@@ -16,14 +16,14 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from spin_campaign import EDGE, Recovery, fit_run, fly_and_record, joined, measured_variables, predictions
+from spin_recording import draw_errors
 
 import flightmech
 from flighttest.equation_error.model import Model
 from flighttest.input_design.multisines import InputAxis, multisine
-from flighttest.spin.campaign import EDGE, Recovery, fit_run, fly_and_record, joined, measured_variables, predictions
 from flighttest.spin.database import polynomial_database
 from flighttest.spin.decomposition import nominal_variables
-from flighttest.spin.recording import draw_errors
 from flighttest.spin.tables import Polynomial, read_polynomials
 from flighttest.uncertainty.goodness_of_fit import validation_report, validation_table
 
@@ -42,7 +42,7 @@ KNOWN = {"qbar": 0.015, "mass": 0.0, "inertia": 0.0}
 
 @dataclass(frozen=True)
 class Condition:
-    """A flight condition with the model that flies in it and the one that is sought."""
+    """A flight condition with the model that flies in it and the one to be identified."""
 
     name: str
     steep: bool

@@ -48,9 +48,8 @@ def seven_axes() -> Path:
 def spin_run() -> Path:
     """One spin: angles, rates beside and about the flight path, coefficients measured and predicted on another input."""
     import spin_study
-
-    from flighttest.spin.campaign import predictions
-    from flighttest.spin.recording import draw_errors
+    from spin_campaign import predictions
+    from spin_recording import draw_errors
 
     aircraft = flightmech.read_aircraft(ROOT / "data" / "cz150" / "aircraft.toml")
     spin, glide = spin_study.spin(aircraft), spin_study.glide(aircraft)

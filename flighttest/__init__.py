@@ -79,7 +79,7 @@ if TYPE_CHECKING:
     from .signals.first_order_lag import remove_lag
     from .signals.fourier import finite_fourier, harmonics
     from .signals.fourier_smoothing import Smoothed, fourier_smooth
-    from .signals.sample_flags import add_marks, marks
+    from .signals.sample_flags import add_flags, flags
     from .spin.database import polynomial_database
     from .spin.decomposition import nominal_variables, spin_variables, wind_axis_rates
     from .spin.steep_reconstruction import reconstruct_steep
@@ -157,8 +157,8 @@ _HOME = {
     "overview": "records.record",
     "faults": "records.record",
     "contents": "records.file_contents",
-    "marks": "signals.sample_flags",
-    "add_marks": "signals.sample_flags",
+    "flags": "signals.sample_flags",
+    "add_flags": "signals.sample_flags",
     "merge": "records.joining",
     "save_record": "records.files",
     "read_names": "readers.name_map",
@@ -260,7 +260,7 @@ __all__ = [
     "Smoothed",
     "Study",
     "Unknown",
-    "add_marks",
+    "add_flags",
     "airspeed_from_pressures",
     "amplitude_within",
     "angular_accelerations",
@@ -291,6 +291,7 @@ __all__ = [
     "fit_bins",
     "fit_motion",
     "fit_thrust",
+    "flags",
     "force_at_cg",
     "forces_from_velocity",
     "fourier_smooth",
@@ -306,7 +307,6 @@ __all__ = [
     "linear_output_error",
     "lowpass",
     "manoeuvres",
-    "marks",
     "merge",
     "mixed",
     "monomials",

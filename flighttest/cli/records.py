@@ -42,7 +42,7 @@ def info(file: str, names: str | None, as_json: bool) -> None:
 @click.option("-o", "--output", required=True, type=NewFile(), help="netCDF file to write; a record with house names.")
 @json_option
 def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
-    """Write a recording of any format as a netCDF record: one group per clock, house names, SI, faults marked."""
+    """Write a recording of any format as a netCDF record: one group per clock, house names, SI, faults flagged."""
     from ..records.files import save_record
     from ..records.record import faults, read
 

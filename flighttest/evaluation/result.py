@@ -136,10 +136,10 @@ def report(evaluation: Evaluation) -> str:
         lines += [f"! {name} not determined: {text}"]
     lines += ["", "bounds:"]
     for row in e.judged.to_dict("records"):
-        mark = " " if row["verdict"] == "inside" else "!"
+        symbol = " " if row["verdict"] == "inside" else "!"
         value = f"{number(row['value'], row['unit'])} ({number(row['stderr'], row['unit'], 2)}) {unit_shown(row['unit'])}".rstrip()
         limits = limits_shown(row["low"], row["high"], row["unit"])
-        lines.append(f"{mark} {row['of']:34s} {value:28s} {limits:24s} {row['verdict']:15s} {row['source']}")
+        lines.append(f"{symbol} {row['of']:34s} {value:28s} {limits:24s} {row['verdict']:15s} {row['source']}")
     return "\n".join(lines)
 
 

@@ -16,7 +16,7 @@ from .checks.kinematic_findings import accuracy_findings, kinematic_findings, ki
 from .checks.mistake_search import explain
 from .checks.notes import remarks
 from .checks.relations import compare_all
-from .checks.samples import channel_findings, channel_table, faults_of, mark_findings
+from .checks.samples import channel_findings, channel_table, faults_of, flag_findings
 from .checks.signals import Signals, at_cg, signals_of
 from .finding import by_severity, without_consequences
 from .result import Quality
@@ -58,7 +58,7 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
     faults = faults_of(record)
     signals = signals_of(record, faults)
     table = channel_table(record)
-    findings = mark_findings(faults) + channel_findings(record, table, specification)
+    findings = flag_findings(faults) + channel_findings(record, table, specification)
     explanations, mended, comparisons = explain(signals)
     findings += kinematic_findings(explanations, comparisons, mended, record)
     places = _places(specification, aircraft)

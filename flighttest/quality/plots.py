@@ -18,7 +18,7 @@ def chart(
     lines: Sequence[np.ndarray],
     units: str,
     shaded: Sequence[tuple[float, float]] = (),
-    marked: Sequence[tuple[float, float]] = (),
+    flagged: Sequence[tuple[float, float]] = (),
     label: str = "",
 ) -> Markup:
     """Return a chart of one or two lines over time.
@@ -31,7 +31,7 @@ def chart(
         In the unit to be shown; the first is drawn on top.
     units : str
         Shown at the axis.
-    shaded, marked : sequence of (float, float)
+    shaded, flagged : sequence of (float, float)
         Spans in grey and in red. [s]
     label : str
         What a screen reader says.
@@ -47,7 +47,7 @@ def chart(
         return HEIGHT - _BOTTOM - (np.asarray(v) - low) / (high - low) * (HEIGHT - _TOP - _BOTTOM)
 
     parts = [f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">']
-    parts += [_span(x, a, b, "ground", 0.0) for a, b in shaded] + [_span(x, a, b, "fault", 2.0) for a, b in marked]
+    parts += [_span(x, a, b, "ground", 0.0) for a, b in shaded] + [_span(x, a, b, "fault", 2.0) for a, b in flagged]
     for value in ticks(low, high, 4):
         place = float(y(value))
         parts.append(f'<path class="axis" d="M{_LEFT} {place:.1f}H{WIDTH - _RIGHT}"/>')

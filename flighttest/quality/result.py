@@ -103,13 +103,13 @@ def _entry(finding: Finding) -> str:
 def _kinematics(quality: Quality) -> list[str]:
     lines = ["kinematic consistency, mistakes undone; disagreement 0 equal, 0.7 unrelated, 1 opposite:"]
     for row in rows(quality.kinematics):
-        mark = " " if row.consistent else "!"
+        symbol = " " if row.consistent else "!"
         what = (
             f"slope {row.slope:7.3f} ({row.slope_stderr:.3f})  correlation {row.correlation:+.3f}"
             if told(row.moving, row.correlation)
             else "too little motion to compare"
         )
-        lines.append(f"{mark} {row.title:45s} {row.disagreement:5.2f}  {what}  offset {shown(row.offset, row.units)}")
+        lines.append(f"{symbol} {row.title:45s} {row.disagreement:5.2f}  {what}  offset {shown(row.offset, row.units)}")
     return lines
 
 

@@ -17,7 +17,7 @@ A map is a TOML file.  Every table is a leaf of the record (channels of one time
     [decode.adc]                               # words of a bus or frame, see flighttest.readers.bus.decode
 
 A channel is ``sign * scale * column + offset`` after calibration and change of unit.  `polynomial` (ascending powers of the raw column) or
-`table` (raw, value; linear between, NaN and marked beyond) give the value in `unit`; a `scale` with a unit (``"40 deg"`` per one of
+`table` (raw, value; linear between, NaN and flagged beyond) give the value in `unit`; a `scale` with a unit (``"40 deg"`` per one of
 the column) replaces the change of unit.  `column` may be a list: the first that the file holds is taken.  `optional = true` leaves a
 channel out where the file has no such column.  `delay` is a known latency: the channel shows at t what was true at t - delay.
 `lag` is a known time constant: the channel follows the truth as a first-order lag; a negative one makes a recorded command the position

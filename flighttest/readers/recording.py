@@ -52,14 +52,14 @@ class Table:
         Units as the file states them; names without a unit are missing.
     time : array (time,) or None
         Stamps of the format's own clock [s]; None where one of the columns is the clock.
-    marks : str
-        Marks that a record of the house carries (JSON), else empty.
+    flags : str
+        Flags that a record of the house carries (JSON), else empty.
     """
 
     columns: Mapping[str, np.ndarray]
     units: Mapping[str, str] = field(default_factory=dict)
     time: np.ndarray | None = None
-    marks: str = ""
+    flags: str = ""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The clock of a table: from raw stamps to a rising clock in seconds, with every fault marked.
+"""The clock of a table: from raw stamps to a rising clock in seconds, with every fault flagged.
 
 Counters that wrap are unrolled, stray stamps dropped, repeated ones too.  A clock that is set back is refused unless the name map says
 ``reset = true``: samples recorded twice or files glued together would otherwise pass for one flight.
@@ -14,7 +14,7 @@ import numpy as np
 from flightmech.errors import SchemaError
 
 from ..signals.conditioning import GAP
-from ..signals.sample_flags import MOST, Mark
+from ..signals.sample_flags import MOST, Flag
 from .name_map import Clock
 
 _COUNTERS = tuple(float(2**bits) for bits in (16, 24, 31, 32))  # in counts of the clock
@@ -25,11 +25,11 @@ _STRAY = 10.0  # median steps off the neighbours
 
 @dataclass
 class Settled:
-    """A rising clock [s], the raw samples that belong to it, the marks, and attributes for the leaf."""
+    """A rising clock [s], the raw samples that belong to it, the flags, and attributes for the leaf."""
 
     time: np.ndarray
     keep: np.ndarray
-    marks: list[Mark] = field(default_factory=list)
+    flags: list[Flag] = field(default_factory=list)
     about: dict[str, Any] = field(default_factory=dict)
 
 
@@ -58,16 +58,16 @@ def settled(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Settled:
     if len(keep) < 2:
         raise SchemaError(what, [f"its clock has {len(time)} samples, {len(lost)} of them NaN; at least two finite ones are needed"])
     time = time[keep]
-    found: list[Mark] = []
+    found: list[Flag] = []
     if (np.diff(time) < 0.0).any():
         time, wraps = _unrolled(time, clock.wrap, scale)
-        found += [Mark("", "wrap", time[i], time[i + 1], 1, f"period {period:g} s") for i, period in wraps]
+        found += [Flag("", "wrap", time[i], time[i + 1], 1, f"period {period:g} s") for i, period in wraps]
         good = _on_course(time)
         lost = np.concatenate([lost, keep[~good]])
         keep, time = keep[good], time[good]
     if len(lost):
         at = time[np.clip(np.searchsorted(keep, np.sort(lost)), 0, len(time) - 1)]
-        found.append(Mark("", "stray", float(at[0]), float(at[-1]), len(lost)))
+        found.append(Flag("", "stray", float(at[0]), float(at[-1]), len(lost)))
     time, resets = _risen(time, clock.reset, what)
     found += resets
     if clock.rate is not None:
@@ -76,13 +76,13 @@ def settled(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Settled:
         time, keep, twice = _unique(time, keep, what)
         found += twice
     time = time[0] + (time - time[0]) / (1.0 + clock.drift) + clock.offset
-    found = [mark._replace(start=mark.start + clock.offset, stop=mark.stop + clock.offset) for mark in found]
+    found = [flag._replace(start=flag.start + clock.offset, stop=flag.stop + clock.offset) for flag in found]
     step = np.diff(time)
     median = float(np.median(step))
     gaps = np.flatnonzero(step > GAP * median)
-    found += [Mark("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in gaps[:MOST]]
+    found += [Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in gaps[:MOST]]
     words = ", ".join(f"{time[i]:g} s ({step[i]:.3g} s)" for i in gaps[:MOST])
-    repeated = sum(mark.samples for mark in found if mark.kind == "duplicate")
+    repeated = sum(flag.samples for flag in found if flag.kind == "duplicate")
     return Settled(time, keep, found, {"rate": 1.0 / median, "gaps": words, "duplicates": repeated})
 
 
@@ -113,7 +113,7 @@ def _on_course(time: np.ndarray) -> np.ndarray:
     return np.abs(time - np.median(windows, axis=1)) <= _STRAY * float(np.median(np.abs(step)))
 
 
-def _risen(time: np.ndarray, reset: bool, what: str) -> tuple[np.ndarray, list[Mark]]:
+def _risen(time: np.ndarray, reset: bool, what: str) -> tuple[np.ndarray, list[Flag]]:
     step = np.diff(time)
     back = np.flatnonzero(step < 0.0)
     if not len(back):
@@ -128,7 +128,7 @@ def _risen(time: np.ndarray, reset: bool, what: str) -> tuple[np.ndarray, list[M
     jump = np.zeros(len(time))
     jump[back + 1] = float(np.median(rising)) - step[back]
     moved = time + np.cumsum(jump)
-    return moved, [Mark("", "reset", float(moved[i]), float(moved[i + 1]), 1, f"by {-step[i]:.6g} s") for i in back[:MOST]]
+    return moved, [Flag("", "reset", float(moved[i]), float(moved[i + 1]), 1, f"by {-step[i]:.6g} s") for i in back[:MOST]]
 
 
 def _even(time: np.ndarray, rate: float, what: str) -> np.ndarray:
@@ -141,7 +141,7 @@ def _even(time: np.ndarray, rate: float, what: str) -> np.ndarray:
     return even
 
 
-def _unique(time: np.ndarray, keep: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray, list[Mark]]:
+def _unique(time: np.ndarray, keep: np.ndarray, what: str) -> tuple[np.ndarray, np.ndarray, list[Flag]]:
     new = np.concatenate([[True], np.diff(time) > 0.0])
     repeated = int((~new).sum())
     if not repeated:
@@ -151,4 +151,4 @@ def _unique(time: np.ndarray, keep: np.ndarray, what: str) -> tuple[np.ndarray, 
         text = f"{repeated} of {len(time)} stamps repeat the one before, {share:.3g} samples to each"
         raise SchemaError(what, [f"{text}: the clock is too coarse; give rate = ... for it in the name map, or another clock column"])
     first = time[~new]
-    return time[new], keep[new], [Mark("", "duplicate", float(first[0]), float(first[-1]), repeated)]
+    return time[new], keep[new], [Flag("", "duplicate", float(first[0]), float(first[-1]), repeated)]

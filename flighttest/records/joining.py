@@ -82,9 +82,9 @@ def _offsets(records: Sequence[xr.DataTree]) -> list[float]:
 def _moved(data: xr.Dataset, offset: float) -> xr.Dataset:
     if not offset:
         return data
-    marks = kept(data.attrs.get("marks", "[]"))
+    flags = kept(data.attrs.get("flags", "[]"))
     moved = data.assign_coords(time=("time", data["time"].values + offset, data["time"].attrs))
-    moved.attrs["marks"] = as_text(mark._replace(start=mark.start + offset, stop=mark.stop + offset) for mark in marks)
+    moved.attrs["flags"] = as_text(flag._replace(start=flag.start + offset, stop=flag.stop + offset) for flag in flags)
     return moved
 
 

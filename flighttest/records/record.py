@@ -1,7 +1,7 @@
 """Flight records: recordings as a tree of leaves, one per time base, in house names and SI.
 
 A `FlightRecord` is a plain ``xarray.DataTree``.  Each leaf is a Dataset over its own ``time`` [s]; its attributes tell what the clock
-looked like (``rate`` [Hz], ``gaps``, ``duplicates``), which channels hold NaN (``missing``), and hold all marks (`flighttest.marks`).
+looked like (``rate`` [Hz], ``gaps``, ``duplicates``), which channels hold NaN (``missing``), and hold all flags (`flighttest.flags`).
 Root attributes: ``title``, ``start``, ``purpose``, ``source_file``, ``format``, ``manoeuvres`` (JSON), ``notes`` (JSON: faults told by the
 file itself), ``unmapped`` and ``absent`` columns, ``latitude`` [rad], ``runway_elevation`` [m] where known.
 """
@@ -26,7 +26,7 @@ from ..readers.opening import FORMATS, open_recording
 from ..readers.recording import Recording, Table
 from ..signals.conditioning import remove_delay
 from ..signals.first_order_lag import remove_lag
-from ..signals.sample_flags import Mark, as_text, in_words, kept, sample_faults, spans
+from ..signals.sample_flags import Flag, as_text, in_words, kept, sample_faults, spans
 
 
 def read(path: str | Path, names: str | Path | NameMap | None = None) -> xr.DataTree:
@@ -147,10 +147,10 @@ def overview(record: xr.DataTree) -> pd.DataFrame:
 
 
 def faults(record: xr.DataTree) -> list[str]:
-    """Return in words what is wrong with the clocks and samples of a record; `flighttest.marks` gives the same as a table."""
+    """Return in words what is wrong with the clocks and samples of a record; `flighttest.flags` gives the same as a table."""
     found = [str(note) for note in json.loads(record.attrs.get("notes", "[]"))]
     for leaf, node in record.children.items():
-        found += [f"{leaf}: {text}" for text in in_words(kept(node.attrs.get("marks", "[]")))]
+        found += [f"{leaf}: {text}" for text in in_words(kept(node.attrs.get("flags", "[]")))]
     return found
 
 
@@ -251,7 +251,7 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
         )
     clock = clocks.settled(groups[0], what)
     columns: dict[str, Any] = {}
-    found = [*kept(tables[groups[0]].marks), *clock.marks]
+    found = [*kept(tables[groups[0]].flags), *clock.flags]
     for name, (group, column) in places.items():
         channel, unit = mapping.leaves[leaf][name], tables[group].units.get(column)
         raw = np.asarray(tables[group].columns[column], float)
@@ -266,10 +266,10 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
     if {"delta_a_left", "delta_a_right"} <= set(columns) and "delta_a" not in columns:
         about = {**attrs("delta_a"), "calibration": "(delta_a_right - delta_a_left) / 2"}
         columns["delta_a"] = "time", (columns["delta_a_right"][1] - columns["delta_a_left"][1]) / 2.0, about
-    missing: dict[str, list[Mark]] = {}
-    for mark in found:
-        if mark.kind == "missing":
-            missing.setdefault(mark.channel, []).append(mark)
+    missing: dict[str, list[Flag]] = {}
+    for flag in found:
+        if flag.kind == "missing":
+            missing.setdefault(flag.channel, []).append(flag)
     words = ", ".join(f"{name} {sum(m.samples for m in group)} from {group[0].start:g} s" for name, group in missing.items())
-    about = {**clock.about, "missing": words, "marks": as_text(dict.fromkeys(found))}
+    about = {**clock.about, "missing": words, "flags": as_text(dict.fromkeys(found))}
     return xr.Dataset(columns, {"time": ("time", clock.time, attrs("time"))}, about)

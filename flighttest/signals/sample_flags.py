@@ -1,6 +1,6 @@
-"""Marks: what is wrong with samples and clocks of a record, kept with it and never removed by reading.
+"""Flags: what is wrong with samples and clocks of a record, kept with it and never removed by reading.
 
-Each leaf carries its marks in the attribute ``marks`` (JSON, so that files keep them).  Kinds:
+Each leaf carries its flags in the attribute ``flags`` (JSON, so that files keep them).  Kinds:
 
 ========== ==================================================================================================
 gap        the clock steps by more than three median steps
@@ -39,7 +39,7 @@ SPIKE = 20.0  # typical steps of the channel
 BURST = 4.0  # a spike is so many times larger than every other step near it
 
 
-class Mark(NamedTuple):
+class Flag(NamedTuple):
     """One span of samples: `channel` is empty when the clock of the leaf is meant; times in seconds of the record."""
 
     channel: str
@@ -50,24 +50,24 @@ class Mark(NamedTuple):
     note: str = ""
 
 
-def marks(record: xr.DataTree) -> pd.DataFrame:
-    """Return every mark of a record.
+def flags(record: xr.DataTree) -> pd.DataFrame:
+    """Return every flag of a record.
 
     Returns
     -------
     DataFrame
-        Columns ``leaf channel kind start stop samples note``; times in seconds.  ``channel`` is empty for marks of the clock.
+        Columns ``leaf channel kind start stop samples note``; times in seconds.  ``channel`` is empty for flags of the clock.
     """
     rows = [
-        {"leaf": leaf, **Mark(*row)._asdict()}
+        {"leaf": leaf, **Flag(*row)._asdict()}
         for leaf, node in record.children.items()
-        for row in json.loads(node.attrs.get("marks", "[]"))
+        for row in json.loads(node.attrs.get("flags", "[]"))
     ]
-    return pd.DataFrame(rows, columns=["leaf", *Mark._fields])
+    return pd.DataFrame(rows, columns=["leaf", *Flag._fields])
 
 
-def add_marks(record: xr.DataTree, leaf: str, found: Iterable[Mark]) -> xr.DataTree:
-    """Return the record with more marks on a leaf; equal ones are kept once.
+def add_flags(record: xr.DataTree, leaf: str, found: Iterable[Flag]) -> xr.DataTree:
+    """Return the record with more flags on a leaf; equal ones are kept once.
 
     Raises
     ------
@@ -77,39 +77,39 @@ def add_marks(record: xr.DataTree, leaf: str, found: Iterable[Mark]) -> xr.DataT
     if leaf not in record.children:
         raise UnknownName(leaf, record.children, "leaf")
     found = list(found)
-    for mark in found:
-        if mark.kind not in KINDS:
-            raise UnknownName(mark.kind, KINDS, "kind of mark")
-        if mark.channel and mark.channel not in record.children[leaf].data_vars:
-            raise UnknownName(mark.channel, map(str, record.children[leaf].data_vars), "channel")
-    marked = record.copy()
-    marked[leaf].attrs["marks"] = as_text(dict.fromkeys([*kept(marked[leaf].attrs.get("marks", "[]")), *found]))
-    return marked
+    for flag in found:
+        if flag.kind not in KINDS:
+            raise UnknownName(flag.kind, KINDS, "kind of flag")
+        if flag.channel and flag.channel not in record.children[leaf].data_vars:
+            raise UnknownName(flag.channel, map(str, record.children[leaf].data_vars), "channel")
+    flagged = record.copy()
+    flagged[leaf].attrs["flags"] = as_text(dict.fromkeys([*kept(flagged[leaf].attrs.get("flags", "[]")), *found]))
+    return flagged
 
 
-def kept(text: str) -> list[Mark]:
-    """Return the marks in an attribute; none when it is not ours."""
+def kept(text: str) -> list[Flag]:
+    """Return the flags in an attribute; none when it is not ours."""
     try:
-        return [Mark(*row) for row in json.loads(text)]
+        return [Flag(*row) for row in json.loads(text)]
     except (ValueError, TypeError):
         return []
 
 
-def as_text(found: Iterable[Mark]) -> str:
-    """Return marks as the text of the attribute."""
-    return json.dumps([list(mark) for mark in found])
+def as_text(found: Iterable[Flag]) -> str:
+    """Return flags as the text of the attribute."""
+    return json.dumps([list(flag) for flag in found])
 
 
-def in_words(found: Iterable[Mark]) -> list[str]:
+def in_words(found: Iterable[Flag]) -> list[str]:
     """Return one sentence per channel and kind."""
-    groups: dict[tuple[str, str], list[Mark]] = {}
-    for mark in found:
-        groups.setdefault((mark.channel, mark.kind), []).append(mark)
+    groups: dict[tuple[str, str], list[Flag]] = {}
+    for flag in found:
+        groups.setdefault((flag.channel, flag.kind), []).append(flag)
     return [_sentence(channel, kind, group) for (channel, kind), group in groups.items()]
 
 
-def _sentence(channel: str, kind: str, group: list[Mark]) -> str:
-    total = sum(mark.samples for mark in group)
+def _sentence(channel: str, kind: str, group: list[Flag]) -> str:
+    total = sum(flag.samples for flag in group)
     places = ", ".join(f"{m.start:g} s" + (f" ({m.note})" if m.note else "") for m in group[:5])
     more = f" and {len(group) - 5} more" if len(group) > 5 else ""
     text = {
@@ -126,23 +126,23 @@ def _sentence(channel: str, kind: str, group: list[Mark]) -> str:
     return text[kind]
 
 
-def spans(time: np.ndarray, bad: np.ndarray, channel: str, kind: str, note: str = "") -> list[Mark]:
-    """Return the runs of a mask as marks."""
+def spans(time: np.ndarray, bad: np.ndarray, channel: str, kind: str, note: str = "") -> list[Flag]:
+    """Return the runs of a mask as flags."""
     if not bad.any():
         return []
     edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8)))
     starts, stops = edges[::2], edges[1::2]
     found = [
-        Mark(channel, kind, float(time[a]), float(time[b - 1]), int(b - a), note) for a, b in zip(starts[:MOST], stops[:MOST], strict=True)
+        Flag(channel, kind, float(time[a]), float(time[b - 1]), int(b - a), note) for a, b in zip(starts[:MOST], stops[:MOST], strict=True)
     ]
     if len(starts) > MOST:
         rest = int(bad[starts[MOST - 1] :].sum())
-        found[-1] = Mark(channel, kind, float(time[starts[MOST - 1]]), float(time[stops[-1] - 1]), rest, f"{len(starts) - MOST + 1} spans")
+        found[-1] = Flag(channel, kind, float(time[starts[MOST - 1]]), float(time[stops[-1] - 1]), rest, f"{len(starts) - MOST + 1} spans")
     return found
 
 
-def sample_faults(time: np.ndarray, x: np.ndarray, channel: str, rate: float) -> list[Mark]:
-    """Return the marks of one channel: NaN, held values and spikes.
+def sample_faults(time: np.ndarray, x: np.ndarray, channel: str, rate: float) -> list[Flag]:
+    """Return the flags of one channel: NaN, held values and spikes.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ def _typical(step: np.ndarray) -> float | None:
     return float(np.median(sample)) if len(step) >= HELD_SAMPLES and len(sample) else None
 
 
-def _held(time: np.ndarray, size: np.ndarray, typical: float, channel: str, rate: float) -> list[Mark]:
+def _held(time: np.ndarray, size: np.ndarray, typical: float, channel: str, rate: float) -> list[Flag]:
     needed = max(HELD_SAMPLES - 1, round(HELD_TIME * rate))
     bounds = np.concatenate([[-1], np.flatnonzero(size != 0.0), [len(size)]])
     runs = np.diff(bounds) - 1

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from flightmech.errors import UnknownName
-
 from ..equation_error.model import Model, powers
 
 GLIDE: Mapping[str, tuple[str, ...]] = {  # eq. (24)-(29)
@@ -53,24 +51,4 @@ def models(structure: Mapping[str, tuple[str, ...]], nominal: Mapping[str, float
     for coefficient, terms in structure.items():
         variables = {name for term in terms for name in powers(term)}
         found[coefficient] = Model(coefficient, terms, {name: value for name, value in (nominal or {}).items() if name in variables})
-    return found
-
-
-def two_component(structure: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
-    """Return a spin structure with the two independent rates beside the flight path instead of the three dependent ones.
-
-    ``phat_osc`` and ``rhat_osc`` give way to ``rhat_wind``; ``qhat_osc`` stays.  Nothing that the data can tell is lost: to first
-    order about a nominal state the three are one linear combination of each other, of alpha and of beta.
-
-    Raises
-    ------
-    UnknownName
-        A coefficient without these three rates.
-    """
-    found = {}
-    for coefficient, terms in structure.items():
-        for name in ("phat_osc", "qhat_osc", "rhat_osc"):
-            if name not in terms:
-                raise UnknownName(name, terms, "term", f"{coefficient} does not have the three rates beside the flight path")
-        found[coefficient] = tuple("rhat_wind" if term == "rhat_osc" else term for term in terms if term != "phat_osc")
     return found

@@ -14,6 +14,7 @@ from flightmech.air import impact_pressure
 from flighttest.dynamics.kinematics import EARTH_RADIUS, gravity, rate_matrix, rotation
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the helpers beside the tests
+sys.path.append(str(Path(__file__).parents[2] / "benchmarks"))  # for the studies that tests run in small
 
 RATE = 50.0
 IMU, BOOM = np.array([0.9, 0.25, 0.32]), np.array([4.3, 0.0, 0.15])

@@ -12,7 +12,7 @@ from flightmech.names import lookup
 
 from ...sensors.instruments import Instruments
 from ...signals.conditioning import GAP, is_control
-from ...signals.sample_flags import HELD_SAMPLES, HELD_TIME, Mark, in_words, marks, sample_faults
+from ...signals.sample_flags import HELD_SAMPLES, HELD_TIME, Flag, flags, in_words, sample_faults
 from ..finding import Finding, rows
 
 NOISY = 3.0  # times the noise that the specification gives
@@ -43,14 +43,14 @@ _REMEDY = {
 
 
 def faults_of(record: xr.DataTree) -> pd.DataFrame:
-    """Return the marks of a record, those of its samples found anew, with jumps of the clock as gaps.
+    """Return the flags of a record, those of its samples found anew, with jumps of the clock as gaps.
 
     Returns
     -------
     DataFrame
-        Columns as of `flighttest.marks`.
+        Columns as of `flighttest.flags`.
     """
-    known = marks(record)
+    known = flags(record)
     table: list[dict] = [dict(row) for _, row in known[known["kind"].isin(_TIMES | {"outside"})].iterrows()]
     for leaf, node in record.children.items():
         data = node.to_dataset()
@@ -58,17 +58,17 @@ def faults_of(record: xr.DataTree) -> pd.DataFrame:
         step = np.diff(time)
         if not (known["leaf"].eq(leaf) & known["kind"].eq("gap")).any():
             wide = np.flatnonzero(step > GAP * np.median(step))
-            gaps = [Mark("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in wide]
-            table += [{"leaf": leaf, **mark._asdict()} for mark in gaps]
+            gaps = [Flag("", "gap", float(time[i]), float(time[i + 1]), 0, f"{step[i]:.3g} s") for i in wide]
+            table += [{"leaf": leaf, **flag._asdict()} for flag in gaps]
         for name in map(str, data.data_vars):
             x, rate = data[name].values.astype(float), float(data.attrs["rate"])
             found = sample_faults(time, x, name, rate)
-            frozen = [mark for mark in _frozen(time, x, name, rate) if not any(_overlap(mark, other) for other in found)]
-            table += [{"leaf": leaf, **mark._asdict()} for mark in [*found, *frozen]]
+            frozen = [flag for flag in _frozen(time, x, name, rate) if not any(_overlap(flag, other) for other in found)]
+            table += [{"leaf": leaf, **flag._asdict()} for flag in [*found, *frozen]]
     return pd.DataFrame(table, columns=known.columns)
 
 
-def _frozen(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> list[Mark]:
+def _frozen(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> list[Flag]:
     """Return the runs of equal samples in a channel whose noise never lets it rest; its ends of range are another matter."""
     size = np.abs(np.diff(x))
     typical = float(np.median(size[size > 0.0])) if (size > 0.0).any() else np.inf
@@ -77,7 +77,7 @@ def _frozen(time: np.ndarray, x: np.ndarray, name: str, rate: float) -> list[Mar
     still = np.concatenate([[False], size == 0.0]) & (x != np.nanmax(x)) & (x != np.nanmin(x))
     needed = max(HELD_SAMPLES, HELD_TIME * rate)
     return [
-        Mark(name, "held", float(time[a - 1]), float(time[b - 1]), b - a + 1)
+        Flag(name, "held", float(time[a - 1]), float(time[b - 1]), b - a + 1)
         for a, b in _runs(still)
         if b - a >= needed and _lively(size, a, b, typical)
     ]
@@ -96,15 +96,15 @@ def _lively(size: np.ndarray, start: int, stop: int, typical: float) -> bool:
     )
 
 
-def _overlap(one: Mark, other: Mark) -> bool:
+def _overlap(one: Flag, other: Flag) -> bool:
     return other.kind == one.kind and other.start <= one.stop and one.start <= other.stop
 
 
-def mark_findings(faults: pd.DataFrame) -> list[Finding]:
-    """Return one finding for each channel (or clock) and kind of mark."""
+def flag_findings(faults: pd.DataFrame) -> list[Finding]:
+    """Return one finding for each channel (or clock) and kind of flag."""
     found = []
     for (leaf, channel, kind), group in faults.groupby(["leaf", "channel", "kind"], sort=False):
-        listed = [Mark(*row) for row in group.drop(columns="leaf").itertuples(index=False)]
+        listed = [Flag(*row) for row in group.drop(columns="leaf").itertuples(index=False)]
         text = f"{leaf}: {' '.join(in_words(listed))}"
         severity = "note" if kind == "duplicate" else "warning"
         span = float(group["start"].min()), float(group["stop"].max())
@@ -144,7 +144,7 @@ def channel_table(record: xr.DataTree) -> pd.DataFrame:
 
 
 def channel_findings(record: xr.DataTree, table: pd.DataFrame, specification: Instruments | None) -> list[Finding]:
-    """Return what is wrong with single channels beyond their marks."""
+    """Return what is wrong with single channels beyond their flags."""
     found: list[Finding] = []
     for row in rows(table):
         data = record[row.leaf].to_dataset()

@@ -68,15 +68,15 @@ class Signals:
         return replace(self, values={**self.values, **changed})
 
 
-def signals_of(record: xr.DataTree, marks: pd.DataFrame) -> Signals:
+def signals_of(record: xr.DataTree, flags: pd.DataFrame) -> Signals:
     """Return the channels of a record on one clock.
 
     Parameters
     ----------
     record : DataTree
         Flight record.
-    marks : DataFrame
-        Faults of samples: ``leaf channel kind start stop``, see `flighttest.marks`.
+    flags : DataFrame
+        Faults of samples: ``leaf channel kind start stop``, see `flighttest.flags`.
 
     Raises
     ------
@@ -93,7 +93,7 @@ def signals_of(record: xr.DataTree, marks: pd.DataFrame) -> Signals:
     values, good = {}, {}
     for name, leaf in home.items():
         node = record[leaf].to_dataset()
-        spans = marks[(marks["leaf"] == leaf) & marks["channel"].isin(["", name]) & (marks["kind"] != "duplicate")]
+        spans = flags[(flags["leaf"] == leaf) & flags["channel"].isin(["", name]) & (flags["kind"] != "duplicate")]
         values[name], good[name] = _on_clock(
             node["time"].values, node[name].values.astype(float), name, float(node.attrs["rate"]), time, spans
         )

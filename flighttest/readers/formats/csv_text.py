@@ -42,11 +42,11 @@ def read(path: Path, names: NameMap) -> Recording:
         With the line: a cell that is no number, a line with other cells than the heading, or no heading.
     """
     raw = _bytes(path)
-    heads, units, begin, mark = _heading(raw, path)
-    texts = _text_columns(raw, begin, heads, mark)
-    columns = _parsed(raw, begin, heads, texts, mark)
+    heads, units, begin, separator = _heading(raw, path)
+    texts = _text_columns(raw, begin, heads, separator)
+    columns = _parsed(raw, begin, heads, texts, separator)
     if columns is None:
-        _find_fault(raw, begin, heads, texts, mark, path)
+        _find_fault(raw, begin, heads, texts, separator, path)
         raise ParseError(str(path), 0, "lines that do not fit the heading", f"{len(heads)} numbers in every line")
     facts: dict[str, Any] = {"title": path.name.split(".")[0]}
     for name, values in columns.items():
@@ -86,10 +86,10 @@ def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, st
     top = next(lines, None)
     if top is None:
         raise ParseError(str(path), 0, "no line with content", "comma-separated columns under one line of names")
-    mark = max(",;\t", key=top[3].count)
-    if not top[3].count(mark):
-        mark = " " if " " in top[3] else ","
-    cells = _cells(top[3], mark)
+    separator = max(",;\t", key=top[3].count)
+    if not top[3].count(separator):
+        separator = " " if " " in top[3] else ","
+    cells = _cells(top[3], separator)
     if "�" in top[3]:
         raise ParseError(str(path), top[0], "bytes that are not UTF-8", "comma-separated columns under one line of names")
     if all(_number(cell) for cell in cells):
@@ -105,11 +105,11 @@ def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, st
         raise ParseError(str(path), top[0], f"two columns called {twice!r}", "a name of its own for every column")
     begin, second = top[2], next(lines, None)
     if second is not None:
-        row = _cells(second[3], mark)
+        row = _cells(second[3], separator)
         if len(row) == len(heads) and _are_units(row):
             units.update(zip(heads, row, strict=True))
             begin = second[2]
-    return heads, units, begin, mark
+    return heads, units, begin, separator
 
 
 def _are_units(row: list[str]) -> bool:
@@ -118,22 +118,22 @@ def _are_units(row: list[str]) -> bool:
     return all(cell == "1" for cell in numbers) and any(cell and cell not in numbers for cell in row)
 
 
-def _cells(text: str, mark: str) -> list[str]:
-    if mark == " ":
+def _cells(text: str, separator: str) -> list[str]:
+    if separator == " ":
         return text.split()
-    return [cell.strip() for cell in next(csv.reader([text], delimiter=mark, skipinitialspace=True))]
+    return [cell.strip() for cell in next(csv.reader([text], delimiter=separator, skipinitialspace=True))]
 
 
-def _text_columns(raw: bytes, begin: int, heads: list[str], mark: str) -> set[str]:
+def _text_columns(raw: bytes, begin: int, heads: list[str], separator: str) -> set[str]:
     """Return the columns whose first cell is a time of day or a date."""
     line = next(_lines(raw, begin), None)
     if line is None:
         return set()
-    row = _cells(line[3], mark)
+    row = _cells(line[3], separator)
     return {head for head, cell in zip(heads, row, strict=False) if _DAY_TIME.match(cell) or _ISO.match(cell)}
 
 
-def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], mark: str) -> dict[str, Any] | None:
+def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], separator: str) -> dict[str, Any] | None:
     """Return the columns, or None when a cell or a line does not fit; large files are parsed in several threads."""
     parts = max(1, min(os.cpu_count() or 1, 8, (len(raw) - begin) // _CHUNK))
     cuts = [begin]
@@ -144,7 +144,7 @@ def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], mark: str
     if not spans:
         return {head: np.zeros(0) for head in heads}
     with ThreadPoolExecutor(len(spans)) as pool:
-        frames = list(pool.map(lambda span: _frame(raw[span[0] : span[1]], heads, texts, mark), spans))
+        frames = list(pool.map(lambda span: _frame(raw[span[0] : span[1]], heads, texts, separator), spans))
     if any(frame is None for frame in frames):
         return None
     if len(frames) == 1:
@@ -152,16 +152,16 @@ def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], mark: str
     return {head: np.concatenate([frame[head].to_numpy() for frame in frames]) for head in heads}
 
 
-def _frame(piece: bytes, heads: list[str], texts: set[str], mark: str):
+def _frame(piece: bytes, heads: list[str], texts: set[str], separator: str):
     import pandas as pd
 
     kinds: Any = {head: str if head in texts else np.float64 for head in heads}
     try:
         frame = pd.read_csv(
             io.BytesIO(piece),
-            sep=r"\s+" if mark == " " else mark,
+            sep=r"\s+" if separator == " " else separator,
             comment="#" if b"#" in piece else None,
-            skipinitialspace=mark != " " and f"{mark} ".encode() in piece,
+            skipinitialspace=separator != " " and f"{separator} ".encode() in piece,
             names=heads,
             header=None,
             dtype=kinds,
@@ -170,14 +170,16 @@ def _frame(piece: bytes, heads: list[str], texts: set[str], mark: str):
         )
     except (ValueError, IndexError, pd.errors.ParserError):
         return None
-    ragged = mark != " " and b'"' not in piece and b"#" not in piece and piece.count(mark.encode()) != len(frame) * (len(heads) - 1)
+    ragged = (
+        separator != " " and b'"' not in piece and b"#" not in piece and piece.count(separator.encode()) != len(frame) * (len(heads) - 1)
+    )
     return None if ragged or any(frame[head].isna().any() for head in texts) else frame
 
 
-def _find_fault(raw: bytes, begin: int, heads: list[str], texts: set[str], mark: str, path: Path) -> None:
+def _find_fault(raw: bytes, begin: int, heads: list[str], texts: set[str], separator: str, path: Path) -> None:
     """Raise for the first line that does not fit."""
     for number, _, _, text in _lines(raw, begin, raw.count(b"\n", 0, begin) + 1):
-        row = _cells(text.split("#")[0], mark)
+        row = _cells(text.split("#")[0], separator)
         if len(row) != len(heads):
             expected = f"{len(heads)} cells, as the line of names has; delete a last line that was cut off"
             raise ParseError(str(path), number, f"{len(row)} cells", expected)

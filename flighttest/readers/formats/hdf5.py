@@ -43,8 +43,8 @@ def read(path: Path, names: NameMap) -> Recording:
 def _group(group, file, path: str, facts: dict[str, Any], depth: int) -> Group:
     import h5py
 
-    text = _plain(group.attrs.get("marks", ""))
-    found = Group(marks=text if isinstance(text, str) else "")
+    text = _plain(group.attrs.get("flags", group.attrs.get("marks", "")))  # marks: former name of the attribute
+    found = Group(flags=text if isinstance(text, str) else "")
     if depth > _DEPTH:
         raise ParseError(path, 0, f"groups inside each other more than {_DEPTH} deep", "a recording")
     for name in group:

@@ -42,11 +42,11 @@ class Array:
 
 @dataclass
 class Group:
-    """Arrays and groups by name, and the marks that a record of the house carries."""
+    """Arrays and groups by name, and the flags that a record of the house carries."""
 
     arrays: dict[str, Array] = field(default_factory=dict)
     groups: dict[str, Group] = field(default_factory=dict)
-    marks: str = ""
+    flags: str = ""
 
 
 def tables(root: Group, names: NameMap) -> dict[str, Table]:
@@ -54,7 +54,7 @@ def tables(root: Group, names: NameMap) -> dict[str, Table]:
     found: dict[str, Table] = {}
     left = _collect(root, "", names, found)
     if left:
-        found = {ROOT: _table(left, ROOT, names, root.marks), **found}
+        found = {ROOT: _table(left, ROOT, names, root.flags), **found}
     return found
 
 
@@ -66,7 +66,7 @@ def _collect(group: Group, place: str, names: NameMap, found: dict[str, Table]) 
         for key, array in _collect(inner, path, names, found).items():
             arrays[f"{name}.{key}"] = array
     if place and (_clock_name(arrays, place, names) is not None or names.clock_of(place).rate is not None):
-        found[place] = _table(arrays, place, names, group.marks)
+        found[place] = _table(arrays, place, names, group.flags)
         return {}
     return arrays
 
@@ -77,7 +77,7 @@ def _clock_name(arrays: Mapping[str, Array], place: str, names: NameMap) -> str 
     return next((name for name in choice if name in arrays and arrays[name].size > 1), None)
 
 
-def _table(arrays: Mapping[str, Array], place: str, names: NameMap, marks: str) -> Table:
+def _table(arrays: Mapping[str, Array], place: str, names: NameMap, flags: str) -> Table:
     clock = _clock_name(arrays, place, names)
     longest = Counter(max(array.shape) for array in arrays.values() if array.size > 1)
     length = arrays[clock].size if clock else longest.most_common(1)[0][0] if longest else 1
@@ -88,7 +88,7 @@ def _table(arrays: Mapping[str, Array], place: str, names: NameMap, marks: str) 
             loaders[column] = partial(_taken, array, take)
             if array.unit:
                 units[column] = array.unit
-    return Table(Columns(loaders), units, marks=marks)
+    return Table(Columns(loaders), units, flags=flags)
 
 
 def _taken(array: Array, take: Callable[[Any], np.ndarray]) -> np.ndarray:

@@ -8,7 +8,7 @@ from flighttest.readers.stamps import settled
 
 
 def kinds(found):
-    return [mark.kind for mark in found.marks]
+    return [flag.kind for flag in found.flags]
 
 
 @pytest.mark.parametrize(
@@ -21,7 +21,7 @@ def test_counters_that_wrap_are_unrolled(step, scale, period):
     found = settled(np.mod(true, period), Clock(), scale, "x")
     np.testing.assert_allclose(found.time, true * scale, rtol=1e-12)
     assert kinds(found) == ["wrap"]
-    assert found.marks[0].note == f"period {period * scale:g} s"
+    assert found.flags[0].note == f"period {period * scale:g} s"
 
 
 def test_stated_period_of_a_counter():
@@ -38,7 +38,7 @@ def test_stray_stamps_are_dropped_and_marked():
     np.testing.assert_array_equal(found.keep, np.delete(np.arange(100), [30, 60, 80]))
     np.testing.assert_array_equal(found.time, np.delete(time, [30, 60, 80]))
     assert kinds(found) == ["stray"]
-    assert found.marks[0].samples == 3
+    assert found.flags[0].samples == 3
 
 
 def test_clock_set_back_is_refused_unless_the_map_allows_it():
@@ -47,7 +47,7 @@ def test_clock_set_back_is_refused_unless_the_map_allows_it():
         settled(raw, Clock(), 1.0, "x")
     found = settled(raw, Clock(reset=True), 1.0, "x")
     np.testing.assert_allclose(found.time, 10.0 + 0.1 * np.arange(100))
-    assert (kinds(found), found.marks[0].note) == (["reset"], "by 12.9 s")
+    assert (kinds(found), found.flags[0].note) == (["reset"], "by 12.9 s")
 
 
 def test_stamps_too_coarse_for_their_samples():
@@ -69,7 +69,7 @@ def test_offset_and_drift():
 def test_gaps_are_marked_on_the_clock_of_the_record():
     raw = np.concatenate([np.arange(10), 20 + np.arange(10)]) * 0.1
     found = settled(raw, Clock(offset=5.0), 1.0, "x")
-    assert [(m.kind, m.start, m.stop) for m in found.marks] == [("gap", pytest.approx(5.9), pytest.approx(7.0))]
+    assert [(m.kind, m.start, m.stop) for m in found.flags] == [("gap", pytest.approx(5.9), pytest.approx(7.0))]
 
 
 def test_clock_of_one_table(tmp_path):
@@ -122,7 +122,7 @@ def test_records_of_two_recorders_on_one_clock(tmp_path):
     both = flighttest.merge(records)
     assert list(both.children) == ["air", "air_2"]
     np.testing.assert_allclose(both["air_2/time"].values, [2.5, 3.5, 7.5, 8.5, 9.5])
-    gaps = flighttest.marks(both).query("kind == 'gap'").set_index("leaf")["start"]
+    gaps = flighttest.flags(both).query("kind == 'gap'").set_index("leaf")["start"]
     assert gaps.to_dict() == {"air": 1.0, "air_2": 3.5}
     shifted = flighttest.merge(records, offsets=[-1.0])
     np.testing.assert_allclose(shifted["air_2/time"].values[0], -1.0)

@@ -43,7 +43,7 @@ def test_times_of_day_run_over_midnight(tmp_path):
     record = flighttest.read(file, names)
     np.testing.assert_allclose(np.diff(record["air/time"].values), 0.1, atol=1e-9)
     assert record["air/time"].values[0] == pytest.approx(86399.8)
-    assert list(flighttest.marks(record)["kind"]) == ["wrap"]
+    assert list(flighttest.flags(record)["kind"]) == ["wrap"]
 
 
 def test_day_of_the_year_before_the_time(tmp_path):

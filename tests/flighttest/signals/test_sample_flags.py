@@ -4,7 +4,7 @@ import xarray as xr
 
 import flighttest
 from flightmech.errors import UnknownName
-from flighttest.signals.sample_flags import Mark, sample_faults
+from flighttest.signals.sample_flags import Flag, sample_faults
 
 RATE = 50.0
 
@@ -71,10 +71,10 @@ def test_missing_samples_are_runs():
 def test_many_spans_end_in_one_for_the_rest():
     time, x = noisy()
     x[::100] = np.nan
-    marks = sample_faults(time, x, "q", RATE)
-    assert len(marks) == 20
-    assert sum(mark.samples for mark in marks) == 60
-    assert marks[-1].note == "41 spans"
+    flags = sample_faults(time, x, "q", RATE)
+    assert len(flags) == 20
+    assert sum(flag.samples for flag in flags) == 60
+    assert flags[-1].note == "41 spans"
 
 
 def record(tmp_path):
@@ -86,7 +86,7 @@ def record(tmp_path):
 
 
 def test_marks_and_faults_of_a_record(tmp_path):
-    rows = flighttest.marks(record(tmp_path))
+    rows = flighttest.flags(record(tmp_path))
     assert list(rows.columns) == ["leaf", "channel", "kind", "start", "stop", "samples", "note"]
     assert rows.iloc[0].tolist()[:6] == ["imu", "q", "spike", 20.0, 20.0, 1]
     assert flighttest.faults(record(tmp_path)) == ["imu: spikes: q 1 at 20 s"]
@@ -94,16 +94,16 @@ def test_marks_and_faults_of_a_record(tmp_path):
 
 def test_marks_of_others_are_added_once_and_stay_in_the_file(tmp_path):
     flown = record(tmp_path)
-    more = [Mark("q", "held", 30.0, 31.0, 50, "by hand")]
-    flown = flighttest.add_marks(flighttest.add_marks(flown, "imu", more), "imu", more)
+    more = [Flag("q", "held", 30.0, 31.0, 50, "by hand")]
+    flown = flighttest.add_flags(flighttest.add_flags(flown, "imu", more), "imu", more)
     flighttest.save_record(flown, tmp_path / "g.nc")
     again = flighttest.read(tmp_path / "g.nc")
-    assert flighttest.marks(again)["kind"].tolist() == ["spike", "held"]
+    assert flighttest.flags(again)["kind"].tolist() == ["spike", "held"]
     assert "held: q at 30 s (by hand)" in flighttest.faults(again)[1]
-    with pytest.raises(UnknownName, match="kind of mark 'heldd'; near it: held"):
-        flighttest.add_marks(flown, "imu", [Mark("q", "heldd", 0, 0, 1)])
+    with pytest.raises(UnknownName, match="kind of flag 'heldd'; near it: held"):
+        flighttest.add_flags(flown, "imu", [Flag("q", "heldd", 0, 0, 1)])
     with pytest.raises(UnknownName, match="unknown channel 'qq'"):
-        flighttest.add_marks(flown, "imu", [Mark("qq", "held", 0, 0, 1)])
+        flighttest.add_flags(flown, "imu", [Flag("qq", "held", 0, 0, 1)])
 
 
 @pytest.mark.parametrize("name", ["psi", "phi", "lon"])

@@ -118,14 +118,16 @@ def test_structures_have_the_published_terms():
 
 
 def test_two_components_instead_of_three(cz150):
-    shorter = structure.two_component(structure.SPIN)
+    from spin_campaign import two_component
+
+    shorter = two_component(structure.SPIN)
     assert all(len(shorter[c]) == len(structure.SPIN[c]) - 1 for c in shorter)
     built = structure.models(shorter, nominal_variables(NOMINAL, cz150))
     assert built["Cm"].reference["rhat_wind"] == pytest.approx(
         wind_axis_rates(*(NOMINAL[name] for name in ("p", "q", "r", "alpha", "beta"))).r_wind * cz150.b / (2.0 * NOMINAL["V"])
     )
     with pytest.raises(UnknownName, match="does not have the three rates"):
-        structure.two_component(structure.GLIDE)
+        two_component(structure.GLIDE)
 
 
 HOUSE = {
@@ -270,7 +272,7 @@ def test_faulty_files_of_polynomials(tmp_path):
 
 
 def test_a_median_needs_three_runs():
-    from flighttest.spin.campaign import joined
+    from spin_campaign import joined
 
     with pytest.raises(IdentificationError, match="2 runs"):
         joined([{}, {}], {}, {})

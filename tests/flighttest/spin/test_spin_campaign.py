@@ -1,16 +1,14 @@
 """A spin flown, recorded, reconstructed in turned axes and identified; the whole study is benchmarks/spin_study.py."""
 
-import importlib.util
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from spin_campaign import fit_run, fly_and_record, joined, measured_variables, predictions
+from spin_recording import draw_errors
 
 import flightmech
 import flighttest
-from flighttest.spin.campaign import fit_run, fly_and_record, joined, measured_variables, predictions
-from flighttest.spin.recording import draw_errors
 from flighttest.spin.steep_reconstruction import reconstruct_steep
 from flighttest.uncertainty.goodness_of_fit import theil
 
@@ -21,10 +19,9 @@ NO_ERRORS = {"delay.gps": 0.0, "delay.air_data": 0.0}
 
 @pytest.fixture(scope="module")
 def study():
-    spec = importlib.util.spec_from_file_location("spin_study", ROOT / "benchmarks" / "spin_study.py")
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)  # dataclasses look themselves up there
-    spec.loader.exec_module(module)
-    return module
+    import spin_study
+
+    return spin_study
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +108,7 @@ def test_a_spin_is_recovered_within_the_published_bounds(study, spin, cz150):
     apart = (found.table["median"] - found.table["flown"]).abs() / found.table["sigma"]
     assert apart.max() < 0.7
     assert "76 of 76 terms within two sigma" in found.report()
-    # "nearly cancelling pairs" of seed-numbers.md: alpha_dot and q_osc are hardly told apart, and the fit says so
+    # "nearly cancelling pairs" of seed-numbers.md: alpha_dot and q_osc are hardly distinguishable, and the fit says so
     assert found.table.loc[("CZ", "alphadothat"), "vif"] > 100.0
     fresh = study.run_data(spin, cz150, errors, [2, 1000], which=1)
     predicted = predictions(fresh, found.models(spin.models))

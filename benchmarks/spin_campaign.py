@@ -16,19 +16,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
+from spin_recording import as_recorded
 
-from flightmech.errors import IdentificationError
-
-from ..combining.pooling import pool
-from ..dynamics.force_coefficients import between, coefficients
-from ..equation_error.fit import Fit
-from ..equation_error.model import Model
-from ..equation_error.time_domain import regress
-from ..reconstruction.smoother import reconstruct
-from .decomposition import spin_variables
-from .recording import as_recorded
-from .steep_reconstruction import reconstruct_steep
-from .tables import Polynomial
+from flightmech.errors import IdentificationError, UnknownName
+from flighttest.combining.pooling import pool
+from flighttest.dynamics.force_coefficients import between, coefficients
+from flighttest.equation_error.fit import Fit
+from flighttest.equation_error.model import Model
+from flighttest.equation_error.time_domain import regress
+from flighttest.reconstruction.smoother import reconstruct
+from flighttest.spin.decomposition import spin_variables
+from flighttest.spin.steep_reconstruction import reconstruct_steep
+from flighttest.spin.tables import Polynomial
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -215,3 +214,23 @@ def joined(runs: Sequence[Mapping[str, Fit]], published: Mapping[str, Polynomial
             }
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis(["coefficient", "term"])
     return Recovery(table, len(runs))
+
+
+def two_component(structure: Mapping[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+    """Return a spin structure with the two independent rates normal to the flight path instead of the three dependent ones.
+
+    ``phat_osc`` and ``rhat_osc`` are replaced by ``rhat_wind``; ``qhat_osc`` stays.  Nothing identifiable is lost: to first
+    order about a nominal state the three are one linear combination of each other, of alpha and of beta.
+
+    Raises
+    ------
+    UnknownName
+        A coefficient without these three rates.
+    """
+    found = {}
+    for coefficient, terms in structure.items():
+        for name in ("phat_osc", "qhat_osc", "rhat_osc"):
+            if name not in terms:
+                raise UnknownName(name, terms, "term", f"{coefficient} does not have the three rates normal to the flight path")
+        found[coefficient] = tuple("rhat_wind" if term == "rhat_osc" else term for term in terms if term != "phat_osc")
+    return found

@@ -12,8 +12,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.air import impact_pressure
-
-from ..sensors.instruments import IMU, Instrument, instruments
+from flighttest.sensors.instruments import IMU, Instrument, instruments
 
 if TYPE_CHECKING:
     from flightmech import Aircraft
