@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import xarray as xr
 
+from ..xml_reader import MAX_DEPTH, Element
 from .products import KNOWN, LENGTHS, NOT_COMPUTED, Product, Sum, Unfit, combine, length, magnitude, times
 from .properties import MAGNITUDE, NORMALISED, PROPERTY, Power, throttle, thrust, unit
 from .table_reading import read_table
-from .xml_reader import Element
 
 _MOST_ENGINES = 8
 _ENGINES = {
@@ -46,6 +46,7 @@ class Functions:
         self.named, self.sizes, self.travel, self.constants = named, sizes, travel, constants
         self.known: dict[str, Sum] = {}
         self.entered: list[str] = []
+        self.depth = 0
 
     def products(self, function: Element) -> Sum:
         """Return the value of a ``<function>``.
@@ -59,10 +60,20 @@ class Functions:
         """
         parts = _operands(function)
         if len(parts) != 1:
-            raise function.fault(f"a function of {len(parts)} values", "one value, table or operation; put them into a <product> or <sum>")
+            raise function.error(f"a function of {len(parts)} values", "one value, table or operation; put them into a <product> or <sum>")
         return self._expand(parts[0])
 
     def _expand(self, element: Element) -> Sum:
+        """Return the value of an element; nested elements and functions used by their names count together against the limit."""
+        if self.depth >= MAX_DEPTH:
+            raise element.error(f"operations nested more than {MAX_DEPTH} deep", "a flatter function; divide it, or use tables")
+        self.depth += 1
+        try:
+            return self._value(element)
+        finally:
+            self.depth -= 1
+
+    def _value(self, element: Element) -> Sum:
         tag = element.tag
         if tag in ("value", "v"):
             return [Product(element.number)]
@@ -74,11 +85,11 @@ class Functions:
             return [Product(math.pi)]
         parts = _operands(element)
         if tag not in (*KNOWN, "interpolate1d"):
-            raise element.fault(f"<{tag}> in a function", "an operation of JSBSim, such as <product>, <sum> or <table>")
+            raise element.error(f"<{tag}> in a function", "an operation of JSBSim, such as <product>, <sum> or <table>")
         if tag == "interpolate1d":
             return self._interpolated(element, parts)
         if not parts and tag not in NOT_COMPUTED:
-            raise element.fault(f"<{tag}> without anything in it", "what it works on")
+            raise element.error(f"<{tag}> without anything in it", "what it works on")
         return combine(tag, [self._expand(part) for part in parts], self.sizes)
 
     def _property(self, name: str) -> Sum:
@@ -118,9 +129,9 @@ class Functions:
         """Return a function that is used by its name, its tables marked as shared."""
         if name not in self.known:
             if len(self.entered) > _DEEPEST:
-                raise self.named[name].fault("functions that use each other", f"at most {_DEEPEST} of them in a row")
+                raise self.named[name].error("functions that use each other", f"at most {_DEEPEST} of them in a row")
             if name in self.entered:
-                raise self.named[name].fault(f"the function {name}, which uses itself", "functions that do not go round in a circle")
+                raise self.named[name].error(f"the function {name}, which uses itself", "functions that do not go round in a circle")
             self.entered.append(name)
             try:
                 found = self.products(self.named[name])
@@ -159,10 +170,10 @@ class Functions:
     def _interpolated(self, element: Element, parts: Sequence[Element]) -> Sum:
         """Return ``<interpolate1d>`` over tables of the same axes as one table with an axis more."""
         if len(parts) < 5 or len(parts) % 2 == 0 or parts[0].tag not in ("property", "p"):
-            raise element.fault(f"<interpolate1d> of {len(parts)} values", "a property, then at least two pairs of a number and a value")
+            raise element.error(f"<interpolate1d> of {len(parts)} values", "a property, then at least two pairs of a number and a value")
         points = np.array([part.number for part in parts[1::2]])
         if (np.diff(points) <= 0).any():
-            raise element.fault("points of <interpolate1d> that do not rise", "points in rising order")
+            raise element.error("points of <interpolate1d> that do not rise", "points in rising order")
         tables = [_tabulated(self._expand(part)) for part in parts[2::2]]
         if any(table.dims != tables[0].dims or not all(table[d].equals(tables[0][d]) for d in table.dims) for table in tables[1:]):
             raise Unfit("<interpolate1d> between tables of different axes")

@@ -19,12 +19,12 @@ from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import FOOT, INCH
 
 from ...store.schema import HINGE, database
+from ..xml_reader import Element, parse
 from .functions import Functions
 from .products import Unfit, times
 from .properties import COEFFICIENT
 from .sampling import sampled
 from .terms import leaf
-from .xml_reader import Element, parse
 
 _LENGTH = {"FT": FOOT, "M": 1.0, "IN": INCH}
 _AREA = {"FT2": FOOT**2, "M2": 1.0}
@@ -103,7 +103,7 @@ def import_jsbsim(
     """
     root = parse(Path(path))
     if root.tag != "fdm_config":
-        raise root.fault(f"<{root.tag}>", "an aircraft file of JSBSim, <fdm_config>")
+        raise root.error(f"<{root.tag}>", "an aircraft file of JSBSim, <fdm_config>")
     metrics, aerodynamics = (_section(root, tag) for tag in ("metrics", "aerodynamics"))
     sizes = _sizes(metrics)
     force_axes, axes = _axes(aerodynamics)
@@ -164,20 +164,20 @@ def _axes(aerodynamics: Element) -> tuple[str, list[_Axis]]:
     names = {element.attributes.get("name", "") for element in elements}
     for element in elements:
         if element.attributes.get("unit", "LBS") not in ("LBS", "LBSFT"):
-            raise element.fault(f"unit {element.attributes['unit']!r}", "forces in LBS and moments in LBSFT, as JSBSim takes them")
+            raise element.error(f"unit {element.attributes['unit']!r}", "forces in LBS and moments in LBSFT, as JSBSim takes them")
         frame, axis = _axis(element, names)
         if axis.coefficient in {other.coefficient for other in found}:
-            raise element.fault(f"a second axis {element.attributes['name']}", "each axis once; JSBSim keeps the last one only, join them")
+            raise element.error(f"a second axis {element.attributes['name']}", "each axis once; JSBSim keeps the last one only, join them")
         found.append(axis)
         if frame:
             frames.setdefault(frame, element)
     if len(frames) > 1:
-        raise list(frames.values())[1].fault(
+        raise list(frames.values())[1].error(
             f"force axes {' and '.join(frames)}", "one set: DRAG SIDE LIFT, AXIAL SIDE NORMAL or X Y Z in one frame"
         )
     for element in aerodynamics.children:
         if element.tag == "aero_ref_pt_shift_x":
-            raise element.fault("<aero_ref_pt_shift_x>", "a fixed moment reference; the house has no term for one that moves")
+            raise element.error("<aero_ref_pt_shift_x>", "a fixed moment reference; the house has no term for one that moves")
     return next(iter(frames), "wind"), [*found, *_hinges(aerodynamics)]
 
 
@@ -187,10 +187,10 @@ def _axis(element: Element, names: set[str]) -> tuple[str, _Axis]:
     functions = element.all("function")
     for function in functions:
         if function.attributes.get("apply_at_cg") == "true":
-            raise function.fault('apply_at_cg="true"', "forces at the moment reference; the house moves all of them to the c.g.")
+            raise function.error('apply_at_cg="true"', "forces at the moment reference; the house moves all of them to the c.g.")
     if name in _MOMENTS:
         if frame not in ("", "BODY"):
-            raise element.fault(f"moments in the frame {frame}", "moments in body axes; turn them, which changes the tables with alpha")
+            raise element.error(f"moments in the frame {frame}", "moments in body axes; turn them, which changes the tables with alpha")
         coefficient, span = _MOMENTS[name]
         return "", _Axis(coefficient, 1.0, {"qbar": 1, "S": 1, span: 1}, functions)
     if name == "SIDE":
@@ -198,7 +198,7 @@ def _axis(element: Element, names: set[str]) -> tuple[str, _Axis]:
         return side, _Axis("CY", 1.0, {"qbar": 1, "S": 1}, functions)
     if (name, frame) not in _FRAMES:
         allowed = "DRAG SIDE LIFT, AXIAL SIDE NORMAL, X Y Z (frame BODY, STABILITY or WIND), ROLL PITCH YAW"
-        raise element.fault(f"axis {name!r} {frame}".rstrip(), allowed)
+        raise element.error(f"axis {name!r} {frame}".rstrip(), allowed)
     axes, coefficient, sign = _FRAMES[name, frame]
     return axes, _Axis(coefficient, sign, {"qbar": 1, "S": 1}, functions)
 
@@ -215,7 +215,7 @@ def _section(root: Element, tag: str) -> Element:
     """Return a section, from its own file beside the aircraft file where it says so."""
     element = root.first(tag)
     if element is None:
-        raise root.fault(f"no <{tag}>", f"an aircraft file with <{tag}>")
+        raise root.error(f"no <{tag}>", f"an aircraft file with <{tag}>")
     name = element.attributes.get("file", "")
     if not name:
         return element
@@ -224,9 +224,9 @@ def _section(root: Element, tag: str) -> Element:
         if candidate.is_file() and candidate.resolve().is_relative_to(folder):
             found = parse(candidate)
             if found.tag != tag:
-                raise found.fault(f"<{found.tag}>", f"<{tag}>, which {Path(root.file).name} asks for in line {element.line}")
+                raise found.error(f"<{found.tag}>", f"<{tag}>, which {Path(root.file).name} asks for in line {element.line}")
             return found
-    raise element.fault(f"file {name!r}", f"a file in the folder of {Path(root.file).name}; put it there")
+    raise element.error(f"file {name!r}", f"a file in the folder of {Path(root.file).name}; put it there")
 
 
 def _sizes(metrics: Element) -> dict[str, float]:
@@ -250,16 +250,16 @@ def _tail(metrics: Element) -> dict[str, float]:
 def _measure(parent: Element, tag: str, default: str, units: Mapping[str, float]) -> float:
     element = parent.first(tag)
     if element is None:
-        raise parent.fault(f"<{parent.tag}> without <{tag}>", f"<{tag}> with a unit, {' or '.join(units)}")
+        raise parent.error(f"<{parent.tag}> without <{tag}>", f"<{tag}> with a unit, {' or '.join(units)}")
     if element.number <= 0.0:
-        raise element.fault(f"<{tag}> {element.number:g}", "a positive number")
+        raise element.error(f"<{tag}> {element.number:g}", "a positive number")
     return element.number * _unit(element, default, units)
 
 
 def _unit(element: Element, default: str, units: Mapping[str, float]) -> float:
     name = element.attributes.get("unit", default)
     if name not in units:
-        raise element.fault(f"unit {name!r} of <{element.tag}>", f"one of {', '.join(units)}")
+        raise element.error(f"unit {name!r} of <{element.tag}>", f"one of {', '.join(units)}")
     return units[name]
 
 
@@ -272,10 +272,10 @@ def _reference(metrics: Element) -> dict[str, float]:
             for axis, sign in zip("xyz", (-1.0, 1.0, -1.0)):
                 element = location.first(axis)
                 if element is None:
-                    raise location.fault(f"AERORP without <{axis}>", "x, y and z")
+                    raise location.error(f"AERORP without <{axis}>", "x, y and z")
                 found[f"{axis}_ref"] = sign * element.number * scale
             return found
-    raise metrics.fault("no location AERORP", "the moment reference point, <location name='AERORP'>")
+    raise metrics.error("no location AERORP", "the moment reference point, <location name='AERORP'>")
 
 
 def _title(root: Element) -> str:

@@ -422,7 +422,7 @@ BOMB = "".join(f'<!ENTITY l{i} "{f"&l{i - 1};" * 10}">' for i in range(1, 12))
         ('<!DOCTYPE DAVEfunc [<!ENTITY x SYSTEM "file:///etc/hostname">]><DAVEfunc>&x;</DAVEfunc>', "a declaration of the entity 'x'"),
         ('<!DOCTYPE DAVEfunc [<!ENTITY % x SYSTEM "http://127.0.0.1:9/x">%x;]><DAVEfunc/>', "a declaration of the entity 'x'"),
         ('<!DOCTYPE DAVEfunc SYSTEM "http://127.0.0.1:9/x.dtd"><DAVEfunc>&alpha;</DAVEfunc>', "the entity 'alpha'; expected plain text"),
-        ("<a>" * 100_000, "elements nested 200 deep"),
+        ("<a>" * 100_000, "elements nested more than 200 deep"),
         ("<DAVEfunc>" + "<a/>" * 200_000, "more than 200000 elements"),
         ("<DAVEfunc>" * 50, "broken XML"),
         ('<?xml version="1.0" encoding="klingon"?><DAVEfunc/>', "encoding"),

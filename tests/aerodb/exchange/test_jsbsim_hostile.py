@@ -5,7 +5,7 @@ import re
 import pytest
 
 import aerodb
-from aerodb.exchange.jsbsim import xml_reader
+from aerodb.exchange import xml_reader
 from flightmech.errors import ParseError, SchemaError
 
 METRICS = (
@@ -42,13 +42,13 @@ NO_MODEL = {
     "entities": (f"{BOMB}<fdm_config>&i;</fdm_config>", "line 1: found a document type declaration"),
     "entity outside": (f"{OUTSIDE}<fdm_config>&secret;</fdm_config>", "line 1: found a document type declaration"),
     "document type outside": ("<!DOCTYPE x SYSTEM 'http://example.org/x.dtd'><fdm_config/>", "line 1: found a document type declaration"),
-    "entity unknown": ("<fdm_config>\n&what;</fdm_config>", "line 2: found undefined entity"),
-    "depth": ("<fdm_config>" + "\n<a>" * 5000, "line 101: found elements nested more than 100 deep"),
-    "cut off": ("<fdm_config>\n<metrics>", "line 2: found no element found"),
-    "no XML": ("x = 1", "found syntax error"),
-    "nothing": ("", "found no element found"),
-    "bytes": (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), "found not well-formed"),
-    "encoding": (b"<?xml version='1.0' encoding='klingon'?><fdm_config/>", "found unknown encoding"),
+    "entity unknown": ("<fdm_config>\n&what;</fdm_config>", "line 2: found broken XML (undefined entity)"),
+    "depth": ("<fdm_config>" + "\n<a>" * 5000, "line 201: found elements nested more than 200 deep"),
+    "cut off": ("<fdm_config>\n<metrics>", "line 2: found broken XML (no element found)"),
+    "no XML": ("x = 1", "found broken XML (syntax error)"),
+    "nothing": ("", "found broken XML (no element found)"),
+    "bytes": (b"\x89HDF\r\n\x1a\n" + bytes(range(256)), "found broken XML (not well-formed"),
+    "encoding": (b"<?xml version='1.0' encoding='klingon'?><fdm_config/>", "unknown encoding"),
     "root": ("<DAVEfunc/>", "line 1: found <DAVEfunc>; expected an aircraft file of JSBSim, <fdm_config>"),
     "no metrics": ("<fdm_config><aerodynamics/></fdm_config>", "line 1: found no <metrics>"),
     "no aerodynamics": (f"<fdm_config>\n{METRICS}</fdm_config>", "found no <aerodynamics>"),
@@ -176,16 +176,24 @@ def test_a_long_chain_of_functions(tmp_path):
         read(tmp_path, lift("<property>f/0</property>", chain))
 
 
+def test_functions_nested_deep_by_their_names(tmp_path):
+    """Each within the limit of depth, together beyond what Python's stack bears."""
+    sums = "<sum>" * 90
+    chain = "".join(f"<function name='f/{i}'>{sums}<property>f/{i + 1}</property>{'</sum>' * 90}</function>" for i in range(18))
+    with pytest.raises(ParseError, match="operations nested more than 200 deep"):
+        read(tmp_path, lift("<property>f/0</property>", chain))
+
+
 def test_too_large(tmp_path, monkeypatch):
-    monkeypatch.setattr(xml_reader, "LARGEST", 1000)
-    with pytest.raises(ParseError, match="more than 64 MB"):
+    monkeypatch.setattr(xml_reader, "MAX_BYTES", 1000)
+    with pytest.raises(ParseError, match="at most 1000; split the tables off"):
         read(tmp_path, lift("<value>1</value>" * 100))
 
 
 def test_no_file(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such file"):
         aerodb.import_jsbsim(tmp_path / "absent.xml")
-    with pytest.raises(ParseError, match="no plain file"):
+    with pytest.raises(ParseError, match="not a regular file"):
         aerodb.import_jsbsim(tmp_path)
 
 

@@ -14,8 +14,8 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
+from ...xml_reader import Element
 from .numerals import number
-from .xml_reader import Element
 
 
 @dataclass(frozen=True)
@@ -194,7 +194,7 @@ def _piecewise(element: Element) -> Choice:
 def _constant(element: Element) -> float:
     if element.attributes.get("base", "10").strip() != "10":
         raise element.error(f"a number to the base {element.attributes['base']}", "decimal numbers")
-    parts = [number(text, element) for text in " ".join(element.pieces).split()] if element.children else [number(element.text, element)]
+    parts = [number(text, element) for text in element.text.split()] if element.children else [number(element.text, element)]
     if len(parts) == 1:
         return parts[0]
     kind = element.attributes.get("type", "")

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from .xml_reader import Element
+from ...xml_reader import Element
 
 _FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")  # 1.5D+03
 

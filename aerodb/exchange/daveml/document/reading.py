@@ -11,11 +11,11 @@ import numpy as np
 
 from flightmech.errors import AeromatchWarning, ParseError, SchemaError
 
+from ...xml_reader import Element, parse
 from . import mathml
 from .model import DaveModel, Function, Header, Modification, Provenance, Reference, Shot, Signal, Uncertainty, Variable
 from .numerals import number, numbers, optional
 from .tables import EXTRAPOLATE, INTERPOLATE, MAX_AXES, Axis, Gridded, Scattered
-from .xml_reader import Element, parse
 
 _DEPRECATED = ("fileCreationDate", "functionCreationDate", "signalID", "confidenceBound", "griddedTable", "ungriddedTable", "address")
 
@@ -44,7 +44,7 @@ def read(path: str | os.PathLike, checks: str = "raise") -> DaveModel:
     """
     if checks not in ("raise", "ignore"):
         raise ValueError(f"checks is {checks!r}; allowed: raise, ignore")
-    model = _Reader(parse(path)).model()
+    model = _Reader(parse(path, doctype=True)).model()
     if checks == "raise":
         require_checks(model)
     return model
