@@ -112,18 +112,30 @@ def open_fit(path: str | os.PathLike) -> Fit:
     ParseError
         Not such a file.
     """
+    tree = open_tree(path, _CONTENT, "a fit as `aeromatch flight identify -o` writes it")
+    about, parts = tree.attrs, {str(name): node.to_dataset(inherit=False) for name, node in tree.children.items()}
+    model = replace(Model.parse(about["model"]), reference=json.loads(about["reference"]))
+    return Fit(str(about["name"]), model, parts["estimates"], parts["data"], parts["design"]["design"], parts["design"]["regressors"])
+
+
+def open_tree(path: str | os.PathLike, content: str, expected: str) -> xr.DataTree:
+    """Read a netCDF file whose root attribute ``content`` must be `content`.
+
+    Raises
+    ------
+    ParseError
+        Not such a file; the text ends with what was `expected`.
+    """
     try:
         with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
             tree.load()
-            if tree.attrs.get("content") != _CONTENT:
-                raise ValueError("a netCDF file of something else")
-            about, parts = tree.attrs, {str(name): node.to_dataset(inherit=False) for name, node in tree.children.items()}
     except (OSError, KeyError, ValueError) as error:
         if not Path(path).exists():
             raise
-        raise ParseError(str(path), 0, str(error), "a fit as `aeromatch flight identify -o` writes it") from error
-    model = replace(Model.parse(about["model"]), reference=json.loads(about["reference"]))
-    return Fit(str(about["name"]), model, parts["estimates"], parts["data"], parts["design"]["design"], parts["design"]["regressors"])
+        raise ParseError(str(path), 0, str(error), expected) from error
+    if tree.attrs.get("content") != content:
+        raise ParseError(str(path), 0, "a netCDF file of something else", expected)
+    return tree
 
 
 def _headline(a) -> str:

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import xarray as xr
 
-from flightmech.errors import ParseError
 from flightmech.support.atomic_write import written_whole
 
+from ..equation_error.fit import open_tree
 from .result import OutputError
 
 _CONTENT = "output error"
@@ -45,17 +45,9 @@ def open_output_error(path: str | os.PathLike) -> OutputError:
     ParseError
         Not such a file.
     """
-    try:
-        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
-            tree.load()
-            if tree.attrs.get("content") != _CONTENT:
-                raise ValueError("a netCDF file of something else")
-            rest = tree["residuals"].children
-            residuals = tuple(rest[name].to_dataset(inherit=False) for name in sorted(rest, key=int))
-            estimates, noise = (tree.children[name].to_dataset(inherit=False) for name in ("estimates", "noise"))
-            warnings = tuple(str(tree.attrs.get("warnings", "")).splitlines())
-    except (OSError, KeyError, ValueError) as error:
-        if not Path(path).exists():
-            raise
-        raise ParseError(str(path), 0, str(error), "a fit as `aeromatch flight fit -o` writes it") from error
+    tree = open_tree(path, _CONTENT, "a fit as `aeromatch flight fit -o` writes it")
+    rest = tree["residuals"].children
+    residuals = tuple(rest[name].to_dataset(inherit=False) for name in sorted(rest, key=int))
+    estimates, noise = (tree.children[name].to_dataset(inherit=False) for name in ("estimates", "noise"))
+    warnings = tuple(str(tree.attrs.get("warnings", "")).splitlines())
     return OutputError(estimates, residuals, noise, warnings)

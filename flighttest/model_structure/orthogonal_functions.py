@@ -47,23 +47,13 @@ def select_orthogonal(
 
     Parameters
     ----------
-    coefficient : str
-        Measured coefficient.
-    candidates : sequence of str
-        Terms; `monomials` and `spline_terms` make lists of them.
-    data : Dataset (time,) or list of them
-        Manoeuvres, as `coefficients` returns them.
-    band : (low, high), optional
-        Work in frequency, inside this band; default in time. [Hz]
+    coefficient, candidates, data, band, keep, name
+        As in `select_stepwise`.
     gain : float
         Rise of R2 that a further function must bring.
     noise : float, optional
         Standard deviation of the coefficient's noise where it is known, from repeats: its variance then sets the penalty
         of the predicted squared error, in place of the variance of the coefficient. [1]
-    keep : sequence of str
-        Terms that are in from the start; in frequency ``1`` is found at the end whatever is said here.
-    name : str
-        For reports and provenance.
 
     Returns
     -------

@@ -12,15 +12,9 @@ from pathlib import Path
 COLUMNS = [
     "time",
     "altitudeMsl_ft",
-    "feVelocity_ft_s_X",
-    "feVelocity_ft_s_Y",
-    "feVelocity_ft_s_Z",
-    "eulerAngle_deg_Roll",
-    "eulerAngle_deg_Pitch",
-    "eulerAngle_deg_Yaw",
-    "bodyAngularRateWrtEi_deg_s_Roll",
-    "bodyAngularRateWrtEi_deg_s_Pitch",
-    "bodyAngularRateWrtEi_deg_s_Yaw",
+    *(f"feVelocity_ft_s_{axis}" for axis in "XYZ"),
+    *(f"eulerAngle_deg_{angle}" for angle in ("Roll", "Pitch", "Yaw")),
+    *(f"bodyAngularRateWrtEi_deg_s_{angle}" for angle in ("Roll", "Pitch", "Yaw")),
 ]
 AIR = ["ambientTemperature_dgR", "airDensity_slug_ft3", "mach"]  # compared in case 9
 
