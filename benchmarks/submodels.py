@@ -1,8 +1,9 @@
-"""Submodels identified from simulated records whose truth is kept apart: ground effect and landing gear.
+"""Submodels identified from simulated records whose truth is kept apart: engine, ground effect and landing gear.
 
     python benchmarks/submodels.py FOLDER -o answers.json [--only ground_effect]
 
-FOLDER holds one folder of records per submodel.  Each set is answered by public calls alone and the answers are written as
+FOLDER holds one folder of records per submodel, and truth/ with the drag polar of the partial climbs, a surveyed quantity; no other entry
+of it is opened.  Each set is answered by public calls alone and the answers are written as
 ``{"ground_effect": {...}, "landing_gear": {...}}``, every estimate as [value, standard error] in SI units and radians.
 """
 
@@ -12,11 +13,13 @@ import argparse
 import json
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import xarray as xr
 
 import flighttest
 from flightmech.support.atomic_write import written_whole
+from flightmech.terms import make
 
 _COLUMNS = {
     "h": "h_agl",
@@ -31,6 +34,10 @@ _COLUMNS = {
     "Cl": "Cl",
 }
 _RATES = {"qc_V": "qhat", "pb_V": "phat", "rb_V": "rhat"}  # the records divide by V, the vocabulary by 2 V
+_FULL = 60.0  # lever angle of full power [deg]
+_SPEEDS = (50, 70, 90, 76, 62, 85)  # of n2 [%], the first three that were run are answered
+_POINTS = {"N1_pct": "n1", "Mach": "mach", "h_m": "h"}
+_CLIMBS = {"V_mps": "V", "mass_kg": "mass", "Vdot": "V_dot", "hdot": "h_dot", "CL": "CL"}
 _TOUCHED = 0.002  # m, ten times the noise of the compression: below, the wheel may be off the ground
 _COEFFICIENTS = (
     "CL = 1 + alpha + qhat + delta_e",
@@ -39,6 +46,30 @@ _COEFFICIENTS = (
     "Cl = 1 + beta + phat + rhat + delta_a",
 )
 _TERMS = {"1": "one", "alpha": "alpha", "alpha**2": "alpha2", "qhat": "q", "delta_e": "de", "CL*phi": "CLphi"}
+
+
+def engine(folder: Path) -> dict:
+    """Return delay, ratio of the time constants, tables over speed and lever, and the correction of the deck; the start is printed."""
+    spools = flighttest.identify_spools([_power_change(file) for file in sorted(folder.glob("tr*.csv.gz"))])
+    a_priori = pd.read_csv(folder / "apriori_deck.csv")
+    mach = [float(name.rpartition("_M")[2]) for name in a_priori.columns[1:]]
+    prior = make(1e3 * a_priori.iloc[:, 1:].values, {"corrected_n1": a_priori.iloc[:, 0].values / 100.0, "mach": mach})
+    static = _columns(folder / "static_points.csv", {**_POINTS, "T_static_K": "temperature", "thrust_N": "thrust"})
+    climbs = _columns(folder / "partial_climbs.csv", _POINTS | _CLIMBS)
+    known = json.loads((folder.parent / "truth" / "engine_truth.json").read_text())["climbs"]
+    polar = flighttest.Polar(known["CD0"], known["K"])
+    deck = flighttest.correct_deck(prior, static, climbs, polar, known["S"], known["engines"])
+    print(f"{spools.report()}\n\n{deck.report()}\n\n{flighttest.identify_start([_start(folder / 'start_stop.csv')]).report()}")
+    times, schedule = spools.tables["n2_up_time"], spools.tables["n2_command"]
+    lowest, *_, highest = (100.0 * x for x in times.leaf["n2"].values)
+    speeds = [n for n in _SPEEDS if lowest - 0.5 <= n <= highest][:3]
+    return {
+        "delay_s": list(spools.constants["lever_delay"]),
+        "decel_factor": list(spools.constants["ratio"]),
+        "tau_N2_accel": {str(n): list(times.at(n / 100.0)) for n in speeds},
+        "N2_steady": {str(pla): [100.0 * x for x in schedule.at(pla / _FULL)] for pla in (10, 32, 50)},
+        "correction_ratio": {str(n): list(deck.ratio(n / 100.0, float(np.mean(mach)))) for n in (92, 98)},
+    }
 
 
 def ground_effect(folder: Path) -> dict:
@@ -80,13 +111,35 @@ def landing_gear(folder: Path) -> dict:
     return {**found, **{name: [float(value), float(variance**0.5)] for name, value, variance in zip(("mu", "Cs"), values, C.diagonal())}}
 
 
+def _power_change(file: Path) -> xr.Dataset:
+    """Return a record, two samples averaged to one."""
+    record = pd.read_csv(file)
+    record = record.groupby(np.arange(len(record)) // 2).mean()[: len(record) // 2]
+    columns = {"throttle": record["PLA_deg"] / _FULL, "n1": record["N1_pct"] / 100.0, "n2": record["N2_pct"] / 100.0}
+    columns |= {"mach": record["Mach"], "h": record["h_m"]}
+    return xr.Dataset({name: ("time", x.values) for name, x in columns.items()}, {"time": record["t"].values}, {"record": file.name})
+
+
+def _start(file: Path) -> xr.Dataset:
+    record = pd.read_csv(file)
+    columns = {"starter": record["starter"], "cutoff": 1.0 - record["fuel_on"], "n2": record["N2_pct"] / 100.0}
+    columns |= {"fuel_flow": record["fuel_flow_kgps"], "itt": record["ITT_degC"] + 273.15}
+    return xr.Dataset({name: ("time", x.values.astype(float)) for name, x in columns.items()}, {"time": record["t"].values})
+
+
+def _columns(file: Path, names: dict[str, str]) -> xr.Dataset:
+    table = pd.read_csv(file)
+    found = xr.Dataset({new: ("point", table[old].values) for old, new in names.items()})
+    return found.assign(n1=found["n1"] / 100.0)
+
+
 def _over_runway(record: pd.DataFrame) -> xr.Dataset:
     columns = {new: ("time", record[old].values) for old, new in _COLUMNS.items()}
     rates = {new: ("time", 0.5 * record[old].values) for old, new in _RATES.items()}
     return xr.Dataset({**columns, **rates}, {"time": record["t"].values})
 
 
-SETS = {"ground_effect": ground_effect, "landing_gear": landing_gear}
+SETS = {"engine": engine, "ground_effect": ground_effect, "landing_gear": landing_gear}
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -24,6 +24,11 @@ if TYPE_CHECKING:
         rates_from_attitude,
     )
     from .dynamics.force_coefficients import between, coefficients, open_states
+    from .engine.fuel_thrust import FuelThrust, fit_fuel_thrust
+    from .engine.result import EngineFit, identify_engine
+    from .engine.spools import SpoolFit, identify_spools
+    from .engine.starting import StartFit, identify_start
+    from .engine.static import DeckCorrection, Polar, correct_deck
     from .equation_error.fit import Fit, open_fit, save_fit
     from .equation_error.frequency_domain import regress_frequency
     from .equation_error.model import Model
@@ -175,6 +180,17 @@ _HOME = {
     "save_path": "reconstruction.path_files",
     "open_biases": "reconstruction.path_files",
     "fit_thrust": "aircraft_properties.thrust_table",
+    "fit_fuel_thrust": "engine.fuel_thrust",
+    "FuelThrust": "engine.fuel_thrust",
+    "identify_engine": "engine.result",
+    "EngineFit": "engine.result",
+    "identify_spools": "engine.spools",
+    "SpoolFit": "engine.spools",
+    "identify_start": "engine.starting",
+    "StartFit": "engine.starting",
+    "correct_deck": "engine.static",
+    "DeckCorrection": "engine.static",
+    "Polar": "engine.static",
     "GroundEffect": "ground_effect.result",
     "identify_ground_effect": "ground_effect.identification",
     "replace_ground_effect": "ground_effect.database",
@@ -233,12 +249,15 @@ _HOME = {
 __all__ = [
     "Batch",
     "Bootstrap",
+    "DeckCorrection",
     "Delay",
     "Designed",
+    "EngineFit",
     "Evaluation",
     "Expected",
     "Finding",
     "Fit",
+    "FuelThrust",
     "GroundEffect",
     "Inertia",
     "InputAxis",
@@ -251,6 +270,7 @@ __all__ = [
     "OutputError",
     "Partition",
     "Path",
+    "Polar",
     "Quality",
     "Remark",
     "Selection",
@@ -258,6 +278,8 @@ __all__ = [
     "SeparableModel",
     "ShapeParameter",
     "Smoothed",
+    "SpoolFit",
+    "StartFit",
     "Study",
     "Unknown",
     "add_flags",
@@ -275,6 +297,7 @@ __all__ = [
     "compatibility_table",
     "complete",
     "contents",
+    "correct_deck",
     "corrected_database",
     "cramer_rao",
     "cut",
@@ -289,6 +312,7 @@ __all__ = [
     "filter_error",
     "finite_fourier",
     "fit_bins",
+    "fit_fuel_thrust",
     "fit_motion",
     "fit_thrust",
     "flags",
@@ -297,7 +321,10 @@ __all__ = [
     "fourier_smooth",
     "frequency_output_error",
     "harmonics",
+    "identify_engine",
     "identify_ground_effect",
+    "identify_spools",
+    "identify_start",
     "in_sequence",
     "incidence_at_cg",
     "incidence_from_velocity",

@@ -75,6 +75,7 @@ ORDER = {
         "input_design",
         "quality",
         "maximum_likelihood",
+        "engine",
         "evaluation",
         "spin",
         "cli",

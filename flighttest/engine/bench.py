@@ -1,0 +1,144 @@
+"""The engine model of the kernel on its own, and output error on it.
+
+One engine in an aeroplane too heavy to move, in level flight: the spools, the delay and the flame are those of every
+simulation, so what is identified is what flies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import xarray as xr
+
+import flightmech
+from flightmech.air import atmosphere
+from flightmech.aircraft.systems.engine_deck import CONSTANTS, Deck
+from flightmech.terms import make
+
+from ..maximum_likelihood.likelihood_search import Likelihood, search
+from ..maximum_likelihood.parameters import Unknown, lay_out
+from ..maximum_likelihood.residual_covariance import coloured_covariance
+from ..maximum_likelihood.result import OutputError, noise_of, tabulated
+from ..maximum_likelihood.time_domain import uniform_step
+
+HEAVY, AREA = 1e9, 1e6  # [kg, m2]: thrust changes the speed by less than 0.01 m/s in a minute
+INPUTS = ("throttle", "cutoff", "starter", "ignition", "flameout")
+STEP = 0.02  # internal step, that of the shortest time constant [s]
+_G = 9.80665
+_SLOWEST = 1.0  # below, lift cannot carry the aeroplane [m s-1]
+_ITERATIONS = 60
+
+Expand = Callable[[np.ndarray], Mapping[str, float]]
+
+
+def compiled(deck: Deck) -> flightmech.SimModel:
+    """Return the kernel's model of one engine."""
+    engine = flightmech.Engine((0.0, 0.0, 0.0), deck=deck)
+    craft = flightmech.Aircraft("engine", AREA, 1.0, 1.0, HEAVY, HEAVY, HEAVY, HEAVY, engines=(engine,))
+    return flightmech.compile(craft, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
+
+
+def condition(record: xr.Dataset) -> dict[str, float]:
+    """Return the parameters under which a record is flown: its mean Mach number, height and offset of the temperature.
+
+    Parameters
+    ----------
+    record : Dataset (time,)
+        ``mach`` and ``h`` [m] where it has them, else standing at sea level; ``temperature`` [K] of the ambient air.
+    """
+    mean = {name: float(record[name].mean()) if name in record else 0.0 for name in ("mach", "h")}
+    offset = float(record["temperature"].mean()) - float(atmosphere(mean["h"]).temperature) if "temperature" in record else 0.0
+    air = atmosphere(mean["h"], delta_T=offset)
+    V = max(mean["mach"] * float(air.a_sound), _SLOWEST)
+    lift = 2.0 * HEAVY * _G / (float(air.rho) * V**2 * AREA)
+    fixed = {"mode.earth": 0.0, "mode.engine": 0.0}
+    return {**fixed, "env.delta_T": offset, "init.V": V, "init.h": mean["h"], "bias.CL": lift}
+
+
+def fitted(
+    deck: Deck,
+    records: Sequence[xr.Dataset],
+    unknowns: Mapping[str, Unknown],
+    expand: Expand,
+    outputs: Sequence[str],
+    step: float = STEP,
+) -> OutputError:
+    """Return unknowns of a deck by output error on the kernel.
+
+    Parameters
+    ----------
+    deck : Deck
+        Holds what is not estimated, and the breakpoints of what is.
+    records : sequence of Dataset (time,)
+        As for `condition`, with the ``throttle``, any switches and the measured outputs.
+    unknowns : mapping of str to Unknown
+    expand : callable
+        Parameters of the engine, by the names of `parameter`, from the unknowns (unknown,).
+    outputs : sequence of str
+        ``n1``, ``n2``, ``itt`` ...
+    step : float
+        Largest internal step of the simulation. [s]
+    """
+    sim = compiled(deck)
+    runs = [_Run(sim, record, expand, list(outputs), step) for record in records]
+    layout = lay_out(unknowns, [{} for _ in runs])
+    found = search(Likelihood(runs, layout, np.zeros(len(runs), int)), _ITERATIONS)
+    covariance, colours = coloured_covariance(found, layout.columns, [run.interval for run in runs])
+    estimates = tabulated(found, layout, covariance, {"method": "output error on the engine of the kernel"})
+    names = [f"engine1.{name}" for name in outputs]
+    rest = tuple(run.residual(v) for run, v in zip(runs, found.residuals))
+    return OutputError(estimates, rest, noise_of(found, names, colours, [run.measured for run in runs]))
+
+
+def parameter(table: str, node: int | None = None) -> str:
+    """Return the name of a constant or of a node of a table in the kernel."""
+    if table in CONSTANTS:
+        return f"engine1.{table}"
+    return f"node.engine1.{table}" if node is None else f"node.engine1.{table}[{node}]"
+
+
+def as_nodes(table: str, values: np.ndarray) -> dict[str, float]:
+    """Return the nodes of a table over one axis under their names in the kernel."""
+    return {parameter(table, k): float(value) for k, value in enumerate(values)}
+
+
+class _Run:
+    """One record as the engine flies it."""
+
+    def __init__(self, sim: flightmech.SimModel, record: xr.Dataset, expand: Expand, outputs: list[str], step: float):
+        self.sim, self.expand = sim, expand
+        self.outputs = [f"engine1.{name}" for name in outputs]
+        self.time = record["time"].values.astype(float)
+        self.interval = uniform_step(self.time, f"record {record.attrs.get('record', '')}".strip())
+        self.measured = np.column_stack([record[name].values.astype(float) for name in outputs])
+        self.inputs = xr.Dataset({f"engine1.{name}": record[name] for name in INPUTS if name in record})
+        self.held, self.step = condition(record), step
+        self.attrs = dict(record.attrs)
+
+    def _fly(self, rows: np.ndarray) -> np.ndarray:
+        """Outputs (run, time, output)."""
+        settings = [self.expand(row) for row in rows]
+        varied = {name: np.array([one[name] for one in settings]) for name in settings[0]}
+        found = flightmech.simulate_batch(self.sim, self.inputs, varied, self.held, self.outputs, step=self.step, failed="nan")
+        return np.stack([found[name].values for name in self.outputs], axis=2)
+
+    def predict(self, values: np.ndarray) -> np.ndarray:
+        """Return the outputs (time, output)."""
+        return self._fly(values[None])[0]
+
+    def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
+        """Return their slopes (time, output, unknown)."""
+        sides = (1.0, -1.0) if central else (1.0,)
+        moves = [side * step * unit for side in sides for step, unit in zip(steps, np.eye(len(values)))]
+        y = self._fly(np.array([values, *(values + move for move in moves)]))
+        count = len(values)
+        up, down = y[1 : 1 + count], y[1 + count :] if central else np.broadcast_to(y[0], (count, *y[0].shape))
+        good = [np.isfinite(side).all(axis=(1, 2))[:, None, None] for side in (up, down)]  # beyond a bound there may be no run
+        change = np.where(good[0], up, y[0]) - np.where(good[1], down, y[0])
+        width = good[0].astype(float) + (good[1] if central else 0.0)
+        return np.moveaxis(change / (np.where(width > 0.0, width, np.inf) * steps[:, None, None]), 0, 2)
+
+    def residual(self, v: np.ndarray) -> xr.Dataset:
+        """Return residuals over time."""
+        return xr.Dataset({name: ("time", v[:, k]) for k, name in enumerate(self.outputs)}, {"time": self.time}, self.attrs)

@@ -1,0 +1,148 @@
+"""Steady schedule of a spool over the power lever: where the lever rests, and what the speed settles at."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import xarray as xr
+
+from flightmech.errors import IdentificationError
+
+STILL = 6.0  # time for which the lever must have rested [s]
+MEDIAN = 0.2  # length of the running median [s]
+FIRST = 0.5  # time at rest with which a record begins [s]
+SAME = 0.02  # range of the throttle that counts as rest, and distance of two positions that count as one
+LEAST = 0.05  # samples at a position of rest, in those at the most frequent one
+GAP = 0.2  # knots of the schedule stand closer
+SPACING = 0.035  # of the knots over n2
+AWAY = 0.02  # gap to the schedule from which on a rate says something of the time constant
+WIDE = 0.15  # half the time over which a rate is taken [s]
+
+
+def quiet(record: xr.Dataset) -> xr.Dataset:
+    """Return a record with the noise of the lever taken off: a running median, which leaves ramps as they are.
+
+    The simulation starts at the steady state of the first sample, so the first half second is held at its median.
+
+    Raises
+    ------
+    IdentificationError
+        The lever moves from the start.
+    """
+    from scipy.ndimage import median_filter
+
+    step = float(np.median(np.diff(record["time"].values)))
+    throttle = median_filter(record["throttle"].values.astype(float), 2 * round(0.5 * MEDIAN / step) + 1)
+    count = max(round(FIRST / step), 1)
+    if np.ptp(throttle[:count]) > SAME:
+        raise IdentificationError(
+            f"{record.attrs.get('record', 'a record')}: the lever moves in the first {FIRST:g} s; let it begin at rest"
+        )
+    throttle[:count] = np.median(throttle[:count])
+    return record.assign(throttle=("time", throttle))
+
+
+def resting(record: xr.Dataset, still: float = STILL, same: float = SAME) -> np.ndarray:
+    """Return where the lever has rested for a while; records count as begun at rest.
+
+    Parameters
+    ----------
+    record : Dataset (time,)
+        ``throttle``, on a uniform clock.
+    still : float
+        Time at rest. [s]
+    same : float
+        Range of the throttle within it.
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    throttle, time = record["throttle"].values, record["time"].values
+    width = max(round(still / float(np.median(np.diff(time)))), 1)
+    padded = np.concatenate([np.full(width, np.median(throttle[:5])), throttle])
+    high, low = (np.asarray(one(padded, width + 1, origin=width // 2)) for one in (maximum_filter1d, minimum_filter1d))
+    return (high - low)[width:] < same
+
+
+def positions(records: Sequence[xr.Dataset]) -> np.ndarray:
+    """Return the positions at which the lever rested, rising."""
+    found = np.sort(np.concatenate([one["throttle"].values[resting(one)] for one in records]))
+    if not len(found):
+        raise IdentificationError(f"the lever never rests for {STILL:g} s; add records at settled power")
+    groups = np.split(found, np.flatnonzero(np.diff(found) > SAME / 4.0) + 1)
+    least = LEAST * max(map(len, groups))
+    return np.array([float(np.median(group)) for group in groups if len(group) >= least])
+
+
+def nodes(records: Sequence[xr.Dataset]) -> np.ndarray:
+    """Return breakpoints of the schedule: the positions of rest, and evenly between those that are far apart."""
+    rest = positions(records)
+    between = [np.linspace(a, b, int(np.ceil((b - a) / GAP)) + 1)[1:-1] for a, b in pairwise(rest)]
+    return np.sort(np.concatenate([rest, *between]))
+
+
+def speeds(records: Sequence[xr.Dataset]) -> np.ndarray:
+    """Return knots of the tables over n2, evenly over what was run."""
+    n2 = np.concatenate([one["n2"].values for one in records])
+    low, high = np.quantile(n2, [0.002, 0.998])
+    return np.linspace(low, high, max(round((high - low) / SPACING), 1) + 1)
+
+
+def reading_error(records: Sequence[xr.Dataset], at: np.ndarray) -> np.ndarray:
+    """Return the standard error of the mean lever position about each knot, from the noise of its readings. [throttle]
+
+    Parameters
+    ----------
+    records : sequence of Dataset
+        As they were recorded, before `quiet`.
+    at : array (knot,)
+    """
+    parts = [
+        (one["throttle"].values[still], one["throttle"].values[1:] - one["throttle"].values[:-1])
+        for one in records
+        if (still := resting(one)).any()
+    ]
+    noise = np.sqrt(0.5) * 1.4826 * np.median(np.abs(np.concatenate([change for _, change in parts])))
+    rest = np.concatenate([lever for lever, _ in parts])
+    return np.array([noise / np.sqrt(max(int(np.count_nonzero(np.abs(rest - x) < SAME)), 1)) for x in at])
+
+
+def first_schedule(records: Sequence[xr.Dataset], name: str, at: np.ndarray, over: str = "throttle") -> np.ndarray:
+    """Return the settled speed ``name`` over the throttle or the other spool, a start for the search."""
+    rest = [resting(one) for one in records]
+    x = np.concatenate([one[over].values[still] for one, still in zip(records, rest)])
+    y = np.concatenate([one[name].values[still] for one, still in zip(records, rest)])
+    edges = np.append(at[0] - 1.0, np.append(0.5 * (at[1:] + at[:-1]), at[-1] + 1.0))
+    inside = [(x >= a) & (x < b) for a, b in pairwise(edges)]
+    place, speed = np.array([(np.median(x[part]), np.median(y[part])) for part in inside if part.any()]).T
+    return np.interp(at, place, np.maximum.accumulate(speed))
+
+
+def first_times(records: Sequence[xr.Dataset], lever: np.ndarray, schedule: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return time constants up and down, medians of gap over rate about each speed: a start for the search. [s]
+
+    Raises
+    ------
+    IdentificationError
+        The speed does not move both ways.
+    """
+    rows = []
+    for one in records:
+        time, n2 = one["time"].values, one["n2"].values
+        width = max(round(WIDE / float(np.median(np.diff(time)))), 1)
+        rate = (n2[2 * width :] - n2[: -2 * width]) / (time[2 * width :] - time[: -2 * width])
+        gap = (np.interp(one["throttle"].values, lever, schedule) - n2)[width:-width]
+        rows.append(np.column_stack([n2[width:-width], gap, rate]))
+    n2, gap, rate = np.concatenate(rows).T
+    found = []
+    for way, word in ((1.0, "up"), (-1.0, "down")):
+        moving = (way * gap > AWAY) & (way * rate > 0.0)
+        if not moving.any():
+            raise IdentificationError(f"n2 never moves {word} by more than {AWAY:g}; add a power change that way")
+        tau = gap[moving] / rate[moving]
+        near = [np.abs(n2[moving] - v) < SPACING for v in at]
+        known = np.array([part.sum() > 3 for part in near])
+        median = np.array([float(np.median(tau[part])) if ok else np.nan for part, ok in zip(near, known)])
+        found.append(np.interp(at, at[known], median[known]) if known.any() else np.full(len(at), float(np.median(tau))))
+    return found[0], found[1]
