@@ -2,10 +2,10 @@
 
 >>> import datcom_io
 >>> listing = datcom_io.read("t37_clean.out")           # doctest: +SKIP
->>> listing.cases                                       # doctest: +SKIP
+>>> listing.case_names                                  # doctest: +SKIP
 ['T-37 OWN DECK CLEAN AIRCRAFT']
 >>> listing[0].block("static")                          # the printed table, units in attrs  # doctest: +SKIP
->>> clean = listing[0].to_datatree()                    # SI, radians, house names           # doctest: +SKIP
+>>> clean = listing[0].to_datatree()                    # SI, radians, canonical names           # doctest: +SKIP
 >>> clean["static"]["CL"].sel(condition=0)              # doctest: +SKIP
 """
 

@@ -52,7 +52,7 @@ class Case(PrintedCase):
         return cells([self])
 
     def to_datatree(self, *, fill_transonic: bool = False) -> xr.DataTree:
-        """Return the case in SI and radians, under house names.
+        """Return the case in SI and radians, under the names of the vocabulary.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class Listing:
         Numbers of all lines that were not understood.
     own_messages : list of Message
         Messages that belong to no case.
-    in_order : list of Case
+    cases : list of Case
         The cases; the listing itself iterates over them.
     """
 
@@ -98,17 +98,17 @@ class Listing:
     line_count: int = 0
     unread: list[int] = field(default_factory=list)
     own_messages: list[Message] = field(default_factory=list)
-    in_order: list[Case] = field(default_factory=list)
+    cases: list[Case] = field(default_factory=list)
 
     @property
-    def cases(self) -> list[str]:
+    def case_names(self) -> list[str]:
         """Names of the cases, in order."""
-        return [case.name for case in self.in_order]
+        return [case.name for case in self.cases]
 
     @property
     def pages(self) -> list[Page]:
         """All pages, in order."""
-        return [page for case in self.in_order for page in case.pages]
+        return [page for case in self.cases for page in case.pages]
 
     @property
     def unparsed(self) -> list[Page]:
@@ -118,23 +118,23 @@ class Listing:
     @property
     def messages(self) -> list[Message]:
         """All messages, of the file and of its cases, by line."""
-        return sorted([*self.own_messages, *(message for case in self.in_order for message in case.messages)])
+        return sorted([*self.own_messages, *(message for case in self.cases for message in case.messages)])
 
     def __len__(self) -> int:
-        return len(self.in_order)
+        return len(self.cases)
 
     def __iter__(self) -> Iterator[Case]:
-        return iter(self.in_order)
+        return iter(self.cases)
 
     def __getitem__(self, key: str | int) -> Case:
         if isinstance(key, int):
             if not -len(self) <= key < len(self):
                 raise UnknownName(str(key), map(str, range(len(self))), f"case number of {self.file}")
-            return self.in_order[key]
-        for case in self.in_order:
+            return self.cases[key]
+        for case in self.cases:
             if case.name == key:
                 return case
-        raise UnknownName(key, self.cases, f"case of {self.file}")
+        raise UnknownName(key, self.case_names, f"case of {self.file}")
 
     def cells(self) -> pd.DataFrame:
         """Return one row per printed cell.

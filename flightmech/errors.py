@@ -1,6 +1,6 @@
-"""The exceptions and the warning of the house.
+"""The exceptions of the package and its warning.
 
-Every text says what came, what is allowed and what to do.  A failed match, a poor fit or a term at its bound is a
+Every text states what came, what is allowed and what to do.  A failed match, a poor fit or a term at its bound is a
 result and never an exception.
 """
 
@@ -25,7 +25,7 @@ class ParseError(AeromatchError):
     found : str
         What stands there.
     expected : str
-        What the format asks for, and what to do.
+        What the format requires, and what to do.
     """
 
     def __init__(self, file: str, line: int, found: str, expected: str):
@@ -65,7 +65,7 @@ class SchemaError(AeromatchError):
 
 
 class OutOfRange(AeromatchError):
-    """Values outside the range of a table, a record or a limit; ``mask`` marks them."""
+    """Values outside the range of a table, a record or a limit; ``mask`` flags them."""
 
     def __init__(self, text: str, mask=None):
         self.mask = mask
@@ -77,7 +77,7 @@ class IdentificationError(AeromatchError):
 
 
 class SimulationError(AeromatchError):
-    """A simulation stopped; ``time`` says when. [s]"""
+    """A simulation stopped; ``time`` states when. [s]"""
 
     def __init__(self, text: str, time: float = float("nan")):
         self.time = time

@@ -1,4 +1,4 @@
-"""The term: one leaf of a model tree, and the one place that says what it computes.
+"""The term: one leaf of a model tree, and the one place that defines what it computes.
 
 A term's contribution to its coefficient is
 
@@ -22,7 +22,7 @@ A leaf is a plain ``xarray.Dataset``:
 ``source``      optional, shape of ``value``: 0 datcom, 1 flight, 2 judgement
 ==============  ====================================================================================
 
-Attributes: ``regressors`` (words), ``outside`` (``hold`` or ``linear``: what the simulation does beyond the last
+Attributes: ``regressors`` (names), ``outside`` (``hold`` or ``linear``: what the simulation does beyond the last
 breakpoint), ``references``, ``history``, ``comment``; of the power factor ``power`` (the variable) and the numbers
 ``exponent`` (-10 to 10) and ``floor`` (positive, in the unit of the variable).
 """
@@ -144,7 +144,7 @@ def power(leaf: xr.Dataset) -> Power | None:
 
 
 def multipliers(leaf: xr.Dataset) -> tuple[str, ...]:
-    """Return what multiplies the tables of a leaf, in words and sorted: tables are comparable when these are equal.
+    """Return what multiplies the tables of a leaf, as texts and sorted: tables are comparable when these are equal.
 
     Examples
     --------
@@ -186,12 +186,12 @@ def check(leaf: xr.Dataset) -> list[str]:
             problems.append(f"{name} holds {bad} NaN or infinite nodes of {table.size}; trim or fill the table first")
     for name in ("stderr", "source"):
         if name in leaf:
-            problems += _check_beside(leaf, name)
-    words = regressors(leaf)
-    if len(words) > MAX_REGRESSORS:
-        problems.append(f"has {len(words)} regressors ({' '.join(words)}); at most {MAX_REGRESSORS} are allowed")
-    for word in words:
-        problems += _unknown(word, "regressor")
+            problems += _check_companion(leaf, name)
+    names = regressors(leaf)
+    if len(names) > MAX_REGRESSORS:
+        problems.append(f"has {len(names)} regressors ({' '.join(names)}); at most {MAX_REGRESSORS} are allowed")
+    for name in names:
+        problems += _unknown(name, "regressor")
     problems += _check_power(leaf.attrs)
     if leaf.attrs.get("outside", "hold") not in ("hold", "linear"):
         problems.append(f"attribute outside is {leaf.attrs['outside']!r}; allowed: hold, linear")
@@ -205,8 +205,8 @@ def _numeric(table: xr.DataArray) -> bool:
     return table.dtype.kind in "iuf"
 
 
-def _check_beside(leaf: xr.Dataset, name: str) -> list[str]:
-    """Return the faults of the standard errors or sources that stand beside the value."""
+def _check_companion(leaf: xr.Dataset, name: str) -> list[str]:
+    """Return the faults of the standard errors or sources of the values."""
     table = leaf[name]
     problems = []
     if table.dims != leaf["value"].dims:
@@ -216,8 +216,8 @@ def _check_beside(leaf: xr.Dataset, name: str) -> list[str]:
     elif name == "stderr" and not (table.values >= 0).all():
         problems.append("stderr holds negative or NaN values")
     elif name == "source" and not np.isin(table.values, range(len(SOURCES))).all():
-        codes = ", ".join(f"{code} {word}" for code, word in enumerate(SOURCES))
-        problems.append(f"source holds codes beside {codes}")
+        codes = ", ".join(f"{code} {name}" for code, name in enumerate(SOURCES))
+        problems.append(f"source holds codes other than {codes}")
     return problems
 
 
@@ -305,7 +305,7 @@ def evaluate(leaf: xr.Dataset, conditions: Mapping[str, Any], outside: str = "ra
     Raises
     ------
     OutOfRange
-        A value lies outside the table and `outside` is ``"raise"``; ``mask`` marks the samples.
+        A value lies outside the table and `outside` is ``"raise"``; ``mask`` flags the samples.
     UnknownName
         A variable of the term is missing in `conditions`.
 

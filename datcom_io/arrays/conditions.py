@@ -189,9 +189,9 @@ def reference(case: PrintedCase) -> dict[str, float]:
     if page is None or table is None:
         return found
     for k, column in enumerate(table.columns):
-        if column.house in given:
-            exact, value = given[column.house], float(table.values[0, k])
+        if column.quantity in given:
+            exact, value = given[column.quantity], float(table.values[0, k])
             if exact is not None:
                 value = exact if table.flags[0, k] == OVERFLOW else nearest(value, [exact], _HALF_UNIT["reference"])
-            found[column.house] = value * si_factor(column.units, page.dim)
+            found[column.quantity] = value * si_factor(column.units, page.dim)
     return found

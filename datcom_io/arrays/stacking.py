@@ -82,7 +82,7 @@ class Stacker:
         lines = self.lines(shape[:1], [((spot.condition,), table) for spot, _, table in placed])
         found = found.assign_coords({"alpha": self.coords([alphas])["alpha"]})
         add_variable(found, column.cell, ["condition", "alpha", across.name], value, flag)
-        return found.assign_coords({f"lines_{column.cell.house}": ("condition", lines)})
+        return found.assign_coords({f"lines_{column.cell.quantity}": ("condition", lines)})
 
     def over_alpha(self, placed: list[tuple[Spot, Page, Table]], alphas: Axis) -> xr.Dataset:
         """Return tables of one kind, with one row per alpha and one page per flight condition, as arrays (condition, alpha)."""
@@ -196,13 +196,13 @@ class Stacker:
 
 def add_variable(dataset: xr.Dataset, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray) -> None:
     """Put a variable and its twin of flags into a Dataset."""
-    known = attrs(column.house) if column.house in VOCABULARY else {"units": _SI.get(column.units, "1")}
-    if column.house in _LONG_NAMES:
-        known["long_name"] = _LONG_NAMES[column.house]
+    known = attrs(column.quantity) if column.quantity in VOCABULARY else {"units": _SI.get(column.units, "1")}
+    if column.quantity in _LONG_NAMES:
+        known["long_name"] = _LONG_NAMES[column.quantity]
     if column.units in ("1/angle", "1/deg"):
         known["per"] = "radian"
-    dataset[column.house] = (dims, value, {**known, "printed_as": column.name})
-    dataset[f"{column.house}_flag"] = (dims, flag, dict(_FLAG_ATTRS))
+    dataset[column.quantity] = (dims, value, {**known, "printed_as": column.name})
+    dataset[f"{column.quantity}_flag"] = (dims, flag, dict(_FLAG_ATTRS))
 
 
 def describe(dataset: xr.Dataset, long_names: Mapping[str, str]) -> xr.Dataset:

@@ -132,7 +132,7 @@ def run(ctx: click.Context, deck: str, program: str, folder: str | None, timeout
         files = {key: str(path) for key, path in done.files.items()}
         messages = [message._asdict() for message in done.messages]
         console.document(
-            {"files": files, "cases": done.listing.cases, "without_pages": empty, "messages": messages, "seconds": done.seconds}
+            {"files": files, "cases": done.listing.case_names, "without_pages": empty, "messages": messages, "seconds": done.seconds}
         )
     else:
         for message in done.messages:

@@ -26,7 +26,7 @@ def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> 
     listing = read(file, partial=partial)
     left_out = write_matlab(listing, output, usenan=not zero)
     if as_json:
-        console.document({"file": output, "cases": listing.cases, "left_out": left_out})
+        console.document({"file": output, "cases": listing.case_names, "left_out": left_out})
         return
     click.echo(f"written: {output}; left out:")
     for text in left_out:

@@ -180,7 +180,7 @@ def cells(file: str, output: str, name: str | None, partial: bool, as_json: bool
 
 def _case(listing, name: str):
     """Return a case by its name, or by its number from 1."""
-    if name not in listing.cases and name.isdecimal() and 1 <= int(name) <= len(listing):
+    if name not in listing.case_names and name.isdecimal() and 1 <= int(name) <= len(listing):
         return listing[int(name) - 1]
     return listing[name]
 

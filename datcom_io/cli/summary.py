@@ -28,7 +28,7 @@ def _case(case: Case) -> dict[str, Any]:
     for item in printed:
         flags.update({FLAGS[code]: count for code, count in enumerate(np.bincount(item.flags.ravel())) if count and code != OK})
     tables = [table for page in case.pages for table in page.tables]
-    alphas = [x for table in tables if table.columns[0].house == "alpha" for x in table.values[:, 0].tolist()]
+    alphas = [x for table in tables if table.columns[0].quantity == "alpha" for x in table.values[:, 0].tolist()]
     return {
         "case": case.name,
         "ordinal": case.ordinal,

@@ -36,9 +36,9 @@ from ..printout.layouts import BY_NAME
 
 _MARKS = {1.0e-30: NDM, 2.0e-30: NA, -1.0e-30: BLANK}
 _HEADING = re.compile(r"([A-Za-z]\w*) *, *([A-Za-z]\w*) *,?")
-_COLUMNS = {column.house: column for name in ("static", "downwash", "dynamic", "symflp") for column in BY_NAME[name].columns}
+_COLUMNS = {column.quantity: column for name in ("static", "downwash", "dynamic", "symflp") for column in BY_NAME[name].columns}
 _DCDI = Column("D(CDI)", 0, 0, "dCDi")
-# axis and column of the file: leaf, house name
+# axis and column of the file: leaf, quantity
 _ALPHA = {
     "static": {"Cd": "CD", "CL": "CL", "Cm": "Cm", "Cyb": "CY_beta", "Cnb": "Cn_beta", "Clb": "Cl_beta"},
     "downwash": {"Q_Qinf": "q_ratio", "Epslon": "epsilon", "d_Epslon": "epsilon_alpha"},
@@ -52,8 +52,8 @@ _DEVICES = {
         {"CL_Elev": "dCL", "Cm_Elev": "dCm", "CLa_Elev": "CL_alpha_delta", "Cha_Elev": "Ch_alpha", "Chd_Elev": "Ch_delta"},
     ),
 }
-_PLACES = {("Alpha", word): (leaf, house) for leaf, words in _ALPHA.items() for word, house in words.items()}
-_PLACES |= {(axis, word): (leaf, house) for axis, (leaf, words) in _DEVICES.items() for word, house in words.items()}
+_PLACES = {("Alpha", word): (leaf, quantity) for leaf, words in _ALPHA.items() for word, quantity in words.items()}
+_PLACES |= {(axis, word): (leaf, quantity) for axis, (leaf, words) in _DEVICES.items() for word, quantity in words.items()}
 _PLACES |= {("Alpha", axis): (leaf, "dCDi") for axis, (leaf, _) in _DEVICES.items()}
 
 
@@ -95,15 +95,15 @@ def read_datcom_plus_csv(path: str | os.PathLike[str], *, deriv: Literal["DEG", 
     leaves: dict[str, xr.Dataset] = {}
     other = []
     for block in blocks:
-        leaf, house = _PLACES.get((block.axis, block.column), ("", ""))
+        leaf, quantity = _PLACES.get((block.axis, block.column), ("", ""))
         if not leaf:
             other.append(block)
             continue
         found = leaves.setdefault(leaf, xr.Dataset(attrs={"surface": "tail"} if leaf == "elevator" else {}))
-        if house in found:
+        if quantity in found:
             raise ParseError(file, block.line, f"a second block {block.axis}, {block.column}", "one case in a file; split it")
-        add = _two_way if house == "dCDi" else _one_way
-        leaves[leaf] = add(file, found, block, house, deriv)
+        add = _two_way if quantity == "dCDi" else _one_way
+        leaves[leaf] = add(file, found, block, quantity, deriv)
     if other:
         leaves["other"] = _others(other)
     root = xr.Dataset(attrs={"file": file, "deriv": deriv, "remarks": "\n".join(remarks)})
@@ -158,11 +158,11 @@ def _matrix(file: str, block: _Block, rows: list[tuple[int, list[tuple[float, in
     return np.array([[value for value, _ in row] for row in cells]), np.array([[flag for _, flag in row] for row in cells], np.uint8)
 
 
-def _one_way(file: str, found: xr.Dataset, block: _Block, house: str, deriv: str) -> xr.Dataset:
+def _one_way(file: str, found: xr.Dataset, block: _Block, quantity: str, deriv: str) -> xr.Dataset:
     values, flags = _matrix(file, block, block.rows, 2)
     axis = "alpha" if block.axis == "Alpha" else "delta"
     found = _with_axis(file, found, block, axis, values[:, 0])
-    column, value, flag = _COLUMNS[house], values[:, 1].copy(), flags[:, 1].copy()
+    column, value, flag = _COLUMNS[quantity], values[:, 1].copy(), flags[:, 1].copy()
     if column.constant and len(flag) > 1 and flag[0] == OK and (flag[1:] == BLANK).all():
         value[1:], flag[1:] = value[0], FILLED
     per_degree = column.units == "1/deg" or (column.units == "1/angle" and deriv == "DEG")
@@ -171,7 +171,7 @@ def _one_way(file: str, found: xr.Dataset, block: _Block, house: str, deriv: str
     return found
 
 
-def _two_way(file: str, found: xr.Dataset, block: _Block, house: str, deriv: str) -> xr.Dataset:
+def _two_way(file: str, found: xr.Dataset, block: _Block, quantity: str, deriv: str) -> xr.Dataset:
     (line, head), *rows = block.rows
     width = max((i for i, cell in enumerate(head) if cell is not None), default=0)
     if head[0] is not None:

@@ -139,7 +139,7 @@ class _Gathered:
             self._override("flag", start, table.flags)
         if table.across is not None and table.layout.across is not None:
             axis = np.concatenate((np.full(table.layout.keys, np.nan), table.across))
-            self._override(table.layout.across.house, start, np.tile(axis, len(table.rows)))
+            self._override(table.layout.across.quantity, start, np.tile(axis, len(table.rows)))
         if table.layout.axes is not None:
             self._override_axes(table.layout.axes(case.deck, table), start)
 
@@ -155,7 +155,7 @@ class _Gathered:
         self._strip(table.name, [table.across_line] * len(values), len(values), self._pattern(_ALONE, 0), place)
         self._override("column", start, np.full(len(values), self.columns[across.name]))
         self._override("value", start, values)
-        self._override(across.house, start, values)
+        self._override(across.quantity, start, values)
 
     def _add_values(self, group: Values, place: _Place) -> None:
         start = self.count
@@ -179,7 +179,7 @@ class _Gathered:
         if pattern is None:
             start = len(self.pattern_columns)
             self.pattern_columns += [self.columns[column.name] for column in columns]
-            axes = {column.house: k for k, column in enumerate(columns[:keys]) if column.house}
+            axes = {column.quantity: k for k, column in enumerate(columns[:keys]) if column.quantity}
             pattern = _Pattern(len(self.patterns), columns, start, axes, _cutter(columns), any(column.words for column in columns))
             self.patterns[id(columns), keys] = pattern
         return pattern

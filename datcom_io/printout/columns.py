@@ -11,14 +11,14 @@ class Column(NamedTuple):
     """One printed column.
 
     ``units`` is that of the print: ``deg``, ``1``, ``1/deg``, or ``1/angle`` where card DERIV decides between degree and
-    radian.  ``house`` is the name in the DataTree.  ``constant`` marks a column whose first row may hold for all rows.
+    radian.  ``quantity`` is the variable's name in the DataTree.  ``constant`` marks a column whose first row may hold for all rows.
     ``words`` marks a column of words: every cell is ``ok`` with a text and no number.
     """
 
     name: str
     first: int
     last: int
-    house: str = ""
+    quantity: str = ""
     units: str = "1"
     constant: bool = False
     words: bool = False
@@ -31,7 +31,7 @@ class Across(NamedTuple):
     """
 
     name: str
-    house: str
+    quantity: str
     first: int
     last: int
     cell: Column

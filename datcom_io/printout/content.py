@@ -12,7 +12,7 @@ from ..decks.deck import Deck
 from .layouts import CONDITIONS, NAMES
 from .tables import Printed, Table, Values
 
-_CONDITION_COLUMNS = {column.house: k for k, column in enumerate(CONDITIONS.columns)}
+_CONDITION_COLUMNS = {column.quantity: k for k, column in enumerate(CONDITIONS.columns)}
 
 
 class Message(NamedTuple):
@@ -65,7 +65,7 @@ class Page:
         return next((table for table in self.tables if table.name == name), None)
 
     def condition(self, name: str) -> float:
-        """Return a number of the flight-condition line by its house name, NaN when it is missing. [as printed]
+        """Return a number of the flight-condition line by its quantity, NaN when it is missing. [as printed]
 
         A hypersonic page has no such line, only a Mach number in its heading.
         """

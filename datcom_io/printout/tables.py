@@ -103,7 +103,7 @@ class Values:
     units : tuple of str
         Unit of each value as printed, empty where none is.
     axes : dict of str to array (value,)
-        Axis values by house name where a line prints them, for example ``mach``.
+        Axis values by quantity where a line prints them, for example ``mach``.
     given : tuple of array, or None
         ``values`` and ``flags`` where they are not just those of the texts.
     """
@@ -146,7 +146,7 @@ class Layout(NamedTuple):
     `Block` finds.  The first ``keys`` columns are the row's axes.  ``rows`` names the namelist variable that tells how many rows there
     must be, None where the print decides; ``stops`` are the words of a note that lets the table end earlier.  ``stream`` names the
     variables whose product is the number of values of a table printed as one stream of numbers, and ``axes`` returns axis values
-    (row, column) by house name where they are not printed.
+    (row, column) by quantity where they are not printed.
     """
 
     name: str

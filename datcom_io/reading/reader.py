@@ -43,9 +43,9 @@ def read(source: Source, *, partial: bool = False) -> Listing:
     try:
         with uncollected():
             for case in cases:
-                cases.listing.in_order.append(case)
+                cases.listing.cases.append(case)
     except DamagedListing as error:
-        cases.listing.in_order += error.listing.in_order
+        cases.listing.cases += error.listing.cases
         error.listing = cases.listing
         raise
     return cases.listing
@@ -107,7 +107,7 @@ class Cases(Iterator[Case]):
             scanner.end()
         except DamagedListing as error:
             yield from finish.all(scanner.complete)
-            error.listing.in_order = list(finish.all(error.listing.in_order))
+            error.listing.cases = list(finish.all(error.listing.cases))
             raise
         yield from finish.all(scanner.complete)
 

@@ -241,7 +241,7 @@ class Scanner:
         """Return the error for a fault, with what is complete of the open case."""
         listing = Listing(self.listing.file, self.listing.runs, self.listing.line_count, self.listing.unread, self.listing.own_messages)
         if self.case is not None:
-            listing.in_order.append(self.case)
+            listing.cases.append(self.case)
         return DamagedListing(self.listing.file, line, found, expected, listing)
 
     def _close_case(self) -> None:

@@ -36,7 +36,7 @@ class Control:
     c_hinge : float
         Mean chord behind the hinge line. [m]
     gearing : float, optional
-        Deflection per travel of column, wheel or pedal, in the signs of the house; negative in an ordinary aeroplane, where a
+        Deflection per travel of column, wheel or pedal, in the package's sign convention; negative in an ordinary aeroplane, where a
         column pulled aft raises the elevator.  The pilot holds the surface with F = -gearing H.
         [rad m-1 for elevator and rudder, rad per rad of the wheel for the ailerons]
     """

@@ -89,7 +89,7 @@ def rescale(
     Returns
     -------
     Aircraft
-        ``history`` tells the ratios, every factor and which were given.
+        ``history`` lists the ratios, every factor and which were given.
 
     Raises
     ------

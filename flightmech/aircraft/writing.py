@@ -1,4 +1,4 @@
-"""An aircraft to a TOML file that `read_aircraft` reads back the same; tables of engines and fuel go to netCDF files beside it."""
+"""An aircraft to a TOML file that `read_aircraft` reads back the same; tables of engines and fuel go to netCDF files next to it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
     aircraft : Aircraft
         The aircraft.
     path : str or path
-        TOML file; tables are written beside it as ``<name>_engine1.nc`` and so on, those that engines share once, and ``<name>_fuel.nc``.
+        TOML file; tables are written next to it as ``<name>_engine1.nc`` and so on, those that engines share once, and ``<name>_fuel.nc``.
 
     Returns
     -------
@@ -64,11 +64,11 @@ def _engine_files(engines: tuple[Engine, ...], path: Path) -> list[str]:
     """Write the tables of the engines; engines with the same tables share a file, one without has the name ""."""
     files: list[str] = []
     for number, engine in enumerate(engines, 1):
-        twin = next((i for i, other in enumerate(engines[: number - 1]) if _same_tables(other, engine)), -1)
+        same = next((i for i, other in enumerate(engines[: number - 1]) if _same_tables(other, engine)), -1)
         if engine.thrust is None and engine.deck is None:
             files.append("")
-        elif twin >= 0:
-            files.append(files[twin])
+        elif same >= 0:
+            files.append(files[same])
         else:
             files.append(f"{path.stem}_engine{number}.nc")
             with written_whole(path.with_name(files[-1])) as part:

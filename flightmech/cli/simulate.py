@@ -40,11 +40,11 @@ def simulate(aircraft: str, database: str, record: str, given: tuple, hold: str,
     sim = compile_files(aircraft, database)
     found = fly(sim, _read(record), _values(sim, given), hold, terms=terms)
     _write(found, output)
-    said = {"file": output, "samples": found.sizes["time"], "outputs": len(sim.outputs), "out_of_range": found.attrs["out_of_range"]}
+    summary = {"file": output, "samples": found.sizes["time"], "outputs": len(sim.outputs), "out_of_range": found.attrs["out_of_range"]}
     if as_json:
-        document(said)
+        document(summary)
         return
-    click.echo(f"{said['samples']} samples of {said['outputs']} outputs; tables left: {said['out_of_range'] or 'none'}")
+    click.echo(f"{summary['samples']} samples of {summary['outputs']} outputs; tables left: {summary['out_of_range'] or 'none'}")
     click.echo(f"written: {output}")
 
 

@@ -38,7 +38,7 @@ class Pair(click.ParamType):
 @click.option(
     "--fix", "fixed", multiple=True, type=Pair(), help="What is held: V='175 kt', h='5000 ft', phi='30 deg', engine1.failed=1 ..."
 )
-@click.option("--free", "unknowns", multiple=True, help="What is sought instead of what the kind seeks, one name each.")
+@click.option("--free", "unknowns", multiple=True, help="Unknowns to solve for instead of those of the kind, one name each.")
 @json_option
 @click.pass_context
 def trim(ctx: click.Context, aircraft: str, database: str, kind: str, fixed: tuple, unknowns: tuple[str, ...], as_json: bool) -> None:
@@ -90,13 +90,13 @@ def _print(sim: SimModel, found: xr.Dataset) -> None:
         unit = display.get(name) or display.get(f"init.{name}") or display.get(f"engine1.{name}", units)
         return name, f"{round(from_si(value, unit), _DIGITS) + 0.0:.6g}", unit
 
-    sought = zip(found["unknown"].values, found["found"].values, found["unknown_units"].values, found["limit"].values, strict=True)
+    unknowns = zip(found["unknown"].values, found["found"].values, found["unknown_units"].values, found["limit"].values, strict=True)
     rows = [
         (*line(str(name), float(value), str(units)), {-1: "at its lower limit", 0: "", 1: "at its upper limit"}[int(side)])
-        for name, value, units, side in sought
+        for name, value, units, side in unknowns
     ]
     table(
-        ("sought", "value", "unit", "limit"),
+        ("unknown", "value", "unit", "limit"),
         rows,
         title=f"{found.attrs['title']}, {found.attrs['kind']}: {found.attrs['verdict']}",
         right=("value",),

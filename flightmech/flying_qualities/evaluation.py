@@ -30,7 +30,7 @@ class Characteristics:
     Parameters
     ----------
     table : DataFrame
-        Index ``quantity``; columns ``group value units remark absent``: ``absent`` says in words why a value is NaN.
+        Index ``quantity``; columns ``group value units remark absent``: ``absent`` states why a value is NaN.
     modes : DataFrame
         As from `flightmech.modes`.
     linear : Dataset

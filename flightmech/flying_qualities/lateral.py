@@ -106,8 +106,8 @@ def _flown(point: Point, full: float) -> float:
     start = point.parameters.get("delta_a", 0.0)
     delta_a = np.interp(time, [0.0, _RAMP], [start, full - point["trim.delta_a"] - point.parameter("bias.delta_a")])
     inputs = xr.Dataset({"delta_a": ("time", delta_a)}, {"time": time})
-    seek = 2.0 if point.aircraft.engines and point.parameter("mode.engine") == 0.0 else 1.0
-    flown = simulate(point.sim, inputs, {"mode.trim": seek, **point.parameters})
+    mode = 2.0 if point.aircraft.engines and point.parameter("mode.engine") == 0.0 else 1.0
+    flown = simulate(point.sim, inputs, {"mode.trim": mode, **point.parameters})
     p = flown["p"].values
     turned = np.concatenate([[0.0], np.cumsum(0.5 * (p[1:] + p[:-1]) * np.diff(time))])
     return float(p[turned <= 2.0 * np.pi].max())
@@ -126,7 +126,7 @@ def minimum_control_speed(point: Point, slowest: float) -> list[Row]:
     names = {"minimum_control_speed": "m s-1"}
     arms = [engine.position[1] - point.cg[1] for engine in point.aircraft.engines]
     if len(arms) < 2 or max(map(abs, arms)) < 0.01 * point.aircraft.b:
-        return absent(ROLL, names, "no engines beside the centre line")
+        return absent(ROLL, names, "no engines off the centre line")
     if not has_thrust(point.aircraft):
         return absent(ROLL, names, NO_THRUST)
     if abs(point.slope("delta_r")[5]) < _SMALL or abs(point.slope("delta_a")[3]) < _SMALL:
@@ -162,11 +162,11 @@ def _used(flight: Point, failed: int) -> float:
     qS = flight["qbar"] * craft.S
     given = np.array([flight.CW * np.cos(flight["theta"]) * np.sin(side * _BANK), moment[0] / (qS * craft.b), moment[2] / (qS * craft.b)])
 
-    def left(z: np.ndarray) -> np.ndarray:
+    def residual(z: np.ndarray) -> np.ndarray:
         beta, delta_a, delta_r = z
         return flight.body(beta=beta, delta_a=delta_a, delta_r=delta_r)[[1, 3, 5]] + given
 
-    found = least_squares(left, np.zeros(3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    found = least_squares(residual, np.zeros(3), xtol=1e-12, ftol=1e-12, gtol=1e-12)
     if np.abs(found.fun).max() > _SMALL:
         return float("inf")
     _, delta_a, delta_r = found.x

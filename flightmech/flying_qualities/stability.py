@@ -100,7 +100,7 @@ def hinge(point: Point, variable: str) -> float:
 
 
 def pull_up(point: Point, x_cg_b: float, elevator: str) -> tuple[float, float, float]:
-    """Return what one g of pull-up takes: alpha [rad], elevator [rad], and the pitching moment that is left [1].
+    """Return what one g of pull-up takes: alpha [rad], elevator [rad], and the residual pitching moment [1].
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def pull_up(point: Point, x_cg_b: float, elevator: str) -> tuple[float, float, f
     x_cg_b : float
         Centre of gravity forward of the moment reference point. [m]
     elevator : {"moved", "held", "free"}
-        Moved so that no moment is left, held, or floating without a hinge moment.
+        Moved so that the moment vanishes, held, or floating without a hinge moment.
     """
     slopes = {name: point.slope(name, x_cg_b) for name in ("alpha", "qhat", "dnz", "delta_e")}
     lift = {name: _lift(point, name, slope) for name, slope in slopes.items()}
@@ -146,8 +146,8 @@ def thrust_coefficients(point: Point) -> tuple[float, float]:
     return float(x), float(z)
 
 
-def _chords(point: Point, left: Callable[[float], float]) -> float:
-    """Return the c.g. at which `left` is zero, chords behind the leading edge; linear unless terms depend on the c.g."""
+def _chords(point: Point, residual: Callable[[float], float]) -> float:
+    """Return the c.g. at which `residual` is zero, chords behind the leading edge; linear unless terms depend on the c.g."""
     craft = point.aircraft
-    found = root_scalar(left, x0=point.cg[0], x1=point.cg[0] - 0.1 * craft.cbar, method="secant", xtol=1e-10 * craft.cbar, maxiter=50)
+    found = root_scalar(residual, x0=point.cg[0], x1=point.cg[0] - 0.1 * craft.cbar, method="secant", xtol=1e-10 * craft.cbar, maxiter=50)
     return craft.x_ref_mac - float(found.root) / craft.cbar

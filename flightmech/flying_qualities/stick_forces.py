@@ -23,7 +23,7 @@ def missing(point: Point, control: str) -> str:
 
 
 def force_factor(point: Point, control: str) -> float:
-    """Return the pilot force of a hinge-moment coefficient of one; `missing` has said "". [N, or N m of the wheel]"""
+    """Return the pilot force of a hinge-moment coefficient of one; `missing` has returned "". [N, or N m of the wheel]"""
     geometry = point.aircraft.controls[control]
     return -float(geometry.gearing or 0.0) * point["qbar"] * geometry.S_hinge * geometry.c_hinge
 

@@ -1,6 +1,6 @@
 """Trim over speed: angle of attack, elevator, thrust and stick force of straight flight, and the stability they show.
 
-The tab that makes the column force zero at the speed of the point is taken as a constant hinge moment, so the curve tells the force
+The tab that makes the column force zero at the speed of the point is taken as a constant hinge moment, so the curve shows the force
 that the pilot feels when he leaves that speed without trimming.
 """
 
@@ -68,7 +68,7 @@ def speed_stability(point: Point) -> list[Row]:
     reason = missing(point, "delta_e")
     if reason:
         return [*rows, *absent(GROUP, forces, reason)]
-    low, high = (_force(flight, _hinge(point)) for flight in _beside(point))
+    low, high = (_force(flight, _hinge(point)) for flight in _neighbours(point))
     return [
         *rows,
         Row(GROUP, "F_column", _force(point, 0.0), "N", "pull, as the tab stands"),
@@ -85,10 +85,10 @@ def speed_stability(point: Point) -> list[Row]:
 def _neutral_point(point: Point) -> list[Row]:
     craft = point.aircraft
 
-    def left(x: float) -> float:
+    def residual(x: float) -> float:
         return _elevator_slope(point.at(mass__x_cg_b=x))
 
-    found = root_scalar(left, x0=point.cg[0], x1=point.cg[0] - 0.05 * craft.cbar, method="secant", xtol=1e-6 * craft.cbar, maxiter=30)
+    found = root_scalar(residual, x0=point.cg[0], x1=point.cg[0] - 0.05 * craft.cbar, method="secant", xtol=1e-6 * craft.cbar, maxiter=30)
     if not (found.converged and point.at(mass__x_cg_b=float(found.root)).is_trimmed):
         return absent(GROUP, {"neutral_point_trim": "1"}, "no c.g. within trim makes the elevator independent of speed")
     text = "c.g. for which trimmed flights need no elevator over speed: with thrust, Mach number and drag"
@@ -96,11 +96,11 @@ def _neutral_point(point: Point) -> list[Row]:
 
 
 def _elevator_slope(point: Point) -> float:
-    low, high = _beside(point)
+    low, high = _neighbours(point)
     return (high["applied.delta_e"] - low["applied.delta_e"]) / (2.0 * _NUDGE * point["V"])
 
 
-def _beside(point: Point) -> tuple[Point, Point]:
+def _neighbours(point: Point) -> tuple[Point, Point]:
     V = point["V"]
     return point.at(init__V=(1.0 - _NUDGE) * V), point.at(init__V=(1.0 + _NUDGE) * V)
 

@@ -1,4 +1,4 @@
-"""What an FMU tells about a model: its variables, as both standards see them."""
+"""What an FMU describes of a model: its variables, as both standards see them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CHOICES = {
     "mode.engine": {"lever": 0, "N1": 1, "thrust": 2},
     "mode.controls": {"surfaces": 0, "cockpit_positions": 1, "pilot_forces": 2},
     "mode.rates": {"inertial": 0, "relative_to_Earth": 1},
-    "mode.trim": {"none": 0, "seek_thrust": 1, "seek_throttle": 2, "stand_on_ground": 3},
+    "mode.trim": {"none": 0, "trim_thrust": 1, "trim_throttle": 2, "stand_on_ground": 3},
     "turbulence.mode": {"none": 0, "Dryden": 1},
     "runway.condition": {"dry": 0, "wet": 1, "icy": 2},
 }
@@ -86,7 +86,7 @@ class Variable:
 
     @property
     def variability(self) -> str:
-        """FMI word for when the value may change."""
+        """FMI term for when the value may change."""
         if self.causality == "parameter":
             return "fixed" if self.fixed else "tunable"
         return "continuous"
@@ -94,7 +94,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Description:
-    """What both standards tell about a model; `token` ties the description to ``resources/model.bin``."""
+    """What both standards describe of a model; `token` ties the description to ``resources/model.bin``."""
 
     title: str
     identifier: str
@@ -135,8 +135,8 @@ def identifier(title: str) -> str:
     >>> identifier("T-37B (final)")
     'T_37B_final'
     """
-    word = re.sub(r"\W+", "_", title, flags=re.ASCII).strip("_")
-    return word if word[:1].isalpha() else f"model_{word}".rstrip("_")
+    name = re.sub(r"\W+", "_", title, flags=re.ASCII).strip("_")
+    return name if name[:1].isalpha() else f"model_{name}".rstrip("_")
 
 
 def rate_units(units: str) -> str:

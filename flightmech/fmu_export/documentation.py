@@ -29,8 +29,8 @@ svg polyline { fill: none; stroke-width: 1.6 } svg .grid { stroke: #e3e7eb } svg
 
 _DRIVING = """
 <p>Set parameters, then inputs, in initialization mode. With <code>mode.trim</code> = 1 or 2 the end of initialization
-seeks a steady state at the initial airspeed, flight path, bank, heading, height and rates, with 3 the aircraft stands on its
-gear; the outputs <code>trim.*</code> hold what was found and the accelerations that are left. All values are SI and radians.</p>
+solves for a steady state at the initial airspeed, flight path, bank, heading, height and rates, with 3 the aircraft stands on its
+gear; the outputs <code>trim.*</code> hold what was found and the remaining accelerations. All values are SI and radians.</p>
 <h3>Co-simulation</h3>
 <p>Inputs are held over a communication step. FMI 2.0 importers may set first derivatives of the inputs at the start
 of a step: they are then linear inside that step, and held again after it. Outputs follow the inputs without delay: after a
@@ -40,10 +40,10 @@ divided evenly. The state can be stored, restored and serialised at any point.</
 <code>replay.t</code> (rising) and <code>replay.u</code> (one row of all inputs per sample), initialise, and make one step from the
 first to the last time; <code>replay.y</code> then holds all outputs at every sample. Inputs are linear between samples.</p>
 <h3>Model exchange</h3>
-<p>The importer's solver integrates the states below. Positions are those of an Earth-centred frame: ask for a relative
+<p>The importer's solver integrates the states below. Positions are those of an Earth-centred frame: request a relative
 tolerance of 1e-9 or less. There are no event indicators; where a table has a kink, or a wheel touches the ground, the solver
 finds a smaller step by itself. Turbulence and gusts, the delay of a power lever and a control system with friction
-(<code>mode.controls</code> 1 and 2) are no states: while one of them is at work the model asks for a time event every
+(<code>mode.controls</code> 1 and 2) are no states: while one of them is at work the model requests a time event every
 <code>mode.step</code>, and they stand still in between. Inputs that jump need an event. Directional derivatives are not given.</p>
 <h3>Beyond the tables</h3>
 <p>Tables are held at their ends, or extended linearly where stated; <code>out_of_range</code> counts internal steps

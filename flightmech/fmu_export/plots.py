@@ -35,7 +35,7 @@ class Span(NamedTuple):
 
 
 class Figure(NamedTuple):
-    """The plot of a term (SVG), or its value when it has no axes, and what has to be said with it."""
+    """The plot of a term (SVG), or its value when it has no axes, and the remarks that belong to it."""
 
     term: str
     svg: str
@@ -90,12 +90,12 @@ class _Evaluation:
     def figure(self, term: str, text: Mapping[str, str]) -> Figure:
         """Return the figure of a term with the axes and regressors that the compiler wrote down."""
         spans = sorted(axes_of(text.get("axes", "")), key=lambda span: -span.nodes)
-        units = {word: 1.0 for word in text.get("regressors", "").split() if word not in {span.name for span in spans}}
-        said = [f"per unit of {' '.join(units)}"] if units else []
+        units = {name: 1.0 for name in text.get("regressors", "").split() if name not in {span.name for span in spans}}
+        remarks = [f"per unit of {' '.join(units)}"] if units else []
         if power_name(term) in self.powers:
-            said.append("without its power factor")
+            remarks.append("without its power factor")
         if not spans:
-            return Figure(term, "", float(self.over(term, units)[0]), "; ".join(said))
+            return Figure(term, "", float(self.over(term, units)[0]), "; ".join(remarks))
         first, *others = [self.changing(term, span, spans, units) for span in spans]
         held = units | {span.name: 0.5 * (span.low + span.high) for span in others[1:]}
         levels = [{others[0].name: level} for level in _levels(others[0])] if others else [{}]
@@ -103,11 +103,11 @@ class _Evaluation:
         curves = [self.over(term, {**held, **level, first.name: x}) for level in levels]
         labels = [self.shown(*pair) for level in levels for pair in level.items()]
         if first.high < spans[0].high:
-            said.append(f"constant beyond {self.shown(first.name, first.high)}")
+            remarks.append(f"constant beyond {self.shown(first.name, first.high)}")
         if others:
-            said.append(f"shades: {others[0].name}")
-        said += [f"{span.name} = {self.shown(span.name, held[span.name])}" for span in others[1:]]
-        return Figure(term, _svg(term, self.rows[first.name], x, curves, labels), None, "; ".join(said))
+            remarks.append(f"shades: {others[0].name}")
+        remarks += [f"{span.name} = {self.shown(span.name, held[span.name])}" for span in others[1:]]
+        return Figure(term, _svg(term, self.rows[first.name], x, curves, labels), None, "; ".join(remarks))
 
     def changing(self, term: str, span: Span, spans: Sequence[Span], units: Mapping[str, float]) -> Span:
         """Return an axis without what lies beyond its last change, to a factor of two: heights reach to the stratosphere."""

@@ -32,7 +32,7 @@ VERSIONS = ("2.0", "3.0")
 
 
 def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0") -> Path:
-    """Write a model as an FMU for co-simulation and model exchange; the file appears whole or not at all.
+    """Write a model as an FMU for co-simulation and model exchange; the file is written atomically (completely or not at all).
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def _documentation(sim: SimModel, description: Description) -> str:
 
 
 def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what an FMU of any vendor says about itself.
+    """Return what an FMU of any vendor states about itself.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Modes of a linear model: which motion an eigenvalue is, and what a pilot or a test row asks of it.
+"""Modes of a linear model: which motion an eigenvalue is, and what a pilot or a test row requires of it.
 
 A mode is recognised by participation, p_ki = l_ki v_ki with the left and right eigenvectors scaled to l_i v_i = 1 [Perez]: the part
 that state k has in mode i.  It does not depend on the units of the states nor on their order, and its sum over the states of a mode is
@@ -72,12 +72,12 @@ def modes(linear: xr.Dataset) -> pd.DataFrame:
         ``third oscillation`` (phugoid and short period), the ``roll-spiral oscillation``, or ``coupled``.  ``period`` is NaN without
         oscillation, ``t_half`` NaN for a growing motion, ``t_double`` for a decaying one; ``damping_ratio`` is -real/omega_n, so -1 for an
         aperiodic divergence.
-        ``phi_beta`` is the ratio of bank to sideslip in a lateral oscillation.  ``participation`` tells the states above 0.1.
+        ``phi_beta`` is the ratio of bank to sideslip in a lateral oscillation.  ``participation`` lists the states above 0.1.
 
     Notes
     -----
     Where eigenvectors are parallel (repeated eigenvalues, as at the very point where a pair becomes real) participations lose
-    their meaning; the remark then says so.
+    their meaning; the remark then states so.
     """
     names = [str(name) for name in linear["state"].values]
     found = _eigen(linear["A"].values, names)
@@ -101,8 +101,8 @@ def _eigen(A: np.ndarray, names: list[str]) -> list[_Eigen]:
         oscillates = abs(value.imag) > _REAL * abs(value)
         if oscillates and value.imag < 0.0:
             continue
-        twin = int(np.argmin(np.abs(values - value.conjugate()))) if oscillates else i
-        states = (owner[i], owner[twin]) if oscillates else (owner[i],)
+        conjugate = int(np.argmin(np.abs(values - value.conjugate()))) if oscillates else i
+        states = (owner[i], owner[conjugate]) if oscillates else (owner[i],)
         value = value if oscillates else complex(value.real)
         found.append(_Eigen(value, V[:, i], np.full(len(names), np.nan) if repeated else share[:, i], states))
     return found

@@ -1,6 +1,6 @@
 """The linear model of a compiled aircraft about a steady flight, by central differences of the derivative that flies.
 
-States and inputs are moved one at a time, everything else is held, and the kernel is asked for the rates.  A step of
+States and inputs are moved one at a time, everything else is held, and the kernel gives the rates.  A step of
 eps^(1/3) of the size of a variable (6e-6 rad, 6e-6 of the speed) balances what is cut off, h^2 f'''/6, against what is rounded off,
 eps f / h: both stay near 1e-10 of the entry.  A second pass with half the step gives ``error``, so that the reader sees it.
 
@@ -9,7 +9,7 @@ follows at once where the start of a run settles it (engines) and stands still o
 with friction are no states: the surfaces are held where the trim left them.
 
 The tables are piecewise linear: the slope is that of the cell the flight is in.  On a breakpoint, where it jumps, the mean of both
-sides comes out and attribute ``kinks`` says for which variable.
+sides comes out and attribute ``kinks`` states for which variable.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..names import attrs
 from ..simulation.kernel import OUTPUT, PARAMETER, STATE, Simulation
 from ..simulation.run import constant_inputs, prepared
 from ..trimming.request import DRIVES, RIGID
-from ..trimming.search import seek
+from ..trimming.search import default_trim_mode
 from ..units import G0
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def linearize(
     -------
     Dataset
         ``A (state, state_)``, ``B (state, input)``, ``C (output, state_)``, ``D (output, input)``: rate of the state = A dx + B du, output
-        = C dx + D du.  ``x``, ``u``, ``y`` is the point, ``x_dot`` what the trim left; ``A_error`` ... ``D_error`` the change
+        = C dx + D du.  ``x``, ``u``, ``y`` is the point, ``x_dot`` what remains after the trim; ``A_error`` ... ``D_error`` the change
         of each entry with half the step; ``state_units`` ... the units [SI].  Attributes ``title``, ``condition``, ``kinks``,
         ``left_out`` (states of the submodels that were not chosen), ``held`` (what is no state: control circuits).
 
@@ -104,7 +104,7 @@ def linearize(
     UnknownName
         A state, input, output or parameter that the model does not have.
     SchemaError
-        A rotating Earth is asked for, or a step that is not positive.
+        A rotating Earth is requested, or a step that is not positive.
     SimulationError
         The condition has no meaning.
     """
@@ -168,7 +168,7 @@ def _demand(names: Iterable[str], allowed: Sequence[str], what: str) -> None:
 
 
 def _submodel_states(sim: SimModel) -> dict[str, tuple[int, str]]:
-    """Return place and units of the states beside those of the rigid body, by their names without ``state.``."""
+    """Return place and units of the states other than those of the rigid body, by their names without ``state.``."""
     rows = enumerate(sim.entries(STATE))
     return {row.name.removeprefix("state."): (i, row.units) for i, row in rows if i >= RIGID}
 
@@ -190,7 +190,7 @@ def _plant(sim: SimModel, parameters: dict[str, float], states: tuple[str, ...])
     places = _submodel_states(sim)
     if not any(name in states for name in places if name.endswith(".thrust")):
         parameters |= {name: 0.0 for name in sim.parameters if name.endswith(".time_constant")}
-    start = {"mode.trim": seek(sim, parameters), **parameters}
+    start = {"mode.trim": default_trim_mode(sim, parameters), **parameters}
     run = prepared(sim, start, constant_inputs(sim, start))
     trimmed, state = dict(zip(sim.outputs, map(float, run.outputs()), strict=True)), run.state
     values = {**parameters, "mode.trim": 0.0, "mode.controls": 0.0}

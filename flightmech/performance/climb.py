@@ -22,7 +22,7 @@ from ..units import FOOT
 from .polar_and_range import NO_ENGINES, NO_LEVEL, TOLERANCE, at_end, level_speeds, lowest, required, stall
 
 CLIMB = "climb"
-_SERVICE = 100.0 * FOOT / 60.0  # climb rate left at the service ceiling [m s-1]
+_SERVICE = 100.0 * FOOT / 60.0  # climb rate at the service ceiling [m s-1]
 _NEAR = 5.0  # of the ceilings [m]
 _HIGHEST = 20e3  # where ceilings are looked for with thrust that falls with the pressure [m]
 
@@ -60,7 +60,7 @@ def _fastest(climb: Callable[[float], float], best: float, speeds: tuple[float, 
     if climb(best) < 0.0:
         return absent(CLIMB, {"V_max": "m s-1"}, "full throttle does not hold level flight at this height")
     if climb(speeds[1]) > 0.0:
-        return absent(CLIMB, {"V_max": "m s-1"}, f"beyond {speeds[1]:.4g} m/s, the end of the speeds looked at: thrust is still left there")
+        return absent(CLIMB, {"V_max": "m s-1"}, f"beyond {speeds[1]:.4g} m/s, the end of the speeds examined: thrust exceeds drag there")
     V = brentq(climb, best, speeds[1], xtol=TOLERANCE * best)
     return [Row(CLIMB, "V_max", float(V), "m s-1", "full throttle, level")]
 

@@ -255,5 +255,5 @@ def lowest(cost: Callable[[float], float], speeds: tuple[float, float]) -> float
 
 def at_end(V: float, speeds: tuple[float, float]) -> str:
     """Return a remark on a speed found: whether it is that of the flight or the end of the search."""
-    where = [word for word, end in zip(("slow", "fast"), speeds, strict=True) if abs(V - end) < 0.005 * end]
+    where = [name for name, end in zip(("slow", "fast"), speeds, strict=True) if abs(V - end) < 0.005 * end]
     return f"true airspeed; at the {where[0]} end of the speeds looked at" if where else "true airspeed"

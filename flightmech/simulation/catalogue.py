@@ -1,6 +1,6 @@
 """Names, units and start values of the inputs, outputs and parameters of a simulation model.
 
-The kernel says which names there are and in which order; this module says what they mean.  The rows travel inside the
+The kernel defines which names there are and in which order; this module defines what they mean.  The rows travel inside the
 compiled block, so that an FMU needs no second list.
 """
 
@@ -40,7 +40,7 @@ _MODES = {
     "engine": ("0 the lever drives, 1 N1, 2 thrust_drive", 0.0, 0.0, 2.0),
     "controls": ("0 the surfaces drive, 1 the cockpit positions, 2 the pilot's forces", 0.0, 0.0, 2.0),
     "rates": ("body rates of the aerodynamics: 0 relative to inertial space as gyros show them, 1 to the Earth", 0.0, 0.0, 1.0),
-    "trim": ("at the start: 0 none, 1 seek thrust, 2 seek throttle, 3 stand on the ground", 0.0, 0.0, 3.0),
+    "trim": ("at the start: 0 none, 1 solve for thrust, 2 solve for throttle, 3 stand on the ground", 0.0, 0.0, 3.0),
 }
 _START = {"V": 100.0, "h": 1000.0}
 _START_NOTES = {

@@ -122,7 +122,7 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     if problems:
         raise SchemaError(f"model of {aircraft.name}", problems)
     block = Packer(aircraft, found, _force_axes(db), _meta(db, found)).pack()
-    Model(block)  # the kernel accepts it, or says why not
+    Model(block)  # the kernel accepts it, or states why not
     return SimModel(block)
 
 

@@ -205,9 +205,9 @@ class Simulation:
 
     def copy(self) -> Simulation:
         """Return an independent simulation in the same state."""
-        twin = Simulation(self.model)
-        twin._demand(library().am_copy(twin.handle, self.handle))
-        return twin
+        copy = Simulation(self.model)
+        copy._demand(library().am_copy(copy.handle, self.handle))
+        return copy
 
     def set_parameter(self, index: int, value: float) -> None:
         """Set one parameter."""
@@ -224,12 +224,12 @@ class Simulation:
         self._demand(library().am_set_inputs(self.handle, _pointer(_checked(u, (self.model.count(INPUT),)))))
 
     def initialize(self, time: float = 0.0) -> None:
-        """Put the state to ``init.*``; trim when ``mode.trim`` says so."""
+        """Put the state to ``init.*``; trim when ``mode.trim`` requires it."""
         self._demand(library().am_initialize(self.handle, time))
 
-    def trim(self, seek: int) -> None:
+    def trim(self, mode: int) -> None:
         """Trim by thrust (1) or throttle (2)."""
-        self._demand(library().am_trim(self.handle, seek))
+        self._demand(library().am_trim(self.handle, mode))
 
     def trim_for(
         self,

@@ -1,6 +1,6 @@
 """The packed block: sections and records of format 2, little-endian.
 
-A header (magic, format, endian mark, size, CRC-32), a directory of sections, and the sections, each at a multiple of 64
+A header (magic, format, byte-order word, size, CRC-32), a directory of sections, and the sections, each at a multiple of 64
 bytes.  ``kernel/src/access/block_reader.h`` holds the same records as C structs.  Tables whose axes have identical breakpoints and order
 lie side by side (a bundle); nothing is ever resampled.
 """

@@ -60,7 +60,7 @@ def simulate(
     SchemaError
         No time, time that does not rise.
     SimulationError
-        An input or the state is not finite (``time`` says when), a parameter has no meaning.
+        An input or the state is not finite (``time`` states when), a parameter has no meaning.
     """
     check_hold(hold)
     time = read_time(inputs)
@@ -164,7 +164,7 @@ def _in_vocabulary(name: str) -> bool:
 
 
 def _left(sim: SimModel, run: Simulation) -> str:
-    """Return a few words per axis that was left: where and how long."""
+    """Return a short text per axis that was left: where and how long."""
     texts = []
     for row, below, above in zip(sim.entries(AXIS), *run.out_of_range()):
         for count, word, end in ((below, "below", row.low), (above, "above", row.high)):

@@ -1,4 +1,4 @@
-"""A condition in the words of a user to the parameters of the simulation."""
+"""From a condition as a user states it to the parameters of the simulation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[str, float
     Raises
     ------
     UnknownName
-        A word that is none of these.
+        A name that is none of these.
     SchemaError
         No speed, two of them, or a number without meaning.
     """
@@ -68,6 +68,6 @@ def _true_airspeed(kind: str, value: float, parameters: Mapping[str, float]) -> 
     return value
 
 
-def words(condition: Mapping[str, float]) -> str:
+def text(condition: Mapping[str, float]) -> str:
     """Return a condition as text."""
     return ", ".join(f"{name} {value:.4g}{' ' + VOCABULARY[name].units if name in VOCABULARY else ''}" for name, value in condition.items())

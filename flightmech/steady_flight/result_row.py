@@ -1,4 +1,4 @@
-"""A characteristic as one row: its number, or in words why there is none."""
+"""A characteristic as one row: its number, or a text why there is none."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ COLUMNS = ("group", "quantity", "value", "units", "remark", "absent")
 
 
 class Row(NamedTuple):
-    """One quantity; `value` is NaN and `absent` says why when aircraft, database or flight do not give it."""
+    """One quantity; `value` is NaN and `absent` states why when aircraft, database or flight do not give it."""
 
     group: str
     quantity: str

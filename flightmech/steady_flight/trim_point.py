@@ -22,7 +22,7 @@ from ..simulation.kernel import PARAMETER, Simulation
 from ..simulation.run import constant_inputs
 from ..trimming.search import trimmed_outputs
 from ..units import G0
-from .flight_condition import parameters, words
+from .flight_condition import parameters, text
 
 HINGES = ("Ch_e", "Ch_a", "Ch_r")
 VARIABLES = ("alpha", "beta", "V", "phat", "qhat", "rhat", "alphadothat", "betadothat", "dnz", "delta_e", "delta_a", "delta_r")
@@ -32,7 +32,7 @@ _LEFT = 1e-6  # acceleration that still counts as trimmed [m s-2, rad s-2]
 
 @dataclass(frozen=True)
 class Pair:
-    """An aircraft and its database, compiled, with what is asked of them again and again.
+    """An aircraft and its database, compiled, with what is evaluated of them again and again.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ class Point:
 
     @property
     def excess(self) -> float:
-        """Largest acceleration that the longitudinal controls left. [m s-2, rad s-2]"""
+        """Largest acceleration that remains after the longitudinal controls. [m s-2, rad s-2]"""
         return max(abs(self[f"trim.{name}_dot"]) for name in "uwq")
 
     def level(self, V: float, h: float | None = None) -> Point:
@@ -202,7 +202,7 @@ class Point:
         table = np.stack(rows, axis=-1) if rows else np.empty((int(np.prod(shape)), 0))
         c = self._scaled.evaluate(table)[0].T.reshape(6, *shape)
         bias = np.array([self.parameter(f"bias.{name}") for name in COEFFICIENTS]).reshape(6, *(1 for _ in shape))
-        return _to_house(c, self.pair.force_axes, known["alpha"], known["beta"]) + bias
+        return _to_stability(c, self.pair.force_axes, known["alpha"], known["beta"]) + bias
 
     def body(self, x_cg_b: float | None = None, **values: ArrayLike) -> np.ndarray:
         """Return CX, CY, CZ and Cl, Cm, Cn about the centre of gravity (6, ...), body axes; `x_cg_b` [m] puts it somewhere else."""
@@ -222,7 +222,7 @@ class Point:
         return (up - down) / (2.0 * step)
 
     def derivatives(self, variables: Sequence[str] = VARIABLES) -> xr.Dataset:
-        """Return the derivatives of the six coefficients, house axes about the moment reference point.
+        """Return the derivatives of the six coefficients about the moment reference point; lift and drag in stability, the rest in body axes.
 
         Returns
         -------
@@ -257,23 +257,23 @@ def trimmed_at(aircraft: Aircraft, db: xr.DataTree, condition: Mapping[str, floa
     Parameters
     ----------
     aircraft, db
-        Compiled together; hinge moments (``Ch_e Ch_a Ch_r``) of the database are kept beside.
+        Compiled together; hinge moments (``Ch_e Ch_a Ch_r``) of the database are kept with them.
     condition : mapping of str to float
         As in `flightmech.characteristics`; ``gamma`` of an aircraft without engines is found. [SI]
 
     Raises
     ------
     UnknownName
-        A word that is none of these.
+        A name that is none of these.
     SchemaError
         No speed, or two.
     SimulationError
-        No steady flight is found; the text says what is left and which control is at its end.
+        No steady flight is found; the text gives the remaining accelerations and the control that is at its limit.
     """
     sim = compile_model(aircraft, db)
     point = _trimmed(Pair(aircraft, db, sim), parameters(sim, condition))
     if not point.is_trimmed:
-        raise SimulationError(f"no steady flight at {words(condition)}: {_left(point)}; change the condition or the limits of the controls")
+        raise SimulationError(f"no steady flight at {text(condition)}: {_left(point)}; change the condition or the limits of the controls")
     return point
 
 
@@ -300,7 +300,7 @@ def _left(point: Point) -> str:
     left = ", ".join(f"{name}_dot {point[f'trim.{name}_dot']:.3g}" for name in "uwq")
     ends = [f"{name} {np.degrees(point[f'applied.{name}']):.3g} deg" for name in ("delta_e",) if _at_end(point, name)]
     place = ", ".join([f"alpha {np.degrees(point['alpha']):.3g} deg", *ends])
-    return f"accelerations of {left} (m/s2, rad/s2) are left at {place}"
+    return f"accelerations of {left} (m/s2, rad/s2) remain at {place}"
 
 
 def _at_end(point: Point, control: str) -> bool:
@@ -308,7 +308,7 @@ def _at_end(point: Point, control: str) -> bool:
     return limits is not None and bool(np.isclose(point[f"applied.{control}"], limits, atol=1e-9).any())
 
 
-def _to_house(c: np.ndarray, force_axes: str, alpha: ArrayLike, beta: ArrayLike) -> np.ndarray:
+def _to_stability(c: np.ndarray, force_axes: str, alpha: ArrayLike, beta: ArrayLike) -> np.ndarray:
     """Turn force coefficients of the database (order of `packer.FORCES`) to stability-axis CL, CD and body-axis CY."""
     if force_axes == "stability":
         return c

@@ -1,6 +1,6 @@
-"""Files and folders that are written whole or not at all.
+"""Files and folders that are written atomically: completely or not at all.
 
-What is written first stands beside its place under a name that begins with a dot and ends in ``.part``; a process that is killed
+What is written first stands next to its destination under a name that begins with a dot and ends in ``.part``; a process that is killed
 leaves it behind, where it does no harm and may be deleted.
 """
 
@@ -17,7 +17,7 @@ from secrets import token_hex
 
 @contextmanager
 def written_whole(path: str | os.PathLike) -> Iterator[Path]:
-    """Yield a place beside `path` to write to; it takes the name of `path` once the block has ended well.
+    """Yield a place next to `path` to write to; it takes the name of `path` once the block has ended well.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def written_whole(path: str | os.PathLike) -> Iterator[Path]:
         Its folder is not there.
     """
     path = Path(path)
-    part = _beside(path)
+    part = _temporary(path)
     try:
         yield part
         _on_disk(part)
@@ -42,7 +42,7 @@ def written_whole(path: str | os.PathLike) -> Iterator[Path]:
 
 @contextmanager
 def folder_written_whole(path: str | os.PathLike) -> Iterator[Path]:
-    """Yield a new folder beside `path` to fill; it takes the name of `path` once the block has ended well.
+    """Yield a new folder next to `path` to fill; it takes the name of `path` once the block has ended well.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def folder_written_whole(path: str | os.PathLike) -> Iterator[Path]:
     Linux exchanges the two in one step. Elsewhere the older one is first set aside under a name that ends in ``.old.part``.
     """
     path = Path(path)
-    part = _beside(path)
+    part = _temporary(path)
     part.mkdir()
     try:
         yield part
@@ -81,7 +81,7 @@ def folder_written_whole(path: str | os.PathLike) -> Iterator[Path]:
         shutil.rmtree(part, ignore_errors=True)
 
 
-def _beside(path: Path) -> Path:
+def _temporary(path: Path) -> Path:
     if not path.parent.is_dir():
         raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(path.parent))
     return path.with_name(f".{path.name}.{token_hex(4)}.part")

@@ -1,4 +1,4 @@
-"""TOML files through a pydantic model: every problem at once, in the words of the house, near names for misspelt keys."""
+"""TOML files through a pydantic model: every problem at once, in the wording of the package, similar names for misspelt keys."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ jobs_option = click.option(
 
 
 class NewFile(click.Path):
-    """A file to write: its folder must be there, which is said before the work begins and not after it."""
+    """A file to write: its folder must exist, which is checked before the work begins."""
 
     def __init__(self) -> None:
         super().__init__(dir_okay=False)
@@ -35,7 +35,7 @@ class NewFile(click.Path):
 
 
 def command_line() -> str:
-    """Return the command as it was given, for a report to say how it was made."""
+    """Return the command as it was given, for a report to state how it was made."""
     return shlex.join(["aeromatch", *sys.argv[1:]])
 
 

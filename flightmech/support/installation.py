@@ -1,6 +1,6 @@
 """Check that the packages of this distribution are the ones that Python would import.
 
-Some import names are generic (``docs/design/import-names.md``): another distribution, or a file beside the user's script,
+Some import names are generic (``docs/design/import-names.md``): another distribution, or a file next to the user's script,
 may hide one of them.
 """
 

@@ -1,4 +1,4 @@
-"""Public names that are loaded when they are first used, so that importing a package stays cheap."""
+"""Public names that are loaded when they are first used, so that importing a package stays inexpensive."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def load(package: str, home: Mapping[str, str], name: str) -> Any:
     home : mapping of str to str
         Public name to the module that holds it; a path that ends in the public name is a public module.
     name : str
-        The name asked for.
+        The name requested.
     """
     if name not in home:
         raise AttributeError(f"module {package!r} has no attribute {name!r}; public are {', '.join(sorted(home))}")

@@ -1,4 +1,4 @@
-"""Kinds of steady flight: which quantities are sought, which vanish, and what is freed when another is given.
+"""Kinds of steady flight: which quantities are unknown, which vanish, and what is freed when another is given.
 
 A kind is data.  Names are plain: ``alpha`` stands for the start value ``init.alpha``, ``throttle`` for the levers of all engines that
 run, ``power`` for whatever drives them (lever, rotor speed or recorded thrust, by ``mode.engine``).
@@ -23,7 +23,7 @@ class Kind:
     Parameters
     ----------
     unknowns, residuals : tuple of str
-        What is sought, and what shall vanish.
+        Unknowns, and what shall vanish.
     fixed : mapping of str to float
         Held at these values unless given otherwise. [SI]
     one_of : tuple of str
@@ -80,4 +80,4 @@ KINDS = {
     ),
 }
 # outputs that a start value brings about, in any kind
-SOUGHT_BY = {"V_cas": "V", "mach": "V", "qbar": "V", "hdot": "gamma", "h_agl": "h"}
+UNKNOWN_FOR = {"V_cas": "V", "mach": "V", "qbar": "V", "hdot": "gamma", "h_agl": "h"}

@@ -12,7 +12,7 @@ from ..aircraft.systems.control_circuits import MOVES
 from ..errors import SchemaError, UnknownName
 from ..simulation.kernel import INPUT, PARAMETER, STATE, Entry
 from ..units import G0
-from .kinds import ACCELERATIONS, BY_GAMMA, BY_THETA, CLIMB, KINDS, ON_GROUND, SOUGHT_BY
+from .kinds import ACCELERATIONS, BY_GAMMA, BY_THETA, CLIMB, KINDS, ON_GROUND, UNKNOWN_FOR
 
 if TYPE_CHECKING:
     from ..simulation.compiler import SimModel
@@ -78,7 +78,7 @@ class _Reader:
         for name in self.values:
             if name not in self.rows:
                 raise UnknownName(name, self.rows, "parameter or input")
-        self.drive = DRIVES.get(self._value("mode.engine"), "throttle")  # of a mode that is none the kernel says so
+        self.drive = DRIVES.get(self._value("mode.engine"), "throttle")  # an invalid mode is reported by the kernel
         self.engines = [name.removesuffix(f".{self.drive}") for name in sim.inputs if name.endswith(f".{self.drive}")]
         self.controls = self._value("mode.controls")
         self.circuits = {surface: item for item, surface in MOVES.items() if f"{item}.mass" in self.rows}
@@ -86,18 +86,18 @@ class _Reader:
         self.failed = self._failures()
 
     def read(self, unknowns: Sequence[str] | None, residuals: Sequence[str] | None) -> Request:
-        sought = self._sought(None if unknowns is None else [self._plain(name) for name in unknowns])
-        self._defaults(sought)
-        path = self._path(sought)
+        solve_for = self._unknowns(None if unknowns is None else [self._plain(name) for name in unknowns])
+        self._defaults(solve_for)
+        path = self._path(solve_for)
         if path == ON_GROUND:
-            self._stand(sought if unknowns is None else [])
-        goals = self._goals(residuals or self.kind.residuals, path) | self._forces(sought)
-        self._refuse(sought, goals)
-        self._guess(sought)
-        movers = tuple(self._movers(name) for name in sought)
-        limits = np.array([self._limits(name, items[0], path) for name, items in zip(sought, movers, strict=True)])
-        guess = np.array([self._start_guess(name, items[0], path) for name, items in zip(sought, movers, strict=True)])
-        names = tuple(self._shown(name) for name in sought)
+            self._stand(solve_for if unknowns is None else [])
+        goals = self._goals(residuals or self.kind.residuals, path) | self._forces(solve_for)
+        self._refuse(solve_for, goals)
+        self._guess(solve_for)
+        movers = tuple(self._movers(name) for name in solve_for)
+        limits = np.array([self._limits(name, items[0], path) for name, items in zip(solve_for, movers, strict=True)])
+        guess = np.array([self._start_guess(name, items[0], path) for name, items in zip(solve_for, movers, strict=True)])
+        names = tuple(self._shown(name) for name in solve_for)
         search = (guess, limits[:, 0], limits[:, 1], limits[:, 2])
         outputs = tuple(f"trim.{name}" if name in ACCELERATIONS else name for name in goals)
         return Request(self.name, path, self.values, names, movers, search, tuple(goals), outputs, np.array(list(goals.values())))
@@ -105,14 +105,14 @@ class _Reader:
     def _value(self, name: str) -> float:
         return self.values.get(name, self.rows[name].value)
 
-    def _stand(self, sought: list[str]) -> None:
+    def _stand(self, solve_for: list[str]) -> None:
         """At rest the tyres hold what pulls along the ground, and nothing accelerates."""
         tyres = [name for name in self.states if name.endswith((".tyre_x", ".tyre_y"))]
         if not tyres:
             raise SchemaError(f"trim, kind {self.name}", ["the aircraft has no landing gear; give it [gear] in its file"])
         if self._value("init.V") == 0.0:
             wheels = [name for name in tyres if self._value(f"{name.removeprefix('state.').rpartition('.')[0]}.friction") == 0.0]
-            sought += [name for name in wheels if name not in self.given]
+            solve_for += [name for name in wheels if name not in self.given]
             self.kind = replace(self.kind, residuals=ACCELERATIONS)
 
     def _plain(self, name: str) -> str:
@@ -131,9 +131,9 @@ class _Reader:
             return name if name == driving else f"applied.{name}"
         return f"applied.{name}" if name in self.circuits and self.controls == POSITIONS else name
 
-    def _forces(self, sought: Sequence[str]) -> dict[str, float]:
-        """With forces driving, a given or sought one holds the deflection by itself: the kernel has nothing to add."""
-        named = {*sought, *self.given}
+    def _forces(self, solve_for: Sequence[str]) -> dict[str, float]:
+        """With forces driving, a given or unknown one holds the deflection by itself: the kernel has nothing to add."""
+        named = {*solve_for, *self.given}
         forced = self.circuits.values() if self.controls == FORCES else ()
         return {f"trim.F_{item}": 0.0 for item in forced if f"F_{item}" in named}
 
@@ -157,26 +157,26 @@ class _Reader:
             return {f"{engine}.thrust_drive": 0.0}
         return {f"{engine}.cutoff": 1.0} if f"{engine}.cutoff" in self.rows else {f"term.{engine}.thrust": 0.0}
 
-    def _power(self, sought: Iterable[str] = ()) -> tuple[str, ...]:
+    def _power(self, solve_for: Iterable[str] = ()) -> tuple[str, ...]:
         """Return the inputs that drive the engines that run and are not named one by one."""
-        named = {*self.given, *sought}
+        named = {*self.given, *solve_for}
         inputs = (f"{engine}.{self.drive}" for engine in self.engines if engine not in self.failed)
         return tuple(name for name in inputs if name not in named)
 
-    def _sought(self, unknowns: list[str] | None) -> list[str]:
+    def _unknowns(self, unknowns: list[str] | None) -> list[str]:
         wanted = self.kind.one_of
         named = {*self.given, *(unknowns or ())}
         self.given |= {name: self.values[f"init.{name}"] for name in wanted if f"init.{name}" in self.values and name not in named}
-        said = {name.removeprefix("applied.") for name in (*self.given, *(unknowns or ()), *self._missing())}
-        if wanted and not said & {*wanted}:
+        stated = {name.removeprefix("applied.") for name in (*self.given, *(unknowns or ()), *self._missing())}
+        if wanted and not stated & {*wanted}:
             raise SchemaError(f"trim, kind {self.name}", [f"no value of {_or(map(self._shown, wanted))}; give one in fixed"])
         if unknowns is not None:
             return unknowns
         given = {**self.given, **dict.fromkeys(self._missing(), 0.0)}
         freed = [self.kind.frees.get(name.removeprefix("applied.")) or self._brought_about_by(name) for name in given]
-        sought = [self.circuits.get(name, name) if self.controls == POSITIONS else name for name in self.kind.unknowns]
+        solve_for = [self.circuits.get(name, name) if self.controls == POSITIONS else name for name in self.kind.unknowns]
         forces = [f"F_{item}" for item in self.circuits.values()] if self.controls == FORCES else []
-        return [name for name in dict.fromkeys((*sought, *forces, *freed)) if name not in given]
+        return [name for name in dict.fromkeys((*solve_for, *forces, *freed)) if name not in given]
 
     def _brought_about_by(self, output: str) -> str:
         engine, _, quantity = output.rpartition(".")
@@ -184,14 +184,14 @@ class _Reader:
             return f"{engine}.{self.drive}"
         if output.startswith(("applied.F_", "F_")):
             return _TABS.get(output.rpartition("F_")[2], output)
-        return SOUGHT_BY.get(output, output)
+        return UNKNOWN_FOR.get(output, output)
 
     def _missing(self) -> tuple[str, ...]:
         return () if self._power() else ("power",)
 
-    def _defaults(self, sought: Sequence[str]) -> None:
-        """Hold what the kind holds, where nothing else is said; put what is given into parameters and inputs."""
-        settled = {*sought, *self.given, *(name.removeprefix("init.") for name in self.values)}
+    def _defaults(self, solve_for: Sequence[str]) -> None:
+        """Hold what the kind holds, where nothing else is given; put what is given into parameters and inputs."""
+        settled = {*solve_for, *self.given, *(name.removeprefix("init.") for name in self.values)}
         held = {name: value for name, value in self.kind.fixed.items() if name not in settled}
         if "theta" in self.given:
             held.pop("gamma", None)
@@ -211,10 +211,10 @@ class _Reader:
             raise UnknownName(name, {*_START, *ACCELERATIONS, "throttle", "thrust", *self.rows, *self.sim.outputs}, "quantity")
         return ()
 
-    def _path(self, sought: Sequence[str]) -> int:
+    def _path(self, solve_for: Sequence[str]) -> int:
         if self.kind.path == ON_GROUND:
             return ON_GROUND
-        return BY_THETA if "theta" in (*sought, *self.given) else BY_GAMMA
+        return BY_THETA if "theta" in (*solve_for, *self.given) else BY_GAMMA
 
     def _goals(self, residuals: Sequence[str], path: int) -> dict[str, float]:
         dropped = {self.kind.drops[name] for name in self.given if name in self.kind.drops}
@@ -230,16 +230,18 @@ class _Reader:
                 raise UnknownName(name, {*ACCELERATIONS, CLIMB, *self.sim.outputs}, "residual")
         return goals
 
-    def _refuse(self, sought: Sequence[str], goals: Mapping[str, float]) -> None:
-        problems = [f"{self._shown(name)} is fixed and unknown at once; take one away" for name in sought if name in self.given]
-        problems += [f"{self._shown(name)} is named twice among the unknowns" for name in {*sought} if list(sought).count(name) > 1]
-        if "theta" in sought and "gamma" in sought:
+    def _refuse(self, solve_for: Sequence[str], goals: Mapping[str, float]) -> None:
+        problems = [f"{self._shown(name)} is fixed and unknown at once; take one away" for name in solve_for if name in self.given]
+        problems += [f"{self._shown(name)} is named twice among the unknowns" for name in {*solve_for} if list(solve_for).count(name) > 1]
+        if "theta" in solve_for and "gamma" in solve_for:
             problems.append("theta and gamma are both unknown, but one follows from the other; take one away")
-        if "power" in sought and not self._power(sought):
+        if "power" in solve_for and not self._power(solve_for):
             problems.append(f"no engine is left for {self._shown('power')}; take it away from the unknowns")
-        if not problems and len(goals) > len(sought):
-            surplus = len(goals) - len(sought)
-            listed = f"{len(goals)} residuals ({', '.join(goals)}) against {len(sought)} unknowns ({', '.join(map(self._shown, sought))})"
+        if not problems and len(goals) > len(solve_for):
+            surplus = len(goals) - len(solve_for)
+            listed = (
+                f"{len(goals)} residuals ({', '.join(goals)}) against {len(solve_for)} unknowns ({', '.join(map(self._shown, solve_for))})"
+            )
             problems.append(f"{listed}; free {surplus} more, fix fewer, or name fewer residuals")
         if problems:
             raise SchemaError(f"trim, kind {self.name}", problems)
@@ -248,22 +250,22 @@ class _Reader:
         items = self._settable(name)
         if not items:
             raise UnknownName(
-                name, {*_START, "throttle", "thrust", *self.rows}, "quantity to seek", "an output cannot be moved, it can be fixed"
+                name, {*_START, "throttle", "thrust", *self.rows}, "quantity to solve for", "an output cannot be moved, it can be fixed"
             )
         return items
 
-    def _guess(self, sought: Sequence[str]) -> None:
+    def _guess(self, solve_for: Sequence[str]) -> None:
         """Start where turn, bank and load factor belong together for small angles."""
         V, g = max(self._value("init.V"), 1.0), G0
         phi, turn = self._value("init.phi"), self._value("init.psi_dot")
         load = self.given.get("nz", 1.0)
-        if "phi" in sought and "psi_dot" in self.given:
+        if "phi" in solve_for and "psi_dot" in self.given:
             self.values["init.phi"] = float(np.arctan(V * turn / g))
-        elif "phi" in sought and "psi_dot" in sought:
+        elif "phi" in solve_for and "psi_dot" in solve_for:
             self.values["init.phi"] = phi = float(np.arccos(min(1.0, 1.0 / max(load, 1.0))))
-        if "psi_dot" in sought:
+        if "psi_dot" in solve_for:
             self.values["init.psi_dot"] = g * float(np.tan(phi)) / V
-        if "q" in sought:
+        if "q" in solve_for:
             self.values["init.q"] = (load - 1.0) * g / V
 
     def _start_guess(self, name: str, item: str, path: int) -> float:

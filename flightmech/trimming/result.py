@@ -1,4 +1,4 @@
-"""What a search for a steady flight came to: limits that were hit, residuals that are left, unknowns without effect."""
+"""What a search for a steady flight came to: limits that were hit, remaining residuals, unknowns without effect."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .request import Request
 if TYPE_CHECKING:
     from ..simulation.compiler import SimModel
 
-_DONE = 1e-6  # what is left of a residual that counts as nothing [m s-2]: a ten-millionth of gravity
+_DONE = 1e-6  # remainder of a residual that counts as zero [m s-2]: a ten-millionth of gravity
 _AT_LIMIT = 1e-9  # of the size of an unknown
 _NO_EFFECT = 1e-8  # slope, of the largest one
 _SAME = 1e-6  # singular value of the normalised slopes, of the largest one
@@ -29,8 +29,8 @@ class Search:
 
     Parameters
     ----------
-    asked : Request
-        What was sought.
+    request : Request
+        The trim requested.
     found : array (unknown,)
         Values of the unknowns. [SI]
     rest : array (residual,)
@@ -41,7 +41,7 @@ class Search:
         Slopes of `left` over one size of each unknown. [m s-2]
     """
 
-    asked: Request
+    request: Request
     found: np.ndarray
     rest: np.ndarray
     left: np.ndarray
@@ -49,67 +49,67 @@ class Search:
 
     def variables(self, sim: SimModel, run: Simulation) -> dict[str, tuple]:
         """Return the variables of the result; `run` stands in the state that was found."""
-        asked = self.asked
+        request = self.request
         units = {row.name: row.units for kind in (OUTPUT, STATE, INPUT, PARAMETER) for row in sim.entries(kind)} | {CLIMB: "m s-2"}
-        _, low, high, _ = asked.search
+        _, low, high, _ = request.search
         start = self._start(sim, run)
         return {
-            "unknown": ("unknown", list(asked.unknowns)),
-            "unknown_units": ("unknown", [units[items[0]] for items in asked.movers]),
+            "unknown": ("unknown", list(request.unknowns)),
+            "unknown_units": ("unknown", [units[items[0]] for items in request.movers]),
             "found": ("unknown", self.found),
             "low": ("unknown", low),
             "high": ("unknown", high),
             "limit": ("unknown", self._limits()),
-            "residual": ("residual", list(asked.residuals)),
-            "residual_units": ("residual", [units[name] for name in asked.outputs]),
-            "wanted": ("residual", asked.wanted),
+            "residual": ("residual", list(request.residuals)),
+            "residual_units": ("residual", [units[name] for name in request.outputs]),
+            "wanted": ("residual", request.wanted),
             "left": ("residual", self.rest),
             "quantity": ("quantity", list(start)),
             "start": ("quantity", np.array(list(start.values()))),
         }
 
     def attributes(self) -> dict[str, str | int]:
-        """Return the attributes of the result: the findings one by one, and in words."""
-        asked, limits = self.asked, self._limits()
+        """Return the attributes of the result: the findings one by one, and as a text."""
+        request, limits = self.request, self._limits()
         converged = bool(np.abs(self.left).max() <= _DONE)
         idle, alike, rank = self._rank()
-        _, low, high, _ = asked.search
+        _, low, high, _ = request.search
         stops = [
             f"{name} at its {'upper' if side > 0 else 'lower'} limit {b if side > 0 else a:.6g}"
-            for name, side, a, b in zip(asked.unknowns, limits, low, high, strict=True)
+            for name, side, a, b in zip(request.unknowns, limits, low, high, strict=True)
             if side
         ]
-        over = [f"{name} {rest:.3g}" for name, rest, part in zip(asked.residuals, self.rest, self.left, strict=True) if abs(part) > _DONE]
-        words = ["trimmed" if converged else "not trimmed", *stops]
+        over = [f"{name} {rest:.3g}" for name, rest, part in zip(request.residuals, self.rest, self.left, strict=True) if abs(part) > _DONE]
+        parts = ["trimmed" if converged else "not trimmed", *stops]
         for text, names in (("left over", over), ("without effect", idle), ("only together", alike)):
-            words += [f"{text}: {', '.join(names)}"] if names else []
+            parts += [f"{text}: {', '.join(names)}"] if names else []
         return {
-            "kind": asked.kind,
+            "kind": request.kind,
             "converged": int(converged),
-            "at_limit": " ".join(name for name, side in zip(asked.unknowns, limits, strict=True) if side),
+            "at_limit": " ".join(name for name, side in zip(request.unknowns, limits, strict=True) if side),
             "without_effect": " ".join(idle),
             "alike": " ".join(alike),
             "rank": rank,
-            "verdict": "; ".join(words),
+            "verdict": "; ".join(parts),
         }
 
     def _limits(self) -> np.ndarray:
-        _, low, high, size = self.asked.search
+        _, low, high, size = self.request.search
         near = _AT_LIMIT * size
         return np.where(self.found <= low + near, -1, np.where(self.found >= high - near, 1, 0))
 
     def _start(self, sim: SimModel, run: Simulation) -> dict[str, float]:
         """Return parameters and inputs that start a simulation here; on the ground the kernel stands up once more, with the tyres."""
-        asked = self.asked
-        found = {item: self.found[k] for k, items in enumerate(asked.movers) for item in items if item in sim.parameters + sim.inputs}
-        if asked.path == ON_GROUND:
-            return {**asked.values, **found, "mode.trim": 3.0}
+        request = self.request
+        found = {item: self.found[k] for k, items in enumerate(request.movers) for item in items if item in sim.parameters + sim.inputs}
+        if request.path == ON_GROUND:
+            return {**request.values, **found, "mode.trim": 3.0}
         held = {f"init.{name}": run.parameter(sim.parameters.index(f"init.{name}")) for name in _STATE}
-        return {**asked.values, **found, **held}
+        return {**request.values, **found, **held}
 
     def _rank(self) -> tuple[list[str], list[str], int]:
         """Return the unknowns without effect, those whose effects are not independent, and the number of independent ones."""
-        names = np.array(self.asked.unknowns)
+        names = np.array(self.request.unknowns)
         norm = np.linalg.norm(self.jacobian, axis=0)
         works = norm > _NO_EFFECT * norm.max(initial=0.0)
         idle, active = _texts(names[~works]), names[works]

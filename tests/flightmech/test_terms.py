@@ -145,7 +145,7 @@ def test_the_mask_has_a_place_for_every_sample(table):
             r"axis alpha is given in 'deg', a term holds 'rad': convert the breakpoints",
         ),
         (lambda leaf: leaf["alpha"].attrs.update(units="furlong"), r"axis alpha is given in 'furlong'"),
-        (lambda leaf: leaf["source"].__setitem__((0, 0), 7), r"source holds codes beside 0 datcom, 1 flight, 2 judgement"),
+        (lambda leaf: leaf["source"].__setitem__((0, 0), 7), r"source holds codes other than 0 datcom, 1 flight, 2 judgement"),
         (lambda leaf: leaf.__setitem__("value", leaf["value"].astype(object)), "value holds object; numbers are needed"),
         (lambda leaf: leaf.__setitem__("stderr", leaf["stderr"].astype(str)), "stderr holds <U32; numbers are needed"),
         (lambda leaf: leaf.attrs.update(final=True), "attribute final is a bool; only text and numbers survive"),

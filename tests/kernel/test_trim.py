@@ -42,7 +42,7 @@ def test_trimmed_flight_stays(sim):
         assert float(np.ptp(y[name].values)) < spread, name
 
 
-def test_thrust_is_sought_for_recorded_thrust(sim):
+def test_thrust_is_unknown_for_recorded_thrust(sim):
     y = flightmech.trim(sim, {**CRUISE, "mode.engine": 2.0, "engine1.thrust_drive": 500.0, "engine2.thrust_drive": 500.0})
     assert float(y["engine1.thrust"]) == pytest.approx(500.0 + float(y["trim.thrust"]))
     assert float(y["trim.throttle"]) == 0.0

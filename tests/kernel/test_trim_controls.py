@@ -42,7 +42,7 @@ def column_force(y: xr.Dataset) -> float:
     return -GEARING * float(y["qbar"]) * AREA * CHORD * ch
 
 
-def sought(found) -> dict[str, float]:
+def solution(found) -> dict[str, float]:
     return dict(zip(map(str, found["unknown"].values), map(float, found["found"].values), strict=True))
 
 
@@ -54,10 +54,10 @@ def test_surfaces_drive_and_forces_follow(piloted):
 
 
 def test_tabs_take_the_forces_away(piloted):
-    """Hands and feet off: tabs sought in place of the forces."""
+    """Hands and feet off: tabs unknown in place of the forces."""
     y = flightmech.trim(piloted, CRUISE, kind="level", fixed={"F_column": 0.0, "F_pedal": 0.0})
     assert y.attrs["verdict"] == "trimmed"
-    tabs = sought(y)
+    tabs = solution(y)
     assert tabs["delta_t"] == pytest.approx(-(0.1 * float(y["alpha"]) + 0.3 * float(y["applied.delta_e"])) / 0.2, rel=1e-9)
     assert tabs["delta_tr"] == pytest.approx((0.05 * float(y["beta"]) - 0.25 * float(y["applied.delta_r"])) / 0.15, rel=1e-9)
 
@@ -67,7 +67,7 @@ def test_positions_drive(piloted):
     y = flightmech.trim(piloted, {**CRUISE, "mode.controls": 1.0}, kind="level")
     assert y.attrs["verdict"] == "trimmed"
     assert list(y["unknown"].values) == ["alpha", "beta", "column", "delta_a", "pedal", "throttle"]
-    assert sought(y)["column"] == pytest.approx(float(plain["applied.delta_e"]) / GEARING, rel=1e-9)
+    assert solution(y)["column"] == pytest.approx(float(plain["applied.delta_e"]) / GEARING, rel=1e-9)
     given = flightmech.trim(piloted, {**CRUISE, "mode.controls": 1.0}, kind="sideslip", fixed={"delta_r": 0.1})
     assert given.attrs["verdict"] == "trimmed"
     assert float(given["applied.delta_r"]) == pytest.approx(0.1, abs=1e-12)
@@ -79,7 +79,7 @@ def test_forces_drive(piloted):
     y = flightmech.trim(piloted, {**CRUISE, "mode.controls": 2.0}, kind="turn", fixed={"phi": 0.6})
     assert y.attrs["verdict"] == "trimmed"
     for name in ("F_column", "F_pedal"):
-        assert sought(y)[name] == pytest.approx(float(plain[f"applied.{name}"]), rel=1e-8)
+        assert solution(y)[name] == pytest.approx(float(plain[f"applied.{name}"]), rel=1e-8)
         assert float(y[f"trim.{name}"]) == pytest.approx(0.0, abs=1e-8)
     lag = {"engine1.time_constant": 0.0, "engine2.time_constant": 0.0}
     flown = flightmech.simulate(piloted, xr.Dataset(coords={"time": np.arange(0.0, 5.0, 0.5)}), {**start_of(y), **lag})
@@ -90,8 +90,8 @@ def test_forces_drive(piloted):
 def test_a_given_force_asks_for_a_tab(piloted):
     y = flightmech.trim(piloted, {**CRUISE, "mode.controls": 2.0}, kind="level", fixed={"F_column": 30.0})
     assert y.attrs["verdict"] == "trimmed"
-    assert "delta_t" in sought(y)
-    free = flightmech.trim(piloted, {**CRUISE, "delta_t": sought(y)["delta_t"]}, kind="level")
+    assert "delta_t" in solution(y)
+    free = flightmech.trim(piloted, {**CRUISE, "delta_t": solution(y)["delta_t"]}, kind="level")
     assert float(free["applied.F_column"]) == pytest.approx(30.0, rel=1e-8)
 
 

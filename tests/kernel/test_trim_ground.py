@@ -91,7 +91,7 @@ def test_the_start_of_a_run_stands_up_by_itself(wheels):
 
 
 def test_rolling_at_constant_speed(wheels):
-    """Throttle sought: what pushes forward along the runway is drag and 0.02 of the load; the c.g. neither sinks nor pitches."""
+    """Throttle unknown: what pushes forward along the runway is drag and 0.02 of the load; the c.g. neither sinks nor pitches."""
     y = flightmech.trim(wheels, {"mode.earth": 0.0}, kind="ground", fixed={"V": 30.0, "u_dot": 0.0})
     assert y.attrs["verdict"] == "trimmed"
     assert list(y["unknown"].values) == ["h", "theta", "phi", "throttle"]

@@ -72,7 +72,7 @@ def numbers(found: xr.Dataset) -> dict[str, float]:
     return {str(name): float(item) for name, item in found.items() if not item.dims}
 
 
-def sought(found: xr.Dataset) -> dict[str, float]:
+def solution(found: xr.Dataset) -> dict[str, float]:
     return dict(zip(map(str, found["unknown"].values), map(float, found["found"].values), strict=True))
 
 
@@ -171,7 +171,7 @@ def test_coordinated_turn_by_hand(steady):
     Inertia: (Izz - Iyy) q r - Ixz p q and so on with Ixz = 350 kg m2 of the jet.
     """
     found = flightmech.trim(steady, LEVEL, kind="turn", fixed={"phi": np.pi / 4})
-    y, deflection = numbers(found), sought(found)
+    y, deflection = numbers(found), solution(found)
     turn = deflection["psi_dot"]
     assert turn == near(rate_of_turn(y))
     assert turn * V * np.cos(y["gamma"]) == near(G0 * np.tan(np.pi / 4) * np.cos(y["theta"]), rel=2e-3)  # exact for alpha -> 0
@@ -192,20 +192,20 @@ def test_coordinated_turn_by_hand(steady):
 
 def test_bank_rate_of_turn_and_load_factor_name_the_same_turn(steady):
     banked = flightmech.trim(steady, LEVEL, kind="turn", fixed={"phi": 1.0})
-    y, turn = numbers(banked), sought(banked)["psi_dot"]
+    y, turn = numbers(banked), solution(banked)["psi_dot"]
     for fixed in ({"psi_dot": turn}, {"nz": y["nz"]}):
         other = flightmech.trim(steady, LEVEL, kind="turn", fixed=fixed)
         assert float(other["phi"]) == near(1.0)
-        assert sought(other)["delta_e"] == near(sought(banked)["delta_e"])
+        assert solution(other)["delta_e"] == near(solution(banked)["delta_e"])
 
 
 def test_the_turn_at_the_start_of_a_run_needs_no_body_rates(steady):
     """mode.trim 1 with init.psi_dot, bank and rate of turn of a coordinated turn: the same controls."""
     found = flightmech.trim(steady, {**LEVEL, "mode.engine": 2.0}, kind="turn", fixed={"phi": 0.6})
-    y = flightmech.trim(steady, {**LEVEL, "init.phi": 0.6, "init.psi_dot": sought(found)["psi_dot"]})
+    y = flightmech.trim(steady, {**LEVEL, "init.phi": 0.6, "init.psi_dot": solution(found)["psi_dot"]})
     assert max(abs(float(y[f"trim.{name}_dot"])) for name in "uvwpqr") < 1e-10
     for name in ("delta_e", "delta_a", "delta_r"):
-        assert float(y[f"trim.{name}"]) == near(sought(found)[name])
+        assert float(y[f"trim.{name}"]) == near(solution(found)[name])
 
 
 def test_sideslip_by_hand(steady):
@@ -213,32 +213,32 @@ def test_sideslip_by_hand(steady):
     beta = np.radians(4.0)
     found = flightmech.trim(steady, LEVEL, kind="sideslip", fixed={"beta": beta})
     delta_r = 0.1 * beta / 0.07
-    deflection = sought(found)
+    deflection = solution(found)
     assert (deflection["delta_r"], deflection["delta_a"]) == near((delta_r, -0.08 * beta / 0.15))
     side = (0.6 * beta - 0.17 * delta_r) * QS
     assert np.sin(deflection["phi"]) * np.cos(float(found["theta"])) == near(side / WEIGHT)
     by_rudder = flightmech.trim(steady, LEVEL, kind="sideslip", fixed={"delta_r": delta_r})
-    assert sought(by_rudder)["beta"] == near(beta)
+    assert solution(by_rudder)["beta"] == near(beta)
     by_bank = flightmech.trim(steady, LEVEL, kind="sideslip", fixed={"phi": deflection["phi"]})
-    assert sought(by_bank)["beta"] == near(beta)
+    assert solution(by_bank)["beta"] == near(beta)
 
 
 def test_pull_up_by_hand(steady):
     """At the lowest point the lift carries W + m q V; nz is along body z, so n cos(a) + ax/g sin(a) = 1 + q V / g."""
     found = flightmech.trim(steady, LEVEL, kind="pull_up", fixed={"nz": 2.5})
-    y, q = numbers(found), sought(found)["q"]
+    y, q = numbers(found), solution(found)["q"]
     assert y["nz"] == near(2.5)
     assert 2.5 * np.cos(y["alpha"]) + y["ax"] / G0 * np.sin(y["alpha"]) == near(1.0 + q * V / G0)
     qhat = q * 1.67 / (2 * V)
-    assert sought(found)["delta_e"] == near((0.04 - 0.7 * y["alpha"] - 13.0 * qhat) / 1.1)
+    assert solution(found)["delta_e"] == near((0.04 - 0.7 * y["alpha"] - 13.0 * qhat) / 1.1)
     assert (y["phi"], y["gamma"], y["p"], y["r"]) == near((0.0, 0.0, 0.0, 0.0))
-    assert sought(flightmech.trim(steady, LEVEL, kind="pull_up", fixed={"q": q})).get("q") is None
+    assert solution(flightmech.trim(steady, LEVEL, kind="pull_up", fixed={"q": q})).get("q") is None
 
 
 def test_engine_out_by_hand(steady):
     """Left engine dead, beta = 0: the right one yaws left by 0.8 T, the rudder holds it, and its side force asks for bank."""
     found = flightmech.trim(steady, LEVEL, kind="engine_out", fixed={"engine1.failed": 1.0})
-    y, deflection = numbers(found), sought(found)
+    y, deflection = numbers(found), solution(found)
     T = y["engine2.thrust"]
     assert y["engine1.thrust"] == 0.0
     assert T * np.cos(y["alpha"]) == near(0.03 * QS)
@@ -247,9 +247,9 @@ def test_engine_out_by_hand(steady):
     assert np.sin(deflection["phi"]) * np.cos(y["theta"]) == near(-0.17 * delta_r * QS / WEIGHT)
     assert y["beta"] == near(0.0)
     level = flightmech.trim(steady, LEVEL, kind="engine_out", fixed={"engine1.failed": 1.0, "phi": 0.0})
-    beta = sought(level)["beta"]
-    assert 0.6 * beta == near(0.17 * sought(level)["delta_r"])  # no side force with wings level
-    assert 0.07 * sought(level)["delta_r"] == near(0.1 * beta - 0.8 * T / (QS * SPAN), rel=1e-4)  # the thrust changes with alpha
+    beta = solution(level)["beta"]
+    assert 0.6 * beta == near(0.17 * solution(level)["delta_r"])  # no side force with wings level
+    assert 0.07 * solution(level)["delta_r"] == near(0.1 * beta - 0.8 * T / (QS * SPAN), rel=1e-4)  # the thrust changes with alpha
 
 
 DECK = {
@@ -266,7 +266,7 @@ def test_a_dead_engine_with_a_deck_windmills(plain):
     engines = tuple(flightmech.Engine((0.0, y, 0.0), deck=Deck(DECK)) for y in (-0.8, 0.8))
     found = flightmech.trim(plain(engines=engines), LEVEL, kind="engine_out", fixed={"engine1.failed": 1.0, "throttle": 1.0})
     assert found.attrs["verdict"] == "trimmed"
-    y, deflection = numbers(found), sought(found)
+    y, deflection = numbers(found), solution(found)
     assert y["engine1.thrust"] == near(-0.05 * y["qbar"])
     theta = y["temperature"] / 288.15 * (1.0 + 0.2 * y["mach"] ** 2)  # of the total temperature
     assert y["engine1.n1"] == near(0.3 / 0.6 * y["mach"] * np.sqrt(theta))
@@ -277,7 +277,7 @@ def test_a_dead_engine_with_a_deck_windmills(plain):
 
 
 def test_minimum_control_speed_by_hand(steady):
-    """Full rudder, 5 deg of bank towards the live engine, full thrust there: the speed is sought.  Two equations for beta and qS."""
+    """Full rudder, 5 deg of bank towards the live engine, full thrust there: the speed is unknown.  Two equations for beta and qS."""
     thrust, full, bank = 9000.0, -0.35, np.radians(5.0)
     asked = ("alpha", "beta", "delta_e", "delta_a", "V", "gamma")
     fixed = {"engine1.failed": 1.0, "engine2.thrust": thrust, "delta_r": full, "phi": bank}
@@ -316,10 +316,10 @@ def test_unknowns_without_effect_and_those_that_do_the_same(plain):
     asked = ("alpha", "beta", "delta_e", "delta_a", "delta_r", "power", "delta_f", "delta_t")
     found = flightmech.trim(tab, LEVEL, unknowns=asked)
     assert found.attrs["without_effect"] == "delta_f"
-    assert sought(found)["delta_f"] == 0.0
+    assert solution(found)["delta_f"] == 0.0
     assert found.attrs["rank"] == 6
     # a surplus is shared out by the smallest norm: in the proportion of the effects, 1.1 to 0.2
-    assert sought(found)["delta_t"] == near(0.2 / 1.1 * sought(found)["delta_e"], rel=1e-3)
+    assert solution(found)["delta_t"] == near(0.2 / 1.1 * solution(found)["delta_e"], rel=1e-3)
     pitch = flightmech.trim(
         tab, LEVEL, unknowns=("alpha", "delta_e", "delta_t", "power"), residuals=("u_dot", "w_dot", "q_dot", "CY"), fixed={"gamma": 0.0}
     )
@@ -327,12 +327,12 @@ def test_unknowns_without_effect_and_those_that_do_the_same(plain):
     assert "only together: delta_e, delta_t" in pitch.attrs["verdict"]
 
 
-def test_any_parameter_can_be_sought(steady):
+def test_any_parameter_can_be_unknown(steady):
     """The centre of gravity at which the elevator stays at zero: Cm + CL x / cbar cos(a) ... = 0 about it."""
     asked = ("alpha", "beta", "delta_a", "delta_r", "power", "mass.x_cg_b")
     found = flightmech.trim(steady, {**LEVEL, "mode.engine": 2.0}, unknowns=asked, fixed={"delta_e": 0.0})
     y = numbers(found)
-    x, a = sought(found)["mass.x_cg_b"], y["alpha"]
+    x, a = solution(found)["mass.x_cg_b"], y["alpha"]
     normal = (0.1 + 5.0 * a) * np.cos(a) + 0.03 * np.sin(a)  # of the aerodynamic force, up along body z
     assert 1.67 * (0.04 - 0.7 * a) == near(normal * x)
     assert y["q_dot"] == near(0.0)
@@ -343,15 +343,15 @@ def test_one_engine_at_a_given_thrust(sim):
     found = flightmech.trim(sim, {**CRUISE, "mode.earth": 0.0}, fixed={"engine1.thrust": 800.0})
     assert found.attrs["verdict"] == "trimmed"
     assert float(found["engine1.thrust"]) == near(800.0)
-    assert sought(found)["engine1.throttle"] != sought(found)["throttle"]
+    assert solution(found)["engine1.throttle"] != solution(found)["throttle"]
 
 
 def test_power_given_in_level_flight_asks_for_the_speed(sim):
     level = flightmech.trim(sim, {**CRUISE, "mode.earth": 0.0}, kind="level")
     asked = flightmech.trim(
-        sim, {**CRUISE, "init.V": 130.0, "mode.earth": 0.0}, kind="level", fixed={"throttle": sought(level)["throttle"]}
+        sim, {**CRUISE, "init.V": 130.0, "mode.earth": 0.0}, kind="level", fixed={"throttle": solution(level)["throttle"]}
     )
-    assert sought(asked)["V"] == near(110.0)
+    assert solution(asked)["V"] == near(110.0)
 
 
 def test_given_accelerations(steady):
@@ -364,7 +364,7 @@ def test_start_of_holds_what_was_given(sim):
     found = flightmech.trim(sim, {**CRUISE, "delta_f": 0.3, "mode.earth": 0.0}, kind="level")
     start = start_of(found)
     assert (start["delta_f"], start["mode.trim"], start["init.V"], start["init.psi"]) == (0.3, 0.0, 110.0, 0.7)
-    y = flightmech.trim(sim, start)  # mode.trim 0: the kernel starts there and seeks nothing
+    y = flightmech.trim(sim, start)  # mode.trim 0: the kernel starts there and solves for nothing
     for name in ("alpha", "beta", "theta", "phi", "applied.delta_e", "engine2.thrust", "gamma"):
         assert float(y[name]) == pytest.approx(float(found[name]), abs=1e-14), name
     with pytest.raises(SchemaError, match="no variable start; trim with a kind"):
@@ -420,7 +420,7 @@ def test_a_mode_that_is_none_is_refused_by_the_kernel(sim):
     [
         ({"kind": "looping"}, "unknown kind of trim 'looping'"),
         ({"fixed": {"bank": 0.1}}, "unknown quantity 'bank'"),
-        ({"unknowns": ("nz",), "residuals": ("w_dot",)}, "unknown quantity to seek 'nz'.*an output cannot be moved, it can be fixed"),
+        ({"unknowns": ("nz",), "residuals": ("w_dot",)}, "unknown quantity to solve for 'nz'.*an output cannot be moved, it can be fixed"),
         ({"residuals": ("lift",)}, "unknown residual 'lift'"),
         ({"fixed": {"engine7.failed": 1.0}}, "unknown engine 'engine7.failed'"),
         ({"kind": "level", "parameters": {"init.speed": 1.0}}, "unknown parameter or input 'init.speed'"),

@@ -89,7 +89,7 @@ def test_dynamic_page_repeated_after_every_ground_page_counts_once():
 
 def test_saved_cases_keep_their_cards():
     listing = datcom_io.read(CORPUS / "save_cascade" / "save_cascade.out")
-    assert listing.cases[-2:] == ["case 5", "case 6"]
+    assert listing.case_names[-2:] == ["case 5", "case 6"]
     assert [case.deck.deriv for case in listing] == ["RAD"] * 4 + ["DEG"] * 2
     assert all(case.deck.value("OPTINS", "SREF") == 24.2 for case in listing)
     assert listing[4].deck.schedule("FLTCON", "ALSCHD", "NALPHA") == [0.0, 2.0, 4.0, 6.0]

@@ -127,7 +127,7 @@ def interference(stacker: Stacker) -> xr.Dataset | None:
     sheet.add(SIDEWASH.numbers, _ALONG, (((spot.condition,), page, labelled(group)) for spot, page, group in groups))
     found = sheet.leaf(_INTERFERENCE_NAMES)
     for column in wing:
-        found[column.house].attrs["printed_as"] = f"{column.name} of the wing, {column.name.replace('W', 'H')} of the horizontal tail"
+        found[column.quantity].attrs["printed_as"] = f"{column.name} of the wing, {column.name.replace('W', 'H')} of the horizontal tail"
     return found
 
 

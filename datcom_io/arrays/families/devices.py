@@ -137,7 +137,7 @@ def spoiler(stacker: Stacker) -> xr.Dataset | None:
     for column in BY_NAME["spoiler"].columns[3:]:
         value, flag = np.full((len(stacker.conditions), count), np.nan), np.full((len(stacker.conditions), count), ABSENT, np.uint8)
         for spot, page, table in placed:
-            own = next(other for other in table.columns if other.house == column.house)
+            own = next(other for other in table.columns if other.quantity == column.quantity)
             rows = len(table.rows)
             value[spot.condition, :rows], flag[spot.condition, :rows] = stacker.column(own, page, table)
         add_variable(found, column, ["condition", "deflection"], value, flag)
@@ -150,16 +150,16 @@ def spoiler(stacker: Stacker) -> xr.Dataset | None:
 def _heights(stacker: Stacker, tables: list[Table], count: int) -> dict[str, tuple]:
     """Return what names a deflection, by the cards, checked against every table that prints it; or as printed."""
     found: dict[str, tuple] = {}
-    for house, variable in _SPOILER_CARDS.items():
+    for quantity, variable in _SPOILER_CARDS.items():
         exact = stacker.case.deck.schedule("ASYFLP", variable, "NDELTA")
         for table in tables:
-            at = next((k for k, column in enumerate(table.columns) if column.house == house), None)
+            at = next((k for k, column in enumerate(table.columns) if column.quantity == quantity), None)
             if at is None:
                 continue
             exact = exact or [float(x) for x in table.values[:, at]]
             stacker.demand(table.columns[at].name, table.values[:, at], exact, table.lines, _HALF_UNIT_OF_CHORD, "1")
             values = [*exact, *[np.nan] * count][:count]
-            found[house] = ("deflection", np.array(values), {"units": "1", "printed_as": table.columns[at].name})
+            found[quantity] = ("deflection", np.array(values), {"units": "1", "printed_as": table.columns[at].name})
     return found
 
 

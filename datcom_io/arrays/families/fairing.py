@@ -42,7 +42,7 @@ def fairing(stacker: Stacker) -> xr.Dataset | None:
     drag_nodes = max((len(table.rows) for _, _, table in drag), default=0)
     axes = {"condition": None, "configuration": [name.lower() for name in subjects], "node": range(nodes), "drag_node": range(drag_nodes)}
     sheet = Sheet(stacker, axes)
-    columns = {column.house: column for form in (*SURFACE, *WITH_BODY) for column in form.numbers}
+    columns = {column.quantity: column for form in (*SURFACE, *WITH_BODY) for column in form.numbers}
     items: list[Item] = [
         ((spot.condition, k), page, numbers)
         for spot, page, group in groups
@@ -57,13 +57,13 @@ def fairing(stacker: Stacker) -> xr.Dataset | None:
         for k in range(len(table.rows))
     ]
     mach, slope = SLOPES["WING"].columns
-    sheet.add((mach._replace(house="CL_alpha_mach"), slope), ("condition", "configuration", "node"), points)
+    sheet.add((mach._replace(quantity="CL_alpha_mach"), slope), ("condition", "configuration", "node"), points)
     whole = "BODY-WING-HORIZONTAL TAIL"
     divergence = (((spot.condition,), page, labelled(group, whole)) for spot, page, group in groups)
     sheet.add(DIVERGENCE[0].numbers, ("condition",), divergence)
     mach, cd0 = DRAG.columns
     rise = (((spot.condition, k), page, row(table, k)) for spot, page, table in drag for k in range(len(table.rows)))
-    sheet.add((mach._replace(house="CD0_mach"), cd0), ("condition", "drag_node"), rise)
+    sheet.add((mach._replace(quantity="CD0_mach"), cd0), ("condition", "drag_node"), rise)
     return sheet.leaf(_NAMES)
 
 

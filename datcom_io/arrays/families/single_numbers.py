@@ -80,7 +80,7 @@ class Sheet:
                 self.seen.setdefault(where[0], []).append(number.line)
             add_variable(self.dataset, column, dims, value, flag)
             if column.units in _PER:
-                self.dataset[column.house].attrs["per"] = _PER[column.units]
+                self.dataset[column.quantity].attrs["per"] = _PER[column.units]
 
     def leaf(self, long_names: Mapping[str, str], **attributes: str) -> xr.Dataset:
         """Return the leaf with long names, attributes and the range of lines of its numbers."""

@@ -34,7 +34,7 @@ _INCREMENT_NAMES = {
     "xcp_CN": "centre of pressure of the normal-force increment forward of the hinge line, in chords",
     "zcp_CA": "centre of pressure of the axial-force increment below the hinge line, in chords",
 }
-# printed label, house name, unit, meaning
+# printed label, quantity, unit, meaning
 _JET = (
     ("CONTROL FORCE (LB)", "F_control", "lbf", "control force wanted"),
     ("LOCAL MACH NO.", "mach_local", "1", "Mach number of the surface flow ahead of the jet"),
@@ -94,15 +94,15 @@ def jet(stacker: Stacker) -> xr.Dataset | None:
     local = _local(stacker, conditions)
     times = _times(stacker, [group for _, group in placed])
     found = xr.Dataset(coords=local.coords([local.condition_axis(), Axis("time", times, "s")]))
-    for label, house, units, meaning in _JET:
-        column = Column(label, 0, 0, house, _pressure_unit(stacker) if units == "pressure" else units)
+    for label, quantity, units, meaning in _JET:
+        column = Column(label, 0, 0, quantity, _pressure_unit(stacker) if units == "pressure" else units)
         value, flag = np.full((len(placed), len(times)), np.nan), np.full((len(placed), len(times)), ABSENT, np.uint8)
         for k, (page, group) in enumerate(placed):
             at = _places(stacker, group, label)
             value[k, : len(at)] = stacker.si(column, page, group.values[at], group.flags[at])
             flag[k, : len(at)] = group.flags[at]
         _add(found, column, ["condition", "time"], value, flag)
-        found[house].attrs["long_name"] = meaning
+        found[quantity].attrs["long_name"] = meaning
     layer = np.full((len(placed), len(times)), "", dtype=object)
     for k, (_, group) in enumerate(placed):
         at = _places(stacker, group, "BOUNDARY LAYER")
@@ -218,7 +218,7 @@ def _pressure_unit(stacker: Stacker) -> str:
 
 def _add(dataset: xr.Dataset, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray) -> None:
     add_variable(dataset, column, dims, value, flag)
-    dataset[column.house].attrs["units"] = _SI.get(column.units, "1")
+    dataset[column.quantity].attrs["units"] = _SI.get(column.units, "1")
 
 
 LEAVES = {"hypersonic": hypersonic, "jet": jet, "weight": weight}

@@ -54,7 +54,7 @@ def _with_stream(stacker: Stacker, found: xr.Dataset, layout: Layout) -> xr.Data
         value[spot.condition], flag[spot.condition] = stacker.si(column, page, numbers, codes), codes
     add_variable(found, column, ["condition", "alpha", "delta"], value, flag)
     lines = stacker.lines(shape[:1], [((spot.condition,), table) for spot, _, table in placed])
-    return found.assign_coords({f"lines_{column.house}": ("condition", lines)})
+    return found.assign_coords({f"lines_{column.quantity}": ("condition", lines)})
 
 
 LEAVES = {"tabs": tabs}

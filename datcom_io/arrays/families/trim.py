@@ -79,13 +79,13 @@ def _with_level_flight(stacker: Stacker, found: xr.Dataset, name: str, left_out:
     if not placed:
         return found
     for column in BY_NAME[name].columns:
-        if column.house in left_out:
+        if column.quantity in left_out:
             continue
         value, flag = np.full(len(stacker.conditions), np.nan), np.full(len(stacker.conditions), ABSENT, np.uint8)
         for spot, page, table in placed:
             row_value, row_flag = stacker.column(column, page, table)
             value[spot.condition], flag[spot.condition] = row_value[0], row_flag[0]
-        add_variable(found, column._replace(house=f"{column.house}_level"), ["condition"], value, flag)
+        add_variable(found, column._replace(quantity=f"{column.quantity}_level"), ["condition"], value, flag)
     lines = stacker.lines((len(stacker.conditions),), [((spot.condition,), table) for spot, _, table in placed])
     return found.assign_coords(lines_level=("condition", lines))
 

@@ -55,7 +55,7 @@ class Field(NamedTuple):
 
     name: str
     leaf: str
-    house: str
+    quantity: str
     axes: tuple[str, ...]
     units: str = "1"
     at: tuple[tuple[str, str], ...] = ()
@@ -91,8 +91,8 @@ def _rows(
     """Return fields given as words ``name:variable`` or ``name:variable:units``; an asterisk marks a constant column."""
     found = []
     for word in text.split():
-        name, house, units = (*word.split(":"), "1")[:3]
-        found.append(Field(name.strip("*"), leaf, house, axes, units, at, "*" in name, styles, coordinate))
+        name, quantity, units = (*word.split(":"), "1")[:3]
+        found.append(Field(name.strip("*"), leaf, quantity, axes, units, at, "*" in name, styles, coordinate))
     return found
 
 
@@ -180,7 +180,7 @@ def _partial_output() -> list[Field]:
     for letter, surface in _SURFACES.items():
         for short, panel in _PANELS.items():
             both = (("surface", surface), ("panel", panel))
-            found += [Field(f"{name}_{letter}_{short}", "planform", house, SINGLE, units, both) for name, house, units in _PLANFORM]
+            found += [Field(f"{name}_{letter}_{short}", "planform", quantity, SINGLE, units, both) for name, quantity, units in _PLANFORM]
     for letter in ("w", "ht"):
         words = f"cla_b_{letter}:CL_alpha_body:1/deg cla_{letter}_b:CL_alpha_surface:1/deg k_b_{letter}:K_body k_{letter}_b:K_surface"
         found += _rows("interference", SINGLE, f"{words} xacc_b_{letter}:xac_body", at=(("surface", _SURFACES[letter]),))
@@ -190,9 +190,9 @@ def _partial_output() -> list[Field]:
     found += _rows("increments", SINGLE, "cypgamma:dCY_phat_dihedral cypcl:CY_phat_CL clbgamma:Cl_beta_dihedral:1/deg2")
     found += _rows("increments", SINGLE, "cmothetaw:Cm0_twist_wing:1/deg cmothetah:Cm0_twist_tail:1/deg")
     found += _rows("canard_downwash", ALPHA, "espeff:epsilon_effective:deg despdalpeff:epsilon_alpha_effective")
-    for name, house, units, letters in _FAIRED:
+    for name, quantity, units, letters in _FAIRED:
         for letter in letters.split():
-            found.append(Field(f"{name}_{letter}", "fairing", house, SINGLE, units, (("configuration", _FAIRING[letter]),)))
+            found.append(Field(f"{name}_{letter}", "fairing", quantity, SINGLE, units, (("configuration", _FAIRING[letter]),)))
     for letter in ("w", "ht"):
         at = (("configuration", _FAIRING[letter]),)
         found.append(Field(f"clalpmach_{letter}", "fairing", "CL_alpha_mach", INDEX, "1", at))

@@ -1,4 +1,4 @@
-"""The structure of MATLAB's ``datcomimport`` as a tree: SI, radians, house names, flags."""
+"""The structure of MATLAB's ``datcomimport`` as a tree: SI, radians, canonical names, flags."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ class _Case:
         """Return the attributes of the case's tree."""
         references = (("S", "sref", "area"), ("cbar", "cbar", "length"), ("b", "blref", "length"))
         found: dict[str, str | float] = {
-            house: self.numbers(field)[0] * self.units.factor(units) for house, field, units in references if self.numbers(field)
+            quantity: self.numbers(field)[0] * self.units.factor(units) for quantity, field, units in references if self.numbers(field)
         }
         return {**found, "dim": self.units.dim, "deriv": self.units.deriv, "title": self.text("case"), "case": name, "file": self.file}
 
@@ -159,7 +159,7 @@ class _Case:
         parts: dict[str, list[_Part]] = {}
         for field in fields(self.style):
             if field.name == "fc_con":  # a force in pounds or a coefficient, which the structure does not tell
-                field = field._replace(house="fc_con", units="1")
+                field = field._replace(quantity="fc_con", units="1")
             part = self._part(field)
             if part is not None:
                 parts.setdefault(field.leaf, []).append(part)
@@ -222,8 +222,8 @@ class _Case:
         chosen = there if leaf in _LOCAL else list(range(len(self.places)))
         parts = [part._replace(values=part.values[chosen], flags=part.flags[chosen]) for part in parts]
         found = xr.Dataset(coords=self._conditions(chosen, leaf))
-        for name in dict.fromkeys(part.field.house for part in parts):
-            alike = [part for part in parts if part.field.house == name]
+        for name in dict.fromkeys(part.field.quantity for part in parts):
+            alike = [part for part in parts if part.field.quantity == name]
             is_coordinate = alike[0].field.coordinate
             found = found.assign_coords({name: _coordinate(alike[0])}) if is_coordinate else _with_variable(found, alike, parts)
         axes = {axis: points for axis in found.dims for points in [self._points(str(axis), found.sizes[axis], leaf)] if points is not None}
@@ -285,13 +285,13 @@ def _coordinate(part: _Part) -> tuple:
     if part.field.units == "text":
         return ("condition", *part.dims), part.values
     k = next(k for k in range(len(part.flags)) if (part.flags[k] != ABSENT).any())
-    return part.dims, part.values[k], {"units": "s" if part.field.house == "time" else "1"}
+    return part.dims, part.values[k], {"units": "s" if part.field.quantity == "time" else "1"}
 
 
 def _with_variable(found: xr.Dataset, alike: list[_Part], parts: list[_Part]) -> xr.Dataset:
     """Add a variable: one field, or fields of several surfaces and panels put together."""
     field, dims = alike[0].field, alike[0].dims
-    column = Column(" ".join(part.field.name for part in alike[:2]), 0, 0, field.house, field.units)
+    column = Column(" ".join(part.field.name for part in alike[:2]), 0, 0, field.quantity, field.units)
     if not field.at:
         add_variable(found, column, ("condition", *dims), alike[0].values, alike[0].flags)
         return found

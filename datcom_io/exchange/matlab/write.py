@@ -85,10 +85,10 @@ def structure(case: Case, *, usenan: bool = True) -> tuple[dict[str, Any], list[
     arrays = _Arrays(grid, build, "delta_e" if control_surface(case.deck) == "tail" else "delta_f", units, usenan, lost)
     for field in fields(int(case.deck.value("ASYFLP", "STYPE") or 0)):
         leaf = tree.children.get(field.leaf)
-        house = "CF_stick" if leaf is not None and field.name == "fc_con" and "CF_stick" in leaf else field.house
-        if leaf is None or house not in leaf.variables:
+        quantity = "CF_stick" if leaf is not None and field.name == "fc_con" and "CF_stick" in leaf else field.quantity
+        if leaf is None or quantity not in leaf.variables:
             continue
-        field = field._replace(house=house, units="1" if house == "CF_stick" else field.units)
+        field = field._replace(quantity=quantity, units="1" if quantity == "CF_stick" else field.units)
         array = arrays.array(field, leaf.to_dataset(inherit=False))
         if array is not None:
             found[field.name] = _trimmed(array)
@@ -215,8 +215,8 @@ class _Arrays(NamedTuple):
                 leaf = leaf.sel({axis: label})
             elif axis in leaf.dims or str(leaf[axis].values) != label:
                 return None
-        value = leaf[field.house]
-        flag = leaf[f"{field.house}_flag"] if f"{field.house}_flag" in leaf else xr.zeros_like(value, dtype=np.uint8)
+        value = leaf[field.quantity]
+        flag = leaf[f"{field.quantity}_flag"] if f"{field.quantity}_flag" in leaf else xr.zeros_like(value, dtype=np.uint8)
         if "power" in value.dims:
             kept = next((i for i, name in enumerate(leaf["power"].values) if name == "off"), 0)
             self.lost.power(field.leaf, leaf["power"].values.tolist(), kept)
@@ -315,7 +315,7 @@ class _Lost:
 
     def taken(self, field: Field, flags: np.ndarray) -> None:
         """Count the marks of a field that is written."""
-        self.written.add((field.leaf, field.house))
+        self.written.add((field.leaf, field.quantity))
         codes = np.bincount(flags.ravel(), minlength=len(FLAGS))
         self.marks.update({FLAGS[code]: int(count) for code, count in enumerate(codes) if count and code not in (OK, ABSENT)})
 

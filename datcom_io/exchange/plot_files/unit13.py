@@ -21,7 +21,7 @@ from ...printout.layouts import BY_NAME
 from ..configurations import printed_name
 from .records import CONFIGURATIONS, PlotCase, Record, read_records
 
-_COLUMNS = {column.house: column for name in ("static", "downwash", "symflp") for column in BY_NAME[name].columns}
+_COLUMNS = {column.quantity: column for name in ("static", "downwash", "symflp") for column in BY_NAME[name].columns}
 _STATIC = ("CD", "CL", "Cm", "CN", "CA", "CL_alpha", "Cm_alpha", "CY_beta", "Cn_beta", "Cl_beta")
 _DOWNWASH = ("q_ratio", "epsilon", "epsilon_alpha")
 _SYMFLP = ("dCL", "dCm", "dCLmax", "dCDmin", "CL_alpha_delta", "Ch_alpha", "Ch_delta")

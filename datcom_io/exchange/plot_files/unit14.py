@@ -32,7 +32,7 @@ from ..configurations import printed_name
 
 _RUN = re.compile(r"RUN *\d{1,6} +(\d{1,4}) +\w{1,8} +(\S.*)")
 _WIDTH = 10
-_COLUMNS = {column.house: column for column in BY_NAME["static"].columns}
+_COLUMNS = {column.quantity: column for column in BY_NAME["static"].columns}
 _NAMES = ("CN", "Cm", "CA", "CY_beta", "Cn_beta", "Cl_beta")
 _WORDS = {"BODY": "body", "WING": "wing", "HT": "horizontal", "VT": "vertical", "VF": "fin"}
 

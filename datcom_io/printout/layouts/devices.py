@@ -115,7 +115,7 @@ def heading_values(name: str, across: Across, line: Line) -> Values | None:
     width = across.last - across.first + 1
     texts = [text[max(first, start) : first + width] for first in starts]
     group = make_values(name, [(number, across.name, field, "deg") for field in texts])
-    group.axes[across.house] = group.values
+    group.axes[across.quantity] = group.values
     return group
 
 

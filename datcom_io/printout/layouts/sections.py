@@ -32,9 +32,9 @@ COORDINATES = Layout(
 )
 
 
-def _alone(name: str, house: str, units: str = "1", printed_unit: str = "") -> Labelled:
+def _alone(name: str, quantity: str, units: str = "1", printed_unit: str = "") -> Labelled:
     """Return a line with one number; on a section page they all stand in the same columns."""
-    return Labelled(f"{name} = {printed_unit}".strip(), (Column(name, 58, 67, house, units),))
+    return Labelled(f"{name} = {printed_unit}".strip(), (Column(name, 58, 67, quantity, units),))
 
 
 SUMMARY = (

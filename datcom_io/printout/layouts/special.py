@@ -36,7 +36,7 @@ class _Form(NamedTuple):
 _ORIGINAL = _Form((17, 21), (1, 8), (16, 24), 10)
 _SINGLE_FILE = _Form((11, 19), (1, 9), (10, 18), 9)
 
-# kind of table, words of its heading, house name, unit
+# kind of table, words of its heading, quantity, unit
 _QUANTITIES = (
     ("hypersonic_cn", "INCREMENT IN NORMAL FORCE PER SPANWISE FOOT OF CONTROL", "dCN", "1/ft"),
     ("hypersonic_ca", "INCREMENT IN AXIAL FORCE PER SPANWISE FOOT OF CONTROL", "dCA", "1/ft"),
@@ -48,14 +48,14 @@ _QUANTITIES = (
 _HEADINGS = {heading: name for name, heading, _, _ in _QUANTITIES}
 
 
-def _layout(name: str, heading: str, house: str, units: str, form: _Form) -> Layout:
+def _layout(name: str, heading: str, quantity: str, units: str, form: _Form) -> Layout:
     return Layout(
         name,
         "",
         (Column("ALPHA", *form.alpha, "alpha", "deg"),),
         keys=1,
         rows=("FLTCON", "NALPHA"),
-        across=Across("DELTA", "delta", *form.delta, Column(heading, *form.cell, house, units), form.step),
+        across=Across("DELTA", "delta", *form.delta, Column(heading, *form.cell, quantity, units), form.step),
     )
 
 

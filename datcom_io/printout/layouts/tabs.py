@@ -51,12 +51,12 @@ def stream_axes(deck: Deck, table: Table) -> Mapping[str, np.ndarray]:
     return axes
 
 
-def _layout(name: str, words: str, house: str, units: str) -> Layout:
+def _layout(name: str, words: str, quantity: str, units: str) -> Layout:
     windows = [(2, 9), *((15 + 10 * k, 24 + 10 * k) for k in range(PER_LINE - 1))]
     return Layout(
         name,
         "",
-        tuple(Column(words, first, last, house, units) for first, last in windows),
+        tuple(Column(words, first, last, quantity, units) for first, last in windows),
         keys=0,
         axes=stream_axes,
         stream=(("FLTCON", "NALPHA"), ("SYMFLP", "NDELTA")),

@@ -43,7 +43,7 @@ _STABILIZER = (
 )
 _AIRCRAFT = (Column("ALPHA", 51, 59, "alpha", "deg"), Column("CD", 60, 68, "CD"), Column("CL", 69, 78, "CL"))
 # the program's WRITE names CL first, so that it stands below the heading CD
-_AIRCRAFT_LEVEL = (_AIRCRAFT[0], _AIRCRAFT[1]._replace(name="CL", house="CL"), _AIRCRAFT[2]._replace(name="CD", house="CD"))
+_AIRCRAFT_LEVEL = (_AIRCRAFT[0], _AIRCRAFT[1]._replace(name="CL", quantity="CL"), _AIRCRAFT[2]._replace(name="CD", quantity="CD"))
 _ROWS = ("FLTCON", "NALPHA")
 
 TRIM = Layout("trim", "", _CONTROL, keys=1, rows=_ROWS, stops=_STOPS)

@@ -87,7 +87,7 @@ class Circuit:
     trim_limit : float
         Largest force that the start of a run with recorded forces may add. [N or N m]
     step : float, optional
-        Sub-step; without it 1 ms, or less when the fastest mode asks for it. [s]
+        Sub-step; without it 1 ms, or less when the fastest mode requires it. [s]
     """
 
     stops: tuple[float, float]

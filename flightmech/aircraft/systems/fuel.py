@@ -74,7 +74,7 @@ class Fuel:
     position : tuple of float (3,)
         Where it lies as a mass point, body axes, from the moment reference point. [m]
     tables : mapping of str to Dataset
-        What `position` does not tell, as term leaves over ``fuel``: first moments `MOMENTS` [kg m] and second moments `INERTIAS`
+        What `position` does not give, as term tables over ``fuel``: first moments `MOMENTS` [kg m] and second moments `INERTIAS`
         [kg m2] about the moment reference point, products as the integrals of xy dm and so on.
     """
 

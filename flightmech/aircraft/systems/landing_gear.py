@@ -115,7 +115,7 @@ class Contact:
     steering : float
         Angle of the wheel per angle of the steering; 0 not steered. [1]
     friction : float
-        Of a skid, over load; 0: a wheel, for which the runway says it. [1]
+        Of a skid, over load; 0: a wheel, for which the runway defines it. [1]
     retracts : bool
         Whether it carries in proportion to the input ``gear``, and nothing when that is 0.
     """

@@ -1,4 +1,4 @@
-"""The submodels beside the aerodynamics: each module says what its groups of names mean for an aircraft.
+"""The submodels other than the aerodynamics: each module defines what its groups of names mean for an aircraft.
 
 A module has ``items(aircraft)``, the items of its groups, ``row(kind, group, item, name, aircraft)``, the catalogue row of a
 name, and ``terms(aircraft)``, its tables as (target, name of the term, leaf).

@@ -23,7 +23,7 @@ def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
 def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
     """Return the catalogue row of a name of the fuel."""
     fuel, word = aircraft.fuel, name.rsplit(".", 1)[-1]
-    assert fuel is not None, "names of the group fuel are asked for only where there is fuel"
+    assert fuel is not None, "names of the group fuel are requested only where there is fuel"
     if kind == PARAMETER and name == "init.fuel":
         return Entry(name, "kg", "lb", "fuel on board at the start, part of mass.mass", fuel.mass, 0.0, MOST, FIXED)
     if kind == PARAMETER:

@@ -131,7 +131,7 @@ def test_stabilizer_meets_the_tail_lift_at_trim(jet, corpus, clean):
 
     The incidence has one decimal, worth 0.001 of lift, the lift three; 0.0012 seen between -8 and 8 deg.
     """
-    case = corpus("ce500_trim").in_order[1]
+    case = corpus("ce500_trim").cases[1]
     db = aerodb.from_datcom(jet, clean=clean, elevator=case, altitude=0.0)
     tree = case.to_datatree()
     page, flow = (tree[leaf].to_dataset().isel(condition=0) for leaf in ("trim_stabilizer", "downwash"))
@@ -211,7 +211,7 @@ def test_without_downwash_the_angle_of_attack_of_the_tail_is_not_known(jet, corp
 
 def test_aileron_hinge_from_a_flap_page_of_the_wing(jet, corpus, clean):
     """ce500_flaps.out, second case, Mach 0.15, 0 m: plain flap of the wing, taken for an aileron."""
-    case = corpus("ce500_flaps").in_order[1]
+    case = corpus("ce500_flaps").cases[1]
     page = case.to_datatree()["symflp"].to_dataset().isel(condition=0)
     db = aerodb.from_datcom(jet, clean=clean, aileron_hinge=case, altitude=0.0)
     assert float(page["mach"]) == 0.15

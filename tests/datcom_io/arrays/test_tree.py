@@ -174,7 +174,7 @@ def test_runs_joined_along_the_condition(t37):
     assert symflp["mach"].values.tolist() == [0.15, 0.2, 0.3, 0.4, 0.5, 0.6]
     at = symflp["dCm"].isel(delta=3)  # -10 deg, README of the data set
     assert at.values.tolist() == [0.2592, 0.2625, 0.2659, 0.2660, 0.2621, 0.2551]
-    assert symflp["case"].values.tolist() == listing.cases
+    assert symflp["case"].values.tolist() == listing.case_names
     assert tree["static"].sizes["condition"] == 6
     assert tree.attrs["S"] == pytest.approx(182.0 * FOOT**2)
 
@@ -218,7 +218,7 @@ def test_transonic_pages_are_filled_only_when_asked(elevator_lines):
 def test_listing_tree_is_written_whole_and_read_again(t37, tmp_path):
     from datcom_io.export.netcdf import write_tree
 
-    assert list(t37("t37_elevator_one_by_one.pdas.out").to_datatree().children) == t37("t37_elevator_one_by_one.pdas.out").cases
+    assert list(t37("t37_elevator_one_by_one.pdas.out").to_datatree().children) == t37("t37_elevator_one_by_one.pdas.out").case_names
     tree = t37("t37_elevator.out").to_datatree()
     write_tree(tree, tmp_path / "a.nc")
     with xr.open_datatree(tmp_path / "a.nc", engine="h5netcdf") as again:

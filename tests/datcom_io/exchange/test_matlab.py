@@ -13,7 +13,7 @@ from flightmech.errors import ParseError
 
 CORPUS = Path(__file__).parents[3] / ".." / "shared" / "data" / "datcom"
 LISTINGS = sorted(CORPUS.glob("*/*.out")) if CORPUS.is_dir() else []
-HELD = {(field.leaf, field.house) for field in FIELDS if field.name != "fc_con"}
+HELD = {(field.leaf, field.quantity) for field in FIELDS if field.name != "fc_con"}
 NOT_HELD = ("case", "file", "notes", "power", "V", "p_static", "temperature", "reynolds_per_m", "drag_node")
 DEG = np.pi / 180.0
 

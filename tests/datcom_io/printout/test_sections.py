@@ -198,7 +198,7 @@ def test_joined_runs(t37):
     listing = t37("t37_elevator_one_by_one.pdas.out")
     section = datcom_io.join(case.to_datatree() for case in listing)["section"]
     assert section["mach"].values.tolist() == [0.15, 0.2, 0.3, 0.4, 0.5, 0.6]
-    assert section["case"].values.tolist() == listing.cases
+    assert section["case"].values.tolist() == listing.case_names
     assert section["alpha_zero_lift"].dims == ("surface",)
     assert len(set(section["lines"].sel(surface="wing").values.tolist())) == 6
 

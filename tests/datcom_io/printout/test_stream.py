@@ -27,11 +27,11 @@ def test_cases_are_those_of_the_whole_listing():
     whole = datcom_io.read(ONE_BY_ONE)
     cases = datcom_io.iterate(ONE_BY_ONE)
     found = list(cases)
-    assert [case.name for case in found] == whole.cases
+    assert [case.name for case in found] == whole.case_names
     assert [outline(case.pages) for case in found] == [outline(case.pages) for case in whole]
     assert [case.messages for case in found] == [case.messages for case in whole]
     assert [case.deck for case in found] == [case.deck for case in whole]
-    assert (cases.listing.runs, cases.listing.line_count, cases.listing.in_order) == (6, whole.line_count, [])
+    assert (cases.listing.runs, cases.listing.line_count, cases.listing.cases) == (6, whole.line_count, [])
 
 
 def test_faults_of_the_program_are_reported_case_by_case(elevator_lines):
@@ -64,7 +64,7 @@ def test_the_error_carries_what_partial_reading_gives(elevator_lines, end):
     partial = datcom_io.read(elevator_lines[:end], partial=True)
     assert isinstance(caught.value, datcom_io.DamagedListing)
     assert outline(caught.value.listing.pages) == outline(partial.pages)
-    assert caught.value.listing.cases == partial.cases
+    assert caught.value.listing.case_names == partial.case_names
     np.testing.assert_array_equal(caught.value.listing.cells()["value"], partial.cells()["value"])
 
 
@@ -78,10 +78,10 @@ def test_a_fault_after_complete_cases():
         next(cases)
     base = "T-37 OWN DECK ELEVATOR, ONE RUN PER MACH NUMBER"
     assert complete == [base, f"{base} (2)", f"{base} (3)"]
-    assert caught.value.listing.cases == [f"{base} (4)"]
+    assert caught.value.listing.case_names == [f"{base} (4)"]
     with pytest.raises(datcom_io.DamagedListing) as caught:
         datcom_io.read(cut)
-    assert caught.value.listing.cases == [*complete, f"{base} (4)"]
+    assert caught.value.listing.case_names == [*complete, f"{base} (4)"]
 
 
 def test_everything_behind_a_damaged_page_is_in_partial_reading_only(elevator_lines):
@@ -168,6 +168,6 @@ def test_every_axis_of_a_layout_has_a_column():
     from datcom_io.export.cell_frame import COLUMNS
     from datcom_io.printout.layouts import LAYOUTS
 
-    axes = {column.house for layout in LAYOUTS for column in layout.columns[: layout.keys]}
-    axes |= {layout.across.house for layout in LAYOUTS if layout.across}
+    axes = {column.quantity for layout in LAYOUTS for column in layout.columns[: layout.keys]}
+    axes |= {layout.across.quantity for layout in LAYOUTS if layout.across}
     assert axes <= set(COLUMNS)

@@ -16,7 +16,7 @@ NAMES = ["aileron", "build", "clean", "elevator", "flaps", "ground", "ground_ele
 
 def test_cases_are_found_by_name_and_number(t37):
     listing = t37("t37_elevator.out")
-    assert listing.cases == ["T-37 OWN DECK ELEVATOR"]
+    assert listing.case_names == ["T-37 OWN DECK ELEVATOR"]
     assert listing["T-37 OWN DECK ELEVATOR"] is listing[0] is listing[-1]
     with pytest.raises(UnknownName, match="near it: T-37 OWN DECK ELEVATOR"):
         listing["T-37 ELEVATOR"]
@@ -113,14 +113,14 @@ def test_several_runs_in_one_file(t37):
     assert listing.runs == 6
     assert [case.run for case in listing] == [1, 2, 3, 4, 5, 6]
     base = "T-37 OWN DECK ELEVATOR, ONE RUN PER MACH NUMBER"
-    assert listing.cases == [base, *(f"{base} ({k})" for k in range(2, 7))]
+    assert listing.case_names == [base, *(f"{base} ({k})" for k in range(2, 7))]
     assert listing.unread == []
 
 
 def test_equal_names_are_told_apart(elevator_lines):
     captions = ["A (2)", "A", "A"]
     lines = [line for caption in captions for line in (text.replace("T-37 OWN DECK ELEVATOR", caption) for text in elevator_lines)]
-    assert datcom_io.read(lines).cases == ["A (2)", "A", "A (3)"]
+    assert datcom_io.read(lines).case_names == ["A (2)", "A", "A (3)"]
 
 
 def test_messages_of_the_program_and_of_the_reader(t37):
@@ -240,7 +240,7 @@ def test_missing_control_column_in_several_runs(page_end):
     lines = text_of("t37_elevator_one_by_one.pdas.out").split("\n")
     wanted = datcom_io.read(lines)
     listing = datcom_io.read(filtered(lines, page_end))
-    assert (listing.runs, listing.cases, listing.unread) == (6, wanted.cases, [])
+    assert (listing.runs, listing.case_names, listing.unread) == (6, wanted.case_names, [])
     assert [case.deck.namelists for case in listing] == [case.deck.namelists for case in wanted]
     np.testing.assert_array_equal(listing.cells()["value"], wanted.cells()["value"])
 
@@ -264,7 +264,7 @@ def test_any_bytes_in_the_caption(tmp_path, t37, caption):
     path = tmp_path / "t37_elevator.out"
     path.write_bytes(text_of("t37_elevator.out").replace("T-37 OWN DECK ELEVATOR", caption).encode("latin-1"))
     listing = datcom_io.read(path)
-    assert listing.cases == [caption.strip()]
+    assert listing.case_names == [caption.strip()]
     assert same(listing, t37("t37_elevator.out"))
 
 

@@ -78,7 +78,7 @@ def results(tmp_path):
 @pytest.mark.parametrize("build", BUILDS)
 def test_every_known_way_to_hand_over_a_deck(build, program, deck, results):
     done = datcom_io.run_deck(deck, program(BUILDS[build]), results, timeout=20)
-    assert done.listing.cases == ["T-37 OWN DECK WING-BODY AILERONS"]
+    assert done.listing.case_names == ["T-37 OWN DECK WING-BODY AILERONS"]
     assert done.listing.file == "aileron.out"
     assert done.messages == ()
     assert done.files["out"] == results / "aileron.out"
@@ -93,14 +93,14 @@ def test_results_go_beside_the_deck(program, deck):
 
 def test_a_command_with_arguments(program, deck, results):
     path = program(BUILDS["fixed names"])
-    assert datcom_io.run_deck(deck, [sys.executable, str(path)], results).listing.cases
+    assert datcom_io.run_deck(deck, [sys.executable, str(path)], results).listing.case_names
 
 
 def test_a_datcom_plus_deck_is_rewritten_first(program, deck, results):
     plain = deck.read_text()
     deck.write_text("* THE AILERON\n" + plain.replace("NALPHA=19.0,", "NALPHA=19.0, ! many\n  "))
     body = "assert '!' not in open('for005.dat').read()\n" + textwrap.dedent(BUILDS["fixed names"])
-    assert datcom_io.run_deck(deck, program(body), results).listing.cases
+    assert datcom_io.run_deck(deck, program(body), results).listing.case_names
 
 
 FAILURES = {

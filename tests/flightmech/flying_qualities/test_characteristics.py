@@ -329,7 +329,7 @@ def test_what_is_absent_says_why(plain_aircraft, plain_tree):
     assert "rudder has no effect" in reason(found, "delta_r_per_beta")
     assert reason(found, "roll_rate_peak") == "the aircraft file gives no limits of delta_a"
     assert reason(found, "climb_rate_max") == "the aircraft file gives an engine neither a thrust table nor a deck"
-    assert "no engines beside the centre line" in reason(found, "minimum_control_speed")
+    assert "no engines off the centre line" in reason(found, "minimum_control_speed")
     half = flightmech.characteristics(plain_aircraft(), plain_tree(Ch_e=HINGE), CONDITION)
     assert "no [control.delta_e]" in reason(half, "stick_force_per_g")
     assert np.isfinite(value(half, "neutral_point_free"))
@@ -389,7 +389,7 @@ def test_condition_in_any_speed(plain_aircraft, plain_tree):
 
 
 def test_a_speed_below_all_lift_is_refused(plain_aircraft, plain_tree):
-    with pytest.raises(SimulationError, match=r"no steady flight at V 12 m s-1, h 0 m: accelerations of u_dot .* are left at alpha"):
+    with pytest.raises(SimulationError, match=r"no steady flight at V 12 m s-1, h 0 m: accelerations of u_dot .* remain at alpha"):
         flightmech.characteristics(plain_aircraft(), plain_tree(), {"V": 12.0, "h": 0.0})
 
 

@@ -63,9 +63,9 @@ def test_variables_show_si_and_display_units():
     assert found["Outputs"][1:] == [["V", "m s-1", "continuous", "true airspeed"]]
     assert found["Parameters"][1:] == [
         ["init.V", "m s-1", "92.6 (180 kt)", "fixed", "true airspeed at the start"],
-        ["mode.trim", "1", "seek_thrust", "fixed", "trim at the start"],
+        ["mode.trim", "1", "trim_thrust", "fixed", "trim at the start"],
     ]
-    assert found["Enumerations"][1:] == [["mode.trim", "0 none, 1 seek_thrust, 2 seek_throttle, 3 stand_on_ground"]]
+    assert found["Enumerations"][1:] == [["mode.trim", "0 none, 1 trim_thrust, 2 trim_throttle, 3 stand_on_ground"]]
 
 
 def test_submodels_are_told_with_their_items(trainer):
