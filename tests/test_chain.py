@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from flightmech.support.lazy import public_names
+
 ROOT = Path(__file__).parents[1]
 CHAIN = ["flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch"]
 # folders and loose modules of each package: one imports only from those before it
@@ -118,7 +120,9 @@ def imported(file: Path, known: dict[str, Path], root: Path = ROOT) -> set[str]:
     own = module_name(file, root)
     package = own.split(".") if file.name == "__init__.py" else own.split(".")[:-1]
     found = set()
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    stub = file.with_suffix(".pyi")  # the public names of a package, which its __init__.py loads when they are used
+    texts = [part.read_text(encoding="utf-8") for part in (file, stub) if part.is_file()]
+    for node in (node for text in texts for node in ast.walk(ast.parse(text))):
         if isinstance(node, ast.Import):
             found |= {nearest(alias.name, known) for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -199,13 +203,8 @@ def test_folders_are_small():
 def test_public_names_are_not_hidden_by_folders():
     """`flighttest.output_error` is a function: a folder or module of that name would take its place once it is imported."""
     for package in CHAIN[:-1]:
-        namespace: dict = {}
-        tree = ast.parse((ROOT / package / "__init__.py").read_text(encoding="utf-8"))
-        for node in tree.body:
-            if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "_HOME":
-                namespace = ast.literal_eval(node.value)
-        assert namespace, package
-        hidden = {name for name, home in namespace.items() if name in ORDER[package] and home != name}
+        home = public_names(ROOT / package / "__init__.pyi")
+        hidden = {name for name, place in home.items() if name in ORDER[package] and place != (name, True)}
         assert not hidden, f"{package}: {sorted(hidden)}"
 
 

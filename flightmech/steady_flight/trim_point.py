@@ -222,7 +222,7 @@ class Point:
         return (up - down) / (2.0 * step)
 
     def derivatives(self, variables: Sequence[str] = VARIABLES) -> xr.Dataset:
-        """Return the derivatives of the six coefficients about the moment reference point; lift and drag in stability, the rest in body axes.
+        """Return the derivatives of the six coefficients about the moment reference point; CL, CD in stability, the rest in body axes.
 
         Returns
         -------

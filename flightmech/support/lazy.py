@@ -1,25 +1,69 @@
-"""Public names that are loaded when they are first used, so that importing a package stays inexpensive."""
+"""Public names that are loaded when they are first used, so that importing a package is fast.
+
+The stub ``__init__.pyi`` next to a package's ``__init__.py`` is the one table of its public names: type checkers read it as
+it is, and `attach_stub` derives the loading from it (the pattern of Scientific Python's SPEC 1).
+"""
 
 from __future__ import annotations
 
+import ast
 import importlib
-from collections.abc import Mapping
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 
-def load(package: str, home: Mapping[str, str], name: str) -> Any:
-    """Return a public name of a package.
+def attach_stub(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package as its stub lists them.
 
     Parameters
     ----------
     package : str
-        Name of the package.
-    home : mapping of str to str
-        Public name to the module that holds it; a path that ends in the public name is a public module.
-    name : str
-        The name requested.
+        Name of the package, ``__name__``.
+    file : str
+        Its ``__init__.py``, ``__file__``; the stub is its neighbour ``__init__.pyi``.
+
+    Raises
+    ------
+    ImportError
+        The stub is missing: the installation is incomplete.
+    ValueError
+        A statement of the stub is no relative import.
+
+    Examples
+    --------
+    >>> import flightmech
+    >>> getattr_, dir_, names = attach_stub("flightmech", flightmech.__file__)
+    >>> names[:3]
+    ['Aircraft', 'Characteristics', 'Control']
     """
-    if name not in home:
-        raise AttributeError(f"module {package!r} has no attribute {name!r}; public are {', '.join(sorted(home))}")
-    module = importlib.import_module(f"{package}.{home[name]}")
-    return module if home[name].rpartition(".")[2] == name else getattr(module, name)
+    home = public_names(Path(file).with_suffix(".pyi"))
+    names = sorted(home)
+
+    def load(name: str) -> Any:
+        if name not in home:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}; public are {', '.join(names)}")
+        path, is_module = home[name]
+        module = importlib.import_module(f"{package}.{path}")
+        return module if is_module else getattr(module, name)
+
+    return load, lambda: names, names
+
+
+def public_names(stub: Path) -> dict[str, tuple[str, bool]]:
+    """Return the public names of a stub: the module of each, relative to the package, and whether the name is that module itself."""
+    try:
+        tree = ast.parse(stub.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise ImportError(f"{stub} is missing: it lists the public names of the package; install the package again") from error
+    home = {}
+    for node in tree.body:
+        if isinstance(node, ast.Expr):
+            continue  # the docstring
+        if not isinstance(node, ast.ImportFrom) or node.level != 1:
+            raise ValueError(f"{stub}, line {node.lineno}: allowed are relative imports, 'from .module import name as name'")
+        folder = stub.parent.joinpath(*(node.module or "").split("."))
+        for name in (item.name for item in node.names):
+            is_module = (folder / f"{name}.py").is_file() or (folder / name / "__init__.py").is_file()
+            home[name] = ".".join(filter(None, (node.module, name if is_module else ""))), is_module
+    return home

@@ -1,0 +1,29 @@
+"""Public names of `flightmech` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from . import air as air
+from . import axes as axes
+from . import errors as errors
+from . import names as names
+from . import terms as terms
+from . import units as units
+from .aircraft import similarity as similarity
+from .aircraft.aircraft import Aircraft as Aircraft
+from .aircraft.aircraft import read_aircraft as read_aircraft
+from .aircraft.control_surface import Control as Control
+from .aircraft.parts import different_parts as different_parts
+from .aircraft.parts import swap_parts as swap_parts
+from .aircraft.similarity import rescale as rescale
+from .aircraft.systems.engine import Engine as Engine
+from .aircraft.writing import write_aircraft as write_aircraft
+from .flying_qualities.evaluation import Characteristics as Characteristics
+from .flying_qualities.evaluation import characteristics as characteristics
+from .fmu_export.writer import write_fmu as write_fmu
+from .linearisation import linear as linear
+from .linearisation.eigenmodes import modes as modes
+from .linearisation.linear import linearize as linearize
+from .simulation.batch import simulate_batch as simulate_batch
+from .simulation.compiler import SimModel as SimModel
+from .simulation.compiler import compile as compile
+from .simulation.run import simulate as simulate
+from .trimming.search import start_of as start_of
+from .trimming.search import trim as trim
