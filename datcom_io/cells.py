@@ -19,7 +19,7 @@ FLAGS = ("ok", "NDM", "NA", "blank", "filled", "overflow", "nan", "sentinel", "a
 
 ``ok`` a number; ``NDM`` no DATCOM method; ``NA`` method not applicable; ``blank`` nothing printed; ``filled`` taken from the
 first row of a column that is constant in alpha; ``overflow`` asterisks; ``nan`` the program's arithmetic failed;
-``sentinel`` the program's mark for a missing number, printed as a number; ``absent`` no such row or page in the listing.
+``sentinel`` the program's code for a missing number, printed as a number; ``absent`` no such row or page in the listing.
 """
 
 _LARGEST_SENTINEL = 1.0001e-28  # a sentinel times a unit factor: 3.2808E-30 is seen

@@ -74,7 +74,7 @@ def nearest(value: float, exact: Sequence[float], half_unit: float) -> float:
 def control_surface(deck: Deck) -> str:
     """Return ``tail`` when the program puts a SYMFLP on the horizontal tail, else ``wing``.
 
-    The deck does not say it: with a wing and a horizontal tail the device is the tail's.
+    The deck does not state it: with a wing and a horizontal tail the device is the tail's.
     """
     return "tail" if {"WGPLNF", "HTPLNF"} <= deck.namelists.keys() else "wing"
 
@@ -130,7 +130,7 @@ def _occurrences(case: PrintedCase) -> dict[Group, int]:
 
 
 def _ground_delta(deck: Deck, page: Page, ordinal: int, each: int) -> float:
-    """Return the deflection of a ground page: printed for wing flaps, told by its ordinal for tail flaps. [deg]"""
+    """Return the deflection of a ground page: printed for wing flaps, identified by its ordinal for tail flaps. [deg]"""
     deltas = deck.schedule("SYMFLP", "DELTA", "NDELTA")
     if not math.isnan(page.flap):
         return nearest(page.flap, deltas, _HALF_UNIT["flap"])
@@ -138,7 +138,7 @@ def _ground_delta(deck: Deck, page: Page, ordinal: int, each: int) -> float:
 
 
 def _ground_height(page: Page, heights: Sequence[float]) -> float:
-    """Return the height over ground; printed in feet whatever card DIM says. [m]"""
+    """Return the height over ground; printed in feet whatever card DIM states. [m]"""
     return nearest(page.ground_height * FOOT, heights, _HALF_UNIT["ground_height"] * FOOT)
 
 

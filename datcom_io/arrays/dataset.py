@@ -1,4 +1,4 @@
-"""A case as xarray: SI, radians, canonical names, a flag beside every value.
+"""A case as xarray: SI, radians, canonical names, a flag for every value.
 
 Dimensions of the leaves; configuration, power, height and deflection of the first three are left out where they have length one:
 

@@ -27,7 +27,7 @@ def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
     Returns
     -------
     DataTree
-        Every leaf that occurs in any tree, concatenated along ``condition``; the coordinates ``lines``, ``case`` and ``file`` tell
+        Every group that occurs in any tree, concatenated along ``condition``; the coordinates ``lines``, ``case`` and ``file`` give
         where each condition comes from.  Airfoil sections go along ``mach``; what belongs to no condition must be the same in all.
 
     Raises
@@ -76,7 +76,7 @@ def _same(a, b) -> bool:
 
 
 def _differences(name: str, tree: xr.DataTree, part: xr.Dataset, first: xr.Dataset) -> list[str]:
-    """Tell what differs besides what goes along the joined dimension."""
+    """Return what differs other than along the joined dimension."""
     found = []
     if set(part.dims) != set(first.dims):
         return [f"{name} of {_title(tree)} has the axes {', '.join(map(str, part.dims))}, the first tree {', '.join(map(str, first.dims))}"]

@@ -1,4 +1,4 @@
-"""Stacking the printed tables of one case into arrays: SI, radians, a flag beside every value."""
+"""Stacking the printed tables of one case into arrays: SI, radians, a flag for every value."""
 
 from __future__ import annotations
 
@@ -195,7 +195,7 @@ class Stacker:
 
 
 def add_variable(dataset: xr.Dataset, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray) -> None:
-    """Put a variable and its twin of flags into a Dataset."""
+    """Put a variable and the variable of its flags into a Dataset."""
     known = attrs(column.quantity) if column.quantity in VOCABULARY else {"units": _SI.get(column.units, "1")}
     if column.quantity in _LONG_NAMES:
         known["long_name"] = _LONG_NAMES[column.quantity]

@@ -57,7 +57,7 @@ def _case_row(number: int, case) -> dict:
 @console.json_option
 @click.pass_context
 def check(ctx: click.Context, deck: str, as_json: bool) -> None:
-    """Say what the program would choke on in an input deck; exit code 1 when there are errors."""
+    """Report what the program would reject in an input deck; exit code 1 when there are errors."""
     from ..decks.check import check_deck
     from ..decks.file import read_deck
 
@@ -70,8 +70,8 @@ def check(ctx: click.Context, deck: str, as_json: bool) -> None:
         for (severity, text), lines in _together(found).items():
             more = f" and {len(lines) - 1} more" if len(lines) > 1 else ""
             click.echo(f"line {lines[0]}{more}: {severity}: {text}")
-        said = ", ".join(_count(number, severity) for severity, number in numbers.items() if number)
-        click.echo(f"{read.file}: {_count(len(read), 'case')}, {said or 'nothing found'}")
+        counts = ", ".join(_count(number, severity) for severity, number in numbers.items() if number)
+        click.echo(f"{read.file}: {_count(len(read), 'case')}, {counts or 'nothing found'}")
     if numbers["error"]:
         ctx.exit(1)
 
@@ -116,7 +116,7 @@ def split(study: str, folder: str, as_json: bool) -> None:
 @click.command()
 @_DECK
 @click.option("--program", required=True, type=click.Path(), help="Your Digital DATCOM executable.")
-@click.option("-o", "--output", "folder", type=_FOLDER, help="Folder for the results; default: beside the deck.")
+@click.option("-o", "--output", "folder", type=_FOLDER, help="Folder for the results; default: the folder of the deck.")
 @click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=600.0, show_default=True, help="Longest time. [s]")
 @console.json_option
 @click.pass_context

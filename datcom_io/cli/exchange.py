@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @click.option("--partial", is_flag=True, help="Take what is complete in a listing that is cut.")
 @console.json_option
 def export(file: str, output: str, zero: bool, partial: bool, as_json: bool) -> None:
-    """Write a listing as the structure of MATLAB's datcomimport; say what it has no room for."""
+    """Write a listing as the structure of MATLAB's datcomimport; report what it has no place for."""
     from ..exchange.matlab.write import write_matlab
     from ..reading.reader import read
 
@@ -85,7 +85,7 @@ VERBS = (export, plot)
 
 
 def _refined(case: xr.DataTree) -> dict[str, dict[str, str]]:
-    """Return leaf and variable to what `refine` says of it."""
+    """Return leaf and variable to what `refine` states of it."""
     found: dict[str, dict[str, str]] = {}
     for leaf, node in case.children.items():
         for name, variable in node.data_vars.items():
@@ -95,7 +95,7 @@ def _refined(case: xr.DataTree) -> dict[str, dict[str, str]]:
 
 
 def show_tree(tree: xr.DataTree, as_json: bool) -> None:
-    """Print what the leaves of a tree hold."""
+    """Print what the groups of a tree hold."""
     from ..exchange.file_types import contents
 
     rows = contents(tree)

@@ -33,7 +33,7 @@ def datcom() -> None:
 def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
     """Show cases, conditions, tables, missing values and messages of a listing; with --case its pages too.
 
-    A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is told by what it holds; its leaves are shown.
+    A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content; its groups are shown.
     """
     from ..exchange.file_types import read_other
     from ..reading.reader import read
@@ -137,7 +137,7 @@ def convert(
 ) -> None:
     """Write a listing as a netCDF tree in SI and radians: one group per case, or one case, or all joined.
 
-    A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is told by what it holds.
+    A plot file, a MAT file of datcomimport or a CSV of DATCOM+ is recognised by its content.
     """
     from ..arrays.grid import join
     from ..exchange.file_types import read_other

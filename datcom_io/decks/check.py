@@ -1,4 +1,4 @@
-"""Checking an input deck before the run: what the program would choke on, and what would make its print misleading.
+"""Checking an input deck before the run: what the program would reject, and what would make its print misleading.
 
 The rules follow the program's own tests (source of January 1996: routines CONERR, INPUT, NAMER, CHECK, MAJERR) and the faults
 seen in its prints.
@@ -18,7 +18,7 @@ _RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES)
 
 
 def check_deck(deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck]) -> list[Finding]:
-    """Return what the program would choke on.
+    """Return what the program would reject or misread.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def check_deck(deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck]) 
     -------
     list of Finding
         By line: ``line``, ``severity`` and ``text``.  An ``error`` stops the program, makes it leave out the case, or makes it
-        print ERROR and change or drop what was asked; with a ``warning`` it runs and the result needs care.
+        print ERROR and change or drop what was requested; with a ``warning`` it runs and the result needs care.
 
     Examples
     --------

@@ -127,7 +127,7 @@ class Deck:
     def meaning(self) -> dict[str, object]:
         """Return all that reaches the program, comparable: equal decks in meaning give equal results.
 
-        Numbers are taken to nine digits, more than the program's single precision can tell apart.  SAVE itself and the order of
+        Numbers are taken to nine digits, more than the program's single precision can distinguish.  SAVE itself and the order of
         cards are left out.
         """
         switches = {card.name for card in self.cards if card.name not in ("NACA", "CASEID", "DIM", "DERIV", "SAVE", "NEXT", "DUMP")}

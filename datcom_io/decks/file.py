@@ -1,7 +1,7 @@
 """Reading an input deck (unit 5), plain or with the additions of DATCOM+.
 
 DATCOM+ decks hold comments (``*`` or ``#`` in column 1, ``!`` to the end of the line), blank lines, tabs and long lines, which a
-pre-processor of theirs takes away before the program runs.  They are accepted here and told: the program alone stumbles over them.
+pre-processor of theirs takes away before the program runs.  They are accepted here and reported: the program alone stumbles over them.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     Notes
     -----
     The reader is more patient than the program: lower case, ``$`` outside column 2 or a missing end of a namelist are taken as
-    they are meant, and told by `check_deck`.
+    they are meant, and reported by `check_deck`.
 
     Examples
     --------
@@ -114,35 +114,35 @@ def _add_last(cases: list[Deck], cards: list[tuple[int, str]], text: _Text) -> N
     if last.namelists or not cases:
         cases.append(last)
     else:
-        text.say(cards[0][0], WARNING, "cards after the last NEXT CASE without a namelist: the program does not run them")
+        text.report(cards[0][0], WARNING, "cards after the last NEXT CASE without a namelist: the program does not run them")
 
 
 class _Text:
-    """The deck as text: what DATCOM+ adds to it is taken away and told."""
+    """The deck as text: what DATCOM+ adds to it is taken away and reported."""
 
     def __init__(self) -> None:
         self.comments: list[tuple[int, str]] = []
         self.findings: list[Finding] = []
         self.lines = 0
 
-    def say(self, line: int, severity: str, text: str) -> None:
+    def report(self, line: int, severity: str, text: str) -> None:
         self.findings.append(Finding(line, severity, text))
 
     def card(self, number: int, line: str) -> str:
         """Return the card of a line; empty for comments and blank lines."""
         self.lines = number
         if "\t" in line:
-            self.say(number, ERROR, "tab: the program reads columns; write blanks")
+            self.report(number, ERROR, "tab: the program reads columns; write blanks")
             line = line.replace("\t", " ")
         if not line.strip():
-            self.say(number, WARNING, "blank line: the program flags it, and stops at two of them inside a namelist; take it out")
+            self.report(number, WARNING, "blank line: the program flags it, and stops at two of them inside a namelist; take it out")
             return ""
         if line[0] in "*#":
             return self._comment(number, line[1:])
         is_caseid = line[:6].upper() == "CASEID"
         if not is_caseid:  # a CASEID may hold any character
-            line, mark, comment = line.partition("!")
-            if mark:
+            line, separator, comment = line.partition("!")
+            if separator:
                 self._comment(number, comment)
         if line[CARD_COLUMNS:].strip():
             self._too_long(number, line, is_caseid)
@@ -150,7 +150,7 @@ class _Text:
 
     def _comment(self, number: int, text: str) -> str:
         self.comments.append((number, text.strip()))
-        self.say(
+        self.report(
             number, ERROR, "comment: only the pre-processor of DATCOM+ takes it away, the program does not run the case; use write_deck"
         )
         return ""
@@ -158,4 +158,4 @@ class _Text:
     def _too_long(self, number: int, line: str, is_caseid: bool) -> None:
         if not is_caseid:
             text = f"{len(line.rstrip())} columns: the program reads {CARD_COLUMNS}, the rest is lost; break the line after a comma"
-            self.say(number, ERROR, text)
+            self.report(number, ERROR, text)

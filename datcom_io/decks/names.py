@@ -1,6 +1,6 @@
 """The vocabulary of the input deck: namelists with their variables, control cards, spellings and limits.
 
-Sizes are those of the program's own reader; a value beyond them stops the run.  A size below zero marks a logical variable.
+Sizes are those of the program's own reader; a value beyond them stops the run.  A size below zero denotes a logical variable.
 """
 
 from __future__ import annotations

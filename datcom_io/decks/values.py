@@ -1,7 +1,7 @@
 """Values of a namelist: how the program reads numbers and logicals, and how they are written for it.
 
 The program gathers the digits on each side of the decimal point in 32-bit integers and computes in single precision.  Nine
-digits therefore hold everything it can tell apart, and more than nine can overflow (source of January 1996, routine TODEC).
+digits therefore hold everything it can distinguish, and more than nine can overflow (source of January 1996, routine TODEC).
 """
 
 from __future__ import annotations
@@ -48,20 +48,20 @@ def read_values(text: str) -> tuple[tuple[Value, ...], list[tuple[str, str]]]:
 
 def _read(word: str) -> tuple[Value | None, str, str]:
     if _LOGICAL.fullmatch(word):
-        said = "" if word in _LOGICAL_FORMS else f"has the value {word}; the program knows .TRUE. and .FALSE. with both points"
-        return "T" in word[:2], "error", said
+        problem = "" if word in _LOGICAL_FORMS else f"has the value {word}; the program knows .TRUE. and .FALSE. with both points"
+        return "T" in word[:2], "error", problem
     number = _NUMBER.fullmatch(word)
     if number and (number[1] or number[3]):
         value = float(word)
         if abs(value) > _LARGEST:
             return None, "error", f"has the value {_short(word)}, which is too large"
         if any(_overflows(digits or "") for digits in (number[1], number[3])):
-            said = f"has the value {_short(word)}: too many digits, the program's integers overflow; write {DIGITS} digits"
-            return value, "error", said
+            problem = f"has the value {_short(word)}: too many digits, the program's integers overflow; write {DIGITS} digits"
+            return value, "error", problem
         return value, "warning", "" if number[2] else f"has the value {word} without a point; the program uses it and flags a syntax error"
     if " " in word:
-        joined, severity, said = _read(word.replace(" ", ""))
-        return joined, severity if said else "warning", said or f"has the value {word!r} with a blank in it"
+        joined, severity, problem = _read(word.replace(" ", ""))
+        return joined, severity if problem else "warning", problem or f"has the value {word!r} with a blank in it"
     cell = read_cell(word)
     if cell and cell[1] == OK and abs(cell[0]) <= _LARGEST:
         return cell[0], "error", f"has the value {word}; the program reads only E exponents in upper case"

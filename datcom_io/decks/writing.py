@@ -21,7 +21,7 @@ _CONTINUED = "   "
 
 
 def write_deck(deck: DeckFile | Deck | Iterable[Deck], path: str | os.PathLike[str], *, resolved: bool = False) -> None:
-    """Write an input deck, whole or not at all.
+    """Write an input deck atomically (completely or not at all).
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def write_deck(deck: DeckFile | Deck | Iterable[Deck], path: str | os.PathLike[s
     Notes
     -----
     Comments, illegal cards and what could not be read are left out.  Numbers have nine digits, more than the program's single
-    precision can tell apart.  `read_deck` of the file is equal in meaning (`Deck.meaning`).
+    precision can distinguish.  `read_deck` of the file is equal in meaning (`Deck.meaning`).
     """
     text = deck_text(deck, resolved=resolved)
     with written_whole(path) as part:

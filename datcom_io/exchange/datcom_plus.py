@@ -1,4 +1,4 @@
-"""Tables that DATCOM+ writes as CSV beside the print file.
+"""Tables that DATCOM+ writes as CSV with the print file.
 
 The file is a row of small blocks, each under a line that names its axis and its column, between banners of asterisks::
 
@@ -11,7 +11,7 @@ The file is a row of small blocks, each under a line that names its axis and its
       -2.0, .1000E-29, .2113E-02, .6015E-02
 
 A block with two axes is the increment of induced drag.  Numbers are those of the program, per degree or per radian as card DERIV of
-the deck says, which the file does not repeat; its marks for a missing number, 1E-30, 2E-30 and -1E-30, stand in it as numbers.
+the deck states, which the file does not repeat; its codes for a missing number, 1E-30, 2E-30 and -1E-30, stand in it as numbers.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Files beside the print file, told by what they hold: plot files, MAT files, CSV of DATCOM+."""
+"""Files that accompany the print file, recognised by their content: plot files, MAT files, CSV of DATCOM+."""
 
 from __future__ import annotations
 
@@ -47,7 +47,9 @@ def read_other(path: str | os.PathLike[str], deriv: Literal["DEG", "RAD"] | None
         return read_for014(path)
     if _CSV_HEADING.search(head):
         if deriv is None:
-            raise UnitError(f"{Path(path).name} does not tell the unit of its derivatives; give card DERIV of its deck: --deriv DEG or RAD")
+            raise UnitError(
+                f"{Path(path).name} does not state the unit of its derivatives; give card DERIV of its deck: --deriv DEG or RAD"
+            )
         return read_datcom_plus_csv(path, deriv=deriv)
     return None
 

@@ -25,7 +25,7 @@ from ..printout.tables import Table, Values
 AXES = ("alpha", "delta", "delta_left", "delta_right", "delta_difference")
 _RARE_AXES = ("mach_node", "time", "xs_c", "hs_c", "dd_c", "ds_c")
 _FIRST = ("line", "case", "page", "table", "mach", "altitude")
-_ALONE = (Column("", 1, 1),)  # a cell in a row of its own, whose column is told apart
+_ALONE = (Column("", 1, 1),)  # a cell in a row of its own, whose column is identified separately
 _LAST = ("column", "text", "value", "flag")
 COLUMNS = (*_FIRST, *AXES, *_RARE_AXES, *_LAST)
 """All columns that a frame of cells may have; the axes after ``delta_difference`` only where a table has them."""

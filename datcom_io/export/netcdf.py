@@ -1,4 +1,4 @@
-"""Writing a tree to a netCDF file, whole or not at all."""
+"""Writing a tree to a netCDF file, atomically."""
 
 from __future__ import annotations
 

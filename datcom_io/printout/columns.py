@@ -11,8 +11,8 @@ class Column(NamedTuple):
     """One printed column.
 
     ``units`` is that of the print: ``deg``, ``1``, ``1/deg``, or ``1/angle`` where card DERIV decides between degree and
-    radian.  ``quantity`` is the variable's name in the DataTree.  ``constant`` marks a column whose first row may hold for all rows.
-    ``words`` marks a column of words: every cell is ``ok`` with a text and no number.
+    radian.  ``quantity`` is the variable's name in the DataTree.  ``constant`` flags a column whose first row may hold for all rows.
+    ``words`` flags a column of texts: every cell is ``ok`` with a text and no number.
     """
 
     name: str

@@ -16,7 +16,7 @@ _CONDITION_COLUMNS = {column.quantity: k for k, column in enumerate(CONDITIONS.c
 
 
 class Message(NamedTuple):
-    """A message: line number from 1 (0: the whole file), text, and who says it, the ``program`` or this ``reader``."""
+    """A message: line number from 1 (0: the whole file), text, and its origin, the ``program`` or this ``reader``."""
 
     line: int
     text: str

@@ -1,7 +1,7 @@
-"""Cutting a printed row into cells by columns: cells may touch, be blank or hold words, so blanks tell nothing.
+"""Cutting a printed row into cells by columns: cells may touch, be blank or hold words, so blanks separate nothing.
 
 Whether a line cuts into the columns does not depend on which digits it holds.  So rows of the same shape, every digit written
-as 0, are judged once; the numbers themselves are read when somebody asks for them.
+as 0, are judged once; the numbers themselves are read when they are requested.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def make_values(
     axes: dict[str, np.ndarray] | None = None,
     given: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Values:
-    """Return a group of values given as line number, label, text, unit; `given` are values and flags that the texts do not tell."""
+    """Return a group of values given as line number, label, text, unit; `given` are values and flags that the texts do not give."""
     lines, labels, texts, units = zip(*items) if (items := list(items)) else ((), (), (), ())
     return Values(name, labels, lines, tuple(map(str.strip, texts)), units, axes or {}, given)
 

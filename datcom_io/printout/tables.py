@@ -128,7 +128,7 @@ class Values:
 
     @property
     def flags(self) -> np.ndarray:
-        """Codes of `datcom_io.FLAGS` (value,), uint8; a word that is no mark of a missing number is ``ok``."""
+        """Codes of `datcom_io.FLAGS` (value,), uint8; a text that is no code of a missing number is ``ok``."""
         return self.cells[1]
 
     def value(self, label: str) -> float:
@@ -143,7 +143,7 @@ class Layout(NamedTuple):
     """One kind of table with one row per line.
 
     ``heading`` holds the words of the line that opens it, with single blanks and without dashes; it is empty for a table that a
-    `Block` finds.  The first ``keys`` columns are the row's axes.  ``rows`` names the namelist variable that tells how many rows there
+    `Block` finds.  The first ``keys`` columns are the row's axes.  ``rows`` names the namelist variable that states how many rows there
     must be, None where the print decides; ``stops`` are the words of a note that lets the table end earlier.  ``stream`` names the
     variables whose product is the number of values of a table printed as one stream of numbers, and ``axes`` returns axis values
     (row, column) by quantity where they are not printed.

@@ -1,4 +1,4 @@
-"""What the heading of a page says: its kind, the configuration, ground effect, flap and power."""
+"""The heading of a page: its kind, the configuration, ground effect, flap and power."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _LONGEST = 1000  # characters of a heading of the program; longer ones are not w
 
 
 class Heading(NamedTuple):
-    """What a heading says; the height over ground in feet, the deflection in degrees, as in `Page`."""
+    """The content of a heading; the height over ground in feet, the deflection in degrees, as in `Page`."""
 
     kind: str
     configuration: str
@@ -41,7 +41,7 @@ class Heading(NamedTuple):
 
 
 def read_heading(first: str, words: tuple[str, ...]) -> Heading:
-    """Return what the first line of a page and the words of the heading lines below it say; the same headings come again and again."""
+    """Return what the first line of a page and the words of the heading lines below it state; the same headings come again and again."""
     known = len(first) + sum(map(len, words)) <= _LONGEST
     return _known(first, words) if known else _read(first, words)
 

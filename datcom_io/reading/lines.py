@@ -53,11 +53,11 @@ def line_blocks(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[list
             yield _clean(lines, "".join(lines))
         return
     with open(source, "rb") as stream:
-        mark = stream.read(3)
-    if mark.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        bom = stream.read(3)
+    if bom.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         encoding, skip = "utf-16", 0
     else:
-        encoding, skip = "latin-1", 3 if mark == codecs.BOM_UTF8 else 0
+        encoding, skip = "latin-1", 3 if bom == codecs.BOM_UTF8 else 0
     with open(source, encoding=encoding, errors="replace", newline="\n") as text:
         text.read(skip)
         yield from _blocks(text)

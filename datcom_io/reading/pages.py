@@ -35,7 +35,7 @@ _PER = re.compile(r"DERIVATIVE[S]? ?\(PER (DEGREE|RADIAN)\)")
 
 @dataclass
 class Body:
-    """What stands on a page besides its heading."""
+    """What is printed on a page below its heading."""
 
     printed: list[Printed] = field(default_factory=list)
     notes: list[Message] = field(default_factory=list)
@@ -43,7 +43,7 @@ class Body:
     unread: list[int] = field(default_factory=list)
     empty: list[tuple[int, Layout]] = field(default_factory=list)  # headings without a row
     per: str = ""
-    said: list[Message] = field(default_factory=list)  # notes or messages, where the last one went
+    target: list[Message] = field(default_factory=list)  # notes or messages, where the last one went
 
 
 def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[tuple[int, Layout]]]:
@@ -52,19 +52,19 @@ def read_page(lines: list[Line], case: int) -> tuple[Page, list[Message], list[t
     start = _body_start(lines) if anchor is None else 0
     top = lines[1:start] if anchor is None else lines[1:anchor]
     heading = tuple(words for _, text in top if (words := text[1:].strip()) and words != _SECOND_TITLE)
-    said = read_heading(lines[0][1], heading)
+    found = read_heading(lines[0][1], heading)
     conditions, dim, after = (None, "", start) if anchor is None else _conditions(lines, anchor)
-    body = _read_body(lines, after, said.kind)
+    body = _read_body(lines, after, found.kind)
     page = Page(
-        kind=said.kind,
+        kind=found.kind,
         case=case,
         first=lines[0][0],
         last=lines[-1][0],
         heading=heading[:6],
-        configuration=said.configuration,
-        ground_height=said.ground_height,
-        flap=said.flap,
-        power=said.power,
+        configuration=found.configuration,
+        ground_height=found.ground_height,
+        flap=found.flap,
+        power=found.power,
         dim=dim,
         per=body.per,
         conditions=conditions,
@@ -172,7 +172,7 @@ def _sort(number: int, meaning: Meaning, body: Body) -> None:
         body.unread.append(number)
     elif meaning.sort != "decoration":
         if meaning.sort != "continued":
-            body.said = body.messages if meaning.sort == "message" else body.notes
-        add_message(body.said, number, meaning.words)
+            body.target = body.messages if meaning.sort == "message" else body.notes
+        add_message(body.target, number, meaning.words)
         if found := footnotes.numbers(number, meaning.words):
             body.printed.append(found)

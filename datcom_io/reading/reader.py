@@ -23,7 +23,7 @@ def read(source: Source, *, partial: bool = False) -> Listing:
     source : path, or iterable of str
         File, or its lines.  Line ends LF or CRLF; several program runs may follow each other; column 1 may be missing.
     partial : bool
-        Take what is complete in a file that is cut, and say so in a message, instead of raising.
+        Take what is complete in a file that is cut, and report it in a message, instead of raising.
 
     Returns
     -------
@@ -32,7 +32,7 @@ def read(source: Source, *, partial: bool = False) -> Listing:
     Raises
     ------
     ParseError
-        The file is no listing, is cut (no END OF JOB), or a table has another number of rows than the deck asks for.  The error is a
+        The file is no listing, is cut (no END OF JOB), or a table has another number of rows than the deck specifies.  The error is a
         `DamagedListing`: its ``listing`` holds everything that is complete before the fault.
 
     Notes

@@ -223,7 +223,7 @@ class Scanner:
         return sorted(faults, key=lambda fault: fault[1])
 
     def _miscount(self, page: Page, layout: Layout, count: int) -> tuple[str, str] | None:
-        """Return how many rows a table has and how many the input cards ask for, None where they agree."""
+        """Return how many rows a table has and how many the input cards specify, None where they agree."""
         assert self.case is not None
         wanted = self.case.deck.count(*layout.rows) if layout.rows else None
         if layout.rows is None or wanted is None or count == wanted or (count < wanted and self._ends_early(page, layout)):
@@ -265,7 +265,7 @@ class Scanner:
         self.open_run = False
 
     def _drop_cut_page(self) -> str:
-        """Leave out what may be cut, the last item when it reaches the last line, and the page when none stays; say so."""
+        """Leave out what may be cut, the last item when it reaches the last line, and the page when none stays; report it."""
         text = "the listing is cut: no END OF JOB"
         if self.case is None or not self.case.pages or self.case.pages[-1].last < self.last:
             return text

@@ -1,6 +1,6 @@
 """Running a user's own Digital DATCOM program in a scratch folder and collecting its files.
 
-Builds differ in how they take the deck: from ``for005.dat`` in the folder, from a file whose name they ask for on standard
+Builds differ in how they take the deck: from ``for005.dat`` in the folder, from a file whose name they request on standard
 input, from a file named on the command line, or from standard input itself.  All are tried in this order.
 """
 
@@ -30,7 +30,7 @@ _DECK_NAME = "for005.dat"
 _PRINTS = ("for006.dat", "datcom.out", "output.dat", "fort.6")  # unit 6 by the names of known builds, best first
 _PLOTS = {"for013": ("for013.dat", "fort.13"), "for014": ("for014.dat", "fort.14")}
 _SIGN = b"CONERR - INPUT ERROR CHECKING"
-_SHOWN = 300  # characters of what a failed program said
+_SHOWN = 300  # characters of the output of a failed program
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Run:
     files : dict of str to Path
         ``out``, and ``for013``, ``for014`` where they were written.
     messages : tuple of Message
-        What the program said, every text once, and (origin ``reader``) where the cards in its print differ from those given.
+        What the program printed on its console, every text once, and (origin ``reader``) where the cards in its print differ from those given.
     seconds : float
         Elapsed time.
     """
@@ -71,7 +71,7 @@ def run_deck(
     program : path, or sequence of str
         Executable, or a command with its first arguments, ``["wine", "datcom.exe"]``.
     folder : path, optional
-        Where the results go, under the name of the deck: ``NAME.out``, ``NAME.for013``, ``NAME.for014``.  Default: beside the deck.
+        Where the results go, under the name of the deck: ``NAME.out``, ``NAME.for013``, ``NAME.for014``.  Default: the folder of the deck.
     timeout : float
         Longest time of one attempt. [s]
 
@@ -101,17 +101,17 @@ def run_deck(
     failures: list[str] = []
     for more, given in _ways(content):
         with tempfile.TemporaryDirectory(prefix="datcom") as scratch:
-            said = _attempt([*command, *more], given, content, Path(scratch), timeout)
-            found = _collect(Path(scratch), said)
+            attempt = _attempt([*command, *more], given, content, Path(scratch), timeout)
+            found = _collect(Path(scratch), attempt)
             if found is None:
-                failures.append(said.failure)
-                if said.fatal:
+                failures.append(attempt.failure)
+                if attempt.fatal:
                     break
                 continue
             if not any(f"${name}".encode() in found["out"] for case in given_deck for name in case.namelists):
                 failures.append("it took another input for its deck")
                 continue
-            listing = _listing(found["out"], said)
+            listing = _listing(found["out"], attempt)
             files = _keep(found, folder, deck.stem)
             listing.file = files["out"].name
             return Run(listing, files, tuple(_messages(listing, given_deck)), time.monotonic() - began)
@@ -141,8 +141,8 @@ def _ways(content: bytes) -> Iterator[tuple[list[str], bytes]]:
 
 
 @dataclass(frozen=True)
-class _Said:
-    """What an attempt ended with; ``failure`` tells why when it made no print."""
+class _Attempt:
+    """What an attempt ended with; ``failure`` states why when it made no print."""
 
     output: bytes
     failure: str
@@ -150,7 +150,7 @@ class _Said:
     broken: bool = False  # it did not end by itself with success
 
 
-def _attempt(command: list[str], given: bytes, content: bytes, scratch: Path, timeout: float) -> _Said:
+def _attempt(command: list[str], given: bytes, content: bytes, scratch: Path, timeout: float) -> _Attempt:
     (scratch / _DECK_NAME).write_bytes(content)
     process = subprocess.Popen(
         command, cwd=scratch, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=os.name == "posix"
@@ -159,16 +159,16 @@ def _attempt(command: list[str], given: bytes, content: bytes, scratch: Path, ti
         output, _ = process.communicate(given, timeout=timeout)
     except subprocess.TimeoutExpired:
         _end(process)
-        return _Said(
+        return _Attempt(
             b"", f"it did not end within {timeout:g} s (a deck with VINF and a NACA card hangs some builds)", fatal=True, broken=True
         )
     words = " ".join(output.decode("latin-1").split())[-_SHOWN:]
-    said = f"; it said: {words}" if words else ""
+    shown = f"; its output: {words}" if words else ""
     if process.returncode < 0:
-        return _Said(output, f"it crashed with signal {signal.Signals(-process.returncode).name}{said}", broken=True)
+        return _Attempt(output, f"it crashed with signal {signal.Signals(-process.returncode).name}{shown}", broken=True)
     if process.returncode:
-        return _Said(output, f"it ended with code {process.returncode}{said}", broken=True)
-    return _Said(output, f"it ended without a print of unit 6{said}")
+        return _Attempt(output, f"it ended with code {process.returncode}{shown}", broken=True)
+    return _Attempt(output, f"it ended without a print of unit 6{shown}")
 
 
 def _end(process: subprocess.Popen) -> None:
@@ -180,13 +180,13 @@ def _end(process: subprocess.Popen) -> None:
     process.communicate()
 
 
-def _collect(scratch: Path, said: _Said) -> dict[str, bytes] | None:
+def _collect(scratch: Path, attempt: _Attempt) -> dict[str, bytes] | None:
     """Return the files that an attempt made; None without a print."""
-    if said.fatal:
+    if attempt.fatal:
         return None
     made = {path.name.lower(): path for path in sorted(scratch.iterdir()) if path.is_file() and path.name != _DECK_NAME}
     ordered = [made[name] for name in _PRINTS if name in made] + [path for name, path in made.items() if name not in _PRINTS]
-    prints = [content for content in (*(path.read_bytes() for path in ordered), said.output) if _SIGN in content]
+    prints = [content for content in (*(path.read_bytes() for path in ordered), attempt.output) if _SIGN in content]
     if not prints:
         return None
     found = {"out": prints[0]}
@@ -197,19 +197,19 @@ def _collect(scratch: Path, said: _Said) -> dict[str, bytes] | None:
     return found
 
 
-def _listing(content: bytes, said: _Said) -> Listing:
+def _listing(content: bytes, attempt: _Attempt) -> Listing:
     try:
         return read(content.decode("latin-1").split("\n"))
     except ParseError as error:
         ended = b"END OF JOB" in content
-        why = said.failure if said.broken else str(error) if ended else "it has no END OF JOB"
+        why = attempt.failure if attempt.broken else str(error) if ended else "it has no END OF JOB"
         raise SimulationError(
             f"the print of the program is not complete: {why}; nothing was written. Run datcom check on the deck"
         ) from None
 
 
 def _messages(listing: Listing, deck: DeckFile) -> Iterator[Message]:
-    """Yield what the program said, every text once, and where its echo differs from the deck."""
+    """Yield what the program printed on its console, every text once, and where its echo differs from the deck."""
     texts = {message.text: message for message in reversed(listing.messages) if message.origin == "program"}
     yield from sorted(texts.values())
     for number, (printed, wanted) in enumerate(zip(listing, deck), 1):

@@ -39,7 +39,7 @@ def split_deck(study: str | os.PathLike[str] | DeckFile) -> dict[str, DeckFile]:
     -------
     dict of str to DeckFile
         Run name to deck.  Without a plan: ``clean``; every device by its name, those on the wing without tail; with GRNDEF
-        ``ground``, and ``ground_flaps`` for every symmetric device of the wing.  A plan may ask for ``build`` (all combinations
+        ``ground``, and ``ground_flaps`` for every symmetric device of the wing.  A plan may request ``build`` (all combinations
         of components) and ``ground_<device>``.  Symmetric devices at several flight conditions give one deck each,
         ``elevator_m0.15_h0``.
 
@@ -111,8 +111,8 @@ def _runs(study: Study, name: str, plan: Plan, problems: list[str]) -> Iterator[
         yield name, _titled(whole, plan.caseid or _title(study.title, _label(name, device)))
         return
     for label, deck in conditions:
-        said = f"{_label(name, device)} {label.replace('_', ' ').upper()}"
-        yield f"{name}_{label}", _titled(deck, _title(plan.caseid, said) if plan.caseid else _title(study.title, said))
+        label_text = f"{_label(name, device)} {label.replace('_', ' ').upper()}"
+        yield f"{name}_{label}", _titled(deck, _title(plan.caseid, label_text) if plan.caseid else _title(study.title, label_text))
 
 
 def _aircraft(study: Study, name: str, device: str) -> Iterator[Item]:
@@ -136,7 +136,7 @@ def _aircraft(study: Study, name: str, device: str) -> Iterator[Item]:
 
 
 def _belongs(card: Card, base: Deck, name: str, device: str) -> bool:
-    """Tell whether a control card of the study belongs to a run."""
+    """Return whether a control card of the study belongs to a run."""
     if card.name == "NACA":
         return not device or is_on_tail(device) or card.text[:1] not in _TAIL_SECTIONS
     if card.name == "TRIM":
@@ -147,12 +147,12 @@ def _belongs(card: Card, base: Deck, name: str, device: str) -> bool:
 
 
 def _trims(base: Deck, device: str) -> bool:
-    """Tell whether TRIM has something to trim with: the elevator, or a stabilizer that moves."""
+    """Return whether TRIM has something to trim with: the elevator, or a stabilizer that moves."""
     return word_of(device) == "elevator" if device else base.value("SYNTHS", "HINAX") is not None
 
 
 def _has_tabs(study: Study, device: str) -> bool:
-    """Tell whether the control tabs belong to a device: the elevator, or without one any symmetric device."""
+    """Return whether the control tabs belong to a device: the elevator, or without one any symmetric device."""
     elevators = [name for name in study.devices if word_of(name) == "elevator"]
     return device in (elevators or [name for name, group in study.devices.items() if group[0].name == "SYMFLP"])
 
@@ -194,8 +194,8 @@ def _label(name: str, device: str) -> str:
     words = {"clean": "CLEAN AIRCRAFT", "build": "COMPONENT BUILD-UP", "ground": "CLEAN AIRCRAFT IN GROUND EFFECT"}
     if name in words:
         return words[name]
-    said = device.replace("_", " ").upper() + ("" if is_on_tail(device) else ", WING-BODY")
-    return said + (" IN GROUND EFFECT" if name.startswith("ground_") else "")
+    label_text = device.replace("_", " ").upper() + ("" if is_on_tail(device) else ", WING-BODY")
+    return label_text + (" IN GROUND EFFECT" if name.startswith("ground_") else "")
 
 
 def _conditions(deck: Deck) -> Iterator[tuple[str, Deck]]:

@@ -1,8 +1,8 @@
 """The study: one deck that describes an aircraft with all its devices, and the plan of the runs to make of it.
 
-A study is a deck of one case, alone or with a TOML file beside it::
+A study is a deck of one case, alone or with a TOML file next to it::
 
-    deck = "t37_study.inp"                       # the aircraft, beside this file
+    deck = "t37_study.inp"                       # the aircraft, next to this file
     title = "T-37"                               # opens every CASEID; default: the CASEID of the deck
     devices = ["flaps", "elevator", "aileron"]   # what the SYMFLP and ASYFLP of the deck are, in their order
 
@@ -39,7 +39,7 @@ DEVICES = {
     "spoiler": ("ASYFLP", False),
     "differential_tail": ("ASYFLP", True),
 }
-_MARKS = {"FLAP": "flaps", "SLAT": "slats", "ELEVATOR": "elevator"}
+_KEYWORDS = {"FLAP": "flaps", "SLAT": "slats", "ELEVATOR": "elevator"}
 _SPOILERS, _AILERON, _DIFFERENTIAL_TAIL = (1, 2, 3), 4, 5
 _KEYS: dict[str, type] = {"deck": str, "title": str, "devices": list, "runs": dict}
 _RUN_KEYS: dict[str, type] = {"caseid": str, "cards": str, "separate": bool}
@@ -47,7 +47,7 @@ _RUN_KEYS: dict[str, type] = {"caseid": str, "cards": str, "separate": bool}
 
 @dataclass(frozen=True)
 class Plan:
-    """What the study file says of one run."""
+    """What the study file states about one run."""
 
     caseid: str = ""
     cards: str = ""
@@ -71,7 +71,7 @@ def word_of(name: str) -> str:
 
 
 def is_on_tail(name: str) -> bool:
-    """Tell whether a device of that name is on the tail."""
+    """Return whether a device of that name is on the tail."""
     return DEVICES[word_of(name)][1]
 
 
@@ -81,7 +81,7 @@ def read_study(source: str | os.PathLike[str] | DeckFile) -> Study:
     Raises
     ------
     SchemaError
-        Unknown keys, more than one case, devices that cannot be told apart; all problems at once.
+        Unknown keys, more than one case, devices that cannot be distinguished; all problems at once.
     ParseError
         The TOML file cannot be read.
     """
@@ -155,9 +155,9 @@ def _names(deck: DeckFile, groups: Sequence[tuple[Namelist, ...]], given: list) 
         word = word_of(name)
         if not word or DEVICES[word][0] != group[0].name:
             allowed = ", ".join(word for word, (namelist, _) in DEVICES.items() if namelist == group[0].name)
-            said = f"device {name!r}" if name else "it may be on the wing or on the tail"
+            which = f"device {name!r}" if name else "it may be on the wing or on the tail"
             problems.append(
-                f"line {group[0].line}, ${group[0].name}: {said}; name it in a study file, devices = [...], allowed: {allowed}, "
+                f"line {group[0].line}, ${group[0].name}: {which}; name it in a study file, devices = [...], allowed: {allowed}, "
                 "or by a comment above it"
             )
         count = 2
@@ -179,8 +179,8 @@ def _name(deck: DeckFile, group: tuple[Namelist, ...]) -> str:
     above = max((item.line for item in deck[0].items if item.line < group[0].line), default=0)
     for line, text in reversed(deck.comments):
         if above < line < group[0].line:
-            for mark, name in _MARKS.items():
-                if mark in text.upper():
+            for keyword, name in _KEYWORDS.items():
+                if keyword in text.upper():
                     return name
     there = [(name, surface) for name, surface in (("flaps", "WGPLNF"), ("elevator", "HTPLNF")) if surface in deck[0].namelists]
     fits = [name for name, surface in there if len(there) == 1 or _fits(deck[0], surface, values)]
@@ -188,7 +188,7 @@ def _name(deck: DeckFile, group: tuple[Namelist, ...]) -> str:
 
 
 def _fits(base: Deck, surface: str, values: dict) -> bool:
-    """Tell whether the span of a flap lies between the body side and the tip of a surface."""
+    """Return whether the span of a flap lies between the body side and the tip of a surface."""
     tip, exposed = base.value(surface, "SSPN"), base.value(surface, "SSPNE")
     if tip is None or exposed is None:
         return False

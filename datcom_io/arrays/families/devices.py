@@ -64,7 +64,7 @@ def symflp(stacker: Stacker) -> xr.Dataset | None:
 
 
 def _device(configuration: str, deck: Deck) -> tuple[str, str]:
-    """Return surface and device by the heading, or by the cards where the heading does not tell."""
+    """Return surface and device by the heading, or by the cards where the heading does not name them."""
     surface, _, device = configuration.lower().partition(" ")
     if surface in ("wing", "tail") and device in _DEVICES:
         return surface, device

@@ -45,7 +45,7 @@ _COORDINATE_NAMES = {
 
 
 def _surface(page: Page) -> str:
-    """Return the surface that a section page tells of."""
+    """Return the surface that a section page describes."""
     words = page.heading[0] if page.heading else ""
     return next((name for name in SURFACES if name in words), "")
 

@@ -1,4 +1,4 @@
-"""Stacking numbers that are printed one by one, with a label or in a row of their own, into arrays: SI, a flag beside every value."""
+"""Stacking numbers that are printed one by one, with a label or in a row of their own, into arrays: SI, a flag for every value."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Leaves of the special pages and of the weight lines: ``hypersonic jet weight``.
 
 The hypersonic and the jet pages print no line of flight conditions.  They come once per condition in the order of the run, so the
-input cards tell Mach number and altitude where their number agrees.
+input cards give Mach number and altitude where their number agrees.
 """
 
 from __future__ import annotations

@@ -129,12 +129,12 @@ def trim(deck: Deck) -> Iterator[Finding]:
 
 
 def ground(deck: Deck) -> Iterator[Finding]:
-    """Yield ground pages that cannot be told apart."""
+    """Yield ground pages that cannot be distinguished."""
     heights = deck.values("GRNDEF", "GRDHT")
     deflections = deck.count("SYMFLP", "NDELTA") or 0
     if heights and deflections > 1 and {"WGPLNF", "HTPLNF"} <= deck.namelists.keys():
         text = f"$GRNDEF with {deflections} tail deflections: the heights are printed {deflections} times with identical headings"
-        yield Finding(deck.line_of("GRNDEF"), WARNING, f"{text}; only their order tells the deflection")
+        yield Finding(deck.line_of("GRNDEF"), WARNING, f"{text}; only their order identifies the deflection")
     if heights and deck.dim in DIMENSIONS[1:]:
         yield Finding(deck.line_of("GRNDEF"), WARNING, f"$GRNDEF with DIM {deck.dim}: the program prints ground heights in feet")
 

@@ -64,8 +64,8 @@ def control_cards(deck: Deck) -> Iterator[Finding]:
 def _naca(card: Card) -> Iterator[Finding]:
     surface, kind, designation = card.text[:1], card.text[2:3], card.text[4:].strip()
     if surface not in _SURFACES or not surface:
-        said = "W wing, H horizontal tail, V vertical tail, F ventral fin"
-        yield Finding(card.line, ERROR, f"NACA {card.text}: surface {surface!r} in column 6; allowed are {said}")
+        surfaces = "W wing, H horizontal tail, V vertical tail, F ventral fin"
+        yield Finding(card.line, ERROR, f"NACA {card.text}: surface {surface!r} in column 6; allowed are {surfaces}")
     if kind not in _AIRFOIL_TYPES or not kind:
         yield Finding(card.line, ERROR, f"NACA {card.text}: type {kind!r} in column 8; allowed are {', '.join(_AIRFOIL_TYPES)}")
     if not designation:

@@ -28,17 +28,17 @@ def counts(deck: Deck) -> Iterator[Finding]:
                 yield from _filled(deck, name, array, f"{counter}={wanted:g}", int(wanted), ERROR if array in needed else WARNING)
 
 
-def _filled(deck: Deck, name: str, array: str, said: str, wanted: int, severity: str) -> Iterator[Finding]:
+def _filled(deck: Deck, name: str, array: str, required: str, wanted: int, severity: str) -> Iterator[Finding]:
     values = deck.namelists[name][array]
     line = deck.line_of(name, array)
     missing = [i + 1 for i, value in enumerate(values[:wanted]) if value is None]
     if len(values) < wanted:
-        text = f"${name}: {array} has {len(values)} values, {said}; the program takes the missing ones as 1E-30"
+        text = f"${name}: {array} has {len(values)} values, {required}; the program takes the missing ones as 1E-30"
         yield Finding(line, severity, text)
     elif missing:
         yield Finding(line, severity, f"${name}: {array} has no value at place {missing[0]}; the program takes it as 1E-30")
     elif len(values) > wanted:
-        yield Finding(line, NOTE, f"${name}: {array} has {len(values)} values, {said}; the rest is not used")
+        yield Finding(line, NOTE, f"${name}: {array} has {len(values)} values, {required}; the rest is not used")
 
 
 def _count(deck: Deck, name: str, counter: str) -> float | None:

@@ -49,7 +49,7 @@ class Field(NamedTuple):
     """One array of the structure.
 
     ``axes`` are its indices; ``units`` those of `layouts.form.Column`; ``at`` what to select in our leaf, dimension and label;
-    ``constant`` tells a column whose first row may hold for all rows; ``styles`` the values of STYPE for which the field means this
+    ``constant`` flags a column whose first row may hold for all rows; ``styles`` the values of STYPE for which the field means this
     variable, none for all; ``coordinate`` one that our leaf holds as a coordinate.
     """
 
@@ -88,7 +88,7 @@ def _rows(
     styles: tuple[int, ...] = (),
     coordinate: bool = False,
 ) -> list[Field]:
-    """Return fields given as words ``name:variable`` or ``name:variable:units``; an asterisk marks a constant column."""
+    """Return fields given as words ``name:variable`` or ``name:variable:units``; an asterisk denotes a constant column."""
     found = []
     for word in text.split():
         name, quantity, units = (*word.split(":"), "1")[:3]

@@ -47,7 +47,7 @@ def read_matlab(path: str | os.PathLike[str]) -> xr.DataTree:
     Returns
     -------
     DataTree
-        As `Listing.to_datatree`: one child per case with tables.  NaN is flagged NDM, though it may have been any other mark; 99999
+        As `Listing.to_datatree`: one child per case with tables.  NaN is flagged NDM, though it may have been any other code; 99999
         is flagged absent.  A column that is constant in alpha and stands in the first row only is filled where `Case.to_datatree`
         does.  The stick force, or its coefficient, is ``fc_con``, as printed.
 
@@ -158,7 +158,7 @@ class _Case:
         """Return the leaves of the case."""
         parts: dict[str, list[_Part]] = {}
         for field in fields(self.style):
-            if field.name == "fc_con":  # a force in pounds or a coefficient, which the structure does not tell
+            if field.name == "fc_con":  # a force in pounds or a coefficient, which the structure does not distinguish
                 field = field._replace(quantity="fc_con", units="1")
             part = self._part(field)
             if part is not None:
@@ -260,7 +260,7 @@ class _Case:
         """Return the name of the one configuration of a case without a build-up."""
         if self.number_of("lb", 0):
             return LOW_ASPECT_RATIO
-        return printed_name(self.parts) if self.parts else "not told"
+        return printed_name(self.parts) if self.parts else "not stated"
 
     def _tidied(self, found: xr.Dataset, leaf: str) -> xr.Dataset:
         """Return a leaf without configurations that are not there, and without indices of length one but condition and alpha."""

@@ -45,8 +45,8 @@ def write_matlab(listing: Listing, path: str | os.PathLike[str], *, usenan: bool
     ----------
     listing : Listing
     path : path
-        MAT file (version 5) to write, whole or not at all: variable ``aero``, a cell array with one structure per case, and
-        ``history``, a text that says what was done and what was left out.
+        MAT file (version 5) to write atomically (completely or not at all): variable ``aero``, a cell array with one structure per case, and
+        ``history``, a text that states what was done and what was left out.
     usenan : bool
         NaN, otherwise 0, where the program prints NDM, NA or no number.  A place without a page holds 99999.
 
@@ -96,7 +96,7 @@ def structure(case: Case, *, usenan: bool = True) -> tuple[dict[str, Any], list[
 
 
 def _grid(case: Case, tree: xr.DataTree, units: Units) -> Grid:
-    """Return where each flight condition stands: by the input cards, or as pairs where they do not tell."""
+    """Return where each flight condition stands: by the input cards, or as pairs where they do not state it."""
     deck = case.deck
     leaf = next((leaf for leaf in tree.children.values() if "condition" in leaf.dims), None)
     schedule = deck.conditions()
@@ -309,15 +309,15 @@ class _Lost:
     def __init__(self, tree: xr.DataTree, grid: Grid):
         self.tree, self.grid = tree, grid
         self.written: set[tuple[str, str]] = set()
-        self.marks: Counter[str] = Counter()
+        self.flag_counts: Counter[str] = Counter()
         self.configurations: dict[str, set[str]] = {}
         self.more: set[str] = set()
 
     def taken(self, field: Field, flags: np.ndarray) -> None:
-        """Count the marks of a field that is written."""
+        """Count the flags of a field that is written."""
         self.written.add((field.leaf, field.quantity))
         codes = np.bincount(flags.ravel(), minlength=len(FLAGS))
-        self.marks.update({FLAGS[code]: int(count) for code, count in enumerate(codes) if count and code not in (OK, ABSENT)})
+        self.flag_counts.update({FLAGS[code]: int(count) for code, count in enumerate(codes) if count and code not in (OK, ABSENT)})
 
     def power(self, leaf: str, settings: list[str], kept: int) -> None:
         """Note the pages with another power setting."""
@@ -336,8 +336,8 @@ class _Lost:
         found += [
             f"leaf tabs: whether fc_con is {name}" for leaf, name in self.written if leaf == "tabs" and name in ("F_stick", "CF_stick")
         ]
-        if self.marks:
-            counts = ", ".join(f"{count} {name}" for name, count in sorted(self.marks.items()))
+        if self.flag_counts:
+            counts = ", ".join(f"{count} {name}" for name, count in sorted(self.flag_counts.items()))
             found.append(f"which cells are what: {counts}")
         if "jet" in self.tree.children and "alpha" in self.tree["jet"].coords:
             found.append("leaf jet: the angle of attack at each time")

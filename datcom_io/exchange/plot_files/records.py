@@ -1,7 +1,7 @@
 """The records of a plot file (unit 13), as the program wrote them.
 
 FORMAT (1P10E12.4): ten fields of twelve columns, five significant digits, the common blocks of the program in feet, pounds,
-degrees Rankine and degrees.  Nothing in the file says what comes next, but the records differ in length: a case opens with
+degrees Rankine and degrees.  Nothing in the file indicates what comes next, but the records differ in length: a case opens with
 sixteen lines of ten numbers that end in 10, 9 and 4 numbers and a line of logicals; the record of a control device has eight
 numbers in its fourteenth line.
 """

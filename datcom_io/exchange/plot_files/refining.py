@@ -38,7 +38,7 @@ def refine(tree: xr.DataTree, plot: xr.DataTree) -> xr.DataTree:
     -------
     DataTree
         A new tree.  In ``static``, ``downwash`` and ``symflp`` every number of a page in free air, without power and
-        deflection, that the plot file has too is the finer one; attribute ``refined`` of each variable tells how many and from
+        deflection, that the plot file has too is the finer one; attribute ``refined`` of each variable states how many and from
         where.  Flags, missing numbers and all else stay as printed.
 
     Raises
@@ -93,11 +93,11 @@ def _refined(printed: xr.Dataset, written: xr.Dataset, file: str, per_degree: bo
             new, new_flag = (written[key].isel(source).transpose(*dims).values for key in (name, f"{name}_flag"))
             same = (old_flag == new_flag) & np.isin(old_flag, (OK, FILLED))
             scale = _to_print(name, written[name].attrs, per_degree)
-            misses = same & ~(np.abs(old - new) * scale <= _half_units(name, old * scale, new * scale))
+            differing = same & ~(np.abs(old - new) * scale <= _half_units(name, old * scale, new * scale))
             faults += [
                 f"{name} is {old[at] * scale:.6g} in the print, {new[at] * scale:.6g} in the plot file"
                 + "".join(f", {dim} {i}" for dim, i in zip(dims, at))
-                for at in map(tuple, np.argwhere(misses)[:_SHOWN])
+                for at in map(tuple, np.argwhere(differing)[:_SHOWN])
             ]
             finer[name][place] = np.where(same, new, old)
             taken += int(same.sum())

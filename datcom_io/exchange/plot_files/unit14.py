@@ -60,7 +60,7 @@ def read_for014(path: str | os.PathLike[str]) -> xr.DataTree:
     DataTree
         One child per case, ``case 1`` ... (runs in a row with the same angles of attack and references), with a leaf ``static``
         (run, alpha): ``CN Cm CA CY_beta Cn_beta Cl_beta``, SI, radians, flags.  Every zero is flagged ``sentinel`` and has no
-        value, because the file does not tell a missing number from zero; unit 13 does.
+        value, because the file does not distinguish a missing number from zero; unit 13 does.
 
     Raises
     ------

@@ -107,7 +107,7 @@ def _sides() -> list[str]:
 
 
 def _with_words(name: str, items: list[Item]) -> Values:
-    """Return a group in which only limits, results and variables are numbers; a figure's name or a mark is a word."""
+    """Return a group in which only limits, results and variables are numbers; a figure's name or a code is a text."""
     found = make_values(name, [(number, label, text, "") for number, label, text in items])
     words = np.array([not label.startswith(("OVERLAY", "FIGURE LIMITS", "FINAL", "INDEPENDENT")) for label in found.labels])
     return replace(found, given=(np.where(words, np.nan, found.values), np.where(words, OK, found.flags).astype(np.uint8)))

@@ -1,6 +1,6 @@
 """Transonic data fairing (card PART): how the second-level methods join the subsonic to the supersonic derivatives.
 
-Lift slopes, ``CLB/CL`` and ``CNA`` are per degree whatever card DERIV says.
+Lift slopes, ``CLB/CL`` and ``CNA`` are per degree whatever card DERIV states.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Lines of ``label = value``: every number stands in its own columns behind its label, so they are cut like the rows of a table.
 
-A label may itself hold signs of equality, ``(CLB/CL)M=1.4``, and a number may touch the one before it; only columns tell.
+A label may itself hold signs of equality, ``(CLB/CL)M=1.4``, and a number may touch the one before it; only columns separate them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Footnotes, messages of the program, and the numbers that stand in them.
 
-A footnote belongs to the tables of its page: some of them change what a table means.  A message tells what the program did or refused
+A footnote belongs to the tables of its page: some of them change what a table means.  A message states what the program did or refused
 to do; it may stand between pages or between the tables of one.  Both may go on over several lines.
 """
 

@@ -1,6 +1,6 @@
 """Airfoil sections: coordinates, and what the section module computes from them; once per case and surface.
 
-Lift slopes are per degree whatever card DERIV says.
+Lift slopes are per degree whatever card DERIV states.
 """
 
 from __future__ import annotations

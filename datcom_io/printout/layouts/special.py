@@ -2,7 +2,7 @@
 
 A hypersonic page prints one of two forms: that of the original program, which one build has switched off, and that of the single-file
 edition, which prints ten fields of nine columns without a gap whatever the number of deflections is.  Both are in feet whatever
-card DIM says.
+card DIM states.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def _read_deltas(text: str, form: _Form) -> np.ndarray | None:
 
 
 def _read_cells(text: str, form: _Form, count: int) -> tuple[list[float], list[int]] | None:
-    """Return values and flags of a row, alpha first; None when the line is none.  Fields touch, so only their columns tell."""
+    """Return values and flags of a row, alpha first; None when the line is none.  Fields touch, so only their columns separate them."""
     first, last = form.cell
     shown = max(count, -(-(len(text.rstrip()) - first + 1) // form.step))
     if shown > _MOST_DELTAS or "_" in text:
