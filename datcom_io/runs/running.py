@@ -44,7 +44,7 @@ class Run:
     files : dict of str to Path
         ``out``, and ``for013``, ``for014`` where they were written.
     messages : tuple of Message
-        What the program printed on its console, every text once, and (origin ``reader``) where the cards in its print differ from those given.
+        What the program printed on its console, every text once, and (origin ``reader``) where the echoed cards differ from the deck.
     seconds : float
         Elapsed time.
     """

@@ -22,7 +22,7 @@ def elevator_lines():
 
 @pytest.fixture(scope="session")
 def corpus_lines():
-    """Return a reader of the corpus beside the checkout, as lines; build B is ``.pdas.out``."""
+    """Return a reader of the corpus next to the checkout, as lines; build B is ``.pdas.out``."""
     if not SHARED.is_dir():
         pytest.skip("the corpus ../shared/data/datcom is not there")
     return functools.cache(lambda name, end=".out": (SHARED / name / f"{name}{end}").read_text(encoding="latin-1").split("\n"))
@@ -30,7 +30,7 @@ def corpus_lines():
 
 @pytest.fixture(scope="session")
 def corpus(corpus_lines):
-    """Return a reader of the corpus beside the checkout, each listing read once."""
+    """Return a reader of the corpus next to the checkout, each listing read once."""
     import datcom_io
 
     return functools.cache(lambda name, end=".out": datcom_io.read(corpus_lines(name, end)))

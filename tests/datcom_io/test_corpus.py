@@ -358,6 +358,6 @@ def test_saved_cases_hold_what_the_cases_before_gave():
 
 
 @pytest.mark.parametrize("path", CORPUS, ids=lambda path: path.stem)
-def test_the_deck_alone_says_what_the_listing_says(path):
+def test_the_deck_alone_states_what_the_listing_states(path):
     deck = datcom_io.read_deck(path.with_name(path.name.removesuffix(".out").removesuffix(".pdas") + ".inp"))
     assert [case.meaning() for case in deck] == [case.deck.meaning() for case in read(path).listing]

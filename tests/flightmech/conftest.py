@@ -193,7 +193,7 @@ def exchange(fmus):
 
 
 @pytest.fixture(scope="session")
-def stranger():
+def third_party():
     """Load another unpacked FMU, or one under a wrong token; `open` instantiates it."""
     return Slave
 

@@ -30,7 +30,7 @@ def test_a_leaf_carries_its_meaning(table):
     assert check(table) == []
 
 
-def test_all_faults_are_told_at_once():
+def test_all_faults_are_reported_at_once():
     with pytest.raises(SchemaError) as caught:
         make([1.0, np.nan], {"alpha": [0.2, 0.1]}, ["alpha", "q", "nonsense"], outside="bounce", stderr=-1.0)
     text = str(caught.value)

@@ -1,4 +1,4 @@
-"""Models for the tests of the kernel, and a plain NumPy twin of its equations."""
+"""Models for the tests of the kernel, and a plain NumPy counterpart of its equations."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def thrust_leaf() -> xr.Dataset:
 
 
 def jet(**changes) -> flightmech.Aircraft:
-    """Return a twin jet with an offset centre of gravity and all products of inertia."""
+    """Return a counterpart jet with an offset centre of gravity and all products of inertia."""
     engine = {"thrust": thrust_leaf(), "time_constant": 1.2, "angular_momentum": 55.0}
     fields = {
         "name": "jet",
@@ -231,5 +231,5 @@ def make_tree():
 
 
 @pytest.fixture(scope="session")
-def twin():
+def counterpart():
     return Twin

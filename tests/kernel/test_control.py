@@ -178,10 +178,10 @@ def test_response_to_a_force_against_an_integrator(build):
         return *x[3:], (np.interp(at, t, torque) + pulls.sum() - 0.8 * x[3]) / 0.2, *((-pulls - k_aer * x[1:3]) / (0.2 * 0.3**2))
 
     for rates, n, item, gearing in ((elevator, 2, "column", -1.5), (ailerons, 3, "wheel", -0.3)):
-        twin = solve_ivp(rates, (0.0, 1.0), np.zeros(2 * n), t_eval=t, rtol=1e-9, atol=1e-12, max_step=0.005).y
+        counterpart = solve_ivp(rates, (0.0, 1.0), np.zeros(2 * n), t_eval=t, rtol=1e-9, atol=1e-12, max_step=0.005).y
         # midpoint rule in sub-steps and load linear over steps of 5 ms: 2nd order
-        assert y[f"applied.{item}"].values == pytest.approx(twin[0], abs=2e-4 * np.abs(twin[0]).max())
-        assert y[f"{item}.deflection"].values == pytest.approx(gearing * twin[1], abs=2e-4 * np.abs(gearing * twin[1]).max())
+        assert y[f"applied.{item}"].values == pytest.approx(counterpart[0], abs=2e-4 * np.abs(counterpart[0]).max())
+        assert y[f"{item}.deflection"].values == pytest.approx(gearing * counterpart[1], abs=2e-4 * np.abs(gearing * counterpart[1]).max())
 
 
 def test_coupling_with_the_flight_is_of_second_order(build):

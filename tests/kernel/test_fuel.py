@@ -44,7 +44,7 @@ def point(m: float, r: np.ndarray) -> np.ndarray:
     return m * ((r @ r) * np.eye(3) - np.outer(r, r))
 
 
-def twin(craft: flightmech.Aircraft, fuel: float) -> tuple[float, np.ndarray, np.ndarray]:
+def counterpart(craft: flightmech.Aircraft, fuel: float) -> tuple[float, np.ndarray, np.ndarray]:
     """Mass, centre of gravity and inertia tensor about it: the dry aircraft from the one at the start, plus what the tanks hold."""
     cg0 = np.array(craft.cg)
     bodies = [(-held, np.array(tank.position)) for held, tank in zip(content(MASS), TANKS, strict=True)]
@@ -89,13 +89,13 @@ def test_at_the_start_the_masses_are_those_of_the_aircraft(sim, flown, craft):
     assert [y[name] for name in names] == pytest.approx([getattr(craft, name) for name in names], rel=1e-13)
 
 
-def test_burning_against_the_twin(sim, start, craft):
+def test_burning_against_the_counterpart(sim, start, craft):
     """Through every tank: each order begins and ends inside the run."""
     run = start(sim, **STILL)
     for k in range(1, 11):
         y = burnt(sim, run, 10.0, start=10.0 * (k - 1), throttle=0.5)
         fuel = MASS - FLOW * 10.0 * k
-        mass, cg, J = twin(craft, fuel)
+        mass, cg, J = counterpart(craft, fuel)
         assert y["fuel"] == pytest.approx(fuel, abs=1e-9)  # sum of some thousand steps
         assert y["mass"] == pytest.approx(mass, rel=1e-12)
         np.testing.assert_allclose([y["x_cg_b"], y["y_cg_b"], y["z_cg_b"]], cg, rtol=1e-11)
@@ -112,7 +112,7 @@ def test_motion_uses_the_mass_of_the_moment(sim, start, craft):
     x[names.index("state.engine1.n2")] = 0.8
     run.state = x
     y = dict(zip(sim.outputs, run.outputs(), strict=True))
-    mass, cg, J = twin(craft, MASS - 50.0 * FLOW)
+    mass, cg, J = counterpart(craft, MASS - 50.0 * FLOW)
     w, force = np.array([0.1, -0.2, 0.3]), np.array([2400.0, 0.0, 0.0])
     moment = np.cross(np.array(craft.engines[0].position) - cg, force)
     assert y["ax"] == pytest.approx(2400.0 / mass, rel=1e-12)

@@ -165,7 +165,7 @@ def test_drop_against_scipy(tyre, compiled, start):
     assert (F[1:][h[1:] > height] == 0.0).all()
 
 
-def twin(sim, gear: LandingGear, x: np.ndarray, u: dict[str, float]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+def counterpart(sim, gear: LandingGear, x: np.ndarray, u: dict[str, float]) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
     """Ground force, moment about the c.g. (body axes) and rates of the contacts, from docs/landing-gear.md."""
     lag, order = 0.02, states(sim)
     C = axes.matrix(x[6:10])
@@ -257,7 +257,7 @@ def speed_of(v):
 
 
 @pytest.mark.parametrize("changes", [{}, {"condition": 1, "antiskid": 0.8}, {"condition": 2}], ids=["dry", "wet", "icy"])
-def test_whole_gear_against_its_twin(changes, compiled, start):
+def test_whole_gear_against_its_counterpart(changes, compiled, start):
     gear = LandingGear(CONTACTS, STEERING, **changes)
     sim, rng = compiled(gear), np.random.default_rng(3)
     run, order = start(sim, **STANDING), states(sim)
@@ -275,7 +275,7 @@ def test_whole_gear_against_its_twin(changes, compiled, start):
             x[order.index(f"state.gear.{leg.name}.stroke")] = rng.uniform(0.0, 0.15) if leg.tyre_stiffness else 0.0
             x[order.index(f"state.gear.{leg.name}.tyre_x")], x[order.index(f"state.gear.{leg.name}.tyre_y")] = rng.normal(0.0, 0.02, 2)
         given = {"gear": 1.0, "brake_left": rng.uniform(0.0, 1.0), "brake_right": rng.choice([0.0, 1.0])}
-        F, M, rates = twin(sim, gear, x, given)
+        F, M, rates = counterpart(sim, gear, x, given)
         dx = run.derivative(x, inputs(sim, **given))
         w = x[10:13]
         np.testing.assert_allclose(dx[3:6] * MASS, axes.matrix(x[6:10]).T @ F + [0.0, 0.0, MASS * g], rtol=1e-9, atol=1e-6)

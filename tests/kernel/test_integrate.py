@@ -103,7 +103,7 @@ def test_outputs_do_not_disturb_the_run(sim, start):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_bad_input_stops_the_run_and_tells_the_time(value, sim, start):
+def test_bad_input_stops_the_run_and_reports_the_time(value, sim, start):
     time = np.arange(0.0, 2.0, 0.05)
     u = np.zeros((len(time), len(sim.inputs)))
     u[17, sim.inputs.index("delta_r")] = value

@@ -285,7 +285,7 @@ def test_bounce_off_a_stop(advance, restitution):
         assert m.stop[0] == pytest.approx(load)
 
 
-def test_driven_end_moves_as_told(advance):
+def test_driven_end_moves_as_reported(advance):
     """A prescribed cockpit end drags the aft mass, here in closed form: x = v t - v sin(omega t) / omega."""
     mass, cable, speed, h = 1.5, 2000.0, 0.3, 1e-3
     given = linkage(2, mass=[1.0, mass, 1.0], cable_stiffness=cable, driven=True, drive=speed)

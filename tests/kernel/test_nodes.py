@@ -49,10 +49,10 @@ def set_node(index, value):
     ],
 )
 def test_a_node_is_a_parameter(parameter, name, table, index, value, sim, content, record, make_aircraft, make_tree):
-    twin = flightmech.compile(make_aircraft(), make_tree(changed(content, name, table, set_node(index, value))))
+    counterpart = flightmech.compile(make_aircraft(), make_tree(changed(content, name, table, set_node(index, value))))
     run = Simulation(sim.model)
     assert run.parameter(sim.model.find(PARAMETER, parameter)) == content[name][table].values[index]
-    ours, theirs = flown(sim, record, **{parameter: value}), flown(twin, record)
+    ours, theirs = flown(sim, record, **{parameter: value}), flown(counterpart, record)
     for channel in ("alpha", "theta", "p", "CL", "CD", "Cn"):
         # the two add the same numbers in another order
         np.testing.assert_allclose(ours[channel], theirs[channel], rtol=1e-10, atol=1e-12, err_msg=channel)
@@ -64,10 +64,10 @@ def test_scale_and_offset_of_a_table(sim, content, record, make_aircraft, make_t
         values *= 1.1
         values += 0.003
 
-    twin = flightmech.compile(make_aircraft(), make_tree(changed(content, "CD/basic", "value", change)))
+    counterpart = flightmech.compile(make_aircraft(), make_tree(changed(content, "CD/basic", "value", change)))
     # offset and scale apply in this order whatever the order of the calls
     ours = flown(sim, record, **{"offset.CD.basic": 0.003, "table.CD.basic": 1.1})
-    np.testing.assert_allclose(ours["V"], flown(twin, record)["V"], rtol=1e-12)
+    np.testing.assert_allclose(ours["V"], flown(counterpart, record)["V"], rtol=1e-12)
 
 
 def test_the_last_value_of_a_node_holds(sim):

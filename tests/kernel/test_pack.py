@@ -63,9 +63,9 @@ def test_same_model_same_bytes(sim, content, make_aircraft, make_tree):
 
 
 def test_model_survives_pickling(sim):
-    twin = pickle.loads(pickle.dumps(sim))
-    assert twin.block == sim.block
-    assert twin.outputs == sim.outputs
+    counterpart = pickle.loads(pickle.dumps(sim))
+    assert counterpart.block == sim.block
+    assert counterpart.outputs == sim.outputs
 
 
 def test_a_flipped_bit_is_found(sim):
@@ -93,7 +93,7 @@ def test_truncated_and_extended_blocks(sim):
         (28, struct.pack("<I", 12), "12 sections, expected 13"),
     ],
 )
-def test_wrong_headers_say_what_is_wrong(offset, data, text, sim):
+def test_wrong_headers_state_what_is_wrong(offset, data, text, sim):
     with pytest.raises(SchemaError, match=text):
         Model(patched(sim.block, offset, data))
 
@@ -123,7 +123,7 @@ def test_wrong_headers_say_what_is_wrong(offset, data, text, sim):
         ("items", 8, struct.pack("<I", 0), "core and weather must be there once"),
     ],
 )
-def test_wrong_records_say_what_is_wrong(name, inside, data, text, sim):
+def test_wrong_records_state_what_is_wrong(name, inside, data, text, sim):
     with pytest.raises(SchemaError, match=text):
         Model(patched(sim.block, section(sim.block, name)[0] + inside, data))
 

@@ -1,4 +1,4 @@
-"""The derivative against its NumPy twin; conservation laws; coordinates."""
+"""The derivative against its NumPy counterpart; conservation laws; coordinates."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ def random_states(run, rng, n: int):
 
 
 @pytest.mark.parametrize("earth", [0, 1])
-def test_derivative_agrees_with_the_twin(earth, sim, content, twin, start, make_aircraft):
+def test_derivative_agrees_with_the_counterpart(earth, sim, content, counterpart, start, make_aircraft):
     rng = np.random.default_rng(earth)
-    numpy_twin = twin(make_aircraft(), content, earth)
+    numpy_counterpart = counterpart(make_aircraft(), content, earth)
     place = {"init__lat": 0.9, "init__lon": -1.3, "init__h": 2500.0, "init__V": 120.0, "mode__earth": float(earth)}
     run = start(sim, **place)
     for x in random_states(run, rng, 12):
         u = {name: rng.uniform(-0.2, 0.3) for name in sim.inputs}
         u |= {"wind_n": 8.0, "wind_e": -5.0, "wind_d": 1.5, "gear": 0.7, "engine1.throttle": 0.8, "engine2.throttle": 0.3}
         found = run.derivative(x, np.array([u[name] for name in sim.inputs]))
-        expected = numpy_twin.derivative(x, u)
+        expected = numpy_counterpart.derivative(x, u)
         # 1e-9: heights of 6.4e6 m are known to 1e-9 relative to their own rounding, Bowring's closed form to 3e-9 m
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10 * np.abs(expected).max())
 

@@ -236,9 +236,9 @@ def test_copy_carries_the_lever_history(compiled, start):
     sim = compiled(with_thrust())
     run = start(sim, **STILL, engine1__lever_delay=0.5)
     flown_through(sim, run, inputs(sim, engine1__throttle=1.0), 0.3)
-    twin = run.copy()
+    counterpart = run.copy()
     u = inputs(sim, engine1__throttle=0.4)
-    flown_through(sim, twin, u, 0.5, start=0.3)  # another future first
+    flown_through(sim, counterpart, u, 0.5, start=0.3)  # another future first
     assert flown_through(sim, run.copy(), u, 0.5, start=0.3) == flown_through(sim, run, u, 0.5, start=0.3)
 
 

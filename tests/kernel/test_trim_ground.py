@@ -1,4 +1,4 @@
-"""Trim on the ground: the legs carry what statics says, what stands stays, what cannot be held is told."""
+"""Trim on the ground: the legs carry what statics says, what stands stays, what cannot be held is result."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_speed_on_the_ground_is_over_the_ground(wheels):
     assert float(y["beta"]) == pytest.approx(-np.arcsin(3.0 / np.hypot(30.0, 3.0)), abs=2e-3)  # plus a little bank
 
 
-def test_brakes_that_do_not_hold_are_told(wheels):
+def test_brakes_that_do_not_hold_are_reported(wheels):
     """Idling without brakes: 600 N of thrust against 0.02 of the weight leave the difference."""
     y = flightmech.trim(wheels, {"mode.earth": 0.0}, kind="ground")
     assert y.attrs["converged"] == 0

@@ -1,4 +1,4 @@
-"""Wind over height, Dryden turbulence, discrete gust: numbers by hand, a NumPy twin, spectra against MIL-F-8785C."""
+"""Wind over height, Dryden turbulence, discrete gust: numbers by hand, a NumPy counterpart, spectra against MIL-F-8785C."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def test_the_aircraft_starts_in_the_wind_of_its_height(probe):
     np.testing.assert_allclose([run.V[0], run.vn[0], run.ve[0]], [80.0, 80.0, 20.0], rtol=1e-14)
 
 
-# ---- turbulence: a twin ---------------------------------------------------------------------------------------------
+# ---- turbulence: a counterpart ---------------------------------------------------------------------------------------------
 
 WORD = 2**64 - 1
 
@@ -139,7 +139,7 @@ def low_altitude(h: float, W20: float) -> tuple[np.ndarray, np.ndarray]:
     return np.array([sigma_w / base**0.4, sigma_w / base**0.4, sigma_w]), np.array([along, along, feet * FT])
 
 
-def twin(seed: int, V: np.ndarray, sigma: np.ndarray, L: np.ndarray, b: float, dt: float) -> np.ndarray:
+def counterpart(seed: int, V: np.ndarray, sigma: np.ndarray, L: np.ndarray, b: float, dt: float) -> np.ndarray:
     """Gust u v w p q r at grid points 0 ... n; V (n,), sigma and L (n, 3) are those of the way to points 1 ... n."""
     a, v, w, roll = np.zeros(1), np.zeros(2), np.zeros(2), np.zeros(1)
     lag = {"v": 0.0, "w": 0.0}
@@ -172,11 +172,11 @@ def twin(seed: int, V: np.ndarray, sigma: np.ndarray, L: np.ndarray, b: float, d
     return np.array(found)
 
 
-def test_history_is_that_of_the_twin(probe):
+def test_history_is_that_of_the_counterpart(probe):
     time = 0.02 * np.arange(151)
     run = fly(probe, time, {**GIVEN, "turbulence.seed": 7.0})
     sigma, L = np.array([1.5, 2.0, 1.0]), np.array([50.0, 60.0, 40.0])
-    expected = twin(7, np.full(150, 80.0), np.tile(sigma, (150, 1)), np.tile(L, (150, 1)), SPAN, 0.02)
+    expected = counterpart(7, np.full(150, 80.0), np.tile(sigma, (150, 1)), np.tile(L, (150, 1)), SPAN, 0.02)
     # the covariance of a step is 1e-7 of the process, which the matrix exponential gives to 1e-16: relative 1e-9
     np.testing.assert_allclose(gusts(run), expected, rtol=1e-7, atol=1e-9)
 
@@ -201,7 +201,7 @@ def test_history_follows_height_and_airspeed_of_the_flight(probe):
         aloft = FT * np.interp(h[k] / FT, [500.0, 1750.0, 3750.0], [8.6, 9.6, 10.6])  # MIL-F-8785C figure 7, 1e-3
         sigma[k] = low_sigma + (aloft - low_sigma) * part
         L[k] = low_L + (1750.0 * FT - low_L) * part
-    expected = twin(0, V, sigma, L, SPAN, dt)
+    expected = counterpart(0, V, sigma, L, SPAN, dt)
     # horizontal along the heading, horizontal to the right, down, at nose 80 deg down; blended with body axes above 1000 ft
     part = np.clip((run.h.values - runway) / FT / 1000.0 - 1.0, 0.0, 1.0)[:, None]
     c, s = np.cos(-80.0 * DEG), np.sin(-80.0 * DEG)
@@ -340,10 +340,10 @@ def test_a_copy_goes_on_alike(probe, start):
     run = start(probe, **{name.replace(".", "__"): value for name, value in GIVEN.items()})
     u = np.zeros(len(probe.inputs))
     run.step(0.0, 1.234, u, u)
-    twin_run = run.copy()
+    counterpart_run = run.copy()
     run.step(1.234, 2.0, u, u)
-    twin_run.step(1.234, 2.0, u, u)
-    np.testing.assert_array_equal(run.outputs(), twin_run.outputs())
+    counterpart_run.step(1.234, 2.0, u, u)
+    np.testing.assert_array_equal(run.outputs(), counterpart_run.outputs())
 
 
 def test_start_is_calm_so_that_a_trim_is_not_disturbed(sim):

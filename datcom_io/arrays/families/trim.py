@@ -64,7 +64,7 @@ def trim_stabilizer(stacker: Stacker) -> xr.Dataset | None:
     found["Cm_tail"].values[leaked] = np.nan
     found["Cm_tail_flag"].values[leaked] = SENTINEL
     found["Cm_tail"].attrs["comment"] = (
-        "sentinel where 0.0000 is printed for a tail with lift: the mark of a missing number in four decimals"
+        "sentinel where 0.0000 is printed for a tail with lift: the code of a missing number in four decimals"
     )
     if aircraft:
         whole = stacker.over_alpha(aircraft, alphas).drop_vars("notes").rename(lines="lines_aircraft")  # notes of the same pages

@@ -45,7 +45,7 @@ def write_matlab(listing: Listing, path: str | os.PathLike[str], *, usenan: bool
     ----------
     listing : Listing
     path : path
-        MAT file (version 5) to write atomically (completely or not at all): variable ``aero``, a cell array with one structure per case, and
+        MAT file (version 5) to write atomically: variable ``aero``, a cell array with one structure per case, and
         ``history``, a text that states what was done and what was left out.
     usenan : bool
         NaN, otherwise 0, where the program prints NDM, NA or no number.  A place without a page holds 99999.

@@ -40,7 +40,7 @@ def test_two_dimensions_of_conditions_stepped_three_ways():
 
 
 def test_a_condition_that_comes_twice_is_two_with_all_of_its_pages():
-    """Mach numbers with one altitude each: the list of conditions of the shipped elevator, its first one asked for twice."""
+    """Mach numbers with one altitude each: the list of conditions of the shipped elevator, its first one requested twice."""
     lines = (Path(__file__).parents[3] / "data" / "t37" / "datcom" / "t37_elevator.out").read_text().split("\n")
     starts = [k for k, line in enumerate(lines) if line.startswith("1") and "AUTOMATED" in line]
     static = [k for k in starts if "ANGLE OF ATTACK" in lines[k + 1]]

@@ -61,7 +61,7 @@ def test_static_per_radian(trees):
     assert static["CL"].attrs["units"] == "1"
 
 
-def test_constant_columns_are_filled_and_say_so(trees):
+def test_constant_columns_are_filled_and_state_it(trees):
     tree = trees("t37_elevator.out")
     for leaf, name, value in (("static", "CY_beta", -4.177e-01), ("static", "Cn_beta", 5.272e-02), ("dynamic", "Cm_qhat", -17.75)):
         np.testing.assert_array_equal(tree[leaf][name][0], np.full(19, value))  # lines 188 and 243
@@ -141,7 +141,7 @@ def test_ground_heights_and_free_air(trees):
     assert trees("t37_ground.out")["dynamic"].sizes["condition"] == 1
 
 
-def test_elevator_pages_in_ground_effect_are_told_apart_by_their_order(trees, t37):
+def test_elevator_pages_in_ground_effect_are_distinguished_by_their_order(trees, t37):
     static = trees("t37_ground_elevator.out")["static"]
     assert static["CL"].dims == ("condition", "ground_height", "delta_e", "alpha")
     assert (static["CL_flag"].sel(ground_height=np.inf) == ABSENT).all("alpha").values.tolist() == [[True] * 5 + [False] + [True] * 3]

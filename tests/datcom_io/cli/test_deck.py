@@ -24,7 +24,7 @@ def bad(tmp_path):
     return path
 
 
-def test_check_tells_findings_and_says_so_by_its_code(bad):
+def test_check_reports_findings_and_states_so_by_its_code(bad):
     comment = "comment: only the pre-processor of DATCOM+ takes it away, the program does not run the case; use write_deck"
     count = "$FLTCON: NALPHA has the value 1 without a point; the program uses it and flags a syntax error"
     assert call("check", bad, code=1).split("\n") == [

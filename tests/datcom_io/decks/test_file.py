@@ -52,7 +52,7 @@ def test_the_cards_in_a_listing_are_those_of_its_deck(path):
     assert [case.deck.meaning() for case in datcom_io.read(path)] == meanings(deck)
 
 
-def test_datcom_plus_is_read_and_told():
+def test_datcom_plus_is_read_and_reported():
     deck = datcom_io.read_deck(
         [
             "* The wing",

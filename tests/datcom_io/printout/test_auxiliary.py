@@ -59,14 +59,14 @@ def test_planform(tree):
     assert planform["area"].attrs["units"] == "m2"
 
 
-def test_the_moment_centre_lies_where_the_planform_says(tree):
+def test_the_moment_centre_lies_where_the_planform_states(tree):
     wing = tree["planform"].to_dataset().sel(surface="wing", panel="total theoretical")
     leading_edge = wing["x_c4_mac"] - 0.25 * wing["mac"]
     behind = tree["auxiliary"]["x_moment_centre"] - leading_edge
     np.testing.assert_allclose(behind, tree["auxiliary"]["x_behind_mac"], atol=0.01 * FOOT)  # two decimals of a foot
 
 
-def test_interference_is_per_degree_though_the_deck_says_radian(tree, listing):
+def test_interference_is_per_degree_though_the_deck_states_radian(tree, listing):
     assert listing[0].deck.deriv == "RAD"
     found = tree["interference"]
     wing = found.sel(surface="wing").isel(condition=0)  # line 1111
@@ -157,8 +157,8 @@ def test_aspect_ratio_of_an_inboard_panel_in_metres_is_reported_and_kept(corpus)
     printed = float(case.to_datatree()["planform"]["aspect_ratio"][0, 0, 0])
     assert printed == 18.41
     assert printed == pytest.approx((span / FOOT) ** 2 / 14.38, rel=1e-3)  # feet squared over square metres
-    said = [message for message in case.messages if message.text.startswith("aspect ratio 0.1841E+02 of the theoretical inboard panel")]
-    assert [(message.line, message.origin) for message in said] == [(690, "reader")]
+    reported = [message for message in case.messages if message.text.startswith("aspect ratio 0.1841E+02 of the theoretical inboard panel")]
+    assert [(message.line, message.origin) for message in reported] == [(690, "reader")]
 
 
 def test_sentinels_are_no_numbers(corpus):

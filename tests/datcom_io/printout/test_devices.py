@@ -65,7 +65,7 @@ def test_jet_flap_leaks_the_mark_of_a_missing_number(corpus):
     assert found["dCDi"].isnull().all()
 
 
-def test_device_without_a_heading_of_its_own_is_told_by_the_cards(corpus_lines):
+def test_device_without_a_heading_of_its_own_is_identified_by_the_cards(corpus_lines):
     """FTYPE 8 prints no configuration line, so the CASEID stands in its place."""
     lines = [line.replace("FTYPE=7.0", "FTYPE=8.0") for line in corpus_lines("flap_types") if "LEADING-EDGE SLAT" not in line]
     found = datcom_io.read(lines)[4].to_datatree()["symflp"]

@@ -54,7 +54,7 @@ def test_namelist_echo(cells):
     assert echo["column"].nunique() == len(echo)
 
 
-def test_the_echo_tells_what_the_program_computed(listing):
+def test_the_echo_reports_what_the_program_computed(listing):
     """S and P of the body are not in the cards: the program takes them from R."""
     values = {label: value for _, group in listing[0].values("namelist") for label, value in zip(group.labels, group.values)}
     assert "S" not in listing[0].deck.namelists["BODY"]

@@ -188,12 +188,12 @@ def test_messages_of_a_last_case_without_next_case(clean_lines, text):
 
 def test_bad_cases_keep_their_messages(corpus):
     listing = corpus("errors_missing")
-    said = {case.name: [message.text for message in case.messages if message.origin == "program"] for case in listing}
-    assert said["WING SECTION MISSING"] == [
+    reported = {case.name: [message.text for message in case.messages if message.origin == "program"] for case in listing}
+    assert reported["WING SECTION MISSING"] == [
         "ERROR-WING PLANFORM PRESENT BUT SECTION CHARACTERISTICS ABSENT-MISSING NAME*WGSCHR*",
         "THIS CASE ABORTED FOR THE ABOVE REASON(S) ALL NAMES REFER TO NAMELIST NAMES",
     ]
-    everything = " / ".join(text for texts in said.values() for text in texts)
+    everything = " / ".join(text for texts in reported.values() for text in texts)
     assert "NO SPEED REFERENCE IS INPUT MACH(1) = VINF(1) = UNUSED THE NEXT CASE WILL BE ATTEMPTED" in everything
     assert "UNUSED) REYNOLDS NUMBER WILL BE SET TO 5*10**6" in everything
     assert "SSPNE SPANI IS REDEFINED, SPANI = SSPN-SSPNE = 0.78000E+00" in everything
@@ -211,18 +211,18 @@ def test_a_run_that_stops(corpus):
     assert listing.unread == []
 
 
-def test_experimental_data_are_told_beside_the_table(corpus):
+def test_experimental_data_are_reported_with_the_table(corpus):
     tree = corpus("experimental_data")[0].to_datatree()
     assert str(tree["static"]["notes"].values.ravel()[0]) == "experimental_data"
 
 
-def test_ground_note_beside_every_table_of_the_case(corpus):
+def test_ground_note_with_every_table_of_the_case(corpus):
     tree = corpus("ce500_ground")[0].to_datatree()
     assert set(tree["static"]["notes"].values.ravel().tolist()) == {"ground_beyond_linear"}
     assert set(tree["dynamic"]["notes"].values.ravel().tolist()) == {""}
 
 
-def test_trim_that_ends_is_told_beside_the_table(corpus):
+def test_trim_that_ends_is_reported_with_the_table(corpus):
     found = {note for case in corpus("ce500_trim") for leaf in case.to_datatree().children.values() for note in notes_of(leaf)}
     assert "trim_without_wing_body_moment" in found
 

@@ -149,9 +149,9 @@ def test_messages_of_the_section_module(lines):
     ]
     listing = datcom_io.read([*lines[:182], *texts, *lines[182:]])
     assert listing.unread == []
-    said = [message.text for message in listing.messages if message.line in (183, 184)]
-    assert said[0].startswith("**** REYNOLDS NUMBER TOO LOW")
-    assert said[1].endswith("SPECIFIED BY THE USER. SEE USERS MANUAL FOR SECTION CHARACTERISTICS INPUT.")
+    reported = [message.text for message in listing.messages if message.line in (183, 184)]
+    assert reported[0].startswith("**** REYNOLDS NUMBER TOO LOW")
+    assert reported[1].endswith("SPECIFIED BY THE USER. SEE USERS MANUAL FOR SECTION CHARACTERISTICS INPUT.")
     assert listing[0].to_datatree()["section"]["CL_alpha"].sizes["mach"] == 2
 
 

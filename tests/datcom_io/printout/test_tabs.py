@@ -75,7 +75,7 @@ def test_values_with_one_decimal_are_marked(corpus):
 
 
 @pytest.mark.parametrize("end", BUILDS)
-def test_cells_are_told_apart_by_the_cards(corpus, end):
+def test_cells_are_distinguished_by_the_cards(corpus, end):
     """The hook of the layout gives alpha and delta of every cell, which are printed nowhere."""
     case = corpus("control_tab", end)[0]
     for name in ("tab_force", "tab_free", "tab_locked", "tab_gearing", "tab_trim"):

@@ -23,7 +23,7 @@ EXAMPLES = int(os.environ.get("AEROMATCH_FUZZ", "0"))
 
 
 def quick(examples: int) -> settings:
-    """Return the same few examples every time, not shrunk when one fails (that takes minutes), or as many new ones as asked for."""
+    """Return the same few examples every time, not shrunk when one fails (that takes minutes), or as many new ones as requested."""
     return settings(
         max_examples=EXAMPLES or examples,
         derandomize=not EXAMPLES,

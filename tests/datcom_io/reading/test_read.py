@@ -117,7 +117,7 @@ def test_several_runs_in_one_file(t37):
     assert listing.unread == []
 
 
-def test_equal_names_are_told_apart(elevator_lines):
+def test_equal_names_are_distinguished(elevator_lines):
     captions = ["A (2)", "A", "A"]
     lines = [line for caption in captions for line in (text.replace("T-37 OWN DECK ELEVATOR", caption) for text in elevator_lines)]
     assert datcom_io.read(lines).case_names == ["A (2)", "A", "A (3)"]

@@ -87,7 +87,7 @@ def test_every_known_way_to_hand_over_a_deck(build, program, deck, results):
     assert ("for013" in done.files) == (build == "fixed names")
 
 
-def test_results_go_beside_the_deck(program, deck):
+def test_results_go_next_to_the_deck(program, deck):
     assert datcom_io.run_deck(deck, program(BUILDS["fixed names"])).files["for013"] == deck.with_suffix(".for013")
 
 
@@ -105,7 +105,7 @@ def test_a_datcom_plus_deck_is_rewritten_first(program, deck, results):
 
 FAILURES = {
     "writes nothing": ("", r"datcom made no result \(tried with for005.dat.*: it ended without a print of unit 6; nothing was written"),
-    "says why": ('print("no licence"); sys.exit(3)', "it ended with code 3; it said: no licence; nothing was written"),
+    "says why": ('print("no licence"); sys.exit(3)', "it ended with code 3; its output: no licence; nothing was written"),
     "crashes at once": ("os.kill(os.getpid(), signal.SIGSEGV)", "it crashed with signal SIGSEGV; nothing was written"),
     "crashes in the print": (
         'open("for006.dat", "wb").write(LISTING[:9000]); os.kill(os.getpid(), signal.SIGSEGV)',
@@ -134,14 +134,14 @@ def test_a_failure_is_clear_and_leaves_nothing(failure, program, deck, results):
     assert (results / "aileron.out").read_text() == "old"
 
 
-def test_what_the_program_says_is_told_once(program, results):
+def test_what_the_program_states_is_reported_once(program, results):
     body = f"open('for006.dat', 'wb').write(open({str(T37 / 't37_flaps.out')!r}, 'rb').read())"
     done = datcom_io.run_deck(T37 / "t37_flaps.inp", program(body), results)
     assert sum(message.origin == "program" for message in done.listing.messages) == 3
     assert [message.text.split("***")[0] for message in done.messages] == ["WARNING"]
 
 
-def test_a_print_of_another_deck_is_told(program, deck, results):
+def test_a_print_of_another_deck_is_reported(program, deck, results):
     deck.write_text(deck.read_text().replace("SREF=182.0", "SREF=183.0") * 2)
     done = datcom_io.run_deck(deck, program(BUILDS["fixed names"]), results)
     assert [message.text for message in done.messages] == [

@@ -116,7 +116,7 @@ def test_one_device_over_two_groups():
     assert decks["flaps_m0.2_h0"][0].value("SYMFLP", "CB") == 0.1
 
 
-def test_two_devices_of_a_kind_are_told_apart():
+def test_two_devices_of_a_kind_are_distinguished():
     assert list(datcom_io.split_deck(study(flap=f"{FLAP}\n{FLAP}")))[1::2] == ["flaps_m0.2_h0", "flaps_2_m0.2_h0"]
 
 
@@ -151,7 +151,7 @@ def write(folder, text):
     return path
 
 
-def test_faults_of_a_study_file_are_told_at_once(tmp_path):
+def test_faults_of_a_study_file_are_reported_at_once(tmp_path):
     with pytest.raises(SchemaError) as caught:
         datcom_io.split_deck(write(tmp_path, 'devices = "flaps"\nmach = 1\n[runs.clean]\nseparate = "no"\nalpha = 2\n[runs]\nground = 1\n'))
     assert caught.value.problems == [

@@ -75,7 +75,7 @@ def test_inertia_tensor(write):
     assert J.tolist() == [[10826.0, 0.0, -120.0], [0.0, 8135.0, 0.0], [-120.0, 0.0, 15162.0]]
 
 
-def test_all_problems_are_told_at_once(write):
+def test_all_problems_are_reported_at_once(write):
     bad = GOOD.replace('S = "182 ft2"', 'S = "182 ft"').replace("mass =", "maas =").replace("Iyy = 8135.0", "Iyy = -1")
     bad = bad.replace("direction = [2.0", "direction = [0.0").replace("delta_e =", "delta_x =").replace("time_constant", "timeconstant")
     with pytest.raises(SchemaError) as caught:

@@ -157,7 +157,7 @@ def test_written_and_read_again(file, tmp_path):
         ),
     ],
 )
-def test_faults_are_told(file, old, new, message):
+def test_faults_are_reported(file, old, new, message):
     with pytest.raises(SchemaError, match=message):
         flightmech.read_aircraft(file(old, new))
 

@@ -34,10 +34,10 @@ def run(files, *arguments: str):
 def test_csv_in_degrees_to_netcdf_with_terms(files):
     folder = files[2]
     (folder / "u.csv").write_text("# doublet\ntime, delta_e [deg]\n0,0\n0.5,-2\n1.0,2\n1.5,0\n")
-    said = run(
+    result = run(
         files, "--inputs", str(folder / "u.csv"), "--set", "init.V=80 kt", "--set", "init.h=500", "-o", str(folder / "y.nc"), "--terms"
     )
-    assert said.output.startswith("4 samples of ")
+    assert result.output.startswith("4 samples of ")
     with xr.open_dataset(folder / "y.nc", engine="h5netcdf") as found:
         assert float(found["V"][0]) == pytest.approx(80 * 1852 / 3600, rel=1e-12)
         np.testing.assert_allclose(np.degrees(found["applied.delta_e"]), [0, -2, 2, 0], atol=1e-12)
@@ -47,8 +47,8 @@ def test_csv_in_degrees_to_netcdf_with_terms(files):
 def test_netcdf_to_csv(files):
     folder = files[2]
     xr.Dataset({"delta_e": ("time", [0.0, 0.01])}, {"time": [0.0, 0.1]}).to_netcdf(folder / "u.nc", engine="h5netcdf")
-    said = run(files, "--inputs", str(folder / "u.nc"), "-o", str(folder / "y.csv"), "--json")
-    assert '"samples": 2' in said.output
+    result = run(files, "--inputs", str(folder / "u.nc"), "-o", str(folder / "y.csv"), "--json")
+    assert '"samples": 2' in result.output
     assert (folder / "y.csv").read_text().splitlines()[0].startswith("time,V,V_cas")
 
 

@@ -43,11 +43,11 @@ def run(*arguments: str):
 
 
 def test_units_in_and_numbers_out(files):
-    told = run(
+    result = run(
         *files, "--kind", "turn", "--fix", "V=175 kt", "--fix", "h=5000 ft", "--fix", "phi=30 deg", "--fix", "mode.earth=0", "--json"
     )
-    assert told.exit_code == 0
-    found = json.loads(told.stdout)
+    assert result.exit_code == 0
+    found = json.loads(result.stdout)
     assert (found["verdict"], found["kind"]) == ("trimmed", "turn")
     outputs = found["outputs"]
     assert (outputs["V"], outputs["h"], outputs["phi"]) == pytest.approx((175.0 * KNOT, 1524.0, np.radians(30.0)), rel=1e-9)
@@ -66,10 +66,10 @@ def test_a_table_for_people(files):
 
 
 def test_a_flight_beyond_the_limits_ends_with_1(files):
-    told = run(*files, "--kind", "climb", "--fix", "V=90", "--fix", "gamma=30 deg")
-    assert told.exit_code == 1
-    assert "not trimmed; throttle at its upper limit 1; left over: u_dot" in told.stdout
-    assert "at its upper limit" in next(line for line in told.stdout.splitlines() if line.startswith("throttle"))
+    result = run(*files, "--kind", "climb", "--fix", "V=90", "--fix", "gamma=30 deg")
+    assert result.exit_code == 1
+    assert "not trimmed; throttle at its upper limit 1; left over: u_dot" in result.stdout
+    assert "at its upper limit" in next(line for line in result.stdout.splitlines() if line.startswith("throttle"))
 
 
 def test_unknowns_by_name(files):

@@ -322,7 +322,7 @@ def test_minimum_control_speed(plain_aircraft, plain_tree):
     assert delta_r < 0.0  # trailing edge right: nose right, towards the live engine
 
 
-def test_what_is_absent_says_why(plain_aircraft, plain_tree):
+def test_what_is_absent_states_why(plain_aircraft, plain_tree):
     found = flightmech.characteristics(plain_aircraft(limits={"delta_e": (-0.4, 0.4)}), plain_tree(Cn={"delta_r": 0.0}), CONDITION)
     assert reason(found, "stick_force_per_g") == "the database has no hinge moments Ch_e"
     assert "no hinge moments Ch_e over the elevator" in reason(found, "neutral_point_free")

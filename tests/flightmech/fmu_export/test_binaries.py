@@ -46,6 +46,6 @@ def test_linux_on_arm_alone_needs_fmi3():
         binaries({"aarch64-linux": b"B"}, "t37", "2.0")
 
 
-def test_no_library_says_how_to_get_one(tmp_path):
+def test_no_library_states_how_to_get_one(tmp_path):
     with pytest.raises(SchemaError, match=r"no compiled kernel .* run 'python hatch_build.py'"):
         compiled(tmp_path)

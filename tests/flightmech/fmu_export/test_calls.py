@@ -94,8 +94,8 @@ def test_reset_starts_afresh(slave):
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_wrong_token_is_refused(fmus, version, stranger):
-    slave = stranger(fmus[version], guid="{wrong}")
+def test_a_wrong_token_is_refused(fmus, version, third_party):
+    slave = third_party(fmus[version], guid="{wrong}")
     with pytest.raises(Exception, match="Failed to instantiate"):
         slave.open()
     (message,) = slave.messages
@@ -104,7 +104,7 @@ def test_a_wrong_token_is_refused(fmus, version, stranger):
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("change", ["cut", "flip", "empty", "absent"])
-def test_a_damaged_model_is_refused(trainer, tmp_path, version, change, stranger):
+def test_a_damaged_model_is_refused(trainer, tmp_path, version, change, third_party):
     folder = Path(fmpy.extract(str(write_fmu(trainer, tmp_path / "x.fmu", version)), str(tmp_path / "x")))
     block = folder / "resources" / "model.bin"
     data = bytearray(block.read_bytes())
@@ -115,7 +115,7 @@ def test_a_damaged_model_is_refused(trainer, tmp_path, version, change, stranger
         "empty": lambda: block.write_bytes(b""),
         "absent": block.unlink,
     }[change]()
-    slave = stranger(folder)
+    slave = third_party(folder)
     with pytest.raises(Exception, match="Failed to instantiate"):
         slave.open()
     (message,) = slave.messages
@@ -141,7 +141,7 @@ def test_a_damaged_model_is_refused(trainer, tmp_path, version, change, stranger
         (lambda s: s.fmu.enterInitializationMode(), "entering initialization mode is not allowed while the instance is in step mode"),
     ],
 )
-def test_a_refused_call_says_why_and_changes_nothing(slave, act, message):
+def test_a_refused_call_states_why_and_changes_nothing(slave, act, message):
     slave.start()
     before = slave.get(*TRACE, "delta_e", "mass.mass")
     if "entering" in message and slave.version == "3.0":
@@ -190,11 +190,11 @@ def test_a_diverged_model_stops_with_an_error_and_can_be_reset(slave):
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_folders_with_blanks_and_accents(trainer, tmp_path, version, stranger):
+def test_folders_with_blanks_and_accents(trainer, tmp_path, version, third_party):
     folder = tmp_path / "a b é %20 #"
     folder.mkdir()
     unpacked = fmpy.extract(str(write_fmu(trainer, folder / "x.fmu", version)), str(folder / "x"))
-    assert stranger(Path(unpacked)).open().start().get("V") == [pytest.approx(90.0, rel=1e-14)]
+    assert third_party(Path(unpacked)).open().start().get("V") == [pytest.approx(90.0, rel=1e-14)]
 
 
 # ---- completeness
@@ -209,7 +209,7 @@ def test_every_function_of_both_standards_is_there(fmus):
         assert [name for name in sorted(names) if not hasattr(library, name)] == []
 
 
-def test_what_is_not_offered_says_so(slave):
+def test_what_is_not_offered_reports_it(slave):
     slave.start()
     with pytest.raises(FMICallException):
         slave.fmu.getBoolean([1000])

@@ -68,7 +68,7 @@ def test_variables_show_si_and_display_units():
     assert found["Enumerations"][1:] == [["mode.trim", "0 none, 1 trim_thrust, 2 trim_throttle, 3 stand_on_ground"]]
 
 
-def test_submodels_are_told_with_their_items(trainer):
+def test_submodels_are_reported_with_their_items(trainer):
     page = _documentation(trainer, describe(trainer, "ab12", "aeromatch"))
     row = next(line for line in page.split("\n") if line.startswith("<tr><td>engine</td>"))
     assert row.startswith("<tr><td>engine</td><td>1</td><td>thrust and its lever arm, first-order lag</td>")

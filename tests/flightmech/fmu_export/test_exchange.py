@@ -271,8 +271,8 @@ def test_what_is_no_state_lags_by_a_step_of_the_kernel(whole, condition, version
 @pytest.mark.parametrize(
     ("case", "expected"), [({}, [0.01, None]), ({"mode.controls": 2}, [0.01, 0.02, 0.03]), (GUSTY, [0.01, 0.02, 0.03])]
 )
-def test_events_are_asked_for_while_something_moves(fmus, whole, stranger, version, case, expected):
-    me = stranger((whole if case else fmus)[version], exchange=True).open().start(case)
+def test_events_are_asked_for_while_something_moves(fmus, whole, third_party, version, case, expected):
+    me = third_party((whole if case else fmus)[version], exchange=True).open().start(case)
     found, time = [], 0.0
     while len(found) < len(expected):
         info = (me.fmu.newDiscreteStates if version == "2.0" else me.fmu.updateDiscreteStates)()

@@ -53,7 +53,7 @@ def test_a_regressor_is_one(drawn):
     np.testing.assert_allclose(curve[[0, -1], 1], [1.0, 0.0], atol=0.005)  # -0.05 ... -0.10
 
 
-def test_a_constant_is_told(drawn):
+def test_a_constant_is_reported(drawn):
     figure = drawn["Cm/qhat"]
     assert (figure.svg, figure.value, figure.caption) == ("", -14.0, "per unit of qhat")
 

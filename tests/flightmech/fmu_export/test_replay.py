@@ -194,14 +194,14 @@ def test_impossible_lengths_are_refused(instance, count):
     assert slave.fmu.getUInt64([slave.references["replay.n"]]) == [1]
 
 
-def test_the_description_tells_the_arrays(fmus, trainer):
+def test_the_description_reports_the_arrays(fmus, trainer):
     found = {v.name: v for v in fmpy.read_model_description(str(fmus["3.0"])).modelVariables}
     assert found["replay.n"].causality == "structuralParameter"
     assert [found[f"replay.{name}"].shape for name in "tuy"] == [(1,), (1, len(trainer.inputs)), (1, len(trainer.outputs))]
     assert "replay.n" not in {v.name for v in fmpy.read_model_description(str(fmus["2.0"])).modelVariables}
 
 
-def test_the_guide_does_what_it_says(trainer, tmp_path, monkeypatch, condition):
+def test_the_guide_does_what_it_states(trainer, tmp_path, monkeypatch, condition):
     guide = (Path(__file__).parents[3] / "docs" / "fmu.md").read_text()
     flightmech.write_fmu(trainer, tmp_path / "model.fmu", "3.0")
     monkeypatch.chdir(tmp_path)

@@ -1,4 +1,4 @@
-"""Many instances, threads, calls in any order, stored states of strangers: refused with words, never a crash."""
+"""Many instances, threads, calls in any order, stored states of third parties: refused with a message, never a crash."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_calls_in_any_order_never_crash(fmus, version):
     assert {"0", "3"} <= set(statuses)
 
 
-# ---- stored states of strangers
+# ---- stored states of third parties
 
 
 def sealed(image: bytes) -> bytes:
@@ -105,9 +105,9 @@ def test_the_seal_is_understood(instance, kept):
     assert sealed(kept) == kept
 
 
-def test_a_state_of_another_model_is_refused(trainer, plain, tmp_path, stranger, kept):
+def test_a_state_of_another_model_is_refused(trainer, plain, tmp_path, third_party, kept):
     folder = fmpy.extract(str(flightmech.write_fmu(plain(), tmp_path / "p.fmu", "3.0")), str(tmp_path / "p"))
-    other = stranger(Path(folder)).open()
+    other = third_party(Path(folder)).open()
     with pytest.raises(FMICallException):
         other.fmu.deserializeFMUState(kept)
     assert other.messages == ["these bytes are a state of another model"]
@@ -134,9 +134,9 @@ def test_a_head_without_meaning_is_refused(instance, kept, offset, form, value, 
 
 
 @pytest.mark.parametrize("case", [{"mode.controls": 2, "mode.engine": 0}, {"turbulence.mode": 1, "turbulence.sigma_w": 2.0}])
-def test_hostile_states_never_crash(whole, stranger, tmp_path, case):
+def test_hostile_states_never_crash(whole, third_party, tmp_path, case):
     """Random bits under a right seal, every submodel at work: refused, or flown to an error or to numbers."""
-    slave, image = stranger(whole["3.0"]).open().start({"mode.trim": 0, **case}), tmp_path / "state.bin"
+    slave, image = third_party(whole["3.0"]).open().start({"mode.trim": 0, **case}), tmp_path / "state.bin"
     slave.step(0.0, 0.5)
     image.write_bytes(slave.fmu.serializeFMUState(slave.fmu.getFMUState()))
     assert int(child("fmu_states_child.py", whole["3.0"], image, HEAD)) > 100

@@ -89,7 +89,7 @@ def test_unknown_names_are_refused(trainer, time):
         flightmech.simulate(trainer, over(time, elevator=0.0))
 
 
-def test_nan_in_an_input_tells_name_and_time(trainer, time):
+def test_nan_in_an_input_reports_name_and_time(trainer, time):
     delta_e = np.where(np.isclose(time, 1.5), np.nan, 0.0)
     with pytest.raises(SimulationError, match=r"input delta_e is -?nan at t = 1\.5 s; it must be finite") as caught:
         flightmech.simulate(trainer, over(time, delta_e=delta_e), TRIMMED)
