@@ -8,10 +8,12 @@ H = (X'X)^-1 X' B, whatever the local model leaves out.  Every fit is therefore 
 of the nodes g of all terms of its coefficient at once.  C is its coloured-residual covariance; D holds the changes by
 one standard error of every error that fits share: mass, inertia, thrust, the pick-ups of the surfaces, and what the
 instruments leave open in the reconstructed states.  With the prior g ~ N(g0, P) everything is Gaussian, and the nodes have
-a posterior in closed form.  The common errors s are *considered*, not estimated (Schmidt): they widen the standard errors,
-but the tables take what was measured.  Estimating them lets the shape of a handbook table decide about an instrument: the
-bias of an elevator pick-up, which nothing but that shape can tell from a constant pitching moment, then came out with a third of
-its true uncertainty, at values that were no better.
+a posterior in closed form.  The common errors s are *considered*, not estimated across fits: the nodes are weighed as if every
+fit had errors s of its own, and their covariance is that of these weights when all fits share s.  An estimate that a common
+error dominates (a damping, by the lag of the vanes) then bends no table, and what all fits agree in is taken as measured.
+Estimating s across fits lets the shape of a handbook table decide about an instrument: the bias of an elevator pick-up, which
+nothing but that shape can tell from a constant pitching moment, then came out with a third of its true uncertainty, at values that
+were no better.
 
 The prior covariance of the nodes is a sum of four parts (`aerodb.update.correlation.prior_parts`): common to the whole table; common
 to its flown region, and fading with the distance from it; and two shapes that fade over long and short correlation lengths.  The
@@ -218,16 +220,18 @@ def _posterior(observed: Sequence[_Observation], free: Mapping[str, xr.Dataset],
     for _ in range(_ROUNDS):
         noise = _block_diagonal([o.C / w for o, w in zip(observed, weight)])
         factors, start = _learnt(y, np.concatenate([expected, noise[None]]), D @ D.T, start)
-        noise *= factors[-1]
+        # in the weights, each fit has the common errors for itself
+        own_errors = _block_diagonal([o.D @ o.D.T / w for o, w in zip(observed, weight)])
+        noise = factors[-1] * noise + own_errors
         inverse = _inverse(np.einsum("k,kij->ij", factors[:-1], expected) + noise)
         residual = noise @ inverse @ y
-        distance = np.array([_distance(residual[part], o.C) for part, o in zip(slices, observed)])
+        distance = np.array([_distance(residual[part], o.C + o.D @ o.D.T) for part, o in zip(slices, observed)])
         weight = np.minimum(1.0, (_HUBER * np.sqrt(factors[-1]) / np.maximum(distance, 1e-12)) ** 2)
     weights = factors[:-1].reshape(len(free), -1)
     reach = np.vstack([np.einsum("k,kij->ij", w, one) for w, one in zip(weights, PH)])
     own = np.concatenate([w @ np.diagonal(P, axis1=1, axis2=2) for w, P in zip(weights, priors)])
     gain = reach @ inverse
-    variance = own - np.einsum("ij,ij->i", gain, reach) + ((gain @ D) ** 2).sum(axis=1)
+    variance = own - np.einsum("ij,ij->i", gain, reach) + ((gain @ D) ** 2).sum(axis=1) - np.einsum("ij,ij->i", gain @ own_errors, gain)
     declared = np.einsum("k,kij->ij", np.tile(list(SHARES.values()), len(free)), expected)
     chi2 = float(y @ _inverse(declared + D @ D.T + _block_diagonal([o.C for o in observed])) @ y)
     stderr = np.sqrt(np.maximum(variance, 0.0))
