@@ -60,7 +60,7 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Run the command; errors and warnings of the house become one clear line, errors exit code 2."""
+    """Run the command; errors and warnings of the package become one clear line, errors exit code 2."""
     try:
         _demand_own_packages()
         with warnings.catch_warnings():
@@ -95,7 +95,7 @@ def _demand_own_packages() -> None:
 
 
 def _text(error: Exception) -> str:
-    """Return what an error says; one of the operating system without its number."""
+    """Return the text of an error; one of the operating system without its number."""
     if isinstance(error, OSError) and error.filename and error.strerror:
         return f"{error.filename}: {error.strerror}"
     return str(error)
@@ -104,9 +104,9 @@ def _text(error: Exception) -> str:
 def _warn(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, file: TextIO | None = None, line: str | None = None
 ) -> None:
-    """Print a warning of the house as one line for the user, any other as Python does, for the developer."""
+    """Print a warning of the package as one line for the user, any other as Python does, for the developer."""
     from flightmech.errors import AeromatchWarning
 
-    of_the_house = issubclass(category, AeromatchWarning)
-    text = f"warning: {message}" if of_the_house else warnings.formatwarning(message, category, filename, lineno, line).rstrip()
+    own = issubclass(category, AeromatchWarning)
+    text = f"warning: {message}" if own else warnings.formatwarning(message, category, filename, lineno, line).rstrip()
     click.echo(text, err=True)

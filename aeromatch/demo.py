@@ -62,7 +62,7 @@ def _match(file: Path, output: Path, jobs: int, as_json: bool, scheduler: str | 
 
 @contextmanager
 def step(text: str) -> Iterator[None]:
-    """Say on stderr what is being done, and how long it took."""
+    """Report on stderr what is being done, and how long it took."""
     start = time.perf_counter()
     click.echo(f"  {text} ...", err=True, nl=False)
     taken = ""

@@ -51,8 +51,8 @@ class Fit(Strict):
     models: tuple[str, ...]
 
 
-class Stranger(Strict):
-    """A model from elsewhere that is replayed beside those of the project, and its table of names (`pom.replay`)."""
+class ThirdPartyModel(Strict):
+    """A model from elsewhere that is replayed with those of the project, and its table of names (`pom.replay`)."""
 
     fmu: str
     names: str = ""
@@ -91,7 +91,7 @@ class _File(Strict):
     held: tuple[str, ...] = ()
     errors: dict[str, Annotated[float, Field(ge=0.0)]] = {}
     terms: dict[str, NewTerm] = {}
-    models: dict[str, Stranger] = {}
+    models: dict[str, ThirdPartyModel] = {}
     fit: tuple[Fit, ...]
 
 
@@ -222,7 +222,7 @@ def read_project(path: str | Path) -> Project:
 
 
 def _collect(problems: list[str], place: str, act: Callable[..., object], *items: object) -> None:
-    """Call ``act(*items)``; an error of the house becomes one more problem."""
+    """Call ``act(*items)``; an error becomes one more problem."""
     try:
         act(*items)
     except SchemaError as error:

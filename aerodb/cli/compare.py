@@ -32,11 +32,11 @@ def compare(first: str, second: str, along: str | None, wanted: tuple[str, ...],
 
     databases = {label: open(path) for label, path in _labels(first, second).items()}
     a, b = databases.values()
-    conditions, said = None, list[str]()
+    conditions, notes = None, list[str]()
     if along is not None:
         from ..comparison.along_record import read_conditions
 
-        conditions, said = read_conditions(along, a, b)
+        conditions, notes = read_conditions(along, a, b)
     frame = compared(a, b, conditions)
     known = list(dict.fromkeys(name.split("/")[0] for name in frame.index))
     for name in wanted:
@@ -49,7 +49,7 @@ def compare(first: str, second: str, along: str | None, wanted: tuple[str, ...],
         from ..figures.figure_folder import write_comparison
 
         written = [str(path) for path in write_comparison(databases, figures, kind, coefficients=wanted, support=conditions)]
-    for text in said:
+    for text in notes:
         remark(text)
     if as_json:
         document({"a": first, "b": second, "along": along, "grid": frame.attrs["grid"], "rows": frame, "figures": written})
@@ -63,7 +63,7 @@ def compare(first: str, second: str, along: str | None, wanted: tuple[str, ...],
 @click.command()
 @click.argument("file", type=_FILE)
 @click.option("--term", required=True, help="Such as CL/basic; a coefficient, CL, will do as well.")
-@click.option("--family", help="Variable that tells the curves apart, such as mach or delta_f.")
+@click.option("--family", help="Variable that distinguishes the curves, such as mach or delta_f.")
 @click.option("--over", help="The abscissa; alpha unless given, where the term has it.")
 @click.option("--at", "held", multiple=True, metavar="NAME=VALUE", help="Where another variable is held: delta_f='40 deg', mach=0.3 ...")
 @click.option("--along", type=_FILE, help=f"Mark where flight samples lie: {_ALONG}")
@@ -84,7 +84,7 @@ def plot(file: str, term: str, family: str | None, over: str | None, held: tuple
 
 
 def _labels(*paths: str) -> dict[str, str]:
-    """Return short names of files, with as much of their folders as tells them apart."""
+    """Return short names of files, with as much of their folders as distinguishes them."""
     from pathlib import Path
 
     for parts in range(1, max(len(Path(path).resolve().parts) for path in paths)):

@@ -61,7 +61,7 @@ _stderr = click.option("--stderr", type=Numbers(), default="0", help="Its standa
 @click.argument("file", type=_FILE)
 @click.pass_context
 def edit(ctx: click.Context, file: str) -> None:
-    """Change a database FILE: what is replaced stays in the new file and can be taken back."""
+    """Change a database FILE: what is replaced stays in the undo history of the new file."""
     ctx.obj = file
 
 
@@ -107,7 +107,7 @@ def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, stderr
 @_output
 @click.pass_obj
 def regrid(file: str, name: str, axes: tuple, tolerance: float | None, note: str, output: str) -> None:
-    """Put a term on other breakpoints; the largest difference from the old table is said."""
+    """Put a term on other breakpoints; the largest difference from the old table is printed."""
     from ..edit.table_edits import regrid as regridded
 
     _write(file, output, lambda db: regridded(db, name, dict(axes), tolerance=tolerance, note=note))
@@ -199,7 +199,7 @@ def delete(file: str, names: tuple[str, ...], note: str, output: str) -> None:
 @_output
 @click.pass_obj
 def replace(file: str, other: str, names: tuple[str, ...], note: str, output: str) -> None:
-    """Take terms from the database OTHER, in place of those of their name or beside them."""
+    """Take terms from the database OTHER, in place of those of the same name or in addition."""
     from ..edit.terms import matching, replace_terms
     from ..store.files import open
     from ..store.schema import terms
@@ -213,11 +213,11 @@ def replace(file: str, other: str, names: tuple[str, ...], note: str, output: st
 @click.argument("file", type=_FILE)
 @json_option
 def history(file: str, as_json: bool) -> None:
-    """Show how a database became what it is; numbered edits can be taken back."""
+    """Show the edits of a database; numbered ones can be undone."""
     from ..store.files import open
-    from ..store.undo_history import history as told
+    from ..store.undo_history import history as history_of
 
-    frame = told(open(file))
+    frame = history_of(open(file))
     if as_json:
         document(frame)
         return
@@ -226,28 +226,28 @@ def history(file: str, as_json: bool) -> None:
 
 @click.command()
 @click.argument("file", type=_FILE)
-@click.option("--steps", type=click.IntRange(1), default=1, show_default=True, help="Edits to take back.")
-@click.option("--edit", "number", type=int, help="Take back this edit and all later ones instead.")
+@click.option("--steps", type=click.IntRange(1), default=1, show_default=True, help="Edits to undo.")
+@click.option("--edit", "number", type=int, help="Undo this edit and all later ones instead.")
 @_output
 def previous(file: str, steps: int, number: int | None, output: str) -> None:
     """Write the database as it was before its last edits."""
     from ..store.undo_history import previous as before
 
-    _write(file, output, lambda db: before(db, steps, number), said=False)
+    _write(file, output, lambda db: before(db, steps, number), show_change=False)
 
 
 @click.command()
 @click.argument("file", type=_FILE)
 @_output
 def forget(file: str, output: str) -> None:
-    """Write the database without the states before its edits, for a release."""
+    """Write the database without its undo history, for a release."""
     from ..store.undo_history import forget as forgotten
 
-    _write(file, output, forgotten, said=False)
+    _write(file, output, forgotten, show_change=False)
 
 
-def _write(file: str, output: str, work: Any, said: bool = True) -> None:
-    """Open, work, save, and say the new line of history; warnings go to stderr."""
+def _write(file: str, output: str, work: Any, show_change: bool = True) -> None:
+    """Open, work, save, and print the new line of history; warnings go to stderr."""
     import warnings
 
     from flightmech.errors import AeromatchWarning
@@ -261,7 +261,7 @@ def _write(file: str, output: str, work: Any, said: bool = True) -> None:
     for warning in caught:
         if issubclass(warning.category, AeromatchWarning):
             remark(f"warning: {warning.message}")
-    if said:
+    if show_change:
         click.echo(str(tree.attrs["history"]).rsplit("\n", 1)[-1])
     click.echo(f"written: {output}")
 

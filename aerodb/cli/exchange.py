@@ -67,7 +67,7 @@ def export_database(file: str, fmt: str, output: str, aircraft: str | None, coun
 @click.option("--travel", multiple=True, help="jsbsim: full deflection of a control that moves as a fraction, such as 'delta_f=40 deg'.")
 @json_option
 def import_database(file: str, output: str, without: tuple[str, ...], travel: tuple[str, ...], as_json: bool) -> None:
-    """Read a database from FILE, a folder of CSV files or a file of another program; its content tells the format."""
+    """Read a database from FILE, a folder of CSV files or a file of another program; the format is recognised by content."""
     from ..exchange.recognition import recognized
     from ..store.files import save
     from ..store.overview import describe, summary

@@ -60,12 +60,12 @@ def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **lis
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
         tree = from_datcom(craft, altitude=None if altitude is None else quantity(altitude, "m"), **given)
-    said = [str(warning.message) for warning in caught if issubclass(warning.category, AeromatchWarning)]
+    messages = [str(warning.message) for warning in caught if issubclass(warning.category, AeromatchWarning)]
     save(tree, output)
-    for text in said:
+    for text in messages:
         remark(f"warning: {text}")
     if as_json:
-        document({"file": output, "attributes": tree.attrs, "terms": describe(tree), "warnings": said})
+        document({"file": output, "attributes": tree.attrs, "terms": describe(tree), "warnings": messages})
     else:
         click.echo(summary(tree))
         click.echo(f"\nwritten: {output}")
@@ -93,8 +93,8 @@ def show(file: str, term: str | None, as_json: bool) -> None:
         return
     head, rows = leaf_rows(leaf)
     table(head, rows, title=term, right=head)
-    said = {key: leaf.attrs.get(key) for key in ("regressors", "comment", "references", "history")}
-    for key, text in {"power": power(leaf), **said}.items():
+    texts = {key: leaf.attrs.get(key) for key in ("regressors", "comment", "references", "history")}
+    for key, text in {"power": power(leaf), **texts}.items():
         if text:
             click.echo(f"{key}: {text}")
 

@@ -36,7 +36,7 @@ def read_conditions(path: str | os.PathLike, *databases: xr.DataTree) -> tuple[x
     -------
     conditions : Dataset
         With all variables of the databases. [SI]
-    said : list of str
+    notes : list of str
         What was assumed, for a person to read.
 
     Raises
@@ -55,7 +55,7 @@ def completed(conditions: xr.Dataset, *databases: xr.DataTree) -> tuple[xr.Datas
 
     needed = {(name, v) for db in databases for name, leaf in terms(db).items() for v in _terms.variables(leaf)}
     added: dict[str, Any] = {}
-    said, lift = [], []
+    notes, lift = [], []
     for term, name in sorted(needed):
         if name in conditions or name in added:
             continue
@@ -64,7 +64,7 @@ def completed(conditions: xr.Dataset, *databases: xr.DataTree) -> tuple[xr.Datas
         elif name in AT_REST or name == "h_agl":
             added[name] = ((), AT_REST.get(name, FREE_AIR), attrs(name))
             taken = f"as {readable(name, AT_REST[name])}" if name in AT_REST else "in free air"
-            said.append(f"{name} is not in the record; taken {taken}")
+            notes.append(f"{name} is not in the record; taken {taken}")
         elif name == "CL":
             lift.append(term)
         else:
@@ -72,8 +72,8 @@ def completed(conditions: xr.Dataset, *databases: xr.DataTree) -> tuple[xr.Datas
     whole = conditions.assign(added)
     if lift:
         whole["CL"] = _lift(whole, lift[0], databases)
-        said.append("CL is not in the record; taken from the terms of the first database")
-    return whole, said
+        notes.append("CL is not in the record; taken from the terms of the first database")
+    return whole, notes
 
 
 def _lift(conditions: xr.Dataset, term: str, databases: Iterable[xr.DataTree]) -> xr.DataArray:

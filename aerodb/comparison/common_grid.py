@@ -108,7 +108,7 @@ def grid_text(points: Mapping[str, np.ndarray]) -> str:
 
 
 def location(samples: Mapping[str, np.ndarray], names: Iterable[str], prefix: Callable[[int], str] | None = None) -> Place:
-    """Return a function that tells the condition of one sample in display units."""
+    """Return a function that gives the condition of one sample in display units."""
     names = list(names)
 
     def at(i: int) -> str:

@@ -83,7 +83,7 @@ def compare(a: xr.DataTree, b: xr.DataTree, conditions: Conditions | None = None
         Along conditions also ``share``, the part of the mean square difference of the coefficient that the term makes up, mean(d_i d) /
         mean(d d): all terms of a coefficient add up to 1, a term that compensates others is negative; and ``rms_left``, the rms
         difference that would be left if `a` took this one term from `b`.
-        ``attrs["grid"]`` tells the conditions of the coefficients, in words.
+        ``attrs["grid"]`` states the conditions of the coefficients.
 
     Warns
     -----
@@ -130,13 +130,13 @@ def _grid_row(members: Mapping[str, Pair]) -> tuple[list[Any], str]:
     a, b = (_total(side, count) for side in zip(*_contributions(members, samples, count).values()))
     moving = [name for name, values in points.items() if len(values) > 1]
     at_rest = {name: neutral(name, points[name]) for name in moving if name not in ("mach", "alpha")}
-    note = "; ".join([f"{count} conditions", *_untold(members)])
+    note = "; ".join([f"{count} conditions", *_assumptions(members)])
     return _row(_found_in(members), a, b, _without_rest(samples, moving, at_rest), note), grid_text(points)
 
 
 def _along(pairs: Mapping[str, Pair], conditions: Conditions) -> tuple[Rows, dict[str, str]]:
     samples, count, prefix, left_out = flat(conditions, [leaf for pair in pairs.values() for leaf in pair if leaf is not None])
-    said = f"{count} samples" + (f", {left_out} more with NaN left out" if left_out else "")
+    conditions_text = f"{count} samples" + (f", {left_out} more with NaN left out" if left_out else "")
     rows: Rows = {name: [] for name in pairs}
     for coefficient, members in _by_coefficient(pairs).items():
         parts = _contributions(members, samples, count)
@@ -147,9 +147,9 @@ def _along(pairs: Mapping[str, Pair], conditions: Conditions) -> tuple[Rows, dic
             row = _row(_pair_found_in(members[name]), a, b, location(samples, used, prefix), beyond(members[name], samples))
             rows[name] = [*row, *_shares(b.value - a.value, whole)]
         axes = ordered({axis for pair in members.values() for leaf in pair if leaf is not None for axis in axes_of(leaf)})
-        note = "; ".join([said, *_untold(members)])
+        note = "; ".join([conditions_text, *_assumptions(members)])
         rows[coefficient] = [*_row(_found_in(members), total_a, total_b, location(samples, axes, prefix), note), *_shares(whole, whole)]
-    return rows, dict.fromkeys(_by_coefficient(pairs), said)
+    return rows, dict.fromkeys(_by_coefficient(pairs), conditions_text)
 
 
 def _shares(own: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
@@ -229,7 +229,7 @@ def _found_in(members: Mapping[str, Pair]) -> str:
     return found.pop() if len(found) == 1 else "both"
 
 
-def _untold(members: Mapping[str, Pair]) -> list[str]:
+def _assumptions(members: Mapping[str, Pair]) -> list[str]:
     """Return a text for each database in which terms state no standard error."""
     texts = []
     for side, leaves in zip("ab", zip(*members.values())):

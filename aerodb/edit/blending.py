@@ -9,7 +9,7 @@ observations y = H v, R = diag(s_2^2), of the first, whose errors have the covar
 
     G = P H' (H P H' + R)^-1,    v = v_1 + G (y - H v_1),    cov = P - G H P,    chi2 = (y - H v_1)' (H P H' + R)^-1 (y - H v_1).
 
-The first believes that the handbook is wrong at each node on its own; the second, that it is wrong along the table, so that a correction
+The first assumes that DATCOM is in error at each node on its own; the second, that it is in error along the table, so that a correction
 reaches nodes that the second database does not have.  Along an axis that only the first has, a node of the second is compared with the
 mean of the first (in H), not counted once per breakpoint.
 """
@@ -102,10 +102,10 @@ def blend(
         raise SchemaError("blend", problems)
     unlike = frame[frame["probability"] < UNLIKELY]
     if len(unlike):
-        said = [
+        summary = [
             f"{name} (chi-square {row.chi2:.4g} of {row.nodes} nodes, {row.worst:.3g} at {row.location})" for name, row in unlike.iterrows()
         ]
-        text = f"blend: tables disagree by more than their standard errors: {'; '.join(said)}"
+        text = f"blend: tables disagree by more than their standard errors: {'; '.join(summary)}"
         warnings.warn(text, AeromatchWarning, stacklevel=2)
     title = str(other.attrs["title"])
     return recorded(db, leaves, "blend", f"{' '.join(pairs)} with {title!r}, {rule}", note)

@@ -174,9 +174,9 @@ def regrid(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any], *, tolera
             "put breakpoints there or allow more"
         )
     counts = ", ".join(f"{axis} {np.size(points)} for {leaf.sizes[axis]} breakpoints" for axis, points in breakpoints.items())
-    said = f"{counts}, differs by up to {error:.4g}{f' at {at}' if error else ''}"
-    leaves = terms(db) | {name: noted(new, f"regrid: {said}{remark(note)}")}
-    return recorded(db, leaves, "regrid", f"{name} on {said}", note)
+    summary = f"{counts}, differs by up to {error:.4g}{f' at {at}' if error else ''}"
+    leaves = terms(db) | {name: noted(new, f"regrid: {summary}{remark(note)}")}
+    return recorded(db, leaves, "regrid", f"{name} on {summary}", note)
 
 
 def regrid_error(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any]) -> float:
@@ -250,12 +250,12 @@ def extend(
     if "stderr" not in leaf and stderr is not None:
         raise SchemaError(f"extend {name}", ["the term has no standard errors; leave stderr= out"])
     whole = _joined(leaf, axis, new, value, sd if "stderr" in leaf else None)
-    said = f"{axis} to {', '.join(readable(axis, x) for x in new)}, {words}"
-    leaves = terms(db) | {name: noted(whole, f"extend: {said}{remark(note)}")}
-    return recorded(db, leaves, "extend", f"{name} in {said}", note)
+    summary = f"{axis} to {', '.join(readable(axis, x) for x in new)}, {words}"
+    leaves = terms(db) | {name: noted(whole, f"extend: {summary}{remark(note)}")}
+    return recorded(db, leaves, "extend", f"{name} in {summary}", note)
 
 
-def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, said: str, source: str, note: str) -> xr.DataTree:
+def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, summary: str, source: str, note: str) -> xr.DataTree:
     """Return a database with terms worked on node by node over their breakpoints and those of `by`."""
     if source not in _terms.SOURCES:
         raise SchemaError(verb, [f"source is {source!r}; allowed: {', '.join(_terms.SOURCES)}"])
@@ -267,8 +267,8 @@ def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, said
             raise SchemaError(f"{verb} {name}", error.problems) from None
         value, stderr = work(leaf, other)
         codes = np.where(value == leaf["value"].values, known_source(leaf), _terms.SOURCES.index(source))
-        leaves[name] = noted(with_table(leaf, axes_of(leaf), value, stderr, codes), f"{verb}: {said}{remark(note)}")
-    return recorded(db, leaves, verb, f"{' '.join(chosen)} {said}", note)
+        leaves[name] = noted(with_table(leaf, axes_of(leaf), value, stderr, codes), f"{verb}: {summary}{remark(note)}")
+    return recorded(db, leaves, verb, f"{' '.join(chosen)} {summary}", note)
 
 
 def _common(leaf: xr.Dataset, by: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:

@@ -14,7 +14,7 @@ from ..store.undo_history import absent, noted, recorded, remark
 
 
 def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = "") -> xr.DataTree:
-    """Return a database in which terms are put in the place of others, or beside them.
+    """Return a database in which terms are replaced or added.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ def replace_terms(db: xr.DataTree, new: Mapping[str, xr.Dataset], note: str = ""
     added = [name for name in new if name not in leaves]
     taken = [name for name in new if name in leaves]
     lines = {name: f"replace_terms: {'replaced' if name in leaves else 'added'}{remark(note)}" for name in new}
-    said = [f"{verb} {' '.join(names)}" for verb, names in (("replaced", taken), ("added", added)) if names]
+    summary = [f"{verb} {' '.join(names)}" for verb, names in (("replaced", taken), ("added", added)) if names]
     leaves |= {name: noted(leaf, lines[name]) for name, leaf in new.items()}
-    return recorded(db, leaves, "replace_terms", ", ".join(said) or "nothing", note, absent(db, without=new))
+    return recorded(db, leaves, "replace_terms", ", ".join(summary) or "nothing", note, absent(db, without=new))
 
 
 def delete_terms(db: xr.DataTree, names: str | Iterable[str], note: str = "") -> xr.DataTree:

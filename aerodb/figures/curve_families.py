@@ -22,11 +22,11 @@ from ..store.schema import terms
 from ..update.standard_errors import spread
 
 MOST_MEMBERS = 9
-# preferred abscissa, first; a family runs over what is left in this order, Mach number after the causes
+# preferred abscissa, first; a family runs over the remaining variables in this order, Mach number after the causes
 _OVER = ("alpha", "beta", "delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_s", "delta_d", "delta_f", "mach")
 _BY = ("h_agl", "delta_f", "delta_e", "delta_a", "delta_r", "delta_s", "delta_d", "gear", "speedbrake", "mach", "h", "alpha")
 _FINE = 4  # points per interval of the breakpoints: standard errors bend in between
-# what tells configurations apart when flight samples are sorted to the curves of a coefficient
+# what distinguishes configurations when flight samples are sorted to the curves of a coefficient
 _CONFIGURATION = ("mach", "delta_f", "gear", "speedbrake")
 
 
@@ -55,7 +55,7 @@ class Family:
     name : str
         Term (``CL/basic``) or coefficient (``CL``).
     over, by : str
-        The abscissa, and the variable that tells the curves apart (empty for a single curve).
+        The abscissa, and the variable that distinguishes the curves (empty for a single curve).
     members : tuple of float
         Values of `by`, one curve each. [SI]
     held : dict of str to float

@@ -119,7 +119,7 @@ def _hatch(axes: Axes, s: Surface, ratio: np.ndarray) -> None:
 
 
 def _thinned(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Return the samples that can be told apart in a map, (2, samples)."""
+    """Return the samples that can be distinguished in a map, (2, samples)."""
     places = np.stack([x, y])[:, np.isfinite(x) & np.isfinite(y)]
     if not places.size:
         return places

@@ -91,7 +91,7 @@ def pens(names: Sequence[str]) -> dict[str, Pen]:
 
 @contextmanager
 def drawing():
-    """Draw in the style of the house, whatever the user's own settings are."""
+    """Draw in the style of this package, whatever the user's own settings are."""
     with style.context(["default", _STYLE]):
         yield
 
@@ -182,14 +182,14 @@ def band_handle(color: str, label: str) -> Patch:
 
 
 def save_figure(figure: Figure, path: str | os.PathLike) -> None:
-    """Write a figure to a file, whole or not at all; equal figures give equal bytes.
+    """Write a figure to a file, atomically; equal figures give equal bytes.
 
     Parameters
     ----------
     figure : matplotlib Figure
         From `plot_term`, `plot_comparison` or `plot_difference`.
     path : path
-        Its suffix tells the format: ``.svg``, ``.png`` (200 dots per inch) or ``.pdf``.
+        Its suffix gives the format: ``.svg``, ``.png`` (200 dots per inch) or ``.pdf``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A folder of figures that sets databases against each other, written whole or not at all."""
+"""A folder of figures that sets databases against each other, written atomically."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 A sheet has one panel per database with the whole family, then one panel per member of the family with all databases in it: bands of
 one standard error, the nodes marked by their source, ticks where flight samples lie, and below each the difference to the
-first database.  Databases are told apart by line code, members by a label at the end of the curve, so that a grey print reads as well.
+first database.  Databases are distinguished by line code, members by a label at the end of the curve, so that a grey print reads as well.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ def plot_comparison(
     name : str
         ``"CL/basic"``, or ``"CL"`` for the whole coefficient.
     family : str, optional
-        Variable that tells the curves apart, such as ``"mach"`` or ``"delta_f"``; see `aerodb.figures.curve_families` for the choice made
+        Variable that distinguishes the curves, such as ``"mach"`` or ``"delta_f"``; see `aerodb.figures.curve_families` for the choice made
         without.
     over : str, optional
         The abscissa; alpha where the term has it.
@@ -346,7 +346,7 @@ def _difference_range(f: Family, code: Mapping[str, Pen]) -> list[np.ndarray]:
 
 
 def _support(axes: Axes, x: np.ndarray) -> None:
-    """Draw a tick at the foot of the panel for every flight sample, as many as can be told apart."""
+    """Draw a tick at the foot of the panel for every flight sample, as many as can be distinguished."""
     low, high = axes.get_xlim()
     places = np.unique(((x - low) / (high - low) * _MOST_TICKS).round()) / _MOST_TICKS
     inside = low + (high - low) * places[(places >= 0) & (places <= 1)]

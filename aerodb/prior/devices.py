@@ -1,4 +1,4 @@
-"""Roll controls beside ailerons, and the all-movable stabilizer."""
+"""Roll controls other than ailerons, and the all-movable stabilizer."""
 
 from __future__ import annotations
 

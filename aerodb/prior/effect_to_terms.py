@@ -1,4 +1,4 @@
-"""Effects to terms: cells that are not printed filled or cut away, standard errors and sources put beside every node."""
+"""Effects to terms: cells that are not printed filled or cut away, standard errors and sources given to every node."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def leaves(effect: Effect, prior: PriorErrors, cover: Mapping[str, tuple[float, 
     alphas that no Mach number prints.  A cell that is then missing takes the value of the nearest printed alpha of its Mach number,
     interpolated between two; so do the ends of the range to cover.  This is what the simulation does beyond a table, but for each
     Mach number by itself, and it keeps a flight in the range of the basic tables inside all tables.  Such nodes are marked as
-    judgement; those held in alpha, those held in Mach number into another speed regime (a warning tells), and those that
+    judgement; those held in alpha, those held in Mach number into another speed regime (with a warning), and those that
     `Effect.judged` marks have twice the standard error.
     """
     found: dict[str, xr.Dataset] = {}

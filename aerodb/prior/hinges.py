@@ -71,7 +71,7 @@ def tabs(given: Source, h_ref: float, with_page: bool) -> list[Effect]:
         locked = B1 delta + B3 alpha,      gearing = (...) delta + (...) alpha,      tab for no stick force = -locked / B4 (trim tab alone)
 
     With a control tab too the program prints +free / B4, and the stream of the free tab holds B1 + D1 B2 / D2 where a tab without moment
-    asks for B1 - D1 B2 / D2: faults of sign.  So the free tab is not used.
+    requires B1 - D1 B2 / D2: faults of sign.  So the free tab is not used.
     """
     grid = at_height(given.grid("tabs"), h_ref).isel(mach=0)
     planes = {name: _plane(grid[name], grid["one_decimal"]) for name in grid.data_vars if str(name).startswith(("Ch_", "delta_"))}

@@ -219,7 +219,7 @@ def _faded(table: xr.DataArray, b: float, z_ref: float) -> xr.DataArray:
 
 
 def _agree(zero: Mapping[str, xr.DataArray], clean: Mapping[str, xr.DataArray]) -> bool:
-    """Tell whether two ground effects agree within the rounding of the print (CL, CD three decimals, Cm four)."""
+    """Return whether two ground effects agree within the rounding of the print (CL, CD three decimals, Cm four)."""
     if set(zero) - set(clean):
         return False
     for coefficient, table in zero.items():

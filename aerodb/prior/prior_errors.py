@@ -4,7 +4,7 @@ The standard error of a node is ``factor * hypot(relative * |value|, absolute)``
 zero deflection, a ground effect at height) have none.  Relative and absolute figures go by term and are those of the subsonic
 methods; the factor goes by class of method (static, dynamic, control, ground, power, hinge) and speed regime.  The relative figures
 are the engineering defaults of the project's identification guide (``7.6 A-priori weighting``) where it names the derivative (marked
-g); the others, and all factors, are this house's judgement (j), set by the kind of method: fin-and-body build-ups, section data,
+g); the others, and all factors, are engineering judgement (j), set by the kind of method: fin-and-body build-ups, section data,
 charts of a few points, fairings between two regimes.  They are starting values, to be replaced by a project's own comparison of
 estimates with flight: pass ``stderr=`` to `aerodb.from_datcom`.
 """

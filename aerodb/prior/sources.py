@@ -52,7 +52,7 @@ class Source:
         return str(self.tree.attrs.get("file", ""))
 
     def has(self, leaf: str) -> bool:
-        """Tell whether a leaf is there."""
+        """Return whether a leaf is there."""
         return leaf in self.tree.children
 
     def place(self, leaf: str) -> str:
@@ -154,7 +154,7 @@ def _along_mach(dataset: xr.Dataset) -> xr.Dataset:
 
 
 def _paired(dataset: xr.Dataset) -> bool:
-    """Tell whether every Mach number occurs once, and not all at one altitude."""
+    """Return whether every Mach number occurs once, and not all at one altitude."""
     machs, heights = dataset["mach"].values, dataset["h"].values
     return len(np.unique(machs)) == len(machs) and len(np.unique(heights)) > 1 and bool(np.isfinite(heights).all())
 
@@ -186,5 +186,5 @@ def _parts(given: Any) -> Iterator[tuple[xr.DataTree, Deck | None]]:
 
 
 def warn(text: str) -> None:
-    """Tell the user something that does not stop the work."""
+    """Warn the user of something that does not stop the work."""
     warnings.warn(text, AeromatchWarning, stacklevel=3)

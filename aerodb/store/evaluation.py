@@ -61,7 +61,7 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
 
 
 def _with_lift(db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], outside: str) -> Mapping[str, Any]:
-    """Return conditions with the lift coefficient where terms of another coefficient ask for it and it is not given."""
+    """Return conditions with the lift coefficient where terms of another coefficient require it and it is not given."""
     asked = any("CL" in _terms.variables(leaf) for name, leaf in terms(db).items() if name.split("/")[0] == coefficient)
     if not asked or "CL" in conditions or coefficient == "CL" or "CL" not in coefficients(db):
         return conditions

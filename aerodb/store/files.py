@@ -1,6 +1,6 @@
-"""Databases on disk: netCDF-4 that plain HDF5 readers open, written whole or not at all, sealed against damage.
+"""Databases on disk: netCDF-4 that plain HDF5 readers open, written atomically (completely or not at all), sealed against damage.
 
-HDF5 has no check over its texts and numbers: a flipped byte changes a value without a word or, in the heap of the texts, sends the
+HDF5 has no check over its texts and numbers: a flipped byte changes a value unnoticed or, in the heap of the texts, sends the
 library into an endless loop (HDF5 2.0).  So the SHA-256 of all bytes stands in a last line behind the end of the HDF5 content, where
 no reader looks; a program that changes the file in place cuts the line off.
 """

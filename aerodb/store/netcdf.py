@@ -17,7 +17,7 @@ import h5py
 import numpy as np
 import xarray as xr
 
-LARGEST = 2**27  # bytes of one table, far above any aero table; a damaged or hostile size is refused before memory is asked for
+LARGEST = 2**27  # bytes of one table, far above any aero table; a damaged or hostile size is refused before memory is allocated
 _NUMBERS = "iuf"
 _FORMAT = ("v108", "v108")
 _DIMENSION = "_Netcdf4Dimid"
@@ -183,7 +183,7 @@ def _is_bare(scale: h5py.Dataset) -> bool:
 
 
 def _names(group: h5py.Group) -> list[str]:
-    """Return what stands in a group, in the order in which it was written if the file tells; older h5py has another order at the root."""
+    """Return what is in a group, in the order in which it was written if the file records it; older h5py has another order at the root."""
     names: list[bytes] = []
     try:
         group.id.links.iterate(names.append, idx_type=h5py.h5.INDEX_CRT_ORDER)

@@ -41,7 +41,7 @@ class Slot:
     K1 : str
         Axis of the factor table, empty for none: ``x_cg``, ``speedbrake``, ``gear``, ``h_agl``.
     equation : str
-        Number in LR-743; ``-`` for an addition of this house, ``like (n)`` for the counterpart in another coefficient.
+        Number in LR-743; ``-`` for an addition of this package, ``like (n)`` for the counterpart in another coefficient.
     meaning : str
         What it is.
     from_datcom : str

@@ -1,9 +1,9 @@
-"""What edits replaced: kept in the file, listed, and taken back.
+"""Undo history: what edits replaced is kept in the file, listed, and restored.
 
 Edit number 7 leaves the group ``/previous/e007`` behind.  It holds every leaf that the edit replaced or deleted as it was before, the
-check cases that no longer hold, and in its attributes what else is needed to take the edit back: the terms that it ``added``, root
+check cases that no longer hold, and in its attributes what else is needed to undo the edit: the terms that it ``added``, root
 attributes that it changed (``was_x_ref``) or that were not there (``unset``), the number of ``lines`` that the history had.  Root
-attribute ``edits`` counts the edits, also those whose states were forgotten.
+attribute ``edits`` counts the edits, also those whose undo entries were dropped.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ def recorded(
     db: xr.DataTree,
     leaves: Mapping[str, xr.Dataset],
     verb: str,
-    said: str,
+    summary: str,
     note: str = "",
     attributes: Mapping[str, str | float] | None = None,
     **facts: str,
 ) -> xr.DataTree:
-    """Return the database that an edit makes of `db`, with a line of history and the state before.
+    """Return the database that an edit makes of `db`, with a line of history and an undo entry.
 
     Parameters
     ----------
     leaves : mapping of str to Dataset
         All terms after the edit.
-    verb, said, note : str
-        What was done and why; the line is ``verb: said (note)``.
+    verb, summary, note : str
+        What was done and why; the line is ``verb: summary (note)``.
     attributes : mapping, optional
         Root attributes that change.
     **facts : str
-        Further attributes of the kept state.
+        Further attributes of the undo entry.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def recorded(
     stale = _under(db, CHECKS) if replaced or added or deleted else {}
     number, lines = _count(db) + 1, _lines(db)
     old = {str(key): item for key, item in db.attrs.items()}
-    text = f"{verb}: {said}{'; check cases set aside' if stale else ''}{remark(note)}"
+    text = f"{verb}: {summary}{'; check cases set aside' if stale else ''}{remark(note)}"
     new = {**old, **(attributes or {}), "edits": number, "history": "\n".join([*lines, text])}
     kept: dict[str, str | int | float] = {"verb": verb, "lines": len(lines)}
     kept |= {key: str(item) for key, item in {**facts, "note": " ".join(note.split())}.items() if item}
@@ -66,20 +66,20 @@ def recorded(
     kept |= {f"{_WAS}{key}": old[key] for key in new if key in old and key not in ("history", "edits") and old[key] != new[key]}
     kept |= {"unset": " ".join(key for key in new if key not in old)} if set(new) - set(old) else {}
     place = f"/{PREVIOUS}/{_group(number)}"
-    state = {place: xr.Dataset(attrs=kept), **{f"{place}/{name}": before[name] for name in (*replaced, *deleted)}}
-    state |= {f"{place}{path}": node for path, node in stale.items()}
+    entry = {place: xr.Dataset(attrs=kept), **{f"{place}/{name}": before[name] for name in (*replaced, *deleted)}}
+    entry |= {f"{place}{path}": node for path, node in stale.items()}
     rest = {} if stale else _under(db, CHECKS)
-    return _tree(new, leaves, {**rest, **_under(db, PREVIOUS), **state})
+    return _tree(new, leaves, {**rest, **_under(db, PREVIOUS), **entry})
 
 
 def history(db: xr.DataTree) -> pd.DataFrame:
-    """Return how a database became what it is, one row per line of its history.
+    """Return the edits of a database, one row per line of its history.
 
     Returns
     -------
     DataFrame, index ``line``
-        ``edit`` (number, for `previous`; None where no state is kept), ``verb``, ``terms`` (replaced, added or deleted by a kept edit, one
-        string of words), ``note``, ``text`` (the line).
+        ``edit`` (number, for `previous`; None where no undo entry is kept), ``verb``, ``terms`` (replaced, added or deleted by a kept edit,
+        names separated by blanks), ``note``, ``text`` (the line).
     """
     kept = {int(group.attrs["lines"]): (number, group) for number, group in _kept(db).items()}
     rows = [_row(text, *kept.get(line, (None, None))) for line, text in enumerate(_lines(db))]
@@ -94,24 +94,24 @@ def previous(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.Dat
     db : DataTree
         The database; it is left as it is.
     steps : int
-        Number of edits to take back.
+        Number of edits to undo.
     edit : int, optional
-        Take back this edit and all later ones instead; numbers as in `history`.
+        Undo this edit and all later ones instead; numbers as in `history`.
 
     Raises
     ------
     UnknownName
-        An edit whose state is not kept.
+        An edit whose undo entry is not kept.
     OutOfRange
-        More steps than states are kept, or less than one.
+        More steps than undo entries are kept, or less than one.
     SchemaError
         A group under ``/previous`` that no edit wrote.
     """
     kept = _kept(db)
     if edit is not None and edit not in kept:
-        raise UnknownName(str(edit), map(str, kept), "edit", "aerodb.history lists the edits whose states are kept")
+        raise UnknownName(str(edit), map(str, kept), "edit", "aerodb.history lists the edits that can be undone")
     if edit is None and not 1 <= steps <= len(kept):
-        raise OutOfRange(f"{steps} edits cannot be taken back; the states before {len(kept)} are kept")
+        raise OutOfRange(f"{steps} edits cannot be undone; the undo history holds {len(kept)}")
     latest_first = sorted(kept, reverse=True)
     back = latest_first[:steps] if edit is None else [number for number in latest_first if number >= edit]
     attributes = {str(key): item for key, item in db.attrs.items()}
@@ -120,17 +120,17 @@ def previous(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.Dat
         attributes, leaves, checks = _taken_back(kept[number], attributes, leaves)
         rest = checks or rest
     gone = {_group(number) for number in back}
-    states = {path: node for path, node in _under(db, PREVIOUS).items() if not gone.intersection(path.split("/")[2:3])}
-    return _tree(attributes, leaves, {**rest, **(states if len(kept) > len(back) else {})})
+    remaining = {path: node for path, node in _under(db, PREVIOUS).items() if not gone.intersection(path.split("/")[2:3])}
+    return _tree(attributes, leaves, {**rest, **(remaining if len(kept) > len(back) else {})})
 
 
 def forget(db: xr.DataTree) -> xr.DataTree:
-    """Return a database without the states before its edits, for a release; its history stays."""
+    """Return a database without its undo history, for a release; the text of its history stays."""
     return _tree({str(key): item for key, item in db.attrs.items()}, terms(db), _under(db, CHECKS))
 
 
 def last(db: xr.DataTree) -> Mapping[str, str | int | float]:
-    """Return what is known of the last edit whose state is kept: ``verb``, ``note`` and its facts; empty without one."""
+    """Return what is known of the last edit in the undo history: ``verb``, ``note`` and its facts; empty without one."""
     kept = _kept(db)
     return {str(key): item for key, item in kept[max(kept)].attrs.items()} if kept else {}
 
@@ -181,12 +181,12 @@ def _row(text: str, number: int | None, group: xr.DataTree | None) -> tuple:
 
 
 def _kept(db: xr.DataTree) -> dict[int, xr.DataTree]:
-    """Return the kept states by number of their edit; a group that no edit wrote is an error."""
+    """Return the undo entries by number of their edit; a group that no edit wrote is an error."""
     groups = {str(name): node for name, node in db[PREVIOUS].children.items()} if PREVIOUS in db.children else {}
-    strange = [name for name, node in groups.items() if not (_NAME.match(name) and {"verb", "lines"} <= set(node.attrs))]
-    if strange:
+    foreign = [name for name, node in groups.items() if not (_NAME.match(name) and {"verb", "lines"} <= set(node.attrs))]
+    if foreign:
         raise SchemaError(
-            PREVIOUS, [f"/{PREVIOUS}/{name} is not the state before an edit; aerodb.forget drops all of them" for name in strange]
+            PREVIOUS, [f"/{PREVIOUS}/{name} is not the undo entry of an edit; aerodb.forget drops all of them" for name in foreign]
         )
     return {int(name[1:]): node for name, node in groups.items()}
 

@@ -155,7 +155,7 @@ def without_formula(leaf: xr.Dataset) -> xr.Dataset:
 
 
 def same_factors(first: xr.Dataset, second: xr.Dataset) -> bool:
-    """Tell whether two leaves have the same factor tables."""
+    """Return whether two leaves have the same factor tables."""
     return all((key in first) == (key in second) and (key not in first or first[key].equals(second[key])) for key in _FACTORS)
 
 

@@ -68,8 +68,8 @@ def in_ground_effect(free: xr.Dataset, k: float, exponent: float, floor: float) 
     leaf = free.assign(value=free["value"] * k)
     if "stderr" in free:
         leaf["stderr"] = free["stderr"] * abs(k)
-    said = f"in_ground_effect: {k:g} of the term in free air, {_LIFT}"
-    history = "\n".join(text for text in (str(free.attrs.get("history", "")), said) if text)
+    summary = f"in_ground_effect: {k:g} of the term in free air, {_LIFT}"
+    history = "\n".join(text for text in (str(free.attrs.get("history", "")), summary) if text)
     leaf.attrs = {**free.attrs, "power": "h_agl", "exponent": float(exponent), "floor": float(floor), "history": history}
     return _sound(leaf)
 

@@ -53,6 +53,6 @@ def factored(leaf: xr.Dataset, axis: str) -> tuple[xr.Dataset, float]:
     if "source" in leaf:
         source = leaf["source"].transpose(axis, ...).isel({axis: at}, drop=True)
         made["source"] = rest.dims, source.values, dict(leaf["source"].attrs)
-    said = f"factored: K1 over {axis}, largest difference {worst:.4g}"
-    history = "\n".join(text for text in (str(leaf.attrs.get("history", "")), said) if text)
+    summary = f"factored: K1 over {axis}, largest difference {worst:.4g}"
+    history = "\n".join(text for text in (str(leaf.attrs.get("history", "")), summary) if text)
     return made.assign_attrs({**leaf.attrs, "history": history}), worst

@@ -72,17 +72,17 @@ def move_reference(db: xr.DataTree, point: Sequence[float], *, tolerance: float 
     new, old = _checked(db, point, tolerance, flow), _point(db)
     base = _before_moves(db, flow)
     d, leaves = _point(base) - new, terms(base)
-    said = f"from ({_metres(old)}) to ({_metres(new)}) m{', flow angles with it' if flow == 'moved' else ''}"
+    summary = f"from ({_metres(old)}) to ({_metres(new)}) m{', flow angles with it' if flow == 'moved' else ''}"
     _demand_countable(leaves, float(d[2]))
     if d.any():
         whole = _moved(leaves, base.attrs, d, tolerance)
         if flow == "moved":
             whole = _with_rates(whole, base.attrs, d)
         whole = {name: _raised(leaf, float(d[2])) for name, leaf in whole.items()}
-        line = f"{_VERB}: {said}{remark(note)}"
+        line = f"{_VERB}: {summary}{remark(note)}"
         leaves = {name: leaf if leaf is leaves.get(name) else noted(leaf, line) for name, leaf in whole.items()}
     place = {key: base.attrs[key] for key in ("absent",) if key in base.attrs} | absent(base, without=leaves)
-    return recorded(db, leaves, _VERB, said, note, place | dict(zip(_KEYS, map(float, new))), flow=flow)
+    return recorded(db, leaves, _VERB, summary, note, place | dict(zip(_KEYS, map(float, new))), flow=flow)
 
 
 def _before_moves(db: xr.DataTree, flow: str) -> xr.DataTree:
@@ -205,7 +205,7 @@ def _refined(leaf: xr.Dataset, angle: str, allowed: float) -> np.ndarray:
 
 
 def _kind(name: str, leaf: xr.Dataset) -> tuple[str, ...]:
-    """Return what tells which terms are compared: the coefficient and what multiplies the table."""
+    """Return the key by which terms are compared: the coefficient and what multiplies the table."""
     return (name.split("/")[0], *_terms.multipliers(leaf))
 
 
@@ -215,7 +215,7 @@ def _size(leaf: xr.Dataset) -> float:
 
 
 def _put(leaves: dict[str, xr.Dataset], moment: str, contribution: str, more: xr.Dataset) -> None:
-    """Add a leaf to the term of its name, or beside it where the two cannot be one table."""
+    """Add a leaf to the term of its name, or as a further term where the two cannot be one table."""
     name = f"{moment}/{contribution}"
     while name in leaves and not _joins(leaves[name], more):
         name += "_moved"

@@ -20,7 +20,7 @@ from .grids import without_formula
 
 # coefficient: (relative, absolute); the absolute one for the basic term only, increments are zero without their cause
 WIDENING: dict[str, tuple[float, float]] = {
-    "CL": (0.05, 0.02),  # section and plan form differ a little: half of what a handbook method is given
+    "CL": (0.05, 0.02),  # section and plan form differ a little: half of what a DATCOM-type method is given
     "CD": (0.10, 0.002),  # surface, gaps, intakes
     "CX": (0.10, 0.005),
     "CZ": (0.05, 0.02),
@@ -84,9 +84,9 @@ def rescale(
     by = dict(_by_term(leaves, dict(factors or {})))
     wide = _widening(widening)
     span = aircraft.b / float(db.attrs["b"])
-    said = [f"from {db.attrs.get('aircraft', 'another aircraft')} to {aircraft.name}, span ratio {span:.6g}"]
-    said += [f"{name} times {value:g}" for name, value in (factors or {}).items()]
-    line = f"rescale: {'; '.join(said)}{f' ({note})' if note else ''}"
+    summary = [f"from {db.attrs.get('aircraft', 'another aircraft')} to {aircraft.name}, span ratio {span:.6g}"]
+    summary += [f"{name} times {value:g}" for name, value in (factors or {}).items()]
+    line = f"rescale: {'; '.join(summary)}{f' ({note})' if note else ''}"
     scaled = {name: _scaled(name, leaf, by.get(name, 1.0), span, wide[name.split("/")[0]], line) for name, leaf in leaves.items()}
     place = dict(zip(("x_ref", "y_ref", "z_ref"), aircraft.reference, strict=True))
     attributes = {

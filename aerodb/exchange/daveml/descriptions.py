@@ -1,4 +1,4 @@
-"""What DAVE-ML has no element for, as ``key: text`` lines in a ``description``; read back from files that this house wrote."""
+"""What DAVE-ML has no element for, as ``key: text`` lines in a ``description``; read back from files written by this package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which quantity of the house a variable of a DAVE-ML file is, in which unit and with which sign."""
+"""Which quantity of the vocabulary a variable of a DAVE-ML file is, in which unit and with which sign."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from flightmech.names import VOCABULARY, lookup
 from flightmech.units import parse
 
 from .document.model import Variable
-from .document.unit_codes import house_unit
+from .document.unit_codes import unit_of_code
 
 COEFFICIENTS = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn", "Ch_e", "Ch_a", "Ch_r")
-# names seen in published files beside those of S-119 that `flightmech.names` lists; letters only, lower case
+# names found in published files in addition to those of S-119 that `flightmech.names` lists; letters only, lower case
 _ALIASES = {
     "totalcoefficientoflift": "CL",
     "totalcoefficientofdrag": "CD",
@@ -48,7 +48,7 @@ _S119 = {_letters(row.s119): row.name for row in VOCABULARY.values() if row.s119
 def quantity_of(variable: Variable) -> str:
     """Return the quantity of the vocabulary that a variable is by its name or varID, or ``""``.
 
-    Names of S-119 come first, in any case and with or without a unit at their end (``angleOfAttack_d``); then the names of the house.
+    Names of S-119 come first, in any case and with or without a unit at their end (``angleOfAttack_d``); then the names of the vocabulary.
     """
     for text in (variable.name, variable.varID):
         for known in (_letters(text), _letters(re.sub("_(d|deg|rad|r)$", "", text))):
@@ -61,7 +61,7 @@ def quantity_of(variable: Variable) -> str:
 
 
 def _is_quantity(text: str) -> bool:
-    """Whether a text names a quantity of the house; those of one engine, ``engine1.thrust``, are in the vocabulary without prefix."""
+    """Whether a text names a quantity of the vocabulary; those of one engine, ``engine1.thrust``, are in the vocabulary without prefix."""
     try:
         lookup(text)
     except UnknownName:
@@ -79,11 +79,11 @@ def conversion(variable: Variable, quantity: str) -> tuple[float, float]:
     """
     expected = lookup(quantity).units
     try:
-        unit = house_unit(variable.units)
+        unit = unit_of_code(variable.units)
         dimension, to_si, offset = parse(unit)
         if dimension != parse(expected)[0] or ("rad" in expected and "rad" not in unit and "deg" not in unit):
-            said = f"unit {variable.units!r}, where {quantity} needs one such as {expected}"
-            raise UnitError(f"{said}; name it with names={{'{variable.varID}': '{quantity} [deg]'}}, say")
+            problem = f"unit {variable.units!r}, where {quantity} needs one such as {expected}"
+            raise UnitError(f"{problem}; name it with names={{'{variable.varID}': '{quantity} [deg]'}}, say")
     except UnitError as error:
         raise SchemaError(f"variable {variable.varID} ({variable.name})", [str(error)]) from None
     sense = -1.0 if turned(variable.sign, lookup(quantity).sign) else 1.0
@@ -91,6 +91,6 @@ def conversion(variable: Variable, quantity: str) -> tuple[float, float]:
 
 
 def turned(sign: str, own: str) -> bool:
-    """Whether a sign convention is the opposite of the house's; what is not known counts as the same."""
+    """Whether a sign convention is the opposite of that of the vocabulary; what is not known counts as the same."""
     theirs, ours = _letters(sign), _letters(own)
     return any((theirs in a and ours in b) or (theirs in b and ours in a) for a, b in _OPPOSITES)

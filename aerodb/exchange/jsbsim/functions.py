@@ -201,6 +201,6 @@ def _tabulated(parts: Sum) -> xr.DataArray:
     """Return a sum that is one table, or one number."""
     part = parts[0] if len(parts) == 1 else Product(symbols={"": 1})
     tables = (*part.tables, *part.shared)
-    if part.symbols or part.wholes or len(tables) > 1:
+    if part.symbols or part.opaque or len(tables) > 1:
         raise Unfit("<interpolate1d> between values that are no tables")
     return tables[0] * part.factor if tables else xr.DataArray(part.factor)

@@ -1,6 +1,6 @@
-"""Sums of products of numbers, variables and tables: what functions of a JSBSim file are taken apart into.
+"""Sums of products of numbers, variables and tables: what functions of a JSBSim file are resolved into.
 
-What is no product - a sine, a quotient of tables, a limiter - is kept as a `Whole`, a factor that knows its variables and
+What is no product - a sine, a quotient of tables, a limiter - is kept as an `OpaqueFactor`, a factor that knows its variables and
 its value.
 """
 
@@ -31,7 +31,7 @@ class Unfit(Exception):
 
 
 @dataclass(frozen=True)
-class Whole:
+class OpaqueFactor:
     """A factor that is no table: what it is, its variables, and its value at conditions in SI."""
 
     what: str
@@ -41,13 +41,13 @@ class Whole:
 
 @dataclass(frozen=True)
 class Product:
-    """A number times powers of symbols times tables times wholes; `shared` are tables of functions that are used by name."""
+    """A number times powers of symbols times tables times opaque; `shared` are tables of functions that are used by name."""
 
     factor: float = 1.0
     symbols: Mapping[str, int] = field(default_factory=dict)
     tables: tuple[xr.DataArray, ...] = ()
     shared: tuple[xr.DataArray, ...] = ()
-    wholes: tuple[Whole, ...] = ()
+    opaque: tuple[OpaqueFactor, ...] = ()
 
     def __mul__(self, other: Product) -> Product:
         symbols = Counter(self.symbols)
@@ -57,24 +57,24 @@ class Product:
             {symbol: power for symbol, power in symbols.items() if power},
             self.tables + other.tables,
             self.shared + other.shared,
-            self.wholes + other.wholes,
+            self.opaque + other.opaque,
         )
 
     @property
     def constant(self) -> bool:
         """Nothing but a number."""
-        return not (self.symbols or self.tables or self.shared or self.wholes)
+        return not (self.symbols or self.tables or self.shared or self.opaque)
 
     @property
     def monomial(self) -> bool:
         """Nothing but a number and powers of symbols."""
-        return not (self.tables or self.shared or self.wholes)
+        return not (self.tables or self.shared or self.opaque)
 
     @property
     def variables(self) -> frozenset[str]:
         """The model variables in it."""
         axes = {str(axis) for table in (*self.tables, *self.shared) for axis in table.dims}
-        return frozenset(axes | (set(self.symbols) - set(LENGTHS))).union(*(whole.variables for whole in self.wholes))
+        return frozenset(axes | (set(self.symbols) - set(LENGTHS))).union(*(one.variables for one in self.opaque))
 
 
 Sum = list[Product]
@@ -100,7 +100,7 @@ def combine(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
     if tag in NOT_COMPUTED:
         raise Unfit(f"<{tag}> is no function of model variables")
     exact = _EXACT[tag](sums) if tag in _EXACT else None
-    found = _whole(tag, sums, sizes) if exact is None else exact
+    found = _opaque(tag, sums, sizes) if exact is None else exact
     if len(found) > MOST_PRODUCTS:
         raise Unfit(f"it multiplies out to more than {MOST_PRODUCTS} products")
     return found
@@ -142,12 +142,12 @@ def _value(part: Product, at: Values, sizes: Mapping[str, float]) -> np.ndarray:
             found = found * (np.asarray(at[symbol], float) / unit(symbol)) ** power
     for table in (*part.tables, *part.shared):
         found = found * evaluate(make(table.values, {str(d): table[d].values for d in table.dims}), at, "clamp")
-    for whole in part.wholes:
-        found = found * whole.value(at)
+    for one in part.opaque:
+        found = found * one.value(at)
     return found
 
 
-def _whole(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
+def _opaque(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
     """Return an operation that makes no product as one factor."""
 
     def compute(at: Values) -> np.ndarray:
@@ -155,7 +155,7 @@ def _whole(tag: str, sums: Sequence[Sum], sizes: Mapping[str, float]) -> Sum:
             return np.asarray(_CURVED[tag](*(value(parts, at, sizes) for parts in sums)), float)
 
     variables = frozenset().union(*(part.variables for parts in sums for part in parts))
-    return [Product(wholes=(Whole(f"<{tag}>", variables, compute),))] if variables else [Product(float(compute({})))]
+    return [Product(opaque=(OpaqueFactor(f"<{tag}>", variables, compute),))] if variables else [Product(float(compute({})))]
 
 
 def _sum(sums: Sequence[Sum]) -> Sum:

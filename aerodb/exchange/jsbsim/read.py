@@ -147,7 +147,7 @@ def _leaves(
             text["history"] = f"import_jsbsim: {Path(element.file).name}"
             try:
                 for product in times(axis.sign, functions.products(element)):
-                    found = leaf(product, axis.per, functions.sizes, lambda wholes, tables: sampled(wholes, tables, sample, box), **text)
+                    found = leaf(product, axis.per, functions.sizes, lambda opaque, tables: sampled(opaque, tables, sample, box), **text)
                     leaves[_free(f"{axis.coefficient}/{_contribution(title, axis.coefficient)}", leaves)] = found
             except Unfit as reason:
                 problems.append(f"line {element.line}: {title or 'function'}: {reason}")
@@ -177,7 +177,7 @@ def _axes(aerodynamics: Element) -> tuple[str, list[_Axis]]:
         )
     for element in aerodynamics.children:
         if element.tag == "aero_ref_pt_shift_x":
-            raise element.error("<aero_ref_pt_shift_x>", "a fixed moment reference; the house has no term for one that moves")
+            raise element.error("<aero_ref_pt_shift_x>", "a fixed moment reference; the database has no term for one that moves")
     return next(iter(frames), "wind"), [*found, *_hinges(aerodynamics)]
 
 
@@ -187,7 +187,7 @@ def _axis(element: Element, names: set[str]) -> tuple[str, _Axis]:
     functions = element.all("function")
     for function in functions:
         if function.attributes.get("apply_at_cg") == "true":
-            raise function.error('apply_at_cg="true"', "forces at the moment reference; the house moves all of them to the c.g.")
+            raise function.error('apply_at_cg="true"', "forces at the moment reference; all of them are moved to the c.g.")
     if name in _MOMENTS:
         if frame not in ("", "BODY"):
             raise element.error(f"moments in the frame {frame}", "moments in body axes; turn them, which changes the tables with alpha")
@@ -212,7 +212,7 @@ def _hinges(aerodynamics: Element) -> Iterator[_Axis]:
 
 
 def _section(root: Element, tag: str) -> Element:
-    """Return a section, from its own file beside the aircraft file where it says so."""
+    """Return a section, from its own file in the folder of the aircraft file where it refers to one."""
     element = root.first(tag)
     if element is None:
         raise root.error(f"no <{tag}>", f"an aircraft file with <{tag}>")
@@ -224,7 +224,7 @@ def _section(root: Element, tag: str) -> Element:
         if candidate.is_file() and candidate.resolve().is_relative_to(folder):
             found = parse(candidate)
             if found.tag != tag:
-                raise found.error(f"<{found.tag}>", f"<{tag}>, which {Path(root.file).name} asks for in line {element.line}")
+                raise found.error(f"<{found.tag}>", f"<{tag}>, which {Path(root.file).name} refers to in line {element.line}")
             return found
     raise element.error(f"file {name!r}", f"a file in the folder of {Path(root.file).name}; put it there")
 

@@ -9,7 +9,7 @@ import xarray as xr
 
 from flightmech.terms import MAX_AXES, evaluate, make
 
-from .products import Unfit, Whole
+from .products import OpaqueFactor, Unfit
 
 _MOST_NODES = 100_000
 _FIRST = 5  # breakpoints of an axis that no table has
@@ -19,13 +19,13 @@ Function = Callable[[Mapping[str, np.ndarray]], np.ndarray]
 
 
 def sampled(
-    wholes: Sequence[Whole], tables: Sequence[xr.DataArray], bound: float | None, box: Mapping[str, tuple[float, float]]
+    opaque: Sequence[OpaqueFactor], tables: Sequence[xr.DataArray], bound: float | None, box: Mapping[str, tuple[float, float]]
 ) -> tuple[xr.DataArray, str]:
     """Return a product of functions and tables as one table, and a text that says how well.
 
     Parameters
     ----------
-    wholes, tables : sequences
+    opaque, tables : sequences
         The factors.
     bound : float, optional
         Largest difference between the product and the table inside the box; None: refuse.
@@ -37,10 +37,10 @@ def sampled(
     Unfit
         With what to do: no bound, no range of a variable, too many axes or nodes, or not finite.
     """
-    what = " x ".join([*(whole.what for whole in wholes), *(f"table({', '.join(map(str, table.dims))})" for table in tables)])
+    what = " x ".join([*(one.what for one in opaque), *(f"table({', '.join(map(str, table.dims))})" for table in tables)])
     if bound is None:
         raise Unfit(f"{what} is no product of tables without common axes; give sample = largest difference to put it onto one table")
-    variables = sorted({str(d) for table in tables for d in table.dims}.union(*(whole.variables for whole in wholes)))
+    variables = sorted({str(d) for table in tables for d in table.dims}.union(*(one.variables for one in opaque)))
     if len(variables) > MAX_AXES:
         raise Unfit(f"{what} depends on {', '.join(variables)}; a table has at most {MAX_AXES} axes")
     leaves = [make(table.values, {str(d): table[d].values for d in table.dims}) for table in tables]
@@ -49,8 +49,8 @@ def sampled(
         found = np.ones(())
         for leaf in leaves:
             found = found * evaluate(leaf, at, "clamp")
-        for whole in wholes:
-            found = found * whole.value(at)
+        for one in opaque:
+            found = found * one.value(at)
         if not np.isfinite(found).all():
             raise Unfit(f"{what} is not finite inside its box; give box = {{variable: (low, high)}} to narrow it")
         return found

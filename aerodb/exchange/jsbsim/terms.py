@@ -1,6 +1,6 @@
-"""Products to terms: what is left when dynamic pressure and reference quantities are taken off a force or moment.
+"""Products to terms: what remains when dynamic pressure and reference quantities are taken off a force or moment.
 
-A rate over the airspeed becomes the reduced rate of the house, p b/2V; a rate alone stays one, except those of the flow
+A rate over the airspeed becomes the reduced rate, p b/2V; a rate alone stays one, except those of the flow
 angles, which exist reduced only: alpha_dot = alphadothat * 2V/cbar.
 """
 
@@ -14,13 +14,13 @@ import xarray as xr
 
 from flightmech.terms import MAX_AXES, MAX_REGRESSORS, make
 
-from .products import LENGTHS, MOST_NODES, Product, Unfit, Whole, length
+from .products import LENGTHS, MOST_NODES, OpaqueFactor, Product, Unfit, length
 from .properties import AXIS, ENGINE, FUNCTION, RANGE, RATES, unit
 
 _MOST_TABLES = 3
 _HIGHEST = 2 * MAX_REGRESSORS  # power of a symbol; dynamic pressure and lengths may stand beside regressors
 _KNOWN = {*AXIS, *FUNCTION}
-Sampler = Callable[[list[Whole], list[xr.DataArray]], tuple[xr.DataArray, str]]
+Sampler = Callable[[list[OpaqueFactor], list[xr.DataArray]], tuple[xr.DataArray, str]]
 
 
 def leaf(product: Product, per: Mapping[str, int], sizes: Mapping[str, float], sampler: Sampler, **text: str) -> xr.Dataset:
@@ -106,13 +106,13 @@ def _tables(product: Product, sampler: Sampler) -> tuple[list[xr.DataArray], str
     """Return tables without common axes, and what was sampled."""
     tables = [*product.tables, *product.shared]
     counts = Counter(str(axis) for table in tables for axis in table.dims)
-    clash = {axis for axis, count in counts.items() if count > 1}.union(*(whole.variables for whole in product.wholes))
+    clash = {axis for axis, count in counts.items() if count > 1}.union(*(one.variables for one in product.opaque))
     while more := {str(axis) for table in tables if clash & set(table.dims) for axis in table.dims} - clash:
         clash |= more
     inside = [table for table in tables if clash & set(table.dims)]
-    if not inside and not product.wholes:
+    if not inside and not product.opaque:
         return tables, ""
-    sampled, note = sampler(list(product.wholes), inside)
+    sampled, note = sampler(list(product.opaque), inside)
     return [sampled, *(table for table in tables if not clash & set(table.dims))], note
 
 

@@ -142,7 +142,7 @@ def _disagreements(db: xr.DataTree, aircraft: Aircraft) -> list[str]:
 
 
 def _needs_function(variable: str, leaf: xr.Dataset) -> bool:
-    """Say whether a term looks up, or multiplies by, a variable that JSBSim has not as a property."""
+    """Return whether a term looks up, or multiplies by, a variable that JSBSim has not as a property."""
     return variable in leaf.dims or (variable in regressors(leaf) and variable not in REGRESSOR)
 
 

@@ -37,7 +37,7 @@ def export_checkcases(db: xr.DataTree, path: str | os.PathLike, count: int = _CO
     db : DataTree
         The database.
     path : path
-        CSV file to write, whole or not at all.
+        CSV file to write, atomically.
     count : int
         Number of cases.
     seed : int

@@ -1,8 +1,8 @@
 """Terms as CSV files that a person and a spreadsheet read: one file per table in long form, and an index.
 
 Every row of a term is a node: the axes with their units in brackets, value, standard error, source.  Factor tables have files of
-their own.  File names carry a number, because ``CL`` and ``Cl`` are one name to some file systems.  The folder is written whole or
-not at all; check cases and states before edits stay in the database.
+their own.  File names carry a number, because ``CL`` and ``Cl`` are one name to some file systems.  The folder is written
+atomically; check cases and the undo history stay in the database.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def export_csv(db: xr.DataTree, folder: str | os.PathLike) -> None:
         for number, (name, leaf) in enumerate(leaves.items(), 1):
             for table in (key for key in _TABLES if key in leaf):
                 file = f"{number:03d}_{name.replace('/', '_')}{'' if table == 'value' else f'_{table}'}.csv"
-                said = {} if table != "value" else facts[name]
-                text = written_csv(f"{name}, {table}", said, *_long(leaf, table))
+                header = {} if table != "value" else facts[name]
+                text = written_csv(f"{name}, {table}", header, *_long(leaf, table))
                 (part / file).write_text(text, encoding="utf-8", newline="")
                 words = " ".join(_terms.regressors(leaf)) if table == "value" else ""
                 rows.append([file, name, table, " ".join(map(str, leaf[table].dims)), words, str(leaf[table].size)])

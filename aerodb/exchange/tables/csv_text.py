@@ -112,8 +112,8 @@ def _take_fact(line: str, facts: dict[str, Fact], problems: list[str], place: st
         except ValueError:
             problems.append(f"{place}: {number!r} is no number; a text takes a colon: '# {key}: {number}'")
         return
-    said = _WRITTEN.sub(lambda match: chr(int(match[1], 16)), text)
-    facts[key] = f"{facts[key]}\n{said}" if key in facts else said
+    decoded = _WRITTEN.sub(lambda match: chr(int(match[1], 16)), text)
+    facts[key] = f"{facts[key]}\n{decoded}" if key in facts else decoded
 
 
 def numbers(table: Table, name: str, problems: list[str]) -> np.ndarray:

@@ -34,7 +34,7 @@ _TEXTS = ("outside", "references", "comment", "history")
 _FIELDS = ("name", "coefficient", "contribution", "regressors", *_TABLE, "stderr", "source", "K1", "K2", *_TEXTS, "attributes")
 _FIELD = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}")  # what MATLAB takes as the name of a field
 _NONE = np.zeros((0, 0))
-_SEAL = b"MATLAB 5.0 aeromatch sha256 %s"  # MATLAB asks for the first word only; it writes a text of its own when it saves
+_SEAL = b"MATLAB 5.0 aeromatch sha256 %s"  # MATLAB requires the first word only; it writes a text of its own when it saves
 _TEXT = 116  # bytes of the text in the header
 _CONVENTIONS = """\
 coefficient = sum of its terms; term = K1 * K2 * table(axes) * product of regressors; SI units and radians.
@@ -54,7 +54,7 @@ def export_matlab(db: xr.DataTree, path: str | os.PathLike) -> None:
     db : DataTree
         The database.
     path : path
-        File to write, whole or not at all.
+        File to write, atomically.
 
     Raises
     ------
@@ -244,7 +244,7 @@ def _shaped(array: np.ndarray, shape: tuple[int, ...], what: str) -> np.ndarray:
         raise ValueError(f"{what} holds no numbers")
     core = tuple(array.shape)
     if _trimmed(core) != _trimmed(shape):
-        raise ValueError(f"{what} is {' x '.join(map(str, core))}, its breakpoints ask for {' x '.join(map(str, shape)) or 'a scalar'}")
+        raise ValueError(f"{what} is {' x '.join(map(str, core))}, its breakpoints require {' x '.join(map(str, shape)) or 'a scalar'}")
     return np.array(array.reshape(shape), order="C")
 
 

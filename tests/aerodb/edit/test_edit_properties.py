@@ -297,7 +297,7 @@ def test_moments_about_another_point_are_those_of_the_cross_product(seed, force_
     assert (off <= bound(db, at, d, tolerance)[:, None] + 1e-11).all()
     np.testing.assert_array_equal(body_forces(new, at), body_forces(db, at))
     unchanged_apart_from(db, new, [n for n in aerodb.terms(db) if n[:2] in ("Cl", "Cm", "Cn")])
-    # back again: to the bit while the state before is kept, else to rounding
+    # back again: to the bit while the undo entry is kept, else to rounding
     back = aerodb.move_reference(new, [-3.0, 0.0, 0.2])
     assert {n: leaf for n, leaf in aerodb.terms(back).items()}.keys() == aerodb.terms(db).keys()
     for name, leaf in aerodb.terms(back).items():

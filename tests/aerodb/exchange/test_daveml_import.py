@@ -175,7 +175,7 @@ def test_the_brick_and_the_cannonball_are_constants_and_dampings():
         "CL/basic": 0.0, "CD/basic": 0.01, "CY/basic": 0.0, "Cl/phat": -1.0, "Cm/qhat": -1.0, "Cn/rhat": -1.0,
     }  # fmt: skip
     assert brick.attrs["b"] == pytest.approx(0.33333 * FOOT, rel=1e-15)
-    with pytest.raises(SchemaError, match=r"(?s)the file does not tell cbar; pass cbar=.*the file does not tell b; pass b="):
+    with pytest.raises(SchemaError, match=r"(?s)the file does not state cbar; pass cbar=.*the file does not state b; pass b="):
         aerodb.import_daveml(NESC / "cannonball_aero.dml")
     ball = aerodb.import_daveml(NESC / "cannonball_aero.dml", cbar=0.1, b=0.1)
     assert float(aerodb.evaluate(ball, "CD")) == 0.1
@@ -416,5 +416,5 @@ def test_names_units_and_reference_quantities_are_checked(tmp_path):
 
 
 def test_a_file_without_coefficients_says_what_it_gives(tmp_path):
-    with pytest.raises(SchemaError, match=r"no output is a coefficient: .*OUT \(other\); say which with names="):
+    with pytest.raises(SchemaError, match=r"no output is a coefficient: .*OUT \(other\); state which with names="):
         aerodb.import_daveml(one(tmp_path, cn(1.0), name="other"))

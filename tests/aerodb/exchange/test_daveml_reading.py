@@ -10,7 +10,7 @@ import pytest
 
 from aerodb.exchange.daveml import read
 from aerodb.exchange.daveml.document.tables import Axis, Gridded
-from aerodb.exchange.daveml.document.unit_codes import code_of, house_unit, same_units
+from aerodb.exchange.daveml.document.unit_codes import code_of, same_units, unit_of_code
 from flightmech.errors import AeromatchWarning, OutOfRange, ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY
 from flightmech.units import parse
@@ -354,19 +354,19 @@ def test_a_check_case_of_an_unknown_signal_is_a_failure(tmp_path):
 
 
 def test_units_are_read_as_s119_encodes_them():
-    assert [house_unit(code) for code in ("ft_s", "rad_s2", "slugft2", "ftlbf", "_deg", "nmi_h", "kg_m3", "d", "ND", "")] == [
+    assert [unit_of_code(code) for code in ("ft_s", "rad_s2", "slugft2", "ftlbf", "_deg", "nmi_h", "kg_m3", "d", "ND", "")] == [
         "ft/s", "rad/s2", "slug ft2", "ft lbf", "1/deg", "nmi/h", "kg/m3", "deg", "1", "1",
     ]  # fmt: skip
     assert same_units("d", "deg")
     assert same_units("nd", "ND")
     assert not same_units("ft", "m")
     with pytest.raises(UnitError, match="unknown unit code 'furlong'"):
-        house_unit("furlong")
+        unit_of_code("furlong")
 
 
 def test_every_unit_of_the_vocabulary_can_be_written_and_read():
     for row in VOCABULARY.values():
-        assert parse(house_unit(code_of(row.units))) == parse(row.units), row.name
+        assert parse(unit_of_code(code_of(row.units))) == parse(row.units), row.name
 
 
 # ---- what is refused

@@ -1,4 +1,4 @@
-"""Former states: kept, listed, taken back, forgotten; check cases go with the numbers they belong to."""
+"""Undo history: kept, listed, applied, dropped; check cases go with the numbers they belong to."""
 
 import numpy as np
 import pytest
@@ -58,7 +58,7 @@ def test_attributes_that_were_not_there_go_again(small):
 def test_numbers_go_on_after_forgetting(small):
     released = aerodb.forget(aerodb.scale(aerodb.scale(small, "CL/flap", 2.0), "CL/flap", 2.0))
     assert released.attrs["history"].count("scale") == 2
-    with pytest.raises(OutOfRange, match="1 edits cannot be taken back; the states before 0 are kept"):
+    with pytest.raises(OutOfRange, match="1 edits cannot be undone; the undo history holds 0"):
         aerodb.previous(released)
     new = aerodb.scale(released, "CL/flap", 0.25)
     assert list(aerodb.history(new)["edit"]) == [None, None, None, 3]
@@ -91,7 +91,7 @@ def test_a_group_that_no_edit_wrote_is_named(small, name):
     nodes = {node.path: node.to_dataset(inherit=False) for node in small.subtree}
     strange = xr.DataTree.from_dict({**nodes, f"/previous/{name}/CL/flap": aerodb.terms(small)["CL/flap"]})
     for ask in (aerodb.history, aerodb.previous, lambda db: aerodb.scale(db, "CL/flap", 2.0)):
-        with pytest.raises(SchemaError, match=rf"/previous/{name} is not the state before an edit; aerodb\.forget drops"):
+        with pytest.raises(SchemaError, match=rf"/previous/{name} is not the undo entry of an edit; aerodb\.forget drops"):
             ask(strange)
     assert aerodb.forget(strange).identical(small)
 

@@ -140,7 +140,7 @@ class Shot:
 
 @dataclass(frozen=True, eq=False)
 class DaveModel:
-    """What a DAVE-ML file says.
+    """The content of a DAVE-ML file.
 
     Parameters
     ----------

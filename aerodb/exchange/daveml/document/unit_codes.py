@@ -8,7 +8,7 @@ from flightmech import units
 from flightmech.errors import UnitError
 
 PURE = ("", "nd", "none", "nondimensional", "dimensionless", "frac", "fract", "fraction", "-")
-# code: unit of the house.  What drifts in published files stands beside what the standard has.
+# code: unit of this package.  Variants found in published files follow the code of the standard.
 _CODES = {
     "deg": "deg", "degs": "deg", "degrees": "deg", "d": "deg", "rad": "rad", "rads": "rad", "radians": "rad", "r": "rad",
     "pct": "%", "percent": "%", "nd": "1", "1": "1",
@@ -22,12 +22,12 @@ _WORD = re.compile("(" + "|".join(sorted(map(re.escape, _CODES), key=len, revers
 _OUT = {"%": "pct", "1": "nd"}
 
 
-def house_unit(code: str) -> str:
+def unit_of_code(code: str) -> str:
     """Return the unit of `flightmech.units` that an S-119 code stands for.
 
     Examples
     --------
-    >>> house_unit("slugft2"), house_unit("rad_s2"), house_unit("_deg"), house_unit("ND")
+    >>> unit_of_code("slugft2"), unit_of_code("rad_s2"), unit_of_code("_deg"), unit_of_code("ND")
     ('slug ft2', 'rad/s2', '1/deg', '1')
 
     Raises
@@ -44,7 +44,7 @@ def house_unit(code: str) -> str:
 
 
 def code_of(unit: str) -> str:
-    """Return the S-119 code of a unit of the house, such as ``"kg m2"`` or ``"m s-1"``.
+    """Return the S-119 code of a unit of this package, such as ``"kg m2"`` or ``"m s-1"``.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def same_units(one: str, other: str) -> bool:
     if not one.strip() or not other.strip() or one.strip() == other.strip():
         return True
     try:
-        return units.parse(house_unit(one)) == units.parse(house_unit(other))
+        return units.parse(unit_of_code(one)) == units.parse(unit_of_code(other))
     except UnitError:
         return False
 

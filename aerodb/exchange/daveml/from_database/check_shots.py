@@ -125,7 +125,7 @@ def _labels(quantity: str) -> dict[str, str]:
 
 
 def _signal(labels: Mapping[str, str], value: float, tolerance: float | None = None) -> list[str]:
-    inside = [line for tag, said in labels.items() for line in element(tag, {}, said)]
+    inside = [line for tag, content in labels.items() for line in element(tag, {}, content)]
     inside += element("signalValue", {}, repr(value))
     inside += [] if tolerance is None else element("tol", {}, f"{tolerance:.2g}")
     return element("signal", {}, inside)

@@ -54,7 +54,7 @@ def export_daveml(db: xr.DataTree, path: str | os.PathLike, aircraft: Aircraft |
     db : DataTree
         The database.
     path : path
-        The file, written whole or not at all.
+        The file, written atomically.
     aircraft : Aircraft, optional
         Its control limits bound the check cases; its geometry must be the database's.
     shots : int
@@ -154,7 +154,7 @@ class _Writer:
             *element("fileVersion", {}, f"{WRITER} {version('aeromatch')}"),
             *text("description", packed(texts)),
             *(line for i, title in enumerate(documents, 1) for line in self._reference(f"REF{i}", title)),
-            *(line for i, said in enumerate(history) for line in self._modification(_letters(i), said)),
+            *(line for i, entry in enumerate(history) for line in self._modification(_letters(i), entry)),
         ]
         return element("fileHeader", {"name": str(attributes["title"])}, inside)
 
@@ -166,9 +166,9 @@ class _Writer:
         dates = re.findall(r"(?:19|20)\d\d(?:-\d\d(?:-\d\d)?)?", title)
         return element("reference", {"refID": key, "author": "-", "title": title, "date": dates[-1] if dates else "-"})
 
-    def _modification(self, key: str, said: str) -> list[str]:
-        found = re.search(r"\d{4}-\d\d-\d\d", said)
-        inside = [*self._author(), *text("description", said)]
+    def _modification(self, key: str, entry: str) -> list[str]:
+        found = re.search(r"\d{4}-\d\d-\d\d", entry)
+        inside = [*self._author(), *text("description", entry)]
         return element("modificationRecord", {"modID": key, "date": found[0] if found else self.today}, inside)
 
     def _inputs(self) -> list[str]:
@@ -188,8 +188,10 @@ class _Writer:
         value = {"initialValue": repr(float(self.db.attrs[name]))}
         if name in SIZES:
             return self._variable(name, name, value, ["<isOutput/>"])
-        said = {"name": name, "varID": name, "units": "m", **value}
-        return element("variableDef", said, element("description", {}, f"moment reference point from the drawing datum, body {name[0]}"))
+        properties = {"name": name, "varID": name, "units": "m", **value}
+        return element(
+            "variableDef", properties, element("description", {}, f"moment reference point from the drawing datum, body {name[0]}")
+        )
 
     def _reduced(self, name: str) -> list[str]:
         rate, length = REDUCED[name]
@@ -199,9 +201,9 @@ class _Writer:
 
     def _variable(self, varID: str, quantity: str, more: Mapping[str, str], inside: list[str]) -> list[str]:
         row, name = lookup(quantity), standard_name(quantity)
-        said = {"name": name or quantity, "varID": varID, "units": code_of(row.units), "sign": row.sign, **more}
+        properties = {"name": name or quantity, "varID": varID, "units": code_of(row.units), "sign": row.sign, **more}
         flags = ["<isStdAIAA/>"] if name else []
-        return element("variableDef", said, [*element("description", {}, row.long_name), *inside, *flags])
+        return element("variableDef", properties, [*element("description", {}, row.long_name), *inside, *flags])
 
     def _total(self, coefficient: str) -> list[str]:
         parts = [Name(self.term_ids[name]) for name in self.leaves if name.split("/")[0] == coefficient]
@@ -221,8 +223,8 @@ class _Writer:
         texts = {str(key): item for key, item in leaf.attrs.items() if key not in ("regressors", "outside")}
         if "source" in leaf:
             texts["source"] = runs(leaf["source"].values)
-        said = {"name": name, "varID": self.term_ids[name], "units": "nd"}
-        self.term_lines += element("variableDef", said, [*text("description", packed(texts)), *product])
+        properties = {"name": name, "varID": self.term_ids[name], "units": "nd"}
+        self.term_lines += element("variableDef", properties, [*text("description", packed(texts)), *product])
 
     def _table_variable(self, name: str, key: str, leaf: xr.Dataset) -> str:
         """Write a table of a term and return the variable that holds what it gives."""
@@ -230,12 +232,12 @@ class _Writer:
         varID = self._id(f"{self.term_ids[name]}__{key}")
         table = leaf[key]
         stderr = leaf["stderr"] if key == "value" and "stderr" in leaf else None
-        said = {"name": label, "varID": varID, "units": "nd"}
+        properties = {"name": label, "varID": varID, "units": "nd"}
         if table.ndim == 0:
             spread = [] if stderr is None else _uncertainty([repr(float(stderr))])
-            self.term_lines += element("variableDef", {**said, "initialValue": repr(float(table))}, spread)
+            self.term_lines += element("variableDef", {**properties, "initialValue": repr(float(table))}, spread)
             return varID
-        self.term_lines += element("variableDef", said)
+        self.term_lines += element("variableDef", properties)
         self._function(label, varID, table, stderr, "both" if leaf.attrs.get("outside", "hold") == "linear" else "neither")
         return varID
 
@@ -274,8 +276,8 @@ class _Writer:
             self.breakpoints[key] = self._id(f"B{len(self.breakpoints) + 1}_{axis.replace('.', '_')}")
             row = lookup(axis)
             inside = [*element("description", {}, row.long_name), *element("bpVals", {}, numbers(points))]
-            said = {"name": axis, "bpID": self.breakpoints[key], "units": code_of(row.units)}
-            self.breakpoint_lines += element("breakpointDef", said, inside)
+            properties = {"name": axis, "bpID": self.breakpoints[key], "units": code_of(row.units)}
+            self.breakpoint_lines += element("breakpointDef", properties, inside)
         return self.breakpoints[key]
 
 

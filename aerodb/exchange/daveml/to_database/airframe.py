@@ -1,4 +1,4 @@
-"""The aircraft around a DAVE-ML aerodynamic model: mass properties and static thrust from the files that stand beside it."""
+"""The aircraft around a DAVE-ML aerodynamic model: mass properties and static thrust from the files in the same folder."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ..vocabulary import conversion, quantity_of
 from . import polynomials
 from .expansion import expand
 
-_NAMES = {  # of S-119, beside those of the vocabulary
+_NAMES = {  # of S-119, in addition to those of the vocabulary
     "bodyProductOfInertia_ZX": "Ixz",
     "bodyPositionOfCmWrtMrc_X": "x_cg_b",
     "bodyPositionOfCmWrtMrc_Y": "y_cg_b",
@@ -60,7 +60,7 @@ def import_daveml_aircraft(
     name : str
         Of the aircraft; the title of the database unless given.
     x_ref_mac : float
-        Moment reference point behind the leading edge of the mean chord, which DAVE-ML does not tell. [chords]
+        Moment reference point behind the leading edge of the mean chord, which DAVE-ML does not state. [chords]
 
     Returns
     -------
@@ -69,7 +69,7 @@ def import_daveml_aircraft(
     Raises
     ------
     ParseError, SchemaError
-        As `read`; SchemaError also for a mass property that is not there, and for thrust that acts beside body x or is no table over
+        As `read`; SchemaError also for a mass property that is not there, and for thrust not along body x or not a table over
         lever, Mach number and height.
     UnknownName
         An input that the inertia file does not have.
@@ -159,7 +159,7 @@ def _meshed(axes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _forces(model: DaveModel, scales: Mapping[str, tuple[str, float, float]], varID: str, at: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Return the thrust of the file at states [SI]; nothing may act beside body x. [N]"""
+    """Return the thrust of the file at states [SI]; all of it along body x. [N]"""
     first = next(iter(at.values()))
     values = model.evaluate({item: f * at.get(name, 0.0 * first) + o for name, (item, f, o) in scales.items()})
     aside = [key for key in _aside(model) if np.abs(values[key]).max() > 0.0]

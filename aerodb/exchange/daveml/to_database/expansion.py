@@ -1,4 +1,4 @@
-"""The variables of a DAVE-ML model as sums of products over the quantities of the house, as far as that is exact."""
+"""The variables of a DAVE-ML model as sums of products over the quantities of the vocabulary, as far as that is exact."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..document import mathml
 from ..document.model import DaveModel, Function, Uncertainty, Variable
 from ..document.tables import Axis, Gridded
 from . import piecewise_linear, polynomials
-from .piecewise_linear import Bent
+from .piecewise_linear import PiecewiseLinear
 from .polynomials import Grid, GridAxis, Inexact, Sum
 
 _TURNED = {"lt": "gt", "gt": "lt", "leq": "geq", "geq": "leq"}
@@ -25,7 +25,7 @@ def expand(model: DaveModel, inputs: Mapping[str, Sum], lengths: Mapping[str, fl
     model : DaveModel
         The model.
     inputs : mapping of str to Sum
-        Its inputs by varID, in the units of the file, as sums over quantities of the house [SI].
+        Its inputs by varID, in the units of the file, as sums over quantities of the vocabulary [SI].
     lengths : mapping of str to float
         ``b`` and ``cbar``, where they are known. [m]
 
@@ -50,7 +50,7 @@ def expand(model: DaveModel, inputs: Mapping[str, Sum], lengths: Mapping[str, fl
 
 
 def spread(uncertainty: Uncertainty | None, values: np.ndarray) -> np.ndarray | None:
-    """Return the standard errors (shape of the values) that an uncertainty tells, or None when it tells none.
+    """Return the standard errors (shape of the values) that an uncertainty states, or None when it states none.
 
     A normal distribution gives bound / numSigmas, a uniform one of half width w gives w / sqrt(3); bounds in per cent or as a factor count
     from the values.
@@ -79,7 +79,7 @@ def _variable(model: DaveModel, varID: str, inputs: Mapping, sums: Mapping, reas
     if varID in model.functions:
         return _function(model.functions[varID], _Lookup(sums, reasons))
     if variable.initial is None:
-        raise Inexact("it is an input that no quantity of the house belongs to")
+        raise Inexact("it is an input that no quantity of the vocabulary belongs to")
     stderr = spread(variable.uncertainty, np.asarray(variable.initial))
     if stderr is not None or variable.name.endswith(VALUE):
         return polynomials.table(Grid((), np.asarray(variable.initial), stderr, varID, -1))
@@ -109,7 +109,7 @@ def _reduced(one: Sum, lengths: Mapping[str, float]) -> Sum:
             if count <= 0:
                 continue
             if length not in lengths:
-                raise Inexact(f"it holds {rate}/V, and the file does not tell {length}; pass {length}=")
+                raise Inexact(f"it holds {rate}/V, and the file does not state {length}; pass {length}=")
             counts[rate], counts["V"] = counts[rate] - count, counts["V"] + count
             counts[name] = counts.get(name, 0) + count
             coefficient *= (2.0 / lengths[length]) ** count
@@ -203,7 +203,7 @@ def _condition(condition: mathml.Expression, known: _Lookup) -> bool | tuple[str
         return value != 0.0
     one, other = (_expression(argument, known) for argument in condition.arguments)
     gap = polynomials.add([one, polynomials.scale(other, -1.0)])
-    name, function = polynomials.as_bent(gap)
+    name, function = polynomials.as_piecewise_linear(gap)
     if not name:
         return bool(float(mathml.OPERATORS[condition.operator][0](np.asarray(gap.constant), np.asarray(0.0))))
     if not function.is_line:
@@ -225,7 +225,7 @@ def _function(function: Function, known: _Lookup) -> Sum:
         if axis.interpolate != "linear" and len(axis.points) > 1:
             raise Inexact(f"its table is not linear in {function.inputs[index]} but {axis.interpolate}")
         try:
-            name, inner = polynomials.as_bent(argument)
+            name, inner = polynomials.as_piecewise_linear(argument)
         except Inexact as error:
             raise Inexact(f"its input {function.inputs[index]} cannot be an axis: {error}") from None
         if any(name == other.variable for other in axes):
@@ -235,7 +235,7 @@ def _function(function: Function, known: _Lookup) -> Sum:
     return polynomials.table(Grid(tuple(axes), values, stderr, function.output, function.place))
 
 
-def _axis(axis: Axis, name: str, inner: Bent, values: np.ndarray, stderr: np.ndarray | None, index: int):
+def _axis(axis: Axis, name: str, inner: PiecewiseLinear, values: np.ndarray, stderr: np.ndarray | None, index: int):
     """Return the axis (none for a number) over a variable, and values and standard errors seen over it."""
     if name and inner.is_line and not _limits(axis):
         return _straight(axis, name, inner, values, stderr, index)
@@ -254,7 +254,7 @@ def _axis(axis: Axis, name: str, inner: Bent, values: np.ndarray, stderr: np.nda
     return (GridAxis(name, points, low, high),), np.moveaxis(table, 0, index), spread_there
 
 
-def _straight(axis: Axis, name: str, inner: Bent, values: np.ndarray, stderr: np.ndarray | None, index: int):
+def _straight(axis: Axis, name: str, inner: PiecewiseLinear, values: np.ndarray, stderr: np.ndarray | None, index: int):
     """Return an axis in other units, the nodes kept as they are."""
     slope, offset = float(inner.left), float(inner(np.zeros(1))[0])
     points, ends = (axis.points - offset) / slope, (axis.open_low, axis.open_high)

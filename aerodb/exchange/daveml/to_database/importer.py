@@ -55,10 +55,10 @@ def import_daveml(
     path : path
         The file.
     names : mapping of str to str, optional
-        Quantity of the house by varID or name, for variables that do not carry a name of S-119: ``{"DEFL": "delta_e"}``.  An S-119
+        Quantity of the vocabulary by varID or name, for variables that do not carry a name of S-119: ``{"DEFL": "delta_e"}``.  An S-119
         unit in brackets counts instead of the file's: ``{"ALPHA_TOT_D": "alpha [deg]"}``.
     S, cbar, b : float, optional
-        Reference area [m2], chord and span [m] of a file that does not tell them.
+        Reference area [m2], chord and span [m] of a file that does not state them.
     force_axes : {"stability", "wind", "body"}, optional
         Axes of the forces; by default those of the coefficients found, lift and drag counting as stability axes unless the file says
         wind axes.
@@ -78,7 +78,7 @@ def import_daveml(
         As `read`; SchemaError also with every variable that cannot be taken over and the reason, and when reference quantities are
         missing or differ.
     UnknownName
-        A variable of `names` that the file does not have, or a quantity that the house does not have.
+        A variable of `names` that the file does not have, or a quantity that the vocabulary does not have.
     """
     model, names = _named(read(path, checks), names or {})
     mine = _quantities(model, names)
@@ -121,7 +121,7 @@ def _quantities(model: DaveModel, names: Mapping[str, str]) -> dict[str, str]:
         quantity = names.get(varID) or quantity_of(model.variables[varID])
         if quantity and quantity in found.values():
             other = next(key for key, item in found.items() if item == quantity)
-            raise SchemaError(model.file, [f"the inputs {other} and {varID} are both {quantity}; say which with names="])
+            raise SchemaError(model.file, [f"the inputs {other} and {varID} are both {quantity}; state which with names="])
         if quantity:
             found[varID] = quantity
     return found
@@ -146,7 +146,7 @@ def _geometry(model: DaveModel, given: Mapping[str, float | None]) -> dict[str, 
             problems.append(f"{quantity} is {found[quantity]:.9g} in the file and {value:.9g} in the call; leave it out")
         if value is not None:
             found.setdefault(quantity, value)
-    problems += [f"the file does not tell {quantity}; pass {quantity}=" for quantity in _REFERENCE if quantity not in found]
+    problems += [f"the file does not state {quantity}; pass {quantity}=" for quantity in _REFERENCE if quantity not in found]
     if problems:
         raise SchemaError(f"reference quantities of {model.file}", problems)
     return found
@@ -160,7 +160,7 @@ def _coefficients(model: DaveModel, names: Mapping[str, str], axes: str | None, 
         if quantity not in COEFFICIENTS:
             continue
         if quantity in found:
-            raise SchemaError(model.file, [f"the outputs {found[quantity]} and {varID} are both {quantity}; say which with names="])
+            raise SchemaError(model.file, [f"the outputs {found[quantity]} and {varID} are both {quantity}; state which with names="])
         found[quantity] = varID
     if axes is None:
         axes = _axes_of(model, found)
@@ -175,7 +175,7 @@ def _coefficients(model: DaveModel, names: Mapping[str, str], axes: str | None, 
         kept = {name: varID for name, varID in kept.items() if model.variables[varID].calculation is not None}
     if not kept:
         given = ", ".join(f"{varID} ({model.variables[varID].name})" for varID in model.outputs)
-        raise SchemaError(model.file, [f"no output is a coefficient: {given}; say which with names={{'{model.outputs[0]}': 'CL'}}, say"])
+        raise SchemaError(model.file, [f"no output is a coefficient: {given}; state which with names={{'{model.outputs[0]}': 'CL'}}, say"])
     return kept, axes
 
 
@@ -185,8 +185,8 @@ def _axes_of(model: DaveModel, found: Mapping[str, str]) -> str:
         raise SchemaError(model.file, [f"gives both {' '.join(body)} and {' '.join(other)}; choose with force_axes="])
     if body:
         return "body"
-    said = " ".join(model.variables[found[name]].axis_system.lower() for name in other)
-    return "wind" if "wind" in said else "stability"
+    axis_systems = " ".join(model.variables[found[name]].axis_system.lower() for name in other)
+    return "wind" if "wind" in axis_systems else "stability"
 
 
 def _leaves(model: DaveModel, coefficient: str, varID: str, sums: Mapping[str, Sum], reasons: Mapping[str, str]) -> dict[str, xr.Dataset]:

@@ -14,7 +14,7 @@ _SAME = 1e-12  # nodes and slopes closer than this, in terms of their size, are 
 
 
 @dataclass(frozen=True, eq=False)
-class Bent:
+class PiecewiseLinear:
     """A piecewise-linear function: ``points`` (node,) rising, ``values`` (node, ...), slopes ``left`` and ``right`` (...) beyond."""
 
     points: np.ndarray
@@ -41,26 +41,26 @@ class Bent:
         slopes = _slopes(self)
         return bool(_same(slopes, np.broadcast_to(slopes[0], slopes.shape)))
 
-    def times(self, factor: float) -> Bent:
+    def times(self, factor: float) -> PiecewiseLinear:
         """Return the function multiplied by a number."""
-        return Bent(self.points, factor * self.values, factor * self.left, factor * self.right)
+        return PiecewiseLinear(self.points, factor * self.values, factor * self.left, factor * self.right)
 
 
-def line(slope: float, offset: float = 0.0) -> Bent:
+def line(slope: float, offset: float = 0.0) -> PiecewiseLinear:
     """Return slope * x + offset."""
-    return Bent(np.zeros(1), np.array([offset]), np.asarray(slope), np.asarray(slope))
+    return PiecewiseLinear(np.zeros(1), np.array([offset]), np.asarray(slope), np.asarray(slope))
 
 
-def bend(points: list[float], values: list[float], left: float, right: float) -> Bent:
+def bend(points: list[float], values: list[float], left: float, right: float) -> PiecewiseLinear:
     """Return a function by its nodes and end slopes."""
-    return Bent(np.array(points, float), np.array(values, float), np.asarray(left, float), np.asarray(right, float))
+    return PiecewiseLinear(np.array(points, float), np.array(values, float), np.asarray(left, float), np.asarray(right, float))
 
 
 ABS = bend([0.0], [0.0], -1.0, 1.0)
 POSITIVE = bend([0.0], [0.0], 0.0, 1.0)
 
 
-def limiter(low: float, high: float) -> Bent:
+def limiter(low: float, high: float) -> PiecewiseLinear:
     """Return the limiter to low ... high; either may be infinite."""
     if np.isfinite(low) and np.isfinite(high):
         return bend([low, high], [low, high], 0.0, 0.0) if low < high else bend([low], [low], 0.0, 0.0)
@@ -69,13 +69,13 @@ def limiter(low: float, high: float) -> Bent:
     return bend([high], [high], 1.0, 0.0) if np.isfinite(high) else line(1.0)
 
 
-def add(f: Bent, g: Bent) -> Bent:
+def add(f: PiecewiseLinear, g: PiecewiseLinear) -> PiecewiseLinear:
     """Return f + g."""
     points = g.points if f.is_line else f.points if g.is_line else union(f.points, g.points)
-    return Bent(points, f(points) + g(points), _total(f.left, g.left), _total(f.right, g.right))
+    return PiecewiseLinear(points, f(points) + g(points), _total(f.left, g.left), _total(f.right, g.right))
 
 
-def compose(outer: Bent, inner: Bent) -> Bent:
+def compose(outer: PiecewiseLinear, inner: PiecewiseLinear) -> PiecewiseLinear:
     """Return outer(inner(x)); the inner function is a single one."""
     places, nodes = _preimages(outer.points, inner)
     points = union(places, inner.points)
@@ -84,10 +84,10 @@ def compose(outer: Bent, inner: Bent) -> Bent:
         values[np.argmin(np.abs(points - at))] = outer.values[node]
     left = np.where(inner.left > 0.0, outer.left, outer.right) * inner.left if inner.left != 0.0 else 0.0 * outer.left
     right = np.where(inner.right > 0.0, outer.right, outer.left) * inner.right if inner.right != 0.0 else 0.0 * outer.right
-    return _without(Bent(points, values, left, right), places)
+    return _without(PiecewiseLinear(points, values, left, right), places)
 
 
-def part(f: Bent, at: float, below: bool) -> Bent | None:
+def part(f: PiecewiseLinear, at: float, below: bool) -> PiecewiseLinear | None:
     """Return f on one side of a place and zero on the other, or None when f jumps there."""
     points = union(f.points, np.array([at]))
     values = f(points)
@@ -97,11 +97,11 @@ def part(f: Bent, at: float, below: bool) -> Bent | None:
     values[here] = 0.0
     if below:
         values[here + 1 :] = 0.0
-        return Bent(points[: here + 1], values[: here + 1], f.left, 0.0 * f.right)
-    return Bent(points[here:], values[here:], 0.0 * f.left, f.right)
+        return PiecewiseLinear(points[: here + 1], values[: here + 1], f.left, 0.0 * f.right)
+    return PiecewiseLinear(points[here:], values[here:], 0.0 * f.left, f.right)
 
 
-def as_axis(f: Bent) -> tuple[np.ndarray, np.ndarray, bool, bool]:
+def as_axis(f: PiecewiseLinear) -> tuple[np.ndarray, np.ndarray, bool, bool]:
     """Return points, values, and whether the table goes on with its end slope below and above; nodes are added where it must."""
     points, values = f.points, f.values
     step = float(points[-1] - points[0]) or 1.0
@@ -113,7 +113,7 @@ def as_axis(f: Bent) -> tuple[np.ndarray, np.ndarray, bool, bool]:
     return points, values, bool(np.any(f.left != 0.0)), bool(np.any(f.right != 0.0))
 
 
-def _slopes(f: Bent) -> np.ndarray:
+def _slopes(f: PiecewiseLinear) -> np.ndarray:
     """Return the slopes (node + 1, ...) of all pieces, the two beyond the nodes included."""
     steps = np.diff(f.points).reshape((-1,) + (1,) * (f.values.ndim - 1))
     inside = np.diff(f.values, axis=0) / steps
@@ -138,7 +138,7 @@ def union(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.sort(np.concatenate([a, new]))
 
 
-def _preimages(targets: np.ndarray, inner: Bent) -> tuple[np.ndarray, list[int]]:
+def _preimages(targets: np.ndarray, inner: PiecewiseLinear) -> tuple[np.ndarray, list[int]]:
     """Return the places where the inner function meets the targets, and the number of the target at each."""
     edges = np.concatenate([[-np.inf], inner.points, [np.inf]])
     slopes = _slopes(inner)
@@ -158,10 +158,10 @@ def _preimages(targets: np.ndarray, inner: Bent) -> tuple[np.ndarray, list[int]]
     return np.array(sorted(found)), [found[x] for x in sorted(found)]
 
 
-def _without(f: Bent, needed: np.ndarray) -> Bent:
+def _without(f: PiecewiseLinear, needed: np.ndarray) -> PiecewiseLinear:
     """Drop the nodes at which the function goes straight on, except the needed ones."""
     slopes = _slopes(f)
     keep = [bool(np.isin(point, needed)) or not _same(slopes[i], slopes[i + 1]) for i, point in enumerate(f.points)]
     if not any(keep):
         keep[0] = True
-    return Bent(f.points[keep], f.values[keep], f.left, f.right)
+    return PiecewiseLinear(f.points[keep], f.values[keep], f.left, f.right)

@@ -14,7 +14,7 @@ from functools import reduce
 import numpy as np
 
 from . import piecewise_linear
-from .piecewise_linear import Bent
+from .piecewise_linear import PiecewiseLinear
 
 MAX_PRODUCTS = 1000
 MAX_POWER = 16
@@ -40,7 +40,7 @@ class GridAxis:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A multilinear table over model variables, with the standard error of its nodes where the file tells it."""
+    """A multilinear table over model variables, with the standard error of its nodes where the file states it."""
 
     axes: tuple[GridAxis, ...]
     values: np.ndarray
@@ -53,20 +53,20 @@ class Grid:
         """The variables of the axes."""
         return tuple(axis.variable for axis in self.axes)
 
-    def along(self, variable: str) -> Bent:
+    def along(self, variable: str) -> PiecewiseLinear:
         """Return the table as a function of one of its variables."""
         index = self.variables.index(variable)
         axis, values = self.axes[index], np.moveaxis(self.values, index, 0)
         flat = np.zeros(values.shape[1:])
         if len(axis.points) == 1:
-            return Bent(axis.points, values, flat, flat)
+            return PiecewiseLinear(axis.points, values, flat, flat)
         slopes = (
             (values[1] - values[0]) / (axis.points[1] - axis.points[0]),
             (values[-1] - values[-2]) / (axis.points[-1] - axis.points[-2]),
         )
-        return Bent(axis.points, values, slopes[0] if axis.open_low else flat, slopes[1] if axis.open_high else flat)
+        return PiecewiseLinear(axis.points, values, slopes[0] if axis.open_low else flat, slopes[1] if axis.open_high else flat)
 
-    def replaced(self, variable: str, along: Bent) -> Grid:
+    def replaced(self, variable: str, along: PiecewiseLinear) -> Grid:
         """Return the table with another function along one of its variables, without standard errors."""
         index = self.variables.index(variable)
         points, values, low, high = piecewise_linear.as_axis(along)
@@ -185,7 +185,7 @@ def power(one: Sum, exponent: float) -> Sum:
     return result
 
 
-def as_bent(one: Sum) -> tuple[str, Bent]:
+def as_piecewise_linear(one: Sum) -> tuple[str, PiecewiseLinear]:
     """Return a sum that is a piecewise-linear function of one variable as that variable and function; a number has no variable, ``""``."""
     names = one.variables
     if len(names) > 1:
@@ -209,7 +209,7 @@ def as_bent(one: Sum) -> tuple[str, Bent]:
     return name, reduce(piecewise_linear.add, shapes)
 
 
-def from_bent(name: str, function: Bent, label: str = "") -> Sum:
+def from_piecewise_linear(name: str, function: PiecewiseLinear, label: str = "") -> Sum:
     """Return a piecewise-linear function of one variable as a sum: a line, or a table."""
     if function.is_line:
         offset = float(function(np.zeros(1))[0])
@@ -218,10 +218,10 @@ def from_bent(name: str, function: Bent, label: str = "") -> Sum:
     return table(Grid((GridAxis(name, points, low, high),), values, None, label))
 
 
-def applied(outer: Bent, one: Sum, label: str = "") -> Sum:
+def applied(outer: PiecewiseLinear, one: Sum, label: str = "") -> Sum:
     """Return a piecewise-linear function of a sum, which must be one of a single variable itself."""
-    name, inner = as_bent(one)
-    return from_bent(name, piecewise_linear.compose(outer, inner), label)
+    name, inner = as_piecewise_linear(one)
+    return from_piecewise_linear(name, piecewise_linear.compose(outer, inner), label)
 
 
 def side(one: Sum, name: str, at: float, below: bool) -> Sum:
@@ -244,10 +244,10 @@ def side(one: Sum, name: str, at: float, below: bool) -> Sum:
 def _side(parts: list[tuple[Grid | None, float]], name: str, at: float, below: bool) -> Sum:
     flat = Sum({((grid,) if grid is not None and grid.axes else (), () if grid is not None else ((name, 1),)): c for grid, c in parts})
     if all(grid is None or len(grid.axes) < 2 for grid, _ in parts):
-        _, function = as_bent(flat)
+        _, function = as_piecewise_linear(flat)
         cut = piecewise_linear.part(function, at, below)
         if cut is not None:
-            return from_bent(name, cut)
+            return from_piecewise_linear(name, cut)
     elif len(parts) == 1:
         grid, coefficient = parts[0]
         assert grid is not None

@@ -1,4 +1,4 @@
-"""Products of tables and variables to term leaves with the names of the house."""
+"""Products of tables and variables to term leaves with the names of the vocabulary."""
 
 from __future__ import annotations
 
