@@ -190,7 +190,7 @@ def test_command_prints_and_gives_json(files, found):
         (["--speed", "15"], "no steady flight at"),
     ],
 )
-def test_bad_conditions_are_told(files, arguments, said):
+def test_bad_conditions_are_reported(files, arguments, said):
     db, craft, _ = files
     result = CliRunner().invoke(command, ["characteristics", db, craft, *arguments])
     assert result.exit_code != 0

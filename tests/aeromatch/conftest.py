@@ -8,7 +8,7 @@ from aeromatch.cli import main
 
 @pytest.fixture
 def aeromatch(monkeypatch, capfd):
-    """The command as a user calls it, in this process: words in; exit code, stdout and stderr out."""
+    """The command as a user calls it, in this process: arguments in; exit code, stdout and stderr out."""
 
     def call(*words):
         monkeypatch.setattr(sys, "argv", ["aeromatch", *map(str, words)])

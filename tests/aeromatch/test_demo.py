@@ -35,7 +35,7 @@ def test_flight_makes_the_model_better(demo):
 
 
 @pytest.mark.slow
-def test_every_step_is_told_on_its_own_line(demo):
+def test_every_step_is_reported_on_its_own_line(demo):
     _, run = demo
     steps = [line for line in run.stderr.splitlines() if " ... " in line]
     assert len(steps) == 9

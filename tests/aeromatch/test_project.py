@@ -68,7 +68,7 @@ def test_a_project_is_read(write, tmp_path):
     assert project.fits[0].models == ("CL = 1 + alpha",)
 
 
-def test_all_misspelt_keys_are_told_at_once(write):
+def test_all_misspelt_keys_are_reported_at_once(write):
     found = problems(write(("cutoff", "cutof"), ("regressors", "regresors"), ("manoeuvres", "maneuvers")))
     assert "cutof: unknown key; near it: cutoff" in found
     assert any("regresors: unknown key; near it: regressors" in text for text in found)
@@ -76,7 +76,7 @@ def test_all_misspelt_keys_are_told_at_once(write):
     assert len(found) == 4  # the fourth: manoeuvres is missing
 
 
-def test_all_that_is_not_there_is_told_at_once(write):
+def test_all_that_is_not_there_is_reported_at_once(write):
     changes = [
         ('"clean.out"', '"cleen.out"'),
         ('"aircraft.toml"', '"none.toml"'),

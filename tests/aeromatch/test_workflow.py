@@ -58,7 +58,7 @@ def test_windows_by_kind_and_by_kind_and_control(project):
     assert windows_of(fitted(project, "doublet", "3211 elevator")) == [{"run_1": [(4.0, 6.0), (6.0, 9.0), (1.0, 4.0)]}]
 
 
-def test_unknown_manoeuvres_are_told_at_once(project):
+def test_unknown_manoeuvres_are_reported_at_once(project):
     with pytest.raises(SchemaError) as caught:
         windows_of(fitted(project, "3211 elevater", "doublet", "sideslip"))
     first, second = caught.value.problems

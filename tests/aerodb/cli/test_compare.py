@@ -126,7 +126,7 @@ def test_plot_of_one_term(files, path, tmp_path):
         run("plot", files[0], "--term", "CL/flop", "-o", str(target))
 
 
-def test_databases_of_one_name_are_told_apart_by_their_folders(files, small, tmp_path):
+def test_databases_of_one_name_are_distinguished_by_their_folders(files, small, tmp_path):
     from aerodb.cli.compare import _labels
 
     assert list(_labels(*files)) == ["prior", "final"]

@@ -87,9 +87,9 @@ def test_history_previous_forget(file, output, small, tmp_path):
     run("edit", output, "scale", "CL/flap", "--by", "3", "--note", "again", "-o", output)
     lines = [line.strip() for line in run("history", output).stdout.splitlines()]
     assert lines == ["edit  what was done", "by hand", "1  scale: CL/flap by 2", "2  scale: CL/flap by 3 (again)"]
-    told = json.loads(run("history", output, "--json").stdout)
-    assert told[2] == {"line": 3, "edit": 2, "verb": "scale", "terms": "CL/flap", "note": "again", "text": "scale: CL/flap by 3 (again)"}
-    assert told[0]["edit"] is None
+    rows = json.loads(run("history", output, "--json").stdout)
+    assert rows[2] == {"line": 3, "edit": 2, "verb": "scale", "terms": "CL/flap", "note": "again", "text": "scale: CL/flap by 3 (again)"}
+    assert rows[0]["edit"] is None
     assert run("previous", output, "--steps", "2", "-o", back).stdout == f"written: {back}\n"
     assert aerodb.open(back).identical(small)
     run("previous", output, "--edit", "2", "-o", back)
@@ -100,7 +100,7 @@ def test_history_previous_forget(file, output, small, tmp_path):
         run("previous", back, "-o", output)
 
 
-def test_bad_words(file, output):
+def test_bad_arguments(file, output):
     assert run("edit", file, "regrid", "CL/basic", "--axis", "alpha", "-o", output).exit_code == 2
     with pytest.raises(UnknownName, match="unknown quantity 'alfa'; near it: alpha"):
         run("edit", file, "regrid", "CL/basic", "--axis", "alfa=1 deg", "-o", output)

@@ -59,7 +59,7 @@ def test_check_cases_take_count_and_seed(small, file, tmp_path):
         (("--to", "xlsx"), "'xlsx' is not one of"),
     ],
 )
-def test_options_that_do_not_fit_are_told(file, tmp_path, arguments, said):
+def test_options_that_do_not_fit_are_reported(file, tmp_path, arguments, said):
     found = run("export", file, *arguments, "-o", str(tmp_path / "x"))
     assert found.exit_code == 2
     assert said in found.stderr

@@ -76,7 +76,7 @@ def test_a_warning_where_they_disagree(small, flown):
 
 
 def test_all_nodes_of_a_table_together(small):
-    """Rule correlated: what one node tells reaches its neighbours, as the covariance of the prior says."""
+    """Rule correlated: information at one node reaches its neighbours through the covariance of the prior."""
     alpha = np.radians([0.0, 8.0])
     other = terms.make(0.25 + np.outer([5.0, 5.4], alpha), {"mach": MACH, "alpha": alpha}, stderr=0.02, source="flight")
     other = aerodb.database({"CL/basic": other}, **small.attrs)

@@ -126,9 +126,9 @@ def test_an_edit_leaves_all_else_alone_and_can_be_taken_back(seed):
         states.append(after)
     assert aerodb.previous(states[-1], steps=3).identical(first)
     assert aerodb.previous(states[-1], edit=2).identical(states[1])
-    told = aerodb.history(states[-1])
-    assert list(told["edit"]) == [None, 1, 2, 3]
-    for k, row in enumerate(told.iloc[1:].itertuples()):
+    rows = aerodb.history(states[-1])
+    assert list(rows["edit"]) == [None, 1, 2, 3]
+    for k, row in enumerate(rows.iloc[1:].itertuples()):
         assert aerodb.previous(states[-1], edit=row.edit).identical(states[k])
     released = aerodb.forget(states[-1])
     assert "previous" not in released.children

@@ -1,4 +1,4 @@
-"""What an exported file and JSBSim itself make of random states, beside what the database says of the same states."""
+"""What an exported file and JSBSim itself make of random states, compared with the database at the same states."""
 
 import json
 import subprocess

@@ -81,7 +81,7 @@ def test_a_column_in_degrees_is_converted(small, table):
     assert aerodb.run_checkcases(small, table)["agrees"].all()
 
 
-def test_tables_that_cannot_be_run_are_told(small, table):
+def test_tables_that_cannot_be_run_are_reported(small, table):
     text = table.read_text()
     table.write_text(text.replace("mach [1]", "nach [1]").replace("qhat [1]", "qhat [deg/s]"))
     with pytest.raises(SchemaError) as caught:

@@ -64,7 +64,7 @@ def test_rows_may_stand_in_any_order(small, folder):
     xr.testing.assert_identical(aerodb.import_csv(folder), small)
 
 
-def test_all_faults_are_told_with_file_and_line(folder):
+def test_all_faults_are_reported_with_file_and_line(folder):
     edited(folder / "001_CL_basic.csv", "mach [1]", "mach [ft]")
     edited(folder / "002_CL_qhat.csv", "8.4,2.1,datcom", "8,4,2.1,datcom")
     edited(folder / "003_CL_flap.csv", "0.36,0.07,datcom", "none,0.07,guess")
@@ -101,7 +101,7 @@ def test_all_faults_are_told_with_file_and_line(folder):
         ),
     ],
 )
-def test_a_table_that_is_no_grid_is_told(folder, old, new, fault):
+def test_a_table_that_is_no_grid_is_reported(folder, old, new, fault):
     edited(folder / "001_CL_basic.csv", old, new)
     with pytest.raises(SchemaError, match=fault):
         aerodb.import_csv(folder)
@@ -162,7 +162,7 @@ def test_folders_that_are_none_of_ours(small, tmp_path):
         aerodb.export_csv(small, tmp_path / "index.csv")
 
 
-def test_a_folder_of_ours_is_replaced_and_one_with_a_strange_file_is_not(small, folder):
+def test_a_folder_of_ours_is_replaced_and_one_with_a_foreign_file_is_not(small, folder):
     fewer = aerodb.database({"CL/basic": terms.make(1.0)}, **small.attrs)
     aerodb.export_csv(fewer, folder)
     assert sorted(os.listdir(folder)) == ["001_CL_basic.csv", "index.csv"]

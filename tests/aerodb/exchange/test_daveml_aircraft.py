@@ -95,7 +95,7 @@ def test_thrust_that_is_no_table_is_refused(old, new, message, db, file):
         aerodb.import_daveml_aircraft(db, file("inertia.dml", INERTIA), file("thrust.dml", content))
 
 
-def test_what_an_inertia_file_lacks_is_told(db, file):
+def test_what_an_inertia_file_lacks_is_reported(db, file):
     lacking = file("inertia.dml", INERTIA.replace("totalMass", "grossWeight").replace(' initialValue="35.0"', ""))
     with pytest.raises(SchemaError, match=r"the input CG \(vrsPositionOfCM\) has no initial value(.|\n)*no output is mass"):
         aerodb.import_daveml_aircraft(db, lacking)

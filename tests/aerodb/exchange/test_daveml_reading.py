@@ -1,4 +1,4 @@
-"""DAVE-ML files: what they say, what they give, what is refused.
+"""DAVE-ML files: content, values, what is refused.
 
 The sample files are third-party material: NASA's F-16 and check-case models, and the examples of the DAVE-ML schema.
 """

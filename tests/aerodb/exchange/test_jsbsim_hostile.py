@@ -212,5 +212,5 @@ def test_sections_in_other_files(tmp_path):
         with pytest.raises(ParseError, match=r"line 2: found file .* expected a file in the folder of bad\.xml"):
             read(folder, text.format(name))
     (folder / "aero.xml").write_text("<metrics/>")
-    with pytest.raises(ParseError, match=r"found <metrics>; expected <aerodynamics>, which bad\.xml asks for in line 2"):
+    with pytest.raises(ParseError, match=r"found <metrics>; expected <aerodynamics>, which bad\.xml refers to in line 2"):
         read(folder, text.format("aero"))

@@ -61,7 +61,7 @@ def test_round_trip(force_axes, jsbsim_min, tmp_path):
     ours, theirs = aerodb.terms(db), aerodb.terms(back)
     assert set(ours) == set(theirs)
     for name, leaf in ours.items():
-        leaf, found = leaf.squeeze(drop=True), theirs[name]  # an axis of one breakpoint says nothing
+        leaf, found = leaf.squeeze(drop=True), theirs[name]  # an axis of one breakpoint carries no information
         assert found.attrs["regressors"] == leaf.attrs["regressors"], name
         for table in ("value", "K1", "K2"):
             assert (table in found) == (table in leaf), name

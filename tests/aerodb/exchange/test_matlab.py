@@ -120,7 +120,7 @@ def test_files_that_are_none_of_ours(tmp_path):
         aerodb.import_matlab(path)
 
 
-def test_all_faults_of_the_terms_are_told(small, tmp_path):
+def test_all_faults_of_the_terms_are_reported(small, tmp_path):
     path = tmp_path / "small.mat"
     aerodb.export_matlab(small, path)
     content = loadmat(path)
@@ -132,7 +132,7 @@ def test_all_faults_of_the_terms_are_told(small, tmp_path):
     with pytest.raises(SchemaError) as caught:
         aerodb.import_matlab(path)
     assert caught.value.problems == [
-        "terms(1): CL/basic values is 4 x 2, its breakpoints ask for 2 x 4",
+        "terms(1): CL/basic values is 4 x 2, its breakpoints require 2 x 4",
         "terms(2): CL/qhat values: axis mach is given in 'deg'; convert its breakpoints to '1'",
         "terms(3): name is 'CL/flap', coefficient and contribution are others",
     ]

@@ -40,7 +40,7 @@ def test_basic_and_altitude_add_up_to_every_printed_page(craft, make_case):
     assert (db["CL/altitude"]["stderr"].sel(h=3000.0) > 0).all()
 
 
-def test_the_middle_altitude_is_the_basic_one_unless_told(craft, make_case):
+def test_the_middle_altitude_is_the_basic_one_unless_specified(craft, make_case):
     assert aerodb.from_datcom(craft, clean=make_case())["CL/basic"].attrs["comment"].startswith("clean aeroplane at 3000 m")
     with pytest.raises(SchemaError, match=r"altitude 1500.0 m is not printed; choose one of 0.0, 3000.0 m"):
         aerodb.from_datcom(craft, clean=make_case(), altitude=1500.0)

@@ -1,6 +1,6 @@
 """Spoilers, differential tail, stabilizer, hinge moments and tabs of a jet against their pages.
 
-A printed number is known to half a unit of its last digit; tolerances are that, unless they say otherwise.
+A printed number is known to half a unit of its last digit; tolerances are that, unless stated otherwise.
 """
 
 import dataclasses
@@ -166,7 +166,7 @@ def test_hinge_moments_do_not_depend_on_the_reference_of_the_aeroplane(jet, corp
 
 
 def test_tab_gives_the_engineer_his_B4_back(hinged):
-    """The deck says B4 -0.006 per degree; the streams are printed with three digits."""
+    """The deck gives B4 -0.006 per degree; the streams are printed with three digits."""
     assert float(hinged["Ch_e/tab"]["value"]) * DEGREE == pytest.approx(-0.006, rel=2e-3)
     assert hinged["Ch_e/tab"].attrs["regressors"] == "delta_t"
 

@@ -1,6 +1,6 @@
 """The T-37 database against its listings: numbers as printed in data/t37/datcom and its README.
 
-A printed number is known to half a unit of its last digit; tolerances are that, unless they say otherwise.
+A printed number is known to half a unit of its last digit; tolerances are that, unless stated otherwise.
 """
 
 import numpy as np

@@ -104,7 +104,7 @@ def test_a_database_that_xarray_wrote_is_one(small, tmp_path):
     xr.testing.assert_identical(aerodb.open(tmp_path / "x.nc"), small)
 
 
-def test_a_dimension_without_breakpoints_is_told(small, tmp_path):
+def test_a_dimension_without_breakpoints_is_reported(small, tmp_path):
     tree = xr.DataTree.from_dict({**small.to_dict(), "/CL/flap": xr.Dataset({"value": ("delta_f", [0.0, 0.2])})})
     tree.to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
     with pytest.raises(SchemaError) as caught:

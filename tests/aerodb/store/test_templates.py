@@ -48,7 +48,7 @@ def test_every_symbol_of_the_equations_has_its_term(equation):
             assert slot.regressors == tuple(regressors.split())
 
 
-def test_what_could_not_be_identified_is_told_as_in_4_5():
+def test_what_could_not_be_identified_is_reported_as_in_4_5():
     scheme = lr743()
     gone = {name for name, slot in scheme.items() if "could not be identified" in slot.identified}
     assert gone == {

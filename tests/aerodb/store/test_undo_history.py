@@ -31,10 +31,10 @@ def test_the_group_of_an_edit_holds_what_it_replaced(small):
 
 def test_history_tells_the_edits(small):
     new = aerodb.delete_terms(aerodb.scale(small, "CL/*", 2.0, note="twice"), ["Cm/qhat"])
-    told = aerodb.history(new)
-    assert told.loc[1].to_list() == [None, "", "", "", "by hand"]
-    assert told.loc[2].to_list() == [1, "scale", "CL/basic CL/qhat CL/flap", "twice", "scale: CL/basic CL/qhat CL/flap by 2 (twice)"]
-    assert told.loc[3].to_list() == [2, "delete_terms", "Cm/qhat", "", "delete_terms: Cm/qhat"]
+    rows = aerodb.history(new)
+    assert rows.loc[1].to_list() == [None, "", "", "", "by hand"]
+    assert rows.loc[2].to_list() == [1, "scale", "CL/basic CL/qhat CL/flap", "twice", "scale: CL/basic CL/qhat CL/flap by 2 (twice)"]
+    assert rows.loc[3].to_list() == [2, "delete_terms", "Cm/qhat", "", "delete_terms: Cm/qhat"]
 
 
 def test_deleting_is_taken_back_in_the_old_order(small):
@@ -89,11 +89,11 @@ def test_an_edit_that_changes_nothing_keeps_the_check_cases(checked):
 @pytest.mark.parametrize("name", ["e001", "before", "e-01"])
 def test_a_group_that_no_edit_wrote_is_named(small, name):
     nodes = {node.path: node.to_dataset(inherit=False) for node in small.subtree}
-    strange = xr.DataTree.from_dict({**nodes, f"/previous/{name}/CL/flap": aerodb.terms(small)["CL/flap"]})
+    foreign = xr.DataTree.from_dict({**nodes, f"/previous/{name}/CL/flap": aerodb.terms(small)["CL/flap"]})
     for ask in (aerodb.history, aerodb.previous, lambda db: aerodb.scale(db, "CL/flap", 2.0)):
         with pytest.raises(SchemaError, match=rf"/previous/{name} is not the undo entry of an edit; aerodb\.forget drops"):
-            ask(strange)
-    assert aerodb.forget(strange).identical(small)
+            ask(foreign)
+    assert aerodb.forget(foreign).identical(small)
 
 
 def test_files_keep_the_states_and_the_simulation_does_not_see_them(small, tmp_path):
