@@ -49,7 +49,10 @@ from .correlation import LENGTHS, PARTS, SHARES, SPREADS, prior_parts
 REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the first identified, below the second corrected
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
 _HUBER = 2.5
-FLOWN = 0.25  # least weight that some sample gives to a node of the flown region: half a cell away on each of two axes
+FLOWN = 0.25  # least weight that some sample gives to a node from flight: half a cell away on each of two axes
+# the same of a node of the region that a correction covers as a whole: every cell with samples, so that no kink of the prior
+# falls between samples, where the straight local models cannot see it
+COVERED = 0.02
 _ROUNDS, _STEPS = 4, 100  # of weighting, and of Newton's method within each
 _SPREAD_OF_FITS = 0.7  # standard error of the logarithm of the factor on C a priori
 _SETTLED = 1e-6  # step in these logarithms
@@ -152,7 +155,7 @@ class _Observation:
     H: np.ndarray  # (estimates, free nodes)
     D: np.ndarray  # (estimates, common errors)
     C: np.ndarray  # (estimates, estimates)
-    flown: np.ndarray  # (free nodes,), True where samples lie close by
+    weight: np.ndarray  # (free nodes,), largest share of a sample in each
     bases: dict[str, Any]  # of all terms, free and held: (samples, nodes)
 
 
@@ -173,9 +176,9 @@ def _one_coefficient(coefficient, fits, leaves, held, lengths, tables) -> dict[s
     free = {name: leaf for name, leaf in leaves.items() if name not in held}
     sources = list(dict.fromkeys(str(name) for fit in fits for name in fit.estimates["error"].values))
     observed = [_observe(fit, leaves, free, sources) for fit in fits]
-    flown = np.any([o.flown for o in observed], axis=0)
+    flown, covered = (np.any([o.weight >= least for o in observed], axis=0) for least in (FLOWN, COVERED))
     touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
-    found = _posterior(observed, free, flown & touched, lengths)
+    found = _posterior(observed, free, covered & touched, lengths)
     new = {}
     for (name, leaf), nodes in zip(free.items(), _slices([leaf["value"].size for leaf in free.values()])):
         if touched[nodes].any():
@@ -195,15 +198,15 @@ def _observe(fit, leaves: Mapping[str, xr.Dataset], free: Mapping[str, xr.Datase
     e = fit.estimates
     D = np.zeros((X.shape[1], len(sources)))
     D[:, [sources.index(str(name)) for name in e["error"].values]] = e["systematic"].values
-    flown = np.concatenate([_flown(leaf, fit.data) for leaf in free.values()])
-    return _Observation(e["estimate"].values - np.linalg.solve(R, Q.T @ fixed), np.hstack(H), D, e["covariance"].values, flown, bases)
+    weight = np.concatenate([_nearest(leaf, fit.data) for leaf in free.values()])
+    return _Observation(e["estimate"].values - np.linalg.solve(R, Q.T @ fixed), np.hstack(H), D, e["covariance"].values, weight, bases)
 
 
-def _flown(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
-    """Return which nodes have samples close by: the table gives them a weight of `FLOWN` at some sample inside it."""
+def _nearest(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
+    """Return the largest weight that the table gives to each node at a sample inside it: 1 at a sample on the node."""
     bare = _terms.bare(leaf)
     B = basis_at(bare, data)[~_outside(bare, data)]
-    return np.asarray(B.max(axis=0).todense()).ravel() >= FLOWN if B.shape[0] else np.zeros(leaf["value"].size, bool)
+    return np.asarray(B.max(axis=0).todense()).ravel() if B.shape[0] else np.zeros(leaf["value"].size)
 
 
 def _posterior(observed: Sequence[_Observation], free: Mapping[str, xr.Dataset], flown: np.ndarray, lengths) -> _Posterior:
