@@ -14,6 +14,7 @@ from flightmech.support.atomic_write import written_whole
 
 from ...arrays.conditions import control_surface
 from ...cells import ABSENT, BLANK, FILLED, FLAGS, OK
+from ...decks.deck import Deck
 from ...listing import Case, Listing
 from ..configurations import parts
 from .fields import BUILD, MISSING, Field, Units, dimension, fields
@@ -82,7 +83,8 @@ def structure(case: Case, *, usenan: bool = True) -> tuple[dict[str, Any], list[
     clean = [leaf for name, leaf in tree.children.items() if name in ("static", "dynamic")]
     build = 10 if case.deck.has("BUILD") or any("configuration" in leaf.dims for leaf in clean) else 1
     found, lost = _scalars(case, tree, grid, build, units), _Lost(tree, grid)
-    arrays = _Arrays(grid, build, "delta_e" if control_surface(case.deck) == "tail" else "delta_f", units, usenan, lost)
+    device = "delta_e" if control_surface(case.deck) == "tail" else "delta_f"
+    arrays = _Arrays(grid, build, device, _deltas(case.deck), units, usenan, lost)
     for field in fields(int(case.deck.value("ASYFLP", "STYPE") or 0)):
         leaf = tree.children.get(field.leaf)
         quantity = "CF_stick" if leaf is not None and field.name == "fc_con" and "CF_stick" in leaf else field.quantity
@@ -133,7 +135,7 @@ def _scalars(case: Case, tree: xr.DataTree, grid: Grid, build: int, units: Units
         found = deck.value(namelist, variable)
         return default if found is None else found
 
-    deltas = deck.schedule("SYMFLP", "DELTA", "NDELTA") or deck.schedule("HYPEFF", "HDELTA", "HNDLTA")
+    deltas = _deltas(deck)
     left, right = (deck.schedule("ASYFLP", name, "NDELTA") for name in ("DELTAL", "DELTAR"))
     heights = _heights(tree, units.factor("length"))
     return {
@@ -185,6 +187,11 @@ def _row(values: list[float]) -> np.ndarray:
     return np.array(values, float).reshape(1, -1) if values else _EMPTY
 
 
+def _deltas(deck: Deck) -> list[float]:
+    """Return the deflections of a symmetric device on the cards. [deg]"""
+    return deck.schedule("SYMFLP", "DELTA", "NDELTA") or deck.schedule("HYPEFF", "HDELTA", "HNDLTA")
+
+
 def _alphas(tree: xr.DataTree) -> list[float]:
     """Return printed angles of attack of a case without cards. [deg]"""
     leaf = next((leaf.to_dataset(inherit=False) for leaf in tree.children.values() if "alpha" in leaf.dims), None)
@@ -204,6 +211,7 @@ class _Arrays(NamedTuple):
     grid: Grid
     build: int
     device: str
+    deltas: list[float]
     units: Units
     usenan: bool
     lost: _Lost
@@ -215,6 +223,7 @@ class _Arrays(NamedTuple):
                 leaf = leaf.sel({axis: label})
             elif axis in leaf.dims or str(leaf[axis].values) != label:
                 return None
+        leaf = self._of_the_cards(leaf, field.leaf)
         value = leaf[field.quantity]
         flag = leaf[f"{field.quantity}_flag"] if f"{field.quantity}_flag" in leaf else xr.zeros_like(value, dtype=np.uint8)
         if "power" in value.dims:
@@ -241,6 +250,15 @@ class _Arrays(NamedTuple):
             out = out[:, there[0] if there else 0]
             order.remove("alt")
         return out.transpose([order.index(axis) for axis in field.axes])
+
+    def _of_the_cards(self, leaf: xr.Dataset, name: str) -> xr.Dataset:
+        """Return a leaf with the deflections of the cards: the structure has no room for the clean page of a run in ground effect."""
+        if self.device not in leaf.dims or leaf.sizes[self.device] <= max(len(self.deltas), 1):
+            return leaf
+        printed = np.round(np.rad2deg(leaf[self.device].values), 6)
+        kept = np.isin(printed, np.round(self.deltas, 6))
+        self.lost.more |= {f"{self.device} {angle:g} deg of leaf {name}" for angle in printed[~kept]}
+        return leaf.isel({self.device: kept})
 
     def _as_printed(self, field: Field, numbers: np.ndarray, flags: np.ndarray) -> np.ndarray:
         without = np.where(np.isin(flags, _NOT_THERE), MISSING, np.nan if self.usenan else 0.0)

@@ -62,6 +62,10 @@ def _compare(case, other, leaf, left_out):
     lost = [str(c) for c in np.atleast_1d(mine.coords.get("configuration", "")) if f"configuration {c} of" in left_out]
     if "configuration" in mine.dims and lost and leaf in ("static", "dynamic"):
         mine = mine.sel(configuration=[c for c in mine["configuration"].values if c not in lost])
+    for device in {"delta_f", "delta_e"} & set(mine.dims):
+        angles = np.round(np.rad2deg(mine[device].values), 6)
+        mine = mine.isel({device: [f"{device} {angle:g} deg of leaf {leaf}" not in left_out for angle in angles]})
+        mine = mine.squeeze(device) if mine.sizes[device] == 1 and device not in back.dims else mine
     for name in names:
         value = back[name].transpose(*mine[name].dims)
         np.testing.assert_allclose(value, mine[name], rtol=1e-12, equal_nan=True, err_msg=f"{leaf} {name}")  # unit factors there and back
