@@ -1,9 +1,9 @@
-"""Submodels identified from simulated records whose truth is kept apart: engine, ground effect and landing gear.
+"""Submodels identified from simulated records whose truth is kept apart: engine, ground effect, landing gear and control loading.
 
     python benchmarks/submodels.py FOLDER -o answers.json [--only ground_effect]
 
-FOLDER holds one folder of records per submodel, and truth/ with the drag polar of the partial climbs, a surveyed quantity; no other entry
-of it is opened.  Each set is answered by public calls alone and the answers are written as
+FOLDER holds one folder of records per submodel, and truth/ with surveyed quantities: the drag polar of the partial climbs, gearing and
+hinge of the elevator; no other entry of it is opened.  Each set is answered by public calls alone and the answers are written as
 ``{"ground_effect": {...}, "landing_gear": {...}}``, every estimate as [value, standard error] in SI units and radians.
 """
 
@@ -133,13 +133,47 @@ def _columns(file: Path, names: dict[str, str]) -> xr.Dataset:
     return found.assign(n1=found["n1"] / 100.0)
 
 
+_CHANNELS = {
+    "F_N": "F_column",
+    "s_m": "column",
+    "de_rad": "delta_e",
+    "qbar_Pa": "qbar",
+    "alpha_rad": "alpha",
+    "tab_rad": "delta_t",
+    "nz": "nz",
+}
+
+
+def control_loading(folder: Path) -> dict:
+    """Return hinge moments, friction, breakout force, unbalance, masses and cable of an elevator circuit."""
+    surveyed = json.loads((folder.parent / "truth" / "control_loading_truth.json").read_text())["parameters"]
+    G, S_hinge, c_hinge = (surveyed[name] for name in ("G", "Se", "ce"))
+    loading = flighttest.ControlLoading("column", -G, S_hinge, c_hinge, "Ch_e = 1 + alpha + delta_e + delta_t")
+    sweeps = [_cockpit(file) for file in sorted(folder.glob("*_sweep.csv.gz"))]
+    free = [_cockpit(file) for kind in ("pulse", "release") for file in sorted(folder.glob(f"*_{kind}.csv.gz"))]
+    found = flighttest.identify_control_loading(loading, sweeps, free)
+    print(found.report())
+    names = {"Ch0": "Ch_e: 1", "Cha": "Ch_e: alpha", "Chd": "Ch_e: delta_e", "Cht": "Ch_e: delta_t", "breakout": "preload"}
+    names |= {"unbalance": "offset", "mf": "mass", "Ia": "inertia", "Kc": "cable_stiffness"}
+    answers: dict = {answer: list(found.value(name)) for answer, name in names.items()}
+    answers["friction_total"] = list(found.total("friction"))
+    said = {"bob_weight": "bob", **{name: answer for answer, name in names.items()}}
+    answers["collinear"] = sorted({said[name] for pair in found.collinear for name in pair})
+    return answers
+
+
+def _cockpit(file: Path) -> xr.Dataset:
+    record = pd.read_csv(file)
+    return xr.Dataset({new: ("time", record[old].values) for old, new in _CHANNELS.items()}, {"time": record["t"].values})
+
+
 def _over_runway(record: pd.DataFrame) -> xr.Dataset:
     columns = {new: ("time", record[old].values) for old, new in _COLUMNS.items()}
     rates = {new: ("time", 0.5 * record[old].values) for old, new in _RATES.items()}
     return xr.Dataset({**columns, **rates}, {"time": record["t"].values})
 
 
-SETS = {"engine": engine, "ground_effect": ground_effect, "landing_gear": landing_gear}
+SETS = {"engine": engine, "ground_effect": ground_effect, "landing_gear": landing_gear, "control_loading": control_loading}
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

@@ -16,6 +16,10 @@ from .combining.mixed_estimation import prior_of as prior_of
 from .combining.pooling import pool as pool
 from .combining.pooling import pool_fits as pool_fits
 from .combining.published import published_fit as published_fit
+from .control_loading.database import replace_hinge_moments as replace_hinge_moments
+from .control_loading.identification import identify_control_loading as identify_control_loading
+from .control_loading.loading import ControlLoading as ControlLoading
+from .control_loading.result import IdentifiedLoading as IdentifiedLoading
 from .dynamics.derived_channels import (
     airspeed_from_pressures as airspeed_from_pressures,
 )

@@ -74,6 +74,7 @@ ORDER = {
         "model_structure",
         "aircraft_properties",
         "ground_effect",
+        "control_loading",
         "input_design",
         "quality",
         "maximum_likelihood",

@@ -26,6 +26,7 @@ _ELSEWHERE = {
     "modes": "report",
     "fit": "fit",
     "ground-effect": "ground_effect",
+    "controls": "controls",
     "engine": "engine",
 }  # verb: module
 

@@ -1,0 +1,56 @@
+"""The verb ``aeromatch flight controls``: friction, masses, cable and hinge moments of a control from states with cockpit channels."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from flightmech.support.console import NewFile, document, json_option
+
+_FILE = click.Path(exists=True, dir_okay=False)
+
+
+@click.command("controls")
+@click.argument("paths", nargs=-1, required=True, type=_FILE)
+@click.option("--free", "free_files", multiple=True, type=_FILE, help="States of pulses and releases.")
+@click.option("--aircraft", "aircraft_file", required=True, type=_FILE, help="Aircraft, TOML: hinge geometry and gearing.")
+@click.option("--item", type=click.Choice(["column", "wheel", "pedal"]), default="column", show_default=True, help="Control.")
+@click.option("--model", default="", help="Terms of the hinge moment. Default for the column: 'Ch_e = 1 + alpha + delta_e + delta_t'.")
+@click.option("--constant", "constants", multiple=True, help="Terms of the force, such as offset or friction. Default: by control.")
+@click.option("--arm", type=float, default=0.0, help="Ailerons from the plane of symmetry [m], for p arm / V.")
+@click.option("--order", type=click.Choice(["2", "4"]), default="4", show_default=True, help="4: two masses on a cable.")
+@click.option("-o", "--output", type=NewFile(), help="Write the aircraft with the identified circuit; it needs one already, for the stops.")
+@click.option("--database", "database_file", type=_FILE, help="Put the hinge moments into this database; see --into.")
+@click.option("--into", type=NewFile(), help="Where the database with the hinge moments is written.")
+@json_option
+def controls(paths, free_files, aircraft_file, item, model, constants, arm, order, output, database_file, into, as_json) -> None:
+    """Identify the control loading from PATHS: slow sweeps and manoeuvres of several speeds and tab settings."""
+    from flightmech import read_aircraft, write_aircraft
+    from flightmech.errors import SchemaError
+
+    from ..control_loading.database import replace_hinge_moments
+    from ..control_loading.identification import identify_control_loading
+    from ..control_loading.loading import ControlLoading, loading_of
+    from ..dynamics.force_coefficients import open_states
+
+    if bool(database_file) != bool(into):
+        raise SchemaError("flight controls", ["--database and --into go together; give both or none"])
+    aircraft = read_aircraft(aircraft_file)
+    loading: ControlLoading = loading_of(aircraft, item, model, constants, arm)
+    states, free = ([open_states(path) for path in group] for group in (paths, free_files))
+    found = identify_control_loading(loading, states, free, int(order))
+    if output:
+        write_aircraft(found.aircraft(aircraft), Path(output))
+    if into:
+        import aerodb
+
+        aerodb.save(replace_hinge_moments(aerodb.open(database_file), found), into)
+    if as_json:
+        rows = {str(name): found.value(str(name)) for name in found.estimates["term"].values}
+        totals = {name: found.total(name) for name in ("friction", "damping", "mass") if name in loading.constants}
+        document({"item": item, "order": found.order, "estimates": rows, "both_ends": totals, "collinear": found.collinear, "file": output})
+        return
+    click.echo(found.report())
+    for file in filter(None, (output, into)):
+        click.echo(f"written: {file}")

@@ -1,0 +1,159 @@
+"""What was found of the control loading: constants for the aircraft file, hinge moments for the database, text."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.control_surface import Control
+from flightmech.aircraft.systems.control_circuits import Circuit
+from flightmech.errors import SchemaError, UnknownName
+from flightmech.units import G0
+
+from .forward import Flown, fly_windows
+from .loading import ControlLoading
+from .regression import SlidingFit
+
+_UNITS = {  # of a travel in m, of one in rad
+    "offset": ("N", "N m"), "bob_weight": ("kg", "kg m"), "stiffness": ("N/m", "N m"), "nose_spring": ("N/m", "N m"),
+    "preload": ("N", "N m"), "friction": ("N", "N m"), "damping": ("N s/m", "N m s"), "mass": ("kg", "kg m2"),
+    "inertia": ("kg m2", "kg m2"), "cable_stiffness": ("N/m", "N m"), "cable_damping": ("N s/m", "N m s"),
+    "hinge_friction": ("N m", "N m"), "hinge_damping": ("N m s", "N m s"), "rigging": ("rad", "rad"),
+}  # fmt: skip
+_CIRCUIT = (
+    *("mass", "inertia", "damping", "hinge_damping", "stiffness", "preload", "friction", "hinge_friction"),
+    *("cable_stiffness", "cable_damping", "rigging", "bob_weight"),
+)
+
+
+@dataclass(frozen=True)
+class IdentifiedLoading:
+    """Constants of one control circuit and its hinge moments.
+
+    Attributes
+    ----------
+    loading : ControlLoading
+    slid : SlidingFit
+        Of the force at the hand; friction, damping and mass of both ends together.
+    cable : Dataset or None
+        Of the stretch of the cable, see `cable_fit`; None for order 2.
+    estimates : Dataset (term, term_, error)
+        ``estimate``, ``stderr``, ``covariance`` of all constants and terms; friction, damping and mass of the cockpit end with a cable.
+    """
+
+    loading: ControlLoading
+    slid: SlidingFit
+    cable: xr.Dataset | None
+    estimates: xr.Dataset
+
+    @property
+    def order(self) -> int:
+        """Order of the model: 2 or 4."""
+        return 2 if self.cable is None else 4
+
+    def value(self, name: str) -> tuple[float, float]:
+        """Return an estimate and its standard error.
+
+        Raises
+        ------
+        UnknownName
+            No such constant or term.
+        """
+        known = [str(term) for term in self.estimates["term"].values]
+        if name not in known:
+            raise UnknownName(name, known, "constant or term")
+        one = self.estimates.sel(term=name)
+        return float(one["estimate"]), float(one["stderr"])
+
+    def total(self, name: str) -> tuple[float, float]:
+        """Return ``friction``, ``damping`` or ``mass`` of both ends of the cable, reduced to the travel, and its standard error."""
+        return self.slid.value(name)
+
+    def fly(self, free: Sequence[xr.Dataset]) -> list[Flown]:
+        """Return the free motion of records, simulated with what was identified, see `fly_windows`."""
+        return fly_windows(self.loading, dict(zip(self.estimates["term"].values.tolist(), self.estimates["estimate"].values)), free)
+
+    @property
+    def collinear(self) -> list[tuple[str, str]]:
+        """Pairs of terms that go together inside every manoeuvre and are told apart by differences between manoeuvres alone."""
+        return self.slid.alike
+
+    @property
+    def force_bias(self) -> float:
+        """What ``bias.F_column`` (wheel, pedal) of the model needs so that a recorded force acts as it did. [N or N m]"""
+        bob = self.value("bob_weight")[0] if "bob_weight" in self.loading.constants else 0.0
+        return -(self.value("offset")[0] - bob * G0)
+
+    def circuit(self, known: Circuit) -> Circuit:
+        """Return a circuit with the identified constants; what was not identified stays, such as the stops.
+
+        A wheel with two cables (order 6) moves in roll as one of order 4 with both cables: each gets half.
+        """
+        order = self.order
+        names = [str(name) for name in self.estimates["term"].values]
+        found: dict[str, Any] = {name: self.value(name)[0] for name in _CIRCUIT if name in names}
+        if order == 2:
+            found |= {"inertia": 0.0, "hinge_friction": 0.0, "hinge_damping": 0.0}
+        for name in ("mass", "damping", "preload", "stiffness", "friction"):
+            if name in found and found[name] < 0.0:
+                low = self.value(name)
+                raise SchemaError(self.loading.item, [f"{name} is {low[0]:.3g} +- {low[1]:.2g}; it must not be negative: leave it out"])
+        if known.order == 6 and order == 4:
+            order = 6
+            found |= {name: 0.5 * found[name] for name in ("cable_stiffness", "cable_damping")}
+        return replace(known, order=order, **found)
+
+    def aircraft(self, known: Aircraft) -> Aircraft:
+        """Return an aircraft with this circuit; source and standard errors are in its history.
+
+        Raises
+        ------
+        SchemaError
+            The aircraft has no circuit of this control, whose stops are needed.
+        """
+        item, one = self.loading.item, self.loading
+        if item not in known.circuits:
+            raise SchemaError(known.name, [f"[circuit.{item}] is missing; give stops and mass at least"])
+        controls = {**known.controls, one.deflection: Control(one.S_hinge, one.c_hinge, one.gearing)}
+        circuits = {**known.circuits, item: self.circuit(known.circuits[item])}
+        said = ", ".join(f"{name} {value:.4g} ({stderr:.2g})" for name, value, stderr in self._rows() if name in _CIRCUIT)
+        line = f"circuit.{item} identified from flight, standard errors in brackets: {said}; bias.F_{item} {self.force_bias:.3g}"
+        return replace(known, controls=controls, circuits=circuits, history=f"{known.history}\n{line}".strip())
+
+    def published(self) -> tuple[Mapping[str, float], Mapping[str, float], np.ndarray]:
+        """Return values, standard errors and correlation of the terms of the hinge moment, for `published_fit` and `mixed`."""
+        terms = list(self.loading.model.terms)
+        own = self.estimates.sel(term=[self.loading.term(t) for t in terms], term_=[self.loading.term(t) for t in terms])
+        sd = own["stderr"].values
+        R = own["covariance"].values / np.outer(sd, sd)
+        return dict(zip(terms, own["estimate"].values.tolist())), dict(zip(terms, sd.tolist())), R
+
+    def _rows(self) -> list[tuple[str, float, float]]:
+        return [(str(name), *self.value(str(name))) for name in self.estimates["term"].values]
+
+    def report(self) -> str:
+        """Return the estimates as a text table."""
+        one, s = self.loading, self.slid.estimates.attrs
+        wheel = one.item == "wheel"
+        unit = "N m" if wheel else "N"
+        lines = [f"{one.item}: {one.model}, gearing {one.gearing:g} {'rad/rad' if wheel else 'rad/m'}"]
+        lines.append(
+            f"sliding: R2 {s['R2']:.5f}, rms {s['residual_rms']:.3g} {unit}, {s['samples']} samples of {s['manoeuvres']} manoeuvres"
+        )
+        if self.cable is not None:
+            rms = self.cable.attrs["rms"]
+            lines.append(f"stretch of the cable: rms {f'{rms:.2g} rad' if wheel else f'{1e3 * rms:.2g} mm'}")
+        wide = max(len(name) for name, _, _ in self._rows()) + 2
+        lines.append(f"{'':<{wide}}{'estimate':>12}{'stderr':>10}")
+        for name, value, stderr in self._rows():
+            lines.append(f"{name:<{wide}}{value:>12.5g}{stderr:>10.2g}  {_UNITS.get(name, ('', ''))[wheel]}".rstrip())
+        if self.order == 4:
+            totals = [(name, *self.total(name)) for name in ("friction", "damping", "mass") if name in one.constants]
+            lines += [f"{f'{name}, both ends':<{wide}}{value:>12.5g}{error:>10.2g}  {_UNITS[name][wheel]}" for name, value, error in totals]
+        pairs = [f"! {a} and {b} go together in every manoeuvre; only differences between them separate the two" for a, b in self.collinear]
+        return "\n".join([*lines, *pairs])

@@ -1,0 +1,175 @@
+"""Control loading from simulated records with their truth: constants, free motion, aircraft file, database, command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import aerodb
+import flightmech
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flighttest import ControlLoading, identify_control_loading, replace_hinge_moments
+from flighttest.cli.controls import controls
+from flighttest.control_loading.linkage import follow
+
+SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "identification"
+CHANNELS = {
+    "F_N": "F_column",
+    "s_m": "column",
+    "de_rad": "delta_e",
+    "qbar_Pa": "qbar",
+    "alpha_rad": "alpha",
+    "tab_rad": "delta_t",
+    "nz": "nz",
+}
+FACTS = {"title": "t", "aircraft": "a", "S": 24.2, "cbar": 2.06, "b": 14.4, "x_ref": 0.0, "y_ref": 0.0, "z_ref": 0.0}
+AIRCRAFT = """
+name = "a"
+S = 24.2
+cbar = 2.06
+b = 14.4
+mass = 6000.0
+Ixx = 15e3
+Iyy = 22e3
+Izz = 35e3
+[control.delta_e]
+S_hinge = 2.2
+c_hinge = 0.33
+gearing = -1.8
+[circuit.column]
+mass = 5.0
+stops = [-0.17, 0.17]
+"""
+
+
+@pytest.fixture(scope="module")
+def truth() -> dict:
+    file = SHARED / "truth" / "control_loading_truth.json"
+    if not file.exists():
+        pytest.skip("needs ../shared/data/identification")
+    return json.loads(file.read_text())["parameters"]
+
+
+def record(file: Path) -> xr.Dataset:
+    table = pd.read_csv(file)
+    return xr.Dataset({new: ("time", table[old].values) for old, new in CHANNELS.items()}, {"time": table["t"].values})
+
+
+@pytest.fixture(scope="module")
+def records(truth) -> tuple[list[xr.Dataset], list[xr.Dataset]]:
+    folder = SHARED / "control_loading"
+    kinds = {kind: [record(file) for file in sorted(folder.glob(f"*_{kind}.csv.gz"))] for kind in ("sweep", "pulse", "release")}
+    return kinds["sweep"], [*kinds["pulse"], *kinds["release"]]
+
+
+@pytest.fixture(scope="module")
+def loading(truth) -> ControlLoading:
+    return ControlLoading("column", -truth["G"], truth["Se"], truth["ce"])
+
+
+@pytest.fixture(scope="module")
+def found(loading, records):
+    return identify_control_loading(loading, *records)
+
+
+def test_constants_and_hinge_moments_are_found(found, truth):
+    G = truth["G"]
+    hinges = {"1": "Ch0", "alpha": "Cha", "delta_e": "Chd", "delta_t": "Cht"}
+    names = {"preload": "breakout", "offset": "unbalance", "mass": "mf", "inertia": "Ia", "cable_stiffness": "Kc", "hinge_friction": "Fa"}
+    names = {**{f"Ch_e: {term}": true for term, true in hinges.items()}, **names}
+    pairs = [(found.value(name), truth[true]) for name, true in names.items()]
+    pairs += [(found.total("friction"), truth["Ff"] + G * truth["Fa"])]
+    bounds = [0.05, 0.03, 0.03, 0.03, 0.1, 0.1, 0.15, 0.15, 0.15, 0.15, 0.04]  # of score.py beside the data
+    assert all(abs(value - true) < bound * abs(true) for ((value, _), true), bound in zip(pairs, bounds, strict=True))
+    assert np.mean([abs(value - true) < 2.0 * stderr for (value, stderr), true in pairs]) >= 0.8
+
+
+def test_bob_weight_and_angle_of_attack_are_named_as_collinear(found):
+    assert found.collinear == [("bob_weight", "Ch_e: alpha")]
+    assert "only differences between them separate the two" in found.report()
+
+
+def test_free_motion_follows_the_recorded_forces_and_needs_the_cable(found, loading, records):
+    driven, free = records
+    misfit = np.array([window.misfit() for window in found.fly(free[:3])])
+    rigid = identify_control_loading(loading, driven, free, order=2)
+    without = np.array([window.misfit() for window in rigid.fly(free[:3])])
+    assert misfit.max() < 0.02  # rms over range: 0.2 to 0.8 % as measured
+    assert without[:, 0].mean() > 3.0 * misfit[:, 0].mean()
+    assert rigid.order == 2
+    assert rigid.total("mass")[0] == rigid.value("mass")[0]
+
+
+def test_aircraft_and_database_take_the_result(found, tmp_path):
+    (tmp_path / "a.toml").write_text(AIRCRAFT)
+    known = flightmech.read_aircraft(tmp_path / "a.toml")
+    written = flightmech.write_aircraft(found.aircraft(known), tmp_path / "b.toml")
+    circuit = flightmech.read_aircraft(written).circuits["column"]
+    assert circuit.order == 4
+    assert circuit.cable_stiffness == pytest.approx(found.value("cable_stiffness")[0])
+    assert circuit.stops == (-0.17, 0.17)
+    leaf = flightmech.terms.make(-0.2, regressors=["alpha"], stderr=0.05, source="datcom")
+    database = aerodb.database({"Ch_e/alpha": leaf, "Ch_e/delta": leaf}, **FACTS, force_axes="stability")
+    new = aerodb.terms(replace_hinge_moments(database, found))
+    assert set(new) == {"Ch_e/basic", "Ch_e/alpha", "Ch_e/delta_e", "Ch_e/delta_t"}
+    assert float(new["Ch_e/alpha"]["value"]) == found.value("Ch_e: alpha")[0]
+    assert float(new["Ch_e/alpha"]["stderr"]) == found.value("Ch_e: alpha")[1]
+
+
+def test_command_writes_aircraft(records, tmp_path):
+    driven, free = records
+    files = []
+    for k, one in enumerate([*driven, free[1], free[5]]):
+        one.to_netcdf(tmp_path / f"{k}.nc", engine="h5netcdf")
+        files.append(str(tmp_path / f"{k}.nc"))
+    (tmp_path / "a.toml").write_text(AIRCRAFT)
+    more = ["--free", files[-2], "--free", files[-1], "--aircraft", str(tmp_path / "a.toml"), "-o", str(tmp_path / "b.toml"), "--json"]
+    result = CliRunner().invoke(controls, [*files[:-2], *more], catch_exceptions=False)
+    answer = json.loads(result.output)
+    assert answer["order"] == 4
+    assert answer["estimates"]["Ch_e: delta_e"][0] == pytest.approx(-0.29, rel=0.03)
+    assert flightmech.read_aircraft(tmp_path / "b.toml").circuits["column"].order == 4
+
+
+def one_mass(mass: float, friction: float, spring: float, s0: float, step: float, count: int) -> np.ndarray:
+    zero = np.zeros(1)
+    names = dict(mass=mass, friction=friction, damping=0.0, preload=0.0, stiffness=spring, rigging=0.0)
+    constants = {name: np.array([value]) for name, value in names.items()}
+    s, _ = follow(constants, -1.0, (np.array([s0]), zero), np.zeros((count, 1)), np.zeros((count, 1, 1)), step)
+    return s[:, 0]
+
+
+def test_dry_friction_takes_twice_its_travel_every_half_cycle_and_then_holds():
+    mass, friction, spring = 5.0, 4.0, 2000.0
+    half = np.pi * np.sqrt(mass / spring)
+    s = one_mass(mass, friction, spring, 0.011, half / 100.0, 800)
+    turns = 0.011 - 2.0 * friction / spring * np.arange(3)
+    assert s[[0, 100, 200]] * [1, -1, 1] == pytest.approx(turns, abs=2e-5)  # sub-steps of 1 ms: (omega h)^2/24 and what a reversal leaves
+    assert np.ptp(s[400:]) == 0.0
+    assert abs(s[-1]) <= friction / spring
+
+
+def test_faults_are_named():
+    with pytest.raises(SchemaError, match=r"(?s)gearing is 0\.0; it must not be 0.*c_hinge is -1\.0; it must be positive"):
+        ControlLoading("column", 0.0, 2.2, -1.0)
+    with pytest.raises(SchemaError, match="distance of the ailerons"):
+        ControlLoading("wheel", -0.35, 1.0, 0.4)
+    with pytest.raises(SchemaError, match="one of Ch_r; the column has Ch_e"):
+        ControlLoading("column", -1.8, 2.2, 0.33, "Ch_r = 1 + beta")
+
+
+def test_records_without_what_is_needed_are_refused(loading, records):
+    driven, _ = records
+    with pytest.raises(UnknownName, match="delta_t"):
+        identify_control_loading(loading, [driven[0].drop_vars("delta_t")])
+    still = driven[0].assign(column=("time", np.zeros(driven[0].sizes["time"])))
+    with pytest.raises(IdentificationError, match="samples in which the control slides"):
+        identify_control_loading(loading, [still])
+    with pytest.raises(IdentificationError):  # one tab setting cannot tell the tab from the constant
+        identify_control_loading(loading, [one.assign(delta_t=("time", np.zeros(one.sizes["time"]))) for one in driven])
