@@ -31,6 +31,10 @@ _CIRCUIT = (
 )
 
 
+_SIGNED = ("rigging", "bob_weight")
+_NEEDED = ("mass", "inertia", "cable_stiffness")
+
+
 @dataclass(frozen=True)
 class IdentifiedLoading:
     """Constants of one control circuit and its hinge moments.
@@ -92,17 +96,26 @@ class IdentifiedLoading:
     def circuit(self, known: Circuit) -> Circuit:
         """Return a circuit with the identified constants; what was not identified stays, such as the stops.
 
+        What is negative within two standard errors, as a damping that the records do not show, becomes zero.
+
         A wheel with two cables (order 6) moves in roll as one of order 4 with both cables: each gets half.
+
+        Raises
+        ------
+        SchemaError
+            A constant that is negative beyond its error, or a mass or stiffness that is not positive.
         """
         order = self.order
         names = [str(name) for name in self.estimates["term"].values]
         found: dict[str, Any] = {name: self.value(name)[0] for name in _CIRCUIT if name in names}
         if order == 2:
             found |= {"inertia": 0.0, "hinge_friction": 0.0, "hinge_damping": 0.0}
-        for name in ("mass", "damping", "preload", "stiffness", "friction"):
-            if name in found and found[name] < 0.0:
-                low = self.value(name)
-                raise SchemaError(self.loading.item, [f"{name} is {low[0]:.3g} +- {low[1]:.2g}; it must not be negative: leave it out"])
+        for name in (name for name in found if name not in _SIGNED):
+            value, stderr = self.value(name) if name in names else (0.0, 0.0)
+            if value < -2.0 * stderr or (name in names and value <= 0.0 and name in _NEEDED):
+                text = f"{name} is {value:.3g} +- {stderr:.2g}; it must not be negative: leave it out, or take order 2"
+                raise SchemaError(self.loading.item, [text])
+            found[name] = max(0.0, found[name])
         if known.order == 6 and order == 4:
             order = 6
             found |= {name: 0.5 * found[name] for name in ("cable_stiffness", "cable_damping")}

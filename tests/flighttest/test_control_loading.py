@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from click.testing import CliRunner
 
 import aerodb
 import flightmech
+from flightmech.aircraft.systems.control_circuits import Circuit
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest import ControlLoading, identify_control_loading, replace_hinge_moments
 from flighttest.cli.controls import controls
@@ -120,6 +122,23 @@ def test_aircraft_and_database_take_the_result(found, tmp_path):
     assert set(new) == {"Ch_e/basic", "Ch_e/alpha", "Ch_e/delta_e", "Ch_e/delta_t"}
     assert float(new["Ch_e/alpha"]["value"]) == found.value("Ch_e: alpha")[0]
     assert float(new["Ch_e/alpha"]["stderr"]) == found.value("Ch_e: alpha")[1]
+
+
+def changed(found, name: str, value: float, stderr: float):
+    at = found.estimates["term"] == name
+    estimates = found.estimates.assign(
+        estimate=found.estimates["estimate"].where(~at, value), stderr=found.estimates["stderr"].where(~at, stderr)
+    )
+    return replace(found, estimates=estimates)
+
+
+def test_negative_constants_become_zero_within_their_error_and_are_refused_beyond(found):
+    known = Circuit(stops=(-0.1, 0.1), mass=1.0)
+    assert changed(found, "hinge_damping", -0.3, 0.2).circuit(known).hinge_damping == 0.0
+    with pytest.raises(SchemaError, match=r"hinge_damping is -0\.5 .* must not be negative"):
+        changed(found, "hinge_damping", -0.5, 0.2).circuit(known)
+    with pytest.raises(SchemaError, match=r"inertia is -0\.1 .* must not be negative"):
+        changed(found, "inertia", -0.1, 0.2).circuit(known)
 
 
 def test_command_writes_aircraft(records, tmp_path):
