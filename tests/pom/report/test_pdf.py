@@ -44,12 +44,26 @@ def folder(tmp_path_factory):
 
 
 def streams(pdf):
-    """Yield every stream of a PDF, inflated where it is deflated."""
-    for found in re.finditer(rb"stream\r?\n(.*?)\r?\nendstream", pdf, re.DOTALL):
+    """Yield every stream of a PDF, inflated where it is deflated.
+
+    The line end before ``endstream`` may follow a stream whose own last byte is a carriage return, so only the line feed is
+    taken off; an inflater of objects leaves what stands behind the end of its data.
+    """
+    for found in re.finditer(rb"stream\r?\n(.*?)\nendstream", pdf, re.DOTALL):
         try:
-            yield zlib.decompress(found.group(1))
+            yield zlib.decompressobj().decompress(found.group(1))
         except zlib.error:
             yield found.group(1)
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n"])
+def test_streams_whose_last_byte_is_a_line_end_are_read(end):
+    texts = [b"9" * k for k in range(300)]
+    packed = {zlib.compress(text)[-1:]: text for text in texts}
+    assert {b"\r", b"\n"} <= set(packed)
+    for last in (b"\r", b"\n"):
+        pdf = b"1 0 obj\nstream" + end + zlib.compress(packed[last]) + end + b"endstream\nendobj"
+        assert list(streams(pdf)) == [packed[last]]
 
 
 def everything(pdf):
