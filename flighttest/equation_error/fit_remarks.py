@@ -23,7 +23,7 @@ EXCITED = 0.01  # probability of F above which a fit is no better than noise: on
 SIGNIFICANT = 0.05  # probability of t above which a term is called not significant
 WRONG = 0.01  # probability of t below which a wrong sign is no chance
 EXPLAINED = 0.5  # of the variance, that a model must explain for its terms to be what moves the coefficient
-SIGNIFICANT = 2.0  # standard errors by which a prior must differ from zero to have a sign
+SIGN_KNOWN = 2.0  # standard errors by which a prior must differ from zero to have a sign
 SPIKE = 8.0  # robust standard deviations of a departure from its neighbours: never by chance in 10^6 Gaussian samples
 OUTSIDE = 5.0  # and of the residual itself
 SMOOTH = 0.1  # least scatter about the neighbours, of that of the residual
@@ -65,7 +65,7 @@ def against_prior(terms, estimate, variance, dof, prior, prior_stderr) -> list[R
     found = []
     for term, value, var, free, before, sigma in zip(terms, estimate, variance, dof, prior, prior_stderr):
         t = value / np.sqrt(var)
-        if abs(before) > SIGNIFICANT * sigma and value * before < 0.0 and 2.0 * stats.t.sf(abs(t), free) < WRONG:
+        if abs(before) > SIGN_KNOWN * sigma and value * before < 0.0 and 2.0 * stats.t.sf(abs(t), free) < WRONG:
             words = (
                 f"sign against the prior: {term} is {value:.3g} at {abs(t):.1f} standard errors, the prior {before:.3g} +- {sigma:.2g}; "
                 "check the sign of the channel, and what else moved with it"
