@@ -163,8 +163,8 @@ def test_without_a_pilot_the_models_leave_the_phugoid_in_a_turn(citation, models
         table, result = judged(citation, some, "phugoid", 2018, folder, drive)
         bank = result.signals["phi"]
         off[drive] = [float(np.abs(bank.sel(run=name) - bank.sel(run="flight")).max()) for name in some]
-        told = table["note"].str.contains("bank of the model up to .* deg off the flight's, a turn and no phugoid")
-        assert told.all() if not drive else not told.any()
+        noted = table["note"].str.contains("bank of the model up to .* deg off the flight's, a turn and no phugoid")
+        assert noted.all() if not drive else not noted.any()
     assert min(off[""]) > np.radians(25.0)  # 54 and 36 deg measured
     assert max(off[WINGS_HELD]) < np.radians(1.0)  # 0.4 deg
 
