@@ -173,7 +173,7 @@ class Outcome:
                     "name": result.case.name,
                     "id": result.case.id,
                     "status": {run: result.status(run) for run in result.runs},
-                    "verdict": result.verdict.to_dict("records"),
+                    "verdict": result.verdict_records(),
                     "failure": result.failure,
                 }
                 for result in self.results

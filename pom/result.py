@@ -17,6 +17,7 @@ import xarray as xr
 from flightmech.support.console import plain
 
 from .cases.case import PomCase
+from .tolerances.remarks import row_remarks
 
 VERDICT_COLUMNS = (
     "run",
@@ -39,7 +40,7 @@ VERDICT_COLUMNS = (
     "first_exit",
     "inside",
     "verdict",
-    "note",
+    "remarks",
     "provenance",
 )
 NUMBERS = (
@@ -83,7 +84,7 @@ class PomResult:
         the tolerance; ``width`` (smallest half width in the window, or the half width of the scalar), ``flight_value``
         and ``model_value`` (of a measure that is one number, else NaN) and ``worst`` (signed, model minus flight) in
         ``unit``, the unit of the table; ``worst_ratio`` = largest ``|difference| / half width``; ``inside`` = share of
-        samples inside; ``verdict`` one of `VERDICTS`.
+        samples inside; ``verdict`` one of `VERDICTS`; ``remarks`` a tuple of `RowRemark`.
     failure : str
         Which model crashed, hung or refused, and how; empty when all ran.  Its rows are ``invalid`` and carry the text.
     """
@@ -104,8 +105,12 @@ class PomResult:
 
     @cached_property
     def rows(self) -> tuple[Mapping[Hashable, Any], ...]:
-        """The rows of `verdict` as mappings, made once: a report asks for them many times."""
+        """The rows of `verdict` as mappings, made once: a report needs them many times."""
         return tuple(MappingProxyType(row) for row in self.verdict.to_dict("records"))
+
+    def verdict_records(self) -> list[dict[str, Any]]:
+        """Return the rows of `verdict` as plain data for files, every remark a mapping."""
+        return [{str(k): v for k, v in row.items()} | {"remarks": [r.as_dict() for r in row["remarks"]]} for row in self.rows]
 
     def groups(self, run: str) -> dict[str, str]:
         """Return the verdict of every group that applies: the best of its alternatives."""
@@ -145,7 +150,7 @@ class PomResult:
             "tolerance": _dataset_to_dict(self.tolerance),
             "inputs": _dataset_to_dict(self.inputs),
             "trim": self.trim.to_dict("split"),
-            "verdict": [dict(row) for row in self.rows],
+            "verdict": self.verdict_records(),
             "failure": self.failure,
         }
 
@@ -189,18 +194,18 @@ def group_verdicts(case: PomCase, verdicts: Mapping[str, str]) -> dict[str, str]
 
 def status_of(groups: Mapping[str, str]) -> str:
     """Return the status of a case from the verdicts of its groups, as `PomResult.status`."""
-    words = set(groups.values())
-    for word in ("invalid", "fail", "not_tested"):
-        if word in words:
-            return word
-    return "pass" if "pass" in words else "not_tested"
+    verdicts = set(groups.values())
+    for verdict in ("invalid", "fail", "not_tested"):
+        if verdict in verdicts:
+            return verdict
+    return "pass" if "pass" in verdicts else "not_tested"
 
 
 def verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:
-    """Return the verdict table of rows; numbers become float (missing: NaN), all else text (missing: empty)."""
+    """Return the verdict table of rows; numbers become float (missing: NaN), remarks `RowRemark`, all else text (missing: empty)."""
     empty = {column: float("nan") if column in NUMBERS else "" for column in VERDICT_COLUMNS}
-    table = pd.DataFrame([{**empty, **row} for row in rows], columns=list(VERDICT_COLUMNS))
-    for column in VERDICT_COLUMNS:
+    table = pd.DataFrame([{**empty, **row, "remarks": row_remarks(row)} for row in rows], columns=list(VERDICT_COLUMNS))
+    for column in (name for name in VERDICT_COLUMNS if name != "remarks"):
         table[column] = table[column].astype(float if column in NUMBERS else str)
     return table
 

@@ -4,7 +4,7 @@ A channel of a linear system in one of its modes, lambda = -sigma + j omega, is
 
     y = b + c t + Re[(A + sum_i B_i int exp(-lambda s) u_i ds) exp(lambda t)]
 
-with the inputs u_i linear between samples.  For given lambda it is linear in all the rest, which is eliminated [Golub]; what is sought
+with the inputs u_i linear between samples.  For given lambda it is linear in all the rest, which is eliminated [Golub]; what is solved for
 are the one or two numbers of lambda, common to all channels.  Without inputs it is the free response; a mode that is only seen
 while a control moves (roll, short period) is fitted with that control as input.
 
@@ -148,7 +148,7 @@ def fit_motion(
     SchemaError
         The clock is not uniform, a sample is missing, or the kind is not known.
     IdentificationError
-        An input does not move, or no such motion stands out of the residual: the text says which.
+        An input does not move, or no such motion stands out of the residual: the message states which.
 
     Examples
     --------
@@ -210,7 +210,7 @@ def _remarks(motion: Motion) -> list[Remark]:
 
 
 def _samples(data: xr.Dataset, channels: Sequence[str], kind: str, inputs: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return outputs (time, channel), inputs (time, input) and time; say all that is wrong with them."""
+    """Return outputs (time, channel), inputs (time, input) and time; report all that is wrong with them."""
     if kind not in KINDS:
         raise SchemaError("motion", [f"kind is {kind!r}; allowed: {', '.join(KINDS)}"])
     for name in (*channels, *inputs):
@@ -258,7 +258,7 @@ class _Response:
         return (X / size) @ np.linalg.lstsq(X / size, self.y, rcond=1e-12)[0]
 
     def best(self) -> np.ndarray:
-        """Return the root, by search and least squares, the channels weighed by what is left of them."""
+        """Return the root, by search and least squares, the channels weighed by their residuals."""
         from scipy.optimize import least_squares
 
         x = self._search()

@@ -8,7 +8,7 @@ The moment equations, solved for the angular accelerations, with G = Ixx Izz - I
 
 Aerodynamic moments are linear in their derivatives, so each equation is regressed on the products of the rates and on
 qbar times the aerodynamic regressors.  Only ratios of inertia appear in the products: six coefficients for three ratios,
-which are found together by generalised least squares; what is left over tells whether the six agree.  One moment that
+which are found together by generalised least squares; the residual shows whether the six agree.  One moment that
 is known, or taken from the aircraft file, sets the scale.
 
 Needs rates that are large about all axes at once, as orthogonal multisines on all surfaces or rolling pull-ups give:
@@ -134,14 +134,14 @@ def inertia_from_flight(
     Raises
     ------
     IdentificationError
-        Missing models, products of the rates that do not move, or terms that the data cannot tell apart.
+        Missing models, products of the rates that do not move, or terms that the data cannot distinguish.
     UnknownName
         A state or a moment that is not there.
     """
     if scale not in MOMENTS[:3]:
         raise UnknownName(scale, MOMENTS[:3], "scale")
     if missing := [name for name in ("Cl", "Cm", "Cn") if name not in models]:
-        raise IdentificationError(f"no model of {', '.join(missing)}; the three moments hang together, give a model of each")
+        raise IdentificationError(f"no model of {', '.join(missing)}; the three moments are coupled, give a model of each")
     parts = [_prepared(one, aircraft, cutoff) for one in ([path] if isinstance(path, xr.Dataset) else path)]
     found = [_regressed(rate, parts, aircraft, models) for rate in _PRODUCTS]
     k = np.concatenate([one.estimate for one in found])
@@ -224,7 +224,7 @@ def _ratios(k: np.ndarray, C: np.ndarray, aircraft: Aircraft, scale: str) -> tup
         new[free] += np.clip(step, -0.3 * size, 0.3 * size)
         if not (new[:3] > 0).all() or new[3] ** 2 >= new[0] * new[2]:
             raise IdentificationError(
-                f"the products of the rates ask for moments of no body ({', '.join(f'{n} {v:.4g}' for n, v in zip(MOMENTS, new))}); "
+                f"the products of the rates require moments of no body ({', '.join(f'{n} {v:.4g}' for n, v in zip(MOMENTS, new))}); "
                 "the manoeuvres are not coupled enough, or the aerodynamic models too simple"
             )
         I = new

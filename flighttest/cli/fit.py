@@ -15,7 +15,7 @@ from flightmech.support.console import NewFile, document, json_option
 @json_option
 @click.pass_context
 def fit(ctx: click.Context, fit_file: str, output: str | None, page: str | None, database: str | None, as_json: bool) -> None:
-    """Estimate parameters of the simulation by output error, as FIT (TOML) says; exit code 1 when a figure must not be used."""
+    """Estimate parameters of the simulation by output error, as specified in FIT (TOML); exit code 1 when a figure must not be used."""
     from ..maximum_likelihood.files import save_output_error
     from ..maximum_likelihood.job.page import write_page
     from ..maximum_likelihood.job.run import perform

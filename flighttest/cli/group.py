@@ -162,7 +162,7 @@ def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, 
     elif len(records) == 1:
         paths = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)]
     else:
-        remark(f"{len(records)} records: each alone, then each with what the others tell about the instruments")
+        remark(f"{len(records)} records: each alone, then each with what the others indicate about the instruments")
         paths = reconstruct_programme(records, aircraft, rate, jobs)
     if len(records) > 1:
         targets = [File(output) / f"{File(file).name.split('.')[0]}.nc" for file in record_files]

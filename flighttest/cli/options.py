@@ -25,5 +25,5 @@ class MapFile(click.Path):
 
 
 names_option = click.option(
-    "--names", type=MapFile(), help="Name map: a TOML file, or a shipped one (px4, ardupilot); not needed when the file has house names."
+    "--names", type=MapFile(), help="Name map: a TOML file, or a shipped one (px4, ardupilot); not needed for canonical names."
 )

@@ -39,10 +39,10 @@ def info(file: str, names: str | None, as_json: bool) -> None:
 @click.command()
 @click.argument("file", metavar="FILE", type=click.Path(exists=True, dir_okay=False))
 @names_option
-@click.option("-o", "--output", required=True, type=NewFile(), help="netCDF file to write; a record with house names.")
+@click.option("-o", "--output", required=True, type=NewFile(), help="netCDF file to write; a record with canonical names.")
 @json_option
 def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
-    """Write a recording of any format as a netCDF record: one group per clock, house names, SI, faults flagged."""
+    """Write a recording of any format as a netCDF record: one group per clock, canonical names, SI, faults flagged."""
     from ..records.files import save_record
     from ..records.record import faults, read
 

@@ -16,7 +16,7 @@ from .options import names_option
 @json_option
 @click.pass_context
 def report(ctx: click.Context, plan_file: str, output: str | None, folder: str | None, as_json: bool) -> None:
-    """Evaluate a flight as PLAN (TOML) says; exit code 1 when a figure is outside its bounds or not determined."""
+    """Evaluate a flight as specified in PLAN (TOML); exit code 1 when a figure is outside its bounds or not determined."""
     from ..evaluation.flight_evaluation import evaluate
     from ..evaluation.page import write_page
 

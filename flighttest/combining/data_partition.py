@@ -120,7 +120,7 @@ def fit_bins(model: Model, data: xr.Dataset | Sequence[xr.Dataset], edges: Mappi
     Raises
     ------
     IdentificationError
-        No bin gave a fit; the text says why for each.
+        No bin gave a fit; the message states why for each.
     UnknownName
         A variable of the model that the data do not hold.
     """

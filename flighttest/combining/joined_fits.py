@@ -43,7 +43,7 @@ class Joined:
 
     @property
     def remarks(self) -> list[Remark]:
-        """Terms whose fits contradict each other, or scatter otherwise than their standard errors say."""
+        """Terms whose fits contradict each other, or scatter otherwise than their standard errors indicate."""
         e = self.estimates
         found = []
         for term in e["term"].values:
@@ -55,7 +55,7 @@ class Joined:
             ratio, count = float(row["scatter_ratio"]), int(row["count"])
             loose = 1.0 + 2.0 * _LOOSE / np.sqrt(count)
             if count >= 5 and not 1.0 / loose <= ratio <= loose:
-                words = f"{term}: the fits scatter {ratio:.1f} times as much as their standard errors say"
+                words = f"{term}: the fits scatter {ratio:.1f} times as much as their standard errors indicate"
                 found.append(Remark("scatter", words, str(term), ratio, loose if ratio > 1.0 else 1.0 / loose))
         return found
 

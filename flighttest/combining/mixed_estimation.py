@@ -58,7 +58,7 @@ class Mixed:
             found.append(Remark("prior", f"hardly moved by the flight: {', '.join(own)}", threshold=_UNMOVED, severity="note"))
         if e.attrs["probability"] < _IMPROBABLE:
             words = f"chi2 {e.attrs['chi2']:.1f} of {e.attrs['terms_with_prior']} terms has probability {e.attrs['probability']:.1g}"
-            found.append(Remark("prior", f"{words}: prior or fit is surer than it should be", "", e.attrs["probability"], _IMPROBABLE))
+            found.append(Remark("prior", f"{words}: prior or fit is overconfident", "", e.attrs["probability"], _IMPROBABLE))
         return found
 
     def report(self) -> str:
@@ -136,7 +136,7 @@ def mixed(fit: Fit, prior: Prior) -> Mixed:
 
 
 def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
-    """Return what a database says the terms of a fit should be: DATCOM as the prior of a local model.
+    """Return what a database states the terms of a fit should be: DATCOM as the prior of a local model.
 
     A table is not a slope: what least squares makes of the tables depends on the samples.  So the tables are evaluated at
     the samples of the fit and sent through the same linear map as the measurements, theta = A B g.
@@ -146,7 +146,7 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
     fit : Fit
         Of the manoeuvre the prior is wanted for.
     database : DataTree
-        With standard errors; those of the nodes hang together as `aerodb.tabulate` has it.
+        With standard errors; those of the nodes are correlated as `aerodb.tabulate` has it.
 
     Returns
     -------

@@ -49,7 +49,7 @@ def published_fit(
         twice as large here. [1, 1/rad]
     conditions : mapping of str to float, (low, high) or str
         Where the model holds: every variable of the model and of the tables.  A number is the condition; a pair is the range over which
-        the model was found or is said to hold, needed for variables with higher powers and ramps; a name is a variable that moves as
+        the model was found or is stated to hold, needed for variables with higher powers and ramps; a name is a variable that moves as
         that one: ``{"alphadothat": "qhat"}`` where the value of ``qhat`` is the sum of both derivatives, as in a short period.
         Rates that are not named are zero. [SI]
     correlation : array (terms, terms), optional
@@ -107,7 +107,7 @@ def published_fit(
 
 
 def _unpublished(count: int) -> dict[str, tuple]:
-    """Return what only samples could tell."""
+    """Return what only samples could determine."""
     row, square = np.full(count, np.nan), np.full((count, count), np.nan)
     return {
         "vif": ("term", row),

@@ -1,7 +1,7 @@
 """Signals that were not measured, from those that were, each with an error figure.
 
 Every function takes a manoeuvre (channels on one uniform clock, see `cut`) and returns a Dataset of what it computed.  Each variable
-says in its attributes what it is made of (``made_from``), its standard error (``stderr``, SI) and, where something was
+states in its attributes what it is made of (``made_from``), its standard error (``stderr``, SI) and, where something was
 differentiated, the frequency up to which it follows to 1 % (``bandwidth``, Hz).  The error is noise carried through, with the noise of
 each input found by Fourier smoothing at the rate at which it was recorded, and what is unknown by assumption (wind).  Lasting errors
 of the inputs (biases, a wrong wind) are not in it: reconstruct the path (`reconstruct`) when they matter.

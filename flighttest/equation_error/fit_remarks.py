@@ -1,6 +1,6 @@
 """What a regression's numbers do not say by themselves: whether they mean anything, and what may have spoilt them.
 
-Every threshold is a named constant with its reason beside it; docs/regression.md tells how often each speaks by chance.
+Every threshold is a named constant with its reason beside it; docs/regression.md states how often each speaks by chance.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ EXCITED = 0.01  # probability of F above which a fit is no better than noise: on
 SIGNIFICANT = 0.05  # probability of t above which a term is called not significant
 WRONG = 0.01  # probability of t below which a wrong sign is no chance
 EXPLAINED = 0.5  # of the variance, that a model must explain for its terms to be what moves the coefficient
-SURE = 2.0  # standard errors by which a prior must differ from zero to have a sign
+SIGN_KNOWN = 2.0  # standard errors by which a prior must differ from zero to have a sign
 SPIKE = 8.0  # robust standard deviations of a departure from its neighbours: never by chance in 10^6 Gaussian samples
 OUTSIDE = 5.0  # and of the residual itself
 SMOOTH = 0.1  # least scatter about the neighbours, of that of the residual
-BESIDE = 4  # samples on each side that tell what a sample should be; spikes are shorter
+BESIDE = 4  # samples on each side that determine what a sample should be; spikes are shorter
 APART = 3.0  # standard error over that of a lag window: four fifths of real fits lie between 1 and 2
 SIGNS = {
     ("CL", "delta_e"): 1,
@@ -52,7 +52,7 @@ def remarks_of(fit: FitData) -> list[Remark]:
 
 
 def against_prior(terms, estimate, variance, dof, prior, prior_stderr) -> list[Remark]:
-    """Return the terms whose sign contradicts a prior that is sure of its own.
+    """Return the terms whose sign contradicts a prior that is confident of its own.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def against_prior(terms, estimate, variance, dof, prior, prior_stderr) -> list[R
     found = []
     for term, value, var, free, before, sigma in zip(terms, estimate, variance, dof, prior, prior_stderr):
         t = value / np.sqrt(var)
-        if abs(before) > SURE * sigma and value * before < 0.0 and 2.0 * stats.t.sf(abs(t), free) < WRONG:
+        if abs(before) > SIGN_KNOWN * sigma and value * before < 0.0 and 2.0 * stats.t.sf(abs(t), free) < WRONG:
             words = (
                 f"sign against the prior: {term} is {value:.3g} at {abs(t):.1f} standard errors, the prior {before:.3g} +- {sigma:.2g}; "
                 "check the sign of the channel, and what else moved with it"
@@ -196,7 +196,8 @@ def _collinear(fit: FitData) -> list[Remark]:
         words = f"regressors {terms[i]} and {terms[j]} are correlated by {rho[i, j]:.2f}"
         found.append(Remark("collinear", words, terms[i], float(rho[i, j]), collinearity.CORRELATED))
     for index, words in collinearity.pairs(e):
-        found.append(Remark("collinear", f"condition index {index:.0f}: hardly told apart are {words}", "", index, collinearity.CONDITION))
+        text = f"condition index {index:.0f}: hardly distinguishable are {words}"
+        found.append(Remark("collinear", text, "", index, collinearity.CONDITION))
     return found
 
 
@@ -209,7 +210,7 @@ def _offset(fit: FitData) -> list[Remark]:
 
 
 def _disturbance(fit: FitData) -> list[Remark]:
-    """What the standard errors rest on: how much of the disturbance is hidden in the fit, and what a lag window says."""
+    """What the standard errors rest on: how much of the disturbance is hidden in the fit, and what a lag window states."""
     e = fit.estimates
     if "hidden" not in e.attrs:
         return []

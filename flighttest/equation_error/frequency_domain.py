@@ -135,7 +135,7 @@ def regress_frequency(
     Raises
     ------
     IdentificationError
-        No stretch reaches down to the band, too few frequencies, or terms the data cannot tell apart.
+        No stretch reaches down to the band, too few frequencies, or terms the data cannot distinguish.
     UnknownName
         A variable that the data do not hold.
 
@@ -204,7 +204,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
     z, fixed = samples.data[model.coefficient].values, least_squares.constants(terms)
     slopes = [term for term, constant in zip(terms, fixed) if not constant]
     if not slopes:
-        raise IdentificationError(f"{model} has no slope; a spectrum without its mean says nothing about a constant")
+        raise IdentificationError(f"{model} has no slope; a spectrum without its mean contains no information about a constant")
     Xf, zf = transform(X[:, ~fixed], parts), transform(z[:, None], parts)[:, 0]
     demand_frequencies(f"{name}: {model}" if name else str(model), Xf, X[:, ~fixed], parts, slopes)
     X2, z2 = stacked(Xf), stacked(zf)
@@ -285,7 +285,7 @@ def _free(frequencies: int, slopes: int) -> int:
 
 
 def _student(free: int) -> float:
-    """Factor on standard errors that makes two of them hold 95.45 % when few frequencies tell the size of the disturbance."""
+    """Factor on standard errors that makes two of them hold 95.45 % when few frequencies determine the size of the disturbance."""
     from scipy.stats import norm, t
 
     return float(t.ppf(norm.cdf(2.0), free)) / 2.0

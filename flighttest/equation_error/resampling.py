@@ -1,6 +1,6 @@
 """Many repetitions of an identification: bootstrap of one fit, Monte Carlo over simulated records.
 
-Work is handed out by joblib.  On one machine `jobs` says how many processes; inside
+Work is handed out by joblib.  On one machine `jobs` states how many processes; inside
 ``with joblib.parallel_config(backend="dask"):`` the same calls run on the workers of a dask.distributed cluster.
 """
 
@@ -122,7 +122,7 @@ def monte_carlo(identify: Callable[[int], Any], truth: dict[str, float], seeds: 
     from joblib import Parallel, delayed
 
     if len(seeds) < FEWEST:
-        raise IdentificationError(f"{len(seeds)} seeds; {FEWEST} at least, and 200 to tell 95 % from 92 %")
+        raise IdentificationError(f"{len(seeds)} seeds; {FEWEST} at least, and 200 to distinguish 95 % from 92 %")
     batches = _batches(list(seeds), jobs)
     rows = [row for batch in Parallel(n_jobs=jobs)(delayed(_identify)(identify, list(truth), batch) for batch in batches) for row in batch]
     runs = xr.Dataset(

@@ -104,7 +104,7 @@ def _demand_rising(time: np.ndarray, number: int) -> None:
     Raises
     ------
     IdentificationError
-        Says where, and what to do.
+        States where, and what to do.
     """
     back = np.flatnonzero(~(np.diff(time) > 0.0))
     if not len(back):

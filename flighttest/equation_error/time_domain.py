@@ -65,7 +65,7 @@ def regress(
     Raises
     ------
     IdentificationError
-        Too few samples, a term without movement, terms that the data cannot tell apart, or weights that are none.
+        Too few samples, a term without movement, terms that the data cannot distinguish, or weights that are none.
     UnknownName
         A variable that the data do not hold.
 
@@ -99,7 +99,7 @@ def demand_determined(name: str, model: object, z: np.ndarray, X: np.ndarray, te
     Raises
     ------
     IdentificationError
-        Too few samples, a variable that stays where it is, or combinations that vanish; the text says which.
+        Too few samples, a variable that stays where it is, or combinations that vanish; the message states which.
     """
     label = f"{name}: " if name else ""
     if len(X) < SAMPLES_PER_TERM * len(terms):

@@ -114,7 +114,7 @@ class _Work:
 
     @cached_property
     def at_points(self) -> xr.Dataset | None:
-        """Coefficients along the stationary points, reconstructed together: their speeds tell the vane's factor and offset."""
+        """Coefficients along the stationary points, reconstructed together: their speeds determine the vane's factor and offset."""
         if self.plan.points is None or not self.reconstructs:
             return None
         path = reconstruct(self.record, self.aircraft, windows_of(self.plan.points), rate=min(_POINT_RATE, self.plan.rate))
@@ -150,7 +150,7 @@ class _Work:
 
     def _fit(self, table: FitTable) -> Fit:
         if not self.reconstructs:
-            raise SchemaError(f"fit {table.name}", ["no accelerations (ax_imu ay_imu az_imu) in the record; it tells no forces"])
+            raise SchemaError(f"fit {table.name}", ["no accelerations (ax_imu ay_imu az_imu) in the record; it gives no forces"])
         parts: list[xr.Dataset] = []
         for name in table.on:
             if name == "points":

@@ -18,7 +18,7 @@ from flightmech.units import from_si
 
 from ..quality.page import style, template_of
 from ..quality.plots import chart, scatter
-from ..quality.text import shown, told
+from ..quality.text import meaningful, shown
 from .figures_of_merit import INSIDE
 from .plan import files_of
 from .text import limits_shown, number, unit_shown
@@ -91,7 +91,7 @@ def _name(name: str) -> str:
 
 def _kinematic(row) -> dict[str, Any]:
     texts = {f"{name}_text": shown(row[name], row["units"]) for name in ("offset", "rms")}
-    return {**row, **texts, "told": told(row["moving"], row["correlation"])}
+    return {**row, **texts, "meaningful": meaningful(row["moving"], row["correlation"])}
 
 
 def _bound(row) -> dict[str, Any]:

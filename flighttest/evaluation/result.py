@@ -82,7 +82,7 @@ class Evaluation:
 
     @property
     def barred(self) -> dict[str, list[Remark]]:
-        """Fits and motions whose figures must not be used, with the remarks that say why."""
+        """Fits and motions whose figures must not be used, with the remarks that state why."""
         return {name: remarks for name, remarks in self.remarks.items() if barred(remarks)}
 
     @property

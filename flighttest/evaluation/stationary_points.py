@@ -20,8 +20,8 @@ from .test_point_sheets import Sheet
 if TYPE_CHECKING:
     from flightmech import Aircraft
 
-LEAST = 4  # points of a line: two are drawn from any error, three say nothing of their scatter
-_MOVES = 1e-6  # relative spread of x below which the points do not tell a slope
+LEAST = 4  # points of a line: two are drawn from any error, three give no information on their scatter
+_MOVES = 1e-6  # relative spread of x below which the points do not determine a slope
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,7 @@ def parse(text: str) -> Expression:
     Raises
     ------
     ParseError
-        What is no expression; the text says where reading stopped.
+        What is no expression; the message states where reading stopped.
     UnitError
         A unit that is not known.
     """

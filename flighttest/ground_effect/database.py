@@ -167,8 +167,8 @@ def _with_factor(leaf: xr.Dataset, heights: np.ndarray, K: np.ndarray) -> xr.Dat
 
 
 def _said(one: CoefficientOverGround, term: str) -> str:
-    said = f"identified from {one.heights[0]:.3g} m up, form: {one.form}"
+    note = f"identified from {one.heights[0]:.3g} m up, form: {one.form}"
     if one.form == "table":
-        return said
+        return note
     row = one.row(term, one.form == "k h^s, one s")
-    return f"{said}; k {row.k:.4g} ({row.k_stderr:.2g}), s {row.s:.4g} ({row.s_stderr:.2g}), correlation {row.correlation:.2f}, h in metres"
+    return f"{note}; k {row.k:.4g} ({row.k_stderr:.2g}), s {row.s:.4g} ({row.s_stderr:.2g}), correlation {row.correlation:.2f}, h in metres"

@@ -57,7 +57,7 @@ def identify_ground_effect(
     Raises
     ------
     IdentificationError
-        No record with a height, one that goes below zero, two models of a coefficient, or terms that the data cannot tell apart.
+        No record with a height, one that goes below zero, two models of a coefficient, or terms that the data cannot distinguish.
     UnknownName
         A coefficient or variable that database or data do not hold.
 
@@ -208,7 +208,7 @@ def _less(records: Sequence[xr.Dataset], name: str, parts: Sequence[np.ndarray])
 
 
 class _Database(NamedTuple):
-    """What a database says of a coefficient along the records: in free air, what its terms over the ground add, and whether
+    """What a database states of a coefficient along the records: in free air, what its terms over the ground add, and whether
     any node of these comes from flight."""
 
     free: list[np.ndarray]

@@ -21,7 +21,7 @@ from ..expressions.separable_model import SeparableModel, ShapeParameter
 
 HEIGHT = "h_agl"
 EXPONENTS = (-4.0, -0.1)  # bounds of s: above -0.1 the ground is felt at all heights alike
-FREE_AIR = 1e4  # height of a record that does not say it [m]
+FREE_AIR = 1e4  # height of a record that does not give it [m]
 BANK = "CL*phi"  # the regressor of [LR743] eq. (14)
 _LONGITUDINAL = ("CL", "CD", "Cm", "CX", "CZ")
 
@@ -88,7 +88,7 @@ def model_over_ground(
 
 
 def with_heights(data: Sequence[xr.Dataset], names: Sequence[str]) -> list[xr.Dataset]:
-    """Return manoeuvres that all have a height; one without counts as free air when its name says nothing else.
+    """Return manoeuvres that all have a height; one without counts as free air when its name is not informative else.
 
     Raises
     ------

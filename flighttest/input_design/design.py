@@ -34,7 +34,7 @@ class Designed:
     signal : Dataset (time,)
         Deflections from trim, scaled to the limits. [SI]
     measures : DataFrame
-        Of `input_signals.measures`; with a condition also ``factor``, by which an axis is smaller than asked for.
+        Of `input_signals.measures`; with a condition also ``factor``, by which an axis is smaller than requested.
     amplitude : Amplitude or None
         What the limits allowed of all axes together, after each had been fitted alone; None without a condition.
     expected : tuple of Expected

@@ -1,4 +1,4 @@
-"""How well a test input will tell the terms of a model: expected standard errors before the flight.
+"""How well a test input will determine the terms of a model: expected standard errors before the flight.
 
 Equation error: the regressors X of the predicted motion and the noise of the coefficient give the covariance of least squares.
 Output error: the Cramer-Rao bound, the inverse of Fisher's information M = sum S' R^-1 S with the sensitivities S of the outputs.
@@ -165,7 +165,7 @@ def cramer_rao(
     noise : mapping of str to float
         Output to the standard deviation of its noise; these are the outputs that are compared. [SI]
     nuisance : sequence of str
-        Parameters that the fit frees as well and nobody asks for: ``bias.Cm``, ``init.alpha``, ``init.q`` ...
+        Parameters that the fit frees as well and nobody requests: ``bias.Cm``, ``init.alpha``, ``init.q`` ...
     memory : float
         Time constant of the noise of the outputs; 0 is white. [s]
 
@@ -177,7 +177,7 @@ def cramer_rao(
     Raises
     ------
     IdentificationError
-        Parameters that the outputs cannot tell apart, or do not feel.
+        Parameters that the outputs cannot distinguish, or do not feel.
     UnknownName
         A parameter or output that the model does not have.
     """

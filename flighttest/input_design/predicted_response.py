@@ -122,7 +122,7 @@ class Amplitude:
     Attributes
     ----------
     scale : float
-        Factor on the test input, at most the one asked for.
+        Factor on the test input, at most the one requested.
     binding : str
         The limit that a larger input would break, in words; empty when none is near.
     extremes : DataFrame

@@ -3,7 +3,7 @@
     title = "Three axes, clean, 175 kt"
     kind = "multisine"                  # or "multistep", "sweep"
     period = "30 s"                     # multisine
-    band = ["0.1 Hz", "2 Hz"]           # for all axes that do not say otherwise
+    band = ["0.1 Hz", "2 Hz"]           # for all axes that do not specify otherwise
     exclude = [["1.0 Hz", "1.1 Hz"]]
     lead_in = "1 s"
 
@@ -101,7 +101,7 @@ class ConditionTable(Strict):
 
 
 class AccuracyTable(Strict):
-    """Whose terms are to be told, and against what noise."""
+    """Whose terms are to be determined, and against what noise."""
 
     models: tuple[str, ...] = ()
     noise: dict[str, float] = Field(default_factory=dict)

@@ -65,7 +65,7 @@ def frequency_output_error(
     UnknownName
         A parameter the model does not have, a signal the record does not hold.
     IdentificationError
-        A band without frequencies, fewer values than unknowns, or unknowns that the records cannot tell.
+        A band without frequencies, fewer values than unknowns, or unknowns that the records cannot determine.
     SchemaError
         Samples that are not finite, time that is not uniform.
 

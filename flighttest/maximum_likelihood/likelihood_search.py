@@ -261,6 +261,6 @@ def _demand_rank(M: np.ndarray, names: Sequence[str]) -> None:
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     if len(values) and values[0] < RANK * values[-1]:
         raise IdentificationError(
-            f"the records cannot tell apart: {combination(vectors[:, 0], names)} changes no output; hold one of them, give a prior "
+            f"the records cannot distinguish: {combination(vectors[:, 0], names)} changes no output; hold one of them, give a prior "
             "or add a manoeuvre"
         )

@@ -64,7 +64,7 @@ def linear_output_error(
         Inputs that are not finite, time that is not uniform, unknowns outside their bounds.
     IdentificationError
         Fewer than nine readings of an output, a start whose response grows beyond all numbers, no output responds to a parameter, or
-        the records cannot tell a combination apart.
+        the records cannot distinguish a combination.
 
     Warns
     -----

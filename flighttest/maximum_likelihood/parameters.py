@@ -18,7 +18,7 @@ class Unknown(NamedTuple):
     Attributes
     ----------
     start : float or None
-        First value, and mean of the prior.  None for what a record tells at its first sample, such as ``init.alpha``. [SI]
+        First value, and mean of the prior.  None for what a record gives at its first sample, such as ``init.alpha``. [SI]
     sigma : float
         Standard error of the a-priori value; infinite when nothing is known. [SI]
     low, high : float
@@ -106,7 +106,7 @@ def _unknown(item: Unknown | float | tuple) -> Unknown:
 
 def _problems(label: str, start: float | None, unknown: Unknown) -> list[str]:
     if start is None:
-        return [f"{label} has no start and the record does not tell it; give a start"]
+        return [f"{label} has no start and the record does not give it; give a start"]
     if not math.isfinite(start) or not unknown.low < unknown.high or not unknown.low <= start <= unknown.high:
         return [f"{label} starts at {start:g}, bounds {unknown.low:g} ... {unknown.high:g}; the start must be finite and lie between them"]
     if not unknown.sigma > 0.0:

@@ -5,7 +5,7 @@ so that its innovations are white when the model is right, and the likelihood is
 
     J = 1/2 sum_k e_k' S^-1 e_k + N/2 ln |S| + 1/2 (theta - theta_0)' P^-1 (theta - theta_0)
 
-The intensities of the disturbance and the noise of the instruments are unknowns as all others, sought as variances; S and the gain follow
+The intensities of the disturbance and the noise of the instruments are unknowns too, estimated as variances; S and the gain follow
 from them.  Fisher's scoring: M_ij = sum e_i' S^-1 e_j + N/2 tr(S^-1 S_i S^-1 S_j), with e_i and S_i by central differences.
 
 References
@@ -75,7 +75,7 @@ def filter_error(
     SchemaError
         ``process.*`` or ``noise.*`` that does not start above zero, samples that are not finite, time that is not uniform.
     IdentificationError
-        The start leads to no filter, or unknowns that the records cannot tell.
+        The start leads to no filter, or unknowns that the records cannot determine.
     """
     records = [manoeuvres] if isinstance(manoeuvres, xr.Dataset) else list(manoeuvres)
     extra = {"process": model.states, "init": model.states, "drift": model.states, "noise": model.outputs, "sensor": model.outputs}
@@ -96,8 +96,8 @@ def filter_error(
     inside = replace(white, residuals=found.residuals.parts, noise=found.noise)
     rest = tuple(piece.residual(e) for piece, e in zip(pieces, found.residuals.parts))
     scatter = noise_of(inside, list(model.outputs), colours, [piece.z for piece in pieces])
-    told = () if any(name.startswith("process.") for name in parameters) else warned(scatter)
-    return OutputError(estimates, rest, scatter, told)
+    warnings = () if any(name.startswith("process.") for name in parameters) else warned(scatter)
+    return OutputError(estimates, rest, scatter, warnings)
 
 
 def _noise_starts(measured: Sequence[np.ndarray]) -> np.ndarray:
@@ -144,7 +144,7 @@ class _Slope(NamedTuple):
 
 
 class _Innovated:
-    """J of the innovations, as `search` asks for it."""
+    """J of the innovations, as `search` requires it."""
 
     def __init__(self, pieces: Sequence[_Predicted], layout: Layout):
         self.pieces, self.layout = pieces, layout

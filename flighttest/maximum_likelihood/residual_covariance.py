@@ -4,7 +4,7 @@
 
 with the cross-covariance Rvv of the disturbance behind the residuals.  As in `flighttest.uncertainty.coloured_residuals` it is found on
 means over short blocks, output by output, by its spectrum; what the fit has taken up of an output are the directions
-of the unknowns that this output tells more than half of.  Between outputs the innovations are correlated at equal times, so that
+of the unknowns that this output shows more than half of.  Between outputs the innovations are correlated at equal times, so that
 Rvv is the cross-spectrum  H_a(f) C_ab H_b*(f),  which no estimate can make negative.  Between manoeuvres nothing is correlated.
 
 References
@@ -26,7 +26,7 @@ from ..uncertainty.residual_autocovariance import Disturbance
 from ..uncertainty.residual_spectrum import residual_spectrum
 from .likelihood_search import Found, inverse, root_of_inverse
 
-_TOLD = 0.5  # share of the information on a direction above which an output's residual has lost it
+_DETERMINED = 0.5  # share of the information on a direction above which an output's residual has lost it
 
 
 class Colour(NamedTuple):
@@ -54,7 +54,7 @@ class Colour(NamedTuple):
 
 
 class _Blocks(NamedTuple):
-    """Weighted slopes and residuals of one manoeuvre: means and sums over blocks, and what is left inside them."""
+    """Weighted slopes and residuals of one manoeuvre: means and sums over blocks, and the remainder inside them."""
 
     sums: np.ndarray  # (block, output, unknown)
     means: np.ndarray  # (block, output, unknown)
@@ -125,10 +125,10 @@ def _colour(a: int, pieces, columns, places, root: np.ndarray, block: float) -> 
     for piece, rows, place in zip(pieces, places, columns):
         X[np.ix_(np.arange(rows.start, rows.stop), place)] = piece.means[:, a]
         length[rows] = len(piece.rest) / len(piece.residual)
-    told = X @ root
-    _, s, Vt = np.linalg.svd(told * np.sqrt(length), full_matrices=False)
+    slopes = X @ root
+    _, s, Vt = np.linalg.svd(slopes * np.sqrt(length), full_matrices=False)
     share = s**2
-    model = residual_spectrum(told @ Vt[share >= min(_TOLD, share[0])].T, v, places).model  # the first is always there
+    model = residual_spectrum(slopes @ Vt[share >= min(_DETERMINED, share[0])].T, v, places).model  # the first is always there
     rest = np.concatenate([piece.rest[:, a] for piece in pieces])
     r = model.autocovariance(max(2, len(v) // 4))
     white = float(rest @ rest) / max(1, len(rest) - len(v))

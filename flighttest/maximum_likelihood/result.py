@@ -13,8 +13,8 @@ from .likelihood_search import Found, inverse
 from .parameters import Layout
 from .residual_covariance import Colour
 
-HIGH = 0.9  # correlation that is told
-SILENT = 0.9  # part of the a-priori standard error that is left where a record says next to nothing
+HIGH = 0.9  # correlation that is reported
+SILENT = 0.9  # part of the a-priori standard error that is left where a record contains hardly any information
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def _remarks(fit: OutputError) -> list[Remark]:
             found.append(Remark("bound", words, name, float(value), float(value)))
     for name, after, before in zip(names, e["stderr"].values, e["prior_stderr"].values):
         if after > SILENT * before:
-            words = f"{name}: the records say next to nothing, standard error {after:.3g} after {before:.3g} before"
+            words = f"{name}: the records contain hardly any information, standard error {after:.3g} after {before:.3g} before"
             found.append(Remark("not significant", words, name, float(after), SILENT * float(before)))
     rho = e["correlation"].values
     pairs = [(i, j) for i in range(len(names)) for j in range(i) if abs(rho[i, j]) > HIGH]

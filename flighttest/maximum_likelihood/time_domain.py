@@ -36,7 +36,7 @@ def output_error(
 ) -> OutputError:
     """Estimate parameters of a compiled model by maximum likelihood, from the responses of whole manoeuvres.
 
-    The model is flown under the recorded inputs, and the parameters are sought under which it is most probable that the outputs
+    The model is flown under the recorded inputs, and the parameters are solved for under which it is most probable that the outputs
     were recorded.  All differences of a manoeuvre are flown as one batch, on all processors.
 
     Parameters
@@ -53,7 +53,7 @@ def output_error(
     outputs : sequence of str
         Measured outputs of the model, weighted by the noise that is estimated with the parameters.
     conditions : mapping of str to float or sequence of mappings
-        What is held: for all manoeuvres, or one mapping for each.  What is not named starts as the first sample of a manoeuvre says
+        What is held: for all manoeuvres, or one mapping for each.  What is not named starts as the first sample of a manoeuvre gives
         (``V alpha beta phi theta psi p q r h lat lon``), with its ``mass``, ``x_cg_b`` ... ; recorded thrust drives engines whose lever
         is not in the record. [SI]
     noise : {"common", "own"}
@@ -74,7 +74,7 @@ def output_error(
     UnknownName
         A parameter or output that the model or the record does not have.
     IdentificationError
-        The start cannot be flown, no output responds to a parameter, or the records cannot tell a combination apart.
+        The start cannot be flown, no output responds to a parameter, or the records cannot distinguish a combination.
 
     Warns
     -----
@@ -219,7 +219,7 @@ class _Flight:
 
 
 def _recorded(sim: SimModel, record: xr.Dataset) -> dict[str, float]:
-    """Return what the record says of start and mass."""
+    """Return what the record gives of start and mass."""
     found = {}
     for prefix, names in (("init", _STARTS), ("mass", [name[5:] for name in sim.parameters if name.startswith("mass.")])):
         for name in names:

@@ -1,6 +1,6 @@
 """Terms taken one after the other, each orthogonal to those before it.
 
-Of the candidates only two numbers are kept up to date: the square of what is left of each when the terms taken are
+Of the candidates only two numbers are kept up to date: the square of the remainder of each when the terms taken are
 removed from it, and its product with the residual.  They are all that the next choice needs, so that a step costs one
 product of the candidates with one vector; the candidates themselves are never made orthogonal.
 """
@@ -47,7 +47,7 @@ class Working:
         return float(self.residual @ self.residual)
 
     def gains(self) -> np.ndarray:
-        """Return by how much each candidate would lower the sum of squares, (candidates,); zero for those it cannot be said of."""
+        """Return by how much each candidate would lower the sum of squares, (candidates,); zero for those it cannot be computed for."""
         usable = self.left2 > LEAST**2 * self.size2
         usable[self.taken] = False
         return np.where(usable, self.product**2 / np.where(usable, self.left2, 1.0), 0.0)
@@ -117,7 +117,7 @@ class Working:
 
         Notes
         -----
-        A term that goes gives back one direction: what is left of it when all others are removed.  Along it every
+        A term that goes gives back one direction: the remainder of it when all others are removed.  Along it every
         candidate and the residual have something to regain.
         """
         if not len(places):

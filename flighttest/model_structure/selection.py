@@ -88,7 +88,7 @@ def tally(selections: Sequence[Selection]) -> pd.DataFrame:
     -------
     DataFrame
         Index term, ``count`` and ``share`` (of the selections), most often chosen first.  Terms of a share above one
-        half, and those physics asks for, make the model that all records are then fitted with.
+        half, and those physics requires, make the model that all records are then fitted with.
 
     Raises
     ------

@@ -54,7 +54,7 @@ def select_stepwise(
     gain : float
         Rise of R2 that a further term must bring.
     keep : sequence of str
-        Terms that are in from the start and stay; in frequency ``1`` is found at the end whatever is said here.
+        Terms that are in from the start and stay; in frequency ``1`` is found at the end whatever is given here.
     hierarchy : bool
         A product enters only after the candidates that it is a product of.
     name : str

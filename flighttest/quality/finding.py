@@ -26,11 +26,11 @@ class Finding:
         missing outside held spike jump wrap saturation stuck noise`` of samples, ``excitation collinear`` of the flying, ``absent
         coarse offset minimum_speed`` of what is worth knowing.
     channels : tuple of str
-        House names it concerns; the first one is at fault.
+        Canonical names it concerns; the first one is at fault.
     text : str
         What was found, with numbers.
     remedy : str
-        What to do; an entry of the name map where that mends it.
+        What to do; an entry of the name map where that corrects it.
     start, stop : float or None
         Where, on the record's clock; None for the whole record. [s]
     evidence : dict
@@ -62,9 +62,9 @@ def map_entry(record: xr.DataTree, name: str, change: str) -> str:
     Parameters
     ----------
     record : DataTree
-        The record; its channels tell their column and calibration.
+        The record; its channels determine their column and calibration.
     name : str
-        House name.
+        Canonical name.
     change : str
         Keys of the entry, such as ``sign = -1``.
     """

@@ -24,11 +24,11 @@ from .finding import Finding, without_consequences
 
 _SEEN = {"alpha": "alpha_vane", "beta": "beta_vane", "ax": "ax_imu", "ay": "ay_imu", "az": "az_imu", "h": "h_baro"}
 _PRESSURE = ("p_static", "q_c")  # they belong to pressure height, and h is geometric
-_LEAST = 50  # samples of a stretch that says anything
+_LEAST = 50  # samples of a stretch that is informative
 _JOINT = ("excitation", "collinear")
 _LEAF = "manoeuvre"
 _SURE_GAIN = 0.5  # disagreement that a mistake must explain in a manoeuvre, twice that of a whole flight
-_MOVED = 1.0 * DEGREE  # of a surface, below which a manoeuvre does not tell its sign
+_MOVED = 1.0 * DEGREE  # of a surface, below which a manoeuvre does not determine its sign
 
 
 def findings_of(states: xr.Dataset) -> list[Finding]:
@@ -37,7 +37,7 @@ def findings_of(states: xr.Dataset) -> list[Finding]:
     Parameters
     ----------
     states : Dataset (time,)
-        House names, SI, at the c.g.; stretches between gaps are looked at one by one, and what one excites is excited.
+        Canonical names, SI, at the c.g.; stretches between gaps are looked at one by one, and what one excites is excited.
 
     Returns
     -------
@@ -61,13 +61,13 @@ def _of_stretch(states: xr.Dataset) -> list[Finding]:
     """Return the findings of a stretch without gaps."""
     record = _as_record(states)
     signals = signals_of(record, pd.DataFrame(columns=["leaf", "channel", "kind", "start", "stop"]))
-    explanations, mended, comparisons = explain(signals)
+    explanations, corrected, comparisons = explain(signals)
     if any(sum(e.before) - sum(e.after) < _SURE_GAIN for e in explanations):  # seconds of small motion explain themselves by anything
-        explanations, mended, comparisons = [], signals, {}
-    answered = answers(mended)
-    found = kinematic_findings(explanations, comparisons, mended, record)
-    found += answer_findings(answered[answered["movement"] > _MOVED], hands(mended), mended, record)
-    found += excitation_findings(excitation(mended), correlations(mended), mended, manoeuvres(record), "")
+        explanations, corrected, comparisons = [], signals, {}
+    answered = answers(corrected)
+    found = kinematic_findings(explanations, comparisons, corrected, record)
+    found += answer_findings(answered[answered["movement"] > _MOVED], hands(corrected), corrected, record)
+    found += excitation_findings(excitation(corrected), correlations(corrected), corrected, manoeuvres(record), "")
     return without_consequences(found)
 
 
@@ -83,7 +83,7 @@ def _as_record(states: xr.Dataset) -> xr.DataTree:
 def tell_faults(flown: Sequence[xr.Dataset], names: Sequence[str], known: Sequence[str] = ()) -> None:
     """Refuse manoeuvres whose signs, units or axes are wrong; warn of missing excitation and of inputs that move together.
 
-    What no manoeuvre excites, and inputs that move together in all of them, are told once.
+    What no manoeuvre excites, and inputs that move together in all of them, are reported once.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def tell_faults(flown: Sequence[xr.Dataset], names: Sequence[str], known: Sequen
     names : sequence of str
         What to call them.
     known : sequence of str
-        Kinds of findings that are not told: ``excitation`` where the fit itself refuses what does not move.
+        Kinds of findings that are not reported: ``excitation`` where the fit itself refuses what does not move.
 
     Raises
     ------
@@ -105,17 +105,17 @@ def tell_faults(flown: Sequence[xr.Dataset], names: Sequence[str], known: Sequen
     """
     found = [findings_of(states) for states in flown]
     problems = [
-        f"{name}: {finding.name}: {finding.text}; mend the name map and reconstruct again"
+        f"{name}: {finding.name}: {finding.text}; correct the name map and reconstruct again"
         for name, findings in zip(names, found)
         for finding in findings
         if finding.severity == "error"
     ]
     everywhere = _in_all(found)
-    told: set[str] = set()
+    reported: set[str] = set()
     for name, finding in ((name, finding) for name, findings in zip(names, found) for finding in findings):
         alone = finding.kind not in _JOINT or finding.name in everywhere  # what one manoeuvre lacks another may have
-        if finding.severity == "warning" and finding.kind not in known and alone and finding.name not in told:
-            told.add(finding.name)
+        if finding.severity == "warning" and finding.kind not in known and alone and finding.name not in reported:
+            reported.add(finding.name)
             warnings.warn(f"{name}: {finding.name}: {finding.text}; {finding.remedy}", AeromatchWarning, stacklevel=2)
     if problems:
         raise SchemaError("records", problems)

@@ -14,9 +14,9 @@ from flightmech.names import lookup
 from flightmech.support.atomic_write import written_whole
 from flightmech.units import from_si
 
-from .checks.control_response import SURE
+from .checks.control_response import SIGNIFICANT
 from .plots import chart
-from .text import shown, told
+from .text import meaningful, shown
 
 if TYPE_CHECKING:
     from .checks.relations import Comparison
@@ -29,7 +29,7 @@ _HISTORIES = (
 _HERE = "flighttest.quality"
 _MINUTE = 60.0  # s
 _MISTAKES = ("sign", "unit", "axis", "definition")
-_AIR_DATA = ("airspeed", "mach", "mach_pressure", "calibrated", "altitude")  # exact: the table says it all unless they disagree
+_AIR_DATA = ("airspeed", "mach", "mach_pressure", "calibrated", "altitude")  # exact: the table states it all unless they disagree
 
 
 def template_of(package: str) -> Template:
@@ -83,7 +83,7 @@ def _history(quality: Quality, name: str) -> dict[str, Any]:
 
 
 def _worth_seeing(name: str, c: Comparison) -> bool:
-    return not c.consistent or (name not in _AIR_DATA and told(c.moving, c.correlation))
+    return not c.consistent or (name not in _AIR_DATA and meaningful(c.moving, c.correlation))
 
 
 def _broken(quality: Quality) -> list[str]:
@@ -107,12 +107,12 @@ def _comparison(c: Comparison) -> dict[str, Any]:
 
 def _kinematic(row) -> dict[str, Any]:
     texts = {f"{name}_text": shown(row[name], row["units"]) for name in ("offset", "rms")}
-    return {**row, **texts, "told": told(row["moving"], row["correlation"])}
+    return {**row, **texts, "meaningful": meaningful(row["moving"], row["correlation"])}
 
 
 def _answer(row) -> dict[str, Any]:
-    sure = abs(row["ratio"]) >= SURE
-    return {**row, "sign": "not seen" if not sure else "as it should be" if row["effect"] < 0.0 else "wrong"}
+    significant = abs(row["ratio"]) >= SIGNIFICANT
+    return {**row, "sign": "not seen" if not significant else "as it should be" if row["effect"] < 0.0 else "wrong"}
 
 
 def _excited(row) -> dict[str, Any]:
@@ -134,8 +134,8 @@ def _channel(row) -> dict[str, Any]:
     def text(value: float, units: str) -> str:
         return f"{from_si(value, units):.4g}" if np.isfinite(value) else ""
 
-    told = {"low": text(row["minimum"], display), "high": text(row["maximum"], display), "noise_text": text(row["noise"], spread)}
-    return {**row, **told, "display": display}
+    detail = {"low": text(row["minimum"], display), "high": text(row["maximum"], display), "noise_text": text(row["noise"], spread)}
+    return {**row, **detail, "display": display}
 
 
 def _spans(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:

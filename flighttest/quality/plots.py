@@ -34,7 +34,7 @@ def chart(
     shaded, flagged : sequence of (float, float)
         Spans in grey and in red. [s]
     label : str
-        What a screen reader says.
+        Text for screen readers.
     """
     finite = np.concatenate([line[np.isfinite(line)] for line in lines]) if lines else np.array([0.0])
     low, high = _range(finite if len(finite) else np.array([0.0, 1.0]))
@@ -72,7 +72,7 @@ def scatter(x: np.ndarray, y: np.ndarray, line: tuple[float, float], names: tupl
     names : (str, str)
         Of the axes, with their units.
     label : str
-        What a screen reader says.
+        Text for screen readers.
     """
     (left, right), (low, high) = (_range(values) for values in (x, np.append(y, line[0] + line[1] * x)))
 

@@ -14,7 +14,7 @@ from flightmech.support.console import plain
 from .checks.relations import Comparison
 from .checks.signals import Signals
 from .finding import SEVERITIES, Finding, rows
-from .text import shown, told
+from .text import meaningful, shown
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def _kinematics(quality: Quality) -> list[str]:
         symbol = " " if row.consistent else "!"
         what = (
             f"slope {row.slope:7.3f} ({row.slope_stderr:.3f})  correlation {row.correlation:+.3f}"
-            if told(row.moving, row.correlation)
+            if meaningful(row.moving, row.correlation)
             else "too little motion to compare"
         )
         lines.append(f"{symbol} {row.title:45s} {row.disagreement:5.2f}  {what}  offset {shown(row.offset, row.units)}")
@@ -126,7 +126,7 @@ def _delays(quality: Quality) -> list[str]:
 def _answers(quality: Quality) -> list[str]:
     if quality.answers.empty:
         return []
-    lines = ["", "answers to the surfaces (house: all negative):"]
+    lines = ["", "answers to the surfaces (convention: all negative):"]
     return lines + [
         f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad ({row.stderr:.2f})  R2 {row.R2:.2f}, "
         f"recorded {1e3 * row.lead:+.0f} ms early"

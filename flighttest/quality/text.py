@@ -12,6 +12,6 @@ def shown(value: float, units: str) -> str:
     return f"{number:.3g} {display}" if display != "1" else f"{number:.3g}"
 
 
-def told(moving: bool, correlation: float) -> bool:
-    """Whether slope and correlation of a comparison say anything."""
+def meaningful(moving: bool, correlation: float) -> bool:
+    """Whether slope and correlation of a comparison mean anything."""
     return moving or correlation > 0.95

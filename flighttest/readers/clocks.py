@@ -76,7 +76,7 @@ class Clocks:
 
 
 def utc_facts(utc: Utc | None, tables: Mapping[str, Table], clocks: Clocks) -> dict[str, Any]:
-    """Return what a column with the time of the world tells about the clock of the record.
+    """Return what a column with the time of the world shows about the clock of the record.
 
     Returns
     -------

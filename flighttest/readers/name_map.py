@@ -1,6 +1,6 @@
-"""Name maps: which column of a file is which quantity of the house, in what unit, sign and scale, over which clock.
+"""Name maps: which column of a file is which quantity of the vocabulary, in what unit, sign and scale, over which clock.
 
-A map is a TOML file.  Every table is a leaf of the record (channels of one time base), every key in it a house name::
+A map is a TOML file.  Every table is a leaf of the record (channels of one time base), every key in it a canonical name::
 
     extends = "px4"                            # a shipped map, or another file; what stands here goes before it
     [record]                                   # facts that the file does not state, optional
@@ -67,7 +67,7 @@ class Channel(Strict):
         return (self.column,) if isinstance(self.column, str) else self.column
 
     def convert(self, values, file_unit: str | None, name: str):
-        """Return the column's `values` in the SI unit of the house name `name`; beyond a calibration table NaN."""
+        """Return the column's `values` in the SI unit of the canonical name `name`; beyond a calibration table NaN."""
         units = lookup(name).units
         offset = quantity(self.offset, units)
         values = self._calibrated(values)
@@ -189,7 +189,7 @@ def read_names(path: str | Path) -> NameMap:
     ParseError
         Not TOML.
     SchemaError
-        With all problems: unknown keys and house names with their near names, wrong units.
+        With all problems: unknown keys and canonical names with their near names, wrong units.
     """
     path = _place(path, Path())
     problems: list[str] = []

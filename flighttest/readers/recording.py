@@ -1,4 +1,4 @@
-"""Raw recordings: columns over the clocks of a file, as they stand in it, not yet in house names."""
+"""Raw recordings: columns over the clocks of a file, as they stand in it, not yet in canonical names."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _NOT_OF_THE_CONTENT = (AeromatchError, FileNotFoundError, PermissionError, IsADi
 
 
 class Columns(Mapping[str, np.ndarray]):
-    """Columns by name, each read from the file when it is asked for the first time."""
+    """Columns by name, each read from the file when it is requested the first time."""
 
     def __init__(self, loaders: Mapping[str, Callable[[], Any]]):
         self._loaders = dict(loaders)
@@ -53,7 +53,7 @@ class Table:
     time : array (time,) or None
         Stamps of the format's own clock [s]; None where one of the columns is the clock.
     flags : str
-        Flags that a record of the house carries (JSON), else empty.
+        Flags that a record written by this package carries (JSON), else empty.
     """
 
     columns: Mapping[str, np.ndarray]
@@ -64,7 +64,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Recording:
-    """What a reader found: the format, tables by name, facts for the root of the record, and faults told by the file itself."""
+    """What a reader found: the format, tables by name, facts for the root of the record, and faults reported by the file itself."""
 
     kind: str
     tables: dict[str, Table]

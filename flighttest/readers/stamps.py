@@ -1,6 +1,6 @@
 """The clock of a table: from raw stamps to a rising clock in seconds, with every fault flagged.
 
-Counters that wrap are unrolled, stray stamps dropped, repeated ones too.  A clock that is set back is refused unless the name map says
+Counters that wrap are unrolled, stray stamps dropped, repeated ones too.  A clock that is set back is refused unless the name map states
 ``reset = true``: samples recorded twice or files glued together would otherwise pass for one flight.
 """
 
@@ -41,7 +41,7 @@ def settled(raw: np.ndarray, clock: Clock, scale: float, what: str) -> Settled:
     raw : array (time,)
         Stamps as recorded.
     clock : Clock
-        What the name map says about them.
+        What the name map states about them.
     scale : float
         Seconds in one unit of `raw`.
     what : str

@@ -1,4 +1,4 @@
-"""Data compatibility: what each instrument showed, what it should have shown, and what is left ([Gresham] figure 5).
+"""Data compatibility: what each instrument showed, what it should have shown, and the residual ([Gresham] figure 5).
 
 For every channel there are three signals at its readings: ``raw`` as recorded; ``corrected``, the errors of the
 instrument (offset, factor, latency, position error) taken off; ``reconstructed``, what an instrument without errors would

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
-    """Return the constants of the instruments as all runs together tell them.
+    """Return the constants of the instruments as all runs together determine them.
 
     Parameters
     ----------
@@ -53,11 +53,11 @@ def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
     base = inverse(prior)
     information, vector = base.copy(), base @ prior_mean
     for found in shared:
-        told = found.isel(parameter=~found["held"].values, parameter_=~found["held"].values)
-        at = np.array([names.index(str(n)) for n in told["parameter"].values])
-        own, before = (inverse(_covariance(told, s, r)) for s, r in (("stderr", "correlation"), ("prior_stderr", "prior_correlation")))
+        free = found.isel(parameter=~found["held"].values, parameter_=~found["held"].values)
+        at = np.array([names.index(str(n)) for n in free["parameter"].values])
+        own, before = (inverse(_covariance(free, s, r)) for s, r in (("stderr", "correlation"), ("prior_stderr", "prior_correlation")))
         information[np.ix_(at, at)] += own - before
-        vector[at] += own @ told["estimate"].values - before @ told["prior"].values
+        vector[at] += own @ free["estimate"].values - before @ free["prior"].values
     covariance = inverse(information)
     if not (np.diag(covariance) > 0.0).all():
         raise IdentificationError(
@@ -84,7 +84,7 @@ def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
 
 
 def reconstruct_programme(records: Sequence[xr.DataTree], aircraft: Aircraft, rate: float = 50.0, jobs: int = 1) -> list[Path]:
-    """Reconstruct all runs of a programme, each with what the other runs tell about the instruments.
+    """Reconstruct all runs of a programme, each with what the other runs indicate about the instruments.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def _common_prior(shared: Sequence[xr.Dataset], names: list[str]) -> tuple[np.nd
 
 
 def _spread(shared: Sequence[xr.Dataset], names: list[str], mean: np.ndarray, se: np.ndarray) -> np.ndarray:
-    """Return the rms normalised deviation of the runs from their combination; NaN where only one run tells."""
+    """Return the rms normalised deviation of the runs from their combination; NaN where only one run determines it."""
     ratios: list[list[float]] = [[] for _ in names]
     for found in shared:
         for name, x, s, prior_s, held in zip(

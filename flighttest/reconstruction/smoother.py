@@ -252,7 +252,7 @@ def _settle(problem: Problem, solution: Solution, held: Sequence[str] = ()) -> S
 
 
 def _moving(problem: Problem, solution: Solution, held: Sequence[str]) -> str:
-    """Say which constants one more iteration moves, by how much, and what to do."""
+    """Report which constants one more iteration moves, by how much, and what to do."""
     change = estimate(problem, solution.x, solution.c, 1, held).c - solution.c
     errors = np.sqrt(np.diag(solution.covariance))
     constants = problem.constants
@@ -264,7 +264,7 @@ def _moving(problem: Problem, solution: Solution, held: Sequence[str]) -> str:
         for k in order[:5]
     ]
     rest = f" and {len(order) - 5} more" if len(order) > 5 else ""
-    return f"still moving are {', '.join(names)}{rest}; give them a prior in the aircraft file, or a window whose readings tell them"
+    return f"still moving are {', '.join(names)}{rest}; give them a prior in the aircraft file, or a window whose readings determine them"
 
 
 def _intensity(setup: Setup, solution: Solution, sigma: np.ndarray) -> np.ndarray:
@@ -323,8 +323,8 @@ def _remarks(path: Path) -> list[Remark]:
     if gusts != "none":
         held = [str(name) for name in about["parameter"].values[about["held"].values.astype(bool)]]
         words = (
-            f"turbulence (gusts {gusts} m/s, one sigma): {', '.join(held) or 'no constant'} cannot be told from gusts and rests on its "
-            "prior; give the vane calibration of a flight in calm air (--biases)"
+            f"turbulence (gusts {gusts} m/s, one sigma): {', '.join(held) or 'no constant'} is indistinguishable from gusts and rests on "
+            "its prior; give the vane calibration of a flight in calm air (--biases)"
         )
         found.append(Remark("turbulence", words, " ".join(held)))
     for name, row in path.fit.iterrows():
@@ -359,4 +359,4 @@ def _report(path: Path) -> str:
         )
     words = identifiability(path.biases)
     lines += ["", *remark_lines(path.remarks)] if path.remarks else []
-    return "\n".join([*lines, "", "Identifiability:", *(f"  - {word}" for word in words or ["every constant is told by the data"])])
+    return "\n".join([*lines, "", "Identifiability:", *(f"  - {word}" for word in words or ["every constant is identifiable"])])

@@ -27,9 +27,9 @@ def contents(path: str | Path, names: str | Path | NameMap | None = None) -> dic
     Returns
     -------
     dict
-        ``file``, ``format``, ``facts``, ``notes`` (faults told by the file), ``tables``: per table ``table``, ``samples``, ``rate`` [Hz],
-        ``start`` and ``stop`` [s], ``clock_fault`` (a text, empty when the clock is sound) and ``columns``, each ``column``, ``unit``,
-        ``min`` and ``max`` in the unit of the file.  For Chapter 10 also ``channels``.
+        ``file``, ``format``, ``facts``, ``notes`` (faults that the file reports), ``tables``: per table ``table``, ``samples``,
+        ``rate`` [Hz], ``start`` and ``stop`` [s], ``clock_fault`` (a text, empty when the clock is sound) and ``columns``, each
+        ``column``, ``unit``, ``min`` and ``max`` in the unit of the file.  For Chapter 10 also ``channels``.
 
     Raises
     ------

@@ -24,7 +24,7 @@ def merge(records: Sequence[xr.DataTree], offsets: Sequence[float] | None = None
     records : sequence of DataTree
         Records of one flight, from different recorders.
     offsets : sequence of float, optional
-        Seconds to add to the clock of each record after the first.  Without it the records must say when they start (``start``, from
+        Seconds to add to the clock of each record after the first.  Without it the records must state when they start (``start``, from
         the file, from ``[utc]`` of the name map, or from ``[record]``).
 
     Returns

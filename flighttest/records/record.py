@@ -1,9 +1,9 @@
-"""Flight records: recordings as a tree of leaves, one per time base, in house names and SI.
+"""Flight records: recordings as a tree of leaves, one per time base, in canonical names and SI.
 
-A `FlightRecord` is a plain ``xarray.DataTree``.  Each leaf is a Dataset over its own ``time`` [s]; its attributes tell what the clock
+A `FlightRecord` is a plain ``xarray.DataTree``.  Each leaf is a Dataset over its own ``time`` [s]; its attributes state what the clock
 looked like (``rate`` [Hz], ``gaps``, ``duplicates``), which channels hold NaN (``missing``), and hold all flags (`flighttest.flags`).
-Root attributes: ``title``, ``start``, ``purpose``, ``source_file``, ``format``, ``manoeuvres`` (JSON), ``notes`` (JSON: faults told by the
-file itself), ``unmapped`` and ``absent`` columns, ``latitude`` [rad], ``runway_elevation`` [m] where known.
+Root attributes: ``title``, ``start``, ``purpose``, ``source_file``, ``format``, ``manoeuvres`` (JSON), ``notes`` (JSON: faults that the
+file itself reports), ``unmapped`` and ``absent`` columns, ``latitude`` [rad], ``runway_elevation`` [m] where known.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def read(path: str | Path, names: str | Path | NameMap | None = None) -> xr.Data
     path : str or Path
         CSV (plain or gzip), netCDF, HDF5, MATLAB v5 to v7.3, PX4 ULog, ArduPilot DataFlash, MDF, IRIG 106 Chapter 10.
     names : str, Path or NameMap, optional
-        Name map: a TOML file, or the name of a shipped one (``"px4"``, ``"ardupilot"``).  Without it every column must carry a house name
-        and its unit.  Columns the map does not name are left out and listed in the root attribute ``unmapped``.
+        Name map: a TOML file, or the name of a shipped one (``"px4"``, ``"ardupilot"``).  Without it every column must carry a canonical
+        name and its unit.  Columns the map does not name are left out and listed in the root attribute ``unmapped``.
 
     Returns
     -------
@@ -50,13 +50,13 @@ def read(path: str | Path, names: str | Path | NameMap | None = None) -> xr.Data
     ParseError
         The file breaks its format, or is of no known one.
     UnknownName
-        A column of the map is not in the file, or a column has no house name, with the near names.
+        A column of the map is not in the file, or a column has no canonical name, with the near names.
     UnitError
         A column without a unit, or with one of another quantity.
     SchemaError
         Several of these at once; a clock that is set back; leaves that mix clocks.
     AeromatchError
-        The package that reads the format is not installed; the text says how to install it.
+        The package that reads the format is not installed; the message states how to install it.
 
     References
     ----------
@@ -91,7 +91,7 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> xr.DataTree:
 
 
 def _notes(facts: Mapping[str, Any]) -> list[str]:
-    """Return the notes that a record of the house carries."""
+    """Return the notes that a record written by this package carries."""
     try:
         return [str(note) for note in json.loads(facts.get("notes", "[]"))]
     except (ValueError, TypeError):
@@ -155,11 +155,11 @@ def faults(record: xr.DataTree) -> list[str]:
 
 
 def _own_names(recording: Recording, path: Path) -> NameMap:
-    """Return the map of a file that already speaks house names."""
+    """Return the map of a file that already speaks canonical names."""
     clocks = ("time", "t")
     unknown = sorted({c for table in recording.tables.values() for c in table.columns if not _known(c) and c not in clocks})
     if unknown:
-        hint = f"{path.name} has {len(unknown)} columns without a house name ({', '.join(unknown[:12])})"
+        hint = f"{path.name} has {len(unknown)} columns without a canonical name ({', '.join(unknown[:12])})"
         maps = ", ".join(shipped_maps())
         raise UnknownName(
             unknown[0], VOCABULARY, "column", f"{hint}; pass names=... (--names), a name map in TOML or a shipped one ({maps})"
@@ -238,7 +238,7 @@ def _one_place(leaf: str, wanted: str, tables: Mapping[str, Table], path: Path) 
     if group not in tables:
         raise UnknownName(group or leaf, tables, "table", f"{path.name} holds no such group for column {wanted!r}; write group/column")
     if column not in tables[group].columns:
-        raise UnknownName(column, tables[group].columns, "column", f"the name map asks for it in {path.name}, table {group}")
+        raise UnknownName(column, tables[group].columns, "column", f"the name map requires it in {path.name}, table {group}")
     return group, column
 
 

@@ -1,6 +1,6 @@
 """Specification of the instruments: where they sit, how noisy they are, and how large their constant errors may be.
 
-It stands in the aircraft file, one table per instrument; the names of the tables are free, channels carry house names::
+It stands in the aircraft file, one table per instrument; the names of the tables are free, channels carry canonical names::
 
     [instruments.imu]
     position = [0.90, 0.25, 0.32]                       # from the moment reference point, body axes
@@ -42,7 +42,7 @@ IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
 SPEEDS = ("V", "V_cas", "mach")  # airspeeds that are measured channels themselves where no impact pressure was recorded
 VANES = ("alpha_vane", "beta_vane")
 SURFACES = ("delta_e", "delta_a", "delta_r")
-SURFACE_BIAS = 0.1 * DEGREE  # what a pick-up is rigged and calibrated to, unless the instruments say otherwise [rad]
+SURFACE_BIAS = 0.1 * DEGREE  # what a pick-up is rigged and calibrated to, unless the instruments specify otherwise [rad]
 SURFACE_SCALE = 0.01
 
 

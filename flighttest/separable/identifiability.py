@@ -22,7 +22,7 @@ def judged(
     covariance: np.ndarray,
     found: Any,
 ) -> dict[str, tuple]:
-    """Return what is said of every parameter, as variables of a Dataset.
+    """Return what is known of every parameter, as variables of a Dataset.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Variable projection: least squares over a few nonlinear parameters, the linear ones found on the way.
 
-For given nonlinear parameters s the coefficients are c = A(s)^+ z, and what is left is r(s) = (I - A A^+) z.  Its exact
+For given nonlinear parameters s the coefficients are c = A(s)^+ z, and the residual is r(s) = (I - A A^+) z.  Its exact
 derivative [Golub1973], with A_m the derivative of A by s_m,
 
     dr/ds_m = - (I - A A^+) A_m c - (A^+)' A_m' r
@@ -47,7 +47,7 @@ class Block(NamedTuple):
 
 
 class Projection(NamedTuple):
-    """What is left after the linear coefficients are found.
+    """The residual after the linear coefficients are found.
 
     Attributes
     ----------

@@ -43,7 +43,7 @@ def regress_separable(
     Raises
     ------
     IdentificationError
-        Too few samples, coefficients that the data cannot tell apart wherever the search starts.
+        Too few samples, coefficients that the data cannot distinguish wherever the search starts.
     UnknownName
         A variable that the data do not hold.
     OutOfRange
@@ -106,7 +106,7 @@ def _inverse(M: np.ndarray, names: Sequence[str]) -> np.ndarray:
     values, vectors = np.linalg.eigh(M * np.outer(scale, scale))
     if values[0] <= 1e-14 * values[-1]:
         raise IdentificationError(
-            f"the data cannot tell apart: {collinearity.combination(vectors[:, 0], names)} does not change the fit; leave a term out"
+            f"the data cannot distinguish: {collinearity.combination(vectors[:, 0], names)} does not change the fit; leave a term out"
         )
     return (vectors / values @ vectors.T) * np.outer(scale, scale)
 

@@ -91,10 +91,10 @@ class SeparableFit:
 
     @property
     def remarks(self) -> list[str]:
-        """Parameters that the data cannot see, and those that they hardly tell apart, in words."""
+        """Parameters that the data cannot see, and those that they hardly distinguish, in words."""
         e = self.estimates
         found = [f"{term}: not identified: {why}" for term, why in zip(e["term"].values, e["why"].values) if why]
-        found += [f"condition index {index:.0f}: hardly told apart are {words}" for index, words in collinearity.pairs(e)]
+        found += [f"condition index {index:.0f}: hardly distinguishable are {words}" for index, words in collinearity.pairs(e)]
         return found
 
     def report(self) -> str:

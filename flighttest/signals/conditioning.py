@@ -79,7 +79,7 @@ def resample(time, x, grid, name: str) -> np.ndarray:
     grid : array (grid,)
         Where the channel is wanted; beyond the samples the nearest value is held. [s]
     name : str
-        House name; it decides between the monotone cubic of a control and the cubic spline.
+        Canonical name; it decides between the monotone cubic of a control and the cubic spline.
 
     Returns
     -------
@@ -158,7 +158,7 @@ def remove_delay(time, x, delay: float, name: str) -> np.ndarray:
     delay : float
         Latency of the channel, see `time_delay`; the last `delay` seconds hold the last sample. [s]
     name : str
-        House name, see `resample`.
+        Canonical name, see `resample`.
 
     Returns
     -------
@@ -190,13 +190,13 @@ def cut(record: xr.DataTree, start: float, stop: float, rate: float = 50.0) -> x
     -------
     Dataset (time,)
         All channels; slow quantities (mass, c.g., inertia) as scalars, the mean over the window.  Heading is unwrapped.  Attribute
-        ``recorded_rate`` [Hz] of a channel tells how often it was recorded.
+        ``recorded_rate`` [Hz] of a channel states how often it was recorded.
         Attributes ``record``, ``start``, ``stop``, ``rate``, and ``latitude`` and ``runway_elevation`` where the record has them.
 
     Raises
     ------
     OutOfRange
-        The window is not inside every leaf, or a leaf has a gap in it; the text says what is there.
+        The window is not inside every leaf, or a leaf has a gap in it; the message states what is there.
     SchemaError
         NaN samples inside the window: every channel with its first time.
     """

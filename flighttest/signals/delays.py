@@ -12,7 +12,7 @@ import numpy as np
 
 from flightmech.errors import IdentificationError
 
-COHERENT = 0.8  # squared coherence below which a frequency says nothing about the phase
+COHERENT = 0.8  # squared coherence below which a frequency contains no information about the phase
 _LINES, _FEW_LINES = 15, 7  # neighbouring frequency lines averaged into one phase, of long and of short records
 _LONG = 1000  # samples
 _FAINT = 1e-3  # of the strongest cross-spectrum, below which filters and rounding speak and not the motion
@@ -72,7 +72,7 @@ def time_delay(reference, delayed, step: float, longest: float = 1.0) -> Delay:
 
     Notes
     -----
-    The largest cross-correlation gives the delay to a sample; the channel is moved by it.  What is left follows from the phase of the
+    The largest cross-correlation gives the delay to a sample; the channel is moved by it.  The remainder follows from the phase of the
     cross-spectrum, averaged over 15 neighbouring lines (7 below 1000 samples): tau = -sum(W w phi)/sum(W w^2) over the averages
     with squared coherence above 0.8 and a thousandth of the strongest cross-spectrum, W = coherence/(1 - coherence).  A phase
     averaged over n lines has the variance 1/(2 n W); n - 2 is used because the estimate of W is n/(n - 2) too large in the mean.

@@ -1,4 +1,4 @@
-"""Optimal Fourier smoothing: signal and noise told apart by how their sine coefficients fall with frequency.
+"""Optimal Fourier smoothing: signal and noise separated by how their sine coefficients fall with frequency.
 
 The coefficients of a smooth signal fall as the third power of frequency once the chord between its ends is removed; those of
 white noise do not fall.  Where the two meet is the cut-off, found from the data and not chosen.

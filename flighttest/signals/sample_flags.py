@@ -7,7 +7,7 @@ gap        the clock steps by more than three median steps
 wrap       the clock's counter started again and was unrolled
 stray      stamps far off the clock, or no numbers; their samples are dropped
 duplicate  repeated stamps; their samples are dropped
-reset      the clock was set back and its samples were moved behind those before, as the name map asked
+reset      the clock was set back and its samples were moved behind those before, as the name map requested
 missing    NaN samples
 outside    raw values beyond the calibration table, now NaN
 held       a value that repeats for long in a channel that otherwise changes from sample to sample, and then jumps
@@ -149,7 +149,7 @@ def sample_faults(time: np.ndarray, x: np.ndarray, channel: str, rate: float) ->
     time, x : array (time,)
         Rising stamps [s] and samples.
     channel : str
-        House name.
+        Canonical name.
     rate : float
         Samples per second. [Hz]
 

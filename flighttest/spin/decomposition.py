@@ -1,11 +1,11 @@
-"""Body rates taken apart into the rotation about the flight path and what is left, as [Gresham] does for a spin.
+"""Body rates taken apart into the rotation about the flight path and the remainder, as [Gresham] does for a spin.
 
     Omega = p cos(alpha) cos(beta) + q sin(beta) + r sin(alpha) cos(beta)        eq. (2)
     p_osc = p - Omega cos(alpha) cos(beta)                                       eq. (3)
     q_osc = q - Omega sin(beta)                                                  eq. (4)
     r_osc = r - Omega sin(alpha) cos(beta)                                       eq. (5)
 
-Omega is a rate about the wind x axis, (p_osc, q_osc, r_osc) are body components of the vector that is left.  That vector
+Omega is a rate about the wind x axis, (p_osc, q_osc, r_osc) are body components of the remaining vector.  That vector
 is at right angles to the flight path, so it has two degrees of freedom and not three::
 
     p_osc cos(alpha) cos(beta) + q_osc sin(beta) + r_osc sin(alpha) cos(beta) = 0

@@ -1,4 +1,4 @@
-"""Which regressors the data can tell apart.
+"""Which regressors the data can distinguish.
 
 References
 ----------
@@ -46,7 +46,7 @@ def demand_rank(X: np.ndarray, terms: Sequence[str]) -> None:
     for value, vector in zip(np.pad(s, (0, len(Vt) - len(s))), Vt):
         if value < RANK * s[0]:
             raise IdentificationError(
-                f"the data cannot tell apart: {combination(vector, terms)} vanishes throughout; leave a term out or add a manoeuvre"
+                f"the data cannot distinguish: {combination(vector, terms)} vanishes throughout; leave a term out or add a manoeuvre"
             )
 
 
@@ -73,7 +73,7 @@ def demand_independence(X: np.ndarray, fixed: np.ndarray, terms: Sequence[str]) 
         return
     worst = [f"{terms[own[j]]} ({factors[j]:.1e})" for j in np.argsort(-factors) if factors[j] > INSEPARABLE]
     raise IdentificationError(
-        f"the data cannot tell apart {', '.join(worst)}: variance inflation factors above the limit of {INSEPARABLE:.0e}, where what is "
+        f"the data cannot distinguish {', '.join(worst)}: variance inflation factors above the limit of {INSEPARABLE:.0e}, where what is "
         "independent in a term is less than a thousandth of its movement; leave a term out, hold it at its a-priori value, or add a "
         "manoeuvre that moves the terms independently"
     )

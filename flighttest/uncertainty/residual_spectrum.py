@@ -9,7 +9,7 @@ what the fit mixes,
     E v_k^2 = (1 - h_k) S(f_k),    h_k = (QQ')_kk
 
 S is found from the v_k^2 by Whittle's likelihood [Whittle1953]_, each weighted by the share 1 - h_k of a degree of freedom
-that is left.  Frequencies that the fit has taken up say nothing; there the prior speaks:
+that is left.  Frequencies that the fit has taken up contain no information; there the prior speaks:
 
 - ln S is a random walk over  u = asinh(f T),  T the longest stretch: in ln f above one cycle per record, flat below it.
   Its standard deviation per unit of u is one of `ROUGHNESS`, all equally probable beforehand [Kitagawa1985]_; below
@@ -44,7 +44,7 @@ OFFSETS = 3  # pieces from which on each has a constant of its own
 ROUGHNESS = (18.0, 6.0, 2.0, 0.6)  # change of ln S per unit of u, one standard deviation
 SLOPE, CYCLES = 1.5, 2.0  # the largest below so many cycles per record; an AR(1) disturbance has at most two
 HIDDEN = 3.0  # variance of the disturbance over that of the residual that is one standard deviation from unity
-UNKNOWN = 5.0  # factor on S of one standard deviation where neither data nor neighbours tell it
+UNKNOWN = 5.0  # factor on S of one standard deviation where neither data nor neighbours determine it
 FLOOR = 1e-4  # white part added to the residual, of its variance: what a low-pass has removed is not looked up
 ORDER = 32  # of the autoregression that has the autocovariance found
 _KNOT = 0.35  # distance of the knots of ln S, in u

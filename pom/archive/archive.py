@@ -99,7 +99,7 @@ def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
         "conditions": result.conditions,
         "failure": result.failure,
         "trim": result.trim.to_dict("split"),
-        "verdict": [dict(row) for row in result.rows],
+        "verdict": result.verdict_records(),
         "attrs": {part: data.attrs for part, data in parts.items()},
         "channels": {part: {str(name): item.attrs for name, item in data.data_vars.items()} for part, data in parts.items()},
     }

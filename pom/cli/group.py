@@ -139,21 +139,22 @@ def run(
 def _lines(result: Any, verbose: bool = False) -> list[str]:
     """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s (1.5 deg)``."""
     from ..report.run_notes import run_notes
+    from ..tolerances.remarks import text_of
 
     case, lines = result.case, []
     for name in result.runs:
         status = result.status(name)
         worst = result.worst(name)
-        said = "pass" if status == "pass" else status.upper()
+        text = "pass" if status == "pass" else status.upper()
         if worst is not None:
             at = f" at {worst['at']:.1f} s" if worst["measure"] == "trace" else ""
             unit = "" if worst["unit"] == "1" else f" {worst['unit']}"
-            said += f"  {worst['worst_ratio']:.2f} x tolerance"
-            said += f"  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} ({worst['tolerance_text']})"
+            text += f"  {worst['worst_ratio']:.2f} x tolerance"
+            text += f"  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} ({worst['tolerance_text']})"
         elif status != "pass":
             rows = result.verdict[(result.verdict["run"] == name) & (result.verdict["verdict"] == status)]
-            said += f"  {rows.iloc[0]['note']}" if len(rows) else ""
-        lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {said}")
+            text += f"  {text_of(rows.iloc[0]['remarks'])}" if len(rows) else ""
+        lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {text}")
         lines += [f"{'':8}{text}" for text in run_notes(result, name)] if verbose else []
     return lines
 
@@ -169,7 +170,7 @@ def _summary(result: Any) -> dict[str, Any]:
         "edition": result.case.edition,
         "status": {name: result.status(name) for name in result.runs},
         "failure": result.failure,
-        "verdict": [dict(row) for row in result.rows],
+        "verdict": result.verdict_records(),
         "trim": result.trim,
         "pilot": pilot_activity(result),
         "drift": drift(result),

@@ -131,10 +131,10 @@ class Bench:
         ratio: dict[str, float] = {}
         verdicts: dict[str, str] = {}
         groups: dict[str, float] = {}
-        failure = failure or ", ".join(beyond_limits(trim_limits(self.case, self.flight), outputs, demanded=True))
+        failed = bool(failure or beyond_limits(trim_limits(self.case, self.flight), outputs, demanded=True))
         for criterion in self.case.criteria:
             found = judge(self.case, criterion, self.job.time, self.flight, outputs)
-            verdicts[criterion.name] = "invalid" if failure and criterion.applies else found.verdict
+            verdicts[criterion.name] = "invalid" if failed and criterion.applies else found.verdict
             if found.verdict not in ("pass", "fail", "invalid"):
                 continue
             ratio[criterion.name] = found.worst_ratio

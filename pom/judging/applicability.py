@@ -68,7 +68,7 @@ def _part(case: PomCase, criterion: Criterion, word: str) -> Criterion:
     start, stop = criterion.window
     missing = [event for event in PARTS[word] if event and event not in case.events]
     if missing:
-        return replace(criterion, reason=f"mark the event {' and '.join(missing)} in [events]: the row counts only in {word}")
+        return replace(criterion, reason=f"give the event {' and '.join(missing)} in [events]: the row counts only in {word}")
     first, last = (case.events.get(event) for event in PARTS[word])
     window = (start if first is None else max(start, first), stop if last is None else min(stop, last))
     if window[0] >= window[1]:

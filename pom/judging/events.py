@@ -2,7 +2,7 @@
 
 What the pilot does (release, throttle, flare) happens at the same time in both, because the record drives the model.
 What the aeroplane does (lift-off speed, touchdown, stall) is a signal: a discrete of its own, or a level that the flight
-has at the marked instant and the model reaches at another.
+has at the instant of the event and the model reaches at another.
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flightmech.names import lookup
 from flightmech.units import KNOT
 
 from ..tolerances.bands import Invalid, NotJudged
 from ..tolerances.event_names import ACTS, DISCRETES, LEVELS
 from ..tolerances.parameter_channels import written
+from ..tolerances.remarks import RowRemark
 from .comparison import Match
 from .signals import Signals
 
@@ -25,17 +27,17 @@ STANDING = KNOT
 
 @dataclass(frozen=True)
 class Instant:
-    """One event in both records, and how it was found. [s]"""
+    """One event in both records [s], and how it was found."""
 
     flight: float
     model: float
-    how: str = ""
+    remarks: tuple[RowRemark, ...] = ()
 
 
-def marked(match: Match, event: str) -> float:
-    """Return the time of an event that the case has to mark. [s]"""
+def event_time(match: Match, event: str) -> float:
+    """Return the time of an event that the case has to give. [s]"""
     if event not in match.case.events:
-        raise NotJudged(f"mark the event {event} in [events]")
+        raise NotJudged(f"give the event {event} in [events]")
     return match.case.events[event]
 
 
@@ -47,51 +49,52 @@ def find(match: Match, event: str, beside: str = "") -> Instant:
     match : Match
     event : str
     beside : str
-        Channel that is compared and therefore may not tell the event.
+        Channel that is compared and therefore may not indicate the event.
 
     Raises
     ------
     NotJudged
-        The event is not marked, or no signal tells it.
+        The case does not give the event, or no signal indicates it.
     Invalid
-        It is marked outside the replay, or the model does not come to it.
+        It lies outside the replay, or the model does not come to it.
     """
-    mark = match.case.events.get(event)
-    if mark is not None and not match.time[0] - 1e-9 <= mark <= match.time[-1] + 1e-9:
-        raise Invalid(f"{event} is marked at {mark:g} s, outside the replay, {match.time[0]:g} ... {match.time[-1]:g} s")
+    given = match.case.events.get(event)
+    if given is not None and not match.time[0] - 1e-9 <= given <= match.time[-1] + 1e-9:
+        raise Invalid(f"{event} is at {given:g} s, outside the replay, {match.time[0]:g} ... {match.time[-1]:g} s")
     if event in ACTS:
-        time = marked(match, event)
+        time = event_time(match, event)
         return Instant(time, time)
-    if mark is not None and mark <= match.time[1]:
-        return Instant(mark, mark, f"the replay starts at {event}")
+    if given is not None and given <= match.time[1]:
+        return Instant(given, given, (RowRemark("event", f"the replay starts at {event}", event),))
     names = DISCRETES.get(event, ())
     if names and all(name in match.model for name in names):
         return _by_discrete(match, event, names)
     channel, direction = LEVELS.get(event, ("", 0))
     if not channel or channel == beside or channel not in match.flight or channel not in match.model:
-        tellers = [name for name in (*names, channel) if name and name != beside]
-        raise NotJudged(f"{event} has to be told by {' or '.join(tellers) or 'a signal'}, and flight and model do not both have it")
-    time = marked(match, event)
+        signals = [name for name in (*names, channel) if name and name != beside]
+        raise NotJudged(f"{event} is detected by {' or '.join(signals) or 'a signal'}, and flight and model do not both have it")
+    time = event_time(match, event)
     level = level_at(match, event, time)
     reached = crossing(match.time, match.model[channel], level, direction)
     if reached is None:
         raise Invalid(f"the model does not come to {event} ({written(channel, level)}) in the record")
-    return Instant(time, reached, f"{event} at {written(channel, level)}")
+    remark = RowRemark("event", f"{event} at {written(channel, level)}", channel, {"level": level}, lookup(channel).units)
+    return Instant(time, reached, (remark,))
 
 
 def level_at(match: Match, event: str, time: float) -> float:
-    """Return the level of the signal of an event: what the flight has at the mark; for a full stop that of standing still. [SI]"""
+    """Return the level of the signal of an event: what the flight has at the event; for a full stop that of standing still. [SI]"""
     return STANDING if event == "full_stop" else float(np.interp(time, match.time, match.flight[LEVELS[event][0]]))
 
 
 def _by_discrete(match: Match, event: str, names: tuple[str, ...]) -> Instant:
-    """Return an event that a discrete tells; the flight's is as marked where the case marks it."""
+    """Return an event that a discrete indicates; the flight's is as given where the case gives it."""
     flight, model = (_jump(match, signals, names) for signals in (match.flight, match.model))
     if model is None:
         raise Invalid(f"the model does not come to {event} in the record ({' and '.join(names)} stay off)")
     if flight is None or event in match.case.events:
-        flight = marked(match, event)
-    return Instant(flight, model, f"{event} by {' or '.join(names)}")
+        flight = event_time(match, event)
+    return Instant(flight, model, (RowRemark("event", f"{event} by {' or '.join(names)}", event),))
 
 
 def _jump(match: Match, signals: Signals, names: tuple[str, ...]) -> float | None:

@@ -1,7 +1,7 @@
 """Modal measures by fit: period, time to half, damping ratio, and the lag between bank and sideslip.
 
 The free response is fitted by y = b + c t + exp(-sigma t) (A cos wd t + B sin wd t), least squares, with b, c, A, B
-eliminated at every (sigma, wd).  Picking raw extremes is fragile: it needs one noisy sample to miss a period.
+eliminated at every (sigma, wd).  Picking raw extremes is fragile: it needs one noisy sample to lose a period.
 """
 
 from __future__ import annotations
@@ -20,10 +20,11 @@ from ..result import PomResult
 from ..tolerances.bands import Invalid, Outcome, demand_finite, half_width, inside_window, scalar
 from ..tolerances.criteria import Criterion
 from ..tolerances.parameter_channels import plain_id
+from ..tolerances.remarks import RowRemark
 from .comparison import Match
 
 MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}
-"""Full cycles the table asks for; time to half or double in the record will do instead."""
+"""Full cycles that the table requires; time to half or double in the record will do instead."""
 
 LEAST_AMPLITUDE = 0.1  # of the flight's, for a mode to count as excited
 PHUGOID = "2.c.9"
@@ -138,33 +139,35 @@ def modal(criterion: Criterion, match: Match) -> Outcome:
     """
     t, flight, model = match.both(criterion)
     f = _fit("flight", t, flight)
-    asked = MINIMUM_CYCLES.get(plain_id(match.case.id), 0.0)
-    if f.cycles < asked and abs(f.t_half) > f.duration:
+    required = MINIMUM_CYCLES.get(plain_id(match.case.id), 0.0)
+    if f.cycles < required and abs(f.t_half) > f.duration:
         raise Invalid(
             f"{f.cycles:.1f} cycles and less than the time to half ({f.t_half:.0f} s) in {f.duration:.0f} s; "
-            f"the table asks for {asked:g} cycles or the time to half"
+            f"the table requires {required:g} cycles or the time to half"
         )
     value = getattr(f, criterion.measure)
     try:
         s = _excited(_fit("the model", t, model), f)
     except Invalid as error:
-        return Outcome("fail", at=float(t[0]), note=f"flight {_words(criterion.measure, f)}; {error}", flight=value)
-    note = f"flight {_words(criterion.measure, f)}, model {_words(criterion.measure, s)}; {f.cycles:.1f} cycles{_banked(criterion, match)}"
-    outcome = scalar(criterion, value, getattr(s, criterion.measure), float(t[0]), note)
+        return Outcome("fail", at=float(t[0]), remarks=(_values(criterion.measure, f), RowRemark("no_mode", str(error))), flight=value)
+    cycles = RowRemark("cycles", f"{f.cycles:.1f} cycles", values={"flight": f.cycles}, unit="1")
+    remarks = (_values(criterion.measure, f, s), cycles, *_banked(criterion, match))
+    outcome = scalar(criterion, value, getattr(s, criterion.measure), float(t[0]), remarks)
     if criterion.measure != "period" and f.sigma * s.sigma < 0.0:
-        return replace(outcome, verdict="fail", note=f"{note}; stability differs")
+        return replace(outcome, verdict="fail", remarks=(*remarks, RowRemark("stability", "stability differs")))
     return outcome
 
 
-def _banked(criterion: Criterion, match: Match) -> str:
-    """Return a remark on a phugoid that a model flies in a turn; empty where it does not, or its bank is not known."""
+def _banked(criterion: Criterion, match: Match) -> tuple[RowRemark, ...]:
+    """Return a remark on a phugoid that a model flies in a turn; none where it does not, or its bank is not known."""
     if plain_id(match.case.id) != PHUGOID or not all("phi" in side for side in (match.flight, match.model)):
-        return ""
+        return ()
     off = np.abs(np.angle(np.exp(1j * (match.model["phi"] - match.flight["phi"]))))[inside_window(match.time, criterion.window)]
     off = float(np.fmax.reduce(off))  # gaps in a recorded bank do not matter
     if not off > BANKED:
-        return ""
-    return f"; bank of the model up to {off / DEGREE:.0f} deg off the flight's, a turn and no phugoid: let a math pilot hold the wings"
+        return ()
+    text = f"bank of the model up to {off / DEGREE:.0f} deg off the flight's, a turn and no phugoid: let a math pilot hold the wings"
+    return (RowRemark("bank", text, "phi", {"largest": off / DEGREE, "limit": BANKED / DEGREE}, "deg"),)
 
 
 def _excited(model: Mode, flight: Mode) -> Mode:
@@ -175,7 +178,15 @@ def _excited(model: Mode, flight: Mode) -> Mode:
     return model
 
 
-def _words(measure: str, mode: Mode) -> str:
+def _values(measure: str, flight: Mode, model: Mode | None = None) -> RowRemark:
+    """Return what a mode measures in flight and, where it has one, in the model."""
+    modes = {"flight": flight} if model is None else {"flight": flight, "model": model}
+    text = ", ".join(f"{who} {_text(measure, mode)}" for who, mode in modes.items())
+    values = {who: float(getattr(mode, measure)) for who, mode in modes.items()}
+    return RowRemark("values", text, measure, values, "1" if measure == "damping_ratio" else "s")
+
+
+def _text(measure: str, mode: Mode) -> str:
     if measure == "damping_ratio":
         return f"zeta {mode.damping_ratio:.4f}"
     value = getattr(mode, measure)
@@ -184,7 +195,7 @@ def _words(measure: str, mode: Mode) -> str:
 
 @lru_cache(maxsize=256)
 def _remembered(time: bytes, y: bytes) -> Mode:
-    """Fit once what period, damping and time to half ask for, and what every model of a case is compared with."""
+    """Fit once what period, damping and time to half need, and what every model of a case is compared with."""
     return fit_mode(np.frombuffer(time), np.frombuffer(y))
 
 
@@ -204,12 +215,17 @@ def peak_lag(criterion: Criterion, match: Match) -> Outcome:
     try:
         own = _lag(_excited(_fit("the model", t, model_slip), mode), t, model_bank)
     except Invalid as error:
-        return Outcome("fail", at=float(t[0]), note=f"flight {lag:.2f} s; {error}", flight=lag)
+        return Outcome(
+            "fail",
+            at=float(t[0]),
+            remarks=(RowRemark("values", f"flight {lag:.2f} s", "lag", {"flight": lag}, "s"), RowRemark("no_mode", str(error))),
+            flight=lag,
+        )
     own -= mode.period * round((own - lag) / mode.period)  # the same peak of the next cycle is no difference
-    note = f"flight {lag:.2f} s, model {own:.2f} s"
+    text = f"flight {lag:.2f} s, model {own:.2f} s"
     if half_width(criterion, lag)[0] <= 0.0:
-        raise Invalid(f"{note}; the tolerance is zero wide")
-    return scalar(criterion, lag, own, float(t[0]), note)
+        raise Invalid(f"the tolerance is zero wide; {text}")
+    return scalar(criterion, lag, own, float(t[0]), (RowRemark("values", text, "lag", {"flight": lag, "model": own}, "s"),))
 
 
 def _lag(sideslip: Mode, time: np.ndarray, bank: np.ndarray) -> float:

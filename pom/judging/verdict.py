@@ -18,6 +18,7 @@ from ..tolerances.criteria import Band, Criterion
 from ..tolerances.derived_channels import SOURCES
 from ..tolerances.needed_channels import needs
 from ..tolerances.parameter_channels import display_unit, factor
+from ..tolerances.remarks import RowRemark, reasons
 from . import modal
 from .applicability import settle
 from .comparison import Match
@@ -69,28 +70,28 @@ def judge(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, mo
     time : array (time,)
         Samples of the replay on the clock of the record. [s]
     flight, model : mapping of str to array (time,)
-        Signals by house name. [SI]
+        Signals by SI name. [SI]
 
     Returns
     -------
     Outcome
-        ``not_tested`` or ``invalid`` with the reason as its note when it cannot be judged; never an exception for data.
+        ``not_tested`` or ``invalid`` with the reason as a remark when it cannot be judged; never an exception for data.
     """
     try:
         match = Match.of(case, time, flight, model)
         criterion = settle(case, criterion, time, match.flight)
         reason = criterion.reason or unjudged(case, criterion)
         if reason:
-            return Outcome("not_tested", note=reason)
+            return Outcome("not_tested", remarks=reasons(reason))
         for who, signals in (("flight record", match.flight), ("model", match.model)):
             missing = [name for name in needs(criterion) if name not in signals]
             if missing:
-                return Outcome("not_tested", note=f"the {who} has no {', '.join(missing)}")
+                return Outcome("not_tested", remarks=reasons(f"the {who} has no {', '.join(missing)}"))
         return _measured(criterion, match)
     except NotJudged as error:
-        return Outcome("not_tested", note=str(error))
+        return Outcome("not_tested", remarks=reasons(str(error)))
     except Invalid as error:
-        return Outcome("invalid", note=str(error))
+        return Outcome("invalid", remarks=reasons(str(error)))
 
 
 def _measured(criterion: Criterion, match: Match) -> Outcome:
@@ -102,8 +103,8 @@ def _measured(criterion: Criterion, match: Match) -> Outcome:
     with suppress(Invalid):  # not steady within a third of the narrower band; what is wrong beside is found again
         outcome = measure(strict, match)
         if outcome.verdict == "pass":
-            said = "passes on the flight value, so on the largest in service"
-            return replace(outcome, note="; ".join(filter(None, (outcome.note, said))))
+            remark = RowRemark("method", "passes on the flight value, so on the largest in service")
+            return replace(outcome, remarks=(*outcome.remarks, remark))
     return measure(criterion, match)
 
 
@@ -161,7 +162,7 @@ def row(run: str, criterion: Criterion, outcome: Outcome) -> dict[str, Any]:
         "first_exit": outcome.first_exit,
         "inside": outcome.inside,
         "verdict": outcome.verdict,
-        "note": "; ".join(text for text in (outcome.note, criterion.note) if text),
+        "remarks": (*outcome.remarks, *([RowRemark("row", criterion.note)] if criterion.note else [])),
         "provenance": criterion.provenance,
     }
 

@@ -29,6 +29,7 @@ from ..tolerances.criteria import Criterion
 from ..tolerances.derived_channels import output_of
 from ..tolerances.needed_channels import channels, helpful
 from ..tolerances.parameter_channels import WRAPPED
+from ..tolerances.remarks import RowRemark
 from .offsets import CALIBRATION
 from .piloting import PILOT, activity
 from .reference_states import flight_states
@@ -75,7 +76,7 @@ def replay(
     timeout : float
         Wall time allowed per model. [s]
     names : mapping of str to path, optional
-        Name of a model to the table of its names, units and signs, when they are not those of the house (`docs/pom-replay.md`);
+        Name of a model to the table of its names, units and signs, when they are not the SI names (`docs/pom-replay.md`);
         it goes before that of the case file.
 
     Returns
@@ -143,11 +144,11 @@ def judged_channels(case: PomCase) -> list[str]:
 
 
 def shown_channels(case: PomCase, states: xr.Dataset) -> list[str]:
-    """Return every channel of the result: judged, asked for, moved by the math pilot, and the thrust of each engine."""
+    """Return every channel of the result: judged, requested, moved by the math pilot, and the thrust of each engine."""
     moved = [loop.control for loop in case.drive.pilot]
     engines = sorted(str(name) for name in states.data_vars if str(name).startswith("engine") and str(name).endswith(".thrust"))
-    told = [name for c in case.criteria if c.applies and not unjudged(case, c) for name in helpful(c)]
-    return list(dict.fromkeys([*judged_channels(case), *case.show, *moved, *engines, *told]))
+    helping = [name for c in case.criteria if c.applies and not unjudged(case, c) for name in helpful(c)]
+    return list(dict.fromkeys([*judged_channels(case), *case.show, *moved, *engines, *helping]))
 
 
 def _outputs(names: Iterable[str], offered: Container[str]) -> list[str]:
@@ -179,22 +180,22 @@ def assemble(
         Provenance, kept as attributes of the signals.
     """
     flight = signals_of(case, _samples(states), job.time)
-    told = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
+    kept = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
     if job.pilot:
-        told[PILOT] = json.dumps(plain(_pilot(job, found)))
+        kept[PILOT] = json.dumps(plain(_pilot(job, found)))
         found = {run: _as_applied(job, outputs) for run, outputs in found.items()}
     rows, limits = [], trim_limits(case, flight)
     for name, outputs in found.items():
-        remarks = [", ".join([*beyond_limits(limits, outputs, demanded=False), *filter(None, [_remark(outputs)])])]
-        failure = failures.get(name) or ", ".join(beyond_limits(limits, outputs, demanded=True))
+        remarks = (*beyond_limits(limits, outputs, demanded=False), *_tables_left(outputs))
+        failure = _failed(failures.get(name, "")) or beyond_limits(limits, outputs, demanded=True)
         for criterion in case.criteria:
-            rows.append(row(name, criterion, _outcome(case, criterion, failure, job.time, flight, outputs)))
-            rows[-1]["note"] = "; ".join(text for text in (rows[-1]["note"], *remarks) if text)
+            judged = row(name, criterion, _outcome(case, criterion, failure, job.time, flight, outputs))
+            rows.append({**judged, "remarks": (*judged["remarks"], *remarks)})
     shown = [*shown_channels(case, states), *formed_channels(case, flight)]
     return PomResult(
         case=case,
         conditions=dict(configuration(case, job)),
-        signals=_signals(shown, flight, found).assign_attrs({**told, **(attrs or {})}),
+        signals=_signals(shown, flight, found).assign_attrs({**kept, **(attrs or {})}),
         tolerance=bands(case, job.time, flight),
         inputs=_inputs(job),
         trim=trim_table(flight, found),
@@ -203,17 +204,25 @@ def assemble(
     )
 
 
-def _outcome(case: PomCase, criterion: Criterion, failure: str, time: np.ndarray, flight: Traces, outputs: Traces) -> Outcome:
+def _failed(text: str) -> tuple[RowRemark, ...]:
+    return (RowRemark("failure", text),) if text else ()
+
+
+def _outcome(
+    case: PomCase, criterion: Criterion, failure: tuple[RowRemark, ...], time: np.ndarray, flight: Traces, outputs: Traces
+) -> Outcome:
     """Judge a criterion; a run that failed, or started beyond what the case file allows the trim, carries no judgement."""
     if failure and criterion.applies:
-        return Outcome("invalid", note=failure)
+        return Outcome("invalid", remarks=failure)
     return judge(case, criterion, time, flight, outputs)
 
 
-def _remark(outputs: Traces) -> str:
-    """Return how often a run left its tables; empty when it did not or does not tell."""
-    steps = outputs.get("out_of_range", np.zeros(1))
-    return f"tables left in {np.nanmax(steps):.0f} internal steps" if np.isfinite(steps).any() and np.nanmax(steps) > 0.0 else ""
+def _tables_left(outputs: Traces) -> tuple[RowRemark, ...]:
+    """Return a remark on how often a run left its tables; none when it did not or does not report it."""
+    steps = float(np.fmax.reduce(outputs.get("out_of_range", np.zeros(1))))
+    if not steps > 0.0:
+        return ()
+    return (RowRemark("tables_left", f"tables left in {steps:.0f} internal steps", values={"steps": steps}, unit="1"),)
 
 
 def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
@@ -226,7 +235,7 @@ def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
 
 
 def _as_applied(job: Job, outputs: Traces) -> dict[str, np.ndarray]:
-    """Return outputs with what the math pilot moves at its true position, bias of the trim included, where the model tells it."""
+    """Return outputs with what the math pilot moves at its true position, bias of the trim included, where the model reports it."""
     moved = {loop.control for loop in job.pilot if f"applied.{loop.control}" in outputs}
     return {**outputs, **{name: outputs[f"applied.{name}"] for name in moved}}
 

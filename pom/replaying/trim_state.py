@@ -17,6 +17,7 @@ from flightmech.units import DEGREE, POUND_FORCE, from_si
 from ..cases.case import PomCase
 from ..cases.resolve import BIASES, LIMIT_UNITS, REMAINDERS
 from ..result import PomResult
+from ..tolerances.remarks import RowRemark
 
 STATE = (
     *("V", "V_cas", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "delta_e", "delta_a", "delta_r"),
@@ -29,7 +30,7 @@ LEFT = tuple(f"trim.{name}" for name in REMAINDERS)
 OBSERVED = (*STATE, *(f"applied.{name}" for name in CONTROLS), *FOUND, *LEFT, "out_of_range")
 """Outputs of a model that the trim table and its remarks are made of."""
 
-HOUSE_LIMITS = {
+DEFAULT_LIMITS = {
     **dict.fromkeys(("delta_e", "delta_a", "delta_r"), 1.0 * DEGREE),  # longitudinal trim, 2.c.5 of Table A2A: elevator 1 deg
     **dict.fromkeys(("F_column", "F_pedal"), 5.0 * POUND_FORCE),  # static force checks, 2.a.1.a and 2.a.3.a of Table A2A
     "throttle": 0.05,  # of the travel: 2.c.5 allows 5 % of net thrust
@@ -43,7 +44,7 @@ SHOWN_UNITS = {"N": "lbf", "rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
 
 
 class TrimLimit(NamedTuple):
-    """Largest size of a trim quantity [SI], and whether the case file demands it (else it is the house's, for a remark)."""
+    """Largest size of a trim quantity [SI], and whether the case file demands it (else it is a default, for a remark)."""
 
     size: float
     demanded: bool
@@ -57,7 +58,7 @@ def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, Tr
     flight : mapping of str to array (time,)
         Recorded channels; the thrust is limited by a share of its first sample.
     """
-    found = {name: TrimLimit(size, False) for name, size in HOUSE_LIMITS.items()}
+    found = {name: TrimLimit(size, False) for name, size in DEFAULT_LIMITS.items()}
     if "engine1.thrust" in flight:
         found["thrust"] = TrimLimit(THRUST_SHARE * abs(float(flight["engine1.thrust"][0])), False)
     if case.drive.trim == "ground":  # a roll is not steady, and the surfaces stay as recorded
@@ -71,16 +72,18 @@ def limits_of(result: PomResult) -> dict[str, TrimLimit]:
     return trim_limits(result.case, {name: signals[name].values for name in ("engine1.thrust",) if name in signals})
 
 
-def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndarray], demanded: bool) -> list[str]:
-    """Return a text for every trim quantity of a model beyond its limit; nothing for a model that does not tell it."""
-    said = []
+def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndarray], demanded: bool) -> tuple[RowRemark, ...]:
+    """Return a remark for every trim quantity of a model beyond its limit; none for a model that does not report it."""
+    found = []
     for name, limit in limits.items():
         value = float(outputs[f"trim.{name}"][0]) if f"trim.{name}" in outputs else 0.0
         if limit.demanded == demanded and abs(value) > limit.size:
             unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
             shown = "" if unit == "1" else f" {unit}"
-            said.append(f"trim.{name} {from_si(value, unit):+.3g}{shown} is beyond {from_si(limit.size, unit):.3g}{shown}")
-    return said
+            values = {"found": float(from_si(value, unit)), "limit": float(from_si(limit.size, unit))}
+            text = f"trim.{name} {values['found']:+.3g}{shown} is beyond {values['limit']:.3g}{shown}"
+            found.append(RowRemark("trim", text, name, values, unit))
+    return tuple(found)
 
 
 def trim_table(flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]) -> pd.DataFrame:
@@ -92,7 +95,7 @@ def trim_table(flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str
     found : mapping of model to mapping of output to array (time,)
     """
     columns = {"flight": {name: float(flight[name][0]) for name in STATE if name in flight}}
-    shown = [name for name in (*STATE, *FOUND, *LEFT) if name not in COCKPIT or _told(name, flight, found)]
+    shown = [name for name in (*STATE, *FOUND, *LEFT) if name not in COCKPIT or _in_use(name, flight, found)]
     for run, outputs in found.items():
         values = {}
         for name in shown:
@@ -104,6 +107,6 @@ def trim_table(flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str
     return table.dropna(how="all")
 
 
-def _told(name: str, flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]) -> bool:
-    """Whether a quantity of the cockpit belongs to the flight or to the trim; a model driven by its surfaces tells it for nothing."""
+def _in_use(name: str, flight: Mapping[str, np.ndarray], found: Mapping[str, Mapping[str, np.ndarray]]) -> bool:
+    """Whether a quantity of the cockpit belongs to the flight or to the trim; a model driven by its surfaces reports zero for it."""
     return name in flight or any(name in outputs and float(outputs[name][0]) != 0.0 for outputs in found.values() if name in FOUND)

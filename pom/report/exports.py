@@ -21,6 +21,7 @@ from ..archive.archive import Archive
 from ..archive.origins import case_seen_from
 from ..replaying.offsets import drift
 from ..result import PomResult
+from ..tolerances.remarks import text_of
 from .case.case import keys
 
 # a verdict of a group -> the element JUnit has for it; a pass has none
@@ -54,7 +55,7 @@ def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
             "samples": int(result.signals.sizes["time"]),
             "trim": result.trim.to_dict("split"),
             "drift": drift(result).to_dict("records"),
-            "verdict": [dict(row) for row in result.rows],
+            "verdict": result.verdict_records(),
             "failure": result.failure,
         }
     )
@@ -100,7 +101,7 @@ def _tests(result: PomResult, run: str) -> Iterator[tuple[str, str, str]]:
 
 def _reason(row: Mapping[Hashable, Any]) -> str:
     if not math.isfinite(row["worst_ratio"]):
-        return f"{row['criterion']}: {row['verdict'].replace('_', ' ')}: {row['note']}"
+        return f"{row['criterion']}: {row['verdict'].replace('_', ' ')}: {text_of(row['remarks'])}"
     at = f" at {row['at']:.2f} s" if math.isfinite(row["at"]) else ""
     return f"{row['criterion']}: {row['worst_ratio']:.3g} x tolerance, {row['worst']:+.3g} {row['unit']}{at} ({row['tolerance_text']})"
 

@@ -90,7 +90,7 @@ def _entry(test: str, title: str, results: Sequence[PomResult]) -> dict[str, Any
     for result in results:
         for row in result.rows:
             if row["verdict"] in ("not_tested", "invalid"):
-                why.setdefault(row["criterion"], reason(row["note"]))
+                why.setdefault(row["criterion"], reason(row["remarks"]))
             else:
                 judged.add(row["criterion"])
     left = [(words(name), note) for name, note in why.items() if name not in judged]

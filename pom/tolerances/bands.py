@@ -12,6 +12,7 @@ import numpy as np
 
 from .criteria import Criterion
 from .parameter_channels import WRAPPED, display_unit, factor
+from .remarks import RowRemark
 
 NAN = float("nan")
 ROUNDING = 1e-9  # degrees to radians and back: a difference equal to the tolerance as printed passes
@@ -40,7 +41,7 @@ class Outcome:
     at: float = NAN
     first_exit: float = NAN
     inside: float = NAN
-    note: str = ""
+    remarks: tuple[RowRemark, ...] = ()
     flight: float = NAN
     model: float = NAN
     applied: str = ""
@@ -188,16 +189,20 @@ def trace(criterion: Criterion, time: np.ndarray, flight: np.ndarray, model: np.
         at=float(time[worst]),
         first_exit=float(time[out][0]) if out.any() else NAN,
         inside=float(1.0 - out.mean()),
-        note=f"longest run outside {_longest(time, out):.2f} s" if out.any() else "",
+        remarks=_outside(_longest(time, out)) if out.any() else (),
         applied=applied(criterion, width, flight),
         rms=float(np.sqrt(np.mean(np.square(ratio)))),
     )
 
 
 def ratios(error: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """Return |difference| over half width; no difference is no miss, however narrow the band."""
+    """Return |difference| over half width; no difference is inside, however narrow the band."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(error == 0.0, 0.0, np.abs(error) / width)
+
+
+def _outside(longest: float) -> tuple[RowRemark, ...]:
+    return (RowRemark("outside", f"longest run outside {longest:.2f} s", values={"longest": longest}, unit="s"),)
 
 
 def _longest(time: np.ndarray, out: np.ndarray) -> float:
@@ -208,7 +213,13 @@ def _longest(time: np.ndarray, out: np.ndarray) -> float:
 
 
 def scalar(
-    criterion: Criterion, flight: float, model: float, at: float = NAN, note: str = "", base: float | None = None, cycle: int = 0
+    criterion: Criterion,
+    flight: float,
+    model: float,
+    at: float = NAN,
+    remarks: tuple[RowRemark, ...] = (),
+    base: float | None = None,
+    cycle: int = 0,
 ) -> Outcome:
     """Judge one number of the model against that of the flight.
 
@@ -219,7 +230,7 @@ def scalar(
         [SI]
     at : float
         Time that the number belongs to. [s]
-    note : str
+    remarks : tuple of RowRemark
     base : float, optional
         What the percentage is of, when it is not the flight value. [SI]
     cycle : int
@@ -235,7 +246,7 @@ def scalar(
         worst=error,
         worst_ratio=ratio,
         at=at,
-        note=note,
+        remarks=remarks,
         flight=flight,
         model=model,
         applied=applied(criterion, width, base),

@@ -80,7 +80,7 @@ def sample_mask(condition: str, events: Mapping[str, float], time: np.ndarray, f
         if _WARNING.match(match.group(3)):
             marks = [events[event] for event in ("stall_warning", "initial_buffet") if event in events]
             if not marks:
-                raise NotJudged(f"mark the event stall_warning or initial_buffet in [events]: the row counts only with {word}")
+                raise NotJudged(f"give the event stall_warning or initial_buffet in [events]: the row counts only with {word}")
             mask &= flight[channel] > np.interp(min(marks), time, flight[channel])
         else:
             mask &= holds(word, flight[channel])

@@ -83,7 +83,7 @@ def bound(mark: str, marked: Mapping[str, float], default: float) -> float:
     Raises
     ------
     UnknownName
-        The event is not marked in the case.
+        The case does not give the event.
     """
     if not mark:
         return default
@@ -92,7 +92,7 @@ def bound(mark: str, marked: Mapping[str, float], default: float) -> float:
     match = _OFFSET.match(mark)
     event, shift = (match.group(1), float(match.group(2))) if match else (mark, 0.0)
     if event not in marked:
-        raise UnknownName(event, marked, "event", "mark its time in [events]")
+        raise UnknownName(event, marked, "event", "give its time in [events]")
     return marked[event] + shift
 
 

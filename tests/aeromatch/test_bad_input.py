@@ -91,7 +91,7 @@ def test_an_unknown_column_in_a_name_map(refused, tmp_path):
     names = (DATA / "names.toml").read_text().replace('q_c = "q_c"', 'q_c = "qc"')
     (tmp_path / "names.toml").write_text(names)
     said = refused("flight", "cut", RECORD, 5, 9, "--names", tmp_path / "names.toml", "-o", tmp_path / "cut.nc")
-    assert "unknown column 'qc'; near it: q_c; the name map asks for it" in said
+    assert "unknown column 'qc'; near it: q_c; the name map requires it" in said
 
 
 def test_an_unknown_column_in_a_table(refused, tmp_path):

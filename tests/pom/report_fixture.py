@@ -8,6 +8,7 @@ from flightmech import terms
 from pom.cases.case import PomCase
 from pom.result import PomResult, verdict_table
 from pom.tolerances.criteria import Band, Criterion, Limit
+from pom.tolerances.remarks import RowRemark, reasons
 
 STANDARD, EDITION = "FAA 14 CFR Part 60 App A Table A2A", "2014-01-01"
 DEG = np.pi / 180.0
@@ -65,7 +66,7 @@ def judge(case, data, runs):
                 window_stop=c.window[1], tolerance_text=c.band.text, width=np.nanmin(half) / factor, unit=unit, provenance=c.provenance,
             )  # fmt: skip
             if not np.isfinite(error).all():
-                rows.append({**row, "verdict": "invalid", "note": "no finite response"})
+                rows.append({**row, "verdict": "invalid", "remarks": reasons("no finite response")})
                 continue
             ratio = np.abs(error) / half
             k = int(np.nanargmax(ratio))
@@ -79,7 +80,7 @@ def judge(case, data, runs):
                     "first_exit": time[out[0]] if len(out) else np.nan,
                     "inside": float((ratio[inside] <= 1).mean()),
                     "verdict": "fail" if len(out) else "pass",
-                    "note": c.note,
+                    "remarks": (RowRemark("row", c.note),) if c.note else (),
                 }
             )
     return xr.Dataset(tolerance, {"time": time}), verdict_table(rows)

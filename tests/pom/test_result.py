@@ -6,6 +6,7 @@ import xarray as xr
 from pom.cases.case import PomCase
 from pom.result import PomResult, verdict_table
 from pom.tolerances.criteria import Band, Criterion, Limit
+from pom.tolerances.remarks import RowRemark
 
 BAND = Band((Limit("percent", 10.0, "%"), Limit("absolute", 2.0, "deg/s")), "greater_of", "ref_local")
 
@@ -60,6 +61,15 @@ def test_json_there_and_back():
     xr.testing.assert_identical(after.tolerance, before.tolerance)
     pd.testing.assert_frame_equal(after.trim, before.trim)
     pd.testing.assert_frame_equal(after.verdict, before.verdict)
+
+
+def test_remarks_there_and_back_and_the_note_of_an_older_file():
+    """Files written before 0.1.0 was released hold one text in a column `note`."""
+    remark = {"kind": "cycles", "text": "6.2 cycles", "quantity": "theta", "values": {"flight": 6.2}, "unit": "1"}
+    table = verdict_table([{"run": "a", "remarks": [remark]}, {"run": "a", "note": "the model: no oscillation"}, {"run": "a", "note": ""}])
+    assert [item.as_dict() for item in table.loc[0, "remarks"]] == [remark]
+    assert table.loc[1, "remarks"] == (RowRemark("note", "the model: no oscillation"),)
+    assert table.loc[2, "remarks"] == ()
 
 
 def test_tolerance_reads_as_printed():

@@ -32,7 +32,7 @@ HEIGHT = 7500.0
 
 
 def flown(name, lag=0.0):
-    """The states of a file under house names, every second sample, surfaces behind a lag."""
+    """The states of a file under canonical names, every second sample, surfaces behind a lag."""
     raw = {key: np.ravel(value) for key, value in loadmat(FILES / f"{name}.mat").items() if key[0] != "_" and key != "string"}
     names = {"V": "vtas", "ax": "Ax", "ay": "Ay", "az": "Az", "delta_e": "de", "delta_a": "da", "delta_r": "dr", "mach": "Mach"}
     columns = {house: raw[theirs] for house, theirs in names.items()} | {

@@ -16,6 +16,7 @@ import flighttest
 import pom
 from flighttest.maximum_likelihood.job.run import perform
 from flighttest.maximum_likelihood.job.specification import read_specification
+from pom.tolerances.remarks import text_of
 
 pytestmark = pytest.mark.slow
 
@@ -100,7 +101,7 @@ def judged(citation, models, motion, year, folder, drive=""):
     result = pom.replay(pom.read_case(folder / "case.toml"), models, path)
     assert result.failure == ""
     table = result.verdict
-    print(f"\n{motion} {year}\n{table[['criterion', 'run', 'worst_ratio', 'verdict', 'note']].to_string(max_colwidth=90)}")
+    print(f"\n{motion} {year}\n{table[['criterion', 'run', 'worst_ratio', 'verdict', 'remarks']].to_string(max_colwidth=90)}")
     return table[table["verdict"].isin(["pass", "fail"])], result
 
 
@@ -163,8 +164,8 @@ def test_without_a_pilot_the_models_leave_the_phugoid_in_a_turn(citation, models
         table, result = judged(citation, some, "phugoid", 2018, folder, drive)
         bank = result.signals["phi"]
         off[drive] = [float(np.abs(bank.sel(run=name) - bank.sel(run="flight")).max()) for name in some]
-        told = table["note"].str.contains("bank of the model up to .* deg off the flight's, a turn and no phugoid")
-        assert told.all() if not drive else not told.any()
+        noted = table["remarks"].map(text_of).str.contains("bank of the model up to .* deg off the flight's, a turn and no phugoid")
+        assert noted.all() if not drive else not noted.any()
     assert min(off[""]) > np.radians(25.0)  # 54 and 36 deg measured
     assert max(off[WINGS_HELD]) < np.radians(1.0)  # 0.4 deg
 

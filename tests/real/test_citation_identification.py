@@ -26,7 +26,7 @@ def vane_factor(citation, year):
 
 
 @pytest.mark.parametrize("year", [2018, 2019, 2020])
-def test_signs_of_the_surfaces_are_those_of_the_house(citation, year):
+def test_signs_of_the_surfaces_are_those_of_the_vocabulary(citation, year):
     """Aileron positive rolls left, rudder positive yaws left, elevator positive pitches down; each recording has its own signs."""
     record = citation.record(year)
 

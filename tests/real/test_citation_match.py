@@ -74,7 +74,7 @@ def test_command_line(citation, tmp_path):
     assert shown["faults"] == []
     assert "Gps_lat" in " ".join(shown["unmapped"])
 
-    whole = tmp_path / "flight.nc"  # with mass and thrust, in house names: no name map
+    whole = tmp_path / "flight.nc"  # with mass and thrust, in canonical names: no name map
     citation.record(YEAR).to_netcdf(whole, engine="h5netcdf")
     aircraft = citation.HERE / "maps" / "citation.toml"
     start = citation.start(YEAR, "aperiodic_roll")

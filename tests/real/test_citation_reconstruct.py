@@ -73,7 +73,7 @@ def test_clock_of_the_recorder_is_sound(record):
 
 def test_load_factor_is_one_at_rest_and_forward_force_is_the_pitch(record):
     parked = record["ahrs"].to_dataset().isel(time=slice(0, 200))
-    assert float(parked["az_imu"].mean()) == pytest.approx(-G0, abs=0.05)  # 0.005 g, as the README says of the offsets
+    assert float(parked["az_imu"].mean()) == pytest.approx(-G0, abs=0.05)  # 0.005 g, as the README states of the offsets
     assert float(parked["ax_imu"].mean()) == pytest.approx(G0 * np.sin(float(parked["theta"].mean())), abs=0.05)
 
 

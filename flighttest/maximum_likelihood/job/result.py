@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 POOR = 0.5  # of the variance of an output about its mean, that the model must explain
-PULLED = 3.0  # prior standard errors by which an estimate may depart before it is told
+PULLED = 3.0  # prior standard errors by which an estimate may depart before it is reported
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Performed:
 
     @property
     def remarks(self) -> list[Remark]:
-        """What a reader should know beyond `OutputError.remarks`: outputs that the model misses, estimates far from what was known."""
+        """Remarks beyond `OutputError.remarks`: outputs that the model does not explain, estimates far from what was known."""
         found = []
         for (k, j), share in np.ndenumerate(self.explained.values):
             if share < POOR:

@@ -1,4 +1,4 @@
-"""An output-error fit from its specification: files opened, records checked, the fit made, and told."""
+"""An output-error fit from its specification: files opened, records checked, the fit made, and reported."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ window = [3634.0, 3645.0]
 "init.h" = 1500.0
 
 [parameter."term.Cm.basic"]         # any parameter of the model, sensor.* and factor.* of an output
-start = 1.0                         # left out: what the record says at its first sample, or the model
+start = 1.0                         # left out: what the record gives at its first sample, or the model
 sigma = 0.3                         # standard error of what is known before; left out: nothing is
 low = 0.2
 high = 3.0

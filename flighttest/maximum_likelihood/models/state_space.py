@@ -56,7 +56,7 @@ class LinearModel:
         found = Matrices(*(np.asarray(item, float) for item in self.matrices(values)))
         n, m, p = len(self.states), len(self.inputs), len(self.outputs)
         wanted = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
-        wrong = [f"{name} is {x.shape}; the names ask for {wanted[name]}" for name, x in found._asdict().items() if x.shape != wanted[name]]
+        wrong = [f"{name} is {x.shape}; the names require {wanted[name]}" for name, x in found._asdict().items() if x.shape != wanted[name]]
         if wrong:
             raise SchemaError("linear model", wrong)
         return found

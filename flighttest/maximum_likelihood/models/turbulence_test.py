@@ -28,7 +28,7 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
     Noise of instruments is nearly white and belongs to one output.  What moves the aeroplane lasts as long as its modes and
     shows in several outputs at once.  It is called turbulence when two outputs carry a disturbance of more than twice the noise
     between neighbouring samples, correlated over 0.25 s and two blocks and more, and above a thousandth of the motion.  A term that the
-    model lacks looks the same: the residuals over the inputs tell which.
+    model lacks looks the same: the residuals over the inputs show which.
     """
     loud = []
     for name in noise["output"].values:
@@ -39,7 +39,7 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
         return ()
     return (
         f"turbulence or a missing term: residuals of {', '.join(loud)} are a disturbance of the motion; fitted open loop the estimates are "
-        "biased and scatter more than they tell. Use flighttest.filter_error, equation error, or a record in calm air",
+        "biased and scatter more than they determine. Use flighttest.filter_error, equation error, or a record in calm air",
     )
 
 

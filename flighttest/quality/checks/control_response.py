@@ -1,8 +1,8 @@
-"""Whether the aeroplane answers its controls with the signs of the house, and by how much.
+"""Whether the aeroplane answers its controls with the signs of the vocabulary, and by how much.
 
-Kinematics cannot tell the sign of a surface; the aeroplane can.  Angular accelerations are regressed on rates, flow angles and surfaces,
-all high-passed so that trim and slow drift have no part in it.  Positive elevator pitches down, positive aileron rolls left, positive
-rudder yaws left; side force opposes sideslip; the surface follows the pilot's hand.
+Kinematics do not show the sign of a surface; the aeroplane does.  Angular accelerations are regressed on rates, flow angles and
+surfaces, all high-passed so that trim and slow drift have no part in it.  Positive elevator pitches down, positive aileron rolls
+left, positive rudder yaws left; side force opposes sideslip; the surface follows the pilot's hand.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from ...uncertainty.coloured_residuals import coloured
 from ..finding import Finding, map_entry, rows
 from .signals import BAND, Signals, smooth
 
-SURE = 6.0  # standard errors a coefficient must have before its sign counts
+SIGNIFICANT = 6.0  # standard errors a coefficient must have before its sign counts
 FOLLOWS = 0.5  # correlation of a surface with the hand that moves it
 _TRIM = 0.3  # Hz, below which nothing counts
 _MEMORY = 2.0  # s over which residuals are taken as correlated
 _LOWEST_R2 = 0.15
 _SHIFTS = np.linspace(-0.2, 0.4, 25)  # s
 _EARLY, _LATE, _GAINS = 0.05, -0.15, 0.03  # s, and R2, beyond which a surface was not recorded when it acted
-_MOVED = 1.0 * DEGREE  # total movement without which a delay says nothing
+_MOVED = 1.0 * DEGREE  # total movement without which a delay is not informative
 _EXPLAINED = 0.72  # R2 that the equation must reach even so
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
 _SMALL = 0.6 * DEGREE  # total movement below which an effect must not be large
 _STRONGEST = {"delta_e": 100.0, "delta_a": 100.0, "delta_r": 20.0}  # 1/s2 per radian at the mean speed of the record
 _WORDS = {
-    "delta_e": "pitches the nose up (house: trailing edge down is positive and pitches down)",
-    "delta_a": "rolls to the right (house: right aileron down is positive and rolls left)",
-    "delta_r": "yaws to the right (house: trailing edge left is positive and yaws left)",
+    "delta_e": "pitches the nose up (convention: trailing edge down is positive and pitches down)",
+    "delta_a": "rolls to the right (convention: right aileron down is positive and rolls left)",
+    "delta_r": "yaws to the right (convention: trailing edge left is positive and yaws left)",
 }
 
 
@@ -55,7 +55,7 @@ EQUATIONS = (
     Equation("p", ("p", "r", "beta_vane", "delta_r"), "delta_a"),
     Equation("r", ("p", "r", "beta_vane", "delta_a"), "delta_r"),
 )
-HANDS = (  # pilot's control, what it moves, sign of the house, whether it is a position
+HANDS = (  # pilot's control, what it moves, sign of the vocabulary, whether it is a position
     ("column", "delta_e", -1, True),
     ("wheel", "delta_a", -1, True),
     ("pedal", "delta_r", -1, True),
@@ -133,7 +133,7 @@ def answer_findings(table: pd.DataFrame, followed: pd.DataFrame, signals: Signal
     """Return the surfaces that move the aeroplane the wrong way, or far too much, and the controls that nothing follows."""
     found = []
     for row in rows(table):
-        found += _surface(row, record) if row.R2 >= _LOWEST_R2 and abs(row.ratio) >= SURE else []
+        found += _surface(row, record) if row.R2 >= _LOWEST_R2 and abs(row.ratio) >= SIGNIFICANT else []
     for row in rows(followed):
         found += _hand(row, record)
     return found + _side_force(signals)
@@ -161,12 +161,12 @@ def _surface(row, record: xr.DataTree) -> list[Finding]:
 
 
 def _hand(row, record: xr.DataTree) -> list[Finding]:
-    names, evidence, told = (row.control, row.surface), {"correlation": row.correlation}, f"(correlation {row.correlation:+.2f})"
+    names, evidence, detail = (row.control, row.surface), {"correlation": row.correlation}, f"(correlation {row.correlation:+.2f})"
     if row.expected * row.correlation < -FOLLOWS:
-        text = f"{row.control} has the wrong sign: it moves with {row.surface} instead of against it {told}"
+        text = f"{row.control} has the wrong sign: it moves with {row.surface} instead of against it {detail}"
         return [Finding("error", "sign", names, text, map_entry(record, row.control, "sign = -1"), evidence=evidence)]
     if row.position and abs(row.correlation) < FOLLOWS:
-        text = f"{row.surface} moves and {row.control} does not go with it {told}"
+        text = f"{row.surface} moves and {row.control} does not go with it {detail}"
         return [Finding("warning", "stuck", names, text, "check the pick-up; do not use the channel", evidence=evidence)]
     return []
 
@@ -182,12 +182,12 @@ def _side_force(signals: Signals) -> list[Finding]:
     others = [_fast(_slow(signals, name), signals)[mask] for name in ("p", "r", "delta_r") if name in signals]
     columns = [*others, _fast(signals["beta_vane"], signals)[mask]]
     fit = _regressed(_fast(signals["ay_imu"] / scale, signals)[mask], columns, mask, signals.step)
-    if fit is None or fit[2] < _LOWEST_R2 or fit[0] / fit[1] < SURE:
+    if fit is None or fit[2] < _LOWEST_R2 or fit[0] / fit[1] < SIGNIFICANT:
         return []
     effect, stderr, R2 = fit
-    told = f"{effect:+.3g} m/s2 per rad, {effect / stderr:.0f} standard errors"
-    text = f"ay_imu grows with beta_vane ({told}): side force must oppose sideslip"
-    remedy = "sign = -1 on one of the two; the check of kinematics tells which"
+    detail = f"{effect:+.3g} m/s2 per rad, {effect / stderr:.0f} standard errors"
+    text = f"ay_imu grows with beta_vane ({detail}): side force must oppose sideslip"
+    remedy = "sign = -1 on one of the two; the check of kinematics shows which"
     return [Finding("error", "sign", ("ay_imu", "beta_vane"), text, remedy, evidence={"effect": effect, "stderr": stderr, "R2": R2})]
 
 

@@ -35,7 +35,7 @@ _SLOW_CHANNELS = ("vn", "V", "h_gps", "h_baro", "q_c")
 
 
 def lags(signals: Signals, placed: Iterable[str] = ()) -> pd.DataFrame:
-    """Return the delays that the record can tell.
+    """Return the delays that the record can determine.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether a record can tell anything about an axis: what moved, how fast, and whether the inputs moved independently."""
+"""Whether a record can determine anything about an axis: what moved, how fast, and whether the inputs moved independently."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ def _unexcited(table: pd.DataFrame, purpose: str) -> list[Finding]:
     if not still:
         return []
     needed = len(still) == len(table) and purpose != "validation"
-    told = "{0.axis}: {0.surface} moves by {1:.2g} deg rms, {0.rate} by {2:.2g} deg/s"
-    what = "; ".join(told.format(row, row.input / DEGREE, row.response / DEGREE) for row in still)
+    text = "{0.axis}: {0.surface} moves by {1:.2g} deg rms, {0.rate} by {2:.2g} deg/s"
+    what = "; ".join(text.format(row, row.input / DEGREE, row.response / DEGREE) for row in still)
     head = "no axis is excited" if len(still) == len(table) else f"not excited: {', '.join(row.axis for row in still)}"
     text = f"{head} ({what})"
     remedy = "no derivative of these axes can be identified from this record; fly doublets, 3-2-1-1 or multisines"
@@ -109,7 +109,7 @@ def _collinear(matrix: pd.DataFrame) -> list[Finding]:
         correlation = float(values[i, j])
         if abs(correlation) > COLLINEAR:
             paired |= {one, other}
-            text = f"{one} and {other} move together (correlation {correlation:+.3f}): their effects cannot be told apart"
+            text = f"{one} and {other} move together (correlation {correlation:+.3f}): their effects cannot be distinguished"
             remedy = "fly them one after the other, or as orthogonal multisines; else fix one at its a-priori value"
             found.append(Finding("warning", "collinear", (one, other), text, remedy, evidence={"correlation": correlation}))
     if len(names) > 2 and not paired:

@@ -11,9 +11,9 @@ from .mistake_search import Explanation, plausible, units_mistaken
 from .relations import Comparison, compare_all
 from .signals import Signals
 
-SCALE = 0.005  # deviation of a slope from one that is told
+SCALE = 0.005  # deviation of a slope from one that is reported
 GROSS_SCALE = 0.1  # and that is a warning
-_STRAIGHT = 0.9995  # correlation above which a slope of half a per cent says something
+_STRAIGHT = 0.9995  # correlation above which a slope of half a per cent is informative
 _SURE = 2.5  # standard errors; they are wide, because few manoeuvres carry a slope
 _SECONDS = 5.0  # of one block of the standard error of a slope
 _SCALED = {  # relation -> channels named when the slope is not one
@@ -60,11 +60,11 @@ def kinematic_table(signals: Signals) -> pd.DataFrame:
 def kinematic_findings(
     explanations: list[Explanation], comparisons: dict[str, Comparison], signals: Signals, record: xr.DataTree
 ) -> list[Finding]:
-    """Return the mistakes found, the relations that none of them mends, and channels outside what is possible."""
+    """Return the mistakes found, the relations that none of them resolves, and channels outside what is possible."""
     found = [_mistake(explanation, record) for explanation in explanations]
     for name, c in comparisons.items():
         if not c.consistent:
-            text = f"{c.relation.title} do not agree (disagreement {c.disagreement:.2f}), and no single sign, unit or axis mends it"
+            text = f"{c.relation.title} do not agree (disagreement {c.disagreement:.2f}), and no single sign, unit or axis resolves it"
             remedy = f"check {', '.join(c.relation.channels(signals))}; see the plot of {name}"
             found.append(Finding("warning", "inconsistent", c.relation.channels(signals), text, remedy, evidence={"relation": name}))
     for name in signals.values:
@@ -104,13 +104,13 @@ def _vane(row) -> list[Finding]:
 
 def _mistake(explanation: Explanation, record: xr.DataTree) -> Finding:
     repair = explanation.repair
-    mended = ", ".join(
-        f"{name} {before:.2f} to {after:.2f}" for name, before, after in zip(explanation.mends, explanation.before, explanation.after)
+    corrected = ", ".join(
+        f"{name} {before:.2f} to {after:.2f}" for name, before, after in zip(explanation.resolves, explanation.before, explanation.after)
     )
     others = "".join(f"; or {other.mistake}" for other in explanation.instead)
-    text = f"{repair.mistake}{others} (disagreements that this mends: {mended})"
-    changes = dict(zip(explanation.mends, zip(explanation.before, explanation.after)))
-    evidence = {"mends": changes, "instead": [other.mistake for other in explanation.instead]}
+    text = f"{repair.mistake}{others} (disagreements that this resolves: {corrected})"
+    changes = dict(zip(explanation.resolves, zip(explanation.before, explanation.after)))
+    evidence = {"resolves": changes, "instead": [other.mistake for other in explanation.instead]}
     remedy = f"{repair.entry} of {' and '.join(repair.channels)} in the name map"
     if repair.kind != "axis":
         remedy = map_entry(record, repair.channels[0], repair.entry)

@@ -1,7 +1,7 @@
 """Which single mistake of sign, unit, axis or definition explains the relations that do not hold.
 
-Every mistake a name map can make is tried on every channel of the broken relations: undone, it must mend them without breaking others.
-The best one is taken, and the search goes on with the mended record until nothing is left to explain.  A mistake that two
+Every mistake a name map can make is tried on every channel of the broken relations: undone, it must resolve them without breaking others.
+The best one is taken, and the search goes on with the corrected record until nothing is left to explain.  A mistake that two
 channels explain equally well is reported with both.
 """
 
@@ -22,7 +22,7 @@ from .signals import Signals
 
 GAIN = 0.25  # disagreement that a mistake must explain, summed over relations
 NEAR = 0.1  # mistakes that explain almost as much are compared more closely, without tolerances
-TIE = 0.3  # and cannot be told apart when what they leave differs by less than this power of e, all relations together
+TIE = 0.3  # and cannot be distinguished when what they leave differs by less than this power of e, all relations together
 _EXACT = 0.005  # disagreement of numbers that were only rounded
 _MOST = 6  # mistakes in one record
 _POUND_PER_FOOT2 = 47.880258980335840  # Pa
@@ -63,10 +63,10 @@ class Repair:
 
 @dataclass(frozen=True)
 class Explanation:
-    """A repair, the relations it mends, and others that would do as well."""
+    """A repair, the relations it resolves, and others that would do as well."""
 
     repair: Repair
-    mends: tuple[str, ...]
+    resolves: tuple[str, ...]
     before: tuple[float, ...]
     after: tuple[float, ...]
     instead: tuple[Repair, ...]
@@ -105,7 +105,7 @@ def plausible(name: str) -> tuple[float, float] | None:
 
 
 def units_mistaken(name: str) -> tuple[tuple[str, str, float], ...]:
-    """Return what a channel may be in, what it was taken as, and the factor that mends it."""
+    """Return what a channel may be in, what it was taken as, and the factor that corrects it."""
     return _UNITS.get(lookup(name).units, ())
 
 
@@ -167,9 +167,9 @@ def _best(signals: Signals, state: dict[str, float]) -> Explanation | None:
     order = np.argsort(left, kind="stable")
     repair, change = near[order[0]]
     ties = tuple(near[i][0] for i in order[1:] if left[i] - left[order[0]] < TIE)
-    mended = {name: pair for name, pair in change.items() if pair[0] - pair[1] > 0.1}
-    before, after = (tuple(pair[i] for pair in mended.values()) for i in (0, 1))
-    return Explanation(repair, tuple(mended), before, after, ties)
+    corrected = {name: pair for name, pair in change.items() if pair[0] - pair[1] > 0.1}
+    before, after = (tuple(pair[i] for pair in corrected.values()) for i in (0, 1))
+    return Explanation(repair, tuple(corrected), before, after, ties)
 
 
 def _left(repairs: list[Repair], signals: Signals) -> list[float]:

@@ -90,7 +90,7 @@ class Comparison:
     """Both sides of a relation for a record.
 
     `disagreement` is rms(difference beyond the tolerance)/(rms + rms): 0 equal, 0.7 unrelated, 1 opposite; two sides that are small
-    against the tolerance agree.  `raw` is the same without tolerance; `moving` tells whether there was more than that to compare.
+    against the tolerance agree.  `raw` is the same without tolerance; `moving` shows whether there was more than that to compare.
     """
 
     relation: Relation

@@ -38,7 +38,7 @@ class Signals:
     time : array (time,)
         [s]
     values : dict of array (time,)
-        House name to channel, SI.
+        Canonical name to channel, SI.
     good : dict of array of bool (time,)
         Where a channel is whole.
     flying : array of bool (time,)

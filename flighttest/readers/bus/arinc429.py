@@ -36,7 +36,7 @@ class Words:
 
 
 def label_values(word: np.ndarray, label: Label) -> np.ndarray:
-    """Return the engineering values of words that carry one label, NaN where the word says that it is not valid.
+    """Return the engineering values of words that carry one label, NaN where the word states that it is not valid.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def _demand_labels(spec: Arinc429, labels: np.ndarray, name: str) -> None:
             turned = int(_REVERSED[label.number]) in there
             other = "octal" if spec.labels == "transmitted" else "transmitted"
             hint = (
-                f'its byte is there turned round: try labels = "{other}"' if turned else f"decode.{name}.parameters.{parameter} asks for it"
+                f'its byte is there turned round: try labels = "{other}"' if turned else f"decode.{name}.parameters.{parameter} requires it"
             )
             raise UnknownName(f"{label.number:03o}", [f"{one:03o}" for one in sorted(there)], "ARINC 429 label", hint)
 
@@ -131,7 +131,7 @@ def words_of_columns(tables: Mapping[str, Table], spec: Arinc429, time_of) -> Wo
         raise UnknownName(group, tables, "table", "column of [decode]: write table/column")
     table = tables[group]
     if column not in table.columns:
-        raise UnknownName(column, table.columns, "column", f"[decode] asks for it in table {group}")
+        raise UnknownName(column, table.columns, "column", f"[decode] requires it in table {group}")
     values = np.asarray(table.columns[column], float)
     good = np.isfinite(values)
     return Words(np.asarray(time_of(group))[good], values[good].astype(np.int64).astype(np.uint32))

@@ -42,7 +42,7 @@ _UNITS = {
 
 @dataclass
 class Message:
-    """One kind of message: its layout, and what FMTU says about it."""
+    """One kind of message: its layout, and what FMTU states about it."""
 
     name: str
     length: int

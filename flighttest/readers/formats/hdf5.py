@@ -1,4 +1,4 @@
-"""HDF5 files: netCDF-4, MATLAB v7.3 and plain HDF5; every group with a clock is a table, and only the columns asked for are read."""
+"""HDF5 files: netCDF-4, MATLAB v7.3 and plain HDF5; every group with a clock is a table, and only the columns requested are read."""
 
 from __future__ import annotations
 

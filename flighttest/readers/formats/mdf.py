@@ -29,7 +29,7 @@ _EXPECTED = "a whole MDF file"
 def read(path: Path, names: NameMap) -> Recording:
     """Return the channel groups of an MDF file as tables, called by their acquisition name or ``group0``, ``group1``, ...
 
-    Only the channels that the name map may ask for are decoded; without a map all of them.
+    Only the channels that the name map may require are decoded; without a map all of them.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def read(path: Path, names: NameMap) -> Recording:
 
 
 def _wanted(names: NameMap) -> list[str]:
-    """Return the channels that the map may ask for, without their group."""
+    """Return the channels that the map may require, without their group."""
     columns = [column for leaf in names.leaves.values() for channel in leaf.values() for column in channel.columns]
     columns += [spec.column for spec in names.decode.values() if isinstance(spec, Arinc429) and spec.column]
     columns += [names.utc.column] if names.utc else []

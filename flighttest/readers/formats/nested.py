@@ -23,7 +23,7 @@ ROOT = "data"
 
 @dataclass(frozen=True)
 class Array:
-    """An array of a file, read when it is asked for."""
+    """An array of a file, read when it is requested."""
 
     shape: tuple[int, ...]
     load: Callable[[], Any]
@@ -42,7 +42,7 @@ class Array:
 
 @dataclass
 class Group:
-    """Arrays and groups by name, and the flags that a record of the house carries."""
+    """Arrays and groups by name, and the flags that a record written by this package carries."""
 
     arrays: dict[str, Array] = field(default_factory=dict)
     groups: dict[str, Group] = field(default_factory=dict)

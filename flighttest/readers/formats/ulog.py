@@ -24,7 +24,7 @@ _MICRO = 1e-6
 
 
 def read(path: Path, names: NameMap) -> Recording:
-    """Return the topics of a PX4 log that the name map asks for, or all of them without a map.
+    """Return the topics of a PX4 log that the name map requires, or all of them without a map.
 
     Raises
     ------

@@ -97,7 +97,7 @@ def _settle(equations: Equations) -> tuple[Equations, int]:
                     "the batch fit finds no better path from its start; check signs, units and positions of the sensors"
                 )
     raise IdentificationError(
-        f"the batch fit did not settle in {ITERATIONS} iterations; see which constants the readings do not tell (`visible`)"
+        f"the batch fit did not settle in {ITERATIONS} iterations; see which constants the readings do not determine (`visible`)"
     )
 
 

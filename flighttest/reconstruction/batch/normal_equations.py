@@ -1,4 +1,4 @@
-"""Normal equations of a batch fit: what all readings of all records say about the unknowns."""
+"""Normal equations of a batch fit: the information of all readings of all records on the unknowns."""
 
 from __future__ import annotations
 

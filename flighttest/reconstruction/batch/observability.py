@@ -1,4 +1,4 @@
-"""What the readings of a flight can tell, before anything is fitted."""
+"""What the readings of a flight can determine, before anything is fitted."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ PART = 0.2  # of the largest component: smaller ones are left out of the words
 
 @dataclass(frozen=True)
 class Visibility:
-    """What the readings tell of the constants, the starts of the path unknown.
+    """What the readings determine of the constants, the starts of the path unknown.
 
     Attributes
     ----------
     directions : Dataset (direction, parameter)
         ``weight`` (direction): sum of the squared changes of all readings, in units of their noise, when the constants move
         together by ``move`` (direction, parameter), which is one standard deviation of their prior.  Below one the readings
-        say less than the specification of the instruments.  Smallest first.
+        are less informative than the specification of the instruments.  Smallest first.
     rank, constants : int
         Numerical rank of the information on the constants, and how many there are.
     condition : float
@@ -65,7 +65,7 @@ class Visibility:
 
 
 def visibility(equations: Equations) -> Visibility:
-    """Return what the readings tell of the free constants.
+    """Return what the readings determine of the free constants.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def demand_sight(found: Visibility) -> None:
     Raises
     ------
     IdentificationError
-        With all combinations of which the readings say less than the specification of the instruments does.
+        With all combinations of which the readings are less informative than the specification of the instruments.
     """
     blind = found.hidden()
     if blind:

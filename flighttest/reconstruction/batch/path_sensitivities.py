@@ -80,7 +80,7 @@ def sweep(problem: Problem, starts: np.ndarray, c: np.ndarray, weak: tuple[np.nd
     -----
     Rates and accelerations are cubics between samples, attitude takes the fourth-order Magnus step, velocity Simpson's rule over
     it; height and sensitivities the trapezoidal rule (1e-5 of their size at 50 Hz).  Straight lines between samples would
-    take (omega dt)^2/12 off what swings with omega: 1e-3 at 0.9 Hz and 50 samples per second, found again in the vane factors.
+    take (omega dt)^2/12 off what oscillates with omega: 1e-3 at 0.9 Hz and 50 samples per second, found again in the vane factors.
     """
     x, R, turn, force, vanes = _run(problem, starts, c, weak)
     places, D = input_derivatives(problem, c)
@@ -112,7 +112,7 @@ def chained(J: np.ndarray, X: np.ndarray, k: np.ndarray | None = None, f: np.nda
 
 
 def _run(problem: Problem, starts, c, weak) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
-    """Return states, rotations, turns between samples, specific force in level axes, and what `vane_geometry` says, if there are vanes."""
+    """Return states, rotations, turns between samples, specific force in level axes, and `vane_geometry`, if there are vanes."""
     turning, pull = weak
     omega, a = body_rates(problem, c) - turning, specific_force(problem, c)
     dt = problem.dt

@@ -45,7 +45,7 @@ class Batch:
     noise : DataFrame
         Per channel: noise of the specification and as estimated.
     visibility : Visibility
-        What the readings could tell, before the fit.
+        What the readings could determine, before the fit.
     iterations : int
     """
 
@@ -76,9 +76,9 @@ class Batch:
         for name, row in self.noise.iterrows():
             word = "  ! residual exceeds the noise" if row.estimated > ACCEPT * row.given else ""
             lines.append(f"{name:14s}{row.given:13.4g}{row.estimated:13.4g}{word}")
-        told = self.estimates.isel(parameter=self.estimates["free"].values, parameter_=self.estimates["free"].values)
-        words = identifiability(told)
-        return "\n".join([*lines, "", "After the fit:", *(f"  - {word}" for word in words or ["every constant is told by the data"])])
+        free = self.estimates.isel(parameter=self.estimates["free"].values, parameter_=self.estimates["free"].values)
+        words = identifiability(free)
+        return "\n".join([*lines, "", "After the fit:", *(f"  - {word}" for word in words or ["every constant is identifiable"])])
 
 
 def reconstruct_batch(
@@ -144,7 +144,7 @@ def visible(
     free: Sequence[str] | None = None,
     rate: float = 50.0,
 ) -> Visibility:
-    """Return what the readings of records can tell of the instruments, without a fit; arguments as `reconstruct_batch`."""
+    """Return what the readings of records can determine of the instruments, without a fit; arguments as `reconstruct_batch`."""
     return visibility(_start(records, aircraft, windows, free, None, rate))
 
 

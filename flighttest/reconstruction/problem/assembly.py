@@ -29,7 +29,7 @@ WIND_DOWN_SIGMA = 0.2  # m/s, mean over a run in air without thermals, where the
 SIDESLIP = (3.0, 5.0)  # m/s and s: size and memory of the sideslip velocity where no vane shows it
 # weights that keep the start of a window from drifting where nothing holds it; without a compass the heading counts from there
 _START = {"phi": 0.2, "theta": 0.2, "psi": 3.0, "no psi": 1e-3, "v": 50.0, "h": 500.0, "vane": 0.3}
-_EXACT, _LAG = (1.0, 1e-6), (0.02, 0.01)  # factor and lag [s] of vanes whose specification says nothing
+_EXACT, _LAG = (1.0, 1e-6), (0.02, 0.01)  # factor and lag [s] of vanes whose specification is not informative
 # Freedom of the lag equation over the noise of the vane.  It adds (factor * freedom)^2 to the variance of a reading, which a mode of the
 # joint density takes for a reason to enlarge the factor: by N share^2 s^2 of a factor with standard error s from N readings.
 VANE_SHARE = 0.01

@@ -90,11 +90,11 @@ def biases(constants: Constants, c: np.ndarray, covariance: np.ndarray, held: tu
 
 
 def identifiability(found: xr.Dataset) -> list[str]:
-    """Return in words what the data could not tell: constants that rest on their prior or contradict it, and pairs that do the same.
+    """Return in words what the data could not determine: constants that rest on their prior or contradict it, and pairs that do the same.
 
     Notes
     -----
-    A posterior standard error above half the prior one means that the data said little; a correlation beyond 0.9 means
+    A posterior standard error above half the prior one means that the data contain little information; a correlation beyond 0.9 means
     that only a combination of the two is known.  An estimate beyond four standard errors of the prior, which chance brings once in 16 000,
     means that the prior is too narrow or a reading wrong: the estimate then lies between the two and its standard error is too small.
     """
@@ -117,6 +117,7 @@ def identifiability(found: xr.Dataset) -> list[str]:
             if abs(correlation[i, j]) > 0.9:
                 kind = "sum" if correlation[i, j] < 0 else "difference"
                 words.append(
-                    f"{names[j]} and {names[i]} cannot be told apart (correlation {correlation[i, j]:+.3f}): their weighted {kind} is known"
+                    f"{names[j]} and {names[i]} cannot be distinguished (correlation {correlation[i, j]:+.3f}): "
+                    f"their weighted {kind} is known"
                 )
     return words

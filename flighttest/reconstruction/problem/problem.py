@@ -176,7 +176,7 @@ def bend(problem: Problem, values: np.ndarray) -> np.ndarray:
 def over_steps(problem: Problem, values: np.ndarray) -> np.ndarray:
     """Return the mean over each step (N - 1, m) of what is a cubic between samples.
 
-    Straight lines would take (omega dt)^2/12 off what swings with omega: 1e-3 at 0.9 Hz and 50 samples per second, which would be
+    Straight lines would take (omega dt)^2/12 off what oscillates with omega: 1e-3 at 0.9 Hz and 50 samples per second, which would be
     found again as a factor of the vanes.
     """
     return (values[1:] + values[:-1]) / 2.0 - bend(problem, values) / 12.0

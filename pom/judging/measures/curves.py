@@ -1,6 +1,6 @@
 """Cross plots of a control sweep: force or surface over position, breakout, and force increments of rapid sweeps.
 
-The branches of a sweep are told apart by the direction in which the control moves: with friction the same position has
+The branches of a sweep are distinguished by the direction in which the control moves: with friction the same position has
 two forces.  Both records are compared branch by branch at equal position.
 """
 
@@ -12,8 +12,9 @@ import numpy as np
 
 from ...tolerances.bands import NAN, ROUNDING, Invalid, Outcome, applied, half_width, inside_window, ratios, scalar
 from ...tolerances.criteria import Criterion
+from ...tolerances.remarks import RowRemark
 from ..comparison import WHO, Match
-from ..events import marked
+from ..events import event_time
 
 TURN = 0.05  # of the travel: a smaller move back is noise, not a new branch; ours
 SLACK = 0.02  # of the travel after a turn, where friction changes sides; ours
@@ -58,7 +59,7 @@ def force_increment(criterion: Criterion, match: Match) -> Outcome:
     The slow (static) sweep lies between the events ``static_sweep_start`` and ``static_sweep_end``.
     """
     mask = inside_window(match.time, criterion.window)
-    slow = inside_window(match.time, (marked(match, "static_sweep_start"), marked(match, "static_sweep_end")))
+    slow = inside_window(match.time, (event_time(match, "static_sweep_start"), event_time(match, "static_sweep_end")))
     runs = zip(_branches(criterion, match, mask), _branches(criterion, match, slow), strict=True)
     flight, model = (_above(rapid, static) for rapid, static in runs)
     return _compare(criterion, flight, model)
@@ -149,10 +150,15 @@ def _compare(criterion: Criterion, flight: list[Branch], model: list[Branch]) ->
         at=float(time[worst]),
         first_exit=float(time[out].min()) if out.any() else NAN,
         inside=float(1.0 - out.mean()),
-        note=f"{len(times)} branch{'es' if len(times) > 1 else ''} at equal {criterion.abscissa}",
+        remarks=(_branch_remark(len(times), criterion.abscissa),),
         applied=applied(criterion, width, value),
         rms=float(np.sqrt(np.mean(np.square(ratio)))),
     )
+
+
+def _branch_remark(count: int, abscissa: str) -> RowRemark:
+    text = f"{count} branch{'es' if count > 1 else ''} at equal {abscissa}"
+    return RowRemark("method", text, abscissa, {"branches": float(count)}, "1")
 
 
 def breakout(criterion: Criterion, match: Match) -> Outcome:
@@ -162,17 +168,19 @@ def breakout(criterion: Criterion, match: Match) -> Outcome:
     _, *forces = match.over(mask, criterion.channel)
     least = START * float(np.ptp(xs[0]))
     judged = []
-    for d, word in DIRECTIONS.items():
+    for d, way in DIRECTIONS.items():
         flight, model = (_first_force(x, F, d, least) for x, F in zip(xs, forces, strict=True))
         if flight is None:
             continue
         if model is None:
-            raise Invalid(f"the model does not move {criterion.abscissa} {word}")
-        judged.append(scalar(criterion, flight, model, float(time[0]), f"{word}: {flight:.1f} N in flight, {model:.1f} N in the model"))
+            raise Invalid(f"the model does not move {criterion.abscissa} {way}")
+        text = f"{way}: {flight:.1f} N in flight, {model:.1f} N in the model"
+        remark = RowRemark("values", text, criterion.channel, {"flight": flight, "model": model}, "N")
+        judged.append(scalar(criterion, flight, model, float(time[0]), (remark,)))
     if not judged:
         raise Invalid(f"the flight does not move {criterion.abscissa}")
     worst = max(judged, key=lambda outcome: outcome.worst_ratio)
-    return replace(worst, note="; ".join(outcome.note for outcome in judged))
+    return replace(worst, remarks=tuple(remark for outcome in judged for remark in outcome.remarks))
 
 
 def _first_force(x: np.ndarray, force: np.ndarray, direction: int, least: float) -> float | None:

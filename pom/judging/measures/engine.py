@@ -6,6 +6,7 @@ import numpy as np
 
 from ...tolerances.bands import Invalid, Outcome, scalar
 from ...tolerances.criteria import Criterion
+from ...tolerances.remarks import RowRemark
 from ..comparison import WHO, Match
 from ..events import crossing
 
@@ -25,13 +26,16 @@ def response(criterion: Criterion, match: Match) -> Outcome:
     time, flight, model = time[after], flight[after], model[after]
     if criterion.measure == "response_initial":
         levels = [y[0] + 0.1 * (_end(time, y) - y[0]) for y in (flight, model)]
-        said = "10 % of each record's own change"
+        level = "10 % of each record's own change"
     else:
         rises = _end(time, flight) > flight[0]
         levels = [0.9 * _end(time, flight) if rises else 0.1 * flight[0]] * 2
-        said = "90 % of the end level of the flight" if rises else "90 % decay of the start level of the flight"
+        level = "90 % of the end level of the flight" if rises else "90 % decay of the start level of the flight"
     times = [_time_to(who, time, y, float(level)) for who, y, level in zip(WHO, (flight, model), levels, strict=True)]
-    return scalar(criterion, times[0], times[1], float(time[0]), f"flight {times[0]:.2f} s, model {times[1]:.2f} s; {said}")
+    values = RowRemark(
+        "values", f"flight {times[0]:.2f} s, model {times[1]:.2f} s", values={"flight": times[0], "model": times[1]}, unit="s"
+    )
+    return scalar(criterion, times[0], times[1], float(time[0]), (values, RowRemark("method", level)))
 
 
 def _end(time: np.ndarray, y: np.ndarray) -> float:

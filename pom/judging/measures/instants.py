@@ -9,6 +9,7 @@ import numpy as np
 from ...tolerances.bands import Outcome, demand_finite, difference, scalar
 from ...tolerances.criteria import Criterion
 from ...tolerances.event_names import OF_PARAMETER
+from ...tolerances.remarks import RowRemark
 from ..comparison import WHO, Match
 from ..events import Instant, find
 
@@ -17,17 +18,18 @@ def event_value(criterion: Criterion, match: Match) -> Outcome:
     """Judge the value at an event: stall warning, buffet, stall, touchdown, flare, minimum control speed."""
     found = find(match, OF_PARAMETER[criterion.parameter], criterion.channel)
     flight, model = _values(criterion, match, found)
-    return scalar(criterion, flight, model, found.flight, found.how and f"{found.how}; {_times(found)}")
+    return scalar(criterion, flight, model, found.flight, found.remarks and (*found.remarks, _times(found)))
 
 
 def setup(criterion: Criterion, match: Match) -> Outcome:
     """Check a precondition, e.g. the engine failure speed: outside it the test is not valid, which is not a failure."""
     found = find(match, OF_PARAMETER[criterion.parameter], criterion.channel)
     flight, model = _values(criterion, match, found)
-    outcome = scalar(criterion, flight, model, found.flight, "a precondition of the test")
+    outcome = scalar(criterion, flight, model, found.flight, (RowRemark("precondition", "a precondition of the test"),))
     if outcome.verdict == "pass":
         return outcome
-    return replace(outcome, verdict="invalid", note="a precondition of the test does not hold: the test is not valid")
+    remark = RowRemark("precondition", "a precondition of the test does not hold: the test is not valid")
+    return replace(outcome, verdict="invalid", remarks=(remark,))
 
 
 def _values(criterion: Criterion, match: Match, found: Instant) -> tuple[float, float]:
@@ -42,5 +44,6 @@ def _values(criterion: Criterion, match: Match, found: Instant) -> tuple[float, 
     return float(values[0][0]), float(values[0][0]) + error
 
 
-def _times(found: Instant) -> str:
-    return f"flight at {found.flight:.2f} s, model at {found.model:.2f} s"
+def _times(found: Instant) -> RowRemark:
+    text = f"flight at {found.flight:.2f} s, model at {found.model:.2f} s"
+    return RowRemark("event", text, values={"flight": found.flight, "model": found.model}, unit="s")

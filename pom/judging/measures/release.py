@@ -12,11 +12,12 @@ import numpy as np
 
 from ...tolerances.bands import Invalid, Outcome, demand_finite, half_width, inside_window, scalar
 from ...tolerances.criteria import Criterion
+from ...tolerances.remarks import RowRemark
 from ..comparison import WHO, Match
 
 RESIDUAL = 0.05  # of Ad: the residual band; smaller overshoots are not significant
 FROM, TO = 0.9, 0.1  # of Ad
-LATE = 1.5  # half cycles: a crossing in the residual band that comes later belongs to a drift, not to the swing; ours
+LATE = 1.5  # half cycles: a crossing in the residual band that comes later belongs to a drift, not to the oscillation; ours
 NEUTRAL = 0.5  # [s] at the end of the window, over which the neutral value is the mean; ours
 SETTLED = 0.02  # of Ad: standard deviation over that time within which a control stands still; ours
 
@@ -67,8 +68,8 @@ class FreeMotion:
         if n > self.crossings.size:
             return 0.0
         end = self.crossings[n] if n < self.crossings.size else np.inf
-        swing = (self.time > self.crossings[n - 1]) & (self.time < end)
-        return float(np.abs(self.y[swing]).max(initial=0.0)) * abs(self.Ad)
+        excursion = (self.time > self.crossings[n - 1]) & (self.time < end)
+        return float(np.abs(self.y[excursion]).max(initial=0.0)) * abs(self.Ad)
 
     def period(self, n: int) -> float | None:
         """Return the n-th full cycle after the first crossing; None when the record does not hold it. [s]"""
@@ -116,12 +117,12 @@ def _excursions(t: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     crossings = [_middle(t, y, a, b) for a, b in zip(starts, stops, strict=True)]
     ends = [*outside[turns[1:]], outside[-1]] if turns.size else []
     overshoots = [float(np.abs(y[a : b + 1]).max()) for a, b in zip(stops, ends, strict=True)]
-    crossings += _swings_on(crossings, _zeros(t, y, int(outside[-1]), t.size - 1))
+    crossings += _residual_crossings(crossings, _zeros(t, y, int(outside[-1]), t.size - 1))
     return np.array(crossings), np.array(overshoots)
 
 
-def _swings_on(crossings: list[float], after: np.ndarray) -> list[float]:
-    """Return the crossings after the last excursion that still belong to the swing; one that comes late is a creep to neutral."""
+def _residual_crossings(crossings: list[float], after: np.ndarray) -> list[float]:
+    """Return the crossings after the last excursion that still belong to the oscillation; one that comes late is a creep to neutral."""
     if not crossings:
         return [float(time) for time in after]
     half = crossings[-1] - crossings[-2] if len(crossings) > 1 else 2.0 * crossings[-1]
@@ -175,7 +176,7 @@ def time_90_to_10(criterion: Criterion, match: Match) -> Outcome:
 
 
 def period_n(criterion: Criterion, match: Match) -> Outcome:
-    """Judge every full cycle alone against its twin in flight; the n-th has n + 1 times the printed percentage.
+    """Judge every full cycle alone against the same cycle in flight; the n-th has n + 1 times the printed percentage.
 
     Cycles count while both their overshoots are significant in flight.
     """
@@ -188,8 +189,9 @@ def period_n(criterion: Criterion, match: Match) -> Outcome:
         if theirs is None:
             judged.append(_lacking(criterion, ours, f"P{n}: the model has no such cycle", n))
         else:
-            note = f"P{n}: {ours:.3f} s in flight, {theirs:.3f} s in the model"
-            judged.append(scalar(criterion, ours, theirs, criterion.window[0], note, cycle=n))
+            text = f"P{n}: {ours:.3f} s in flight, {theirs:.3f} s in the model"
+            remark = RowRemark("values", text, f"P{n}", {"flight": ours, "model": theirs}, "s")
+            judged.append(scalar(criterion, ours, theirs, criterion.window[0], (remark,), cycle=n))
     return _worst(judged, "the flight has no full cycle beyond 5 % of its first displacement")
 
 
@@ -207,8 +209,10 @@ def overshoot_n(criterion: Criterion, match: Match) -> Outcome:
     for n in range(first, min(last, flight.overshoots.size) + 1):
         ours, theirs = flight.overshoot(n), model.overshoot(n)
         base = flight.overshoot(1) if of_first else ours
-        note = f"A{n}: {ours / abs(flight.Ad):.3f} of Ad in flight, {theirs / abs(model.Ad):.3f} in the model"
-        judged.append(scalar(criterion, ours, theirs, criterion.window[0], note, base))
+        shares = {"flight": ours / abs(flight.Ad), "model": theirs / abs(model.Ad)}
+        text = f"A{n}: {shares['flight']:.3f} of Ad in flight, {shares['model']:.3f} in the model"
+        remark = RowRemark("values", text, f"A{n}", shares, "1")
+        judged.append(scalar(criterion, ours, theirs, criterion.window[0], (remark,), base))
     return _worst(judged, "the flight has no such overshoot beyond 5 % of its first displacement")
 
 
@@ -217,18 +221,19 @@ def overshoot_count(criterion: Criterion, match: Match) -> Outcome:
     flight, model = _motions(criterion, match)
     outcome = scalar(criterion, float(flight.overshoots.size), float(model.overshoots.size), criterion.window[0])
     if flight.overshoots.size and not model.overshoots.size:
-        return replace(outcome, verdict="fail", note="the model lacks the first overshoot")
+        return replace(outcome, verdict="fail", remarks=(RowRemark("lacking", "the model lacks the first overshoot"),))
     return outcome
 
 
-def _lacking(criterion: Criterion, flight: float, note: str, cycle: int = 0) -> Outcome:
-    return Outcome("fail", width=float(half_width(criterion, flight, cycle)[0]), at=criterion.window[0], note=note, flight=flight)
+def _lacking(criterion: Criterion, flight: float, text: str, cycle: int = 0) -> Outcome:
+    width = float(half_width(criterion, flight, cycle)[0])
+    return Outcome("fail", width=width, at=criterion.window[0], remarks=(RowRemark("lacking", text),), flight=flight)
 
 
 def _worst(judged: list[Outcome], nothing: str) -> Outcome:
-    """Return the outcome that decides: one without a number, else the largest ratio; all are told."""
+    """Return the outcome that decides: one without a number, else the largest ratio; with the remarks of all."""
     if not judged:
         raise Invalid(nothing)
     lacking = [outcome for outcome in judged if np.isnan(outcome.worst_ratio)]
     worst = lacking[0] if lacking else max(judged, key=lambda outcome: outcome.worst_ratio)
-    return replace(worst, note="; ".join(outcome.note for outcome in judged))
+    return replace(worst, remarks=tuple(remark for outcome in judged for remark in outcome.remarks))

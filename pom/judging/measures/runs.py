@@ -6,29 +6,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from flightmech.names import lookup
 from flightmech.units import FOOT, KNOT
 
 from ...tolerances.bands import Invalid, NotJudged, Outcome, demand_finite, half_width, inside_window, scalar
 from ...tolerances.criteria import Criterion
 from ...tolerances.event_names import LEVELS
 from ...tolerances.parameter_channels import plain_id, written
+from ...tolerances.remarks import RowRemark
 from ..comparison import WHO, Match
-from ..events import crossing, find, level_at, marked
+from ..events import crossing, event_time, find, level_at
 
 SHARE = {"1.b.1": 0.8, "1.e.1": 0.8}
 """Part of the run that has to be recorded; of the others all."""
 
 LEAST = {"h": 5000.0 * FOOT, "V_cas": 50.0 * KNOT}
-"""Change of height or speed that the table asks of a segment without events. [SI]"""
+"""Change of height or speed that the table requires of a segment without events. [SI]"""
 
 
 @dataclass(frozen=True)
 class Span:
-    """Start and end of the run in both records, and what is to be said of it. [s]"""
+    """Start and end of the run in both records, and the remark on it. [s]"""
 
     flight: tuple[float, float]
     model: tuple[float, float]
-    note: str = ""
+    remarks: tuple[RowRemark, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -46,11 +48,11 @@ def elapsed(criterion: Criterion, match: Match) -> Outcome:
 
     The model's run ends where its own signal passes the level of the event (speed at rotation, height at touchdown,
     standstill).  Where a test allows a part of the run to be recorded and the model has not come to its end, both are
-    compared up to the level that it has reached; less than the part asked for is invalid.
+    compared up to the level that it has reached; less than the part required is invalid.
     """
     if criterion.parameter == "flare_time_tf":
         flare, touchdown = find(match, "flare"), find(match, "touchdown")
-        span = Span((flare.flight, touchdown.flight), (flare.model, touchdown.model), touchdown.how)
+        span = Span((flare.flight, touchdown.flight), (flare.model, touchdown.model), touchdown.remarks)
     else:
         start = _start(criterion, match)
         gate = _gate(criterion, match, start[0])
@@ -59,7 +61,7 @@ def elapsed(criterion: Criterion, match: Match) -> Outcome:
             return _never(criterion, match, start, gate)
         span = common
     amounts = [_amount(criterion, match, i, ends) for i, ends in enumerate((span.flight, span.model))]
-    return scalar(criterion, amounts[0], amounts[1], span.flight[1], span.note)
+    return scalar(criterion, amounts[0], amounts[1], span.flight[1], span.remarks)
 
 
 def _start(criterion: Criterion, match: Match) -> tuple[float, float]:
@@ -85,16 +87,16 @@ def _gate(criterion: Criterion, match: Match, start: float) -> Gate:
     event = criterion.bounds[1]
     channel, direction = LEVELS[event]
     if channel not in match.flight or channel not in match.model:
-        raise NotJudged(f"{event} has to be told by {channel}, and flight and model do not both have it")
-    mark = marked(match, event)
-    if mark <= end + 1e-9:
-        level = level_at(match, event, mark)
+        raise NotJudged(f"{event} is detected by {channel}, and flight and model do not both have it")
+    instant = event_time(match, event)
+    if instant <= end + 1e-9:
+        level = level_at(match, event, instant)
         stood = crossing(match.time, match.flight[channel], level, direction, start) if event == "full_stop" else None
-        return Gate(channel, level, direction, mark if stood is None else stood)
-    asked = SHARE.get(plain_id(match.case.id), 1.0)
-    share = (end - start) / (mark - start)
-    if share < asked:
-        raise Invalid(f"{100.0 * share:.0f} % of the run is recorded, {100.0 * asked:.0f} % have to be")
+        return Gate(channel, level, direction, instant if stood is None else stood)
+    required = SHARE.get(plain_id(match.case.id), 1.0)
+    share = (end - start) / (instant - start)
+    if share < required:
+        raise Invalid(f"{100.0 * share:.0f} % of the run is recorded, {100.0 * required:.0f} % have to be")
     return Gate(channel, float(match.flight[channel][-1]), direction, float(end))
 
 
@@ -109,7 +111,7 @@ def _progress_gate(criterion: Criterion, match: Match) -> Gate:
     covered = float(y[-1] - y[0])
     if abs(covered) < least and not match.case.shortened:
         raise Invalid(
-            f"the segment covers {written(channel, abs(covered))}; the table asks for {written(channel, least)}: "
+            f"the segment covers {written(channel, abs(covered))}; the table requires {written(channel, least)}: "
             "widen the window, or say why in case.shortened"
         )
     return Gate(channel, float(y[-1]), 1 if covered > 0.0 else -1, criterion.window[1])
@@ -120,18 +122,23 @@ def _span(criterion: Criterion, match: Match, start: tuple[float, float], gate: 
     signal = match.model[gate.channel]
     demand_finite("the model", match.time, signal)
     reached = crossing(match.time, signal, gate.level, gate.direction, start[1])
-    note = f"to {written(gate.channel, gate.level)}"
     if reached is not None:
-        return Span((start[0], gate.flight), (start[1], reached), note)
+        return Span(
+            (start[0], gate.flight), (start[1], reached), (_span_remark(gate, gate.level, f"to {written(gate.channel, gate.level)}"),)
+        )
     level = gate.direction * float(np.max(gate.direction * signal))
     there = crossing(match.time, match.flight[gate.channel], level, gate.direction, start[0])
-    asked = SHARE.get(plain_id(match.case.id), 1.0)
-    if there is None or asked == 1.0 or there - start[0] < asked * (gate.flight - start[0]):
+    required = SHARE.get(plain_id(match.case.id), 1.0)
+    if there is None or required == 1.0 or there - start[0] < required * (gate.flight - start[0]):
         return None
     own = crossing(match.time, signal, level, gate.direction, start[1])
     share = 100.0 * (there - start[0]) / (gate.flight - start[0])
-    note = f"the model reaches {written(gate.channel, level)}; both are compared up to there, {share:.0f} % of the run"
-    return Span((start[0], there), (start[1], match.time[-1] if own is None else own), note)
+    text = f"the model reaches {written(gate.channel, level)}; both are compared up to there, {share:.0f} % of the run"
+    return Span((start[0], there), (start[1], match.time[-1] if own is None else own), (_span_remark(gate, level, text),))
+
+
+def _span_remark(gate: Gate, level: float, text: str) -> RowRemark:
+    return RowRemark("span", text, gate.channel, {"level": level}, lookup(gate.channel).units)
 
 
 def _never(criterion: Criterion, match: Match, start: tuple[float, float], gate: Gate) -> Outcome:
@@ -139,10 +146,11 @@ def _never(criterion: Criterion, match: Match, start: tuple[float, float], gate:
     flight = _amount(criterion, match, 0, (start[0], gate.flight))
     so_far = _amount(criterion, match, 1, (start[1], float(match.time[-1])))
     width = half_width(criterion, flight)
-    said = f"the model does not come to {written(gate.channel, gate.level)} in the record"
+    text = f"the model does not come to {written(gate.channel, gate.level)} in the record"
     if so_far - flight <= width[0]:
-        raise Invalid(f"{said}; widen the window")
-    return scalar(criterion, flight, so_far, float(match.time[-1]), f"{said}; its value is what it has used so far")
+        raise Invalid(f"{text}; widen the window")
+    remark = _span_remark(gate, gate.level, f"{text}; its value is what it has used so far")
+    return scalar(criterion, flight, so_far, float(match.time[-1]), (remark,))
 
 
 def _amount(criterion: Criterion, match: Match, which: int, ends: tuple[float, float]) -> float:
@@ -151,7 +159,7 @@ def _amount(criterion: Criterion, match: Match, which: int, ends: tuple[float, f
     if criterion.channel == "time":
         return ends[1] - ends[0]
     if criterion.channel == "fuel_used" and set(match.flight.fuel_flow) != set(match.model.fuel_flow):
-        raise NotJudged("flight and model do not tell the fuel flow of the same engines")
+        raise NotJudged("flight and model do not report the fuel flow of the same engines")
     part = (time >= ends[0] - 1e-9) & (time <= ends[1] + 1e-9)
     demand_finite(WHO[which], time[part], signals[criterion.channel][part])
     low, high = np.interp(ends, time, signals[criterion.channel])

@@ -9,6 +9,7 @@ from flightmech.units import FOOT
 from ...tolerances.bands import Invalid, NotJudged, Outcome, scalar
 from ...tolerances.criteria import Criterion
 from ...tolerances.parameter_channels import plain_id
+from ...tolerances.remarks import RowRemark
 from ..comparison import Match
 
 LEAST = {"1.c.1": 1000.0, "1.c.2": 1000.0, "1.c.4": 1000.0, "1.d.4": 1000.0, "1.d.5": 3000.0}
@@ -20,7 +21,7 @@ def segment_mean(criterion: Criterion, match: Match) -> Outcome:
 
     A rate of descent counts positive downwards, as the table prints it.
     """
-    note = demand_height(criterion, match)
+    remarks = demand_height(criterion, match)
     if criterion.channel != "hdot":
         time, flight, model = match.both(criterion)
         values = [float(np.trapezoid(y, time) / (time[-1] - time[0])) for y in (flight, model)]
@@ -28,20 +29,21 @@ def segment_mean(criterion: Criterion, match: Match) -> Outcome:
         time, flight, model = match.both(criterion, "h")
         sign = -1.0 if criterion.parameter == "descent_rate" else 1.0
         values = [sign * float(y[-1] - y[0]) / float(time[-1] - time[0]) for y in (flight, model)]
-    return scalar(criterion, values[0], values[1], float(time[-1]), note)
+    return scalar(criterion, values[0], values[1], float(time[-1]), remarks)
 
 
-def demand_height(criterion: Criterion, match: Match) -> str:
-    """Return the height that the flight covers, in words; less than the table asks is said, or is invalid without a reason."""
-    asked = LEAST.get(plain_id(match.case.id), 0.0)
+def demand_height(criterion: Criterion, match: Match) -> tuple[RowRemark, ...]:
+    """Return a remark on the height that the flight covers; less than the table requires is invalid without a reason in the case."""
+    required = LEAST.get(plain_id(match.case.id), 0.0)
     if "h" not in match.flight:
-        return ""
+        return ()
     _, flight, _ = match.both(criterion, "h")
     covered = abs(float(flight[-1] - flight[0])) / FOOT
-    said = f"segment of {covered:.0f} ft"
-    if covered < asked and not match.case.shortened:
-        raise Invalid(f"{said}; the table asks for {asked:.0f} ft or more: widen the window, or say why in case.shortened")
-    return said if covered >= asked else f"{said} of {asked:.0f} ft asked for"
+    text = f"segment of {covered:.0f} ft"
+    if covered < required and not match.case.shortened:
+        raise Invalid(f"{text}; the table requires {required:.0f} ft or more: widen the window, or say why in case.shortened")
+    text = text if covered >= required else f"{text} of {required:.0f} ft required"
+    return (RowRemark("span", text, "h", {"covered": covered, "required": required}, "ft"),)
 
 
 def floor(criterion: Criterion, match: Match) -> Outcome:
@@ -60,7 +62,7 @@ def floor(criterion: Criterion, match: Match) -> Outcome:
         worst=gradients[1] - certified,
         worst_ratio=certified / gradients[1] if gradients[1] > 0.0 else float("inf"),
         at=criterion.window[1],
-        note="below the certified gradient" if short else "",
+        remarks=(RowRemark("certified", "below the certified gradient", values={"certified": certified}, unit="1"),) if short else (),
         flight=gradients[0],
         model=gradients[1],
         applied=f"not below {100.0 * certified:.4g} %",

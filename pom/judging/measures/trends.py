@@ -9,6 +9,7 @@ from flightmech.units import from_si
 
 from ...tolerances.bands import Invalid, Outcome, difference
 from ...tolerances.criteria import Criterion
+from ...tolerances.remarks import RowRemark
 from ..comparison import Match
 
 CORRELATION = 0.8  # least; the rule has no number, these are ours
@@ -37,19 +38,22 @@ def trend(criterion: Criterion, match: Match) -> Outcome:
         "amplitude": RATIO[0] <= ratio <= RATIO[1],
     }
     shown = [_shown(criterion.channel, value) for value in extremes]
-    failed = [word for word, good in met.items() if not good]
-    said = (
+    failed = [name for name, good in met.items() if not good]
+    text = (
         f"largest change of flight {shown[0]}, of model {shown[1]}, amplitude ratio {ratio:.2f}, correlation {correlation:.2f}; "
         f"{'all four criteria of trend are met' if not failed else 'not met: ' + ', '.join(failed)}"
     )
     tick = match.case.ticks.get(criterion.name, "")
     if tick and met["sign"]:
-        verdict, said = "pass", f"{said}; ticked by {tick}"
+        verdict, ticked = "pass", f"ticked by {tick}"
     elif tick:
-        verdict, said = "advisory", f"{said}; the tick ({tick}) does not hold: the model moves the other way"
+        verdict, ticked = "advisory", f"the tick ({tick}) does not hold: the model moves the other way"
     else:
-        verdict, said = "advisory", f"{said}; to be ticked by an engineer"
-    return Outcome(verdict, at=float(time[0]), note=said, flight=extremes[0], model=extremes[1], applied="correct trend, no number")
+        verdict, ticked = "advisory", "to be ticked by an engineer"
+    measured = {"amplitude_ratio": ratio, "correlation": correlation}
+    remarks = (RowRemark("trend", text, criterion.channel, measured, "1"), RowRemark("tick", ticked))
+    applied = "correct trend, no number"
+    return Outcome(verdict, at=float(time[0]), remarks=remarks, flight=extremes[0], model=extremes[1], applied=applied)
 
 
 def _order(departure: np.ndarray) -> str:

@@ -10,7 +10,7 @@ from ..comparison import WHO, Match
 from ..events import crossing
 from .curves import dead_band
 
-LEAST_TURN = np.radians(90.0)  # ours: less does not tell a radius
+LEAST_TURN = np.radians(90.0)  # ours: less does not determine a radius
 
 
 def number(criterion: Criterion, match: Match) -> Outcome:
@@ -30,7 +30,7 @@ def _radii(criterion: Criterion, match: Match) -> list[float]:
         smooth = np.unwrap(psi)
         turned = abs(float(smooth[-1] - smooth[0]))
         if turned < LEAST_TURN:
-            raise Invalid(f"{who} turns by {np.degrees(turned):.0f} deg; at least {np.degrees(LEAST_TURN):.0f} deg tell a radius")
+            raise Invalid(f"{who} turns by {np.degrees(turned):.0f} deg; at least {np.degrees(LEAST_TURN):.0f} deg determine a radius")
         radii.append(float(distance[-1] - distance[0]) / turned)
     return radii
 

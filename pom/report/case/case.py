@@ -111,7 +111,7 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
                 "ratio": ratio,
                 "ratio_text": fixed(ratio, 2),
                 "criterion": words(worst.get("criterion", "")),
-                "why": "" if math.isfinite(ratio) else reason(worst.get("note", "")),
+                "why": "" if math.isfinite(ratio) else reason(worst.get("remarks", ())),
                 "at": at,
                 "at_text": fixed(at, 2),
             }

@@ -1,4 +1,4 @@
-"""What stands in words beside the verdicts: what the case sets, remarks of rows, rationales, engineers' ticks."""
+"""Texts beside the verdicts: what the case sets, remarks of rows, rationales, engineers' ticks."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from typing import Any
 from pom.result import PomResult
 
 from ..presentation.quantities import has_ends, label, measured, short
-from ..presentation.verdict_text import MARKS, MODAL, in_mode_table, trim_words, words
+from ..presentation.verdict_text import MARKS, MODAL, remark_text, words
+
+IN_MODE_TABLE = ("values", "cycles", "no_mode")
+"""Kinds of remarks that only repeat what stands in the table of modes."""
 
 _REFERENCES = {
     "engineering": "The reference is an engineering simulator, not a flight; {share} of the flight tolerance is applied.",
@@ -23,9 +26,9 @@ def notes(result: PomResult) -> list[str]:
     if case.reference in _REFERENCES:
         found.append(_REFERENCES[case.reference].format(share=share(case.fraction)))
     elif case.fraction != 1.0:
-        found.append(f"{share(case.fraction)} of the tolerance is applied, as the case file says.")
+        found.append(f"{share(case.fraction)} of the tolerance is applied, as the case file states.")
     if case.shortened:
-        found.append(f"The window is shorter than the table asks: {case.shortened}.")
+        found.append(f"The window is shorter than the table requires: {case.shortened}.")
     if case.conditions:
         given = ", ".join(f"{label(name).words or name} {_given(value, name)}" for name, value in case.conditions.items())
         found.append(f"From the case file, not from the record: {given}.")
@@ -48,15 +51,17 @@ def share(fraction: float) -> str:
 
 
 def _of_rows(result: PomResult) -> list[str]:
-    """Return the remarks of the verdict rows, each once, with the criteria and models it speaks of."""
+    """Return the remarks of the verdict rows, each once, behind the criteria and models it is about."""
     places: dict[str, list[tuple[str, str]]] = {}
     for row in result.rows:
-        note = row["note"] if row["note"] != "nan" else ""
-        if row["measure"] in MODAL and row["verdict"] in ("pass", "fail"):
-            note = "; ".join(piece for piece in note.split("; ") if not in_mode_table(piece))
-        for piece in filter(None, trim_words(note).split("; ")):
-            places.setdefault(piece, []).append((words(row["criterion"]), row["run"]))
-    return [f"{_where(found, result)}: {piece}" for piece, found in places.items()]
+        fitted = row["measure"] in MODAL and row["verdict"] in ("pass", "fail")
+        for remark in row["remarks"]:
+            if not (fitted and remark.kind in IN_MODE_TABLE):
+                places.setdefault(remark_text(remark), []).append((words(row["criterion"]), row["run"]))
+    found: dict[str, list[str]] = {}
+    for text, where in places.items():
+        found.setdefault(_where(where, result), []).append(text)
+    return [f"{where}: {'; '.join(texts)}" for where, texts in found.items()]
 
 
 def _given(value: float, name: str) -> str:
@@ -68,7 +73,7 @@ def _given(value: float, name: str) -> str:
 
 
 def _where(found: Sequence[tuple[str, str]], result: PomResult) -> str:
-    """Return what a note speaks of: criteria and models, each left out when it is all of them."""
+    """Return what a remark is about: criteria and models, each left out when it is all of them."""
     criteria, runs = list(dict.fromkeys(c for c, _ in found)), list(dict.fromkeys(r for _, r in found))
     every = len(criteria) == result.verdict["criterion"].nunique() and len(runs) < len(result.runs)
     parts = ([] if every else criteria) + ([] if len(runs) == len(result.runs) else runs)
@@ -76,7 +81,7 @@ def _where(found: Sequence[tuple[str, str]], result: PomResult) -> str:
 
 
 def rationales(result: PomResult) -> list[tuple[str, str]]:
-    """Return what the case file says to explain criteria or channels: (what, why)."""
+    """Return how the case file explains criteria or channels: (what, why)."""
     return [(label(name).words or words(name), why) for name, why in result.case.rationale.items()]
 
 

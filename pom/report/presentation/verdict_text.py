@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pom.result import PomResult
+from pom.tolerances.remarks import RowRemark
 
 from .quantities import MINUS, MISSING, SYMBOLS, fixed, label, number, percent, pretty_unit
 
@@ -30,8 +30,6 @@ _MEASURES = {
     "response_total": "time to 90 % of the change",
     "trend": "correct trend",
 }
-
-_BEYOND = re.compile(r"trim\.(\w+) ([+-])([\d.e+-]+)( ?[^ ,;]*) is beyond ([\d.e+-]+)")
 
 
 @dataclass(frozen=True)
@@ -53,44 +51,37 @@ def words(name: str) -> str:
     return name.replace("_", " ")
 
 
-def trim_words(note: str) -> str:
-    """Return a note with its remarks on the trim in the words of the trim's table.
+def remark_text(remark: RowRemark) -> str:
+    """Return a remark as printed; one on the trim is named as in the table of the trim.
 
     Examples
     --------
-    >>> trim_words("trim.delta_e -3.44 deg is beyond 2 deg")
+    >>> remark_text(RowRemark("trim", "trim.delta_e -3.44 deg is beyond 2 deg", "delta_e", {"found": -3.44, "limit": 2.0}, "deg"))
     'elevator deflection biased by the trim: −3.44 deg, beyond 2 deg'
     """
-    return _BEYOND.sub(_beyond_words, note)
-
-
-def _beyond_words(found: re.Match[str]) -> str:
-    """Return the remark of a replay on the trim in the words of its table."""
-    name, sign, size, unit, limit = found.groups()
+    if remark.kind != "trim":
+        return remark.text
+    name, unit = remark.quantity, "" if remark.unit == "1" else f" {remark.unit}"
     what = label(f"trim.{name}").words if name.endswith("_dot") else f"{label(name).words or name} biased by the trim"
-    return f"{what}: {sign.replace('-', MINUS)}{_plain(size)}{unit}, beyond {_plain(limit)}"
+    found, limit = remark.values["found"], remark.values["limit"]
+    return f"{what}: {MINUS if found < 0.0 else '+'}{_three_digits(abs(found))}{unit}, beyond {_three_digits(limit)}{unit}"
 
 
-def _plain(text: str) -> str:
-    """Return a number of a remark without powers of ten."""
+def _three_digits(value: float) -> str:
+    """Return a number to three digits, without powers of ten."""
+    text = f"{value:.3g}"
     return number(float(text)) if "e" in text else text
 
 
-def in_mode_table(piece: str) -> bool:
-    """Whether a piece of a note only repeats what stands in the table of modes."""
-    return re.match(r"flight (zeta )?-?[\d.]+|[\d.]+ cycles$|the model: ", piece) is not None
-
-
-def reason(note: str) -> str:
-    """Return why a row is not judged, or fails without a number: the first piece of its note that says more than a number.
+def reason(remarks: Sequence[RowRemark]) -> str:
+    """Return why a row is not judged, or fails without a number: its first remark that is not of the values alone.
 
     Examples
     --------
-    >>> reason("flight 2.84 s; the model: no oscillation stands out; tables left in 18 internal steps")
+    >>> reason([RowRemark("values", "flight 2.84 s"), RowRemark("no_mode", "the model: no oscillation stands out")])
     'the model: no oscillation stands out'
     """
-    pieces = [piece for piece in note.split("; ") if not re.match(r"flight (zeta )?-?[\d.]+ ?\w*$", piece)]
-    return words(trim_words(pieces[0])) if pieces else ""
+    return next((words(remark_text(remark)) for remark in remarks if remark.kind != "values"), "")
 
 
 def verdict_table(result: PomResult) -> dict[str, Any]:
@@ -117,7 +108,7 @@ def verdict_table(result: PomResult) -> dict[str, Any]:
                 "window": f"{fixed(first['window_start'], 2)} … {fixed(first['window_stop'], 2)}",
                 "mark": MARKS.get(first["provenance"], ""),
                 "rows": [_verdict_row(row) for row in rows],
-                "left_out": "" if name in applying else reason(rows[0]["note"]),
+                "left_out": "" if name in applying else reason(rows[0]["remarks"]),
             }
         )
     judged = [block for block in blocks if not block["left_out"]]

@@ -99,7 +99,7 @@ def test_manoeuvres_without_coupling_say_so():
 
 
 def test_what_is_missing_is_named():
-    with pytest.raises(IdentificationError, match="no model of Cm, Cn; the three moments hang together"):
+    with pytest.raises(IdentificationError, match="no model of Cm, Cn; the three moments are coupled"):
         inertia_from_flight(flown(), aircraft(), {"Cl": MODELS["Cl"]})
     with pytest.raises(UnknownName, match="unknown scale 'Ixz'"):
         inertia_from_flight(flown(), aircraft(), MODELS, scale="Ixz")

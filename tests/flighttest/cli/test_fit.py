@@ -179,7 +179,7 @@ def test_inputs_that_move_together_are_warned_of(folder):
         call(replaced(folder, joined))
 
 
-def test_a_model_that_misses_the_record_is_told(folder):
+def test_a_model_that_does_not_explain_the_record_is_reported(folder):
     def other(states):
         rng = np.random.default_rng(5)
         return states.assign(q=("time", 0.02 * rng.standard_normal(states.sizes["time"])))
@@ -191,7 +191,7 @@ def test_a_model_that_misses_the_record_is_told(folder):
     assert "term.Cm.basic lies" in text  # from what was known before
 
 
-def test_mistakes_of_the_file_are_told(folder):
+def test_mistakes_of_the_file_are_reported(folder):
     file = folder / "fit.toml"
 
     def changed(old, new):
@@ -207,7 +207,7 @@ def test_mistakes_of_the_file_are_told(folder):
         call(changed("500 m", "500 deg"))
     with pytest.raises(SchemaError, match=r"no file .*three.nc; names are relative to the fit"):
         call(changed("two.nc", "three.nc"))
-    with pytest.raises(SchemaError, match=r"term.Cm.rhat has no start and the record does not tell it"):
+    with pytest.raises(SchemaError, match=r"term.Cm.rhat has no start and the record does not give it"):
         call(changed("term.Cm.qhat", "term.Cm.rhat"))
     with pytest.raises(UnknownName, match=r"unknown output 'alfa'"):
         call(changed('"alpha", "q"', '"alfa", "q"'))

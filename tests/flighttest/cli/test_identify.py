@@ -85,7 +85,7 @@ def test_the_document_and_windows(files):
         (["--model", "CY = 1 + beta + gear"], UnknownName),
     ],
 )
-def test_bad_input_is_an_error_of_the_house_and_leaves_no_file(files, more, error):
+def test_bad_input_is_an_error_of_the_package_and_leaves_no_file(files, more, error):
     base, folder = files
     with pytest.raises(error) as caught:
         run(*base, *more, "-o", str(folder / "fit.nc"))

@@ -38,7 +38,7 @@ def test_info_lists_tables_and_columns(log):
     assert [column["column"] for column in found["tables"][0]["columns"]] == ["xyz[0]", "xyz[1]", "xyz[2]"]
 
 
-def test_info_tells_a_clock_that_cannot_be_used(tmp_path):
+def test_info_reports_a_clock_that_cannot_be_used(tmp_path):
     (tmp_path / "f.csv").write_text("time,q\n0,1\n1,2\n-5,3\n-4,4\n")
     assert "time does not rise: 1 s is followed by -5 s" in call("info", tmp_path / "f.csv").output
 
@@ -52,7 +52,7 @@ def test_info_of_chapter_10_lists_channels(tmp_path):
     assert lines[-1].split() == ["12", "ARINC", "429", "3", "210"]
 
 
-def test_convert_makes_a_record_of_the_house(log, tmp_path):
+def test_convert_makes_a_record_in_canonical_names(log, tmp_path):
     done = call("convert", log, "--names", "px4", "-o", tmp_path / "flight.nc")
     assert done.exit_code == 0
     assert "! rates: spikes: p 1 at 1.8 s" in done.output

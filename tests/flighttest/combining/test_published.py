@@ -93,7 +93,7 @@ def flown(tables, seed):
 
 
 def test_tables_learn_the_same_from_the_published_numbers_as_from_the_samples():
-    """The tables bend, the model is straight: only the range tells what its slope is a slope of."""
+    """The tables bend, the model is straight: only the range shows what its slope is a slope of."""
     prior, truth = aerodb.database(leaves(0.0), **ROOT), leaves(1.0)
     fit = flighttest.regress(flighttest.Model.parse(LOCAL), flown(truth, 1), "samples")
     e = fit.estimates
@@ -144,7 +144,7 @@ def test_published_and_flown_fits_are_joined():
     np.testing.assert_allclose(alone["stderr"], np.array(list(STDERR.values())) / np.sqrt(2), rtol=1e-12)
 
 
-def test_a_published_fit_is_saved_told_and_predicts(tmp_path):
+def test_a_published_fit_is_saved_reported_and_predicts(tmp_path):
     fit = flighttest.published_fit(LOCAL, VALUES, STDERR, AT | {"alpha": (0.0, 0.2)}, name="paper")
     text = fit.report()
     assert text.splitlines()[:2] == ["paper: Cm = 1 + alpha + qhat + delta_e", "published values, no samples"]

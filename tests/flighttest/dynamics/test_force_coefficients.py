@@ -168,7 +168,7 @@ def test_rates_of_incidence_follow_from_accelerations():
 
 
 def test_errors_of_a_path_and_of_pick_ups_are_in_the_budget():
-    """What a path says of its states replaces the flat error of dynamic pressure; pick-ups have theirs from the instruments."""
+    """What a path states of its states replaces the flat error of dynamic pressure; pick-ups have theirs from the instruments."""
     d = states().assign(delta_e=states()["alpha"] * 0.0 - 0.03)
     alpha, ax = np.full((2, d.sizes["time"]), 0.0), np.full((2, d.sizes["time"]), 0.0)
     alpha[0], ax[1] = 1e-4, 2e-3

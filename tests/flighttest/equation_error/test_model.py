@@ -41,12 +41,12 @@ def test_a_reference_is_taken_off_and_multiplied_out_again():
         ("CL = 1 + abs(beta)", ParseError, "abs\\(beta\\)"),
     ],
 )
-def test_what_cannot_be_read_is_said(text, error, words):
+def test_what_cannot_be_read_is_reported(text, error, words):
     with pytest.raises(error, match=words):
         Model.parse(text)
 
 
-def test_missing_data_and_idle_references_are_said():
+def test_missing_data_and_idle_references_are_reported():
     with pytest.raises(UnknownName, match="unknown model variable 'qhat'"):
         Model("CL", ["qhat"]).design(xr.Dataset({"alpha": ("time", [0.1])}))
     with pytest.raises(UnknownName, match="unknown reference 'beta'"):
@@ -82,6 +82,6 @@ def test_a_reference_leaves_the_knot_where_it_is():
         ("step(alpha,0.1)", ParseError, "step"),
     ],
 )
-def test_ramps_that_cannot_be_read_are_said(term, error, words):
+def test_ramps_that_cannot_be_read_are_reported(term, error, words):
     with pytest.raises(error, match=words):
         Model("CL", ["1", term])

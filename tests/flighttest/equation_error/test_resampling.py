@@ -27,7 +27,7 @@ LINE = {"1": 0.3, "alpha": 5.0}
 
 
 @pytest.mark.parametrize("fitted", ["time", "frequency", "separate"])
-def test_the_bootstrap_scatters_as_the_fit_says(fitted):
+def test_the_bootstrap_scatters_as_the_fit_states(fitted):
     """300 replicates know a scatter to 4 %; both use the same colour, so that only the linear algebra is compared."""
     parts = [record(np.random.default_rng(seed), 15.0) for seed in range(2)]
     if fitted == "frequency":
@@ -63,7 +63,7 @@ def test_a_study_counts_bias_and_coverage():
 
 
 def test_studies_without_sense_are_refused():
-    with pytest.raises(IdentificationError, match="3 seeds; 20 at least, and 200 to tell 95 % from 92 %"):
+    with pytest.raises(IdentificationError, match="3 seeds; 20 at least, and 200 to distinguish 95 % from 92 %"):
         monte_carlo(line, LINE, range(3))
     with pytest.raises(IdentificationError, match="seed 0 did not estimate beta; it has 1, alpha"):
         monte_carlo(line, {"beta": 1.0}, range(20), jobs=1)

@@ -97,7 +97,7 @@ def test_systematic_errors_move_the_estimates_as_the_error_moves_the_data():
         ({"delta_e": 0.0}, "test: CL = .*: delta_e does not move: rms 0 about its mean"),
         ({"delta_e": 0.02}, "delta_e does not move"),
         ({"qhat": 1e-7}, "qhat does not move"),
-        ({"qhat": "alpha"}, "cannot tell apart: 0.71 (alpha|qhat) - 0.71 (qhat|alpha) .* vanishes throughout"),
+        ({"qhat": "alpha"}, "cannot distinguish: 0.71 (alpha|qhat) - 0.71 (qhat|alpha) .* vanishes throughout"),
     ],
 )
 def test_what_the_data_cannot_determine_is_refused_by_name(change, words):

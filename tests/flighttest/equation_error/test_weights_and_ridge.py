@@ -62,7 +62,7 @@ def collinear(rng):
     return data.assign(delta_e=data["alpha"] + 2e-4 * coloured_noise(rng, 1500))
 
 
-def test_a_ridge_trades_variance_for_a_bias_that_it_tells():
+def test_a_ridge_trades_variance_for_a_bias_that_it_reports():
     data = collinear(np.random.default_rng(4))
     plain, ridge = regress(LIFT, data).estimates, regress(LIFT, data, ridge=0.01).estimates
     assert float(ridge["stderr"].sel(term="delta_e")) < 0.1 * float(plain["stderr"].sel(term="delta_e"))
@@ -117,7 +117,7 @@ def test_the_prior_of_a_database_is_what_least_squares_makes_of_its_tables(fitte
 
 
 def test_a_short_manoeuvre_without_pitch_rate_takes_it_from_the_prior():
-    """Eight seconds: qhat alone is known to 40 %; joined it is no worse than the prior, and the report says whose it is."""
+    """Eight seconds: qhat alone is known to 40 %; joined it is no worse than the prior, and the report states whose it is."""
     data = record(np.random.default_rng(7), 8.0, 0.03)
     fit = regress(LIFT, data)
     joined = mixed(fit, prior_of(fit, database()))
@@ -130,7 +130,7 @@ def test_a_database_that_flight_contradicts_is_named():
     fit = regress(LIFT, record(np.random.default_rng(8)))
     joined = mixed(fit, prior_of(fit, database(slope=3.5, error=0.01)))
     assert any(text.startswith("alpha: flight and prior differ by") for text in map(str, joined.remarks))
-    assert any("surer than it should be" in text for text in map(str, joined.remarks))
+    assert any("overconfident" in text for text in map(str, joined.remarks))
 
 
 def test_terms_the_database_does_not_know_have_no_prior():

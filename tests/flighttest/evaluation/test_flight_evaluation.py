@@ -187,7 +187,7 @@ def test_all_mistakes_of_a_plan_come_at_once(folder):
         evaluate(change(folder, "flight.csv", "absent.csv"))
 
 
-def test_an_unknown_manoeuvre_is_told_with_near_names(folder):
+def test_an_unknown_manoeuvre_is_reported_with_near_names(folder):
     found = evaluate(change(folder, 'on = "dutch_roll"', 'on = "dutch_rol"'))
     assert found.refused["dutch_roll"].startswith("unknown manoeuvre 'dutch_rol'; near it: dutch_roll")
     assert not found.passed

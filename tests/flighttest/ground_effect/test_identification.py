@@ -58,7 +58,7 @@ def database() -> xr.DataTree:
     return aerodb.database(leaves, **FACTS, force_axes="stability")
 
 
-def test_k_and_s_are_found_and_the_rest_is_said_not_to_be(found):
+def test_k_and_s_are_found_and_the_rest_is_reported_not_to_be(found):
     one = found["CL"]
     assert one.ground == ("1", "alpha")
     for row in one.rows():
@@ -187,7 +187,7 @@ def test_breakpoints_leave_out_what_was_not_flown():
         (lambda r: {"data": r, "ground": {"CD": ["1"]}}, UnknownName, "no model"),
     ],
 )
-def test_what_cannot_be_done_is_said(records, change, error, words):
+def test_what_cannot_be_done_is_reported(records, change, error, words):
     with pytest.raises(error, match=words):
         identify_ground_effect([LIFT], **change(records))
 

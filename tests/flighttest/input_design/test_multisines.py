@@ -22,7 +22,7 @@ def lines_of(u, count):
 
 
 def test_axes_are_orthogonal_over_a_period(designed):
-    """The rule asks for 1e-12."""
+    """The rule requires 1e-12."""
     assert np.abs(correlations(designed) - np.eye(len(axes_of(designed)))).max() < 1e-14
 
 

@@ -99,14 +99,14 @@ def test_open_loop_in_turbulence_is_warned_of_and_the_filter_is_better(model):
         assert fit.warnings == ()
         loop.append(errors(open_loop, "stderr_white"))
         filtered.append(errors(fit))
-        told = (one.estimates["stderr"].sel(parameter=list(TRUTH)).values for one in (open_loop, fit))
-        wider.append(np.divide(*told))
+        stderr = (one.estimates["stderr"].sel(parameter=list(TRUTH)).values for one in (open_loop, fit))
+        wider.append(np.divide(*stderr))
     assert np.sqrt(np.mean(np.square(filtered))) < 1.4
     assert np.sqrt(np.mean(np.square(loop))) > 2.0  # Cramer-Rao bounds of white residuals are not to be trusted
     assert np.median(wider) > 1.0  # and what is true of the open loop is wider
 
 
-def test_the_filter_tells_noise_from_gusts(model):
+def test_the_filter_distinguishes_noise_from_gusts(model):
     fit = flighttest.filter_error(model, flight(5, gust=1.0, duration=40.0), {**STARTS, "process.alpha": 0.01, "process.q": 0.01})
     e = fit.estimates
     truth = {"process.alpha": 0.02, "process.q": 0.03, "noise.alpha": 2e-3, "noise.q": 2e-3, "noise.nz": 0.02}

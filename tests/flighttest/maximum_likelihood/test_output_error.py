@@ -62,7 +62,7 @@ def test_the_truth_comes_back_within_its_standard_errors(sim):
     assert e["stderr"].sel(parameter="term.Cm.elevator") < 0.01
     assert abs(e["estimate"].sel(parameter="sensor.alpha") - 0.01) < 3.0 * e["stderr"].sel(parameter="sensor.alpha")
     found = fit.noise["stderr"].sel(manoeuvre=1)
-    assert np.allclose(found.values, list(NOISE.values()), rtol=0.15)  # 250 readings tell a deviation to 4.5 %
+    assert np.allclose(found.values, list(NOISE.values()), rtol=0.15)  # 250 readings determine a deviation to 4.5 %
     assert fit.parameters["term.Cm.qhat"] == float(e["estimate"].sel(parameter="term.Cm.qhat"))
 
 
@@ -78,7 +78,7 @@ def test_several_manoeuvres_share_the_model_and_keep_their_starts(sim):
     assert fit.noise["stderr"].shape == (3, len(NOISE))
 
 
-def test_a_bound_holds_and_is_told(sim):
+def test_a_bound_holds_and_is_reported(sim):
     unknowns = {name: 1.0 for name in TRUTH} | STARTS | {"term.Cm.qhat": Unknown(1.0, low=0.9, high=1.2)}
     fit = flighttest.output_error(sim, flight(sim, 1), unknowns, list(NOISE), HELD)
     row = fit.estimates.sel(parameter="term.Cm.qhat")
@@ -132,7 +132,7 @@ def test_error_free_readings_give_the_truth_to_rounding(sim, monkeypatch):
     assert fit.warnings == ()
 
 
-def test_what_cannot_be_told_is_refused_by_name(sim):
+def test_what_cannot_be_determined_is_refused_by_name(sim):
     record = flight(sim, 1)
     unknowns = {"term.Cm.elevator": 1.0, **STARTS}
     with pytest.raises(IdentificationError, match=r"0\.71 \w+\.Cm\.elevator - 0\.71 \w+\.Cm\.elevator.*changes no output"):

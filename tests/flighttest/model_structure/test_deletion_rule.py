@@ -9,7 +9,7 @@ from flighttest.model_structure.deletion_rule import decide
 MODEL = Model.parse("Cm = 1 + alpha + qhat + alphadothat + delta_e + delta_t")
 
 
-def record(seed, noise=1e-3, twin=0.01):
+def record(seed, noise=1e-3, counterpart=0.01):
     """delta_t moves but does nothing, alphadothat is qhat and a little of its own."""
     rng = np.random.default_rng(seed)
     t = np.arange(0, 20, 0.02)
@@ -19,7 +19,7 @@ def record(seed, noise=1e-3, twin=0.01):
         return size * np.cos(2 * np.pi * np.outer(t, k) / 20 + rng.uniform(0, 2 * np.pi, len(k))).sum(axis=1) / np.sqrt(len(k))
 
     d = {"alpha": wave(0.03), "qhat": wave(0.001), "delta_e": wave(0.04), "delta_t": wave(0.02)}
-    d["alphadothat"] = 0.8 * d["qhat"] + twin * wave(0.001)
+    d["alphadothat"] = 0.8 * d["qhat"] + counterpart * wave(0.001)
     d["Cm"] = 0.02 - 0.7 * d["alpha"] - 20 * d["qhat"] - 7 * d["alphadothat"] - 1.0 * d["delta_e"] + noise * rng.normal(size=len(t))
     return xr.Dataset({k: ("time", v) for k, v in d.items()}, coords={"time": t})
 

@@ -59,7 +59,7 @@ def call(*arguments):
     return CliRunner().invoke(flight, ["check", *map(str, arguments)], catch_exceptions=False)
 
 
-def test_finding_says_what_to_write_into_the_name_map(quality):
+def test_finding_states_what_to_write_into_the_name_map(quality):
     fault = quality.findings[0]
     assert fault.name == "sign:theta"
     assert fault.remedy == 'theta = { column = "theta", sign = 1 } in the name map (now: - theta [rad])'

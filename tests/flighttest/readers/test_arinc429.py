@@ -63,7 +63,7 @@ def spec(labels="octal", **parameters):
 TAS = Label(label="210", code="bnr", bits=15, range=2048.0, unit="kt")
 
 
-def test_labels_sources_and_parity_are_told_apart():
+def test_labels_sources_and_parity_are_distinguished():
     good = [
         chapter10.bnr(0o210, 15, 2048.0, 250.0, sdi=1),
         chapter10.bnr(0o210, 15, 2048.0, 251.0, sdi=2),

@@ -153,7 +153,7 @@ def test_netcdf_classic(tmp_path):
     np.testing.assert_allclose(record["data/q"].values, np.radians(T))
 
 
-def test_objects_of_matlab_classes_are_told(tmp_path):
+def test_objects_of_matlab_classes_are_reported(tmp_path):
     scipy.io.savemat(tmp_path / "f.mat", {"note": "text only"})
     with pytest.raises(ParseError, match=r"no array of numbers; expected plain arrays or structures; convert objects"):
         flighttest.read(tmp_path / "f.mat", named(tmp_path, NAMES))

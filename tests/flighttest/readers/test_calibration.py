@@ -84,7 +84,7 @@ def test_first_column_of_a_list_that_is_there(tmp_path):
     assert record["a/p"].attrs["calibration"] == "new [rad/s]"
 
 
-def test_optional_channels_are_left_out_and_told(tmp_path):
+def test_optional_channels_are_left_out_and_reported(tmp_path):
     file = tmp_path / "f.csv"
     file.write_text("time,p\n0,1\n1,2\n")
     names = mapped(tmp_path, 'optional = true\n[a]\np = { column = "p", unit = "rad/s" }\nq = "pitch"\n[b]\nV = "tas"\n')

@@ -173,7 +173,7 @@ def test_analogue_samples(tmp_path, bits, mode):
     np.testing.assert_allclose(record["f/time"].values, np.arange(60) / 100, atol=1e-9)
 
 
-def test_missing_and_damaged_packets_are_told(tmp_path):
+def test_missing_and_damaged_packets_are_reported(tmp_path):
     packets = bus_packets()
     damaged = bytearray(packets[10])
     damaged[4] ^= 0xFF  # its length, so the checksum of its header fails

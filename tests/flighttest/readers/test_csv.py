@@ -90,7 +90,7 @@ def test_line_with_more_cells_than_names(tmp_path):
         flighttest.read(file, names)
 
 
-def test_decimal_commas_are_told(tmp_path):
+def test_decimal_commas_are_reported(tmp_path):
     file, names = written(tmp_path, "time;alpha\n0,0;1,5\n0,1;1,6\n")
     with pytest.raises(ParseError, match=r"line 2: found '0,0' in column 'time'"):
         flighttest.read(file, names)

@@ -82,7 +82,7 @@ def test_header_bytes_inside_a_message_are_no_message(tmp_path):
     assert tables["TRAP"] == len(rows)
 
 
-def test_damage_in_the_middle_is_skipped_and_told(log):
+def test_damage_in_the_middle_is_skipped_and_reported(log):
     raw = bytearray(log.read_bytes())
     middle = len(raw) // 2
     raw[middle : middle + 500] = bytes(500)

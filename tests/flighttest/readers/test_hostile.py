@@ -1,4 +1,4 @@
-"""Damaged files of every format: read, or refused with an error of the house; never another exception, never endless."""
+"""Damaged files of every format: read, or refused with an error of the package; never another exception, never endless."""
 
 import gzip
 import sys

@@ -63,7 +63,7 @@ def test_all_channels_without_a_map(log):
     assert tables["slow"] == ["nz"]
 
 
-def test_missing_package_tells_how_to_install_it(log, tmp_path, monkeypatch):
+def test_missing_package_error_states_how_to_install_it(log, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "asammdf", None)
     with pytest.raises(AeromatchError, match=r"needs the package asammdf; install it with: pip install 'aeromatch\[flight\]'"):
         flighttest.read(log, names(tmp_path, '[a]\nq = "fast/pitch_rate"\n'))

@@ -93,5 +93,5 @@ def test_column_without_a_unit():
         Channel(column="x").convert(1.0, None, "theta")
 
 
-def test_calibration_is_told_in_words():
+def test_calibration_is_described_in_words():
     assert Channel(column="acc", unit="g", sign=-1, offset="-1 g").calibration(None) == "- acc [g] + -1 g"

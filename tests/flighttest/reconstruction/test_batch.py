@@ -126,7 +126,7 @@ def test_unknown_and_empty_names(flown, precise):
         flighttest.reconstruct_batch([record, record], precise, [None])
 
 
-def test_wrong_sign_of_an_axis_is_told(flown, precise):
+def test_wrong_sign_of_an_axis_is_reported(flown, precise):
     record = flown(0, duration=20.0)[0].copy(deep=True)
     record["imu/az_imu"].values[:] *= -1.0
     with pytest.raises(IdentificationError, match="batch fit"):

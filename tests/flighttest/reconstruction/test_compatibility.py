@@ -46,7 +46,7 @@ def test_report_has_a_line_per_channel(flight):
     assert {line.split()[0] for line in text.splitlines()[2:]} == set(path.fit.index)
 
 
-def test_white_and_coloured_residuals_are_told_apart():
+def test_white_and_coloured_residuals_are_distinguished():
     noise = np.random.default_rng(1).normal(size=2000)
     assert ljung_box(noise) > 0.05
     assert ljung_box(noise[1:] + 0.3 * noise[:-1]) < 1e-6

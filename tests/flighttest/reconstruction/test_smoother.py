@@ -94,9 +94,9 @@ def test_residuals_are_the_noise_of_the_sensors(calm):
     assert (abs(fit["autocorrelation"]) < 0.2).all()
 
 
-def test_confused_constants_are_told(calm):
+def test_confused_constants_are_reported(calm):
     words = identifiability(calm[0].biases)
-    assert any("bias.ax_imu and bias.theta cannot be told apart" in text for text in words)
+    assert any("bias.ax_imu and bias.theta cannot be distinguished" in text for text in words)
     assert "bias.ax_imu and bias.theta" in calm[0].report()
 
 
@@ -305,7 +305,7 @@ def test_a_noise_specification_too_small_is_no_turbulence(calm, flown, aircraft,
     assert calm[0].remarks == []
 
 
-def test_gusts_are_told_from_noise_by_what_lasts():
+def test_gusts_are_distinguished_from_noise_by_what_lasts():
     """Two thousand readings at 50 a second: white noise of any size is none, a gust as large as half the noise is one."""
     t = 0.02 * np.arange(2000)
     for seed in range(20):
@@ -318,7 +318,7 @@ def test_gusts_are_told_from_noise_by_what_lasts():
 
 
 def test_what_has_not_settled_is_named(flown, aircraft, monkeypatch):
-    """A single iteration and no more: the constants that still move are told with how far."""
+    """A single iteration and no more: the constants that still move are reported with how far."""
     monkeypatch.setattr(smoother, "CALM_STEPS", 1)
     whole = smoother.estimate
     monkeypatch.setattr(smoother, "estimate", lambda problem, x, c, iterations=1, held=(): whole(problem, x, c, 1, held))

@@ -76,8 +76,8 @@ def test_column_of_the_map_is_not_there(tmp_path, names):
         flighttest.read(csv(tmp_path, CSV.replace("alpha", "alfa")), names)
 
 
-def test_column_without_a_house_name_needs_a_map(tmp_path):
-    with pytest.raises(UnknownName, match="1 columns without a house name \\(flap\\); pass names="):
+def test_column_without_a_canonical_name_needs_a_map(tmp_path):
+    with pytest.raises(UnknownName, match="1 columns without a canonical name \\(flap\\); pass names="):
         flighttest.read(csv(tmp_path, CSV))
 
 

@@ -217,7 +217,7 @@ def test_airspeed_and_height_alone():
     assert np.corrcoef(path.states["alpha"], truth["alpha"].interp(time=path.states["time"]))[0, 1] > 0.99
 
 
-def test_spikes_are_left_out_and_said():
+def test_spikes_are_left_out_and_reported():
     record, error, truth = fly(4, SPAN)
     clean = flighttest.reconstruct(record, aircraft())
     wild = record.copy(deep=True)
@@ -265,7 +265,7 @@ def test_window_too_short():
         flighttest.reconstruct(fly(4, SPAN)[0], aircraft(), windows=[(3.0, 3.1)])
 
 
-def test_unexcited_record_says_what_rests_on_its_prior():
+def test_unexcited_record_reports_what_rests_on_its_prior():
     record, error, _ = fly(6, SPAN, given={"excitation": 0.003})
     path = flighttest.reconstruct(record, aircraft())
     words = path.report()

@@ -99,7 +99,7 @@ def test_a_lag_answers_a_ramp_exactly_and_starts_anew_after_a_gap():
     ("text", "words"),
     [("(h - 4)^s", "stay positive"), ("log(alpha - 1)", "log of"), ("lag(q, h)", "one positive number"), ("q/(s - s)", "zero")],
 )
-def test_values_without_a_result_are_said(text, words):
+def test_values_without_a_result_are_reported(text, words):
     with pytest.raises(OutOfRange, match=words):
         parse(text).at(Scope(QUANTITIES, {"s": -1.0}, WHOLE))
 

@@ -33,7 +33,7 @@ def test_standard_error_covers(count, band, noise):
     assert abs(np.mean(ratios)) < 0.25
 
 
-def test_opposite_sign_is_told_and_does_not_disturb():
+def test_opposite_sign_is_reported_and_does_not_disturb():
     x, y, tau = pair(1, 3000, 1.5, (0.02, 0.02), tau=0.073)
     found = time_delay(x, -y, STEP)
     assert found.estimate == pytest.approx(tau, abs=4 * found.stderr)

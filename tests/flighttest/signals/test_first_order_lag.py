@@ -53,7 +53,7 @@ def test_forth_and_back():
     assert np.abs(again - x)[50:].max() < 3e-4  # behind the start at rest
 
 
-def test_noise_grows_as_said():
+def test_noise_grows_as_stated():
     noise = np.random.default_rng(2).normal(0.0, 1.0, 20_000)
     found = remove_lag(STEP * np.arange(len(noise)), noise, 0.05, "alpha_vane")
     assert found.std() == pytest.approx(np.hypot(1.0, 0.05 * derivative_noise(STEP)), rel=0.03)

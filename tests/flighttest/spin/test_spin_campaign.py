@@ -108,7 +108,7 @@ def test_a_spin_is_recovered_within_the_published_bounds(study, spin, cz150):
     apart = (found.table["median"] - found.table["flown"]).abs() / found.table["sigma"]
     assert apart.max() < 0.7
     assert "76 of 76 terms within two sigma" in found.report()
-    # "nearly cancelling pairs" of seed-numbers.md: alpha_dot and q_osc are hardly distinguishable, and the fit says so
+    # "nearly cancelling pairs" of seed-numbers.md: alpha_dot and q_osc are hardly distinguishable, and the fit reports it
     assert found.table.loc[("CZ", "alphadothat"), "vif"] > 100.0
     fresh = study.run_data(spin, cz150, errors, [2, 1000], which=1)
     predicted = predictions(fresh, found.models(spin.models))

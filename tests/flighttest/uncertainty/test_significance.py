@@ -1,4 +1,4 @@
-"""What a fit says about itself: tests at their nominal rate on noise, signs, spikes, collinear terms, reversed time."""
+"""What a fit states about itself: tests at their nominal rate on noise, signs, spikes, collinear terms, reversed time."""
 
 import numpy as np
 import pytest
@@ -149,12 +149,12 @@ def test_time_that_runs_backwards_is_refused():
         regress(LIFT, [data, data.assign_coords(time=time)])
 
 
-def test_terms_that_no_instrument_tells_apart_are_refused_by_name():
+def test_terms_that_no_instrument_distinguishes_are_refused_by_name():
     data = record(np.random.default_rng(6), 20.0)
     rng = np.random.default_rng(0)
-    twin = data["alpha"] * 0.01 + 1e-8 * rng.normal(size=data.sizes["time"])
-    with pytest.raises(IdentificationError, match=r"cannot tell apart (alpha|qhat) \(.*e\+.*\), (alpha|qhat) .* limit of 1e\+06"):
-        regress(LIFT, data.assign(qhat=twin))
+    counterpart = data["alpha"] * 0.01 + 1e-8 * rng.normal(size=data.sizes["time"])
+    with pytest.raises(IdentificationError, match=r"cannot distinguish (alpha|qhat) \(.*e\+.*\), (alpha|qhat) .* limit of 1e\+06"):
+        regress(LIFT, data.assign(qhat=counterpart))
     near = regress(LIFT, data.assign(qhat=data["alpha"] * 0.01 + 2e-5 * rng.normal(size=data.sizes["time"])))
     assert "collinear" in kinds(near)
 

@@ -58,7 +58,7 @@ def test_window_of_a_change_runs_from_5_s_before_to_15_s_after(write_case):
 
 
 def test_a_bounding_event_must_be_marked(write_case):
-    with pytest.raises(SchemaError, match=r"unknown event 'input_end'.*mark its time in \[events\]"):
+    with pytest.raises(SchemaError, match=r"unknown event 'input_end'.*give its time in \[events\]"):
         read_case(write_case("2.c.9"))
 
 

@@ -15,6 +15,7 @@ from pom.fmu import worker
 from pom.replaying.kernel_replay import fly
 from pom.replaying.reference_states import flight_states
 from pom.replaying.replay_case import replay
+from pom.tolerances.remarks import text_of
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +118,7 @@ def test_a_trim_beyond_its_limit_is_remarked(write_case, truth, tmp_path, traine
     wrong = aerodb.replace_terms(db, {"Cm/basic": aerodb.terms(db)["Cm/basic"] + 0.05})
     flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, wrong), tmp_path / "wrong.fmu")
     result = replay(read_case(write_case()), {"m": tmp_path / "wrong.fmu"}, truth)
-    assert all("trim.delta_e" in note and "is beyond 1 deg" in note for note in result.verdict["note"])
+    assert all("trim.delta_e" in note and "is beyond 1 deg" in note for note in result.verdict["remarks"].map(text_of))
     elevator = 0.05 / (1.1 - 0.4 * 0.7 / 5.0)  # its own lift is carried back by the angle of attack
     assert result.trim.loc["trim.delta_e", "m"] == pytest.approx(elevator, rel=0.01)
 

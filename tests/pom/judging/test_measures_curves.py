@@ -6,6 +6,7 @@ import pytest
 from flightmech.units import POUND_FORCE
 from pom.cases.case import Drive
 from pom.judging.measures.curves import directions
+from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 100.001, 0.02)
 COCKPIT = Drive("cockpit", "throttle")
@@ -39,7 +40,7 @@ def test_branches_are_compared_apart(judged):
     got = judged("2.a.1.a", TIME, column(x, force(x)), column(x, force(x, friction=-20.0)), drive=COCKPIT)["column_force"]
     assert got["verdict"] == "fail"
     assert abs(got["worst"]) == pytest.approx(40.0 / POUND_FORCE)
-    assert got["note"].startswith("3 branches at equal column")
+    assert text_of(got["remarks"]).startswith("3 branches at equal column")
 
 
 def test_the_percentage_is_of_the_flight_force_at_that_place(judged):
@@ -68,7 +69,7 @@ def test_a_model_that_does_not_come_there_is_invalid(judged):
     x, short = position(), position(travel=0.12)
     got = judged("2.a.1.a", TIME, column(x, force(x)), column(short, force(short)), drive=COCKPIT)["column_force"]
     assert got["verdict"] == "invalid"
-    assert "the model comes through 79 % of the flight's increasing travel of column" in got["note"]
+    assert "the model comes through 79 % of the flight's increasing travel of column" in text_of(got["remarks"])
 
 
 def test_breakout_is_the_force_at_the_first_movement_both_ways(judged):
@@ -76,10 +77,12 @@ def test_breakout_is_the_force_at_the_first_movement_both_ways(judged):
     x = position()
     got = judged("2.a.1.a", TIME, column(x, force(x)), column(x, force(x, friction=28.0)), drive=COCKPIT)["breakout_force"]
     assert got["worst_ratio"] == pytest.approx(8.0 / (2.0 * POUND_FORCE), rel=1e-6)
-    assert got["note"].startswith("increasing: 23.0 N in flight, 31.0 N in the model; decreasing: -23.0 N in flight, -31.0 N in the model")
+    assert text_of(got["remarks"]).startswith(
+        "increasing: 23.0 N in flight, 31.0 N in the model; decreasing: -23.0 N in flight, -31.0 N in the model"
+    )
     one_way = np.maximum(x, 0.0)
     got = judged("2.a.1.a", TIME, column(one_way, force(one_way)), column(one_way, force(one_way)), drive=COCKPIT)["breakout_force"]
-    assert (got["verdict"], "decreasing" in got["note"]) == ("pass", False)
+    assert (got["verdict"], "decreasing" in text_of(got["remarks"])) == ("pass", False)
 
 
 def test_a_wheel_force_is_torque_over_radius(judged):
@@ -90,15 +93,15 @@ def test_a_wheel_force_is_torque_over_radius(judged):
     got = judged("2.a.2.a", TIME, flight, model, drive=COCKPIT, conditions={"wheel_radius": 0.2})["wheel_force"]
     assert got["worst_ratio"] == pytest.approx(2.0 / 0.2 / (3.0 * POUND_FORCE))
     without = judged("2.a.2.a", TIME, flight, model, drive=COCKPIT)["wheel_force"]
-    assert (without["verdict"], without["note"]) == ("not_tested", "the flight record has no F_rim")
+    assert (without["verdict"], text_of(without["remarks"])) == ("not_tested", "the flight record has no F_rim")
 
 
 def test_forces_mean_nothing_when_the_surfaces_are_driven(judged):
     """Trap 8."""
     x = position()
     got = judged("2.a.1.a", TIME, column(x, force(x)), column(x, force(x)), drive=Drive("recorded", "throttle"))
-    assert got["column_force"]["note"] == "the surfaces are driven, so pilot forces have no meaning"
-    assert got["elevator"]["note"].startswith("delta_e is driven by the record")
+    assert text_of(got["column_force"]["remarks"]) == "the surfaces are driven, so pilot forces have no meaning"
+    assert text_of(got["elevator"]["remarks"]).startswith("delta_e is driven by the record")
 
 
 def test_force_increments_are_above_the_slow_sweep(judged):
@@ -116,7 +119,7 @@ def test_force_increments_are_above_the_slow_sweep(judged):
     assert row["width"] == pytest.approx(2.0)  # 10 % of 28 N is less
     static = judged("2.b.1", TIME, column(x, force(x, 1000.0, speed=200.0)), column(x, force(x, 1200.0, speed=200.0)), **kwargs)
     assert static["dynamic_force_increment"]["worst_ratio"] < 1e-6  # another spring is the business of the static test
-    assert got["p0"]["note"].startswith("applies only with a release instead of sweeps")
+    assert text_of(got["p0"]["remarks"]).startswith("applies only with a release instead of sweeps")
 
 
 def test_dead_band_of_the_steering(judged):

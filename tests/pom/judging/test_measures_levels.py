@@ -5,6 +5,7 @@ import pytest
 
 from flightmech.units import FOOT, KNOT
 from pom.cases.case import Drive
+from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 60.001, 0.02)
 DEG = np.pi / 180.0
@@ -20,7 +21,7 @@ def test_a_snapshot_compares_means_of_steady_records(judged):
     assert (got["flight_value"], got["model_value"]) == pytest.approx((3.0, 3.6), abs=2e-3)
     assert got["worst_ratio"] == pytest.approx(0.6, abs=2e-3)  # of 1 deg
     # 0.2 deg of sine over five periods: standard deviation 0.141 deg, the fitted line falls by 6/(5 pi) 0.2 deg
-    assert got["note"].startswith("steady: flight drift 0.08, spread 0.14; the model drift 0.00, spread 0.00 of the tolerance")
+    assert text_of(got["remarks"]).startswith("steady: flight drift 0.08, spread 0.14; the model drift 0.00, spread 0.00 of the tolerance")
     assert got["applied_text"] == "1 deg"
 
 
@@ -29,14 +30,14 @@ def test_a_drifting_record_is_invalid_on_either_side(judged):
     for pair in ((drifting, TRIM), (TRIM, drifting)):
         got = judged("2.c.5", TIME, *pair, drive=RECORDED, events={"capture": 30.0})["pitch_angle"]
         assert got["verdict"] == "invalid"
-        assert "is not steady: drift 0.50, spread 0.00 of the tolerance (1/3 allowed)" in got["note"]
+        assert "is not steady: drift 0.50, spread 0.00 of the tolerance (1/3 allowed)" in text_of(got["remarks"])
 
 
 def test_a_snapshot_needs_4_s_before_and_1_s_after(judged):
     got = judged("2.c.5", TIME, TRIM, TRIM, drive=RECORDED, events={"capture": 3.0})["pitch_angle"]
-    assert (got["verdict"], "the window is -1.00 ... 4.00 s" in got["note"]) == ("invalid", True)
+    assert (got["verdict"], "the window is -1.00 ... 4.00 s" in text_of(got["remarks"])) == ("invalid", True)
     got = judged("2.c.5", TIME, TRIM, TRIM, drive=RECORDED)["pitch_angle"]
-    assert (got["verdict"], got["note"][:40]) == ("not_tested", "mark the event capture in [events]; the ")
+    assert (got["verdict"], text_of(got["remarks"])[:40]) == ("not_tested", "give the event capture in [events]; the ")
 
 
 def test_a_snapshot_judges_the_elevator_that_the_trim_found(judged):
@@ -47,7 +48,7 @@ def test_a_snapshot_judges_the_elevator_that_the_trim_found(judged):
     assert got["elevator"]["worst"] == pytest.approx(-0.7)
     assert got["elevator"]["verdict"] == "pass"
     untrimmed = judged("2.c.5", TIME, TRIM, model, drive=Drive("recorded", "thrust", trim=False), events={"capture": 30.0})
-    assert untrimmed["elevator"]["note"].startswith("delta_e is driven by the record")
+    assert text_of(untrimmed["elevator"]["remarks"]).startswith("delta_e is driven by the record")
     assert got["trim_surface"]["verdict"] == "not_tested"  # nothing seeks the tab
 
 
@@ -57,13 +58,13 @@ def test_a_lone_percentage_is_of_the_largest_value_in_service(judged):
     kwargs = {"drive": RECORDED, "events": {"capture": 30.0}}
     got = judged("2.c.5", TIME, TRIM, model, **kwargs)["net_thrust"]
     assert got["verdict"] == "not_tested"  # 8.75 % of the flight value: only the range can tell
-    assert "give that of engine1.thrust in [ranges]" in got["note"]
+    assert "give that of engine1.thrust in [ranges]" in text_of(got["remarks"])
     got = judged("2.c.5", TIME, TRIM, model, ranges={"engine1.thrust": 20e3}, **kwargs)["net_thrust"]
     assert (got["verdict"], round(got["worst_ratio"], 9)) == ("pass", 0.7)  # 700 N of 1000 N
     assert got["applied_text"] == "5 % of the largest value in service (4496 lbf): 224.8 lbf"
     close = judged("2.c.5", TIME, TRIM, TRIM | {"engine1.thrust": 8300.0 * FLAT}, **kwargs)["net_thrust"]
     assert close["verdict"] == "pass"  # 3.75 % of the flight value is less than 5 % of anything larger
-    assert "passes on the flight value" in close["note"]
+    assert "passes on the flight value" in text_of(close["remarks"])
 
 
 def test_two_snapshots_give_a_change(judged):
@@ -75,7 +76,7 @@ def test_two_snapshots_give_a_change(judged):
     assert (got["flight_value"], got["model_value"]) == pytest.approx((4.0, 4.9))
     assert got["worst_ratio"] == pytest.approx(0.9)  # 1 deg governs over 0.4 deg
     silent = judged("2.c.7", TIME, flight, model, events=events, drive=RECORDED)["elevator_change"]
-    assert silent["note"].startswith("applies only with alternative_method")
+    assert text_of(silent["remarks"]).startswith("applies only with alternative_method")
 
 
 def test_climb_rate_is_height_over_time(judged):
@@ -90,7 +91,7 @@ def test_climb_rate_is_height_over_time(judged):
     assert rate["verdict"] == "fail"  # 118 ft/min; 5 % are 79, 100 governs
     assert rate["worst_ratio"] == pytest.approx(0.6 * 60.0 / FOOT / 100.0)
     assert got["airspeed"]["worst_ratio"] == pytest.approx(1.0 / (3.0 * KNOT))
-    assert rate["note"].startswith("segment of 1575 ft")
+    assert text_of(rate["remarks"]).startswith("segment of 1575 ft")
 
 
 def test_descent_rate_counts_downwards_and_a_short_segment_is_invalid(judged):
@@ -99,9 +100,9 @@ def test_descent_rate_counts_downwards_and_a_short_segment_is_invalid(judged):
     assert got["flight_value"] == pytest.approx(10.0 * 60.0 / FOOT)
     got = judged("1.d.5", TIME, flight, flight)["descent_rate"]  # 1969 of 3000 ft
     assert got["verdict"] == "invalid"
-    assert "segment of 1969 ft; the table asks for 3000 ft or more" in got["note"]
+    assert "segment of 1969 ft; the table requires 3000 ft or more" in text_of(got["remarks"])
     got = judged("1.d.5", TIME, flight, flight, shortened="the flight was broken off")["descent_rate"]
-    assert (got["verdict"], got["note"].startswith("segment of 1969 ft of 3000 ft asked for")) == ("pass", True)
+    assert (got["verdict"], text_of(got["remarks"]).startswith("segment of 1969 ft of 3000 ft required")) == ("pass", True)
 
 
 def test_a_gradient_below_the_certified_one_fails_inside_its_band(judged):
@@ -118,7 +119,7 @@ def test_a_gradient_below_the_certified_one_fails_inside_its_band(judged):
     assert got["climb_gradient"]["tolerance_text"] == "not below the certified value"
     assert judged("1.c.2", TIME, flight, flight, **kwargs)["climb_gradient"]["verdict"] == "pass"
     silent = judged("1.c.2", TIME, flight, flight, shortened="60 s")["climb_gradient"]
-    assert (silent["verdict"], silent["note"][:37]) == ("not_tested", "give the certified climb_gradient in ")
+    assert (silent["verdict"], text_of(silent["remarks"])[:37]) == ("not_tested", "give the certified climb_gradient in ")
 
 
 def test_only_the_low_speed_end_of_a_deceleration_counts(judged):
@@ -130,7 +131,7 @@ def test_only_the_low_speed_end_of_a_deceleration_counts(judged):
     late = flight | {"psi": np.where(TIME > 55.0, 3.5, 0.0) * DEG}
     got = judged("2.e.9", TIME, flight, late)["heading"]
     assert got["verdict"] == "fail"
-    assert got["note"].startswith("low-speed end, from 54.0 s on")
+    assert text_of(got["remarks"]).startswith("low-speed end, from 54.0 s on")
     assert got["inside"] == pytest.approx(1.0 / 6.0, abs=5e-3)
 
 
@@ -142,7 +143,7 @@ def test_a_precondition_that_does_not_hold_makes_the_test_invalid_not_failed(jud
     assert (near["verdict"], round(near["worst_ratio"], 9)) == ("pass", 0.9)
     far = judged("1.b.2", TIME, flight, flight | {"V_cas": 50.0 + TIME + 1.1 * KNOT}, events=events)["engine_failure_speed"]
     assert far["verdict"] == "invalid"
-    assert far["note"].startswith("a precondition of the test does not hold: the test is not valid")
+    assert text_of(far["remarks"]).startswith("a precondition of the test does not hold: the test is not valid")
     assert far["flight_value"] == pytest.approx(70.0 / KNOT)
 
 
@@ -176,7 +177,7 @@ def test_radius_of_a_turn_and_rate_of_a_trim_surface(judged):
     assert got["flight_value"] == pytest.approx(20.0 / FOOT, rel=1e-5)
     assert got["worst_ratio"] == pytest.approx((5.0 / 0.22 - 20.0) / 4.0, rel=1e-4)
     straight = judged("1.a.1", TIME, turn(0.25), turn(0.02))["turn_radius"]
-    assert (straight["verdict"], "the model turns by 69 deg" in straight["note"]) == ("invalid", True)
+    assert (straight["verdict"], "the model turns by 69 deg" in text_of(straight["remarks"])) == ("invalid", True)
 
     def trim(rate):
         return {"delta_t": np.clip(rate * (TIME - 10.0), 0.0, 8.0) * DEG}

@@ -11,6 +11,7 @@ from pom.cases.case import Drive
 from pom.judging.measures.release import free_motion
 from pom.tolerances.bands import Invalid
 from pom.tolerances.criteria import Band, Criterion
+from pom.tolerances.remarks import text_of
 
 TIME = np.round(np.arange(0.0, 12.0001, 0.01), 9)
 RELEASED = {"control_release": 1.0}
@@ -60,7 +61,9 @@ def test_p0_has_10_percent_and_pn_10_times_n_plus_1(judged):
     assert got["p0"]["worst_ratio"] == pytest.approx((0.2875 - 0.05666) / (0.25 - 0.05168) / 0.1 - 10.0, abs=5e-3)
     assert got["pn"]["verdict"] == "pass"
     assert got["pn"]["worst_ratio"] == pytest.approx(0.15 / 0.20, rel=2e-3)  # the first decides, 0.15 / 0.30 the second
-    assert got["pn"]["note"].startswith("P1: 1.000 s in flight, 1.150 s in the model; P2: 1.000 s in flight, 1.150 s in the model")
+    assert text_of(got["pn"]["remarks"]).startswith(
+        "P1: 1.000 s in flight, 1.150 s in the model; P2: 1.000 s in flight, 1.150 s in the model"
+    )
     assert got["pn"]["tolerance_text"] == "10(n+1) % of the flight value"
     assert got["pn"]["applied_text"] == "10(n+1) % of the flight value (1 s): 0.2 s"
     assert judged("2.b.1", TIME, swing(), swing(T=1.25), events=RELEASED, drive=FORCE)["pn"]["verdict"] == "fail"
@@ -81,7 +84,7 @@ def test_overshoots_are_judged_against_the_first_one_of_the_flight(judged):
     later = [abs(extreme(n, a=1.1) / extreme(n) - 1.0) for n in range(2, 7)]
     assert ours["an"]["worst_ratio"] == pytest.approx(max(later) / 0.20, rel=0.03)
     assert ours["a1"]["worst_ratio"] == pytest.approx((1.0 - extreme(1, a=1.1) / extreme(1)) / 0.10, rel=0.02)
-    assert ours["a1"]["note"].startswith("A1: 0.614 of Ad in flight, 0.586 in the model")
+    assert text_of(ours["a1"]["remarks"]).startswith("A1: 0.614 of Ad in flight, 0.586 in the model")
 
 
 def test_final_values_are_aligned_not_the_first_ones(judged):
@@ -101,7 +104,7 @@ def test_the_number_of_overshoots_may_differ_by_one_and_the_first_must_be_there(
     single = swing(a=4.5)
     none = judged("2.b.1", TIME, single, creep(0.2), events=RELEASED, drive=FORCE)
     assert none["overshoot_count"]["verdict"] == "fail"  # 0 of 1 is within one, but the first is missing
-    assert none["overshoot_count"]["note"].startswith("the model lacks the first overshoot")
+    assert text_of(none["overshoot_count"]["remarks"]).startswith("the model lacks the first overshoot")
     assert none["an"]["verdict"] == "fail"
     assert none["p0"]["verdict"] == "fail"
 
@@ -109,17 +112,19 @@ def test_the_number_of_overshoots_may_differ_by_one_and_the_first_must_be_there(
 def test_rows_are_picked_by_the_kind_of_the_flight(judged):
     under = judged("2.b.1", TIME, swing(), swing(), events=RELEASED, drive=FORCE)
     over = judged("2.b.1", TIME, creep(0.5), creep(0.5), events=RELEASED, drive=FORCE)
-    assert under["p0 time_90_to_10"]["note"].startswith("applies only overdamped; the flight is underdamped")
+    assert text_of(under["p0 time_90_to_10"]["remarks"]).startswith("applies only overdamped; the flight is underdamped")
     assert over["p0 time_90_to_10"]["verdict"] == "pass"
     for name in ("p0", "pn", "an", "overshoot_count"):
-        assert over[name]["note"].startswith("applies only underdamped; the flight is overdamped")
+        assert text_of(over[name]["remarks"]).startswith("applies only underdamped; the flight is overdamped")
     said = judged("2.b.1", TIME, swing(), swing(), events=RELEASED, drive=FORCE, features=("underdamped",))
-    assert said["p0 time_90_to_10"]["note"].startswith("applies only with overdamped")
+    assert text_of(said["p0 time_90_to_10"]["remarks"]).startswith("applies only with overdamped")
 
 
 def test_one_overshoot_has_no_period(judged):
     got = judged("2.b.1", TIME, swing(a=4.5), swing(a=4.5), events=RELEASED, drive=FORCE)
-    assert got["pn"]["note"].startswith("the flight has 1 overshoot beyond 5 % of the first displacement and not what the row measures")
+    assert text_of(got["pn"]["remarks"]).startswith(
+        "the flight has 1 overshoot beyond 5 % of the first displacement and not what the row measures"
+    )
     assert got["an"]["verdict"] == "pass"
 
 
@@ -156,4 +161,4 @@ def test_a_control_that_is_not_at_rest_is_invalid():
 
 def test_what_drives_is_not_judged(judged):
     got = judged("2.b.1", TIME, swing(), swing(), events=RELEASED, drive=Drive("cockpit", "throttle"))
-    assert got["p0"]["note"].startswith("column is driven by the record")
+    assert text_of(got["p0"]["remarks"]).startswith("column is driven by the record")

@@ -7,6 +7,7 @@ import pytest
 
 from flightmech.units import FOOT, KNOT
 from pom.judging.events import crossing
+from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 60.001, 0.02)
 FLAT = np.ones_like(TIME)
@@ -39,7 +40,7 @@ def test_a_take_off_run_ends_at_the_speed_that_the_flight_rotates_at(judged):
     assert got["distance"]["model_value"] == pytest.approx(60.0**2 / (2.0 * 1.9) / FOOT, rel=1e-6)
     assert got["distance"]["worst_ratio"] == pytest.approx((3600.0 / 3.8 - 900.0) / (200.0 * FOOT), rel=1e-5)  # 61 m over 45 m
     assert got["distance"]["verdict"] == "pass"
-    assert got["time"]["note"].startswith("to V_cas 116.6 kt")
+    assert text_of(got["time"]["remarks"]).startswith("to V_cas 116.6 kt")
 
 
 def test_80_percent_of_the_run_is_enough_and_only_the_common_part_is_compared(judged):
@@ -52,11 +53,11 @@ def test_80_percent_of_the_run_is_enough_and_only_the_common_part_is_compared(ju
     got = judged("1.b.1", TIME[short], part(rolling(2.0)), part(rolling(1.9)), events=EVENTS)["time"]
     assert (got["flight_value"], got["model_value"]) == pytest.approx((25.65, 27.0))
     assert got["worst_ratio"] == pytest.approx(1.35 / (0.05 * 25.65))
-    assert "both are compared up to there, 95 % of the run" in got["note"]
+    assert "both are compared up to there, 95 % of the run" in text_of(got["remarks"])
 
     short = TIME <= 28.0  # 23 of 30 s, 77 %
     got = judged("1.b.1", TIME[short], part(rolling(2.0)), part(rolling(2.0)), events=EVENTS)["time"]
-    assert (got["verdict"], got["note"][:53]) == ("invalid", "77 % of the run is recorded, 80 % have to be; record a"[:53])
+    assert (got["verdict"], text_of(got["remarks"])[:53]) == ("invalid", "77 % of the run is recorded, 80 % have to be; record a"[:53])
 
 
 def test_a_model_that_never_comes_there_fails_when_it_is_too_late_already(judged):
@@ -64,7 +65,7 @@ def test_a_model_that_never_comes_there_fails_when_it_is_too_late_already(judged
     got = judged("1.b.1", TIME, rolling(2.0), rolling(0.7), events=EVENTS)["time"]
     assert got["verdict"] == "fail"
     assert got["worst"] == pytest.approx(25.0)
-    assert got["note"].startswith("the model does not come to V_cas 116.6 kt in the record")
+    assert text_of(got["remarks"]).startswith("the model does not come to V_cas 116.6 kt in the record")
 
 
 def landing(a, V=70.0, touchdown=3.0):
@@ -86,7 +87,7 @@ def test_the_smaller_of_200_ft_and_10_percent_on_short_runs(judged):
     assert got["distance"]["width"] == pytest.approx(200.0)
     assert got["distance"]["worst_ratio"] == pytest.approx((stop(2.75) - stop(2.9)) / (200.0 * FOOT), rel=1e-3)  # 46.1 m of 61 m
     assert (got["distance"]["verdict"], got["time"]["verdict"]) == ("pass", "fail")  # 5.5 % longer
-    assert got["distance elapsed"]["note"].startswith("applies only with distance>4000ft; the flight has distance 277")
+    assert text_of(got["distance elapsed"]["remarks"]).startswith("applies only with distance>4000ft; the flight has distance 277")
 
 
 def test_10_percent_when_they_are_less_than_200_ft(judged):
@@ -101,7 +102,7 @@ def test_5_percent_beyond_4000_ft_and_continuous_at_it(judged):
     """a = 1.5, V = 70: 1633 m = 5359 ft; at 4000 ft 200 ft are 5 %."""
     events = {"touchdown": 3.0, "full_stop": 3.0 + 70.0 / 1.5}
     got = judged("1.e.1", TIME, landing(1.5), landing(1.45), events=events)
-    assert got["distance"]["note"].startswith("applies only with distance<=4000ft")
+    assert text_of(got["distance"]["remarks"]).startswith("applies only with distance<=4000ft")
     assert got["distance elapsed"]["worst_ratio"] == pytest.approx((1.5 / 1.45 - 1.0) / 0.05, rel=1e-3)
     assert 0.05 * 4000.0 == 200.0
 
@@ -128,7 +129,7 @@ def test_touchdown_is_found_in_each_record(judged):
     late = {"wow_left": (TIME >= 4.5) * 1.0, "wow_right": (TIME >= 4.0) * 1.0}
     told = judged("2.e.5", TIME, flight | wheels, model | late, events=events)["flare_time_tf"]
     assert told["model_value"] == pytest.approx(2.99, abs=1e-9)  # the first wheel, half-way up its jump
-    assert "touchdown by wow_left or wow_right" in told["note"]
+    assert "touchdown by wow_left or wow_right" in text_of(told["remarks"])
 
 
 def stalling(rate, warning=None):
@@ -143,26 +144,26 @@ def test_stall_warning_is_the_speed_at_each_record_s_own_signal(judged):
     got = judged("2.c.8", TIME, stalling(0.5, 30.0), stalling(0.5, 34.0), events={"stall_warning": 30.0, "stall": 50.0})
     assert got["stall_warning_speed"]["worst"] == pytest.approx(-2.0 / KNOT, rel=5e-3)
     assert got["stall_warning_speed"]["verdict"] == "fail"
-    assert "stall_warning by stall_warning; flight at 30.00 s, model at 33.99 s" in got["stall_warning_speed"]["note"]
+    assert "stall_warning by stall_warning; flight at 30.00 s, model at 33.99 s" in text_of(got["stall_warning_speed"]["remarks"])
 
 
 def test_without_a_discrete_the_angle_of_attack_tells(judged):
     """At the same angle the speed is the same here, although the model gets there 6 s later."""
     got = judged("2.c.8", TIME, stalling(0.5), stalling(0.42), events={"stall_warning": 30.0, "stall": 50.0})
     assert got["stall_warning_speed"]["worst"] == pytest.approx(0.0, abs=1e-3)
-    assert "model at 35.71 s" in got["stall_warning_speed"]["note"]
+    assert "model at 35.71 s" in text_of(got["stall_warning_speed"]["remarks"])
     never = judged("2.c.8", TIME, stalling(0.5), stalling(0.1), events={"stall_warning": 30.0, "stall": 50.0})["stall_speed"]
-    assert (never["verdict"], never["note"][:41]) == ("invalid", "the model does not come to stall (alpha 8")
+    assert (never["verdict"], text_of(never["remarks"])[:41]) == ("invalid", "the model does not come to stall (alpha 8")
     unmarked = judged("2.c.8", TIME, stalling(0.5), stalling(0.5))["initial_buffet_speed"]
-    assert unmarked["note"].startswith("mark the event initial_buffet in [events]")
+    assert text_of(unmarked["remarks"]).startswith("give the event initial_buffet in [events]")
 
 
 def test_a_mark_outside_the_replay_is_invalid(judged):
     for mark in (-3.0, 70.0):
         got = judged("2.c.8", TIME, stalling(0.5), stalling(0.5), events={"stall": mark})["stall_speed"]
-        assert (got["verdict"], got["note"]) == ("invalid", f"stall is marked at {mark:g} s, outside the replay, 0 ... 60 s")
+        assert (got["verdict"], text_of(got["remarks"])) == ("invalid", f"stall is at {mark:g} s, outside the replay, 0 ... 60 s")
     got = judged("1.b.1", TIME, rolling(2.0), rolling(2.0), events={"brake_release": -1.0, "vr": 35.0})["time"]
-    assert got["note"].startswith("brake_release is marked at -1 s, outside the replay")
+    assert text_of(got["remarks"]).startswith("brake_release is at -1 s, outside the replay")
 
 
 def test_a_replay_that_starts_at_touchdown_starts_both_runs(judged):
@@ -185,7 +186,7 @@ def test_the_event_may_not_be_told_by_what_is_compared(judged):
     events = {"initial_buffet": 28.0, "stall_warning": 30.0, "stall": 50.0}
     got = judged("2.c.8.a", TIME, stalling(0.5), stalling(0.5), events=events, **standard)["buffet_onset_angle_of_attack"]
     assert got["verdict"] == "not_tested"
-    assert got["note"].startswith("initial_buffet has to be told by buffet")
+    assert text_of(got["remarks"]).startswith("initial_buffet is detected by buffet")
     felt = stalling(0.5) | {"buffet": (TIME >= 32.0) * 1.0}
     got = judged("2.c.8.a", TIME, stalling(0.5), felt, events=events, **standard)["buffet_onset_angle_of_attack"]
     assert got["flight_value"] == pytest.approx(math.degrees(0.05 * (60.0 / 46.0) ** 2), rel=1e-6)
@@ -212,7 +213,7 @@ def test_climb_to_a_height_and_acceleration_to_a_speed(judged):
     assert burned["fuel_used"]["flight_value"] == pytest.approx(5.0 / 0.45359237)
     assert burned["fuel_used"]["worst_ratio"] == pytest.approx(2.0)
     level = judged("1.d.1", TIME, rolling(0.2), rolling(0.2))["time"]
-    assert (level["verdict"], "covers V_cas 21.38 kt; the table asks for V_cas 50 kt" in level["note"]) == ("invalid", True)
+    assert (level["verdict"], "covers V_cas 21.38 kt; the table requires V_cas 50 kt" in text_of(level["remarks"])) == ("invalid", True)
     assert judged("1.d.1", TIME, rolling(1.0, 0.0), rolling(1.02, 0.0))["time"]["worst_ratio"] == pytest.approx((1.0 - 1.0 / 1.02) / 0.05)
 
 
@@ -227,7 +228,7 @@ def test_engine_response_times(judged):
     assert got["ti"]["verdict"] == "pass"  # 0.105 s of 0.25 s
     assert got["tt"]["flight_value"] == pytest.approx(math.log(0.6 / 0.09), abs=2e-3)
     assert got["tt"]["worst_ratio"] == pytest.approx(10.0, rel=2e-3)  # twice as long, 10 % allowed
-    assert got["tt"]["note"].endswith("no absolute alternative for Tt in this edition")
+    assert text_of(got["tt"]["remarks"]).endswith("no absolute alternative for Tt in this edition")
 
 
 def test_a_deceleration_counts_to_a_90_percent_decay(judged):
@@ -236,7 +237,7 @@ def test_a_deceleration_counts_to_a_90_percent_decay(judged):
     assert got["flight_value"] == pytest.approx(math.log(0.88 / 0.07), abs=2e-3)
     assert got["worst_ratio"] == pytest.approx(0.5, abs=5e-3)
     weak = judged("1.f.1", TIME, slam(1.0), slam(1.0, high=0.7), events={"throttle_movement": 10.0})["tt"]
-    assert (weak["verdict"], weak["note"][:40]) == ("invalid", "the model does not reach the level in th")
+    assert (weak["verdict"], text_of(weak["remarks"])[:40]) == ("invalid", "the model does not reach the level in th")
 
 
 def test_editions_differ_in_tt(judged):

@@ -13,6 +13,7 @@ from pom.judging.modal import peak_lag as judge_lag
 from pom.tolerances import rows
 from pom.tolerances.bands import Invalid
 from pom.tolerances.criteria import Band, Criterion, Limit
+from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 120.001, 0.1)
 TEN = Band((Limit("percent", 10.0, "%"),), "single", "ref_scalar")
@@ -79,7 +80,7 @@ def test_an_unstable_model_of_a_stable_flight_fails_inside_the_width():
     flight, model = {"V_cas": sine(38.0, 0.008)}, {"V_cas": sine(38.0, -0.008)}
     got = modal(criterion("damping_ratio", ZETA), TIME, flight, model)
     assert got.worst_ratio < 1.0
-    assert (got.verdict, got.note.endswith("stability differs")) == ("fail", True)
+    assert (got.verdict, text_of(got.remarks).endswith("stability differs")) == ("fail", True)
 
 
 @pytest.mark.parametrize(("bank", "told"), [(9.9, False), (10.1, True), (-39.0, True)])
@@ -87,9 +88,9 @@ def test_a_phugoid_in_a_turn_is_told(bank, told):
     """The damping of a model that rolls off is that of a spiral dive as well."""
     flight = {"V_cas": sine(38.0, 0.05), "phi": np.full(TIME.size, math.radians(2.0))}
     model = {"V_cas": sine(38.0, 0.05), "phi": math.radians(2.0) + math.radians(bank) * TIME / TIME[-1]}
-    note = modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.c.9").note
+    note = text_of(modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.c.9").remarks)
     assert (f"bank of the model up to {abs(bank):.0f} deg off the flight's" in note) == told
-    assert "bank" not in modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.d.7").note
+    assert "bank" not in text_of(modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.d.7").remarks)
 
 
 def test_too_few_cycles_are_invalid_unless_the_time_to_half_is_seen():
@@ -106,7 +107,7 @@ def test_a_model_that_does_not_oscillate_fails_and_a_flight_that_does_not_is_inv
     still = {"V_cas": 90.0 + np.random.default_rng(1).normal(size=TIME.size)}
     flight = {"V_cas": sine(38.0, 0.05)}
     got = modal(criterion("period"), TIME, flight, still)
-    assert (got.verdict, got.note.startswith("flight 38.00 s; the model: no oscillation")) == ("fail", True)
+    assert (got.verdict, text_of(got.remarks).startswith("flight 38.00 s; the model: no oscillation")) == ("fail", True)
     with pytest.raises(Invalid, match="flight: no oscillation"):
         modal(criterion("period"), TIME, still, flight)
 
@@ -114,7 +115,10 @@ def test_a_model_that_does_not_oscillate_fails_and_a_flight_that_does_not_is_inv
 def test_the_right_mode_without_excitation_is_no_match():
     flight, model = {"V_cas": sine(38.0, 0.05)}, {"V_cas": sine(38.0, 0.05, amplitude=0.4)}
     got = modal(criterion("period"), TIME, flight, model)
-    assert (got.verdict, got.note) == ("fail", "flight 38.00 s; the model hardly oscillates: 0.08 of the amplitude of the flight")
+    assert (got.verdict, text_of(got.remarks)) == (
+        "fail",
+        "flight 38.00 s; the model hardly oscillates: 0.08 of the amplitude of the flight",
+    )
 
 
 def test_noise_alone_is_no_mode():
@@ -133,7 +137,7 @@ def test_peak_lag_from_fitted_phases():
         return {"beta": beta, "phi": sine(2.5, 0.1, time, 0.03, wd * lag, 0.1, 0.002)}
 
     got = peak_lag(criterion("peak_lag", band, "phi", (0.0, 19.9)), time, run(0.6), run(0.65))
-    assert got.note == "flight 0.60 s, model 0.65 s"
+    assert text_of(got.remarks) == "flight 0.60 s, model 0.65 s"
     assert got.worst == pytest.approx(0.05, abs=1e-4)
     assert got.width == pytest.approx(0.12, rel=1e-3)  # 20 % of 0.6 s
     late = peak_lag(criterion("peak_lag", band, "phi", (0.0, 19.9)), time, run(1.2), run(-1.2))
@@ -144,7 +148,7 @@ def test_peak_lag_from_fitted_phases():
 def test_three_cycles_are_asked_for_by_whatever_name_the_standard_has_for_the_test(id, edition):
     short = TIME <= 80.0
     slow = {"V_cas": sine(38.0, 0.03)[short]}
-    with pytest.raises(Invalid, match="the table asks for 3 cycles"):
+    with pytest.raises(Invalid, match="the table requires 3 cycles"):
         modal(criterion("period", window=(0.0, 80.0)), TIME[short], slow, slow, id)
     assert rows.rows_of(id, edition, {"2.c(9)": "2018-05-03"}.get(id, rows.EDITION))
 

@@ -16,6 +16,7 @@ from pom.tolerances import rows as table
 from pom.tolerances.criteria import Band, Limit
 from pom.tolerances.needed_channels import channels, helpful, needs
 from pom.tolerances.override import override
+from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 40.0, 0.02)
 FLAT = np.ones_like(TIME)
@@ -71,20 +72,20 @@ def test_a_footprint_has_no_band_and_no_verdict():
     c = replace(case("2.d.6"), reference="footprint")
     flight = {"r": 0.1 * np.sin(TIME)}
     got = judge(c, c.criteria[0], TIME, flight, flight)
-    assert (got.verdict, got.note) == ("not_tested", "a footprint: a recording without a reference has no band and no verdict")
+    assert (got.verdict, text_of(got.remarks)) == ("not_tested", "a footprint: a recording without a reference has no band and no verdict")
     assert not bands(c, TIME, flight).data_vars
 
 
 def test_demonstrations_are_explained():
     got = judge(case("2.g"), case("2.g").criteria[0], TIME, {}, {})
-    assert (got.verdict, got.note) == ("not_tested", table.DEMONSTRATION)
+    assert (got.verdict, text_of(got.remarks)) == ("not_tested", table.DEMONSTRATION)
     assert "four recordings" in case("2.g").criteria[0].note  # the row says what to fly
 
 
 def test_a_channel_that_one_side_lacks_is_not_tested():
     c = case("2.d.6")
     got = judge(c, c.criteria[0], TIME, {"r": TIME}, {"p": TIME})
-    assert (got.verdict, got.note) == ("not_tested", "the model has no r")
+    assert (got.verdict, text_of(got.remarks)) == ("not_tested", "the model has no r")
 
 
 def test_an_input_of_a_model_is_told_by_what_it_applies():
@@ -99,10 +100,10 @@ def test_short_data_and_missing_samples_are_invalid_not_an_exception():
     c = case("2.d.6")
     short = TIME[TIME < 16.0]  # 60 % short
     got = judge(c, c.criteria[0], short, {"r": short}, {"r": short})
-    assert (got.verdict, got.note[:28]) == ("invalid", "samples cover 0.00 ... 15.98")
+    assert (got.verdict, text_of(got.remarks)[:28]) == ("invalid", "samples cover 0.00 ... 15.98")
     tail = np.where(TIME > 36.0, np.nan, 0.1)
     got = judge(c, c.criteria[0], TIME, {"r": 0.1 * FLAT}, {"r": tail})
-    assert (got.verdict, got.note[:28]) == ("invalid", "the model has no value in 19")
+    assert (got.verdict, text_of(got.remarks)[:28]) == ("invalid", "the model has no value in 19")
 
 
 # ---- which rows count, and where
@@ -148,7 +149,7 @@ def test_parts_of_a_stall_lie_between_its_events(judged):
     after = next(item for name, item in got.items() if name.startswith("pitch_angle trace"))
     assert (after["window_start"], after["window_stop"], after["verdict"]) == (20.0, 30.0, "fail")
     unmarked = judged("2.c.8.a", TIME, flight, model, **OF_2016)["pitch_angle"]
-    assert unmarked["note"].startswith("mark the event stall_warning in [events]: the row counts only in approach_to_stall")
+    assert text_of(unmarked["remarks"]).startswith("give the event stall_warning in [events]: the row counts only in approach_to_stall")
 
 
 def test_groups_are_alternatives_across_parameters(judged):
@@ -202,14 +203,14 @@ def test_a_trend_states_its_criteria(judged):
     flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}  # 20 (exp(-20/60) - 1) = -5.67 deg
     half = judged("2.d.4", TIME, flight, {"phi": 0.5 * flight["phi"] + 10.0 * DEG})["bank_angle trend"]
     assert half["verdict"] == "advisory"
-    assert half["note"].startswith(
+    assert text_of(half["remarks"]).startswith(
         "largest change of flight -5.67 deg, of model -2.83 deg, amplitude ratio 0.50, correlation 1.00; "
         "all four criteria of trend are met; to be ticked by an engineer"
     )
     away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]})["bank_angle trend"]
-    assert "not met: sign, correlation; to be ticked" in away["note"]
+    assert "not met: sign, correlation; to be ticked" in text_of(away["remarks"])
     small = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG})["bank_angle trend"]
-    assert "not met: amplitude;" in small["note"]
+    assert "not met: amplitude;" in text_of(small["remarks"])
 
 
 def test_the_order_of_peaks_is_part_of_the_trend(judged):
@@ -217,7 +218,7 @@ def test_the_order_of_peaks_is_part_of_the_trend(judged):
     flight = {"phi": np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.1, 1.0)}
     swapped = {"phi": -np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.0, 1.2)}
     got = judged("2.d.4", TIME, flight, swapped)["bank_angle trend"]
-    assert "not met: order of peaks, correlation; to be ticked" in got["note"]
+    assert "not met: order of peaks, correlation; to be ticked" in text_of(got["remarks"])
 
 
 def test_a_tick_makes_a_trend_a_pass_that_says_who_but_not_a_wrong_sign(judged):
@@ -225,10 +226,10 @@ def test_a_tick_makes_a_trend_a_pass_that_says_who_but_not_a_wrong_sign(judged):
     ticks = {"bank_angle trend": "A. Engineer, 2026-11-21, both converge"}
     got = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG}, ticks=ticks)["bank_angle trend"]
     assert got["verdict"] == "pass"
-    assert "not met: amplitude; ticked by A. Engineer, 2026-11-21, both converge" in got["note"]
+    assert "not met: amplitude; ticked by A. Engineer, 2026-11-21, both converge" in text_of(got["remarks"])
     away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]}, ticks=ticks)["bank_angle trend"]
     assert away["verdict"] == "advisory"
-    assert "does not hold: the model moves the other way" in away["note"]
+    assert "does not hold: the model moves the other way" in text_of(away["remarks"])
 
 
 # ---- rows of the verdict table

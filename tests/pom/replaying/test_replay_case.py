@@ -8,6 +8,7 @@ from flightmech.errors import OutOfRange, ParseError, SchemaError, UnknownName
 from pom.cases.case import read_case
 from pom.fmu.description import read_fmu
 from pom.replaying.replay_case import files_by_name, replay
+from pom.tolerances.remarks import text_of
 
 NO_TRIM = "trim = false"
 
@@ -69,7 +70,7 @@ def test_a_bad_fmu_is_a_result_and_the_good_one_still_runs(case, toy, lag_states
     result = replay(case, {"bad": toy(kind), "good": toy()}, lag_states, timeout=2.0 if kind == "hang" else 20.0)
     assert said in result.failure
     assert result.status("bad") == "invalid"
-    assert said in result.verdict.iloc[0]["note"]
+    assert said in text_of(result.verdict.iloc[0]["remarks"])
     assert result.passed("good")
 
 
@@ -90,7 +91,7 @@ def test_nan_outputs_are_invalid(case, toy, lag_states):
     result = replay(case, {"bad": toy("nan")}, lag_states)
     rows = result.verdict.set_index("criterion")
     assert rows.loc["pitch_angle", "verdict"] == "invalid"
-    assert "the model has no value in" in rows.loc["pitch_angle", "note"]
+    assert "the model has no value in" in text_of(rows.loc["pitch_angle", "remarks"])
 
 
 def test_a_nan_in_an_input_is_refused_before_the_run(case, toy, lag_states):

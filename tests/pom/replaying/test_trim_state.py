@@ -12,6 +12,7 @@ from pom.replaying.offsets import calibration, calibration_text, drift
 from pom.replaying.replay_case import assemble
 from pom.replaying.trim_state import beyond_limits, trim_limits, trim_table
 from pom.report.run_notes import run_notes
+from pom.tolerances.remarks import text_of
 
 DEGREE = np.radians(1.0)
 
@@ -37,38 +38,38 @@ def flown(write_case, lag_states):
 
 def test_a_bias_within_its_limit_says_nothing(flown):
     result = flown(trim_delta_e=0.9 * DEGREE)
-    assert not result.verdict["note"].str.contains("trim").any()
+    assert not result.verdict["remarks"].map(text_of).str.contains("trim").any()
     assert result.passed("model")
 
 
 def test_a_bias_beyond_the_limit_of_the_house_is_remarked_and_still_judged(flown):
     result = flown(trim_delta_e=-1.5 * DEGREE)
     assert (result.verdict["verdict"] == "pass").all()
-    assert result.verdict["note"].str.contains("trim.delta_e -1.5 deg is beyond 1 deg", regex=False).all()
+    assert result.verdict["remarks"].map(text_of).str.contains("trim.delta_e -1.5 deg is beyond 1 deg", regex=False).all()
 
 
 def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
     result = flown('limits = { delta_e = "0.5 deg" }', trim_delta_e=0.9 * DEGREE)
     assert result.status("model") == "invalid"
-    assert result.verdict["note"].str.startswith("trim.delta_e +0.9 deg is beyond 0.5 deg").all()
+    assert result.verdict["remarks"].map(text_of).str.startswith("trim.delta_e +0.9 deg is beyond 0.5 deg").all()
     wide = flown('limits = { delta_e = "3 deg" }', trim_delta_e=2.0 * DEGREE)
     assert wide.passed("model")
-    assert not wide.verdict["note"].str.contains("trim").any()  # the file's limit stands in for the house's
+    assert not wide.verdict["remarks"].map(text_of).str.contains("trim").any()  # the file's limit stands in for the house's
 
 
 def test_thrust_is_limited_by_a_share_of_what_was_recorded(flown):
     """5 % of 3000 N, as the longitudinal trim of 2.c.5 allows."""
-    assert "trim.thrust +33.9 lbf is beyond 33.7 lbf" in flown(trim_thrust=151.0).verdict["note"][0]
-    assert "trim" not in flown(trim_thrust=149.0).verdict["note"][0]
+    assert "trim.thrust +33.9 lbf is beyond 33.7 lbf" in flown(trim_thrust=151.0).verdict["remarks"].map(text_of)[0]
+    assert "trim" not in flown(trim_thrust=149.0).verdict["remarks"].map(text_of)[0]
 
 
 def test_what_the_trim_leaves_is_limited_and_a_roll_on_the_wheels_only_where_it_is_steady(flown, write_case):
-    assert "trim.q_dot -0.172 deg/s2 is beyond 0.115 deg/s2" in flown(trim_q_dot=-3e-3).verdict["note"][0]
+    assert "trim.q_dot -0.172 deg/s2 is beyond 0.115 deg/s2" in flown(trim_q_dot=-3e-3).verdict["remarks"].map(text_of)[0]
     path = write_case()
     path.write_text(path.read_text().replace('engine = "thrust"', 'engine = "thrust"\ntrim = "ground"'))
     limits = trim_limits(read_case(path), {})
     assert set(limits) == {"w_dot", "p_dot", "q_dot"}
-    assert beyond_limits(limits, {"trim.u_dot": np.array([3.0])}, demanded=False) == []
+    assert beyond_limits(limits, {"trim.u_dot": np.array([3.0])}, demanded=False) == ()
 
 
 def test_cockpit_quantities_stand_in_the_table_when_they_count():

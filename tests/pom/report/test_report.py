@@ -18,6 +18,7 @@ from pom.report.case import modes as modal
 from pom.report.models import database_comparison, identification
 from pom.report.page import html_page
 from pom.report.presentation import quantities, svg_chart, term_names, traces, verdict_text
+from pom.tolerances.remarks import RowRemark, reasons
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
@@ -154,7 +155,7 @@ def test_hostile_texts_stay_text(tmp_path):
     evil = '</script><script>alert(1)</script><img src=x onerror="alert(2)">&\u2028'
     result = fixture.short_period_result()
     result = replace(result, case=replace(result.case, title=evil, description=evil, name=evil), failure=evil)
-    result.verdict["note"] = evil
+    result.verdict["remarks"] = [(RowRemark("row", evil),)] * len(result.verdict)
     html = write(tmp_path, results=[result], title=evil, revision=evil, diagnoses={evil: fixture.diagnosis()}).read_text(encoding="utf-8")
     assert "<script>alert" not in texts(html)
     assert "<img" not in texts(html)
@@ -336,9 +337,16 @@ def test_a_sweep_is_drawn_force_over_position():
     assert cross_plots.crosses(fixture.roll_result()) == []
 
 
-def test_coverage_tells_what_of_an_entry_was_not_judged_and_why():
+def set_rows(table, column, value, **cells):
+    """Set cells of the rows of a verdict table that have a value in a column."""
+    for index in table.index[table[column] == value]:
+        for name, cell in cells.items():
+            table.at[index, name] = cell
+
+
+def test_coverage_states_what_of_an_entry_was_not_judged_and_why():
     results = fixture.results()
-    results[0].verdict.loc[results[0].verdict["criterion"] == "normal_acceleration", ["verdict", "note"]] = "not_tested", "no accelerometer"
+    set_rows(results[0].verdict, "criterion", "normal_acceleration", verdict="not_tested", remarks=reasons("no accelerometer"))
     rows = [
         {"standard": r.case.standard, "edition": r.case.edition, "test_id": i, "title": i} for r in results[:1] for i in ("2.c.10", "9.z.9")
     ]
@@ -354,7 +362,8 @@ def test_what_fails_without_a_number_is_named():
 
     result = fixture.roll_result()
     verdict = result.verdict.copy()
-    verdict.loc[verdict["run"] == "datcom", ["worst_ratio", "at", "note"]] = np.nan, np.nan, "the model does not oscillate"
+    remark = RowRemark("no_mode", "the model does not oscillate")
+    set_rows(verdict, "run", "datcom", worst_ratio=np.nan, at=np.nan, remarks=(RowRemark("values", "flight 2.84 s"), remark))
     (row, *_) = case.outcomes(replace(result, verdict=verdict), case.line_styles(result.runs))
     assert (row["status"], row["criterion"], row["ratio_text"], row["why"]) == ("fail", "roll rate", "–", "the model does not oscillate")
 
@@ -364,12 +373,16 @@ def test_an_invalid_run_says_why():
 
     result = fixture.roll_result()
     verdict = result.verdict.copy()
-    beyond = "trim.delta_e -3.44 deg is beyond 2 deg; trim.thrust -852 N is beyond 107 N"
-    verdict.loc[verdict["run"] == "datcom", ["worst_ratio", "at", "verdict", "note"]] = np.nan, np.nan, "invalid", beyond
+    beyond = (
+        RowRemark("trim", "trim.delta_e -3.44 deg is beyond 2 deg", "delta_e", {"found": -3.44, "limit": 2.0}, "deg"),
+        RowRemark("trim", "trim.thrust -852 N is beyond 107 N", "thrust", {"found": -852.0, "limit": 107.0}, "N"),
+    )
+    set_rows(verdict, "run", "datcom", worst_ratio=np.nan, at=np.nan, verdict="invalid", remarks=beyond)
     result = replace(result, verdict=verdict)
     (row, *_) = case.outcomes(result, case.line_styles(result.runs))
     assert (row["status"], row["why"]) == ("invalid", "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg")
-    assert "datcom: net thrust biased by the trim: −852 N, beyond 107 N" in remarks.notes(result)
+    both = "elevator deflection biased by the trim: −3.44 deg, beyond 2 deg; net thrust biased by the trim: −852 N, beyond 107 N"
+    assert f"datcom: {both}" in remarks.notes(result)
 
 
 def test_outcomes_are_those_of_the_result():
@@ -452,7 +465,7 @@ def test_what_the_case_sets_against_record_and_table_is_told():
     before = fixture.roll_result()
     result = replace(before, case=replace(before.case, shortened="the record ends", conditions={"delta_f": np.radians(40.0)}))
     html = page([result])
-    assert "The window is shorter than the table asks: the record ends." in html
+    assert "The window is shorter than the table requires: the record ends." in html
     assert "From the case file, not from the record: flap deflection 40\N{NO-BREAK SPACE}deg." in html
 
 

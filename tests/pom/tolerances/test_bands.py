@@ -11,6 +11,7 @@ from pom.judging.comparison import Match
 from pom.tolerances import bands, rows
 from pom.tolerances.bands import Invalid, NotJudged, difference, half_width, inside_window, scalar
 from pom.tolerances.criteria import Band, Criterion, Limit
+from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 10.001, 0.02)
 DEG = math.pi / 180.0
@@ -52,7 +53,7 @@ def test_exit_is_told_by_time_share_and_longest_run():
     model[(TIME >= 3.999) & (TIME <= 4.481)] = -2.0 * DEG  # 25 samples
     model[TIME[400] == TIME] = -3.0 * DEG
     got = trace(criterion(), TIME, np.zeros_like(TIME), model)
-    assert (got.verdict, got.note) == ("fail", "longest run outside 0.50 s")
+    assert (got.verdict, text_of(got.remarks)) == ("fail", "longest run outside 0.50 s")
     assert got.first_exit == pytest.approx(4.0)
     assert got.at == pytest.approx(8.0)
     assert got.worst == pytest.approx(-3.0 * DEG)

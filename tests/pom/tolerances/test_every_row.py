@@ -17,6 +17,7 @@ from pom.tolerances import rows
 from pom.tolerances.criteria import Criterion
 from pom.tolerances.event_names import PARTS
 from pom.tolerances.needed_channels import channels
+from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 120.001, 0.05)
 SHOWN = {
@@ -159,9 +160,9 @@ def test_a_right_model_passes_every_row():
         got = judge(case, found, TIME, flight, dict(flight))
         expected = "advisory" if found.measure == "trend" else "pass"
         # a long run is not judged by the row for short ones
-        if got.note.startswith("applies only with distance"):
+        if text_of(got.remarks).startswith("applies only with distance"):
             expected = "not_tested"
-        assert got.verdict == expected, (key(row), found.measure, got.verdict, got.note)
+        assert got.verdict == expected, (key(row), found.measure, got.verdict, text_of(got.remarks))
         count[got.verdict] += 1
     assert count == {"pass": 310, "advisory": 6, "not_tested": 2}
 
@@ -171,7 +172,7 @@ def test_a_wrong_model_passes_none():
         case, found = case_of(row)
         flight = signals(found)
         got = judge(case, found, TIME, flight, wrong(found, flight))
-        assert got.verdict != "pass", (key(row), found.measure, got.note)
+        assert got.verdict != "pass", (key(row), found.measure, text_of(got.remarks))
 
 
 @pytest.mark.parametrize("missing", ["channel", "event"])
@@ -182,11 +183,11 @@ def test_a_row_without_what_it_needs_says_what(missing):
         if missing == "channel":
             got = judge(case, found, TIME, {"nothing": TIME}, flight)
             assert got.verdict == "not_tested" or found.channel == "time", key(row)
-            assert got.note
+            assert text_of(got.remarks)
         elif found.measure in ("event_value", "setup", "steady", "change") or set(found.condition.split(";")) & set(PARTS):
             got = judge(PomCase(**{**case.__dict__, "events": {}}), found, TIME, flight, flight)
-            told = "buffet" in got.note or "stall_warning" in got.note or "wow" in got.note
-            assert "[events]" in got.note or got.verdict == "pass" or told, (key(row), got.note)
+            told = "buffet" in text_of(got.remarks) or "stall_warning" in text_of(got.remarks) or "wow" in text_of(got.remarks)
+            assert "[events]" in text_of(got.remarks) or got.verdict == "pass" or told, (key(row), text_of(got.remarks))
 
 
 def test_memory_rows_carry_their_mark():

@@ -81,7 +81,7 @@ def mil1553_tables(file: Index, spec: Mil1553, first_tick: int, name: str, notes
     if not times:
         there = [f"rt {rt} {'transmit' if sends else 'receive'} subaddress {sub}" for rt, sends, sub in sorted(seen)]
         message = f"rt {spec.rt} {spec.direction} subaddress {spec.subaddress}"
-        raise UnknownName(message, there, "MIL-STD-1553 message", f"decode.{name} asks for it on channel {spec.channel}")
+        raise UnknownName(message, there, "MIL-STD-1553 message", f"decode.{name} requires it on channel {spec.channel}")
     if short:
         notes.append(f"decode.{name}: {short} messages with fewer than {needed} data words left out")
     data = np.array(rows)

@@ -1,4 +1,4 @@
-"""Packets of an IRIG 106 Chapter 10 file: headers found, checked and indexed; damaged ones skipped and told.
+"""Packets of an IRIG 106 Chapter 10 file: headers found, checked and indexed; damaged ones skipped and reported.
 
 References
 ----------
@@ -72,7 +72,7 @@ class Index:
         found = [packet for packet in self.packets if packet.channel == channel and packet.kind == kind]
         if not found:
             there = {str(packet.channel) for packet in self.packets if packet.kind == kind}
-            raise UnknownName(str(channel), there, f"channel of {KIND_NAMES[kind]} packets", f"decode.{name} asks for it")
+            raise UnknownName(str(channel), there, f"channel of {KIND_NAMES[kind]} packets", f"decode.{name} requires it")
         return found
 
 

@@ -102,7 +102,7 @@ def _unpacked(data: np.ndarray, spec: Pcm, slot: int, grain: int) -> np.ndarray:
 
 
 def analog_tables(file: Index, spec: Analog, first_tick: int, name: str, notes: list[str], path: str) -> dict[str, Table]:
-    """Return the subchannels asked for as the table `name`.
+    """Return the subchannels requested as the table `name`.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def analog_tables(file: Index, spec: Analog, first_tick: int, name: str, notes: 
         raise ParseError(path, 0, f"no whole analogue packet on channel {spec.channel}", "packets of samples")
     for key, part in spec.parameters.items():
         if part.subchannel not in numbers:
-            raise UnknownName(str(part.subchannel), map(str, numbers), "analogue subchannel", f"decode.{name}.parameters.{key} asks for it")
+            raise UnknownName(str(part.subchannel), map(str, numbers), "analogue subchannel", f"decode.{name}.parameters.{key} requires it")
     samples = np.concatenate(parts)
     columns = {
         key: engineering(samples[:, numbers.index(part.subchannel)], width, part.code, part.lsb, part.offset)

@@ -16,7 +16,7 @@ _NO_SOURCE = 0xF
 
 
 def start_of_record(file: Index, first_tick: int) -> dict[str, str]:
-    """Return the fact ``start`` (ISO 8601), or ``start_day_of_year`` where the time code tells no year; nothing without time packets."""
+    """Return the fact ``start`` (ISO 8601), or ``start_day_of_year`` where the time code gives no year; nothing without time packets."""
     for packet in file.packets:
         if packet.kind != TIME_F1:
             continue
