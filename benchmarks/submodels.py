@@ -18,7 +18,7 @@ import pandas as pd
 import xarray as xr
 
 import flighttest
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 from flightmech.terms import make
 
 _COLUMNS = {
@@ -182,5 +182,5 @@ if __name__ == "__main__":
     parser.add_argument("--only", choices=list(SETS), action="append")
     given = parser.parse_args()
     answered = {name: answer(given.folder / name) for name, answer in SETS.items() if name in (given.only or SETS)}
-    with written_whole(given.output) as part:
+    with written_atomically(given.output) as part:
         part.write_text(json.dumps(answered, indent=1))

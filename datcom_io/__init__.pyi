@@ -3,7 +3,7 @@
 from .arrays.grid import join as join
 from .arrays.grid import to_grid as to_grid
 from .cells import FLAGS as FLAGS
-from .decks.cards import Finding as Finding
+from .decks.cards import DeckFinding as DeckFinding
 from .decks.check import check_deck as check_deck
 from .decks.deck import Deck as Deck
 from .decks.file import DeckFile as DeckFile

@@ -93,6 +93,7 @@ from .input_design.predicted_response import (
 from .input_design.specification import read_design as read_design
 from .input_design.timetable import open_timetable as open_timetable
 from .input_design.timetable import save_timetable as save_timetable
+from .maximum_likelihood.estimates_to_database import updated_database as updated_database
 from .maximum_likelihood.files import open_output_error as open_output_error
 from .maximum_likelihood.files import save_output_error as save_output_error
 from .maximum_likelihood.frequency_domain import frequency_output_error as frequency_output_error
@@ -103,7 +104,6 @@ from .maximum_likelihood.parameters import Unknown as Unknown
 from .maximum_likelihood.process_noise import filter_error as filter_error
 from .maximum_likelihood.result import OutputError as OutputError
 from .maximum_likelihood.time_domain import output_error as output_error
-from .maximum_likelihood.updated_database import corrected_database as corrected_database
 from .model_structure.candidates import monomials as monomials
 from .model_structure.candidates import spline_terms as spline_terms
 from .model_structure.deletion_rule import decide as decide

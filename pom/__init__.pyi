@@ -3,7 +3,7 @@
 from .archive.archive import Archive as Archive
 from .archive.archive import read_archive as read_archive
 from .archive.origins import provenance as provenance
-from .archive.verification import Finding as Finding
+from .archive.verification import VerificationResult as VerificationResult
 from .archive.verification import verify as verify
 from .cases.case import PomCase as PomCase
 from .cases.case import read_case as read_case

@@ -16,7 +16,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 from flightmech.terms import SOURCES
 
 from .symbols import number
@@ -205,7 +205,7 @@ def save_figure(figure: Figure, path: str | os.PathLike) -> None:
         "png": {"Software": "aeromatch", "Title": title},
         "pdf": {"CreationDate": None, "Creator": "aeromatch", "Producer": f"matplotlib {matplotlib.__version__}", "Title": title},
     }
-    with drawing(), written_whole(path) as part:
+    with drawing(), written_atomically(path) as part:
         figure.savefig(part, format=kind, metadata=metadata[kind])
 
 

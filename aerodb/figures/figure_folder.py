@@ -11,7 +11,7 @@ import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError
-from flightmech.support.atomic_write import folder_written_whole
+from flightmech.support.atomic_write import folder_written_atomically
 
 from ..comparison.common_grid import Conditions, axes_of
 from ..store.schema import terms
@@ -64,7 +64,7 @@ def write_comparison(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise SchemaError(str(folder), ["is there and not empty; name a new folder for the figures, or remove the old one"])
     names = []
-    with folder_written_whole(folder) as part:
+    with folder_written_atomically(folder) as part:
         for stem, draw in _plan(databases, coefficients, support):
             save_figure(draw(), part / f"{stem}.{format}")
             names.append(f"{stem}.{format}")

@@ -15,7 +15,7 @@ import h5py
 import xarray as xr
 
 from flightmech.errors import ParseError, SchemaError
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from .netcdf import faults, image, read
 from .schema import CHECKS, check
@@ -48,7 +48,7 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", list(dict.fromkeys(problems)))
     content = image(db)
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         part.write_bytes(_sealed(content))
 
 

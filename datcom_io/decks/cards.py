@@ -1,7 +1,7 @@
 """Cards as written: the namelists and control cards of one case, with their lines.
 
 The program looks at columns: a namelist opens with ``$`` in column 2, a control card starts in column 1, anything else
-continues the namelist that is open.  This reader is more patient; what the program would stumble over is a `Finding`.
+continues the namelist that is open.  This reader is more patient; what the program would stumble over is a `DeckFinding`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .values import Value, read_values
 ERROR, WARNING, NOTE = "error", "warning", "note"
 
 
-class Finding(NamedTuple):
+class DeckFinding(NamedTuple):
     """What a check found: line number from 1 (0: the whole deck), severity ``error``, ``warning`` or ``note``, and text.
 
     An error stops the program, makes it leave out the case, or makes it print ERROR and change or drop what was requested; with a
@@ -75,7 +75,7 @@ def control_card(line: int, text: str) -> Card | None:
     return Card(line, name, rest[1:].strip() if name == "NACA" else rest.strip())
 
 
-def read_items(lines: Iterable[tuple[int, str]]) -> tuple[list[Item], list[Finding]]:
+def read_items(lines: Iterable[tuple[int, str]]) -> tuple[list[Item], list[DeckFinding]]:
     """Read the cards of one case.
 
     Parameters
@@ -87,7 +87,7 @@ def read_items(lines: Iterable[tuple[int, str]]) -> tuple[list[Item], list[Findi
     -------
     items : list of Namelist and Card
         In order.
-    findings : list of Finding
+    findings : list of DeckFinding
         What could not be read, and what the program would not read.
     """
     reader = _Reader()
@@ -103,14 +103,14 @@ class _Reader:
 
     def __init__(self) -> None:
         self.items: list[Item] = []
-        self.findings: list[Finding] = []
+        self.findings: list[DeckFinding] = []
         self.open: list[tuple[int, str]] | None = None  # line and text of the namelist whose closing $ has not come
         self.start = 0
         self.name = ""  # empty: a group the program does not know as a namelist
         self.place = 0  # among the items; control cards may stand inside a namelist
 
     def report(self, line: int, severity: str, text: str) -> None:
-        self.findings.append(Finding(line, severity, text))
+        self.findings.append(DeckFinding(line, severity, text))
 
     def take(self, line: int, text: str) -> None:
         plain = text.upper() if text[:6].upper() != "CASEID" else "CASEID" + text[6:]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 
-from .cards import WARNING, Finding
+from .cards import WARNING, DeckFinding
 from .deck import Deck
 from .file import DeckFile, read_deck
 from .rules import aircraft, cards, flight
@@ -17,7 +17,7 @@ from .rules import aircraft, cards, flight
 _RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES)
 
 
-def check_deck(deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck]) -> list[Finding]:
+def check_deck(deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck]) -> list[DeckFinding]:
     """Return what the program would reject or misread.
 
     Parameters
@@ -27,7 +27,7 @@ def check_deck(deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck]) 
 
     Returns
     -------
-    list of Finding
+    list of DeckFinding
         By line: ``line``, ``severity`` and ``text``.  An ``error`` stops the program, makes it leave out the case, or makes it
         print ERROR and change or drop what was requested; with a ``warning`` it runs and the result needs care.
 
@@ -49,23 +49,25 @@ chord of the wing for CBARR, the wing span for BLREF, and readers that look in t
     return sorted(found, key=lambda finding: finding.line)
 
 
-def check_case(case: Deck) -> list[Finding]:
+def check_case(case: Deck) -> list[DeckFinding]:
     """Return the findings of one case by itself."""
     return [*case.findings, *(finding for rule in _RULES for finding in rule(case))]
 
 
-def _run(cases: list[Deck]) -> Iterator[Finding]:
+def _run(cases: list[Deck]) -> Iterator[DeckFinding]:
     """Yield what concerns the run as a whole."""
     yield from _drift(cases)
     if cases and cases[-1].has("SAVE") and cases[-1].has("NEXT"):
         line = next(card.line for card in reversed(cases[-1].cards) if card.name == "SAVE")
-        yield Finding(line, WARNING, "SAVE in the last case, before NEXT CASE: the program runs the saved case once more; take SAVE out")
+        yield DeckFinding(
+            line, WARNING, "SAVE in the last case, before NEXT CASE: the program runs the saved case once more; take SAVE out"
+        )
 
 
-def _drift(cases: list[Deck]) -> Iterator[Finding]:
+def _drift(cases: list[Deck]) -> Iterator[DeckFinding]:
     """The program keeps a part of D(CM) from one condition of a run to the next."""
     flapped = [case for case in cases if "SYMFLP" in case.namelists]
     conditions = sum(max(1, len(case.conditions())) for case in flapped)
     if conditions > 1:
         text = f"$SYMFLP at {conditions} flight conditions of one run: the program carries a part of D(CM) from one to the next"
-        yield Finding(flapped[0].line_of("SYMFLP"), WARNING, f"{text}; where D(CM) counts, make one run per condition (datcom split)")
+        yield DeckFinding(flapped[0].line_of("SYMFLP"), WARNING, f"{text}; where D(CM) counts, make one run per condition (datcom split)")

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from .cards import ERROR, Assignment, Card, Finding, Item, Namelist, read_items
+from .cards import ERROR, Assignment, Card, DeckFinding, Item, Namelist, read_items
 from .names import DIMENSIONS
 from .values import Value, value_text
 
@@ -34,7 +34,7 @@ class Deck:
         The cards of this case as written, in order.
     replayed : tuple of Namelist and Card
         Namelists and NACA cards that SAVE brings from the cases before, as written there.
-    findings : tuple of Finding
+    findings : tuple of DeckFinding
         What could not be read, and what the program would not read.
     dim, deriv : str
         Unit of length, ``FT IN M CM``; unit of derivatives, ``DEG RAD``.  They last until changed.
@@ -44,7 +44,7 @@ class Deck:
     cards: tuple[Card, ...] = ()
     items: tuple[Item, ...] = ()
     replayed: tuple[Item, ...] = ()
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[DeckFinding, ...] = ()
     dim: str = "FT"
     deriv: str = "DEG"
 
@@ -159,7 +159,7 @@ def parse_cards(lines: Iterable[tuple[int, str]], before: Deck | None = None) ->
     return make_deck(items, before, findings)
 
 
-def make_deck(items: Sequence[Item], before: Deck | None = None, findings: Sequence[Finding] = ()) -> Deck:
+def make_deck(items: Sequence[Item], before: Deck | None = None, findings: Sequence[DeckFinding] = ()) -> Deck:
     """Return the deck of one case from its cards, see `parse_cards`."""
     dim, deriv = (before.dim, before.deriv) if before else ("FT", "DEG")
     saved: tuple[Item, ...] = ()

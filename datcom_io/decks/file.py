@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from flightmech.errors import ParseError
 
-from .cards import ERROR, WARNING, Finding
+from .cards import ERROR, WARNING, DeckFinding
 from .deck import Deck, parse_cards
 from .names import CARD_COLUMNS
 
@@ -29,14 +29,14 @@ class DeckFile:
     cases : tuple of Deck
     comments : tuple of (int, str)
         Line number and text of the comments.
-    findings : tuple of Finding
+    findings : tuple of DeckFinding
         What the program would not read in the file as text: comments, tabs, blank and long lines.
     """
 
     file: str
     cases: tuple[Deck, ...]
     comments: tuple[tuple[int, str], ...] = ()
-    findings: tuple[Finding, ...] = ()
+    findings: tuple[DeckFinding, ...] = ()
 
     def __len__(self) -> int:
         return len(self.cases)
@@ -122,11 +122,11 @@ class _Text:
 
     def __init__(self) -> None:
         self.comments: list[tuple[int, str]] = []
-        self.findings: list[Finding] = []
+        self.findings: list[DeckFinding] = []
         self.lines = 0
 
     def report(self, line: int, severity: str, text: str) -> None:
-        self.findings.append(Finding(line, severity, text))
+        self.findings.append(DeckFinding(line, severity, text))
 
     def card(self, number: int, line: str) -> str:
         """Return the card of a line; empty for comments and blank lines."""

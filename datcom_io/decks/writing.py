@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from flightmech.errors import SchemaError
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from .cards import Assignment, Card, Item
 from .deck import Deck, pieces
@@ -43,7 +43,7 @@ def write_deck(deck: DeckFile | Deck | Iterable[Deck], path: str | os.PathLike[s
     precision can distinguish.  `read_deck` of the file is equal in meaning (`Deck.meaning`).
     """
     text = deck_text(deck, resolved=resolved)
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         part.write_text(text, encoding="latin-1", newline="\n")
 
 

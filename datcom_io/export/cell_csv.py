@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from ..printout.content import PrintedCase
 from .cell_frame import COLUMNS, cells
@@ -27,7 +27,7 @@ def write_cells(cases: Iterable[PrintedCase], path: str | os.PathLike[str]) -> i
         Cells written.
     """
     count = 0
-    with written_whole(path) as part, open(part, "w", encoding="utf-8", newline="") as stream:
+    with written_atomically(path) as part, open(part, "w", encoding="utf-8", newline="") as stream:
         stream.write(",".join(COLUMNS) + "\n")
         for case in cases:
             frame = cells([case]).reindex(columns=list(COLUMNS))

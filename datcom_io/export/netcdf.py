@@ -6,7 +6,7 @@ import os
 
 import xarray as xr
 
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 
 def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
@@ -19,5 +19,5 @@ def write_tree(tree: xr.DataTree, path: str | os.PathLike[str]) -> None:
     path : path
         File to write; its folder must exist.
     """
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         tree.to_netcdf(part, engine="h5netcdf")

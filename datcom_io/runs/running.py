@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flightmech.errors import ParseError, SimulationError
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from ..decks.cards import ERROR
 from ..decks.file import DeckFile, read_deck
@@ -222,7 +222,7 @@ def _messages(listing: Listing, deck: DeckFile) -> Iterator[Message]:
 def _keep(found: dict[str, bytes], folder: Path, stem: str) -> dict[str, Path]:
     files = {key: folder / f"{stem}.{key}" for key in found}
     for key, path in files.items():
-        with written_whole(path) as part:
+        with written_atomically(path) as part:
             part.write_bytes(found[key])
     return files
 

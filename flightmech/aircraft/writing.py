@@ -8,7 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from ..support.atomic_write import written_whole
+from ..support.atomic_write import written_atomically
 from .aircraft import Aircraft
 from .systems.engine import Engine
 from .systems.engine_deck import CONSTANTS, Deck, write_tables
@@ -55,7 +55,7 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
         lines += ["", f"[circuit.{name}]", *(f"{key} = {_value(getattr(circuit, key))}" for key in changed)]
     for name, table in aircraft.instruments.items():
         lines += ["", f"[instruments.{name}]", *(f"{_key(key)} = {_value(item)}" for key, item in table.items())]
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
@@ -71,7 +71,7 @@ def _engine_files(engines: tuple[Engine, ...], path: Path) -> list[str]:
             files.append(files[same])
         else:
             files.append(f"{path.stem}_engine{number}.nc")
-            with written_whole(path.with_name(files[-1])) as part:
+            with written_atomically(path.with_name(files[-1])) as part:
                 if engine.thrust is not None:
                     engine.thrust.to_netcdf(part, engine="h5netcdf")
                 else:
@@ -118,7 +118,7 @@ def _fuel(fuel: Fuel, path: Path) -> list[str]:
     if not fuel.tables:
         return lines
     file = f"{path.stem}_fuel.nc"
-    with written_whole(path.with_name(file)) as part:
+    with written_atomically(path.with_name(file)) as part:
         write_tables(fuel.tables, part)
     return [*lines, f"file = {_value(file)}"]
 

@@ -92,9 +92,9 @@ def _read(path: str) -> xr.Dataset:
 
 
 def _write(found: xr.Dataset, output: str) -> None:
-    from ..support.atomic_write import written_whole
+    from ..support.atomic_write import written_atomically
 
-    with written_whole(output) as part:
+    with written_atomically(output) as part:
         if Path(output).suffix == ".csv":
             found.to_dataframe().to_csv(part)
         else:

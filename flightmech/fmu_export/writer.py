@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import ParseError, SchemaError
 from ..simulation.kernel import AXIS, LINEAR
-from ..support.atomic_write import written_whole
+from ..support.atomic_write import written_atomically
 from .binaries import binaries, compiled
 from .description import Description, describe
 from .documentation import Axis, html
@@ -63,7 +63,7 @@ def write_fmu(sim: SimModel, path: str | os.PathLike[str], version: str = "2.0")
         **_license(),
         **binaries(compiled(), description.identifier, version),
     }
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         part.write_bytes(_zip(files))
     return Path(path)
 

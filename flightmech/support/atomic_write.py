@@ -16,7 +16,7 @@ from secrets import token_hex
 
 
 @contextmanager
-def written_whole(path: str | os.PathLike) -> Iterator[Path]:
+def written_atomically(path: str | os.PathLike) -> Iterator[Path]:
     """Yield a place next to `path` to write to; it takes the name of `path` once the block has ended well.
 
     Parameters
@@ -41,7 +41,7 @@ def written_whole(path: str | os.PathLike) -> Iterator[Path]:
 
 
 @contextmanager
-def folder_written_whole(path: str | os.PathLike) -> Iterator[Path]:
+def folder_written_atomically(path: str | os.PathLike) -> Iterator[Path]:
     """Yield a new folder next to `path` to fill; it takes the name of `path` once the block has ended well.
 
     Parameters

@@ -11,7 +11,7 @@ import xarray as xr
 
 from flightmech.aircraft.systems.engine_deck import CONSTANTS, Deck, write_tables
 from flightmech.errors import IdentificationError
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from .spools import SpoolFit, identify_spools
 from .starting import StartFit, identify_start
@@ -80,7 +80,7 @@ class EngineFit:
             Of the file.
         """
         path, deck = Path(path), self.deck(pla)
-        with written_whole(path) as part:
+        with written_atomically(path) as part:
             write_tables(deck.tables, part, title=title, history="identified from flight by flighttest.identify_engine")
         lines = ["[engine.deck]", f'file = "{path.name}"', f"pla_idle = {pla[0]:.6g}", f"pla_full = {pla[1]:.6g}"]
         lines += [f"{name} = {value:.6g}  # flight, standard error {stderr:.2g}" for name, (value, stderr) in self._constants().items()]

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from ..remarks import Remark, lines
 from .fit_data import FitData
@@ -100,7 +100,7 @@ def save_fit(fit: Fit, path: str | os.PathLike) -> None:
             "/design": xr.Dataset({"design": fit.design, "regressors": fit.regressors}),
         }
     )
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         tree.to_netcdf(part, engine="h5netcdf", mode="w")
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import command_line
 from flightmech.units import from_si
 
@@ -47,7 +47,7 @@ _SHOWN = (
 
 def write_page(evaluation: Evaluation, path: str | Path) -> None:
     """Write an evaluation as one self-contained HTML page; an error leaves no file."""
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         part.write_text(page(evaluation), encoding="utf-8")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import xarray as xr
 
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from ..equation_error.fit import open_tree
 from .result import OutputError
@@ -33,7 +33,7 @@ def save_output_error(fit: OutputError, path: str | os.PathLike) -> None:
         "/noise": fit.noise,
         **{f"/residuals/{number}": rest for number, rest in enumerate(fit.residuals, start=1)},
     }
-    with written_whole(Path(path)) as part:
+    with written_atomically(Path(path)) as part:
         xr.DataTree.from_dict(groups).to_netcdf(part, engine="h5netcdf", mode="w")
 
 

@@ -11,7 +11,7 @@ from jinja2 import DictLoader, Environment, StrictUndefined, Template
 from markupsafe import Markup
 
 from flightmech.names import lookup
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 from flightmech.units import from_si
 
 from .checks.control_response import SIGNIFICANT
@@ -46,7 +46,7 @@ def style() -> Markup:
 
 def write_page(quality: Quality, path: str | Path) -> None:
     """Write the quality of a record as one self-contained HTML page; an error leaves no file."""
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         part.write_text(page(quality), encoding="utf-8")
 
 

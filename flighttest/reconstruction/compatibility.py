@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from ..uncertainty.goodness_of_fit import theil
 
@@ -141,7 +141,7 @@ def draw_compatibility(path: Path, target: str | File, channels: Sequence[str] |
     kind = File(target).suffix.lstrip(".").lower()
     if kind not in FORMATS:
         raise SchemaError("figure", [f"{File(target).name}: ending {kind or 'missing'!r}; give one of {', '.join(FORMATS)}"])
-    with written_whole(File(target)) as part:
+    with written_atomically(File(target)) as part:
         figure.savefig(part, dpi=150, format=kind)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 
 def save(data: xr.Dataset, path: str | Path) -> None:
@@ -24,7 +24,7 @@ def save_record(record: xr.DataTree, path: str | Path) -> None:
 
 def write_groups(groups: Mapping[str, xr.Dataset], target: Path) -> None:
     """Write groups of a netCDF file, all or none; time histories are compressed."""
-    with written_whole(target) as part:
+    with written_atomically(target) as part:
         mode: Any = "w"
         for group, data in groups.items():
             packed = {

@@ -26,7 +26,7 @@ CLOSE = 1e-6
 
 
 @dataclass(frozen=True)
-class Finding:
+class VerificationResult:
     """One thing that was checked.
 
     ``kind`` is ``output``, ``input``, ``model`` or ``verdict``; ``state`` is ``same``, ``changed`` or ``missing``; ``detail`` says
@@ -39,7 +39,7 @@ class Finding:
     detail: str = ""
 
 
-def verify(folder: str | os.PathLike) -> list[Finding]:
+def verify(folder: str | os.PathLike) -> list[VerificationResult]:
     """Check a report: hash all outputs and inputs again, judge all verdicts again from ``results.nc``.
 
     Parameters
@@ -49,7 +49,7 @@ def verify(folder: str | os.PathLike) -> list[Finding]:
 
     Returns
     -------
-    list of Finding
+    list of VerificationResult
         All that was checked; the report holds when every state is ``same``.
 
     Raises
@@ -67,31 +67,35 @@ def verify(folder: str | os.PathLike) -> list[Finding]:
     return [*found, *_verdicts(folder)]
 
 
-def _hashed(kind: str, name: str, path: Path | None, wanted: str) -> Finding:
+def _hashed(kind: str, name: str, path: Path | None, wanted: str) -> VerificationResult:
     if path is None:
-        return Finding(kind, name, "missing", "the manifest does not say where it lies")
+        return VerificationResult(kind, name, "missing", "the manifest does not say where it lies")
     if not path.is_file():
-        return Finding(kind, name, "missing", f"no file {path}")
+        return VerificationResult(kind, name, "missing", f"no file {path}")
     have = sha256(path)
-    return Finding(kind, name, "same") if have == wanted else Finding(kind, name, "changed", f"SHA-256 was {wanted}, is {have}")
+    return (
+        VerificationResult(kind, name, "same")
+        if have == wanted
+        else VerificationResult(kind, name, "changed", f"SHA-256 was {wanted}, is {have}")
+    )
 
 
-def _verdicts(folder: Path) -> Iterator[Finding]:
+def _verdicts(folder: Path) -> Iterator[VerificationResult]:
     """Yield one finding per case and model that says what is judged differently now, or printed differently in ``results.json``."""
     try:
         results = read_archive(folder).results
         printed = [{(r["run"], r["criterion"]): r for r in item["verdict"]} for item in _json(folder)]
     except (AeromatchError, OSError, ValueError, KeyError, TypeError) as error:
-        yield Finding("verdict", "all", "missing", f"the results cannot be read: {error}")
+        yield VerificationResult("verdict", "all", "missing", f"the results cannot be read: {error}")
         return
     if len(printed) != len(results):
-        yield Finding("verdict", "all", "changed", f"results.json has {len(printed)} cases, results.nc has {len(results)}")
+        yield VerificationResult("verdict", "all", "changed", f"results.json has {len(printed)} cases, results.nc has {len(results)}")
         return
     for result, numbers in zip(results, printed, strict=True):
         for run in result.runs:
             stored = {row["criterion"]: row for row in result.rows if row["run"] == run}
             words = [*_judged_again(result, run, stored), *_differences("results.json", run, stored, numbers)]
-            yield Finding("verdict", f"{result.case.name}, {run}", "changed" if words else "same", "; ".join(words))
+            yield VerificationResult("verdict", f"{result.case.name}, {run}", "changed" if words else "same", "; ".join(words))
 
 
 def _json(folder: Path) -> list[dict[str, Any]]:

@@ -63,11 +63,11 @@ def init(
 @click.option("-o", "--output", default="case.schema.json", show_default=True, type=NewFile(), help="File to write.")
 def schema(output: str) -> None:
     """Write the JSON schema of case files, for an editor: the first line of a case file names it, ``#:schema case.schema.json``."""
-    from flightmech.support.atomic_write import written_whole
+    from flightmech.support.atomic_write import written_atomically
 
     from ..cases.file_schema import SHIPPED
 
-    with written_whole(output) as part:
+    with written_atomically(output) as part:
         part.write_bytes(SHIPPED.read_bytes())
     click.echo(f"written: {output}")
 

@@ -16,7 +16,7 @@ import xarray as xr
 
 import flighttest
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 from flightmech.units import from_si
 
 from ..cases.case import PRIMARY, PomCase, read_case
@@ -91,7 +91,7 @@ def init_case(
     for key, file in files.items():
         if file is not None:
             draft.case[key] = Path(os.path.relpath(file, output.parent)).as_posix()
-    with written_whole(output) as part:
+    with written_atomically(output) as part:
         part.write_text(case_text(draft, ()), encoding="utf-8")
         part.write_text(case_text(draft, read_case(part).criteria), encoding="utf-8")
         read_case(part)

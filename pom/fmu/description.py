@@ -12,7 +12,7 @@ from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.units import parse
 
 from .fmu_file import Fmu
-from .variable_map import Link, Links, house_unit
+from .variable_map import Link, Links, canonical_unit
 from .worker.description import read_description
 
 _TEXTS = ("String", "Binary", "Clock")
@@ -127,7 +127,7 @@ def check(fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str],
 def _unit_problem(what: str, name: str, unit: str) -> tuple[str, ...]:
     """Compare the declared unit of a variable that no table turns with that of the house: same quantity, same size."""
     try:
-        expected = house_unit(name)
+        expected = canonical_unit(name)
     except UnknownName:
         return ()
     try:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Store:
         """Keep an array under a key."""
         file = self._file(key)
         file.parent.mkdir(parents=True, exist_ok=True)
-        with written_whole(file) as part, part.open("wb") as stream:
+        with written_atomically(file) as part, part.open("wb") as stream:
             np.save(stream, np.ascontiguousarray(values, np.float64), allow_pickle=False)
 
     def _file(self, key: str) -> Path:

@@ -177,7 +177,7 @@ def _controls(task: Mapping[str, Any]) -> list[str]:
 
 def _found(model: Model, job: Job, outputs: list[str], time: np.ndarray, task: Mapping[str, Any], columns: np.ndarray) -> Found:
     """Return what was flown at the samples of the job, by house name and in SI."""
-    found = {name: model.links.outputs[name].to_house(columns[:, i]) for i, name in enumerate(outputs)}
+    found = {name: model.links.outputs[name].to_canonical(columns[:, i]) for i, name in enumerate(outputs)}
     if len(time) != len(job.time) or not np.array_equal(time, job.time):
         found = {name: _at_samples(name, values, time, job.time) for name, values in found.items()}
     for i, name in enumerate(_controls(task)):

@@ -55,7 +55,7 @@ class Link:
         """Return a value, or an array, in the unit and sign of the FMU."""
         return (value - self.offset) / self.factor
 
-    def to_house(self, value: Any) -> Any:
+    def to_canonical(self, value: Any) -> Any:
         """Return a value, or an array, in SI and the sign of the house."""
         return value * self.factor + self.offset
 
@@ -150,7 +150,7 @@ def _link(what: str, name: str, entry: _Entry, offered: Mapping[str, str], probl
         problems.append(f"{place}: {UnknownName(entry.variable, offered, f'{what} of the FMU')}")
         return Link(entry.variable)
     try:
-        expected = house_unit(name)
+        expected = canonical_unit(name)
         factor, offset = _turned(entry, offered[entry.variable], expected)
     except (UnknownName, UnitError) as error:
         problems.append(f"{place}: {error}")
@@ -191,7 +191,7 @@ def _check_fixed(file: _File, fmu: Fmu, problems: list[str]) -> None:
             problems.append(f"fixed.{name}: it has a house name too; choose one of the two")
 
 
-def house_unit(name: str) -> str:
+def canonical_unit(name: str) -> str:
     """Return the SI unit of an input, output or parameter by its house name.
 
     Raises
@@ -205,7 +205,7 @@ def house_unit(name: str) -> str:
 
 def _known(name: str) -> bool:
     try:
-        return bool(house_unit(name))
+        return bool(canonical_unit(name))
     except UnknownName:
         return False
 

@@ -12,7 +12,7 @@ import xarray as xr
 
 import flightmech
 import flighttest
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from ..cases.case import PomCase
 from ..fmu.content_hashes import content_hash
@@ -52,7 +52,7 @@ class KeptStates:
         states, file = recorded_states(case, self.biases), self._file(case)
         if file is not None:
             file.parent.mkdir(parents=True, exist_ok=True)
-            with written_whole(file) as part:
+            with written_atomically(file) as part:
                 states.to_netcdf(part, engine="h5netcdf")
         return states
 

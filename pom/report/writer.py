@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.support.atomic_write import folder_written_whole, written_whole
+from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 
 from ..archive.origins import sha256, without_places
 from ..archive.provenance_record import Provenance
@@ -103,7 +103,7 @@ def write_report(
     with ExitStack() as stack:
 
         def new(name: str) -> Path:
-            return stack.enter_context(written_whole(folder / name))
+            return stack.enter_context(written_atomically(folder / name))
 
         def manifested(written: Mapping[str, Path]) -> str:
             outputs = {name: sha256(path) for name, path in written.items()}
@@ -114,7 +114,7 @@ def write_report(
         _write(written[JSON], results_json(archive, modes, folder))
         _write(written[JUNIT], junit(results, title))
         write_archive(written[SAMPLES], archive, names)
-        tables = stack.enter_context(folder_written_whole(folder / CSV))
+        tables = stack.enter_context(folder_written_atomically(folder / CSV))
         for name, result in zip(names, results, strict=True):
             written[f"{CSV}/{name}.csv"] = tables / f"{name}.csv"
             _write(written[f"{CSV}/{name}.csv"], case_csv(result))

@@ -24,7 +24,7 @@ import xarray as xr
 
 from flightmech.aircraft.aircraft import Aircraft
 from flightmech.errors import SchemaError
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 from flightmech.terms import SOURCES, power, regressors, variables
 
 from ...store.schema import HINGE, require, terms
@@ -105,7 +105,7 @@ def export_jsbsim(
     _hinge_moments(aerodynamics, leaves, native)
     _make_printable(root)
     ET.indent(root, "  ")
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
 
 

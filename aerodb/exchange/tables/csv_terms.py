@@ -19,7 +19,7 @@ import xarray as xr
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.atomic_write import folder_written_whole
+from flightmech.support.atomic_write import folder_written_atomically
 from flightmech.units import parse
 
 from ...store.schema import check, require, terms
@@ -61,7 +61,7 @@ def export_csv(db: xr.DataTree, folder: str | os.PathLike) -> None:
     if problems:
         raise SchemaError("CSV files", problems)
     _demand_ours(folder)
-    with folder_written_whole(folder) as part:
+    with folder_written_atomically(folder) as part:
         rows = []
         for number, (name, leaf) in enumerate(leaves.items(), 1):
             for table in (key for key in _TABLES if key in leaf):

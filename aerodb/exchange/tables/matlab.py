@@ -24,7 +24,7 @@ from scipy.io import loadmat, savemat
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import lookup
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from ...store.schema import check, require, terms
 from .attributes import dressed, flat
@@ -75,7 +75,7 @@ def export_matlab(db: xr.DataTree, path: str | os.PathLike) -> None:
     }
     file: Any = io.BytesIO()
     savemat(file, content, appendmat=False, format="5", long_field_names=True, oned_as="column")
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         part.write_bytes(_sealed(file.getvalue()))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from scipy.io import savemat
 
-from flightmech.support.atomic_write import written_whole
+from flightmech.support.atomic_write import written_atomically
 
 from ...arrays.conditions import control_surface
 from ...cells import ABSENT, BLANK, FILLED, FLAGS, OK
@@ -70,7 +70,7 @@ def write_matlab(listing: Listing, path: str | os.PathLike[str], *, usenan: bool
     if listing.unparsed:
         left_out.append(f"{len(listing.unparsed)} pages that are located only")
     history = "\n".join([f"written from {listing.file} by aeromatch; constant columns stand in every row; left out:", *left_out])
-    with written_whole(path) as part:
+    with written_atomically(path) as part:
         savemat(part, {"aero": cells, "history": history}, appendmat=False, format="5", long_field_names=True, oned_as="row")
     return left_out
 

@@ -12,8 +12,8 @@ import xarray as xr
 from flightmech.support.console import plain
 
 from ...remarks import Remark, documents, lines
+from ..estimates_to_database import updated_database
 from ..result import OutputError
-from ..updated_database import corrected_database
 from .specification import Specification
 
 if TYPE_CHECKING:
@@ -99,6 +99,6 @@ class Performed:
         """Write the database with the estimates in it; return the parameters that have no place there."""
         import aerodb
 
-        db, left = corrected_database(aerodb.open(self.specification.database), self.fit)
+        db, left = updated_database(aerodb.open(self.specification.database), self.fit)
         aerodb.save(db, path)
         return left

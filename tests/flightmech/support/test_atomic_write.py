@@ -3,12 +3,12 @@ import os
 import pytest
 
 from flightmech.support import atomic_write
-from flightmech.support.atomic_write import folder_written_whole, written_whole
+from flightmech.support.atomic_write import folder_written_atomically, written_atomically
 
 
 def test_the_file_appears_when_the_block_ends(tmp_path):
     target = tmp_path / "a.txt"
-    with written_whole(target) as part:
+    with written_atomically(target) as part:
         part.write_text("new")
         assert not target.exists()
     assert target.read_text() == "new"
@@ -18,7 +18,7 @@ def test_the_file_appears_when_the_block_ends(tmp_path):
 def test_a_failure_leaves_the_older_file_and_nothing_else(tmp_path):
     target = tmp_path / "a.txt"
     target.write_text("old")
-    with pytest.raises(UnicodeEncodeError), written_whole(target) as part:
+    with pytest.raises(UnicodeEncodeError), written_atomically(target) as part:
         part.write_text("half way: \udc80", encoding="utf-8")
     assert target.read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
@@ -26,14 +26,14 @@ def test_a_failure_leaves_the_older_file_and_nothing_else(tmp_path):
 
 def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(FileNotFoundError, match="make it first"):
-        written_whole(tmp_path / "none" / "a.txt").__enter__()
+        written_atomically(tmp_path / "none" / "a.txt").__enter__()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="permissions of POSIX")
 def test_permissions_follow_the_umask(tmp_path):
     mask = os.umask(0o027)
     try:
-        with written_whole(tmp_path / "a.txt") as part:
+        with written_atomically(tmp_path / "a.txt") as part:
             part.write_text("new")
     finally:
         os.umask(mask)
@@ -41,13 +41,13 @@ def test_permissions_follow_the_umask(tmp_path):
 
 
 def filled(folder, text, name="a.txt"):
-    with folder_written_whole(folder) as part:
+    with folder_written_atomically(folder) as part:
         (part / name).write_text(text)
 
 
 def test_a_folder_appears_when_the_block_ends(tmp_path):
     target = tmp_path / "terms"
-    with folder_written_whole(target) as part:
+    with folder_written_atomically(target) as part:
         (part / "a.txt").write_text("new")
         assert not target.exists()
     assert (target / "a.txt").read_text() == "new"
@@ -68,7 +68,7 @@ def test_a_folder_takes_the_place_of_an_older_one(tmp_path, monkeypatch, in_one_
 def test_a_failure_leaves_the_older_folder_and_nothing_else(tmp_path):
     target = tmp_path / "terms"
     filled(target, "old")
-    with pytest.raises(UnicodeEncodeError), folder_written_whole(target) as part:
+    with pytest.raises(UnicodeEncodeError), folder_written_atomically(target) as part:
         (part / "a.txt").write_text("half way: \udc80", encoding="utf-8")
     assert (target / "a.txt").read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]

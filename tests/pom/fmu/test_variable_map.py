@@ -44,7 +44,7 @@ def test_names_that_are_those_of_the_house_need_no_entry(stranger, table):
 
 
 def test_temperatures_and_scales():
-    assert Link("T", 1.0, 273.15).to_house(15.0) == pytest.approx(288.15)
+    assert Link("T", 1.0, 273.15).to_canonical(15.0) == pytest.approx(288.15)
     assert Link("T", 1.0, 273.15).to_fmu(288.15) == pytest.approx(15.0)
     assert Link("flap", -0.5).to_fmu(1.0) == -2.0
 

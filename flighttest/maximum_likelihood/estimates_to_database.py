@@ -19,7 +19,7 @@ _ORDER = ("node", "table", "offset", "term", "bias")  # as the kernel takes them
 _FLIGHT = 1  # flag of `source`
 
 
-def corrected_database(db: xr.DataTree, fit: OutputError) -> tuple[xr.DataTree, list[str]]:
+def updated_database(db: xr.DataTree, fit: OutputError) -> tuple[xr.DataTree, list[str]]:
     """Return a database with the estimates of a fit in it, and the parameters that have no place there.
 
     ``term.*`` and ``table.*`` multiply a table, ``offset.*`` is added to it, ``node.*`` takes the place of a node, and ``bias.CL`` ...
