@@ -171,4 +171,10 @@ def _table_to_json(table: pd.DataFrame) -> dict[str, Any]:
 def _table_from_json(item: Mapping[str, Any]) -> pd.DataFrame:
     table = pd.DataFrame(item["rows"], columns=item["columns"])
     numbers = [name for name in table.columns if not table[name].map(lambda value: isinstance(value, str)).any()]
-    return table.astype(dict.fromkeys(numbers, float))  # a column without any number came as nulls
+    return table.astype(dict.fromkeys(numbers, float)).rename(columns=_renamed)  # a column without any number came as nulls
+
+
+def _renamed(column: str) -> str:
+    """Return a column of a diagnosis by its present name; files of earlier versions say ``closes`` and ``miss``."""
+    name, blank, quantity = column.rpartition(" ")
+    return name + blank + {"closes": "explained", "miss": "mismatch"}.get(quantity, quantity)

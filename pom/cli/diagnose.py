@@ -1,4 +1,4 @@
-"""``aeromatch pom diagnose``: which terms and parts explain the miss of the a-priori model, and the corrected model."""
+"""``aeromatch pom diagnose``: which terms and parts explain the mismatch of the a-priori model, and the corrected model."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _INTERACTING = 5  # pairs printed
 @click.option(
     "--group", "groups", multiple=True, metavar="NAME=TERM,...", help="Terms, parts or patterns to swap together; may be repeated."
 )
-@click.option("--players", default=5, show_default=True, type=click.IntRange(1), help="Terms that the shares tell apart, at least.")
+@click.option("--players", default=5, show_default=True, type=click.IntRange(1), help="Terms with a share of their own, at least.")
 @click.option(
     "--replays",
     default=256,
@@ -58,7 +58,7 @@ def diagnose(
     biases_file: str | None,
     as_json: bool,
 ) -> None:
-    """Swap terms between two databases and rank which closes how much of the miss of CASES (files, or folders of them)."""
+    """Swap terms between two databases and rank how much of the mismatch of CASES each explains (files, or folders of them)."""
     if aircraft_output and not apriori:
         raise click.UsageError("--aircraft-output needs --apriori: the aircraft file that is to be corrected")
     wanted = _groups(groups)
@@ -149,17 +149,17 @@ def _print(case: PomCase, ranked: pd.DataFrame) -> None:
     from ..report.models.diagnosis import story
 
     criteria = criteria_of(ranked)
-    idle = ranked["stage"].isin(["single", "group"]) & (ranked["closes"].abs() < _IDLE)
-    idle |= (ranked["stage"] == "without") & ((ranked["closes"] - 1.0).abs() < _IDLE)
+    idle = ranked["stage"].isin(["single", "group"]) & (ranked["explained"].abs() < _IDLE)
+    idle |= (ranked["stage"] == "without") & ((ranked["explained"] - 1.0).abs() < _IDLE)
     pairs = ranked[ranked["stage"] == "pair"]
     quiet = pairs.index.difference(pairs["interaction"].abs().nlargest(_INTERACTING).index)
     columns = [
         "stage",
         "term",
-        "closes",
+        "explained",
         "verdict",
         "interaction",
-        *(f"{name} {what}" for name in criteria for what in ("closed", "ratio")),
+        *(f"{name} {what}" for name in criteria for what in ("explained", "ratio")),
     ]
     rows = [_cells(row, criteria) for row in ranked[~idle].drop(quiet).to_dict("records")]
     table(columns, rows, f"{case.id}  {case.title}", right=[columns[2], *columns[4:]])
@@ -171,10 +171,13 @@ def _print(case: PomCase, ranked: pd.DataFrame) -> None:
 
 
 def _cells(row: dict[Any, Any], criteria: list[str]) -> list[str]:
-    cells = [row["stage"], row["term"], _percent(row["closes"], row["stderr"]), "" if row["stage"] == "share" else row["verdict"]]
+    cells = [row["stage"], row["term"], _percent(row["explained"], row["stderr"]), "" if row["stage"] == "share" else row["verdict"]]
     cells.append(_percent(row["interaction"]))
     for name in criteria:
-        cells += [_percent(row[f"{name} closes"], row[f"{name} stderr"]), "" if row["stage"] == "share" else f"{row[f'{name} ratio']:.2f}"]
+        cells += [
+            _percent(row[f"{name} explained"], row[f"{name} stderr"]),
+            "" if row["stage"] == "share" else f"{row[f'{name} ratio']:.2f}",
+        ]
     return cells
 
 

@@ -1,4 +1,4 @@
-"""``aeromatch pom``: check cases, run them against models, name the terms behind a miss."""
+"""``aeromatch pom``: check cases, run them against models, name the terms behind a mismatch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which terms of the final model explain the miss of the a-priori model: the term swap of LR-743, section 5.2, made systematic.
+"""Which terms of the final model explain the mismatch of the a-priori model: the term swap of LR-743, section 5.2, made systematic.
 
 Every term that differs is put alone from the final database into the a-priori one and the case is replayed by the
 kernel, with the inputs, the initial state and the trim of the case; so are groups of terms and pairs.  Then terms are added one
@@ -26,9 +26,9 @@ from .swap_runs import Bench, Judged
 from .swap_table import OTHERS
 from .term_swaps import groups_of
 
-LEAST_SHARE = 0.02  # of the gap: an addition that closes less is not worth a correction
-LEAST_GAP = 0.05  # half widths: where a criterion misses no more than this beyond the final model, shares of it say nothing
-LEAST_FELT = 0.005  # of the gap: a term that changes less alone is not told apart from the others
+LEAST_SHARE = 0.02  # of the gap: an addition that explains less is not worth a correction
+LEAST_GAP = 0.05  # half widths: a criterion whose mismatch differs by less between the two models has no meaningful shares
+LEAST_FELT = 0.005  # of the gap: a term that changes less alone counts among the others
 CANDIDATES = 16  # single swaps that change most, for better or worse: they are tried again in every round of the sequence
 PAIRED = 6  # terms of which all pairs are tried
 AND = " + "
@@ -46,7 +46,7 @@ def diagnose(
     replays: int = 256,
     seed: int = 0,
 ) -> pd.DataFrame:
-    """Rank the terms, and the parts of the aircraft, by how much of the miss of `prior` each closes, in all and per criterion.
+    """Rank the terms, and the parts of the aircraft, by how much of the mismatch of `prior` each explains, in all and per criterion.
 
     Parameters
     ----------
@@ -60,9 +60,9 @@ def diagnose(
     apriori : Aircraft, optional
         Of the a-priori model, when its engines, gear or control circuits are others.
     groups : mapping of str to sequence of str, optional
-        Groups to swap as a whole beside those of `groups_of`: names or patterns of terms and parts.
+        Groups to swap as a whole in addition to those of `groups_of`: names or patterns of terms and parts.
     players : int
-        Terms that the shares tell apart: all that the sequence needed, and further ones that change most up to this number; the
+        Terms with a share of their own: all that the sequence needed, and further ones that change most up to this number; the
         rest together are ``others``.
     replays : int
         Replays that the shares may take.  2**n for n terms are within it: exact; else a sample of orders, at least 16, with its
@@ -73,20 +73,20 @@ def diagnose(
     Returns
     -------
     DataFrame
-        Columns ``stage term closes stderr interaction verdict miss`` and, for every judged criterion, its ``miss`` (rms of
-        difference over half width for a time history, the ratio itself for a scalar), ``ratio`` (largest), ``closes`` and
-        ``stderr``.  ``closes`` is the share of the gap between the misses of `prior` and `final`; the total miss is the root mean
-        square over the groups, of each group the best alternative, at most `CEILING`.  NaN when `final` is no better, for a
+        Columns ``stage term explained stderr interaction verdict mismatch`` and, for every judged criterion, its ``mismatch`` (rms of
+        difference over half width for a time history, the ratio itself for a scalar), ``ratio`` (largest), ``explained`` and
+        ``stderr``.  ``explained`` is the share of the gap between the mismatches of `prior` and `final`; the total mismatch is the root
+        mean square over the groups, of each group the best alternative, at most `CEILING`.  NaN when `final` is no better, for a
         criterion when it is better by less than `LEAST_GAP`.  Stages:
 
         - ``prior`` and ``final``;
         - ``single``, one row per term, best first; ``group``, best first;
-        - ``pair``, terms ``A + B`` of those that change most, best first; ``interaction`` is what both close beyond the sum of each;
+        - ``pair``, terms ``A + B`` of those that change most, best first; ``interaction`` is what both explain beyond the sum of each;
         - ``sequence``, terms added one after the other, each row with all before it;
-        - ``without``, the final model without one of the terms told apart or a group, the one it misses most first;
-        - ``share``, the Shapley shares with their standard errors (zero when exact): first those that add to the miss, then those that
-          close it, the largest first.  Their ``miss`` is the level after this share and those above it, from that of `prior` to that
-          of `final`.
+        - ``without``, the final model without one of the terms with a share of their own or a group, the worst first;
+        - ``share``, the Shapley shares with their standard errors (zero when exact): first those that add to the mismatch, then those
+          that reduce it, the largest first.  Their ``mismatch`` is the level after this share and those above it, from that of
+          `prior` to that of `final`.
 
         Pairs, sequence, what is left out, and shares are not there when `prior` passes or `final` is no better.
     """
@@ -106,12 +106,12 @@ def diagnose(
         felt = sorted(change, key=lambda name: -change[name])
         needed = _needed(bench, felt, table.gap)
         further = [name for name in felt if name not in needed and change[name] > LEAST_FELT * table.gap]
-        told = [*needed, *further][: max(players, len(needed))]
-        _pairs(bench, table, sorted(told, key=felt.index)[:PAIRED])
+        separate = [*needed, *further][: max(players, len(needed))]
+        _pairs(bench, table, sorted(separate, key=felt.index)[:PAIRED])
         for k, found in enumerate(bench.judged([needed[: k + 1] for k in range(len(needed))])):
             table.add("sequence", needed[k], found)
-        _without(bench, table, {**{name: (name,) for name in told}, **members})
-        _shares(bench, table, told, replays, seed)
+        _without(bench, table, {**{name: (name,) for name in separate}, **members})
+        _shares(bench, table, separate, replays, seed)
     return pd.DataFrame(table.rows)
 
 
@@ -120,12 +120,12 @@ class _Table:
 
     def __init__(self, start: Judged, end: Judged):
         self.rows: list[dict[str, Any]] = []
-        self.criteria = list(start.miss)
+        self.criteria = list(start.mismatch)
         self.start, self.end = start.counted(self.criteria), end.counted(self.criteria)
         self.gap = start.total - end.total
 
-    def closed(self, change: np.ndarray) -> np.ndarray:
-        """Return changes of the misses (total, then criteria) as shares of their gaps."""
+    def explained(self, change: np.ndarray) -> np.ndarray:
+        """Return changes of the mismatches (total, then criteria) as shares of their gaps."""
         gap = self.start - self.end
         gap[1:][gap[1:] < LEAST_GAP] = np.nan
         gap[0] = self.gap if self.gap > 0.0 else np.nan
@@ -133,22 +133,22 @@ class _Table:
 
     def add(self, stage: str, term: str, found: Judged, interaction: float = np.nan) -> None:
         """Append a row of a choice that was flown."""
-        closes = self.closed(self.start - found.counted(self.criteria))
-        miss, ratio = ([each.get(name, np.nan) for name in self.criteria] for each in (found.miss, found.ratio))
-        nothing = np.full(len(closes), np.nan)
-        self._append(stage, term, found.verdict, closes, nothing, interaction, [found.total, *miss], ratio)
+        explained = self.explained(self.start - found.counted(self.criteria))
+        mismatch, ratio = ([each.get(name, np.nan) for name in self.criteria] for each in (found.mismatch, found.ratio))
+        nothing = np.full(len(explained), np.nan)
+        self._append(stage, term, found.verdict, explained, nothing, interaction, [found.total, *mismatch], ratio)
 
     def add_share(self, term: str, change: np.ndarray, stderr: np.ndarray, left: np.ndarray) -> None:
-        """Append a share: changes of the misses, their standard errors, and the misses that are left."""
+        """Append a share: changes of the mismatches, their standard errors, and the mismatches that remain."""
         nothing = [np.nan] * len(self.criteria)
-        self._append("share", term, "not_tested", self.closed(-change), np.abs(self.closed(stderr)), np.nan, left.tolist(), nothing)
+        self._append("share", term, "not_tested", self.explained(-change), np.abs(self.explained(stderr)), np.nan, left.tolist(), nothing)
 
-    def _append(self, stage, term, verdict, closes, stderr, interaction, miss, ratio) -> None:
-        row = {"stage": stage, "term": term, "closes": closes[0], "stderr": stderr[0], "interaction": interaction}
-        row |= {"verdict": verdict, "miss": miss[0]}
+    def _append(self, stage, term, verdict, explained, stderr, interaction, mismatch, ratio) -> None:
+        row = {"stage": stage, "term": term, "explained": explained[0], "stderr": stderr[0], "interaction": interaction}
+        row |= {"verdict": verdict, "mismatch": mismatch[0]}
         for k, name in enumerate(self.criteria):
-            row |= {f"{name} miss": miss[k + 1], f"{name} ratio": ratio[k]}
-            row |= {f"{name} closes": closes[k + 1], f"{name} stderr": stderr[k + 1]}
+            row |= {f"{name} mismatch": mismatch[k + 1], f"{name} ratio": ratio[k]}
+            row |= {f"{name} explained": explained[k + 1], f"{name} stderr": stderr[k + 1]}
         self.rows.append(row)
 
 
@@ -158,7 +158,7 @@ def _total(found: Judged) -> float:
 
 def _pairs(bench: Bench, table: _Table, names: Sequence[str]) -> None:
     """Append the pairs of the named terms, best first."""
-    alone = {row["term"]: row["closes"] for row in table.rows if row["stage"] == "single"}
+    alone = {row["term"]: row["explained"] for row in table.rows if row["stage"] == "single"}
     pairs = list(combinations(names, 2))
     for (a, b), found in sorted(zip(pairs, bench.judged(pairs), strict=True), key=lambda row: _total(row[1])):
         both = (table.start[0] - found.total) / table.gap
@@ -168,8 +168,8 @@ def _pairs(bench: Bench, table: _Table, names: Sequence[str]) -> None:
 def _needed(bench: Bench, felt: list[str], gap: float) -> list[str]:
     """Return the terms that make the case pass, found among those that change most alone.
 
-    Where these do not suffice although the final model passes, the miss hides what other terms do, as that of a mode that is not
-    even excited; then those are tried that the final model misses most when it is without them.
+    Where these do not suffice although the final model passes, the mismatch hides what other terms do, as that of a mode that is
+    not even excited; then those are tried without which the final model is worst.
     """
     start, end = bench.judged([(), bench.names])
     found = _sequence(bench, start, gap, felt[:CANDIDATES])
@@ -177,8 +177,8 @@ def _needed(bench: Bench, felt: list[str], gap: float) -> list[str]:
     if reached.verdict == "pass" or end.verdict != "pass":
         return found
     left_out = bench.judged([[other for other in bench.names if other != name] for name in felt])
-    missed = {name: _total(without) - end.total for name, without in zip(felt, left_out, strict=True)}
-    second = _sequence(bench, start, gap, sorted(felt, key=lambda name: -missed[name])[:CANDIDATES])
+    loss = {name: _total(without) - end.total for name, without in zip(felt, left_out, strict=True)}
+    second = _sequence(bench, start, gap, sorted(felt, key=lambda name: -loss[name])[:CANDIDATES])
     (better,) = bench.judged([second])
     return second if better.verdict == "pass" or better.total < reached.total else found
 
@@ -207,24 +207,24 @@ def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) ->
 
 
 def _without(bench: Bench, table: _Table, left_out: Mapping[str, Sequence[str]]) -> None:
-    """Append the final model without each of these terms or groups, the one it misses most first."""
+    """Append the final model without each of these terms or groups, the worst first."""
     rests = [[other for other in bench.names if other not in names] for names in left_out.values()]
     for name, found in sorted(zip(left_out, bench.judged(rests), strict=True), key=lambda row: -_total(row[1])):
         table.add("without", name, found)
 
 
-def _shares(bench: Bench, table: _Table, told: Sequence[str], replays: int, seed: int) -> None:
-    """Append the Shapley shares of the terms `told` and of all others together."""
-    others = [name for name in bench.names if name not in told]
-    players = [[name] for name in told] + ([others] if others else [])
-    labels = [*told, *([OTHERS] if others else [])]
+def _shares(bench: Bench, table: _Table, separate: Sequence[str], replays: int, seed: int) -> None:
+    """Append the Shapley shares of the terms `separate` and of all others together."""
+    others = [name for name in bench.names if name not in separate]
+    players = [[name] for name in separate] + ([others] if others else [])
+    labels = [*separate, *([OTHERS] if others else [])]
 
     def game(choices):
         flown = bench.judged([[name for player in choice for name in players[player]] for choice in choices])
         return np.stack([found.counted(table.criteria) for found in flown])
 
     found = shares(len(players), game, replays, seed)
-    # what adds to the miss comes first: no level of the waterfall is below the miss of the final model
+    # what adds to the mismatch comes first: no level of the waterfall is below the mismatch of the final model
     change = found.share[:, 0]
     order = sorted(range(len(players)), key=lambda k: (change[k] < 0.0, labels[k] == OTHERS, -abs(change[k])))
     left = table.start + np.cumsum(found.share[order], axis=0)

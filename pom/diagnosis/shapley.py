@@ -46,7 +46,7 @@ def shares(players: int, game: Game, budget: int, seed: int = 0) -> Shares:
         Choices of players to the values (choice, quantity), any number of quantities at once.
     budget : int
         Choices that may be evaluated.  Exact when 2**n are within it, else as many pairs of orders as are, but at least
-        `LEAST_PAIRS`: fewer tell nothing of their own scatter.
+        `LEAST_PAIRS`: fewer give no estimate of their own scatter.
     seed : int
         Of the generator that draws the orders.
     """

@@ -38,20 +38,20 @@ class Judged:
     ----------
     verdict : str
         Status of the case.
-    miss, ratio : dict of str to float
+    mismatch, ratio : dict of str to float
         By judged criterion: rms of difference over half width of a time history, the ratio itself of a scalar; largest ratio. [1]
     total : float
-        Root mean square of the misses of the groups, of each group the best alternative. [1]
+        Root mean square of the mismatches of the groups, of each group the best alternative. [1]
     """
 
     verdict: str
-    miss: dict[str, float]
+    mismatch: dict[str, float]
     ratio: dict[str, float]
     total: float
 
     def counted(self, criteria: Iterable[str]) -> np.ndarray:
-        """Return the total miss and that of every criterion as they count, at most `CEILING` (1 + criterion,)."""
-        return np.array([np.fmin(miss, CEILING) for miss in (self.total, *(self.miss.get(name, CEILING) for name in criteria))])
+        """Return the total mismatch and that of every criterion as they count, at most `CEILING` (1 + criterion,)."""
+        return np.array([np.fmin(mismatch, CEILING) for mismatch in (self.total, *(self.mismatch.get(name, CEILING) for name in criteria))])
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class Bench:
         return scales
 
     def _judge(self, outputs: Mapping[str, np.ndarray], failure: str) -> Judged:
-        miss: dict[str, float] = {}
+        mismatch: dict[str, float] = {}
         ratio: dict[str, float] = {}
         verdicts: dict[str, str] = {}
         groups: dict[str, float] = {}
@@ -138,11 +138,11 @@ class Bench:
             if found.verdict not in ("pass", "fail", "invalid"):
                 continue
             ratio[criterion.name] = found.worst_ratio
-            miss[criterion.name] = found.rms if np.isfinite(found.rms) else found.worst_ratio  # of a curve, of a number
-            counted = float(np.fmin(miss[criterion.name], CEILING))
+            mismatch[criterion.name] = found.rms if np.isfinite(found.rms) else found.worst_ratio  # of a curve, of a number
+            counted = float(np.fmin(mismatch[criterion.name], CEILING))
             groups[criterion.group] = min(groups.get(criterion.group, CEILING), counted)
         total = float(np.sqrt(np.mean(np.square(list(groups.values()))))) if groups else np.nan
-        return Judged(status_of(group_verdicts(self.case, verdicts)), miss, ratio, total)
+        return Judged(status_of(group_verdicts(self.case, verdicts)), mismatch, ratio, total)
 
 
 def _parts(case: PomCase, flight: Mapping[str, np.ndarray], aircraft: tuple[Aircraft, Aircraft]) -> tuple[str, ...]:

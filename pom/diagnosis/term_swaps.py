@@ -55,7 +55,7 @@ def groups_of(
     -------
     dict of str to tuple of str
         ``Cm/*`` all of a coefficient, ``*(gear)`` all terms that depend on a variable, ``engine/*`` all parts of a submodel,
-        ``C*/*`` all terms (beside parts), and those that are `wanted`.  Groups of one, of all, and repetitions are left out.
+        ``C*/*`` all terms (and no parts), and those that are `wanted`.  Groups of one, of all, and repetitions are left out.
 
     Raises
     ------
@@ -115,20 +115,20 @@ def swap_terms(prior: xr.DataTree, final: xr.DataTree, names: Iterable[str], why
     """
     theirs, ours = aerodb.terms(final), aerodb.terms(prior)
     names = [name for name in names if name in theirs or name in ours]
-    taken = {name: _told(theirs[name], (why or {}).get(name, "")) for name in names if name in theirs}
+    taken = {name: _with_line(theirs[name], (why or {}).get(name, "")) for name in names if name in theirs}
     swapped = aerodb.replace_terms(prior, taken, "term swap")
     gone = [name for name in names if name not in theirs]
     reasons = "; ".join(f"{name}: {why[name]}" for name in gone if why and name in why)
     return aerodb.delete_terms(swapped, gone, f"term swap; {reasons}" if reasons else "term swap") if gone else swapped
 
 
-def _told(leaf: xr.Dataset, line: str) -> xr.Dataset:
+def _with_line(leaf: xr.Dataset, line: str) -> xr.Dataset:
     history = [text for text in (str(leaf.attrs.get("history", "")), line) if text]
     return leaf.assign_attrs(history="\n".join(history)) if line else leaf
 
 
 def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
-    """Return the terms and parts that the sequences of several diagnoses needed, in the order of the share each closes alone.
+    """Return the terms and parts that the sequences of several diagnoses needed, in the order of the share each explains alone.
 
     Parameters
     ----------
@@ -137,38 +137,38 @@ def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
     """
     share: dict[str, float] = {}
     for table in diagnoses:
-        alone = _closes(table, "single")
+        alone = _explained(table, "single")
         for name in table.loc[table["stage"] == "sequence", "term"]:
             share[name] = max(share.get(name, -np.inf), alone[name])
     return sorted(share, key=lambda name: -share[name])
 
 
 def reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
-    """Return, by term or part that the corrected model takes, which cases asked for it and what it closes there.
+    """Return, by term or part that the corrected model takes, which cases need it and what it explains there.
 
     Parameters
     ----------
     diagnoses : mapping of str to DataFrame
         Name of the case to its table of `diagnose`.
     """
-    said: dict[str, list[str]] = {}
+    found: dict[str, list[str]] = {}
     for case, table in diagnoses.items():
-        alone, share = _closes(table, "single"), _closes(table, "share")
+        alone, share = _explained(table, "single"), _explained(table, "share")
         for name in table.loc[table["stage"] == "sequence", "term"]:
             part = f", share {100.0 * share[name]:.0f} %" if name in share else ""
-            said.setdefault(name, []).append(f"{case} (alone {100.0 * alone[name]:.0f} % of the gap{part})")
-    return {name: f"needed by {'; '.join(said[name])}" for name in corrected_terms(diagnoses.values())}
+            found.setdefault(name, []).append(f"{case} (alone {100.0 * alone[name]:.0f} % of the gap{part})")
+    return {name: f"needed by {'; '.join(found[name])}" for name in corrected_terms(diagnoses.values())}
 
 
-def _closes(table: pd.DataFrame, stage: str) -> dict[str, float]:
+def _explained(table: pd.DataFrame, stage: str) -> dict[str, float]:
     rows = table[table["stage"] == stage]
-    return dict(zip(rows["term"], rows["closes"], strict=True))
+    return dict(zip(rows["term"], rows["explained"], strict=True))
 
 
 def corrected_database(prior: xr.DataTree, final: xr.DataTree, diagnoses: Mapping[str, pd.DataFrame], source: str = "") -> xr.DataTree:
     """Return the a-priori database with only the terms of the final one that the cases need: the corrected model of LR-743, 5.2.
 
-    The history of every term that was taken says from where and for which cases.
+    The history of every term that was taken states from where and for which cases.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def corrected_database(prior: xr.DataTree, final: xr.DataTree, diagnoses: Mappin
     """
     why = _lines(diagnoses, source or str(final.attrs.get("title", "the final database")))
     found = swap_terms(prior, final, why, why)
-    found.attrs["title"] = f"{prior.attrs['aircraft']}: a-priori database with the terms that the diagnosis asks for"
+    found.attrs["title"] = f"{prior.attrs['aircraft']}: a-priori database with the terms that the diagnosis needs"
     return found
 
 

@@ -220,7 +220,7 @@ PROVENANCE = {
 
 
 def diagnosis():
-    """A term-swap table with the columns of `pom.diagnose`; misses and shares are of one arithmetic."""
+    """A term-swap table with the columns of `pom.diagnose`; mismatches and shares are of one arithmetic."""
     nan = np.nan
     flown = [
         ("prior", "", nan, "fail", 1.21, 2.22, 0.9, 1.63),
@@ -239,13 +239,18 @@ def diagnosis():
     before = (1.21, 0.9)
     for stage, term, interaction, verdict, *numbers in flown:
         left = numbers[::2]
-        closed = [(a - x) / (m - e) for a, x, m, e in zip(before if stage == "share" else (1.21, 0.9), left, (1.21, 0.9), (0.02, 0.03))]
+        explained = [(a - x) / (m - e) for a, x, m, e in zip(before if stage == "share" else (1.21, 0.9), left, (1.21, 0.9), (0.02, 0.03))]
         before = left if stage == "share" else before
         stderr = 0.03 if stage == "share" else nan
-        row = {"stage": stage, "term": term, "closes": closed[0], "stderr": stderr, "interaction": interaction, "verdict": verdict}
+        row = {"stage": stage, "term": term, "explained": explained[0], "stderr": stderr, "interaction": interaction, "verdict": verdict}
         for k, name in enumerate(("pitch_angle", "pitch_rate")):
-            row |= {f"{name} miss": left[k], f"{name} ratio": numbers[2 * k + 1], f"{name} closes": closed[k], f"{name} stderr": stderr}
-        found.append({**row, "miss": left[0]})
+            row |= {
+                f"{name} mismatch": left[k],
+                f"{name} ratio": numbers[2 * k + 1],
+                f"{name} explained": explained[k],
+                f"{name} stderr": stderr,
+            }
+        found.append({**row, "mismatch": left[0]})
     return pd.DataFrame(found)
 
 

@@ -1,4 +1,4 @@
-"""The cause of a miss: the term swaps of `pom.diagnose` in words, numbers and bars, as LR-743 section 5.2 tells them."""
+"""The cause of a mismatch: the term swaps of `pom.diagnose` in words, numbers and bars, after LR-743 section 5.2."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from ..presentation.term_names import term_words
 from ..presentation.verdict_text import Verdict, words
 from .waterfall import cause_figure
 
-LEAST_SHOWN = 0.01  # a single term that closes less is counted only, a group not told
-LEAST_INTERACTION = 0.1  # of the gap: a pair that does less or more together than this is not told in words
+LEAST_SHOWN = 0.01  # a single term that explains less is counted only, a group is left out
+LEAST_INTERACTION = 0.1  # of the gap: a pair with less interaction is not mentioned in the text
 _TITLES = {
     "prior": "a-priori model",
     "single": "a-priori model with one term taken from the final model",
@@ -26,7 +26,7 @@ _TITLES = {
     "pair": "a-priori model with two terms taken from the final model: the pairs that interact most",
     "sequence": "corrected a-priori model: terms of the final model taken one after the other",
     "without": "final model without a term or group",
-    "share": "fair split of the gap: what each term closes on average over all orders of taking them",
+    "share": "fair split of the gap: what each term explains on average over all orders of taking them",
     "final": "final model",
 }
 _MOST = {"single": 8, "group": 4, "pair": 3, "without": 5}  # rows shown
@@ -35,7 +35,7 @@ _LOW, _HIGH = -0.2, 1.2
 
 
 def cause(result: PomResult, table: pd.DataFrame | None) -> dict[str, Any] | None:
-    """Return everything the template needs to tell the cause, or nothing without a diagnosis."""
+    """Return everything the template needs to show the cause, or nothing without a diagnosis."""
     if table is None or table.empty:
         return None
     criteria = [{"name": name, "words": words(name)} for name in criteria_of(table)]
@@ -43,9 +43,9 @@ def cause(result: PomResult, table: pd.DataFrame | None) -> dict[str, Any] | Non
     stages = []
     for stage, title in _TITLES.items():
         rows = by_stage[stage]
-        felt = [row for row in rows if stage not in ("single", "group") or not abs(row["closes"]) < LEAST_SHOWN]
+        felt = [row for row in rows if stage not in ("single", "group") or not abs(row["explained"]) < LEAST_SHOWN]
         kept = felt[: _MOST.get(stage, len(rows))]
-        starts = [0.0, *(row["closes"] for row in rows)] if stage == "sequence" else [0.0] * (len(rows) + 1)
+        starts = [0.0, *(row["explained"] for row in rows)] if stage == "sequence" else [0.0] * (len(rows) + 1)
         shown = [_row(row, start, criteria) for row, start in zip(kept, starts, strict=False)]
         hidden = len(rows) - len(kept) if stage == "single" else 0
         if shown or hidden:
@@ -73,34 +73,38 @@ def story(table: pd.DataFrame) -> str:
     if by["prior"][0]["verdict"] == "pass":
         return "The a-priori model is within tolerance; no term has to be taken from the final model."
     if by["prior"][0]["verdict"] == "not_tested":
-        return "No criterion of this case carries a verdict, so there is no miss to explain."
-    said = [f"The a-priori model {'could not be judged' if by['prior'][0]['verdict'] == 'invalid' else 'is out of tolerance'}."]
-    singles = [row for row in by["single"] if row["closes"] >= LEAST_SHOWN]
+        return "No criterion of this case carries a verdict, so there is no mismatch to explain."
+    sentences = [f"The a-priori model {'could not be judged' if by['prior'][0]['verdict'] == 'invalid' else 'is out of tolerance'}."]
+    singles = [row for row in by["single"] if row["explained"] >= LEAST_SHOWN]
     if singles:
         best = singles[0]
-        said.append(f"Of single terms of the final model the {_called(best['term'])} closes most of the gap, {_percent(best['closes'])}.")
+        sentences.append(
+            f"Of single terms of the final model the {_called(best['term'])} explains most of the gap, {_percent(best['explained'])}."
+        )
     else:
-        said.append("No single term of the final model brings it nearer to the flight.")
+        sentences.append("No single term of the final model brings it nearer to the flight.")
     if by["sequence"]:
         chosen, last = [row["term"] for row in by["sequence"]], by["sequence"][-1]
-        state = "is within tolerance" if last["verdict"] == "pass" else f"closes {_percent(last['closes'])} and is still out of tolerance"
+        state = (
+            "is within tolerance" if last["verdict"] == "pass" else f"explains {_percent(last['explained'])} and is still out of tolerance"
+        )
         taken = _called(chosen[0]) if len(chosen) == 1 else f"{', '.join(chosen[:-1])} and {chosen[-1]}"
-        said.append(f"With {'the ' if len(chosen) == 1 else ''}{taken} from the final model, the corrected a-priori model {state}.")
+        sentences.append(f"With {'the ' if len(chosen) == 1 else ''}{taken} from the final model, the corrected a-priori model {state}.")
     if by["pair"] and abs(by["pair"][0]["interaction"]) >= LEAST_INTERACTION:
-        said.append(_interaction(by["pair"][0], {row["term"]: row["closes"] for row in by["single"]}))
-    return " ".join(said)
+        sentences.append(_interaction(by["pair"][0], {row["term"]: row["explained"] for row in by["single"]}))
+    return " ".join(sentences)
 
 
 def _interaction(pair: Mapping[Hashable, Any], alone: Mapping[str, float]) -> str:
     """Return the sentence about the pair that interacts most."""
     one, other = str(pair["term"]).split(" + ")
     parts = f"{_percent(alone[one])} and {_percent(alone[other])}"
-    return f"Terms do not simply add up: {one} and {other} close {parts} alone, {_percent(pair['closes'])} together."
+    return f"Terms do not simply add up: {one} and {other} explain {parts} alone, {_percent(pair['explained'])} together."
 
 
 def _called(term: str) -> str:
-    said = term_words(term)
-    return f"{said} ({term})" if said else f"term {term}"
+    meaning = term_words(term)
+    return f"{meaning} ({term})" if meaning else f"term {term}"
 
 
 def _percent(share: float, stderr: float = 0.0) -> str:
@@ -112,13 +116,16 @@ def _row(row: Mapping[Hashable, Any], start: float, criteria: Sequence[Mapping[s
     term, is_share = str(row["term"]), row["stage"] == "share"
     cells = []
     for c in criteria:
-        cells += [_percent(row[f"{c['name']} closes"], row[f"{c['name']} stderr"]), "" if is_share else fixed(row[f"{c['name']} ratio"], 2)]
+        cells += [
+            _percent(row[f"{c['name']} explained"], row[f"{c['name']} stderr"]),
+            "" if is_share else fixed(row[f"{c['name']} ratio"], 2),
+        ]
     return {
         "term": term,
         "names": ["all others"] if term == OTHERS else term.split(" + "),
         "words": " and ".join(filter(None, map(term_words, term.split(" + ")))),
-        "closes": _percent(row["closes"], row["stderr"]),
-        "bar": _bar(start, row["closes"]) if term else None,
+        "explained": _percent(row["explained"], row["stderr"]),
+        "bar": _bar(start, row["explained"]) if term else None,
         "verdict": None if is_share else Verdict.of(row["verdict"]),
         "cells": cells,
     }

@@ -1,4 +1,4 @@
-"""The waterfall of a diagnosis: from the miss of the a-priori model to that of the final one, share by share, in all and per criterion."""
+"""The waterfall of a diagnosis: from the mismatch of the a-priori to that of the final model, share by share, in all and per criterion."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from ..presentation import svg_chart
 from ..presentation.quantities import fixed
 from ..presentation.svg_chart import Frame
 
-MOST_PANELS = 4  # criteria beside the total
-LEAST_TOLD = 0.005  # of the gap: smaller shares are not told in the alternative text
+MOST_PANELS = 4  # criteria next to the total
+LEAST_NAMED = 0.005  # of the gap: smaller shares are left out of the alternative text
 _NAMES, _TOTAL, _GAP = 116.0, 210.0, 10.0  # widths of the names, of the panel of the total with its numbers, between panels
-_NUMBER, _WITH_ERROR = 36.0, 58.0  # width of the numbers beside a panel
+_NUMBER, _WITH_ERROR = 36.0, 58.0  # width of the numbers next to a panel
 _HEAD, _ROW, _BAR = 36.0, 17.0, 10.0
-_LEGEND = (("run-2-area", "closes, taken by the corrected model"), ("band", "closes, not needed"), ("exit", "adds to the miss"))
+_LEGEND = (("run-2-area", "explains, taken by the corrected model"), ("band", "explains, not needed"), ("exit", "adds to the mismatch"))
 
 
 @dataclass(frozen=True)
 class _Bar:
-    """One row of a panel: from `start` to `stop`, with what stands beside it."""
+    """One row of a panel: from `start` to `stop`, with what stands next to it."""
 
     start: float
     stop: float
@@ -38,7 +38,7 @@ def cause_figure(table: pd.DataFrame) -> str:
     """Return the waterfall as SVG with its alternative text; empty when the diagnosis has no shares.
 
     One row per term, first the a-priori model, last the final one.  A bar begins where the one above it ends; solid: a term that
-    the corrected model takes; open: not needed; hatched: it adds to the miss.  Whiskers: one standard error of a sampled share.
+    the corrected model takes; open: not needed; hatched: it adds to the mismatch.  Whiskers: one standard error of a sampled share.
     """
     total = waterfall(table)
     if total.empty:
@@ -51,20 +51,20 @@ def cause_figure(table: pd.DataFrame) -> str:
 
 def alternative(table: pd.DataFrame) -> str:
     """Return the waterfall in words, for those who cannot see it."""
-    said = []
+    sentences = []
     for name in ("", *_shown(table)):
         steps = waterfall(table, name)
-        told = [step for step in steps.to_dict("records") if abs(step["closes"]) >= LEAST_TOLD]
-        parts = [f"{_called(step['term'])} {_share(step['closes'], step['stderr'])}" for step in told]
+        large = [step for step in steps.to_dict("records") if abs(step["explained"]) >= LEAST_NAMED]
+        parts = [f"{_called(step['term'])} {_share(step['explained'], step['stderr'])}" for step in large]
         way = f"{fixed(steps['start'].iloc[0], 2)} to {fixed(steps['stop'].iloc[-1], 2)} half widths"
-        said.append(f"{name.replace('_', ' ') or 'all criteria'}, from {way}: {', '.join(parts) or 'no share of half a percent'}")
-    return f"Waterfall of the miss from the a-priori to the final model. {'. '.join(said)}."
+        sentences.append(f"{name.replace('_', ' ') or 'all criteria'}, from {way}: {', '.join(parts) or 'no share of half a percent'}")
+    return f"Waterfall of the mismatch from the a-priori to the final model. {'. '.join(sentences)}."
 
 
 def _shown(table: pd.DataFrame) -> list[str]:
-    """Return the criteria that have a gap, those first that the a-priori model misses most; none when there is but one criterion."""
+    """Return the criteria that have a gap, the largest mismatch of the a-priori model first; none when there is but one criterion."""
     found = {name: waterfall(table, name) for name in criteria_of(table)}
-    shown = [name for name, steps in found.items() if len(found) > 1 and steps["closes"].notna().all()]
+    shown = [name for name, steps in found.items() if len(found) > 1 and steps["explained"].notna().all()]
     return sorted(shown, key=lambda name: -found[name]["start"].iloc[0])[:MOST_PANELS]
 
 
@@ -89,14 +89,14 @@ def _panel(title: str, steps: pd.DataFrame, needed: Collection[str], place: tupl
     for step in steps.to_dict("records"):
         start, stop, stderr = step["start"], step["stop"], step["stderr"]
         css = "exit" if stop > start else "run-2-area" if step["term"] in needed else "band"
-        bars.append(_Bar(start, stop, css, _share(step["closes"], stderr if main else 0.0), stderr * abs(first - last)))
+        bars.append(_Bar(start, stop, css, _share(step["explained"], stderr if main else 0.0), stderr * abs(first - last)))
     bars.append(_Bar(0.0, last, "run-3-area", fixed(last, 2)))
     left, width, bottom = place
     ends = [end for bar in bars for end in (bar.start - bar.stderr, bar.stop - bar.stderr, bar.start + bar.stderr, bar.stop + bar.stderr)]
     frame = Frame(left, _HEAD, width, bottom - _HEAD, (min(0.0, *ends), 1.02 * max(ends)), (0.0, 1.0))
     lines = _two_lines(title, 20 if main else max(int((width + _NUMBER) / 5.6), 8))
     heading = [svg_chart.text(left, _HEAD - 8.0 - 12.0 * (len(lines) - 1 - k), line) for k, line in enumerate(lines)]
-    below = svg_chart.text(left, bottom + 26.0, "miss, in half widths of the tolerance", "caption") if main else ""
+    below = svg_chart.text(left, bottom + 26.0, "mismatch, in half widths of the tolerance", "caption") if main else ""
     return "".join([*heading, _scale(frame), *(_row(frame, k, bar) for k, bar in enumerate(bars)), _joints(frame, bars), below])
 
 
@@ -112,7 +112,7 @@ def _scale(frame: Frame) -> str:
 
 
 def _row(frame: Frame, k: int, bar: _Bar) -> str:
-    """Return the bar of row `k`, its whisker, and the number beside the panel."""
+    """Return the bar of row `k`, its whisker, and the number next to the panel."""
     a, b = sorted((float(frame.px(bar.start)), float(frame.px(bar.stop))))
     middle = frame.top + _ROW * (k + 0.5)
     parts = [svg_chart.rect(a, middle - 0.5 * _BAR, max(b - a, 0.8), _BAR, f"{bar.css} frame" if bar.css == "band" else bar.css)]
@@ -152,9 +152,9 @@ def _called(term: str) -> str:
     return "all others" if term == OTHERS else term
 
 
-def _share(closes: float, stderr: float) -> str:
+def _share(explained: float, stderr: float) -> str:
     error = f" ± {fixed(100.0 * stderr, 0)}" if stderr > 0.0 else ""
-    return f"{fixed(100.0 * closes, 0)}{error} %" if math.isfinite(closes) else ""
+    return f"{fixed(100.0 * explained, 0)}{error} %" if math.isfinite(explained) else ""
 
 
 def _two_lines(words: str, most: int) -> list[str]:

@@ -1,4 +1,4 @@
-"""The cause of a miss as a waterfall: from the miss of the a-priori model, share by share, to that of the final model."""
+"""The cause of a mismatch as a waterfall: from the mismatch of the a-priori model, share by share, to that of the final model."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LEFT, RIGHT, ROW, HEAD = 350.0, 96.0, 16.0, 16.0
 
 
 def waterfall(table: pd.DataFrame) -> Drawing | None:
-    """Draw the Shapley shares of a diagnosis as steps of the total miss.
+    """Draw the Shapley shares of a diagnosis as steps of the total mismatch.
 
     Parameters
     ----------
@@ -37,19 +37,19 @@ def waterfall(table: pd.DataFrame) -> Drawing | None:
     bars = [("a-priori model", 0.0, steps[0]["start"], "total", "")]
     for step in steps:
         css = "bar" if step["stop"] <= step["start"] else "rise"
-        bars.append((_called(str(step["term"])), step["start"], step["stop"], css, _share(step["closes"], step["stderr"])))
+        bars.append((_called(str(step["term"])), step["start"], step["stop"], css, _share(step["explained"], step["stderr"])))
     bars.append(("final model", 0.0, steps[-1]["stop"], "total", ""))
     edges = np.array([(start, stop) for _, start, stop, _, _ in bars])
     low, high = float(min(edges.min(), 0.0)), float(edges.max()) * 1.02
     scale = (WIDTH - LEFT - RIGHT) / ((high - low) or 1.0)
 
-    def at(miss: float) -> float:
-        return LEFT + (miss - low) * scale
+    def at(mismatch: float) -> float:
+        return LEFT + (mismatch - low) * scale
 
     bottom, marks = HEAD + ROW * len(bars), ticks(low, high, 5)
     parts = [line(at(x), HEAD - 3, at(x), bottom, "grid") for x in marks]
     parts += [text(at(x), HEAD - 5, word, "tick", "middle") for x, word in zip(marks, tick_text(marks), strict=True)]
-    parts.append(text(LEFT - 20, HEAD - 5, "total miss, in half widths", "caption", "end"))
+    parts.append(text(LEFT - 20, HEAD - 5, "total mismatch, in half widths", "caption", "end"))
     for i, (name, start, stop, css, share) in enumerate(bars):
         y = HEAD + ROW * i
         a, b = sorted((at(start), at(stop)))
@@ -57,23 +57,24 @@ def waterfall(table: pd.DataFrame) -> Drawing | None:
         parts.append(text(b + 5, y + 11.5, share or fixed(stop, 2), "tick"))
         if i + 1 < len(bars):
             parts.append(line(at(stop), y + ROW - 2.5, at(stop), y + ROW + 2.5, "joint"))
-    said = "; ".join(f"{name}: {share or fixed(stop, 2)}" for name, _, stop, _, share in bars)
-    return Drawing(svg(bottom + 3.0, "".join(parts)), bottom + 3.0, f"Shares of the terms in the total miss, in half widths. {said}.")
+    steps_in_words = "; ".join(f"{name}: {share or fixed(stop, 2)}" for name, _, stop, _, share in bars)
+    alternative = f"Shares of the terms in the total mismatch, in half widths. {steps_in_words}."
+    return Drawing(svg(bottom + 3.0, "".join(parts)), bottom + 3.0, alternative)
 
 
 def _called(term: str) -> str:
     if term == OTHERS:
         return "all other terms together"
-    said = term_words(term)
-    return f"{term}  ({said})" if said else term
+    meaning = term_words(term)
+    return f"{term}  ({meaning})" if meaning else term
 
 
-def _share(closes: float, stderr: float) -> str:
-    """Return the share of the gap that a term closes, with its standard error when it was sampled."""
-    if not math.isfinite(closes):
+def _share(explained: float, stderr: float) -> str:
+    """Return the share of the gap that a term explains, with its standard error when it was sampled."""
+    if not math.isfinite(explained):
         return ""
     tail = f" ± {fixed(100.0 * stderr, 0)}" if math.isfinite(stderr) and stderr > 0.0 else ""
-    return f"closes {fixed(100.0 * closes, 0)}{tail} %"
+    return f"explains {fixed(100.0 * explained, 0)}{tail} %"
 
 
 def _fit(name: str, most: int = 72) -> str:

@@ -39,8 +39,8 @@ def test_the_ranking_and_the_corrected_database(aeromatch, files, tmp_path):
     done = aeromatch(*files, "-o", "corrected.nc", "--group", "pitch=Cm/elevator,CL/*")
     assert done.exit_code == 0, done.output
     lines = done.output.splitlines()
-    assert lines[1].split()[:4] == ["stage", "term", "closes", "verdict"]
-    assert "pitch_angle closed" in lines[1]
+    assert lines[1].split()[:4] == ["stage", "term", "explained", "verdict"]
+    assert "pitch_angle explained" in lines[1]
     table = {tuple(line.split()[:2]): line for line in lines}
     assert "pass" in table["sequence", "CL/basic"]
     assert "100 %" in table["group", "pitch"]
@@ -57,8 +57,8 @@ def test_json_holds_every_row_with_its_case(aeromatch, files):
     assert {row["case"] for row in rows} == {"a_case"}
     assert [row["term"] for row in rows if row["stage"] == "single"][-1] == "Cl/phat"
     share = [row for row in rows if row["stage"] == "share"]
-    assert sum(row["closes"] for row in share) == pytest.approx(1.0)
-    assert sum(row["normal_acceleration closes"] for row in share) == pytest.approx(1.0)
+    assert sum(row["explained"] for row in share) == pytest.approx(1.0)
+    assert sum(row["normal_acceleration explained"] for row in share) == pytest.approx(1.0)
 
 
 def test_parts_of_the_aircraft_go_into_a_corrected_file(aeromatch, write_case, trainer, tmp_path):

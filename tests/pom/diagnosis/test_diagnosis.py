@@ -39,12 +39,12 @@ def test_the_spoilt_term_closes_the_gap_alone(case, truth, trainer):
     assert table.loc[0, "verdict"] == "fail"
     assert table.loc[1, "verdict"] == "pass"
     assert table.loc[2, "term"] == "Cm/elevator"
-    assert table.loc[2, "closes"] == pytest.approx(1.0, abs=0.02)
-    assert table.loc[3, "closes"] == pytest.approx(0.0, abs=0.02)  # roll damping has no part in a short period
+    assert table.loc[2, "explained"] == pytest.approx(1.0, abs=0.02)
+    assert table.loc[3, "explained"] == pytest.approx(0.0, abs=0.02)  # roll damping has no part in a short period
     assert table.loc[4, "verdict"] == "pass"
     assert list(table.loc[6:, "term"]) == ["Cm/elevator", "others"]
-    assert table.loc[6, "closes"] == pytest.approx(1.0, abs=0.02)
-    assert table.loc[5, "closes"] == pytest.approx(0.0, abs=0.02)  # the final model without it is the a-priori one
+    assert table.loc[6, "explained"] == pytest.approx(1.0, abs=0.02)
+    assert table.loc[5, "explained"] == pytest.approx(0.0, abs=0.02)  # the final model without it is the a-priori one
     assert pom.corrected_terms([table]) == ["Cm/elevator"]
 
 
@@ -55,7 +55,7 @@ def test_two_spoilt_terms_make_a_sequence_of_two(case, truth, trainer):
     sequence = table[table["stage"] == "sequence"]
     assert set(sequence["term"]) == {"Cm/elevator", "CL/basic"}
     assert sequence.iloc[-1]["verdict"] == "pass"
-    assert sequence.iloc[-1]["closes"] == pytest.approx(1.0, abs=0.02)
+    assert sequence.iloc[-1]["explained"] == pytest.approx(1.0, abs=0.02)
 
 
 def test_a_swap_by_scales_is_the_swap_of_the_database(case, truth, trainer):
@@ -67,7 +67,7 @@ def test_a_swap_by_scales_is_the_swap_of_the_database(case, truth, trainer):
     error = outputs["q"][0] - flight_states(case, truth)["q"].values
     expected = np.abs(error).max() / np.radians(2.0)
     assert table.loc[("single", "CL/basic"), "pitch_rate ratio"] == pytest.approx(expected, rel=1e-6)
-    assert table.loc[("single", "CL/basic"), "pitch_rate miss"] == pytest.approx(np.sqrt(np.mean(error**2)) / np.radians(2.0), rel=1e-6)
+    assert table.loc[("single", "CL/basic"), "pitch_rate mismatch"] == pytest.approx(np.sqrt(np.mean(error**2)) / np.radians(2.0), rel=1e-6)
 
 
 def test_a_term_that_only_one_database_has_is_swapped_too(case, truth, trainer):
@@ -76,10 +76,10 @@ def test_a_term_that_only_one_database_has_is_swapped_too(case, truth, trainer):
     assert aerodb.terms(swap_terms(final, prior, ["Cm/alphadothat"])).keys() == aerodb.terms(prior).keys()
     assert differing(prior, final) == ["Cm/alphadothat"]
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth).set_index("stage")
-    assert table.loc["single", "closes"] == pytest.approx(1.0)
+    assert table.loc["single", "explained"] == pytest.approx(1.0)
     back = pom.diagnose(case, final, prior, trainer.AIRCRAFT, truth).set_index("stage")
-    assert np.isnan(back.loc["single", "closes"])  # the "final" one is the worse
-    assert back.loc["single", "pitch_rate miss"] == pytest.approx(table.loc["prior", "pitch_rate miss"])
+    assert np.isnan(back.loc["single", "explained"])  # the "final" one is the worse
+    assert back.loc["single", "pitch_rate mismatch"] == pytest.approx(table.loc["prior", "pitch_rate mismatch"])
 
 
 def test_equal_databases_have_no_terms_to_swap(case, truth, trainer):
@@ -104,7 +104,7 @@ def test_a_missing_rudder_is_found_behind_a_dutch_roll_that_is_not_there(write_c
 
 
 def test_a_term_that_helps_only_with_another_is_found(case, truth, trainer):
-    """All of the pitching moment too strong by one factor: each term alone makes it worse, all together close the gap."""
+    """All of the pitching moment too strong by one factor: each term alone makes it worse, all together explain the gap."""
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=1.6, Cm_basic=1.6, Cm_qhat=1.6, Cm_alphadothat=1.6)
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
@@ -138,7 +138,7 @@ def test_an_engine_before_the_flights_is_swapped_like_a_term(write_case, trainer
     table = pom.diagnose(read_case(path), db, db, strong, found, weak).set_index("stage")
     assert table.loc["prior", "verdict"] == "fail"
     assert table.loc["single", "term"] == "engine/thrust"
-    assert table.loc["single", "closes"] == pytest.approx(1.0)
+    assert table.loc["single", "explained"] == pytest.approx(1.0)
     table = table.reset_index()
     assert pom.corrected_terms([table]) == ["engine/thrust"]
     assert list(table.loc[table["stage"] == "share", "term"]) == ["engine/thrust"]
@@ -149,23 +149,23 @@ def test_an_engine_before_the_flights_is_swapped_like_a_term(write_case, trainer
 
 
 def test_shares_of_two_terms_by_hand(case, truth, trainer):
-    """Two orders: a term closes what it closes alone when it comes first, and what the other leaves when it comes last."""
+    """Two orders: a term explains what it explains alone when it comes first, and what the other leaves when it comes last."""
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=0.6, Cm_qhat=0.5)
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
     alone = table[table["stage"] == "single"].set_index("term")
     share = table[table["stage"] == "share"].set_index("term")
     pair = table[table["stage"] == "pair"].iloc[0]
-    for column in ("closes", "pitch_angle closes", "normal_acceleration closes"):
+    for column in ("explained", "pitch_angle explained", "normal_acceleration explained"):
         for one, other in (("Cm/elevator", "Cm/qhat"), ("Cm/qhat", "Cm/elevator")):
             by_hand = 0.5 * (alone.loc[one, column] + 1.0 - alone.loc[other, column])
             assert share.loc[one, column] == pytest.approx(by_hand, rel=1e-9)
     assert set(pair["term"].split(" + ")) == {"Cm/elevator", "Cm/qhat"}
-    assert pair["closes"] == pytest.approx(1.0)
-    assert pair["interaction"] == pytest.approx(1.0 - alone["closes"].sum(), rel=1e-9)
+    assert pair["explained"] == pytest.approx(1.0)
+    assert pair["interaction"] == pytest.approx(1.0 - alone["explained"].sum(), rel=1e-9)
     without = table[table["stage"] == "without"].set_index("term")
     for one, other in (("Cm/elevator", "Cm/qhat"), ("Cm/qhat", "Cm/elevator")):
-        assert without.loc[one, "closes"] == alone.loc[other, "closes"]  # of two terms, one left out is the other alone
+        assert without.loc[one, "explained"] == alone.loc[other, "explained"]  # of two terms, one left out is the other alone
     assert (share["stderr"] == 0.0).all()
     assert set(share["verdict"]) == {"not_tested"}
 
@@ -177,8 +177,8 @@ def test_the_waterfall_leads_from_the_one_miss_to_the_other(case, truth, trainer
     by = table.drop_duplicates("stage").set_index("stage")
     for criterion, prefix in (("", ""), ("pitch_rate", "pitch_rate ")):
         steps = pom.waterfall(table, criterion)
-        assert steps["start"].iloc[0] == by.loc["prior", f"{prefix}miss"]
-        assert steps["stop"].iloc[-1] == pytest.approx(by.loc["final", f"{prefix}miss"], abs=1e-12)
+        assert steps["start"].iloc[0] == by.loc["prior", f"{prefix}mismatch"]
+        assert steps["stop"].iloc[-1] == pytest.approx(by.loc["final", f"{prefix}mismatch"], abs=1e-12)
         assert (steps["start"].values[1:] == steps["stop"].values[:-1]).all()
     assert list(pom.waterfall(table)["term"])[-1] == "others"
     assert len(pom.waterfall(table)) == 3
@@ -191,7 +191,7 @@ def test_terms_are_ranked_per_criterion(case, truth, trainer):
     assert found.loc[("pitch_angle", 1), "term"] == "Cm/elevator"
     for criterion in ("", "pitch_angle", "pitch_rate", "normal_acceleration"):
         rows = found.loc[criterion]
-        assert rows["closes"].sum() == pytest.approx(1.0)
+        assert rows["explained"].sum() == pytest.approx(1.0)
         assert rows["change"].is_monotonic_increasing
         assert rows.loc[1, "change"] < 0.0
 
@@ -205,10 +205,10 @@ def test_many_terms_are_shared_by_sampled_orders_with_a_stated_error(case, truth
     )
     assert (exact["stderr"] == 0.0).all()
     assert (sampled["stderr"] > 0.0).any()
-    assert sampled["closes"].equals(again["closes"])
-    assert not np.allclose(sampled["closes"], other["closes"][sampled.index])
-    assert sampled["closes"].sum() == pytest.approx(1.0)
-    assert (np.abs(sampled["closes"] - exact["closes"][sampled.index]) < 4.0 * sampled["stderr"]).all()
+    assert sampled["explained"].equals(again["explained"])
+    assert not np.allclose(sampled["explained"], other["explained"][sampled.index])
+    assert sampled["explained"].sum() == pytest.approx(1.0)
+    assert (np.abs(sampled["explained"] - exact["explained"][sampled.index]) < 4.0 * sampled["stderr"]).all()
 
 
 def test_a_criterion_without_a_gap_has_no_shares(write_case, truth, trainer):
@@ -217,8 +217,8 @@ def test_a_criterion_without_a_gap_has_no_shares(write_case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.8)
     table = pom.diagnose(read_case(path), prior, final, trainer.AIRCRAFT, truth)
-    assert table["phi closes"].isna().all()
-    assert table.loc[table["stage"] == "share", "pitch_rate closes"].notna().all()
+    assert table["phi explained"].isna().all()
+    assert table.loc[table["stage"] == "share", "pitch_rate explained"].notna().all()
 
 
 def test_groups_are_swapped_as_a_whole(write_case, trainer):
@@ -231,7 +231,7 @@ def test_groups_are_swapped_as_a_whole(write_case, trainer):
     table = pom.diagnose(read_case(write_case()), prior, final, trainer.AIRCRAFT, truth, groups=wanted)
     rows = table[table["stage"] == "group"].set_index("term")
     assert set(rows.index) == {"CL/*", "Cm/*", "*(gear)", "pitch damping and gear"}
-    assert rows.loc["pitch damping and gear", "closes"] == pytest.approx(1.0)
+    assert rows.loc["pitch damping and gear", "explained"] == pytest.approx(1.0)
     job = job_of(read_case(write_case()), flight_states(read_case(write_case()), truth))
     outputs, _ = fly(flightmech.compile(trainer.AIRCRAFT, swap_terms(prior, final, ["CL/gear", "Cm/gear"])), job)
     flown = flight_states(read_case(write_case()), truth)["q"].values
@@ -249,7 +249,7 @@ def test_the_corrected_database_says_where_its_terms_come_from(case, truth, trai
     taken = pom.corrected_terms([table])
     assert set(differing(corrected, prior)) == set(taken)
     assert {"Cm/elevator", "CL/basic"} <= set(taken)
-    alone = table[table["stage"] == "single"].set_index("term").loc["CL/basic", "closes"]
+    alone = table[table["stage"] == "single"].set_index("term").loc["CL/basic", "explained"]
     history = aerodb.terms(corrected)["CL/basic"].attrs["history"]
     assert f"pom diagnose: from final.nc, needed by short_period (alone {100 * alone:.0f} % of the gap, share" in history
     assert history.endswith("replace_terms: replaced (term swap)")
@@ -282,4 +282,4 @@ def test_a_footprint_has_no_miss_to_explain(case, truth, trainer):
     table = pom.diagnose(case, trainer.scaled(final, Cm_elevator=0.6), final, trainer.AIRCRAFT, truth)
     assert list(table["stage"]) == ["prior", "final", "single"]
     assert set(table["verdict"]) == {"not_tested"}
-    assert table["closes"].isna().all()
+    assert table["explained"].isna().all()

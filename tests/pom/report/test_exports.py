@@ -48,6 +48,15 @@ def test_results_come_back_from_netcdf_bit_for_bit(folder):
     pd.testing.assert_frame_equal(table, fixture.diagnosis().assign(**{"spiral stderr": np.nan}))
 
 
+def test_columns_of_an_earlier_diagnosis_get_their_present_names(tmp_path):
+    """Files that were written before the columns were renamed hold ``closes`` and ``miss``."""
+    now = fixture.diagnosis()
+    before = now.rename(columns=lambda name: name.replace("explained", "closes").replace("mismatch", "miss"))
+    assert {"closes", "miss", "pitch_rate closes", "pitch_rate miss"} <= set(before.columns)
+    archive.write_archive(tmp_path / "results.nc", archive.Archive([], diagnoses={"a": before}), [])
+    pd.testing.assert_frame_equal(archive.read_archive(tmp_path / "results.nc").diagnoses["a"], now)
+
+
 def test_inputs_on_another_clock_keep_it(tmp_path):
     result = fixture.short_period_result()
     coarse = replace(result, inputs=result.inputs.isel(time=slice(None, None, 5)))

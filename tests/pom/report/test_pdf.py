@@ -253,7 +253,7 @@ def test_panels_fill_the_room_and_never_more(room):
 def shares():
     rows = [("prior", "", 0.0, 0.0, 2.0), ("final", "", 1.0, 0.0, 0.4), ("share", "CD/gear", -0.1, 0.02, 2.16)]
     rows += [("share", "Cm/qhat", 0.8, 0.05, 0.88), ("share", "others", 0.3, 0.0, 0.4)]
-    return pd.DataFrame(rows, columns=["stage", "term", "closes", "stderr", "miss"])
+    return pd.DataFrame(rows, columns=["stage", "term", "explained", "stderr", "mismatch"])
 
 
 def test_the_waterfall_falls_from_the_prior_to_the_final_model():
@@ -261,11 +261,11 @@ def test_the_waterfall_falls_from_the_prior_to_the_final_model():
     bars = [e for e in ElementTree.fromstring(item.svg).iter(f"{SVG}rect") if e.get("class") in ("bar", "rise", "total")]
     assert [bar.get("class") for bar in bars] == ["total", "rise", "bar", "bar", "total"]
     ends = [(float(bar.get("x")), float(bar.get("x")) + float(bar.get("width"))) for bar in bars]
-    assert ends[0][1] == pytest.approx(ends[1][0], abs=0.2)  # the first share starts at the miss of the prior
+    assert ends[0][1] == pytest.approx(ends[1][0], abs=0.2)  # the first share starts at the mismatch of the prior
     assert ends[1][1] == pytest.approx(ends[2][1], abs=0.2)
     assert ends[2][0] == pytest.approx(ends[3][1], abs=0.2)
     assert ends[3][0] == pytest.approx(ends[4][1], abs=0.2)  # and the last ends at that of the final model
-    assert "Cm/qhat  (pitching-moment increment due to pitch rate): closes 80 ± 5 %" in item.words
+    assert "Cm/qhat  (pitching-moment increment due to pitch rate): explains 80 ± 5 %" in item.words
     assert waterfall(shares().iloc[:2]) is None
     assert paper([fixture.short_period_result()], diagnoses={"short_period_full_flaps": fixture.diagnosis()}).startswith(b"%PDF")
 
