@@ -165,8 +165,8 @@ def work_on_a_file(folder: Path) -> None:
         "open": (lambda: aerodb.open(path), opened_by_xarray),
         "check": (lambda: aerodb.check(db), None),
         "replace one term": (lambda: aerodb.replace_terms(db, {"CL/t00": leaf}), None),
-        "scale one term": (lambda: aerodb.scale(db, "CL/t00", 1.1), None),
-        "scale all terms": (lambda: aerodb.scale(db, list(aerodb.terms(db)), 1.1), None),
+        "scale one term": (lambda: aerodb.edit.scale(db, "CL/t00", 1.1), None),
+        "scale all terms": (lambda: aerodb.edit.scale(db, list(aerodb.terms(db)), 1.1), None),
     }
     print(f"120 tables of 6 x 20 x 5 nodes, with standard errors and sources: {path.stat().st_size / 1e6:.2f} MB")
     for what, (ours, theirs) in rows.items():
@@ -182,11 +182,11 @@ def exports(folder: Path) -> None:
     db = of_120_tables()
     craft = Aircraft("bench", 30.0, 2.0, 15.9, 5000.0, 15000.0, 22000.0, 34000.0, limits={"delta_f": (0.0, 0.7)})
     rows: dict[str, tuple[Callable, Callable | None]] = {
-        "db.mat": (aerodb.export_matlab, aerodb.import_matlab),
-        "csv": (aerodb.export_csv, aerodb.import_csv),
-        "cases.csv": (aerodb.export_checkcases, lambda path: aerodb.run_checkcases(db, path)),
-        "db.dml": (aerodb.export_daveml, aerodb.import_daveml),
-        "db.xml": (lambda tree, path: aerodb.export_jsbsim(tree, path, craft), aerodb.import_jsbsim),
+        "db.mat": (aerodb.exchange.export_matlab, aerodb.exchange.import_matlab),
+        "csv": (aerodb.exchange.export_csv, aerodb.exchange.import_csv),
+        "cases.csv": (aerodb.exchange.export_checkcases, lambda path: aerodb.exchange.run_checkcases(db, path)),
+        "db.dml": (aerodb.exchange.export_daveml, aerodb.exchange.import_daveml),
+        "db.xml": (lambda tree, path: aerodb.exchange.export_jsbsim(tree, path, craft), aerodb.exchange.import_jsbsim),
     }
     print("the same, exported and imported (check cases: 200, made and run)")
     for name, (write, read) in rows.items():

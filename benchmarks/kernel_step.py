@@ -48,7 +48,7 @@ def citation_like(counts: tuple[int, ...] = CLASS) -> flightmech.SimModel:
         )
         leaves[f"/{SEQUENCE[i % 6]}/t{i:03d}"] = make(value, grid, REGRESSORS[i % len(REGRESSORS)], K1=factor)
     thrust = make(np.outer([300.0, 4500.0, 9000.0], [1.0, 0.8, 0.7]), {"throttle": [0.0, 0.6, 1.0], "mach": [0.0, 0.4, 0.8]})
-    engines = tuple(flightmech.Engine((0.0, side, 0.0), thrust=thrust, time_constant=1.0) for side in (-1.0, 1.0))
+    engines = tuple(flightmech.aircraft.Engine((0.0, side, 0.0), thrust=thrust, time_constant=1.0) for side in (-1.0, 1.0))
     craft = flightmech.Aircraft("bench", 30.0, 2.0, 15.9, 5000.0, 15000.0, 22000.0, 34000.0, Ixz=1000.0, engines=engines)
     return flightmech.compile(craft, xr.DataTree.from_dict(leaves))
 

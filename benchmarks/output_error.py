@@ -51,7 +51,7 @@ def aeroplane() -> flightmech.SimModel:
     basic = {"CL": 0.25 + 5.0 * ALPHA, "CD": 0.025 + 0.9 * ALPHA**2, "Cm": 0.02 - 0.7 * ALPHA}
     leaves = {f"/{c}/basic": make(value, {"alpha": ALPHA}) for c, value in basic.items()}
     leaves |= {f"/{c}/{x}": make(value, regressors=[x]) for c, terms in DERIVATIVES.items() for x, value in terms.items()}
-    engine = flightmech.Engine((0.0, 0.0, 0.0), thrust=make([0.0, 9000.0], {"throttle": [0.0, 1.0]}), time_constant=0.5)
+    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make([0.0, 9000.0], {"throttle": [0.0, 1.0]}), time_constant=0.5)
     craft = flightmech.Aircraft("trainer", 17.0, 1.67, 10.3, 2500.0, 10000.0, 8100.0, 15000.0, Ixz=500.0, engines=(engine,))
     return flightmech.compile(craft, xr.DataTree.from_dict(leaves))
 
@@ -123,7 +123,7 @@ def errors(seed: int, pole: float) -> tuple[np.ndarray, np.ndarray]:
     white = rng.standard_normal((len(t) + 200, len(CHANNELS)))
     noise = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], white, axis=0)[200:]
     record = record.assign({name: ("time", y[name].values + OUTPUTS[name] * noise[:, k]) for k, name in enumerate(CHANNELS)})
-    free = {name: flighttest.Unknown(None) for name in ("init.V", "init.alpha", "init.theta")} | {"sensor.alpha": 0.0}
+    free = {name: flighttest.maximum_likelihood.Unknown(None) for name in ("init.V", "init.alpha", "init.theta")} | {"sensor.alpha": 0.0}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AeromatchWarning)  # coloured noise in all channels looks like turbulence
         fit = flighttest.output_error(sim, record, {name: 0.9 for name in LONGITUDINAL} | free, CHANNELS, HELD)
@@ -141,7 +141,7 @@ def linear_errors(seed: int, gust: float, kind: str) -> tuple[np.ndarray, np.nda
     names = {"state": ["alpha", "q"], "state_": ["alpha", "q"], "input": ["delta_e"], "output": ["alpha", "q", "nz"]}
     blocks = {"A": ("state", "state_"), "B": ("state", "input"), "C": ("output", "state_"), "D": ("output", "input")}
     values = {"A": A, "B": B, "C": C, "D": np.zeros((3, 1))}
-    model = flighttest.linear_model(xr.Dataset({name: (blocks[name], x) for name, x in values.items()}, names))
+    model = flighttest.maximum_likelihood.linear_model(xr.Dataset({name: (blocks[name], x) for name, x in values.items()}, names))
     rng, fine = np.random.default_rng(seed), 10
     t = np.arange(0.0, 20.02, 0.04)
     u = 0.03 * np.interp(t, [1, 1.2, 2.5, 2.7, 4.2, 4.4, 6, 6.2], [0, 1, 1, -1, -1, 1, 1, 0]) + 0.01 * np.sin(5.0 * t) * (t < 15)
@@ -161,10 +161,10 @@ def linear_errors(seed: int, gust: float, kind: str) -> tuple[np.ndarray, np.nda
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", AeromatchWarning)
         if kind == "frequency":
-            fit = flighttest.frequency_output_error(model, record, start, band=(0.05, 3.0))
+            fit = flighttest.maximum_likelihood.frequency_output_error(model, record, start, band=(0.05, 3.0))
         else:
             calm = {"process.alpha": 0.01, "process.q": 0.01} if kind == "filter" else {}
-            fit = flighttest.filter_error(model, record, start | calm)
+            fit = flighttest.maximum_likelihood.filter_error(model, record, start | calm)
     e = fit.estimates.sel(parameter=list(ELEMENTS))
     off = e["estimate"].values - np.array(list(ELEMENTS.values()))
     return off / e["stderr"].values, off / e["stderr_white"].values

@@ -130,7 +130,7 @@ def databases(folder: Path) -> dict[str, xr.DataTree]:
     for year in FREE:
         found[f"regression {year}"] = aerodb.replace_terms(prior, aerodb.tabulate(citation.fits_of(year), prior, held=HELD))
         (folder / str(year)).mkdir()
-        flighttest.save_path(citation.path(year, "short_period", -3.0, 14.0), folder / str(year) / "path_short_period.nc")
+        flighttest.reconstruction.save_path(citation.path(year, "short_period", -3.0, 14.0), folder / str(year) / "path_short_period.nc")
         shutil.copy(maps / f"fit_pitch_{year}.toml", folder)
         perform(read_specification(folder / f"fit_pitch_{year}.toml")).write_database(folder / f"{year}.nc")
         found[f"output error {year}"] = aerodb.open(folder / f"{year}.nc")

@@ -81,7 +81,7 @@ def identify_lift(seed: int, durations: tuple[float, ...], colour: str, spread: 
     rng = np.random.default_rng(seed)
     parts = [lift(rng, duration, colour, spread * rng.normal()) for duration in durations]
     parts = [spoilt(rng, part) for part in parts] if spoil else parts
-    return flighttest.regress_frequency(MODEL, parts, BAND) if frequency else flighttest.regress(MODEL, parts)
+    return flighttest.equation_error.regress_frequency(MODEL, parts, BAND) if frequency else flighttest.regress(MODEL, parts)
 
 
 TERMS = {
@@ -122,10 +122,10 @@ def identify_flight(seed: int, flight: tuple[flightmech.Aircraft, xr.Dataset], c
         noisy[name] = clean[name] + 0.05 * float(clean[name].std()) * red(rng, clean.sizes["time"], 0.3)
     model = flighttest.Model(coefficient, list(TERMS[coefficient]))
     data = flighttest.coefficients(noisy, aircraft)
-    return flighttest.regress_frequency(model, data, (0.09, 1.8)) if frequency else flighttest.regress(model, data)
+    return flighttest.equation_error.regress_frequency(model, data, (0.09, 1.8)) if frequency else flighttest.regress(model, data)
 
 
-def show(name: str, study: flighttest.Study) -> None:
+def show(name: str, study: flighttest.equation_error.Study) -> None:
     e = study.estimates
     white = float(e["coverage_white"].mean())
     worst = float(np.abs(e["bias"] / e["bias_stderr"]).max())
@@ -146,11 +146,11 @@ DEMANDED = {
 """Records on which two standard errors must cover 92 to 98 %; all terms of a model together."""
 
 
-def demanded(case: str, seeds: int, jobs: int) -> flighttest.Study:
+def demanded(case: str, seeds: int, jobs: int) -> flighttest.equation_error.Study:
     """Return the study of one case of `DEMANDED`."""
     durations, colour, spread, spoil = DEMANDED[case]
     work = functools.partial(identify_lift, durations=durations, colour=colour, spread=spread, frequency=False, spoil=spoil)
-    return flighttest.monte_carlo(work, LIFT, range(seeds), jobs)
+    return flighttest.equation_error.monte_carlo(work, LIFT, range(seeds), jobs)
 
 
 def main() -> None:
@@ -177,10 +177,13 @@ def main() -> None:
                 continue
             work = functools.partial(identify_lift, durations=durations, colour=colour, spread=spread, frequency=frequency)
             what = f"{len(durations)} x {durations[0]:g} s, {colour}{', offsets' if spread else ''}"
-            show(f"{'frequency' if frequency else 'time'}: {what}", flighttest.monte_carlo(work, LIFT, seeds, given.jobs))
+            show(f"{'frequency' if frequency else 'time'}: {what}", flighttest.equation_error.monte_carlo(work, LIFT, seeds, given.jobs))
         for coefficient, truth in TERMS.items():
             work = functools.partial(identify_flight, flight=flight, coefficient=coefficient, frequency=frequency)
-            show(f"{'frequency' if frequency else 'time'}: kernel, {coefficient}", flighttest.monte_carlo(work, truth, seeds, given.jobs))
+            show(
+                f"{'frequency' if frequency else 'time'}: kernel, {coefficient}",
+                flighttest.equation_error.monte_carlo(work, truth, seeds, given.jobs),
+            )
 
 
 if __name__ == "__main__":

@@ -50,16 +50,16 @@ _TERMS = {"1": "one", "alpha": "alpha", "alpha**2": "alpha2", "qhat": "q", "delt
 
 def engine(folder: Path) -> dict:
     """Return delay, ratio of the time constants, tables over speed and lever, and the correction of the deck; the start is printed."""
-    spools = flighttest.identify_spools([_power_change(file) for file in sorted(folder.glob("tr*.csv.gz"))])
+    spools = flighttest.engine.identify_spools([_power_change(file) for file in sorted(folder.glob("tr*.csv.gz"))])
     a_priori = pd.read_csv(folder / "apriori_deck.csv")
     mach = [float(name.rpartition("_M")[2]) for name in a_priori.columns[1:]]
     prior = make(1e3 * a_priori.iloc[:, 1:].values, {"corrected_n1": a_priori.iloc[:, 0].values / 100.0, "mach": mach})
     static = _columns(folder / "static_points.csv", {**_POINTS, "T_static_K": "temperature", "thrust_N": "thrust"})
     climbs = _columns(folder / "partial_climbs.csv", _POINTS | _CLIMBS)
     known = json.loads((folder.parent / "truth" / "engine_truth.json").read_text())["climbs"]
-    polar = flighttest.Polar(known["CD0"], known["K"])
-    deck = flighttest.correct_deck(prior, static, climbs, polar, known["S"], known["engines"])
-    print(f"{spools.report()}\n\n{deck.report()}\n\n{flighttest.identify_start([_start(folder / 'start_stop.csv')]).report()}")
+    polar = flighttest.engine.Polar(known["CD0"], known["K"])
+    deck = flighttest.engine.correct_deck(prior, static, climbs, polar, known["S"], known["engines"])
+    print(f"{spools.report()}\n\n{deck.report()}\n\n{flighttest.engine.identify_start([_start(folder / 'start_stop.csv')]).report()}")
     times, schedule = spools.tables["n2_up_time"], spools.tables["n2_command"]
     lowest, *_, highest = (100.0 * x for x in times.leaf["n2"].values)
     speeds = [n for n in _SPEEDS if lowest - 0.5 <= n <= highest][:3]
@@ -96,15 +96,15 @@ def landing_gear(folder: Path) -> dict:
         )
         for _, one in drops.groupby("drop")
     ]
-    strut = flighttest.SeparableModel.parse("F = z + z^2 + w*abs(w)", units={"F": "N", "z": "m", "w": "m s-1"})
-    vertical = flighttest.regress_separable(strut, touched, "strut")
+    strut = flighttest.expressions.SeparableModel.parse("F = z + z^2 + w*abs(w)", units={"F": "N", "z": "m", "w": "m s-1"})
+    vertical = flighttest.separable.regress_separable(strut, touched, "strut")
     points = pd.read_csv(folder / "side_force.csv")
     steady = xr.Dataset(
         {new: ("time", points[old].values) for old, new in (("Fz_N", "Fz"), ("slip_rad", "slip"), ("Fy_N", "Fy"))},
         {"time": points.index.values.astype(float)},
     )
-    tyre = flighttest.SeparableModel.parse("Fy = Fz*tanh(g*slip)", {"g": (0.5, 60.0)}, {"Fy": "N", "Fz": "N", "slip": "rad"})
-    side = flighttest.regress_separable(tyre, steady, "side force")
+    tyre = flighttest.expressions.SeparableModel.parse("Fy = Fz*tanh(g*slip)", {"g": (0.5, 60.0)}, {"Fy": "N", "Fz": "N", "slip": "rad"})
+    side = flighttest.separable.regress_separable(tyre, steady, "side force")
     print(f"{vertical.report()}\n\n{side.report()}")
     values, C = side.derived("-[Fz*tanh(g*slip)]", "-[Fz*tanh(g*slip)]*g")
     found = {name: list(vertical.value(term)) for name, term in (("K1", "z"), ("K2", "z^2"), ("C", "w*abs(w)"))}
@@ -148,7 +148,7 @@ def control_loading(folder: Path) -> dict:
     """Return hinge moments, friction, breakout force, unbalance, masses and cable of an elevator circuit."""
     surveyed = json.loads((folder.parent / "truth" / "control_loading_truth.json").read_text())["parameters"]
     G, S_hinge, c_hinge = (surveyed[name] for name in ("G", "Se", "ce"))
-    loading = flighttest.ControlLoading("column", -G, S_hinge, c_hinge, "Ch_e = 1 + alpha + delta_e + delta_t")
+    loading = flighttest.control_loading.ControlLoading("column", -G, S_hinge, c_hinge, "Ch_e = 1 + alpha + delta_e + delta_t")
     sweeps = [_cockpit(file) for file in sorted(folder.glob("*_sweep.csv.gz"))]
     free = [_cockpit(file) for kind in ("pulse", "release") for file in sorted(folder.glob(f"*_{kind}.csv.gz"))]
     found = flighttest.identify_control_loading(loading, sweeps, free)

@@ -33,14 +33,14 @@ def figures(folder: Path, along: Path, images: Path) -> list[Path]:
     list of Path
     """
     databases = {name: aerodb.open(folder / f"{name}.nc") for name in ("datcom", "final")}
-    flown, _ = aerodb.read_conditions(along, *databases.values())
+    flown, _ = aerodb.comparison.read_conditions(along, *databases.values())
     made = {
-        "database-family.png": aerodb.plot_comparison(databases, "CL/basic", support=flown),
-        "database-map.png": aerodb.plot_difference(databases, "CL/basic", support=flown),
+        "database-family.png": aerodb.figures.plot_comparison(databases, "CL/basic", support=flown),
+        "database-map.png": aerodb.figures.plot_difference(databases, "CL/basic", support=flown),
     }
     images.mkdir(parents=True, exist_ok=True)
     for name, figure in made.items():
-        aerodb.save_figure(figure, images / name)
+        aerodb.figures.save_figure(figure, images / name)
         Image.open(images / name).convert("RGB").quantize(64, dither=Image.Dither.NONE).save(images / name, optimize=True)
     return [images / name for name in made]
 

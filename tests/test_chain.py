@@ -10,8 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from flightmech.support.lazy import public_names
-
 ROOT = Path(__file__).parents[1]
 CHAIN = ["flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch"]
 # folders and loose modules of each package: one imports only from those before it
@@ -199,14 +197,6 @@ def test_folders_are_small():
         count = sum(file.name != "__init__.py" for file in folder.glob("*.py"))
         assert count <= MOST_MODULES, f"{folder.relative_to(ROOT)} holds {count} modules; make a folder for one of its subjects"
         assert (folder / "__init__.py").is_file(), f"{folder.relative_to(ROOT)} has no __init__.py"
-
-
-def test_public_names_are_not_hidden_by_folders():
-    """`flighttest.output_error` is a function: a folder or module of that name would take its place once it is imported."""
-    for package in CHAIN[:-1]:
-        home = public_names(ROOT / package / "__init__.pyi")
-        hidden = {name for name, place in home.items() if name in ORDER[package] and place != (name, True)}
-        assert not hidden, f"{package}: {sorted(hidden)}"
 
 
 def test_every_kind_of_import_is_seen(tmp_path):

@@ -1,6 +1,7 @@
-"""Every package has one page of public names, loaded when they are used."""
+"""Every package and every public folder of it has one page of public names, loaded when they are used."""
 
 import importlib
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -9,29 +10,51 @@ from flightmech.support.lazy import public_names
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ["flightmech", "datcom_io", "aerodb", "flighttest", "pom"]
+NOT_PUBLIC = {"cli", "support", "steady_flight", "export"}  # what verbs and result classes are made of
+STUBS = {".".join(stub.parent.relative_to(ROOT).parts): stub for name in PACKAGES for stub in sorted((ROOT / name).rglob("__init__.pyi"))}
+MOST_FLAT = 27  # names of a package itself: those of the road of the README, not counting the namespaces
 
 
-@pytest.mark.parametrize("name", PACKAGES)
+@pytest.mark.parametrize("name", STUBS)
 def test_every_public_name_is_there(name):
-    package = importlib.import_module(name)
-    assert dir(package) == package.__all__ or set(package.__all__) <= set(dir(package))
-    assert package.__all__ == sorted(public_names(ROOT / name / "__init__.pyi"))
-    for public in package.__all__:
-        assert getattr(package, public) is not None
+    namespace = importlib.import_module(name)
+    assert dir(namespace) == namespace.__all__ == sorted(public_names(STUBS[name]))
+    for public in namespace.__all__:
+        assert getattr(namespace, public) is not None
 
 
-@pytest.mark.parametrize("name", PACKAGES)
-def test_no_module_carries_the_name_of_a_public_function(name):
+@pytest.mark.parametrize("name", STUBS)
+def test_no_module_or_folder_carries_the_name_of_a_public_function(name):
     """Importing such a module would hide the function behind it."""
-    home = public_names(ROOT / name / "__init__.pyi")
-    modules = {file.stem for file in (ROOT / name).glob("*.py")}
-    assert {public for public in home if public in modules and home[public] != (public, True)} == set()
+    folder = STUBS[name].parent
+    modules = {file.stem for file in folder.iterdir() if file.suffix == ".py" or file.is_dir()}
+    assert {public for public, home in public_names(STUBS[name]).items() if public in modules and home != (public, True)} == set()
 
 
-@pytest.mark.parametrize("name", PACKAGES)
+@pytest.mark.parametrize("name", STUBS)
 def test_an_unknown_name_lists_the_public_ones(name):
     with pytest.raises(AttributeError, match=f"module '{name}' has no attribute 'nosuch'; public are"):
         _ = importlib.import_module(name).nosuch
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_folder_is_a_namespace_of_its_package(package):
+    folders = {file.parent.name for file in (ROOT / package).glob("*/__init__.py")}
+    namespaces = {name for name, home in public_names(STUBS[package]).items() if home == (name, True) and name in folders}
+    assert namespaces == folders - NOT_PUBLIC
+    assert all(f"{package}.{name}" in STUBS for name in namespaces)
+    assert len(public_names(STUBS[package])) - len(namespaces) <= MOST_FLAT
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_name_means_one_thing_and_is_listed_at_most_twice(package):
+    """In the namespace of its subject, and once more for the package as a whole."""
+    listed = [(public, name) for name, stub in STUBS.items() if name.split(".")[0] == package for public in public_names(stub)]
+    assert max(Counter(public for public, _ in listed).values()) <= 2
+    meanings = {}
+    for public, name in listed:
+        meanings.setdefault(public, set()).add(id(getattr(importlib.import_module(name), public)))
+    assert {public for public, things in meanings.items() if len(things) > 1} == set()
 
 
 @pytest.mark.parametrize("name", [*PACKAGES, "aeromatch"])

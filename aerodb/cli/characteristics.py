@@ -96,7 +96,7 @@ def rescale(
     from ..store.overview import summary
     from ..transform.rescaling import rescale as rescaled
 
-    craft = flightmech.rescale(flightmech.read_aircraft(aircraft), length_ratio, mass_ratio, _numbers(laws), name)
+    craft = flightmech.aircraft.rescale(flightmech.read_aircraft(aircraft), length_ratio, mass_ratio, _numbers(laws), name)
     tree = rescaled(open(database), craft, _numbers(factors))
     save(tree, output)
     flightmech.write_aircraft(craft, aircraft_output)

@@ -82,8 +82,8 @@ def plot_term(
     Examples
     --------
     >>> import aerodb
-    >>> figure = aerodb.plot_term(db, "CL/flap")  # doctest: +SKIP
-    >>> aerodb.save_figure(figure, "flap.svg")  # doctest: +SKIP
+    >>> figure = aerodb.figures.plot_term(db, "CL/flap")  # doctest: +SKIP
+    >>> aerodb.figures.save_figure(figure, "flap.svg")  # doctest: +SKIP
     """
     return plot_comparison({"database": db}, term, family, over=over, at=at, support=support)
 

@@ -18,7 +18,7 @@ from .templates import HINGE
 
 TOLERANCE = 1e-9  # of the largest magnitude of an output over the cases
 SEED = 0
-_ADVICE = "the terms were changed or damaged; make the cases anew with aerodb.with_checks if the change is meant"
+_ADVICE = "the terms were changed or damaged; make the cases anew with aerodb.store.with_checks if the change is meant"
 TERMS, _TOLERANCE = "terms", "_tolerance"  # group of contributions; end of the name of a tolerance
 _ANGLE = 0.35  # [rad] of regressors without a table
 _RATES = {"phat": 0.1, "qhat": 0.03, "rhat": 0.1, "alphadothat": 0.03, "betadothat": 0.1}  # of regressors without a table

@@ -109,7 +109,7 @@ def previous(db: xr.DataTree, steps: int = 1, edit: int | None = None) -> xr.Dat
     """
     kept = _kept(db)
     if edit is not None and edit not in kept:
-        raise UnknownName(str(edit), map(str, kept), "edit", "aerodb.history lists the edits that can be undone")
+        raise UnknownName(str(edit), map(str, kept), "edit", "aerodb.store.history lists the edits that can be undone")
     if edit is None and not 1 <= steps <= len(kept):
         raise OutOfRange(f"{steps} edits cannot be undone; the undo history holds {len(kept)}")
     latest_first = sorted(kept, reverse=True)
@@ -186,7 +186,7 @@ def _kept(db: xr.DataTree) -> dict[int, xr.DataTree]:
     foreign = [name for name, node in groups.items() if not (_NAME.match(name) and {"verb", "lines"} <= set(node.attrs))]
     if foreign:
         raise SchemaError(
-            PREVIOUS, [f"/{PREVIOUS}/{name} is not the undo entry of an edit; aerodb.forget drops all of them" for name in foreign]
+            PREVIOUS, [f"/{PREVIOUS}/{name} is not the undo entry of an edit; aerodb.store.forget drops all of them" for name in foreign]
         )
     return {int(name[1:]): node for name, node in groups.items()}
 

@@ -270,7 +270,8 @@ def _demand_countable(leaves: Mapping[str, xr.Dataset], by: float) -> None:
     """Raise when a power of a height would have to be counted from another point: (h + c)^s is no h^s."""
     powers = {name: _terms.power(leaf) for name, leaf in leaves.items()}
     problems = [
-        f"{name}: the factor {power} cannot be counted from a point {by:.4g} m lower; make it a table first (aerodb.with_height_table)"
+        f"{name}: the factor {power} cannot be counted from a point {by:.4g} m lower; "
+        "make it a table first (aerodb.transform.with_height_table)"
         for name, power in powers.items()
         if power is not None and power.variable == "h_agl" and by != 0.0
     ]

@@ -57,7 +57,7 @@ def rescale(
     db : DataTree
         Of the known aircraft; it is left as it is.
     aircraft : Aircraft
-        The new one, e.g. from `flightmech.rescale`: reference area, chord, span and moment reference point are taken from it.  The
+        The new one, e.g. from `flightmech.aircraft.rescale`: reference area, chord, span and moment reference point are taken from it.  The
         point must lie at the same place of the shape.
     factors : mapping of str to float, optional
         Factors on single terms (``"Cm/elevator"``) or on `GROUPS` (``"horizontal_tail"``), such as a ratio of tail volumes. [1]

@@ -148,7 +148,7 @@ def static(runs: list[Run], offset: float) -> dict[str, xr.Dataset]:
 
 def flown(run: Run, deck: Deck, offset: float) -> dict[str, np.ndarray]:
     """Return the engine's outputs under the recorded lever along the recorded Mach number and height."""
-    craft = replace(flightmech.read_aircraft(HERE / "aircraft.toml"), engines=(flightmech.Engine((0.0, 0.0, 0.0), deck=deck),))
+    craft = replace(flightmech.read_aircraft(HERE / "aircraft.toml"), engines=(flightmech.aircraft.Engine((0.0, 0.0, 0.0), deck=deck),))
     model = flightmech.compile(craft, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
     data, place = run.data, [row.name for row in model.entries(STATE)]
     fixed = [place.index(f"state.{name}") for name in ("vx", "vy", "vz", "q0", "q1", "q2", "q3", "p", "q", "r", "z")]

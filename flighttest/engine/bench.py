@@ -34,7 +34,7 @@ Expand = Callable[[np.ndarray], Mapping[str, float]]
 
 def compiled(deck: Deck) -> flightmech.SimModel:
     """Return the kernel's model of one engine."""
-    engine = flightmech.Engine((0.0, 0.0, 0.0), deck=deck)
+    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), deck=deck)
     craft = flightmech.Aircraft("engine", AREA, 1.0, 1.0, HEAVY, HEAVY, HEAVY, HEAVY, engines=(engine,))
     return flightmech.compile(craft, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
 

@@ -136,7 +136,7 @@ def _over_ground(leaf: xr.Dataset, one: CoefficientOverGround, term: str, tables
         leaf = _with_factor(leaf, heights, K)
         share = _share(K, stderr)
     else:
-        from aerodb import in_ground_effect, with_height_table
+        from aerodb.transform import in_ground_effect, with_height_table
 
         common = one.form == "k h^s, one s"
         row = one.row(term, common)

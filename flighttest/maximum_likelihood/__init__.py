@@ -2,3 +2,7 @@
 
 Public names are offered by `flighttest` itself.
 """
+
+from flightmech.support.lazy import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

@@ -58,7 +58,7 @@ class Path:
     fit : DataFrame
         Per channel: readings, noise, residual rms, ratio, autocorrelation at the first lag, verdict.
     compatibility : Dataset (time, version)
-        Per channel ``raw``, ``corrected`` and ``reconstructed`` signal, see `flighttest.compatibility_table`.
+        Per channel ``raw``, ``corrected`` and ``reconstructed`` signal, see `flighttest.reconstruction.compatibility_table`.
     errors : Dataset (error, time)
         Change of the states for one standard error of each independent error that the constants leave, see
         `flighttest.reconstruction.state_errors`; None for a path without them.

@@ -1,7 +1,7 @@
 """Flight records: recordings as a tree of leaves, one per time base, in canonical names and SI.
 
 A `FlightRecord` is a plain ``xarray.DataTree``.  Each leaf is a Dataset over its own ``time`` [s]; its attributes state what the clock
-looked like (``rate`` [Hz], ``gaps``, ``duplicates``), which channels hold NaN (``missing``), and hold all flags (`flighttest.flags`).
+looked like (``rate`` [Hz], ``gaps``, ``duplicates``), which channels hold NaN (``missing``), and all flags (`flighttest.signals.flags`).
 Root attributes: ``title``, ``start``, ``purpose``, ``source_file``, ``format``, ``manoeuvres`` (JSON), ``notes`` (JSON: faults that the
 file itself reports), ``unmapped`` and ``absent`` columns, ``latitude`` [rad], ``runway_elevation`` [m] where known.
 """
@@ -147,7 +147,7 @@ def overview(record: xr.DataTree) -> pd.DataFrame:
 
 
 def faults(record: xr.DataTree) -> list[str]:
-    """Return in words what is wrong with the clocks and samples of a record; `flighttest.flags` gives the same as a table."""
+    """Return in words what is wrong with the clocks and samples of a record; `flighttest.signals.flags` gives the same as a table."""
     found = [str(note) for note in json.loads(record.attrs.get("notes", "[]"))]
     for leaf, node in record.children.items():
         found += [f"{leaf}: {text}" for text in in_words(kept(node.attrs.get("flags", "[]")))]

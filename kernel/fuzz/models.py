@@ -123,8 +123,8 @@ def whole() -> flightmech.Aircraft:
         **BODY,
         cg=(0.06, 0.01, 0.22),
         engines=(
-            flightmech.Engine((-0.3, -0.76, 0.05), deck=deck()),
-            flightmech.Engine((-0.3, 0.76, 0.05), deck=deck(), time_constant=0.3),
+            flightmech.aircraft.Engine((-0.3, -0.76, 0.05), deck=deck()),
+            flightmech.aircraft.Engine((-0.3, 0.76, 0.05), deck=deck(), time_constant=0.3),
         ),
         limits={"delta_e": (-0.35, 0.3), "delta_a": (-0.35, 0.35), "delta_r": (-0.35, 0.35)},
         fuel=Fuel(160.0, (0.0, 0.0, 0.0), tank_tables(tanks)),
@@ -161,7 +161,7 @@ def whole() -> flightmech.Aircraft:
 def plain() -> flightmech.Aircraft:
     """Return a jet with one static engine and nothing else."""
     thrust = make([[300.0, 250.0], [4559.0, 4000.0]], {"throttle": [0.0, 1.0], "mach": [0.0, 0.6]})
-    engine = flightmech.Engine((-0.3, 0.0, 0.05), thrust=thrust, time_constant=1.2, angular_momentum=55.0)
+    engine = flightmech.aircraft.Engine((-0.3, 0.0, 0.05), thrust=thrust, time_constant=1.2, angular_momentum=55.0)
     return flightmech.Aircraft(name="plain", **BODY, engines=(engine,))
 
 

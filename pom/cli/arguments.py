@@ -21,7 +21,7 @@ def read_biases(file: str | None) -> Any:
     """Return the instrument constants of `biases_option`; None without a file."""
     if file is None:
         return None
-    from flighttest import open_biases
+    from flighttest.reconstruction import open_biases
 
     return open_biases(file)
 

@@ -27,8 +27,8 @@ def calibration_text(biases: xr.Dataset) -> str:
     Parameters
     ----------
     biases : Dataset (parameter,)
-        ``estimate``, ``stderr``, ``unit``, ``held``, from `flighttest.reconstruct` or `flighttest.open_biases`.  Constants that
-        were held are left out: nothing was corrected by them that the instrument's own specification does not say.
+        ``estimate``, ``stderr``, ``unit``, ``held``, from `flighttest.reconstruct` or `flighttest.reconstruction.open_biases`.
+        Constants that were held are left out: nothing was corrected by them that the instrument's own specification does not say.
     """
     rows = [
         {

@@ -95,7 +95,7 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
     ----------
     case : PomCase
     biases : Dataset, optional
-        Constants of the instruments as other records tell them (`flighttest.open_biases`), the prior of a
+        Constants of the instruments as other records tell them (`flighttest.reconstruction.open_biases`), the prior of a
         reconstruction.  Without them a raw record has only itself and the class of its instruments.
 
     Raises
@@ -123,13 +123,13 @@ def path_states(record: str) -> xr.Dataset | None:
     if Path(record).suffix != ".nc":
         return None
     try:
-        found = flighttest.open_states(record)
+        found = flighttest.dynamics.open_states(record)
     except ParseError:
         return None
     if not {"V", "alpha", "theta"} <= set(found.data_vars):
         return None
     try:
-        return found.assign_attrs({CALIBRATION: calibration_text(flighttest.open_biases(record))})
+        return found.assign_attrs({CALIBRATION: calibration_text(flighttest.reconstruction.open_biases(record))})
     except ParseError:  # states of another house, which tell no constants
         return found
 

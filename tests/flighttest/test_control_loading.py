@@ -16,8 +16,9 @@ import aerodb
 import flightmech
 from flightmech.aircraft.systems.control_circuits import Circuit
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest import ControlLoading, identify_control_loading, replace_hinge_moments
+from flighttest import identify_control_loading
 from flighttest.cli.controls import controls
+from flighttest.control_loading import ControlLoading, replace_hinge_moments
 from flighttest.control_loading.linkage import follow
 
 SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "identification"

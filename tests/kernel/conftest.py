@@ -39,8 +39,8 @@ def jet(**changes) -> flightmech.Aircraft:
         "cg": (0.06, 0.01, 0.22),
         "x_ref_mac": 0.25,
         "engines": (
-            flightmech.Engine((-0.3, -0.76, 0.05), (0.9987502603949663, 0.0, -0.04997916927067833), **engine),
-            flightmech.Engine((-0.3, 0.76, 0.05), **engine),
+            flightmech.aircraft.Engine((-0.3, -0.76, 0.05), (0.9987502603949663, 0.0, -0.04997916927067833), **engine),
+            flightmech.aircraft.Engine((-0.3, 0.76, 0.05), **engine),
         ),
         "limits": {"delta_e": (-0.35, 0.3), "delta_a": (-0.35, 0.35), "delta_r": (-0.35, 0.35)},
     }

@@ -63,7 +63,7 @@ def test_aerodynamic_force_about_the_centre_of_gravity(body, flown):
 
 def test_thrust_about_the_centre_of_gravity(body, flown):
     """1000 N forward at (-0.36, -0.77, -0.17) m from the c.g.: above it pitches down 170 N m, left of it yaws right 770 N m."""
-    engine = flightmech.Engine((-0.3, -0.76, 0.05))
+    engine = flightmech.aircraft.Engine((-0.3, -0.76, 0.05))
     y = flown(body({"CD/a": 0.0}, engines=(engine,), cg=(0.06, 0.01, 0.22)), **LEVEL, engine1__thrust_drive=1000.0)
     assert (y["ax"], y["p_dot"], y["q_dot"], y["r_dot"]) == near((1000.0 / MASS, 0.0, -170.0 / IYY, 770.0 / IZZ))
 
@@ -172,7 +172,7 @@ GLIDE = {
 
 @pytest.fixture(scope="module")
 def steady(body) -> flightmech.SimModel:
-    return body(GLIDE, engines=(flightmech.Engine((0.0, 0.0, 0.0)),))
+    return body(GLIDE, engines=(flightmech.aircraft.Engine((0.0, 0.0, 0.0)),))
 
 
 def root(f, low: float, high: float) -> float:

@@ -27,7 +27,7 @@ def test_static_thrust_is_the_table(bare, flown, make_aircraft):
 
 
 def test_lag_is_first_order(make_aircraft, make_tree, start):
-    engine = flightmech.Engine((0.0, 0.0, 0.0), thrust=make([300.0, 4500.0], {"throttle": [0.0, 1.0]}), time_constant=1.2)
+    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make([300.0, 4500.0], {"throttle": [0.0, 1.0]}), time_constant=1.2)
     sim = flightmech.compile(make_aircraft(engines=(engine,)), make_tree({"CD/basic": make(0.0)}))
     run = start(sim, **STILL)
     idle, full = np.zeros(len(sim.inputs)), np.zeros(len(sim.inputs))
@@ -61,7 +61,7 @@ def test_force_and_moment_of_one_engine(bare, flown, make_aircraft):
 
 def test_rotors_turn_pitch_into_yaw(make_aircraft, make_tree, flown):
     """A nose-up rate with a right-handed rotor along +x yaws the nose right: M = -w x H."""
-    engine = flightmech.Engine((0.0, 0.0, 0.0), angular_momentum=200.0)
+    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), angular_momentum=200.0)
     craft = make_aircraft(engines=(engine,), cg=(0.0, 0.0, 0.0), Ixy=0.0, Ixz=0.0, Iyz=0.0)
     sim = flightmech.compile(craft, make_tree({"CD/basic": make(0.0)}))
     y = flown(sim, **STILL, mode__engine=2.0, init__q=0.1)
@@ -70,7 +70,7 @@ def test_rotors_turn_pitch_into_yaw(make_aircraft, make_tree, flown):
 
 
 def test_throttle_without_a_table_is_refused(make_aircraft, make_tree, flown):
-    sim = flightmech.compile(make_aircraft(engines=(flightmech.Engine((0.0, 0.0, 0.0)),)), make_tree({"CD/basic": make(0.0)}))
+    sim = flightmech.compile(make_aircraft(engines=(flightmech.aircraft.Engine((0.0, 0.0, 0.0)),)), make_tree({"CD/basic": make(0.0)}))
     assert np.isfinite(list(flown(sim, **STILL).values())).all()  # the default is then the recorded thrust
     with pytest.raises(
         flightmech.errors.SimulationError, match=r"mode.engine = 0 needs a thrust table, engine1 has none; use mode.engine = 2"

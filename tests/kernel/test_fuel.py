@@ -65,7 +65,7 @@ def craft(make_aircraft):
             "fuel_flow": make(FLOW),
         }
     )
-    return make_aircraft(engines=(flightmech.Engine((0.0, 0.5, 0.0), deck=deck),), fuel=Fuel(MASS, tables=tank_tables(TANKS)))
+    return make_aircraft(engines=(flightmech.aircraft.Engine((0.0, 0.5, 0.0), deck=deck),), fuel=Fuel(MASS, tables=tank_tables(TANKS)))
 
 
 @pytest.fixture(scope="module")

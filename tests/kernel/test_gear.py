@@ -327,7 +327,7 @@ WIND = {
     "Cl/beta": make(-0.05, regressors=["beta"]),
 }
 IDLE = {"mode__engine": 2.0, "engine1__thrust_drive": 240.0, "engine2__thrust_drive": 240.0}
-ENGINES = (flightmech.Engine((-0.3, -0.76, 0.0)), flightmech.Engine((-0.3, 0.76, 0.0)))
+ENGINES = (flightmech.aircraft.Engine((-0.3, -0.76, 0.0)), flightmech.aircraft.Engine((-0.3, 0.76, 0.0)))
 
 
 @pytest.mark.parametrize("earth", [0.0, 1.0])

@@ -39,7 +39,7 @@ def compiled(make_aircraft, make_tree):
 
     def of(*decks: Deck, **changes) -> flightmech.SimModel:
         places = [(0.0, 0.0, 0.0)] if len(decks) == 1 else [(0.0, -1.0, 0.0), (0.0, 1.0, 0.0)]
-        engines = tuple(flightmech.Engine(place, deck=deck) for place, deck in zip(places, decks, strict=True))
+        engines = tuple(flightmech.aircraft.Engine(place, deck=deck) for place, deck in zip(places, decks, strict=True))
         return flightmech.compile(make_aircraft(engines=engines, **changes), make_tree({"CD/basic": make(0.0)}))
 
     return of

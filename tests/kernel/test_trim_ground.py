@@ -47,7 +47,7 @@ def test_loads_by_statics(jet_on_wheels):
     A leg gives way along body z: its point on the ground is (x, z - d), and its force k d is the part of the load along it.
     Wheels can strain against each other along the ground without an outer force; the search leaves some 0.1 N of that, hence 1e-5.
     """
-    engines = (flightmech.Engine((0.0, 0.0, 0.0)),)
+    engines = (flightmech.aircraft.Engine((0.0, 0.0, 0.0)),)
     sim = jet_on_wheels(gear=legs(), engines=engines, cg=(0.0, 0.0, 0.0))
     y = flightmech.trim(sim, {"mode.earth": 0.0, "env.runway_elevation": 120.0}, kind="ground")
     assert y.attrs["verdict"].startswith("trimmed")

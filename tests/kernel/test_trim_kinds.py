@@ -55,7 +55,7 @@ def plain(make_aircraft, make_tree):
     def build(more: dict | None = None, **changes) -> flightmech.SimModel:
         rows = {**PLAIN, **(more or {})}
         rows = {name: value if isinstance(value, tuple) else (value,) for name, value in rows.items()}
-        engines = (flightmech.Engine((0.0, -0.8, 0.0)), flightmech.Engine((0.0, 0.8, 0.0)))
+        engines = (flightmech.aircraft.Engine((0.0, -0.8, 0.0)), flightmech.aircraft.Engine((0.0, 0.8, 0.0)))
         fixed = {"engines": engines, "cg": (0.0, 0.0, 0.0), "Ixy": 0.0, "Iyz": 0.0}
         leaves = {name: make(value, regressors=list(words)) for name, (value, *words) in rows.items()}
         return flightmech.compile(make_aircraft(**(fixed | changes)), make_tree(leaves))
@@ -263,7 +263,7 @@ DECK = {
 
 def test_a_dead_engine_with_a_deck_windmills(plain):
     """Fuel cut off: 0.05 m2 times dynamic pressure of drag on its side, n1 as the air turns it; the other one at full power climbs."""
-    engines = tuple(flightmech.Engine((0.0, y, 0.0), deck=Deck(DECK)) for y in (-0.8, 0.8))
+    engines = tuple(flightmech.aircraft.Engine((0.0, y, 0.0), deck=Deck(DECK)) for y in (-0.8, 0.8))
     found = flightmech.trim(plain(engines=engines), LEVEL, kind="engine_out", fixed={"engine1.failed": 1.0, "throttle": 1.0})
     assert found.attrs["verdict"] == "trimmed"
     y, deflection = numbers(found), solution(found)

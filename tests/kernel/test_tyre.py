@@ -34,7 +34,7 @@ def gear(nose: float = 1.564, mains: float = -0.17, **changes) -> LandingGear:
 def compiled(make_aircraft, make_tree):
     def build(landing_gear: LandingGear, **changes) -> flightmech.SimModel:
         body = {"mass": MASS, "Ixx": 10826.0, "Iyy": 8135.0, "Izz": 15162.0, "Ixy": 0.0, "Ixz": 0.0, "Iyz": 0.0, "cg": (0.0, 0.0, 0.2235)}
-        engines = (flightmech.Engine((0.0, 0.0, 0.2235)),)
+        engines = (flightmech.aircraft.Engine((0.0, 0.0, 0.2235)),)
         craft = make_aircraft(**(body | {"engines": engines, "gear": landing_gear} | changes))
         return flightmech.compile(craft, make_tree({"CD/basic": make(0.0)}))
 

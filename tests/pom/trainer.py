@@ -17,7 +17,7 @@ AIRCRAFT = flightmech.Aircraft(
     Iyy=8100.0,
     Izz=15100.0,
     cg=(0.0, 0.0, 0.2),
-    engines=(flightmech.Engine(position=(0.0, -0.7, 0.0)), flightmech.Engine(position=(0.0, 0.7, 0.0))),
+    engines=(flightmech.aircraft.Engine(position=(0.0, -0.7, 0.0)), flightmech.aircraft.Engine(position=(0.0, 0.7, 0.0))),
 )
 ALPHA = np.radians([-10.0, 0.0, 10.0, 20.0])
 _RATES = {"CL/qhat": 8.0, "Cm/qhat": -18.0, "Cm/alphadothat": -6.0, "Cl/phat": -0.45, "Cl/rhat": 0.12, "Cn/phat": -0.03, "Cn/rhat": -0.12}

@@ -91,7 +91,7 @@ def test_the_lag_of_the_surfaces_is_found_by_the_fit_of_the_moment():
 def test_the_band_of_the_short_period_gives_the_same_moments_as_time():
     data = measured("de3211_1", lag=LAG)
     model = flighttest.Model.parse("Cm = 1 + alpha + qhat + delta_e")
-    band, time = flighttest.regress_frequency(model, data, (0.05, 1.5)), flighttest.regress(model, data)
+    band, time = flighttest.equation_error.regress_frequency(model, data, (0.05, 1.5)), flighttest.regress(model, data)
     assert band.estimates.attrs["R2"] > 0.98
     for term in ("alpha", "qhat", "delta_e"):
         assert values(band)[term] == pytest.approx(values(time)[term], rel=0.06)  # what the linear model leaves out
@@ -109,6 +109,8 @@ def test_rolling_moment_of_three_records_with_lag():
 
 def test_selection_finds_the_quadratic_lift():
     data = measured("de3211_1", lag=LAG)
-    found = flighttest.select_orthogonal("CZ", flighttest.monomials(["alpha", "qhat", "delta_e"], 2), data, gain=2e-4)
+    found = flighttest.model_structure.select_orthogonal(
+        "CZ", flighttest.model_structure.monomials(["alpha", "qhat", "delta_e"], 2), data, gain=2e-4
+    )
     assert {"alpha", "alpha**2"} <= set(found.model.terms)
     assert found.estimates.attrs["R2"] > 0.9995  # 0.9987 without the square

@@ -65,7 +65,7 @@ def fits(citation, ce500_db, folder):
         (folder / str(year)).mkdir()
         for motion in ("short_period", "dutch_roll", "aperiodic_roll"):
             path = citation.path(year, motion, *MOTIONS[motion][1])
-            flighttest.save_path(path, folder / str(year) / f"path_{motion}.nc")
+            flighttest.reconstruction.save_path(path, folder / str(year) / f"path_{motion}.nc")
         for step in ("pitch", "side"):
             shutil.copy(citation.HERE / "maps" / f"fit_{step}_{year}.toml", folder)
             with warnings.catch_warnings():

@@ -44,7 +44,7 @@ def published(aircraft, mass, V, h, delta_T):
     numbers = {**LATERAL, "CL": {"": CL, "alpha": LIFT}, "CD": drag, "Cm": PITCH}
     b2, c2 = aircraft.b**2, aircraft.cbar**2
     inertia = {"Ixx": 0.019 * mass * b2, "Iyy": 1.3925 * mass * c2, "Izz": 0.042 * mass * b2, "Ixz": 0.002 * mass * b2}
-    engine = flightmech.Engine((0.0, 0.0, 0.0))
+    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0))
     craft = flightmech.Aircraft("published", aircraft.S, aircraft.cbar, aircraft.b, mass, **inertia, engines=(engine,))
     leaves = {
         f"/{c}/{words.replace(' ', '_') or 'basic'}": make(x, regressors=words.split())
@@ -94,12 +94,12 @@ def test_linear_output_error_finds_the_flown_dutch_roll(citation, year, period, 
     sim = flightmech.compile(*published(citation.aircraft(), mass, V, h, delta_T))
     point = {"init.V": V, "init.h": h, "env.delta_T": delta_T}
     linear = flightmech.linearize(sim, point, ("beta", "p", "r", "phi"), ("delta_a", "delta_r"), ("p", "r", "phi"))
-    model = flighttest.linear_model(linear.drop_vars(["u", "y"]))  # constants of the record are drift and start
+    model = flighttest.maximum_likelihood.linear_model(linear.drop_vars(["u", "y"]))  # constants of the record are drift and start
     at_start = model.at({})
     unknowns = {f"A[{a},{b}]": float(at_start.A[i, j]) for i, a in ((1, "p"), (2, "r")) for j, b in enumerate(("beta", "p", "r"))}
     unknowns |= {f"B[{a},delta_r]": float(at_start.B[i, 1]) for i, a in ((1, "p"), (2, "r"))}
     unknowns |= dict.fromkeys([*(f"init.{name}" for name in model.states), "drift.p", "drift.r"], 0.0)
-    fit = flighttest.linear_output_error(model, citation.path(year, "dutch_roll", -3.0, 16.0).states, unknowns)
+    fit = flighttest.maximum_likelihood.linear_output_error(model, citation.path(year, "dutch_roll", -3.0, 16.0).states, unknowns)
     assert fit.estimates.attrs["converged"] == 1
     mode = next(x for x in np.linalg.eigvals(model.at(fit.parameters).A) if x.imag > 0.0)
     assert 2.0 * np.pi / mode.imag == pytest.approx(period, abs=0.01)

@@ -139,7 +139,7 @@ def test_lift_table_moves_to_the_flight(citation, prior):
 
 
 def frequency(citation, model, data, band):
-    return flighttest.regress_frequency(flighttest.Model.parse(model), data, band)
+    return flighttest.equation_error.regress_frequency(flighttest.Model.parse(model), data, band)
 
 
 @pytest.mark.parametrize("year", YEARS)
@@ -164,7 +164,7 @@ def test_the_band_of_the_short_period_brings_the_pitch_damping_that_noise_hides_
 
 def test_selection_finds_the_linear_pitching_moment(citation):
     data = [citation.coefficients(2018, "short_period", -3.0, 14.0)]
-    found = flighttest.select_orthogonal("Cm", flighttest.monomials(["alpha", "qhat", "delta_e"], 2), data)
+    found = flighttest.model_structure.select_orthogonal("Cm", flighttest.model_structure.monomials(["alpha", "qhat", "delta_e"], 2), data)
     assert set(found.model.terms) == {"1", "alpha", "qhat", "delta_e"}
 
 

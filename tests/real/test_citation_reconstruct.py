@@ -16,7 +16,7 @@ from flightmech.air import impact_pressure_at, mach_number
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND
 from flighttest.sensors.air_data import pressure
-from pom import fit_mode
+from pom.judging import fit_mode
 
 HERE = Path(__file__).parent
 FLIGHTS = HERE.parents[1] / ".." / "shared" / "data" / "flight" / "citation_phlab"
@@ -67,7 +67,7 @@ def dutch_roll(record, aircraft, year):
 
 
 def test_clock_of_the_recorder_is_sound(record):
-    assert flighttest.faults(record) == []
+    assert flighttest.records.faults(record) == []
     assert record["ahrs"].attrs["rate"] == pytest.approx(10.0, rel=1e-6)
 
 

@@ -118,7 +118,9 @@ def _leaf_problems(leaf: xr.Dataset, aircraft: Aircraft, reach: Mapping[str, tup
     ]
     factor = power(leaf)
     if factor is not None:
-        problems.append(f"the factor {factor} is a formula, and the export writes tables; make it one first (aerodb.with_height_table)")
+        problems.append(
+            f"the factor {factor} is a formula, and the export writes tables; make it one first (aerodb.transform.with_height_table)"
+        )
     if leaf.attrs.get("outside", "hold") == "linear":
         axes = [str(axis) for axis in leaf.dims if axis not in reach]
         if axes:

@@ -75,7 +75,7 @@ def run_checkcases(db: xr.DataTree, path: str | os.PathLike) -> pd.DataFrame:
     """
     table, problems = read_csv(Path(path))
     if table.title != FORMAT:
-        raise ParseError(str(path), 1, repr(table.title), f"'# {FORMAT}' as aerodb.export_checkcases writes it")
+        raise ParseError(str(path), 1, repr(table.title), f"'# {FORMAT}' as aerodb.exchange.export_checkcases writes it")
     inputs = {name: si_column(table, name, problems) for name in table.columns if table.units[name]}
     expected = {name: si_column(table, name, problems) for name in table.columns if not table.units[name] and name != "case"}
     missing = [name for name in needed_inputs(db) if name not in inputs]

@@ -128,7 +128,7 @@ def import_csv(folder: str | os.PathLike) -> xr.DataTree:
     """
     folder = Path(folder)
     if not (folder / INDEX).is_file():
-        raise FileNotFoundError(errno.ENOENT, f"no {INDEX} there; name a folder that aerodb.export_csv wrote", str(folder))
+        raise FileNotFoundError(errno.ENOENT, f"no {INDEX} there; name a folder that aerodb.exchange.export_csv wrote", str(folder))
     index, problems = read_csv(folder / INDEX)
     if index.title != FORMAT or not {"file", "term", "table"} <= set(index.columns):
         raise ParseError(str(folder / INDEX), 1, repr(index.title), f"'# {FORMAT}' and the columns {', '.join(_HEADER[:3])}")

@@ -176,7 +176,10 @@ def import_matlab(path: str | os.PathLike) -> xr.DataTree:
     elements, root = content.get("terms"), content.get("database")
     if elements is None or root is None or elements.dtype.names is None or root.dtype.names is None or root.size != 1:
         raise ParseError(
-            str(path), 0, f"the variables {sorted(content)}", "structures 'terms' and 'database' as aerodb.export_matlab writes them"
+            str(path),
+            0,
+            f"the variables {sorted(content)}",
+            "structures 'terms' and 'database' as aerodb.exchange.export_matlab writes them",
         )
     problems = [f"terms has no field {field!r}" for field in _FIELDS if field not in elements.dtype.names]
     leaves: dict[str, xr.Dataset] = {}

@@ -48,8 +48,8 @@ def refine(tree: xr.DataTree, plot: xr.DataTree) -> xr.DataTree:
 
     Examples
     --------
-    >>> plot = datcom_io.read_plot("for013.dat")                     # doctest: +SKIP
-    >>> fine = datcom_io.refine(listing[0].to_datatree(), plot["case 1"])    # doctest: +SKIP
+    >>> plot = datcom_io.exchange.read_plot("for013.dat")                     # doctest: +SKIP
+    >>> fine = datcom_io.exchange.refine(listing[0].to_datatree(), plot["case 1"])    # doctest: +SKIP
     """
     problems: list[str] = []
     leaves = {name: leaf.to_dataset(inherit=False) for name, leaf in tree.children.items()}

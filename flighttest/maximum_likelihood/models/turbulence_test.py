@@ -39,7 +39,8 @@ def turbulence(noise: xr.Dataset) -> tuple[str, ...]:
         return ()
     return (
         f"turbulence or a missing term: residuals of {', '.join(loud)} are a disturbance of the motion; fitted open loop the estimates are "
-        "biased and scatter more than they determine. Use flighttest.filter_error, equation error, or a record in calm air",
+        "biased and scatter more than they determine. "
+        "Use flighttest.maximum_likelihood.filter_error, equation error, or a record in calm air",
     )
 
 

@@ -48,7 +48,7 @@ def faults_of(record: xr.DataTree) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        Columns as of `flighttest.flags`.
+        Columns as of `flighttest.signals.flags`.
     """
     known = flags(record)
     table: list[dict] = [dict(row) for _, row in known[known["kind"].isin(_TIMES | {"outside"})].iterrows()]

@@ -76,7 +76,7 @@ def signals_of(record: xr.DataTree, flags: pd.DataFrame) -> Signals:
     record : DataTree
         Flight record.
     flags : DataFrame
-        Faults of samples: ``leaf channel kind start stop``, see `flighttest.flags`.
+        Faults of samples: ``leaf channel kind start stop``, see `flighttest.signals.flags`.
 
     Raises
     ------

@@ -56,7 +56,7 @@ def _fit(index: int, fit: flighttest.Fit) -> dict[str, Any]:
 
 def _agreement(fit: flighttest.Fit) -> dict[str, str]:
     """Return Theil's coefficient and what the residual consists of."""
-    from flighttest import theil, theil_shares
+    from flighttest.uncertainty import theil, theil_shares
 
     measured = fit.data[fit.model.coefficient].values
     predicted = measured - fit.residual

@@ -88,7 +88,7 @@ def test_figures_of_what_differs(files, path, tmp_path):
 def test_two_axis_terms_get_a_map(small, tmp_path):
     leaf = aerodb.terms(small)["CL/basic"]
     databases = {"a": small, "b": aerodb.replace_terms(small, {"CL/basic": leaf.assign(value=leaf["value"] * 1.1)})}
-    made = aerodb.write_comparison(databases, tmp_path / "figures", "png", coefficients=["CL"])
+    made = aerodb.figures.write_comparison(databases, tmp_path / "figures", "png", coefficients=["CL"])
     assert [file.name for file in made] == ["lift.png", "lift-basic.png", "lift-basic-map.png"]
     assert all(file.read_bytes().startswith(b"\x89PNG") for file in made)
 
@@ -110,9 +110,9 @@ def test_a_folder_appears_whole_or_not_at_all(files, tmp_path, monkeypatch):
 
 def test_what_cannot_be_compared_is_said(small, tmp_path):
     with pytest.raises(SchemaError, match="1 database came; give two or more"):
-        aerodb.write_comparison({"a": small}, tmp_path / "x")
+        aerodb.figures.write_comparison({"a": small}, tmp_path / "x")
     with pytest.raises(SchemaError, match="the format is 'bmp'; allowed: svg, png, pdf"):
-        aerodb.write_comparison({"a": small, "b": small}, tmp_path / "x", "bmp")
+        aerodb.figures.write_comparison({"a": small, "b": small}, tmp_path / "x", "bmp")
 
 
 def test_plot_of_one_term(files, path, tmp_path):

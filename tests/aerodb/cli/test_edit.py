@@ -36,7 +36,7 @@ def test_scale(file, output):
     words = [word for key, item in options.items() for word in (f"--{key}", str(item))]
     result = run("edit", file, "scale", "CL/flap", "--by", "1.2", *words, "-o", output)
     assert result.stdout == f"scale: CL/flap by 1.2 +- 0.05 (run 21)\nwritten: {output}\n"
-    assert aerodb.open(output).identical(aerodb.scale(aerodb.open(file), "CL/flap", 1.2, **options))
+    assert aerodb.open(output).identical(aerodb.edit.scale(aerodb.open(file), "CL/flap", 1.2, **options))
     run("edit", file, "scale", "CL/basic", "--by", "1 2", "--over", "alpha=4, 12 deg", "-o", output)
     np.testing.assert_allclose(np.degrees(leaf(output, "CL/basic")["alpha"]), [-8, 0, 4, 8, 12, 16])
 
@@ -67,7 +67,7 @@ def test_move_reference_takes_units_and_keeps_the_other_coordinates(file, output
 
 def test_blend_prints_how_well_they_agree(file, output, small, tmp_path):
     other = str(tmp_path / "other.nc")
-    aerodb.save(aerodb.scale(small, "CL/qhat", 1.1), other)
+    aerodb.save(aerodb.edit.scale(small, "CL/qhat", 1.1), other)
     result = run("edit", file, "blend", other, "CL/qhat", "--rule", "correlated", "-o", output)
     assert result.stdout.splitlines()[0] == "blend: CL/qhat with 'small database', correlated"
     assert result.stdout.splitlines()[-1].split()[:2] == ["CL/qhat", "2"]

@@ -47,7 +47,7 @@ def test_answers_for_programs(file, tmp_path):
 def test_check_cases_take_count_and_seed(small, file, tmp_path):
     place = tmp_path / "cases.csv"
     run("export", file, "--to", "checkcases", "-o", str(place), "--count", "7", "--seed", "2")
-    aerodb.export_checkcases(small, tmp_path / "same.csv", count=7, seed=2)
+    aerodb.exchange.export_checkcases(small, tmp_path / "same.csv", count=7, seed=2)
     assert place.read_bytes() == (tmp_path / "same.csv").read_bytes()
 
 
@@ -116,5 +116,5 @@ def test_the_t37_of_jsbsim_on_the_command_line(tmp_path):
     place = Path(jsbsim.get_default_root_dir()) / "aircraft" / "T37" / "T37.xml"
     written = tmp_path / "t37.nc"
     run("import", str(place), "--travel", "delta_f=40 deg", "--without", "aero/coefficient/DCnbDf", "-o", str(written))
-    whole = aerodb.import_jsbsim(place, travel={"delta_f": 40 * DEGREE})
+    whole = aerodb.exchange.import_jsbsim(place, travel={"delta_f": 40 * DEGREE})
     assert set(aerodb.terms(whole)) > set(aerodb.terms(aerodb.open(written)))

@@ -28,7 +28,7 @@ def equipped(small):
 
 def test_devices_that_were_not_recorded_are_at_rest_and_that_is_said(states, equipped, tmp_path):
     states.to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
-    found, said = aerodb.read_conditions(tmp_path / "path.nc", equipped)
+    found, said = aerodb.comparison.read_conditions(tmp_path / "path.nc", equipped)
     assert said == [
         "delta_f is not in the record; taken as 0 deg",
         "gear is not in the record; taken as 0",
@@ -42,7 +42,7 @@ def test_devices_that_were_not_recorded_are_at_rest_and_that_is_said(states, equ
 
 def test_a_manoeuvre_in_the_root_will_do(states, small, tmp_path):
     states.assign(delta_f=0.1).to_netcdf(tmp_path / "cut.nc", engine="h5netcdf")
-    found, said = aerodb.read_conditions(tmp_path / "cut.nc", small)
+    found, said = aerodb.comparison.read_conditions(tmp_path / "cut.nc", small)
     assert said == []
     assert float(found["delta_f"]) == 0.1
 
@@ -50,26 +50,26 @@ def test_a_manoeuvre_in_the_root_will_do(states, small, tmp_path):
 def test_states_that_a_table_needs_must_be_there(states, small, tmp_path):
     states.drop_vars("qhat").to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
     with pytest.raises(UnknownName, match=r"unknown condition 'qhat'.*CL/qhat needs it and the record does not hold it"):
-        aerodb.read_conditions(tmp_path / "path.nc", small)
+        aerodb.comparison.read_conditions(tmp_path / "path.nc", small)
 
 
 def test_other_files_are_refused(small, tmp_path):
     with pytest.raises(FileNotFoundError, match="no such file; `aeromatch flight reconstruct` writes a path"):
-        aerodb.read_conditions(tmp_path / "missing.nc", small)
+        aerodb.comparison.read_conditions(tmp_path / "missing.nc", small)
     (tmp_path / "text.nc").write_text("nothing")
     with pytest.raises(ParseError, match="no netCDF-4 file"):
-        aerodb.read_conditions(tmp_path / "text.nc", small)
+        aerodb.comparison.read_conditions(tmp_path / "text.nc", small)
     aerodb.save(small, tmp_path / "db.nc")
     with pytest.raises(ParseError, match="found CL, Cm; expected states over one clock"):
-        aerodb.read_conditions(tmp_path / "db.nc", small)
+        aerodb.comparison.read_conditions(tmp_path / "db.nc", small)
 
 
 def test_lift_that_multiplies_a_moment_comes_from_the_terms(states, small, tmp_path):
     """A record may hold the lift coefficient itself, and that one is taken then."""
-    roll = aerodb.replace_terms(small, {"Cl/ground": aerodb.bank_in_ground_effect(-0.078, -1.09, 1.7)})
+    roll = aerodb.replace_terms(small, {"Cl/ground": aerodb.transform.bank_in_ground_effect(-0.078, -1.09, 1.7)})
     low = states.assign(delta_f=0.0, h_agl=3.0, phi=("time", [0.1, 0.1]))
     low.to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
-    found, said = aerodb.read_conditions(tmp_path / "path.nc", roll)
+    found, said = aerodb.comparison.read_conditions(tmp_path / "path.nc", roll)
     assert said == ["CL is not in the record; taken from the terms of the first database"]
     lift = aerodb.evaluate(small, "CL", **{str(name): found[name] for name in found})
     np.testing.assert_allclose(found["CL"], lift, rtol=1e-15)

@@ -23,7 +23,7 @@ def flown(root):
 
 
 def test_node_by_node(small, flown):
-    new = aerodb.blend(small, flown, note="runs 1 to 4")
+    new = aerodb.edit.blend(small, flown, note="runs 1 to 4")
     qhat = aerodb.terms(new)["CL/qhat"]
     np.testing.assert_allclose(qhat["mach"], [0.2, 0.3, 0.4, 0.5])
     # 0.2: the prior alone; 0.3: 8.2 +- 2.05 with 9 +- 1; 0.4: 8.4 +- 2.1 with 9 +- 1.25; 0.5: the new one alone
@@ -42,19 +42,19 @@ def test_node_by_node(small, flown):
 def test_a_standard_error_of_zero_means_exact(small, flown):
     exact = aerodb.terms(flown)["CL/qhat"]
     exact = aerodb.replace_terms(flown, {"CL/qhat": exact.assign(stderr=exact["stderr"] * 0.0)})
-    qhat = aerodb.terms(aerodb.blend(small, exact, "CL/qhat"))["CL/qhat"]
+    qhat = aerodb.terms(aerodb.edit.blend(small, exact, "CL/qhat"))["CL/qhat"]
     np.testing.assert_array_equal(qhat["value"], [8.0, 9.0, 9.0, 9.0])
     np.testing.assert_array_equal(qhat["stderr"], [2.0, 0.0, 0.0, 0.0])
-    turned = aerodb.terms(aerodb.blend(exact, small, "CL/qhat"))["CL/qhat"]
+    turned = aerodb.terms(aerodb.edit.blend(exact, small, "CL/qhat"))["CL/qhat"]
     np.testing.assert_array_equal(turned["value"], qhat["value"])
     flap = aerodb.terms(flown)["CL/flap"]
     off = aerodb.replace_terms(flown, {"CL/flap": flap.assign(value=flap["value"] + 0.01)})
     with pytest.raises(SchemaError, match=r"CL/flap: both are exact \(standard error 0\) and differ at delta_f 0 deg and 0 more nodes"):
-        aerodb.blend(small, off)
+        aerodb.edit.blend(small, off)
 
 
 def test_consistency_by_hand(small, flown):
-    frame = aerodb.consistency(small, flown)
+    frame = aerodb.edit.consistency(small, flown)
     row = frame.loc["CL/qhat"]  # node 0.3 of the new table lies within the old one
     expected = 0.8 / np.hypot(2.05, 1.0)
     assert (row.nodes, row.location) == (1, "mach 0.3")
@@ -71,7 +71,7 @@ def test_a_warning_where_they_disagree(small, flown):
     flap = aerodb.terms(flown)["CL/flap"]
     far = aerodb.replace_terms(flown, {"CL/flap": flap.assign(value=flap["value"] * 2.0)})
     with pytest.warns(AeromatchWarning, match=r"CL/flap \(chi-square 36 of 1 nodes, 6 at delta_f 20 deg\)$"):
-        new = aerodb.blend(small, far)
+        new = aerodb.edit.blend(small, far)
     assert aerodb.check(new) == []
 
 
@@ -80,7 +80,7 @@ def test_all_nodes_of_a_table_together(small):
     alpha = np.radians([0.0, 8.0])
     other = terms.make(0.25 + np.outer([5.0, 5.4], alpha), {"mach": MACH, "alpha": alpha}, stderr=0.02, source="flight")
     other = aerodb.database({"CL/basic": other}, **small.attrs)
-    new = aerodb.terms(aerodb.blend(small, other, rule="correlated"))["CL/basic"]
+    new = aerodb.terms(aerodb.edit.blend(small, other, rule="correlated"))["CL/basic"]
     old = aerodb.terms(small)["CL/basic"]
     P = prior_covariance(old)
     H = np.zeros((4, 8))
@@ -90,20 +90,20 @@ def test_all_nodes_of_a_table_together(small):
     np.testing.assert_allclose((new["value"] - old["value"]).values.ravel(), step, atol=1e-9)
     np.testing.assert_allclose(new["stderr"].values.ravel(), np.sqrt(np.diag(np.linalg.inv(information))), rtol=1e-6)
     assert (new["value"] > old["value"]).all()
-    row = aerodb.consistency(small, other, rule="correlated").loc["CL/basic"]
+    row = aerodb.edit.consistency(small, other, rule="correlated").loc["CL/basic"]
     r = np.full(4, 0.05)
     assert row.chi2 == pytest.approx(r @ np.linalg.solve(H @ P @ H.T + 0.02**2 * np.eye(4), r))
-    assert aerodb.consistency(small, other).loc["CL/basic"].chi2 == pytest.approx(4 * 0.05**2 / (0.05**2 + 0.02**2))
+    assert aerodb.edit.consistency(small, other).loc["CL/basic"].chi2 == pytest.approx(4 * 0.05**2 / (0.05**2 + 0.02**2))
 
 
 def test_a_number_is_one_observation_of_the_mean_of_a_table(small):
     one = aerodb.database({"CL/qhat": terms.make(9.0, regressors=["qhat"], stderr=1.0, source="flight")}, **small.attrs)
-    new = aerodb.terms(aerodb.blend(small, one, rule="correlated"))["CL/qhat"]
+    new = aerodb.terms(aerodb.edit.blend(small, one, rule="correlated"))["CL/qhat"]
     P, H = prior_covariance(aerodb.terms(small)["CL/qhat"]), np.full((1, 2), 0.5)
     information = np.linalg.inv(P) + H.T @ H / 1.0**2
     np.testing.assert_allclose(new["value"] - [8.0, 8.4], np.linalg.solve(information, H[0] * (9.0 - 8.2)), rtol=1e-9)
     np.testing.assert_allclose(new["stderr"], np.sqrt(np.diag(np.linalg.inv(information))), rtol=1e-9)
-    row = aerodb.consistency(small, one).loc["CL/qhat"]
+    row = aerodb.edit.consistency(small, one).loc["CL/qhat"]
     assert (row.nodes, row.location) == (1, "its only node")
     assert row.worst == pytest.approx(0.8 / np.hypot(2.05, 1.0))
 
@@ -112,14 +112,14 @@ def test_a_number_is_one_observation_of_the_mean_of_a_table(small):
 def test_tables_that_do_not_meet_stand_side_by_side(small, rule):
     far = terms.make([9.0, 9.5], {"mach": [0.6, 0.7]}, ["qhat"], stderr=1.0, source="flight")
     far = aerodb.database({"CL/qhat": far}, **small.attrs)
-    new = aerodb.terms(aerodb.blend(small, far, rule=rule))["CL/qhat"]
+    new = aerodb.terms(aerodb.edit.blend(small, far, rule=rule))["CL/qhat"]
     np.testing.assert_array_equal(new["value"], [8.0, 8.4, 9.0, 9.5])
     np.testing.assert_allclose(new["stderr"], [2.0, 2.1, 1.0, 1.0], rtol=1e-12)
-    assert aerodb.consistency(small, far, rule=rule).loc["CL/qhat"].to_list()[:3] == [0, 0.0, 1.0]
+    assert aerodb.edit.consistency(small, far, rule=rule).loc["CL/qhat"].to_list()[:3] == [0, 0.0, 1.0]
 
 
 def test_exact_nodes_stay_with_the_correlated_rule(small, flown):
-    flap = aerodb.terms(aerodb.blend(small, flown, "CL/flap", "correlated"))["CL/flap"]
+    flap = aerodb.terms(aerodb.edit.blend(small, flown, "CL/flap", "correlated"))["CL/flap"]
     assert float(flap["value"][0]) == 0.0
     assert float(flap["stderr"][0]) == 0.0
     assert float(flap["value"][2]) > 0.36  # moved with its neighbour
@@ -129,11 +129,11 @@ def test_factors_are_brought_together(small, flown):
     K1 = terms.make([0.0, 1.0], {"gear": [0.0, 1.0]})["value"]
     ours = aerodb.replace_terms(small, {"CL/gear": terms.make([-0.02, -0.03], {"mach": MACH}, K1=K1, stderr=0.01, source="datcom")})
     one = terms.make(-0.03, K1=K1, stderr=0.01, source="flight")
-    new = aerodb.terms(aerodb.blend(ours, aerodb.replace_terms(flown, {"CL/gear": one}), "CL/gear"))["CL/gear"]
+    new = aerodb.terms(aerodb.edit.blend(ours, aerodb.replace_terms(flown, {"CL/gear": one}), "CL/gear"))["CL/gear"]
     np.testing.assert_allclose(new["value"], [-0.025, -0.03])
     assert new["K1"].equals(K1.to_dataset(name="K1")["K1"])
     other = terms.make([0.0, -0.03], {"gear": [0.0, 1.0]}, stderr=[0.0, 0.01], source="flight")
-    new = aerodb.terms(aerodb.blend(ours, aerodb.replace_terms(flown, {"CL/gear": other}), "CL/gear"))["CL/gear"]
+    new = aerodb.terms(aerodb.edit.blend(ours, aerodb.replace_terms(flown, {"CL/gear": other}), "CL/gear"))["CL/gear"]
     assert "K1" not in new
     np.testing.assert_allclose(new["value"].sel(gear=1.0), [-0.025, -0.03])
 
@@ -155,24 +155,24 @@ def test_factors_are_brought_together(small, flown):
 )
 def test_what_does_not_belong_together_is_refused(small, flown, names, rule, change, error, text):
     with pytest.raises(error, match=text):
-        aerodb.blend(small, aerodb.database(aerodb.terms(flown), **{**flown.attrs, **change}), names, rule)
+        aerodb.edit.blend(small, aerodb.database(aerodb.terms(flown), **{**flown.attrs, **change}), names, rule)
 
 
 def test_all_faults_at_once(small, flown):
     leaves = aerodb.terms(flown)
     bad = {"CL/qhat": leaves["CL/qhat"].drop_vars("stderr"), "CL/flap": leaves["CL/flap"].assign_attrs(regressors="alpha")}
     with pytest.raises(SchemaError) as caught:
-        aerodb.blend(small, aerodb.replace_terms(flown, bad))
+        aerodb.edit.blend(small, aerodb.replace_terms(flown, bad))
     assert caught.value.problems == [
         "CL/qhat: no stderr there; give one to every node",
         "CL/flap: regressors none here and alpha there; only tables of the same meaning can be joined",
     ]
     with pytest.raises(SchemaError, match="no term in common"):
-        aerodb.blend(small, aerodb.database({"CD/gear": terms.make(0.1, stderr=0.1)}, **small.attrs))
+        aerodb.edit.blend(small, aerodb.database({"CD/gear": terms.make(0.1, stderr=0.1)}, **small.attrs))
 
 
 def test_neither_tree_changes(small, flown):
     copies = small.copy(deep=True), flown.copy(deep=True)
-    aerodb.blend(small, flown)
+    aerodb.edit.blend(small, flown)
     xr.testing.assert_identical(small, copies[0])
     xr.testing.assert_identical(flown, copies[1])

@@ -88,8 +88,8 @@ def sound(before, after, copy):
     """What every edit owes: a sound tree, one more line, the way back, and the old tree as it was."""
     assert aerodb.check(after) == []
     assert after.attrs["history"].splitlines()[:-1] == before.attrs["history"].splitlines()
-    assert aerodb.previous(after).identical(before)
-    assert list(aerodb.terms(aerodb.previous(after))) == list(aerodb.terms(before))
+    assert aerodb.store.previous(after).identical(before)
+    assert list(aerodb.terms(aerodb.store.previous(after))) == list(aerodb.terms(before))
     assert before.identical(copy)
 
 
@@ -98,15 +98,15 @@ def any_edit(rng, db, name):
     leaf = aerodb.terms(db)[name]
     own = axes_of(leaf)
     edits = {
-        "scale": lambda: aerodb.scale(db, name, *table(rng, leaf), stderr=0.1),
-        "shift": lambda: aerodb.shift(db, name, *table(rng, leaf), stderr=0.1, note="a\nnote"),
+        "scale": lambda: aerodb.edit.scale(db, name, *table(rng, leaf), stderr=0.1),
+        "shift": lambda: aerodb.edit.shift(db, name, *table(rng, leaf), stderr=0.1, note="a\nnote"),
         "delete": lambda: aerodb.delete_terms(db, [name]),
         "replace": lambda: aerodb.replace_terms(db, {name: terms.make(0.5), "CL/new_one": terms.make(1.0)}),
     }
     if own:
         axis = str(rng.choice(list(own)))
-        edits["regrid"] = lambda: aerodb.regrid(db, name, {axis: own[axis][[0, -1]]})
-        edits["extend"] = lambda: aerodb.extend(db, name, axis, [own[axis][-1] + 0.3, own[axis][-1] + 0.5], "linear", note="further")
+        edits["regrid"] = lambda: aerodb.edit.regrid(db, name, {axis: own[axis][[0, -1]]})
+        edits["extend"] = lambda: aerodb.edit.extend(db, name, axis, [own[axis][-1] + 0.3, own[axis][-1] + 0.5], "linear", note="further")
     return edits[str(rng.choice(list(edits)))]()
 
 
@@ -124,13 +124,13 @@ def test_an_edit_leaves_all_else_alone_and_can_be_taken_back(seed):
         sound(before, after, copy)
         unchanged_apart_from(before, after, [name, "CL/new_one"])
         states.append(after)
-    assert aerodb.previous(states[-1], steps=3).identical(first)
-    assert aerodb.previous(states[-1], edit=2).identical(states[1])
-    rows = aerodb.history(states[-1])
+    assert aerodb.store.previous(states[-1], steps=3).identical(first)
+    assert aerodb.store.previous(states[-1], edit=2).identical(states[1])
+    rows = aerodb.store.history(states[-1])
     assert list(rows["edit"]) == [None, 1, 2, 3]
     for k, row in enumerate(rows.iloc[1:].itertuples()):
-        assert aerodb.previous(states[-1], edit=row.edit).identical(states[k])
-    released = aerodb.forget(states[-1])
+        assert aerodb.store.previous(states[-1], edit=row.edit).identical(states[k])
+    released = aerodb.store.forget(states[-1])
     assert "previous" not in released.children
     assert released.attrs == states[-1].attrs
 
@@ -141,7 +141,7 @@ def test_a_factor_multiplies_everywhere(seed, tenths, hundredths):
     f, sd, rng = tenths / 10, hundredths / 100, np.random.default_rng(seed)
     db = drawn(rng)
     name, at = str(rng.choice(list(aerodb.terms(db)))), conditions(rng)
-    new = aerodb.scale(db, name, f, stderr=sd)
+    new = aerodb.edit.scale(db, name, f, stderr=sd)
     np.testing.assert_allclose(value(new, name, at), f * value(db, name, at), rtol=1e-12, atol=1e-13)
     old, leaf = aerodb.terms(db)[name], aerodb.terms(new)[name]
     if "stderr" in old:
@@ -158,7 +158,7 @@ def test_a_factor_table_multiplies_the_nodes(seed):
     name = str(rng.choice(list(aerodb.terms(db))))
     old = aerodb.terms(db)[name]
     numbers, points = table(rng, old)
-    new = aerodb.scale(db, name, numbers, points)
+    new = aerodb.edit.scale(db, name, numbers, points)
     leaf, factor = aerodb.terms(new)[name], terms.make(numbers, points)
     nodes = dict(zip(axes_of(leaf), np.meshgrid(*axes_of(leaf).values(), indexing="ij"))) if axes_of(leaf) else {}
     bare = [part[["value"]].assign_attrs(regressors="") for part in (old, leaf)]
@@ -178,7 +178,7 @@ def test_a_factor_over_another_axis_multiplies_everywhere(seed):
     other = next(axis for axis in AXES if axis not in old.coords)
     points = np.linspace(*AXES[other], 4)
     numbers = rng.normal(size=4)
-    new = aerodb.scale(db, name, numbers, {other: points})
+    new = aerodb.edit.scale(db, name, numbers, {other: points})
     np.testing.assert_allclose(value(new, name, at), np.interp(at[other], points, numbers) * value(db, name, at), rtol=1e-9, atol=1e-12)
 
 
@@ -190,7 +190,7 @@ def test_an_amount_adds_everywhere(seed):
     name, at = str(rng.choice(list(aerodb.terms(db)))), conditions(rng)
     old = aerodb.terms(db)[name]
     numbers, points = table(rng, old)
-    new = aerodb.shift(db, name, numbers, points, stderr=0.2)
+    new = aerodb.edit.shift(db, name, numbers, points, stderr=0.2)
     more = terms.evaluate(terms.make(numbers, points, terms.regressors(old), K1=old.get("K1")), at, "clamp")
     np.testing.assert_allclose(value(new, name, at), value(db, name, at) + more, rtol=1e-9, atol=1e-12)
     assert (aerodb.terms(new)[name]["stderr"] > 0.2).all()
@@ -209,15 +209,15 @@ def test_the_error_of_a_regrid_is_the_largest_difference_there_is(seed):
     axis = str(rng.choice(list(axes_of(old))))
     own = old[axis].values
     points = np.unique([own[0], own[-1], *rng.choice(own, 1), *rng.uniform(own[0], own[-1], 2)])
-    error = aerodb.regrid_error(db, name, {axis: points})
-    new = aerodb.regrid(db, name, {axis: points}, tolerance=error)
+    error = aerodb.edit.regrid_error(db, name, {axis: points})
+    new = aerodb.edit.regrid(db, name, {axis: points}, tolerance=error)
     at = conditions(rng, 300) | dict.fromkeys((*REACH,), 1.0)
     bare = {key: aerodb.terms(tree)[name].assign_attrs(regressors="") for key, tree in (("old", db), ("new", new))}
     differences = np.abs(terms.evaluate(bare["new"], at) - terms.evaluate(bare["old"], at))
     assert differences.max() <= error * (1 + 1e-9) + 1e-12
     np.testing.assert_allclose(aerodb.terms(new)[name][axis], points)
-    finer = aerodb.regrid(db, name, {axis: np.union1d(own, points)})
-    assert aerodb.regrid_error(db, name, {axis: np.union1d(own, points)}) < 1e-12
+    finer = aerodb.edit.regrid(db, name, {axis: np.union1d(own, points)})
+    assert aerodb.edit.regrid_error(db, name, {axis: np.union1d(own, points)}) < 1e-12
     np.testing.assert_allclose(value(finer, name, at), value(db, name, at), rtol=1e-9, atol=1e-12)
 
 
@@ -233,7 +233,7 @@ def test_an_extended_table_is_the_old_one_inside_and_follows_the_rule_outside(se
     old = aerodb.terms(db)[name]
     axis = str(rng.choice(list(axes_of(old))))
     low, high = AXES[axis]
-    new = aerodb.extend(db, name, axis, [low - 0.3, high + 0.1, high + 0.5], how)
+    new = aerodb.edit.extend(db, name, axis, [low - 0.3, high + 0.1, high + 0.5], how)
     at = conditions(rng)
     np.testing.assert_allclose(value(new, name, at), value(db, name, at), rtol=1e-9, atol=1e-12)
     at[axis] = np.concatenate([rng.uniform(low - 0.3, low, 20), rng.uniform(high, high + 0.5, 20)])
@@ -288,7 +288,7 @@ def test_moments_about_another_point_are_those_of_the_cross_product(seed, force_
     rng = np.random.default_rng(seed)
     db, at = drawn(rng, force_axes, most=2 if force_axes == "wind" else 3), conditions(rng)
     point = np.array([-3.0, 0.0, 0.2]) + rng.uniform(-0.5, 0.5, 3) * [1, rng.integers(0, 2), 0]
-    new = aerodb.move_reference(db, point, tolerance=tolerance)
+    new = aerodb.transform.move_reference(db, point, tolerance=tolerance)
     sound(db, new, db.copy(deep=True))
     d = np.array([-3.0, 0.0, 0.2]) - point
     lengths = np.array([11.0, 1.7, 11.0])
@@ -298,11 +298,11 @@ def test_moments_about_another_point_are_those_of_the_cross_product(seed, force_
     np.testing.assert_array_equal(body_forces(new, at), body_forces(db, at))
     unchanged_apart_from(db, new, [n for n in aerodb.terms(db) if n[:2] in ("Cl", "Cm", "Cn")])
     # back again: to the bit while the undo entry is kept, else to rounding
-    back = aerodb.move_reference(new, [-3.0, 0.0, 0.2])
+    back = aerodb.transform.move_reference(new, [-3.0, 0.0, 0.2])
     assert {n: leaf for n, leaf in aerodb.terms(back).items()}.keys() == aerodb.terms(db).keys()
     for name, leaf in aerodb.terms(back).items():
         xr.testing.assert_identical(leaf, aerodb.terms(db)[name])
-    back = aerodb.move_reference(aerodb.forget(new), [-3.0, 0.0, 0.2], tolerance=tolerance)
+    back = aerodb.transform.move_reference(aerodb.store.forget(new), [-3.0, 0.0, 0.2], tolerance=tolerance)
     np.testing.assert_allclose(moments(back, at), moments(db, at), rtol=0, atol=1e-12)
 
 
@@ -312,9 +312,9 @@ def test_moments_about_another_point_are_those_of_the_cross_product(seed, force_
 def test_a_blend_is_no_worse_than_either(seed, rule):
     rng = np.random.default_rng(seed)
     db = drawn(rng, zeros=False)
-    other = aerodb.shift(db, "*", 0.1, stderr=0.2)
+    other = aerodb.edit.shift(db, "*", 0.1, stderr=0.2)
     name = str(rng.choice(list(aerodb.terms(db))))
-    new = aerodb.blend(db, other, name, rule)
+    new = aerodb.edit.blend(db, other, name, rule)
     sound(db, new, db.copy(deep=True))
     unchanged_apart_from(db, new, [name])
     ours, theirs, joined = (aerodb.terms(tree)[name] for tree in (db, other, new))
@@ -323,8 +323,10 @@ def test_a_blend_is_no_worse_than_either(seed, rule):
         w1, w2 = ours["stderr"].values ** -2, theirs["stderr"].values ** -2
         np.testing.assert_allclose(joined["value"], (w1 * ours["value"] + w2 * theirs["value"]) / (w1 + w2), rtol=1e-9)
         np.testing.assert_allclose(joined["stderr"], (w1 + w2) ** -0.5, rtol=1e-9)
-    same = aerodb.blend(other, db, name)
-    np.testing.assert_allclose(aerodb.terms(same)[name]["value"], aerodb.terms(aerodb.blend(db, other, name))[name]["value"], rtol=1e-9)
+    same = aerodb.edit.blend(other, db, name)
+    np.testing.assert_allclose(
+        aerodb.terms(same)[name]["value"], aerodb.terms(aerodb.edit.blend(db, other, name))[name]["value"], rtol=1e-9
+    )
 
 
 @settings(max_examples=3, deadline=None)
@@ -333,17 +335,17 @@ def test_edited_files_come_back_whole(tmp_path_factory, seed):
     rng = np.random.default_rng(seed)
     db = drawn(rng, zeros=False)
     name = next(iter(aerodb.terms(db)))
-    new = aerodb.move_reference(aerodb.scale(db, name, 1.2, note="größer"), [-2.9, 0.0, 0.2])
+    new = aerodb.transform.move_reference(aerodb.edit.scale(db, name, 1.2, note="größer"), [-2.9, 0.0, 0.2])
     path = tmp_path_factory.mktemp("edited") / "edited.nc"
     aerodb.save(new, path)
     again = aerodb.open(path)
     assert again.identical(new)
-    assert aerodb.previous(again, 2).identical(db)
-    assert aerodb.history(again).equals(aerodb.history(new))
+    assert aerodb.store.previous(again, 2).identical(db)
+    assert aerodb.store.history(again).equals(aerodb.store.history(new))
 
 
 def test_nodes_that_are_zero_by_definition_are_watched(small):
     with pytest.warns(AeromatchWarning, match="1 nodes of CL/flap were zero by definition"):
-        aerodb.shift(small, "CL/flap", 0.01)
-    new = aerodb.shift(small, "CL/flap", [0.0, 0.01, 0.01], {"delta_f": np.radians([0, 20, 40])})
+        aerodb.edit.shift(small, "CL/flap", 0.01)
+    new = aerodb.edit.shift(small, "CL/flap", [0.0, 0.01, 0.01], {"delta_f": np.radians([0, 20, 40])})
     np.testing.assert_allclose(aerodb.terms(new)["CL/flap"]["value"], [0.0, 0.21, 0.37])

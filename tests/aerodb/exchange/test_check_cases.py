@@ -12,7 +12,7 @@ from flightmech.errors import ParseError, SchemaError
 
 @pytest.fixture
 def table(small, tmp_path):
-    aerodb.export_checkcases(small, tmp_path / "cases.csv", count=300, seed=3)
+    aerodb.exchange.export_checkcases(small, tmp_path / "cases.csv", count=300, seed=3)
     return tmp_path / "cases.csv"
 
 
@@ -50,16 +50,16 @@ def test_cases_see_every_cell_the_breakpoints_and_what_lies_beyond(table):
 
 
 def test_the_same_seed_gives_the_same_table(small, table, tmp_path):
-    aerodb.export_checkcases(small, tmp_path / "again.csv", count=300, seed=3)
+    aerodb.exchange.export_checkcases(small, tmp_path / "again.csv", count=300, seed=3)
     assert (tmp_path / "again.csv").read_bytes() == table.read_bytes()
-    aerodb.export_checkcases(small, tmp_path / "again.csv", count=300, seed=4)
+    aerodb.exchange.export_checkcases(small, tmp_path / "again.csv", count=300, seed=4)
     assert (tmp_path / "again.csv").read_bytes() != table.read_bytes()
 
 
 def test_running_names_the_output_that_differs(small, table):
-    assert aerodb.run_checkcases(small, table)["agrees"].all()
+    assert aerodb.exchange.run_checkcases(small, table)["agrees"].all()
     small["CL/flap"]["value"][1] += 1e-6
-    found = aerodb.run_checkcases(small, table)
+    found = aerodb.exchange.run_checkcases(small, table)
     assert found.index[~found["agrees"]].tolist() == ["CL/flap", "CL"]
     row = found.loc["CL/flap"]
     assert 0.0 < row["largest_difference"] < 1.000001e-6
@@ -68,7 +68,7 @@ def test_running_names_the_output_that_differs(small, table):
 
 
 def test_a_term_that_is_gone_counts_as_zero(small, table):
-    found = aerodb.run_checkcases(aerodb.delete_terms(small, ["Cm/qhat"]), table)
+    found = aerodb.exchange.run_checkcases(aerodb.delete_terms(small, ["Cm/qhat"]), table)
     assert found.index[~found["agrees"]].tolist() == ["Cm/qhat", "Cm"]
 
 
@@ -78,14 +78,14 @@ def test_a_column_in_degrees_is_converted(small, table):
     rows = [line.split(",") for line in lines[head + 1 :]]
     turned = [",".join([row[0], repr(float(np.degrees(float(row[1])))), *row[2:]]) for row in rows]
     table.write_text("\n".join([*lines[:head], lines[head].replace("alpha [rad]", "alpha [deg]"), *turned, ""]))
-    assert aerodb.run_checkcases(small, table)["agrees"].all()
+    assert aerodb.exchange.run_checkcases(small, table)["agrees"].all()
 
 
 def test_tables_that_cannot_be_run_are_reported(small, table):
     text = table.read_text()
     table.write_text(text.replace("mach [1]", "nach [1]").replace("qhat [1]", "qhat [deg/s]"))
     with pytest.raises(SchemaError) as caught:
-        aerodb.run_checkcases(small, table)
+        aerodb.exchange.run_checkcases(small, table)
     assert [problem[:52] for problem in caught.value.problems] == [
         "cases.csv: column nach [1]: unknown quantity 'nach';",
         "cases.csv: column qhat [deg/s]: unit 'deg/s' cannot ",
@@ -93,18 +93,18 @@ def test_tables_that_cannot_be_run_are_reported(small, table):
     ]
     table.write_text("a,b\n1,2\n")
     with pytest.raises(ParseError, match="aeromatch check cases, format 1"):
-        aerodb.run_checkcases(small, table)
+        aerodb.exchange.run_checkcases(small, table)
     with pytest.raises(SchemaError, match="count is 0; at least one case is needed"):
-        aerodb.export_checkcases(small, table, count=0)
+        aerodb.exchange.export_checkcases(small, table, count=0)
 
 
 def test_checks_travel_and_are_run(small, tmp_path):
     path = tmp_path / "db.nc"
-    checked = aerodb.with_checks(small, count=50)
+    checked = aerodb.store.with_checks(small, count=50)
     assert list(aerodb.terms(checked)) == list(aerodb.terms(small))
     aerodb.save(checked, path)
     xr.testing.assert_identical(aerodb.open(path), checked)
-    xr.testing.assert_identical(aerodb.with_checks(checked, count=50), checked)
+    xr.testing.assert_identical(aerodb.store.with_checks(checked, count=50), checked)
     checked["Cm/qhat"]["value"][...] = -17.1
     with pytest.raises(
         SchemaError, match=r"checks: Cm differs by .* in case \d+ \(\d+ of 50 cases fail\); the terms were changed"
@@ -129,5 +129,5 @@ def test_cases_of_another_source_hold_by_their_own_tolerance(small):
 
 
 def test_a_database_without_variables_has_cases_too(root):
-    db = aerodb.with_checks(aerodb.database({"CD/basic": terms.make(0.02)}, **root), count=3)
+    db = aerodb.store.with_checks(aerodb.database({"CD/basic": terms.make(0.02)}, **root), count=3)
     assert db["checks"]["CD"].values.tolist() == [0.02] * 3

@@ -20,7 +20,7 @@ from flightmech.errors import ParseError, SchemaError
 
 @pytest.fixture
 def folder(small, tmp_path):
-    aerodb.export_csv(small, tmp_path / "terms")
+    aerodb.exchange.export_csv(small, tmp_path / "terms")
     return tmp_path / "terms"
 
 
@@ -47,7 +47,7 @@ def test_degrees_are_converted_and_the_history_says_so(small, folder):
     edited(file, "delta_f [rad]", "delta_f [deg]")
     edited(file, angle, "40")
     edited(file, repr(float(np.radians(20.0))), "20")
-    found = aerodb.terms(aerodb.import_csv(folder))["CL/flap"]
+    found = aerodb.terms(aerodb.exchange.import_csv(folder))["CL/flap"]
     np.testing.assert_allclose(found["delta_f"], aerodb.terms(small)["CL/flap"]["delta_f"], rtol=1e-15)
     np.testing.assert_array_equal(found["value"], aerodb.terms(small)["CL/flap"]["value"])
     assert found.attrs["history"] == "import_csv: 003_CL_flap.csv gives delta_f in deg"
@@ -61,7 +61,7 @@ def test_rows_may_stand_in_any_order(small, folder):
     rows = lines[head + 1 :]
     random.Random(1).shuffle(rows)
     file.write_text("\r\n".join([*lines[: head + 1], *rows, ""]))
-    xr.testing.assert_identical(aerodb.import_csv(folder), small)
+    xr.testing.assert_identical(aerodb.exchange.import_csv(folder), small)
 
 
 def test_all_faults_are_reported_with_file_and_line(folder):
@@ -72,7 +72,7 @@ def test_all_faults_are_reported_with_file_and_line(folder):
     edited(folder / "004_Cm_qhat.csv", "# outside: hold", "# outside hold")
     (folder / "more.csv").write_text("a\n")
     with pytest.raises(SchemaError) as caught:
-        aerodb.import_csv(folder)
+        aerodb.exchange.import_csv(folder)
     assert [problem.split("; ")[0] for problem in caught.value.problems] == [
         "more.csv is not in index.csv",
         "001_CL_basic.csv: column mach [ft]: unit 'ft' cannot be converted to '1'",
@@ -104,7 +104,7 @@ def test_all_faults_are_reported_with_file_and_line(folder):
 def test_a_table_that_is_no_grid_is_reported(folder, old, new, fault):
     edited(folder / "001_CL_basic.csv", old, new)
     with pytest.raises(SchemaError, match=fault):
-        aerodb.import_csv(folder)
+        aerodb.exchange.import_csv(folder)
 
 
 def test_a_long_list_of_points_that_is_no_grid_takes_no_memory(folder):
@@ -113,14 +113,14 @@ def test_a_long_list_of_points_that_is_no_grid_takes_no_memory(folder):
     head = file.read_text().split("datcom\n")[0].rsplit("\n", 1)[0]
     file.write_text(f"{head}\n{rows}")
     with pytest.raises(SchemaError, match="2000 rows for 2000 x 2000 = 4000000 nodes; every node needs a row"):
-        aerodb.import_csv(folder)
+        aerodb.exchange.import_csv(folder)
 
 
 def test_the_schema_is_asked_last(folder):
     edited(folder / "002_CL_qhat.csv", "# regressors: qhat", "# regressors: qhut")
     edited(folder / "003_CL_flap.csv", "0.36,0.07", "nan,-1")
     with pytest.raises(SchemaError) as caught:
-        aerodb.import_csv(folder)
+        aerodb.exchange.import_csv(folder)
     assert [problem.split(";")[0] for problem in caught.value.problems] == [
         "CL/qhat: regressor: unknown quantity 'qhut'",
         "CL/flap: value holds 1 NaN or infinite nodes of 3",
@@ -141,34 +141,34 @@ def test_the_index_is_read_strictly(folder, row, fault):
     with (folder / "index.csv").open("a") as file:
         file.write(row + "\n")
     with pytest.raises(SchemaError, match=f"index.csv, line 19: {fault}"):
-        aerodb.import_csv(folder)
+        aerodb.exchange.import_csv(folder)
 
 
 def test_folders_that_are_none_of_ours(small, tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"no index.csv there; name a folder that aerodb.export_csv wrote"):
-        aerodb.import_csv(tmp_path)
+    with pytest.raises(FileNotFoundError, match=r"no index.csv there; name a folder that aerodb.exchange.export_csv wrote"):
+        aerodb.exchange.import_csv(tmp_path)
     (tmp_path / "index.csv").write_text("a,b\n1,2\n")
     with pytest.raises(ParseError, match="aeromatch terms, format 1"):
-        aerodb.import_csv(tmp_path)
+        aerodb.exchange.import_csv(tmp_path)
     (tmp_path / "index.csv").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ParseError, match="not UTF-8"):
-        aerodb.import_csv(tmp_path)
+        aerodb.exchange.import_csv(tmp_path)
     (tmp_path / "index.csv").write_bytes(b"")
     with pytest.raises(ParseError, match="no header row"):
-        aerodb.import_csv(tmp_path)
+        aerodb.exchange.import_csv(tmp_path)
     with pytest.raises(FileExistsError, match="holds other files than an export of terms"):
-        aerodb.export_csv(small, tmp_path)
+        aerodb.exchange.export_csv(small, tmp_path)
     with pytest.raises(FileExistsError, match="is a file; name a folder"):
-        aerodb.export_csv(small, tmp_path / "index.csv")
+        aerodb.exchange.export_csv(small, tmp_path / "index.csv")
 
 
 def test_a_folder_of_ours_is_replaced_and_one_with_a_foreign_file_is_not(small, folder):
     fewer = aerodb.database({"CL/basic": terms.make(1.0)}, **small.attrs)
-    aerodb.export_csv(fewer, folder)
+    aerodb.exchange.export_csv(fewer, folder)
     assert sorted(os.listdir(folder)) == ["001_CL_basic.csv", "index.csv"]
     (folder / "thesis.txt").write_text("years of work")
     with pytest.raises(FileExistsError):
-        aerodb.export_csv(small, folder)
+        aerodb.exchange.export_csv(small, folder)
     assert (folder / "thesis.txt").read_text() == "years of work"
     assert os.listdir(folder.parent) == ["terms"]
 
@@ -176,7 +176,7 @@ def test_a_folder_of_ours_is_replaced_and_one_with_a_foreign_file_is_not(small, 
 def test_a_name_that_no_comment_line_takes_is_refused(small, tmp_path):
     small["CL/flap"].attrs["my note"] = "x"
     with pytest.raises(SchemaError, match="CL/flap: attribute 'my note' is not a word"):
-        aerodb.export_csv(small, tmp_path / "terms")
+        aerodb.exchange.export_csv(small, tmp_path / "terms")
     assert not list(tmp_path.iterdir())
 
 
@@ -197,7 +197,7 @@ def test_facts_come_back(tmp_path_factory, facts):
 def test_a_killed_export_leaves_the_old_folder_or_the_new_one(small, tmp_path):
     folder = tmp_path / "terms"
     pair = small, aerodb.database({f"CL/t{i}": terms.make(float(i)) for i in range(9)}, **small.attrs)
-    aerodb.export_csv(small, folder)
+    aerodb.exchange.export_csv(small, folder)
     moments, found = random.Random(2), [0, 0]
     while sum(found) < 40 or (min(found) < 5 and sum(found) < 300):
         child = os.fork()
@@ -205,14 +205,14 @@ def test_a_killed_export_leaves_the_old_folder_or_the_new_one(small, tmp_path):
             try:
                 while True:
                     for db in reversed(pair):
-                        aerodb.export_csv(db, folder)
+                        aerodb.exchange.export_csv(db, folder)
             finally:
                 os._exit(1)
         time.sleep(moments.uniform(0.0, 0.15))
         assert os.waitpid(child, os.WNOHANG) == (0, 0)
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
-        there = aerodb.import_csv(folder)
+        there = aerodb.exchange.import_csv(folder)
         same = [there.identical(db) for db in pair]
         assert sum(same) == 1
         found[same.index(True)] += 1

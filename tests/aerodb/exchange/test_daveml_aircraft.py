@@ -58,7 +58,7 @@ def db():
 
 
 def test_mass_properties(db, file):
-    craft = aerodb.import_daveml_aircraft(db, file("inertia.dml", INERTIA), inputs={"vrsPositionOfCM": 25.0})
+    craft = aerodb.exchange.import_daveml_aircraft(db, file("inertia.dml", INERTIA), inputs={"vrsPositionOfCM": 25.0})
     assert (craft.name, craft.S, craft.cbar, craft.b, craft.reference, craft.engines) == ("ours", 20.0, 2.0, 8.0, (-1.0, 0.0, 0.0), ())
     assert craft.mass == pytest.approx(100.0 * SLUG)
     moments = (craft.Ixx, craft.Iyy, craft.Izz, craft.Ixz, craft.Ixy)
@@ -67,12 +67,12 @@ def test_mass_properties(db, file):
 
 
 def test_inputs_keep_the_initial_value_of_the_file(db, file):
-    assert aerodb.import_daveml_aircraft(db, file("inertia.dml", INERTIA)).cg[0] == 0.0
+    assert aerodb.exchange.import_daveml_aircraft(db, file("inertia.dml", INERTIA)).cg[0] == 0.0
 
 
 def test_thrust_over_lever_and_height(db, file):
     propulsion = file("thrust.dml", THRUST.replace("FORCE", LINEAR).replace("SIDE", "0"))
-    (engine,) = aerodb.import_daveml_aircraft(db, file("inertia.dml", INERTIA), propulsion).engines
+    (engine,) = aerodb.exchange.import_daveml_aircraft(db, file("inertia.dml", INERTIA), propulsion).engines
     assert engine.thrust["throttle"].values.tolist() == [0.0, 1.0]
     np.testing.assert_allclose(engine.thrust["h"], np.array([0.0, 10e3, 20e3, 40e3]) * FOOT)
     # a quarter of the lever at 15 000 ft: idle 62.5, full 700 lbf
@@ -92,12 +92,12 @@ def test_thrust_over_lever_and_height(db, file):
 def test_thrust_that_is_no_table_is_refused(old, new, message, db, file):
     content = THRUST.replace(old, new).replace("FORCE", LINEAR).replace("SIDE", "0")
     with pytest.raises(SchemaError, match=message):
-        aerodb.import_daveml_aircraft(db, file("inertia.dml", INERTIA), file("thrust.dml", content))
+        aerodb.exchange.import_daveml_aircraft(db, file("inertia.dml", INERTIA), file("thrust.dml", content))
 
 
 def test_what_an_inertia_file_lacks_is_reported(db, file):
     lacking = file("inertia.dml", INERTIA.replace("totalMass", "grossWeight").replace(' initialValue="35.0"', ""))
     with pytest.raises(SchemaError, match=r"the input CG \(vrsPositionOfCM\) has no initial value(.|\n)*no output is mass"):
-        aerodb.import_daveml_aircraft(db, lacking)
+        aerodb.exchange.import_daveml_aircraft(db, lacking)
     with pytest.raises(UnknownName, match="unknown variable 'CG_PCT'"):
-        aerodb.import_daveml_aircraft(db, file("inertia.dml", INERTIA), inputs={"CG_PCT": 25.0})
+        aerodb.exchange.import_daveml_aircraft(db, file("inertia.dml", INERTIA), inputs={"CG_PCT": 25.0})

@@ -118,8 +118,8 @@ def states(count=3000, seed=3):
 
 
 def test_a_database_comes_back_term_by_term(rich, tmp_path):
-    aerodb.export_daveml(rich, tmp_path / "db.dml")
-    back = aerodb.import_daveml(tmp_path / "db.dml")
+    aerodb.exchange.export_daveml(rich, tmp_path / "db.dml")
+    back = aerodb.exchange.import_daveml(tmp_path / "db.dml")
     mine, found = aerodb.terms(rich), aerodb.terms(back)
     assert list(found) == list(mine)
     assert set(back.children) == {"CL", "CD", "Cl", "Cm", "Cn", "Ch_e"}
@@ -131,7 +131,7 @@ def test_a_database_comes_back_term_by_term(rich, tmp_path):
 
 
 def test_the_file_gives_the_coefficients_of_the_database(rich, tmp_path):
-    aerodb.export_daveml(rich, tmp_path / "db.dml")
+    aerodb.exchange.export_daveml(rich, tmp_path / "db.dml")
     model, state = read(tmp_path / "db.dml"), states()
     S, cbar, b = (float(rich.attrs[name]) for name in ("S", "cbar", "b"))
     V = state["V"]
@@ -149,7 +149,7 @@ def test_the_file_gives_the_coefficients_of_the_database(rich, tmp_path):
 
 
 def test_the_file_follows_the_dtd(rich, tmp_path):
-    aerodb.export_daveml(rich, tmp_path / "db.dml")
+    aerodb.exchange.export_daveml(rich, tmp_path / "db.dml")
     root, seen, used = parse(tmp_path / "db.dml", doctype=True), set(), set()
     for element in elements(root):
         if element.tag in CONTENT:
@@ -167,7 +167,7 @@ def test_the_file_follows_the_dtd(rich, tmp_path):
 
 
 def test_equal_tables_and_breakpoints_are_written_once(rich, tmp_path):
-    aerodb.export_daveml(rich, tmp_path / "db.dml")
+    aerodb.exchange.export_daveml(rich, tmp_path / "db.dml")
     root = parse(tmp_path / "db.dml", doctype=True)
     tables = {e.attributes["name"]: e for e in root.all("griddedTableDef")}
     assert "CL/ground value" in tables  # its values are those of CL/basic, whose standard errors it does not have
@@ -176,7 +176,7 @@ def test_equal_tables_and_breakpoints_are_written_once(rich, tmp_path):
 
 
 def test_standard_errors_and_rules_beyond_the_tables_are_attributes(rich, tmp_path):
-    aerodb.export_daveml(rich, tmp_path / "db.dml")
+    aerodb.exchange.export_daveml(rich, tmp_path / "db.dml")
     model = read(tmp_path / "db.dml")
     spread = model.functions["CL_basic__value"].uncertainty
     assert (spread.effect, spread.sigmas) == ("additive", 1.0)
@@ -192,7 +192,7 @@ def test_standard_errors_and_rules_beyond_the_tables_are_attributes(rich, tmp_pa
 
 
 def test_check_cases_are_spread_over_the_tables_and_beyond_and_always_the_same(rich, tmp_path):
-    aerodb.export_daveml(rich, tmp_path / "db.dml", shots=24)
+    aerodb.exchange.export_daveml(rich, tmp_path / "db.dml", shots=24)
     model = read(tmp_path / "db.dml")
     assert len(model.shots) == 24
     alpha = np.array([next(s.value for s in shot.inputs if s.key == "angleOfAttack") for shot in model.shots])
@@ -207,13 +207,13 @@ def test_check_cases_are_spread_over_the_tables_and_beyond_and_always_the_same(r
     outputs = table[table["kind"] == "output"]
     assert (outputs["tolerance"] <= 1e-9 * np.maximum(abs(outputs["expected"]), 20.0)).all()
     text = (tmp_path / "db.dml").read_bytes()
-    aerodb.export_daveml(rich, tmp_path / "again.dml", shots=24)
+    aerodb.exchange.export_daveml(rich, tmp_path / "again.dml", shots=24)
     assert (tmp_path / "again.dml").read_bytes() == text
 
 
 def test_a_wrong_digit_in_a_table_is_found_by_the_check_cases(rich, tmp_path):
     path = tmp_path / "db.dml"
-    aerodb.export_daveml(rich, path)
+    aerodb.exchange.export_daveml(rich, path)
     node = repr(float(aerodb.terms(rich)["CL/basic"]["value"].values[0, 1]))
     text = path.read_text(encoding="utf-8")
     assert node in text
@@ -237,36 +237,36 @@ def test_check_cases_of_the_database_travel_with_their_own_numbers(rich, tmp_pat
     measured = {"CL": ("case", expected + [0.004, 0.004, 0.006]), "CL_tolerance": ("case", [0.005] * 3)}
     cases = xr.Dataset({**state, **measured}, {"case": [1, 2, 3]}, {"names": "one\ntwo\nmissed"})
     db = xr.DataTree.from_dict({**rich.to_dict(), "/checks": cases})
-    aerodb.export_daveml(db, tmp_path / "db.dml")
+    aerodb.exchange.export_daveml(db, tmp_path / "db.dml")
     stored = {shot.name: shot for shot in read(tmp_path / "db.dml").shots if shot.name.startswith("checks: ")}
     assert list(stored) == ["checks: one", "checks: two"]  # the third is not met by the database
     lift = next(signal for signal in stored["checks: one"].outputs if signal.key == "liftCoefficient")
     assert lift.value == pytest.approx(float(expected[0]) + 0.004, rel=1e-15)
     assert lift.tolerance == 0.005
-    aerodb.save(aerodb.import_daveml(tmp_path / "db.dml"), tmp_path / "db.nc")
+    aerodb.save(aerodb.exchange.import_daveml(tmp_path / "db.dml"), tmp_path / "db.nc")
     kept = aerodb.open(tmp_path / "db.nc")["checks"].to_dataset()
     assert kept.attrs["names"] == "one\ntwo"
     assert kept["CL_tolerance"].values.tolist() == [0.005, 0.005]
 
 
 def test_an_aircraft_bounds_the_check_cases_and_must_be_the_same(rich, tmp_path):
-    aerodb.export_daveml(rich, tmp_path / "db.dml", Craft())
+    aerodb.exchange.export_daveml(rich, tmp_path / "db.dml", Craft())
     deflections = [signal.value for shot in read(tmp_path / "db.dml").shots for signal in shot.inputs if signal.key == "elevatorDeflection"]
     assert max(deflections) <= 0.3 + BEYOND * 0.65
     assert max(deflections) > 0.2
     with pytest.raises(SchemaError, match=r"b is 10\.31 in the database and 11 in the aircraft; they must agree"):
-        aerodb.export_daveml(rich, tmp_path / "other.dml", Craft(b=11.0))
+        aerodb.exchange.export_daveml(rich, tmp_path / "other.dml", Craft(b=11.0))
     assert not (tmp_path / "other.dml").exists()
 
 
 def test_what_cannot_be_written_leaves_no_file(rich, tmp_path):
     with pytest.raises(ValueError, match="shots is 0"):
-        aerodb.export_daveml(rich, tmp_path / "db.dml", shots=0)
+        aerodb.exchange.export_daveml(rich, tmp_path / "db.dml", shots=0)
     with pytest.raises(FileNotFoundError, match="no such folder"):
-        aerodb.export_daveml(rich, tmp_path / "nowhere" / "db.dml")
+        aerodb.exchange.export_daveml(rich, tmp_path / "nowhere" / "db.dml")
     broken = xr.DataTree.from_dict({**rich.to_dict(), "/CL/basic": xr.Dataset()})
     with pytest.raises(SchemaError, match="CL/basic: has no variable 'value'"):
-        aerodb.export_daveml(broken, tmp_path / "db.dml")
+        aerodb.exchange.export_daveml(broken, tmp_path / "db.dml")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -274,8 +274,8 @@ def test_body_axes_and_contributions_with_like_names(root, tmp_path):
     root["force_axes"] = "body"
     leaves = {f"CX/{name}": terms.make([0.1, 0.2], {"alpha": [0.0, 1.0]}) for name in ("basic", "basic__value", "basic__K1")}
     db = aerodb.database(leaves, **root)
-    aerodb.export_daveml(db, tmp_path / "db.dml")
-    back = aerodb.import_daveml(tmp_path / "db.dml")
+    aerodb.exchange.export_daveml(db, tmp_path / "db.dml")
+    back = aerodb.exchange.import_daveml(tmp_path / "db.dml")
     assert back.attrs["force_axes"] == "body"
     assert list(aerodb.terms(back)) == list(leaves)
     assert {"CX", "CY", "CZ", "Cl", "Cm", "Cn"} <= set(read(tmp_path / "db.dml").outputs)
@@ -283,8 +283,8 @@ def test_body_axes_and_contributions_with_like_names(root, tmp_path):
 
 def test_characters_that_xml_does_not_allow_are_replaced(root, tmp_path):
     root["title"] = 'bell \x07 & "quote" <tag> ]]>'
-    aerodb.export_daveml(aerodb.database({"CL/basic": terms.make(0.1)}, **root), tmp_path / "db.dml")
-    assert aerodb.import_daveml(tmp_path / "db.dml").attrs["title"] == 'bell ? & "quote" <tag> ]]>'
+    aerodb.exchange.export_daveml(aerodb.database({"CL/basic": terms.make(0.1)}, **root), tmp_path / "db.dml")
+    assert aerodb.exchange.import_daveml(tmp_path / "db.dml").attrs["title"] == 'bell ? & "quote" <tag> ]]>'
 
 
 @given(

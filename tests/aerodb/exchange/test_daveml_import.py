@@ -103,7 +103,7 @@ def in_file(state):
 
 def difference(path, coefficient="CL", output="OUT"):
     """Return the database of a file and its largest difference from the model, in terms of the sum of contributions."""
-    db, state = aerodb.import_daveml(path), states()
+    db, state = aerodb.exchange.import_daveml(path), states()
     parts = aerodb.contributions(db, coefficient, state, outside="clamp")
     expected = read(path).evaluate(in_file(state))[output]
     size = np.maximum(sum(np.abs(part) for part in parts.values()), 1.0)
@@ -123,7 +123,7 @@ ALPHAS, MACHS, RUDDERS, BETAS = [-10.0, 0.0, 10.0, 25.0], [0.3, 0.9, 2.0], [0.0,
 @samples
 def test_the_f16_equals_its_model_at_ten_thousand_states():
     path = NESC / "F16_aero.dml"
-    model, db = read(path), aerodb.import_daveml(path)
+    model, db = read(path), aerodb.exchange.import_daveml(path)
     random, count = np.random.default_rng(16), 10_000
     box = {
         "alpha": (-10, 45),
@@ -147,7 +147,7 @@ def test_the_f16_equals_its_model_at_ten_thousand_states():
 
 @samples
 def test_the_f16_has_terms_of_the_house_and_its_check_cases():
-    db = aerodb.import_daveml(NESC / "F16_aero.dml")
+    db = aerodb.exchange.import_daveml(NESC / "F16_aero.dml")
     terms = aerodb.terms(db)
     assert list(terms) == [
         "CX/basic", "CX/qhat", "CY/beta", "CY/aileron", "CY/rudder", "CY/phat", "CY/rhat",
@@ -170,14 +170,14 @@ def test_the_f16_has_terms_of_the_house_and_its_check_cases():
 
 @samples
 def test_the_brick_and_the_cannonball_are_constants_and_dampings():
-    brick = aerodb.import_daveml(NESC / "brick_aero.dml")
+    brick = aerodb.exchange.import_daveml(NESC / "brick_aero.dml")
     assert {name: float(leaf["value"]) for name, leaf in aerodb.terms(brick).items()} == {
         "CL/basic": 0.0, "CD/basic": 0.01, "CY/basic": 0.0, "Cl/phat": -1.0, "Cm/qhat": -1.0, "Cn/rhat": -1.0,
     }  # fmt: skip
     assert brick.attrs["b"] == pytest.approx(0.33333 * FOOT, rel=1e-15)
     with pytest.raises(SchemaError, match=r"(?s)the file does not state cbar; pass cbar=.*the file does not state b; pass b="):
-        aerodb.import_daveml(NESC / "cannonball_aero.dml")
-    ball = aerodb.import_daveml(NESC / "cannonball_aero.dml", cbar=0.1, b=0.1)
+        aerodb.exchange.import_daveml(NESC / "cannonball_aero.dml")
+    ball = aerodb.exchange.import_daveml(NESC / "cannonball_aero.dml", cbar=0.1, b=0.1)
     assert float(aerodb.evaluate(ball, "CD")) == 0.1
 
 
@@ -187,9 +187,9 @@ def test_what_the_two_stage_rocket_cannot_give_is_named_with_its_reason():
     with pytest.raises(
         SchemaError, match=r"CD: totalCoefficientOfDrag \(dragCoefficient\): it uses alphaT: the power 0.5 of alpha, beta"
     ) as caught:
-        aerodb.import_daveml(path)
+        aerodb.exchange.import_daveml(path)
     assert len(caught.value.problems) == 1
-    db = aerodb.import_daveml(path, without=("CD",))
+    db = aerodb.exchange.import_daveml(path, without=("CD",))
     assert set(aerodb.terms(db)) == {"CL/basic", "CY/basic", "Cl/basic", "Cm/basic", "Cn/basic"}
     assert db.attrs["absent"] == "CD/basic"
     assert float(aerodb.evaluate(db, "CL", alpha=np.radians(3.0))) == pytest.approx(0.365)  # between 0.24 at 2 and 0.49 at 4 deg
@@ -198,16 +198,16 @@ def test_what_the_two_stage_rocket_cannot_give_is_named_with_its_reason():
 @samples
 def test_the_simple_examples():
     sizes = {"S": 1.0, "cbar": 1.0, "b": 1.0}
-    simple = aerodb.import_daveml(EXAMPLES / "simple_aero.dml", **sizes)
+    simple = aerodb.exchange.import_daveml(EXAMPLES / "simple_aero.dml", **sizes)
     assert float(aerodb.evaluate(simple, "CL", alpha=np.radians(10.0))) == pytest.approx(0.9)
-    limited = aerodb.import_daveml(EXAMPLES / "twoD_table.dml", **sizes)  # min, max inside the breakpoints, ends that go on
+    limited = aerodb.exchange.import_daveml(EXAMPLES / "twoD_table.dml", **sizes)  # min, max inside the breakpoints, ends that go on
     model = read(EXAMPLES / "twoD_table.dml")
     mach, alpha = (grid.ravel() for grid in np.meshgrid(np.linspace(-0.2, 1.5, 60), np.linspace(-9.0, 22.0, 70)))
     found = aerodb.evaluate(limited, "CL", outside="clamp", mach=mach, alpha=np.radians(alpha))
     assert found == pytest.approx(model.evaluate({"MACH": mach, "ALPHA": alpha})["CL"], abs=ROUNDING)
-    symmetric = aerodb.import_daveml(EXAMPLES / "aero_cm.dml", names={"CLM_sym": "Cm", "ALPHA_TOT_D": "alpha [deg]"}, **sizes)
+    symmetric = aerodb.exchange.import_daveml(EXAMPLES / "aero_cm.dml", names={"CLM_sym": "Cm", "ALPHA_TOT_D": "alpha [deg]"}, **sizes)
     assert float(aerodb.evaluate(symmetric, "Cm", mach=0.5, alpha=np.radians(5.0))) == pytest.approx(-0.043944)
-    spread = aerodb.import_daveml(EXAMPLES / "uncertain_1D_table.dml", names={"Cm_u": "Cm"}, **sizes)
+    spread = aerodb.exchange.import_daveml(EXAMPLES / "uncertain_1D_table.dml", names={"Cm_u": "Cm"}, **sizes)
     assert aerodb.terms(spread)["Cm/basic"]["stderr"].values[:2] == pytest.approx([5.2 * 0.10 / 3.0, 4.3 * 0.08 / 3.0])
 
 
@@ -324,7 +324,7 @@ def test_uncertain_constants_and_their_products_have_standard_errors(tmp_path):
     spread = '<uncertainty effect="percentage"><normalPDF numSigmas="2"><bounds>20</bounds></normalPDF></uncertainty>'
     even = '<uncertainty effect="additive"><uniformPDF><bounds>0.3</bounds></uniformPDF></uncertainty>'
     variables = variable("k", spread, initialValue="0.5") + variable("l", even, initialValue="2")
-    leaf = aerodb.terms(aerodb.import_daveml(one(tmp_path, apply("times", ci("k"), ci("l"), ci("XMACH")), variables)))["CL/mach"]
+    leaf = aerodb.terms(aerodb.exchange.import_daveml(one(tmp_path, apply("times", ci("k"), ci("l"), ci("XMACH")), variables)))["CL/mach"]
     assert float(leaf["value"]) == 1.0
     assert float(leaf["stderr"]) == pytest.approx(np.hypot(2.0 * 0.05, 0.5 * 0.3 / np.sqrt(3.0)))
 
@@ -332,13 +332,13 @@ def test_uncertain_constants_and_their_products_have_standard_errors(tmp_path):
 def test_wind_axes_and_both_axes(tmp_path):
     wind = one(tmp_path, cn(0.4)).read_text().replace('varID="OUT"', 'varID="OUT" axisSystem="wind axes"')
     (tmp_path / "wind.dml").write_text(wind)
-    assert aerodb.import_daveml(tmp_path / "wind.dml").attrs["force_axes"] == "wind"
+    assert aerodb.exchange.import_daveml(tmp_path / "wind.dml").attrs["force_axes"] == "wind"
     both = one(tmp_path, cn(0.4), variable("aeroBodyForceCoefficient_X", made(cn(0.1)), "CX"))
     with pytest.raises(SchemaError, match="gives both CX and CL; choose with force_axes="):
-        aerodb.import_daveml(both)
-    assert set(aerodb.terms(aerodb.import_daveml(both, force_axes="body"))) == {"CX/basic"}
+        aerodb.exchange.import_daveml(both)
+    assert set(aerodb.terms(aerodb.exchange.import_daveml(both, force_axes="body"))) == {"CX/basic"}
     with pytest.raises(ValueError, match="allowed: stability, wind, body"):
-        aerodb.import_daveml(both, force_axes="earth")
+        aerodb.exchange.import_daveml(both, force_axes="earth")
 
 
 # ---- what is refused
@@ -384,7 +384,7 @@ def test_what_is_no_sum_of_products_is_refused_with_the_variable_and_the_reason(
     more = variable("limited", made(ci("AL"), ""), "LIM", units="deg")
     more += variable("total", made(apply("plus", ci("AL"), ci("BE")), ""), "TOT", units="deg")
     with pytest.raises(SchemaError, match=r"no exact sum of terms") as caught:
-        aerodb.import_daveml(one(tmp_path, math, ALL + more, functions))
+        aerodb.exchange.import_daveml(one(tmp_path, math, ALL + more, functions))
     assert len(caught.value.problems) == 1
     assert caught.value.problems[0].startswith("CL: OUT (liftCoefficient): ")
     assert reason in caught.value.problems[0]
@@ -394,27 +394,27 @@ def test_a_sum_that_grows_without_end_is_refused_soon(tmp_path):
     chain = variable("x0", made(apply("plus", *(ci(name) for name in ("AL", "BE", "XMACH", "RUD", "EL", "XCG"))), ""))
     chain += "".join(variable(f"x{i}", made(apply("times", ci(f"x{i - 1}"), ci(f"x{i - 1}")), "")) for i in range(1, 40))
     with pytest.raises(SchemaError, match=r"it uses x39: it uses x38: .*more than 1000 products"):
-        aerodb.import_daveml(one(tmp_path, ci("x39"), chain))
+        aerodb.exchange.import_daveml(one(tmp_path, ci("x39"), chain))
 
 
 def test_names_units_and_reference_quantities_are_checked(tmp_path):
     path = one(tmp_path, apply("times", ci("AL"), cn(0.1)))
     with pytest.raises(UnknownName, match="unknown variable 'ALPHA'"):
-        aerodb.import_daveml(path, names={"ALPHA": "alpha"})
+        aerodb.exchange.import_daveml(path, names={"ALPHA": "alpha"})
     with pytest.raises(UnknownName, match="unknown quantity 'alfa'; near it: alpha"):
-        aerodb.import_daveml(path, names={"AL": "alfa"})
+        aerodb.exchange.import_daveml(path, names={"AL": "alfa"})
     with pytest.raises(SchemaError, match="S is 20 in the file and 21 in the call"):
-        aerodb.import_daveml(path, S=21.0)
+        aerodb.exchange.import_daveml(path, S=21.0)
     with pytest.raises(UnknownName, match="unknown coefficient 'drag'"):
-        aerodb.import_daveml(path, without=("drag",))
+        aerodb.exchange.import_daveml(path, without=("drag",))
     path.write_text(path.read_text().replace('varID="AL" units="deg"', 'varID="AL" units=""'))
     with pytest.raises(SchemaError, match="unit '', where alpha needs one such as rad"):
-        aerodb.import_daveml(path)
+        aerodb.exchange.import_daveml(path)
     path.write_text(path.read_text().replace('varID="AL" units=""', 'varID="AL" units="ft"'))
     with pytest.raises(SchemaError, match="unit 'ft', where alpha needs one such as rad"):
-        aerodb.import_daveml(path)
+        aerodb.exchange.import_daveml(path)
 
 
 def test_a_file_without_coefficients_says_what_it_gives(tmp_path):
     with pytest.raises(SchemaError, match=r"no output is a coefficient: .*OUT \(other\); state which with names="):
-        aerodb.import_daveml(one(tmp_path, cn(1.0), name="other"))
+        aerodb.exchange.import_daveml(one(tmp_path, cn(1.0), name="other"))

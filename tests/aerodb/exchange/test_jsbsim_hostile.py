@@ -23,7 +23,7 @@ THREE = TWO + VAR.format("table", "velocities/mach")
 def read(folder, text):
     path = folder / "bad.xml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return aerodb.import_jsbsim(path)
+    return aerodb.exchange.import_jsbsim(path)
 
 
 def model(body, metrics=METRICS):
@@ -192,9 +192,9 @@ def test_too_large(tmp_path, monkeypatch):
 
 def test_no_file(tmp_path):
     with pytest.raises(FileNotFoundError, match="no such file"):
-        aerodb.import_jsbsim(tmp_path / "absent.xml")
+        aerodb.exchange.import_jsbsim(tmp_path / "absent.xml")
     with pytest.raises(ParseError, match="not a regular file"):
-        aerodb.import_jsbsim(tmp_path)
+        aerodb.exchange.import_jsbsim(tmp_path)
 
 
 def test_sections_in_other_files(tmp_path):

@@ -40,7 +40,7 @@ def file(folder, body, more="", metrics=METRICS):
 def lift(folder, *parts, more="", name="aero/coefficient/CLx", **options):
     """Return the database of one lift function, a product of dynamic pressure, area and `parts`."""
     body = f"<axis name='LIFT'><function name='{name}'><product>{FORCE}{''.join(parts)}</product></function></axis>"
-    return aerodb.import_jsbsim(file(folder, body, more), **options)
+    return aerodb.exchange.import_jsbsim(file(folder, body, more), **options)
 
 
 def prop(name):
@@ -56,8 +56,8 @@ def value(db, **conditions):
 def test_round_trip(force_axes, jsbsim_min, tmp_path):
     """Term by term; heights, speeds and pressures go through feet: one rounding, 1e-15."""
     db = writing.synthetic(force_axes)
-    aerodb.export_jsbsim(db, tmp_path / "test.xml", writing.craft(), jsbsim_min=jsbsim_min)
-    back = aerodb.import_jsbsim(tmp_path / "test.xml")
+    aerodb.exchange.export_jsbsim(db, tmp_path / "test.xml", writing.craft(), jsbsim_min=jsbsim_min)
+    back = aerodb.exchange.import_jsbsim(tmp_path / "test.xml")
     ours, theirs = aerodb.terms(db), aerodb.terms(back)
     assert set(ours) == set(theirs)
     for name, leaf in ours.items():
@@ -82,7 +82,7 @@ def test_shipped_aircraft_fly_equal(name):
     """Whole aircraft of the package, JSBSim's forces and moments at random states; flaps out are taken as 40 deg."""
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     path = Path(jsbsim.get_default_root_dir()) / "aircraft" / name / f"{name}.xml"
-    db = aerodb.import_jsbsim(path, travel={"delta_f": 40 * DEGREE})
+    db = aerodb.exchange.import_jsbsim(path, travel={"delta_f": 40 * DEGREE})
     given, commands = flight.states(200, seed=2)
     found, F, M = flight.fly(path, given, commands, ("fcs/flap-pos-norm",), shipped=True)
     craft = SimpleNamespace(**{key: db.attrs[key] for key in ("S", "cbar", "b")}, x_ref_mac=0.25)
@@ -99,8 +99,8 @@ def test_t37_by_name(tmp_path):
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     path = Path(jsbsim.get_default_root_dir()) / "aircraft" / "T37" / "T37.xml"
     with pytest.raises(SchemaError, match=r"CDflap: fcs/flap-pos-norm is a fraction .* give travel = \{'delta_f': angle where it is 1\}"):
-        aerodb.import_jsbsim(path)
-    db = aerodb.import_jsbsim(path, travel={"delta_f": 0.7})
+        aerodb.exchange.import_jsbsim(path)
+    db = aerodb.exchange.import_jsbsim(path, travel={"delta_f": 0.7})
     leaves = aerodb.terms(db)
     assert len(leaves) == 41
     assert db.attrs["force_axes"] == "wind"
@@ -123,13 +123,13 @@ def test_what_is_no_term_is_named():
     jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
     path = Path(jsbsim.get_default_root_dir()) / "aircraft" / "f22" / "f22.xml"
     with pytest.raises(SchemaError, match="leave_out = ") as caught:
-        aerodb.import_jsbsim(path)
+        aerodb.exchange.import_jsbsim(path)
     named = [problem.split(": ")[1] for problem in caught.value.problems]
     assert all("line " in problem for problem in caught.value.problems)
-    db = aerodb.import_jsbsim(path, leave_out=named)
+    db = aerodb.exchange.import_jsbsim(path, leave_out=named)
     assert len(db.attrs["absent"].split()) == len(named)
     with pytest.raises(UnknownName, match="unknown function 'aero/coefficient/nosuch'"):
-        aerodb.import_jsbsim(path, leave_out=["aero/coefficient/nosuch"])
+        aerodb.exchange.import_jsbsim(path, leave_out=["aero/coefficient/nosuch"])
 
 
 def test_units_and_reduced_rates(tmp_path):
@@ -158,11 +158,11 @@ def test_signs(tmp_path):
     assert value(table, delta_a=0.5) == 1.0
     function = f"<function name='f'><product>{FORCE}<value>2</value></product></function>"
     axes = "".join(f"<axis name='{name}'>{function}</axis>" for name in ("AXIAL", "SIDE", "NORMAL"))
-    db = aerodb.import_jsbsim(file(tmp_path, axes))
+    db = aerodb.exchange.import_jsbsim(file(tmp_path, axes))
     assert db.attrs["force_axes"] == "body"
     assert [float(aerodb.evaluate(db, name)) for name in ("CX", "CY", "CZ")] == [-2.0, 2.0, -2.0]
     axes = "".join(f"<axis name='{name}' frame='STABILITY'>{function}</axis>" for name in "XYZ")
-    db = aerodb.import_jsbsim(file(tmp_path, axes))
+    db = aerodb.exchange.import_jsbsim(file(tmp_path, axes))
     assert db.attrs["force_axes"] == "stability"
     assert [float(aerodb.evaluate(db, name)) for name in ("CD", "CY", "CL")] == [2.0, 2.0, 2.0]
     assert [db.attrs[f"{axis}_ref"] for axis in "xyz"] == pytest.approx([-100 * INCH, 2 * INCH, 5 * INCH], rel=1e-15)

@@ -123,7 +123,7 @@ def flown(path, db, aircraft, count=200, more=EXTRA):
 @pytest.mark.parametrize("force_axes", ["stability", "wind", "body"])
 def test_every_axis_and_regressor(force_axes, tmp_path):
     db, aircraft = synthetic(force_axes), craft()
-    aerodb.export_jsbsim(db, tmp_path / "test.xml", aircraft)
+    aerodb.exchange.export_jsbsim(db, tmp_path / "test.xml", aircraft)
     (force, moment), (F, M), at = flown(tmp_path / "test.xml", db, aircraft)
     assert flight.worst(force, F).max() < ROUNDING
     assert flight.worst(moment, M).max() < ROUNDING
@@ -136,7 +136,7 @@ def test_every_axis_and_regressor(force_axes, tmp_path):
 def test_tables_of_four_axes_for_an_older_jsbsim(tmp_path):
     """The file was also loaded in JSBSim 1.2.1, with the same forces; 1.2.1 refuses the native tables."""
     db, aircraft = synthetic("stability"), craft()
-    aerodb.export_jsbsim(db, tmp_path / "test.xml", aircraft, jsbsim_min="1.2")
+    aerodb.exchange.export_jsbsim(db, tmp_path / "test.xml", aircraft, jsbsim_min="1.2")
     assert "axis4" not in (tmp_path / "test.xml").read_text()
     (force, moment), (F, M), _ = flown(tmp_path / "test.xml", db, aircraft, count=50)
     assert max(flight.worst(force, F).max(), flight.worst(moment, M).max()) < ROUNDING
@@ -148,7 +148,7 @@ def test_t37(t37_db, craft, tmp_path):
     size = {name: getattr(craft, name) for name in ("S", "cbar", "b", "reference")}
     inertia = {"mass": 2150.0, "Ixx": 10826.0, "Iyy": 8135.0, "Izz": 15162.0}
     aircraft = Aircraft("T-37", **size, **inertia, cg=(0.2, 0.05, 0.22), limits=LIMITS)
-    aerodb.export_jsbsim(t37_db, tmp_path / "t37.xml", aircraft)
+    aerodb.exchange.export_jsbsim(t37_db, tmp_path / "t37.xml", aircraft)
     (force, moment), (F, M), at = flown(tmp_path / "t37.xml", t37_db, aircraft, more={})
     assert max(flight.worst(force, F).max(), flight.worst(moment, M).max()) < ROUNDING
     assert np.ptp(at["h_agl"]) > 1000.0
@@ -163,8 +163,8 @@ def test_lines_beyond_the_table(tmp_path):
     line = terms.make([[0.0, 0.1], [0.5, 0.7], [0.8, 1.5]], table, outside="linear")
     db = aerodb.replace_terms(db, {"CL/line": line})
     with pytest.raises(SchemaError, match=r"CL/line: goes on linearly .* give reach = \{'alpha': \(low, high\)\} for alpha, mach"):
-        aerodb.export_jsbsim(db, tmp_path / "test.xml", craft())
-    aerodb.export_jsbsim(db, tmp_path / "test.xml", craft(), reach={"alpha": (-1.0, 1.0), "mach": (0.0, 1.5)})
+        aerodb.exchange.export_jsbsim(db, tmp_path / "test.xml", craft())
+    aerodb.exchange.export_jsbsim(db, tmp_path / "test.xml", craft(), reach={"alpha": (-1.0, 1.0), "mach": (0.0, 1.5)})
     (force, moment), (F, M), at = flown(tmp_path / "test.xml", db, craft(), count=50)
     assert max(flight.worst(force, F).max(), flight.worst(moment, M).max()) < ROUNDING
     assert at["alpha"].max() > 0.3
@@ -174,7 +174,7 @@ def test_lines_beyond_the_table(tmp_path):
 def test_mass_and_engines(tmp_path):
     """Angular accelerations of JSBSim from its own moments: 1e-4 of the moment is far below any product of inertia of the file."""
     aircraft = craft()
-    aerodb.export_jsbsim(synthetic("wind"), tmp_path / "test.xml", aircraft)
+    aerodb.exchange.export_jsbsim(synthetic("wind"), tmp_path / "test.xml", aircraft)
     more = [f"accelerations/{axis}dot-rad_sec2" for axis in "pqr"] + [f"moments/{axis}-total-lbsft" for axis in "lmn"]
     more += [f"forces/fb{axis}-external-lbs" for axis in "xyz"] + [f"moments/{axis}-external-lbsft" for axis in "lmn"]
     given, commands = flight.states(20, 5)
@@ -201,7 +201,7 @@ def test_what_cannot_be_written_is_named(tmp_path):
     db = synthetic("stability")
     db = aerodb.replace_terms(db, {"CL/late": terms.make([0.0, 1.0], {"time": [0.0, 1.0]}), "Cm/fan": terms.make(1.0, regressors=["n1"])})
     with pytest.raises(SchemaError) as caught:
-        aerodb.export_jsbsim(
+        aerodb.exchange.export_jsbsim(
             db, tmp_path / "test.xml", craft(S=18.0, reference=(0.0, 0.0, 0.0), engines=(), limits={"delta_e": (-0.3, 0.3)})
         )
     text = str(caught.value)
@@ -221,7 +221,7 @@ def test_the_file_tells_what_it_holds(tmp_path):
     db.attrs["title"] = "a <title> &\x0b more"
     db["CL/basic"].attrs |= {"comment": "clean -- as\nprinted", "references": "t37.out, lines 1--20"}
     for name in ("one.xml", "two.xml"):
-        aerodb.export_jsbsim(db, tmp_path / name, craft())
+        aerodb.exchange.export_jsbsim(db, tmp_path / name, craft())
     text = (tmp_path / "one.xml").read_text()
     assert text == (tmp_path / "two.xml").read_text()
     assert "<!-- table(mach, alpha); nodes: datcom 12; standard error 0.1 ... 0.1; t37.out, lines 1- -20" in text

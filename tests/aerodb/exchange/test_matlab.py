@@ -34,7 +34,7 @@ def build_up(small, root):
 
 
 def test_the_first_index_belongs_to_the_first_axis(small, tmp_path):
-    aerodb.export_matlab(small, tmp_path / "small.mat")
+    aerodb.exchange.export_matlab(small, tmp_path / "small.mat")
     content = loadmat(tmp_path / "small.mat", simplify_cells=True)
     basic = content["terms"][0]
     assert [axis["name"] for axis in basic["axes"]] == ["mach", "alpha"]
@@ -49,8 +49,8 @@ def test_the_first_index_belongs_to_the_first_axis(small, tmp_path):
 
 
 def test_check_cases_and_previous_states_stay_in_the_database(small, tmp_path):
-    aerodb.export_matlab(aerodb.with_checks(small), tmp_path / "small.mat")
-    xr.testing.assert_identical(aerodb.import_matlab(tmp_path / "small.mat"), small)
+    aerodb.exchange.export_matlab(aerodb.store.with_checks(small), tmp_path / "small.mat")
+    xr.testing.assert_identical(aerodb.exchange.import_matlab(tmp_path / "small.mat"), small)
 
 
 _SCRIPT = """
@@ -83,7 +83,7 @@ def test_octave_interpolates_the_same_contributions(build_up, tmp_path):
     ends = {str(axis): (leaf[axis].values[0], leaf[axis].values[-1]) for leaf in leaves.values() for axis in leaf.dims}
     names = {name for leaf in leaves.values() for name in terms.variables(leaf)}
     points = {name: rng.uniform(*ends.get(name, (-0.1, 0.1)), size=300) for name in sorted(names)}
-    aerodb.export_matlab(build_up, tmp_path / "db.mat")
+    aerodb.exchange.export_matlab(build_up, tmp_path / "db.mat")
     columns = {name: x[:, None] for name, x in points.items()}
     savemat(tmp_path / "points.mat", {"points": {**columns, "case": np.zeros((300, 1))}})
     (tmp_path / "contributions.m").write_text(_SCRIPT)
@@ -96,33 +96,33 @@ def test_octave_interpolates_the_same_contributions(build_up, tmp_path):
 
 @pytest.mark.skipif(shutil.which("octave") is None, reason="needs GNU Octave")
 def test_a_file_that_octave_saved_is_read(small, tmp_path):
-    aerodb.export_matlab(small, tmp_path / "db.mat")
+    aerodb.exchange.export_matlab(small, tmp_path / "db.mat")
     script = "load('db.mat'); terms(1).values(2,3) = 0.5; save('-v7', 'back.mat', 'terms', 'database')"
     subprocess.run(["octave", "--no-gui", "--norc", "-q", "--eval", script], cwd=tmp_path, check=True, capture_output=True, timeout=120)
     expected = small.copy(deep=True)
     expected["CL/basic"]["value"][1, 2] = 0.5
-    xr.testing.assert_identical(aerodb.import_matlab(tmp_path / "back.mat"), expected)
+    xr.testing.assert_identical(aerodb.exchange.import_matlab(tmp_path / "back.mat"), expected)
 
 
 def test_files_that_are_none_of_ours(tmp_path):
     path = tmp_path / "x.mat"
     with pytest.raises(FileNotFoundError):
-        aerodb.import_matlab(path)
+        aerodb.exchange.import_matlab(path)
     for content in (b"", b"text", b"MATLAB 5.0 MAT-file" + bytes(300)):
         path.write_bytes(content)
         with pytest.raises(ParseError, match=r"no MAT file, or a damaged one|the variables \[\]"):
-            aerodb.import_matlab(path)
+            aerodb.exchange.import_matlab(path)
     savemat(path, {"terms": 1.0, "database": {"S": 1.0}})
     with pytest.raises(ParseError, match="structures 'terms' and 'database'"):
-        aerodb.import_matlab(path)
+        aerodb.exchange.import_matlab(path)
     path.write_bytes(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM" + b"\x89HDF\r\n\x1a\n" + bytes(400))
     with pytest.raises(ParseError, match=r"version 7\.3; expected version 5 to 7; save it with save -v7"):
-        aerodb.import_matlab(path)
+        aerodb.exchange.import_matlab(path)
 
 
 def test_all_faults_of_the_terms_are_reported(small, tmp_path):
     path = tmp_path / "small.mat"
-    aerodb.export_matlab(small, path)
+    aerodb.exchange.export_matlab(small, path)
     content = loadmat(path)
     elements = content["terms"]
     elements["values"][0, 0] = elements["values"][0, 0].T
@@ -130,7 +130,7 @@ def test_all_faults_of_the_terms_are_reported(small, tmp_path):
     elements["coefficient"][0, 2] = "CD"
     savemat(path, {"terms": elements, "database": content["database"]}, long_field_names=True)
     with pytest.raises(SchemaError) as caught:
-        aerodb.import_matlab(path)
+        aerodb.exchange.import_matlab(path)
     assert caught.value.problems == [
         "terms(1): CL/basic values is 4 x 2, its breakpoints require 2 x 4",
         "terms(2): CL/qhat values: axis mach is given in 'deg'; convert its breakpoints to '1'",
@@ -141,16 +141,16 @@ def test_all_faults_of_the_terms_are_reported(small, tmp_path):
 @pytest.mark.parametrize("keep", [0.0, 0.01, 0.1, 0.5, 0.9, 0.999])
 def test_a_file_that_ends_early_is_a_clear_error(small, tmp_path, keep):
     path = tmp_path / "small.mat"
-    aerodb.export_matlab(small, path)
+    aerodb.exchange.export_matlab(small, path)
     content = path.read_bytes()
     path.write_bytes(content[: int(keep * len(content))])
     with pytest.raises(ParseError, match=r"a damaged file|no MAT file, or a damaged one"):
-        aerodb.import_matlab(path)
+        aerodb.exchange.import_matlab(path)
 
 
 def test_a_flipped_byte_is_a_clear_error(small, tmp_path):
     path = tmp_path / "small.mat"
-    aerodb.export_matlab(small, path)
+    aerodb.exchange.export_matlab(small, path)
     content = path.read_bytes()
     rng = np.random.default_rng(8)
     for place in [*range(0, 128, 5), *rng.integers(128, len(content), size=300)]:
@@ -158,11 +158,11 @@ def test_a_flipped_byte_is_a_clear_error(small, tmp_path):
         harmed[place] ^= int(rng.integers(1, 256))
         path.write_bytes(harmed)
         with pytest.raises(ParseError, match=r"a damaged file|no MAT file, or a damaged one"):
-            aerodb.import_matlab(path)
+            aerodb.exchange.import_matlab(path)
 
 
 def test_a_root_attribute_that_no_structure_takes_is_refused(small, tmp_path):
     small.attrs["my note"] = "x"
     with pytest.raises(SchemaError, match="root attribute 'my note' is no name of a MATLAB field"):
-        aerodb.export_matlab(small, tmp_path / "small.mat")
+        aerodb.exchange.export_matlab(small, tmp_path / "small.mat")
     assert not list(tmp_path.iterdir())

@@ -45,7 +45,7 @@ def texts(figure):
 
 
 def test_families_side_by_side_in_equal_scales(both):
-    figure = aerodb.plot_comparison(both, "CL/basic")
+    figure = aerodb.figures.plot_comparison(both, "CL/basic")
     datcom, final = figure.axes[:2]
     assert (datcom.get_title(loc="left"), final.get_title(loc="left")) == ("datcom", "final")
     assert datcom.get_ylim() == final.get_ylim()
@@ -59,7 +59,7 @@ def test_families_side_by_side_in_equal_scales(both):
 
 
 def test_a_member_has_all_databases_bands_nodes_and_the_difference(both):
-    main, strip = panel(aerodb.plot_comparison(both, "CL/basic"), "$M$ = 0.4")
+    main, strip = panel(aerodb.figures.plot_comparison(both, "CL/basic"), "$M$ = 0.4")
     np.testing.assert_allclose(np.interp(16.0, *line(main, "datcom").get_data()), 0.2 + 5.4 * 16 * DEGREE)
     np.testing.assert_allclose(np.interp(16.0, *line(main, "final").get_data()), 0.1 + 5.4 * 16 * DEGREE)
     np.testing.assert_allclose(line(main, "final nodes 0").get_xdata(), [-8.0, 0.0, 8.0])
@@ -75,7 +75,7 @@ def test_a_member_has_all_databases_bands_nodes_and_the_difference(both):
 
 def test_flight_samples_are_ticks_in_their_panel(both):
     flown = {"alpha": np.radians([2.0, 4.0, 9.0]), "mach": np.array([0.21, 0.2, 0.39])}
-    figure = aerodb.plot_comparison(both, "CL/basic", support=flown)
+    figure = aerodb.figures.plot_comparison(both, "CL/basic", support=flown)
     for title, places in (("$M$ = 0.2", [2.0, 4.0]), ("$M$ = 0.4", [9.0])):
         main, _ = panel(figure, title)
         ticks = next(item for item in main.collections if item.get_label() == "flight sample")
@@ -84,20 +84,20 @@ def test_flight_samples_are_ticks_in_their_panel(both):
 
 
 def test_the_foot_tells_what_numbers_refer_to(both, small):
-    foot = " ".join(texts(aerodb.plot_comparison(both, "CL/basic")).split("\n"))
+    foot = " ".join(texts(aerodb.figures.plot_comparison(both, "CL/basic")).split("\n"))
     assert "S = 16.9 m², cbar = 1.667 m, b = 10.31 m; moments about (−3, 0, 0) m from the drawing datum" in foot
     assert "forces in stability axes, moments and rates in body axes" in foot
     assert "CL positive up" in foot
     assert "Lower strips: difference to datcom" in foot
     larger = small.copy()
     larger.attrs["S"] = 20.0
-    foot = texts(aerodb.plot_comparison({"datcom": small, "larger": larger}, "CL/basic"))
+    foot = texts(aerodb.figures.plot_comparison({"datcom": small, "larger": larger}, "CL/basic"))
     assert "Reference of datcom: S = 16.9 m²" in foot
     assert "Reference of larger: S = 20 m²" in foot
 
 
 def test_a_term_of_one_database(small):
-    figure = aerodb.plot_term(small, "CL/qhat")
+    figure = aerodb.figures.plot_term(small, "CL/qhat")
     (axes,) = figure.axes  # one curve over Mach number: no family, no strip
     np.testing.assert_allclose(line(axes, "database").get_ydata()[[0, -1]], [8.0, 8.4])
     assert axes.get_ylabel() == r"$C_{L\,\hat{q}}$ [1]"
@@ -107,19 +107,19 @@ def test_a_term_of_one_database(small):
 
 def test_a_database_that_lacks_the_term_is_named(small, final):
     gear = aerodb.terms(small)["CL/flap"]
-    figure = aerodb.plot_comparison({"datcom": small, "final": aerodb.replace_terms(final, {"CD/flap": gear})}, "CD/flap")
+    figure = aerodb.figures.plot_comparison({"datcom": small, "final": aerodb.replace_terms(final, {"CD/flap": gear})}, "CD/flap")
     assert "Without this term: datcom." in texts(figure)
 
 
 def test_a_coefficient_is_drawn_at_stated_conditions(both):
-    figure = aerodb.plot_comparison(both, "CL", at={"delta_f": 20 * DEGREE})
+    figure = aerodb.figures.plot_comparison(both, "CL", at={"delta_f": 20 * DEGREE})
     main, _ = panel(figure, "$M$ = 0.2")
     np.testing.assert_allclose(np.interp(0.0, *line(main, "final").get_data()), 0.4)
     assert r"at $\delta_{f}$ = 20 deg, $\hat{q}$ = 0" in texts(figure)
 
 
 def test_map_of_the_difference(both):
-    figure = aerodb.plot_difference(both, "CL/basic")
+    figure = aerodb.figures.plot_difference(both, "CL/basic")
     plain, in_errors = figure.axes
     assert plain.get_title(loc="left") == "difference [1]"
     assert in_errors.get_title(loc="left") == "difference in standard errors of datcom"
@@ -128,20 +128,20 @@ def test_map_of_the_difference(both):
     level = int(np.flatnonzero(np.isclose(contours.levels, -0.05))[0])
     np.testing.assert_allclose(contours.get_paths()[level].vertices[:, 0], 12.0, atol=1e-9)
     np.testing.assert_allclose(plain.get_xlim(), [-8.0, 16.0])
-    same = aerodb.plot_difference({"a": both["datcom"], "b": both["datcom"]}, "CL/basic")
+    same = aerodb.figures.plot_difference({"a": both["datcom"], "b": both["datcom"]}, "CL/basic")
     assert [text.get_text() for text in same.axes[0].texts] == ["no difference"]
 
 
 @pytest.mark.parametrize("kind", ["svg", "png", "pdf"])
 def test_equal_figures_give_equal_bytes(both, tmp_path, kind):
     for name in ("one", "two"):
-        aerodb.save_figure(aerodb.plot_comparison(both, "CL/basic"), tmp_path / f"{name}.{kind}")
+        aerodb.figures.save_figure(aerodb.figures.plot_comparison(both, "CL/basic"), tmp_path / f"{name}.{kind}")
     assert (tmp_path / f"one.{kind}").read_bytes() == (tmp_path / f"two.{kind}").read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"one.{kind}", f"two.{kind}"]
 
 
 def test_svg_is_well_formed_and_says_what_it_shows(both, tmp_path):
-    aerodb.save_figure(aerodb.plot_comparison(both, "CL/basic"), tmp_path / "lift.svg")
+    aerodb.figures.save_figure(aerodb.figures.plot_comparison(both, "CL/basic"), tmp_path / "lift.svg")
     root = ElementTree.parse(tmp_path / "lift.svg").getroot()
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
     assert "CL/basic, lift coefficient: clean aeroplane in steady flight" in "".join(root.itertext())
@@ -150,14 +150,14 @@ def test_svg_is_well_formed_and_says_what_it_shows(both, tmp_path):
 
 def test_other_formats_are_refused(small, tmp_path):
     with pytest.raises(SchemaError, match=r"the suffix is '.bmp'; allowed: .svg, .png, .pdf"):
-        aerodb.save_figure(aerodb.plot_term(small, "CL/qhat"), tmp_path / "x.bmp")
+        aerodb.figures.save_figure(aerodb.figures.plot_term(small, "CL/qhat"), tmp_path / "x.bmp")
 
 
 def test_the_look_does_not_hang_on_the_settings_of_the_user(both):
     import matplotlib
 
     with matplotlib.rc_context({"axes.facecolor": "black", "lines.linewidth": 9.0}):
-        figure = aerodb.plot_comparison(both, "CL/basic")
+        figure = aerodb.figures.plot_comparison(both, "CL/basic")
     assert figure.axes[0].get_facecolor() == (1.0, 1.0, 1.0, 1.0)
 
 
@@ -173,7 +173,7 @@ def test_matplotlib_is_asked_for_only_when_a_figure_is_drawn():
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"
         "import aerodb\n"
-        "try:\n    aerodb.plot_term\n"
+        "try:\n    aerodb.figures.plot_term\n"
         "except Exception as error:\n    print(type(error).__name__, error)"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
@@ -186,7 +186,7 @@ def test_labels_at_the_ends_of_curves_are_whole(small, databases):
     mach = [0.15, 0.2125, 0.25]
     leaf = terms.make(np.outer([0.2, 0.21, 0.3], [-1.0, 0.0, 1.0]), {"mach": mach, "alpha": np.radians([-8.0, 0.0, 8.0])}, stderr=0.05)
     db = aerodb.replace_terms(small, {"CL/basic": leaf})
-    figure = aerodb.plot_comparison({f"model {k}": db for k in range(databases)}, "CL/basic", "mach")
+    figure = aerodb.figures.plot_comparison({f"model {k}": db for k in range(databases)}, "CL/basic", "mach")
     panels = figure.axes[:databases]
     for axes in panels:
         assert {"0.15", "0.2125", "0.25"} <= {item.get_text() for item in axes.texts}

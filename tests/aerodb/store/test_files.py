@@ -54,8 +54,8 @@ def databases(draw):
 def test_there_and_back_gives_the_same_tree(tmp_path, db, fmt):
     write, read = {
         "netcdf": (aerodb.save, aerodb.open),
-        "matlab": (aerodb.export_matlab, aerodb.import_matlab),
-        "csv": (aerodb.export_csv, aerodb.import_csv),
+        "matlab": (aerodb.exchange.export_matlab, aerodb.exchange.import_matlab),
+        "csv": (aerodb.exchange.export_csv, aerodb.exchange.import_csv),
     }[fmt]
     write(db, tmp_path / "any")
     back = read(tmp_path / "any")
@@ -71,13 +71,13 @@ def test_there_and_back_gives_the_same_tree(tmp_path, db, fmt):
 @given(db=databases(), count=st.integers(1, 5), seed=st.integers(0, 9))
 def test_check_cases_and_previous_states_travel_with_the_file(tmp_path, db, count, seed):
     name = next(iter(aerodb.terms(db)))
-    edited = aerodb.delete_terms(db, [name]) if len(aerodb.terms(db)) > 1 else aerodb.scale(db, [name], 2.0)
-    edited = aerodb.with_checks(edited, count, seed)
+    edited = aerodb.delete_terms(db, [name]) if len(aerodb.terms(db)) > 1 else aerodb.edit.scale(db, [name], 2.0)
+    edited = aerodb.store.with_checks(edited, count, seed)
     aerodb.save(edited, tmp_path / "any.nc")
     back = aerodb.open(tmp_path / "any.nc")
     xr.testing.assert_identical(back, edited)
     assert {"checks", "previous"} <= set(back.children)
-    xr.testing.assert_identical(aerodb.previous(back), aerodb.previous(edited))
+    xr.testing.assert_identical(aerodb.store.previous(back), aerodb.store.previous(edited))
 
 
 def test_the_same_database_gives_the_same_bytes(small, tmp_path):

@@ -11,8 +11,8 @@ import xarray as xr
 
 import aerodb
 import flightmech
-from aerodb import bank_in_ground_effect, in_ground_effect, with_height_table
 from aerodb.store import templates
+from aerodb.transform import bank_in_ground_effect, in_ground_effect, with_height_table
 from flightmech import terms
 from flightmech.errors import SchemaError
 from flightmech.simulation.kernel import Simulation
@@ -146,33 +146,37 @@ def same_power(db: xr.DataTree) -> None:
 
 def test_files_keep_the_power(ground, tmp_path):
     aerodb.save(ground, tmp_path / "a.nc")
-    aerodb.export_csv(ground, tmp_path / "csv")
-    aerodb.export_matlab(ground, tmp_path / "a.mat")
-    for db in (aerodb.open(tmp_path / "a.nc"), aerodb.import_csv(tmp_path / "csv"), aerodb.import_matlab(tmp_path / "a.mat")):
+    aerodb.exchange.export_csv(ground, tmp_path / "csv")
+    aerodb.exchange.export_matlab(ground, tmp_path / "a.mat")
+    for db in (
+        aerodb.open(tmp_path / "a.nc"),
+        aerodb.exchange.import_csv(tmp_path / "csv"),
+        aerodb.exchange.import_matlab(tmp_path / "a.mat"),
+    ):
         same_power(db)
         xr.testing.assert_identical(aerodb.terms(db)["CL/ground_alpha"], aerodb.terms(ground)["CL/ground_alpha"])
 
 
 def test_check_cases_see_both_sides_of_the_floor(ground, tmp_path):
     cases = tmp_path / "cases.csv"
-    aerodb.export_checkcases(ground, cases)
-    assert aerodb.run_checkcases(ground, cases)["agrees"].all()
+    aerodb.exchange.export_checkcases(ground, cases)
+    assert aerodb.exchange.run_checkcases(ground, cases)["agrees"].all()
     for change in ({"exponent": -1.4}, {"floor": 1.8}):
         other = aerodb.replace_terms(ground, {"CL/ground": leaves()["CL/ground"].assign_attrs(change)})
-        found = aerodb.run_checkcases(other, cases)
+        found = aerodb.exchange.run_checkcases(other, cases)
         assert set(found.index[~found["agrees"]]) == {"CL/ground", "CL", "Cl/ground", "Cl"}  # the lift goes into the rolling moment
 
 
 def test_exports_without_formulas_refuse_it(ground, tmp_path):
     body = flightmech.Aircraft("Citation 500", 24.2, 2.06, 14.4, 5000.0, 15000.0, 20000.0, 33000.0)
     with pytest.raises(SchemaError, match=r"CL/ground: the factor max\(h_agl, 1.7\)\^-1.45 is a formula.*with_height_table"):
-        aerodb.export_daveml(ground, tmp_path / "a.dml")
+        aerodb.exchange.export_daveml(ground, tmp_path / "a.dml")
     with pytest.raises(SchemaError, match=r"CL/ground: the factor max\(h_agl, 1.7\)\^-1.45 is a formula.*with_height_table"):
-        aerodb.export_jsbsim(ground, tmp_path / "a.xml", body)
+        aerodb.exchange.export_jsbsim(ground, tmp_path / "a.xml", body)
     assert not list(tmp_path.iterdir())
     tabled = {name: with_height_table(leaf, 60.0) for name, leaf in aerodb.terms(ground).items() if name.startswith("CL/ground")}
-    aerodb.export_daveml(aerodb.delete_terms(aerodb.replace_terms(ground, tabled), ["Cl/ground"]), tmp_path / "a.dml")
-    again = aerodb.import_daveml(tmp_path / "a.dml")
+    aerodb.exchange.export_daveml(aerodb.delete_terms(aerodb.replace_terms(ground, tabled), ["Cl/ground"]), tmp_path / "a.dml")
+    again = aerodb.exchange.import_daveml(tmp_path / "a.dml")
     h = np.array([1.0, 2.0, 5.0, 40.0])
     found, expected = (aerodb.evaluate(db, "CL", "clamp", alpha=0.1, h_agl=h) for db in (again, ground))
     np.testing.assert_allclose(found, expected, rtol=1e-3)
@@ -186,13 +190,13 @@ def test_terms_with_other_powers_are_not_the_same_table(ground):
     assert whole["max_difference"] == pytest.approx(0.599 * 0.827 * (2.0**-1.2 - 2.0**-1.45), rel=1e-9)
     assert "h_agl 6.562 ft" in whole["location"]
     with pytest.raises(SchemaError, match="only tables of the same meaning can be joined"):
-        aerodb.blend(ground, other, names=["CL/ground"])
+        aerodb.edit.blend(ground, other, names=["CL/ground"])
 
 
 def test_edits_keep_the_power(ground):
-    same_power(aerodb.scale(ground, "CL/ground", 1.1))
+    same_power(aerodb.edit.scale(ground, "CL/ground", 1.1))
     flapped = {"CL/ground": in_ground_effect(terms.make([0.3, 0.8], {"delta_f": [0.0, 0.5]}, stderr=0.02), 0.6, -1.45, FLOOR)}
-    longer = aerodb.extend(aerodb.replace_terms(ground, flapped), "CL/ground", "delta_f", [0.7])
+    longer = aerodb.edit.extend(aerodb.replace_terms(ground, flapped), "CL/ground", "delta_f", [0.7])
     same_power(longer)
     assert float(aerodb.contributions(longer, "CL", {"alpha": 0.0, "delta_f": 0.7, "h_agl": 3.0})["ground"]) == pytest.approx(
         0.6 * 0.8 * 3.0**-1.45, rel=1e-14
@@ -200,28 +204,28 @@ def test_edits_keep_the_power(ground):
 
 
 def test_moving_the_reference_along_keeps_the_power_and_down_refuses_it(ground):
-    moved = aerodb.move_reference(ground, (0.3, 0.0, 0.0))
+    moved = aerodb.transform.move_reference(ground, (0.3, 0.0, 0.0))
     same_power(moved)
     assert terms.power(aerodb.terms(moved)["Cm/ground"]) == Power("h_agl", -1.45, FLOOR)
     with pytest.raises(SchemaError, match=r"CL/ground: the factor max\(h_agl, 1.7\)\^-1.45 cannot be counted from a point"):
-        aerodb.move_reference(ground, (0.0, 0.0, 0.2))
+        aerodb.transform.move_reference(ground, (0.0, 0.0, 0.2))
 
 
 def test_similar_aircraft_has_the_effect_at_the_same_height_in_spans(ground):
     body = flightmech.Aircraft("half", 24.2 / 4.0, 1.03, 7.2, 600.0, 500.0, 600.0, 1100.0)
-    scaled = aerodb.rescale(ground, body)
+    scaled = aerodb.transform.rescale(ground, body)
     for h in (0.5, 3.0, 20.0):
         found = aerodb.contributions(scaled, "CL", {"alpha": 0.1, "h_agl": 0.5 * h})
         expected = aerodb.contributions(ground, "CL", {"alpha": 0.1, "h_agl": h})
         assert float(found["ground"]) == pytest.approx(float(expected["ground"]), rel=1e-13)
     tabled = aerodb.replace_terms(ground, {"CL/ground": with_height_table(leaves()["CL/ground"], 60.0)})
-    assert "formula" not in aerodb.terms(aerodb.rescale(tabled, body))["CL/ground"]["K1"].attrs
+    assert "formula" not in aerodb.terms(aerodb.transform.rescale(tabled, body))["CL/ground"]["K1"].attrs
 
 
 def test_summary_and_figures_tell_the_power(ground):
     assert "max(h_agl, 1.7)^-1.45" in aerodb.summary(ground)
     flapped = in_ground_effect(terms.make([0.3, 0.8], {"delta_f": [0.0, 0.7]}, stderr=0.02), 0.6, -1.45, 2.0)
-    figure = aerodb.plot_term(aerodb.replace_terms(ground, {"CL/ground": flapped}), "CL/ground")
+    figure = aerodb.figures.plot_term(aerodb.replace_terms(ground, {"CL/ground": flapped}), "CL/ground")
     words = " ".join(text.get_text() for text in figure.findobj(lambda item: hasattr(item, "get_text")))
     assert r"\max(" in words
     assert "^{-1.45}" in words

@@ -57,7 +57,7 @@ def trainer():
 
 @pytest.fixture(scope="module")
 def moved(trainer):
-    return aerodb.move_reference(trainer, NEW, note="new datum")
+    return aerodb.transform.move_reference(trainer, NEW, note="new datum")
 
 
 def test_every_effect_is_transferred_as_the_builder_does_it(trainer, moved):
@@ -112,7 +112,7 @@ def test_the_flight_does_not_change(trainer, moved):
     there = dataclasses.replace(
         craft, reference=tuple(NEW), cg=tuple(cg + d), engines=(dataclasses.replace(engine, position=tuple(np.array(engine.position) + d)),)
     )
-    fine = aerodb.move_reference(trainer, NEW, tolerance=1e-6)
+    fine = aerodb.transform.move_reference(trainer, NEW, tolerance=1e-6)
     time = np.arange(0.0, 6.01, 0.02)
     controls = {"delta_e": np.where(time > 1, -0.03, 0.0), "delta_r": 0.05 * np.sin(2 * time), "delta_f": 0.3, "gear": 0.6}
     inputs = xr.Dataset({name: ("time", np.broadcast_to(x, time.shape)) for name, x in controls.items()}, {"time": time})
@@ -134,7 +134,7 @@ def test_another_listing_of_the_same_aeroplane_agrees(make_case, craft):
     case = make_case(S=craft.S, cbar=craft.cbar, b=craft.b, CD=0.02 + 1.1 * np.radians(np.arange(-8.0, 17.0, 2.0)) ** 2)
     A, C = (dataclasses.replace(craft, reference=point) for point in ((-3.1, 0.0, 0.1), (-2.7, 0.0, -0.2)))
     at_A, at_B = (aerodb.from_datcom(aircraft, clean=case) for aircraft in (A, C))
-    new = aerodb.move_reference(at_A, C.reference, flow="moved", tolerance=0.5)
+    new = aerodb.transform.move_reference(at_A, C.reference, flow="moved", tolerance=0.5)
     wide = aerodb.terms(at_B)
     for name in ("Cm/basic", "Cl/beta", "Cn/beta", "Cm/alphadothat"):
         there = aerodb.terms(new)[name]["value"].interp(alpha=wide[name]["alpha"], mach=wide[name]["mach"])
@@ -166,7 +166,7 @@ def test_the_whole_database_of_the_t37(t37_db):
     reach |= {"delta_a": (-0.3, 0.3), "beta": (-0.2, 0.2), "phat": (-0.05, 0.05), "rhat": (-0.02, 0.02)}
     reach |= dict.fromkeys(("qhat", "alphadothat"), (-0.005, 0.005))
     at = {name: rng.uniform(*ends, count) for name, ends in reach.items()}
-    new = aerodb.move_reference(t37_db, point)
+    new = aerodb.transform.move_reference(t37_db, point)
 
     def six(db, conditions):
         found = [aerodb.evaluate(db, c, "clamp", **conditions) for c in ("CL", "CD", "CY", "Cl", "Cm", "Cn")]
@@ -183,17 +183,17 @@ def test_the_whole_database_of_the_t37(t37_db):
     assert np.abs(found - expected)[:, 1].max() < 6 * 1e-3 * 1.94 * np.hypot(0.15, 0.1) / lengths[1]
     np.testing.assert_allclose(found[:, [0, 2]], expected[:, [0, 2]], atol=1e-12)
     assert aerodb.check(new) == []
-    assert aerodb.previous(new).identical(t37_db)
+    assert aerodb.store.previous(new).identical(t37_db)
 
 
 def test_moves_do_not_pile_up(trainer, moved):
-    directly = aerodb.move_reference(trainer, [-2.8, 0.0, 0.0])
-    further = aerodb.move_reference(moved, [-2.8, 0.0, 0.0])
+    directly = aerodb.transform.move_reference(trainer, [-2.8, 0.0, 0.0])
+    further = aerodb.transform.move_reference(moved, [-2.8, 0.0, 0.0])
     for name, leaf in aerodb.terms(directly).items():
         xr.testing.assert_identical(leaf.drop_attrs(), aerodb.terms(further)[name].drop_attrs())
-    assert aerodb.previous(further).identical(moved)
-    assert aerodb.previous(further, 2).identical(trainer)
-    back = aerodb.move_reference(further, OLD)
+    assert aerodb.store.previous(further).identical(moved)
+    assert aerodb.store.previous(further, 2).identical(trainer)
+    back = aerodb.transform.move_reference(further, OLD)
     assert list(aerodb.terms(back)) == list(aerodb.terms(trainer))
     assert back.attrs["absent"] == trainer.attrs["absent"]
     for name, leaf in aerodb.terms(back).items():
@@ -202,7 +202,7 @@ def test_moves_do_not_pile_up(trainer, moved):
 
 def test_body_axes_need_no_breakpoints():
     leaves = {"CZ/basic": terms.make([-0.2, -1.2], {"alpha": [0.0, 0.2]}), "CX/elevator": terms.make(-0.1, regressors=["delta_e"])}
-    new = aerodb.terms(aerodb.move_reference(aerodb.database(leaves, **ORIGIN, force_axes="body"), [0.3, 0.5, -0.2]))
+    new = aerodb.terms(aerodb.transform.move_reference(aerodb.database(leaves, **ORIGIN, force_axes="body"), [0.3, 0.5, -0.2]))
     np.testing.assert_array_equal(new["Cm/basic"]["alpha"], [0.0, 0.2])
     d = np.array([-0.3, -0.5, 0.2])
     F = np.array([[0.0, 0.0, -0.2], [0.0, 0.0, -1.2]])
@@ -215,7 +215,9 @@ def test_body_axes_need_no_breakpoints():
 
 def test_an_angle_that_no_table_has_gets_its_full_range():
     leaves = {"CL/qhat": terms.make(8.0, regressors=["qhat"])}
-    made = aerodb.terms(aerodb.move_reference(aerodb.database(leaves, **ORIGIN, force_axes="stability"), [0.3, 0.0, 0.0]))["Cm/qhat"]
+    made = aerodb.terms(aerodb.transform.move_reference(aerodb.database(leaves, **ORIGIN, force_axes="stability"), [0.3, 0.0, 0.0]))[
+        "Cm/qhat"
+    ]
     alpha = np.linspace(-1.5, 1.5, 301)
     found = terms.evaluate(made, {"alpha": alpha, "qhat": 1.0})
     assert np.abs(found - 8.0 * -0.3 * np.cos(alpha) / CBAR).max() < 1e-3 * 8.0 * 0.3 / CBAR
@@ -233,11 +235,11 @@ def test_an_angle_that_no_table_has_gets_its_full_range():
 )
 def test_what_cannot_be_moved_is_refused(trainer, point, options, text):
     with pytest.raises(SchemaError, match=text):
-        aerodb.move_reference(trainer, point, **options)
+        aerodb.transform.move_reference(trainer, point, **options)
 
 
 def test_a_table_with_too_many_axes_is_named():
     axes4 = {"h_agl": [1.0, 9.0], "delta_f": [0.0, 0.5], "mach": [0.1, 0.3], "delta_e": [-0.1, 0.1]}
     leaves = {"CL/basic": terms.make(1.0), "CL/much": terms.make(np.ones((2, 2, 2, 2)), axes4)}
     with pytest.raises(SchemaError, match="Cm of CL/much: would have the axes h_agl delta_f mach delta_e alpha; at most 4 are allowed"):
-        aerodb.move_reference(aerodb.database(leaves, **ORIGIN, force_axes="stability"), [0.3, 0.0, 0.0])
+        aerodb.transform.move_reference(aerodb.database(leaves, **ORIGIN, force_axes="stability"), [0.3, 0.0, 0.0])

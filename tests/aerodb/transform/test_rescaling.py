@@ -40,7 +40,7 @@ NOTHING = dict.fromkeys(WIDENING, (0.0, 0.0))
 
 
 def test_one_keeps_every_number(db, known):
-    same = aerodb.rescale(db, known, widening=NOTHING)
+    same = aerodb.transform.rescale(db, known, widening=NOTHING)
     for name, leaf in aerodb.terms(db).items():
         xr.testing.assert_equal(aerodb.terms(same)[name][["value"]], leaf[["value"]])
         if "stderr" in leaf:
@@ -51,13 +51,15 @@ def test_one_keeps_every_number(db, known):
 
 
 def test_there_and_back(db, known, larger):
-    back = aerodb.rescale(aerodb.rescale(db, larger, {"Cm/elevator": 2.0}, NOTHING), known, {"Cm/elevator": 0.5}, NOTHING)
+    back = aerodb.transform.rescale(
+        aerodb.transform.rescale(db, larger, {"Cm/elevator": 2.0}, NOTHING), known, {"Cm/elevator": 0.5}, NOTHING
+    )
     for name, leaf in aerodb.terms(db).items():
         xr.testing.assert_allclose(aerodb.terms(back)[name][["value"]], leaf[["value"]], rtol=1e-14)
 
 
 def test_lengths_change_and_coefficients_stay(db, larger):
-    found = aerodb.rescale(db, larger)
+    found = aerodb.transform.rescale(db, larger)
     assert aerodb.check(found) == []
     assert (found.attrs["S"], found.attrs["cbar"], found.attrs["b"], found.attrs["x_ref"]) == (4 * 16.9, 2 * 1.667, 2 * 10.31, -6.0)
     assert found.attrs["aircraft"] == "larger"
@@ -68,7 +70,7 @@ def test_lengths_change_and_coefficients_stay(db, larger):
 
 
 def test_standard_errors_widen_and_sources_are_judgement(db, larger):
-    found = aerodb.rescale(db, larger)
+    found = aerodb.transform.rescale(db, larger)
     old, new = db["CL/basic"], found["CL/basic"]
     np.testing.assert_allclose(new["stderr"], np.sqrt(old["stderr"] ** 2 + (0.05 * old["value"]) ** 2 + 0.02**2), rtol=1e-12)
     assert float(found["CL/ground"]["stderr"][0, 1]) == 0.0  # an increment that is zero stays certain
@@ -77,12 +79,12 @@ def test_standard_errors_widen_and_sources_are_judgement(db, larger):
         assert (leaf["source"] == terms.SOURCES.index("judgement")).all()
         assert "rescale: from test to larger, span ratio 2" in leaf.attrs["history"]
     assert "rescale: from test to larger" in found.attrs["history"]
-    own = aerodb.rescale(db, larger, widening={"CL": (0.0, 0.1)})
+    own = aerodb.transform.rescale(db, larger, widening={"CL": (0.0, 0.1)})
     np.testing.assert_allclose(own["CL/basic"]["stderr"], np.hypot(old["stderr"], 0.1), rtol=1e-12)
 
 
 def test_factors_on_terms_and_groups(db, larger):
-    found = aerodb.rescale(db, larger, {"horizontal_tail": 1.2, "Cm/qhat": 1.5}, note="longer tail")
+    found = aerodb.transform.rescale(db, larger, {"horizontal_tail": 1.2, "Cm/qhat": 1.5}, note="longer tail")
     assert float(found["Cm/elevator"]["value"]) == pytest.approx(-1.44)
     assert float(found["Cm/qhat"]["value"]) == pytest.approx(-17.0 * 1.2 * 1.5)
     np.testing.assert_array_equal(found["CD/basic"]["value"], db["CD/basic"]["value"])
@@ -91,13 +93,13 @@ def test_factors_on_terms_and_groups(db, larger):
 
 def test_bad_factors_are_refused(db, larger):
     with pytest.raises(UnknownName, match="unknown term or group 'horizontal_tale'; near it: horizontal_tail"):
-        aerodb.rescale(db, larger, {"horizontal_tale": 1.2})
+        aerodb.transform.rescale(db, larger, {"horizontal_tale": 1.2})
     with pytest.raises(SchemaError, match="Cm/qhat is nan; give a finite number"):
-        aerodb.rescale(db, larger, {"Cm/qhat": float("nan")})
+        aerodb.transform.rescale(db, larger, {"Cm/qhat": float("nan")})
     with pytest.raises(SchemaError, match=r"CL is \(-0.1, 0.0\); give \(relative, absolute\)"):
-        aerodb.rescale(db, larger, widening={"CL": (-0.1, 0.0)})
+        aerodb.transform.rescale(db, larger, widening={"CL": (-0.1, 0.0)})
     with pytest.raises(UnknownName, match="unknown coefficient 'CT'"):
-        aerodb.rescale(db, larger, widening={"CT": (0.1, 0.0)})
+        aerodb.transform.rescale(db, larger, widening={"CT": (0.1, 0.0)})
 
 
 def test_groups_share_no_term():

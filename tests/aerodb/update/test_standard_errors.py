@@ -50,11 +50,11 @@ def test_many_samples_go_through_in_parts():
 
 def test_terms_of_a_coefficient_are_independent(small):
     given = {"mach": 0.2, "alpha": 0.0, "delta_f": np.radians(40.0), "qhat": np.array([0.0, 0.02])}
-    found = aerodb.standard_error(small, "CL", given)
+    found = aerodb.update.standard_error(small, "CL", given)
     np.testing.assert_allclose(found, [np.hypot(0.05, 0.07), np.sqrt(0.05**2 + 0.07**2 + (2.0 * 0.02) ** 2)], rtol=1e-12)
-    assert aerodb.standard_error(small, "Cm", {"qhat": 0.01}) == 0.0  # states none
+    assert aerodb.update.standard_error(small, "Cm", {"qhat": 0.01}) == 0.0  # states none
     with pytest.raises(UnknownName, match="unknown coefficient 'CN'"):
-        aerodb.standard_error(small, "CN", given)
+        aerodb.update.standard_error(small, "CN", given)
 
 
 def test_a_table_without_errors_and_factors():

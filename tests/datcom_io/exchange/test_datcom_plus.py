@@ -64,7 +64,7 @@ def written(tmp_path):
 
 
 def test_blocks_become_leaves(written):
-    tree = datcom_io.read_datcom_plus_csv(written(TEXT), deriv="DEG")
+    tree = datcom_io.exchange.read_datcom_plus_csv(written(TEXT), deriv="DEG")
     assert list(tree.children) == ["static", "downwash", "dynamic", "elevator", "other"]
     np.testing.assert_allclose(tree["static"]["alpha"], np.array([-2.0, 0.0, 2.0]) * DEG)
     np.testing.assert_array_equal(tree["static"]["CD"], [0.01981, 0.0185, 0.02003])
@@ -84,11 +84,11 @@ def test_blocks_become_leaves(written):
 
 
 def test_per_radian(written):
-    tree = datcom_io.read_datcom_plus_csv(written(TEXT), deriv="RAD")
+    tree = datcom_io.exchange.read_datcom_plus_csv(written(TEXT), deriv="RAD")
     np.testing.assert_array_equal(tree["dynamic"]["Cm_qhat"], -0.25)
     assert float(tree["elevator"]["Ch_delta"][0]) == pytest.approx(-0.007656 / DEG)  # per degree whatever DERIV says
     with pytest.raises(UnknownName, match="unit of the derivatives"):
-        datcom_io.read_datcom_plus_csv(written(TEXT), deriv="GRAD")
+        datcom_io.exchange.read_datcom_plus_csv(written(TEXT), deriv="GRAD")
 
 
 @pytest.mark.parametrize(
@@ -107,14 +107,14 @@ def test_per_radian(written):
 )
 def test_faults(written, old, new, text):
     with pytest.raises(ParseError, match=text):
-        datcom_io.read_datcom_plus_csv(written(TEXT.replace(old, new, 1)), deriv="DEG")
+        datcom_io.exchange.read_datcom_plus_csv(written(TEXT.replace(old, new, 1)), deriv="DEG")
 
 
 def test_blank_line_below_a_heading(written):
-    tree = datcom_io.read_datcom_plus_csv(written(TEXT.replace("Alpha, Cd\n", "Alpha, Cd\n\n")), deriv="DEG")
+    tree = datcom_io.exchange.read_datcom_plus_csv(written(TEXT.replace("Alpha, Cd\n", "Alpha, Cd\n\n")), deriv="DEG")
     assert tree["static"]["CD"].size == 3
 
 
 def test_foreign_file(written):
     with pytest.raises(ParseError, match="no block of numbers"):
-        datcom_io.read_datcom_plus_csv(written("time,alpha\n"), deriv="DEG")
+        datcom_io.exchange.read_datcom_plus_csv(written("time,alpha\n"), deriv="DEG")

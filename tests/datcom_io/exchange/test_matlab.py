@@ -30,7 +30,7 @@ def exported(t37, tmp_path):
 
     def call(name, **options):
         path = tmp_path / "x.mat"
-        datcom_io.write_matlab(t37(name), path, **options)
+        datcom_io.exchange.write_matlab(t37(name), path, **options)
         return loadmat(path, struct_as_record=True)["aero"][0, 0][0, 0]
 
     return call
@@ -40,8 +40,8 @@ def exported(t37, tmp_path):
 @pytest.mark.parametrize("path", [_listing(path) for path in LISTINGS], ids=lambda path: path.name)
 def test_there_and_back(path, tmp_path):
     listing = datcom_io.read(path)
-    left_out = datcom_io.write_matlab(listing, tmp_path / "x.mat")
-    tree, back = listing.to_datatree(), datcom_io.read_matlab(tmp_path / "x.mat")
+    left_out = datcom_io.exchange.write_matlab(listing, tmp_path / "x.mat")
+    tree, back = listing.to_datatree(), datcom_io.exchange.read_matlab(tmp_path / "x.mat")
     held = {name: HELD & {(leaf, str(v)) for leaf in case.children for v in case[leaf].data_vars} for name, case in tree.children.items()}
     assert list(back.children) == [name for name, variables in held.items() if variables]
     for name, case in back.children.items():
@@ -122,7 +122,7 @@ def test_ground_heights_end_with_free_air(exported):
 
 
 def test_what_is_left_out_is_said(t37, tmp_path):
-    left_out = datcom_io.write_matlab(t37("t37_build.out"), tmp_path / "x.mat")
+    left_out = datcom_io.exchange.write_matlab(t37("t37_build.out"), tmp_path / "x.mat")
     assert "the moment centre" in left_out[0]
     assert any(text.startswith("T-37 OWN DECK COMPONENT BUILD-UP: leaf section") for text in left_out)
     history = str(loadmat(tmp_path / "x.mat")["history"][0])
@@ -138,7 +138,7 @@ def test_a_structure_as_matlab_leaves_it(tmp_path):
         "cyb": np.array([[-0.01, -0.02], [MISSING, MISSING], [MISSING, MISSING]]),
     }
     savemat(tmp_path / "m.mat", {"alldata": np.array([[aero]], object)})
-    case = datcom_io.read_matlab(tmp_path / "m.mat")["OWN"]
+    case = datcom_io.exchange.read_matlab(tmp_path / "m.mat")["OWN"]
     static = case["static"]
     np.testing.assert_array_equal(static["CL"], [[0.1, 0.3, np.nan], [0.2, 0.4, 0.6]])
     assert static["CL_flag"].values.tolist() == [[OK, OK, NDM], [OK, OK, OK]]
@@ -152,20 +152,20 @@ def test_faults(tmp_path):
     path = tmp_path / "m.mat"
     savemat(path, {"x": 1.0})
     with pytest.raises(ParseError, match="0 of them among the variables x"):
-        datcom_io.read_matlab(path)
+        datcom_io.exchange.read_matlab(path)
     aero = {"mach": 0.2, "alt": 0.0, "alpha": [[0.0, 2.0]], "dim": "ft", "deriv": "deg", "cl": np.zeros((3, 1))}
     savemat(path, {"aero": np.array([[aero]], object)})
     with pytest.raises(ParseError, match="case 1: cl of size 3 x 1; expected alpha 2 x mach 1 x alt 1 x build 1"):
-        datcom_io.read_matlab(path)
+        datcom_io.exchange.read_matlab(path)
     savemat(path, {"aero": np.array([[{**aero, "dim": "furlong"}]], object)})
     with pytest.raises(ParseError, match="dim 'FURLONG'"):
-        datcom_io.read_matlab(path)
+        datcom_io.exchange.read_matlab(path)
     savemat(path, {"aero": np.array([[{**aero, "cl": "text"}]], object)})
     with pytest.raises(ParseError, match="cl without numbers"):
-        datcom_io.read_matlab(path)
+        datcom_io.exchange.read_matlab(path)
     path.write_bytes(path.read_bytes()[:300])
     with pytest.raises(ParseError, match="no MAT file"):
-        datcom_io.read_matlab(path)
+        datcom_io.exchange.read_matlab(path)
     path.write_bytes(b"no mat file")
     with pytest.raises(ParseError, match="no MAT file"):
-        datcom_io.read_matlab(path)
+        datcom_io.exchange.read_matlab(path)

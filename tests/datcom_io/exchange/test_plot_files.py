@@ -29,7 +29,7 @@ def printed():
 def plots():
     import functools
 
-    return functools.cache(lambda name: datcom_io.read_plot(CORPUS / name / f"{name}.for013")["case 1"])
+    return functools.cache(lambda name: datcom_io.exchange.read_plot(CORPUS / name / f"{name}.for013")["case 1"])
 
 
 def test_numbers_typed_from_the_file(plots):
@@ -55,7 +55,7 @@ def test_numbers_typed_from_the_file(plots):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_finer_numbers_round_to_the_printed_ones(name, printed, plots):
-    fine = datcom_io.refine(printed(name), plots(name))
+    fine = datcom_io.exchange.refine(printed(name), plots(name))
     count = 0
     for leaf in ("static", "downwash", "symflp"):
         for key in plots(name)[leaf].data_vars:
@@ -83,7 +83,7 @@ def test_flags_are_those_of_the_print(name, printed, plots):
 
 
 def test_refined_drag_and_what_is_said_of_it(printed, plots):
-    fine = datcom_io.refine(printed("plot_dump_namelist"), plots("plot_dump_namelist"))
+    fine = datcom_io.exchange.refine(printed("plot_dump_namelist"), plots("plot_dump_namelist"))
     np.testing.assert_array_equal(printed("plot_dump_namelist")["static"]["CD"][0], [0.016, 0.017, 0.022, 0.031])
     np.testing.assert_allclose(fine["static"]["CD"][0], [0.016447, 0.017497, 0.022252, 0.031432], rtol=1e-12)
     assert fine["static"]["CD"].attrs["refined"].startswith("8 of 8 numbers with five significant digits from plot_dump_namelist.for013")
@@ -92,18 +92,18 @@ def test_refined_drag_and_what_is_said_of_it(printed, plots):
 
 def test_refine_refuses_another_case(printed, plots):
     with pytest.raises(SchemaError, match=r"mach is 0\.3 0\.5 in the print, 0\.25 in the plot file"):
-        datcom_io.refine(printed("plot_dump_namelist"), plots("save_cascade"))
+        datcom_io.exchange.refine(printed("plot_dump_namelist"), plots("save_cascade"))
     tree = printed("save_cascade").copy(deep=True)
     tree["static"]["CD"][0, 0, 0] += 0.001
     with pytest.raises(SchemaError, match=r"CD is 0\.008 in the print, 0\.007136 in the plot file, condition 0, alpha 0"):
-        datcom_io.refine(tree, plots("save_cascade"))
+        datcom_io.exchange.refine(tree, plots("save_cascade"))
 
 
 def test_two_cases_in_a_file(tmp_path):
     text = "".join((CORPUS / name / f"{name}.for013").read_text() for name in NAMES)
     path = tmp_path / "for013.dat"
     path.write_bytes(text.replace("\n", "\r\n").encode())
-    tree = datcom_io.read_plot(path)
+    tree = datcom_io.exchange.read_plot(path)
     assert list(tree.children) == ["case 1", "case 2"]
     assert tree["case 1/static"].sizes["condition"] == 2
     assert tree["case 2/static"].sizes["condition"] == 1
@@ -115,21 +115,21 @@ def test_cut_and_foreign_files(tmp_path):
     path = tmp_path / "for013.dat"
     path.write_text("\n".join(lines[:100]))
     with pytest.raises(ParseError, match="line 100: found the end of the file after 0 numbers of VF"):
-        datcom_io.read_plot(path)
+        datcom_io.exchange.read_plot(path)
     path.write_text("\n".join([*lines[:50], lines[50][:60], *lines[51:]]))
     with pytest.raises(ParseError, match="line 51: found 5 fields in a line of WING"):
-        datcom_io.read_plot(path)
+        datcom_io.exchange.read_plot(path)
     path.write_text("\n".join([*lines[:50], lines[50][:12] + "  rubbish   " + lines[50][24:], *lines[51:]]))
     with pytest.raises(ParseError, match="line 51: found 'rubbish'"):
-        datcom_io.read_plot(path)
+        datcom_io.exchange.read_plot(path)
     path.write_text("no plot file\n")
     with pytest.raises(ParseError, match="a plot file"):
-        datcom_io.read_plot(path)
+        datcom_io.exchange.read_plot(path)
 
 
 @pytest.mark.parametrize(("name", "numbers"), [("plot_dump_namelist", 48), ("save_cascade", 217)])
 def test_unit_14_agrees_with_unit_13(name, numbers, plots):
-    small = datcom_io.read_for014(CORPUS / name / f"{name}.for014")["case 1/static"].to_dataset()
+    small = datcom_io.exchange.read_for014(CORPUS / name / f"{name}.for014")["case 1/static"].to_dataset()
     count = 0
     for i in range(small.sizes["run"]):
         run = small.isel(run=i)
@@ -146,7 +146,7 @@ def test_unit_14_agrees_with_unit_13(name, numbers, plots):
 
 
 def test_unit_14_zero_is_no_number(tmp_path):
-    small = datcom_io.read_for014(CORPUS / "save_cascade" / "save_cascade.for014")["case 1/static"]
+    small = datcom_io.exchange.read_for014(CORPUS / "save_cascade" / "save_cascade.for014")["case 1/static"]
     tail = small.isel(run=2)
     assert str(tail["configuration"].values) == "HORIZONTAL TAIL"
     assert tail["Cm_flag"].values.tolist() == [OK, OK, SENTINEL, SENTINEL]  # NA in the print: written as 0.00000
@@ -154,10 +154,10 @@ def test_unit_14_zero_is_no_number(tmp_path):
     path = tmp_path / "for014.dat"
     path.write_text("RUN   1  4  M BODY ALONE\n   0.25000  1767058.\n")
     with pytest.raises(ParseError, match="the end of a table of 4 rows"):
-        datcom_io.read_for014(path)
+        datcom_io.exchange.read_for014(path)
     path.write_text("STOP\n")
     with pytest.raises(ParseError, match="line 1: found 'STOP'"):
-        datcom_io.read_for014(path)
+        datcom_io.exchange.read_for014(path)
 
 
 def test_every_record_against_the_dump():
@@ -170,7 +170,7 @@ def test_every_record_against_the_dump():
             if not found or place.strip() in found[-1]:
                 found.append({})
             found[-1][place.strip()] = value
-    records = datcom_io.read_plot(CORPUS / NAMES[0] / f"{NAMES[0]}.for013")["case 1/records"]
+    records = datcom_io.exchange.read_plot(CORPUS / NAMES[0] / f"{NAMES[0]}.for013")["case 1/records"]
     count = 0
 
     def compare(values, block, places):

@@ -182,7 +182,7 @@ def test_every_engine_has_a_deck_or_none(file):
 def test_deck_and_thrust_in_one_engine_are_refused(file):
     deck = flightmech.read_aircraft(file()).engines[0].deck
     with pytest.raises(SchemaError, match="thrust and deck are both given"):
-        flightmech.Engine((0.0, 0.0, 0.0), thrust=make(1.0), deck=deck)
+        flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make(1.0), deck=deck)
     with pytest.raises(SchemaError, match="unknown table of an engine deck 'thrst'"):
         Deck({**deck.tables, "thrst": make(1.0)})
 

@@ -19,17 +19,17 @@ def pair() -> tuple[flightmech.Aircraft, flightmech.Aircraft]:
 
 
 def test_what_differs_before_and_after_the_flights(pair):
-    parts = flightmech.different_parts(*pair)
+    parts = flightmech.aircraft.different_parts(*pair)
     assert parts == ["engine/static", "engine/schedule", "engine/dynamics", "engine/rest", "gear/nose", "gear/left", "gear/right"]
-    assert flightmech.different_parts(pair[0], pair[0]) == []
+    assert flightmech.aircraft.different_parts(pair[0], pair[0]) == []
 
 
 def test_all_parts_make_the_other_aircraft_and_one_part_only_itself(pair):
     before, after = pair
-    parts = flightmech.different_parts(before, after)
-    assert flightmech.different_parts(flightmech.swap_parts(before, after, parts), after) == []
-    one = flightmech.swap_parts(before, after, ["gear/nose", "CL/basic"])
-    assert flightmech.different_parts(one, before) == ["gear/nose"]
+    parts = flightmech.aircraft.different_parts(before, after)
+    assert flightmech.aircraft.different_parts(flightmech.aircraft.swap_parts(before, after, parts), after) == []
+    one = flightmech.aircraft.swap_parts(before, after, ["gear/nose", "CL/basic"])
+    assert flightmech.aircraft.different_parts(one, before) == ["gear/nose"]
     assert one.gear.contacts[0].position == after.gear.contacts[0].position
     assert [contact.name for contact in one.gear.contacts] == ["nose", "left", "right", "tail"]
 
@@ -38,18 +38,24 @@ def test_parts_that_only_one_has(pair):
     after = pair[1]
     gear = after.gear
     bare = replace(after, gear=replace(gear, contacts=gear.contacts[:3]), circuits={}, fuel=None)
-    assert flightmech.different_parts(bare, after) == ["gear/tail", "circuit/column", "circuit/wheel", "circuit/pedal", "fuel/load"]
-    assert len(flightmech.swap_parts(after, bare, ["gear/tail"]).gear.contacts) == 3
-    assert set(flightmech.swap_parts(bare, after, ["circuit/column"]).circuits) == {"column"}
-    assert flightmech.swap_parts(after, bare, ["fuel/load"]).fuel is None
+    assert flightmech.aircraft.different_parts(bare, after) == [
+        "gear/tail",
+        "circuit/column",
+        "circuit/wheel",
+        "circuit/pedal",
+        "fuel/load",
+    ]
+    assert len(flightmech.aircraft.swap_parts(after, bare, ["gear/tail"]).gear.contacts) == 3
+    assert set(flightmech.aircraft.swap_parts(bare, after, ["circuit/column"]).circuits) == {"column"}
+    assert flightmech.aircraft.swap_parts(after, bare, ["fuel/load"]).fuel is None
 
 
 def test_simple_engines_lend_thrust_and_lag():
     fields = {"name": "x", "S": 1.0, "cbar": 1.0, "b": 1.0, "mass": 1.0, "Ixx": 1.0, "Iyy": 1.0, "Izz": 1.0}
     weak, strong = (
-        flightmech.Aircraft(**fields, engines=(flightmech.Engine((0.0, 0.0, 0.0), thrust=make(thrust), time_constant=lag),))
+        flightmech.Aircraft(**fields, engines=(flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make(thrust), time_constant=lag),))
         for thrust, lag in ((1000.0, 1.0), (2000.0, 0.5))
     )
-    assert flightmech.different_parts(weak, strong) == ["engine/thrust"]
-    lent = flightmech.swap_parts(weak, strong, ["engine/thrust"]).engines[0]
+    assert flightmech.aircraft.different_parts(weak, strong) == ["engine/thrust"]
+    lent = flightmech.aircraft.swap_parts(weak, strong, ["engine/thrust"]).engines[0]
     assert (float(lent.thrust["value"]), lent.time_constant) == (2000.0, 0.5)

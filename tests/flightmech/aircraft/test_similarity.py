@@ -58,16 +58,16 @@ def assert_same(a: Aircraft, b: Aircraft) -> None:
 
 
 def test_one_changes_nothing(known):
-    assert_same(flightmech.rescale(known, 1.0), known)
+    assert_same(flightmech.aircraft.rescale(known, 1.0), known)
 
 
 def test_there_and_back(known):
-    assert_same(flightmech.rescale(flightmech.rescale(known, RATIO), 1.0 / RATIO), known)
-    assert_same(flightmech.rescale(flightmech.rescale(known, RATIO, 3.0), 1.0 / RATIO, 1.0 / 3.0), known)
+    assert_same(flightmech.aircraft.rescale(flightmech.aircraft.rescale(known, RATIO), 1.0 / RATIO), known)
+    assert_same(flightmech.aircraft.rescale(flightmech.aircraft.rescale(known, RATIO, 3.0), 1.0 / RATIO, 1.0 / 3.0), known)
 
 
 def test_powers_of_the_length(known):
-    twice = flightmech.rescale(known, 2.0, name="twice")
+    twice = flightmech.aircraft.rescale(known, 2.0, name="twice")
     assert twice.name == "twice"
     assert (twice.S, twice.cbar, twice.b) == (68.0, 3.34, 20.6)
     assert (twice.mass, twice.Ixx, twice.Ixz) == (8 * 2400.0, 32 * 10800.0, 32 * 300.0)
@@ -84,7 +84,7 @@ def test_powers_of_the_length(known):
 
 
 def test_given_factors_and_history(known):
-    found = flightmech.rescale(known, 2.0, 5.0, {"thrust": 3.0})
+    found = flightmech.aircraft.rescale(known, 2.0, 5.0, {"thrust": 3.0})
     assert found.mass == 5 * 2400.0
     assert found.Iyy == 5 * 4 * 8100.0
     assert float(found.engines[0].thrust["value"].max()) == 15000.0
@@ -92,7 +92,7 @@ def test_given_factors_and_history(known):
         "rescaled from known: length ratio 2; factors length 2, area 4, mass 5 (given), inertia 20, time 1.41421, thrust 3 (given), "
         "angular_momentum 14.1421, gearing 0.5"
     )
-    again = flightmech.rescale(found, 1.0)
+    again = flightmech.aircraft.rescale(found, 1.0)
     assert again.history.count("\n") == 1
 
 
@@ -122,7 +122,7 @@ def test_every_field_has_been_thought_of():
 def test_gear_circuits_fuel_and_deck_are_similar():
     """Static deflection over stroke, damping ratio, break-out over weight, spool times over flight times stay the same."""
     old = flightmech.read_aircraft(Path(__file__).parents[3] / "data" / "t37" / "aircraft.toml")
-    new = flightmech.rescale(old, 4.0, 32.0)
+    new = flightmech.aircraft.rescale(old, 4.0, 32.0)
     for a, b in zip(old.gear.contacts, new.gear.contacts, strict=True):
         assert old.mass / a.stiffness / abs(a.position[0]) == pytest.approx(new.mass / b.stiffness / abs(b.position[0]))
         assert a.damping / np.sqrt(a.stiffness * old.mass) == pytest.approx(b.damping / np.sqrt(b.stiffness * new.mass))
@@ -142,16 +142,16 @@ def test_gear_circuits_fuel_and_deck_are_similar():
 
 def test_impossible_ratios_are_refused(known):
     with pytest.raises(SchemaError, match=r"length_ratio is -1.0; give a positive number\n  - thrust is 0.0"):
-        flightmech.rescale(known, -1.0, None, {"thrust": 0.0})
+        flightmech.aircraft.rescale(known, -1.0, None, {"thrust": 0.0})
     with pytest.raises(UnknownName, match="unknown law 'thrsut'; near it: thrust"):
-        flightmech.rescale(known, 2.0, None, {"thrsut": 1.0})
+        flightmech.aircraft.rescale(known, 2.0, None, {"thrsut": 1.0})
 
 
 @pytest.fixture(scope="module")
 def pair(plain_aircraft, plain_tree):
     """The plain jet, which knows no Mach number, and one 1.7 times as long, over the same database."""
     small = plain_aircraft()
-    return [(craft, flightmech.compile(craft, plain_tree())) for craft in (small, flightmech.rescale(small, RATIO))]
+    return [(craft, flightmech.compile(craft, plain_tree())) for craft in (small, flightmech.aircraft.rescale(small, RATIO))]
 
 
 def test_linear_model_scales_by_froude(pair):

@@ -37,7 +37,7 @@ RUNWAY_STATES = ("V", "alpha", "q", "theta", "h", "beta", "p", "r", "phi", "psi"
 @pytest.fixture(scope="module")
 def decked(plain, plain_aircraft) -> flightmech.SimModel:
     """The plain jet with one full deck and a tank at the centre of gravity."""
-    engine = flightmech.Engine((0.0, 0.0, 0.0), deck=Deck(DECK))
+    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), deck=Deck(DECK))
     return plain(plain_aircraft(engines=(engine,), fuel=Fuel(300.0)))
 
 

@@ -87,7 +87,7 @@ def test_moment_reference_must_agree():
 
 
 def test_names_follow_the_vocabulary_and_units_parse():
-    engine = flightmech.Engine((0.0, 0.0, 0.0), thrust=make([0.0, 900.0], {"throttle": [0.0, 1.0]}))
+    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make([0.0, 900.0], {"throttle": [0.0, 1.0]}))
     sim = flightmech.compile(aircraft(engines=(engine,)), tree(CL__basic=make(0.4), Cm__qhat=make(-9.0, regressors=["qhat"])))
     assert sim.inputs[-2:] == ("engine1.throttle", "engine1.thrust_drive")
     assert sim.outputs[-1] == "engine1.thrust"
@@ -120,7 +120,7 @@ def test_flags_and_ranges():
 
 
 def test_engine_leaf_may_not_depend_on_what_it_makes():
-    engine = flightmech.Engine((0.0, 0.0, 0.0), thrust=make(1.0, regressors=["dnz"]))
+    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), thrust=make(1.0, regressors=["dnz"]))
     assert refused(tree(CL__a=make(1.0)), engines=(engine,)) == [
         "engine1/thrust: regressor: dnz is found only after this table is evaluated; it cannot depend on it"
     ]

@@ -6,7 +6,7 @@ import xarray as xr
 from scipy.signal import lfilter, lsim
 
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
-from flighttest import fit_motion
+from flighttest.aircraft_properties import fit_motion
 from flighttest.remarks import barred
 
 SIGMA, OMEGA = 0.2, 2.0

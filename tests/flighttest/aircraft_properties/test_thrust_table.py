@@ -25,7 +25,7 @@ def run(seed, noise=10.0):
 
 
 def test_table_and_lag_are_recovered():
-    fit = flighttest.fit_thrust([run(s) for s in range(3)], AXES)
+    fit = flighttest.aircraft_properties.fit_thrust([run(s) for s in range(3)], AXES)
     inside = {"throttle": np.array([0.0, 0.3, 0.6, 1.0]), "mach": np.full(4, 0.25)}
     # 10 N of noise over some hundred settled samples per node, and what the lag leaves after six seconds (e^-4 of a step)
     np.testing.assert_allclose(evaluate(fit.leaf, inside), evaluate(TABLE, inside), atol=60.0)
@@ -37,7 +37,10 @@ def test_table_and_lag_are_recovered():
 def test_engines_that_share_a_table_are_averaged():
     data = run(0)
     data["engine2.throttle"], data["engine2.thrust"] = data["engine1.throttle"], 1.1 * data["engine1.thrust"]
-    one, both = flighttest.fit_thrust([data], AXES), flighttest.fit_thrust([data], AXES, engines=(1, 2))
+    one, both = (
+        flighttest.aircraft_properties.fit_thrust([data], AXES),
+        flighttest.aircraft_properties.fit_thrust([data], AXES, engines=(1, 2)),
+    )
     np.testing.assert_allclose(both.leaf["value"], 1.05 * one.leaf["value"], rtol=1e-6, atol=1e-6)
 
 
@@ -45,9 +48,9 @@ def test_throttle_that_does_not_move():
     data = run(0)
     data["engine1.throttle"] = 0.5 + 0.0 * data["engine1.throttle"]
     with pytest.raises(IdentificationError, match=r"moves by less than 0\.1"):
-        flighttest.fit_thrust([data], AXES)
+        flighttest.aircraft_properties.fit_thrust([data], AXES)
 
 
 def test_missing_channel():
     with pytest.raises(UnknownName, match=r"unknown channel 'mach'"):
-        flighttest.fit_thrust([run(0).drop_vars("mach")], AXES)
+        flighttest.aircraft_properties.fit_thrust([run(0).drop_vars("mach")], AXES)

@@ -118,7 +118,7 @@ def test_the_truth_comes_back_with_file_and_page(folder):
     assert found["parameters"]["sensor.alpha"]["estimate"] == pytest.approx(0.01, abs=3.0 * found["parameters"]["sensor.alpha"]["stderr"])
     assert found["converged"] == 1
     assert min(map(min, found["explained"].values())) > 0.9
-    again = flighttest.open_output_error(folder / "fit.nc")
+    again = flighttest.maximum_likelihood.open_output_error(folder / "fit.nc")
     assert again.estimates["estimate"].sel(parameter="term.Cm.qhat") == found["parameters"]["term.Cm.qhat"]["estimate"]
     assert len(again.residuals) == 2
     assert again.of_manoeuvre(2)["init.V"] == pytest.approx(40.0, abs=0.3)
@@ -239,7 +239,7 @@ def test_estimates_in_a_database_fly_as_the_parameters_do(model):
     estimates = xr.Dataset(columns, {"parameter": names}, {"method": "test", "manoeuvres": 1})
     fit = flighttest.OutputError(estimates, (), xr.Dataset())
     db = aerodb.open(folder / "prior.nc")
-    corrected, left = flighttest.updated_database(db, fit)
+    corrected, left = flighttest.maximum_likelihood.updated_database(db, fit)
     assert left == []
     record = flown(sim, 1)[["delta_e"]]
     start = {"mode.earth": 0.0, "init.h": 500.0, "init.V": 40.0, "init.alpha": 0.03}
@@ -249,6 +249,6 @@ def test_estimates_in_a_database_fly_as_the_parameters_do(model):
     for name in ("q", "V"):
         np.testing.assert_allclose(two[name], one[name], rtol=1e-9, atol=1e-12)
     with pytest.raises(UnknownName, match=r"unknown term 'Cm/rudder'"):
-        flighttest.updated_database(
+        flighttest.maximum_likelihood.updated_database(
             db, flighttest.OutputError(estimates.assign_coords(parameter=["term.Cm.rudder", *names[1:]]), (), xr.Dataset())
         )

@@ -60,7 +60,7 @@ def test_convert_makes_a_record_in_canonical_names(log, tmp_path):
     assert "3 channels in 1 leaves" in done.output
     record = flighttest.read(tmp_path / "flight.nc")
     np.testing.assert_allclose(record["rates/p"].values[:40], 0.01 * np.arange(40), rtol=1e-6)
-    assert flighttest.faults(record) == ["rates: spikes: p 1 at 1.8 s"]
+    assert flighttest.records.faults(record) == ["rates: spikes: p 1 at 1.8 s"]
 
 
 def test_convert_without_a_map_names_the_shipped_ones(log, tmp_path):

@@ -40,7 +40,7 @@ def test_one_condition_is_a_tangent_of_the_tables():
     tables = leaves()
     value = tables["Cm/basic"]["value"].interp(mach=0.27)
     for alpha, cells in ((0.1, [3]), (ALPHA[4], [3, 4])):
-        found = expected(flighttest.published_fit(LOCAL, VALUES, STDERR, AT | {"alpha": alpha}), tables)
+        found = expected(flighttest.combining.published_fit(LOCAL, VALUES, STDERR, AT | {"alpha": alpha}), tables)
         slope = np.mean([(value[k + 1] - value[k]) / (ALPHA[k + 1] - ALPHA[k]) for k in cells])
         assert found["alpha"] == pytest.approx(slope, rel=1e-9)
         # the constant is that of the tangent, extended to alpha 0; between the sides of a kink 1e-4 rad from it
@@ -51,7 +51,7 @@ def test_one_condition_is_a_tangent_of_the_tables():
 
 def test_an_expansion_about_a_point_has_the_value_of_the_tables_there():
     model = flighttest.Model("Cm", ["1", "alpha"], {"alpha": 0.1})
-    found = expected(flighttest.published_fit(model, {"1": 0.0, "alpha": -0.6}, {"1": 0.01, "alpha": 0.1}, AT), leaves())
+    found = expected(flighttest.combining.published_fit(model, {"1": 0.0, "alpha": -0.6}, {"1": 0.01, "alpha": 0.1}, AT), leaves())
     assert found["1"] == pytest.approx(float(leaves()["Cm/basic"]["value"].interp(mach=0.27, alpha=0.1)), abs=1e-12)
 
 
@@ -59,7 +59,7 @@ def test_a_range_is_the_least_squares_line_through_the_tables():
     """Against a regression of the tables over ten thousand conditions."""
     tables, rng = leaves(), np.random.default_rng(0)
     low, high = -0.05, 0.3
-    found = expected(flighttest.published_fit(LOCAL, VALUES, STDERR, AT | {"alpha": (low, high)}), tables)
+    found = expected(flighttest.combining.published_fit(LOCAL, VALUES, STDERR, AT | {"alpha": (low, high)}), tables)
     alpha = np.linspace(low, high, 10001)
     line = np.polyfit(alpha, tables["Cm/basic"]["value"].interp(mach=0.27, alpha=alpha).values, 1)
     # 33 points along a range: ends weigh more than in an integral
@@ -67,7 +67,7 @@ def test_a_range_is_the_least_squares_line_through_the_tables():
     curved = "Cm = 1 + alpha + alpha**2 + ramp(alpha, 8 deg) + delta_e + alpha*delta_e"
     model = flighttest.Model.parse(curved)
     ones = dict.fromkeys(model.terms, 1.0)
-    found = expected(flighttest.published_fit(model, ones, ones, AT | {"alpha": (low, high), "delta_e": (-0.2, 0.1)}), tables)
+    found = expected(flighttest.combining.published_fit(model, ones, ones, AT | {"alpha": (low, high), "delta_e": (-0.2, 0.1)}), tables)
     data = xr.Dataset({"alpha": ("sample", rng.uniform(low, high, 20000)), "delta_e": ("sample", rng.uniform(-0.2, 0.1, 20000))})
     data = data.assign(mach=("sample", np.full(20000, 0.27)), qhat=("sample", np.zeros(20000)), alphadothat=("sample", np.zeros(20000)))
     z = sum(basis_at(leaf, data) @ leaf["value"].values.ravel() for leaf in tables.values())
@@ -76,8 +76,8 @@ def test_a_range_is_the_least_squares_line_through_the_tables():
 
 
 def test_a_variable_that_moves_with_another_gives_the_sum_of_both_derivatives():
-    alone = expected(flighttest.published_fit(LOCAL, VALUES, STDERR, AT), leaves())
-    both = expected(flighttest.published_fit(LOCAL, VALUES, STDERR, AT | {"alphadothat": "qhat"}), leaves())
+    alone = expected(flighttest.combining.published_fit(LOCAL, VALUES, STDERR, AT), leaves())
+    both = expected(flighttest.combining.published_fit(LOCAL, VALUES, STDERR, AT | {"alphadothat": "qhat"}), leaves())
     assert both["qhat"] - alone["qhat"] == pytest.approx(-6.0, rel=1e-9)
 
 
@@ -99,7 +99,7 @@ def test_tables_learn_the_same_from_the_published_numbers_as_from_the_samples():
     e = fit.estimates
     values, stderr = ({t: float(e[key].sel(term=t)) for t in VALUES} for key in ("estimate", "stderr"))
     ranges = {"mach": 0.27, "alpha": (-0.04, 0.2), "delta_e": (-0.1, 0.1), "qhat": (-0.004, 0.004)}
-    printed = flighttest.published_fit(LOCAL, values, stderr, ranges, e["correlation"].values, "paper")
+    printed = flighttest.combining.published_fit(LOCAL, values, stderr, ranges, e["correlation"].values, "paper")
     ours, theirs = (aerodb.tabulate([one], prior) for one in (fit, printed))
     for name in ours:
         apart = np.abs(ours[name]["value"] - theirs[name]["value"]) / ours[name]["stderr"]
@@ -122,10 +122,10 @@ def test_two_standard_errors_cover_the_tables_after_published_models():
             P = prior_covariance(leaf)
             change = np.linalg.cholesky(P + 1e-10 * np.diag(np.diag(P))) @ rng.normal(size=len(P))
             truth[name] = leaf.assign(value=leaf["value"] + change.reshape(leaf["value"].shape))
-        fit = flighttest.published_fit(LOCAL, VALUES, STDERR, AT | {"alpha": (0.0, 0.15)})
+        fit = flighttest.combining.published_fit(LOCAL, VALUES, STDERR, AT | {"alpha": (0.0, 0.15)})
         seen = expected(fit, truth)
         values = {t: seen[t] + STDERR[t] * rng.normal() for t in VALUES}
-        fit = flighttest.published_fit(LOCAL, values, STDERR, AT | {"alpha": (0.0, 0.15)})
+        fit = flighttest.combining.published_fit(LOCAL, values, STDERR, AT | {"alpha": (0.0, 0.15)})
         new = aerodb.tabulate([fit], aerodb.database(prior, **ROOT))
         inside += [np.mean(np.abs(new[k]["value"] - truth[k]["value"]) < 2 * new[k]["stderr"]) for k in new]
     assert 0.88 < np.mean(inside) < 0.99
@@ -134,18 +134,18 @@ def test_two_standard_errors_cover_the_tables_after_published_models():
 def test_published_and_flown_fits_are_joined():
     truth = leaves(0.0)
     fit = flighttest.regress(flighttest.Model.parse(LOCAL), flown(truth, 2), "flight")
-    printed = flighttest.published_fit(LOCAL, VALUES, STDERR, AT, name="paper")
-    joined = flighttest.join_fits([fit, printed])
+    printed = flighttest.combining.published_fit(LOCAL, VALUES, STDERR, AT, name="paper")
+    joined = flighttest.combining.join_fits([fit, printed])
     for term in ("qhat", "delta_e"):
         a, b, c = (float(x.estimates["estimate"].sel(term=term)) for x in (fit, printed, joined))
         assert min(a, b) < c < max(a, b)
-    alone = flighttest.join_fits([printed, printed]).estimates
+    alone = flighttest.combining.join_fits([printed, printed]).estimates
     np.testing.assert_allclose(alone["estimate"], list(VALUES.values()), rtol=1e-12)
     np.testing.assert_allclose(alone["stderr"], np.array(list(STDERR.values())) / np.sqrt(2), rtol=1e-12)
 
 
 def test_a_published_fit_is_saved_reported_and_predicts(tmp_path):
-    fit = flighttest.published_fit(LOCAL, VALUES, STDERR, AT | {"alpha": (0.0, 0.2)}, name="paper")
+    fit = flighttest.combining.published_fit(LOCAL, VALUES, STDERR, AT | {"alpha": (0.0, 0.2)}, name="paper")
     text = fit.report()
     assert text.splitlines()[:2] == ["paper: Cm = 1 + alpha + qhat + delta_e", "published values, no samples"]
     assert "!" not in text
@@ -161,7 +161,7 @@ def test_a_published_fit_is_saved_reported_and_predicts(tmp_path):
 
 def test_bad_publications_are_refused_with_every_problem():
     with pytest.raises(SchemaError) as caught:
-        flighttest.published_fit(
+        flighttest.combining.published_fit(
             LOCAL,
             {"1": 0.0, "alpha": np.nan, "qhat": -17.6, "beta": 1.0},
             {"1": 0.0, "alpha": 0.06, "qhat": 1.8, "delta_e": 0.12},
@@ -181,18 +181,18 @@ def test_bad_publications_are_refused_with_every_problem():
     ):
         assert words in text
     with pytest.raises(SchemaError, match=r"alpha has the one condition 0\.1 and a power or ramp in the model; give a range"):
-        flighttest.published_fit(
+        flighttest.combining.published_fit(
             "Cm = 1 + alpha + alpha**2", dict.fromkeys(["1", "alpha", "alpha**2"], 1.0), dict.fromkeys(["1", "alpha", "alpha**2"], 1.0), AT
         )
     with pytest.raises(UnknownName, match="alfa"):
-        flighttest.published_fit(LOCAL, VALUES, STDERR, AT | {"alfa": 0.1})
+        flighttest.combining.published_fit(LOCAL, VALUES, STDERR, AT | {"alfa": 0.1})
     with pytest.raises(SchemaError, match="not symmetric with a diagonal of ones and positive eigenvalues"):
-        flighttest.published_fit(LOCAL, VALUES, STDERR, AT, np.ones((4, 4)))
+        flighttest.combining.published_fit(LOCAL, VALUES, STDERR, AT, np.ones((4, 4)))
     ones = dict.fromkeys(["1", "qhat", "alphadothat"], 1.0)
     with pytest.raises(IdentificationError, match=r"the conditions do not determine the terms: .*qhat.*alphadothat"):
-        flighttest.published_fit("Cm = 1 + qhat + alphadothat", ones, ones, {"qhat": 0.0, "alphadothat": "qhat"})
-    fit = flighttest.published_fit(LOCAL, VALUES, STDERR, {key: x for key, x in AT.items() if key != "mach"})
+        flighttest.combining.published_fit("Cm = 1 + qhat + alphadothat", ones, ones, {"qhat": 0.0, "alphadothat": "qhat"})
+    fit = flighttest.combining.published_fit(LOCAL, VALUES, STDERR, {key: x for key, x in AT.items() if key != "mach"})
     with pytest.raises(UnknownName, match="mach"):
         aerodb.tabulate([fit], aerodb.database(leaves(), **ROOT))
     with pytest.raises(IdentificationError, match="published values have no residuals"):
-        flighttest.bootstrap(fit)
+        flighttest.equation_error.bootstrap(fit)

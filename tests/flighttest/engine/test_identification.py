@@ -15,8 +15,9 @@ from flightmech.air import atmosphere
 from flightmech.aircraft.systems.engine_deck import Deck, open_tables, write_tables
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import make
-from flighttest import Polar, correct_deck, identify_engine, identify_spools, identify_start
+from flighttest import identify_engine
 from flighttest.cli.engine import engine
+from flighttest.engine import Polar, correct_deck, identify_spools, identify_start
 from flighttest.engine.bench import as_nodes, compiled, condition
 from flighttest.engine.points import ratios
 from flighttest.engine.records import engine_channels

@@ -15,8 +15,9 @@ from click.testing import CliRunner
 import aerodb
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import make
-from flighttest import Model, identify_ground_effect, replace_ground_effect
+from flighttest import Model, identify_ground_effect
 from flighttest.cli.ground_effect import ground_effect
+from flighttest.ground_effect import replace_ground_effect
 from flighttest.ground_effect.evidence import best, breakpoints, compared
 
 SHARED = Path(__file__).parents[3] / ".." / "shared" / "data" / "identification"

@@ -73,6 +73,6 @@ def test_what_cannot_be_a_table(tmp_path, signal):
 def test_csv_is_a_flight_record(signal, tmp_path):
     save_csv(signal, tmp_path / "input.csv")
     record = flighttest.read(tmp_path / "input.csv")
-    found = flighttest.channel(record, "delta_e")
+    found = flighttest.signals.channel(record, "delta_e")
     assert found.values == pytest.approx(signal["delta_e"].values, abs=1e-9)
     assert found["time"].values == pytest.approx(signal["time"].values, abs=1e-9)

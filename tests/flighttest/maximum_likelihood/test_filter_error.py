@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 import flighttest
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
-from flighttest import Unknown
+from flighttest.maximum_likelihood import Unknown
 from flighttest.maximum_likelihood.models.kalman_filter import recursion, steady_filter
 from flighttest.maximum_likelihood.models.state_space import Matrices
 
@@ -23,7 +23,7 @@ STARTS = {"A[alpha,alpha]": -1.0, "A[q,alpha]": -5.0, "A[q,q]": -1.5, "B[q,delta
 
 
 @pytest.fixture(scope="module")
-def model() -> flighttest.LinearModel:
+def model() -> flighttest.maximum_likelihood.LinearModel:
     names = {"state": ["alpha", "q"], "state_": ["alpha", "q"], "input": ["delta_e"], "output": list(OUTPUTS)}
     matrices = {
         "A": (("state", "state_"), A),
@@ -31,7 +31,7 @@ def model() -> flighttest.LinearModel:
         "C": (("output", "state_"), C),
         "D": (("output", "input"), np.zeros((3, 1))),
     }
-    return flighttest.linear_model(xr.Dataset(matrices, names))
+    return flighttest.maximum_likelihood.linear_model(xr.Dataset(matrices, names))
 
 
 def flight(seed, gust=0.0, duration=20.0, step=0.04, noise=1.0, late=0):
@@ -59,8 +59,8 @@ def errors(fit, against="stderr"):
 
 def test_frequency_and_time_agree_on_one_record(model):
     record = flight(1)
-    time = flighttest.filter_error(model, record, STARTS)
-    frequency = flighttest.frequency_output_error(model, record, STARTS, band=(0.05, 4.0))
+    time = flighttest.maximum_likelihood.filter_error(model, record, STARTS)
+    frequency = flighttest.maximum_likelihood.frequency_output_error(model, record, STARTS, band=(0.05, 4.0))
     for fit in (time, frequency):
         assert fit.estimates.attrs["converged"] == 1
         assert np.abs(errors(fit)).max() < 3.0
@@ -73,14 +73,16 @@ def test_constants_and_the_end_of_the_record_do_not_matter_in_frequency(model):
     """Cut in mid-motion, with instruments that are off: the same estimates as for the whole motion."""
     record = flight(2, noise=0.0).isel(time=slice(40, 400))
     record["alpha"], record["delta_e"] = record["alpha"] + 0.1, record["delta_e"] + 0.02
-    fit = flighttest.frequency_output_error(model, record, STARTS, band=(0.1, 3.0))
+    fit = flighttest.maximum_likelihood.frequency_output_error(model, record, STARTS, band=(0.1, 3.0))
     found = fit.estimates["estimate"].sel(parameter=list(TRUTH)).values
     assert np.allclose(found, list(TRUTH.values()), rtol=2e-3)  # corners of the input between 25 samples per second
     assert list(fit.estimates["parameter"].values) == list(STARTS)
 
 
 def test_a_delay_of_the_input_is_found_in_frequency(model):
-    fit = flighttest.frequency_output_error(model, flight(3, late=2), {**STARTS, "delay.delta_e": (0.0, np.inf, -0.2, 0.2)})
+    fit = flighttest.maximum_likelihood.frequency_output_error(
+        model, flight(3, late=2), {**STARTS, "delay.delta_e": (0.0, np.inf, -0.2, 0.2)}
+    )
     row = fit.estimates.sel(parameter="delay.delta_e")
     assert abs(row["estimate"] - 0.08) < 3.0 * row["stderr"]
     assert row["stderr"] < 0.005
@@ -93,9 +95,9 @@ def test_open_loop_in_turbulence_is_warned_of_and_the_filter_is_better(model):
     for seed in range(8):
         record = flight(seed, gust=1.0)
         with pytest.warns(AeromatchWarning, match=r"turbulence or a missing term: residuals of alpha .* q .*flighttest\.filter_error"):
-            open_loop = flighttest.filter_error(model, record, STARTS)
+            open_loop = flighttest.maximum_likelihood.filter_error(model, record, STARTS)
         assert "turbulence" in open_loop.report()
-        fit = flighttest.filter_error(model, record, {**STARTS, **calm})
+        fit = flighttest.maximum_likelihood.filter_error(model, record, {**STARTS, **calm})
         assert fit.warnings == ()
         loop.append(errors(open_loop, "stderr_white"))
         filtered.append(errors(fit))
@@ -107,7 +109,9 @@ def test_open_loop_in_turbulence_is_warned_of_and_the_filter_is_better(model):
 
 
 def test_the_filter_distinguishes_noise_from_gusts(model):
-    fit = flighttest.filter_error(model, flight(5, gust=1.0, duration=40.0), {**STARTS, "process.alpha": 0.01, "process.q": 0.01})
+    fit = flighttest.maximum_likelihood.filter_error(
+        model, flight(5, gust=1.0, duration=40.0), {**STARTS, "process.alpha": 0.01, "process.q": 0.01}
+    )
     e = fit.estimates
     truth = {"process.alpha": 0.02, "process.q": 0.03, "noise.alpha": 2e-3, "noise.q": 2e-3, "noise.nz": 0.02}
     for name, value in truth.items():
@@ -121,7 +125,7 @@ def test_instruments_starts_and_drift_in_time(model):
     record = flight(6).isel(time=slice(60, None))
     record["nz"] = record["nz"] + 1.0
     free = {"sensor.nz": 0.0, "init.alpha": 0.0, "init.q": 0.0, "drift.q": 0.0}
-    fit = flighttest.filter_error(model, record, STARTS | free)
+    fit = flighttest.maximum_likelihood.filter_error(model, record, STARTS | free)
     assert np.abs(errors(fit)).max() < 3.0
     assert abs(fit.parameters["sensor.nz"] - 1.0) < 0.02
     assert abs(fit.parameters["drift.q"]) < 3.0 * fit.estimates["stderr"].sel(parameter="drift.q")
@@ -130,10 +134,10 @@ def test_instruments_starts_and_drift_in_time(model):
 def test_several_records_have_their_own_offsets(model):
     records = [flight(seed, duration=12.0) for seed in (1, 2)]
     records[1]["alpha"] = records[1]["alpha"] + 0.05
-    fit = flighttest.filter_error(model, records, STARTS | {"sensor.alpha": Unknown(0.0, own=True)})
+    fit = flighttest.maximum_likelihood.filter_error(model, records, STARTS | {"sensor.alpha": Unknown(0.0, own=True)})
     assert abs(fit.of_manoeuvre(2)["sensor.alpha"] - 0.05) < 2e-3
     assert abs(fit.of_manoeuvre(1)["sensor.alpha"]) < 2e-3
-    both = flighttest.frequency_output_error(model, records, STARTS)
+    both = flighttest.maximum_likelihood.frequency_output_error(model, records, STARTS)
     assert np.abs(errors(both)).max() < 3.0
 
 
@@ -174,39 +178,39 @@ def test_ties_move_elements_together(model):
         },
         {"state": ["alpha", "q"], "state_": ["alpha", "q"], "input": ["delta_e"], "output": list(OUTPUTS)},
     )
-    tied = flighttest.linear_model(linear, {"A[alpha,alpha]": {"C[nz,alpha]": -6.0}})
+    tied = flighttest.maximum_likelihood.linear_model(linear, {"A[alpha,alpha]": {"C[nz,alpha]": -6.0}})
     assert tied.at({"A[alpha,alpha]": -1.3}).C[2, 0] == pytest.approx(7.9)
     assert model.at({"A[alpha,alpha]": -1.3}).C[2, 0] == 7.3
     with pytest.raises(UnknownName, match=r"unknown element 'A\[alpha,alfa\]'; near it: A\[alpha,alpha\]"):
-        flighttest.linear_model(linear, {"A[alpha,alfa]": {}})
+        flighttest.maximum_likelihood.linear_model(linear, {"A[alpha,alfa]": {}})
 
 
 def test_bad_requests_are_refused_by_name(model):
     record = flight(1, duration=5.0)
     with pytest.raises(UnknownName, match=r"unknown parameter 'A\[q,alfa\]'"):
-        flighttest.filter_error(model, record, {"A[q,alfa]": 1.0})
+        flighttest.maximum_likelihood.filter_error(model, record, {"A[q,alfa]": 1.0})
     with pytest.raises(UnknownName, match=r"unknown parameter 'process\.nz'"):
-        flighttest.filter_error(model, record, {"process.nz": 1.0})
+        flighttest.maximum_likelihood.filter_error(model, record, {"process.nz": 1.0})
     with pytest.raises(SchemaError, match=r"process\.q starts at zero or below; give a positive start"):
-        flighttest.filter_error(model, record, STARTS | {"process.q": 0.0})
+        flighttest.maximum_likelihood.filter_error(model, record, STARTS | {"process.q": 0.0})
     with pytest.raises(IdentificationError, match=r"no multiple of 1/5 s in 0\.1 \.\.\. 0\.15 Hz"):
-        flighttest.frequency_output_error(model, record, STARTS, band=(0.1, 0.15))
+        flighttest.maximum_likelihood.frequency_output_error(model, record, STARTS, band=(0.1, 0.15))
     with pytest.raises(IdentificationError, match="6 unknowns and fewer values of the spectra"):
-        flighttest.frequency_output_error(model, record, STARTS, band=(0.1, 0.25))
+        flighttest.maximum_likelihood.frequency_output_error(model, record, STARTS, band=(0.1, 0.25))
     record["q"][7] = np.nan
     with pytest.raises(SchemaError, match="q is not finite in 1 samples"):
-        flighttest.filter_error(model, record, STARTS)
+        flighttest.maximum_likelihood.filter_error(model, record, STARTS)
     with pytest.raises(UnknownName, match="unknown signal 'nz'"):
-        flighttest.filter_error(model, record.drop_vars("nz"), STARTS)
+        flighttest.maximum_likelihood.filter_error(model, record.drop_vars("nz"), STARTS)
 
 
 @pytest.mark.parametrize("step", [0.1, 0.25])
 def test_measurement_noise_on_a_slow_recorder_is_no_turbulence(model, step):
     """Six records of white noise; a block of 0.08 s holds one sample and no noise inside."""
     for seed in range(6):
-        assert flighttest.filter_error(model, flight(seed, duration=40.0, step=step), STARTS).warnings == ()
+        assert flighttest.maximum_likelihood.filter_error(model, flight(seed, duration=40.0, step=step), STARTS).warnings == ()
 
 
 def test_gusts_show_on_a_recorder_of_ten_samples_a_second(model):
     with pytest.warns(AeromatchWarning, match="turbulence or a missing term"):
-        flighttest.filter_error(model, flight(0, duration=40.0, step=0.1, gust=2.0), STARTS)
+        flighttest.maximum_likelihood.filter_error(model, flight(0, duration=40.0, step=0.1, gust=2.0), STARTS)

@@ -105,7 +105,7 @@ def test_a_reference_and_a_frequency_fit_predict_too(flown):
     shifted = flighttest.Model("CL", LIFT.terms, {"alpha": 0.05})
     found = flighttest.regress(shifted, flown).predict(flown)
     np.testing.assert_allclose(found["CL"], flighttest.regress(LIFT, flown).predict(flown)["CL"], atol=1e-12)
-    band = flighttest.regress_frequency(LIFT, flown, (0.1, 1.0))
+    band = flighttest.equation_error.regress_frequency(LIFT, flown, (0.1, 1.0))
     np.testing.assert_allclose(flown["CL"].values - band.predict(flown)["CL"].values, band.residual, atol=1e-12)
 
 

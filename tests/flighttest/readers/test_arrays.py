@@ -182,7 +182,7 @@ def test_citation_500_simulation(tmp_path, name):
     # README of the data set: attitude kinematics to 1e-4 rad/s; the central difference of 100 Hz samples adds 1e-4 in the steps
     assert np.sqrt(np.mean((theta_dot - expected)[1:-1] ** 2)) < 1e-4
     assert "Manoeuvre" in record.attrs["string"]
-    assert flighttest.faults(record) == []
+    assert flighttest.records.faults(record) == []
 
 
 def test_uav_log_extract(tmp_path):

@@ -102,7 +102,7 @@ def test_buses_in_engineering_units(tmp_path):
     np.testing.assert_allclose(record["ins/time"].values, 1.000005 + 0.1 * k, atol=1e-9)
     np.testing.assert_allclose(np.degrees(record["fcc/delta_e"].values), 1.0 + 0.5 * (100 + k))
     assert record.attrs["start"] == "2024-02-29T23:59:58.230000Z"
-    assert flighttest.faults(record) == []
+    assert flighttest.records.faults(record) == []
 
 
 def test_day_of_the_year_names_no_year(tmp_path):
@@ -181,7 +181,7 @@ def test_missing_and_damaged_packets_are_reported(tmp_path):
     del packets[21]
     file, names = recorded(tmp_path, packets, NAMES)
     record = flighttest.read(file, names)
-    found = " | ".join(flighttest.faults(record))
+    found = " | ".join(flighttest.records.faults(record))
     assert "are no packets and were skipped" in found
     assert "channel 3: 1 packets missing by their sequence numbers" in found
     assert "channel 12: 1 packets missing" in found
@@ -191,7 +191,7 @@ def test_missing_and_damaged_packets_are_reported(tmp_path):
 def test_end_that_was_cut_off(tmp_path):
     file, names = recorded(tmp_path, bus_packets(), NAMES)
     file.write_bytes(file.read_bytes()[:-17])
-    assert "the end of the file may be cut off" in flighttest.faults(flighttest.read(file, names))[0]
+    assert "the end of the file may be cut off" in flighttest.records.faults(flighttest.read(file, names))[0]
 
 
 def test_count_of_words_that_does_not_fit_its_packet(tmp_path):
@@ -200,7 +200,7 @@ def test_count_of_words_that_does_not_fit_its_packet(tmp_path):
     packets.append(ch10.packet(12, 0x38, START + 4 * SECOND, body))
     packets.append(ch10.packet(3, 0x19, START + 4 * SECOND, body))
     file, names = recorded(tmp_path, packets, NAMES)
-    found = " | ".join(flighttest.faults(flighttest.read(file, names)))
+    found = " | ".join(flighttest.records.faults(flighttest.read(file, names)))
     assert "1000 ARINC 429 words do not fit its 28 bytes; left out" in found
     assert "cut off inside a MIL-STD-1553 message" in found
 
@@ -209,7 +209,7 @@ def test_without_a_table_of_words_the_channels_are_listed(tmp_path):
     file, _ = recorded(tmp_path, bus_packets(), NAMES)
     with pytest.raises(SchemaError, match=r"channel 3: MIL-STD-1553, 20 packets; channel 12: ARINC 429, 20 packets"):
         flighttest.read(file)
-    rows = flighttest.contents(file)["channels"]
+    rows = flighttest.records.contents(file)["channels"]
     assert rows[1] == {"channel": 12, "content": "ARINC 429", "packets": 20, "labels": "210 325"}
 
 

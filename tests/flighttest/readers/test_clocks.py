@@ -104,7 +104,7 @@ def test_time_of_the_world_names_the_start_and_the_drift(tmp_path):
     assert record.attrs["clock_drift"] == pytest.approx(35e-6, abs=8.5e-7)
     assert record.attrs["clock_drift_stderr"] == pytest.approx(2.1e-7, rel=0.1)
     assert record.attrs["clock_scatter"] == pytest.approx(2e-3, rel=0.1)
-    assert "4 stamps off the line were not used" in flighttest.faults(record)[0]
+    assert "4 stamps off the line were not used" in flighttest.records.faults(record)[0]
 
 
 def test_satellite_time_is_ahead_of_utc(tmp_path):
@@ -122,7 +122,7 @@ def test_records_of_two_recorders_on_one_clock(tmp_path):
     both = flighttest.merge(records)
     assert list(both.children) == ["air", "air_2"]
     np.testing.assert_allclose(both["air_2/time"].values, [2.5, 3.5, 7.5, 8.5, 9.5])
-    gaps = flighttest.flags(both).query("kind == 'gap'").set_index("leaf")["start"]
+    gaps = flighttest.signals.flags(both).query("kind == 'gap'").set_index("leaf")["start"]
     assert gaps.to_dict() == {"air": 1.0, "air_2": 3.5}
     shifted = flighttest.merge(records, offsets=[-1.0])
     np.testing.assert_allclose(shifted["air_2/time"].values[0], -1.0)

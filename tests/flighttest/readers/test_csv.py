@@ -43,7 +43,7 @@ def test_times_of_day_run_over_midnight(tmp_path):
     record = flighttest.read(file, names)
     np.testing.assert_allclose(np.diff(record["air/time"].values), 0.1, atol=1e-9)
     assert record["air/time"].values[0] == pytest.approx(86399.8)
-    assert list(flighttest.flags(record)["kind"]) == ["wrap"]
+    assert list(flighttest.signals.flags(record)["kind"]) == ["wrap"]
 
 
 def test_day_of_the_year_before_the_time(tmp_path):
@@ -69,7 +69,7 @@ def test_empty_cells_are_missing_samples(tmp_path):
     file, names = written(tmp_path, "time,alpha\n0,1\n0.1,\n0.2,nan\n0.3,4\n")
     record = flighttest.read(file, names)
     assert np.isnan(record["air/alpha"].values).tolist() == [False, True, True, False]
-    assert flighttest.faults(record) == ["air: NaN samples: alpha 2 from 0.1 s"]
+    assert flighttest.records.faults(record) == ["air: NaN samples: alpha 2 from 0.1 s"]
 
 
 def test_line_of_a_fault_counts_remarks_and_blank_lines(tmp_path):
@@ -153,4 +153,4 @@ def test_sound_flights_carry_no_marks(year, name):
         pytest.skip("needs the Citation flights of ../shared")
     record = flighttest.read(file, root / "tests" / "real" / "maps" / f"citation_{year}.toml")
     assert record["ahrs"].attrs["rate"] == pytest.approx(10.0, rel=1e-6)
-    assert flighttest.faults(record) == []
+    assert flighttest.records.faults(record) == []

@@ -55,7 +55,7 @@ def test_shipped_map_extended_by_the_bench(log, tmp_path):
 
 
 def test_units_multipliers_and_instances_of_the_log(log):
-    tables = {table["table"]: {c["column"]: c for c in table["columns"]} for table in flighttest.contents(log)["tables"]}
+    tables = {table["table"]: {c["column"]: c for c in table["columns"]} for table in flighttest.records.contents(log)["tables"]}
     assert tables["ATT"]["Yaw"]["unit"] == "deg"
     assert tables["IMU.1"]["AccZ"]["unit"] == "m/s2"
     assert tables["IMU.1"]["AccZ"]["max"] == pytest.approx(-10.5)
@@ -77,7 +77,7 @@ def test_header_bytes_inside_a_message_are_no_message(tmp_path):
         raw[place : place + 4] = trap.to_bytes(4, "little")
         place += 8
     (tmp_path / "f.bin").write_bytes(raw)
-    tables = {table["table"]: table["samples"] for table in flighttest.contents(tmp_path / "f.bin")["tables"]}
+    tables = {table["table"]: table["samples"] for table in flighttest.records.contents(tmp_path / "f.bin")["tables"]}
     assert tables["ATT"] == COUNT
     assert tables["TRAP"] == len(rows)
 
@@ -89,13 +89,13 @@ def test_damage_in_the_middle_is_skipped_and_reported(log):
     log.write_bytes(raw)
     record = flighttest.read(log, "ardupilot")
     assert COUNT - 10 < record["attitude"].sizes["time"] < COUNT
-    assert "bytes of the log fit no message and were skipped" in flighttest.faults(record)[0]
+    assert "bytes of the log fit no message and were skipped" in flighttest.records.faults(record)[0]
 
 
 def test_no_message_at_all(log):
     log.write_bytes(log.read_bytes()[:300])
     with pytest.raises(ParseError, match="no message with a clock"):
-        flighttest.contents(log)
+        flighttest.records.contents(log)
     log.write_bytes(dataflash.head(128) + bytes(20))
     with pytest.raises(ParseError, match="no message FMT"):
-        flighttest.contents(log)
+        flighttest.records.contents(log)

@@ -58,7 +58,7 @@ def test_decoder_that_breaks_down_takes_only_its_own_process(log, tmp_path, monk
 
 
 def test_all_channels_without_a_map(log):
-    tables = {table["table"]: [c["column"] for c in table["columns"]] for table in flighttest.contents(log)["tables"]}
+    tables = {table["table"]: [c["column"] for c in table["columns"]] for table in flighttest.records.contents(log)["tables"]}
     assert tables["fast"] == ["pitch_rate", "flap"]
     assert tables["slow"] == ["nz"]
 

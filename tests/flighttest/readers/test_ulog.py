@@ -80,7 +80,7 @@ def test_fixed_wing_log_with_the_shipped_map_and_bench_table(log, tmp_path):
     np.testing.assert_allclose(np.degrees(record["gps/lat"].values), 48.1)
     # the log's clock shows 5 s when UTC shows 10:00
     assert record.attrs["start"].startswith("2018-03-12T09:59:55")
-    assert "logger dropped 120 ms at 8 s" in flighttest.faults(record)
+    assert "logger dropped 120 ms at 8 s" in flighttest.records.faults(record)
     assert "airspeed_validated/calibrated_airspeed_m_s" in record.attrs["absent"]
     assert record.attrs["px4_sys_name"] == "PX4"
 
@@ -106,7 +106,7 @@ def test_unknown_topic_and_field_name_the_near_ones(log, tmp_path):
 
 
 def test_contents_without_a_map(log):
-    found = flighttest.contents(log)
+    found = flighttest.records.contents(log)
     assert found["format"] == "PX4 ULog"
     tables = {table["table"]: table for table in found["tables"]}
     assert tables["vehicle_attitude"]["rate"] == pytest.approx(50.0)
@@ -132,7 +132,7 @@ def test_log_that_was_cut_off_gives_what_is_there(log):
 def test_header_alone(log):
     log.write_bytes(log.read_bytes()[:16])
     with pytest.raises(ParseError, match=r"flight\.ulg"):
-        flighttest.contents(log)
+        flighttest.records.contents(log)
 
 
 def test_euler_angles_of_known_turns():

@@ -15,7 +15,7 @@ def flight(flown, aircraft):
 
 
 def test_correction_takes_the_errors_off(flight):
-    table = flighttest.compatibility_table(flight[0])
+    table = flighttest.reconstruction.compatibility_table(flight[0])
     # factor 1.07 about 0.06 rad and an offset of -0.010 rad on the vane: -0.006 rad; what is left is its noise
     assert table.loc["alpha_vane", "before"] == pytest.approx(0.0066, abs=3e-4)
     assert table.loc["alpha_vane", "after"] == pytest.approx(0.0015, rel=0.05)
@@ -41,7 +41,7 @@ def test_corrected_stands_where_the_reading_was_true(flight):
 
 def test_report_has_a_line_per_channel(flight):
     path = flight[0]
-    text = flighttest.compatibility_report(path)
+    text = flighttest.reconstruction.compatibility_report(path)
     assert text.splitlines()[0] == "Data compatibility: simulated 0"
     assert {line.split()[0] for line in text.splitlines()[2:]} == set(path.fit.index)
 
@@ -56,10 +56,10 @@ def test_white_and_coloured_residuals_are_distinguished():
 def test_figure_is_drawn(flight, tmp_path):
     pytest.importorskip("matplotlib", reason="figures need matplotlib")
     target = tmp_path / "compatibility.svg"
-    flighttest.draw_compatibility(flight[0], target, ["alpha_vane", "theta", "vn"])
+    flighttest.reconstruction.draw_compatibility(flight[0], target, ["alpha_vane", "theta", "vn"])
     text = target.read_text()
     assert text.count('<g id="axes_') == 3
     with pytest.raises(UnknownName, match="alfa"):
-        flighttest.draw_compatibility(flight[0], target, ["alfa"])
+        flighttest.reconstruction.draw_compatibility(flight[0], target, ["alfa"])
     with pytest.raises(SchemaError, match="give one of png, svg, pdf"):
-        flighttest.draw_compatibility(flight[0], tmp_path / "compatibility.xyz")
+        flighttest.reconstruction.draw_compatibility(flight[0], tmp_path / "compatibility.xyz")

@@ -247,14 +247,14 @@ def test_a_programme_knows_its_instruments_better(flown, aircraft):
     names = [n for n in alone[0].biases["parameter"].values if n.startswith(("bias", "factor", "delay"))]
     for a, b in zip(alone, together, strict=True):
         assert (b.biases["stderr"].sel(parameter=names) < 1.001 * a.biases["stderr"].sel(parameter=names)).all()
-    combined = flighttest.combine_biases(alone)
+    combined = flighttest.reconstruction.combine_biases(alone)
     assert "wind_n" not in combined["parameter"]
     assert combined.attrs["runs"] == 3
 
 
 def test_combination_is_the_sum_of_information(flown, aircraft):
     found = flighttest.reconstruct(flown(0)[0], aircraft).biases
-    once, twice = flighttest.combine_biases([found]), flighttest.combine_biases([found, found])
+    once, twice = flighttest.reconstruction.combine_biases([found]), flighttest.reconstruction.combine_biases([found, found])
     shared = once["parameter"].values
     np.testing.assert_allclose(once["estimate"], found["estimate"].sel(parameter=shared), rtol=1e-6, atol=1e-12)
     np.testing.assert_allclose(once["stderr"], found["stderr"].sel(parameter=shared), rtol=1e-6)
@@ -269,13 +269,13 @@ def test_runs_with_different_priors_are_not_combined(flown, aircraft):
     record = flown(0, duration=20.0)[0]
     sets = [flighttest.reconstruct(record, a) for a in (aircraft, other)]
     with pytest.raises(SchemaError, match=r"bias\.p: two runs started from different priors"):
-        flighttest.combine_biases(sets)
+        flighttest.reconstruction.combine_biases(sets)
 
 
 def test_prior_of_other_runs_is_used(flown, aircraft):
     record, _, _ = flown(4, duration=20.0)
     alone = flighttest.reconstruct(record, aircraft)
-    prior = flighttest.combine_biases([flighttest.reconstruct(flown(4)[0], aircraft)])
+    prior = flighttest.reconstruction.combine_biases([flighttest.reconstruct(flown(4)[0], aircraft)])
     after = flighttest.reconstruct(record, aircraft, prior=prior)
     k = "bias.theta"
     assert float(after.biases["stderr"].sel(parameter=k)) < float(alone.biases["stderr"].sel(parameter=k))

@@ -65,10 +65,10 @@ def test_forces_from_velocity_follow_slow_motion_and_say_how_slow(flight):
     data, errors, truth = flight
     undelayed = data.copy()
     for name in ("vn", "ve", "vd"):
-        undelayed[name] = "time", flighttest.remove_delay(data["time"], data[name], errors["delay.gps"], name), data[name].attrs
+        undelayed[name] = "time", flighttest.signals.remove_delay(data["time"], data[name], errors["delay.gps"], name), data[name].attrs
     made = forces_from_velocity(undelayed)["az"]
     assert made.attrs["bandwidth"] == pytest.approx(0.28, abs=0.03)  # nine points of 5 Hz
-    slow = flighttest.lowpass(made - np.interp(data["time"], truth["time"], truth["az"]), 50.0, 0.2)
+    slow = flighttest.signals.lowpass(made - np.interp(data["time"], truth["time"], truth["az"]), 50.0, 0.2)
     assert rms(slow[300:-300]) < 0.1
 
 

@@ -9,10 +9,12 @@ from scipy.optimize import least_squares
 
 import flighttest
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, SchemaError, UnitError, UnknownName
-from flighttest import Model, SeparableModel, ShapeParameter, regress_separable
+from flighttest import Model
+from flighttest.expressions import SeparableModel, ShapeParameter
 from flighttest.expressions.expression import Scope
 from flighttest.expressions.functions import Pieces
 from flighttest.expressions.reading import parse, parse_terms
+from flighttest.separable import regress_separable
 from flighttest.separable.projection import Block, project
 
 T = np.arange(400) * 0.05

@@ -105,6 +105,6 @@ def test_nan_in_the_window_names_channel_and_time():
 
 
 def test_channel_by_name():
-    assert flighttest.channel(record(), "q").sizes["time"] == 501
+    assert flighttest.signals.channel(record(), "q").sizes["time"] == 501
     with pytest.raises(UnknownName, match=r"unknown channel 'qq'"):
-        flighttest.channel(record(), "qq")
+        flighttest.signals.channel(record(), "qq")

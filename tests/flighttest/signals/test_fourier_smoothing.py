@@ -27,7 +27,7 @@ def test_derivative_is_better_than_that_of_five_points():
     noisy = MOTION + 0.002 * np.random.default_rng(0).normal(size=len(TIME))
     inside = slice(50, -50)
     smooth = np.std((fourier_smooth(noisy, STEP).derivative - RATE)[inside])
-    five = np.std((flighttest.derivative(noisy, STEP, window=5, order=2) - RATE)[inside])
+    five = np.std((flighttest.signals.derivative(noisy, STEP, window=5, order=2) - RATE)[inside])
     assert smooth < 0.5 * five
 
 
@@ -64,7 +64,7 @@ def test_smooth_leaves_controls_and_scalars():
         {"q": ("time", np.sin(2 * np.pi * 12.0 * TIME)), "delta_e": ("time", np.sin(2 * np.pi * 12.0 * TIME)), "mass": 5.0},
         coords={"time": TIME},
     )
-    plain, both = flighttest.smooth(data), flighttest.smooth(data, controls=True)
+    plain, both = flighttest.signals.smooth(data), flighttest.signals.smooth(data, controls=True)
     inside = slice(100, -100)
     assert np.abs(plain["q"].values[inside]).max() < 0.01  # two octaves of eight poles and a doubled pass: 2^-8
     np.testing.assert_array_equal(plain["delta_e"], data["delta_e"])

@@ -86,24 +86,24 @@ def record(tmp_path):
 
 
 def test_marks_and_faults_of_a_record(tmp_path):
-    rows = flighttest.flags(record(tmp_path))
+    rows = flighttest.signals.flags(record(tmp_path))
     assert list(rows.columns) == ["leaf", "channel", "kind", "start", "stop", "samples", "note"]
     assert rows.iloc[0].tolist()[:6] == ["imu", "q", "spike", 20.0, 20.0, 1]
-    assert flighttest.faults(record(tmp_path)) == ["imu: spikes: q 1 at 20 s"]
+    assert flighttest.records.faults(record(tmp_path)) == ["imu: spikes: q 1 at 20 s"]
 
 
 def test_marks_of_others_are_added_once_and_stay_in_the_file(tmp_path):
     flown = record(tmp_path)
     more = [Flag("q", "held", 30.0, 31.0, 50, "by hand")]
-    flown = flighttest.add_flags(flighttest.add_flags(flown, "imu", more), "imu", more)
+    flown = flighttest.signals.add_flags(flighttest.signals.add_flags(flown, "imu", more), "imu", more)
     flighttest.save_record(flown, tmp_path / "g.nc")
     again = flighttest.read(tmp_path / "g.nc")
-    assert flighttest.flags(again)["kind"].tolist() == ["spike", "held"]
-    assert "held: q at 30 s (by hand)" in flighttest.faults(again)[1]
+    assert flighttest.signals.flags(again)["kind"].tolist() == ["spike", "held"]
+    assert "held: q at 30 s (by hand)" in flighttest.records.faults(again)[1]
     with pytest.raises(UnknownName, match="kind of flag 'heldd'; near it: held"):
-        flighttest.add_flags(flown, "imu", [Flag("q", "heldd", 0, 0, 1)])
+        flighttest.signals.add_flags(flown, "imu", [Flag("q", "heldd", 0, 0, 1)])
     with pytest.raises(UnknownName, match="unknown channel 'qq'"):
-        flighttest.add_flags(flown, "imu", [Flag("qq", "held", 0, 0, 1)])
+        flighttest.signals.add_flags(flown, "imu", [Flag("qq", "held", 0, 0, 1)])
 
 
 @pytest.mark.parametrize("name", ["psi", "phi", "lon"])

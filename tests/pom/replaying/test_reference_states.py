@@ -20,7 +20,7 @@ def raw(write_case, trainer, tmp_path, monkeypatch):
     asked = {}
 
     def reconstruct(record, aircraft, prior=None):
-        asked.update(channels=flighttest.overview(record)["channel"].tolist(), aircraft=aircraft.name, prior=prior)
+        asked.update(channels=flighttest.records.overview(record)["channel"].tolist(), aircraft=aircraft.name, prior=prior)
         raise IdentificationError("the reconstruction did not settle in 40 iterations")
 
     monkeypatch.setattr(flighttest, "reconstruct", reconstruct)

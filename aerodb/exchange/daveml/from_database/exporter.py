@@ -85,7 +85,8 @@ def _demand_tables(db: xr.DataTree) -> None:
     for name, leaf in terms(db).items():
         if power(leaf) is not None:
             problems.append(
-                f"{name}: the factor {power(leaf)} is a formula, and the file takes tables; make it one first (aerodb.with_height_table)"
+                f"{name}: the factor {power(leaf)} is a formula, and the file takes tables; "
+                "make it one first (aerodb.transform.with_height_table)"
             )
         if "CL" in variables(leaf):
             problems.append(f"{name}: the lift coefficient is an output of the file and no input; leave the term out (aerodb.delete_terms)")

@@ -1,0 +1,7 @@
+"""Public names of `aerodb.figures` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from .difference_maps import plot_difference as plot_difference
+from .drawing import save_figure as save_figure
+from .figure_folder import write_comparison as write_comparison
+from .figures import plot_comparison as plot_comparison
+from .figures import plot_term as plot_term

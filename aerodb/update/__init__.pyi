@@ -1,0 +1,4 @@
+"""Public names of `aerodb.update` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from .standard_errors import standard_error as standard_error
+from .tabulation import tabulate as tabulate

@@ -1,0 +1,5 @@
+"""Public names of `datcom_io.runs` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from .running import Run as Run
+from .running import run_deck as run_deck
+from .splitting import split_deck as split_deck

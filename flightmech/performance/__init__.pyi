@@ -1,0 +1,3 @@
+"""Public names of `flightmech.performance` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from .polar_and_range import performance_curves as performance_curves

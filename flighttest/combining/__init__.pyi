@@ -1,0 +1,13 @@
+"""Public names of `flighttest.combining` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from .data_partition import Partition as Partition
+from .data_partition import bins as bins
+from .data_partition import fit_bins as fit_bins
+from .joined_fits import Joined as Joined
+from .joined_fits import join_fits as join_fits
+from .mixed_estimation import Mixed as Mixed
+from .mixed_estimation import mixed as mixed
+from .mixed_estimation import prior_of as prior_of
+from .pooling import pool as pool
+from .pooling import pool_fits as pool_fits
+from .published import published_fit as published_fit

@@ -1,0 +1,11 @@
+"""Public names of `flighttest.dynamics` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from .derived_channels import airspeed_from_pressures as airspeed_from_pressures
+from .derived_channels import angular_accelerations as angular_accelerations
+from .derived_channels import complete as complete
+from .derived_channels import forces_from_velocity as forces_from_velocity
+from .derived_channels import incidence_from_velocity as incidence_from_velocity
+from .derived_channels import rates_from_attitude as rates_from_attitude
+from .force_coefficients import between as between
+from .force_coefficients import coefficients as coefficients
+from .force_coefficients import open_states as open_states

@@ -1,0 +1,14 @@
+"""Public names of `flighttest.engine` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from .fuel_thrust import FuelThrust as FuelThrust
+from .fuel_thrust import fit_fuel_thrust as fit_fuel_thrust
+from .records import engine_channels as engine_channels
+from .result import EngineFit as EngineFit
+from .result import identify_engine as identify_engine
+from .spools import SpoolFit as SpoolFit
+from .spools import identify_spools as identify_spools
+from .starting import StartFit as StartFit
+from .starting import identify_start as identify_start
+from .static import DeckCorrection as DeckCorrection
+from .static import Polar as Polar
+from .static import correct_deck as correct_deck

@@ -1,0 +1,14 @@
+"""Public names of `flighttest.reconstruction` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from .batch.programme import Batch as Batch
+from .batch.programme import reconstruct_batch as reconstruct_batch
+from .batch.programme import visible as visible
+from .compatibility import compatibility_report as compatibility_report
+from .compatibility import compatibility_table as compatibility_table
+from .compatibility import draw_compatibility as draw_compatibility
+from .flight_programme import combine_biases as combine_biases
+from .flight_programme import reconstruct_programme as reconstruct_programme
+from .path_files import open_biases as open_biases
+from .path_files import save_path as save_path
+from .smoother import Path as Path
+from .smoother import reconstruct as reconstruct
