@@ -16,13 +16,13 @@ other part lets the shape change, over the correlation lengths.  By default each
 (`prior_parts`), each with s_i s_j c_ij and a factor of its own:
 
     level   1
-    reach   exp(-2 |D_i - D_j|)      D the distance to the nearest flown node, in correlation lengths
-    long    exp(-d/4)                d the distance between the nodes, summed over the axes, in correlation lengths
-    short   exp(-d)
+    reach   exp(-2 |D_i - D_j|)      D the distance from the flown region, in correlation lengths
+    long    exp(-e^2/32 - 2 |D_i - D_j|)    e the distance between the nodes in correlation lengths
+    short   exp(-d)                  d the same, summed over the axes
 
-Exponentials, as of a path with independent increments, let a correction have a kink: a squared exponential takes the
-correction for smooth, and so knows the next node beside the flown region almost as well as the last one inside.  `reach`
-is a level for all flown nodes; outside, what is known fades with the distance.
+Inside the flown region `reach` is a level and `long` a smooth curve, such as a slope in error; outside, both fade with the distance:
+a correction that is smooth where it was flown says little about the next node, where flow may separate.  `short` is the
+exponential of a path with independent increments and lets a correction have a kink.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ LEVEL = 0.5
 SHARES = {"level": 0.5, "reach": 0.9, "long": 0.1, "short": 0.1}
 SPREADS = {"level": 2.0, "reach": 0.3, "long": 1.5, "short": 1.5}
 PARTS = tuple(SHARES)
-_REACH, _LONG = 0.5, 4.0  # correlation lengths over which `reach` and `long` fade
+_REACH, _LONG = 0.5, 4.0  # correlation lengths of the distance D, and of the smooth curves of `long`
+_WITHIN = 0.1  # least weight of a sample that puts a node into the flown region: straight local models cannot see a kink nearer to it
 
 
 def prior_covariance(leaf: xr.Dataset, lengths: Mapping[str, float] | None = None, level: float = LEVEL) -> np.ndarray:
@@ -71,27 +72,44 @@ def prior_covariance(leaf: xr.Dataset, lengths: Mapping[str, float] | None = Non
     return covariance_between(leaf, nodes[:, None], nodes, lengths, level)
 
 
-def prior_parts(leaf: xr.Dataset, flown: np.ndarray, lengths: Mapping[str, float] | None = None) -> np.ndarray:
+def prior_parts(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float] | None = None) -> np.ndarray:
     """Return the parts of the a-priori covariance of a term of which some nodes were flown, (`PARTS`, nodes, nodes).
 
     Parameters
     ----------
     leaf : Dataset
         A term with ``stderr``.
-    flown : array of bool (nodes,)
-        In the order of ``value.ravel()``; without any, `reach` is a level.
+    sampled : array (nodes,)
+        Largest weight that interpolation gives to each node at a sample flown, in the order of ``value.ravel()``: 1 at a sample
+        on the node, 0 without samples in the cells about it.  Without any, `reach` is a level.
     lengths : mapping, optional
         As in `prior_covariance`.
     """
     lengths = LENGTHS if lengths is None else lengths
     count = leaf["value"].size
     nodes = np.arange(count)
-    distance = np.zeros((count, count))
+    distance, squares = np.zeros((2, count, count))
     for x in _scaled_places(leaf["value"], lengths):
-        distance += np.abs(x[:, None] - x)
-    away = distance[:, flown].min(axis=1) if flown.any() else np.zeros(count)
-    factors = [np.ones((count, count)), np.exp(-np.abs(away[:, None] - away) / _REACH), np.exp(-distance / _LONG), np.exp(-distance)]
+        apart = np.abs(x[:, None] - x)
+        distance += apart
+        squares += apart**2
+    away = _away(distance, sampled)
+    fade = np.exp(-np.abs(away[:, None] - away) / _REACH)
+    factors = [np.ones((count, count)), fade, fade * np.exp(-squares / (2.0 * _LONG**2)), np.exp(-distance)]
     return _alike(leaf, nodes[:, None], nodes) * np.stack(factors)
+
+
+def _away(distance: np.ndarray, sampled: np.ndarray) -> np.ndarray:
+    """Return the distance of every node from the flown region.
+
+    Nodes with `_WITHIN` of the weight of a sample are in the region.  The distance of one with less, of a cell that holds some
+    samples, is that from the nearest of these in proportion to the weight it lacks: the region grows with the samples without a step.
+    """
+    inside = sampled >= _WITHIN
+    if not inside.any():
+        return np.zeros(len(sampled))
+    away = distance[:, inside].min(axis=1) * (1.0 - np.minimum(sampled / _WITHIN, 1.0))
+    return (away + distance)[:, sampled > 0].min(axis=1)
 
 
 def _scaled_places(value: xr.DataArray, lengths: Mapping[str, float]) -> list[np.ndarray]:

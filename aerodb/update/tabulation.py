@@ -9,18 +9,18 @@ of the nodes g of all terms of its coefficient at once.  C is its coloured-resid
 one standard error of every error that fits share: mass, inertia, thrust, the pick-ups of the surfaces, and what the
 instruments leave open in the reconstructed states.  With the prior g ~ N(g0, P) everything is Gaussian, and the nodes have
 a posterior in closed form.  The common errors s are *considered*, not estimated across fits: the nodes are weighed as if every
-fit had errors s of its own, and their covariance is that of these weights when all fits share s.  An estimate that a common
-error dominates (a damping, by the lag of the vanes) then bends no table, and what all fits agree in is taken as measured.
-Estimating s across fits lets the shape of a handbook table decide about an instrument: the bias of an elevator pick-up, which
-nothing but that shape can tell from a constant pitching moment, then came out with a third of its true uncertainty, at values that
-were no better.
+fit had errors s of its own, and their covariance is that of these weights when all fits share s.  Terms that are held are
+considered likewise, with their a-priori errors.  An estimate that a common error dominates (a damping, by the lag of the vanes)
+then bends no table, and what all fits agree in is taken as measured.  Estimating s across fits lets the shape of a handbook
+table decide about an instrument: the bias of an elevator pick-up, which nothing but that shape can tell from a constant
+pitching moment, then came out with a third of its true uncertainty, at values that were no better.
 
 The prior covariance of the nodes is a sum of four parts (`aerodb.update.correlation.prior_parts`): common to the whole table; common
-to its flown region, and fading with the distance from it; and two shapes that fade over long and short correlation lengths.  The
+to its flown region, and fading with the distance from it; a smooth curve there that fades alike; and a rough one.  The
 weights of the parts, and one factor on C, are learnt for each term: those with the largest marginal likelihood, given lognormal
 hyperpriors about the a-priori shares, found by Newton's method with exact derivatives.  The weights used are their lognormal
 means, which for a term that no fit speaks of are the a-priori shares.  What the flights say about the reach of a correction
-holds where they were flown: the second part is hardly learnt and never counts less than a priori, so that beside the flown
+holds where they were flown: the second part hardly follows the fits and never counts less than a priori, so that outside the flown
 region the standard errors go back to those of the handbook.  What the whole handbook method is wrong by is the first part,
 which may grow by much, and carries a correction to nodes that were not flown.
 Nodes of different terms are independent a priori; after the flight they are not, and a leaf has no room to say so: the
@@ -44,17 +44,15 @@ from flightmech import terms as _terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 
 from ..store.schema import coefficients, terms
-from .correlation import LENGTHS, PARTS, SHARES, SPREADS, prior_parts
+from .correlation import LENGTHS, PARTS, SHARES, SPREADS, prior_covariance, prior_parts
 
 REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the first identified, below the second corrected
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
-_HUBER = 2.5
 FLOWN = 0.25  # least weight that some sample gives to a node from flight: half a cell away on each of two axes
-# the same of a node of the region that a correction covers as a whole: every cell with samples, so that no kink of the prior
-# falls between samples, where the straight local models cannot see it
-COVERED = 0.02
+_HUBER = 2.5
 _ROUNDS, _STEPS = 4, 100  # of weighting, and of Newton's method within each
 _SPREAD_OF_FITS = 0.7  # standard error of the logarithm of the factor on C a priori
+_NEGLIGIBLE = 1e-6  # variance of an error of a held term, over its largest
 _SETTLED = 1e-6  # step in these logarithms
 _AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")
 _FREE_AIR = 1e4  # h_agl where a fit says nothing about the ground [m]
@@ -112,7 +110,8 @@ def tabulate(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] = (), 
         The database; its leaves need ``stderr``, a node with ``stderr`` 0 stays.  A term that the flight shall bring in
         must be there, as zeros with a wide standard error.
     held : sequence of str
-        Terms such as ``"CL/altitude"`` that keep their values exactly.
+        Terms such as ``"CL/altitude"`` that keep their values; their standard errors, where they have them, count among those of
+        the others.
     lengths : mapping, optional
         Correlation lengths by axis that differ from `LENGTHS`; ``inf`` for fully correlated. [SI]
 
@@ -155,7 +154,7 @@ class _Observation:
     H: np.ndarray  # (estimates, free nodes)
     D: np.ndarray  # (estimates, common errors)
     C: np.ndarray  # (estimates, estimates)
-    weight: np.ndarray  # (free nodes,), largest share of a sample in each
+    sampled: np.ndarray  # (free nodes,), largest weight of each at a sample
     bases: dict[str, Any]  # of all terms, free and held: (samples, nodes)
 
 
@@ -175,31 +174,51 @@ class _Posterior:
 def _one_coefficient(coefficient, fits, leaves, held, lengths, tables) -> dict[str, xr.Dataset]:
     free = {name: leaf for name, leaf in leaves.items() if name not in held}
     sources = list(dict.fromkeys(str(name) for fit in fits for name in fit.estimates["error"].values))
-    observed = [_observe(fit, leaves, free, sources) for fit in fits]
-    flown, covered = (np.any([o.weight >= least for o in observed], axis=0) for least in (FLOWN, COVERED))
+    fixed = {name: (leaf, _factor(leaf)) for name, leaf in leaves.items() if name in held}
+    observed = [_observe(fit, free, fixed, sources) for fit in fits]
+    sampled = np.max([o.sampled for o in observed], axis=0)
     touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
-    found = _posterior(observed, free, covered & touched, lengths)
+    found = _posterior(observed, free, sampled * touched, lengths)
     new = {}
     for (name, leaf), nodes in zip(free.items(), _slices([leaf["value"].size for leaf in free.values()])):
         if touched[nodes].any():
-            new[name] = _leaf(leaf, found.value[nodes], found.stderr[nodes], (flown & touched)[nodes], _contributors(fits, observed, nodes))
+            flown = ((sampled >= FLOWN) & touched)[nodes]
+            new[name] = _leaf(leaf, found.value[nodes], found.stderr[nodes], flown, _contributors(fits, observed, nodes))
             tables["report"].append(_term_row(name, leaf, new[name], found.parts[name]))
     tables["points"].append(_point_rows(coefficient, fits, observed, leaves, {**leaves, **new}, found))
     tables["compatibility"].append(_compatibility_row(coefficient, sum(len(o.theta) for o in observed), found))
     return new
 
 
-def _observe(fit, leaves: Mapping[str, xr.Dataset], free: Mapping[str, xr.Dataset], sources: Sequence[str]) -> _Observation:
-    X = fit.design.values
-    Q, R = np.linalg.qr(X)
-    bases = {name: basis_at(leaf, fit.data) for name, leaf in leaves.items()}
-    H = [np.linalg.solve(R, (bases[name].T @ Q).T) for name in free]
-    fixed = sum((bases[name] @ leaf["value"].values.ravel() for name, leaf in leaves.items() if name not in free), np.zeros(len(X)))
+def _observe(
+    fit, free: Mapping[str, xr.Dataset], fixed: Mapping[str, tuple[xr.Dataset, np.ndarray]], sources: Sequence[str]
+) -> _Observation:
+    Q, R = np.linalg.qr(fit.design.values)
+
+    def local(samples: np.ndarray) -> np.ndarray:
+        """Return what the local model makes of (columns of) samples."""
+        return np.linalg.solve(R, Q.T @ samples)
+
+    bases = {name: basis_at(leaf, fit.data) for name, leaf in [*free.items(), *((name, leaf) for name, (leaf, _) in fixed.items())]}
     e = fit.estimates
-    D = np.zeros((X.shape[1], len(sources)))
-    D[:, [sources.index(str(name)) for name in e["error"].values]] = e["systematic"].values
-    weight = np.concatenate([_nearest(leaf, fit.data) for leaf in free.values()])
-    return _Observation(e["estimate"].values - np.linalg.solve(R, Q.T @ fixed), np.hstack(H), D, e["covariance"].values, weight, bases)
+    theta, common = e["estimate"].values, np.zeros((Q.shape[1], len(sources)))
+    common[:, [sources.index(str(name)) for name in e["error"].values]] = e["systematic"].values
+    D = [common]
+    for name, (leaf, factor) in fixed.items():
+        theta = theta - local(bases[name] @ leaf["value"].values.ravel())
+        D.append(local(bases[name] @ factor))
+    H = [np.linalg.solve(R, (bases[name].T @ Q).T) for name in free]
+    sampled = np.concatenate([_nearest(leaf, fit.data) for leaf in free.values()])
+    return _Observation(theta, np.hstack(H), np.hstack(D), e["covariance"].values, sampled, bases)
+
+
+def _factor(leaf: xr.Dataset) -> np.ndarray:
+    """Return independent errors of a term that is held, (nodes, errors): their covariance is that a priori."""
+    if "stderr" not in leaf:
+        return np.zeros((leaf["value"].size, 0))
+    size, shape = np.linalg.eigh(prior_covariance(leaf))
+    known = size > _NEGLIGIBLE * size.max()
+    return shape[:, known] * np.sqrt(size[known])
 
 
 def _nearest(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
@@ -209,14 +228,14 @@ def _nearest(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
     return np.asarray(B.max(axis=0).todense()).ravel() if B.shape[0] else np.zeros(leaf["value"].size)
 
 
-def _posterior(observed: Sequence[_Observation], free: Mapping[str, xr.Dataset], flown: np.ndarray, lengths) -> _Posterior:
+def _posterior(observed: Sequence[_Observation], free: Mapping[str, xr.Dataset], sampled: np.ndarray, lengths) -> _Posterior:
     """Nodes given the fits; fits far from the tables that the others support lose weight, the prior covariance is learnt."""
     H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
     g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     y = np.concatenate([o.theta for o in observed]) - H @ g0
     columns = _slices([leaf["value"].size for leaf in free.values()])
     slices = _slices([len(o.theta) for o in observed])
-    priors = [prior_parts(leaf, flown[at], lengths) for leaf, at in zip(free.values(), columns)]
+    priors = [prior_parts(leaf, sampled[at], lengths) for leaf, at in zip(free.values(), columns)]
     PH = [P @ H[:, at].T for P, at in zip(priors, columns)]  # (parts, nodes, estimates)
     expected = np.concatenate([H[:, at] @ one for one, at in zip(PH, columns)])
     weight, start = np.ones(len(observed)), None

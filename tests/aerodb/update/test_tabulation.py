@@ -166,6 +166,33 @@ def test_held_terms_stay_and_count():
     assert new.points["rms"].max() < 0.006
 
 
+def test_errors_of_held_terms_count_among_those_of_the_others():
+    """A constant that is held with an error of 0.01 leaves as much open in a table of one node."""
+    leaves = {
+        "CL/basic": terms.make(0.5, {}, stderr=0.1, source="datcom"),
+        "CL/altitude": terms.make(0.0, {}, stderr=0.01, source="datcom"),
+    }
+    fit = regress(Model.parse("CL = 1"), record(leaves, np.random.default_rng(31), (3, 1.0, 0.3)), "one")
+    exact = {**leaves, "CL/altitude": leaves["CL/altitude"].drop_vars("stderr")}
+    found, known = (tabulate([fit], database(x, **ROOT), held=["CL/altitude"])["CL/basic"] for x in (leaves, exact))
+    assert float(known["stderr"]) < 0.003
+    assert float(found["stderr"]) == pytest.approx(np.hypot(0.01, float(known["stderr"])), rel=0.01)  # less 0.5 % that the prior knows
+
+
+def test_the_flown_region_grows_with_the_samples_without_a_step():
+    """The error at the last node, from no sample beyond the one before it to a sample on it."""
+    alpha = np.arange(0.0, 7.0, 2.0) * DEG
+    leaf = terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
+    like = []
+    for weight in np.linspace(0.0, 1.0, 2001):
+        P = prior_parts(leaf, np.array([1.0, 1.0, 1.0, weight]))[PARTS.index("reach")]
+        like.append(P[2, 3] / np.sqrt(P[2, 2] * P[3, 3]))
+    assert like[0] == pytest.approx(np.exp(-2.0 * 2.0 / 5.0), rel=1e-6)  # one cell of 2 deg, correlation length 5 deg
+    assert like[-1] == pytest.approx(1.0, rel=1e-6)
+    assert np.diff(like).min() >= 0.0
+    assert np.diff(like).max() < 0.01
+
+
 def test_a_term_that_starts_from_zero_is_brought_in():
     leaves = prior_leaves()
     zero = terms.make(0.0, {}, ("gear",), stderr=0.1, source="judgement", comment="Not in the prior.")

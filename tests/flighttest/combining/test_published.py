@@ -82,9 +82,15 @@ def test_a_variable_that_moves_with_another_gives_the_sum_of_both_derivatives():
 
 
 def flown(tables, seed):
-    """A flight elsewhere: samples spread over alpha -2 to 11 deg, independent disturbances."""
+    """A flight elsewhere: samples spread over alpha -3 to 11 deg, independent disturbances.
+
+    Each alpha is flown at both signs of pitch rate: a chance correlation of pitch rate with the bend of the tables, which the
+    published numbers cannot show, would change what the tables learn from the samples.
+    """
     rng, n = np.random.default_rng(seed), 400
-    d = {"alpha": rng.uniform(-0.04, 0.2, n), "qhat": 0.002 * rng.normal(size=n), "delta_e": rng.uniform(-0.1, 0.1, n)}
+    qhat = 0.002 * rng.normal(size=n // 2)
+    d = {"alpha": np.tile(rng.uniform(-0.05, 0.2, n // 2), 2), "qhat": np.concatenate([qhat, -qhat])}
+    d["delta_e"] = np.tile(rng.uniform(-0.1, 0.1, n // 2), 2)
     d |= {"mach": np.full(n, 0.27), "alphadothat": np.zeros(n)}
     data = xr.Dataset({name: ("time", x) for name, x in d.items()}, {"time": 0.02 * np.arange(n)})
     samples = data.rename(time="sample").drop_vars("sample")
@@ -98,13 +104,13 @@ def test_tables_learn_the_same_from_the_published_numbers_as_from_the_samples():
     fit = flighttest.regress(flighttest.Model.parse(LOCAL), flown(truth, 1), "samples")
     e = fit.estimates
     values, stderr = ({t: float(e[key].sel(term=t)) for t in VALUES} for key in ("estimate", "stderr"))
-    ranges = {"mach": 0.27, "alpha": (-0.04, 0.2), "delta_e": (-0.1, 0.1), "qhat": (-0.004, 0.004)}
+    ranges = {"mach": 0.27, "alpha": (-0.05, 0.2), "delta_e": (-0.1, 0.1), "qhat": (-0.004, 0.004)}
     printed = flighttest.combining.published_fit(LOCAL, values, stderr, ranges, e["correlation"].values, "paper")
     ours, theirs = (aerodb.tabulate([one], prior) for one in (fit, printed))
     for name in ours:
         apart = np.abs(ours[name]["value"] - theirs[name]["value"]) / ours[name]["stderr"]
-        assert float(apart.max()) < 1 / 3, name  # 400 random samples are no even grid, and the tables may bend between them
-        np.testing.assert_allclose(ours[name]["stderr"], theirs[name]["stderr"], rtol=0.2)  # learnt weights differ as well
+        assert float(apart.max()) < 0.25, name  # 400 random samples are no even grid
+        np.testing.assert_allclose(ours[name]["stderr"], theirs[name]["stderr"], rtol=0.1)
     assert theirs.points.loc[("Cm", "paper"), "rms"] < theirs.points.loc[("Cm", "paper"), "rms_prior"]
     assert "paper" in theirs["Cm/basic"].attrs["comment"]
 
