@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from html import escape
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..simulation.catalogue import power_name
 from ..simulation.kernel import VARIABLE, Entry, Simulation
+from ..support import svg_chart
+from ..support.svg_chart import Frame, limits
 from ..units import from_si, to_si
 
 if TYPE_CHECKING:
@@ -18,8 +19,9 @@ if TYPE_CHECKING:
 
 WIDTH, HEIGHT = 300, 180
 LEFT, RIGHT, TOP, BOTTOM, LEGEND = 56, 12, 12, 34, 62
-SHADES = ("#08306b", "#2171b5", "#4292c6", "#74a9cf", "#a6bddb")  # one hue, dark to light with the second axis
+SHADES = 5  # classes ``shade-0`` to ``shade-4`` of the page: one hue, dark to light with the second axis
 POINTS = 121
+SLACK = 0.1  # what leaving out points may move a curve: no kink of a table is rounded
 
 # "alpha -11.46 ... 17.19 deg (4)" as the compiler describes an axis
 _AXIS = re.compile(r"(?P<name>\S+) (?P<low>\S+?)(?: \.\.\. (?P<high>\S+))?(?: (?P<unit>[^()]+))? \((?P<nodes>\d+)\)")
@@ -130,7 +132,7 @@ class _Evaluation:
 
 
 def _levels(span: Span) -> list[float]:
-    return np.linspace(span.low, span.high, min(span.nodes, len(SHADES))).tolist()
+    return np.linspace(span.low, span.high, min(span.nodes, SHADES)).tolist()
 
 
 def _number(value: float) -> str:
@@ -138,43 +140,22 @@ def _number(value: float) -> str:
 
 
 def _svg(term: str, axis: Entry, x: np.ndarray, curves: Sequence[np.ndarray], labels: Sequence[str]) -> str:
-    low, high = float(min(map(np.min, curves))), float(max(map(np.max, curves)))
-    if high == low:
-        low, high = low - 0.5 * (abs(low) or 1.0), high + 0.5 * (abs(high) or 1.0)
-    right, bottom = WIDTH - RIGHT - (LEGEND if labels else 0), HEIGHT - BOTTOM
-    px = LEFT + (x - x[0]) / ((x[-1] - x[0]) or 1.0) * (right - LEFT)
-
-    def py(y):
-        return bottom - (y - low) / (high - low) * (bottom - TOP)
-
-    parts = [f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{escape(term)} over {escape(axis.name)}">']
-    parts += [_tick(right, py(value), _number(value)) for value in (low, 0.5 * (low + high), high)]
-    if low < 0.0 < high:
-        parts.append(f'<path d="M{LEFT} {py(0.0):.1f}H{right}" class="zero"/>')
-    for curve, shade in zip(curves, _shades(len(curves)), strict=True):
-        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(px, py(curve), strict=True))
-        parts.append(f'<polyline points="{points}" stroke="{shade}"/>')
+    shown = np.asarray(from_si(x, axis.display_units))
+    right = WIDTH - RIGHT - (LEGEND if labels else 0)
+    frame = Frame(LEFT, TOP, right - LEFT, HEIGHT - TOP - BOTTOM, limits(shown), limits(np.concatenate(curves)))
+    parts = [svg_chart.axes(frame, x_labels=True, x_most=4)]
+    if frame.y[0] < 0.0 < frame.y[1]:
+        zero = float(frame.py(0.0))
+        parts.append(svg_chart.line(frame.left, zero, frame.right, zero, "zero"))
+    parts += [svg_chart.curve(frame, shown, y, f"curve {shade}", SLACK) for y, shade in zip(curves, _shades(len(curves)), strict=True)]
     for i, (label, shade) in enumerate(zip(labels, _shades(len(labels)), strict=True)):
-        y = TOP + 8 + 14 * i
-        parts.append(f'<path d="M{right + 6} {y - 4}h10" stroke="{shade}" stroke-width="2"/>')
-        parts.append(_text(right + 19, y, label))
-    unit = axis.display_units
-    ends = [_number(from_si(float(end), unit)) for end in (x[0], x[-1])]
-    parts.append(_text(LEFT, bottom + 14, ends[0]))
-    parts.append(_text(right, bottom + 14, ends[1], "end"))
-    parts.append(_text((LEFT + right) // 2, bottom + 26, axis.name + ("" if unit == "1" else f" [{unit}]"), "middle"))
-    return "".join(parts) + "</svg>"
+        y = TOP + 8.0 + 14.0 * i
+        parts += [svg_chart.line(right + 6.0, y - 4.0, right + 16.0, y - 4.0, f"key {shade}"), svg_chart.text(right + 19.0, y, label)]
+    unit = "" if axis.display_units == "1" else f" [{axis.display_units}]"
+    parts.append(svg_chart.text(0.5 * (LEFT + right), HEIGHT - 8.0, axis.name + unit, anchor="middle"))
+    return svg_chart.svg(HEIGHT, "".join(parts), f"{term} over {axis.name}", WIDTH)
 
 
 def _shades(count: int) -> Sequence[str]:
-    if count < 2:
-        return SHADES[:count]
-    return [SHADES[round(i * (len(SHADES) - 1) / (count - 1))] for i in range(count)]
-
-
-def _tick(right: float, y: float, text: str) -> str:
-    return f'<path d="M{LEFT} {y:.1f}H{right}" class="grid"/>' + _text(LEFT - 5, round(y + 3.0, 1), text, "end")
-
-
-def _text(x: float, y: float, text: str, anchor: str = "") -> str:
-    return f'<text x="{x}" y="{y}"{f" text-anchor={chr(34)}{anchor}{chr(34)}" if anchor else ""}>{escape(text)}</text>'
+    """Return the classes of so many curves, spread from dark to light."""
+    return [f"shade-{round(i * (SHADES - 1) / max(count - 1, 1))}" for i in range(count)]

@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import DictLoader, Environment, StrictUndefined, Template
+from jinja2 import ChoiceLoader, PackageLoader, Template
 from markupsafe import Markup
 
 from flightmech.names import lookup
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.svg_chart import stretches
+from flightmech.support.templates import environment
 from flightmech.units import from_si
 
 from .checks.control_response import SIGNIFICANT
@@ -34,9 +36,7 @@ _AIR_DATA = ("airspeed", "mach", "mach_pressure", "calibrated", "altitude")  # e
 
 def template_of(package: str) -> Template:
     """Return the template ``page.html`` of a package; the frame around it is the same for all."""
-    texts = {name: files(home).joinpath(name).read_text(encoding="utf-8") for name, home in (("page.html", package), ("frame.html", _HERE))}
-    environment = Environment(loader=DictLoader(texts), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.get_template("page.html")
+    return environment(ChoiceLoader([PackageLoader(package, ""), PackageLoader(_HERE, "")])).get_template("page.html")
 
 
 def style() -> Markup:
@@ -139,5 +139,4 @@ def _channel(row) -> dict[str, Any]:
 
 
 def _spans(time: np.ndarray, mask: np.ndarray) -> list[tuple[float, float]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(float(time[a]), float(time[b - 1])) for a, b in zip(edges[::2], edges[1::2])]
+    return [(float(time[a]), float(time[b - 1])) for a, b in stretches(mask)]

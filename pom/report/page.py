@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
+from jinja2 import FunctionLoader
 from markupsafe import Markup
+
+from flightmech.support.templates import environment
 
 from ..tolerances.rows import rows as tolerance_rows
 from . import overview
@@ -27,15 +29,13 @@ MOST_WITH_FIGURES = 30
 
 def html_page(results, title, revision, provenance, databases, diagnoses, support, modes, fits=()) -> str:
     """Return the text of ``report.html``; the arguments are those of `pom.write_report`, `modes` a table for every result."""
-    environment = Environment(
-        loader=FunctionLoader(_template), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.globals["parts"] = environment.get_template("parts.html").module
+    pages = environment(FunctionLoader(_template))
+    pages.globals["parts"] = pages.get_template("parts.html").module
     keys = case.keys(results)
     found = [case.outcomes(result, case.line_styles(result.runs)) for result in results]
     common = {"title": title, "revision": revision, "origin": origin.page(provenance, results, databases), "count": len(results)}
     common["models"] = database_comparison.page(databases, support, case.line_styles(databases)) if databases else None
-    inner, brief, cases = environment.get_template("case.html"), environment.get_template("brief.html"), []
+    inner, brief, cases = pages.get_template("case.html"), pages.get_template("brief.html"), []
     for i, (key, result, outcome, table) in enumerate(zip(keys, results, found, modes, strict=True), 1):
         diagnosis = diagnoses.get(result.case.name)
         page = case.page(key, result, outcome, provenance, diagnosis, table, with_figures=len(results) <= MOST_WITH_FIGURES)
@@ -45,13 +45,13 @@ def html_page(results, title, revision, provenance, databases, diagnoses, suppor
         cases.append({"key": key, "fail": fail, "brief": Markup(texts["brief"]), "parcel": packed})
     more = {}
     if databases:
-        more["models"] = parcel({"page": environment.get_template("models.html").render(common)})
+        more["models"] = parcel({"page": pages.get_template("models.html").render(common)})
     if fits:
         context, head, body = identification.page(fits)
         more["identification"] = parcel(
-            {**head, "page": environment.get_template("identification.html").render(common, identification=context)}, body
+            {**head, "page": pages.get_template("identification.html").render(common, identification=context)}, body
         )
-    return environment.get_template("report.html").render(
+    return pages.get_template("report.html").render(
         common,
         matrix=overview.matrix(keys, results, found),
         coverage=overview.coverage(results, tolerance_rows()),

@@ -7,8 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from flightmech.support.svg_chart import WIDTH, Frame, area, axes, clipped, curve, line, rect, spaced, svg, text
+
 from ..presentation.quantities import SYMBOLS, fixed
-from ..presentation.svg_chart import LANE, WIDTH, Frame, area, axes, beyond, clipped, curve, exit_ticks, line, rect, spaced, svg, text
+from ..presentation.trace_marks import LANE, beyond, exit_ticks
 from .panels import Panel, description
 
 LEFT, RIGHT, HEAD, FOOT = 54.0, 12.0, 17.0, 30.0

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from flightmech.support.svg_chart import stretches
 from pom.result import PomResult
 
 from ..presentation.quantities import Label, fixed, label
-from ..presentation.svg_chart import stretches
 
 # an outlier may widen a scale by this share of the height that flight and band need, on each side
 ROOM = 0.5

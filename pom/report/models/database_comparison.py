@@ -16,9 +16,9 @@ import xarray as xr
 import aerodb
 from flightmech import terms
 from flightmech.names import COEFFICIENTS
+from flightmech.support.svg_chart import WIDTH, Frame, area, axes, clipped, curve, dots, line, spaced, svg, text, ticks
 
 from ..presentation.quantities import MISSING, fixed, label, number, short, symbol
-from ..presentation.svg_chart import WIDTH, Frame, area, axes, clipped, curve, dots, line, spaced, svg, text, ticks
 from ..presentation.term_names import term_words
 
 # always shown, replaced or not: without them the rest cannot be judged

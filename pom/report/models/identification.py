@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flightmech.errors import IdentificationError
+from flightmech.support.svg_chart import WIDTH, Frame, axes, dots, spaced, svg
 
 from ..presentation.quantities import MISSING, fixed, label, number, symbol
-from ..presentation.svg_chart import WIDTH, Frame, axes, dots, spaced, svg
 from ..presentation.traces import Pack, step_of
 
 if TYPE_CHECKING:

@@ -9,11 +9,11 @@ from html import escape
 
 import pandas as pd
 
+from flightmech.support import svg_chart
+from flightmech.support.svg_chart import Frame
 from pom.diagnosis.swap_table import OTHERS, criteria_of, waterfall
 
-from ..presentation import svg_chart
 from ..presentation.quantities import fixed
-from ..presentation.svg_chart import Frame
 
 MOST_PANELS = 4  # criteria next to the total
 LEAST_NAMED = 0.005  # of the gap: smaller shares are left out of the alternative text

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from flightmech.support.svg_chart import WIDTH, Frame, axes, clipped, spaced, text
 from pom.report.case.cross_plots import Cross
 from pom.report.presentation.quantities import Label, fixed
-from pom.report.presentation.svg_chart import WIDTH, Frame, axes, clipped, spaced, text
 from pom.report.presentation.verdict_text import words
 
 from .panels import HEAD, LEFT, RIGHT, Drawing, svg

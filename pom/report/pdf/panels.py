@@ -1,6 +1,6 @@
 """Panels for paper: one SVG per panel, so that each carries its own alternative text.
 
-Built from the primitives of `pom.report.presentation.svg_chart`; lengths are its units, 720 of them across the column (182 mm on A4), so
+Built from the primitives of `flightmech.support.svg_chart`; lengths are its units, 720 of them across the column (182 mm on A4), so
 that text of 10 units is 7.2 pt.  Order of drawing: band, exits, flight on top of the band, models, and the flight again as a hair line, so
 that no model hides it.  What must be seen in grey has a pattern or a dash beside its colour.
 """
@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flightmech.support.svg_chart import WIDTH, Frame, area, axes, clipped, curve, line, rect, spaced, text
 from pom.report.case.panels import Panel, description, limits
 from pom.report.presentation.quantities import fixed, pretty_unit
-from pom.report.presentation.svg_chart import LANE, WIDTH, Frame, area, axes, beyond, clipped, curve, exit_ticks, line, rect, spaced, text
+from pom.report.presentation.trace_marks import LANE, beyond, exit_ticks
 from pom.report.presentation.verdict_text import WORDS
 
 from .style import defs

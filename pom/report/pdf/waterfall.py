@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pandas as pd
 
+from flightmech.support.svg_chart import WIDTH, line, rect, text, tick_text, ticks
 from pom.diagnosis.swap_table import OTHERS
 from pom.diagnosis.swap_table import waterfall as steps_of
 from pom.report.presentation.quantities import fixed
-from pom.report.presentation.svg_chart import WIDTH, line, rect, text, tick_text, ticks
 from pom.report.presentation.term_names import term_words
 
 from .panels import Drawing, svg

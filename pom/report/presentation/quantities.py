@@ -16,8 +16,8 @@ from markupsafe import Markup
 from flightmech import units
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
+from flightmech.support.svg_chart import MINUS
 
-MINUS = "\N{MINUS SIGN}"
 MISSING = "\N{EN DASH}"
 SYMBOLS = {"pass": "✓", "fail": "✗", "invalid": "!", "not_tested": "–", "advisory": "○"}
 """Verdicts as marks: never colour alone."""

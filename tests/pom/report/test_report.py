@@ -17,7 +17,7 @@ from pom.report.case import case, case_data, cross_plots, initial_conditions, pa
 from pom.report.case import modes as modal
 from pom.report.models import database_comparison, identification
 from pom.report.page import html_page
-from pom.report.presentation import quantities, svg_chart, term_names, traces, verdict_text
+from pom.report.presentation import quantities, term_names, traces, verdict_text
 from pom.tolerances.remarks import RowRemark, reasons
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -217,27 +217,6 @@ def test_a_missing_response_counts_as_outside():
     half = np.array([np.nan, 1.0, 1.0, 1.0, np.nan])
     mask = panels.outside(np.array([9.0, 0.5, np.nan, 2.0, 9.0]), np.zeros(5), half)
     assert panels.spans(time, mask) == [(2.0, 3.0)]
-
-
-def test_lines_keep_their_shape_with_few_points():
-    x = np.linspace(0, 600, 3001)
-    y = 80 + 50 * np.sin(x / 40) + np.where(np.abs(x - 300) < 0.3, 30, 0)
-    keep = svg_chart.essential(x, y, 0.15)
-    assert len(keep) < 300
-    assert np.abs(np.interp(x, x[keep], y[keep]) - y).max() <= 0.15
-
-
-def test_path_data_lead_back_to_the_points():
-    frame = svg_chart.Frame(0.0, 0.0, 100.0, 100.0, (0.0, 100.0), (100.0, 0.0))
-    x, y = np.array([0.0, 10.04, 20.0, 33.3, 34.0]), np.array([5.0, 90.0, 4.96, np.nan, 7.0])
-    found = re.findall(r"[Mlh]|-?\d*\.?\d+", svg_chart.curve(frame, x, y, "").partition(' d="')[2])
-    assert found == ["M", "0", "5", "l", "10", "85", "10", "-85", "M", "34", "7", "h", "0"]
-
-
-def test_ticks_are_round_and_inside():
-    assert svg_chart.tick_text(svg_chart.ticks(-0.31, 1.02, 5)) == ["0.0", "0.5", "1.0"]
-    assert svg_chart.tick_text(svg_chart.ticks(-21.0, 19.0, 5)) == ["−20", "−10", "0", "10"]
-    assert svg_chart.tick_text(svg_chart.ticks(1.1, 1.9, 1)) == ["1.2", "1.4", "1.6", "1.8"]  # no multiple of 1 or 0.5 twice
 
 
 @pytest.mark.parametrize(

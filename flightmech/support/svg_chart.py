@@ -1,24 +1,23 @@
-"""A small SVG writer for the figures of an engineering report: frames with ticks, lines, bands, hatching, text.
+"""The SVG writer of every page and report: frames with ticks, lines, areas, points, text.
 
-Colours and dashes come from the classes of ``report.css``, so that screen, dark screen and print share one look.  Lengths are
-in user units; a figure is `WIDTH` wide and is scaled to the column, 180 mm on A4 paper.
+Colours and dashes come from the style sheet of the page by classes, so that screen, dark screen and print share one look.  Lengths
+are in user units; a figure of the report is `WIDTH` wide and is scaled to the column, 180 mm on A4 paper.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import pairwise
 
 import numpy as np
 
-from .quantities import MINUS, number
-
+MINUS = "\N{MINUS SIGN}"
 WIDTH = 720.0
 # a point may be left out of a line when the line stays this close to it: an eighth of a millimetre on paper, a third of its width
 SLACK = 0.5
-LANE = 4.0  # height of one run's bar of exits above the time axis
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,32 @@ class Frame:
         return np.clip(place, self.top - 3.0, self.bottom + 3.0)
 
 
+def limits(values: np.ndarray, margin: float = 0.0) -> tuple[float, float]:
+    """Return the ends of an axis that shows all finite values.
+
+    Parameters
+    ----------
+    values : array
+        NaN is left out; without any finite value the axis is that of zero.
+    margin : float
+        How far the axis reaches beyond the values, as a part of their range.
+
+    Examples
+    --------
+    >>> limits(np.array([1.0, 3.0]), 0.05)
+    (0.9, 3.1)
+    >>> limits(np.array([2.0, 2.0]))
+    (1.0, 3.0)
+    """
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    if high - low <= 1e-12 * max(abs(low), abs(high)):
+        half = 0.5 * (abs(low) or 1.0)
+        low, high = low - half, high + half
+    beyond = margin * (high - low)
+    return low - beyond, high + beyond
+
+
 def ticks(low: float, high: float, most: int) -> list[float]:
     """Return round tick values, about `most` of them and never fewer than two, steps 1, 2 or 5 times a power of ten."""
     span = high - low
@@ -64,9 +89,11 @@ def ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def tick_text(values: Sequence[float]) -> list[str]:
-    """Return tick values with just the decimals their step needs."""
+    """Return tick values with just the decimals their step needs, as powers of ten where these would be more than six."""
     step = abs(values[1] - values[0])
     decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    if decimals > 6:
+        return [f"{v:.6g}".replace("-", MINUS) if abs(v) > step / 1e6 else "0" for v in values]
     return [f"{v:.{decimals}f}".replace("-", MINUS) if abs(v) > step / 1e6 else f"{0:.{decimals}f}" for v in values]
 
 
@@ -128,12 +155,27 @@ def clipped(frame: Frame, name: str, body: str) -> str:
     return f'<clipPath id="{escape(name)}">{box}</clipPath><g clip-path="url(#{escape(name)})">{body}</g>'
 
 
-def curve(frame: Frame, x: np.ndarray, y: np.ndarray, css: str) -> str:
+def thinned(y: np.ndarray, buckets: int = 420) -> np.ndarray:
+    """Return the indices of the smallest and the largest value of each of `buckets` equal parts, or all of a short line.
+
+    A part without a finite value keeps one sample, so that a gap remains a gap.
+    """
+    if len(y) <= 2 * buckets:
+        return np.arange(len(y))
+    edges = np.linspace(0, len(y), buckets + 1).astype(int)
+    picked: list[int] = []
+    for a, b in pairwise(edges.tolist()):
+        piece = y[a:b]
+        picked += sorted({a + int(np.nanargmin(piece)), a + int(np.nanargmax(piece))}) if np.isfinite(piece).any() else [a]
+    return np.array(picked)
+
+
+def curve(frame: Frame, x: np.ndarray, y: np.ndarray, css: str, slack: float = SLACK) -> str:
     """Return a line through the finite points, with gaps where a value is missing and without superfluous points."""
     pieces = []
     for a, b in stretches(np.isfinite(y) & np.isfinite(x)):
         px, py = frame.px(x[a:b]), frame.py(y[a:b])
-        keep = essential(px, py)
+        keep = essential(px, py, slack)
         pieces.append(_path(px[keep], py[keep]))
     return f'<path class="{css}" d="{"".join(pieces)}"/>' if pieces else ""
 
@@ -201,43 +243,6 @@ def arrow(x: float, frame: Frame, upward: bool, css: str) -> str:
     return f'<path class="{css} arrow" d="M{x:.1f},{tip:.1f} {x - 4:.1f},{foot:.1f} {x + 4:.1f},{foot:.1f}Z"/>'
 
 
-def svg(height: float, body: str, words: str) -> str:
-    """Return the whole figure; `words` is its alternative text."""
-    return (
-        f'<svg class="figure" viewBox="0 0 {WIDTH:.0f} {height:.0f}" role="img" aria-label="{escape(words)}" '
-        f'xmlns="http://www.w3.org/2000/svg">{body}</svg>'
-    )
-
-
-def exit_ticks(frame: Frame, exits: Mapping[str, Sequence[tuple[float, float]]], styles: Mapping[str, str]) -> str:
-    """Return bars along the time axis where runs are out, one lane per run, with a mark at each first exit."""
-    parts, lane = [], 0
-    for run, found in exits.items():
-        if not found:
-            continue
-        y = frame.bottom - 2.5 - LANE * lane
-        for start, stop in found:
-            a, b = (float(frame.px(t)) for t in (start, stop))
-            parts.append(line(a, y, max(b, a + 1.0), y, f"lane {styles[run]}"))
-        x = float(frame.px(found[0][0]))
-        parts.append(line(x, frame.bottom - 9 - LANE * lane, x, frame.bottom + 4, "tickmark"))
-        lane += 1
-    return "".join(parts)
-
-
-def beyond(frame: Frame, time: np.ndarray, values: np.ndarray, css: str, with_value: bool = True) -> str:
-    """Return an arrow, and the extreme value, where a trace leaves the scale of `frame`."""
-    parts: list[str] = []
-    if not np.isfinite(values).any():
-        return ""
-    for upward in (True, False):
-        k = int(np.nanargmax(values) if upward else np.nanargmin(values))
-        if (values[k] > frame.y[1]) if upward else (values[k] < frame.y[0]):
-            x = float(np.clip(frame.px(time[k]), frame.left + 6, frame.right - 6))
-            parts.append(arrow(x, frame, upward, css))
-            if not with_value:
-                continue
-            y = frame.top + 9 if upward else frame.bottom - 3
-            side = ("end", -7) if x > frame.left + frame.width / 2 else ("start", 7)
-            parts.append(text(x + side[1], y, number(values[k]), "tick halo", side[0]))
-    return "".join(parts)
+def svg(height: float, body: str, words: str, width: float = WIDTH) -> str:
+    """Return the whole figure, to stand in a page; `words` is its alternative text."""
+    return f'<svg class="figure" viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(words)}">{body}</svg>'
