@@ -32,7 +32,7 @@ def controls(paths, free_files, aircraft_file, item, model, constants, arm, orde
     from ..control_loading.database import replace_hinge_moments
     from ..control_loading.identification import identify_control_loading
     from ..control_loading.loading import ControlLoading, loading_of
-    from ..dynamics.force_coefficients import open_states
+    from ..dynamics.saved_paths import open_states
 
     if bool(database_file) != bool(into):
         raise SchemaError("flight controls", ["--database and --into go together; give both or none"])

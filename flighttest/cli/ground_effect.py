@@ -33,7 +33,8 @@ def ground_effect(paths, aircraft_file, models, ground, database_file, hold, cut
     from flightmech import read_aircraft
     from flightmech.errors import SchemaError
 
-    from ..dynamics.force_coefficients import coefficients, open_states
+    from ..dynamics.force_coefficients import coefficients
+    from ..dynamics.saved_paths import open_path
     from ..equation_error.model import Model
     from ..ground_effect.database import replace_ground_effect
     from ..ground_effect.identification import identify_ground_effect
@@ -42,7 +43,7 @@ def ground_effect(paths, aircraft_file, models, ground, database_file, hold, cut
         raise SchemaError("flight ground-effect", ["--hold and -o need a database; give --database"])
     aircraft = read_aircraft(aircraft_file)
     database = aerodb.open(database_file) if database_file else None
-    data = [coefficients(open_states(path), aircraft, cutoff=cutoff) for path in paths]
+    data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
     changed = {model.coefficient: model.terms for model in map(Model.parse, ground)}
     names = [Path(path).name for path in paths]
     found = identify_ground_effect([Model.parse(text) for text in models or _MODELS], data, changed, database, hold, names)

@@ -176,7 +176,8 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
     from flightmech import read_aircraft
 
     from ..aircraft_properties.inertia import inertia_from_flight
-    from ..dynamics.force_coefficients import between, open_states
+    from ..dynamics.force_coefficients import between
+    from ..dynamics.saved_paths import open_states
     from ..equation_error.model import Model
 
     parsed = {model.coefficient: model for model in map(Model.parse, models)}
@@ -193,13 +194,14 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff) -> list:
     """Coefficients along all windows of all paths."""
     from flightmech import read_aircraft
 
-    from ..dynamics.force_coefficients import between, coefficients, open_states
+    from ..dynamics.force_coefficients import between, coefficients
+    from ..dynamics.saved_paths import open_path
     from ..quality.manoeuvre_assessment import tell_faults
 
     aircraft = read_aircraft(aircraft_file)
     found = []
     for path in paths:
-        data = coefficients(open_states(path), aircraft, cutoff=cutoff)
+        data = coefficients(open_path(path), aircraft, cutoff=cutoff)
         found += [between(data, *window) for window in windows] or [data]
     tell_faults(found, [Path(path).name for path in paths for _ in range(max(len(windows), 1))], known=("excitation",))
     return found

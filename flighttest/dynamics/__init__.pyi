@@ -8,4 +8,6 @@ from .derived_channels import incidence_from_velocity as incidence_from_velocity
 from .derived_channels import rates_from_attitude as rates_from_attitude
 from .force_coefficients import between as between
 from .force_coefficients import coefficients as coefficients
-from .force_coefficients import open_states as open_states
+from .saved_paths import SavedPath as SavedPath
+from .saved_paths import open_path as open_path
+from .saved_paths import open_states as open_states

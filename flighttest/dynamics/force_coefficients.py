@@ -17,16 +17,14 @@ pick-ups; the regression turns all of them into systematic errors of the derivat
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError, OutOfRange, ParseError, UnknownName
+from flightmech.errors import IdentificationError, OutOfRange, UnknownName
 from flightmech.names import attrs
 from flightmech.units import G0
 
@@ -189,26 +187,6 @@ def between(data: xr.Dataset, start: float, stop: float) -> xr.Dataset:
     if not time[0] - step <= start < stop <= time[-1] + 1.5 * step:
         raise OutOfRange(f"window {start:g} ... {stop:g} s is not inside the data, {time[0]:g} ... {time[-1]:g} s; choose one that is")
     return data.sel(time=slice(start, stop - 0.5 * step))
-
-
-def open_states(path: str | os.PathLike) -> xr.Dataset:
-    """Return the states of a reconstruction file, group ``states`` of it, or its root.
-
-    Raises
-    ------
-    ParseError
-        Not a netCDF file, or one without states over time.
-    """
-    try:
-        with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
-            states = tree.children.get("states", tree).to_dataset(inherit=False).load()
-    except (OSError, ValueError, KeyError) as error:
-        if not Path(path).exists():
-            raise
-        raise ParseError(str(path), 0, f"no netCDF-4 content ({error})", "a path as `aeromatch flight reconstruct -o` writes it") from error
-    if "time" not in states.dims:
-        raise ParseError(str(path), 0, "no states over time", "a path as `aeromatch flight reconstruct -o` writes it")
-    return states
 
 
 def smoothed(states: xr.Dataset, cutoff: float) -> xr.Dataset:

@@ -16,10 +16,11 @@ if TYPE_CHECKING:
 
 
 def save_path(path: FlightPath, target: str | Path) -> None:
-    """Write a reconstruction: groups ``states`` (with the report as attribute), ``biases``, ``residuals``."""
+    """Write a reconstruction: groups ``states`` (with the report as attribute), ``biases``, ``residuals``, ``errors``."""
     states = path.states.assign_attrs(report=path.report())
     biases = path.biases.assign(held=path.biases["held"].astype("int8"))
-    write_groups({"/states": states, "/residuals": path.residuals, "/biases": biases}, Path(target))
+    groups = {"/states": states, "/residuals": path.residuals, "/biases": biases}
+    write_groups(groups if path.errors is None else {**groups, "/errors": path.errors}, Path(target))
 
 
 def open_biases(path: str | Path) -> xr.Dataset:

@@ -28,7 +28,9 @@ def write_groups(groups: Mapping[str, xr.Dataset], target: Path) -> None:
         mode: Any = "w"
         for group, data in groups.items():
             packed = {
-                str(n): {"zlib": True, "complevel": 4} for n, v in data.data_vars.items() if v.dims == ("time",) and v.dtype.kind == "f"
+                str(n): {"zlib": True, "complevel": 4}
+                for n, v in data.data_vars.items()
+                if v.dims[-1:] == ("time",) and v.dtype.kind == "f"
             }
             data.to_netcdf(part, mode=mode, group=None if group == "/" else group.strip("/"), engine="h5netcdf", encoding=packed)
             mode = "a"

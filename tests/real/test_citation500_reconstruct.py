@@ -68,6 +68,7 @@ def record(name, height, seed=None, errors=None):
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": name}), **leaves}), data
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")  # constants that nothing determines have errors without a bound
 def test_error_free_signals_show_no_accelerometer_bias(monkeypatch):
     flight, _ = record("de3211_1", 7500.0)
     quiet = specification({name: 0.1 * value for name, value in NOISE.items()})

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from flightmech.simulation.model_files import compile_files
 
-from ...dynamics.force_coefficients import between, open_states
+from ...dynamics.force_coefficients import between
+from ...dynamics.saved_paths import open_states
 from ...quality.manoeuvre_assessment import tell_faults
 from ..time_domain import output_error, uniform_step
 from .result import Performed

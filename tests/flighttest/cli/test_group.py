@@ -5,12 +5,16 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
+from flightmech import read_aircraft
 from flightmech.errors import OutOfRange, ParseError, SchemaError
 from flightmech.names import attrs
 from flighttest.cli.group import flight
-from flighttest.dynamics.force_coefficients import open_states
+from flighttest.dynamics.force_coefficients import coefficients
+from flighttest.dynamics.saved_paths import open_path
 from flighttest.reconstruction.path_files import open_biases
+from flighttest.reconstruction.smoother import reconstruct
 from flighttest.records.files import save
+from flighttest.records.record import read
 
 AIRCRAFT = """
 name = "test"
@@ -107,8 +111,12 @@ def test_reconstruct_one_record(files, tmp_path):
     done = call("reconstruct", files / "run_0.nc", "--aircraft", files / "aircraft.toml", "--window", 2, 12, "-o", target)
     assert "State reconstruction: simulated 0, 2 ... 12 s" in done.output
     assert "Identifiability:" in done.output
-    states = open_states(target)
-    assert states.sizes["time"] == 501
+    found = open_path(target)
+    assert found.states.sizes["time"] == 501
+    # the file keeps what the path knows of its errors, so coefficients from the file have the budget of those from the path
+    straight = reconstruct(read(files / "run_0.nc"), read_aircraft(files / "aircraft.toml"), windows=[(2, 12)])
+    xr.testing.assert_allclose(found.errors, straight.errors, rtol=1e-5)
+    assert "error_qbar" not in coefficients(found, read_aircraft(files / "aircraft.toml"))["CL"].attrs
     assert "factor.alpha_vane" in open_biases(target)["parameter"]
 
 

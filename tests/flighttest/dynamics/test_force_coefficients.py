@@ -6,7 +6,8 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, OutOfRange, ParseError, UnknownName
 from flightmech.units import G0
-from flighttest.dynamics.force_coefficients import between, coefficients, open_states, reduced_rates, smoothed
+from flighttest.dynamics.force_coefficients import between, coefficients, reduced_rates, smoothed
+from flighttest.dynamics.saved_paths import open_states
 from flighttest.equation_error.model import Model
 from flighttest.equation_error.time_domain import regress
 
