@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
+from timing import best  # beside this file
 
 import aerodb
 from flightmech import terms
@@ -32,16 +32,6 @@ POINTS = {
 }
 CONTROL = np.radians(np.linspace(-25.0, 25.0, 7))
 SAMPLES = 100_000
-
-
-def best(work: Callable[[], object], repeats: int = 5) -> float:
-    """Shortest CPU time of `repeats` calls. [s]"""
-    times = []
-    for _ in range(repeats):
-        start = time.process_time()
-        work()
-        times.append(time.process_time() - start)
-    return min(times)
 
 
 def points(axis: str) -> np.ndarray:

@@ -13,11 +13,11 @@ python benchmarks/model_selection.py
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import numpy as np
 import xarray as xr
+from timing import best  # beside this file
 
 from flighttest.equation_error.model import regressors
 from flighttest.model_structure.candidates import equations, monomials
@@ -31,8 +31,8 @@ CANDIDATES = monomials(VARIABLES, 3)
 STOP = 1e-3  # rise of R2: the weakest term of this truth brings 0.4 %
 
 
-def record(seed: int = 0, size: int = 1501) -> xr.Dataset:
-    """Eleven band-limited variables correlated by up to 0.7, eight terms and a constant, noise 0.05."""
+def record(seed: int = 0, noise: float = 0.05, size: int = 1501) -> xr.Dataset:
+    """Eleven band-limited variables correlated by up to 0.7, eight terms and a constant, and white noise."""
     rng = np.random.default_rng(seed)
     t = 0.02 * np.arange(size)
     waves = np.cos(2 * np.pi * np.outer(np.arange(1, 20) / 30, t)[None] + rng.uniform(0, 2 * np.pi, (11, 19, 1)))
@@ -42,7 +42,7 @@ def record(seed: int = 0, size: int = 1501) -> xr.Dataset:
     d = {name: data[name].values for name in VARIABLES}
     CL = 0.3 + d["alpha"] - 0.4 * d["delta_e"] + 0.3 * d["qhat"] - 0.8 * d["alpha"] ** 2 + 0.5 * d["beta"] ** 2
     CL = CL + 0.4 * d["alpha"] * d["mach"] - 0.6 * d["alpha"] ** 3 + 0.5 * d["alpha"] * d["beta"] * d["delta_r"]
-    return data.assign(CL=("time", CL + 0.05 * rng.normal(size=size)))
+    return data.assign(CL=("time", CL + noise * rng.normal(size=size)))
 
 
 def forward(data: xr.Dataset) -> list[str]:
@@ -140,16 +140,6 @@ def _rss(X: np.ndarray, z: np.ndarray) -> float:
     Q, _ = np.linalg.qr(X)
     r = z - Q @ (Q.T @ z)
     return float(r @ r)
-
-
-def best(work: Callable[[], object], repeats: int = 9) -> float:
-    """Shortest CPU time of `repeats` calls. [s]"""
-    times = []
-    for _ in range(repeats):
-        start = time.process_time()
-        work()
-        times.append(time.process_time() - start)
-    return min(times)
 
 
 def main() -> None:

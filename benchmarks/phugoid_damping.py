@@ -47,21 +47,6 @@ CASES = {2018: (-4.0, 148.0), 2020: (-4.0, 138.0)}
 HELD = ["CL/altitude", "CD/altitude", "Cm/altitude"]
 STATES, INPUTS = ("V", "alpha", "q", "theta", "h"), ("delta_e", "engine1.thrust_drive", "engine2.thrust_drive")
 RESOLUTION = 0.0172 * DEGREE  # smallest step of the recorded elevator
-PILOT = """[drive]
-surfaces = "pilot"
-engine = "thrust"
-[[drive.pilot]]
-control = "delta_a"
-channel = "phi"
-gain = "-0.3 deg/deg"
-integral = "-0.03 deg/deg s"
-limit = "5 deg"
-[[drive.pilot]]
-control = "delta_a"
-channel = "p"
-gain = "-0.15 deg s/deg"
-limit = "3 deg"
-"""
 
 
 class Measured(NamedTuple):
@@ -222,7 +207,7 @@ def replays(found: dict[str, xr.DataTree], year: int, folder: Path, held: bool) 
     path.states.to_netcdf(folder / "path.nc", engine="h5netcdf")
     window = f"window = [{begin + CASES[year][0]}, {begin + CASES[year][1]}]"
     head = f'[case]\nid = "2.c.9"\nname = "p"\ntitle = "p"\nrecord = "path.nc"\n{window}\n'
-    (folder / "case.toml").write_text(f"{head}{PILOT if held else ''}[events]\ninput_end = {begin + 16.0}\n")
+    (folder / "case.toml").write_text(f"{head}{citation.WINGS_HELD if held else ''}[events]\ninput_end = {begin + 16.0}\n")
     models = {
         name: flightmech.write_fmu(flightmech.compile(citation.aircraft(), db), folder / f"{name.replace(' ', '_')}.fmu")
         for name, db in found.items()

@@ -5,28 +5,16 @@ python benchmarks/table_lookup.py
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-
 import numpy as np
 import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
+from timing import best  # beside this file
 
 import flightmech
 from flightmech.simulation.kernel import Simulation
 from flightmech.terms import make
 
 AXES = {"alpha": np.linspace(-0.2, 0.4, 20), "mach": np.linspace(0.1, 0.8, 8), "delta_f": np.array([0.0, 0.2, 0.4, 0.7])}
-
-
-def best(work: Callable[[], object], repeats: int = 7) -> float:
-    """Shortest CPU time of `repeats` calls. [s]"""
-    times = []
-    for _ in range(repeats):
-        start = time.process_time()
-        work()
-        times.append(time.process_time() - start)
-    return min(times)
 
 
 def model(value: np.ndarray, tables: int) -> flightmech.SimModel:
@@ -54,9 +42,9 @@ def main() -> None:
         run, bundle = Simulation(one.model), Simulation(sixteen.model)
         difference = np.abs(run.evaluate(v)[0][:, 0] - scipy_table(x)).max()
         ours, many, theirs = (
-            best(lambda r=run, v=v: r.evaluate(v)),
-            best(lambda r=bundle, v=v: r.evaluate(v)),
-            best(lambda x=x: scipy_table(x)),
+            best(lambda r=run, v=v: r.evaluate(v), 7),
+            best(lambda r=bundle, v=v: r.evaluate(v), 7),
+            best(lambda x=x: scipy_table(x), 7),
         )
         own, bundled, scipy_ns = (1e9 / len(x) * t for t in (ours, many / 16, theirs))
         print(f"{word:15s} kernel {own:6.1f} ns   per table of a bundle of 16 {bundled:5.1f} ns   SciPy {scipy_ns:6.1f} ns")

@@ -6,8 +6,9 @@ Needs Debian's ``chromium`` and the package ``playwright``.
 from __future__ import annotations
 
 import argparse
-import shutil
 from pathlib import Path
+
+from chromium import open_page  # beside this file
 
 IMAGES = Path(__file__).parent / "images"
 CASES = {"normal_takeoff": "diagnosis-takeoff.png", "short_period": "diagnosis-short-period.png"}
@@ -28,14 +29,7 @@ def waterfalls(report: Path, folder: Path) -> list[Path]:
     SystemExit
         No chromium, or no such case in the report.
     """
-    from playwright.sync_api import sync_playwright
-
-    program = shutil.which("chromium")
-    if program is None:
-        raise SystemExit("no chromium: apt-get install chromium")
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1400, "height": 4000}, color_scheme="light", device_scale_factor=1.5)
+    with open_page(1400, 4000, 1.5) as page:
         written = []
         for case, name in CASES.items():
             page.goto("about:blank")  # a new fragment alone would not load the page again
@@ -46,7 +40,6 @@ def waterfalls(report: Path, folder: Path) -> list[Path]:
                 raise SystemExit(f"{report}: no waterfall for the case {case}; make the report by `aeromatch demo`")
             figure.screenshot(path=folder / name)
             written.append(folder / name)
-        browser.close()
     return written
 
 

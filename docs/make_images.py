@@ -6,8 +6,9 @@ Needs Debian's ``chromium`` and the package ``playwright``.
 from __future__ import annotations
 
 import argparse
-import shutil
 from pathlib import Path
+
+from chromium import open_page  # beside this file
 
 IMAGES = Path(__file__).parent / "images"
 
@@ -36,16 +37,9 @@ def pictures(report: Path, case: str, folder: Path, width: int = 1400) -> list[P
     SystemExit
         No chromium, or no such case in the report.
     """
-    from playwright.sync_api import sync_playwright
-
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        raise SystemExit("needs chromium: apt-get install chromium")
     folder.mkdir(parents=True, exist_ok=True)
     made = []
-    with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": width, "height": 1000}, color_scheme="light")
+    with open_page(width, 1000) as page:
         page.goto(report.resolve().as_uri())
         names = page.locator("article.case").evaluate_all("cases => cases.map(c => c.dataset.key)")
         if case and case not in names:
@@ -62,7 +56,6 @@ def pictures(report: Path, case: str, folder: Path, width: int = 1400) -> list[P
             page.wait_for_timeout(300)
             page.screenshot(path=folder / name)
             made.append(folder / name)
-        browser.close()
     return made
 
 

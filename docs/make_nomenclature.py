@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from aerodb.exchange.jsbsim.properties import AXIS, REGRESSOR
-from flightmech.names import VOCABULARY, Quantity
+from flightmech.names import SIGNS, VOCABULARY, Quantity
 
 PAGE = Path(__file__).with_name("nomenclature.md")
 
@@ -78,16 +78,6 @@ SIDPAC = {
     "Cl": "Cl",
     "Cm": "Cm",
     "Cn": "Cn",
-}
-SIGNS = {
-    "ANU": "aircraft nose up",
-    "ANR": "aircraft nose right",
-    "RWD": "right wing down",
-    "FWD": "forward",
-    "RT": "right",
-    "DN": "down",
-    "TED": "trailing edge down",
-    "TEL": "trailing edge left",
 }
 
 HEAD = """# Nomenclature

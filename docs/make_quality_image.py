@@ -6,9 +6,10 @@ Needs Debian's ``chromium`` and the package ``playwright``.
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 from tempfile import TemporaryDirectory
+
+from chromium import open_page  # beside this file
 
 import flightmech
 import flighttest
@@ -36,17 +37,9 @@ def page(folder: Path) -> Path:
 
 def main() -> None:
     """Write ``docs/images/data-quality.png``."""
-    from playwright.sync_api import sync_playwright
-
-    chromium = shutil.which("chromium")
-    if chromium is None:
-        raise SystemExit("needs chromium: apt-get install chromium")
-    with TemporaryDirectory() as folder, sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        view = browser.new_page(viewport={"width": 1200, "height": 1500}, color_scheme="light")
+    with TemporaryDirectory() as folder, open_page(1200, 1500) as view:
         view.goto(page(Path(folder)).resolve().as_uri())
         view.screenshot(path=str(ROOT / "docs" / "images" / "data-quality.png"))
-        browser.close()
 
 
 if __name__ == "__main__":

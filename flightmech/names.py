@@ -23,6 +23,18 @@ class Quantity(NamedTuple):
     display_units: str
 
 
+SIGNS = {
+    "ANU": "aircraft nose up",
+    "ANR": "aircraft nose right",
+    "RWD": "right wing down",
+    "FWD": "forward",
+    "RT": "right",
+    "DN": "down",
+    "TED": "trailing edge down",
+    "TEL": "trailing edge left",
+}
+"""Positive senses as the vocabulary abbreviates them (AIAA S-119), in words."""
+
 # fmt: off
 _ROWS = [
     ("time", "s", "", "time from the start of the run", "time", "s"),

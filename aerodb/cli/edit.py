@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -53,8 +54,27 @@ class Numbers(click.ParamType):
 
 
 _axis = click.option("--axis", "axes", multiple=True, required=True, type=Axis(), help="Breakpoints, such as alpha='-4 0 4 8 deg'.")
-_over = click.option("--over", type=Axis(), help="Axis and breakpoints of several numbers, such as alpha='0 8 deg'.")
-_stderr = click.option("--stderr", type=Numbers(), default="0", help="Its standard error.")
+
+
+def _by(words: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Return a decorator: the arguments of a verb that changes terms by a number, or by a table over an axis."""
+    arguments = (
+        click.argument("names", metavar="TERM...", nargs=-1, required=True),
+        click.option("--by", required=True, type=Numbers(), help=words),
+        click.option("--over", type=Axis(), help="Axis and breakpoints of several numbers, such as alpha='0 8 deg'."),
+        click.option("--stderr", type=Numbers(), default="0", help="Its standard error."),
+        _source,
+        _note,
+        _output,
+        click.pass_obj,
+    )
+
+    def decorated(verb: Callable[..., None]) -> Callable[..., None]:
+        for argument in reversed(arguments):
+            verb = argument(verb)
+        return verb
+
+    return decorated
 
 
 @click.group()
@@ -66,37 +86,21 @@ def edit(ctx: click.Context, file: str) -> None:
 
 
 @edit.command()
-@click.argument("names", metavar="TERM...", nargs=-1, required=True)
-@click.option("--by", required=True, type=Numbers(), help="Factor, or several with --over.")
-@_over
-@_stderr
-@_source
-@_note
-@_output
-@click.pass_obj
-def scale(file: str, names: tuple[str, ...], by: Any, over: tuple | None, stderr: Any, source: str, note: str, output: str) -> None:
+@_by("Factor, or several with --over.")
+def scale(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any) -> None:
     """Multiply terms; TERM may be a pattern such as '*/gear'."""
     from ..edit.table_edits import scale as scaled
 
-    axes = None if over is None else dict([over])
-    _write(file, output, lambda db: scaled(db, names, by, axes, stderr=stderr, source=source, note=note))
+    _write(file, output, lambda db: scaled(db, names, by, dict([over]) if over else None, **how))
 
 
 @edit.command()
-@click.argument("names", metavar="TERM...", nargs=-1, required=True)
-@click.option("--by", required=True, type=Numbers(), help="Amount in the unit of the table, or several with --over.")
-@_over
-@_stderr
-@_source
-@_note
-@_output
-@click.pass_obj
-def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, stderr: Any, source: str, note: str, output: str) -> None:
+@_by("Amount in the unit of the table, or several with --over.")
+def shift(file: str, names: tuple[str, ...], by: Any, over: tuple | None, output: str, **how: Any) -> None:
     """Add an amount to terms."""
     from ..edit.table_edits import shift as shifted
 
-    axes = None if over is None else dict([over])
-    _write(file, output, lambda db: shifted(db, names, by, axes, stderr=stderr, source=source, note=note))
+    _write(file, output, lambda db: shifted(db, names, by, dict([over]) if over else None, **how))
 
 
 @edit.command()

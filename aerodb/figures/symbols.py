@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flightmech.names import lookup
+from flightmech.names import SIGNS, lookup
 from flightmech.units import from_si
 
 from ..store.number_text import FREE_AIR, plain_number
@@ -43,16 +43,6 @@ _FILES = {
     "Ch_e": "hinge-elevator",
     "Ch_a": "hinge-aileron",
     "Ch_r": "hinge-rudder",
-}
-_SIGNS = {
-    "ANU": "nose up",
-    "ANR": "nose right",
-    "RWD": "right wing down",
-    "FWD": "forward",
-    "RT": "right",
-    "DN": "down",
-    "TED": "trailing edge down",
-    "TEL": "trailing edge left",
 }
 _PRINTED = {"1": "", "m s-1": "m/s", "m s-2": "m/s$^2$", "kg m-3": "kg/m$^3$", "degC": "°C", "kg m2": "kg m$^2$"}
 
@@ -138,7 +128,7 @@ def number(value: float) -> str:
 def positive(name: str) -> str:
     """Return the positive sense of a quantity in words, empty where there is none."""
     sign = lookup(name).sign
-    return _SIGNS.get(sign, sign)
+    return SIGNS.get(sign, sign).removeprefix("aircraft ")
 
 
 def file_stem(name: str) -> str:

@@ -31,23 +31,6 @@ MOTIONS = {
     "aperiodic_roll": ("2.d.2", (-3.0, 20.0), {2018: (0.0, 11.0, "", 0.0), 2020: (-2.5, 6.5, "", 0.0)}),
     "spiral": ("2.d.4", (-3.0, 30.0), {2018: (5.0, 27.0, "release", 6.0), 2020: (-1.0, 21.0, "release", 0.0)}),
 }
-# In 150 s of recorded aileron and rudder every model rolls into a turn that the crew did not fly.
-WINGS_HELD = """
-[drive]
-surfaces = "pilot"
-engine = "thrust"
-[[drive.pilot]]
-control = "delta_a"
-channel = "phi"
-gain = "-0.3 deg/deg"
-integral = "-0.03 deg/deg s"
-limit = "5 deg"
-[[drive.pilot]]
-control = "delta_a"
-channel = "p"
-gain = "-0.15 deg s/deg"
-limit = "3 deg"
-"""
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +92,7 @@ def judged(citation, models, motion, year, folder, drive=""):
 def verdicts(citation, models, folder):
     """Ratio of worst difference to half width, and verdict, by motion, flight, criterion and model."""
     return {
-        (motion, year): judged(citation, models, motion, year, folder, WINGS_HELD if motion == "phugoid" else "")[0].set_index(
+        (motion, year): judged(citation, models, motion, year, folder, citation.WINGS_HELD if motion == "phugoid" else "")[0].set_index(
             ["run", "criterion"]
         )
         for motion in MOTIONS
@@ -160,14 +143,14 @@ def test_without_a_pilot_the_models_leave_the_phugoid_in_a_turn(citation, models
     """DATCOM on 2018: zeta 0.018 in a bank of 54 deg, 0.041 with the wings held; 0.029 flown.  Both would pass."""
     some = {name: models[name] for name in ("datcom", "output error 2020")}
     off = {}
-    for drive in ("", WINGS_HELD):
+    for drive in ("", citation.WINGS_HELD):
         table, result = judged(citation, some, "phugoid", 2018, folder, drive)
         bank = result.signals["phi"]
         off[drive] = [float(np.abs(bank.sel(run=name) - bank.sel(run="flight")).max()) for name in some]
         noted = table["remarks"].map(text_of).str.contains("bank of the model up to .* deg off the flight's, a turn and no phugoid")
         assert noted.all() if not drive else not noted.any()
     assert min(off[""]) > np.radians(25.0)  # 54 and 36 deg measured
-    assert max(off[WINGS_HELD]) < np.radians(1.0)  # 0.4 deg
+    assert max(off[citation.WINGS_HELD]) < np.radians(1.0)  # 0.4 deg
 
 
 def test_output_error_of_2018_on_the_flight_of_2020(verdicts):

@@ -15,7 +15,7 @@ from markupsafe import Markup
 
 from flightmech import units
 from flightmech.errors import UnknownName
-from flightmech.names import lookup
+from flightmech.names import SIGNS, lookup
 from flightmech.support.svg_chart import MINUS
 
 MISSING = "\N{EN DASH}"
@@ -115,16 +115,6 @@ _SUPER = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _POWER = re.compile(r"([A-Za-z%])(\d)")
 # a panel never zooms in further than this on a quantity without tolerance
 _LEAST_SPAN = {"deg": 1.0, "deg/s": 1.0, "kt": 2.0, "ft": 10.0, "g": 0.04, "ft/min": 100.0, "%": 2.0, "lbf": 10.0, "m/s": 0.5, "": 0.02}
-SIGNS = {
-    "ANU": "aircraft nose up",
-    "ANR": "aircraft nose right",
-    "RWD": "right wing down",
-    "FWD": "forward",
-    "RT": "right",
-    "DN": "down",
-    "TED": "trailing edge down",
-    "TEL": "trailing edge left",
-}
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ greedy order exactly the terms of the truth with rms 0.0501 for a noise of 0.05.
 import numpy as np
 import pytest
 import xarray as xr
+from model_selection import CANDIDATES, VARIABLES, record  # the benchmark
 
 from flightmech.errors import IdentificationError, ParseError, UnknownName
 from flighttest.model_structure.candidates import equations, monomials, spline_terms
@@ -15,25 +16,10 @@ from flighttest.model_structure.orthogonal_functions import select_orthogonal
 from flighttest.model_structure.selection import tally
 from flighttest.model_structure.stepwise import select_stepwise
 
-VARIABLES = ["alpha", "beta", "phat", "qhat", "rhat", "delta_e", "delta_a", "delta_r", "mach", "alphadothat", "betadothat"]
 TRUTH = {
     "1": 0.3, "alpha": 1.0, "delta_e": -0.4, "qhat": 0.3, "alpha**2": -0.8, "beta**2": 0.5, "alpha*mach": 0.4, "alpha**3": -0.6,
     "alpha*beta*delta_r": 0.5,
 }  # fmt: skip
-CANDIDATES = monomials(VARIABLES, 3)
-
-
-def record(seed=0, noise=0.05, size=1501):
-    rng = np.random.default_rng(seed)
-    t = 0.02 * np.arange(size)
-    waves = np.cos(2 * np.pi * np.outer(np.arange(1, 20) / 30, t)[None] + rng.uniform(0, 2 * np.pi, (11, 19, 1)))
-    x = (np.eye(11) + 0.35 * rng.normal(size=(11, 11))) @ (rng.normal(size=(11, 19, 1)) * waves).sum(axis=1)
-    x /= np.abs(x).max(axis=1, keepdims=True)
-    data = xr.Dataset(dict(zip(VARIABLES, (("time", row) for row in x))), coords={"time": t})
-    d = {name: data[name].values for name in VARIABLES}
-    CL = 0.3 + d["alpha"] - 0.4 * d["delta_e"] + 0.3 * d["qhat"] - 0.8 * d["alpha"] ** 2 + 0.5 * d["beta"] ** 2
-    CL = CL + 0.4 * d["alpha"] * d["mach"] - 0.6 * d["alpha"] ** 3 + 0.5 * d["alpha"] * d["beta"] * d["delta_r"]
-    return data.assign(CL=("time", CL + noise * rng.normal(size=size)))
 
 
 def test_three_hundred_and_sixty_four_candidates():
