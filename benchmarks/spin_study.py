@@ -36,8 +36,8 @@ NOMINAL = {  # eq. (23)
 SURFACES = ("delta_a", "delta_e", "delta_r")
 FIRST, SECOND = {}, {0.2: 4.0, 2.0: 1.0}  # spectra of the identification and of the validation input
 GLIDE_RUNS, SPIN_RUNS = 8, 18  # section III.B
-# relative standard errors: what the reconstruction leaves of the pitot-static errors at 50 ft/s; mass and inertia are exact here
-KNOWN = {"qbar": 0.015, "mass": 0.0, "inertia": 0.0}
+# mass and inertia are exact here; the reconstruction states its own errors
+KNOWN = {"mass": 0.0, "inertia": 0.0}
 
 
 @dataclass(frozen=True)
