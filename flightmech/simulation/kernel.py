@@ -317,7 +317,8 @@ class Simulation:
 
     def evaluate(self, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return coefficients (n, 6) and contributions (n, terms) at model variables (n, variables)."""
-        v = np.ascontiguousarray(variables, float).reshape(-1, self.model.count(VARIABLE))
+        v = np.atleast_2d(variables)  # a model of constants has no variables: (n, 0)
+        v = _checked(v, (len(v), self.model.count(VARIABLE)))
         coefficients, terms = np.empty((len(v), 6)), np.empty((len(v), self.model.count(TERM)))
         self._demand(library().am_evaluate(self.handle, len(v), _pointer(v), _pointer(coefficients), _pointer(terms)))
         return coefficients, terms

@@ -35,7 +35,7 @@ def attach_stub(package: str, file: str) -> tuple[Callable[[str], Any], Callable
     >>> import flightmech
     >>> getattr_, dir_, names = attach_stub("flightmech", flightmech.__file__)
     >>> names[:3]
-    ['Aircraft', 'Characteristics', 'Control']
+    ['Aircraft', 'SimModel', 'air']
     """
     home = public_names(Path(file).with_suffix(".pyi"))
     names = sorted(home)

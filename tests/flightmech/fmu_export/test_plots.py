@@ -7,8 +7,11 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
+import xarray as xr
 
+import flightmech
 from flightmech.fmu_export.plots import BOTTOM, HEIGHT, LEFT, LEGEND, RIGHT, TOP, WIDTH, Span, axes_of, figures
+from flightmech.simulation.kernel import VARIABLE
 
 DEG = np.pi / 180.0
 
@@ -63,6 +66,13 @@ def test_a_regressor_is_one(drawn):
 def test_a_constant_is_reported(drawn):
     figure = drawn["Cm/qhat"]
     assert (figure.svg, figure.value, figure.caption) == ("", -14.0, "per unit of qhat")
+
+
+def test_a_model_without_variables_has_its_values():
+    aircraft = flightmech.Aircraft("constant", 17.0, 1.7, 10.3, 2300.0, 10800.0, 8100.0, 15100.0)
+    sim = flightmech.compile(aircraft, xr.DataTree.from_dict({"/CL/basic": flightmech.terms.make(0.3)}))
+    assert list(sim.entries(VARIABLE)) == []
+    assert [(figure.term, figure.svg, figure.value) for figure in figures(sim)] == [("CL/basic", "", 0.3)]
 
 
 def test_an_axis_is_also_its_own_regressor(plain):

@@ -1,0 +1,91 @@
+"""The wheel is complete: what is in the folders of the packages is in it, and an installation of it alone works."""
+
+import importlib.util
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from shutil import copy, copytree, ignore_patterns
+
+import pytest
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch")
+MADE = ignore_patterns("__pycache__", "_binaries")  # by Python, and by the build itself
+
+# All public names, every template with its style sheet, and the data that no import reads.
+USED = """
+import importlib, sys
+from pathlib import Path
+
+import xarray as xr
+
+installed = Path(sys.argv[1])
+sys.path.insert(0, str(installed))
+stubs = sorted(installed.rglob("__init__.pyi"))
+for stub in stubs:
+    namespace = importlib.import_module(".".join(stub.parent.relative_to(installed).parts))
+    assert Path(namespace.__file__).is_relative_to(installed), namespace.__file__
+    for name in namespace.__all__:
+        getattr(namespace, name)
+print(len(stubs))
+
+import flightmech, flighttest, pom
+from flighttest.quality.page import style, template_of
+from pom.report.page import _SCRIPT, _STATIC, _static, _template
+
+assert len(flighttest.readers.shipped_maps()) > 1
+assert pom.cases.case_schema()["properties"]
+assert len(pom.tolerances.rows.rows()) > 50
+assert style()
+for package in ("quality", "evaluation", "maximum_likelihood.job"):
+    assert template_of(f"flighttest.{package}")
+for name in (*_STATIC.values(), *(f"script/{script}.js" for script in _SCRIPT)):
+    assert _static(name)
+assert _template("report.html")
+aircraft = flightmech.Aircraft("a", 17.0, 1.7, 10.3, 2300.0, 10800.0, 8100.0, 15100.0)
+model = flightmech.compile(aircraft, xr.DataTree.from_dict({"/CL/basic": flightmech.terms.make(0.3)}))
+flightmech.write_fmu(model, installed / "model.fmu")
+"""
+
+
+def tree(root: Path) -> set[str]:
+    """Return the files below the packages, as they stand in the archive."""
+    files = (file for package in PACKAGES for file in (root / package).rglob("*") if file.is_file())
+    return {file.relative_to(root).as_posix() for file in files if not {"__pycache__", "_binaries"} & set(file.parts)}
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    """Build the wheel from a copy without what a build leaves behind."""
+    if importlib.util.find_spec("hatchling") is None or importlib.util.find_spec("ziglang") is None:
+        pytest.skip("needs hatchling and ziglang (pip install aeromatch[dev])")
+    source, built = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
+    for folder in (*PACKAGES, "kernel"):
+        copytree(ROOT / folder, source / folder, ignore=MADE)
+    for file in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", ".gitignore"):
+        copy(ROOT / file, source)
+    (source / "flightmech" / "_binaries").mkdir()
+    subprocess.run([sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(built)], cwd=source, check=True)
+    (path,) = built.glob("*.whl")
+    return path
+
+
+def test_wheel_holds_every_file_of_the_packages(wheel):
+    names = set(zipfile.ZipFile(wheel).namelist())
+    assert tree(ROOT) - names == set()
+    endings = {Path(name).suffix for name in tree(ROOT)}
+    assert {".pyi", ".html", ".css", ".js", ".toml", ".csv", ".json", ".typ", ".ttf"} <= endings  # the comparison saw them
+    assert {f"{package}/py.typed" for package in PACKAGES} <= names
+    assert sum("/_binaries/" in name for name in names) == 1  # the kernel of this machine
+    assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
+
+
+def test_an_installation_of_the_wheel_alone_works(wheel, tmp_path):
+    zipfile.ZipFile(wheel).extractall(tmp_path)
+    done = subprocess.run([sys.executable, "-c", USED, str(tmp_path)], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) == sum(1 for package in PACKAGES for _ in (ROOT / package).rglob("__init__.pyi"))
+    assert (tmp_path / "model.fmu").is_file()
