@@ -85,6 +85,8 @@ def _print(outcome: Any) -> None:
         statuses = [result.status(run) for result in outcome.results]
         click.echo(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass")
     click.echo(f"corrected = datcom with {', '.join(outcome.corrected_terms) or 'no term'} from final")
+    for submodel, names in outcome.corrected_submodels.items():
+        click.echo(f"{submodel:>15}: {', '.join(names)}")
     for result in outcome.results:
         if result.failure:
             remark(f"{result.case.name}: {result.failure}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +18,8 @@ from flightmech.support.configuration import Strict, load, si, validate
 from flightmech.units import quantity
 from flighttest import Model
 from flighttest.dynamics.force_coefficients import ERRORS
+
+from .sections import Control, Controls, Engine, Flown, GroundEffect, selections
 
 OWN_MODELS = ("datcom", "corrected", "final")
 """Names of the models that a project makes."""
@@ -93,6 +95,9 @@ class _File(Strict):
     terms: dict[str, NewTerm] = {}
     models: dict[str, ThirdPartyModel] = {}
     fit: tuple[Fit, ...]
+    engine: Engine | None = None
+    controls: Controls = Controls()
+    ground_effect: GroundEffect | None = None
 
 
 @dataclass(frozen=True)
@@ -127,6 +132,14 @@ class Project:
         FMUs from elsewhere, by the name of the model.
     tables : dict of str to Path
         Their tables of names, for those that have one.
+    engine : Engine or None
+        How the engine is identified; None keeps that of the aircraft file.
+    controls : dict of str to Control
+        How the control loading is identified, by ``column wheel pedal``.
+    ground_effect : GroundEffect or None
+        How the ground effect is identified; None leaves it to the tables over height.
+    points : dict of str to Path
+        Files of settled engine points: ``points``, ``climbs``.
     """
 
     title: str
@@ -145,6 +158,15 @@ class Project:
     fits: tuple[Fit, ...]
     models: dict[str, Path] = field(default_factory=dict)
     tables: dict[str, Path] = field(default_factory=dict)
+    engine: Engine | None = None
+    controls: dict[str, Control] = field(default_factory=dict)
+    ground_effect: GroundEffect | None = None
+    points: dict[str, Path] = field(default_factory=dict)
+
+    @property
+    def submodels(self) -> dict[str, tuple[Flown, ...]]:
+        """Records and manoeuvres that identify the submodels, by the place in the project file."""
+        return selections(self.engine, self.controls, self.ground_effect)
 
 
 def read_project(path: str | Path) -> Project:
@@ -187,6 +209,7 @@ def read_project(path: str | Path) -> Project:
                 problems.append(f"fit.{number}.records: {UnknownName(record, flights, 'record')}")
         for model in fit.models:
             _collect(problems, f"fit.{number}.models", Model.parse, model)
+    problems += _submodel_problems(content, flights)
     for source in content.errors:
         if source not in ERRORS:
             problems.append(f"errors: {UnknownName(source, ERRORS, 'source of error')}")
@@ -215,10 +238,24 @@ def read_project(path: str | Path) -> Project:
         content.fit,
         {name: existing(item.fmu, f"models.{name}.fmu") for name, item in content.models.items()},
         {name: existing(item.names, f"models.{name}.names") for name, item in content.models.items() if item.names},
+        content.engine,
+        content.controls.given,
+        content.ground_effect,
+        {name: existing(file, f"engine.{name}") for name in ("points", "climbs") if (file := getattr(content.engine, name, None))},
     )
     if problems:
         raise SchemaError(str(path), problems)
     return project
+
+
+def _submodel_problems(content: _File, flights: Mapping[str, Path]) -> list[str]:
+    """Return what is wrong with the sections of the submodels."""
+    found = [text for section in (content.engine, content.ground_effect) if section is not None for text in section.problems()]
+    found += [text for item, one in content.controls.given.items() for text in one.problems(item)]
+    for place, flown in selections(content.engine, content.controls.given, content.ground_effect).items():
+        records = dict.fromkeys(record for one in flown for record in one.records)
+        found += [f"{place}.records: {UnknownName(record, flights, 'record')}" for record in records if record not in flights]
+    return found
 
 
 def _collect(problems: list[str], place: str, act: Callable[..., object], *items: object) -> None:

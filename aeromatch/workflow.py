@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,23 @@ import flighttest
 import pom
 from flightmech import Aircraft
 from flightmech.errors import SchemaError, UnknownName
+from flighttest.control_loading import replace_hinge_moments
+from flighttest.ground_effect import replace_ground_effect
+from pom.diagnosis import by_submodel
 
-from .project import Fit, Project
+from .project import Project
+from .sections import Flown
+from .submodels import (
+    Spans,
+    Submodels,
+    demand,
+    identified_controls,
+    identified_engine,
+    identified_ground_effect,
+    overlaps,
+    spans_of,
+    with_engine,
+)
 
 Step = Callable[[str], AbstractContextManager[None]]
 
@@ -47,7 +62,7 @@ def opened(project: Project, prior: xr.DataTree) -> xr.DataTree:
 
 
 def records_of(project: Project, cases: Iterable[Any] = ()) -> list[str]:
-    """Return the records that the fits of a project and the given cases need, in order.
+    """Return the records that the fits and submodels of a project and the given cases need, in order.
 
     Raises
     ------
@@ -60,7 +75,9 @@ def records_of(project: Project, cases: Iterable[Any] = ()) -> list[str]:
     ]
     if unknown:
         raise SchemaError(str(project.file), unknown)
-    return list(dict.fromkeys([*(record for fit in project.fits for record in fit.records), *flown.values()]))
+    fitted = [record for fit in project.fits for record in fit.records]
+    submodels = [record for flown in project.submodels.values() for one in flown for record in one.records]
+    return list(dict.fromkeys([*fitted, *submodels, *flown.values()]))
 
 
 def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
@@ -76,42 +93,54 @@ def before_flight(project: Project, aircraft: Aircraft) -> Aircraft:
     return flightmech.read_aircraft(project.apriori) if project.apriori else aircraft
 
 
-Windows = list[dict[str, list[tuple[float, float]]]]
+@dataclass(frozen=True)
+class Windows:
+    """Start and end of the manoeuvres that identify something, by record. [s]
+
+    Attributes
+    ----------
+    fits : list of dict
+        One for every fit of the project.
+    submodels : dict of str to dict
+        By the place in the project file.
+    """
+
+    fits: list[Spans]
+    submodels: dict[str, Spans]
 
 
-def windows_of(project: Project, records: Mapping[str, xr.DataTree]) -> Windows:
-    """Return start and end of the manoeuvres of every fit, by record; `records` by name. [s]
+def windows_of(project: Project, records: Mapping[str, xr.DataTree], cases: Sequence[Any] = ()) -> Windows:
+    """Return what is taken of the records, by name, for every fit and submodel of a project.
 
     Raises
     ------
     SchemaError
-        Manoeuvres that a record does not have; all of them.
+        Manoeuvres that a record does not have, and windows that overlap with a case: what proves the model must not identify it; all
+        of them.
     """
     tables = {name: flighttest.manoeuvres(records[name]) for name in records_of(project)}
     problems: list[str] = []
-    found = [{record: _windows(fit, record, tables[record], problems) for record in fit.records} for fit in project.fits]
-    if problems:
-        raise SchemaError(str(project.file), problems)
-    return found
+    fits = [
+        spans_of(f"fit {fit.name!r}", [Flown(records=fit.records, manoeuvres=fit.manoeuvres)], tables, problems) for fit in project.fits
+    ]
+    submodels = {place: spans_of(place, flown, tables, problems) for place, flown in project.submodels.items()}
+    named = [*((f"fit {fit.name!r}", spans) for fit, spans in zip(project.fits, fits, strict=True)), *submodels.items()]
+    problems += [text for place, spans in named for text in overlaps(place, spans, cases)]
+    demand(project, problems)
+    return Windows(fits, submodels)
 
 
-def _windows(fit: Fit, record: str, table: pd.DataFrame, problems: list[str]) -> list[tuple[float, float]]:
-    """Return the windows of a fit in one record; ``"3211 elevator"`` is kind and control, ``"trim"`` a kind."""
-    labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
-    found: list[tuple[float, float]] = []
-    for wanted in fit.manoeuvres:
-        rows = table[(labels == wanted) | (table["manoeuvre"] == wanted)]
-        if rows.empty:
-            problems.append(f"fit {fit.name!r}, record {record}: {UnknownName(wanted, set(labels), 'manoeuvre')}")
-        found += [(float(start), float(end)) for start, end in zip(rows["start"], rows["end"], strict=True)]
-    return found
+def coefficients_of(project: Project, aircraft: Aircraft, paths: Mapping[str, Any], windows: Windows) -> dict[str, xr.Dataset]:
+    """Return the aerodynamic coefficients along the records that a fit or the ground effect takes, by name."""
+    needed = [*windows.fits, windows.submodels.get("ground_effect.flown", {})]
+    names = dict.fromkeys(name for spans in needed for name in spans)
+    return {name: flighttest.coefficients(paths[name], aircraft, project.errors, project.cutoff) for name in names}
 
 
-def identify(project: Project, aircraft: Aircraft, paths: Mapping[str, Any], windows: Windows) -> list[Any]:
-    """Return one `flighttest.Fit` per record and model of every fit of the project; `windows` from `windows_of`."""
-    data = {name: flighttest.coefficients(paths[name], aircraft, project.errors, project.cutoff) for name in records_of(project)}
+def identify(project: Project, data: Mapping[str, xr.Dataset], windows: Windows) -> list[Any]:
+    """Return one `flighttest.Fit` per record and model of every fit of the project; `data` from `coefficients_of`."""
     found = []
-    for fit, places in zip(project.fits, windows, strict=True):
+    for fit, places in zip(project.fits, windows.fits, strict=True):
         for record, spans in places.items():
             parts = [flighttest.between(data[record], *span) for span in spans]
             found += [flighttest.regress(flighttest.Model.parse(model), parts, name=f"{record}: {fit.name}") for model in fit.models]
@@ -124,6 +153,22 @@ def final_database(project: Project, start: xr.DataTree, fits: Sequence[Any]) ->
     final = aerodb.replace_terms(start, tabulation, note="identified from flight")
     final.attrs["title"] = f"{project.title}: database after flight"
     return final, tabulation
+
+
+def with_submodels(database: xr.DataTree, found: Submodels, tables: bool = False) -> xr.DataTree:
+    """Return a database with the identified hinge moments and ground effect; `tables` as in `replace_ground_effect`."""
+    for loading in found.controls.values():
+        database = replace_hinge_moments(database, loading)
+    return database if found.ground_effect is None else replace_ground_effect(database, found.ground_effect, tables)
+
+
+def after_flight(project: Project, aircraft: Aircraft, found: Submodels) -> Aircraft:
+    """Return the aircraft with its identified engines and control circuits."""
+    if found.engine is not None:
+        aircraft = with_engine(aircraft, project, found.engine)
+    for loading in found.controls.values():
+        aircraft = loading.aircraft(aircraft)
+    return aircraft
 
 
 def diagnose_all(
@@ -152,6 +197,8 @@ class Outcome:
         One per case.
     corrected_terms : list of str
         Terms, and parts of the aircraft, that the corrected model takes from the final one.
+    corrected_submodels : dict of str to list of str
+        The same by submodel: ``aerodynamics``, ``ground effect``, ``control loading``, ``engine``, ``landing gear``.
     tabulation : Tabulation
         How the terms came about.
     report : Path
@@ -160,6 +207,7 @@ class Outcome:
 
     results: list[Any]
     corrected_terms: list[str]
+    corrected_submodels: dict[str, list[str]]
     tabulation: Any
     report: Path
 
@@ -168,6 +216,7 @@ class Outcome:
         return {
             "report": str(self.report),
             "corrected_terms": self.corrected_terms,
+            "corrected_submodels": self.corrected_submodels,
             "cases": [
                 {
                     "name": result.case.name,
@@ -196,7 +245,7 @@ def perform(
     ----------
     project : Project
     folder : path
-        Gets ``datcom.nc corrected.nc final.nc``, the same as ``.fmu``, and ``report/``.
+        Gets ``datcom.nc corrected.nc final.nc``, the aircraft that belong to them as ``.toml``, both as ``.fmu``, and ``report/``.
     jobs : int
         Processes for reconstruction, diagnosis and replay.
     step : callable
@@ -220,23 +269,38 @@ def perform(
     names = records_of(project, cases)
     with step(f"read {len(names)} flight records"):
         records = {name: flighttest.read(project.flights[name], project.names) for name in names}
-        windows = windows_of(project, records)
+        windows = windows_of(project, records, cases)
     with step("reconstruct the states; the instruments' constants are common to all records"):
         paths = dict(zip(names, flighttest.reconstruct_programme(list(records.values()), aircraft, jobs=jobs), strict=True))
-    with step(f"identify coefficients on {len(records_of(project))} flight records"):
-        fits = identify(project, aircraft, paths, windows)
+    submodels = Submodels()
+    if project.engine is not None:  # before the aerodynamics, which need the thrust
+        with step("identify the engine"):
+            submodels = replace(submodels, engine=identified_engine(project, apriori, paths, windows.submodels))
+    if project.controls:
+        with step(f"identify the control loading of {', '.join(project.controls)}"):
+            controls, motion = identified_controls(project, aircraft, paths, windows.submodels)
+            submodels = replace(submodels, controls=controls, free_motion=motion)
+    aircraft = after_flight(project, aircraft, submodels)
+    with step(f"identify coefficients on {len(dict.fromkeys(name for spans in windows.fits for name in spans))} flight records"):
+        data = coefficients_of(project, aircraft, paths, windows)
+        fits = identify(project, data, windows)
     with step(f"join {len(fits)} local models and the prior into tables"):
         final, tabulation = final_database(project, start, fits)
+    if project.ground_effect is not None:  # after the aerodynamics, whose lift in free air it multiplies
+        with step("identify the ground effect"):
+            submodels = replace(submodels, ground_effect=identified_ground_effect(project, data, windows.submodels, final))
+    final = with_submodels(final, submodels, project.ground_effect is not None and project.ground_effect.tables)
     with step(f"swap terms on {len(cases)} cases, build the corrected database"):
         diagnoses = diagnose_all(cases, paths, datcom, final, aircraft, apriori, jobs)
         corrected = pom.corrected_database(datcom, final, diagnoses)
     databases = {"datcom": datcom, "corrected": corrected, "final": final}
     flown = {"datcom": apriori, "corrected": pom.corrected_aircraft(apriori, aircraft, diagnoses), "final": aircraft}
-    with step("write three databases and three FMUs"):
+    with step("write three databases, aircraft and FMUs"):
         folder.mkdir(parents=True, exist_ok=True)
         fmus = {}
         for name, db in databases.items():
             aerodb.save(db, folder / f"{name}.nc")
+            flightmech.write_aircraft(flown[name], folder / f"{name}.toml")
             fmus[name] = flightmech.write_fmu(flightmech.compile(flown[name], db), folder / f"{name}.fmu")
     fmus |= project.models
     with step(f"replay {len(cases)} cases by {len(fmus)} FMUs"):
@@ -250,5 +314,8 @@ def perform(
             databases=databases,
             diagnoses=diagnoses,
             fits=fits,
+            submodels=submodels.found,
+            free_motion=submodels.free_motion,
         )
-    return Outcome(results, pom.corrected_terms(diagnoses.values()), tabulation, report)
+    taken = pom.corrected_terms(diagnoses.values())
+    return Outcome(results, taken, by_submodel(taken, *databases.values()), tabulation, report)

@@ -1,4 +1,4 @@
-"""Manoeuvres and reconstructed paths as netCDF files, written atomically."""
+"""Manoeuvres and reconstructed paths as netCDF files, written completely or not at all."""
 
 from __future__ import annotations
 

@@ -3,6 +3,7 @@
 from .diagnosis import diagnose as diagnose
 from .swap_table import ranking as ranking
 from .swap_table import waterfall as waterfall
+from .term_swaps import by_submodel as by_submodel
 from .term_swaps import corrected_aircraft as corrected_aircraft
 from .term_swaps import corrected_database as corrected_database
 from .term_swaps import corrected_terms as corrected_terms

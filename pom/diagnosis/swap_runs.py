@@ -80,7 +80,8 @@ class Bench:
         count, states = plan.job.time.size, plan.states.data_vars
         flight = {str(name): np.broadcast_to(item.values, count) for name, item in states.items() if item.ndim < 2}
         channels = frozenset({*flight, *shown_channels(plan.case, plan.states), *OBSERVED})
-        names = tuple(differing(prior, final))
+        driven = case.drive.level == "recorded"  # surfaces that are driven feel no hinge moment
+        names = tuple(name for name in differing(prior, final) if not (driven and name.startswith("Ch_")))
         theirs = aerodb.terms(final)
         both = aerodb.replace_terms(prior, {name + _FINAL: theirs[name] for name in names if name in theirs})
         return cls(plan.case, plan.job, flight, channels, both, aircraft, names, _parts(case, flight, aircraft))

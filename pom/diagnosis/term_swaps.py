@@ -17,7 +17,8 @@ from flightmech.errors import UnknownName
 
 # what a configuration or a control is made of: terms with one of these among their axes or regressors make a group
 _VARIABLES = ("delta_f", "gear", "speedbrake", "h_agl", "delta_e", "delta_a", "delta_r")
-_SUBMODELS = ("engine", "gear", "circuit", "fuel")
+_PARTS_OF = {"engine": "engine", "gear": "landing gear", "circuit": "control loading", "fuel": "fuel"}
+_SUBMODELS = tuple(_PARTS_OF)
 
 
 def differing(prior: xr.DataTree, final: xr.DataTree) -> list[str]:
@@ -55,6 +56,7 @@ def groups_of(
     -------
     dict of str to tuple of str
         ``Cm/*`` all of a coefficient, ``*(gear)`` all terms that depend on a variable, ``engine/*`` all parts of a submodel,
+        ``control loading`` the circuits and the hinge moments,
         ``C*/*`` all terms (and no parts), and those that are `wanted`.  Groups of one, of all, and repetitions are left out.
 
     Raises
@@ -68,6 +70,7 @@ def groups_of(
     found = {f"{coefficient}/*": [name for name in terms if name.startswith(f"{coefficient}/")] for coefficient in _heads(terms)}
     found |= {f"*({variable})": [name for name in terms if variable in _depends(leaves, name)] for variable in _VARIABLES}
     found |= {f"{model}/*": [name for name in parts if name.startswith(f"{model}/")] for model in _heads(parts)}
+    found |= {"control loading": [name for name in names if name.startswith(("circuit/", "Ch_"))]}
     found |= {"C*/*": terms}
     kept: dict[str, tuple[str, ...]] = {}
     for key, members in found.items():
@@ -125,6 +128,32 @@ def swap_terms(prior: xr.DataTree, final: xr.DataTree, names: Iterable[str], why
 def _with_line(leaf: xr.Dataset, line: str) -> xr.Dataset:
     history = [text for text in (str(leaf.attrs.get("history", "")), line) if text]
     return leaf.assign_attrs(history="\n".join(history)) if line else leaf
+
+
+def by_submodel(names: Iterable[str], *databases: xr.DataTree) -> dict[str, list[str]]:
+    """Return terms and parts by the submodel to which they belong.
+
+    Parameters
+    ----------
+    names : iterable of str
+        Terms, and parts of the aircraft, such as `corrected_terms` returns them.
+    *databases : DataTree
+        That hold the terms.
+
+    Returns
+    -------
+    dict of str to list of str
+        ``aerodynamics``, ``ground effect`` (terms over the height), ``control loading`` (circuits and hinge moments), ``engine``,
+        ``landing gear``, ``fuel``; only those that have a member.
+    """
+    leaves = [aerodb.terms(db) for db in databases]
+    found: dict[str, list[str]] = {}
+    for name in names:
+        head = name.split("/")[0]
+        submodel = _PARTS_OF.get(head) or ("control loading" if head.startswith("Ch_") else "")
+        submodel = submodel or ("ground effect" if "h_agl" in _depends(leaves, name) else "aerodynamics")
+        found.setdefault(submodel, []).append(name)
+    return {submodel: found[submodel] for submodel in ("aerodynamics", "ground effect", *_PARTS_OF.values()) if submodel in found}
 
 
 def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:

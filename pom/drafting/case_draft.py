@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Draft:
-    """What goes into a new case file, and what its author has to know.
+    """What goes into a new case file, and what its author has to be told.
 
     Attributes
     ----------
@@ -19,7 +19,7 @@ class Draft:
         Values with units.
     events : dict of str to (time [s], whether it was found)
     remarks : list of str
-        What the record does not show.
+        What the record does not tell.
     """
 
     case: dict[str, object]

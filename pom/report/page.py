@@ -1,4 +1,4 @@
-"""The HTML page of the report: one self-contained file that loads nothing from outside."""
+"""The HTML page of the report: one self-contained file that asks for nothing outside itself."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from . import provenance as origin
 from .case import case
 from .models import database_comparison, identification
 from .presentation.traces import parcel
+from .submodels import page as submodel_page
 
 _HERE = Path(__file__).parent
 _STATIC = {
@@ -27,7 +28,7 @@ _SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper",
 MOST_WITH_FIGURES = 30
 
 
-def html_page(results, title, revision, provenance, databases, diagnoses, support, modes, fits=()) -> str:
+def html_page(results, title, revision, provenance, databases, diagnoses, support, modes, fits=(), submodels=()) -> str:
     """Return the text of ``report.html``; the arguments are those of `pom.write_report`, `modes` a table for every result."""
     pages = environment(FunctionLoader(_template))
     pages.globals["parts"] = pages.get_template("parts.html").module
@@ -51,6 +52,9 @@ def html_page(results, title, revision, provenance, databases, diagnoses, suppor
         more["identification"] = parcel(
             {**head, "page": pages.get_template("identification.html").render(common, identification=context)}, body
         )
+    if submodels:
+        chapter = {"submodels": submodel_page.context(submodels), "needed": submodel_page.needed(diagnoses, databases)}
+        more["submodels"] = parcel({"page": pages.get_template("submodels.html").render(common, **chapter)})
     return pages.get_template("report.html").render(
         common,
         matrix=overview.matrix(keys, results, found),

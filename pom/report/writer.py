@@ -43,12 +43,14 @@ def write_report(
     diagnoses: Mapping[str, pd.DataFrame] | None = None,
     support: Mapping[str, pd.DataFrame] | None = None,
     fits: Sequence[Fit] = (),
+    submodels: Mapping[str, Any] | None = None,
+    free_motion: Mapping[str, Sequence[Any]] | None = None,
     revision: str = "",
     paper: str | None = "a4",
 ) -> Path:
     """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
 
-    Next to the two: ``results.json`` (every printed number), ``results.nc`` (samples as exact doubles), ``results.xml`` (JUnit),
+    Beside the two: ``results.json`` (every printed number), ``results.nc`` (samples as exact doubles), ``results.xml`` (JUnit),
     ``csv/`` (one file per case) and ``manifest.json`` (SHA-256 of every input and output).
 
     Parameters
@@ -70,6 +72,10 @@ def write_report(
         Term (``CL/basic``) to the flight samples that support it, columns named after the axes of the term. [SI]
     fits : sequence of flighttest.Fit
         Local models of the identification; the page shows their estimates, residuals and collinearity.
+    submodels : mapping of str to EngineFit, IdentifiedLoading or GroundEffect, optional
+        Submodels identified from flight, by name: a chapter of page and PDF.
+    free_motion : mapping of str to sequence of Flown, optional
+        By submodel: the free motion of a control, of `IdentifiedLoading.fly`.
     revision : str
         Revision of the report, as the user counts them.
     paper : {"a4", "letter"}, optional
@@ -83,18 +89,20 @@ def write_report(
     Raises
     ------
     SchemaError
-        No results, or another paper.
+        No results, another paper, or a submodel of another kind.
     UnknownName
         A diagnosis for a case that is not there, or a misspelt key of `provenance`.
     """
     from ..archive.archive import Archive, write_archive
     from ..archive.manifest import NAME, manifest
     from .exports import case_csv, junit, results_json
+    from .submodels.page import sections
 
     results, diagnoses, databases = list(results), dict(diagnoses or {}), dict(databases or {})
     located: dict[str, Any] = {**(provenance or {})}
     _check(results, located, diagnoses, paper)
     made_from = without_places(located)
+    chapter = sections(submodels or {}, free_motion or {})
     modes = [mode_table(result) for result in results]
     archive, names = Archive(results, title, revision, made_from, diagnoses), keys(results)
     folder = Path(folder)
@@ -110,7 +118,9 @@ def write_report(
             return manifest(results, outputs, folder, title=title, revision=revision, paper=paper, provenance=located)
 
         written = {name: new(name) for name in (HTML, JSON, SAMPLES, JUNIT)}
-        _write(written[HTML], html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits))
+        _write(
+            written[HTML], html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits, chapter)
+        )
         _write(written[JSON], results_json(archive, modes, folder))
         _write(written[JUNIT], junit(results, title))
         write_archive(written[SAMPLES], archive, names)
@@ -123,7 +133,7 @@ def write_report(
 
             attached = {JSON: written[JSON].read_bytes(), NAME: manifested(written).encode("utf-8")}
             written[PDF] = new(PDF)
-            written[PDF].write_bytes(pdf_pages(results, title, revision, made_from, databases, diagnoses, modes, paper, attached))
+            written[PDF].write_bytes(pdf_pages(results, title, revision, made_from, databases, diagnoses, modes, paper, attached, chapter))
         _write(new(NAME), manifested(written))
     if paper is None:
         (folder / PDF).unlink(missing_ok=True)

@@ -5,6 +5,7 @@ import json
 import pytest
 
 import aerodb
+import flightmech
 import pom
 
 
@@ -13,9 +14,9 @@ def test_the_demo_writes_what_it_promises(demo):
     folder, run = demo
     assert run.returncode == 0, run.stderr
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
-    models = {f"{name}.{kind}" for name in ("datcom", "corrected", "final") for kind in ("nc", "fmu")}
+    models = {f"{name}{kind}" for name in ("datcom", "corrected", "final") for kind in (".nc", ".fmu", ".toml", "_engine1.nc")}
     results = json.loads((folder / "report" / "results.json").read_text())["results"]
-    assert len(results) == 12
+    assert len(results) == 16
     report = {"report.html", "report.pdf", "results.json", "results.nc", "results.xml", "manifest.json"}
     report |= {f"csv/{item['case']['name']}.csv" for item in results}
     assert names == models | {f"report/{name}" for name in report}
@@ -31,12 +32,31 @@ def test_flight_makes_the_model_better(demo):
     passes = {name: sum(case["status"][name] == "pass" for case in outcome["cases"]) for name in ("datcom", "corrected", "final")}
     assert passes["datcom"] < passes["corrected"] <= passes["final"]
     assert outcome["corrected_terms"]
+    assert sorted(name for names in outcome["corrected_submodels"].values() for name in names) == sorted(outcome["corrected_terms"])
+    assert {"aerodynamics", "engine"} <= set(outcome["corrected_submodels"])
     assert all(case["failure"] == "" for case in outcome["cases"])
+
+
+@pytest.mark.slow
+def test_the_final_model_flies_by_force(demo):
+    """What only the identified control loading can give: the column force of a turn, the motion after a pulse of force."""
+    folder, run = demo
+    cases = {case["name"]: case["status"] for case in json.loads(run.stdout)["cases"]}
+    for name in ("stick_free_short_period", "wheel_force", "dutch_roll_pedals_free", "stick_force_per_g"):
+        assert cases[name]["final"] == "pass"
+        assert cases[name]["datcom"] != "pass"
+    terms = aerodb.terms(aerodb.open(folder / "final.nc"))
+    assert float(terms["Ch_e/alpha"]["value"]) < 0.0 < float(terms["Ch_r/beta"]["value"])  # the surfaces trail in the wind
+    assert float(terms["Ch_e/delta_t"]["stderr"]) > 0.0
+    craft = flightmech.read_aircraft(folder / "final.toml")
+    assert "identified from flight" in craft.history
+    apriori = flightmech.read_aircraft(folder / "datcom.toml")
+    assert all(craft.circuits[name].friction != apriori.circuits[name].friction for name in ("column", "wheel", "pedal"))
 
 
 @pytest.mark.slow
 def test_every_step_is_reported_on_its_own_line(demo):
     _, run = demo
     steps = [line for line in run.stderr.splitlines() if " ... " in line]
-    assert len(steps) == 9
+    assert len(steps) == 11
     assert all(line.endswith(" s") for line in steps)

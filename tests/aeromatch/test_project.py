@@ -30,7 +30,7 @@ models = ["CL = 1 + alpha"]
 
 @pytest.fixture
 def write(tmp_path):
-    """Write a project file next to the files it names."""
+    """Write a project file beside the files it names."""
     (tmp_path / "flight").mkdir()
     for name in ("aircraft.toml", "names.toml", "case.toml", "clean.out", "flight/run_1.nc", "flight/run_2.nc"):
         (tmp_path / name).touch()
@@ -134,3 +134,65 @@ def test_models_from_elsewhere_come_with_their_tables_of_names(write, tmp_path):
     found = problems(write(("[listings]", wrong)))
     assert found[0] == "models.final: the name is taken; call it otherwise than flight, datcom, corrected, final"
     assert found[1].startswith("models.final.fmu: no file 'gone.fmu' in ")
+
+
+SUBMODELS = """
+[engine]
+flown = [{ records = ["run_1"], manoeuvres = ["throttle_chop_and_slam"] }]
+engines = [1, 2]
+pla = ["10 deg", "50 deg"]
+
+[controls.column]
+driven = [{ records = ["run_1", "run_2"] }]
+free = [{ records = ["run_2"], manoeuvres = ["release_column"] }]
+model = "Ch_e = 1 + alpha + delta_e"
+
+[ground_effect]
+models = ["CL = 1 + alpha"]
+flown = [{ records = ["run_1"] }]
+"""
+
+
+def test_submodels_are_read(write):
+    path = write()
+    path.write_text(path.read_text() + SUBMODELS)
+    project = read_project(path)
+    assert project.engine.pla == pytest.approx((10.0 * DEGREE, 50.0 * DEGREE))
+    assert list(project.controls) == ["column"]
+    assert list(project.submodels) == ["engine.flown", "controls.column.driven", "controls.column.free", "ground_effect.flown"]
+    assert project.submodels["controls.column.free"][0].manoeuvres == ("release_column",)
+
+
+def test_a_project_without_submodels_asks_for_none(write):
+    assert read_project(write()).submodels == {}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('records = ["run_1"] }]', 'records = ["run_3"] }]', "ground_effect.flown.records: unknown record 'run_3'; near it: run_2, run_1"),
+        ("engines = [1, 2]", "engine = [1, 2]", "engine.engine: unknown key; near it: engines"),
+        ("[controls.column]", "[controls.colum]", "controls.colum: unknown key; near it: column"),
+        ("Ch_e = 1", "Ch_r = 1", "controls.column.model: unknown hinge-moment coefficient 'Ch_r'; near it: Ch_e"),
+        ("Ch_e = 1 + alpha", "Ch_e = 1 + alfa", "controls.column.model: unknown quantity 'alfa'; near it: alpha"),
+        (
+            "driven =",
+            'constants = ["frictoin"]\ndriven =',
+            "controls.column.constants: unknown term of the force 'frictoin'; near it: friction",
+        ),
+        ('"10 deg", ', "", "engine.pla.1: missing; give it"),
+        ("engines =", 'climbs = "climbs.csv"\nengines =', "engine.polar: missing; climbs need CD0 and K of the drag polar"),
+        ('models = ["CL = 1 + alpha"]', 'models = ["CL = 1 + alfa"]', "ground_effect.models: unknown quantity 'alfa'; near it: alpha"),
+    ],
+)
+def test_faulty_submodels(write, old, new, words):
+    path = write()
+    assert old in SUBMODELS
+    path.write_text(path.read_text() + SUBMODELS.replace(old, new))
+    assert any(words in text for text in problems(path)), problems(path)
+
+
+def test_an_engine_without_records(write):
+    path = write()
+    path.write_text(path.read_text() + "[engine]\nrate = 10.0\n")
+    assert problems(path) == ["engine: no records; give flown, starts, points or climbs"]

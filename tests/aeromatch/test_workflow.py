@@ -10,8 +10,10 @@ import xarray as xr
 import aerodb
 import flightmech
 import flighttest
+import pom
 from aeromatch import workflow
 from aeromatch.project import NewTerm, read_project
+from aeromatch.sections import Flown, GroundEffect
 from flightmech.errors import SchemaError
 
 DATA = Path(__file__).parents[2] / "data" / "t37"
@@ -42,7 +44,16 @@ def project(shipped, tmp_path):
     tree.to_netcdf(tmp_path / "run_1.nc", engine="h5netcdf")
     (tmp_path / "names.toml").write_text('[imu]\nq = "q"\n')
     fit = shipped.fits[0].model_copy(update={"records": ("run_1",), "manoeuvres": ("3211 elevator",), "models": ("CL = 1 + alpha",)})
-    return replace(shipped, names=tmp_path / "names.toml", flights={"run_1": tmp_path / "run_1.nc"}, fits=(fit,), terms={}, held=())
+    return replace(
+        shipped,
+        names=tmp_path / "names.toml",
+        flights={"run_1": tmp_path / "run_1.nc"},
+        fits=(fit,),
+        terms={},
+        held=(),
+        controls={},
+        ground_effect=None,
+    )
 
 
 def fitted(project, *manoeuvres):
@@ -54,8 +65,29 @@ def windows_of(project):
 
 
 def test_windows_by_kind_and_by_kind_and_control(project):
-    assert windows_of(fitted(project, "doublet elevator")) == [{"run_1": [(4.0, 6.0)]}]
-    assert windows_of(fitted(project, "doublet", "3211 elevator")) == [{"run_1": [(4.0, 6.0), (6.0, 9.0), (1.0, 4.0)]}]
+    assert windows_of(fitted(project, "doublet elevator")).fits == [{"run_1": [(4.0, 6.0)]}]
+    assert windows_of(fitted(project, "doublet", "3211 elevator")).fits == [{"run_1": [(4.0, 6.0), (6.0, 9.0), (1.0, 4.0)]}]
+
+
+def test_what_proves_the_model_does_not_identify_it(project):
+    """A record may do both, at different times."""
+    case = SimpleNamespace(name="a", record="x/run_1.nc", window=(4.0, 9.0))
+    read = {name: flighttest.read(file, project.names) for name, file in project.flights.items()}
+    apart = workflow.windows_of(fitted(project, "3211 elevator"), read, [case])
+    assert apart.fits == [{"run_1": [(1.0, 4.0)]}]
+    ground = GroundEffect(flown=(Flown(records=("run_1",)),), models=("CL = 1",))
+    both = replace(fitted(project, "doublet elevator"), ground_effect=ground)
+    with pytest.raises(SchemaError) as caught:
+        workflow.windows_of(both, read, [case])
+    assert caught.value.problems == [
+        "fit 'pitch': record run_1 proves case a from 4 to 9 s; it cannot identify too",
+        "ground_effect.flown: record run_1 proves case a from 4 to 9 s; it cannot identify too",
+    ]
+
+
+def test_no_record_of_the_example_both_identifies_and_proves(shipped):
+    cases = [pom.read_case(file) for file in shipped.cases]
+    assert not {Path(case.record).stem for case in cases} & set(workflow.records_of(shipped))
 
 
 def test_unknown_manoeuvres_are_reported_at_once(project):

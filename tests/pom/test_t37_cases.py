@@ -25,6 +25,10 @@ ROWS = {
     "29_flap_change": "2.c.2",
     "30_gear_change": "2.c.4",
     "32_rudder_response": "2.d.6",
+    "53_stick_free_short_period": "2.c.10",
+    "54_roll_response_wheel": "2.d.2",
+    "55_dutch_roll_pedals_free": "2.d.7",
+    "56_stick_force_per_g": "2.c.6",
 }
 
 

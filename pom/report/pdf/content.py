@@ -17,6 +17,7 @@ from pom.report.case.inputs import driving
 from pom.report.models.diagnosis import story
 from pom.report.presentation.quantities import Label
 from pom.report.presentation.verdict_text import Verdict, verdict_table, words
+from pom.report.submodels.section import Grid, Section
 from pom.result import PomResult
 from pom.tolerances.rows import rows as tolerance_rows
 
@@ -67,9 +68,9 @@ def front(
 def case(
     position: int, key: str, result: PomResult, provenance: Mapping[str, Any], diagnosis: pd.DataFrame | None, modes: pd.DataFrame
 ) -> dict[str, Any]:
-    """Return what the pages of one case show in addition to the drawings."""
+    """Return what the pages of one case show beside the drawings."""
     case, styles = result.case, line_styles(result.runs)
-    shown_rows, table = initial_conditions.conditions(result.conditions, result.trim.index), verdict_table(result)
+    said, table = initial_conditions.conditions(result.conditions, result.trim.index), verdict_table(result)
     return {
         "position": position,
         "key": key,
@@ -87,8 +88,8 @@ def case(
         "calibration": initial_conditions.calibration(result),
         "window": [case.window[0], case.window[1]],
         "events": [(words(name), f"{at:.2f} s") for name, at in sorted(case.events.items(), key=lambda item: item[1])],
-        "conditions": [(part, [(quantity(shown), value) for shown, value in rows]) for part, rows in shown_rows],
-        "glance": ";  ".join(f"{_name(shown)} {value}" for _, rows in shown_rows for shown, value in rows if shown.name in _GLANCE),
+        "conditions": [(part, [(quantity(shown), value) for shown, value in rows]) for part, rows in said],
+        "glance": ";  ".join(f"{_name(shown)} {value}" for _, rows in said for shown, value in rows if shown.name in _GLANCE),
         "drive": _drive(result),
         "trim": _trim(result),
         "drift": _drift(result),
@@ -133,6 +134,17 @@ def _outcome(item: Mapping[str, Any]) -> dict[str, Any]:
 
 def _verdict(verdict: Verdict) -> dict[str, str]:
     return {"word": verdict.word, "symbol": verdict.symbol, "state": verdict.css.removeprefix("is-")}
+
+
+def submodel(section: Section) -> dict[str, Any]:
+    """Return what the chapter on submodels shows of one beside its figures."""
+    grids = [table_of(grid) for grid in section.grids]
+    return {"name": section.name, "techniques": section.techniques, "grids": grids, "remarks": section.remarks}
+
+
+def table_of(grid: Grid | None) -> dict[str, Any] | None:
+    """Return a table of the chapter on submodels."""
+    return {"caption": grid.caption, "head": grid.head, "rows": grid.rows} if grid else None
 
 
 def _matrix(keys: Sequence[str], results: Sequence[PomResult], cells: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
@@ -188,7 +200,7 @@ def _block(block: Mapping[str, Any]) -> dict[str, Any]:
     rows = [
         {key: item for key, item in row.items() if key not in ("at", "exit", "verdict")} | _verdict(row["verdict"]) for row in block["rows"]
     ]
-    applied = block["applied"].removeprefix(f"{block['printed']}: ")  # the number alone where the printed tolerance stands next to it
+    applied = block["applied"].removeprefix(f"{block['printed']}: ")  # the number alone where the printed tolerance stands beside it
     return {**block, "label": quantity(block["label"]) if block["label"] else None, "rows": rows, "applied": applied}
 
 

@@ -21,16 +21,18 @@ from flightmech.support.console import plain
 from pom.report.case.case import keys, line_styles
 from pom.report.case.cross_plots import crosses
 from pom.report.case.panels import Panel, panels
+from pom.report.submodels.page import needed
+from pom.report.submodels.section import Section
 from pom.result import PomResult
 
 from . import content
 from .cross_plots import cross_drawing
-from .panels import LEAST, MOST_PANELS, Drawing, arranged, drawing, legend
+from .panels import LEAST, MOST_PANELS, Drawing, arranged, drawing, legend, svg
 from .waterfall import waterfall
 
 STANDARDS: Any = ["a-3b", "ua-1"]
 UNDATED = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
-"""PDF/A demands a date and no clock is read: a report without a date carries this one in its metadata, and states so on its cover."""
+"""PDF/A demands a date and no clock is read: a report without a date carries this one in its metadata, and says so on its cover."""
 
 _GLYPHLESS = re.compile(r'the text `"(.+?)"` could not be displayed')
 _ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")
@@ -57,6 +59,7 @@ def pdf_pages(
     modes: Sequence[pd.DataFrame],
     paper: str,
     attached: Mapping[str, bytes],
+    submodels: Sequence[Section] = (),
 ) -> bytes:
     """Return ``report.pdf``; the arguments are those of `pom.write_report`, `modes` a table per result, `attached` files by name.
 
@@ -72,10 +75,17 @@ def pdf_pages(
         cases = []
         for i, (key, result, table) in enumerate(zip(names, results, modes, strict=True), 1):
             diagnosis = diagnoses.get(result.case.name)
-            page = content.case(i, key, result, provenance, diagnosis, table)
-            cases.append(page | _drawings(folder, i, result, diagnosis, _room(page, paper), _COLUMN[paper]))
+            said = content.case(i, key, result, provenance, diagnosis, table)
+            cases.append(said | _drawings(folder, i, result, diagnosis, _room(said, paper), _COLUMN[paper]))
         front["attached"] = _attach(folder, attached)
-        data = {**front, "cases": cases, "paper": {"a4": "a4", "letter": "us-letter"}[paper]}
+        chapter = [content.submodel(one) | {"pictures": _pictures(folder, i, one)} for i, one in enumerate(submodels)]
+        data = {
+            **front,
+            "cases": cases,
+            "submodels": chapter,
+            "needed": content.table_of(needed(diagnoses, databases)),
+            "paper": {"a4": "a4", "letter": "us-letter"}[paper],
+        }
         text = _CONTROL.sub("?", json.dumps(plain(data), ensure_ascii=False))
         (folder / "data.json").write_text(text, encoding="utf-8", errors="replace")
         (folder / "report.typ").write_bytes((_HERE / "report.typ").read_bytes())
@@ -140,12 +150,12 @@ def _attach(folder: Path, attached: Mapping[str, bytes]) -> list[dict[str, str]]
     return rows
 
 
-def _room(page: Mapping[str, Any], paper: str) -> float:
+def _room(said: Mapping[str, Any], paper: str) -> float:
     """Return the height that the head of a case leaves for its panels, in units; the layout shrinks them by what this is short."""
     wide = _TEXT[paper]
-    lines = _lines(page["objective"], wide) + _lines(page["glance"], wide + 20) + _lines(page["failure"], wide - 20)
-    cells = sum(max(_lines(block["printed"], 36), _lines(_first(block), 25), _lines(block["applied"], 20)) for block in page["verdicts"])
-    millimetres = 29.0 + 3.7 * lines + 3.15 * (len(page["outcomes"]) + cells)
+    lines = _lines(said["objective"], wide) + _lines(said["glance"], wide + 20) + _lines(said["failure"], wide - 20)
+    cells = sum(max(_lines(block["printed"], 36), _lines(_first(block), 25), _lines(block["applied"], 20)) for block in said["verdicts"])
+    millimetres = 29.0 + 3.7 * lines + 3.15 * (len(said["outcomes"]) + cells)
     return _COLUMN[paper] - millimetres / _UNIT
 
 
@@ -191,6 +201,12 @@ def _drawings(folder: Path, position: int, result: PomResult, diagnosis: pd.Data
         "legend": _save(folder, f"c{position}-legend.svg", code),
         "waterfall": _save(folder, f"c{position}-cause.svg", fall) if fall else None,
     }
+
+
+def _pictures(folder: Path, position: int, section: Section) -> list[dict[str, Any]]:
+    """Return the figures of a submodel, drawn for paper."""
+    drawn = [Drawing(svg(picture.height, picture.body), picture.height, picture.words) for picture in section.pictures]
+    return [_save(folder, f"s{position}-{i}.svg", one) for i, one in enumerate(drawn)]
 
 
 def _save(folder: Path, name: str, drawn: Drawing) -> dict[str, Any]:

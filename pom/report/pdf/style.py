@@ -1,6 +1,6 @@
 """How the report looks on paper: colours, dashes and text of its drawings.
 
-Contrast measured on white and on the band; every line differs in its dash too, exits are hatched, so that a grey print shows all.
+Contrast measured on white and on the band; every line differs in its dash too, exits are hatched, so that a grey print tells all.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ text{{font-family:"{FAMILY}";font-size:10.6px;fill:#000}}
 .trace{{fill:none;stroke-linejoin:round}}
 .hair{{fill:none;stroke:#000;stroke-width:.45;stroke-linejoin:round}}
 .lane{{stroke-width:2.4}}
+.error{{stroke:none;fill-opacity:.18}}
 .tickmark{{stroke:{EXIT};stroke-width:1.4}}
 .arrow{{stroke:none}}
 .bar{{fill:#9db8d2;stroke:#1f4e79;stroke-width:.7}}
@@ -53,5 +54,5 @@ def defs() -> str:
     lines = ""
     for name, (colour, dash, width) in LINES.items():
         dashes = f";stroke-dasharray:{dash}" if dash else ""
-        lines += f".{name}{{stroke:{colour}}}.trace.{name}{{stroke-width:{width}{dashes}}}.arrow.{name}{{fill:{colour}}}"
+        lines += f".{name}{{stroke:{colour}}}.trace.{name}{{stroke-width:{width}{dashes}}}.arrow.{name},.{name}-area{{fill:{colour}}}"
     return f"<style>{_STYLE}{lines}</style><defs>{_HATCHING}</defs>"

@@ -1,0 +1,199 @@
+"""Submodels of a project identified from its records: engine, control loading, ground effect."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+import flighttest
+from flightmech import Aircraft
+from flightmech.errors import SchemaError, UnknownName
+from flighttest.control_loading.loading import loading_of
+from flighttest.engine import Polar, engine_channels
+from flighttest.engine.records import read_points
+
+from .project import Project
+from .sections import Flown
+
+Spans = dict[str, list[tuple[float, float]]]
+"""Start and end of what is taken of each record. [s]"""
+
+
+@dataclass(frozen=True)
+class Submodels:
+    """What the records of a project say of its submodels; None or empty where the project does not ask.
+
+    Attributes
+    ----------
+    engine : EngineFit or None
+    controls : dict of str to IdentifiedLoading
+    free_motion : dict of str to list of Flown
+        Pulses and releases of the controls, simulated with what was identified.
+    ground_effect : GroundEffect or None
+    """
+
+    engine: Any = None
+    controls: Mapping[str, Any] = field(default_factory=dict)
+    free_motion: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    ground_effect: Any = None
+
+    @property
+    def found(self) -> dict[str, Any]:
+        """The results by the name of the submodel, for the report."""
+        named = {"engine": self.engine, **self.controls, "ground effect": self.ground_effect}
+        return {name: result for name, result in named.items() if result is not None}
+
+
+def spans_of(place: str, flown: Iterable[Flown], tables: Mapping[str, pd.DataFrame], problems: list[str]) -> Spans:
+    """Return start and end of manoeuvres by record; without manoeuvres the whole record.
+
+    Parameters
+    ----------
+    place : str
+        Where the project file asks for them.
+    flown : iterable of Flown
+    tables : mapping of str to DataFrame
+        `flighttest.manoeuvres` by record.
+    problems : list of str
+        Gets a line for every manoeuvre that a record does not have.
+    """
+    found: Spans = {}
+    for one in flown:
+        for record in one.records:
+            spans = _spans(place, record, one.manoeuvres, tables[record], problems) if one.manoeuvres else [(-np.inf, np.inf)]
+            found.setdefault(record, []).extend(spans)
+    return found
+
+
+def _spans(place: str, record: str, wanted: Iterable[str], table: pd.DataFrame, problems: list[str]) -> list[tuple[float, float]]:
+    """Return the windows of manoeuvres in one record; ``"3211 elevator"`` is kind and control, ``"trim"`` a kind."""
+    labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
+    found: list[tuple[float, float]] = []
+    for name in wanted:
+        rows = table[(labels == name) | (table["manoeuvre"] == name)]
+        if rows.empty:
+            problems.append(f"{place}, record {record}: {UnknownName(name, set(labels), 'manoeuvre')}")
+        found += [(float(start), float(end)) for start, end in zip(rows["start"], rows["end"], strict=True)]
+    return found
+
+
+def overlaps(place: str, spans: Spans, cases: Iterable[Any]) -> list[str]:
+    """Return a line for every case whose record was to identify something over the time that is replayed."""
+    found = []
+    for case in cases:
+        start, end = case.window
+        taken = [span for span in spans.get(Path(case.record).stem, []) if span[0] < end and start < span[1]]
+        found += [
+            f"{place}: record {Path(case.record).stem} proves case {case.name} from {start:g} to {end:g} s; it cannot identify too"
+        ] * bool(taken)
+    return found
+
+
+def between(data: xr.Dataset, spans: Iterable[tuple[float, float]]) -> list[xr.Dataset]:
+    """Return the parts of a record."""
+    return [data.sel(time=slice(start, end)) for start, end in spans]
+
+
+def identified_engine(project: Project, apriori: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans]) -> Any:
+    """Return the engine as the records tell it; the a-priori deck is that of the first engine of `apriori`.
+
+    Parameters
+    ----------
+    project : Project
+        With a section ``[engine]``.
+    apriori : Aircraft
+    paths : mapping of str to Path
+        Reconstructions by record.
+    spans : mapping of str to dict
+        By place in the project file.
+    """
+    asked = project.engine
+    if asked is None:
+        return None
+
+    def channels(place: str) -> list[xr.Dataset]:
+        parts = [(record, part) for record, own in spans.get(place, {}).items() for part in between(paths[record].states, own)]
+        return [_thinned(engine_channels(part, asked.engines, asked.pla), asked.rate).assign_attrs(record=record) for record, part in parts]
+
+    points = {name: read_points(file) for name, file in project.points.items()}
+    deck = apriori.engines[0].deck if apriori.engines else None
+    return flighttest.identify_engine(
+        channels("engine.flown"),
+        channels("engine.starts"),
+        points.get("points"),
+        points.get("climbs"),
+        deck.tables if deck else None,
+        Polar(*asked.polar, *asked.polar_stderr) if asked.polar else None,
+        apriori.S,
+        len(asked.engines),
+    )
+
+
+def _thinned(data: xr.Dataset, rate: float) -> xr.Dataset:
+    """Return every so many samples, at most `rate` a second."""
+    step = float(np.median(np.diff(data["time"].values)))
+    return data.isel(time=slice(None, None, max(1, round(1.0 / (rate * step)))))
+
+
+def with_engine(aircraft: Aircraft, project: Project, found: Any) -> Aircraft:
+    """Return an aircraft all of whose engines have the identified deck."""
+    deck = found.deck(project.engine.pla or (0.0, 1.0)) if project.engine else None
+    return replace(aircraft, engines=tuple(replace(engine, deck=deck, thrust=None) for engine in aircraft.engines)) if deck else aircraft
+
+
+def identified_controls(
+    project: Project, aircraft: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the control loading of every control that the project asks for, and its simulated free motion.
+
+    Driven manoeuvres that are whole records are taken without the free ones.
+    """
+    found, motion = {}, {}
+    for item, asked in project.controls.items():
+        free = spans.get(f"controls.{item}.free", {})
+        driven = {record: _less(own, free.get(record, [])) for record, own in spans[f"controls.{item}.driven"].items()}
+        slow, fast = (
+            [part for record, own in group.items() for part in between(_on_ground(paths[record].states), own)] for group in (driven, free)
+        )
+        loading = loading_of(aircraft, item, asked.model, asked.constants, asked.arm)
+        found[item] = flighttest.identify_control_loading(loading, slow, fast, asked.order)
+        motion[item] = found[item].fly(fast)
+    return found, motion
+
+
+def _on_ground(states: xr.Dataset) -> xr.Dataset:
+    """Return states with the switch of the nose wheel, which the spring of the pedals asks for, under the name ``wow``."""
+    return states.assign(wow=states["wow_nose"]) if "wow_nose" in states and "wow" not in states else states
+
+
+def _less(spans: Sequence[tuple[float, float]], taken: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return what is left of spans of time without others."""
+    left = list(spans)
+    for start, end in taken:
+        cut = [[(a, min(b, start)), (max(a, end), b)] for a, b in left]
+        left = [(a, b) for pair in cut for a, b in pair if a < b]
+    return left
+
+
+def identified_ground_effect(project: Project, data: Mapping[str, xr.Dataset], spans: Mapping[str, Spans], database: xr.DataTree) -> Any:
+    """Return the ground effect beside the free-air terms of `database`; `data` from `flighttest.coefficients`, by record."""
+    asked = project.ground_effect
+    if asked is None:
+        return None
+    changed = {model.coefficient: model.terms for model in map(flighttest.Model.parse, asked.ground)}
+    parts = [(record, part) for record, own in spans["ground_effect.flown"].items() for part in between(data[record], own)]
+    models = [flighttest.Model.parse(text) for text in asked.models]
+    names = [record for record, _ in parts]
+    return flighttest.identify_ground_effect(models, [part for _, part in parts], changed, database, asked.free_air == "held", names)
+
+
+def demand(project: Project, problems: Sequence[str]) -> None:
+    """Raise all problems of a project, if any."""
+    if problems:
+        raise SchemaError(str(project.file), list(problems))

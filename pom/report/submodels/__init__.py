@@ -1,0 +1,1 @@
+"""Submodels identified from flight: engine, control loading, ground effect, as sections for page and paper."""

@@ -1,0 +1,75 @@
+"""The chapter on submodels: a section for every result that came, techniques and residuals in one table before them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from flightmech.errors import SchemaError
+from flightmech.support.svg_chart import svg
+from flighttest.control_loading import IdentifiedLoading
+from flighttest.engine import EngineFit
+from flighttest.ground_effect import GroundEffect
+
+from ...diagnosis import by_submodel, corrected_terms
+from ...diagnosis.term_swaps import reasons
+from .controls import control_loading
+from .engine import engine
+from .ground_effect import ground_effect
+from .section import Grid, Section
+
+
+def sections(submodels: Mapping[str, Any], free_motion: Mapping[str, Sequence[Any]]) -> list[Section]:
+    """Return the sections of results by the name of the submodel.
+
+    Raises
+    ------
+    SchemaError
+        A result of another kind, or free motion of a control that is not there.
+    """
+    unknown = [
+        f"free_motion: {name!r} is no submodel; there are: {', '.join(submodels) or 'none'}"
+        for name in free_motion
+        if name not in submodels
+    ]
+    found = []
+    for name, result in submodels.items():
+        if isinstance(result, EngineFit):
+            found.append(engine(name, result))
+        elif isinstance(result, IdentifiedLoading):
+            found.append(control_loading(name, result, free_motion.get(name, ())))
+        elif isinstance(result, GroundEffect):
+            found.append(ground_effect(name, result))
+        else:
+            unknown.append(f"submodels.{name}: {type(result).__name__}; give an EngineFit, IdentifiedLoading or GroundEffect")
+    if unknown:
+        raise SchemaError("report", unknown)
+    return found
+
+
+def needed(diagnoses: Mapping[str, pd.DataFrame], databases: Mapping[str, xr.DataTree]) -> Grid | None:
+    """Return which submodels, and what of them, the corrected model takes; None without a diagnosis."""
+    if not diagnoses:
+        return None
+    why = reasons(diagnoses)
+    taken = by_submodel(corrected_terms(diagnoses.values()), *databases.values())
+    rows = tuple((submodel if k == 0 else "", name, why[name]) for submodel, names in taken.items() for k, name in enumerate(names))
+    return Grid("What the corrected model takes from the final one, by submodel", ("submodel", "term or part", "why"), rows)
+
+
+def context(found: Sequence[Section]) -> list[dict[str, Any]]:
+    """Return what the template ``submodels.html`` shows of every section."""
+    return [
+        {
+            "key": one.name.replace(" ", "-"),
+            "name": one.name,
+            "techniques": one.techniques,
+            "grids": one.grids,
+            "figures": [svg(p.height, p.body, p.words) for p in one.pictures],
+            "remarks": one.remarks,
+        }
+        for one in found
+    ]

@@ -1,0 +1,162 @@
+"""The chapter on submodels: every estimate with its standard error, on page and paper, and what the corrected model took."""
+
+import contextlib
+import re
+import sys
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import pom
+from flightmech.errors import SchemaError
+from flightmech.terms import make
+from flighttest import Model
+from flighttest.control_loading import ControlLoading, identify_control_loading
+from flighttest.control_loading.forward import Flown
+from flighttest.engine import identify_engine
+from flighttest.ground_effect import identify_ground_effect
+from pom.diagnosis import by_submodel
+from pom.report.pdf import content
+from pom.report.submodels.page import context, needed, sections
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+import report_fixture as fixture
+
+STEP = 0.05
+
+
+def over_ground(h, seed):
+    """Lift at one height, in free air at zero."""
+    g = np.random.default_rng(seed)
+    time = np.arange(0.0, 20.0, STEP)
+    alpha = 0.08 + 0.03 * np.sin(0.9 * time + seed)
+    CL = 0.4 * (1.0 + (0.45 * h**-1.2 if h else 0.0)) + 5.0 * alpha + 1e-3 * g.standard_normal(time.size)
+    columns = {"alpha": alpha, "CL": CL} | ({"h_agl": np.full(time.size, h)} if h else {})
+    return xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": time})
+
+
+def swept(qbar):
+    """A slow sweep of the column at one speed."""
+    time = np.arange(0.0, 30.0, STEP)
+    travel = 0.08 * np.sin(0.4 * time)
+    force = 4.0 + 10.0 * np.sign(np.cos(0.4 * time)) + 0.6 * qbar * (0.005 + 0.7 * travel)
+    columns = {"column": travel, "F_column": force, "delta_e": -2.0 * travel, "qbar": np.full(time.size, qbar)}
+    return xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": time})
+
+
+@pytest.fixture(scope="module")
+def results():
+    """One result of each kind."""
+    ground = identify_ground_effect(
+        [Model.parse("CL = 1 + alpha")], [over_ground(h, k) for k, h in enumerate((1.5, 2.0, 3.0, 6.0, 0.0))], {"CL": ["1"]}
+    )
+    loading = ControlLoading("column", -2.0, 1.0, 0.3, "Ch_e = 1 + delta_e", ("offset", "friction"))
+    column = identify_control_loading(loading, [swept(q) for q in (1500.0, 6000.0)], order=2)
+    prior = make(np.outer([2e3, 5e3, 9e3], [1.0, 0.9]), {"corrected_n2": [0.6, 0.8, 1.0], "mach": [0.0, 0.4]})
+    speeds = np.array([0.62, 0.7, 0.78, 0.86, 0.94, 0.98])
+    points = {
+        "n2": speeds,
+        "mach": np.full(6, 0.1),
+        "h": np.zeros(6),
+        "thrust": 1.1 * 0.97 * np.interp(speeds, [0.6, 0.8, 1.0], [2e3, 5e3, 9e3]),
+    }
+    engine = identify_engine(recorded=xr.Dataset({k: ("point", v) for k, v in points.items()}), prior={"corrected_thrust": prior})
+    return {"engine": engine, "column": column, "ground effect": ground}
+
+
+def flown():
+    time = np.linspace(0.0, 1.0, 21)
+    travel = np.stack([0.02 * np.exp(-time), 0.021 * np.exp(-time)], axis=1)
+    return Flown(time, travel, -2.0 * travel)
+
+
+def test_every_estimate_stands_with_its_standard_error(results):
+    engine, column, ground = sections(results, {"column": [flown()]})
+    assert [row[0] for row in engine.grids[0].rows] == ["0.6000", "0.8000", "1.000"]
+    assert {row[0] for row in column.grids[0].rows} == {"offset", "friction"}
+    assert {row[0] for row in column.grids[1].rows} == {"Ch_e: 1", "Ch_e: delta_e"}
+    (row,) = ground.grids[0].rows
+    k, s = results["ground effect"]["CL"].row("1").k, results["ground effect"]["CL"].row("1").s
+    assert (row[0], float(row[2]), float(row[4].replace("\N{MINUS SIGN}", "-"))) == (
+        "CL: 1",
+        pytest.approx(k, rel=1e-3),
+        pytest.approx(s, rel=1e-3),
+    )
+    assert sum(", taken" in row[0] for row in ground.grids[1].rows) == 1
+    assert column.techniques[-1][:2] == ("free motion, simulated", "check, not fitted")
+    assert all(picture.words and picture.body for section in (engine, column, ground) for picture in section.pictures)
+
+
+def test_the_largest_free_motion_is_drawn():
+    """Of many windows those with the largest travel."""
+    small = Flown(flown().time, 0.1 * flown().travel, flown().deflection)
+    from pom.report.submodels.controls import MOST, _free_motion
+
+    (picture,) = _free_motion("column", "column", [small] * 3 + [flown()] * MOST)
+    (only,) = _free_motion("column", "column", [flown()] * MOST)
+    assert picture.body == only.body
+
+
+def test_what_is_no_submodel_is_refused(results):
+    with pytest.raises(SchemaError) as caught:
+        sections({"gear": 3.0}, {"wheel": []})
+    assert caught.value.problems[0] == "free_motion: 'wheel' is no submodel; there are: gear"
+    assert caught.value.problems[1].startswith("submodels.gear: float; give ")
+    assert sections({}, {}) == []
+
+
+def test_terms_and_parts_belong_to_submodels():
+    database = xr.DataTree.from_dict(
+        {"/CL/basic": make(0.3), "/CL/ground": make([0.1, 0.0], {"h_agl": [1.0, 9.0]}), "/Ch_e/alpha": make(-0.1, regressors=["alpha"])}
+    )
+    names = ["gear/nose", "Ch_e/alpha", "CL/ground", "CL/basic", "circuit/column", "engine/static"]
+    assert by_submodel(names, database) == {
+        "aerodynamics": ["CL/basic"],
+        "ground effect": ["CL/ground"],
+        "engine": ["engine/static"],
+        "landing gear": ["gear/nose"],
+        "control loading": ["Ch_e/alpha", "circuit/column"],
+    }
+
+
+def test_what_the_corrected_model_takes():
+    rows = [
+        ("single", "CL/basic", 0.2),
+        ("single", "engine/static", 0.7),
+        ("sequence", "engine/static", 0.7),
+        ("sequence", "CL/basic", 0.9),
+    ]
+    table = pd.DataFrame(rows, columns=["stage", "term", "explained"])
+    database = xr.DataTree.from_dict({"/CL/basic": make(0.3)})
+    grid = needed({"chop": table}, {"final": database})
+    assert [row[:2] for row in grid.rows] == [("aerodynamics", "CL/basic"), ("engine", "engine/static")]
+    assert grid.rows[1][2] == "needed by chop (alone 70 % of the gap)"
+    assert needed({}, {"final": database}) is None
+
+
+def test_page_and_paper_hold_the_same(results, tmp_path):
+    chapter = sections(results, {})
+    page = context(chapter)
+    assert [item["key"] for item in page] == ["engine", "column", "ground-effect"]
+    assert [item["grids"] for item in page] == [section.grids for section in chapter]
+    paper = [content.submodel(section) for section in chapter]
+    assert [[grid["rows"] for grid in item["grids"]] for item in paper] == [[grid.rows for grid in item["grids"]] for item in page]
+    report = pom.write_report([fixture.roll_result()], tmp_path, title="T-37", submodels=results, free_motion={"column": [flown()]})
+    assert 'href="#submodels"' in report.read_text(encoding="utf-8")
+    whole = (tmp_path / "report.pdf").read_bytes()
+    said = {bytes.fromhex(x.decode()).decode("utf-16") for x in re.findall(rb"/Alt\s*<FEFF([0-9A-Fa-f]*)>", inflated(whole))}
+    said |= {x.decode("latin-1") for x in re.findall(rb"/Alt\s*\((.*?)\)", inflated(whole), re.DOTALL)}
+    assert {picture.words for section in chapter for picture in section.pictures} <= said
+
+
+def inflated(pdf):
+    """A PDF with its deflated streams unpacked."""
+    parts = [pdf]
+    for found in re.finditer(rb"stream\r?\n(.*?)\nendstream", pdf, re.DOTALL):
+        with contextlib.suppress(zlib.error):
+            parts.append(zlib.decompressobj().decompress(found.group(1)))
+    return b"\n".join(parts)
