@@ -10,6 +10,7 @@ from . import evaluation as evaluation
 from . import expressions as expressions
 from . import ground_effect as ground_effect
 from . import input_design as input_design
+from . import landing_gear as landing_gear
 from . import maximum_likelihood as maximum_likelihood
 from . import model_structure as model_structure
 from . import quality as quality
@@ -33,6 +34,7 @@ from .equation_error import save_fit as save_fit
 from .evaluation import evaluate as evaluate
 from .ground_effect import identify_ground_effect as identify_ground_effect
 from .input_design import design_input as design_input
+from .landing_gear import identify_landing_gear as identify_landing_gear
 from .maximum_likelihood import OutputError as OutputError
 from .maximum_likelihood import output_error as output_error
 from .quality import assess as assess

@@ -77,6 +77,7 @@ ORDER = {
         "quality",
         "maximum_likelihood",
         "engine",
+        "landing_gear",
         "evaluation",
         "spin",
         "cli",

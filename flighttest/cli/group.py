@@ -28,6 +28,7 @@ _ELSEWHERE = {
     "ground-effect": "ground_effect",
     "controls": "controls",
     "engine": "engine",
+    "gear": "gear",
 }  # verb: module
 
 

@@ -259,6 +259,26 @@ def reduced_rates(states: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
     return data
 
 
+def external_load(states: xr.Dataset, aircraft: Aircraft) -> tuple[np.ndarray, np.ndarray]:
+    """Return the force and the moment on the airframe that are neither weight nor thrust: of the air, and of the runway.
+
+    Parameters
+    ----------
+    states : Dataset (time,)
+        As for `coefficients`.
+    aircraft : Aircraft
+        Mass where the states have none, inertia, engines.
+
+    Returns
+    -------
+    F, M : array (time, 3)
+        Body axes, M about the c.g. [N, N m]
+    """
+    F, M = _inertial(states, aircraft)
+    thrust = [_thrust(states, aircraft, i) for i in range(len(aircraft.engines))]
+    return F - sum(f for f, _ in thrust), M - sum(m for _, m in thrust)
+
+
 def known_moment(states: xr.Dataset, aircraft: Aircraft) -> np.ndarray:
     """Return the moment on the airframe that is not aerodynamic: of thrust about the c.g., less omega x h_e of the rotors.
 

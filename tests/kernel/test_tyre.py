@@ -122,6 +122,16 @@ def test_relaxation_length_is_cornering_over_side_stiffness(car, start):
     assert reached == pytest.approx(1.0 - np.exp(-1.0), abs=0.005)
 
 
+def test_brake_force_that_follows_the_load(compiled, start):
+    """brake = 0: deceleration by friction alone, whatever the mass (here the weight), at part of the pedal."""
+    legs = tuple(replace(c, brake=0.0, brake_friction=0.6) if c.brake else c for c in gear().contacts)
+    run = start(sim := compiled(gear(contacts=legs)), **(STANDING | {"init__V": 30.0}))
+    y = drive(sim, run, 2.0, brake_left=0.5, brake_right=0.5)
+    mains, nose = y["gear.left.Fz"] + y["gear.right.Fz"], y["gear.nose.Fz"]
+    slowing = -np.gradient(y["V"], y["time"])[40:-40]
+    np.testing.assert_allclose(slowing, (0.32 * mains + 0.02 * nose)[40:-40] / MASS, rtol=0.01)  # pitching moves the c.g. to and fro
+
+
 @pytest.mark.parametrize("slip", [0.0, 0.03, 0.1, 0.3])
 @pytest.mark.parametrize("pedal", [0.2, 0.45, 1.0])
 def test_friction_circle(pedal, slip, car, start):

@@ -112,6 +112,8 @@ class Contact:
         Rolling resistance over load. [1]
     brake : float
         Brake force at the ground with a full pedal; left of the plane of symmetry by ``brake_left``, on it by the mean. [N]
+    brake_friction : float
+        The same over the load, added to `brake`: of brakes whose force follows the load. [1]
     steering : float
         Angle of the wheel per angle of the steering; 0 not steered. [1]
     friction : float
@@ -138,6 +140,7 @@ class Contact:
     loss: float = 0.02
     rolling: float = 0.0
     brake: float = 0.0
+    brake_friction: float = 0.0
     steering: float = 0.0
     friction: float = 0.0
     retracts: bool = True
@@ -260,6 +263,7 @@ class ContactTable(_Table):
     loss: si("s") = 0.02  # type: ignore[valid-type]
     rolling: _Ratio = 0.0  # type: ignore[valid-type]
     brake: _Force = 0.0  # type: ignore[valid-type]
+    brake_friction: _Ratio = 0.0  # type: ignore[valid-type]
     steering: _Ratio = 0.0  # type: ignore[valid-type]
     friction: _Ratio = 0.0  # type: ignore[valid-type]
     retracts: bool = True
@@ -273,7 +277,7 @@ class ContactTable(_Table):
 
     @model_validator(mode="after")
     def _physical(self) -> ContactTable:
-        signed = "radius stiffness preload damping orifice tyre_stiffness cornering_stiffness loss rolling brake friction"
+        signed = "radius stiffness preload damping orifice tyre_stiffness cornering_stiffness loss rolling brake brake_friction friction"
         _at_least_zero(self, tuple(signed.split()))
         for name in ("side_stiffness", "cornering_load", "stroke"):
             if not getattr(self, name) > 0.0:

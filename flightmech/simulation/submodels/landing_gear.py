@@ -88,6 +88,7 @@ _CONTACT = {
     "loss": ("s", "ms", "damping of the carcass along the ground over its stiffness"),
     "rolling": ("1", "1", "rolling resistance over load"),
     "brake": ("N", "N", "brake force at the ground with a full pedal"),
+    "brake_friction": ("1", "1", "brake force over load with a full pedal, added to brake"),
     "steering": ("1", "1", "angle of the wheel per steering angle"),
     "friction": ("1", "1", "friction of a skid over load; 0 a wheel"),
     "retracts": ("1", "1", "1: carries in proportion to the input gear"),

@@ -60,7 +60,7 @@ static int check_contact(am_sim *sim, const double *p) {
         P_CONTACT_RADIUS,      P_CONTACT_STIFFNESS, P_CONTACT_PRELOAD,     P_CONTACT_DAMPING,
         P_CONTACT_DAMPING_EXT, P_CONTACT_ORIFICE,   P_CONTACT_ORIFICE_EXT, P_CONTACT_TYRE,
         P_CONTACT_CORNERING,   P_CONTACT_LOSS,      P_CONTACT_ROLLING,     P_CONTACT_BRAKE,
-        P_CONTACT_FRICTION};
+        P_CONTACT_BRAKE_FRICTION, P_CONTACT_FRICTION};
     for (size_t k = 0; k < sizeof POSITIVE / sizeof *POSITIVE; k++) {
         if (!(p[POSITIVE[k]] > 0.0)) return bad_value(sim, p + POSITIVE[k], "positive");
     }
@@ -213,7 +213,7 @@ static double brake_pedal(const double *u, double y) {
 static double set_friction(const double *gear, const double *p, double pedal, double speed,
                            tyre_t *tyre) {
     tyre->mu = runway_friction(gear, speed);
-    double brake = pedal * p[P_CONTACT_BRAKE];
+    double brake = pedal * (p[P_CONTACT_BRAKE] + p[P_CONTACT_BRAKE_FRICTION] * tyre->load);
     if (gear[P_ANTISKID] > 0.0) brake = fmin(brake, gear[P_ANTISKID] * tyre->mu * tyre->load);
     tyre->brake = brake + p[P_CONTACT_ROLLING] * tyre->load;
     const double grip = tyre->mu * tyre->load;

@@ -79,6 +79,7 @@
     X(P_CONTACT_LOSS, "gear.*.loss") \
     X(P_CONTACT_ROLLING, "gear.*.rolling") \
     X(P_CONTACT_BRAKE, "gear.*.brake") \
+    X(P_CONTACT_BRAKE_FRICTION, "gear.*.brake_friction") \
     X(P_CONTACT_STEERING, "gear.*.steering") \
     X(P_CONTACT_FRICTION, "gear.*.friction") \
     X(P_CONTACT_RETRACTS, "gear.*.retracts")

@@ -1,0 +1,174 @@
+"""An identified landing gear: constants with standard errors and source, as text, as numbers, and in an aircraft."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flightmech import Aircraft
+from flightmech.aircraft.systems.landing_gear import Contact
+from flightmech.errors import SchemaError, UnknownName
+from flightmech.terms import make
+
+from ..maximum_likelihood.result import OutputError
+from .explicit import FRICTION, LOAD, ROLLING
+from .regression import LoadFit
+from .wheels import WheelGroup, wheel_groups
+
+_UNITS = {
+    "stiffness": "N/m", "stiffness_square": "N/m2", "damping": "N s/m", "damping_outwards": "N s/m", "orifice": "N s2/m2",
+    "brake": "N", "brake_friction": "1", "cornering": "1/rad", "bend": "1", "mu_dry": "1", "rolling": "1", "side_stiffness": "N/m",
+    "trail": "m", "inertia": "kg m2", "arm_stiffness": "N m/rad", "arm_damping": "N m s/rad", "arm_inertia": "kg m2",
+}  # fmt: skip
+_STEERING = ("stiffness", "trail", "inertia", "damping", "arm_stiffness", "arm_damping", "arm_inertia")
+_FAR = 10.0  # load of the greatest cornering stiffness over the largest seen, where none was seen
+_TABLE = 9  # points of the table of a strut
+
+
+class GearConstant(NamedTuple):
+    """A constant with its standard error.
+
+    Attributes
+    ----------
+    value, stderr : float
+        [SI]
+    source : str
+        ``wheel loads`` or ``output error``.
+    """
+
+    value: float
+    stderr: float
+    source: str
+
+
+@dataclass(frozen=True)
+class IdentifiedGear:
+    """Struts, tyres, brakes and steering as the records determine them.
+
+    Attributes
+    ----------
+    groups : tuple of WheelGroup
+    constants : dict of str to GearConstant
+        By name: ``gear.left,right.stiffness``, ``rolling``, ``runway.mu_dry``, ``steering.stiffness`` ...
+    undetermined : dict of str to str
+        What the records cannot determine, and why; the aircraft keeps its value.
+    loads : LoadFit
+    flown : OutputError or None
+        Output error on the gear of the kernel.
+    """
+
+    groups: tuple[WheelGroup, ...]
+    constants: Mapping[str, GearConstant]
+    undetermined: Mapping[str, str]
+    loads: LoadFit
+    flown: OutputError | None = None
+
+    def value(self, name: str) -> tuple[float, float]:
+        """Return a constant and its standard error.
+
+        Raises
+        ------
+        UnknownName
+            No such constant, or not determined.
+        """
+        if name not in self.constants:
+            raise UnknownName(name, self.constants, "constant", self.undetermined.get(name, ""))
+        return self.constants[name].value, self.constants[name].stderr
+
+    def aircraft(self, known: Aircraft) -> Aircraft:
+        """Return an aircraft with these constants; what is not determined stays as it is.  Its history has sources and standard errors.
+
+        Raises
+        ------
+        SchemaError
+            The aircraft has no gear with these wheels.
+        """
+        if known.gear is None or tuple(wheel_groups(known)) != self.groups:
+            raise SchemaError(
+                known.name, [f"its wheels are not {'; '.join(group.label for group in self.groups)}; take the aircraft identified with"]
+            )
+        contacts = tuple(self._contact(contact) for contact in known.gear.contacts)
+        steering: dict[str, Any] = self._of("steering", _STEERING)
+        friction = {"mu_dry": self.constants[FRICTION].value} if FRICTION in self.constants else self._used()
+        gear = replace(known.gear, contacts=contacts, steering=replace(known.gear.steering, **steering), **friction)
+        said = ", ".join(f"{name} {one.value:.4g} ({one.stderr:.2g}, {one.source})" for name, one in self.constants.items())
+        lines = [known.history, f"landing gear identified from flight, standard errors and source in brackets: {said}"]
+        if self.undetermined:
+            lines.append(f"landing gear, not determined by these records: {', '.join(self.undetermined)}")
+        return replace(known, gear=gear, history="\n".join(filter(None, lines)))
+
+    def _used(self) -> dict[str, Any]:
+        """The friction that was used without a skid, where that is more than the aircraft file has."""
+        return {"mu_dry": self.loads.held[FRICTION]} if FRICTION in self.loads.held else {}
+
+    def _of(self, prefix: str, names: tuple[str, ...]) -> dict[str, float]:
+        return {name: self.constants[f"{prefix}.{name}"].value for name in names if f"{prefix}.{name}" in self.constants}
+
+    def _contact(self, contact: Contact) -> Contact:
+        group = next((group for group in self.groups if contact.name in group.names), None)
+        if group is None:
+            return contact
+        found: dict[str, Any] = self._of(f"gear.{group.label}", ("stiffness", "damping", "side_stiffness"))
+        at = dict(self.loads.held) | {name: one.value for name, one in self.constants.items()}
+        if "damping" in found or group.parameter("orifice") in self.constants:
+            found["damping_ext"] = max(0.0, found.get("damping", 0.0) + at.get(group.parameter("damping_outwards"), 0.0))
+            found["orifice"] = found["orifice_ext"] = at.get(group.parameter("orifice"), 0.0)
+        if ROLLING in self.constants:
+            found["rolling"] = self.constants[ROLLING].value
+        brakes = [name for name in ("brake", "brake_friction") if group.parameter(name) in self.constants]
+        if brakes:
+            found |= {name: at.get(group.parameter(name), 0.0) for name in ("brake", "brake_friction")}
+        if group.parameter("cornering") in self.constants:
+            found |= self._cornering(group, at)
+        square = at.get(group.parameter("stiffness_square"), 0.0)
+        if group.parameter("stiffness_square") in self.constants:
+            s = np.linspace(0.0, 1.5 * self._greatest("compression", group), _TABLE)
+            found["strut"] = make(square * s**2, {"compression": s}, outside="linear")
+        elif "stiffness" in found:
+            found["strut"] = None
+        return replace(contact, **found)
+
+    def _cornering(self, group: WheelGroup, at: Mapping[str, float]) -> dict[str, float]:
+        bend = at.get(group.parameter("bend"), 0.0)
+        most = LOAD / np.sqrt(bend) if bend > 0.0 else _FAR * self._greatest("load", group)
+        return {"cornering_load": float(most), "cornering_stiffness": float(0.5 * at[group.parameter("cornering")] * most)}
+
+    def _greatest(self, what: str, group: WheelGroup) -> float:
+        """Largest compression or load of a group in all records. [m, N]"""
+        wheels = list(group.names)
+        found = []
+        for one in self.loads.loads:
+            values = (
+                one["compression"].sel(wheel=wheels) if what == "compression" else one["force"].sel(output=[f"load.{w}" for w in wheels])
+            )
+            found.append(float(np.nanmax(values.values)))
+        return max(found)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return constants, what is not determined, and the errors of the inputs that were estimated along."""
+        constants = {name: {"value": one.value, "stderr": one.stderr, "source": one.source} for name, one in self.constants.items()}
+        return {"constants": constants, "not_determined": dict(self.undetermined), "errors_of_inputs": self._inputs()}
+
+    def _inputs(self) -> dict[str, list[float]]:
+        e = self.loads.fit.estimates
+        names = [str(name) for name in e["parameter"].values if str(name) not in self.constants]
+        return {name: [float(e[key].sel(parameter=name)) for key in ("estimate", "stderr")] for name in names}
+
+    def report(self) -> str:
+        """Return the constants as a text table."""
+        wide = max(len(name) for name in (*self.constants, *self.undetermined)) + 2
+        lines = [f"landing gear from {len(self.loads.loads)} records", f"{'':<{wide}}{'estimate':>12}{'stderr':>10}"]
+        for name, one in self.constants.items():
+            unit = _UNITS.get(name.rpartition(".")[2], "")
+            lines.append(f"{name:<{wide}}{one.value:>12.5g}{one.stderr:>10.2g}  {f'{unit}, {one.source}' if unit else one.source}")
+        lines += [f"{name:<{wide}}  not determined: {why}" for name, why in self.undetermined.items()]
+        lines += ["", "errors of the inputs, estimated along"]
+        lines += [f"{name:<{wide}}{value:>12.4g}{stderr:>10.2g}" for name, (value, stderr) in self._inputs().items()]
+        noise = self.loads.fit.noise["stderr"].values
+        outputs = [str(name) for name in self.loads.fit.noise["output"].values]
+        rms = np.sqrt(np.mean(noise**2, axis=0))
+        lines += ["", "residual rms: " + ", ".join(f"{name} {value:.3g}" for name, value in zip(outputs, rms))]
+        return "\n".join(lines)

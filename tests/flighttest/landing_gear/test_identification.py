@@ -1,0 +1,198 @@
+"""Landing gear from ground runs that the kernel flew with known constants: regression, aircraft file, command."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+from click.testing import CliRunner
+
+import aerodb
+import flightmech
+from flightmech.aircraft.systems.landing_gear import Contact, LandingGear, Steering
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
+from flightmech.terms import make
+from flighttest import identify_landing_gear
+from flighttest.cli.gear import gear
+from flighttest.landing_gear import wheel_loads
+
+STEP, MASS = 0.02, 2100.0
+NOSE = {"stiffness": 50e3, "damping": 9e3, "damping_ext": 9e3, "cornering_stiffness": 18e3, "cornering_load": 5e3, "side_stiffness": 80e3}
+MAIN = {
+    "stiffness": 90e3,
+    "damping": 18e3,
+    "damping_ext": 18e3,
+    "cornering_stiffness": 80e3,
+    "cornering_load": 20e3,
+    "side_stiffness": 150e3,
+}
+WHEELS = (
+    Contact("nose", (1.56, 0.0, 0.80), **NOSE, rolling=0.018, steering=1.0),
+    Contact("left", (-0.17, -1.1, 0.76), **MAIN, rolling=0.018, brake=5e3),
+    Contact("right", (-0.17, 1.1, 0.76), **MAIN, rolling=0.018, brake=5e3),
+)
+TRUTH = LandingGear(WHEELS, Steering(limit=0.5, stiffness=50e3, trail=0.02), mu_dry=0.75)
+ENGINE = flightmech.aircraft.Engine((0.0, 0.0, 0.0))
+CRAFT = flightmech.Aircraft("a", 17.0, 1.7, 10.3, MASS, 10.8e3, 8.1e3, 15.2e3, cg=(0.0, 0.0, 0.22), engines=(ENGINE,), gear=TRUTH)
+FACTS = {
+    "title": "t",
+    "aircraft": "a",
+    "S": 17.0,
+    "cbar": 1.7,
+    "b": 10.3,
+    "x_ref": 0.0,
+    "y_ref": 0.0,
+    "z_ref": 0.0,
+    "force_axes": "stability",
+}
+TERMS = {
+    "CL/basic": make(0.3),
+    "CD/basic": make(0.05),
+    "CY/beta": make(-0.6, regressors=["beta"]),
+    "Cn/beta": make(0.1, regressors=["beta"]),
+}
+NOISE = {"p": 2e-4, "q": 2e-4, "r": 2e-4, "ax": 0.02, "ay": 0.02, "az": 0.03, "vn": 3e-3, "ve": 3e-3, "vd": 3e-3}
+NOISE |= {f"gear.{wheel.name}.compression": 3e-4 for wheel in WHEELS}
+STATES = (*NOISE, "phi", "theta", "psi", "V", "alpha", "beta", "qbar", "rho", "h")
+GUESS = replace(
+    TRUTH,
+    mu_dry=0.6,
+    contacts=tuple(
+        replace(
+            w,
+            stiffness=70e3,
+            damping=5e3,
+            damping_ext=5e3,
+            rolling=0.03,
+            brake=min(w.brake, 3e3),
+            cornering_load=1e4,
+            cornering_stiffness=4e4,
+        )
+        for w in WHEELS
+    ),
+)
+
+
+@pytest.fixture(scope="module")
+def database():
+    return xr.DataTree.from_dict({"/": xr.Dataset(attrs=FACTS), **{f"/{name}": leaf for name, leaf in TERMS.items()}})
+
+
+def ground_run(database, craft=CRAFT, speed=12.0, seed=0, noise=1.0, length=30.0) -> xr.Dataset:
+    """Steering steps, then brakes, first of one side; flown by the kernel."""
+    sim = flightmech.compile(craft, database)
+    t = np.arange(0.0, length, STEP)
+    turn = np.interp(t, [1.5, 1.9, 5.5, 6.3, 10.5, 11.3, 14.0, 14.4], [0, 1, 1, -1, -1, 2.2, 2.2, 0]) * np.interp(
+        speed, [6, 20], [0.1, 0.035]
+    )
+    hold = np.interp(t, [17.0, 17.4, 19.0, 19.4], [0, 1, 1, 0])
+    stop = np.interp(t, [21.0, 21.5, 24.0, 24.5, 25.0], [0, 0.3, 0.3, 0.3, 0.7])
+    inputs = {"delta_nw": turn, "brake_left": 0.3 * hold + stop, "brake_right": stop, "gear": np.ones_like(t)}
+    inputs["engine1.thrust_drive"] = np.interp(t, [0.0, 16.0, 17.0], [600.0, 600.0, 200.0])
+    start = {"mode.earth": 0.0, "mode.engine": 2.0, "init.V": speed, "init.h": 0.42, "init.theta": 0.02, "init.alpha": 0.02}
+    flown = flightmech.simulate(sim, xr.Dataset({name: ("time", x) for name, x in inputs.items()}, {"time": t}), start)
+    rng = np.random.default_rng(seed)
+    found = {name: ("time", flown[name].values + noise * NOISE.get(name, 0.0) * rng.normal(size=len(t))) for name in STATES}
+    found |= {name: ("time", x) for name, x in inputs.items() if "thrust" not in name}
+    found |= {"engine1.thrust": ("time", inputs["engine1.thrust_drive"]), "h_agl": ("time", flown["h"].values + 0.2)}
+    return xr.Dataset(found, {"time": t}, {"record": f"run {seed}"})
+
+
+@pytest.fixture(scope="module")
+def records(database):
+    return [ground_run(database, speed=speed, seed=k) for k, speed in enumerate((7.0, 12.0, 18.0))]
+
+
+@pytest.fixture(scope="module")
+def found(records, database):
+    return identify_landing_gear(records, replace(CRAFT, gear=GUESS), database, {"wind": 0.0})
+
+
+def test_loads_carry_the_aircraft_and_are_those_of_the_kernel(records, database):
+    one = wheel_loads(ground_run(database, noise=0.0), CRAFT, database)
+    N = one["force"].values[50:-50, :3]
+    s, rate = (one[name].values[50:-50] for name in ("compression", "rate"))
+    K, c = np.array([50e3, 90e3, 90e3]), np.array([9e3, 18e3, 18e3])
+    # 2 % of the load of a main wheel where a brake bites: there the low-pass rounds a corner, and rates near the noise are zero
+    np.testing.assert_allclose(N, K * s + c * rate, atol=180.0)
+    assert np.sqrt(np.mean((N - K * s - c * rate) ** 2)) < 47.0  # 0.5 %: a leg that leans takes a part of the brake force
+
+
+def test_constants_are_those_of_the_kernel(found):
+    truth = {"gear.nose.stiffness": 50e3, "gear.left,right.stiffness": 90e3, "gear.nose.damping": 9e3, "gear.left,right.damping": 18e3}
+    truth |= {"rolling": 0.018, "gear.left,right.brake": 5e3, "gear.nose.cornering": 7.2, "gear.left,right.cornering": 8.0}
+    truth |= {"gear.nose.bend": 4.0, "gear.left,right.bend": 0.25}
+    bounds = {"stiffness": 0.01, "damping": 0.08, "rolling": 0.05, "brake": 0.02, "cornering": 0.05}
+    for name, value in truth.items():
+        if name in found.constants:
+            estimate, stderr = found.value(name)
+            assert abs(estimate - value) < 4.0 * stderr, (name, estimate, stderr)
+            assert abs(estimate - value) < bounds.get(name.rpartition(".")[2], 0.6) * value, (name, estimate, stderr)
+    assert {"gear.nose.stiffness", "gear.left,right.brake", "rolling", "gear.left,right.cornering"} <= found.constants.keys()
+
+
+def test_brakes_follow_the_pedal_or_the_load_by_evidence(found, database):
+    assert "gear.left,right.brake_friction" not in found.constants
+    wheels = tuple(replace(w, brake=0.0, brake_friction=0.5) if w.brake else w for w in WHEELS)
+    craft = replace(CRAFT, gear=replace(TRUTH, contacts=wheels))
+    runs = [ground_run(database, craft, speed, k) for k, speed in enumerate((9.0, 25.0))]
+    other = identify_landing_gear(runs, replace(CRAFT, gear=GUESS), database, {"wind": 0.0})
+    assert "gear.left,right.brake" not in other.constants
+    assert other.value("gear.left,right.brake_friction")[0] == pytest.approx(0.5, rel=0.02)
+
+
+def test_straight_rolling_determines_no_side_force(database):
+    craft = replace(CRAFT, gear=GUESS)
+    run = ground_run(database).sel(time=slice(17.0, None))
+    straight = run.assign({name: 0.0 * run[name] for name in ("ve", "r", "ay", "delta_nw", "beta")})
+    found = identify_landing_gear([straight.assign_coords(time=straight["time"] - 17.0)], craft, database, {"wind": 0.0})
+    assert "gear.nose.cornering" in found.undetermined
+    kept = found.aircraft(craft).gear.contacts[0]
+    assert (kept.cornering_stiffness, kept.cornering_load) == (4e4, 1e4)
+    assert "gear.nose.cornering  " in found.report()
+
+
+def test_aircraft_file_keeps_sources_and_standard_errors(found, tmp_path):
+    craft = found.aircraft(replace(CRAFT, gear=GUESS))
+    again = flightmech.read_aircraft(flightmech.write_aircraft(craft, tmp_path / "a.toml"))
+    left, right = (next(c for c in again.gear.contacts if c.name == name) for name in ("left", "right"))
+    assert left.brake == right.brake == found.value("gear.left,right.brake")[0]
+    assert left.stiffness == pytest.approx(90e3, rel=0.01)
+    value, stderr = found.value("gear.left,right.stiffness")
+    assert f"gear.left,right.stiffness {value:.4g} ({stderr:.2g}, wheel loads)" in again.history
+
+
+def test_errors_say_what_is_wrong(records, database):
+    craft = replace(CRAFT, gear=GUESS)
+    with pytest.raises(IdentificationError, match="no records"):
+        identify_landing_gear([], craft, database)
+    with pytest.raises(UnknownName, match="lft"):
+        identify_landing_gear(records, craft, database, {"lft": 0.1})
+    with pytest.raises(IdentificationError, match="has no wheels"):
+        identify_landing_gear(records, replace(CRAFT, gear=None), database)
+    with pytest.raises(UnknownName, match=r"gear\.nose\.compression"):
+        identify_landing_gear([records[0].drop_vars("gear.nose.compression")], craft, database)
+    flying = records[0].assign({f"gear.{w.name}.compression": 0.0 * records[0]["r"] for w in WHEELS})
+    with pytest.raises(IdentificationError, match="no wheel is compressed"):
+        identify_landing_gear([flying], craft, database)
+
+
+def test_another_gear_is_refused(found):
+    with pytest.raises(SchemaError, match="its wheels are not"):
+        found.aircraft(replace(CRAFT, gear=replace(TRUTH, contacts=WHEELS[:1])))
+
+
+def test_command(records, database, tmp_path):
+    flightmech.write_aircraft(replace(CRAFT, gear=GUESS), tmp_path / "a.toml")
+    aerodb.save(database, tmp_path / "db.nc")
+    paths = [str(tmp_path / f"{k}.nc") for k in range(len(records))]
+    for path, record in zip(paths, records):
+        record.to_netcdf(path, engine="h5netcdf")
+    given = [*paths, "--aircraft", str(tmp_path / "a.toml"), "--database", str(tmp_path / "db.nc"), "--error", "wind", "0"]
+    result = CliRunner().invoke(gear, [*given, "--json", "-o", str(tmp_path / "b.toml")])
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.output)["constants"]["gear.left,right.stiffness"]["value"] == pytest.approx(90e3, rel=0.01)
+    assert flightmech.read_aircraft(tmp_path / "b.toml").gear.contacts[0].stiffness == pytest.approx(50e3, rel=0.01)
