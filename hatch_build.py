@@ -52,7 +52,7 @@ def native() -> str:
 
 
 def wanted() -> list[str]:
-    """Return the platform folders that ``AEROMATCH_TARGETS`` asks for: ``native`` (default) or ``all``."""
+    """Return the platform folders that ``AEROMATCH_TARGETS`` names: ``native`` (default) or ``all``."""
     choice = os.environ.get("AEROMATCH_TARGETS", "native")
     if choice not in ("native", "all"):
         raise SystemExit(f"AEROMATCH_TARGETS is {choice!r}; allowed: native, all")
@@ -76,7 +76,7 @@ def compile_kernel(name: str) -> Path:
     linking = {"linux": ["-fPIC", "-lm"], "darwin": ["-fPIC", f"-Wl,-install_name,@rpath/{target.file}"], "windows": []}[system]
     library = OUT / name / target.file
     library.parent.mkdir(parents=True, exist_ok=True)
-    # a folder of its own: the linker leaves other files beside a Windows library, and two builds may run at once
+    # a folder of its own: the linker leaves other files next to a Windows library, and two builds may run at once
     with tempfile.TemporaryDirectory(dir=OUT) as folder:
         output = Path(folder) / target.file
         compiler = [sys.executable, "-m", "ziglang", "cc", "-target", target.zig]

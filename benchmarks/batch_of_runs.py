@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 import xarray as xr
-from kernel_step import citation_like  # beside this file
+from kernel_step import citation_like  # next to this file
 
 import flightmech
 

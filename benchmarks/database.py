@@ -1,4 +1,4 @@
-"""The database of the whole build-up: evaluated along a record beside SciPy and xarray, opened, edited, saved and exported.
+"""The database of the whole build-up: evaluated along a record against SciPy and xarray, opened, edited, saved and exported.
 
 Peers work on the same tables in the same run, and their results must be equal: python benchmarks/database.py
 """
@@ -161,11 +161,11 @@ def work_on_a_file(folder: Path) -> None:
     print(f"120 tables of 6 x 20 x 5 nodes, with standard errors and sources: {path.stat().st_size / 1e6:.2f} MB")
     for what, (ours, theirs) in rows.items():
         own = best(ours, 3)
-        beside = ""
+        compared = ""
         if theirs is not None:
             time_of_peer = best(theirs, 2)
-            beside = f"   xarray {1e3 * time_of_peer:6.0f} ms, ratio {time_of_peer / own:.1f}"
-        print(f"  {what:18s} {1e3 * own:6.0f} ms{beside}")
+            compared = f"   xarray {1e3 * time_of_peer:6.0f} ms, ratio {time_of_peer / own:.1f}"
+        print(f"  {what:18s} {1e3 * own:6.0f} ms{compared}")
 
 
 def exports(folder: Path) -> None:

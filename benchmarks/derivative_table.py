@@ -1,10 +1,10 @@
-"""Derivatives of the T-37 and of the Citation-500-like database beside model and published values, as a table in Markdown.
+"""Derivatives of the T-37 and of the Citation-500-like database against model and published values, as a table in Markdown.
 
     python benchmarks/derivative_table.py
 
 T-37: the model flown for the recordings, JSBSim's T37, read from the installed package ``jsbsim`` (constants, or its tables at the Mach
 number).  Citation 500: the values of a Delft flight-dynamics course for 59.9 m/s and CL 1.136, which public repositories carry
-(axert5/SVV_Flight_Dynamics, DominikStiller/tudelft-svv-flight-dynamics), on q c/V, doubled here; its listings are the corpus beside the
+(axert5/SVV_Flight_Dynamics, DominikStiller/tudelft-svv-flight-dynamics), on q c/V, doubled here; its listings are the corpus next to the
 repository.  Errors are the a-priori standard errors of the database at the nodes.
 """
 

@@ -37,7 +37,7 @@ AXES = {
 
 
 def model() -> flightmech.SimModel:
-    """Compile the synthetic aircraft; beside the terms that make it fly, tables of small random nodes."""
+    """Compile the synthetic aircraft; in addition to the terms that make it fly, tables of small random nodes."""
     random = np.random.default_rng(1)
     alpha = AXES["alpha"]
     leaves = {

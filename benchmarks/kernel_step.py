@@ -24,7 +24,7 @@ SEQUENCE = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
 REGRESSORS = (("qhat",), ("delta_e",), ("beta",), ("phat",), ("rhat",), ("delta_a",), ("delta_r",), ("alphadothat",), ())
 
 
-CLASS, WHOLE = (0, 21, 7, 2), (10, 65, 26, 6)  # tables of one to four axes beside the six that make it fly
+CLASS, WHOLE = (0, 21, 7, 2), (10, 65, 26, 6)  # tables of one to four axes in addition to the six that make it fly
 
 
 def citation_like(counts: tuple[int, ...] = CLASS) -> flightmech.SimModel:

@@ -192,8 +192,8 @@ def covered(study: str, seeds: int = 200) -> tuple[float, float, float]:
 def coverage() -> None:
     print(f"{'200 records':28s}{'corrected':>12s}{'Cramer-Rao':>12s}{'bias / s.e.':>12s}")
     for study in STUDIES:
-        told, white, bias = covered(study)
-        print(f"{study:28s}{told:12.1%}{white:12.1%}{bias:12.2f}", flush=True)
+        reported, white, bias = covered(study)
+        print(f"{study:28s}{reported:12.1%}{white:12.1%}{bias:12.2f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the damping of the phugoid hangs on: Citation II flights of 2018 and 2020, and models fitted to them.
+"""What the damping of the phugoid depends on: Citation II flights of 2018 and 2020, and models fitted to them.
 
     python benchmarks/phugoid_damping.py                  # all tables of docs/real-flights.md, section "Phugoid damping"
 

@@ -1,4 +1,4 @@
-"""A batch of cases from replay to page, and what a case of a foreign FMU costs beside FMPy's `simulate_fmu`, in one run.
+"""A batch of cases from replay to page, and what a case of a foreign FMU costs against FMPy's `simulate_fmu`, in one run.
 
 100 cases x 3 models of 30 s at 50 Hz: flights of an invented trainer, replayed by three of our FMUs (whole records, FMI 3.0), judged and
 written as a report without its PDF.  The paths are given, so nothing is reconstructed; the start of the FMUs' processes counts.  Run:

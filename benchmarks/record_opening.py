@@ -2,7 +2,7 @@
 
 Peers read the raw numbers only: `pandas.read_csv` the CSV, scipy the MATLAB file, h5py the netCDF files, pyulog and asammdf their own.
 `flighttest.read` does that and maps, calibrates, changes units, settles the clock, and looks for missing, held and spiked samples in
-every channel.  Times are the best of REPEATS, with the file in the page cache; CPU time beside the time of the clock, for machines that
+every channel.  Times are the best of REPEATS, with the file in the page cache; CPU time as well as that of the clock, for machines that
 others use too.
 
 python benchmarks/record_opening.py [MINUTES]

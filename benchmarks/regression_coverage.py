@@ -37,7 +37,7 @@ def low(rng: np.random.Generator, n: int, edge: float) -> np.ndarray:
     return x / np.sqrt(1.9 * edge * STEP)
 
 
-def swinging(rng: np.random.Generator, n: int) -> np.ndarray:
+def oscillating(rng: np.random.Generator, n: int) -> np.ndarray:
     pole = np.exp(2 * np.pi * 0.5 * STEP * (-0.2 + 1j * np.sqrt(0.96)))
     x = lfilter([1.0], [1.0, -2 * pole.real, abs(pole) ** 2], rng.normal(size=n + 1000))[1000:]
     return x / 45.0
@@ -48,7 +48,7 @@ COLOURS = {
     "AR(1), 1 s": lambda rng, n: red(rng, n, 1.0),
     "AR(1), 0.3 s, and white": lambda rng, n: 0.7 * red(rng, n, 0.3) + 0.7 * rng.normal(size=n),
     "low-passed at 3 Hz": lambda rng, n: low(rng, n, 3.0),
-    "swinging at 0.5 Hz": swinging,
+    "oscillating at 0.5 Hz": oscillating,
     "white": lambda rng, n: rng.normal(size=n),
 }
 
@@ -140,7 +140,7 @@ DEMANDED = {
     "25 s with gaps and noise of the regressors": ((25.0,), "AR(1), 0.3 s", 0.0, True),
     "25 s, white": ((25.0,), "white", 0.0, False),
     "25 s, AR(1) of 1 s": ((25.0,), "AR(1), 1 s", 0.0, False),
-    "25 s, swinging at 0.5 Hz": ((25.0,), "swinging at 0.5 Hz", 0.0, False),
+    "25 s, oscillating at 0.5 Hz": ((25.0,), "oscillating at 0.5 Hz", 0.0, False),
     "25 s, low-passed at 3 Hz": ((25.0,), "low-passed at 3 Hz", 0.0, False),
 }
 """Records on which two standard errors must cover 92 to 98 %; all terms of a model together."""

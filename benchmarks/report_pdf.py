@@ -1,4 +1,4 @@
-"""The report on paper: time and size of a PDF of a hundred pages, and of all that is written beside it.
+"""The report on paper: time and size of a PDF of a hundred pages, and of all that is written next to it.
 
     python benchmarks/report_pdf.py                 as many cases as fill about 100 pages: 32, 3 models, 7 channels, 30 s at 50 Hz
     python benchmarks/report_pdf.py --cases 100 --paper letter

@@ -135,7 +135,7 @@ def predictions(data: xr.Dataset, models: Mapping[str, tuple[Model, np.ndarray]]
 
 @dataclass(frozen=True)
 class Recovery:
-    """What a campaign found, beside what had been put in.
+    """What a campaign found, next to what had been put in.
 
     Attributes
     ----------
@@ -160,7 +160,7 @@ class Recovery:
         return {c: (model, np.array([self.table.loc[(c, term), "median"] for term in model.terms])) for c, model in structure.items()}
 
     def report(self) -> str:
-        """Return the table as text, laid out as [Gresham] Tables 2 and 3 with what was found beside it."""
+        """Return the table as text, laid out as [Gresham] Tables 2 and 3 with what was found next to it."""
         wide, narrow = ("published", "sigma", "flown", "median"), ("stderr", "scatter", "run_stderr")
         heads = "".join(f"{name:>11}" for name in wide) + "".join(f"{name.replace('_', ' '):>12}" for name in narrow)
         lines = [
@@ -175,7 +175,7 @@ class Recovery:
 
 
 def joined(runs: Sequence[Mapping[str, Fit]], published: Mapping[str, Polynomial], flown: Mapping[str, Polynomial]) -> Recovery:
-    """Return the medians over several runs beside the published and the flown values.
+    """Return the medians over several runs next to the published and the flown values.
 
     Parameters
     ----------

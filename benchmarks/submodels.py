@@ -157,8 +157,8 @@ def control_loading(folder: Path) -> dict:
     names |= {"unbalance": "offset", "mf": "mass", "Ia": "inertia", "Kc": "cable_stiffness"}
     answers: dict = {answer: list(found.value(name)) for answer, name in names.items()}
     answers["friction_total"] = list(found.total("friction"))
-    said = {"bob_weight": "bob", **{name: answer for answer, name in names.items()}}
-    answers["collinear"] = sorted({said[name] for pair in found.collinear for name in pair})
+    known_as = {"bob_weight": "bob", **{name: answer for answer, name in names.items()}}
+    answers["collinear"] = sorted({known_as[name] for pair in found.collinear for name in pair})
     return answers
 
 

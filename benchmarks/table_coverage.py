@@ -175,7 +175,7 @@ def true_tables(db: xr.DataTree, names: list[str]) -> dict[str, np.ndarray]:
 
 
 def programme(folder: Path, seed: int, project: Project, aircraft: flightmech.Aircraft, make: bool, jobs: int) -> dict[str, Any]:
-    """Return recordings and reconstructed paths of a seed by record, made when they are not there and `make` says so."""
+    """Return recordings and reconstructed paths of a seed by record, made when they are not there and `make` is set."""
     here = folder / f"seed{seed}"
     if make and not (here / "paths.pickle").exists():
         runs = ",".join(f"{k:02d}" for k in range(1, 17))

@@ -19,7 +19,7 @@ def demo(tmp_path_factory):
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item):
-    """Give all tests of a folder that miss material of ``../shared`` one reason, so that ``-rs`` prints one line a folder."""
+    """Give all tests of a folder that need absent material of ``../shared`` one reason, so that ``-rs`` prints one line a folder."""
     report = (yield).get_result()
     if report.skipped and isinstance(report.longrepr, tuple) and "../shared" in report.longrepr[2]:
         folder = ROOT.joinpath(*report.nodeid.partition("::")[0].split("/")[:2])

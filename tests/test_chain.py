@@ -184,7 +184,7 @@ def test_no_circle_of_modules(graph):
 
 
 def test_no_circle_of_folders(graph):
-    """At every depth: a folder, or a module beside it, never needs what needs it."""
+    """At every depth: a folder, or a module next to it, never needs what needs it."""
     for depth in range(2, max(name.count(".") for name in graph) + 2):
         edges = defaultdict(set)
         for name, others in graph.items():

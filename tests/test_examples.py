@@ -1,4 +1,4 @@
-"""The examples run from start to end and fly as they say."""
+"""The examples run from start to end and fly as announced."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ def test_fly_the_t37(tmp_path, capsys):
     with pytest.warns(AeromatchWarning, match="one condition per program run"):
         flights = example.main(tmp_path, None)
     assert {file.name for file in tmp_path.iterdir()} == {"doublet.png", "takeoff.png", "landing.png"}
-    said = capsys.readouterr().out
-    assert said.startswith("level at 180 kt: alpha ")
-    assert "phugoid" in said
+    stated = capsys.readouterr().out
+    assert stated.startswith("level at 180 kt: alpha ")
+    assert "phugoid" in stated
     doublet, takeoff, landing = (flights[name] for name in ("doublet", "takeoff", "landing"))
     assert float(doublet["nz"].min()) < 0.8 < 1.1 < float(doublet["nz"].max())
     standing = takeoff["time"] < 8.0

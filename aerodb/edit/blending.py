@@ -191,7 +191,7 @@ class _Observed:
 
 
 def _observed(table: xr.Dataset, pair: _Pair) -> _Observed:
-    """Return what theirs says of `table`, which is ours on any grid."""
+    """Return what theirs holds for `table`, which is ours on any grid."""
     own, theirs = axes_of(pair.ours), axes_of(pair.theirs)
     points = {axis: p[within(own[axis], p)] if axis in own else p for axis, p in theirs.items()}
     rest = {axis: p for axis, p in axes_of(table).items() if axis not in points}

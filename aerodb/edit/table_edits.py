@@ -88,7 +88,7 @@ def scale(
         own = leaf["stderr"].values if "stderr" in leaf else 0.0
         return f * value, np.hypot(f * own, sd * value) if "stderr" in leaf or sd.any() else None
 
-    return _worked(db, names, by, scaled, "scale", f"by {_said(by)}", source, note)
+    return _worked(db, names, by, scaled, "scale", f"by {_described(by)}", source, note)
 
 
 def shift(
@@ -133,7 +133,7 @@ def shift(
         own = leaf["stderr"].values if "stderr" in leaf else 0.0
         return leaf["value"].values + more["value"].values, np.hypot(own, sd) if "stderr" in leaf or sd.any() else None
 
-    return _worked(db, names, by, shifted, "shift", f"by {_said(by)}", source, note)
+    return _worked(db, names, by, shifted, "shift", f"by {_described(by)}", source, note)
 
 
 def regrid(db: xr.DataTree, name: str, breakpoints: Mapping[str, Any], *, tolerance: float | None = None, note: str = "") -> xr.DataTree:
@@ -283,7 +283,7 @@ def _common(leaf: xr.Dataset, by: xr.Dataset) -> tuple[xr.Dataset, xr.Dataset]:
     return spread(leaf, points), spread(by, points)
 
 
-def _said(by: xr.Dataset) -> str:
+def _described(by: xr.Dataset) -> str:
     value, sd = by["value"], by["stderr"].values
     low, high = float(value.min()), float(value.max())
     numbers = f"{low:g}" if low == high else f"{low:g} ... {high:g}"

@@ -63,7 +63,7 @@ def leaves(effect: Effect, prior: PriorErrors, cover: Mapping[str, tuple[float, 
             stderr=_stderr(name, value, prior, effect.zeros) * np.where(held.transpose(*value.dims), _HELD, 1.0),
             source="datcom",
             references=effect.references,
-            comment=joined(effect.comment, *notes, *(_said(axis, points) for axis, points in ends.items())),
+            comment=joined(effect.comment, *notes, *(_range_text(axis, points) for axis, points in ends.items())),
             history=f"from_datcom: {name}",
         )
         code = np.where(judged.transpose(*value.dims), _terms.SOURCES.index("judgement"), leaf["source"]).astype(np.uint8)
@@ -130,7 +130,7 @@ def _dropped(keep: xr.DataArray, axis: str) -> list[str]:
     return [f"{axis} {_words(axis, gone)} not printed"] if gone.size else []
 
 
-def _said(axis: str, points: np.ndarray) -> str:
+def _range_text(axis: str, points: np.ndarray) -> str:
     return f"{axis} {_words(axis, points)}: value of the nearest one held" if points.size else ""
 
 

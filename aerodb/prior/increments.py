@@ -187,7 +187,7 @@ def _over_ground(given: Source, h_ref: float, b: float, z_ref: float) -> tuple[d
     """Return page over ground minus page in free air over h_agl, fading to zero at two spans."""
     grid = at_height(given.grid("static"), h_ref)
     if "ground_height" not in grid.dims or not np.isinf(grid["ground_height"].values).any():
-        raise SchemaError(given.role, ["the case holds no pages over ground beside the one in free air; give a case with GRNDEF"])
+        raise SchemaError(given.role, ["the case holds no pages over ground next to the one in free air; give a case with GRNDEF"])
     low = grid.sel(ground_height=np.isfinite(grid["ground_height"]))
     tables = {}
     for coefficient in _LONGITUDINAL:

@@ -21,7 +21,7 @@ import xarray as xr
 from flightmech.errors import SchemaError, UnknownName
 
 REGIMES = ("subsonic", "transonic", "supersonic")
-STMACH, TSMACH = 0.6, 1.4  # where DATCOM ends its subsonic methods and starts its supersonic ones, unless the deck says otherwise
+STMACH, TSMACH = 0.6, 1.4  # where DATCOM ends its subsonic methods and starts its supersonic ones, unless the deck states otherwise
 
 # term: (relative, absolute), subsonic; the absolute one in the unit of the table
 PRIOR_ERRORS: dict[str, tuple[float, float]] = {

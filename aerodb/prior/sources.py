@@ -141,7 +141,7 @@ def source(role: str, given: Any) -> Source:
     decks = tuple(deck for _, deck in parts if deck is not None)
     looped = {name for tree in trees for name, leaf in tree.children.items() if leaf.sizes.get("condition", 1) > 1}
     if role == "clean" and "static" in joined.children:
-        _tell_pairs(role, joined.children["static"].to_dataset(inherit=False))
+        _report_pairs(role, joined.children["static"].to_dataset(inherit=False))
     return Source(role, joined, {key: float(joined.attrs[key]) for key in REFERENCES}, frozenset(looped), decks)
 
 
@@ -159,7 +159,7 @@ def _paired(dataset: xr.Dataset) -> bool:
     return len(np.unique(machs)) == len(machs) and len(np.unique(heights)) > 1 and bool(np.isfinite(heights).all())
 
 
-def _tell_pairs(role: str, static: xr.Dataset) -> None:
+def _report_pairs(role: str, static: xr.Dataset) -> None:
     if _paired(static):
         places = ", ".join(f"{mach:g} at {h:.0f} m" for mach, h in zip(static["mach"].values, static["h"].values))
         warn(f"{role}: every Mach number stands at an altitude of its own ({places}); the tables go over Mach number alone")

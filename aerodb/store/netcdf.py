@@ -71,9 +71,9 @@ def _write(node: xr.DataTree, group: h5py.Group, scales: dict[str, h5py.Dataset]
     leaf = node.to_dataset(inherit=False)
     for key, item in leaf.attrs.items():
         group.attrs[key] = item
-    beside = [str(name) for name in leaf.coords if name not in leaf.dims]
-    if beside:
-        group.attrs[_COORDINATES] = " ".join(beside)
+    further = [str(name) for name in leaf.coords if name not in leaf.dims]
+    if further:
+        group.attrs[_COORDINATES] = " ".join(further)
     scales = dict(scales)
     for name in sorted(map(str, leaf.variables), key=lambda name: name not in leaf.dims):
         variable = leaf.variables[name]
@@ -131,10 +131,10 @@ class _Reader:
         tables = {name: item for name, item in tables.items() if not (item.is_scale and _is_bare(item))}
         read = {name: self._variable(item, name, _place(path, name), axes) for name, item in tables.items()}
         attributes = self._attributes(group, _place(path))
-        beside = str(attributes.pop(_COORDINATES, "")).split()
+        further = str(attributes.pop(_COORDINATES, "")).split()
         try:
             leaf = xr.Dataset({name: variable for name, variable in read.items() if variable is not None}, attrs=attributes)
-            self.nodes[path] = leaf.set_coords([name for name in beside if name in leaf])
+            self.nodes[path] = leaf.set_coords([name for name in further if name in leaf])
         except ValueError as error:  # lengths along one dimension differ
             self.problems.append(f"{_place(path)}: {error}")
         for name, item in below:

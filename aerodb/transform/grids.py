@@ -145,7 +145,7 @@ def folded(leaf: xr.Dataset) -> xr.Dataset:
 
 
 def without_formula(leaf: xr.Dataset) -> xr.Dataset:
-    """Return a leaf whose factors no longer say which formula they came from: their breakpoints have changed."""
+    """Return a leaf whose factors no longer state which formula they came from: their breakpoints have changed."""
     changed = {}
     for key in _FACTORS:
         if key in leaf and "formula" in leaf[key].attrs:
@@ -188,7 +188,7 @@ def joint_source(*parts: xr.Dataset) -> np.ndarray:
 
 
 def known_source(leaf: xr.Dataset) -> np.ndarray:
-    """Return the source of every node; judgement where the leaf does not say."""
+    """Return the source of every node; judgement where the leaf does not state it."""
     return leaf["source"].values if "source" in leaf else np.full(leaf["value"].shape, JUDGEMENT, np.uint8)
 
 

@@ -169,7 +169,7 @@ def flown(run: Run, deck: Deck, offset: float) -> dict[str, np.ndarray]:
     return dict(zip(names, columns.T, strict=True))
 
 
-def misses(runs: list[Run], deck: Deck, offset: float) -> list[dict[str, np.ndarray]]:
+def residuals(runs: list[Run], deck: Deck, offset: float) -> list[dict[str, np.ndarray]]:
     """Return deck minus recording, run by run."""
     return [{name: values - run.data[name] for name, values in flown(run, deck, offset).items()} for run in runs]
 
@@ -202,14 +202,14 @@ def main() -> None:
     powered = [run for run in own if np.ptp(run.data["throttle"]) > 0.5][:3]
 
     def deck(time: float) -> Deck:
-        text = {"source": "flight", "comment": "close to the command, where no limit governs; a delay of the lever cannot be told from it"}
+        text = {"source": "flight", "comment": "close to the command, where no limit governs; a delay of the lever cannot be distinguished from it"}
         return Deck(tables | {f"{n}_up_time": make(time, **text) for n in ("n1", "n2")})
 
     best = minimize_scalar(
-        lambda time: rms(misses(powered, deck(time), offset), "n2"), bounds=(0.02, 0.3), method="bounded", options={"xatol": 5e-3}
+        lambda time: rms(residuals(powered, deck(time), offset), "n2"), bounds=(0.02, 0.3), method="bounded", options={"xatol": 5e-3}
     )
     found = deck(round(float(best.x), 2))
-    left = misses(runs, found, offset)
+    left = residuals(runs, found, offset)
     for title, part in (("fitted runs", left[: len(own)]), ("compared runs", left[len(own) :]), ("all runs", left)):
         print(f"{title}: " + ", ".join(f"{name} {rms(part, name):.4g}" for name in part[0]) + " rms [SI]")
     print(f"time constant {round(float(best.x), 2)} s; air {offset:.2f} K warmer; thrust {np.ptp(joined(runs)['thrust']):.0f} N in all")

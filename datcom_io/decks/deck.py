@@ -98,7 +98,7 @@ class Deck:
         return int(number) if number in (2.0, 3.0) else 1
 
     def has(self, card: str) -> bool:
-        """Tell whether a control card is given."""
+        """Return whether a control card is given."""
         return any(card == other.name for other in self.cards)
 
     def conditions(self) -> list[tuple[float, float]]:

@@ -76,7 +76,7 @@ def read_row(text: str, windows: list[Cut], keys: int) -> Cells | None:
 
 
 def _straddles(text: str, start: int, stop: int) -> bool:
-    """Tell whether text goes on over the left edge of a window; a signed number with a point may touch the one before it."""
+    """Return whether text goes on over the left edge of a window; a signed number with a point may touch the one before it."""
     if text[start - 1 : start] <= " " or text[start : start + 1] <= " ":
         return False
     return text[start] not in "+-" or "." not in text[start:stop]
@@ -113,13 +113,13 @@ class Windows:
         self.shapes: dict[bytes, bool] = {}
 
     def hold(self, text: str) -> bool:
-        """Tell whether a line cuts into the columns."""
+        """Return whether a line cuts into the columns."""
         shape = shape_of(text)
         known = self.shapes.get(shape)
         return self.judge(text, shape) if known is None else known
 
     def judge(self, text: str, shape: bytes) -> bool:
-        """Tell the same of a line whose shape is not known yet, and remember it."""
+        """Return the same of a line whose shape is not known yet, and remember it."""
         found = read_row(text, self.cuts, self.keys) is not None
         if b"#" in shape or not all(_PLAIN.fullmatch(text[cut.start : cut.stop].strip()) for cut in self.cuts[: self.keys]):
             return found  # it may depend on digits: 1.#QNAN, a key of 1E-30

@@ -47,7 +47,7 @@ class Observer:
         tables = [table for _, table in case.tables("symflp")]
         self.control_tables += len(tables)
         if tables and self.control_tables > 1:
-            _say(
+            _report(
                 case,
                 tables[-1].lines[0],
                 f"D(CM) of {self.control_tables} conditions from one program run: the program carries it from condition to condition and "
@@ -55,14 +55,14 @@ class Observer:
             )
 
 
-def _say(case: Case, line: int, text: str) -> None:
+def _report(case: Case, line: int, text: str) -> None:
     case.messages.append(Message(line, text, "reader"))
 
 
 def _last_mach_in_static_pages(case: Case) -> None:
     machs = {page.condition("mach") for page, _ in case.tables("static")}
     if len(machs) > 1:
-        _say(
+        _report(
             case,
             case.line,
             f"{len(machs)} Mach numbers in one case: static pages carry something of the last one "
@@ -78,7 +78,7 @@ def _pressure_on_control_pages(case: Case) -> None:
             continue
         pressure, wanted = page.condition("p_static"), right.get(printed_condition(page), math.nan)
         if abs(pressure - wanted) > 1e-3 * abs(wanted):
-            _say(
+            _report(
                 case,
                 page.conditions.lines[0],
                 f"pressure {pressure:g} on a control page, {wanted:g} on the static page of the same condition: "
@@ -91,7 +91,7 @@ def _pressure_on_control_pages(case: Case) -> None:
 def _weight(case: Case) -> None:
     notes = [note for page in case.pages for note in page.notes if "VEHICLE WEIGHT" in note.text]
     if notes and case.deck.dim in ("M", "CM"):
-        _say(
+        _report(
             case,
             notes[0].line,
             f"with DIM {case.deck.dim} the program divides the weight by 0.2248 again at every condition: "
@@ -102,7 +102,7 @@ def _weight(case: Case) -> None:
 def _flaps_in_ground_effect(case: Case) -> None:
     pages = [page for page in case.pages if math.isfinite(page.ground_height) and not math.isnan(page.flap)]
     if pages:
-        _say(
+        _report(
             case,
             pages[0].first,
             "ground pages with flaps hold the clean configuration and the ground increment with flaps: "
@@ -113,7 +113,7 @@ def _flaps_in_ground_effect(case: Case) -> None:
 def _power_on_missing_cells(case: Case) -> None:
     pages = [page for page in case.pages if page.power != "off"]
     if pages:
-        _say(
+        _report(
             case,
             pages[0].first,
             f"{pages[0].power} power is added to cells that have no value without power: "
@@ -126,7 +126,7 @@ def _control_tabs(case: Case) -> None:
     force = next((table for _, table in case.tables("tab_force")), None)
     if force is not None:
         largest = max(abs(force.values[force.flags == OK]), default=0.0)
-        _say(
+        _report(
             case,
             force.lines[0],
             f"stick forces up to {largest:.3g} lb: the program divides the coefficient by qbar S cbar where it ought to multiply; "
@@ -135,7 +135,7 @@ def _control_tabs(case: Case) -> None:
     for _, table in case.tables("symflp") if "CONTAB" in case.deck.namelists else ():
         lift, moment = table.values[:, 1], table.values[:, 2]
         if not moment.any() and (abs(lift) > 0.01).any():
-            _say(
+            _report(
                 case,
                 table.lines[0],
                 "D(CM) is 0.0000 at every deflection though D(CL) is not: one build of the program loses it with CONTAB, and its D(CDI) "
@@ -148,7 +148,7 @@ def _failed_arithmetic(case: Case) -> None:
     tables = (table for table, text in texts if "a" in text or "f" in text or "#" in text)  # no other row has such letters
     rows = [line for table in tables for line, row in zip(table.lines, table.rows) if _FAILED.search(row)]
     if rows:
-        _say(
+        _report(
             case,
             rows[0],
             f"{len(rows)} row{'s hold' if len(rows) > 1 else ' holds'} NaN: the program's arithmetic failed there "
@@ -164,7 +164,7 @@ def _dynamic_pages_repeated(case: Case) -> None:
     for page, table in case.tables("dynamic"):
         rows = tuple(row.split() for row in table.rows)
         if first.setdefault((page.configuration, *printed_condition(page)), rows) != rows:
-            _say(case, table.lines[0], "this dynamic page differs from the one before for the same condition; the first one is used")
+            _report(case, table.lines[0], "this dynamic page differs from the one before for the same condition; the first one is used")
             return
 
 
@@ -176,7 +176,7 @@ def _reference_quantities(case: Case) -> None:
             found.setdefault(tuple(page.conditions.text(0, i) for i in range(6, 11)), page.first)
     if len(found) > 1:
         texts = "; ".join(f"line {line}: {' '.join(words)}" for words, line in found.items())
-        _say(case, min(found.values()), f"the pages differ in reference quantities; the tree has those of the first page: {texts}")
+        _report(case, min(found.values()), f"the pages differ in reference quantities; the tree has those of the first page: {texts}")
 
 
 def _aspect_ratio_of_inboard_panels(case: Case) -> None:
@@ -184,7 +184,7 @@ def _aspect_ratio_of_inboard_panels(case: Case) -> None:
     for page, group in case.values("planform"):
         panels = [k for k, label in enumerate(group.labels) if label.endswith("THEORITICAL INBOARD ASPECT RATIO")]
         if panels and page.dim != "FT":
-            _say(
+            _report(
                 case,
                 group.lines[panels[0]],
                 f"aspect ratio {group.texts[panels[0]]} of the theoretical inboard panel: with DIM {page.dim} the program divides the "
@@ -197,7 +197,7 @@ def _conditions_missing(case: Case) -> None:
     wanted = len({pair for pair in case.deck.conditions() if not _has_hypersonic_page(case, pair[0])})
     found = len({printed_condition(page) for page, _ in case.tables("static")})
     if 0 < found < wanted:
-        _say(
+        _report(
             case,
             case.line,
             f"{wanted} flight conditions in the input cards, {found} in the listing: the program left some out, or pages are lost",
@@ -205,7 +205,7 @@ def _conditions_missing(case: Case) -> None:
 
 
 def _has_hypersonic_page(case: Case, mach: float) -> bool:
-    """Tell whether the program computes a hypersonic flap at a Mach number, and nothing else."""
+    """Return whether the program computes a hypersonic flap at a Mach number, and nothing else."""
     return "HYPEFF" in case.deck.namelists and case.deck.value("FLTCON", "HYPERS") == 1.0 and mach >= HYPERSONIC_FROM
 
 
@@ -213,14 +213,14 @@ def _hypersonic_flap(case: Case) -> None:
     """One build computes a hypersonic flap and prints nothing."""
     wanted = any(_has_hypersonic_page(case, mach) for mach in case.deck.schedule("FLTCON", "MACH", "NMACH"))
     if wanted and not any(page.kind == "hypersonic" for page in case.pages):
-        _say(case, case.line, "HYPEFF is given and nothing of it is printed: one build of the program has that page switched off")
+        _report(case, case.line, "HYPEFF is given and nothing of it is printed: one build of the program has that page switched off")
 
 
 def _transverse_jet(case: Case) -> None:
     """The method counts in pounds per square inch, the program's atmosphere in pounds per square foot."""
     lines = [group.lines[0] for _, group in case.values("jet")]
     if lines and not case.deck.values("FLTCON", "PINF"):
-        _say(
+        _report(
             case,
             lines[0],
             "the transverse-jet method wants pressures in LB/IN2 and gets that of the altitude in LB/FT2: the pressures of the page are "

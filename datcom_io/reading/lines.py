@@ -144,5 +144,5 @@ def _with_control(line: str) -> str:
 
 
 def is_progress(line: str) -> bool:
-    """Tell whether a line is one of the progress lines that some builds print between the tables."""
+    """Return whether a line is one of the progress lines that some builds print between the tables."""
     return _PROGRESS.match(line) is not None

@@ -123,7 +123,7 @@ def _read_body(lines: list[Line], at: int, kind: str) -> Body:
             if table is not None:
                 body.printed.append(table)
                 at = after
-            elif not _says_no_output(lines, at):
+            elif not _states_no_output(lines, at):
                 body.unread.append(number)
                 body.empty.append((number, meaning.layout))
         else:
@@ -135,7 +135,7 @@ def _read_block(blocks: tuple[Block, ...], lines: list[Line], at: int) -> tuple[
     return next((found for block in blocks if (found := block.read(lines, at))), None)
 
 
-def _says_no_output(lines: list[Line], at: int) -> bool:
+def _states_no_output(lines: list[Line], at: int) -> bool:
     words = next((text[1:].strip() for _, text in lines[at : at + 3] if text[1:].strip()), "")
     return words.startswith("*NOTE* NO OUTPUT AVAILABLE")
 

@@ -139,7 +139,7 @@ class Scanner:
 
     @staticmethod
     def _is_dump(first: str) -> bool:
-        """Tell whether a page is a dump; card DUMP A,B prints arrays without a heading."""
+        """Return whether a page is a dump; card DUMP A,B prints arrays without a heading."""
         return anchor(first) == "dump" or ARRAY_DUMP.match(first) is not None
 
     def _card(self, number: int, line: str) -> None:

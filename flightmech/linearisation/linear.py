@@ -4,7 +4,7 @@ States and inputs are moved one at a time, everything else is held, and the kern
 eps^(1/3) of the size of a variable (6e-6 rad, 6e-6 of the speed) balances what is cut off, h^2 f'''/6, against what is rounded off,
 eps f / h: both stay near 1e-10 of the entry.  A second pass with half the step gives ``error``, so that the reader sees it.
 
-Beside the rigid body any state of the submodels can be chosen: thrust and spools of the engines, fuel, tyres.  What is not chosen
+In addition to the rigid body any state of the submodels can be chosen: thrust and spools of the engines, fuel, tyres.  What is not chosen
 follows at once where the start of a run settles it (engines) and stands still otherwise (fuel, landing gear).  Control circuits
 with friction are no states: the surfaces are held where the trim left them.
 

@@ -239,7 +239,7 @@ class Simulation:
         goals: Sequence[int],
         wanted: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Seek unknowns so that outputs take wanted values, as ``am_trim_for`` of kernel.h.
+        """Solve for unknowns so that outputs take wanted values, as ``am_trim_for`` of kernel.h.
 
         Parameters
         ----------

@@ -82,5 +82,5 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ""
 
 
 def remark(text: str) -> None:
-    """Say something on stderr, so that stdout stays clean."""
+    """Print a message on stderr, so that stdout stays clean."""
     click.echo(text, err=True)

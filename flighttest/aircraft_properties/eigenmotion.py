@@ -66,7 +66,7 @@ class Motion:
     time, fitted, measured : array (time,), dict of array (time,)
         For a figure. [s], [SI]
     F, F_terms, F_dof, F_probability : float, int, float, float
-        Wald's statistic of the amplitudes of the motion, per amplitude, with residuals as they are coloured; beside an oscillation
+        Wald's statistic of the amplitudes of the motion, per amplitude, with residuals as they are coloured; next to an oscillation
         a cubic drift is allowed, so that a slow curve is not taken for one.  Its degrees of freedom, and the probability of more by chance.
     """
 
@@ -293,14 +293,14 @@ class _Response:
         return covariance
 
     def test(self, x: np.ndarray) -> tuple[float, int, float, float]:
-        """Return F of the amplitudes, their number, degrees of freedom and probability; a drift beside an oscillation is a cubic."""
+        """Return F of the amplitudes, their number, degrees of freedom and probability; a drift next to an oscillation is a cubic."""
         from scipy import stats
 
         basis, channels = self.basis(x), self.y.shape[1]
         drift = 1 + self.trend
         if self.kind == "oscillation":
-            bent = (self.t[:, None] / self.t[-1]) ** np.arange(drift, 4)
-            basis, drift = np.column_stack([basis[:, :drift], bent, basis[:, drift:]]), 4
+            curved = (self.t[:, None] / self.t[-1]) ** np.arange(drift, 4)
+            basis, drift = np.column_stack([basis[:, :drift], curved, basis[:, drift:]]), 4
         X, size = self._tangents(x, basis), np.maximum(np.abs(basis).max(axis=0), 1e-300)
         left = ((self.y - self.fitted(x)) / self.weight).T.ravel()
         v = left - X @ np.linalg.lstsq(X, left, rcond=1e-10)[0]

@@ -123,7 +123,7 @@ def inertia_from_flight(
     models : mapping
         Aerodynamic models of ``Cl``, ``Cm`` and ``Cn`` about the c.g.
     scale : {"Ixx", "Iyy", "Izz"}
-        The moment that is known, from a pendulum test say.
+        The moment that is known, from a pendulum test for example.
     cutoff : float, optional
         Low-pass all states alike first, as in `coefficients`. [Hz]
 

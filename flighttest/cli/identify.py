@@ -196,14 +196,14 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff) -> list:
 
     from ..dynamics.force_coefficients import between, coefficients
     from ..dynamics.saved_paths import open_path
-    from ..quality.manoeuvre_assessment import tell_faults
+    from ..quality.manoeuvre_assessment import report_faults
 
     aircraft = read_aircraft(aircraft_file)
     found = []
     for path in paths:
         data = coefficients(open_path(path), aircraft, cutoff=cutoff)
         found += [between(data, *window) for window in windows] or [data]
-    tell_faults(found, [Path(path).name for path in paths for _ in range(max(len(windows), 1))], known=("excitation",))
+    report_faults(found, [Path(path).name for path in paths for _ in range(max(len(windows), 1))], known=("excitation",))
     return found
 
 

@@ -83,7 +83,7 @@ def join_fits(fits: Sequence[Fit], method: str = "inverse_variance", name: str =
     fits : sequence of Fit
         Of one coefficient, at comparable conditions; a term need not be in all of them.
     method : {"inverse_variance", "median", "inverse_sigma"}
-        Weights by the inverse of the whole covariances, errors widened by each term's Birge ratio; the median with
+        Weights by the inverse of the whole covariances, errors inflated by each term's Birge ratio; the median with
         1.25 scatter/sqrt(n); weights 1/sigma.  See `pool`.
     name : str
         For reports.

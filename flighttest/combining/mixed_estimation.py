@@ -169,8 +169,8 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
     if coefficient not in database.children:
         raise UnknownName(coefficient, map(str, database.children), "coefficient", "the database does not hold it")
     leaves = {f"{coefficient}/{name}": node.to_dataset(inherit=False) for name, node in database[coefficient].children.items()}
-    if unsure := [f"{name} has no stderr" for name, leaf in leaves.items() if "stderr" not in leaf]:
-        raise SchemaError("database as a prior", unsure)
+    if without_error := [f"{name} has no stderr" for name, leaf in leaves.items() if "stderr" not in leaf]:
+        raise SchemaError("database as a prior", without_error)
     A = least_squares.estimator(fit.design.values)
     theta, C = np.zeros(len(A)), np.zeros((len(A), len(A)))
     for leaf in leaves.values():

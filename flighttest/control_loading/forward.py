@@ -1,4 +1,4 @@
-"""Free motion of an identified control under the recorded forces, beside the recorded motion: the proof of the regression."""
+"""Free motion of an identified control under the recorded forces, against the recorded motion: the proof of the regression."""
 
 from __future__ import annotations
 

@@ -46,14 +46,14 @@ def identify_control_loading(
     Raises
     ------
     IdentificationError
-        The control does not slide, terms cannot be told apart, or the cable does not stretch.
+        The control does not slide, terms cannot be distinguished, or the cable does not stretch.
     UnknownName
         A channel that a record does not hold.
 
     Notes
     -----
     Both equations of motion are linear in their constants while the control slides, dry friction included: inverse dynamics.  Samples at
-    rest, at reversals, near neutral and beside a release are left out, since there friction and preload have no known sign.
+    rest, at reversals, near neutral and next to a release are left out, since there friction and preload have no known sign.
 
     References
     ----------

@@ -22,7 +22,7 @@ _PAUSE = 0.4  # s without motion that end a window
 _SLOW = 6.0  # standard errors of the smoothed rate; below, its sign is not known
 _LEAST_RATE = 0.02  # of the fastest rate: friction is fully developed
 _REACH = 0.5  # periods of the cut-off over which the low-pass spreads a kink
-_SHAKEN = 0.6  # periods of the cut-off beside a step of the force
+_SHAKEN = 0.6  # periods of the cut-off next to a step of the force
 _JUMP, _CLEAR = 0.4, 8.0  # step between two samples: of the range of the force, of its noise
 
 
@@ -34,7 +34,7 @@ def signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> 
     loading : ControlLoading
     data : Dataset (time,)
         ``column``, ``F_column``, ``delta_e`` (or those of wheel or pedal), ``qbar``, ``nz`` and the variables of the hinge moments,
-        on an even time base; ``wow`` where the nose-wheel spring is asked for, ``p`` and ``V`` for the ailerons. [SI]
+        on an even time base; ``wow`` where the nose-wheel spring is estimated, ``p`` and ``V`` for the ailerons. [SI]
     cutoff : float or None
         Of one low-pass for all channels.  None leaves force, travel and deflection as they are and gives the air and the tab, which
         change slowly, `AIR_CUTOFF`: as inputs of a simulation their noise would shake the control. [Hz]
@@ -99,7 +99,7 @@ def free_motion(loading: ControlLoading, data: xr.Dataset) -> list[xr.Dataset]:
 def sliding(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset, cutoff: float) -> np.ndarray:
     """Return where the control slides and is off its neutral, (time,) of bool.
 
-    Reversals, rest and the neighbourhood of neutral are left out, and so much beside them as the low-pass smears.
+    Reversals, rest and the neighbourhood of neutral are left out, and so much next to them as the low-pass smears.
     """
     step = float(np.median(np.diff(moved["time"].values)))
     raw = data[loading.item].values
@@ -140,7 +140,7 @@ def rates(x: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _jumping(force: np.ndarray, reach: int) -> np.ndarray:
-    """Samples beside a step of the force: when inside a sampling interval the hand let go is not known."""
+    """Samples next to a step of the force: when inside a sampling interval the hand let go is not known."""
     jumps = np.abs(np.diff(force, append=force[-1])) > max(_JUMP * float(np.ptp(force)), _CLEAR * noise(force))
     return binary_dilation(jumps, np.ones(2 * reach + 1)) if jumps.any() else jumps
 

@@ -18,7 +18,7 @@ from ..uncertainty.coloured_residuals import coloured
 from .loading import ControlLoading
 from .motion import CUTOFF, FREE_CUTOFF, design, rates, signals, sliding
 
-_ALIKE = 0.98  # correlation inside every manoeuvre from which on only the differences between manoeuvres tell two terms apart
+_ALIKE = 0.98  # correlation inside every manoeuvre from which on only the differences between manoeuvres separate two terms
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class SlidingFit:
         ``correlation``; ``friction``, ``damping`` and ``mass`` are those of both ends of the cable together, reduced to the travel.
         Attributes ``residual_rms`` [N or N m], ``R2``, ``samples``, ``manoeuvres``.
     alike : list of (str, str)
-        Terms that go together inside every manoeuvre: their separation hangs on differences between the manoeuvres.
+        Terms that go together inside every manoeuvre: their separation depends on differences between the manoeuvres.
     """
 
     loading: ControlLoading
@@ -71,7 +71,7 @@ def sliding_fit(
     Raises
     ------
     IdentificationError
-        Too few samples, or terms that the manoeuvres cannot tell apart.
+        Too few samples, or terms that the manoeuvres cannot distinguish.
 
     References
     ----------

@@ -84,7 +84,7 @@ class IdentifiedLoading:
 
     @property
     def collinear(self) -> list[tuple[str, str]]:
-        """Pairs of terms that go together inside every manoeuvre and are told apart by differences between manoeuvres alone."""
+        """Pairs of terms that go together inside every manoeuvre and are separated by differences between manoeuvres alone."""
         return self.slid.alike
 
     @property
@@ -134,8 +134,8 @@ class IdentifiedLoading:
             raise SchemaError(known.name, [f"[circuit.{item}] is missing; give stops and mass at least"])
         controls = {**known.controls, one.deflection: Control(one.S_hinge, one.c_hinge, one.gearing)}
         circuits = {**known.circuits, item: self.circuit(known.circuits[item])}
-        said = ", ".join(f"{name} {value:.4g} ({stderr:.2g})" for name, value, stderr in self._rows() if name in _CIRCUIT)
-        line = f"circuit.{item} identified from flight, standard errors in brackets: {said}; bias.F_{item} {self.force_bias:.3g}"
+        values = ", ".join(f"{name} {value:.4g} ({stderr:.2g})" for name, value, stderr in self._rows() if name in _CIRCUIT)
+        line = f"circuit.{item} identified from flight, standard errors in brackets: {values}; bias.F_{item} {self.force_bias:.3g}"
         return replace(known, controls=controls, circuits=circuits, history=f"{known.history}\n{line}".strip())
 
     def published(self) -> tuple[Mapping[str, float], Mapping[str, float], np.ndarray]:

@@ -127,13 +127,13 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
 
 
 def _by_time(c: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Return the derivative by time, zero where it has no value: beside a gap and at the ends of what is known. [s-1]"""
+    """Return the derivative by time, zero where it has no value: next to a gap and at the ends of what is known. [s-1]"""
     if len(time) < 3:
         return np.zeros_like(c)
     slope = np.gradient(c, time)
     gap = np.diff(time) > 1.5 * np.median(np.diff(time))
-    beside = np.append(gap, False) | np.append(False, gap)
-    return np.where(beside | ~np.isfinite(slope), 0.0, slope)
+    adjacent = np.append(gap, False) | np.append(False, gap)
+    return np.where(adjacent | ~np.isfinite(slope), 0.0, slope)
 
 
 def _of_states(data: xr.Dataset, left: xr.Dataset, total: Mapping[str, np.ndarray], aircraft: Aircraft) -> dict[str, dict[str, np.ndarray]]:

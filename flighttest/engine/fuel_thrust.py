@@ -65,7 +65,7 @@ def fit_fuel_thrust(points: xr.Dataset) -> FuelThrust:
     Raises
     ------
     IdentificationError
-        Too few points, or points that do not tell the terms apart.
+        Too few points, or points that do not separate the terms.
     """
     X, delta, w, mach = _rows(points)
     count = X.shape[1]
@@ -73,7 +73,7 @@ def fit_fuel_thrust(points: xr.Dataset) -> FuelThrust:
         raise IdentificationError(f"{len(X)} points for {count} terms; at least {FEWEST * count} are needed")
     size = np.linalg.norm(X, axis=0)
     if np.linalg.cond(X / size) > 1e6:
-        raise IdentificationError("the points do not tell fuel flow and Mach number apart; add other powers or speeds")
+        raise IdentificationError("the points do not separate fuel flow and Mach number; add other powers or speeds")
     z = points["thrust"].values
     A = delta[:, None] * X
     theta = np.linalg.lstsq(A / size, z, rcond=None)[0] / size

@@ -22,7 +22,7 @@ _LOWER = 0.9  # speed at light-off less a margin, as least speed to light; it bu
 
 @dataclass(frozen=True)
 class EngineFit:
-    """What the records of an engine say, part by part; None where there were no records of it.
+    """What the records of an engine show, part by part; None where there were no records of it.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ SAME = 0.02  # range of the throttle that counts as rest, and distance of two po
 LEAST = 0.05  # samples at a position of rest, in those at the most frequent one
 GAP = 0.2  # knots of the schedule stand closer
 SPACING = 0.035  # of the knots over n2
-AWAY = 0.02  # gap to the schedule from which on a rate says something of the time constant
+AWAY = 0.02  # gap to the schedule from which on a rate carries information on the time constant
 WIDE = 0.15  # half the time over which a rate is taken [s]
 
 

@@ -30,7 +30,7 @@ from .tables import Curve, fine
 
 QUICKEST, SLOWEST = 0.02, 30.0  # time constants that are searched [s]
 LONGEST = 2.0  # transport delay that is searched [s]
-SURE = 2.6  # standard errors beyond which the ratio of the time constants depends on speed, 1 %
+SIGNIFICANT = 2.6  # standard errors beyond which the ratio of the time constants depends on speed, 1 %
 ROUGH = 0.1  # internal step of the first search [s]
 _VAGUE = 2.0  # a-priori standard error of ln tau: keeps what no record shows
 
@@ -67,7 +67,7 @@ class SpoolFit:
         """Return constants, tables and noise as text."""
         value = self.constants
         slope, ratio = value["ratio_slope"], value["ratio"]
-        word = "no change with n2 beyond its error" if abs(slope[0]) <= SURE * slope[1] else "changes with n2"
+        word = "no change with n2 beyond its error" if abs(slope[0]) <= SIGNIFICANT * slope[1] else "changes with n2"
         lines = [f"transport delay {value['lever_delay'][0]:.4f} s ({value['lever_delay'][1]:.2g})"]
         lines.append(
             f"deceleration over acceleration {ratio[0]:.4f} ({ratio[1]:.2g}); slope of its log {slope[0]:.3g} ({slope[1]:.2g}): {word}"
@@ -91,7 +91,7 @@ def identify_spools(records: Sequence[xr.Dataset], throttle: Sequence[float] | N
     ----------
     records : sequence of Dataset (time,)
         Power changes that begin at rest, each at one flight condition, on a uniform clock: ``throttle``, ``n2`` and where
-        there is one ``n1`` [1]; ``mach``, ``h`` [m], ``temperature`` [K] say the condition.
+        there is one ``n1`` [1]; ``mach``, ``h`` [m], ``temperature`` [K] give the condition.
     throttle, n2 : sequence of float, optional
         Knots of the schedule and of the tables over n2; by default where the lever rested, and every 7 % of speed.
 
@@ -175,7 +175,7 @@ class _Core:
         """Tables and constants of a search; `noisy` (knot,) is the standard error of the lever positions."""
         theta, C = found.estimates["estimate"].values.copy(), np.nan_to_num(found.estimates["covariance"].values)
         slope = float(theta[-1]), float(np.sqrt(C[-1, -1]))
-        if abs(slope[0]) <= SURE * slope[1]:
+        if abs(slope[0]) <= SIGNIFICANT * slope[1]:
             theta -= C[:, -1] / C[-1, -1] * slope[0]
             C = C - np.outer(C[:, -1], C[-1]) / C[-1, -1]
         steep = PchipInterpolator(self.lever, theta[self.schedule]).derivative()(self.lever)

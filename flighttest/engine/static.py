@@ -54,7 +54,7 @@ class DeckCorrection:
         Factors of the a-priori thrust over corrected speed.
     covariance : array (breakpoint, breakpoint)
     determined : array of bool (breakpoint,)
-        Whether the flights say more of a factor than the a-priori standard error did.
+        Whether the flights determine a factor better than its a-priori standard error.
     polar : Polar or None
         As it came out.
     residuals : dict of str to array (point,)
@@ -189,7 +189,7 @@ def _mixed(blocks: Sequence[tuple[np.ndarray, np.ndarray]], first: np.ndarray, s
 
 
 def _separable(before: np.ndarray, after: np.ndarray, C: np.ndarray, count: int, stderr: np.ndarray) -> list[str]:
-    """What the equilibrium says of drag and thrust apart."""
+    """What the equilibrium shows of drag and thrust separately."""
     if not (before > 0.0).any():
         return ["thrust from equilibrium stands on the polar that was given: an error of the drag is an equal error of the thrust"]
     found = []

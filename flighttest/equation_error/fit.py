@@ -82,7 +82,7 @@ class Fit(FitData):
 
 
 def save_fit(fit: Fit, path: str | os.PathLike) -> None:
-    """Write a fit to a netCDF-4 file, completely or not at all.
+    """Write a fit to a netCDF-4 file, atomically.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""What a regression's numbers do not say by themselves: whether they mean anything, and what may have spoilt them.
+"""What a regression's numbers do not show by themselves: whether they mean anything, and what may have spoilt them.
 
-Every threshold is a named constant with its reason beside it; docs/regression.md states how often each speaks by chance.
+Every threshold is a named constant with its reason next to it; docs/regression.md states how often each speaks by chance.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SIGN_KNOWN = 2.0  # standard errors by which a prior must differ from zero to ha
 SPIKE = 8.0  # robust standard deviations of a departure from its neighbours: never by chance in 10^6 Gaussian samples
 OUTSIDE = 5.0  # and of the residual itself
 SMOOTH = 0.1  # least scatter about the neighbours, of that of the residual
-BESIDE = 4  # samples on each side that determine what a sample should be; spikes are shorter
+NEIGHBOURS = 4  # samples on each side that determine what a sample should be; spikes are shorter
 APART = 3.0  # standard error over that of a lag window: four fifths of real fits lie between 1 and 2
 SIGNS = {
     ("CL", "delta_e"): 1,
@@ -140,10 +140,10 @@ def _slope(fit: FitData, control: str) -> np.ndarray:
 
 def _spike(fit: FitData) -> list[Remark]:
     """The largest residual that its neighbours do not share, and what the fit is without it."""
-    if fit.estimates.attrs.get("weights") == "robust" or fit.data.sizes.get("sample", 0) <= 2 * BESIDE + 1:
+    if fit.estimates.attrs.get("weights") == "robust" or fit.data.sizes.get("sample", 0) <= 2 * NEIGHBOURS + 1:
         return []
     v = fit.residual
-    apart = v - np.median(np.lib.stride_tricks.sliding_window_view(np.pad(v, BESIDE, mode="reflect"), 2 * BESIDE + 1), axis=1)
+    apart = v - np.median(np.lib.stride_tricks.sliding_window_view(np.pad(v, NEIGHBOURS, mode="reflect"), 2 * NEIGHBOURS + 1), axis=1)
     # a smooth residual is its own running median almost everywhere
     sizes = np.abs(apart) / max(_robust(apart), SMOOTH * _robust(v), np.finfo(float).tiny)
     far = np.abs(v - np.median(v)) / max(_robust(v), np.finfo(float).tiny)

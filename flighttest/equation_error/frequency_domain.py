@@ -128,7 +128,7 @@ def regress_frequency(
     Returns
     -------
     Fit
-        ``stderr`` follows the spectrum of the residual through the band and is widened by Student's t when the frequencies
+        ``stderr`` follows the spectrum of the residual through the band and is multiplied by Student's t when the frequencies
         are few; ``stderr_white`` takes the spectrum as flat.  Attributes
         ``R2`` inside the band, ``R2_time`` over the samples, ``band``, ``frequencies``.
 
@@ -315,7 +315,7 @@ class _Whole:
 
 
 def _joined(X: np.ndarray, z: np.ndarray, fixed: np.ndarray, samples: Samples, slopes: _Whole) -> _Whole:
-    """Slopes joined by the constants that are left in time; these hang on the slopes through the mean regressors."""
+    """Slopes joined by the constants that are left in time; these depend on the slopes through the mean regressors."""
     n = len(fixed)
     theta, white, C, A = np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros((n, len(z)))
     theta[~fixed], white[~fixed], A[~fixed] = slopes.theta, slopes.white, slopes.A

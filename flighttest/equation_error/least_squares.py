@@ -61,7 +61,7 @@ def constants(terms: Sequence[str]) -> np.ndarray:
 
 
 def diagnostics(X: np.ndarray, fixed: np.ndarray) -> dict[str, tuple]:
-    """Return what the regressors say about themselves, as variables of a Dataset.
+    """Return the diagnostics of the regressors, as variables of a Dataset.
 
     Parameters
     ----------

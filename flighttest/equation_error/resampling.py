@@ -42,7 +42,7 @@ class Bootstrap:
     replicates: xr.DataArray
 
     def report(self) -> str:
-        """Return scatter and limits as a text table beside the errors of the fit."""
+        """Return scatter and limits as a text table next to the errors of the fit."""
         e = self.estimates
         lines = [
             f"{self.fit.name or self.fit.model}: {self.replicates.sizes['replicate']} replicates",

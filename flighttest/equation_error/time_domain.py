@@ -125,7 +125,7 @@ def separated(X: np.ndarray, terms: list[str], manoeuvre: np.ndarray) -> tuple[n
 
 
 def _demand_movement(z: np.ndarray, X: np.ndarray, terms: Sequence[str]) -> None:
-    """A single variable that stays where it is cannot carry a slope beside a constant."""
+    """A single variable that stays where it is cannot carry a slope next to a constant."""
     if np.ptp(z) == 0.0:
         raise IdentificationError("the coefficient is constant; look at its accelerations")
     fixed = least_squares.constants(terms)

@@ -13,7 +13,7 @@ from flightmech.units import to_si
 
 
 class Column(Strict):
-    """One column: its name, its unit, and a factor for what the unit cannot say (``scale = 100`` with ``unit = "in lb"``)."""
+    """One column: its name, its unit, and a factor for what the unit cannot express (``scale = 100`` with ``unit = "in lb"``)."""
 
     column: str
     unit: str = ""

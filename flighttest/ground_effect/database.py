@@ -149,7 +149,7 @@ def _over_ground(leaf: xr.Dataset, one: CoefficientOverGround, term: str, tables
     leaf = leaf.assign(stderr=(leaf["value"].dims, np.hypot(own, share * np.abs(size))))
     leaf = leaf.assign(source=(leaf["value"].dims, np.full(leaf["value"].shape, _terms.SOURCES.index("flight"), np.uint8)))
     leaf["source"].attrs = dict(_terms.SOURCE_ATTRS)
-    return leaf.assign_attrs(references="[LR743] eq. (14)" if term == BANK else "[LR743] eq. (13)", comment=_said(one, term))
+    return leaf.assign_attrs(references="[LR743] eq. (14)" if term == BANK else "[LR743] eq. (13)", comment=_comment(one, term))
 
 
 def _share(K: np.ndarray, stderr: np.ndarray) -> float:
@@ -166,7 +166,7 @@ def _with_factor(leaf: xr.Dataset, heights: np.ndarray, K: np.ndarray) -> xr.Dat
     return leaf.assign({name: xr.DataArray(K, {HEIGHT: (HEIGHT, heights, attrs(HEIGHT))}, HEIGHT)})
 
 
-def _said(one: CoefficientOverGround, term: str) -> str:
+def _comment(one: CoefficientOverGround, term: str) -> str:
     note = f"identified from {one.heights[0]:.3g} m up, form: {one.form}"
     if one.form == "table":
         return note

@@ -70,7 +70,7 @@ def design_input(design: Design, sim: SimModel | None = None, aircraft: Aircraft
     sim : SimModel, optional
         The a-priori model; needed when the design has a condition.
     aircraft : Aircraft, optional
-        For the limits of its surfaces, which hold beside those of the design, and for the noise of its instruments.
+        For the limits of its surfaces, which hold in addition to those of the design, and for the noise of its instruments.
 
     Raises
     ------

@@ -45,7 +45,7 @@ _KEYS = ("title", "step_ms", "rows", "channels", "units", "scale", "crc32")
 
 
 def save_csv(signal: xr.Dataset, path: str | os.PathLike) -> None:
-    """Write a test input as CSV: ``time [s]``, then one column per axis with its unit; completely or not at all.
+    """Write a test input as CSV: ``time [s]``, then one column per axis with its unit; atomically.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def save_csv(signal: xr.Dataset, path: str | os.PathLike) -> None:
 
 
 def save_timetable(signal: xr.Dataset, path: str | os.PathLike, title: str = "") -> None:
-    """Write the time table of a test input; completely or not at all.
+    """Write the time table of a test input; atomically.
 
     Parameters
     ----------

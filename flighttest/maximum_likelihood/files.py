@@ -16,7 +16,7 @@ _CONTENT = "output error"
 
 
 def save_output_error(fit: OutputError, path: str | os.PathLike) -> None:
-    """Write a fit in time to a netCDF-4 file, completely or not at all.
+    """Write a fit in time to a netCDF-4 file, atomically.
 
     Groups ``estimates`` (with the report as attribute), ``noise`` and ``residuals/1`` ... for each manoeuvre.
 

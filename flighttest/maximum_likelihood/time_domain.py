@@ -84,7 +84,7 @@ def output_error(
     Notes
     -----
     J = sum_j N_j/2 ln mean(v_j^2) + 1/2 (theta - theta_0)' P^-1 (theta - theta_0), [Jategaonkar] ch. 4, by Levenberg and Marquardt
-    inside the bounds.  Standard errors are those of coloured residuals; the Cramer-Rao bound stands beside them.
+    inside the bounds.  Standard errors are those of coloured residuals; the Cramer-Rao bound stands next to them.
 
     References
     ----------

@@ -48,7 +48,7 @@ def monomials(variables: Sequence[str], order: int) -> list[str]:
 
 
 def spline_terms(variable: str, knots: Sequence[float | str], order: int = 1) -> list[str]:
-    """Return truncated powers of a variable, one per knot: beside the powers up to `order` they make a spline.
+    """Return truncated powers of a variable, one per knot: with the powers up to `order` they make a spline.
 
     Parameters
     ----------

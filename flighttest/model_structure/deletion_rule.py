@@ -17,7 +17,7 @@ from ..uncertainty.collinearity import VIF
 CONTRIBUTION = 0.01  # rms of the term over rms of the coefficient below which a weak term is void
 CORRELATION = 0.95
 DETERMINED = 10.0  # standard errors above which a collinear term counts as determined
-GAIN = 0.02  # relative rise of the validation error below which a term is not missed
+GAIN = 0.02  # relative rise of the validation error below which a term is not needed
 
 
 def decide(

@@ -27,7 +27,7 @@ _PRESSURE = ("p_static", "q_c")  # they belong to pressure height, and h is geom
 _LEAST = 50  # samples of a stretch that is informative
 _JOINT = ("excitation", "collinear")
 _LEAF = "manoeuvre"
-_SURE_GAIN = 0.5  # disagreement that a mistake must explain in a manoeuvre, twice that of a whole flight
+_CERTAIN_GAIN = 0.5  # disagreement that a mistake must explain in a manoeuvre, twice that of a whole flight
 _MOVED = 1.0 * DEGREE  # of a surface, below which a manoeuvre does not determine its sign
 
 
@@ -62,7 +62,7 @@ def _of_stretch(states: xr.Dataset) -> list[Finding]:
     record = _as_record(states)
     signals = signals_of(record, pd.DataFrame(columns=["leaf", "channel", "kind", "start", "stop"]))
     explanations, corrected, comparisons = explain(signals)
-    if any(sum(e.before) - sum(e.after) < _SURE_GAIN for e in explanations):  # seconds of small motion explain themselves by anything
+    if any(sum(e.before) - sum(e.after) < _CERTAIN_GAIN for e in explanations):  # seconds of small motion explain themselves by anything
         explanations, corrected, comparisons = [], signals, {}
     answered = answers(corrected)
     found = kinematic_findings(explanations, comparisons, corrected, record)
@@ -80,7 +80,7 @@ def _as_record(states: xr.Dataset) -> xr.DataTree:
     return xr.DataTree.from_dict({f"/{_LEAF}": leaf.assign_attrs(rate=(len(time) - 1) / (time[-1] - time[0]))})
 
 
-def tell_faults(flown: Sequence[xr.Dataset], names: Sequence[str], known: Sequence[str] = ()) -> None:
+def report_faults(flown: Sequence[xr.Dataset], names: Sequence[str], known: Sequence[str] = ()) -> None:
     """Refuse manoeuvres whose signs, units or axes are wrong; warn of missing excitation and of inputs that move together.
 
     What no manoeuvre excites, and inputs that move together in all of them, are reported once.

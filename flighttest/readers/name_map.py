@@ -335,7 +335,7 @@ def _faults(channel: Channel, units: str) -> list[str]:
         found.append("column: an empty list; name a column")
     calibrated = channel.polynomial is not None or channel.table is not None
     if channel.polynomial is not None and channel.table is not None:
-        found.append("table: stands beside a polynomial; give one of them")
+        found.append("table: stands next to a polynomial; give one of them")
     if calibrated and channel.unit is None and not isinstance(channel.scale, str):
         found.append(f'unit: a calibration needs the unit of its values; give unit = "..." (of the kind of {units})')
     if channel.polynomial is not None and not channel.polynomial:

@@ -121,7 +121,7 @@ def _risen(time: np.ndarray, reset: bool, what: str) -> tuple[np.ndarray, list[F
     at = int(back[0])
     if not reset:
         text = f"time does not rise: {time[at]:g} s is followed by {time[at + 1]:g} s (sample {at + 1})"
-        raise SchemaError(what, [f"{text}; split or sort the file, or say reset = true for its clock in the name map"])
+        raise SchemaError(what, [f"{text}; split or sort the file, or set reset = true for its clock in the name map"])
     rising = step[step > 0.0]
     if not len(rising):
         raise SchemaError(what, [f"time only falls, from {time[0]:g} s to {time[-1]:g} s; sort the file"])

@@ -1,4 +1,4 @@
-"""Reconstructed paths as netCDF files, written completely or not at all."""
+"""Reconstructed paths as netCDF files, written atomically."""
 
 from __future__ import annotations
 

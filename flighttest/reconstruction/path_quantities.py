@@ -88,7 +88,7 @@ def motion(record: xr.DataTree, aircraft: Any, setup: Setup, x: np.ndarray, c: n
 
 
 def _recorded(record: xr.DataTree, time: np.ndarray, starts: np.ndarray, known: set[str]) -> dict[str, np.ndarray]:
-    """Return controls, engine channels and whatever else the record holds beside the instruments, on the clock of the path."""
+    """Return controls, engine channels and whatever else the record holds in addition to the instruments, on the clock of the path."""
     grids = np.split(time, starts[1:])
     columns = {}
     for leaf, tree in record.children.items():

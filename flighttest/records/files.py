@@ -1,4 +1,4 @@
-"""Manoeuvres and reconstructed paths as netCDF files, written completely or not at all."""
+"""Manoeuvres and reconstructed paths as netCDF files, written atomically."""
 
 from __future__ import annotations
 

@@ -181,7 +181,7 @@ _Place = tuple[str, str]  # table and column
 
 
 def _places(mapping: NameMap, tables: Mapping[str, Table], path: Path) -> tuple[dict[str, dict[str, _Place]], list[str]]:
-    """Return where every channel is, leaf by leaf, and what optional channels miss; all problems in one error."""
+    """Return where every channel is, leaf by leaf, and what optional channels lack; all problems in one error."""
     places: dict[str, dict[str, _Place]] = {}
     problems: list[AeromatchError] = []
     absent: list[str] = []

@@ -193,7 +193,7 @@ def _demand_air_data(channels: Channels, name: str) -> None:
         shown = [speed for speed in SPEEDS if speed in channels]
         found = f"{', '.join(shown)} recorded, but no instrument gives its noise" if shown else "no airspeed recorded"
         problems.append(
-            f"no channel q_c: {found}; record q_c, or h_baro beside mach, V or V_cas, or give an instrument the noise of V, V_cas or mach"
+            f"no channel q_c: {found}; record q_c, or h_baro with mach, V or V_cas, or give an instrument the noise of V, V_cas or mach"
         )
     if "p_static" not in channels and "h_gps" not in channels:
         problems.append("no channel p_static; give p_static, h_baro or h_gps")

@@ -249,7 +249,9 @@ def _curvature(evaluate, s: np.ndarray, gradient: np.ndarray, free: np.ndarray, 
         moved[m] += _DIFFERENCE * (high[m] - low[m]) * (1.0 if s[m] < 0.5 * (low[m] + high[m]) else -1.0)
         there = evaluate(moved)
         if there is None:
-            raise IdentificationError("the coefficients are not determined beside the best shapes; leave out a term or narrow the bounds")
+            raise IdentificationError(
+                "the coefficients are not determined together with the best shapes; leave out a term or narrow the bounds"
+            )
         H[:, k] = ((there.jacobian.T @ there.residual - gradient) / (moved[m] - s[m]))[places]
     return 0.5 * (H + H.T)
 

@@ -94,7 +94,7 @@ def fourier_smooth(x, step: float) -> Smoothed:
 
 
 def _ends(x: np.ndarray) -> tuple[float, float]:
-    """Return both end points of a parabola through the samples beside them."""
+    """Return both end points of a parabola through the samples next to them."""
     i = np.arange(_END)
     ends = [np.polyval(np.polyfit(i, part, 2), 0.0) for part in (x[:_END], x[: -_END - 1 : -1])]
     return float(ends[0]), float(ends[1])

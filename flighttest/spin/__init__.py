@@ -1,4 +1,4 @@
-"""Spin: rates about and beside the flight path, model structures, polynomial models as databases, simulated recordings."""
+"""Spin: rates about and across the flight path, model structures, polynomial models as databases, simulated recordings."""
 
 from flightmech.support.lazy import attach_stub
 

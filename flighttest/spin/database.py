@@ -81,7 +81,7 @@ def polynomial_database(
             for name, table in factors.items():
                 if f"/{coefficient}/{name}" in leaves:
                     raise ParseError(
-                        "<model>", 0, f"{name} beside {' '.join(rates)} in {model}", "body rates or rates of the decomposition"
+                        "<model>", 0, f"{name} next to {' '.join(rates)} in {model}", "body rates or rates of the decomposition"
                     )
                 leaves[f"/{coefficient}/{name}"] = make(table, {"alpha": alpha, "beta": beta}, [name])
     x, y, z = aircraft.reference
@@ -109,7 +109,7 @@ def _term(term: str, value: float) -> xr.Dataset:
     factors.sort(key=lambda name: name not in _IMPLICIT)
     words, rest = factors[:MAX_REGRESSORS], factors[MAX_REGRESSORS:]
     if len(rest) != len(set(rest)) or set(rest) & set(_IMPLICIT):
-        raise ParseError("<model>", 0, f"the term {term}", f"at most {MAX_REGRESSORS} factors beside first powers of other variables")
+        raise ParseError("<model>", 0, f"the term {term}", f"at most {MAX_REGRESSORS} factors next to first powers of other variables")
     table, axes = np.array(value), {}
     for name in rest:
         axes[name] = np.array([-1.0, 1.0])

@@ -10,7 +10,7 @@ is at right angles to the flight path, so it has two degrees of freedom and not 
 
     p_osc cos(alpha) cos(beta) + q_osc sin(beta) + r_osc sin(alpha) cos(beta) = 0
 
-As regressors the three are collinear to first order about any nominal state.  Two say the same: q_osc, which is the
+As regressors the three are collinear to first order about any nominal state.  Two are the same: q_osc, which is the
 rate about the wind y axis times cos(beta), and the rate about the wind z axis, r_wind = r cos(alpha) - p sin(alpha).
 
 In a steady spin the rest is zero only when the spin radius is: a body that moves down a helix turns about the vertical,

@@ -65,7 +65,7 @@ def of_slopes(A: np.ndarray, v: np.ndarray, pieces: Sequence[slice], fixed: np.n
     return np.where(fixed, found[~fixed].min(), found) if not fixed.all() else found
 
 
-def added(estimates: xr.Dataset, fixed: np.ndarray, dof: np.ndarray, widened: np.ndarray) -> xr.Dataset:
+def added(estimates: xr.Dataset, fixed: np.ndarray, dof: np.ndarray, inflated: np.ndarray) -> xr.Dataset:
     """Return estimates with t and F tests and confidence intervals.
 
     Parameters
@@ -75,8 +75,8 @@ def added(estimates: xr.Dataset, fixed: np.ndarray, dof: np.ndarray, widened: np
         Intercepts, which the F test leaves out.
     dof : array (terms,)
         Degrees of freedom of the standard errors.
-    widened : array (terms,)
-        Factor by which a standard error has been widened for few degrees of freedom already.
+    inflated : array (terms,)
+        Factor by which a standard error has been inflated for few degrees of freedom already.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def added(estimates: xr.Dataset, fixed: np.ndarray, dof: np.ndarray, widened: np
     """
     from scipy import stats
 
-    own = estimates["stderr"].values / widened
+    own = estimates["stderr"].values / inflated
     theta = estimates["estimate"].values
     with np.errstate(divide="ignore", invalid="ignore"):
         t = np.where(own > 0.0, theta / own, np.where(theta == 0.0, 0.0, np.copysign(np.inf, theta)))

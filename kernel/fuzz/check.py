@@ -125,9 +125,9 @@ def fuzz(compiler: str, targets: list[str], seconds: int, keep: Path, folder: Pa
             "-print_final_stats=1",
         ]
         seeds = str(folder / f"seeds_{target}")
-        told = run([program, *limits, f"-artifact_prefix={keep}/{target}-", seeds], environment, f"fuzzer of {target}")
-        stat = {name: int(value) for name, value in re.findall(r"stat::(\w+): +(\d+)", told)}
-        edges = re.findall(r"cov: (\d+)", told)[-1]
+        output = run([program, *limits, f"-artifact_prefix={keep}/{target}-", seeds], environment, f"fuzzer of {target}")
+        stat = {name: int(value) for name, value in re.findall(r"stat::(\w+): +(\d+)", output)}
+        edges = re.findall(r"cov: (\d+)", output)[-1]
         print(
             f"{target}: {stat['number_of_executed_units']} inputs tried, {edges} edges reached, slowest {stat['slowest_unit_time_sec']} s",
             flush=True,
@@ -135,7 +135,7 @@ def fuzz(compiler: str, targets: list[str], seconds: int, keep: Path, folder: Pa
 
 
 def main() -> None:
-    """Run what the command line asks for."""
+    """Run what the command line requests."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=int, default=20, help="time of each fuzzer [s]")
     parser.add_argument("--only", choices=("address", "memory", "thread", *TARGETS), help="one of the checks")

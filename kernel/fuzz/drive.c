@@ -77,7 +77,7 @@ static double *values(bytes_t *bytes, size_t n) {
     return to;
 }
 
-/* Most that a step may take without asking for more than MOST_STEPS. */
+/* Most that a step may take without requiring more than MOST_STEPS. */
 static double short_step(const am_model *m, const am_sim *sim, double dt) {
     double step = 0.01;
     am_get_parameter(sim, am_find(m, AM_PARAMETER, "mode.step"), &step);
@@ -235,7 +235,7 @@ static void record(const am_model *m, am_sim *sim, bytes_t *bytes) {
     rise(t, m, sim, bytes);
     checked(sim, am_record(sim, SAMPLES, t, u, take_byte(bytes) % 2, some ? output : NULL, 2, y,
                            take_byte(bytes) % 2 ? terms : NULL, &done));
-    promise(done <= SAMPLES, "no more rows are done than asked for");
+    promise(done <= SAMPLES, "no more rows are done than requested");
     all_finite_or_die(y, done * outputs, "recorded outputs are finite");
     free(u);
     free(y);
@@ -265,7 +265,7 @@ static void batch(const am_model *m, am_sim *sim, bytes_t *bytes) {
                                 .y = y,
                                 .hold = take_byte(bytes) % 2};
     promise(am_batch(sim, &task, 0, RUNS, status, done, text) == AM_OK,
-            "a batch says per run what went wrong");
+            "a batch states per run what went wrong");
     for (int i = 0; i < RUNS; i++) {
         promise((status[i] == AM_OK) == !text[i][0], "a run that failed has a text");
         all_finite_or_die(y + (size_t)i * SAMPLES * 2, 2 * done[i],
@@ -275,12 +275,12 @@ static void batch(const am_model *m, am_sim *sim, bytes_t *bytes) {
 }
 
 static void copy(const am_model *m, am_sim *sim) {
-    am_sim *twin = am_new(m);
-    if (!twin) exit(0);
-    promise(am_copy(twin, sim) == AM_OK && am_copy(sim, twin) == AM_OK,
+    am_sim *copy = am_new(m);
+    if (!copy) exit(0);
+    promise(am_copy(copy, sim) == AM_OK && am_copy(sim, copy) == AM_OK,
             "a simulation can be copied and back");
-    outputs(m, twin);
-    am_delete(twin);
+    outputs(m, copy);
+    am_delete(copy);
 }
 
 /* Where a double may be changed in an image: anywhere, or at the beginning of the memory of a
@@ -321,7 +321,7 @@ static void query(const am_model *m, const am_sim *sim, bytes_t *bytes) {
     const int i = (int)take_number(bytes, 600) - 1;
     am_out_of_range(sim, below, above);
     promise((am_entry_at(m, kind, i, &entry) == AM_OK) == (i >= 0 && i < am_count(m, kind)),
-            "the catalogue has as many rows as it says");
+            "the catalogue has as many rows as it states");
     am_known(kind, i);
     am_known_group(kind, i);
     am_known_stage(kind, i);

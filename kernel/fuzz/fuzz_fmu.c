@@ -71,7 +71,7 @@ typedef struct {
 static am_model *model[MODELS];
 static char token[MODELS][65];
 
-static void tell2(void *environment, const char *instance, int status, const char *category,
+static void logger2(void *environment, const char *instance, int status, const char *category,
                   const char *message, ...) {
     (void)environment;
     (void)instance;
@@ -79,7 +79,7 @@ static void tell2(void *environment, const char *instance, int status, const cha
     promise(status == FMU_ERROR && message[0], "a message has a text");
 }
 
-static void tell3(void *environment, int status, const char *category, const char *message) {
+static void logger3(void *environment, int status, const char *category, const char *message) {
     (void)environment;
     (void)category;
     promise(status == FMU_ERROR && message[0], "a message has a text");
@@ -102,7 +102,7 @@ static void load_models(void) {
 static slave_t open_slave(bytes_t *bytes) {
     const int k = take_byte(bytes) % MODELS;
     const int kind = take_byte(bytes) % 4;
-    const callbacks_t callbacks = {.logger = (void *)tell2};
+    const callbacks_t callbacks = {.logger = (void *)logger2};
     slave_t slave = {.model = model[k], .second = kind < 2};
     char uri[4200];
     snprintf(uri, sizeof uri, "file://%s", folder_of_model(k));
@@ -111,10 +111,10 @@ static slave_t open_slave(bytes_t *bytes) {
     } else if (kind == 2) {
         slave.instance = fmi3InstantiateCoSimulation("x", token[k], folder_of_model(k), false,
                                                      false, false, false, NULL, 0, NULL,
-                                                     (void *)tell3, NULL);
+                                                     (void *)logger3, NULL);
     } else {
         slave.instance = fmi3InstantiateModelExchange("x", token[k], folder_of_model(k), false,
-                                                      false, NULL, (void *)tell3);
+                                                      false, NULL, (void *)logger3);
     }
     promise(slave.instance != NULL, "a good FMU can be instantiated");
     return slave;
@@ -214,7 +214,7 @@ static void replay(slave_t *slave, bytes_t *bytes) {
     const uint32_t vr = FMU_REPLAY_T + take_byte(bytes) % 2;
     const uint64_t samples = take_byte(bytes) % 8 ? 1 + take_byte(bytes) % MOST_SAMPLES
                                                   : UINT64_MAX >> take_byte(bytes) % 64;
-    /* as large as asked for: memory of the importer */
+    /* as large as requested: memory of the importer */
     if (samples > MOST_SAMPLES && samples <= 10000000) return;
     const size_t values = samples
                           * (vr == FMU_REPLAY_T ? 1 : (size_t)am_count(slave->model, AM_INPUT));
@@ -271,7 +271,7 @@ static void exchange(slave_t *slave, bytes_t *bytes) {
     free(x);
 }
 
-/* The bytes of a state, changed where the choices say so, with the digest that belongs to them. */
+/* The bytes of a state, changed where the choices demand it, with the digest of the result. */
 static void restore(slave_t *slave, bytes_t *bytes) {
     char digest[65], *image;
     size_t n;

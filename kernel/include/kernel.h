@@ -11,11 +11,11 @@
  * Arrays belong to the caller and are not kept.  Calls on one simulation must not overlap in time;
  * simulations of one model may run in different threads.
  *
- *     am_model *m = am_load(bytes, n, text, sizeof text);      NULL: text says why
+ *     am_model *m = am_load(bytes, n, text, sizeof text);      NULL: text states why
  *     am_sim *s = am_new(m);
  *     am_set_parameter(s, am_find(m, AM_PARAMETER, "init.V"), 80.0);
  *     am_set_inputs(s, u);                                      inputs at the start
- *     am_initialize(s, 0.0);                                    trims when mode.trim says so
+ *     am_initialize(s, 0.0);                                    trims when mode.trim requires it
  *     am_outputs(s, y);
  *     am_step(s, t, dt, u0, u1);         as often as wanted, or am_run for a record
  *     am_delete(s);
@@ -47,7 +47,7 @@ enum {
     AM_BAD_INDEX = 1, /* no such input, output or parameter */
     AM_BAD_VALUE = 2, /* a parameter that has no physical meaning, e.g. a negative mass */
     /* NaN or infinity in an input, a parameter, the state or an output: am_error names it,
-     * am_time says when */
+     * am_time states when */
     AM_NOT_FINITE = 3,
     AM_BAD_ARGUMENT = 4, /* a wrong argument of the call itself, e.g. a negative dt */
     AM_NOT_READY = 5     /* am_initialize has not been called or has failed */
@@ -92,7 +92,7 @@ typedef struct {
 /* ---- model ----------------------------------------------------------------------------------- */
 
 /* Check and copy a block of n bytes.  Any bytes are safe; they may be freed after the call. NULL
- * on a fault: err (nerr bytes, may be NULL) says what and where.  Free the model with am_free. */
+ * on a fault: err (nerr bytes, may be NULL) states what and where.  Free the model with am_free. */
 AM_API am_model *am_load(const void *bytes, size_t n, char *err, size_t nerr);
 
 /* Free a model, after all its simulations; NULL is allowed. */
@@ -245,7 +245,7 @@ AM_API int am_outputs(am_sim *sim, double *y);
  *
  * hold = 0: inputs linear between samples; 1: u[k] held from t[k] to t[k + 1], as an importer
  * without interpolation does, and the outputs at t[k + 1] are those under u[k].  *done is the
- * number of rows of y that are valid; on failure am_time and am_error say when and why. */
+ * number of rows of y that are valid; on failure am_time and am_error state when and why. */
 AM_API int am_run(am_sim *sim, size_t n, const double *t, const double *u, int hold, double *y,
                   size_t *done);
 

@@ -15,7 +15,7 @@ typedef void (*logger_function)(void *environment, const char *instance, fmi2Sta
 
 typedef struct {
     logger_function logger;
-    void *(*allocate)(size_t, size_t); /* not used: the model description says so */
+    void *(*allocate)(size_t, size_t); /* not used: as the model description states */
     void (*release)(void *);
     void (*step_finished)(void *, fmi2Status);
     void *environment;
@@ -227,8 +227,8 @@ AM_API fmi2Status fmi2DeSerializeFMUstate(fmu *f, const char bytes[], size_t n, 
 }
 
 /* ---- what the standard names and this FMU does not offer ----------------------------------------
- * Importers load every function, so all are there; the model description says that they are not to
- * be called. */
+ * Importers load every function, so all are there; the model description states that they are not
+ * to be called. */
 
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"

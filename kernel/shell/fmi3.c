@@ -244,8 +244,8 @@ AM_API fmi3Status fmi3DeserializeFMUState(fmu *f, const uint8_t bytes[], size_t 
 }
 
 /* ---- what the standard names and this FMU does not offer ----------------------------------------
- * Importers load every function, so all are there; the model description says that they are not to
- * be called. */
+ * Importers load every function, so all are there; the model description states that they are not
+ * to be called. */
 
 #if defined(__GNUC__)
 #pragma GCC diagnostic ignored "-Wunused-parameter"

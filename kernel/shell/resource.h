@@ -8,7 +8,7 @@
  * it is no file URI or too long. */
 int resource_path(const char *uri, char *path, size_t n);
 
-/* Read a whole file with one fread; path is UTF-8 on every system.  NULL: *why says what went
+/* Read a whole file with one fread; path is UTF-8 on every system.  NULL: *why states what went
  * wrong.  Free the bytes. */
 unsigned char *resource_read(const char *path, size_t *n, const char **why);
 

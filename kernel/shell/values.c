@@ -63,7 +63,7 @@ static int get_array(fmu *f, uint32_t vr, double values[]) {
     return FMU_OK;
 }
 
-/* States and derivatives are fetched once per call of fmu_get: `there` says which have been. */
+/* States and derivatives are fetched once per call of fmu_get: `there` states which have been. */
 static int get_one(fmu *f, place at, int there[2], double *value) {
     int derivative = at.kind == DERIVATIVE;
     switch (at.kind) {

@@ -175,6 +175,6 @@ def _table_from_json(item: Mapping[str, Any]) -> pd.DataFrame:
 
 
 def _renamed(column: str) -> str:
-    """Return a column of a diagnosis by its present name; files of earlier versions say ``closes`` and ``miss``."""
+    """Return a column of a diagnosis by its present name; files of earlier versions hold ``closes`` and ``miss``."""
     name, blank, quantity = column.rpartition(" ")
     return name + blank + {"closes": "explained", "miss": "mismatch"}.get(quantity, quantity)

@@ -70,7 +70,7 @@ def manifest(
 
 
 def _inputs(provenance: Mapping[str, Any], folder: Path) -> list[dict[str, Any]]:
-    """Return every input with its digest; its place is told from the report where it is known."""
+    """Return every input with its digest; its place is given from the report where it is known."""
     places, found = provenance.get("places", {}), []
     for name, digest in sorted(provenance.get("inputs", {}).items()):
         found.append(_dependency(name, digest, Path(places[name]) if name in places else None, folder))
@@ -89,7 +89,7 @@ def _dependency(name: str, digest: str, path: Path | None, folder: Path) -> dict
 
 
 def place(dependency: Mapping[str, Any], folder: str | os.PathLike) -> Path | None:
-    """Return where an input of a manifest lies, seen from the folder of the report; None when the manifest does not tell."""
+    """Return where an input of a manifest lies, seen from the folder of the report; None when the manifest does not state it."""
     uri = dependency.get("uri", "")
     return Path(os.path.normpath(Path(folder) / unquote(uri))) if uri else None
 

@@ -17,7 +17,7 @@ def joined(paths: Iterable[str | os.PathLike]) -> Archive:
     Parameters
     ----------
     paths : iterable of path
-        Folders of reports, or their ``results.nc``; a manifest beside them tells where the inputs lie.
+        Folders of reports, or their ``results.nc``; a manifest next to them states where the inputs lie.
 
     Raises
     ------
@@ -36,9 +36,9 @@ def joined(paths: Iterable[str | os.PathLike]) -> Archive:
         for places, path, made in located
         for run, model in made.get("models", {}).items()
     ]
-    told = _unambiguous({(name, digest): (place, path) for name, digest, place, path in inputs})
-    provenance["inputs"] = {name: digest for name, (digest, _) in told.items()}
-    provenance["places"] = {name: place for name, (_, place) in told.items() if place}
+    known = _unambiguous({(name, digest): (place, path) for name, digest, place, path in inputs})
+    provenance["inputs"] = {name: digest for name, (digest, _) in known.items()}
+    provenance["places"] = {name: place for name, (_, place) in known.items() if place}
     provenance["models"] = {
         run: model for run, (_, model) in _unambiguous({(run, sha): (model, path) for run, sha, model, path in models}).items()
     }

@@ -20,7 +20,7 @@ SOFTWARE = ("aeromatch", "fmpy", "numpy", "scipy", "typst", "xarray")
 
 
 def provenance(inputs: Iterable[str | Path], models: Mapping[str, str | Path], command: str = "", date: str = "") -> Provenance:
-    """Return what a report says about where its numbers come from.
+    """Return what a report states about the origin of its numbers.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def without_places(provenance: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def seen_from(path: str | os.PathLike, folder: str | os.PathLike) -> str:
-    """Return a path as it is seen from a folder, so that a report tells nothing of the machine it was made on."""
+    """Return a path as it is seen from a folder, so that a report discloses nothing of the machine it was made on."""
     try:
         return Path(os.path.relpath(Path(path).resolve(), Path(folder).resolve())).as_posix()
     except ValueError:  # another drive

@@ -29,7 +29,7 @@ CLOSE = 1e-6
 class VerificationResult:
     """One thing that was checked.
 
-    ``kind`` is ``output``, ``input``, ``model`` or ``verdict``; ``state`` is ``same``, ``changed`` or ``missing``; ``detail`` says
+    ``kind`` is ``output``, ``input``, ``model`` or ``verdict``; ``state`` is ``same``, ``changed`` or ``missing``; ``detail`` states
     what exactly changed.
     """
 
@@ -69,7 +69,7 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
 
 def _hashed(kind: str, name: str, path: Path | None, wanted: str) -> VerificationResult:
     if path is None:
-        return VerificationResult(kind, name, "missing", "the manifest does not say where it lies")
+        return VerificationResult(kind, name, "missing", "the manifest does not state where it lies")
     if not path.is_file():
         return VerificationResult(kind, name, "missing", f"no file {path}")
     have = sha256(path)
@@ -81,7 +81,7 @@ def _hashed(kind: str, name: str, path: Path | None, wanted: str) -> Verificatio
 
 
 def _verdicts(folder: Path) -> Iterator[VerificationResult]:
-    """Yield one finding per case and model that says what is judged differently now, or printed differently in ``results.json``."""
+    """Yield one result per case and model that states what is judged differently now, or printed differently in ``results.json``."""
     try:
         results = read_archive(folder).results
         printed = [{(r["run"], r["criterion"]): r for r in item["verdict"]} for item in _json(folder)]
@@ -118,7 +118,7 @@ def _judged_again(result: PomResult, run: str, stored: Mapping[str, Mapping[Hash
                 yield from _difference(criterion.name, "judged again", before, now)
 
 
-_EMPTY = {"invalid", "not_tested"}  # a channel without any sample is missing or empty: the archive does not tell which
+_EMPTY = {"invalid", "not_tested"}  # a channel without any sample is missing or empty: the archive does not show which
 
 
 def _refused(result: PomResult, run: str) -> bool:

@@ -34,7 +34,7 @@ class Drive:
         ``thrust``: recorded thrust drives; ``n1``: the recorded fan speed; ``throttle``: the recorded lever drives the engine model.
     trim : bool or "ground"
         Trim the model to the flight condition at the start of the window; its biases are reported.  ``ground``: it stands or
-        rolls on its wheels, whose height and attitude are sought; the surfaces stay as recorded.
+        rolls on its wheels, whose height and attitude are solved for; the surfaces stay as recorded.
     limits : dict of str to float
         Largest biases of the trim, and largest accelerations it leaves, as the case file limits them: ``delta_e``, ``thrust``,
         ``F_column``, ``u_dot`` ...; a run beyond one is invalid. [SI]
@@ -76,7 +76,7 @@ class PomCase:
         Start and end of the replay. [s]
     drive : Drive
     conditions : dict of str to float
-        What the case file says against the record. [SI]
+        Contradictions between case file and record. [SI]
     events : dict of str to float
         Marked instants that bound windows: ``input_end``, ``change_start`` ... [s]
     features : tuple of str
@@ -84,7 +84,7 @@ class PomCase:
     shortened : str
         Why a window is shorter than the table asks; empty when none is.
     show : tuple of str
-        Channels to show beside the judged ones.
+        Channels to show in addition to the judged ones.
     criteria : tuple of Criterion
     reference : str
         ``flight``; ``engineering``: data of an engineering simulator; ``footprint``: a recording without a reference, which has
@@ -104,7 +104,7 @@ class PomCase:
     source : dict of str to str
         Where the flight data come from: document, pages, flight, run, filters ...
     models : dict of str to str
-        By model: the table of its names, when its names, units or signs are not those of the house.
+        By model: the table of its names, when its names, units or signs are not the canonical ones.
     objective, procedure, manual, evaluation, notes : str
         What the test shows, how it is flown automatically and by hand, how it is evaluated, remarks.
     """
@@ -261,7 +261,7 @@ def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> Drive
 
 
 def _loose_problems(content: dict[str, Any]) -> list[str]:
-    """Return what can be said about the free tables of a file whose form is wrong elsewhere."""
+    """Return what is known about the free tables of a file whose form is wrong elsewhere."""
     problems: list[str] = []
     conditions, events = content.get("conditions"), content.get("events")
     if isinstance(conditions, dict):

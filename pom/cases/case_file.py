@@ -44,7 +44,7 @@ class CaseTable(Strict):
     window: tuple[float, float] = Field(description="Start and end of the replay on the clock of the record [s].")
     features: tuple[str, ...] = Field(default=(), description="Conditions of table rows that hold, such as reversible_controls.")
     shortened: str = Field(default="", description="Why a window is shorter than the rows ask; without it a short window is an error.")
-    show: tuple[str, ...] = Field(default=SHOWN, description="Channels to show beside the judged ones.")
+    show: tuple[str, ...] = Field(default=SHOWN, description="Channels to show in addition to the judged ones.")
     mode_channel: str = Field(default="", description="Channel on which period and damping are measured.")
     engine_parameter: str = Field(default="", description="Critical engine parameter of Ti and Tt, such as engine1.n1.")
     reference: Literal["flight", "engineering", "footprint"] = Field(
@@ -110,7 +110,7 @@ class CaseFile(Strict):
     drive: DriveTable = DriveTable()
     conditions: dict[str, Quantity] = _table("Values against the record: inputs held constant, parts of the initial state, mass, air.")
     events: dict[str, float] = _table("Instants that bound the windows of rows, on the clock of the record [s].")
-    models: Texts = _table("By model: its table of names, when its names, units or signs are not of the house. Relative to this file.")
+    models: Texts = _table("By model: its table of names, when names, units or signs are not the canonical ones. Relative to this file.")
     tolerance: dict[str, Any] = _table("Bands that replace those of the row or add to them, by criterion or channel.")
     ranges: dict[str, Quantity] = _table("Largest value in service by channel, the base of lone percentages (rule R3).")
     certified: dict[str, Quantity] = _table("Certified value by parameter, below which a floor criterion fails.")

@@ -1,6 +1,6 @@
 """JSON schema of case files, for editors: made from the form of the file and the words of the tolerance table.
 
-The one that is shipped, ``case.schema.json`` beside this module, is `case_schema` as text; a test keeps it so.
+The one that is shipped, ``case.schema.json`` next to this module, is `case_schema` as text; a test keeps it so.
 """
 
 from __future__ import annotations

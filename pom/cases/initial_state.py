@@ -10,7 +10,7 @@ from flightmech.air import P_SEA, atmosphere
 from .case import PomCase
 from .case_file import INITIAL, MASS
 
-NEAR = 100.0  # [m] height under which the radio altitude tells of the runway
+NEAR = 100.0  # [m] height under which the radio altitude shows the runway
 STANDING = 0.3  # [m s-1] ground speed that is the noise of the reconstruction
 SETTLED = 0.8  # [s] from which the initial rates, accelerations and inputs are read
 

@@ -18,9 +18,13 @@ from .pilot import Loop
 
 # what drives the engines: the recorded quantity, the input it becomes, mode.engine
 ENGINE_DRIVES = {"throttle": ("throttle", "throttle", 0.0), "n1": ("n1", "n1_drive", 1.0), "thrust": ("thrust", "thrust_drive", 2.0)}
-SEEK_THRUST, SEEK_THROTTLE, SEEK_GROUND = 1.0, 2.0, 3.0  # mode.trim
+TRIM_THRUST, TRIM_THROTTLE, TRIM_GROUND = 1.0, 2.0, 3.0  # mode.trim
 LEVELS = {"recorded": 0.0, "cockpit": 1.0, "force": 2.0}  # mode.controls
-SAID = {"recorded": "the surfaces as recorded", "cockpit": "column, wheel and pedals as recorded", "force": "the pilot forces as recorded"}
+DRIVEN_BY = {
+    "recorded": "the surfaces as recorded",
+    "cockpit": "column, wheel and pedals as recorded",
+    "force": "the pilot forces as recorded",
+}
 RELEASED = 0.02  # [1] brake pedal under which it counts as up
 NEEDED = ("init.V", "init.phi", "init.theta", "init.psi", "init.p", "init.q", "init.r", "init.h")
 _ENGINE = re.compile(r"^engine(\d+)\.(thrust|n1|throttle)$")
@@ -111,7 +115,7 @@ def _inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
         elif name in moved:
             found[name] = np.zeros(count)
         elif name in PRIMARY[level]:
-            hint = f"case {case.name} drives {SAID[level]}; map the channel, or hold it by [conditions]"
+            hint = f"case {case.name} drives {DRIVEN_BY[level]}; map the channel, or hold it by [conditions]"
             raise UnknownName(name, map(str, states.data_vars), "recorded control", hint)
     for name in _held(case).intersection(found):
         found[name][:] = line_at_start(states["time"].values.astype(float), found[name])[0]
@@ -119,7 +123,7 @@ def _inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def _held(case: PomCase) -> set[str]:
-    """Return the surfaces that something else moves: their recorded position only tells where the circuits start."""
+    """Return the surfaces that something else moves: their recorded position only shows where the circuits start."""
     return set(PRIMARY["recorded"]) - set(PRIMARY[case.drive.level])
 
 
@@ -151,9 +155,9 @@ def _loops(case: PomCase, states: xr.Dataset, inputs: Mapping[str, np.ndarray]) 
 def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     found = {"mode.engine": ENGINE_DRIVES[case.drive.engine][2]}
     if case.drive.trim == "ground":
-        found["mode.trim"] = SEEK_GROUND
+        found["mode.trim"] = TRIM_GROUND
     elif case.drive.trim:
-        found["mode.trim"] = SEEK_THROTTLE if case.drive.engine == "throttle" else SEEK_THRUST
+        found["mode.trim"] = TRIM_THROTTLE if case.drive.engine == "throttle" else TRIM_THRUST
     if case.drive.level != "recorded":
         found["mode.controls"] = LEVELS[case.drive.level]
     if "lat" in states or "lat" in case.conditions:
@@ -162,7 +166,7 @@ def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
 
 
 def configuration(case: PomCase, job: Job) -> Mapping[str, float]:
-    """Return initial conditions and configuration by house name, for the report. [SI]"""
+    """Return initial conditions and configuration by canonical name, for the report. [SI]"""
     found = {name.removeprefix("init.").removeprefix("mass.").removeprefix("env."): value for name, value in job.parameters.items()}
     for name in ("delta_f", "gear", "speedbrake", *WIND):
         if name in job.inputs:

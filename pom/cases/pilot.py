@@ -80,7 +80,7 @@ class Pilot:
 
     @property
     def channels(self) -> list[str]:
-        """Outputs of the model that `controls` asks for."""
+        """Outputs of the model that `controls` requires."""
         return list(dict.fromkeys(loop.channel for loop in self.loops))
 
     def controls(self, k: int, outputs: Mapping[str, float]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""The parts of a case file resolved one by one; what is wrong is added to a list of problems, so that all are told at once."""
+"""The parts of a case file resolved one by one; what is wrong is added to a list of problems, so that all are reported at once."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ KINDRED = (
 
 
 def collect(problems: list[str], place: str, act: Callable[..., T], *items: Any) -> T | None:
-    """Return ``act(*items)``; an error of the house becomes one more problem."""
+    """Return ``act(*items)``; an error of the package becomes one more problem."""
     try:
         return act(*items)
     except SchemaError as error:
@@ -61,13 +61,13 @@ def collect(problems: list[str], place: str, act: Callable[..., T], *items: Any)
 
 
 _BEARING = {"id", "standard", "edition", "window", "features", "shortened", "record"}
-"""Keys of ``[case]`` without which nothing can be said of the rest."""
+"""Keys of ``[case]`` without which the rest cannot be checked."""
 
 
 def sound_rest(content: Mapping[str, Any]) -> CaseFile | None:
     """Return a case file of wrong form without the keys that are wrong, so that all else can be looked at in the same go.
 
-    None when windows and rows hang on what is wrong.
+    None when windows and rows depend on what is wrong.
     """
     rest = deepcopy(dict(content))
     try:
@@ -158,7 +158,7 @@ def place(path: Path, name: str, key: str, problems: list[str]) -> str:
 
 
 def criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
-    """Return the rows of the test as criteria, with what the case file says about bands."""
+    """Return the rows of the test as criteria, with what the case file sets for bands."""
     case = file.case
     rows = collect(problems, "case.id", table.rows_of, case.id, case.standard, case.edition) or []
     found = []
@@ -188,11 +188,11 @@ def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> t
     asked = f"{found[0]:g} ... {found[1]:g} s"
     inside = max(found[0], start), min(found[1], stop)
     if not inside[0] < inside[1]:
-        problems.append(f"events: row {name} asks for {asked}, outside the case window {start:g} ... {stop:g} s")
+        problems.append(f"events: row {name} requires {asked}, outside the case window {start:g} ... {stop:g} s")
     elif inside != (found[0], found[1]) and not file.case.shortened:
         problems.append(
             f"case.window: {start:g} ... {stop:g} s is shorter than row {name} asks ({asked}, {row['applies_from']} to "
-            f"{row['applies_to'] or 'the end'}); widen it, or say why in case.shortened"
+            f"{row['applies_to'] or 'the end'}); widen it, or give the reason in case.shortened"
         )
     return inside
 
@@ -249,7 +249,7 @@ def _loop(item: LoopTable, where: str, problems: list[str]) -> Loop | None:
 
 
 def forbid_judged(loops: Sequence[Loop], found: Sequence[Criterion], problems: list[str]) -> None:
-    """Tell of every loop that holds what is judged: qtg-report practice, section 5; a controller would pass any model."""
+    """Report every loop that holds what is judged: qtg-report practice, section 5; a controller would pass any model."""
     for loop in loops:
         kindred = {loop.channel}.union(*(group for group in KINDRED if loop.channel in group))
         judged = [c for c in found if c.applies and not c.reason and kindred & set(channels(c))]

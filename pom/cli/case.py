@@ -14,12 +14,12 @@ _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 @click.command()
 @click.argument("record", type=_FILE)
-@click.option("--test", help="Number of the test in the tolerance table, such as 2.c.10. On a terminal it is asked for.")
+@click.option("--test", help="Number of the test in the tolerance table, such as 2.c.10. On a terminal it is requested.")
 @click.option("-o", "--output", default="case.toml", show_default=True, type=NewFile(), help="Case file to write.")
 @click.option("--standard", help="Standard, or a part of its name.  [default: FAA 14 CFR Part 60 App A Table A2A]")
 @click.option("--edition", help="Edition, or its first digits.  [default: 2014-01-01, or the oldest of the standard]")
-@click.option("--names", type=_FILE, help="Name map of the record.  [default: names.toml beside it or one folder up]")
-@click.option("--aircraft", type=_FILE, help="Aircraft.  [default: aircraft.toml beside the record or one folder up]")
+@click.option("--names", type=_FILE, help="Name map of the record.  [default: names.toml next to it or one folder up]")
+@click.option("--aircraft", type=_FILE, help="Aircraft.  [default: aircraft.toml next to the record or one folder up]")
 @click.option("--window", nargs=2, type=float, metavar="START STOP", help="Where to look for the manoeuvre. [s]")
 @click.option("--force", is_flag=True, help="Overwrite an older file.")
 @json_option
@@ -37,7 +37,7 @@ def init(
 ) -> None:
     """Write a commented case file for a RECORD and a row of the tolerance table.
 
-    Window and events are filled in where the record tells them; what it does not tell is said.
+    Window and events are filled in where the record shows them; what it does not show is reported.
     """
     from ..drafting.draft import init_case
     from ..tolerances.editions import edition_of, titles
@@ -45,7 +45,7 @@ def init(
     standard, edition = edition_of(standard, edition)
     if test is None:
         if not _on_terminal():
-            raise click.UsageError("--test is missing; give the number of a row, such as --test 2.c.10 (on a terminal it is asked for)")
+            raise click.UsageError("--test is missing; give the number of a row, such as --test 2.c.10 (on a terminal it is requested)")
         test = _ask(titles(standard, edition))
     case, remarks = init_case(
         record, test, output, standard=standard, edition=edition, names=names, aircraft=aircraft, window=window, force=force

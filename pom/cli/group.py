@@ -55,7 +55,7 @@ def check(case: Path, as_json: bool) -> None:
 @click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), help="Folder for the report: pages, numbers, manifest.")
 @click.option("--title", default="Proof of Match", show_default=True, help="Title of the report.")
 @report_options
-@click.option("--junit", type=NewFile(), help="JUnit XML for a build server, beside or without a report.")
+@click.option("--junit", type=NewFile(), help="JUnit XML for a build server, with or without a report.")
 @click.option("--names", "tables", multiple=True, metavar="NAME=FILE.toml", help="Table of names, units and signs of a model.")
 @click.option("--timeout", default=60.0, show_default=True, help="Wall time per model and case. [s]")
 @jobs_option
@@ -102,7 +102,7 @@ def run(
     waiting: list[str] = []
     flown = False
 
-    def tell(result: Any) -> None:
+    def finished(result: Any) -> None:
         nonlocal flown
         flown = flown or not result.failure or any(result.status(name) != "invalid" for name in runs)
         waiting.extend(_lines(result, verbose))
@@ -111,7 +111,7 @@ def run(
             waiting.clear()
 
     shared: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "resume": resume}
-    results = replay_all(read, runs, names=names, biases=read_biases(biases_file), timeout=timeout, told=tell, **shared)
+    results = replay_all(read, runs, names=names, biases=read_biases(biases_file), timeout=timeout, progress=finished, **shared)
     if not flown:
         raise SimulationError("no model could be replayed: " + results[0].failure)
     written = None

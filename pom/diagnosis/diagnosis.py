@@ -88,7 +88,7 @@ def diagnose(
           that reduce it, the largest first.  Their ``mismatch`` is the level after this share and those above it, from that of
           `prior` to that of `final`.
 
-        Pairs, sequence, what is left out, and shares are not there when `prior` passes or `final` is no better.
+        The last four stages are not there when `prior` passes or `final` is no better.
     """
     bench = Bench.of(case, prior, final, (apriori or aircraft, aircraft), path)
     start, end = bench.judged([(), bench.names])

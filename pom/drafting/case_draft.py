@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Draft:
-    """What goes into a new case file, and what its author has to be told.
+    """What goes into a new case file, and what its author has to know.
 
     Attributes
     ----------
@@ -19,7 +19,7 @@ class Draft:
         Values with units.
     events : dict of str to (time [s], whether it was found)
     remarks : list of str
-        What the record does not tell.
+        What the record does not show.
     """
 
     case: dict[str, object]

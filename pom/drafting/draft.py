@@ -1,6 +1,6 @@
-"""A first case file for a record and a row of the tolerance table: what the record tells is filled in, the rest is said.
+"""A first case file for a record and a row of the tolerance table: what the record shows is filled in, the rest is reported.
 
-The file is written only when it is a sound case (`read_case`).  Events that the record does not tell get a place that keeps the
+The file is written only when it is a sound case (`read_case`).  Events that the record does not show get a place that keeps the
 file sound, a comment and a remark: they are for the engineer to set.
 """
 
@@ -28,8 +28,8 @@ from .event_detection import HELD_STILL, Mark, Movement, Recorded, find_events, 
 from .text import case_text
 
 LEAD = 1.0  # [s] of steady flight before the input
-HOMES = (".", "..")  # folders beside the record in which its name map and its aircraft are looked for
-LONGEST_LEAD = 5.0  # [s] that a row asks for before its event
+HOMES = (".", "..")  # next to the record: folders in which its name map and its aircraft are looked for
+LONGEST_LEAD = 5.0  # [s] that a row requires before its event
 WHOLE_RUNS = ("1.b", "1.e", "2.e")  # take-offs and landings, which a record marks part by part
 _WORDS = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder", "delta_f": "flap"}  # channel: what a mark calls it
 _SPOILED = re.compile(r"[^a-z0-9]+")
@@ -58,7 +58,7 @@ def init_case(
     output : path
         The case file.
     names, aircraft : path, optional
-        Name map and aircraft; without them ``names.toml`` and ``aircraft.toml`` beside the record or one folder up.
+        Name map and aircraft; without them ``names.toml`` and ``aircraft.toml`` next to the record or one folder up.
     window : tuple of float, optional
         Where to look for the manoeuvre. [s]  Without it: where the record marks one that fits, else all of it.
     force : bool
@@ -69,7 +69,7 @@ def init_case(
     case : PomCase
         What was written, read again.
     remarks : list of str
-        What the record does not tell, and was given a place that keeps the file sound.
+        What the record does not show, and was given a place that keeps the file sound.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def init_case(
         raise FileExistsError(f"{output} is there already; give another name, or --force to overwrite it")
     rows = table.rows_of(test, standard, edition)
     record = Path(record)
-    files = {"record": record, "names": _beside(record, "names.toml", names), "aircraft": _beside(record, "aircraft.toml", aircraft)}
+    files = {"record": record, "names": _next_to(record, "names.toml", names), "aircraft": _next_to(record, "aircraft.toml", aircraft)}
     draft = draft_case(rows, recorded_channels(record, files["names"]), window)
     draft.case.update(standard=standard, edition=edition)
     for key, file in files.items():
@@ -98,7 +98,7 @@ def init_case(
     return read_case(output), draft.remarks
 
 
-def _beside(record: Path, name: str, given: str | Path | None) -> Path | None:
+def _next_to(record: Path, name: str, given: str | Path | None) -> Path | None:
     if given is not None:
         return Path(given)
     places = [record.parent / home / name for home in HOMES]
@@ -167,7 +167,7 @@ def draft_case(rows: Sequence[table.Row], recorded: Recorded, window: tuple[floa
         "id": test,
         "name": _SPOILED.sub("_", title.lower()).strip("_"),
         "title": title,
-        "description": _said(moved),
+        "description": _described(moved),
         "window": [start, stop],
     }
     short = _shortened(applied, {name: time for name, (time, _) in events.items()}, (start, stop))
@@ -218,7 +218,7 @@ def _wanted(rows: Sequence[table.Row]) -> list[str]:
 def _window(
     rows: Sequence[table.Row], found: dict[str, float], moved: Movement | None, limits: Stretch, span: Stretch
 ) -> tuple[float, float]:
-    """Return start and end of the replay: what the rows ask for, with a second of steady flight before the input. [s]"""
+    """Return start and end of the replay: what the rows require, with a second of steady flight before the input. [s]"""
     if "capture" in found and all(row["measure"] == "steady" for row in rows):
         return found["capture"] - HELD_STILL, found["capture"] + 1.0
     bounds = [[_bound(row[end], found) for row in rows] for end in ("applies_from", "applies_to")]
@@ -271,9 +271,9 @@ def _placed(
             continue
         # at the edge of the replay it keeps the windows of its rows open
         opens = any(row["applies_from"].startswith(name) for row in rows)
-        closes = any(row["applies_to"].startswith(name) for row in rows)
+        ends = any(row["applies_to"].startswith(name) for row in rows)
         middle = 0.5 * (window[0] + window[1])
-        events[name] = round(middle if opens == closes else window[0] if opens else window[1], 2), False
+        events[name] = round(middle if opens == ends else window[0] if opens else window[1], 2), False
         remarks.append(f"{name} was not found in the record; it stands at {events[name][0]:g} s, set it by hand")
     return events
 
@@ -283,12 +283,12 @@ def _shortened(rows: Sequence[table.Row], events: dict[str, float], window: tupl
     asked = [[_bound(row[end], events) for row in rows] for end in ("applies_from", "applies_to")]
     first = min([time for time in asked[0] if time is not None], default=window[0])
     last = max([time for time in asked[1] if time is not None], default=window[1])
-    said = []
+    parts = []
     if first < window[0]:
-        said.append(f"begins {window[0] - first:.1f} s later")
+        parts.append(f"begins {window[0] - first:.1f} s later")
     if last > window[1]:
-        said.append(f"ends {last - window[1]:.1f} s earlier")
-    return f"the recorded manoeuvre {' and '.join(said)} than the rows ask" if said else ""
+        parts.append(f"ends {last - window[1]:.1f} s earlier")
+    return f"the recorded manoeuvre {' and '.join(parts)} than the rows require" if parts else ""
 
 
 def _drive(rows: Sequence[table.Row], recorded: Recorded, ground: bool) -> dict[str, object]:
@@ -307,5 +307,5 @@ def _drive(rows: Sequence[table.Row], recorded: Recorded, ground: bool) -> dict[
     return {"surfaces": level, "engine": power, "trim": "ground" if ground else True}
 
 
-def _said(moved: Movement | None) -> str:
+def _described(moved: Movement | None) -> str:
     return "" if moved is None else f"{moved.channel} moves from {moved.start:.1f} to {moved.end:.1f} s."

@@ -1,4 +1,4 @@
-"""Instants that a flight record tells by itself: where a control starts and stops moving, wheels, brakes, heights, a quiet stretch.
+"""Instants that a flight record shows by itself: where a control starts and stops moving, wheels, brakes, heights, a quiet stretch.
 
 They are proposals for the events of a case file (`pom.drafting.draft`); the engineer who signs the case looks at them.
 """
@@ -15,7 +15,7 @@ import numpy as np
 from flightmech.units import FOOT, KNOT
 
 QUIET_LEAD = 0.5  # [s] at the start of the searched stretch in which the controls still rest
-MOVED = 0.2  # share of the swing that a control free to float does not reach: 12 % in a phugoid of the Citation II
+MOVED = 0.2  # share of the excursion that a control free to float does not reach: 12 % in a phugoid of the Citation II
 LONGEST_RAMP = 10.0  # [s] that a corner may lie before the passage of that share
 RAMP = 0.1  # of a movement: rest that has to follow it; less is the rounding of a ramp that goes on
 NOISE = 6.0  # standard deviations of its noise that a movement is larger than
@@ -55,7 +55,7 @@ class Recorded:
     Attributes
     ----------
     channels : dict of str to (array, array)
-        House name to time [s] and samples [SI].
+        Canonical name to time [s] and samples [SI].
     span : tuple of float
         What the reconstruction covers. [s]
     marks : list of Mark
@@ -102,7 +102,7 @@ def movement(recorded: Recorded, names: Iterable[str], window: tuple[float, floa
     """Return the movement of the first of `names` that moves, in its own noise, at least half as much as the one that moves most.
 
     Rest is the median of the first half second, and of the last; the movement begins and ends where the lines through the
-    passages of 20 and 50 % of the swing meet it.  None when nothing moves by more than six standard deviations of its noise.
+    passages of 20 and 50 % of the excursion meet it.  None when nothing moves by more than six standard deviations of its noise.
     """
     found = []
     for name in dict.fromkeys(recorded.first([name]) for name in names):
@@ -111,27 +111,27 @@ def movement(recorded: Recorded, names: Iterable[str], window: tuple[float, floa
             stretch = _stretch(time, y)
             if stretch is not None:
                 found.append((stretch[2], Movement(name, *stretch[:2])))
-    most = max((swing for swing, _ in found), default=0.0)
-    return next((moved for swing, moved in found if swing >= 0.5 * most), None)
+    most = max((excursion for excursion, _ in found), default=0.0)
+    return next((moved for excursion, moved in found if excursion >= 0.5 * most), None)
 
 
 def _stretch(time: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | None:
-    """Return start, end and swing (in its noise) of the movement of a channel."""
+    """Return start, end and excursion (in its noise) of the movement of a channel."""
     if time.size < 20:
         return None
     before, after = (float(np.median(y[part])) for part in (time <= time[0] + QUIET_LEAD, time >= time[-1] - QUIET_LEAD))
     noise = 1.4826 * float(np.median(np.abs(np.diff(y)))) / np.sqrt(2.0)
-    swing = float(np.max(np.abs(y - before)))
-    if min(swing, float(np.max(np.abs(y - after)))) <= max(NOISE * noise, 1e-9):
+    excursion = float(np.max(np.abs(y - before)))
+    if min(excursion, float(np.max(np.abs(y - after)))) <= max(NOISE * noise, 1e-9):
         return None
-    start, end = _corner(time, np.abs(y - before) / swing), _corner(-time[::-1], np.abs(y - after)[::-1] / swing)
+    start, end = _corner(time, np.abs(y - before) / excursion), _corner(-time[::-1], np.abs(y - after)[::-1] / excursion)
     if start is None or end is None or not start < -end:
         return None
-    return max(start, float(time[0])), min(-end, float(time[-1])), swing / max(noise, 1e-3 * swing)
+    return max(start, float(time[0])), min(-end, float(time[-1])), excursion / max(noise, 1e-3 * excursion)
 
 
 def _corner(time: np.ndarray, away: np.ndarray) -> float | None:
-    """Return where the way out of rest begins: on the line through its first passages of 20 and 50 % of the swing. [s]"""
+    """Return where the way out of rest begins: on the line through its first passages of 20 and 50 % of the excursion. [s]"""
     slightly, half = np.flatnonzero(away > MOVED), np.flatnonzero(away > 0.5)
     if not slightly.size or not half.size:
         return None
@@ -172,7 +172,7 @@ def find_events(
     wanted : iterable of str
         Events of the tolerance table (`pom.tolerances.rows.events`).
     test : str
-        Its number; tells which control is the input, and whether 200 ft are passed upward (take-off) or downward (landing).
+        Its number; determines which control is the input, and whether 200 ft are passed upward (take-off) or downward (landing).
     manoeuvre, window : tuple of float
         Where to look for the input, and for all else. [s]
     """

@@ -1,4 +1,4 @@
-"""The text of a new case file, with comments that say what may be changed and what the rows demand."""
+"""The text of a new case file, with comments on what may be changed and what the rows demand."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..tolerances.criteria import Criterion
 if TYPE_CHECKING:
     from .case_draft import Draft
 
-_SAID = {
+_COMMENTS = {
     "name": "for files and links",
     "window": "[s] on the clock of the record; start in a steady state",
     "engine_parameter": "critical engine parameter of Ti and Tt",
@@ -56,7 +56,8 @@ def case_text(draft: Draft, criteria: Sequence[Criterion]) -> str:
     if draft.events:
         lines += ["", "[events]  # [s]"]
         lines += [
-            f"{_key(key)} = {time:g}{'' if sure else '   # NOT FOUND in the record: set it'}" for key, (time, sure) in draft.events.items()
+            f"{_key(key)} = {time:g}{'' if found else '   # NOT FOUND in the record: set it'}"
+            for key, (time, found) in draft.events.items()
         ]
     return "\n".join(lines) + "\n" + _rows(criteria) + _OPTIONAL
 
@@ -68,8 +69,8 @@ _ORDER = (
 
 
 def _line(key: str, value: object) -> str:
-    said = f"   # {_SAID[key]}" if key in _SAID else ""
-    return f"{key} = {json.dumps(value, ensure_ascii=False)}{said}"
+    comment = f"   # {_COMMENTS[key]}" if key in _COMMENTS else ""
+    return f"{key} = {json.dumps(value, ensure_ascii=False)}{comment}"
 
 
 def _key(name: str) -> str:

@@ -1,4 +1,4 @@
-"""An FMU is a stranger: what it offers is read from its description and compared with what a case needs, both ways."""
+"""An FMU is untrusted: what it offers is read from its description and compared with what a case needs, both ways."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def _takes_start(variable: Any, version: str) -> bool:
 
 
 def _steps(description: Any) -> tuple[bool, float]:
-    """Return whether an FMU takes steps of one length only, and that length, 0 when it does not say it. [s]"""
+    """Return whether an FMU takes steps of one length only, and that length, 0 when it does not state it. [s]"""
     kind, experiment = description.coSimulation, description.defaultExperiment
     if kind is None:
         return False, 0.0
@@ -92,7 +92,7 @@ def _steps(description: Any) -> tuple[bool, float]:
 
 
 def check(fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str], parameters: Iterable[str]) -> None:
-    """Check that an FMU offers what a case needs, in units that the house can turn.
+    """Check that an FMU offers what a case needs, in units that can be converted.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def check(fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str],
     links : Links
         From `links_of`.
     inputs, outputs, parameters : iterable of str
-        House names.
+        Canonical names.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def check(fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str],
 
 @cache
 def _unit_problem(what: str, name: str, unit: str) -> tuple[str, ...]:
-    """Compare the declared unit of a variable that no table turns with that of the house: same quantity, same size."""
+    """Compare the declared unit of a variable that no table converts with the canonical one: same quantity, same size."""
     try:
         expected = canonical_unit(name)
     except UnknownName:
@@ -136,6 +136,4 @@ def _unit_problem(what: str, name: str, unit: str) -> tuple[str, ...]:
         return (f"{what} {name}: {error}",)
     if same:
         return ()
-    return (
-        f"{what} {name} is in {unit!r}; this house needs {expected!r}, write the FMU in SI or give its unit in a table of names (--names)",
-    )
+    return (f"{what} {name} is in {unit!r}; needed is {expected!r}, write the FMU in SI or give its unit in a table of names (--names)",)

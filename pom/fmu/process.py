@@ -184,7 +184,7 @@ def hired(fmu: str | Path) -> Iterator[Child]:
 
 
 def _surplus() -> Child:
-    """Take out the child whose file was asked for least recently."""
+    """Take out the child whose file was used least recently."""
     oldest = next(key for key, children in _idle.items() if children)
     return _idle[oldest].pop(0)
 

@@ -12,7 +12,7 @@ from flightmech.support.atomic_write import written_atomically
 
 @dataclass(frozen=True)
 class Store:
-    """Arrays by key, one file each, written whole or not at all.
+    """Arrays by key, one file each, written atomically.
 
     Several processes may share the folder: who comes second writes the same.
 

@@ -1,4 +1,4 @@
-"""One model through one job: house names and SI on this side, the variables and units of the FMU on the other."""
+"""One model through one job: canonical names and SI on this side, the variables and units of the FMU on the other."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Found = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Model:
-    """An FMU and how the house speaks to it."""
+    """An FMU and how its variables are reached."""
 
     fmu: Fmu
     links: Links
@@ -62,9 +62,9 @@ class Models:
 
     def __init__(self, runs: Mapping[str, str | Path], names: Mapping[str, str | Path] | None = None):
         self.names = {name: str(table) for name, table in (names or {}).items()}
-        strangers = [name for name in self.names if name not in runs]
-        if strangers:
-            raise SchemaError("names", [f"{name}: no such model; there are {', '.join(runs)}" for name in strangers])
+        unknown = [name for name in self.names if name not in runs]
+        if unknown:
+            raise SchemaError("names", [f"{name}: no such model; there are {', '.join(runs)}" for name in unknown])
         self._fmus = {name: read_fmu(file) for name, file in runs.items()}
         self._links: dict[tuple[str, str | None], Links] = {}
 
@@ -95,7 +95,7 @@ def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: 
     model : Model
     job : Job
     wanted : collection of str
-        House names of outputs; those that the model has are returned.
+        Canonical names of outputs; those that the model has are returned.
     timeout : float
         Wall time allowed. [s]
     store : Store, optional
@@ -104,7 +104,7 @@ def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: 
     Returns
     -------
     found : dict of str to array (time,)
-        Outputs by house name, and the controls that the math pilot moved; NaN where the run did not come. [SI]
+        Outputs by canonical name, and the controls that the math pilot moved; NaN where the run did not come. [SI]
     failure : str
         Empty when all went well.
     """
@@ -176,7 +176,7 @@ def _controls(task: Mapping[str, Any]) -> list[str]:
 
 
 def _found(model: Model, job: Job, outputs: list[str], time: np.ndarray, task: Mapping[str, Any], columns: np.ndarray) -> Found:
-    """Return what was flown at the samples of the job, by house name and in SI."""
+    """Return what was flown at the samples of the job, by canonical name and in SI."""
     found = {name: model.links.outputs[name].to_canonical(columns[:, i]) for i, name in enumerate(outputs)}
     if len(time) != len(job.time) or not np.array_equal(time, job.time):
         found = {name: _at_samples(name, values, time, job.time) for name, values in found.items()}

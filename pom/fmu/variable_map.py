@@ -1,4 +1,4 @@
-"""House names and the variables of a foreign FMU: the table of names that joins them, and what it turns numbers by."""
+"""Canonical names and the variables of a foreign FMU: the table of names that joins them, with factors, signs and offsets."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class _File(Strict):
 
 @dataclass(frozen=True)
 class Link:
-    """A variable of an FMU; the number of the house is ``factor`` times its number plus ``offset``."""
+    """A variable of an FMU; the canonical number is ``factor`` times its number plus ``offset``."""
 
     variable: str
     factor: float = 1.0
@@ -56,18 +56,18 @@ class Link:
         return (value - self.offset) / self.factor
 
     def to_canonical(self, value: Any) -> Any:
-        """Return a value, or an array, in SI and the sign of the house."""
+        """Return a value, or an array, in SI and the canonical sign."""
         return value * self.factor + self.offset
 
 
 @dataclass(frozen=True)
 class Links:
-    """How the house and an FMU speak to each other.
+    """How canonical names and the variables of an FMU correspond.
 
     Attributes
     ----------
     inputs, outputs, parameters : mapping of str to Link
-        By house name.
+        By canonical name.
     fixed : mapping of str to float
         Variables of the FMU that keep a value, in its own unit.
     table : str
@@ -82,22 +82,22 @@ class Links:
 
 
 def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
-    """Join an FMU to the house.
+    """Join an FMU to the canonical names.
 
     Parameters
     ----------
     fmu : Fmu
     table : path, optional
-        Table of names, TOML: sections ``inputs``, ``outputs``, ``parameters`` with ``house_name = "variable"`` or
-        ``house_name = { variable = "...", unit = "deg", sign = -1 }`` or ``{ variable = "...", scale = "40 deg" }`` (what 1 stands
-        for), and ``fixed`` with ``variable = value``.  A variable that is called as in the house needs no entry.
+        Table of names, TOML: sections ``inputs``, ``outputs``, ``parameters`` with ``canonical_name = "variable"`` or
+        ``canonical_name = { variable = "...", unit = "deg", sign = -1 }`` or ``{ variable = "...", scale = "40 deg" }`` (what 1 stands
+        for), and ``fixed`` with ``variable = value``.  A variable with a canonical name needs no entry.
 
     Raises
     ------
     ParseError
         The table is not TOML.
     SchemaError
-        With every entry that names no such variable, another kind of variable, one that another entry has, an unknown house name, or
+        With every entry that names no such variable, another kind of variable, one that another entry has, an unknown canonical name, or
         a unit that cannot be; and every input of the FMU that nothing drives.
     """
     own = Links(_alike(fmu.inputs), _alike(fmu.outputs), _alike(fmu.parameters))
@@ -118,7 +118,7 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
     driven = {link.variable for name, link in found["input"].items() if name in file.inputs or _known(name)}
     for name in fmu.inputs:
         if name not in driven and name not in file.fixed:
-            problems.append(f"inputs: nothing drives the input {name!r} of the FMU; give it a house name, or a value in [fixed]")
+            problems.append(f"inputs: nothing drives the input {name!r} of the FMU; give it a canonical name, or a value in [fixed]")
     if problems:
         raise SchemaError(f"names {table} for FMU {fmu.path}", problems)
     digest = hashlib.sha256(Path(table).read_bytes()).hexdigest()
@@ -139,7 +139,7 @@ def _taken_once(what: str, entries: Mapping[str, _Entry], problems: list[str]) -
     taken: dict[str, str] = {}
     for name, entry in entries.items():
         if entry.variable in taken:
-            problems.append(f"{what}s.{name}: {entry.variable!r} is {taken[entry.variable]} already; a variable has one house name")
+            problems.append(f"{what}s.{name}: {entry.variable!r} is {taken[entry.variable]} already; a variable has one canonical name")
         taken[entry.variable] = name
     return set(taken)
 
@@ -170,7 +170,7 @@ def _turned(entry: _Entry, declared: str, expected: str) -> tuple[float, float]:
     if dimension != parse(expected)[0]:
         raise UnitError(f"unit {entry.unit or declared!r} cannot be converted to {expected!r}; give a unit of the same quantity")
     if entry.unit and declared and _parsed(declared) not in (None, (dimension, factor, offset)):
-        raise UnitError(f"the table says {entry.unit!r} and the FMU declares {declared!r}; mend the table")
+        raise UnitError(f"the table gives {entry.unit!r} and the FMU declares {declared!r}; correct the table")
     return factor, offset
 
 
@@ -188,16 +188,16 @@ def _check_fixed(file: _File, fmu: Fmu, problems: list[str]) -> None:
         if name not in offered:
             problems.append(f"fixed: {UnknownName(name, offered, 'input or parameter of the FMU')}")
         elif name in mapped:
-            problems.append(f"fixed.{name}: it has a house name too; choose one of the two")
+            problems.append(f"fixed.{name}: it has a canonical name too; choose one of the two")
 
 
 def canonical_unit(name: str) -> str:
-    """Return the SI unit of an input, output or parameter by its house name.
+    """Return the SI unit of an input, output or parameter by its canonical name.
 
     Raises
     ------
     UnknownName
-        The house has no such name.
+        There is no such name.
     """
     loose = _LOOSE.get(name) or _LOOSE.get(name.partition(".")[0])
     return loose or lookup(_bare(name)).units

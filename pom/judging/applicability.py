@@ -1,4 +1,4 @@
-"""Conditions of rows: which row counts, on which samples, and on which channel, as the flight tells.
+"""Conditions of rows: which row counts, on which samples, and on which channel, as the flight shows.
 
 A condition is a word that the case claims (``reversible_controls``), a part of the manoeuvre between two events
 (``approach_to_stall``), a relation that picks samples (``groundspeed<40kt``) or the row (``distance<=4000ft``), or the
@@ -83,7 +83,7 @@ def _of_kind(case: PomCase, criterion: Criterion, word: str, time: np.ndarray, f
     try:
         motion = free_motion(criterion, time, flight[criterion.channel])
     except Invalid:
-        return criterion  # the measure tells what is wrong with the record
+        return criterion  # the measure reports what is wrong with the record
     kind = KINDS[0] if motion.overshoots.size else KINDS[1]
     if kind != word and word not in case.features:
         return replace(criterion, applies=False, reason=f"applies only {word}; the flight is {kind}")

@@ -25,7 +25,7 @@ class Match:
     Attributes
     ----------
     case : PomCase
-        Tells events, features and certified values.
+        Gives events, features and certified values.
     time : array (time,)
         [s]
     flight, model : Signals
@@ -39,7 +39,7 @@ class Match:
 
     @classmethod
     def of(cls, case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> Match:
-        """Return the match of two runs by house name."""
+        """Return the match of two runs by canonical name."""
         return cls(case, time, signals_of(case, flight, time), signals_of(case, model, time))
 
     def both(self, criterion: Criterion, channel: str = "") -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -41,14 +41,14 @@ def event_time(match: Match, event: str) -> float:
     return match.case.events[event]
 
 
-def find(match: Match, event: str, beside: str = "") -> Instant:
+def find(match: Match, event: str, excluded: str = "") -> Instant:
     """Return when an event happens in flight and model.
 
     Parameters
     ----------
     match : Match
     event : str
-    beside : str
+    excluded : str
         Channel that is compared and therefore may not indicate the event.
 
     Raises
@@ -70,8 +70,8 @@ def find(match: Match, event: str, beside: str = "") -> Instant:
     if names and all(name in match.model for name in names):
         return _by_discrete(match, event, names)
     channel, direction = LEVELS.get(event, ("", 0))
-    if not channel or channel == beside or channel not in match.flight or channel not in match.model:
-        signals = [name for name in (*names, channel) if name and name != beside]
+    if not channel or channel == excluded or channel not in match.flight or channel not in match.model:
+        signals = [name for name in (*names, channel) if name and name != excluded]
         raise NotJudged(f"{event} is detected by {' or '.join(signals) or 'a signal'}, and flight and model do not both have it")
     time = event_time(match, event)
     level = level_at(match, event, time)

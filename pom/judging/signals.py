@@ -1,4 +1,4 @@
-"""The signals of a flight or of a model by house name, and the quantities that are formed of them.
+"""The signals of a flight or of a model by canonical name, and the quantities that are formed of them.
 
 Flight and model are formed alike: distances and deviations begin at the first sample of the replay in both.
 """
@@ -25,7 +25,7 @@ _FLOW = re.compile(r"^engine\d+\.fuel_flow$")
 
 
 class Signals(Mapping[str, np.ndarray]):
-    """Samples of one run by house name; what is not recorded but can be formed is formed. [SI]
+    """Samples of one run by canonical name; what is not recorded but can be formed is formed. [SI]
 
     Parameters
     ----------

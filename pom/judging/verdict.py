@@ -100,7 +100,7 @@ def _measured(criterion: Criterion, match: Match) -> Outcome:
         return measure(criterion, match)
     # the flight value is never above the largest in service: what passes on that base passes on any
     strict = replace(criterion, band=Band(criterion.band.limits, criterion.band.rule, "ref_scalar"))
-    with suppress(Invalid):  # not steady within a third of the narrower band; what is wrong beside is found again
+    with suppress(Invalid):  # not steady within a third of the narrower band; what else is wrong is found again
         outcome = measure(strict, match)
         if outcome.verdict == "pass":
             remark = RowRemark("method", "passes on the flight value, so on the largest in service")

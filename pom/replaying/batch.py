@@ -44,7 +44,7 @@ def replay_all(
     scheduler: str | None = None,
     resume: str | Path | None = None,
     timeout: float = 60.0,
-    told: Callable[[PomResult], None] | None = None,
+    progress: Callable[[PomResult], None] | None = None,
 ) -> list[PomResult]:
     """Replay every case by every model and judge it.
 
@@ -68,7 +68,7 @@ def replay_all(
         it, and reconstructed records likewise.  What is there is not flown again; verdicts are always formed anew.
     timeout : float
         Wall time allowed per model and case. [s]
-    told : callable, optional
+    progress : callable, optional
         Called with every result in the order of the cases, as soon as it is there.
 
     Returns
@@ -87,7 +87,7 @@ def replay_all(
     """
     models = Models(runs, names)
     for case in cases:
-        models.of(case)  # a table that does not fit is told before records are reconstructed, which takes long
+        models.of(case)  # a table that does not fit is reported before records are reconstructed, which takes long
     kept = Path(resume).resolve() if resume is not None else None
     plans = _plans(cases, paths or {}, KeptStates(kept, biases), jobs)
     _check(plans, models)
@@ -96,8 +96,8 @@ def replay_all(
     results = []
     for result in _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs):
         results.append(result)
-        if told is not None:
-            told(result)
+        if progress is not None:
+            progress(result)
     return results
 
 

@@ -28,7 +28,7 @@ def calibration_text(biases: xr.Dataset) -> str:
     ----------
     biases : Dataset (parameter,)
         ``estimate``, ``stderr``, ``unit``, ``held``, from `flighttest.reconstruct` or `flighttest.reconstruction.open_biases`.
-        Constants that were held are left out: nothing was corrected by them that the instrument's own specification does not say.
+        Constants that were held are left out: nothing was corrected by them that the instrument's own specification does not state.
     """
     rows = [
         {
@@ -54,7 +54,7 @@ def drift(result: PomResult) -> pd.DataFrame:
     -------
     DataFrame
         ``run channel start rate spread unit``: value and slope [per s] of the line through model minus flight, and the standard
-        deviation about it, over the whole window. [SI]  A slope with a small spread tells of a force error, of wind or of mass.
+        deviation about it, over the whole window. [SI]  A slope with a small spread points to an error of force, of wind or of mass.
     """
     time = result.signals["time"].values
     rows = []

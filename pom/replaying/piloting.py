@@ -42,7 +42,7 @@ def activity(
     list of dict
         ``control``; ``gains``, his loops in words; ``mean``, ``rms`` and ``largest`` correction (signed) and its time ``at`` [s];
         ``at_limit``, the share of samples at which one of his loops was at its limit; ``held``, the rms by which each channel
-        missed its record, in words. [SI]
+        departed from its record, in words. [SI]
     """
     rows, cut = [], _cut(loops, time, targets, outputs)
     for control, correction in moved.items():
@@ -92,6 +92,6 @@ def _gains(loop: Loop) -> str:
 
 
 def _held(name: str, targets: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]) -> str:
-    missed = np.array([shortest(name, error) for error in targets[name] - outputs[name]])
+    error_of = np.array([shortest(name, error) for error in targets[name] - outputs[name]])
     unit = lookup(name).display_units
-    return f"{name} {np.sqrt(np.nanmean(missed**2)) / parse(unit)[1]:.3g} {unit} rms"
+    return f"{name} {np.sqrt(np.nanmean(error_of**2)) / parse(unit)[1]:.3g} {unit} rms"

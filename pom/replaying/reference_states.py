@@ -30,7 +30,7 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     Returns
     -------
     Dataset (time)
-        States, controls, thrust, mass properties; the attribute ``calibration`` tells the corrections of the instruments. [SI]
+        States, controls, thrust, mass properties; the attribute ``calibration`` gives the corrections of the instruments. [SI]
 
     Raises
     ------
@@ -65,7 +65,7 @@ def _calibrated(path: Any) -> xr.Dataset:
 
 
 def measured_wind(case: PomCase, time: np.ndarray) -> dict[str, Any]:
-    """Return the wind that the raw record of a case tells, on the clock of its states.
+    """Return the wind that the raw record of a case holds, on the clock of its states.
 
     Returns
     -------
@@ -95,7 +95,7 @@ def recorded_states(case: PomCase, biases: xr.Dataset | None = None) -> xr.Datas
     ----------
     case : PomCase
     biases : Dataset, optional
-        Constants of the instruments as other records tell them (`flighttest.reconstruction.open_biases`), the prior of a
+        Constants of the instruments as other records give them (`flighttest.reconstruction.open_biases`), the prior of a
         reconstruction.  Without them a raw record has only itself and the class of its instruments.
 
     Raises
@@ -130,7 +130,7 @@ def path_states(record: str) -> xr.Dataset | None:
         return None
     try:
         return found.assign_attrs({CALIBRATION: calibration_text(flighttest.reconstruction.open_biases(record))})
-    except ParseError:  # states of another house, which tell no constants
+    except ParseError:  # states of another program, which hold no constants
         return found
 
 

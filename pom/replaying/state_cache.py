@@ -1,4 +1,4 @@
-"""Reconstructed records kept beside the flights of a batch, so that an interrupted one does not reconstruct them again."""
+"""Reconstructed records kept next to the flights of a batch, so that an interrupted one does not reconstruct them again."""
 
 from __future__ import annotations
 

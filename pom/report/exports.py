@@ -85,7 +85,7 @@ def junit(results: Sequence[PomResult], title: str) -> str:
 
 
 def write_junit(path: str | os.PathLike, results: Sequence[PomResult], title: str) -> None:
-    """Write `junit` to a file, whole or not at all."""
+    """Write `junit` to a file, atomically."""
     with written_atomically(path) as place:
         place.write_text(junit(results, title), encoding="utf-8", newline="\n")
 

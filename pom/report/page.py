@@ -1,4 +1,4 @@
-"""The HTML page of the report: one self-contained file that asks for nothing outside itself."""
+"""The HTML page of the report: one self-contained file that loads nothing from outside."""
 
 from __future__ import annotations
 

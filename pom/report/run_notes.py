@@ -1,4 +1,4 @@
-"""What a reader wants to know of a run beside its verdict, in lines of text: trim, math pilot, drift."""
+"""What a reader wants to know of a run in addition to its verdict, in lines of text: trim, math pilot, drift."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..replaying.piloting import pilot_activity
 from ..replaying.trim_state import FOUND, LEFT, SHOWN_UNITS, limits_of
 from ..result import PomResult
 
-_TOLD_RATES = ("V_cas", "h", "psi")
+_RATES = ("V_cas", "h", "psi")
 
 
 def run_notes(result: PomResult, run: str) -> list[str]:
@@ -22,9 +22,9 @@ def run_notes(result: PomResult, run: str) -> list[str]:
 def _trim(result: PomResult, run: str) -> str:
     limits = limits_of(result)
     words = []
-    told = result.trim[run].dropna().to_dict()
-    for quantity in (name for name in (*FOUND, *LEFT) if name in told):
-        value = told[quantity]
+    trim = result.trim[run].dropna().to_dict()
+    for quantity in (name for name in (*FOUND, *LEFT) if name in trim):
+        value = trim[quantity]
         name = quantity.removeprefix("trim.")
         unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
         text = f"{name} {from_si(value, unit):+.3g}{'' if unit == '1' else f' {unit}'}"
@@ -43,7 +43,7 @@ def _pilot(result: PomResult, run: str) -> list[str]:
         mean, rms, largest = (from_si(row[key], unit) for key in ("mean", "rms", "largest"))
         lines.append(
             f"pilot  {row['control']}: mean {mean:+.3g}, rms {rms:.3g}, largest {largest:+.3g} {unit} at {row['at']:.1f} s, "
-            f"{100.0 * row['at_limit']:.0f} % at its limit; missed {row['held']}; loops {row['gains']}"
+            f"{100.0 * row['at_limit']:.0f} % at its limit; off by {row['held']}; loops {row['gains']}"
         )
     return lines
 
@@ -51,7 +51,7 @@ def _pilot(result: PomResult, run: str) -> list[str]:
 def _drift(result: PomResult, run: str) -> str:
     rows = drift(result)
     words = []
-    for row in rows[(rows["run"] == run) & rows["channel"].isin(_TOLD_RATES)].to_dict("records"):
+    for row in rows[(rows["run"] == run) & rows["channel"].isin(_RATES)].to_dict("records"):
         unit = lookup(row["channel"]).display_units
         words.append(f"{row['channel']} {from_si(60.0 * row['rate'], unit):+.3g} {unit}/min")
     return f"drift  {', '.join(words)}" if words else ""

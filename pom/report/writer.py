@@ -50,7 +50,7 @@ def write_report(
 ) -> Path:
     """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
 
-    Beside the two: ``results.json`` (every printed number), ``results.nc`` (samples as exact doubles), ``results.xml`` (JUnit),
+    Next to the two: ``results.json`` (every printed number), ``results.nc`` (samples as exact doubles), ``results.xml`` (JUnit),
     ``csv/`` (one file per case) and ``manifest.json`` (SHA-256 of every input and output).
 
     Parameters

@@ -19,11 +19,11 @@ ROUNDING = 1e-9  # degrees to radians and back: a difference equal to the tolera
 
 
 class NotJudged(Exception):
-    """A criterion cannot be judged; the text says why.  Ends as a verdict, never at the user as an error."""
+    """A criterion cannot be judged; the text states why.  Ends as a verdict, never at the user as an error."""
 
 
 class Invalid(Exception):
-    """The data cannot carry a judgement; the text says why.  Ends as a verdict, never at the user as an error."""
+    """The data cannot carry a judgement; the text states why.  Ends as a verdict, never at the user as an error."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ class Limit:
 class Band:
     """One or two limits and the rule that joins them.
 
-    ``rule`` is ``single``, ``greater_of`` or ``lesser_of``; ``base`` says of what a percentage is taken: ``ref_local``
+    ``rule`` is ``single``, ``greater_of`` or ``lesser_of``; ``base`` states of what a percentage is taken: ``ref_local``
     (flight value at the same instant or abscissa), ``ref_peak`` (largest flight magnitude of the window), ``ref_scalar``
     (flight value of the scalar measure), ``first_overshoot`` (that of the flight), ``range_max`` (maximum of the normal
     operating range).
@@ -70,7 +70,7 @@ class Criterion:
     parameter : str
         Name in the tolerance table; empty when the case file added the criterion.
     channel : str
-        Quantity it is judged on, house name: a signal, or one formed of signals such as ``distance``; empty for what is
+        Quantity it is judged on, canonical name: a signal, or one formed of signals such as ``distance``; empty for what is
         shown and judged by people.
     measure : str
         ``trace``, ``steady``, ``period`` ...
@@ -81,7 +81,7 @@ class Criterion:
     window : tuple of float
         Start and end on the clock of the record. [s]
     applies : bool
-        False when the row's condition does not hold for the case; ``reason`` says why.
+        False when the row's condition does not hold for the case; ``reason`` states why.
     reason : str
         Why the row does not apply, or why it cannot be judged.
     kind, provenance, source, note : str

@@ -22,6 +22,6 @@ def sources(channel: str) -> tuple[str, ...]:
 
 
 def output_of(channel: str, offered: Container[str]) -> str:
-    """Return the output of a model that holds a channel: ``applied.delta_e`` tells ``delta_e``, which is an input."""
+    """Return the output of a model that holds a channel: ``applied.delta_e`` holds ``delta_e``, which is an input."""
     applied = f"applied.{channel}"
     return applied if channel not in offered and applied in offered else channel

@@ -13,9 +13,9 @@ def edition_of(standard: str | None = None, edition: str | None = None) -> tuple
     Parameters
     ----------
     standard : str, optional
-        Any part of its name that no other has, ``CCAR`` or ``B2A``; the one of the house without it.
+        Any part of its name that no other has, ``CCAR`` or ``B2A``; the default one without it.
     edition : str, optional
-        Its first digits, such as ``2016``; without it that of the house, or the oldest of the standard.
+        Its first digits, such as ``2016``; without it the default one, or the oldest of the standard.
 
     Raises
     ------

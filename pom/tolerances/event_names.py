@@ -49,7 +49,7 @@ OF_PARAMETER = {
 """The event at which a parameter is read."""
 
 MARKS = frozenset({*ACTS, *LEVELS, *DISCRETES, "g_break", "static_sweep_start", "static_sweep_end"})
-"""Events that the measures ask for, beside those that bound the windows of rows."""
+"""Events that the measures need, in addition to those that bound the windows of rows."""
 
 PARTS = {
     "approach_to_stall": ("", "stall_warning"),

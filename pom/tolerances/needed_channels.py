@@ -34,7 +34,7 @@ def channels(criterion: Criterion) -> tuple[str, ...]:
 
 
 def helpful(criterion: Criterion) -> tuple[str, ...]:
-    """Return signals that tell the events and conditions of a criterion; a model may have them."""
+    """Return signals that show the events and conditions of a criterion; a model may have them."""
     event = OF_PARAMETER.get(criterion.parameter, "") if criterion.measure in ("event_value", "setup") else ""
     tellers = [name for mark in (event, *criterion.bounds) for name in (*DISCRETES.get(mark, ()), *LEVELS.get(mark, ())[:1])]
     flows = [f"engine{n}.fuel_flow" for n in range(1, 5)] if criterion.channel == "fuel_used" else []

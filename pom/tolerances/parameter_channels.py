@@ -1,4 +1,4 @@
-"""The words of the tolerance table in house names: which quantity a parameter is judged on, and in which unit."""
+"""The words of the tolerance table in canonical names: which quantity a parameter is judged on, and in which unit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from flightmech.units import from_si, parse
 from .criteria import Criterion
 
 # Airspeed is calibrated, and like is compared with like (rule R10 of the table).  Tables give magnitudes, so signs need
-# no change.  A wheel force of the table is a force at the rim; the house has a torque and the radius of the wheel.
+# no change.  A wheel force of the table is a force at the rim; this product uses a torque and the radius of the wheel.
 CHANNELS: dict[str, str] = {
     # performance
     "airspeed": "V_cas",
@@ -79,7 +79,7 @@ OTHERS: dict[str, tuple[str, ...]] = {"trim_surface": ("i_h",), "trim_rate": ("i
 flow instead of fuel on board."""
 
 MODE_CHANNELS = {"2.c.9": "V_cas", "2.d.7": "r"}
-"""Where a mode is measured unless the case says otherwise: the phugoid in airspeed, the Dutch roll in yaw rate."""
+"""Where a mode is measured unless the case states otherwise: the phugoid in airspeed, the Dutch roll in yaw rate."""
 
 TRAVEL = {
     "2.a.1.a": "column",
@@ -97,7 +97,7 @@ TRAVEL = {
     "2.b.2": "wheel",
     "2.b.3": "pedal",
 }
-"""The control that a sweep or a release moves, by test: abscissa of the curves, and what swings after the release."""
+"""The control that a sweep or a release moves, by test: abscissa of the curves, and what oscillates after the release."""
 
 PROGRESS = {"1.c.3": "h", "1.d.1": "V_cas", "1.d.2": "V_cas"}
 """The channel whose change bounds a segment that has no events."""

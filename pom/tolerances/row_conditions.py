@@ -20,7 +20,7 @@ _COMPARE = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operato
 _CHANNEL = {"speed": "V_cas", "groundspeed": "V_ground", "distance": "distance"}
 _WARNING = re.compile(r"^(?:stick_shaker|stall_warning|warning)_or_initial_buffet$")
 KINDS = ("underdamped", "overdamped")
-"""Kinds of a control's motion after release; the flight tells unless the case does."""
+"""Kinds of a control's motion after release; taken from the flight unless the case states it."""
 
 SWEEPS = "alternate_method_moderate_or_rapid_sweep"
 """Control dynamics by sweeps, without a release."""
@@ -76,7 +76,7 @@ def sample_mask(condition: str, events: Mapping[str, float], time: np.ndarray, f
             continue
         channel = _CHANNEL[match.group(1)]
         if channel not in flight:
-            raise NotJudged(f"the flight record has no {channel}, which {word} asks for")
+            raise NotJudged(f"the flight record has no {channel}, which {word} requires")
         if _WARNING.match(match.group(3)):
             marks = [events[event] for event in ("stall_warning", "initial_buffet") if event in events]
             if not marks:

@@ -57,7 +57,7 @@ def rows_of(id: str, standard: str = STANDARD, edition: str = EDITION) -> list[R
 
 
 def features() -> set[str]:
-    """Return every word that a case can claim; conditions that the record tells are not among them, but for the kinds of damping."""
+    """Return every word that a case can claim; conditions that the record shows are not among them, but for the kinds of damping."""
     return {word for row in rows() for word in row["condition"].split(";") if word and (claimed(word) or word in KINDS)}
 
 
@@ -153,7 +153,7 @@ def _abscissa(row: Row, measure: str, travel: str) -> str:
 
 
 def _channel(row: Row, measure: str, travel: str, mode_channel: str, engine_parameter: str) -> str:
-    """Return what a row is judged on; what a case chooses (mode, engine parameter) before what the table says."""
+    """Return what a row is judged on; what a case chooses (mode, engine parameter) before what the table sets."""
     if measure in ("period", "t_half", "damping_ratio"):
         return mode_channel or MODE_CHANNELS.get(plain_id(row["test_id"]), "")
     if measure.startswith("response_"):

@@ -74,8 +74,8 @@ def test_identified_modes_are_those_of_the_records(motion, period, ratio, aircra
     assert ours["damping_ratio"] == pytest.approx(fit.damping_ratio, abs=ratio)
 
 
-def test_datcom_modes_beside_the_records(aircraft, prior):
-    """What the handbook misses: Dutch roll 40 % slow, because its Cn_beta is half of the flown one; phugoid damped by half of the drag."""
+def test_datcom_modes_against_the_records(aircraft, prior):
+    """Errors of the handbook: Dutch roll 40 % slow, because its Cn_beta is half of the flown one; phugoid damped by half of the drag."""
     sim = flightmech.compile(aircraft, prior)
     (phugoid, at_phugoid), (roll, at_roll) = (flown(motion) for motion in MOTIONS)
     datcom = mode(flightmech.modes(flightmech.linearize(sim, parameters(sim, at_roll))), "Dutch roll")
@@ -128,10 +128,10 @@ def test_full_thrust_is_that_of_the_deck_by_hand(aircraft, found):
     assert float(found.performance["thrust_available"][20]) == pytest.approx(2.0 * corrected * float(air.p_static) / 101325.0, rel=1e-9)
 
 
-def test_performance_beside_the_published_aeroplane(aircraft, prior):
+def test_performance_against_the_published_aeroplane(aircraft, prior):
     """T-37B at 2994 kg: 3020 ft/min at sea level, service ceiling 35 100 ft, 425 mph (commonly printed data sheet).
 
-    DATCOM's drag is half of the flown one, so it climbs better and higher than any T-37; the deck ends at 6200 m, which is said.
+    DATCOM's drag is half of the flown one, so it climbs better and higher than any T-37; the deck ends at 6200 m, which is reported.
     """
     table = flightmech.characteristics(aircraft, prior, {"V": 110.0, "h": 0.0, "mass": 2994.0}).table
     assert 1.3 < table.loc["climb_rate_max", "value"] / (3020.0 * FOOT / 60.0) < 1.8
@@ -150,7 +150,7 @@ def test_performance_of_the_identified_aeroplane(aircraft, demo):
     assert table.loc["V_max", "value"] == pytest.approx(0.44704 * 425.0, rel=0.05)
 
 
-def test_derivatives_beside_the_model_page(found):
+def test_derivatives_against_the_model_page(found):
     """docs/aero-model.md gives the body-axis values at Mach 0.3, 10 000 ft, alpha 2 deg: near enough for two digits here."""
     expected = {("CL", "qhat"): 8.43, ("Cm", "qhat"): -17.6, ("Cl", "phat"): -0.465, ("Cl", "beta"): -0.080, ("Cn", "rhat"): -0.088}
     for (coefficient, variable), value in expected.items():
@@ -180,7 +180,7 @@ def test_command_prints_and_gives_json(files, found):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ([], "holds no speed; give one of V"),
         (["--speed", "90", "--mach", "0.3"], "give one of V"),
@@ -190,11 +190,11 @@ def test_command_prints_and_gives_json(files, found):
         (["--speed", "15"], "no steady flight at"),
     ],
 )
-def test_bad_conditions_are_reported(files, arguments, said):
+def test_bad_conditions_are_reported(files, arguments, message):
     db, craft, _ = files
     result = CliRunner().invoke(command, ["characteristics", db, craft, *arguments])
     assert result.exit_code != 0
-    assert said in result.output or said in str(result.exception)
+    assert message in result.output or message in str(result.exception)
 
 
 def test_command_rescales(files):

@@ -14,7 +14,7 @@ def aeromatch(monkeypatch, capfd):
         monkeypatch.setattr(sys, "argv", ["aeromatch", *map(str, words)])
         with pytest.raises(SystemExit) as ended:
             main()
-        said = capfd.readouterr()
-        return SimpleNamespace(returncode=ended.value.code, stdout=said.out, stderr=said.err)
+        output = capfd.readouterr()
+        return SimpleNamespace(returncode=ended.value.code, stdout=output.out, stderr=output.err)
 
     return call

@@ -81,42 +81,42 @@ def in_a_shell(*words):
 def test_a_truncated_listing(refused, tmp_path):
     whole = (DATA / "datcom" / "t37_clean.out").read_text()
     (tmp_path / "cut.out").write_text(whole[: len(whole) // 2])
-    said = refused("db", "build", DATA / "aircraft.toml", "--clean", tmp_path / "cut.out", "-o", tmp_path / "prior.nc", run=in_a_shell)
-    assert "cut.out, line " in said
-    assert "expected 19 rows" in said
-    assert "run the program again" in said
+    message = refused("db", "build", DATA / "aircraft.toml", "--clean", tmp_path / "cut.out", "-o", tmp_path / "prior.nc", run=in_a_shell)
+    assert "cut.out, line " in message
+    assert "expected 19 rows" in message
+    assert "run the program again" in message
 
 
 def test_an_unknown_column_in_a_name_map(refused, tmp_path):
     names = (DATA / "names.toml").read_text().replace('q_c = "q_c"', 'q_c = "qc"')
     (tmp_path / "names.toml").write_text(names)
-    said = refused("flight", "cut", RECORD, 5, 9, "--names", tmp_path / "names.toml", "-o", tmp_path / "cut.nc")
-    assert "unknown column 'qc'; near it: q_c; the name map requires it" in said
+    message = refused("flight", "cut", RECORD, 5, 9, "--names", tmp_path / "names.toml", "-o", tmp_path / "cut.nc")
+    assert "unknown column 'qc'; near it: q_c; the name map requires it" in message
 
 
 def test_an_unknown_column_in_a_table(refused, tmp_path):
     (tmp_path / "run.csv").write_text("time [s],q [deg/s],pitch_atitude [deg]\n0,1,2\n0.1,1,2\n0.2,1,2\n")
-    said = refused("flight", "cut", tmp_path / "run.csv", 0, 0.2, "-o", tmp_path / "cut.nc")
-    assert "unknown column 'pitch_atitude'" in said
-    assert "--names" in said
+    message = refused("flight", "cut", tmp_path / "run.csv", 0, 0.2, "-o", tmp_path / "cut.nc")
+    assert "unknown column 'pitch_atitude'" in message
+    assert "--names" in message
 
 
 def test_a_nan_in_an_input(refused, made, write_case, tmp_path):
     bad = made.states.copy(deep=True)
     bad["delta_e"][100] = np.nan
-    said = refused("pom", "run", write_case(states=bad), "--model", f"datcom={made.fmu}", "-o", tmp_path / "report")
-    assert "input delta_e has no value in 1 of 251 samples, first at t = 2 s; repair the record or move the window" in said
+    message = refused("pom", "run", write_case(states=bad), "--model", f"datcom={made.fmu}", "-o", tmp_path / "report")
+    assert "input delta_e has no value in 1 of 251 samples, first at t = 2 s; repair the record or move the window" in message
 
 
 def test_a_manoeuvre_outside_the_record(refused, tmp_path):
-    said = refused("flight", "cut", RECORD, 5, 500, "--names", DATA / "names.toml", "-o", tmp_path / "cut.nc")
-    assert "5 ... 500 s" in said
-    assert "choose" in said
+    message = refused("flight", "cut", RECORD, 5, 500, "--names", DATA / "names.toml", "-o", tmp_path / "cut.nc")
+    assert "5 ... 500 s" in message
+    assert "choose" in message
 
 
 def test_a_case_outside_its_record(refused, made, write_case, tmp_path):
-    said = refused("pom", "run", write_case(stop=9.0), "--model", f"datcom={made.fmu}", "-o", tmp_path / "report")
-    assert "the window 0 ... 9 s lies outside the record 0 ... 5 s" in said
+    message = refused("pom", "run", write_case(stop=9.0), "--model", f"datcom={made.fmu}", "-o", tmp_path / "report")
+    assert "the window 0 ... 9 s lies outside the record 0 ... 5 s" in message
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the crash is a signal of Linux")
@@ -135,18 +135,18 @@ def test_an_fmu_that_crashes(refused, made, write_case, tmp_path):
 def test_a_misspelt_key_in_a_case(refused, made, write_case, tmp_path):
     case = write_case()
     case.write_text(case.read_text().replace("title", "titel") + '[tolerance]\nthetta = "1 deg"\n')
-    said = refused("pom", "run", case, "--model", f"datcom={made.fmu}", "-o", tmp_path / "report")
-    assert "case.titel: unknown key; near it: title" in said
-    assert "case.title: missing; give it" in said
+    message = refused("pom", "run", case, "--model", f"datcom={made.fmu}", "-o", tmp_path / "report")
+    assert "case.titel: unknown key; near it: title" in message
+    assert "case.title: missing; give it" in message
 
 
 def test_a_misspelt_key_in_a_project(refused, tmp_path):
     text = (DATA / "aeromatch.toml").read_text().replace('title = "T-37"', 'titel = "T-37"').replace("cutoff", "cutof")
     (tmp_path / "aeromatch.toml").write_text(text)
-    said = refused("match", tmp_path / "aeromatch.toml", "-o", tmp_path / "out")
-    assert "3 problems" in said
-    assert "titel: unknown key; near it: title" in said
-    assert "cutof: unknown key; near it: cutoff" in said
+    message = refused("match", tmp_path / "aeromatch.toml", "-o", tmp_path / "out")
+    assert "3 problems" in message
+    assert "titel: unknown key; near it: title" in message
+    assert "cutof: unknown key; near it: cutoff" in message
 
 
 @pytest.mark.parametrize("verb", [("db", "check"), ("db", "show"), ("fmu", "write", DATA / "aircraft.toml")])
@@ -154,9 +154,9 @@ def test_a_corrupt_database(refused, made, tmp_path, verb):
     data = bytearray(made.database.read_bytes())
     (tmp_path / "corrupt.nc").write_bytes(data[: len(data) // 2])
     output = ("-o", tmp_path / "t37.fmu") if verb[0] == "fmu" else ()
-    said = refused(*verb, tmp_path / "corrupt.nc", *output)
-    assert "corrupt.nc: found" in said
-    assert "expected" in said
+    message = refused(*verb, tmp_path / "corrupt.nc", *output)
+    assert "corrupt.nc: found" in message
+    assert "expected" in message
 
 
 def test_a_missing_folder_for_the_result(aeromatch, tmp_path):

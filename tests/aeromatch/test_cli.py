@@ -52,7 +52,7 @@ def test_a_missing_file_is_named_without_a_number(tmp_path):
     assert "Errno" not in done.stderr
 
 
-def test_a_warning_of_the_house_is_one_line(capsys, monkeypatch):
+def test_a_warning_of_the_package_is_one_line(capsys, monkeypatch):
     import click
 
     from aeromatch import cli

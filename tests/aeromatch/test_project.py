@@ -30,7 +30,7 @@ models = ["CL = 1 + alpha"]
 
 @pytest.fixture
 def write(tmp_path):
-    """Write a project file beside the files it names."""
+    """Write a project file next to the files it names."""
     (tmp_path / "flight").mkdir()
     for name in ("aircraft.toml", "names.toml", "case.toml", "clean.out", "flight/run_1.nc", "flight/run_2.nc"):
         (tmp_path / name).touch()

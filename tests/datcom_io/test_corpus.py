@@ -32,7 +32,7 @@ _WORD = r"(?<![\w.*])(?:NDM|NA|NaN|\*{5,})(?![\w.*])"
 _VALUE = re.compile(f"{_NUMBER}|{_WORD}")
 _PAGE = re.compile(r"AUTOMATED STABILITY|THE FOLLOWING IS A LIST OF FINAL|EXTRAPOLATION MESSAGE|\*\*\*\* (?:THE )?FOLLOWING ARE")
 _CARDS = re.compile(r"1 +(?:CONERR|THE FOLLOWING IS A LIST OF ALL INPUT|END OF JOB)")
-# "*** NDM PRINTED WHEN ..." speaks of cells, a line of nothing but asterisks is decoration, the heading of a tab table says 0.0 always
+# "*** NDM PRINTED WHEN ..." speaks of cells, a line of nothing but asterisks is decoration, the heading of a tab table reads 0.0 always
 _NO_VALUES = re.compile(r"\*{3} ?(?:NDM|NA) PRINTED|\*{40,} *$|\(TRIM TAB DEFL\. = 0\.0\)$")
 
 
@@ -331,7 +331,7 @@ def test_both_builds_of_the_program_agree(path):
 
 
 def close(a: str, b: str) -> bool:
-    """Tell whether two numbers agree to one unit of their last place: compilers round differently."""
+    """Return whether two numbers agree to one unit of their last place: compilers round differently."""
     if not (re.fullmatch(_NUMBER, a) and re.fullmatch(_NUMBER, b)):
         return False
     return abs(float(a) - float(b)) <= 1.0001 * max(last_place(a), last_place(b))

@@ -25,7 +25,7 @@ KINDS = {"2.0": (FMU2Slave, FMU2Model), "3.0": (FMU3Slave, FMU3Model)}
 
 
 class Caller:
-    """Makes random calls of one instance; buffers are large enough for whatever the arguments ask for."""
+    """Makes random calls of one instance; buffers are large enough for whatever the arguments require."""
 
     def __init__(self, fmu, model, rng: random.Random):
         self.fmu, self.rng, self.second = fmu, rng, model.fmiVersion == "2.0"

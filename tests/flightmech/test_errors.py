@@ -31,7 +31,7 @@ def test_out_of_range_and_simulation_error_carry_data():
     assert errors.SimulationError("stopped", 3.5).time == 3.5
 
 
-def test_all_are_errors_of_the_house():
+def test_all_are_errors_of_the_package():
     names = ["ParseError", "UnknownName", "UnitError", "SchemaError", "OutOfRange", "IdentificationError", "SimulationError"]
     for name in names:
         assert issubclass(getattr(errors, name), errors.AeromatchError)

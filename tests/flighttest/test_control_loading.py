@@ -88,7 +88,7 @@ def test_constants_and_hinge_moments_are_found(found, truth):
     names = {**{f"Ch_e: {term}": true for term, true in hinges.items()}, **names}
     pairs = [(found.value(name), truth[true]) for name, true in names.items()]
     pairs += [(found.total("friction"), truth["Ff"] + G * truth["Fa"])]
-    bounds = [0.05, 0.03, 0.03, 0.03, 0.1, 0.1, 0.15, 0.15, 0.15, 0.15, 0.04]  # of score.py beside the data
+    bounds = [0.05, 0.03, 0.03, 0.03, 0.1, 0.1, 0.15, 0.15, 0.15, 0.15, 0.04]  # of score.py next to the data
     assert all(abs(value - true) < bound * abs(true) for ((value, _), true), bound in zip(pairs, bounds, strict=True))
     assert np.mean([abs(value - true) < 2.0 * stderr for (value, stderr), true in pairs]) >= 0.8
 
@@ -191,5 +191,5 @@ def test_records_without_what_is_needed_are_refused(loading, records):
     still = driven[0].assign(column=("time", np.zeros(driven[0].sizes["time"])))
     with pytest.raises(IdentificationError, match="samples in which the control slides"):
         identify_control_loading(loading, [still])
-    with pytest.raises(IdentificationError):  # one tab setting cannot tell the tab from the constant
+    with pytest.raises(IdentificationError):  # one tab setting cannot separate the tab from the constant
         identify_control_loading(loading, [one.assign(delta_t=("time", np.zeros(one.sizes["time"]))) for one in driven])

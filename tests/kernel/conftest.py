@@ -91,7 +91,7 @@ def tree(content: dict[str, xr.Dataset], **attrs) -> xr.DataTree:
     return found
 
 
-class Twin:
+class Reference:
     """The derivative of the kernel, written once more in NumPy: no shared code, iterative geodesy, no closed forms."""
 
     a, f, mu, J2, rate = 6378137.0, 1.0 / 298.257223563, 3.986004418e14, 0.00108262982, 7.292115e-5
@@ -232,4 +232,4 @@ def make_tree():
 
 @pytest.fixture(scope="session")
 def counterpart():
-    return Twin
+    return Reference

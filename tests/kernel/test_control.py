@@ -135,7 +135,7 @@ def test_positions_stop_at_the_stops(every):
     assert float(y["applied.delta_e"][0]) == pytest.approx(-0.3)
 
 
-def test_surface_hangs_on_its_cable(build):
+def test_surface_is_held_by_its_cable(build):
     """Order 4 at rest under a held column: the cable carries the hinge moment, before and after a move."""
     sim = build(air=False, circuits={"column": replace(COLUMN, cable_damping=150.0, order=4, cable_stiffness=8e3)})
     t = grid(3.0)
@@ -265,7 +265,7 @@ def test_start_with_forces_holds_the_trimmed_deflection(build, order):
     forced = flown(sim, grid(0.0), **FLIGHT, init__beta=0.02, init__phi=0.1, mode__controls=2).isel(time=0)
     for item, control in (("column", "delta_e"), ("wheel", "delta_a"), ("pedal", "delta_r")):
         assert float(forced[f"applied.{control}"]) == pytest.approx(float(surfaces[f"applied.{control}"]), abs=1e-9)
-        # ailerons that hang on soft cables droop apart in mode 2; mode 0 holds both to the recorded deflection
+        # ailerons on soft cables droop one by one in mode 2; mode 0 holds both to the recorded deflection
         assert float(forced[f"trim.F_{item}"]) == pytest.approx(float(surfaces[f"applied.F_{item}"]), rel=1e-7 if order == 2 else 2e-3)
     given = {f"F_{item}": float(forced[f"trim.F_{item}"]) for item in circuits}
     again = flown(sim, grid(2.0), given, **FLIGHT, init__beta=0.02, init__phi=0.1, mode__controls=2)
@@ -373,7 +373,7 @@ def test_nose_wheel_pulls_at_the_pedals(build):
 
 
 def test_outputs_between_do_not_change_the_run(build, start):
-    """Asking for outputs at every step, at the end only, and going on from a copy give the same bits."""
+    """Outputs taken at every step, at the end only, and going on from a copy give the same bits."""
     circuits = {"column": replace(COLUMN, friction=8.0, stiction=2.0, **CABLE), "wheel": replace(WHEEL, order=6, cable_stiffness=300.0)}
     sim = build(circuits=circuits)
     t = grid(1.0)

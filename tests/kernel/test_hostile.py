@@ -52,7 +52,7 @@ def outcome(sim: flightmech.SimModel, values: dict[str, float], steps: int = 2, 
     return ""
 
 
-def told(text: str, sim: flightmech.SimModel) -> bool:
+def reported(text: str, sim: flightmech.SimModel) -> bool:
     """Whether a text names a parameter, state, output or input of the model."""
     names = (*sim.parameters, *sim.outputs, *sim.inputs, *sim.states)
     return text == "" or any(name in text for name in names)
@@ -69,7 +69,7 @@ def alone(sim: flightmech.SimModel, case: dict[str, float], values: list[float])
     for name in sim.parameters:
         for value in values:
             text = outcome(sim, case | {name: value})
-            assert told(text, sim), (name, value, text)
+            assert reported(text, sim), (name, value, text)
             if abs(value) > 1e16:
                 assert name in text, (name, value, text)
 
@@ -93,7 +93,7 @@ def test_parameters_and_inputs_at_random(data, fleet):
     sim = fleet["whole"]
     names = st.sampled_from((*sim.parameters, *sim.inputs))
     case = data.draw(st.sampled_from(CASES)) | data.draw(st.dictionaries(names, ODD, min_size=1, max_size=6))
-    assert told(outcome(sim, case), sim)
+    assert reported(outcome(sim, case), sim)
 
 
 @pytest.mark.slow
@@ -103,7 +103,7 @@ def test_many_parameters_and_inputs_at_random(data, fleet):
     sim = fleet["whole"]
     names = st.sampled_from((*sim.parameters, *sim.inputs))
     case = data.draw(st.sampled_from(CASES)) | data.draw(st.dictionaries(names, ODD, min_size=1, max_size=20))
-    assert told(outcome(sim, case, steps=10), sim)
+    assert reported(outcome(sim, case, steps=10), sim)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
@@ -155,16 +155,16 @@ def test_any_attitude_and_place_flies(start, earth, fleet):
 @pytest.mark.parametrize("h", [-0.5, -100.0, -1e4])
 @pytest.mark.parametrize("speed", [0.0, 60.0])
 def test_wheels_under_the_ground(h, speed, fleet):
-    """A spring that is compressed by 100 m throws the aircraft into the air, or the integration diverges and says so."""
+    """A spring that is compressed by 100 m throws the aircraft into the air, or the integration diverges and this is reported."""
     for controls in (0.0, 2.0):
         case = {"init.V": speed, "init.h": h, "gear": 1.0, "mode.controls": controls, "brake_left": 1.0}
-        assert told(outcome(fleet["whole"], case, steps=25), fleet["whole"])
+        assert reported(outcome(fleet["whole"], case, steps=25), fleet["whole"])
 
 
 def test_places_where_there_is_no_air_to_fly_in(fleet):
     for h in (-6371007.1809, -6378137.0, -6356766.0, -6.4e6, 1e12):
         for earth in (0.0, 1.0, 2.0):
-            assert told(outcome(fleet["whole"], {"init.V": 60.0, "init.h": h, "mode.earth": earth}), fleet["whole"])
+            assert reported(outcome(fleet["whole"], {"init.V": 60.0, "init.h": h, "mode.earth": earth}), fleet["whole"])
 
 
 @pytest.mark.parametrize("t", [float("nan"), float("inf"), 1.1e10, -1e300])
@@ -184,7 +184,7 @@ def test_times_without_meaning_are_refused(t, fleet):
 def test_the_work_of_a_step_is_bounded(fleet):
     """A step as long as times allow, with turbulence of the finest grid, circuits of the shortest sub-step and a lever delay."""
     case = {"mode.step": 1e10, "turbulence.step": 1e-3, "column.step": 1e-6} | ROUGH | FLYING
-    assert told(outcome(fleet["whole"], case, steps=1, dt=9e9), fleet["whole"])
+    assert reported(outcome(fleet["whole"], case, steps=1, dt=9e9), fleet["whole"])
     text = outcome(fleet["bare"], FLYING, steps=1, dt=9e9)
     assert text == "9e+09 s are more than 1e9 steps of mode.step = 0.01 s"
 

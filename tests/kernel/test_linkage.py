@@ -299,7 +299,7 @@ def test_driven_end_moves_as_reported(advance):
 
 positive = st.floats(0.01, 100.0)
 share = st.one_of(st.just(0.0), st.floats(0.0, 50.0))
-place = st.integers(-(10**6), 10**6).map(lambda micro: micro * 1e-6)  # stops and neutral are apart by a micrometre or not at all
+place = st.integers(-(10**6), 10**6).map(lambda micro: micro * 1e-6)  # stops and neutral are apart by a micrometre or coincide
 
 
 @st.composite

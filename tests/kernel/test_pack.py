@@ -1,4 +1,4 @@
-"""Blocks: any bytes are safe, a wrong block says what is wrong; the same model gives the same bytes."""
+"""Blocks: any bytes are safe, a wrong block states what is wrong; the same model gives the same bytes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def section(block: bytes, name: str) -> tuple[int, int]:
 
 
 def patched(block: bytes, offset: int, data: bytes, seal: bool = True) -> bytes:
-    """The block with other bytes, and with a right CRC unless told otherwise."""
+    """The block with other bytes, and with a right CRC unless reported otherwise."""
     changed = block[:offset] + data + block[offset + len(data) :]
     return changed[:24] + struct.pack("<I", zlib.crc32(changed[28:])) + changed[28:] if seal else changed
 

@@ -57,7 +57,7 @@ def test_biases_come_on_top_of_the_recorded_controls(sim):
 
 
 def test_without_a_rudder_the_rudder_stays_and_yaw_is_left(sim):
-    """A bank with no turn rate asks for sideslip; without rudder terms nothing holds it."""
+    """A bank with no turn rate requires sideslip; without rudder terms nothing holds it."""
     values = {**CRUISE, "mode.earth": 0.0, "init.phi": 0.2, "term.Cn.rudder": 0.0, "term.CY.rudder": 0.0}
     y = flightmech.trim(sim, values)
     assert float(y["trim.delta_r"]) == 0.0

@@ -1,4 +1,4 @@
-"""Trim on the ground: the legs carry what statics says, what stands stays, what cannot be held is result."""
+"""Trim on the ground: the legs carry what statics requires, what stands stays, what cannot be held is result."""
 
 from __future__ import annotations
 

@@ -236,7 +236,7 @@ def test_pull_up_by_hand(steady):
 
 
 def test_engine_out_by_hand(steady):
-    """Left engine dead, beta = 0: the right one yaws left by 0.8 T, the rudder holds it, and its side force asks for bank."""
+    """Left engine dead, beta = 0: the right one yaws left by 0.8 T, the rudder holds it, and its side force requires bank."""
     found = flightmech.trim(steady, LEVEL, kind="engine_out", fixed={"engine1.failed": 1.0})
     y, deflection = numbers(found), solution(found)
     T = y["engine2.thrust"]

@@ -169,7 +169,7 @@ def test_stop_and_stay(car, start):
 
 @pytest.mark.parametrize(("thrust", "stays"), [(300.0, True), (4000.0, True), (14000.0, False)])
 def test_brakes_against_thrust(thrust, stays, car, start):
-    """Held up to the friction of the braked wheels; beyond it the aircraft slides with what is left."""
+    """Held up to the friction of the braked wheels; beyond it the aircraft slides with the remainder."""
     run = start(car, **STANDING, mode__engine=2.0)
     y = drive(car, run, 10.0, brake_left=1.0, brake_right=1.0, engine1__thrust_drive=thrust)
     held = 0.56 * (y["gear.left.Fz"] + y["gear.right.Fz"]) + 0.02 * y["gear.nose.Fz"]
@@ -262,7 +262,7 @@ def test_standing_wheel_is_held_by_the_ground(order, compiled, start):
     sim = compiled(gear(steering=ORDERS[order]))
     run, hold = start(sim, **STANDING), {"brake_left": 1.0, "brake_right": 1.0}
     drive(sim, run, 40.0, **hold)
-    for i in range(60):  # slowly: a jump would swing past and be held nearer to the command
+    for i in range(60):  # slowly: a jump would overshoot and be held nearer to the command
         there = drive(sim, run, 0.2, 40.0 + 0.2 * i, **hold, delta_nw=0.005 * (i + 1))
     lag = 0.8 * there["gear.nose.Fz"][-1] * 0.05 / 2000.0 + (0.8 * there["gear.nose.Fz"][-1] * 0.05 / 9000.0 if order == 4 else 0.0)
     assert 0.3 - there["gear.steering"][-1] == pytest.approx(lag, rel=0.02)

@@ -24,7 +24,7 @@ engine = "thrust"
 
 @pytest.fixture
 def write_case(tmp_path):
-    """Write a case file beside an empty record and return its path."""
+    """Write a case file next to an empty record and return its path."""
 
     def write(id="2.c.10", case="", more=""):
         (tmp_path / "record.nc").touch()
@@ -134,7 +134,7 @@ def lag_flight(time, rate=0.02, start=2.0):
 
 @pytest.fixture(scope="session")
 def trainer():
-    """The module ``trainer.py`` beside this file: an invented aeroplane and flights of it."""
+    """The module ``trainer.py`` next to this file: an invented aeroplane and flights of it."""
     spec = importlib.util.spec_from_file_location("pom_trainer", Path(__file__).with_name("trainer.py"))
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

@@ -1,7 +1,7 @@
 /* The lag of toy.c as an FMI 3.0 slave and model: theta' = q,  q = (2 delta_e - theta) / 0.5,
  *   nz = 1 - 4 delta_e - 0.1 gear + 0.01 notch + 0.001 lever (direct feed-through)
  * References: 0 delta_e (Float32), 1 thrust (Float64), 2 gear (Boolean), 3 notch (Int8), 4 lever (Enumeration); 10 theta, 11 q, 12 nz;
- * 100 ... parameters, 101 is init.theta.  The tests add what is left of the standard as functions that fail. */
+ * 100 ... parameters, 101 is init.theta.  The tests add the rest of the standard as functions that fail. */
 #include <math.h>
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,8 +1,8 @@
 """NASA/NESC 6-DOF check cases 4, 5, 8 and 10: NASA/TM-2015-218675.
 
 Case 4: values of tool 4 at 30 s (ft, deg, ft/s, deg/s).  Cases 5, 8 and 10 have no published trajectory at hand: they are
-flown beside a twin that shares nothing with the kernel, integrated in inertial space by a Runge-Kutta method of order 8 with
-a relative tolerance of 1e-13, and the attitude of a body without moments is known in closed form.  The twin repeats case 4,
+compared with a reference that shares nothing with the kernel, integrated in inertial space by a Runge-Kutta method of order 8 with
+a relative tolerance of 1e-13, and the attitude of a body without moments is known in closed form.  The reference repeats case 4,
 and with it the printed values.
 """
 
@@ -53,7 +53,7 @@ def flown(case: int, step: float = 0.01, lon: float = 0.0) -> xr.Dataset:
     return flightmech.simulate(ball(), xr.Dataset(coords={"time": TIMES}), parameters, step=step)
 
 
-# ---- the twin -------------------------------------------------------------------------------------------------------
+# ---- the reference implementation -------------------------------------------------------------------------------------------------------
 
 
 def density(h: float) -> float:
@@ -93,7 +93,7 @@ def about_axis(angle: float) -> np.ndarray:
 
 @cache
 def expected(case: int) -> dict[str, np.ndarray]:
-    """Height, latitude, longitude, velocity over ground and attitude of the twin; SI and radians."""
+    """Height, latitude, longitude, velocity over ground and attitude of the reference; SI and radians."""
     given = CASES[case]
     earth = given.get("mode.earth", 1.0)
     round_earth, rate = earth in (2.0, 3.0), 0.0 if earth == 2.0 else RATE
@@ -155,7 +155,7 @@ def test_case_4_values_at_30_s():
         assert abs(float(y[name]) / DEG - value) < RATES, name
 
 
-def test_the_twin_repeats_the_printed_values_of_case_4():
+def test_the_reference_repeats_the_printed_values_of_case_4():
     y = {name: values[-1] for name, values in expected(4).items()}
     assert abs(y["h"] / FT - 16231.3059243) < HEIGHT
     assert abs(y["vd"] / FT - 867.104924472) < VELOCITY
@@ -164,7 +164,7 @@ def test_the_twin_repeats_the_printed_values_of_case_4():
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_trajectory_is_that_of_the_twin(case):
+def test_trajectory_is_that_of_the_reference(case):
     """The same atmosphere on both sides: bounds a thousand times below those of acceptance.
 
     The integration of the kernel at 10 ms turns 37 deg/s into 1.5e-9 deg after 30 s; all else is rounding.
@@ -189,7 +189,7 @@ def test_case_8_flies_in_the_shear():
     assert float(y.lon[-1]) > 1.28541735128e-4 * DEG  # case 7 at 30 s, 20 ft/s all the way
 
 
-def test_case_10_goes_west_of_its_meridian_as_coriolis_says():
+def test_case_10_goes_west_of_its_meridian_as_coriolis_demands():
     """What climbs on the equator falls behind the ground: vE = -2 W h without air; the drag of the first second takes 2 % of it."""
     y = flown(10)
     assert float(y.ve[1]) == pytest.approx(-2.0 * RATE * float(y.h[1]), rel=0.05)

@@ -179,7 +179,7 @@ def test_airspeed_command():
     run = fly("13p2")
     keas = run.V * np.sqrt(run.rho / 1.225) / KT
     assert np.abs(keas.sel(time=slice(1.0, 4.9)) - 287.98).max() < 1e-2
-    assert keas[-1] == pytest.approx(282.98, abs=2e-2)  # the law has no integral: what is left is its gain on pitch
+    assert keas[-1] == pytest.approx(282.98, abs=2e-2)  # the law has no integral: the remainder is its gain on pitch
     assert np.abs(run.h / FT - 10013.0).max() < 4.0
 
 

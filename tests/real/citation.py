@@ -1,6 +1,6 @@
 """The Citation II flights of ../shared as the stations need them: records with mass, c.g. and thrust; windows; a prior database.
 
-What the recordings lack is computed from the data set's own sheets, as the plans of the evaluation say (``maps/evaluate_*.toml``): mass and
+What the recordings lack is computed from the data set's own sheets, by the plans of the evaluation (``maps/evaluate_*.toml``): mass and
 c.g. from the loading sheet, the fuel-moment table and the integral of the fuel flow; thrust from the fuel flow with the points of the
 engine deck.  Flaps were not recorded: up.
 """

@@ -38,7 +38,7 @@ def ce500_db(ce500, listings):
 
 @pytest.fixture(scope="session")
 def citation():
-    """The module ``citation.py`` beside this file."""
+    """The module ``citation.py`` next to this file."""
     spec = importlib.util.spec_from_file_location("real_citation", HERE / "citation.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

@@ -1,7 +1,7 @@
 """Equation error on the Citation 500 simulation (AE4320, noise free, 100 Hz): the least-squares values of its README.
 
 The density follows the height, which the files do not hold: it is integrated from the vertical velocity.  The README
-divides the pitch rate by c/V, this house by c/2V, so its values are doubled here.  Its surfaces are commands:
+divides the pitch rate by c/V, this product by c/2V, so its values are doubled here.  Its surfaces are commands:
 behind a lag of 1/13.37 s the moments fit far better, and a regression that takes them for positions is far off.
 Tolerances: one unit of the last printed digit; three per cent with the lag, whose discretisation the README does not state.
 """
@@ -35,7 +35,7 @@ def flown(name, lag=0.0):
     """The states of a file under canonical names, every second sample, surfaces behind a lag."""
     raw = {key: np.ravel(value) for key, value in loadmat(FILES / f"{name}.mat").items() if key[0] != "_" and key != "string"}
     names = {"V": "vtas", "ax": "Ax", "ay": "Ay", "az": "Az", "delta_e": "de", "delta_a": "da", "delta_r": "dr", "mach": "Mach"}
-    columns = {house: raw[theirs] for house, theirs in names.items()} | {
+    columns = {name: raw[theirs] for name, theirs in names.items()} | {
         key: raw[key] for key in ("alpha", "beta", "p", "q", "r", "phi", "theta")
     }
     if lag:

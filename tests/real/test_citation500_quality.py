@@ -22,7 +22,7 @@ COLUMNS = {
 
 def quality(name):
     raw = {key: np.ravel(value) for key, value in loadmat(FILES / f"{name}.mat").items() if key[0] != "_" and key != "string"}
-    data = xr.Dataset({house: ("time", raw[theirs][:-1]) for house, theirs in COLUMNS.items()}, {"time": raw["t"][:-1]}, {"rate": 100.0})
+    data = xr.Dataset({name: ("time", raw[theirs][:-1]) for name, theirs in COLUMNS.items()}, {"time": raw["t"][:-1]}, {"rate": 100.0})
     return flighttest.assess(xr.DataTree.from_dict({"/": xr.Dataset(attrs={"title": name}), "/all": data}))
 
 

@@ -40,7 +40,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def fits(citation, ce500_db, folder):
-    """Output error of both flights, pitch first and then roll and yaw; the databases are written beside them."""
+    """Output error of both flights, pitch first and then roll and yaw; the databases are written next to them."""
     aerodb.save(citation.similar(ce500_db), folder / "prior.nc")
     shutil.copy(citation.HERE / "maps" / "citation.toml", folder)
     found = {}
@@ -111,7 +111,7 @@ def of(verdicts, model, year):
 
 
 def test_output_error_and_regression_agree(citation, fits):
-    """Effective derivatives at the flight condition, beside those of the equations: see docs/output-error.md for the whole table."""
+    """Effective derivatives at the flight condition, next to those of the equations: see docs/output-error.md for the whole table."""
     for year in YEARS:
         assert all(fits[step, year].fit.estimates.attrs["converged"] for step in ("pitch", "side"))
         regression = {str(fit.model).split(" ")[0]: fit for fit in citation.fits_of(year)}

@@ -1,4 +1,4 @@
-"""Modes and trim slope of the published Citation II derivatives beside the flown ones.
+"""Modes and trim slope of the published Citation II derivatives against the flown ones.
 
 Derivatives, inertia and flown modes: README of ../shared/data/flight/citation_phlab (course assignment 2019 v1.3; its own fits of
 the records).  Pitch rates there are divided by V, here by 2V.  The derivatives belong to stability axes, so the lift at alpha zero is

@@ -107,7 +107,7 @@ def test_roll(citation, year):
 def test_dutch_roll_derivatives(citation):
     data = [citation.coefficients(2018, "dutch_roll", -3.0, 16.0)]
     yaw = citation.fit("Cn = 1 + beta + rhat + delta_r", data)
-    # published 0.1348, -0.2061, -0.0939 without saying for which inertia; beta was not measured but integrated from the side force
+    # published 0.1348, -0.2061, -0.0939 without stating for which inertia; beta was not measured but integrated from the side force
     assert value(yaw, "beta") == pytest.approx(0.1348, rel=0.3)
     assert value(yaw, "delta_r") == pytest.approx(-0.0939, rel=0.3)
     assert -0.3 < value(yaw, "rhat") < -0.05
@@ -149,7 +149,7 @@ def test_the_dutch_roll_in_frequency_is_that_in_time(citation, year):
     assert band.estimates.attrs["R2"] > 0.995
     for term in ("beta", "rhat", "delta_r"):
         apart = abs(value(band, term) - value(time, term))
-        assert apart < 2 * float(time.estimates["stderr"].sel(term=term))  # the same record: one is hardly surer than the other
+        assert apart < 2 * float(time.estimates["stderr"].sel(term=term))  # the same record: one is hardly more certain than the other
 
 
 def test_the_band_of_the_short_period_brings_the_pitch_damping_that_noise_hides_in_time(citation):

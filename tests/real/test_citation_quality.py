@@ -82,7 +82,7 @@ def test_pitch_rate_scale(as_mapped, year):
     assert table.loc["phi_rate", "slope"] == pytest.approx(0.999, abs=0.004)
 
 
-def test_pitch_rate_scale_is_named_where_it_is_sure(as_mapped):
+def test_pitch_rate_scale_is_named_where_it_is_certain(as_mapped):
     assert "scale:theta" in named(as_mapped[2018], "note")
 
 

@@ -1,6 +1,6 @@
 """Real flights of the Citation II PH-LAB: reconstruction without ground velocity, modes, lift slope, elevator trim slope.
 
-The recordings may not be copied; they are read where they lie beside the repository.  Reference values: the README of the
+The recordings may not be copied; they are read where they lie next to the repository.  Reference values: the README of the
 data set, section "Reference results for the flights in this folder".
 """
 

@@ -1,6 +1,6 @@
 """A small UAV with airspeed, barometric height and attitude only: no vanes, ground velocity, compass, pressures or temperature.
 
-The recording may not be copied; it is read where it lies beside the repository.  Its README calls it a test of robustness, not of accuracy.
+The recording may not be copied; it is read next to the repository.  Its README calls it a test of robustness, not of accuracy.
 """
 
 from pathlib import Path

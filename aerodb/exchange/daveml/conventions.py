@@ -1,4 +1,4 @@
-"""What files written here say by the names of their variables; export and import share it."""
+"""What files written here express by the names of their variables; export and import share it."""
 
 from __future__ import annotations
 

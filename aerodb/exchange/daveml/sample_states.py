@@ -49,7 +49,7 @@ def ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, tuple[floa
 
 
 def draw(leaves: Iterable[xr.Dataset], count: int, beyond: float, limits: Limits | None = None) -> dict[str, np.ndarray]:
-    """Return states (count,) by variable, a Latin hypercube over the ranges widened by a share of them. [SI]"""
+    """Return states (count,) by variable, a Latin hypercube over the ranges extended by a share of them. [SI]"""
     random = np.random.default_rng(SEED)
     states = {}
     for name, (low, high) in ranges(leaves, limits or {}).items():

@@ -70,7 +70,7 @@ def _is_quantity(text: str) -> bool:
 
 
 def conversion(variable: Variable, quantity: str) -> tuple[float, float]:
-    """Return factor and offset of value_file = factor * value_house + offset, units and sign.
+    """Return factor and offset of value_file = factor * value_SI + offset, units and sign.
 
     Raises
     ------

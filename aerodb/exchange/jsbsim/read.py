@@ -204,7 +204,7 @@ def _axis(element: Element, names: set[str]) -> tuple[str, _Axis]:
 
 
 def _hinges(aerodynamics: Element) -> Iterator[_Axis]:
-    """Yield the hinge-moment coefficients that `export_jsbsim` writes beside the axes."""
+    """Yield the hinge-moment coefficients that `export_jsbsim` writes next to the axes."""
     for coefficient in HINGE:
         named = [e for e in aerodynamics.all("function") if e.attributes.get("name", "").startswith(f"{COEFFICIENT}{coefficient}/")]
         if named:

@@ -21,7 +21,7 @@ Function = Callable[[Mapping[str, np.ndarray]], np.ndarray]
 def sampled(
     opaque: Sequence[OpaqueFactor], tables: Sequence[xr.DataArray], bound: float | None, box: Mapping[str, tuple[float, float]]
 ) -> tuple[xr.DataArray, str]:
-    """Return a product of functions and tables as one table, and a text that says how well.
+    """Return a product of functions and tables as one table, and a text that states how well.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def _start(name: str, tables: Sequence[xr.DataArray], box: Mapping[str, tuple[fl
         low, high = box[name]
         points = np.union1d(points[(points > low) & (points < high)], [low, high])
     if len(points) < 2:
-        raise Unfit(f"no table says how far {name} goes; give box = {{{name!r}: (low, high)}}")
+        raise Unfit(f"no table states how far {name} goes; give box = {{{name!r}: (low, high)}}")
     return points if len(points) > 2 else np.linspace(points[0], points[-1], _FIRST)
 
 

@@ -18,7 +18,7 @@ from .products import LENGTHS, MOST_NODES, OpaqueFactor, Product, Unfit, length
 from .properties import AXIS, ENGINE, FUNCTION, RANGE, RATES, unit
 
 _MOST_TABLES = 3
-_HIGHEST = 2 * MAX_REGRESSORS  # power of a symbol; dynamic pressure and lengths may stand beside regressors
+_HIGHEST = 2 * MAX_REGRESSORS  # power of a symbol; dynamic pressure and lengths may stand next to regressors
 _KNOWN = {*AXIS, *FUNCTION}
 Sampler = Callable[[list[OpaqueFactor], list[xr.DataArray]], tuple[xr.DataArray, str]]
 

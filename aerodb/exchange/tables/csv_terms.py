@@ -30,9 +30,9 @@ from .csv_text import Table, numbers, read_csv, si_column, unwritable, written_c
 FORMAT = "aeromatch terms, format 1"
 INDEX = "index.csv"
 _TABLES = ("value", "K1", "K2")
-_BESIDE = ("stderr", "source")
+_OPTIONAL = ("stderr", "source")
 _HEADER = ("file", "term", "table", "axes", "regressors", "nodes")
-_TOLD = 10  # nodes that stand twice and are named
+_MOST_NAMED = 10  # nodes that stand twice and are named
 
 
 def export_csv(db: xr.DataTree, folder: str | os.PathLike) -> None:
@@ -117,7 +117,7 @@ def import_csv(folder: str | os.PathLike) -> xr.DataTree:
     ----------
     folder : path
         As `export_csv` writes it; files may be edited. Rows may stand in any order, every node once. Axes in another unit of the same
-        quantity (``alpha [deg]``) are converted, which the history of the term says.
+        quantity (``alpha [deg]``) are converted, which the history of the term records.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def _with_table(leaf: xr.Dataset, path: Path, kind: str, problems: list[str]) ->
     table, faults = read_csv(path)
     axes = [name for name in table.columns if table.units[name]]
     rest = [name for name in table.columns if name not in axes]
-    known = (kind, *(_BESIDE if kind == "value" else ()))
+    known = (kind, *(_OPTIONAL if kind == "value" else ()))
     strange = [name for name in rest if name not in known]
     problems += faults
     problems += [f"{path.name}: column {name!r}; allowed: axes with their unit in brackets, {', '.join(known)}" for name in strange]
@@ -208,7 +208,7 @@ def _grid(table: Table, coords: Mapping[str, np.ndarray], problems: list[str]) -
     places = [points[axis].searchsorted(x) for axis, x in coords.items()]
     node = np.ravel_multi_index(places, shape) if places else np.zeros(rows, int)
     found, count = np.unique(node, return_counts=True)
-    for twice in found[count > 1][:_TOLD]:
+    for twice in found[count > 1][:_MOST_NAMED]:
         lines = ", ".join(str(line) for line, at in zip(table.lines, node) if at == twice)
         problems.append(f"{table.name}, lines {lines}: the same node {_named(points, int(twice))}; every node stands once")
     missing = np.setdiff1d(np.arange(size), found)

@@ -202,7 +202,7 @@ def import_matlab(path: str | os.PathLike) -> xr.DataTree:
 
 
 def _leaf(element: Any) -> tuple[str, xr.Dataset]:
-    """Return name and leaf of one element of ``terms``; ValueError says what is wrong with it."""
+    """Return name and leaf of one element of ``terms``; ValueError states what is wrong with it."""
     name = _text(element["name"], "name")
     if name != f"{_text(element['coefficient'], 'coefficient')}/{_text(element['contribution'], 'contribution')}":
         raise ValueError(f"name is {name!r}, coefficient and contribution are others")

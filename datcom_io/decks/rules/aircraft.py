@@ -16,7 +16,7 @@ _TYPES = 4  # straight, double delta, cranked, curved
 
 
 def is_special(deck: Deck) -> bool:
-    """Tell whether the case is one that needs no aircraft: low aspect ratio wing, hypersonic flap or transverse jet."""
+    """Return whether the case is one that needs no aircraft: low aspect ratio wing, hypersonic flap or transverse jet."""
     return bool({"LARWB", "HYPEFF", "TRNJET"} & deck.namelists.keys())
 
 

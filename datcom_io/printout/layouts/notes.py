@@ -121,7 +121,7 @@ def plain(line: str) -> str:
 
 
 def continues(words: str) -> bool:
-    """Tell whether a line goes on with the footnote or message before it."""
+    """Return whether a line goes on with the footnote or message before it."""
     return words.startswith(_CONTINUED)
 
 

@@ -6,7 +6,7 @@ from flightmech.simulation.model_files import compile_files
 
 from ...dynamics.force_coefficients import between
 from ...dynamics.saved_paths import open_states
-from ...quality.manoeuvre_assessment import tell_faults
+from ...quality.manoeuvre_assessment import report_faults
 from ..time_domain import output_error, uniform_step
 from .result import Performed
 from .specification import Specification
@@ -41,7 +41,7 @@ def perform(specification: Specification) -> Performed:
         states = open_states(table.file)
         records.append((between(states, *table.window) if table.window else states).assign_attrs(record=table.file.stem))
         uniform_step(records[-1]["time"].values.astype(float), table.file.name)
-    tell_faults(records, [table.file.name for table in specification.record])
+    report_faults(records, [table.file.name for table in specification.record])
     unknowns, held = specification.unknowns(sim), specification.held(sim)
     fit = output_error(sim, records, unknowns, specification.outputs, held, specification.noise, iterations=specification.iterations)
     return Performed(specification, sim, tuple(records), fit)

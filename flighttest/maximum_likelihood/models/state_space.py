@@ -51,7 +51,7 @@ class LinearModel:
         Raises
         ------
         SchemaError
-            The function returned matrices of other shapes than the names say.
+            The function returned matrices of other shapes than the names imply.
         """
         found = Matrices(*(np.asarray(item, float) for item in self.matrices(values)))
         n, m, p = len(self.states), len(self.inputs), len(self.outputs)

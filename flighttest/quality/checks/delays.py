@@ -109,7 +109,7 @@ def _delay(reference: np.ndarray, late: np.ndarray, step: float) -> tuple[float,
 
 
 def _pooled(found: list[tuple[float, float, float]]) -> tuple[float, float, float]:
-    """Return the weighted mean, its standard error widened by the scatter, and the median correlation."""
+    """Return the weighted mean, its standard error inflated by the scatter, and the median correlation."""
     values, errors, correlations = (np.array(column) for column in zip(*found))
     errors = np.maximum(errors, 1e-4)
     weight = errors**-2 / np.sum(errors**-2)

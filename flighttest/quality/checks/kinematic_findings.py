@@ -14,7 +14,7 @@ from .signals import Signals
 SCALE = 0.005  # deviation of a slope from one that is reported
 GROSS_SCALE = 0.1  # and that is a warning
 _STRAIGHT = 0.9995  # correlation above which a slope of half a per cent is informative
-_SURE = 2.5  # standard errors; they are wide, because few manoeuvres carry a slope
+_CERTAIN = 2.5  # standard errors; they are wide, because few manoeuvres carry a slope
 _SECONDS = 5.0  # of one block of the standard error of a slope
 _SCALED = {  # relation -> channels named when the slope is not one
     "phi_rate": ("phi", "p"),
@@ -81,7 +81,7 @@ def accuracy_findings(table: pd.DataFrame) -> list[Finding]:
         off = abs(row.slope - 1.0)
         if row.relation == "vane":
             found += _vane(row) if row.moving else []
-        elif row.correlation > _STRAIGHT and off > SCALE and off > _SURE * row.slope_stderr:
+        elif row.correlation > _STRAIGHT and off > SCALE and off > _CERTAIN * row.slope_stderr:
             names = _SCALED[row.relation]
             text = f"{row.title}: the first is {row.slope:.3f} of the second (standard error {row.slope_stderr:.3f})"
             remedy = f"a scale error of {' or '.join(names)}: let the reconstruction find it, or calibrate"
@@ -91,7 +91,7 @@ def accuracy_findings(table: pd.DataFrame) -> list[Finding]:
 
 
 def _vane(row) -> list[Finding]:
-    if row.correlation < 0.9 or not (abs(row.slope - 1.0) > max(0.02, _SURE * row.slope_stderr)):
+    if row.correlation < 0.9 or not (abs(row.slope - 1.0) > max(0.02, _CERTAIN * row.slope_stderr)):
         return []
     text = (
         f"alpha_vane shows {row.slope:.2f} of the angle that attitude and climb give (standard error {row.slope_stderr:.2f}), "

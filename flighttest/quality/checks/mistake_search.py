@@ -73,7 +73,7 @@ class Explanation:
 
 
 def explain(signals: Signals) -> tuple[list[Explanation], Signals, dict[str, Comparison]]:
-    """Return the mistakes found, the signals without them, and what all relations say then.
+    """Return the mistakes found, the signals without them, and what all relations give then.
 
     Parameters
     ----------

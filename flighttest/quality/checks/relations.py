@@ -1,6 +1,6 @@
 """What kinematics and the atmosphere demand of the channels of a record: pairs that must agree whatever the aeroplane does.
 
-Each relation computes one quantity twice, from different channels.  They agree to noise, wind and what is left out (sideslip, sensor
+Each relation computes one quantity twice, from different channels.  They agree to noise, wind and neglected effects (sideslip, sensor
 positions) when every channel has its sign, unit and axis; a mistake in any of these makes them disagree grossly.  Relations overlap, so
 that the one channel that explains all disagreements can be found (`repairs`).
 """
@@ -41,7 +41,7 @@ class Relation:
     cutoff : float
         Frequency below which both are compared. [Hz]
     tolerance : float
-        Rms difference that noise, changes of wind and what is left out account for. [units]
+        Rms difference that noise, changes of wind and neglected effects account for. [units]
     level : bool
         Whether the level counts, or changes only.
     limit : float
@@ -147,7 +147,7 @@ def _angles(s: Signals) -> tuple[np.ndarray, ...]:
 
 
 def _alpha(s: Signals) -> np.ndarray:
-    """Angle of attack: the vane, else what attitude and climb say in wings-level flight, else zero."""
+    """Angle of attack: the vane, else what attitude and climb give in wings-level flight, else zero."""
     if "alpha_vane" in s:
         return np.clip(s["alpha_vane"], -0.6, 0.6)
     return np.clip(_path_alpha(s), -0.6, 0.6) if {"h_baro", "V"} <= set(s.values) else np.zeros_like(s.time)

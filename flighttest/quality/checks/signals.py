@@ -174,7 +174,7 @@ def _flying(values: dict[str, np.ndarray], good: dict[str, np.ndarray], step: fl
 
 
 def _eroded(mask: np.ndarray, samples: int) -> np.ndarray:
-    """Return the mask less `samples` beside every place where it is False."""
+    """Return the mask less `samples` next to every place where it is False."""
     width = 2 * min(samples, (len(mask) - 1) // 2) + 1
     out = np.convolve(~mask, np.ones(width), mode="same") > 0.5
     return mask & ~out

@@ -2,7 +2,7 @@
 
 A word has 32 bits: label 8-1, SDI 10-9, data 29-11 (in BNR bit 29 is the sign), SSM 31-30, odd parity 32.  Bit 1 is kept in the least
 significant bit.  The label's most significant digit is sent first, so a word kept in the order of sending shows the label's byte reversed;
-most interfaces turn it.  Words with wrong parity are left out; an SSM that does not say *normal operation* (BNR 11, discrete 00, BCD 00
+most interfaces turn it.  Words with wrong parity are left out; an SSM that does not state *normal operation* (BNR 11, discrete 00, BCD 00
 for plus and 11 for minus) gives NaN.
 
 References

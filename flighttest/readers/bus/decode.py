@@ -200,7 +200,7 @@ class Pcm(Strict):
             if max(word.words, default=1) > self.frame_words:
                 found.append(f"parameters.{name}.word: a frame has {self.frame_words} words")
             if (word.frame is None) != (word.frames is None) or (word.frame is not None and self.counter is None):
-                found.append(f"parameters.{name}.frame: needs `frames` beside it and the table's `counter`")
+                found.append(f"parameters.{name}.frame: needs `frames` next to it and the table's `counter`")
             elif word.frames is not None and word.frame is not None and not 0 <= word.frame < word.frames:
                 found.append(f"parameters.{name}.frame: found {word.frame}; allowed 0 to {word.frames - 1}")
             if word.repeated and word.frame is not None:

@@ -34,7 +34,7 @@ def read(path: Path, names: NameMap) -> Recording:
         root = _group(file, file, str(path), facts, 0)
         found = tables(root, names)
     if not found:
-        raise ParseError(str(path), 0, "no array of numbers", "a recording: arrays beside their stamps")
+        raise ParseError(str(path), 0, "no array of numbers", "a recording: arrays next to their stamps")
     matlab = path.open("rb").read(16).startswith(b"MATLAB")
     facts = {key: value for key, value in facts.items() if isinstance(value, str | int | float)}
     return Recording("matlab73" if matlab else "hdf5", found, facts)
@@ -109,7 +109,7 @@ def _texts(group) -> dict[str, str]:
 
 
 def as_one_array(group: Group, texts: dict[str, str]) -> Array | None:
-    """Return the array of a structure that is one channel: ``data`` beside ``units`` or ``description``."""
+    """Return the array of a structure that is one channel: ``data`` next to ``units`` or ``description``."""
     if "data" not in group.arrays or not texts:
         return None
     data = group.arrays["data"]

@@ -1,7 +1,7 @@
 """Arrays in groups, as HDF5 and MATLAB files hold them, as tables.
 
 A group (structure) with a clock among its arrays is a table of its own; one without adds its arrays to the group above it, as
-``group.array``.  Three layouts of structures are known beside plain arrays: ``data`` with ``units`` or ``description`` is one array;
+``group.array``.  Three layouts of structures are known besides plain arrays: ``data`` with ``units`` or ``description`` is one array;
 Simulink's structure with time (``time``, ``signals.values``, ``signals.label``); and matrices, of which every column is one.
 """
 

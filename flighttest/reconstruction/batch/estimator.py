@@ -81,7 +81,7 @@ def _settle(equations: Equations) -> tuple[Equations, int]:
     for count in range(1, ITERATIONS + 1):
         far = equations.cost > FAR * equations.readings
         step, gain = equations.step(damping, multiply & far)
-        enough = GAIN * max(1.0, equations.cost / equations.readings)  # in terms of the noise that the residuals will say
+        enough = GAIN * max(1.0, equations.cost / equations.readings)  # in terms of the noise that the residuals will show
         trial = _moved(equations, step)
         if trial is not None and trial.cost <= equations.cost + enough:
             equations, fresh = trial, False

@@ -105,7 +105,7 @@ def inertial(equations: Equations) -> np.ndarray:
 def _pressed(problem: Problem, x: np.ndarray, c: np.ndarray, items: list[Seen], sigma: dict[str, float]) -> np.ndarray:
     """Return per sample the derivative of the gradient by the state (N, 7, unknowns): sum of J' R^-1 A over its readings.
 
-    Vanes act through the angle at the same instant: their lag is short beside everything that the noise sums up to.
+    Vanes act through the angle at the same instant: their lag is short against everything that the noise sums up to.
     """
     _, by_state, _ = vane_geometry(problem, x, c)
     b = np.zeros((len(x), problem.states, items[0].A.shape[2]))

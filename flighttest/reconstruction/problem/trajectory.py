@@ -28,7 +28,7 @@ from .constants import inverse
 from .normal_equations import NormalEquations
 from .problem import ATTITUDE, HEIGHT, VELOCITY, Problem, Sensor, body_rates, gains, over_steps, sensed_force, specific_force, wind
 
-HEIGHT_NOISE = 0.005  # m/s: closes the height equation; far below any height sensor
+HEIGHT_NOISE = 0.005  # m/s: noise of the height equation; far below any height sensor
 LOOSE = 0.01  # rad per step: vanes too slow to show anything
 GAIN = 0.01  # expected change of the cost at which the iteration has settled
 FAR = 1000.0  # cost per sample above which the path is no more than a first guess
@@ -244,7 +244,7 @@ def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: Norma
     used = list(behind)
     Jc = np.concatenate([-c0 * Jw[:-1][..., used] - c1 * Jw[1:][..., used], np.zeros((len(r), count, 1))], axis=-1)
     Jc[:, :, -1] = -dE * lagged[:-1] - d0 * angle[:-1] - d1 * angle[1:]
-    slow = ~(problem.airborne[1:] & problem.airborne[:-1])  # the vane hangs loose: its state only has to stay finite
+    slow = ~(problem.airborne[1:] & problem.airborne[:-1])  # the vane hangs freely: its state only has to stay finite
     r[slow], A[slow], B[slow], Jc[slow] = 0.0, 0.0, 0.0, 0.0
     for i in range(count):
         r[slow, i] = (lagged[1:] - lagged[:-1])[slow, i]

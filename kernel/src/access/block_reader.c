@@ -91,7 +91,7 @@ static bool check_header(reader *r, const unsigned char *bytes, size_t n) {
     }
     if (head.size != n) {
         return refuse_block(
-            r, "model block: header says %llu bytes, %zu came; the file is truncated or extended",
+            r, "model block: header states %llu bytes, %zu came; the file is truncated or extended",
             (unsigned long long)head.size, n);
     }
     const size_t from = offsetof(header_t, sections);

@@ -91,7 +91,7 @@ static double balance(double a, double b, double friction, double preload, doubl
     return clamp(w, low, high);
 }
 
-/* Velocity of body i > 0 when body 0 has w0; *slope says how it follows. */
+/* Velocity of body i > 0 when body 0 has w0; *slope states how it follows. */
 static double follow(const piece_t *p, int i, double w0, double *slope) {
     const double w = balance(p->a[i], p->b[i] + p->cable * w0, p->threshold[i], 0.0, 0.0, p->low[i],
                              p->high[i]);

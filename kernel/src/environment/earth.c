@@ -111,7 +111,7 @@ void set_anchor(const double position[3], int earth, const now_t *now, anchor_t 
 }
 
 /* place_of by the second order of the displacement d, for the later slopes of a step: a third of
- * the time.  What is left out is d^3 / R^2 of the height, 7e-10 m at NEAR, and 0.01 (d / R)^2 of
+ * the time.  What is neglected is d^3 / R^2 of the height, 7e-10 m at NEAR, and 0.01 (d / R)^2 of
  * the directions, 2e-13. */
 bool place_near(const double position[3], const anchor_t *anchor, now_t *now) {
     const double d[3] = {position[0] - anchor->position[0], position[1] - anchor->position[1],

@@ -44,7 +44,7 @@ static int set_inertia(am_sim *sim) {
     return AM_OK;
 }
 
-/* A larger one is taken only as the model has it, where it says that there is no limit. */
+/* A larger one is taken only as the model has it, where it states that there is no limit. */
 static int check_sizes(am_sim *sim) {
     const am_entry *parameter = sim->model->entry[AM_PARAMETER];
     for (uint32_t i = 0; i < (uint32_t)sim->model->count[AM_PARAMETER]; i++) {

@@ -131,7 +131,7 @@ static void place_contact(const am_sim *sim, const double *p, const double down[
     const double rim[3] = {R * down[0] / in_plane, 0.0, R * (down[2] / in_plane - 1.0)};
     const double heading[3] = {am_cos(angle), am_sin(angle), 0.0};
     const double across = dot(heading, down);
-    double velocity[3], swing[3];
+    double velocity[3], spin[3];
     double level = 0.0;
     /* from the lowest point of the rim along the leg to the runway */
     at->upright = fmax(down[2], LEANING);
@@ -147,14 +147,14 @@ static void place_contact(const am_sim *sim, const double *p, const double down[
     for (int i = 0; i < 3; i++) at->forward[i] /= level;
     cross(down, at->forward, at->right);
     /* velocity of the point over ground: v + w x arm, less what moves along the leg */
-    cross(now->rate, heading, swing);
+    cross(now->rate, heading, spin);
     cross(now->rate, at->arm, velocity);
     for (int i = 0; i < 3; i++) velocity[i] += ground[i];
     at->sink = dot(velocity, down) / at->upright;
     velocity[2] -= at->sink;
     at->v[0] = dot(velocity, at->forward);
     at->v[1] = dot(velocity, at->right);
-    at->turn = dot(swing, at->right) / level;
+    at->turn = dot(spin, at->right) / level;
 }
 
 static double strut_spring(const am_sim *sim, uint32_t i, double s) {

@@ -56,7 +56,7 @@ class CoSimulation:
         Raises
         ------
         RuntimeError
-            The FMU asks to end, or a function of FMPy says that a call failed.
+            The FMU requests the end, or a function of FMPy reports that a call failed.
         """
         t = self.course.time
         if self.derivatives:

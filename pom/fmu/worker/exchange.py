@@ -75,7 +75,7 @@ class Exchange:
         self.apply(t)
 
     def apply(self, t: float) -> None:
-        """Set the continuous inputs of an instant; the solver asks for it before it looks for events."""
+        """Set the continuous inputs of an instant; the solver requests it before it looks for events."""
         self.continuous.put(self.course.between(t)[self.places])
 
     def advance(self, k: int) -> None:
@@ -84,7 +84,7 @@ class Exchange:
         Raises
         ------
         RuntimeError
-            The FMU asks to end, the integration fails, or a function of FMPy says that a call failed.
+            The FMU asks to end, the integration fails, or a function of FMPy reports that a call failed.
         """
         goal = float(self.course.time[k + 1])
         if self.added is not self.course.added:  # the math pilot has moved
@@ -102,15 +102,15 @@ class Exchange:
             self._event(self.course.at(k + 1))
 
     def _completed(self) -> bool:
-        """Tell the FMU that a step is done; return whether it wants an event."""
+        """Notify the FMU that a step is done; return whether it wants an event."""
         if self.model.version > 1 and not self.model.description.modelExchange.needsCompletedIntegratorStep:
             return False
-        said = self.instance.completedIntegratorStep()
+        answer = self.instance.completedIntegratorStep()
         if self.model.version == 1:
-            return bool(said)
-        if said[1]:
+            return bool(answer)
+        if answer[1]:
             raise RuntimeError("the FMU asked to end the simulation")
-        return bool(said[0])
+        return bool(answer[0])
 
     def _event(self, inputs: np.ndarray | None = None) -> None:
         """Let the FMU settle what jumps, with new inputs where given."""
@@ -135,8 +135,8 @@ class Exchange:
             again, ends, _, _, has_next, following = update()
             self._heed((ends, has_next, following))
 
-    def _heed(self, said: tuple[bool, bool, float]) -> None:
-        ends, has_next, following = said
+    def _heed(self, answer: tuple[bool, bool, float]) -> None:
+        ends, has_next, following = answer
         if ends:
             raise RuntimeError("the FMU asked to end the simulation")
         self.next_event = following if has_next else np.inf

@@ -28,7 +28,7 @@ class Model:
     takes_records : bool
         The arrays ``replay.n replay.t replay.u replay.y``, as `flightmech.write_fmu` makes them, take a whole record in one step.
     messages : deque of str
-        The last that the FMU said in warnings and errors.
+        The last messages of the FMU in warnings and errors.
     """
 
     def __init__(self, path: str, folder: str):
@@ -62,7 +62,7 @@ class Model:
             guid=self.description.guid, unzipDirectory=self.folder, modelIdentifier=kind.modelIdentifier, instanceName="model"
         )
         if self.version == 1:
-            _mend_status(found)
+            _repair_status(found)
             found.instantiate(functions=self._callbacks1(fmi1), loggingOn=True)
         elif self.version == 2:
             found.instantiate(callbacks=self._callbacks2(fmi2), loggingOn=True)
@@ -110,7 +110,7 @@ def _with_formatted_messages(callbacks: Any) -> Any:
     return callbacks
 
 
-def _mend_status(instance: Any) -> None:
+def _repair_status(instance: Any) -> None:
     """Have the functions of FMI 1.0 return their status.
 
     FMPy 0.3 declares the result of most of them as a text; a status other than zero would be read as an address.

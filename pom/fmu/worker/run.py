@@ -112,5 +112,5 @@ def _reply(outputs: np.ndarray, error: str, pilot: _Hand | None = None) -> dict[
 
 
 def _text(place: str, error: Exception, model: Model) -> str:
-    said = f"; the FMU says: {' | '.join(model.messages)}" if model.messages else ""
-    return f"{place} failed: {str(error) or type(error).__name__}{said}"
+    messages = f"; the FMU reports: {' | '.join(model.messages)}" if model.messages else ""
+    return f"{place} failed: {str(error) or type(error).__name__}{messages}"

@@ -36,7 +36,7 @@ class FreeMotion:
         First displacement from neutral. [SI]
     crossings : array (crossing,)
         Times at which it passes neutral: once between two excursions beyond the residual band, and after the last while it
-        swings on. [s]
+        oscillates on. [s]
     overshoots : array (overshoot,)
         Sizes of the significant overshoots over Ad.
     """
@@ -198,7 +198,7 @@ def period_n(criterion: Criterion, match: Match) -> Outcome:
 def overshoot_n(criterion: Criterion, match: Match) -> Outcome:
     """Judge the size of every significant overshoot of the flight.
 
-    The percentage is of the first overshoot where the row says so (FAA), else of each overshoot; ``a1`` is the first
+    The percentage is of the first overshoot where the row states so (FAA), else of each overshoot; ``a1`` is the first
     alone, ``an`` with a base of its own the second and later (CCAR-60).
     """
     flight, model = _motions(criterion, match)

@@ -112,7 +112,7 @@ def _progress_gate(criterion: Criterion, match: Match) -> Gate:
     if abs(covered) < least and not match.case.shortened:
         raise Invalid(
             f"the segment covers {written(channel, abs(covered))}; the table requires {written(channel, least)}: "
-            "widen the window, or say why in case.shortened"
+            "widen the window, or give the reason in case.shortened"
         )
     return Gate(channel, float(y[-1]), 1 if covered > 0.0 else -1, criterion.window[1])
 

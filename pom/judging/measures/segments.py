@@ -41,7 +41,7 @@ def demand_height(criterion: Criterion, match: Match) -> tuple[RowRemark, ...]:
     covered = abs(float(flight[-1] - flight[0])) / FOOT
     text = f"segment of {covered:.0f} ft"
     if covered < required and not match.case.shortened:
-        raise Invalid(f"{text}; the table requires {required:.0f} ft or more: widen the window, or say why in case.shortened")
+        raise Invalid(f"{text}; the table requires {required:.0f} ft or more: widen the window, or give the reason in case.shortened")
     text = text if covered >= required else f"{text} of {required:.0f} ft required"
     return (RowRemark("span", text, "h", {"covered": covered, "required": required}, "ft"),)
 

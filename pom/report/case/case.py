@@ -132,6 +132,6 @@ def digests(result: PomResult, provenance: Mapping[str, Any]) -> list[tuple[str,
 
 
 def _flown(text: str) -> dict[str, str]:
-    """Return file and hash of what `pom.replay` says of a model: ``final.fmu, FMI 2.0, sha256 ...``."""
+    """Return file and hash of what `pom.replay` states of a model: ``final.fmu, FMI 2.0, sha256 ...``."""
     file, _, rest = text.partition(", ")
     return {"file": file, "sha256": rest.partition("sha256 ")[2]}

@@ -17,16 +17,16 @@ from ..presentation.quantities import MINUS, MISSING, Label, fixed, label, measu
 _CONFIGURATION = ("mass", "x_cg", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz", "delta_f", "gear", "speedbrake")
 _ATMOSPHERE = ("h", "h_agl", "h_baro", "p_static", "temperature", "rho", "delta_T", "qnh", "runway_elevation", "wind", "a_sound")
 _LONG = 20.0  # [s] from which small errors of force add up
-_CALM = 0.05  # [m/s] a vertical wind below this is not told
+_CALM = 0.05  # [m/s] a vertical wind below this is not printed
 
 
-def conditions(found: Mapping[str, float], told: Collection[str]) -> list[tuple[str, list[tuple[Label, str]]]]:
-    """Return the conditions by part of the table; the flight state stands in the table of the trim, which has `told` it."""
+def conditions(found: Mapping[str, float], printed: Collection[str]) -> list[tuple[str, list[tuple[Label, str]]]]:
+    """Return the conditions by part of the table; the flight state stands in the table of the trim, which has `printed` it."""
     parts: dict[str, list[tuple[Label, str]]] = {"Configuration": [], "Atmosphere": [], "Flight": []}
     for name, value in found.items():
         stem = name.rpartition(".")[2]
         part = "Configuration" if stem in _CONFIGURATION else "Atmosphere" if stem in _ATMOSPHERE else "Flight"
-        if not stem.startswith("wind_") and (part != "Flight" or stem not in told):
+        if not stem.startswith("wind_") and (part != "Flight" or stem not in printed):
             parts[part].append((label(name), measured(value, name)))
     if {"wind_n", "wind_e"} <= set(found):
         parts["Atmosphere"].append((_WIND, wind(found["wind_n"], found["wind_e"], found.get("wind_d", 0.0))))
@@ -79,8 +79,10 @@ def trim(result: PomResult) -> dict[str, Any]:
         limit = limits[stem].size if (found or left) and stem in limits else math.inf
         cells = [(_value(v, shown), abs(si) > limit) for v, si in zip(shown.shown(held), held, strict=True)]
         differences = [] if found or left else [_difference(v, shown) for v in shown.width(held[1:] - held[0])]
-        told = f"± {short(float(shown.width(limit)), 3)}" if math.isfinite(limit) else ""
-        parts[part].append({"label": shown, "words": label(stem).words or stem, "cells": cells, "differences": differences, "limit": told})
+        shown_limit = f"± {short(float(shown.width(limit)), 3)}" if math.isfinite(limit) else ""
+        parts[part].append(
+            {"label": shown, "words": label(stem).words or stem, "cells": cells, "differences": differences, "limit": shown_limit}
+        )
     return {"columns": list(map(str, table.columns)), "parts": [(title, rows) for title, rows in parts.items() if rows]}
 
 

@@ -26,7 +26,7 @@ _ENGINE = {
     "throttle": "the recorded lever drives the engine model",
 }
 _START = {
-    True: "trimmed to the flight state; what is left stands below",
+    True: "trimmed to the flight state; the residual stands below",
     False: "flight state, not trimmed",
     "ground": "on its wheels at the recorded speed; height and attitude from the landing gear",
 }

@@ -60,7 +60,7 @@ class Panel:
 
     @property
     def channel(self) -> str:
-        """House name of the quantity."""
+        """Canonical name of the quantity."""
         return self.label.name
 
 
@@ -76,15 +76,18 @@ def panels(result: PomResult) -> list[Panel]:
     others = [name for name in channels if name not in (*banded, *measured, *moving, *driven)]
     return [
         *(_compared(result, name, "judged", rows) for name in (*banded, *measured)),
-        *(_compared(result, twin, "input", rows) if twin else _input(result, name) for name, twin in zip(moving, driven, strict=True)),
+        *(
+            _compared(result, driven_by, "input", rows) if driven_by else _input(result, name)
+            for name, driven_by in zip(moving, driven, strict=True)
+        ),
         *(_compared(result, name, "shown", rows) for name in others),
     ]
 
 
 def _driven(name: str, channels: Sequence[str]) -> str:
     """Return the channel that shows an input in flight and models: one that a pilot moves, or thrust that drives."""
-    twin = name.removesuffix("_drive")
-    return twin if twin in channels else ""
+    driven_by = name.removesuffix("_drive")
+    return driven_by if driven_by in channels else ""
 
 
 def split_inputs(result: PomResult) -> tuple[list[str], list[str]]:

@@ -1,4 +1,4 @@
-"""Texts beside the verdicts: what the case sets, remarks of rows, rationales, engineers' ticks."""
+"""Texts next to the verdicts: what the case sets, remarks of rows, rationales, engineers' ticks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _REFERENCES = {
 
 
 def notes(result: PomResult) -> list[str]:
-    """Return what the reader must know beside the verdicts."""
+    """Return what the reader must know in addition to the verdicts."""
     case = result.case
     found = [case.notes] if case.notes else []
     if case.reference in _REFERENCES:

@@ -137,8 +137,8 @@ def _shared(holders: Mapping[str, xr.Dataset]) -> dict[str, list[str]]:
     """Return databases by the first of them that holds the very same leaf."""
     shared: dict[str, list[str]] = {}
     for name, leaf in holders.items():
-        twin = next((first for first in shared if _identical(leaf, holders[first])), name)
-        shared.setdefault(twin, []).append(name)
+        equal = next((first for first in shared if _identical(leaf, holders[first])), name)
+        shared.setdefault(equal, []).append(name)
     return shared
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import flighttest
 
 MOST_SAMPLES = 1200  # drawn of one fit: a line of 650 units shows no more
-LEAST_CORRELATION = 0.9  # from which two estimates are told together, as usual in the field
+LEAST_CORRELATION = 0.9  # from which two estimates are listed as correlated, as usual in the field
 _BAR, _MIDDLE = 74.0, 80.0  # [px] half the length of the bar of an estimate, and where its zero lies
 _CELLS = 160  # of the map of test points, in each direction
 
@@ -96,7 +96,7 @@ def _error_bar(estimate: float, stderr: float) -> dict[str, float] | None:
 
 
 def _correlated(fit: flighttest.Fit, names: Sequence[str]) -> list[str]:
-    """Return the pairs of estimates that can hardly be told apart."""
+    """Return the pairs of estimates that can hardly be distinguished."""
     if "correlation" not in fit.estimates:
         return []
     table = fit.estimates["correlation"].values

@@ -68,9 +68,9 @@ def front(
 def case(
     position: int, key: str, result: PomResult, provenance: Mapping[str, Any], diagnosis: pd.DataFrame | None, modes: pd.DataFrame
 ) -> dict[str, Any]:
-    """Return what the pages of one case show beside the drawings."""
+    """Return what the pages of one case show in addition to the drawings."""
     case, styles = result.case, line_styles(result.runs)
-    said, table = initial_conditions.conditions(result.conditions, result.trim.index), verdict_table(result)
+    shown_rows, table = initial_conditions.conditions(result.conditions, result.trim.index), verdict_table(result)
     return {
         "position": position,
         "key": key,
@@ -88,8 +88,8 @@ def case(
         "calibration": initial_conditions.calibration(result),
         "window": [case.window[0], case.window[1]],
         "events": [(words(name), f"{at:.2f} s") for name, at in sorted(case.events.items(), key=lambda item: item[1])],
-        "conditions": [(part, [(quantity(shown), value) for shown, value in rows]) for part, rows in said],
-        "glance": ";  ".join(f"{_name(shown)} {value}" for _, rows in said for shown, value in rows if shown.name in _GLANCE),
+        "conditions": [(part, [(quantity(shown), value) for shown, value in rows]) for part, rows in shown_rows],
+        "glance": ";  ".join(f"{_name(shown)} {value}" for _, rows in shown_rows for shown, value in rows if shown.name in _GLANCE),
         "drive": _drive(result),
         "trim": _trim(result),
         "drift": _drift(result),
@@ -200,7 +200,7 @@ def _block(block: Mapping[str, Any]) -> dict[str, Any]:
     rows = [
         {key: item for key, item in row.items() if key not in ("at", "exit", "verdict")} | _verdict(row["verdict"]) for row in block["rows"]
     ]
-    applied = block["applied"].removeprefix(f"{block['printed']}: ")  # the number alone where the printed tolerance stands beside it
+    applied = block["applied"].removeprefix(f"{block['printed']}: ")  # the number alone where the printed tolerance stands next to it
     return {**block, "label": quantity(block["label"]) if block["label"] else None, "rows": rows, "applied": applied}
 
 

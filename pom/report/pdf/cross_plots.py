@@ -43,9 +43,9 @@ def cross_drawing(name: str, cross: Cross, styles: Mapping[str, str], rows: Sequ
     body += _path(frame, flight_x, flight_y, "hair")
     parts = [spaced(LEFT, HEAD - 4.0, _title(cross.ordinate)), axes(frame, x_labels=True, x_most=10), clipped(frame, name, body)]
     parts.append(text(LEFT + frame.width / 2, frame.bottom + 24.0, _words(cross.abscissa), "caption", "middle"))
-    said = [f"{row['run']}: {words(row['criterion'])} {row['verdict'].replace('_', ' ')}, {fixed(row['worst_ratio'], 2)} of the tolerance"
+    judged = [f"{row['run']}: {words(row['criterion'])} {row['verdict'].replace('_', ' ')}, {fixed(row['worst_ratio'], 2)} of the tolerance"
             for row in rows if row["criterion"] in cross.criteria]  # fmt: skip
-    return Drawing(svg(frame.bottom + FOOT, "".join(parts)), frame.bottom + FOOT, ". ".join([cross.words, *said]))
+    return Drawing(svg(frame.bottom + FOOT, "".join(parts)), frame.bottom + FOOT, ". ".join([cross.words, *judged]))
 
 
 def _limits(values: Any) -> tuple[float, float]:

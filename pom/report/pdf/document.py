@@ -32,7 +32,7 @@ from .waterfall import waterfall
 
 STANDARDS: Any = ["a-3b", "ua-1"]
 UNDATED = datetime.datetime(1970, 1, 1, tzinfo=datetime.UTC)
-"""PDF/A demands a date and no clock is read: a report without a date carries this one in its metadata, and says so on its cover."""
+"""PDF/A demands a date and no clock is read: a report without a date carries this one in its metadata, and states so on its cover."""
 
 _GLYPHLESS = re.compile(r'the text `"(.+?)"` could not be displayed')
 _ESCAPED = re.compile(r"\\u\{([0-9a-f]+)\}")
@@ -75,8 +75,8 @@ def pdf_pages(
         cases = []
         for i, (key, result, table) in enumerate(zip(names, results, modes, strict=True), 1):
             diagnosis = diagnoses.get(result.case.name)
-            said = content.case(i, key, result, provenance, diagnosis, table)
-            cases.append(said | _drawings(folder, i, result, diagnosis, _room(said, paper), _COLUMN[paper]))
+            page = content.case(i, key, result, provenance, diagnosis, table)
+            cases.append(page | _drawings(folder, i, result, diagnosis, _room(page, paper), _COLUMN[paper]))
         front["attached"] = _attach(folder, attached)
         chapter = [content.submodel(one) | {"pictures": _pictures(folder, i, one)} for i, one in enumerate(submodels)]
         data = {
@@ -150,12 +150,12 @@ def _attach(folder: Path, attached: Mapping[str, bytes]) -> list[dict[str, str]]
     return rows
 
 
-def _room(said: Mapping[str, Any], paper: str) -> float:
+def _room(page: Mapping[str, Any], paper: str) -> float:
     """Return the height that the head of a case leaves for its panels, in units; the layout shrinks them by what this is short."""
     wide = _TEXT[paper]
-    lines = _lines(said["objective"], wide) + _lines(said["glance"], wide + 20) + _lines(said["failure"], wide - 20)
-    cells = sum(max(_lines(block["printed"], 36), _lines(_first(block), 25), _lines(block["applied"], 20)) for block in said["verdicts"])
-    millimetres = 29.0 + 3.7 * lines + 3.15 * (len(said["outcomes"]) + cells)
+    lines = _lines(page["objective"], wide) + _lines(page["glance"], wide + 20) + _lines(page["failure"], wide - 20)
+    cells = sum(max(_lines(block["printed"], 36), _lines(_first(block), 25), _lines(block["applied"], 20)) for block in page["verdicts"])
+    millimetres = 29.0 + 3.7 * lines + 3.15 * (len(page["outcomes"]) + cells)
     return _COLUMN[paper] - millimetres / _UNIT
 
 

@@ -1,6 +1,6 @@
 """How the report looks on paper: colours, dashes and text of its drawings.
 
-Contrast measured on white and on the band; every line differs in its dash too, exits are hatched, so that a grey print tells all.
+Contrast measured on white and on the band; every line differs in its dash too, exits are hatched, so that a grey print shows all.
 """
 
 from __future__ import annotations

@@ -169,7 +169,7 @@ def pretty_unit(unit: str) -> str:
 
 
 def symbol(name: str) -> tuple[str, str]:
-    """Return base and subscript of the symbol of a house name."""
+    """Return base and subscript of the symbol of a canonical name."""
     if name in _SYMBOLS:
         return _SYMBOLS[name]
     head, _, tail = name.partition("_")
@@ -286,7 +286,7 @@ def measured(si: float, name: str) -> str:
 
 
 def has_ends(name: str) -> bool:
-    """Whether a quantity is told by the words of its ends, such as an undercarriage that is up or down."""
+    """Whether a quantity is printed by the words of its ends, such as an undercarriage that is up or down."""
     return name.rpartition(".")[2] in _ENDS
 
 

@@ -55,7 +55,7 @@ _WHOLE = {
     "engine/static": "thrust and air flow of the engines over their speed",
     "engine/schedule": "commanded engine speed over the lever",
     "engine/dynamics": "how the engines follow the lever",
-    "engine/rest": "what is left of the engine deck, such as fuel flow",
+    "engine/rest": "the rest of the engine deck, such as fuel flow",
     "engine/thrust": "thrust and lag of the engines",
     "gear/steering": "nose-wheel steering",
     "gear/runway": "runway friction",
@@ -64,7 +64,7 @@ _WHOLE = {
 
 
 def term_words(term: str) -> str:
-    """Return a term, a group of terms or a part of the aircraft in words; a name that the house does not use gives an empty text.
+    """Return a term, a group of terms or a part of the aircraft in words; an unknown name gives an empty text.
 
     Examples
     --------

@@ -108,7 +108,7 @@ def test_a_folder_appears_whole_or_not_at_all(files, tmp_path, monkeypatch):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["final.nc", "prior.nc"]
 
 
-def test_what_cannot_be_compared_is_said(small, tmp_path):
+def test_what_cannot_be_compared_is_stated(small, tmp_path):
     with pytest.raises(SchemaError, match="1 database came; give two or more"):
         aerodb.figures.write_comparison({"a": small}, tmp_path / "x")
     with pytest.raises(SchemaError, match="the format is 'bmp'; allowed: svg, png, pdf"):

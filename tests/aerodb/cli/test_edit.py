@@ -41,7 +41,7 @@ def test_scale(file, output):
     np.testing.assert_allclose(np.degrees(leaf(output, "CL/basic")["alpha"]), [-8, 0, 4, 8, 12, 16])
 
 
-def test_shift_takes_negative_numbers_and_says_warnings(file, output):
+def test_shift_takes_negative_numbers_and_states_warnings(file, output):
     result = run("edit", file, "shift", "CL/flap", "--by", "-0.02", "-o", output)
     assert result.exit_code == 0
     assert "warning: shift: 1 nodes of CL/flap were zero by definition" in result.stderr

@@ -52,17 +52,17 @@ def test_check_cases_take_count_and_seed(small, file, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("--to", "jsbsim"), "--to jsbsim needs --aircraft"),
         (("--to", "csv", "--count", "3"), "--count belongs to checkcases; leave it out for csv"),
         (("--to", "xlsx"), "'xlsx' is not one of"),
     ],
 )
-def test_options_that_do_not_fit_are_reported(file, tmp_path, arguments, said):
+def test_options_that_do_not_fit_are_reported(file, tmp_path, arguments, message):
     found = run("export", file, *arguments, "-o", str(tmp_path / "x"))
     assert found.exit_code == 2
-    assert said in found.stderr
+    assert message in found.stderr
     assert not (tmp_path / "x").exists()
 
 
@@ -76,7 +76,7 @@ def test_options_that_do_not_fit_are_reported(file, tmp_path, arguments, said):
         (b'<d:DAVEfunc xmlns:d="http://daveml.org/2010/DAVEML">', "daveml"),
     ],
 )
-def test_the_content_tells_the_format(tmp_path, content, fmt):
+def test_the_content_decides_the_format(tmp_path, content, fmt):
     (tmp_path / "x").write_bytes(content)
     assert recognized(tmp_path / "x") == fmt
 
@@ -99,16 +99,16 @@ def test_what_is_unknown_is_shown(tmp_path, content, found):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "message"),
     [
         (["--without", "CL"], "--without belongs to jsbsim and daveml; leave it out for netcdf"),
         (["--travel", "delta_f=40 deg"], "--travel belongs to jsbsim; leave it out for netcdf"),
     ],
 )
-def test_options_of_another_format_are_refused(file, tmp_path, options, said):
+def test_options_of_another_format_are_refused(file, tmp_path, options, message):
     found = run("import", file, "-o", str(tmp_path / "back.nc"), *options)
     assert found.exit_code == 2
-    assert said in found.output
+    assert message in found.output
 
 
 def test_the_t37_of_jsbsim_on_the_command_line(tmp_path):

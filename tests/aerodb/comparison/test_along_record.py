@@ -26,10 +26,10 @@ def equipped(small):
     return aerodb.replace_terms(small, more)
 
 
-def test_devices_that_were_not_recorded_are_at_rest_and_that_is_said(states, equipped, tmp_path):
+def test_devices_that_were_not_recorded_are_at_rest_and_that_is_reported(states, equipped, tmp_path):
     states.to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
-    found, said = aerodb.comparison.read_conditions(tmp_path / "path.nc", equipped)
-    assert said == [
+    found, messages = aerodb.comparison.read_conditions(tmp_path / "path.nc", equipped)
+    assert messages == [
         "delta_f is not in the record; taken as 0 deg",
         "gear is not in the record; taken as 0",
         "h_agl is not in the record; taken in free air",
@@ -42,8 +42,8 @@ def test_devices_that_were_not_recorded_are_at_rest_and_that_is_said(states, equ
 
 def test_a_manoeuvre_in_the_root_will_do(states, small, tmp_path):
     states.assign(delta_f=0.1).to_netcdf(tmp_path / "cut.nc", engine="h5netcdf")
-    found, said = aerodb.comparison.read_conditions(tmp_path / "cut.nc", small)
-    assert said == []
+    found, messages = aerodb.comparison.read_conditions(tmp_path / "cut.nc", small)
+    assert messages == []
     assert float(found["delta_f"]) == 0.1
 
 
@@ -69,13 +69,13 @@ def test_lift_that_multiplies_a_moment_comes_from_the_terms(states, small, tmp_p
     roll = aerodb.replace_terms(small, {"Cl/ground": aerodb.transform.bank_in_ground_effect(-0.078, -1.09, 1.7)})
     low = states.assign(delta_f=0.0, h_agl=3.0, phi=("time", [0.1, 0.1]))
     low.to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf")
-    found, said = aerodb.comparison.read_conditions(tmp_path / "path.nc", roll)
-    assert said == ["CL is not in the record; taken from the terms of the first database"]
+    found, messages = aerodb.comparison.read_conditions(tmp_path / "path.nc", roll)
+    assert messages == ["CL is not in the record; taken from the terms of the first database"]
     lift = aerodb.evaluate(small, "CL", **{str(name): found[name] for name in found})
     np.testing.assert_allclose(found["CL"], lift, rtol=1e-15)
     assert found["CL"].dims == ("time",)
     frame = aerodb.compare(roll, roll, found)
     assert frame.loc["Cl/ground", "value_a"] == pytest.approx(float(-0.078 * 3.0**-1.09 * 0.1 * lift[0]))
-    given, said = completed(low.assign(CL=1.0), roll)
-    assert said == []
+    given, messages = completed(low.assign(CL=1.0), roll)
+    assert messages == []
     assert float(given["CL"]) == 1.0

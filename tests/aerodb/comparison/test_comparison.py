@@ -54,7 +54,7 @@ def test_factor_tables_and_new_axes_are_compared_as_a_whole(small):
     assert row["location"] == "mach 0.4, gear 1"
 
 
-def test_other_regressors_are_said_and_not_compared(small):
+def test_other_regressors_are_stated_and_not_compared(small):
     other = aerodb.replace_terms(small, {"CL/qhat": terms.make(1.0, regressors=["alphadothat"])})
     row = aerodb.compare(small, other).loc["CL/qhat"]
     assert np.isnan(row["max_difference"])
@@ -143,7 +143,7 @@ def test_samples_with_nan_are_left_out_and_those_beyond_a_table_counted(small):
         aerodb.compare(small, other, {"mach": 0.3, "alpha": 0.0, "delta_f": 0.0})
 
 
-def test_other_references_are_said(small):
+def test_other_references_are_stated(small):
     other = small.copy()
     other.attrs["S"] = 20.0
     with pytest.warns(AeromatchWarning, match=r"do not refer to the same: S 16.9 in a, 20.0 in b; the numbers are compared as they stand"):

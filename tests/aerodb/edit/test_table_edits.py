@@ -68,11 +68,11 @@ def test_shift(small):
     np.testing.assert_array_equal(new["source"], [0, 2, 2])
 
 
-def test_regrid_says_its_error(small):
+def test_regrid_reports_its_error(small):
     alpha = [-8 * DEG, 8 * DEG, 16 * DEG]
-    bent = leaf(small, "CL/basic").copy(deep=True)
-    bent["value"][:, 1] += 0.01  # the node at 0 deg, which the new table does not have
-    small = aerodb.replace_terms(small, {"CL/basic": bent})
+    changed = leaf(small, "CL/basic").copy(deep=True)
+    changed["value"][:, 1] += 0.01  # the node at 0 deg, which the new table does not have
+    small = aerodb.replace_terms(small, {"CL/basic": changed})
     assert aerodb.edit.regrid_error(small, "CL/basic", {"alpha": alpha}) == pytest.approx(0.01, abs=1e-15)
     new = aerodb.edit.regrid(small, "CL/basic", {"alpha": alpha}, tolerance=0.0101)
     assert "differs by up to 0.01 at mach 0." in new.attrs["history"]

@@ -41,7 +41,7 @@ def test_what_stands_in_the_files(folder):
     assert index[-2:] == ["003_CL_flap.csv,CL/flap,value,delta_f,,3", "004_Cm_qhat.csv,Cm/qhat,value,,qhat,1"]
 
 
-def test_degrees_are_converted_and_the_history_says_so(small, folder):
+def test_degrees_are_converted_and_the_history_states_so(small, folder):
     file = folder / "003_CL_flap.csv"
     angle = repr(float(np.radians(40.0)))
     edited(file, "delta_f [rad]", "delta_f [deg]")

@@ -82,7 +82,7 @@ def one(tmp_path, math, tables="", functions="", name="liftCoefficient"):
 
 
 def states(count=2000, seed=7):
-    """Return states in SI by name of the house, inside the tables and well beyond."""
+    """Return states in SI by canonical name, inside the tables and well beyond."""
     random = np.random.default_rng(seed)
     drawn = {
         "alpha": np.radians(random.uniform(-60, 60, count)), "beta": np.radians(random.uniform(-50, 50, count)),
@@ -146,7 +146,7 @@ def test_the_f16_equals_its_model_at_ten_thousand_states():
 
 
 @samples
-def test_the_f16_has_terms_of_the_house_and_its_check_cases():
+def test_the_f16_has_canonical_terms_and_its_check_cases():
     db = aerodb.exchange.import_daveml(NESC / "F16_aero.dml")
     terms = aerodb.terms(db)
     assert list(terms) == [
@@ -267,7 +267,7 @@ def test_a_model_like_the_hl20(tmp_path):
 
 
 @pytest.mark.parametrize("ends", ["", 'extrapolate="both"', 'extrapolate="min"', 'extrapolate="max"'])
-def test_ends_of_tables_hold_or_go_on_as_the_file_says(tmp_path, ends):
+def test_ends_of_tables_hold_or_go_on_as_the_file_states(tmp_path, ends):
     path = one(tmp_path, ci("T"), variable("T"), table("T", values(12), AL=(ALPHAS, ends), XMACH=MACHS))
     db, gap = difference(path)
     assert gap < ROUNDING
@@ -292,7 +292,7 @@ def test_ends_of_tables_hold_or_go_on_as_the_file_says(tmp_path, ends):
     ],
 )
 @pytest.mark.parametrize("ends", ["", 'extrapolate="both"', 'extrapolate="min"'])
-def test_look_ups_over_bent_functions_of_a_variable(tmp_path, argument, ends):
+def test_look_ups_over_piecewise_functions_of_a_variable(tmp_path, argument, ends):
     variables = variable("T") + variable("argument", made(argument, ""), "ARG", units="deg")
     assert difference(one(tmp_path, ci("T"), variables, table("T", values(12), ARG=(ALPHAS, ends), XMACH=MACHS)))[1] < ROUNDING
 
@@ -310,7 +310,7 @@ def test_limits_of_variables_and_products_of_tables(tmp_path):
     assert {"K1", "K2"} <= set(aerodb.terms(db)["CL/elevator"])
 
 
-def test_signs_of_the_file_are_turned_into_those_of_the_house(tmp_path):
+def test_signs_of_the_file_are_turned_into_the_canonical_ones(tmp_path):
     db, gap = difference(one(tmp_path, apply("times", cn(0.5), ci("EL"))))  # EL is positive trailing edge up
     assert gap < ROUNDING
     assert float(aerodb.terms(db)["CL/elevator"]["value"]) == pytest.approx(-0.5 / DEGREE)
@@ -415,6 +415,6 @@ def test_names_units_and_reference_quantities_are_checked(tmp_path):
         aerodb.exchange.import_daveml(path)
 
 
-def test_a_file_without_coefficients_says_what_it_gives(tmp_path):
+def test_a_file_without_coefficients_states_what_it_gives(tmp_path):
     with pytest.raises(SchemaError, match=r"no output is a coefficient: .*OUT \(other\); state which with names="):
         aerodb.exchange.import_daveml(one(tmp_path, cn(1.0), name="other"))

@@ -245,11 +245,11 @@ def test_look_up_of_the_manuals_table(tmp_path, attributes, x, expected):
 
 
 @pytest.mark.parametrize(("rule", "expected"), [("floor", [2.0, 2.0, 6.0, 1.5]), ("ceiling", [2.0, 6.0, 6.0, 1.5])])
-def test_floor_and_ceiling_are_meant_as_the_words_say(tmp_path, rule, expected):
+def test_floor_and_ceiling_are_meant_as_the_words_state(tmp_path, rule, expected):
     x = [0.0, 1.1, 3.0, 9.0]
     simple = function(tmp_path, f'interpolate="{rule}"', "independentVarPts")
     assert simple.evaluate({"x": x})["y"] == pytest.approx(expected)
-    with pytest.warns(AeromatchWarning, match="the DTD says the opposite for independentVarRef"):
+    with pytest.warns(AeromatchWarning, match="the DTD states the opposite for independentVarRef"):
         model = function(tmp_path, f'interpolate="{rule}"')
     assert model.evaluate({"x": x})["y"] == pytest.approx(expected)
     assert any("the opposite" in note for note in model.notes)
@@ -337,7 +337,7 @@ def test_a_check_case_that_fails_stops_the_reading_unless_it_is_ignored(tmp_path
 
 
 def test_the_name_of_a_signal_counts_before_a_varid_that_is_the_same_word(tmp_path):
-    both = variable("y", initialValue="8").replace('varID="y"', 'varID="z"')  # named y, beside the variable with the varID y
+    both = variable("y", initialValue="8").replace('varID="y"', 'varID="z"')  # named y, next to the variable with the varID y
     body = shot(8.0, 0.1).replace("<signalID>y</signalID>", "<signalName>y</signalName><signalUnits>nd</signalUnits>")
     body = body.replace('name="y" varID="y"', 'name="doubled" varID="y"')
     assert read(document(tmp_path, both + body)).check()["variable"].tolist() == ["z"]

@@ -198,7 +198,7 @@ def test_no_file(tmp_path):
 
 
 def test_sections_in_other_files(tmp_path):
-    """Beside the aircraft file they are read; a folder above it is out of bounds, whatever lies there."""
+    """Next to the aircraft file they are read; a folder above it is out of bounds, whatever lies there."""
     folder = tmp_path / "plane"
     (folder / "Systems").mkdir(parents=True)
     section = f"<aerodynamics><axis name='LIFT'><function name='f'><product>{CL}<value>2</value></product></function></axis></aerodynamics>"

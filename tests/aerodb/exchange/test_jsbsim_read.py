@@ -241,7 +241,7 @@ def test_sampling_only_on_demand(tmp_path):
     leaf = aerodb.terms(db)["CL/CLx"]
     assert leaf["K1"].dims == ("mach",)
     assert "sampled on" in leaf.attrs["comment"]
-    with pytest.raises(SchemaError, match=r"no table says how far beta goes; give box = \{'beta': \(low, high\)\}"):
+    with pytest.raises(SchemaError, match=r"no table states how far beta goes; give box = \{'beta': \(low, high\)\}"):
         lift(tmp_path, f"<cos>{prop('aero/beta-rad')}</cos>", sample=1e-3)
     test = f"<gt>{prop('aero/beta-rad')}<value>9</value></gt>"
     curved = f"<ifthen>{test}<value>1</value><exp>{prop('aero/beta-rad')}</exp></ifthen>"

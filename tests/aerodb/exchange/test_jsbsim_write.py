@@ -215,8 +215,8 @@ def test_what_cannot_be_written_is_named(tmp_path):
     assert not (tmp_path / "test.xml").exists()
 
 
-def test_the_file_tells_what_it_holds(tmp_path):
-    """Functions by the names of the terms, frames of the axes, error and source of the nodes beside them, the same bytes each time."""
+def test_the_file_states_what_it_holds(tmp_path):
+    """Functions by the names of the terms, frames of the axes, error and source of the nodes next to them, the same bytes each time."""
     db = synthetic("stability")
     db.attrs["title"] = "a <title> &\x0b more"
     db["CL/basic"].attrs |= {"comment": "clean -- as\nprinted", "references": "t37.out, lines 1--20"}

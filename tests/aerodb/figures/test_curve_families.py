@@ -84,7 +84,7 @@ def test_surface_is_last_less_first(small, other):
     assert s.stderr[0, 0] == pytest.approx(0.05)
 
 
-def test_what_cannot_be_drawn_is_said(small, other):
+def test_what_cannot_be_drawn_is_stated(small, other):
     both = {"a": small, "b": other}
     with pytest.raises(UnknownName, match="unknown term 'CL/flop'; near it: CL/flap"):
         family(both, "CL/flop")

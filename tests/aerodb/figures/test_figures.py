@@ -83,7 +83,7 @@ def test_flight_samples_are_ticks_in_their_panel(both):
     assert "flight sample" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-def test_the_foot_tells_what_numbers_refer_to(both, small):
+def test_the_foot_states_what_numbers_refer_to(both, small):
     foot = " ".join(texts(aerodb.figures.plot_comparison(both, "CL/basic")).split("\n"))
     assert "S = 16.9 m², cbar = 1.667 m, b = 10.31 m; moments about (−3, 0, 0) m from the drawing datum" in foot
     assert "forces in stability axes, moments and rates in body axes" in foot
@@ -140,7 +140,7 @@ def test_equal_figures_give_equal_bytes(both, tmp_path, kind):
     assert sorted(path.name for path in tmp_path.iterdir()) == [f"one.{kind}", f"two.{kind}"]
 
 
-def test_svg_is_well_formed_and_says_what_it_shows(both, tmp_path):
+def test_svg_is_well_formed_and_states_what_it_shows(both, tmp_path):
     aerodb.figures.save_figure(aerodb.figures.plot_comparison(both, "CL/basic"), tmp_path / "lift.svg")
     root = ElementTree.parse(tmp_path / "lift.svg").getroot()
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
@@ -153,7 +153,7 @@ def test_other_formats_are_refused(small, tmp_path):
         aerodb.figures.save_figure(aerodb.figures.plot_term(small, "CL/qhat"), tmp_path / "x.bmp")
 
 
-def test_the_look_does_not_hang_on_the_settings_of_the_user(both):
+def test_the_look_does_not_depend_on_the_settings_of_the_user(both):
     import matplotlib
 
     with matplotlib.rc_context({"axes.facecolor": "black", "lines.linewidth": 9.0}):
@@ -176,8 +176,8 @@ def test_matplotlib_is_asked_for_only_when_a_figure_is_drawn():
         "try:\n    aerodb.figures.plot_term\n"
         "except Exception as error:\n    print(type(error).__name__, error)"
     )
-    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert said == "AeromatchError figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'\n"
+    printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert printed == "AeromatchError figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'\n"
 
 
 @pytest.mark.parametrize("databases", [1, 2, 3])

@@ -96,7 +96,7 @@ def test_moment_reference_moves_with_forces_and_flow(craft, make_case):
         np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
 
 
-def test_other_reference_quantities_are_said_and_converted(craft, make_case):
+def test_other_reference_quantities_are_stated_and_converted(craft, make_case):
     case = make_case(S=32.0, cbar=1.6, b=10.0)
     with pytest.warns(AeromatchWarning, match="clean: S 32 against 16: not the reference quantities of the aircraft"):
         db = aerodb.from_datcom(craft, clean=case)
@@ -162,7 +162,7 @@ def test_ground_effect_over_the_height_of_the_reference_point(craft, make_case):
 
 
 def test_ground_cases_that_cannot_be_used(craft, make_case):
-    with pytest.raises(SchemaError, match="no pages over ground beside the one in free air; give a case with GRNDEF"):
+    with pytest.raises(SchemaError, match="no pages over ground next to the one in free air; give a case with GRNDEF"):
         aerodb.from_datcom(craft, clean=make_case(), ground=make_case())
     with pytest.raises(SchemaError, match=r"ground heights reach 25.0 m, beyond two spans \(20.0 m\)"):
         aerodb.from_datcom(craft, clean=make_case(), ground=grounded(make_case(), (1.0, 25.0, np.inf)))

@@ -63,8 +63,8 @@ def test_supersonic_rates_are_not_made_from_the_downwash(fighter):
 
 
 def test_conditions_along_a_climb_go_over_mach_alone(fighter_db):
-    db, said = fighter_db
-    assert sum("every Mach number stands at an altitude of its own (0.5 at 0 m, 0.9 at 5000 m" in text for text in said) == 1
+    db, messages = fighter_db
+    assert sum("every Mach number stands at an altitude of its own (0.5 at 0 m, 0.9 at 5000 m" in text for text in messages) == 1
     np.testing.assert_array_equal(db["CL/basic"]["mach"], [0.5, 1.6, 2.5])  # the transonic pages print one row
     assert "CL/altitude" in db.attrs["absent"].split()
 
@@ -79,15 +79,15 @@ def test_a_supersonic_page_has_the_errors_of_its_class(fighter_db):
 
 def test_a_derivative_held_into_another_regime_is_warned_of(fighter_db):
     """CLP is printed at Mach 0.5 only; it reaches Mach 2.5 with the factor of the supersonic class, doubled."""
-    db, said = fighter_db
-    text = next(text for text in said if "Cl/phat" in text)
+    db, messages = fighter_db
+    text = next(text for text in messages if "Cl/phat" in text)
     assert "nothing is printed beyond Mach 0.5; that value is held to Mach 2.5, another speed regime" in text
     leaf = db["Cl/phat"].to_dataset()
     np.testing.assert_allclose(leaf["stderr"].sel(mach=2.5) / leaf["stderr"].sel(mach=0.5), 2 * 1.5)
     assert (leaf["source"].sel(mach=2.5) == 2).all()
 
 
-def test_the_deck_says_where_the_subsonic_methods_end(jet, corpus):
+def test_the_deck_states_where_the_subsonic_methods_end(jet, corpus):
     """ce500_clean.inp ends them at STMACH 0.8: Mach 0.7 is subsonic there, with the factor one."""
     case = corpus("ce500_clean")[0]
     assert case.deck.value("FLTCON", "STMACH") == 0.8
@@ -102,7 +102,7 @@ def test_pitch_rates_against_the_course_values(jet, corpus):
     """Second check of 2V: halved, the listing is near the Ce-500 course values on q c/V (README of the corpus), Mach 0.15, alpha 8 deg.
 
     -CZ_q 3.86 against 3.86, Cm_q -8.34 against -7.04, -CZ_alphadot 1.78 against 1.43, Cm_alphadot -4.84 against -3.70. With rates on V the
-    listing would be twice as large; what is left are another tail and another lift coefficient.
+    listing would be twice as large; what remains are another tail and another lift coefficient.
     """
     db = aerodb.from_datcom(jet, clean=corpus("ce500_clean"), altitude=0.0)
     rows = {

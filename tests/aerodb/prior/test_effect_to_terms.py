@@ -38,7 +38,7 @@ def test_nothing_printed_makes_no_term():
     assert leaves(Effect("basic", {"Cm": table([[nan] * 4] * 3)}), PRIOR, {}) == {}
 
 
-def test_mach_range_is_covered_and_every_node_says_where_it_comes_from():
+def test_mach_range_is_covered_and_every_node_states_where_it_comes_from():
     effect = Effect("basic", {"Cm": table([[1, 2, 3, 4], [1, 2, 3, 4], [1, 2, 3, nan]])}, references="x.out, lines 1-9")
     leaf = leaves(effect, PRIOR, {"mach": (0.0, 0.8)})["Cm/basic"]
     np.testing.assert_array_equal(leaf["mach"], [0.0, 0.2, 0.4, 0.6, 0.8])

@@ -77,7 +77,7 @@ def test_a_file_that_goes_on_behind_its_end_is_a_clear_error(saved, more):
 
 @pytest.mark.parametrize("layout", [("earliest", "v110"), ("v110", "v110"), ("latest", "latest")])
 def test_any_layout_of_hdf5_is_read(small, tmp_path, monkeypatch, layout):
-    """Other programs write older and newer ones than this house, and no seal."""
+    """Other programs write older and newer ones than this package, and no seal."""
     monkeypatch.setattr(netcdf, "_FORMAT", layout)
     (tmp_path / "other.nc").write_bytes(netcdf.image(small))
     xr.testing.assert_identical(aerodb.open(tmp_path / "other.nc"), small)

@@ -48,7 +48,7 @@ def test_what_edits_replaced_is_no_term(small, small_terms):
     assert not [name for name in aerodb.terms(small) if name.startswith("previous")]
 
 
-def test_hinge_moments_stand_beside_any_force_axes(small_terms, root):
+def test_hinge_moments_go_with_any_force_axes(small_terms, root):
     hinge = terms.make(-0.3, regressors=["delta_e"])
     for axes, name in (("stability", "CL/basic"), ("wind", "CL/basic"), ("body", "CZ/basic")):
         db = aerodb.database({name: small_terms["CL/basic"], "Ch_e/delta": hinge, "Ch_r/beta": hinge}, **{**root, "force_axes": axes})
@@ -68,6 +68,6 @@ def test_terms_keep_their_own_breakpoints(small):
     assert leaves["Cm/qhat"]["value"].ndim == 0
 
 
-def test_import_of_the_package_is_cheap():
+def test_import_of_the_package_is_fast():
     code = "import sys, aerodb; print([m for m in ('xarray', 'pandas', 'scipy', 'numpy') if m in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"

@@ -29,7 +29,7 @@ def test_the_group_of_an_edit_holds_what_it_replaced(small):
     assert "previous/e001/CL/flap" not in aerodb.terms(new)
 
 
-def test_history_tells_the_edits(small):
+def test_history_holds_the_edits(small):
     new = aerodb.delete_terms(aerodb.edit.scale(small, "CL/*", 2.0, note="twice"), ["Cm/qhat"])
     rows = aerodb.store.history(new)
     assert rows.loc[1].to_list() == [None, "", "", "", "by hand"]

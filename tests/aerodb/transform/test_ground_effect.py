@@ -77,7 +77,7 @@ def test_rolling_moment_takes_the_lift_of_the_moment(ground):
 
 
 def test_the_simulation_computes_the_same():
-    """House identity: kernel and database agree, the exponent and the scale are parameters by name."""
+    """Identity: kernel and database agree, the exponent and the scale are parameters by name."""
     body = flightmech.Aircraft("c500", 24.2, 2.06, 14.4, 5000.0, 15000.0, 20000.0, 33000.0)
     db = xr.DataTree.from_dict({f"/{name}": leaf for name, leaf in leaves().items()})
     sim = flightmech.compile(body, db)
@@ -222,7 +222,7 @@ def test_similar_aircraft_has_the_effect_at_the_same_height_in_spans(ground):
     assert "formula" not in aerodb.terms(aerodb.transform.rescale(tabled, body))["CL/ground"]["K1"].attrs
 
 
-def test_summary_and_figures_tell_the_power(ground):
+def test_summary_and_figures_state_the_power(ground):
     assert "max(h_agl, 1.7)^-1.45" in aerodb.summary(ground)
     flapped = in_ground_effect(terms.make([0.3, 0.8], {"delta_f": [0.0, 0.7]}, stderr=0.02), 0.6, -1.45, 2.0)
     figure = aerodb.figures.plot_term(aerodb.replace_terms(ground, {"CL/ground": flapped}), "CL/ground")

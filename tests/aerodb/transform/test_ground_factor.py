@@ -23,7 +23,7 @@ def test_a_product_is_found_again():
     assert terms.evaluate(split, given) == pytest.approx(terms.evaluate(leaf, given))
 
 
-def test_what_is_no_product_says_how_far_it_is_off():
+def test_what_is_no_product_states_how_far_it_is_off():
     value = np.array([[1.0, 1.2, 1.4, 1.6], [0.5, 0.5, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]])
     leaf = terms.make(value.T, {"alpha": ALPHA, "h_agl": H}, stderr=0.1)
     split, worst = aerodb.transform.factored(leaf, "h_agl")
@@ -34,7 +34,7 @@ def test_what_is_no_product_says_how_far_it_is_off():
 
 
 def test_the_ground_effect_of_the_t37_is_nearly_a_product(t37_db):
-    """LR-743 (11) writes K_GE(h) times an increment; of the computed lift increments, up to 0.404, the product misses at most 0.0285."""
+    """LR-743 (11) writes K_GE(h) times an increment; of the computed lift increments, up to 0.404, the product is off by at most 0.0285."""
     split, worst = aerodb.transform.factored(aerodb.terms(t37_db)["CL/ground"], "h_agl")
     assert worst == pytest.approx(0.0284, abs=1e-4)
     assert float(split["K1"][0]) == 1.0

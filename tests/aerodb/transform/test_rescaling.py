@@ -1,4 +1,4 @@
-"""Databases of similar aircraft: coefficients kept, lengths changed, doubt added, everything said."""
+"""Databases of similar aircraft: coefficients kept, lengths changed, uncertainty inflated, everything reported."""
 
 from dataclasses import replace
 

@@ -103,7 +103,7 @@ def test_elevator(trees):
     np.testing.assert_allclose(symflp["delta"], np.array([-25, -20, -15, -10, -5, 0, 5, 10, 15]) * DEG, rtol=1e-12, atol=1e-15)
     first = symflp.isel(condition=0, delta=0)  # line 275
     assert [float(first[name]) for name in ("dCL", "dCm", "dCLmax", "dCDmin")] == [-0.202, 0.4444, 0.120, 0.01167]
-    assert float(first["Ch_alpha"]) == pytest.approx(-4.446e-03 / DEG, rel=1e-12)  # per degree though the deck says DERIV RAD
+    assert float(first["Ch_alpha"]) == pytest.approx(-4.446e-03 / DEG, rel=1e-12)  # per degree though the deck has DERIV RAD
     assert float(first["Ch_delta"]) == pytest.approx(-1.155e-02 / DEG, rel=1e-12)
     assert symflp["Ch_alpha_flag"][0].values.tolist() == [OK] + [FILLED] * 8
     assert (symflp["CL_alpha_delta_flag"] == NDM).all()
@@ -215,7 +215,7 @@ def test_transonic_pages_are_filled_only_when_asked(elevator_lines):
     assert filled == [OK] + [FILLED] * 18
 
 
-def test_listing_tree_is_written_whole_and_read_again(t37, tmp_path):
+def test_listing_tree_is_written_completely_and_read_again(t37, tmp_path):
     from datcom_io.export.netcdf import write_tree
 
     assert list(t37("t37_elevator_one_by_one.pdas.out").to_datatree().children) == t37("t37_elevator_one_by_one.pdas.out").case_names

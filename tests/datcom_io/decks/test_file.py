@@ -133,7 +133,7 @@ def test_what_no_card_can_hold_is_refused(tmp_path):
     assert path.read_text() == "old"
 
 
-# any number that single precision tells apart and any card
+# any number that single precision distinguishes and any card
 _NUMBERS = st.floats(min_value=-1e12, max_value=1e12, allow_nan=False).map(lambda x: float(value_text(x)))
 _TEXTS = st.text(st.characters(min_codepoint=32, max_codepoint=126), min_size=1, max_size=74).map(str.strip).filter(bool)
 
@@ -185,7 +185,7 @@ def test_any_deck_written_and_read_is_equal_in_meaning(cases, resolved):
 
 @st.composite
 def untidy(draw):
-    """Return a namelist and a text that says it in an untidy way: blanks, breaks after commas, repeat counts, all ends."""
+    """Return a namelist and a text that writes it in an untidy way: blanks, breaks after commas, repeat counts, all ends."""
     item = draw(namelists())
     blank = st.sampled_from(["", "", " ", "  ", ",\n   ", ", \n "])
     words = []

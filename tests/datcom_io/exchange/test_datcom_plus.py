@@ -86,7 +86,7 @@ def test_blocks_become_leaves(written):
 def test_per_radian(written):
     tree = datcom_io.exchange.read_datcom_plus_csv(written(TEXT), deriv="RAD")
     np.testing.assert_array_equal(tree["dynamic"]["Cm_qhat"], -0.25)
-    assert float(tree["elevator"]["Ch_delta"][0]) == pytest.approx(-0.007656 / DEG)  # per degree whatever DERIV says
+    assert float(tree["elevator"]["Ch_delta"][0]) == pytest.approx(-0.007656 / DEG)  # per degree whatever DERIV is
     with pytest.raises(UnknownName, match="unit of the derivatives"):
         datcom_io.exchange.read_datcom_plus_csv(written(TEXT), deriv="GRAD")
 

@@ -62,7 +62,7 @@ def test_finer_numbers_round_to_the_printed_ones(name, printed, plots):
             if not key.endswith("_flag"):
                 count += int(fine[leaf][key].attrs["refined"].split()[0])
                 assert np.isfinite(fine[leaf][key].values).sum() == np.isfinite(printed(name)[leaf][key].values).sum()
-    # refine leaves out what does not round or differs in its flag, so the count says that everything agrees
+    # refine leaves out what does not round or differs in its flag, so the count shows that everything agrees
     assert count == sum(
         int(np.isin(printed(name)[leaf][f"{key}_flag"].values, (OK, FILLED)).sum())
         for leaf in ("static", "downwash", "symflp")
@@ -82,7 +82,7 @@ def test_flags_are_those_of_the_print(name, printed, plots):
             np.testing.assert_array_equal(block[key].transpose(*page[key].dims), page[key], err_msg=f"{leaf} {key}")
 
 
-def test_refined_drag_and_what_is_said_of_it(printed, plots):
+def test_refined_drag_and_what_is_stated_of_it(printed, plots):
     fine = datcom_io.exchange.refine(printed("plot_dump_namelist"), plots("plot_dump_namelist"))
     np.testing.assert_array_equal(printed("plot_dump_namelist")["static"]["CD"][0], [0.016, 0.017, 0.022, 0.031])
     np.testing.assert_allclose(fine["static"]["CD"][0], [0.016447, 0.017497, 0.022252, 0.031432], rtol=1e-12)

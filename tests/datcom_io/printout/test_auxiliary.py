@@ -95,7 +95,7 @@ def test_vortices(tree):
 
 def test_increments(tree):
     first = tree["increments"].isel(condition=0)
-    assert float(first["Cl_phat"]) == -0.40918  # line 1141, per radian whatever DERIV says
+    assert float(first["Cl_phat"]) == -0.40918  # line 1141, per radian whatever DERIV is
     assert float(first["Cl_phat_ratio_dihedral"]) == 1.0
     assert float(first["Cn_phat_twist"]) == pytest.approx(-1.6819e-04 / DEG, rel=EXACT)
     assert float(first["CY_phat_CL"]) == -3.3606e-02  # line 1142

@@ -19,7 +19,7 @@ NAMES = ["aileron", "build", "clean", "elevator", "flaps", "ground", "ground_ele
 
 
 def outline(pages):
-    """Return what tells pages apart: kind, lines, tables with their lines, notes."""
+    """Return what distinguishes pages: kind, lines, tables with their lines, notes."""
     return [(page.kind, page.first, page.last, [(item.name, item.lines) for item in page.printed], page.notes) for page in pages]
 
 

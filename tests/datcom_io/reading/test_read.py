@@ -189,14 +189,14 @@ def text_of(name):
 
 
 def same(listing, wanted):
-    """Tell whether two listings have the same cells, and nothing that was not understood."""
+    """Return whether two listings have the same cells, and nothing that was not understood."""
     ours, theirs = listing.cells(), wanted.cells()
     columns = [column for column in theirs if column not in ("page", "text")]
     return listing.unread == [] and ours[columns].equals(theirs[columns])
 
 
 @pytest.mark.parametrize(
-    ("encode", "says"),
+    ("encode", "states"),
     [
         (lambda text: text.encode("utf-8-sig"), "mark of UTF-8"),
         (lambda text: text.encode("utf-16"), "UTF-16 of PowerShell"),
@@ -208,7 +208,7 @@ def same(listing, wanted):
     ],
     ids=lambda item: item if isinstance(item, str) else "",
 )
-def test_the_same_text_in_other_files(tmp_path, t37, encode, says):
+def test_the_same_text_in_other_files(tmp_path, t37, encode, states):
     path = tmp_path / "t37_elevator.out"
     path.write_bytes(encode(text_of("t37_elevator.out")))
     assert same(datcom_io.read(path), t37("t37_elevator.out"))

@@ -25,7 +25,7 @@ BUILDS = {
         open("for014.dat", "w").write("")
         open("scratch.tmp", "w").write("x")
         """,
-    "asks for the name": """
+    "requires the name": """
         assert "ASYFLP" in open(input("Enter the name of the input file: ")).read()
         open("datcom.out", "wb").write(LISTING)
         """,
@@ -105,7 +105,7 @@ def test_a_datcom_plus_deck_is_rewritten_first(program, deck, results):
 
 FAILURES = {
     "writes nothing": ("", r"datcom made no result \(tried with for005.dat.*: it ended without a print of unit 6; nothing was written"),
-    "says why": ('print("no licence"); sys.exit(3)', "it ended with code 3; its output: no licence; nothing was written"),
+    "states why": ('print("no licence"); sys.exit(3)', "it ended with code 3; its output: no licence; nothing was written"),
     "crashes at once": ("os.kill(os.getpid(), signal.SIGSEGV)", "it crashed with signal SIGSEGV; nothing was written"),
     "crashes in the print": (
         'open("for006.dat", "wb").write(LISTING[:9000]); os.kill(os.getpid(), signal.SIGSEGV)',

@@ -1,4 +1,4 @@
-"""Engine decks and fuel in the aircraft file: what is read, what is refused, what the catalogue says."""
+"""Engine decks and fuel in the aircraft file: what is read, what is refused, what the catalogue holds."""
 
 from __future__ import annotations
 
@@ -114,9 +114,9 @@ def test_tables_from_a_file(file, tmp_path):
 def test_written_and_read_again(file, tmp_path):
     aircraft = flightmech.read_aircraft(file())
     tanks = Fuel(200.0, tables=tank_tables([Tank((1.0, 2.0, 3.0), 150.0), Tank((-1.0, 0.0, 0.0), 100.0, order=2)]))
-    twins = replace(aircraft, engines=aircraft.engines * 2, fuel=tanks)
+    two = replace(aircraft, engines=aircraft.engines * 2, fuel=tanks)
     db = xr.DataTree.from_dict({"/CD/basic": make(0.0)})
-    for craft in (aircraft, twins):
+    for craft in (aircraft, two):
         again = flightmech.read_aircraft(flightmech.write_aircraft(craft, tmp_path / "again.toml"))
         assert flightmech.compile(again, db).block == flightmech.compile(craft, db).block
     assert sorted(path.name for path in tmp_path.glob("*.nc")) == ["again_engine1.nc", "again_fuel.nc"]

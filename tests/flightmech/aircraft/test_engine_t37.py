@@ -30,7 +30,7 @@ def test_power_changes_that_were_not_fitted(study, name, thrust):
     run = study.read(DATA / "flight" / f"{name}.nc")
     assert run.number > study.FITTED
     deck = Deck(open_tables(DATA / "engine.nc"))
-    found = study.misses([run], deck, 5.33)  # the air of the programme is 5.33 K warmer than standard
+    found = study.residuals([run], deck, 5.33)  # the air of the programme is 5.33 K warmer than standard
     assert study.rms(found, "thrust") < thrust
     assert study.rms(found, "n2") < 0.005
     assert study.rms(found, "n1") < 0.008

@@ -79,7 +79,7 @@ def test_unknowns_by_name(files):
     assert found["converged"] == 1
 
 
-def test_what_is_missing_is_said(files):
+def test_what_is_missing_is_stated(files):
     with pytest.raises(SchemaError, match="no value of phi, psi_dot or nz; give one in fixed"):
         run(*files, "--kind", "turn")
     assert "'phi' is not NAME=VALUE" in run(*files, "--fix", "phi").output

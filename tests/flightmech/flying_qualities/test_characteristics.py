@@ -111,7 +111,7 @@ def test_manoeuvre_points(found, state, plain_aircraft):
 
 
 def test_elevator_per_g_is_that_of_the_kernel_in_a_pull_up(plain_aircraft, plain_tree):
-    """Trimmed with pitch rates beside zero, CL_q and CL_de on: the thrust that the kernel adds acts through the c.g. and lifts a little."""
+    """Trimmed with pitch rates, CL_q and CL_de on: the thrust that the kernel adds acts through the c.g. and lifts a little."""
     db = plain_tree(CL={"qhat": 5.0, "delta_e": 0.5})
     found = flightmech.characteristics(plain_aircraft(), db, CONDITION)
     sim = flightmech.compile(plain_aircraft(), db)

@@ -37,7 +37,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def libraries(tmp_path_factory) -> dict[str, bytes]:
-    """Compile the kernel for every platform, beside that of the installed package."""
+    """Compile the kernel for every platform, next to that of the installed package."""
     folder = tmp_path_factory.mktemp("binaries")
     build = f"import hatch_build, pathlib; hatch_build.OUT = pathlib.Path({str(folder)!r}); hatch_build.build()"
     subprocess.run([sys.executable, "-c", build], cwd=ROOT, env={**os.environ, "AEROMATCH_TARGETS": "all"}, check=True, timeout=500)

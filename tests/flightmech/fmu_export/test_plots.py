@@ -1,4 +1,4 @@
-"""Plots of the tables: values of the model, drawn where the axes say."""
+"""Plots of the tables: values of the model, drawn where the axes put them."""
 
 from __future__ import annotations
 

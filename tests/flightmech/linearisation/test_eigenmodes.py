@@ -131,7 +131,7 @@ def test_ratio_of_bank_to_sideslip():
     assert found["phi_beta"] == pytest.approx(1.5, rel=1e-9)
 
 
-def test_repeated_eigenvalues_are_said():
+def test_repeated_eigenvalues_are_stated():
     found = flightmech.modes(matrix([[-1.0, 1.0], [0.0, -1.0]], ("alpha", "q")))
     assert found["remark"].str.contains("repeated eigenvalues: the name is a guess").all()
 

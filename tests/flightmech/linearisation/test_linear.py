@@ -63,7 +63,7 @@ def test_lateral_entries_by_hand(plain, plain_aircraft):
 
 
 def test_the_step_does_not_matter(plain):
-    """Three decades about the derived step agree, and the error that is told bounds the change."""
+    """Three decades about the derived step agree, and the error that is reported bounds the change."""
     sim = plain(CD={"alpha alpha": 1.4})
     best = flightmech.linearize(sim, LEVEL)
     for step in (1e-6, 1e-5, 1e-4):
@@ -112,7 +112,7 @@ def test_engine_states_and_inputs(trainer):
     )
 
 
-def test_slope_on_a_breakpoint_is_the_mean_and_said(plain):
+def test_slope_on_a_breakpoint_is_the_mean_and_reported(plain):
     vee = make([0.02, 0.0, 0.01], {"beta": [-0.1, 0.0, 0.1]})
     found = flightmech.linearize(plain(Cn={"beta": 0.1, "vee": vee}), LEVEL)
     smooth = flightmech.linearize(plain(), LEVEL)
@@ -123,8 +123,8 @@ def test_slope_on_a_breakpoint_is_the_mean_and_said(plain):
 
 
 def test_a_wide_step_averages_cells(plain):
-    bent = make([-0.05, 0.0, 0.0], {"alpha": [-0.5, 0.0, 0.5]})
-    sim = plain(Cm={"bent": bent})
+    kinked = make([-0.05, 0.0, 0.0], {"alpha": [-0.5, 0.0, 0.5]})
+    sim = plain(Cm={"kinked": kinked})
     alpha = float(flightmech.linearize(sim, LEVEL)["x"].sel(state="alpha"))
     narrow = flightmech.linearize(sim, LEVEL)["A"].sel(state="q", state_="alpha")
     wide = flightmech.linearize(sim, LEVEL, steps={"alpha": 0.2})["A"].sel(state="q", state_="alpha")

@@ -1,4 +1,4 @@
-"""The linear model beside that of another simulator: the T37 of the pip package ``jsbsim``, its tables read where they are installed.
+"""The linear model against that of another simulator: the T37 of the pip package ``jsbsim``, its tables read where they are installed.
 
 JSBSim flies over the round Earth and differences its own trim; everything else is the same aeroplane, so what differs is ours.
 """

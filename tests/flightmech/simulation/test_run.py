@@ -1,4 +1,4 @@
-"""Runs from Python: inputs by name, parameters, what is said about tables that were left, errors."""
+"""Runs from Python: inputs by name, parameters, what is reported about tables that were left, errors."""
 
 from __future__ import annotations
 

@@ -21,8 +21,10 @@ def test_plain_makes_null_of_what_json_lacks():
     assert plain({"a": math.nan, "b": (1, math.inf), "c": None}) == {"a": None, "b": [1, None], "c": None}
 
 
-@pytest.mark.parametrize(("name", "code", "said"), [("new.nc", 0, ""), ("none/new.nc", 2, "no folder 'none' for the file; make it first")])
-def test_the_folder_of_an_output_is_asked_for_first(name, code, said, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("name", "code", "message"), [("new.nc", 0, ""), ("none/new.nc", 2, "no folder 'none' for the file; make it first")]
+)
+def test_the_folder_of_an_output_is_checked_first(name, code, message, tmp_path, monkeypatch):
     @click.command()
     @click.option("-o", "output", type=NewFile())
     def write(output):
@@ -31,4 +33,4 @@ def test_the_folder_of_an_output_is_asked_for_first(name, code, said, tmp_path, 
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(write, ["-o", name])
     assert done.exit_code == code
-    assert said in done.output
+    assert message in done.output

@@ -18,7 +18,7 @@ def test_nothing_is_hidden_here():
 
 @pytest.fixture
 def hiding(tmp_path):
-    """Folder of a script beside which a file ``pom.py`` lies."""
+    """Folder of a script next to which a file ``pom.py`` lies."""
     (tmp_path / "pom.py").write_text("answer = 42\n", encoding="utf-8")
     return tmp_path
 

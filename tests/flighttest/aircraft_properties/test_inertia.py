@@ -91,7 +91,7 @@ def test_the_rotor_is_taken_off_with_its_momentum():
     assert moments(inertia_from_flight(data, known, MODELS))["Izz"] == pytest.approx(15000.0, rel=2e-3)
 
 
-def test_manoeuvres_without_coupling_say_so():
+def test_manoeuvres_without_coupling_state_so():
     weak = inertia_from_flight(flown(scale=0.1), aircraft(), MODELS)
     assert any("not coupled enough" in text for text in map(str, weak.remarks))
     with pytest.raises(IdentificationError, match="not coupled enough"):

@@ -1,4 +1,4 @@
-"""From the T-37's files to a fit by the commands alone: database, path, output error, and the regression beside it."""
+"""From the T-37's files to a fit by the commands alone: database, path, output error, and the regression next to it."""
 
 import json
 from pathlib import Path
@@ -39,7 +39,7 @@ def call(*words):
     return done.stdout
 
 
-def test_output_error_beside_the_regression(tmp_path):
+def test_output_error_against_the_regression(tmp_path):
     """docs/output-error.md has the table; the database is DATCOM's, Cm_q -17.6 and Cm_delta_e -1.52."""
     aircraft, datcom = T37 / "aircraft.toml", T37 / "datcom"
     elevator, flaps = datcom / "t37_elevator_one_by_one.pdas.out", datcom / "t37_flaps.out"

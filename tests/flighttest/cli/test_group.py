@@ -161,7 +161,7 @@ def test_window_goes_with_one_record(files, tmp_path):
         call("reconstruct", files / "run_0.nc", files / "run_1.nc", "--aircraft", files / "aircraft.toml", "--window", 1, 2, "-o", tmp_path)
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path):
+def test_a_file_is_written_atomically(tmp_path):
     class Broken(xr.Dataset):
         __slots__ = ()
 

@@ -40,8 +40,8 @@ def test_the_generalised_mean_is_the_sum_of_the_information():
     C = np.linalg.inv(sum(inverse))
     theta = C @ sum(P @ fit.estimates["estimate"].values for P, fit in zip(inverse, runs))
     np.testing.assert_allclose(joined["estimate"], theta, rtol=1e-8)
-    widened = np.sqrt(np.diag(C)) * np.maximum(1.0, joined["birge"])
-    np.testing.assert_allclose(joined["stderr"], widened, rtol=1e-8)
+    inflated = np.sqrt(np.diag(C)) * np.maximum(1.0, joined["birge"])
+    np.testing.assert_allclose(joined["stderr"], inflated, rtol=1e-8)
     assert {"estimate", "stderr", "stderr_white", "correlation", "systematic"} <= set(joined.data_vars)
 
 

@@ -17,7 +17,7 @@ def test_agreeing_estimates_give_the_inverse_variance_mean():
 def test_contradictory_estimates_widen_the_error_and_are_flagged():
     joined = pool([1.0, 2.0], [0.1, 0.1])
     assert joined.birge == pytest.approx(np.sqrt(50))
-    assert joined.stderr == pytest.approx(0.5)  # half their difference, whatever their own errors say
+    assert joined.stderr == pytest.approx(0.5)  # half their difference, whatever their own errors are
     assert joined.disagreement == pytest.approx(10 / np.sqrt(2))
     assert joined.contradictory
 

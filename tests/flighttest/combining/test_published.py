@@ -1,4 +1,4 @@
-"""Local models from the literature: they say the same about the tables as the samples that they came from."""
+"""Local models from the literature: they contribute the same to the tables as the samples that they came from."""
 
 import numpy as np
 import pytest

@@ -68,7 +68,7 @@ def test_jt15d_series_that_were_not_fitted_are_predicted():
     data = xr.Dataset({name: ("point", x.values) for name, x in columns.items()}).assign(temperature=("point", temperature))
     own = table["series"].isin(["static1", "static1_std"]).values
     found = fit_fuel_thrust(data.isel(point=own))
-    miss = found.predict(data.isel(point=~own))["thrust"] - data["thrust"].values[~own]
+    error = found.predict(data.isel(point=~own))["thrust"] - data["thrust"].values[~own]
     assert found.rms < 8.0  # 7.5 N
-    assert float(np.sqrt((miss**2).mean())) < 5.0  # 4.6 N of 1809 N
-    assert float(np.abs(miss).max()) < 10.0  # 9.0 N
+    assert float(np.sqrt((error**2).mean())) < 5.0  # 4.6 N of 1809 N
+    assert float(np.abs(error).max()) < 10.0  # 9.0 N

@@ -74,7 +74,7 @@ def test_two_standard_errors_cover_the_truth():
     assert np.mean(inside) == pytest.approx(0.93, abs=0.06)
 
 
-def test_closer_frequencies_do_not_make_it_surer():
+def test_closer_frequencies_do_not_narrow_the_errors():
     """0.01 Hz on 15 s is a factor 2.6 that a naive formula would claim; the trap of the published ornithopter tables."""
     data = record(np.random.default_rng(6), 15.0)
     natural, fine = regress_frequency(LIFT, data, BAND).estimates, regress_frequency(LIFT, data, BAND, spacing=0.01).estimates

@@ -107,7 +107,7 @@ def test_the_prior_of_a_database_is_what_least_squares_makes_of_its_tables(fitte
     fit = regress(LIFT, data) if fitted == "time" else regress_frequency(LIFT, data, (0.1, 1.0))
     prior = prior_of(fit, database())
     np.testing.assert_allclose(prior["estimate"], [0.3, 5.0, 6.0, 0.45], rtol=1e-8)
-    assert float(prior["stderr"].sel(term="qhat")) == pytest.approx(2.0, rel=0.03)  # and what a bent lift table would put into it
+    assert float(prior["stderr"].sel(term="qhat")) == pytest.approx(2.0, rel=0.03)  # and what a wrong lift table would put into it
     joined = mixed(fit, prior)
     assert (joined.estimates["stderr"].values <= fit.estimates["stderr"].values + 1e-12).all()
     assert joined.estimates.attrs["terms_with_prior"] == 4

@@ -86,11 +86,11 @@ def folder(tmp_path):
     """A flight with a Dutch roll at 20 s, kinematically exact."""
     t = np.arange(1000) / 20.0
     after = np.clip(t - 20.0, 0.0, None)
-    swing = (t >= 20.0) * np.exp(-0.2 * after)
+    oscillation = (t >= 20.0) * np.exp(-0.2 * after)
     before = (t < 20.0) * np.sin(0.2 * np.pi * t)
-    phi, theta = 0.1 * before + 0.05 * swing * np.sin(2.0 * after), 0.05 * before * (t < 10.0)
+    phi, theta = 0.1 * before + 0.05 * oscillation * np.sin(2.0 * after), 0.05 * before * (t < 10.0)
     rate = np.gradient(phi, t)
-    q, psi_dot = np.gradient(theta, t), 0.1 * swing * np.cos(2.0 * after)
+    q, psi_dot = np.gradient(theta, t), 0.1 * oscillation * np.cos(2.0 * after)
     columns = {"t": t, "p": rate - psi_dot * np.sin(theta), "q": q * np.cos(phi) + psi_dot * np.cos(theta) * np.sin(phi)}
     columns |= {"r": psi_dot * np.cos(theta) * np.cos(phi) - q * np.sin(phi), "phi": phi, "theta": theta}
     units = ["s", *["rad s-1"] * 3, *["rad"] * 2]

@@ -213,9 +213,9 @@ def test_cramer_rao_bound_against_a_linear_fit_of_noise(glider, signal, start):
 
 def test_what_else_is_freed_costs_accuracy(glider, signal, start):
     alone = cramer_rao(glider, signal, start, ["term.Cm.alpha"], OUTPUTS, scale=0.2).estimates
-    beside = cramer_rao(glider, signal, start, ["term.Cm.alpha"], OUTPUTS, ["bias.Cm", "init.alpha", "init.q"], scale=0.2).estimates
+    together = cramer_rao(glider, signal, start, ["term.Cm.alpha"], OUTPUTS, ["bias.Cm", "init.alpha", "init.q"], scale=0.2).estimates
     slow = cramer_rao(glider, signal, start, ["term.Cm.alpha"], OUTPUTS, scale=0.2, memory=0.3).estimates
-    assert float(beside["stderr"][0]) > 1.1 * float(alone["stderr"][0])
+    assert float(together["stderr"][0]) > 1.1 * float(alone["stderr"][0])
     assert float(slow["stderr"][0]) > 1.5 * float(alone["stderr"][0])
 
 

@@ -33,7 +33,7 @@ def test_three_hundred_and_sixty_four_candidates():
 
 @pytest.mark.parametrize("choose", [select_orthogonal, select_stepwise])
 def test_the_truth_is_found_and_nothing_else(choose):
-    """Ten records; nineteen of twenty were right when the threshold was chosen, so one of ten may miss."""
+    """Ten records; nineteen of twenty were right when the threshold was chosen, so one of ten may be wrong."""
     hits = 0
     for seed in range(10):
         found = choose("CL", CANDIDATES, record(seed), gain=1e-3)

@@ -87,7 +87,7 @@ def test_page_is_whole_and_needs_nothing_else(quality, tmp_path):
     assert list(tmp_path.iterdir()) == [tmp_path / "page.html"]
 
 
-def test_page_escapes_what_files_say(quality):
+def test_page_escapes_text_of_files(quality):
     from dataclasses import replace
 
     from flighttest.quality.page import page

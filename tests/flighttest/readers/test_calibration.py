@@ -29,7 +29,7 @@ def test_table_is_linear_between_and_nothing_beyond(tmp_path):
     assert "raw values beyond the calibration table, now NaN: delta_e 2 from 0.5 s" in flighttest.records.faults(record)[0]
 
 
-def test_table_in_a_file_beside_the_map(tmp_path):
+def test_table_in_a_file_next_to_the_map(tmp_path):
     (tmp_path / "bench.csv").write_text("count,degrees\n# bench of Tuesday\n0,-10\n10,10\n")
     channel = read_names(mapped(tmp_path, '[c]\ndelta_e = { column = "pot", unit = "deg", table = "bench.csv" }\n')).leaves["c"]["delta_e"]
     assert channel.table == ((0.0, -10.0), (10.0, 10.0))
@@ -64,7 +64,7 @@ def test_every_fault_of_calibrations_and_clocks_at_once(tmp_path):
         "time.unit: unknown unit 'fortnight'",
         "time.gps.offzet: unknown key; near it: offset",
         "c.delta_e.unit: a calibration needs the unit",
-        "c.delta_r.table: stands beside a polynomial",
+        "c.delta_r.table: stands next to a polynomial",
         "c.delta_f.table: needs two rows",
         "c.V.unit: 'deg' cannot be converted to 'm s-1'",
         "c.V.column: an empty list",

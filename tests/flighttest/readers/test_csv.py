@@ -112,7 +112,7 @@ def test_hostile_text(tmp_path, text, word):
         flighttest.read(file, names)
 
 
-def test_parts_parsed_beside_each_other_are_the_whole(tmp_path, monkeypatch):
+def test_parts_parsed_in_parallel_are_the_whole(tmp_path, monkeypatch):
     rng = np.random.default_rng(1)
     time, alpha = np.arange(5000) / 50, rng.normal(0, 1, 5000)
     text = "time,alpha\n" + "".join(f"{t!r},{a!r}\n" for t, a in zip(time.tolist(), alpha.tolist(), strict=True))

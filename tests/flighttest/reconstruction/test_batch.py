@@ -62,10 +62,10 @@ def test_noise_of_the_inertial_unit_is_in_the_standard_errors(flown, aircraft):
 
 
 def test_noise_of_the_channels_is_estimated(flown, precise):
-    unsure = copy.deepcopy(precise)
-    unsure.instruments["vanes"]["noise"]["alpha_vane"] *= 2.0
+    noisier = copy.deepcopy(precise)
+    noisier.instruments["vanes"]["noise"]["alpha_vane"] *= 2.0
     record = flown(0, inertial_noise=RIGID)[0]
-    noise = flighttest.reconstruct_batch([record], unsure).noise
+    noise = flighttest.reconstruct_batch([record], noisier).noise
     assert noise.loc["alpha_vane", "given"] == pytest.approx(3e-3)
     assert noise.loc["alpha_vane", "estimated"] == pytest.approx(1.5e-3, rel=0.05)  # 2001 readings scatter by 1.6 %
 

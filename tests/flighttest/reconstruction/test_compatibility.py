@@ -16,7 +16,7 @@ def flight(flown, aircraft):
 
 def test_correction_takes_the_errors_off(flight):
     table = flighttest.reconstruction.compatibility_table(flight[0])
-    # factor 1.07 about 0.06 rad and an offset of -0.010 rad on the vane: -0.006 rad; what is left is its noise
+    # factor 1.07 about 0.06 rad and an offset of -0.010 rad on the vane: -0.006 rad; the remainder is its noise
     assert table.loc["alpha_vane", "before"] == pytest.approx(0.0066, abs=3e-4)
     assert table.loc["alpha_vane", "after"] == pytest.approx(0.0015, rel=0.05)
     assert (table["after"] <= table["before"] * 1.001).all()

@@ -144,9 +144,9 @@ def test_vane_ahead_of_the_inertial_unit_has_a_negative_lag(flown, aircraft):
     record, _, truth = flown(2)
     vanes = record["vanes"].to_dataset()
     early = record.assign({"vanes": xr.DataTree(vanes.assign_coords(time=vanes["time"] - 0.065))})
-    unsure = copy.deepcopy(aircraft)
-    unsure.instruments["vanes"]["lag"] = [0.0, 0.05]
-    path = flighttest.reconstruct(early, unsure, windows=[(1.0, 39.0)])
+    uncertain = copy.deepcopy(aircraft)
+    uncertain.instruments["vanes"]["lag"] = [0.0, 0.05]
+    path = flighttest.reconstruct(early, uncertain, windows=[(1.0, 39.0)])
     lag = path.biases.sel(parameter="lag.vanes")
     assert float(lag["estimate"]) < 0.0
     known = truth.interp(time=path.states["time"])

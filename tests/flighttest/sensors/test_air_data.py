@@ -67,10 +67,10 @@ def test_pressures_go_before_airspeeds():
 
 def test_place_of_the_pitot_is_part_of_the_output():
     record, error, _ = fly(1, 60.0)
-    at, beside = (normalised(flighttest.reconstruct(record, aircraft(placed=known)), error) for known in (True, False))
+    at, away = (normalised(flighttest.reconstruct(record, aircraft(placed=known)), error) for known in (True, False))
     # 0.4 m off the centre line a roll and a turn show 0.1 m/s, twice the noise of a reading
     assert max(abs(at["wind_n"]), abs(at["wind_e"])) < 3.0
-    assert max(abs(beside["wind_n"]), abs(beside["wind_e"])) > 4.0
+    assert max(abs(away["wind_n"]), abs(away["wind_e"])) > 4.0
 
 
 def test_vanes_at_places_of_their_own():
@@ -185,7 +185,7 @@ def test_factor_of_a_pressure():
         flighttest.reconstruct(fly(3, SPAN, "q_c")[0], aircraft("q_c", pitot={"factor": {"q_c": [1.0, 0.02]}}))
 
 
-def test_factor_without_noise_and_earth_rate_beside_the_gyros():
+def test_factor_without_noise_and_earth_rate_with_the_gyros():
     plane = aircraft(navigation={"factor": {"mach": [1.0, 0.02]}, "earth_rate": True})
     with pytest.raises(SchemaError) as caught:
         flighttest.reconstruct(fly(3, SPAN)[0], plane)

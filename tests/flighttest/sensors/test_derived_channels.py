@@ -61,7 +61,7 @@ def test_angular_acceleration_within_its_error(flight):
     assert rms(wrong[20:-20]) == pytest.approx(made.attrs["stderr"], rel=0.3)
 
 
-def test_forces_from_velocity_follow_slow_motion_and_say_how_slow(flight):
+def test_forces_from_velocity_follow_slow_motion_and_state_how_slow(flight):
     data, errors, truth = flight
     undelayed = data.copy()
     for name in ("vn", "ve", "vd"):

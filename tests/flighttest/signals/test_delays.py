@@ -53,7 +53,7 @@ def test_removed_delay_keeps_what_is_missing():
     x = 3.0 * time
     x[8] = np.nan
     moved = remove_delay(time, x, 1.5 * STEP, "theta")
-    assert np.flatnonzero(np.isnan(moved)).tolist() == [6, 7]  # what would come from beside sample 8
+    assert np.flatnonzero(np.isnan(moved)).tolist() == [6, 7]  # what would come from next to sample 8
     np.testing.assert_allclose(moved[:6], 3.0 * (time[:6] + 1.5 * STEP), atol=1e-12)
 
 

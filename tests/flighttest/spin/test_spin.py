@@ -130,7 +130,7 @@ def test_two_components_instead_of_three(cz150):
         two_component(structure.GLIDE)
 
 
-HOUSE = {
+CANONICAL = {
     "q_hat": "qhat", "p_hat": "phat", "r_hat": "rhat", "de": "delta_e", "da": "delta_a", "dr": "delta_r", "Omega_hat": "Omegahat",
     "posc_hat": "phat_osc", "qosc_hat": "qhat_osc", "rosc_hat": "rhat_osc", "alphadot_hat": "alphadothat", "betadot_hat": "betadothat",
     "Cx": "CX", "Cy": "CY", "Cz": "CZ",
@@ -142,11 +142,12 @@ HOUSE = {
 def test_shipped_tables_are_the_published_ones(theirs, ours):
     def words(row):
         factors = [part.partition("^") for part in row["regressor"].split("*")]
-        return "*".join(HOUSE.get(name, name) + ("**" + power if power else "") for name, _, power in factors)
+        return "*".join(CANONICAL.get(name, name) + ("**" + power if power else "") for name, _, power in factors)
 
     with open(PUBLISHED / f"gresham_{theirs}.csv", newline="") as file:
         published = [
-            (HOUSE.get(row["coefficient"], row["coefficient"]), words(row), row["estimate"], row["sigma"]) for row in csv.DictReader(file)
+            (CANONICAL.get(row["coefficient"], row["coefficient"]), words(row), row["estimate"], row["sigma"])
+            for row in csv.DictReader(file)
         ]
     with open(DATA / f"{ours}.csv", newline="") as file:
         shipped = [(row["coefficient"], row["term"], row["estimate"], row["sigma"]) for row in csv.DictReader(file)]
@@ -243,7 +244,7 @@ def test_a_product_in_a_database_is_the_polynomial(cz150):
 
 @pytest.mark.parametrize(
     ("terms", "text"),
-    [(["alpha**4"], "alpha\\*\\*4"), (["Omegahat*alpha"], "Omegahat\\*alpha"), (["Omegahat", "phat"], "phat beside Omegahat")],
+    [(["alpha**4"], "alpha\\*\\*4"), (["Omegahat*alpha"], "Omegahat\\*alpha"), (["Omegahat", "phat"], "phat next to Omegahat")],
 )
 def test_what_the_kernel_has_no_form_for(terms, text, cz150):
     others = {c: (Model(c, ["1"]), np.zeros(1)) for c in ("CX", "CY", "CZ", "Cl", "Cn")}

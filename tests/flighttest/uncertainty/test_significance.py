@@ -88,9 +88,9 @@ def test_a_control_of_the_wrong_sign_is_remarked_by_the_convention():
     assert remark.text.startswith("sign against the convention: dCL/ddelta_e is -0.5")
     assert "positive by the definition of delta_e" in remark.text
     assert regress(LIFT, data).remarks == []
-    bent = Model.parse("CL = 1 + alpha + qhat + delta_e + alpha*delta_e")  # the slope at the mean of the samples counts, not one term
-    assert "sign" not in kinds(regress(bent, data))
-    assert "sign" in kinds(regress(bent, data.assign(delta_e=-data["delta_e"])))
+    curved = Model.parse("CL = 1 + alpha + qhat + delta_e + alpha*delta_e")  # the slope at the mean of the samples counts, not one term
+    assert "sign" not in kinds(regress(curved, data))
+    assert "sign" in kinds(regress(curved, data.assign(delta_e=-data["delta_e"])))
 
 
 def test_a_sign_against_the_prior_is_remarked():

@@ -20,7 +20,7 @@ from pom.replaying.replay_case import replay
 
 @pytest.fixture
 def made(write_case, lag_states, toy, tmp_path):
-    """A report of one real replay with its inputs beside it."""
+    """A report of one real replay with its inputs next to it."""
     case = write_case(more="trim = false")
     lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
     own = shutil.copy(toy(), tmp_path / "toy.fmu")  # the FMU of the fixture serves other tests too
@@ -136,8 +136,8 @@ def aeromatch(monkeypatch, capsys):
         monkeypatch.setattr(sys, "argv", ["aeromatch", *map(str, words)])
         with pytest.raises(SystemExit) as ended:
             main()
-        said = capsys.readouterr()
-        return SimpleNamespace(returncode=ended.value.code, stdout=said.out, stderr=said.err)
+        output = capsys.readouterr()
+        return SimpleNamespace(returncode=ended.value.code, stdout=output.out, stderr=output.err)
 
     return call
 

@@ -52,7 +52,7 @@ def test_broken_toml_names_its_line(tmp_path):
 
 def test_window_of_a_change_runs_from_5_s_before_to_15_s_after(write_case):
     path = write_case("2.c.4", case='shortened = "short record"', more="[events]\nchange_start = 3.0\nchange_end = 5.0")
-    assert criteria(path)["airspeed"].window == (1.0, 9.0)  # -2 ... 20 s asked for, cut to the case with a stated reason
+    assert criteria(path)["airspeed"].window == (1.0, 9.0)  # -2 ... 20 s required, cut to the case with a stated reason
     with pytest.raises(SchemaError, match=r"shorter than row airspeed asks \(-2 ... 20 s"):
         read_case(write_case("2.c.4", more="[events]\nchange_start = 3.0\nchange_end = 5.0"))
 
@@ -108,7 +108,7 @@ def test_memory_rows_keep_their_mark(write_case):
 
 
 def test_engineering_reference_takes_the_fraction_of_its_edition(write_case):
-    """Rule R9: 20 % in the edition of 2014, 40 % from 2016 on; a fraction that the file says goes before both."""
+    """Rule R9: 20 % in the edition of 2014, 40 % from 2016 on; a fraction in the file goes before both."""
     assert read_case(write_case(case='reference = "engineering"')).fraction == 0.2
     later = 'reference = "engineering"\nedition = "2016-05-31 (Amdt 60-4)"'
     assert read_case(write_case("2.c.8.a", case=later)).fraction == 0.4
@@ -154,7 +154,7 @@ def test_problems_of_every_table_come_together(write_case):
     path.write_text(text.replace("[drive]", '[drive]\nlimits = { delta_e = "-1 deg", delta_x = 3 }'))
     with pytest.raises(SchemaError) as caught:
         read_case(path)
-    told = "\n".join(caught.value.problems)
+    problems = "\n".join(caught.value.problems)
     for part in (
         "events: unknown event 'release_x'",
         "ticks: unknown criterion 'none'",
@@ -164,7 +164,7 @@ def test_problems_of_every_table_come_together(write_case):
         "loops and surfaces",
         "case.record: no file",
     ):
-        assert part in told
+        assert part in problems
 
 
 @pytest.mark.parametrize("wrong", ['reference = "flght"', "objektive = 3", "fraction = 7", "show = 3"])
@@ -172,10 +172,10 @@ def test_a_key_of_wrong_form_does_not_hide_the_rest(write_case, wrong):
     path = write_case("2.c.9", case=wrong, more='[conditions]\ngear = "3 ft"\n[ticks]\nnone = "x"')
     with pytest.raises(SchemaError) as caught:
         read_case(path)
-    told = "\n".join(caught.value.problems)
-    assert f"case.{wrong.split(' ')[0]}" in told
+    problems = "\n".join(caught.value.problems)
+    assert f"case.{wrong.split(' ')[0]}" in problems
     for part in ("conditions.gear: unit 'ft'", "unknown criterion 'none'", "unknown event 'input_end'"):
-        assert part in told
+        assert part in problems
     assert len(caught.value.problems) == len(set(caught.value.problems))
 
 
@@ -184,10 +184,10 @@ def test_without_a_test_or_a_window_only_the_free_tables_are_looked_at(write_cas
     path.write_text(path.read_text().replace("window", "windw"))
     with pytest.raises(SchemaError) as caught:
         read_case(path)
-    told = "\n".join(caught.value.problems)
-    assert "case.window: missing" in told
-    assert "conditions.gear: unit 'ft'" in told
-    assert "input_end" not in told  # nothing is known of the rows' windows
+    problems = "\n".join(caught.value.problems)
+    assert "case.window: missing" in problems
+    assert "conditions.gear: unit 'ft'" in problems
+    assert "input_end" not in problems  # nothing is known of the rows' windows
 
 
 def test_calm_air_takes_no_wind(write_case):

@@ -23,7 +23,7 @@ DRIVES = sorted((CASES / "drives").glob("*.toml"))
 
 @pytest.fixture(scope="module")
 def short_period(trainer, tmp_path_factory):
-    """The short period of the T-37 with what its circuits tell of stick and pedals, and an FMU of the trainer's terms in the T-37."""
+    """The short period of the T-37 with what its circuits give for stick and pedals, and an FMU of the trainer's terms in the T-37."""
     case = read_case(CASES / "21_short_period.toml")
     aircraft = flightmech.read_aircraft(case.aircraft)
     loose = {name: replace(circuit, friction=0.0, stiction=0.0) for name, circuit in aircraft.circuits.items()}
@@ -43,7 +43,7 @@ def short_period(trainer, tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_stick_moves_the_model_as_its_surfaces_did(short_period):
-    """The travel is what the circuit told of the recorded surfaces; given as the record it brings them back, over the elastic cable."""
+    """The travel is what the circuit gave for the recorded surfaces; given as the record it brings them back, over the elastic cable."""
     case, states, fmu = short_period
     by = {
         level: replay(replace(case, drive=replace(case.drive, surfaces=level)), {"m": fmu}, states)
@@ -51,7 +51,7 @@ def test_the_stick_moves_the_model_as_its_surfaces_did(short_period):
     }
     pitch = {level: np.degrees(result.signals["theta"].sel(run="m").values) for level, result in by.items()}
     assert np.ptp(pitch["recorded"]) > 5.0
-    assert np.abs(pitch["cockpit"] - pitch["recorded"]).max() < 0.05  # the cable swings at the steps of the recorder
+    assert np.abs(pitch["cockpit"] - pitch["recorded"]).max() < 0.05  # the cable oscillates at the steps of the recorder
     assert np.abs(pitch["force"] - pitch["recorded"]).max() < 0.4  # 0.23: the force of its inertia, from samples of 20 ms
     forced = by["force"].trim["m"]
     assert abs(forced["trim.F_column"]) < 1.0

@@ -1,4 +1,4 @@
-"""The JSON schema of case files: current, and of one mind with the reader about what a case may say."""
+"""The JSON schema of case files: current, and of one mind with the reader about what a case may hold."""
 
 import json
 from pathlib import Path

@@ -36,7 +36,7 @@ def job(write_case, tmp_path, states, drive: str):
     ("engine", "drive", "value", "mode"),
     [("thrust", "thrust_drive", 900.0, 2.0), ("n1", "n1_drive", 0.8, 1.0), ("throttle", "throttle", 0.6, 0.0)],
 )
-def test_engines_are_driven_as_the_case_says(engine, drive, value, mode, write_case, tmp_path, rolling):
+def test_engines_are_driven_as_the_case_states(engine, drive, value, mode, write_case, tmp_path, rolling):
     found = job(write_case, tmp_path, rolling, f'engine = "{engine}"')
     assert set(found.inputs["engine1." + drive]) == {value}
     assert found.parameters["mode.engine"] == mode
@@ -72,7 +72,7 @@ def cockpit(states: xr.Dataset, values: dict[str, float]) -> xr.Dataset:
 
 
 @pytest.mark.parametrize(("level", "values", "mode"), [("cockpit", TRAVELS, 1.0), ("force", FORCES, 2.0)])
-def test_cockpit_channels_drive_and_surfaces_tell_the_start_only(level, values, mode, write_case, tmp_path, rolling):
+def test_cockpit_channels_drive_and_surfaces_give_the_start_only(level, values, mode, write_case, tmp_path, rolling):
     moving = rolling.assign(delta_e=0.01 + 0.001 * (rolling["time"] > 2.0))
     found = job(write_case, tmp_path, cockpit(moving, values), f'engine = "thrust"\nsurfaces = "{level}"')
     assert {name: found.inputs[name][-1] for name in values} == values

@@ -1,4 +1,4 @@
-"""The math pilot: his loops against closed forms, and what a case may ask of him."""
+"""The math pilot: his loops against closed forms, and what a case may demand of him."""
 
 import numpy as np
 import pytest
@@ -63,7 +63,7 @@ def test_the_error_of_a_heading_goes_the_short_way_round():
     assert np.isnan(shortest("psi", np.nan))
 
 
-def test_activity_tells_size_share_at_the_limit_and_what_was_held():
+def test_activity_holds_size_share_at_the_limit_and_what_was_held():
     """Half a degree per degree of 0.3 and then of 0.1 rad, cut at 0.1 rad: at the limit in the first two of ten seconds."""
     loops = [Loop("delta_a", "phi", -0.5, 0.1), Loop("delta_a", "p", -1.0, 1.0)]
     flown = {"phi": np.where(TIME < 2.0, -0.3, 0.1), "p": np.zeros(TIME.size)}

@@ -27,7 +27,7 @@ def run(write_case, lag_states, tmp_path):
     return call
 
 
-def test_a_stranger_is_replayed_by_its_table_and_its_flights_are_kept(run, toy, tmp_path):
+def test_a_foreign_fmu_is_replayed_by_its_table_and_its_flights_are_kept(run, toy, tmp_path):
     (tmp_path / "names.toml").write_text(NAMES)
     words = ("--model", f"strange={toy(rename={'delta_e': 'Elev'})}", "--names", f"strange={tmp_path / 'names.toml'}")
     words += ("--resume", tmp_path / "kept", "-j", 2, "--json")
@@ -40,13 +40,13 @@ def test_a_stranger_is_replayed_by_its_table_and_its_flights_are_kept(run, toy, 
     assert list((tmp_path / "kept").rglob("*.npy")) == [kept]
 
 
-def test_without_the_table_the_stranger_is_refused(run, toy):
+def test_without_the_table_the_foreign_fmu_is_refused(run, toy):
     done = run("--model", f"strange={toy(rename={'delta_e': 'Elev'})}")
     assert isinstance(done.exception, SchemaError)
     assert "(strange): unknown input 'delta_e'" in str(done.exception)
 
 
-def test_faulty_words_for_a_table_are_told(run, toy):
+def test_faulty_words_for_a_table_are_reported(run, toy):
     done = run("--model", f"a={toy()}", "--names", "names.toml")
     assert isinstance(done.exception, SchemaError)
     assert "'names.toml': write name=file.toml, such as simulator=names.toml" in str(done.exception)

@@ -106,7 +106,7 @@ def test_a_group_needs_a_name_and_members(aeromatch, write_case, group):
     assert "expected NAME=TERM,TERM" in done.output
 
 
-def test_problems_of_several_cases_are_told_at_once(aeromatch, files, tmp_path):
+def test_problems_of_several_cases_are_reported_at_once(aeromatch, files, tmp_path):
     from flightmech.errors import SchemaError
 
     bare = tmp_path / "bare.toml"

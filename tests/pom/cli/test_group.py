@@ -16,8 +16,8 @@ def aeromatch(tmp_path, monkeypatch, capsys):
         monkeypatch.setattr(sys, "argv", ["aeromatch", *map(str, words)])
         with pytest.raises(SystemExit) as ended:
             main()
-        said = capsys.readouterr()
-        return SimpleNamespace(returncode=ended.value.code, stdout=said.out, stderr=said.err)
+        output = capsys.readouterr()
+        return SimpleNamespace(returncode=ended.value.code, stdout=output.out, stderr=output.err)
 
     return call
 
@@ -103,7 +103,7 @@ def test_check_prints_the_criteria(aeromatch, case):
 
 
 def test_the_record_may_be_the_file_of_a_reconstruction(aeromatch, case, toy, lag_states, tmp_path):
-    """`flight reconstruct` writes the states as a group beside constants and residuals."""
+    """`flight reconstruct` writes the states as a group next to constants and residuals."""
     lag_states.to_netcdf(tmp_path / "record.nc", group="states", engine="h5netcdf")
     lag_states[["q"]].to_netcdf(tmp_path / "record.nc", group="residuals", mode="a", engine="h5netcdf")
     done = aeromatch("pom", "run", case, "--model", f"toy={toy()}")

@@ -31,7 +31,7 @@ def case(write_case):
     return read_case(write_case())
 
 
-def test_the_spoilt_term_closes_the_gap_alone(case, truth, trainer):
+def test_the_spoilt_term_explains_the_gap_alone(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=0.6, Cl_phat=0.8)
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
@@ -170,7 +170,7 @@ def test_shares_of_two_terms_by_hand(case, truth, trainer):
     assert set(share["verdict"]) == {"not_tested"}
 
 
-def test_the_waterfall_leads_from_the_one_miss_to_the_other(case, truth, trainer):
+def test_the_waterfall_leads_from_one_mismatch_to_the_other(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.9, Cm_qhat=0.7, Cl_phat=0.5)
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth, players=2)
@@ -241,7 +241,7 @@ def test_groups_are_swapped_as_a_whole(write_case, trainer):
         pom.diagnose(read_case(write_case()), prior, final, trainer.AIRCRAFT, truth, groups={"side": ["CY/gear"]})
 
 
-def test_the_corrected_database_says_where_its_terms_come_from(case, truth, trainer):
+def test_the_corrected_database_states_where_its_terms_come_from(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(aerodb.delete_terms(final, ["Cm/alphadothat"]), Cm_elevator=0.5, CL_basic=0.6, Cl_phat=0.8)
     table = pom.diagnose(case, prior, final, trainer.AIRCRAFT, truth)
@@ -276,7 +276,7 @@ def test_the_verdicts_are_those_of_a_replay(case, truth, trainer, tmp_path, loop
         assert table.loc["prior", f"{row['criterion']} ratio"] == pytest.approx(row["worst_ratio"], rel=1e-4)
 
 
-def test_a_footprint_has_no_miss_to_explain(case, truth, trainer):
+def test_a_footprint_has_no_mismatch_to_explain(case, truth, trainer):
     final = trainer.database()
     case = replace(case, reference="footprint")
     table = pom.diagnose(case, trainer.scaled(final, Cm_elevator=0.6), final, trainer.AIRCRAFT, truth)

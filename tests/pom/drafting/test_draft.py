@@ -1,4 +1,4 @@
-"""Case files drafted from a record: events where the record tells them, and always a sound case."""
+"""Case files drafted from a record: events where the record shows them, and always a sound case."""
 
 from pathlib import Path
 
@@ -87,7 +87,7 @@ def test_a_control_is_released_where_it_leaves_the_hand():
     assert found["control_release"] == pytest.approx(15.0, abs=0.04)
 
 
-def test_engines_that_part_tell_a_failure():
+def test_engines_that_part_show_a_failure():
     one = {"engine1.thrust": [(12.0, 3000.0), (13.0, 0.0)], "engine2.thrust": [3000.0]}
     assert find_events(["engine_failure"], "1.b.8", recorded(**one), (0.0, 40.0), (0.0, 40.0)) == {
         "engine_failure": pytest.approx(12.2, abs=0.05)  # a fifth of the thrust is gone
@@ -100,7 +100,7 @@ def test_a_snapshot_takes_the_quiet_stretch():
     assert 13.0 <= at <= 19.0 or at >= 34.0
 
 
-def test_of_several_marks_the_first_is_taken_and_the_others_are_told():
+def test_of_several_marks_the_first_is_taken_and_the_others_are_reported():
     marks = [Mark(9.5, 20.0, "elevator", "pulse"), Mark(25.0, 35.0, "elevator", "pulse")]
     draft = draft_case(rows.rows_of("2.c.9"), recorded(marks, delta_e=PULSE))
     assert draft.events["input_end"] == (pytest.approx(12.1, abs=0.04), True)
@@ -108,7 +108,7 @@ def test_of_several_marks_the_first_is_taken_and_the_others_are_told():
     assert "--window chooses another: 25 ... 35 s" in draft.remarks[0]
 
 
-def test_what_the_record_does_not_tell_is_said(tmp_path):
+def test_what_the_record_does_not_show_is_reported(tmp_path):
     draft = draft_case(rows.rows_of("1.b.8"), recorded())
     assert any(text.startswith("engine_failure was not found in the record") for text in draft.remarks)
     (tmp_path / "record.nc").touch()
@@ -200,17 +200,17 @@ def test_standards_by_a_part_of_their_name():
 def test_the_command_asks_two_questions_on_a_terminal(tmp_path, monkeypatch):
     monkeypatch.setattr(pom.cli.case, "_on_terminal", lambda: True)
     record, output = str(FLIGHT / "t37_26_val_phugoid.nc"), str(tmp_path / "case.toml")
-    said = CliRunner().invoke(pom.cli.group.pom, ["init", record, "-o", output], input="no such thing\nphugoid\n\n")
-    assert said.exit_code == 0, said.output
-    assert "no row has all of these words" in said.output
-    assert "2.c.9    Phugoid dynamics" in said.output
+    done = CliRunner().invoke(pom.cli.group.pom, ["init", record, "-o", output], input="no such thing\nphugoid\n\n")
+    assert done.exit_code == 0, done.output
+    assert "no row has all of these words" in done.output
+    assert "2.c.9    Phugoid dynamics" in done.output
     assert read_case(output).id == "2.c.9"
 
 
 def test_without_a_terminal_the_test_must_be_named(tmp_path):
-    said = CliRunner().invoke(pom.cli.group.pom, ["init", str(FLIGHT / "t37_26_val_phugoid.nc"), "-o", str(tmp_path / "case.toml")])
-    assert said.exit_code == 2
-    assert "--test is missing" in said.output
+    done = CliRunner().invoke(pom.cli.group.pom, ["init", str(FLIGHT / "t37_26_val_phugoid.nc"), "-o", str(tmp_path / "case.toml")])
+    assert done.exit_code == 2
+    assert "--test is missing" in done.output
 
 
 def test_schema_command_writes_the_shipped_schema(tmp_path):

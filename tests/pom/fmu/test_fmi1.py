@@ -97,7 +97,7 @@ def worst(result, channel, run=1):
     return np.abs(result.signals[channel][run] - result.signals[channel][0]).max()
 
 
-def test_a_slave_with_input_derivatives_is_exact_in_the_sign_and_unit_of_the_house(flown, fmu):
+def test_a_slave_with_input_derivatives_is_exact_in_the_canonical_sign_and_unit(flown, fmu):
     result = flown(slave=fmu())
     assert result.failure == ""
     assert worst(result, "theta") < 1e-14
@@ -121,11 +121,11 @@ def test_a_model_for_exchange_is_integrated_by_us(flown, fmu):
 
 
 @pytest.mark.parametrize(
-    ("guid", "said"), [("error", "the step to t = 2.02 s failed"), ("refuse", "initialisation failed: fmi1InitializeSlave")]
+    ("guid", "message"), [("error", "the step to t = 2.02 s failed"), ("refuse", "initialisation failed: fmi1InitializeSlave")]
 )
-def test_a_status_that_fmpy_takes_for_a_text_is_an_error_and_not_a_crash(flown, fmu, guid, said):
+def test_a_status_that_fmpy_takes_for_a_text_is_an_error_and_not_a_crash(flown, fmu, guid, message):
     result = flown(bad=fmu(guid=guid))
-    assert said in result.failure
+    assert message in result.failure
     assert "crashed" not in result.failure
     assert result.status("bad") == "invalid"
 

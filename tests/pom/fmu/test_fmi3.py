@@ -43,7 +43,7 @@ KINDS = {
 
 @pytest.fixture(scope="session")
 def library(tmp_path_factory):
-    """The toy with functions that fail for all that it does not have: FMPy asks for every one of its class."""
+    """The toy with functions that fail for all that it does not have: FMPy looks up every one of its class."""
     text = (Path(__file__).parents[1] / "toy3.c").read_text()
     known = {name for kind in (fmi3.FMU3Slave, fmi3.FMU3Model) for name, _ in inspect.getmembers(kind) if name.startswith("fmi3")}
     missing = sorted(name for name in known if f"{name}(" not in text and f"({name}," not in text)

@@ -1,4 +1,4 @@
-"""Tables of names: what joins the house and a stranger, and what is refused before anything runs."""
+"""Tables of names: what joins canonical names and a foreign FMU, and what is refused before anything runs."""
 
 import pytest
 
@@ -20,7 +20,7 @@ theta = {variable = "Pitch"}
 
 
 @pytest.fixture
-def stranger(toy):
+def foreign(toy):
     return toy(rename=STRANGE, units={"theta": "deg"})
 
 
@@ -34,8 +34,8 @@ def table(tmp_path):
     return write
 
 
-def test_names_that_are_those_of_the_house_need_no_entry(stranger, table):
-    links = links_of(read_fmu(stranger), table(NAMES))
+def test_names_that_are_canonical_need_no_entry(foreign, table):
+    links = links_of(read_fmu(foreign), table(NAMES))
     assert links.inputs["delta_e"] == Link("Elev", -1.0)
     assert links.outputs["theta"].factor == pytest.approx(0.017453292519943295, rel=1e-15)  # as the FMU declares it
     assert links.outputs["q"] == Link("q")
@@ -49,7 +49,7 @@ def test_temperatures_and_scales():
     assert Link("flap", -0.5).to_fmu(1.0) == -2.0
 
 
-def test_every_fault_of_a_table_is_told_at_once(stranger, table):
+def test_every_fault_of_a_table_is_reported_at_once(foreign, table):
     faults = """
 [inputs]
 delta_e = {variable = "Elevv"}
@@ -64,28 +64,28 @@ h = "q"
 "Pitch1" = 2.0
 """
     with pytest.raises(SchemaError) as caught:
-        links_of(read_fmu(stranger), table(faults))
+        links_of(read_fmu(foreign), table(faults))
     text = str(caught.value)
     assert "inputs.delta_e: unknown input of the FMU 'Elevv'; near it: Elev" in text
     assert "inputs.delta_x: unknown quantity 'delta_x'" in text
-    assert "outputs.theta: the table says 'rad' and the FMU declares 'deg'; mend the table" in text
+    assert "outputs.theta: the table gives 'rad' and the FMU declares 'deg'; correct the table" in text
     assert "outputs.phi: unit 'ft' cannot be converted to 'rad'" in text
-    assert "outputs.h: 'q' is phi already; a variable has one house name" in text
+    assert "outputs.h: 'q' is phi already; a variable has one canonical name" in text
     assert "outputs.h: unit 'rad/s' cannot be converted to 'm'" in text
     assert "parameters.init.theta: unknown parameter of the FMU 'Pitch'; near it: Pitch0" in text
     assert "fixed: unknown input or parameter of the FMU 'Pitch1'; near it: Pitch0" in text
     assert "inputs: nothing drives the input 'Elev' of the FMU" in text
 
 
-def test_a_scale_is_for_a_variable_without_a_unit(stranger, table):
+def test_a_scale_is_for_a_variable_without_a_unit(foreign, table):
     text = NAMES.replace('variable = "Elev"', 'variable = "Elev", scale = "10 deg"')
     with pytest.raises(SchemaError, match="a scale is for a variable without a unit; this one is in 'rad'"):
-        links_of(read_fmu(stranger), table(text))
+        links_of(read_fmu(foreign), table(text))
 
 
-def test_misspelt_keys_are_told(stranger, table):
+def test_misspelt_keys_are_reported(foreign, table):
     with pytest.raises(SchemaError, match=r"inputs\.delta_e.units: unknown key; near it: unit"):
-        links_of(read_fmu(stranger), table(NAMES.replace("sign = -1", 'units = "deg"')))
+        links_of(read_fmu(foreign), table(NAMES.replace("sign = -1", 'units = "deg"')))
 
 
 def test_a_table_for_a_model_that_is_not_there(write_case, toy, table, lag_states):
@@ -94,11 +94,11 @@ def test_a_table_for_a_model_that_is_not_there(write_case, toy, table, lag_state
         replay(case, {"toy": toy()}, lag_states, names={"other": table(NAMES)})
 
 
-def test_the_case_still_says_what_it_misses(write_case, stranger, table, lag_states):
+def test_the_case_still_states_what_it_lacks(write_case, foreign, table, lag_states):
     case = read_case(write_case(more="trim = false"))
     text = NAMES.replace('theta = {variable = "Pitch"}', "")
     with pytest.raises(SchemaError, match=r"unknown output 'theta'.*the case needs it and the FMU does not offer it"):
-        replay(case, {"toy": stranger}, lag_states, names={"toy": table(text)})
+        replay(case, {"toy": foreign}, lag_states, names={"toy": table(text)})
 
 
 def test_a_fixed_value_and_the_sign_reach_the_fmu(write_case, toy, table, lag_states):

@@ -22,7 +22,7 @@ STATE = ("V", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h
 def release(trainer, tmp_path_factory):
     """Flight of the T-37 whose column is pulled by 40 N and let go at 3 s; FMUs with its column and with a heavier one."""
     aircraft = flightmech.read_aircraft(pom.read_case(CASES / "21_short_period.toml").aircraft)
-    column = replace(aircraft.circuits["column"], friction=0.0, stiction=0.0)  # friction would end the swing at once
+    column = replace(aircraft.circuits["column"], friction=0.0, stiction=0.0)  # friction would end the oscillation at once
     hinges = {"Ch_e/alpha": terms.make(-0.1, regressors=["alpha"]), "Ch_e/delta": terms.make(-0.4, regressors=["delta_e"])}
     db = trainer.database()
     x, y, z = aircraft.reference
@@ -45,7 +45,7 @@ def release(trainer, tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_column_swings_as_in_flight_or_does_not(release, write_case):
+def test_the_column_oscillates_as_in_flight_or_does_not(release, write_case):
     states, fmus = release
     path = write_case("2.b.1", more="[events]\ncontrol_release = 3.0")
     text = path.read_text().replace("window = [1.0, 9.0]", "window = [0.0, 8.0]")
@@ -61,5 +61,5 @@ def test_the_column_swings_as_in_flight_or_does_not(release, write_case):
     assert result.status("same") == "pass"
     heavy = table.loc[("heavy", "p0")]
     assert (heavy["verdict"], heavy["unit"]) == ("fail", "s")
-    assert 1.15 < heavy["model_value"] / heavy["flight_value"] < 1.5  # more mass swings slower
+    assert 1.15 < heavy["model_value"] / heavy["flight_value"] < 1.5  # more mass oscillates slower
     assert np.isfinite(result.signals["column"].sel(run="heavy").values).all()

@@ -41,7 +41,7 @@ def test_a_snapshot_needs_4_s_before_and_1_s_after(judged):
 
 
 def test_a_snapshot_judges_the_elevator_that_the_trim_found(judged):
-    """The record drives the elevator, but the trim at the start adds what the model needs more: applied.delta_e tells."""
+    """The record drives the elevator, but the trim at the start adds what the model needs more: applied.delta_e shows it."""
     model = {**TRIM, "applied.delta_e": -2.7 * DEG * FLAT}
     del model["delta_e"]
     got = judged("2.c.5", TIME, TRIM, model, drive=RECORDED, events={"capture": 30.0})
@@ -49,7 +49,7 @@ def test_a_snapshot_judges_the_elevator_that_the_trim_found(judged):
     assert got["elevator"]["verdict"] == "pass"
     untrimmed = judged("2.c.5", TIME, TRIM, model, drive=Drive("recorded", "thrust", trim=False), events={"capture": 30.0})
     assert text_of(untrimmed["elevator"]["remarks"]).startswith("delta_e is driven by the record")
-    assert got["trim_surface"]["verdict"] == "not_tested"  # nothing seeks the tab
+    assert got["trim_surface"]["verdict"] == "not_tested"  # nothing trims the tab
 
 
 def test_a_lone_percentage_is_of_the_largest_value_in_service(judged):
@@ -57,7 +57,7 @@ def test_a_lone_percentage_is_of_the_largest_value_in_service(judged):
     model = TRIM | {"engine1.thrust": 8700.0 * FLAT}
     kwargs = {"drive": RECORDED, "events": {"capture": 30.0}}
     got = judged("2.c.5", TIME, TRIM, model, **kwargs)["net_thrust"]
-    assert got["verdict"] == "not_tested"  # 8.75 % of the flight value: only the range can tell
+    assert got["verdict"] == "not_tested"  # 8.75 % of the flight value: only the range can decide
     assert "give that of engine1.thrust in [ranges]" in text_of(got["remarks"])
     got = judged("2.c.5", TIME, TRIM, model, ranges={"engine1.thrust": 20e3}, **kwargs)["net_thrust"]
     assert (got["verdict"], round(got["worst_ratio"], 9)) == ("pass", 0.7)  # 700 N of 1000 N
@@ -80,9 +80,9 @@ def test_two_snapshots_give_a_change(judged):
 
 
 def test_climb_rate_is_height_over_time(judged):
-    """2.4 m/s swing on 8 m/s: the mean of the instants would be the same, the ends tell; 5 % or 100 ft/min."""
-    swing = 30.0 * (1.0 - np.cos(2.0 * np.pi * TIME / 60.0)) / 2.0
-    flight = {"h": 1000.0 + 8.0 * TIME + swing, "V_cas": 60.0 * FLAT, "V": 70.0 * FLAT}
+    """2.4 m/s oscillation on 8 m/s: the mean of the instants would be the same, the ends show it; 5 % or 100 ft/min."""
+    oscillation = 30.0 * (1.0 - np.cos(2.0 * np.pi * TIME / 60.0)) / 2.0
+    flight = {"h": 1000.0 + 8.0 * TIME + oscillation, "V_cas": 60.0 * FLAT, "V": 70.0 * FLAT}
     model = {"h": 1000.0 + 8.6 * TIME, "V_cas": 61.0 * FLAT, "V": 70.0 * FLAT}
     got = judged("1.c.1", TIME, flight, model)
     rate = got["climb_rate"]

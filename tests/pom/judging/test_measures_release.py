@@ -1,6 +1,6 @@
 """Control dynamics 2.b.1-2.b.3: a released control against numbers made by hand.
 
-The control starts at Ad = 0.10 m from its neutral position and swings as 0.10 exp(-a t) cos(w t): it passes neutral at
+The control starts at Ad = 0.10 m from its neutral position and oscillates as 0.10 exp(-a t) cos(w t): it passes neutral at
 quarter and three quarters of its period T, ..., and its n-th overshoot lies where the derivative vanishes.
 """
 
@@ -19,7 +19,7 @@ FORCE = Drive("force", "throttle")
 CCAR = {"standard": "CAAC CCAR-60 App A aeroplane simulator tests", "edition": "2005-09-01"}
 
 
-def swing(T=1.0, a=1.0, Ad=0.10, neutral=0.0):
+def oscillation(T=1.0, a=1.0, Ad=0.10, neutral=0.0):
     t = np.maximum(TIME - 1.0, 0.0)
     return {"column": neutral + Ad * np.exp(-a * t) * np.cos(2.0 * np.pi * t / T) * (t < 11.0)}
 
@@ -41,7 +41,7 @@ def measure(x):
 
 def test_the_motion_is_measured_from_neutral():
     for neutral in (0.0, 0.031):
-        found = measure(swing(neutral=neutral))
+        found = measure(oscillation(neutral=neutral))
         assert found.Ad == pytest.approx(0.10, rel=1e-3)
         np.testing.assert_allclose(found.crossings[:5], [0.25, 0.75, 1.25, 1.75, 2.25], atol=2e-4)
         # exp(-t) falls below 0.05 after 3 s: overshoots 1 to 6 at 0.475, 0.975, ... 2.975 s
@@ -55,7 +55,7 @@ def test_the_motion_is_measured_from_neutral():
 
 def test_p0_has_10_percent_and_pn_10_times_n_plus_1(judged):
     """Trap 6.  T = 1.15 s: P0 and every period are 15 % longer: too much for P0, not for P1 (20 %) and P2 (30 %)."""
-    got = judged("2.b.1", TIME, swing(), swing(T=1.15), events=RELEASED, drive=FORCE)
+    got = judged("2.b.1", TIME, oscillation(), oscillation(T=1.15), events=RELEASED, drive=FORCE)
     assert got["p0"]["verdict"] == "fail"
     # 0.2875 - 0.05666 (where exp(-t) cos(2 pi t / 1.15) = 0.9) against 0.25 - 0.05168
     assert got["p0"]["worst_ratio"] == pytest.approx((0.2875 - 0.05666) / (0.25 - 0.05168) / 0.1 - 10.0, abs=5e-3)
@@ -66,7 +66,7 @@ def test_p0_has_10_percent_and_pn_10_times_n_plus_1(judged):
     )
     assert got["pn"]["tolerance_text"] == "10(n+1) % of the flight value"
     assert got["pn"]["applied_text"] == "10(n+1) % of the flight value (1 s): 0.2 s"
-    assert judged("2.b.1", TIME, swing(), swing(T=1.25), events=RELEASED, drive=FORCE)["pn"]["verdict"] == "fail"
+    assert judged("2.b.1", TIME, oscillation(), oscillation(T=1.25), events=RELEASED, drive=FORCE)["pn"]["verdict"] == "fail"
 
 
 def test_overshoots_are_judged_against_the_first_one_of_the_flight(judged):
@@ -74,13 +74,13 @@ def test_overshoots_are_judged_against_the_first_one_of_the_flight(judged):
 
     CCAR-60 takes 10 % of A1 alone and of the later ones 20 % of each.
     """
-    model = swing(a=1.2)
+    model = oscillation(a=1.2)
     one, two = (extreme(n, a=1.2) - extreme(n) for n in (1, 2))
-    got = judged("2.b.1", TIME, swing(), model, events=RELEASED, drive=FORCE)["an"]
+    got = judged("2.b.1", TIME, oscillation(), model, events=RELEASED, drive=FORCE)["an"]
     assert got["verdict"] == "fail"
     assert got["worst_ratio"] == pytest.approx(max(abs(one), abs(two)) / (0.1 * extreme(1)), rel=0.02)
     assert got["width"] * 0.01 == pytest.approx(0.1 * extreme(1) * 0.10, rel=3e-3)  # in cm
-    ours = judged("2.b(1)", TIME, swing(), swing(a=1.1), events=RELEASED, drive=FORCE, **CCAR)
+    ours = judged("2.b(1)", TIME, oscillation(), oscillation(a=1.1), events=RELEASED, drive=FORCE, **CCAR)
     later = [abs(extreme(n, a=1.1) / extreme(n) - 1.0) for n in range(2, 7)]
     assert ours["an"]["worst_ratio"] == pytest.approx(max(later) / 0.20, rel=0.03)
     assert ours["a1"]["worst_ratio"] == pytest.approx((1.0 - extreme(1, a=1.1) / extreme(1)) / 0.10, rel=0.02)
@@ -88,20 +88,20 @@ def test_overshoots_are_judged_against_the_first_one_of_the_flight(judged):
 
 
 def test_final_values_are_aligned_not_the_first_ones(judged):
-    """Trap 6.  The model rests 0.03 m beside the flight and swings the same about its own neutral: no difference."""
-    got = judged("2.b.1", TIME, swing(), swing(neutral=0.03), events=RELEASED, drive=FORCE)
+    """Trap 6.  The model rests 0.03 m off the flight and oscillates the same about its own neutral: no difference."""
+    got = judged("2.b.1", TIME, oscillation(), oscillation(neutral=0.03), events=RELEASED, drive=FORCE)
     assert all(got[name]["verdict"] == "pass" for name in ("p0", "pn", "an", "overshoot_count"))
     assert got["an"]["worst_ratio"] < 1e-6
 
 
 def test_the_number_of_overshoots_may_differ_by_one_and_the_first_must_be_there(judged):
-    flight = swing(a=2.0)  # exp(-2 t) > 0.05 to 1.5 s: overshoots at 0.45, 0.95 and 1.45 s
+    flight = oscillation(a=2.0)  # exp(-2 t) > 0.05 to 1.5 s: overshoots at 0.45, 0.95 and 1.45 s
     assert measure(flight).overshoots.size == 3
-    two = judged("2.b.1", TIME, flight, swing(a=2.6), events=RELEASED, drive=FORCE)["overshoot_count"]
+    two = judged("2.b.1", TIME, flight, oscillation(a=2.6), events=RELEASED, drive=FORCE)["overshoot_count"]
     assert (two["flight_value"], two["model_value"], two["verdict"]) == (3.0, 2.0, "pass")
-    one = judged("2.b.1", TIME, flight, swing(a=4.5), events=RELEASED, drive=FORCE)["overshoot_count"]
+    one = judged("2.b.1", TIME, flight, oscillation(a=4.5), events=RELEASED, drive=FORCE)["overshoot_count"]
     assert (one["model_value"], one["verdict"]) == (1.0, "fail")
-    single = swing(a=4.5)
+    single = oscillation(a=4.5)
     none = judged("2.b.1", TIME, single, creep(0.2), events=RELEASED, drive=FORCE)
     assert none["overshoot_count"]["verdict"] == "fail"  # 0 of 1 is within one, but the first is missing
     assert text_of(none["overshoot_count"]["remarks"]).startswith("the model lacks the first overshoot")
@@ -110,18 +110,18 @@ def test_the_number_of_overshoots_may_differ_by_one_and_the_first_must_be_there(
 
 
 def test_rows_are_picked_by_the_kind_of_the_flight(judged):
-    under = judged("2.b.1", TIME, swing(), swing(), events=RELEASED, drive=FORCE)
+    under = judged("2.b.1", TIME, oscillation(), oscillation(), events=RELEASED, drive=FORCE)
     over = judged("2.b.1", TIME, creep(0.5), creep(0.5), events=RELEASED, drive=FORCE)
     assert text_of(under["p0 time_90_to_10"]["remarks"]).startswith("applies only overdamped; the flight is underdamped")
     assert over["p0 time_90_to_10"]["verdict"] == "pass"
     for name in ("p0", "pn", "an", "overshoot_count"):
         assert text_of(over[name]["remarks"]).startswith("applies only underdamped; the flight is overdamped")
-    said = judged("2.b.1", TIME, swing(), swing(), events=RELEASED, drive=FORCE, features=("underdamped",))
-    assert text_of(said["p0 time_90_to_10"]["remarks"]).startswith("applies only with overdamped")
+    claimed = judged("2.b.1", TIME, oscillation(), oscillation(), events=RELEASED, drive=FORCE, features=("underdamped",))
+    assert text_of(claimed["p0 time_90_to_10"]["remarks"]).startswith("applies only with overdamped")
 
 
 def test_one_overshoot_has_no_period(judged):
-    got = judged("2.b.1", TIME, swing(a=4.5), swing(a=4.5), events=RELEASED, drive=FORCE)
+    got = judged("2.b.1", TIME, oscillation(a=4.5), oscillation(a=4.5), events=RELEASED, drive=FORCE)
     assert text_of(got["pn"]["remarks"]).startswith(
         "the flight has 1 overshoot beyond 5 % of the first displacement and not what the row measures"
     )
@@ -129,13 +129,13 @@ def test_one_overshoot_has_no_period(judged):
 
 
 def test_a_late_creep_to_neutral_ends_no_cycle():
-    """Two overshoots, then 3 % of Ad on one side that fade for seconds: the third crossing is no part of the swing."""
+    """Two overshoots, then 3 % of Ad on one side that fade for seconds: the third crossing is no part of the oscillation."""
     t = np.maximum(TIME - 1.0, 0.0)
-    creeping = swing(a=2.6)["column"] + 0.0048 * np.exp(-t / 2.0) * (t > 0.9)
+    creeping = oscillation(a=2.6)["column"] + 0.0048 * np.exp(-t / 2.0) * (t > 0.9)
     found = measure({"column": creeping})
     assert found.overshoots.size == 2
     assert found.period(1) is None
-    assert measure(swing(a=2.6)).period(1) == pytest.approx(1.0, abs=1e-3)
+    assert measure(oscillation(a=2.6)).period(1) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_an_overdamped_control_is_timed_from_0p9_to_0p1(judged):
@@ -147,18 +147,18 @@ def test_an_overdamped_control_is_timed_from_0p9_to_0p1(judged):
 
 def test_noise_does_not_make_overshoots_or_crossings(judged):
     noise = np.random.default_rng(5).normal(0.0, 0.0008, TIME.size)  # 0.8 % of Ad
-    found = measure({"column": swing()["column"] + noise})
+    found = measure({"column": oscillation()["column"] + noise})
     np.testing.assert_allclose(found.crossings[:5], [0.25, 0.75, 1.25, 1.75, 2.25], atol=0.02)
     assert found.overshoots.size in (5, 6)
 
 
 def test_a_control_that_is_not_at_rest_is_invalid():
     with pytest.raises(Invalid, match=r"not at rest in its last 0.5 s"):
-        measure(swing(a=0.05))
+        measure(oscillation(a=0.05))
     with pytest.raises(Invalid, match="not displaced"):
         measure({"column": np.zeros_like(TIME)})
 
 
 def test_what_drives_is_not_judged(judged):
-    got = judged("2.b.1", TIME, swing(), swing(), events=RELEASED, drive=Drive("cockpit", "throttle"))
+    got = judged("2.b.1", TIME, oscillation(), oscillation(), events=RELEASED, drive=Drive("cockpit", "throttle"))
     assert text_of(got["p0"]["remarks"]).startswith("column is driven by the record")

@@ -127,9 +127,9 @@ def test_touchdown_is_found_in_each_record(judged):
     assert got["flare_height"]["worst"] == pytest.approx((0.6 * 3.5 - 0.9 * 2.0) / FOOT)
     wheels = {"wow_left": (TIME >= 3.0) * 1.0, "wow_right": (TIME >= 3.5) * 1.0}
     late = {"wow_left": (TIME >= 4.5) * 1.0, "wow_right": (TIME >= 4.0) * 1.0}
-    told = judged("2.e.5", TIME, flight | wheels, model | late, events=events)["flare_time_tf"]
-    assert told["model_value"] == pytest.approx(2.99, abs=1e-9)  # the first wheel, half-way up its jump
-    assert "touchdown by wow_left or wow_right" in text_of(told["remarks"])
+    measured = judged("2.e.5", TIME, flight | wheels, model | late, events=events)["flare_time_tf"]
+    assert measured["model_value"] == pytest.approx(2.99, abs=1e-9)  # the first wheel, half-way up its jump
+    assert "touchdown by wow_left or wow_right" in text_of(measured["remarks"])
 
 
 def stalling(rate, warning=None):
@@ -147,7 +147,7 @@ def test_stall_warning_is_the_speed_at_each_record_s_own_signal(judged):
     assert "stall_warning by stall_warning; flight at 30.00 s, model at 33.99 s" in text_of(got["stall_warning_speed"]["remarks"])
 
 
-def test_without_a_discrete_the_angle_of_attack_tells(judged):
+def test_without_a_discrete_the_angle_of_attack_decides(judged):
     """At the same angle the speed is the same here, although the model gets there 6 s later."""
     got = judged("2.c.8", TIME, stalling(0.5), stalling(0.42), events={"stall_warning": 30.0, "stall": 50.0})
     assert got["stall_warning_speed"]["worst"] == pytest.approx(0.0, abs=1e-3)
@@ -180,7 +180,7 @@ def test_a_segment_starts_at_the_same_height_in_both(judged):
     assert (got["time"]["flight_value"], got["time"]["model_value"]) == pytest.approx((40.0, 40.0))
 
 
-def test_the_event_may_not_be_told_by_what_is_compared(judged):
+def test_the_event_may_not_come_from_what_is_compared(judged):
     """Angle of attack at buffet onset (2.c.8.a, 2016) needs a buffet signal."""
     standard = {"standard": "FAA 14 CFR Part 60 App A Table A2A", "edition": "2016-05-31 (Amdt 60-4)"}
     events = {"initial_buffet": 28.0, "stall_warning": 30.0, "stall": 50.0}

@@ -54,8 +54,8 @@ def test_fit_returns_the_mode_exactly(period, zeta):
         assert mode.t_half == pytest.approx(math.log(2.0) / (zeta * wn), rel=1e-5)
 
 
-def test_fit_in_noise_misses_the_period_by_far_less_than_the_tolerance():
-    # the case of the tolerance README: 10 kt phugoid, 0.3 kt noise, 3 cycles; a raw peak picker misses by 71 %
+def test_fit_in_noise_errs_in_the_period_by_far_less_than_the_tolerance():
+    # the case of the tolerance README: 10 kt phugoid, 0.3 kt noise, 3 cycles; a raw peak picker errs by 71 %
     noise = np.random.default_rng(3).normal(0.0, 0.3, TIME.size)
     mode = fit_mode(TIME, sine(38.0, 0.05, amplitude=10.0) + noise)
     assert mode.period == pytest.approx(38.0, rel=5e-3)
@@ -83,13 +83,13 @@ def test_an_unstable_model_of_a_stable_flight_fails_inside_the_width():
     assert (got.verdict, text_of(got.remarks).endswith("stability differs")) == ("fail", True)
 
 
-@pytest.mark.parametrize(("bank", "told"), [(9.9, False), (10.1, True), (-39.0, True)])
-def test_a_phugoid_in_a_turn_is_told(bank, told):
+@pytest.mark.parametrize(("bank", "reported"), [(9.9, False), (10.1, True), (-39.0, True)])
+def test_a_phugoid_in_a_turn_is_reported(bank, reported):
     """The damping of a model that rolls off is that of a spiral dive as well."""
     flight = {"V_cas": sine(38.0, 0.05), "phi": np.full(TIME.size, math.radians(2.0))}
     model = {"V_cas": sine(38.0, 0.05), "phi": math.radians(2.0) + math.radians(bank) * TIME / TIME[-1]}
     note = text_of(modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.c.9").remarks)
-    assert (f"bank of the model up to {abs(bank):.0f} deg off the flight's" in note) == told
+    assert (f"bank of the model up to {abs(bank):.0f} deg off the flight's" in note) == reported
     assert "bank" not in text_of(modal(criterion("damping_ratio", ZETA), TIME, flight, model, "2.d.7").remarks)
 
 

@@ -79,7 +79,7 @@ def test_a_footprint_has_no_band_and_no_verdict():
 def test_demonstrations_are_explained():
     got = judge(case("2.g"), case("2.g").criteria[0], TIME, {}, {})
     assert (got.verdict, text_of(got.remarks)) == ("not_tested", table.DEMONSTRATION)
-    assert "four recordings" in case("2.g").criteria[0].note  # the row says what to fly
+    assert "four recordings" in case("2.g").criteria[0].note  # the row states what to fly
 
 
 def test_a_channel_that_one_side_lacks_is_not_tested():
@@ -88,7 +88,7 @@ def test_a_channel_that_one_side_lacks_is_not_tested():
     assert (got.verdict, text_of(got.remarks)) == ("not_tested", "the model has no r")
 
 
-def test_an_input_of_a_model_is_told_by_what_it_applies():
+def test_an_input_of_a_model_is_taken_from_what_it_applies():
     pilot = Drive("pilot", "throttle", pilot=(Loop("delta_e", "theta", 0.5, 0.1),))
     c = case("2.f", pilot, events={"capture": 20.0})
     flight = {"delta_e": -0.05 * FLAT}
@@ -115,8 +115,8 @@ def test_a_row_outside_its_segment_does_not_count(judged):
     flight = {"V_cas": V, "vn": V, "ve": 0.0 * V, "psi": 0.0 * V}
     flight |= dict.fromkeys(("theta", "alpha", "h_agl", "phi", "beta", "pedal"), 0.0 * FLAT)
     events = {"brake_release": 0.0, "200ft_agl": 39.0}
-    swings = flight | {"psi": np.where(TIME < 10.0, 8.0, 0.0) * DEG}
-    got = judged("1.b.6", TIME, flight, swings, events=events)
+    excursion = flight | {"psi": np.where(TIME < 10.0, 8.0, 0.0) * DEG}
+    got = judged("1.b.6", TIME, flight, excursion, events=events)
     assert got["heading"]["verdict"] == "pass"
     assert (
         judged("1.b.6", TIME, flight, flight | {"psi": np.where(TIME > 10.5, 3.1, 0.0) * DEG}, events=events)["heading"]["verdict"]
@@ -221,7 +221,7 @@ def test_the_order_of_peaks_is_part_of_the_trend(judged):
     assert "not met: order of peaks, correlation; to be ticked" in text_of(got["remarks"])
 
 
-def test_a_tick_makes_a_trend_a_pass_that_says_who_but_not_a_wrong_sign(judged):
+def test_a_tick_makes_a_trend_a_pass_that_names_who_but_not_a_wrong_sign(judged):
     flight = {"phi": 20.0 * DEG * np.exp(-TIME / 60.0)}
     ticks = {"bank_angle trend": "A. Engineer, 2026-11-21, both converge"}
     got = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG}, ticks=ticks)["bank_angle trend"]

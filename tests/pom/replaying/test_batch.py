@@ -61,9 +61,9 @@ def flights(monkeypatch):
 
 def test_a_batch_is_the_cases_one_by_one(cases, paths, toy, lag_states):
     runs = {"good": toy(), "bad": toy("error")}
-    told = []
-    found = replay_all(cases, runs, paths, jobs=2, told=lambda result: told.append(result.case.name))
-    assert told == [case.name for case in cases]
+    finished = []
+    found = replay_all(cases, runs, paths, jobs=2, progress=lambda result: finished.append(result.case.name))
+    assert finished == [case.name for case in cases]
     the_same(found, [replay(case, runs, lag_states) for case in cases])
     assert {result.status("bad") for result in found} == {"invalid"}
 
@@ -85,7 +85,7 @@ def test_a_batch_goes_on_where_it_was_interrupted(cases, paths, toy, tmp_path, f
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept", told=stop)
+        replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept", progress=stop)
     before = len(flights)
     assert 3 <= before < 8
     found = replay_all(cases, runs, paths, jobs=1, resume=tmp_path / "kept")
@@ -126,7 +126,7 @@ def test_a_store_keeps_doubles_as_they_are(tmp_path):
     assert Store(tmp_path / "kept").read("cd34", (2, 3)) is None
 
 
-def test_all_that_does_not_fit_is_told_before_anything_flies(cases, paths, toy, flights):
+def test_all_that_does_not_fit_is_reported_before_anything_flies(cases, paths, toy, flights):
     with pytest.raises(SchemaError) as caught:
         replay_all(cases[:2], {"good": toy(), "misspelt": toy("nan", rename={"theta": "thetta"})}, paths)
     assert [text.split(",")[0] for text in caught.value.problems] == ["case case_0", "case case_1"]
@@ -182,7 +182,7 @@ def test_a_child_that_somebody_else_stopped_is_given_its_job_again(toy, tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="Windows tells no new parent")
+@pytest.mark.skipif(os.name == "nt", reason="Windows shows no new parent")
 def test_a_hanging_fmu_ends_with_a_parent_that_was_killed(toy):
     script = """
 import sys, numpy as np
@@ -207,7 +207,7 @@ child.run({"time": np.array([0.0, 0.1]), "inputs": {}, "parameters": {}, "output
 
 
 @pytest.mark.slow
-def test_no_scheduler_is_said_plainly(cases, paths, toy, monkeypatch):
+def test_no_scheduler_is_stated_plainly(cases, paths, toy, monkeypatch):
     pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
     monkeypatch.setattr("pom.replaying.batch.WAIT", 1.0)
     with pytest.raises(SimulationError, match=r"no cluster at tcp://127.0.0.1:9: .*start a scheduler and workers"):
@@ -236,6 +236,6 @@ def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, t
 
         many = [changed(case, name=f"{case.name}_{k}") for k in range(4) for case in cases]
         many[0] = cases[0]
-        found = replay_all(many, runs, paths, scheduler=local.scheduler_address, told=kill, resume=tmp_path / "kept")
+        found = replay_all(many, runs, paths, scheduler=local.scheduler_address, progress=kill, resume=tmp_path / "kept")
     assert [result.case.name for result in found] == [case.name for case in many]
     the_same(found, replay_all(many, runs, paths, jobs=1))

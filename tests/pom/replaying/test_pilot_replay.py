@@ -38,7 +38,7 @@ def test_the_error_decays_as_the_closed_form(case, toy, lag_states, tmp_path, in
 
 
 def test_signs_and_units_of_the_model_are_turned(case, toy, lag_states, tmp_path):
-    """An elevator that is told the other way round: the same loop of the house, the same flight."""
+    """An elevator of the opposite sign in the table of names: the same loop, the same flight."""
     (tmp_path / "names.toml").write_text('[inputs]\ndelta_e = {variable = "Elev", sign = -1}\n')
     turned = lag_states.assign(delta_e=-lag_states["delta_e"])
     flipped = changed(case, drive=Drive(surfaces="pilot", trim=False, pilot=(Loop("delta_e", "theta", -GAIN, 1.0),)))

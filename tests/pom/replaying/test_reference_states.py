@@ -1,4 +1,4 @@
-"""The flight side of a case whose record is raw: reconstruction, and what is said when it does not settle."""
+"""The flight side of a case whose record is raw: reconstruction, and what is stated when it does not settle."""
 
 import pytest
 import xarray as xr
@@ -27,7 +27,7 @@ def raw(write_case, trainer, tmp_path, monkeypatch):
     return read_case(case), asked
 
 
-def test_what_helps_a_reconstruction_is_said(raw):
+def test_what_helps_a_reconstruction_is_stated(raw):
     case, asked = raw
     prior = xr.Dataset()
     with pytest.raises(IdentificationError, match=r"case a_case: .*did not settle.*--biases") as caught:
@@ -66,7 +66,7 @@ def test_measured_wind_is_that_of_the_raw_record(write_case, lag_states, tmp_pat
     assert not measured["wind_d"].any()  # none is recorded
 
 
-def test_a_record_without_wind_says_so(write_case, lag_states, tmp_path):
+def test_a_record_without_wind_states_so(write_case, lag_states, tmp_path):
     path = write_case()
     xr.Dataset({"q": ("time", [0.0, 0.0], {"units": "rad s-1"})}, {"time": [0.0, 0.1]}).to_netcdf(
         tmp_path / "record.nc", group="imu", engine="h5netcdf"

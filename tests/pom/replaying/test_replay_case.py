@@ -59,22 +59,22 @@ def test_a_worse_model_fails_with_place_and_size(case, toy, lag_states):
 
 
 @pytest.mark.parametrize(
-    ("kind", "said"),
+    ("kind", "stated"),
     [
         ("crash", "crashed: signal SIGSEGV"),
         ("hang", "no answer within 2 s"),
         ("error", "the step to t = 2.02 s failed"),
     ],
 )
-def test_a_bad_fmu_is_a_result_and_the_good_one_still_runs(case, toy, lag_states, kind, said):
+def test_a_bad_fmu_is_a_result_and_the_good_one_still_runs(case, toy, lag_states, kind, stated):
     result = replay(case, {"bad": toy(kind), "good": toy()}, lag_states, timeout=2.0 if kind == "hang" else 20.0)
-    assert said in result.failure
+    assert stated in result.failure
     assert result.status("bad") == "invalid"
-    assert said in text_of(result.verdict.iloc[0]["remarks"])
+    assert stated in text_of(result.verdict.iloc[0]["remarks"])
     assert result.passed("good")
 
 
-def test_what_the_fmu_says_is_told(case, toy, lag_states):
+def test_messages_of_the_fmu_are_reported(case, toy, lag_states):
     result = replay(case, {"bad": toy("error")}, lag_states)
     assert "the engine has left the wing" in result.failure
     assert np.isfinite(result.signals["theta"][1, :50]).all()  # what was computed before is kept
@@ -106,7 +106,7 @@ def test_a_window_outside_the_record_is_refused(case, toy, lag_states):
         replay(case, {"toy": toy()}, lag_states.sel(time=slice(0.0, 4.0)))
 
 
-def test_misspelt_names_of_an_fmu_are_told_with_the_near_ones(case, toy, lag_states):
+def test_misspelt_names_of_an_fmu_are_reported_with_the_near_ones(case, toy, lag_states):
     with pytest.raises(SchemaError) as caught:
         replay(case, {"toy": toy(rename={"theta": "thetta", "delta_e": "delta_el", "init.V": "init.VV"})}, lag_states)
     text = str(caught.value)
@@ -116,7 +116,7 @@ def test_misspelt_names_of_an_fmu_are_told_with_the_near_ones(case, toy, lag_sta
 
 
 def test_an_fmu_in_degrees_is_refused(case, toy, lag_states):
-    with pytest.raises(SchemaError, match=r"output theta is in 'deg'; this house needs 'rad'"):
+    with pytest.raises(SchemaError, match=r"output theta is in 'deg'; needed is 'rad'"):
         replay(case, {"toy": toy(units={"theta": "deg"})}, lag_states)
 
 

@@ -1,4 +1,4 @@
-"""Limits of the trim: the house's for a remark, the case file's for a verdict; drift and corrections of a result."""
+"""Limits of the trim: the default for a remark, the case file's for a verdict; drift and corrections of a result."""
 
 import json
 
@@ -36,13 +36,13 @@ def flown(write_case, lag_states):
     return fly
 
 
-def test_a_bias_within_its_limit_says_nothing(flown):
+def test_a_bias_within_its_limit_gives_no_remark(flown):
     result = flown(trim_delta_e=0.9 * DEGREE)
     assert not result.verdict["remarks"].map(text_of).str.contains("trim").any()
     assert result.passed("model")
 
 
-def test_a_bias_beyond_the_limit_of_the_house_is_remarked_and_still_judged(flown):
+def test_a_bias_beyond_the_default_limit_is_remarked_and_still_judged(flown):
     result = flown(trim_delta_e=-1.5 * DEGREE)
     assert (result.verdict["verdict"] == "pass").all()
     assert result.verdict["remarks"].map(text_of).str.contains("trim.delta_e -1.5 deg is beyond 1 deg", regex=False).all()
@@ -54,7 +54,7 @@ def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
     assert result.verdict["remarks"].map(text_of).str.startswith("trim.delta_e +0.9 deg is beyond 0.5 deg").all()
     wide = flown('limits = { delta_e = "3 deg" }', trim_delta_e=2.0 * DEGREE)
     assert wide.passed("model")
-    assert not wide.verdict["remarks"].map(text_of).str.contains("trim").any()  # the file's limit stands in for the house's
+    assert not wide.verdict["remarks"].map(text_of).str.contains("trim").any()  # the file's limit stands in for the default
 
 
 def test_thrust_is_limited_by_a_share_of_what_was_recorded(flown):

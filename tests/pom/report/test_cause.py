@@ -36,7 +36,7 @@ def test_the_cause_in_words(table):
     assert text.endswith("Terms do not simply add up: CL/gear and Cm/qhat explain 81 % and 9 % alone, 100 % together.")
 
 
-def test_the_table_tells_every_stage(table):
+def test_the_table_shows_every_stage(table):
     stages, found = rows(table)
     single = stages["a-priori model with one term taken from the final model"]
     assert [row["term"] for row in single["rows"]] == ["CL/gear", "Cm/qhat"]

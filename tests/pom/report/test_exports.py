@@ -97,7 +97,7 @@ def test_json_holds_every_number_and_no_samples(folder):
     assert len(document["diagnoses"]["short_period_full_flaps"]) == len(fixture.diagnosis())
 
 
-def test_junit_counts_what_the_report_says(folder):
+def test_junit_counts_what_the_report_states(folder):
     root = ElementTree.parse(folder / "results.xml").getroot()
     groups = [verdict for r in fixture.results() for run in r.runs for verdict in r.groups(run).values()]
     assert root.get("tests") == str(len(groups))

@@ -108,10 +108,10 @@ def test_every_panel_has_its_alternative_text(folder):
     whole = everything((folder / "report.pdf").read_bytes())
     wanted = [panel.label.words for result in fixture.results() for panel in panels(result)]
     found = [bytes.fromhex(x.decode()).decode("utf-16") if x else "" for x in re.findall(rb"/Alt\s*<FEFF([0-9A-Fa-f]*)>", whole)]
-    said = b"\n".join(re.findall(rb"/Alt\s*\((.*?)\)", whole, re.DOTALL)).decode("latin-1") + "\n".join(found)
+    texts = b"\n".join(re.findall(rb"/Alt\s*\((.*?)\)", whole, re.DOTALL)).decode("latin-1") + "\n".join(found)
     assert wanted
-    assert all(words in said for words in wanted)
-    assert "within tolerance throughout" in said
+    assert all(words in texts for words in wanted)
+    assert "within tolerance throughout" in texts
 
 
 @pytest.mark.parametrize(("date", "printed"), [("2026-11-21", "2026-11-21T00:00:00+00:00"), ("", "1970-01-01T00:00:00+00:00")])
@@ -162,16 +162,16 @@ def test_without_a_pdf_an_old_one_goes(folder, tmp_path):
 
 def test_the_words_of_the_document_are_those_of_the_results():
     result = fixture.short_period_result()
-    said = content.case(1, "key", result, fixture.PROVENANCE, None, mode_table(result))
-    rows = {(block["criterion"].replace(" ", "_"), row["run"]): row for block in said["verdicts"] for row in block["rows"]}
+    page = content.case(1, "key", result, fixture.PROVENANCE, None, mode_table(result))
+    rows = {(block["criterion"].replace(" ", "_"), row["run"]): row for block in page["verdicts"] for row in block["rows"]}
     assert len(rows) == len(result.verdict)
     for row in result.verdict.to_dict("records"):
         mine = rows[row["criterion"], row["run"]]
         assert mine["state"] == row["verdict"]
         assert mine["ratio"] == f"{row['worst_ratio']:.2f}"
-    assert [(o["run"], o["state"]) for o in said["outcomes"]] == [(run, result.status(run)) for run in result.runs]
-    assert "100 %" in said["kind"]
-    assert [row[2] for row in said["digests"]] == [
+    assert [(o["run"], o["state"]) for o in page["outcomes"]] == [(run, result.status(run)) for run in result.runs]
+    assert "100 %" in page["kind"]
+    assert [row[2] for row in page["digests"]] == [
         fixture.PROVENANCE["inputs"]["flight/t37_21_short_period.nc"],
         *(fixture.PROVENANCE["models"][run]["sha256"] for run in fixture.RUNS),
     ]

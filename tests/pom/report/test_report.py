@@ -180,7 +180,7 @@ def test_a_failed_writing_leaves_the_old_report(tmp_path, monkeypatch):
     assert not list(tmp_path.rglob(".*"))  # nothing half written is left behind
 
 
-def test_bad_arguments_are_told(tmp_path):
+def test_bad_arguments_are_reported(tmp_path):
     with pytest.raises(SchemaError, match="no results came"):
         pom.write_report([], tmp_path, title="x")
     with pytest.raises(UnknownName, match=r"unknown key of provenance 'comand'; near it: command"):
@@ -194,7 +194,7 @@ def test_cases_of_one_name_get_addresses_of_their_own():
     assert case.keys([result, result]) == ["roll_response_clean", "roll_response_clean-2"]
 
 
-def test_line_code_of_the_figures_and_of_strangers():
+def test_line_code_of_the_figures_and_of_other_models():
     assert case.line_styles(["flight", "datcom", "corrected", "final"]) == dict(
         flight="run-0", datcom="run-1", corrected="run-2", final="run-3"
     )
@@ -347,7 +347,7 @@ def test_what_fails_without_a_number_is_named():
     assert (row["status"], row["criterion"], row["ratio_text"], row["why"]) == ("fail", "roll rate", "–", "the model does not oscillate")
 
 
-def test_an_invalid_run_says_why():
+def test_an_invalid_run_states_why():
     from dataclasses import replace
 
     result = fixture.roll_result()
@@ -370,11 +370,11 @@ def test_outcomes_are_those_of_the_result():
             assert row["status"] == result.status(row["run"])
 
 
-def test_what_an_engineer_says_is_printed():
+def test_what_an_engineer_writes_is_printed():
     from dataclasses import replace
 
     before = fixture.roll_result()
-    told = replace(
+    changed = replace(
         before.case,
         objective="Show the roll mode.",
         manual="Wheel left for five seconds.",
@@ -383,13 +383,13 @@ def test_what_an_engineer_says_is_printed():
         ticks={"sideslip trend": "A. Smith, 2026-11-20, trend agrees"},
         notes="Flown in smooth air.",
     )
-    html = page([replace(before, case=told)])
+    html = page([replace(before, case=changed)])
     for words in ("Show the roll mode.", "Wheel left for five seconds.", "FT-12, page 7", "The gyro lags by 8 ms.", "Flown in smooth air."):
         assert words in html
     assert "☒</span> sideslip trend: correct trend and magnitude, ticked by A. Smith, 2026-11-20, trend agrees" in html
 
 
-def test_an_engineering_reference_and_its_share_are_told():
+def test_an_engineering_reference_and_its_share_are_reported():
     from dataclasses import replace
 
     before = fixture.roll_result()
@@ -438,7 +438,7 @@ def test_coverage_counts_entries_of_the_table(report):
     assert re.search(r'<span class="id">2\.c\.9</span> Phugoid', html)
 
 
-def test_what_the_case_sets_against_record_and_table_is_told():
+def test_what_the_case_sets_against_record_and_table_is_reported():
     from dataclasses import replace
 
     before = fixture.roll_result()
@@ -448,7 +448,7 @@ def test_what_the_case_sets_against_record_and_table_is_told():
     assert "From the case file, not from the record: flap deflection 40\N{NO-BREAK SPACE}deg." in html
 
 
-def test_a_crashed_model_is_told(report):
+def test_a_crashed_model_is_reported(report):
     html, _ = report
     assert "Not all models ran.</strong> corrected: the FMU stopped at 6.42 s" in html
 
@@ -497,12 +497,14 @@ def test_table_of_modes(tmp_path):
     document = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     assert document["modes"]["roll_response_clean"][2]["damping_ratio"] == pytest.approx(0.06, rel=1e-4)
     assert "<h2>Modes</h2>" in html
-    assert "zeta 0.0" not in html[html.index("Notes and rationale") : html.index("Signatures")]  # told in the table, not again in the notes
+    assert (
+        "zeta 0.0" not in html[html.index("Notes and rationale") : html.index("Signatures")]
+    )  # printed in the table, not again in the notes
     assert html.count("from memory") >= 2
 
 
 @pytest.mark.parametrize(
-    ("term", "said"),
+    ("term", "stated"),
     [
         ("CL/basic", "basic lift"),
         ("CL/gear", "lift increment due to gear extension"),
@@ -512,8 +514,8 @@ def test_table_of_modes(tmp_path):
         ("CL/canard", ""),
     ],
 )
-def test_terms_in_words(term, said):
-    assert term_names.term_words(term) == said
+def test_terms_in_words(term, stated):
+    assert term_names.term_words(term) == stated
 
 
 def test_winds_are_named_from_where_they_blow():
@@ -573,5 +575,9 @@ def test_databases_that_hold_the_same_table_share_a_line():
 
     leaf = terms.make([1.0, 2.0], {"mach": [0.2, 0.6]})
     other = terms.make([1.0, 2.5], {"mach": [0.2, 0.6]})
-    surer = terms.make([1.0, 2.0], {"mach": [0.2, 0.6]}, stderr=0.1)
-    assert database_comparison._shared({"a": leaf, "b": other, "c": leaf.copy(), "d": surer}) == {"a": ["a", "c"], "b": ["b"], "d": ["d"]}
+    narrower = terms.make([1.0, 2.0], {"mach": [0.2, 0.6]}, stderr=0.1)
+    assert database_comparison._shared({"a": leaf, "b": other, "c": leaf.copy(), "d": narrower}) == {
+        "a": ["a", "c"],
+        "b": ["b"],
+        "d": ["d"],
+    }

@@ -1,4 +1,4 @@
-"""The report in a real browser: what it asks for, draws and answers."""
+"""The report in a real browser: what it loads, draws and answers."""
 
 import json
 import re
@@ -53,16 +53,16 @@ def chromium():
 
 @pytest.fixture
 def page(chromium):
-    """A page that must neither complain nor ask for anything but the report itself."""
+    """A page that must neither complain nor load anything but the report itself."""
     context = chromium.new_context(viewport={"width": 1400, "height": 1000})
     page = context.new_page()
-    asked, said = [], []
+    asked, complaints = [], []
     page.on("request", lambda request: asked.append(request.url))
-    page.on("console", lambda message: said.append(message.text))
-    page.on("pageerror", lambda error: said.append(str(error)))
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
     yield page
     assert [url for url in asked if not url.startswith("data:")] == [page.url.partition("#")[0]]
-    assert said == []
+    assert complaints == []
     context.close()
 
 
@@ -202,8 +202,8 @@ def test_verdicts_of_the_overview_are_those_of_json(page, address):
     rows = page.locator("#matrix tbody tr")
     for i, item in enumerate(document["results"]):
         words = rows.nth(i).locator(".verdict").all_text_contents()
-        said = [WORDS[item["status"][run]] for run in fixture.RUNS]
-        assert [word.split(maxsplit=1)[1] for word in words] == said
+        expected = [WORDS[item["status"][run]] for run in fixture.RUNS]
+        assert [word.split(maxsplit=1)[1] for word in words] == expected
 
 
 def test_filters_and_order_of_the_overview(page, address):
@@ -231,28 +231,28 @@ def test_filters_and_order_of_the_overview(page, address):
     assert page.locator("#matrix th[aria-sort]").count() == 0
 
 
-SAID = """rows => rows.map(row => [row.dataset.criterion, row.dataset.run,
-                               row.querySelector('.ratio').textContent, row.querySelector('.said').textContent])"""
+ROWS = """rows => rows.map(row => [row.dataset.criterion, row.dataset.run,
+                               row.querySelector('.ratio').textContent, row.querySelector('.state').textContent])"""
 
 
-def said(page):
+def printed(page):
     """Ratio and verdict of every row of the verdict table, by criterion and model."""
-    rows = page.locator(f"{CASE} .verdicts tr[data-row]").evaluate_all(SAID)
+    rows = page.locator(f"{CASE} .verdicts tr[data-row]").evaluate_all(ROWS)
     return {(criterion, run): (ratio, word.split(maxsplit=1)[1]) for criterion, run, ratio, word in rows}
 
 
 def outcome(page):
-    return page.locator(f"{CASE} .outcome .said").all_text_contents()
+    return page.locator(f"{CASE} .outcome .state").all_text_contents()
 
 
 def test_another_share_of_the_tolerance_is_shown_and_taken_back(page, address):
     open_case(page, address)
-    whole, before = said(page), outcome(page)
+    whole, before = printed(page), outcome(page)
     page.get_by_role("button", name="20 %").click()
     page.wait_for_timeout(200)
     assert page.url.endswith(f"{CASE}&f=20")
     assert "Shown at 20 % of the tolerance" in page.locator(f"{CASE} .asked-note").text_content()
-    fifth = said(page)
+    fifth = printed(page)
     for item in fixture.short_period_result().verdict.to_dict("records"):
         ratio, word = fifth[(item["criterion"].replace("_", " "), item["run"])]
         assert ratio == f"{5 * item['worst_ratio']:.2f}"
@@ -267,7 +267,7 @@ def test_another_share_of_the_tolerance_is_shown_and_taken_back(page, address):
     page.goto(address + CASE)
     page.wait_for_selector(f"{CASE} .panel canvas")
     assert page.locator(f"{CASE} .asked-note").is_hidden()
-    assert said(page) == whole
+    assert printed(page) == whole
     assert outcome(page) == before
 
 
@@ -280,7 +280,7 @@ def test_the_verdicts_of_the_page_stay_those_of_the_file(page, address):
     assert page.url.endswith(CASE)
     document = json.loads(Path(address.removeprefix("file://")).with_name("results.json").read_text(encoding="utf-8"))
     for item in document["results"][0]["verdict"]:
-        assert said(page)[(item["criterion"].replace("_", " "), item["run"])] == (f"{item['worst_ratio']:.2f}", WORDS[item["verdict"]])
+        assert printed(page)[(item["criterion"].replace("_", " "), item["run"])] == (f"{item['worst_ratio']:.2f}", WORDS[item["verdict"]])
 
 
 def test_without_script_tables_and_figures_stand(chromium, address):

@@ -48,7 +48,7 @@ def test_a_difference_of_exactly_the_tolerance_passes_and_a_hair_more_fails():
     assert trace(criterion(), TIME, flight, flight + 1.5001 * DEG).verdict == "fail"
 
 
-def test_exit_is_told_by_time_share_and_longest_run():
+def test_exit_is_given_by_time_share_and_longest_run():
     model = np.zeros_like(TIME)
     model[(TIME >= 3.999) & (TIME <= 4.481)] = -2.0 * DEG  # 25 samples
     model[TIME[400] == TIME] = -3.0 * DEG
@@ -177,7 +177,7 @@ def test_a_percentage_that_grows_with_the_cycle():
     assert band.text == "10(n+1) % of the flight value"
 
 
-def test_the_tolerance_as_applied_says_base_and_numbers():
+def test_the_tolerance_as_applied_states_base_and_numbers():
     flight = 40.0 * DEG * np.sin(TIME)
     local = trace(criterion("p", both(10.0, 2.0, "deg/s")), TIME, flight, flight)
     assert local.applied == "10 % of the flight value or 2 deg/s, the greater: 2 ... 4 deg/s"
@@ -187,7 +187,7 @@ def test_the_tolerance_as_applied_says_base_and_numbers():
     assert scalar(smaller, 3000.0 * 0.3048, 3000.0 * 0.3048).applied == "10 % of the flight value or 200 ft, the smaller (3000 ft): 200 ft"
 
 
-def test_the_readme_doublet_of_a_late_answer_misses_by_3p6_deg_per_s():
+def test_the_readme_doublet_of_a_late_response_differs_by_3p6_deg_per_s():
     """Trap 7: a doublet of 1 s each way, 12 deg/s: 0.15 s late it is 3.6 deg/s off on the slope of 24 deg/s2."""
     q = 12.0 * DEG * np.interp(TIME, [2.0, 2.5, 3.5, 4.0], [0.0, 1.0, -1.0, 0.0])
     late = 12.0 * DEG * np.interp(TIME - 0.15, [2.0, 2.5, 3.5, 4.0], [0.0, 1.0, -1.0, 0.0])

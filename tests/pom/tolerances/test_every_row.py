@@ -113,7 +113,7 @@ def wrong(criterion: Criterion, flight: dict[str, np.ndarray]) -> dict[str, np.n
 
 
 def case_of(row) -> tuple[PomCase, Criterion]:
-    """Return a case that claims and marks what a row asks for."""
+    """Return a case that claims and marks what a row requires."""
     features = tuple(word for word in row["condition"].split(";") if word in rows.features())
     times = {event: MIDDLE for event in rows.events()} | {"trim": 10.0, "capture": 60.0, "flare": 30.0, "touchdown": 60.0, "release": 10.0}
     times |= {"static_sweep_start": 5.0, "static_sweep_end": 70.0, "stall": 55.0, "g_break": 50.0}
@@ -176,7 +176,7 @@ def test_a_wrong_model_passes_none():
 
 
 @pytest.mark.parametrize("missing", ["channel", "event"])
-def test_a_row_without_what_it_needs_says_what(missing):
+def test_a_row_without_what_it_needs_states_what(missing):
     for row in ROWS:
         case, found = case_of(row)
         flight = signals(found)
@@ -186,8 +186,8 @@ def test_a_row_without_what_it_needs_says_what(missing):
             assert text_of(got.remarks)
         elif found.measure in ("event_value", "setup", "steady", "change") or set(found.condition.split(";")) & set(PARTS):
             got = judge(PomCase(**{**case.__dict__, "events": {}}), found, TIME, flight, flight)
-            told = "buffet" in text_of(got.remarks) or "stall_warning" in text_of(got.remarks) or "wow" in text_of(got.remarks)
-            assert "[events]" in text_of(got.remarks) or got.verdict == "pass" or told, (key(row), text_of(got.remarks))
+            reported = "buffet" in text_of(got.remarks) or "stall_warning" in text_of(got.remarks) or "wow" in text_of(got.remarks)
+            assert "[events]" in text_of(got.remarks) or got.verdict == "pass" or reported, (key(row), text_of(got.remarks))
 
 
 def test_memory_rows_carry_their_mark():

@@ -87,7 +87,7 @@ class Flight:
 
 
 def start_of(case: str) -> dict[str, float]:
-    """Return initial parameters: steady level flight over the turning Earth as the scenario says, Euler angles steady."""
+    """Return initial parameters: steady level flight over the turning Earth as the scenario states, Euler angles steady."""
     s = SCENARIOS[case].start
     lat, psi, V, h = s["lat"] * DEG, s["psi"] * DEG, s["V"] * FT, s["h"] * FT
     start = {"init.V": V, "init.h": h, "init.lat": lat, "init.lon": s["lon"] * DEG, "init.psi": psi}

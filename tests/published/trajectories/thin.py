@@ -1,6 +1,6 @@
 """Thin the trajectories of tool 4 to what `test_nesc.py` compares: ``python thin.py FOLDER``, the folder of the published files.
 
-Writes ``case_NN.csv`` beside this file: every tenth row (1 s) of the columns below, each number as it was published.
+Writes ``case_NN.csv`` next to this file: every tenth row (1 s) of the columns below, each number as it was published.
 """
 
 from __future__ import annotations

@@ -317,7 +317,7 @@ class DaveModel:
         found = float(values[varID])
         allowed = _INTERNAL_TOLERANCE * max(abs(signal.value), 1e-3) if np.isnan(signal.tolerance) else signal.tolerance
         note = self._unit_note(varID, signal)
-        # one rounding of the printed values is allowed beside the tolerance, which some files make as small as that
+        # one rounding of the printed values is allowed in addition to the tolerance, which some files make as small as that
         passed = abs(found - signal.value) <= allowed + 4.0 * np.spacing(abs(signal.value)) and not note
         return varID, signal.value, found, signal.tolerance, bool(passed), note
 

@@ -223,7 +223,7 @@ class _Reader:
         self._warn(
             element,
             f"interpolate={interpolate!r} is taken as the {side} breakpoint, as at independentVarPts and in the figures of the manual; "
-            "the DTD says the opposite for independentVarRef. Ask the author, or trust the check cases",
+            "the DTD states the opposite for independentVarRef. Ask the author, or trust the check cases",
         )
 
     def _warn(self, element: Element, text: str) -> None:

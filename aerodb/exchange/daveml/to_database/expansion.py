@@ -120,7 +120,7 @@ def _reduced(one: Sum, lengths: Mapping[str, float]) -> Sum:
 
 
 class _Lookup:
-    """The sums of the variables so far; one that has none says why."""
+    """The sums of the variables so far; one that has none gives the reason."""
 
     def __init__(self, sums: Mapping[str, Sum], reasons: Mapping[str, str]):
         self.sums, self.reasons = sums, reasons

@@ -1,4 +1,4 @@
-"""A DAVE-ML aerodynamic model as a database: its build-up equations multiplied out into terms, exactly or not at all."""
+"""A DAVE-ML aerodynamic model as a database: its build-up equations multiplied out into terms, exactly, or refused."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def import_daveml(
     S, cbar, b : float, optional
         Reference area [m2], chord and span [m] of a file that does not state them.
     force_axes : {"stability", "wind", "body"}, optional
-        Axes of the forces; by default those of the coefficients found, lift and drag counting as stability axes unless the file says
+        Axes of the forces; by default those of the coefficients found, lift and drag counting as stability axes unless the file states
         wind axes.
     without : collection of str
         Coefficients to leave out, because they cannot be taken over exactly: ``("CD",)``.

@@ -1,6 +1,6 @@
 """Sums of products of tables and powers of model variables: what a database can hold, and the algebra that stays inside it.
 
-Everything here is exact but for rounding.  What would leave the class, a product of two tables of one variable say, raises `Inexact`
+Everything here is exact but for rounding.  What would leave the class, such as a product of two tables of one variable, raises `Inexact`
 with the reason.
 """
 
@@ -22,7 +22,7 @@ _ROUNDING = 1e-15
 
 
 class Inexact(Exception):
-    """An expression that is no sum of products of multilinear tables and variables; the text says why."""
+    """An expression that is no sum of products of multilinear tables and variables; the text states why."""
 
 
 _serial = itertools.count(10**6)  # tables that are made; those of a file count from 0, in its order

@@ -31,7 +31,7 @@ _TABLES = 1 + 2  # value, K1, K2
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a coefficient: its sum, the name the file gives it or ``""``, the order of its factors, and what is said of it."""
+    """A part of a coefficient: its sum, the name the file gives it or ``""``, the order of its factors, and what is noted about it."""
 
     name: str
     sum: Sum

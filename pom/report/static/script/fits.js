@@ -9,7 +9,7 @@ function fitFigure(page, index) {
   const drawn = clipped(frame, starts(frame) + curve(frame, x, measured, "trace run-0") + curve(frame, x, fitted, "trace run-3"));
   return svg(300, keyOf([{ name: "measured", style: "run-0" }, { name: "fitted", style: "run-3" }], false) + quantity(frame.left, 34, { base: fit.base, sub: fit.sub, words: "and its residual", unit: "" })
     + axesOf(frame, false) + drawn + axesOf(strip, true, ticks(...strip.y, 3)) + clipped(strip, starts(strip) + curve(strip, x, residual, "trace run-0 fine"))
-    + said(frame.left + width / 2, strip.bottom + 25, "sample", "caption", "middle"), fit.alt);
+    + textAt(frame.left + width / 2, strip.bottom + 25, "sample", "caption", "middle"), fit.alt);
 }
 function openFit(details) {
   const host = $(".fit-figure", details), page = details.closest(".page");

@@ -75,7 +75,7 @@ function exitsOf({ traces, half }, time) {
   return found;
 }
 const ratioText = (ratio) => (ratio == null ? "\u2013" : fixed(ratio, 2));
-const record = new Map();   // cells with what the file says in them
+const record = new Map();   // cells with what the file holds in them
 function write(cell, node) {
   if (!record.has(cell)) record.set(cell, [...cell.childNodes]);
   cell.replaceChildren(...(fraction == null ? record.get(cell) : [node]));
@@ -85,12 +85,12 @@ function writeVerdicts() {
   all(".verdicts tr[data-row]", page).forEach((line) => {
     const row = atFraction(data.rows[Number(line.dataset.row)]);
     write($(".ratio", line), ratioText(row.ratio));
-    write($(".said", line), verdictWord(row.verdict));
+    write($(".state", line), verdictWord(row.verdict));
   });
   all(".outcome tr[data-run]", page).forEach((line) => {
     const rows = data.rows.filter((row) => row.run === line.dataset.run), worst = worstAt(rows);
     write($(".ratio", line), ratioText(worst?.ratio));
-    write($(".said", line), verdictWord(statusAt(rows)));
+    write($(".state", line), verdictWord(statusAt(rows)));
     write($(".decides", line), worst ? worst.words : "");
   });
 }

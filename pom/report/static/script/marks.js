@@ -1,4 +1,4 @@
-// ---- marks on the canvas beside the lines -------------------------------------------------------------------------------
+// ---- marks on the canvas next to the lines -------------------------------------------------------------------------------
 function hatching(context, ratio) {
   const tile = document.createElement("canvas"), size = Math.round(6 * ratio);
   tile.width = tile.height = size;

@@ -4,7 +4,7 @@ const SLACK = 0.35;   // a point is left out where the line stays this close to 
 
 const escaped = (text) => String(text).replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
 const tenth = (v) => `${Math.round(v * 10) / 10}`;
-const said = (x, y, words, css = "", anchor = "start") => `<text x="${tenth(x)}" y="${tenth(y)}" class="${css}" text-anchor="${anchor}">${escaped(words)}</text>`;
+const textAt = (x, y, words, css = "", anchor = "start") => `<text x="${tenth(x)}" y="${tenth(y)}" class="${css}" text-anchor="${anchor}">${escaped(words)}</text>`;
 const straight = (x1, y1, x2, y2, css) => `<line class="${css}" x1="${tenth(x1)}" y1="${tenth(y1)}" x2="${tenth(x2)}" y2="${tenth(y2)}"/>`;
 const rectangle = (x, y, width, height, css) => `<rect class="${css}" x="${tenth(x)}" y="${tenth(y)}" width="${tenth(width)}" height="${tenth(height)}"/>`;
 const svg = (height, body, words) => `<svg class="figure" viewBox="0 0 ${SHEET.width} ${Math.round(height)}" role="img" aria-label="${escaped(words)}">${body}</svg>`;
@@ -15,7 +15,7 @@ function frameOf(left, top, width, height, x, y) {
   const py = (v) => Math.min(Math.max(bottom - ((v - y[0]) / (y[1] - y[0])) * height, top - 3), bottom + 3);
   return { left, top, width, height, right, bottom, x, y, px, py };
 }
-// Keep the points that the straight line from the last kept one cannot stand for (the cone of slopes closes).
+// Keep the points that the straight line from the last kept one cannot stand for (the cone of slopes is empty).
 function thinned(points) {
   const kept = [];
   let low = -Infinity, high = Infinity;
@@ -51,8 +51,8 @@ function areaBetween(frame, x, upper, lower, css) {
 function axesOf(frame, xLabels, yTicks) {
   const xs = ticks(...frame.x, 8), ys = yTicks || ticks(...frame.y, Math.max(2, Math.floor(frame.height / 26)));
   const grid = [...xs.map((v) => `M${tenth(frame.px(v))} ${tenth(frame.top)}v${tenth(frame.height)}`), ...ys.map((v) => `M${tenth(frame.left)} ${tenth(frame.py(v))}h${tenth(frame.width)}`)];
-  const words = tickText(ys, ys[1] - ys[0]).map((word, i) => said(frame.left - 5, frame.py(ys[i]) + 3.5, word, "tick", "end"));
-  if (xLabels) words.push(...tickText(xs, xs[1] - xs[0]).map((word, i) => said(frame.px(xs[i]), frame.bottom + 12, word, "tick", "middle")));
+  const words = tickText(ys, ys[1] - ys[0]).map((word, i) => textAt(frame.left - 5, frame.py(ys[i]) + 3.5, word, "tick", "end"));
+  if (xLabels) words.push(...tickText(xs, xs[1] - xs[0]).map((word, i) => textAt(frame.px(xs[i]), frame.bottom + 12, word, "tick", "middle")));
   return `<path class="grid" d="${grid.join("")}"/>${rectangle(frame.left, frame.top, frame.width, frame.height, "frame")}${words.join("")}`;
 }
 let clips = 0;
@@ -67,11 +67,11 @@ function quantity(x, y, { base, sub, words, channel, unit }, css = "title", anch
 function keyOf(runs, withBand, withOutside = withBand) {
   let x = SHEET.left, body = "";
   for (const { name, style } of runs) {
-    body += straight(x, 9, x + 30, 9, `trace ${style}`) + said(x + 35, 12.5, name, "caption");
+    body += straight(x, 9, x + 30, 9, `trace ${style}`) + textAt(x + 35, 12.5, name, "caption");
     x += 52 + 6.4 * name.length;
   }
-  if (withBand) body += rectangle(x, 4, 26, 10, "band") + said(x + 31, 12.5, "tolerance", "caption");
-  if (withOutside) body += rectangle(x + 96, 4, 26, 10, "exit") + said(x + 127, 12.5, "outside", "caption");
+  if (withBand) body += rectangle(x, 4, 26, 10, "band") + textAt(x + 31, 12.5, "tolerance", "caption");
+  if (withOutside) body += rectangle(x + 96, 4, 26, 10, "exit") + textAt(x + 127, 12.5, "outside", "caption");
   return body;
 }
 function arrows(frame, time, values, style, lift, withValue) {
@@ -79,7 +79,7 @@ function arrows(frame, time, values, style, lift, withValue) {
   return beyondScale(values, time, frame.y, frame.x).map(([i, up]) => {
     const x = Math.min(Math.max(frame.px(time[i]), frame.left + 6), frame.right - 6), [tip, foot] = up ? [frame.top + 1, frame.top + 7] : [bottom - 1, bottom - 7];
     const right = x > frame.left + frame.width / 2;
-    const value = withValue ? said(x + (right ? -7 : 7), up ? frame.top + 9 : bottom - 3, rough(values[i]), "tick halo", right ? "end" : "start") : "";
+    const value = withValue ? textAt(x + (right ? -7 : 7), up ? frame.top + 9 : bottom - 3, rough(values[i]), "tick halo", right ? "end" : "start") : "";
     return `<path class="${style} arrow" d="M${tenth(x)} ${tenth(tip)}L${tenth(x - 4)} ${tenth(foot)}L${tenth(x + 4)} ${tenth(foot)}Z"/>${value}`;
   }).join("");
 }
@@ -108,12 +108,12 @@ function sheetPanel(data, panel, top, scale, last) {
     lane++;
   }
   const verdicts = panel.verdicts.map(atFraction).map(({ run, verdict, ratio }) => `${run} ${SYMBOLS[verdict]} ${ratio == null ? WORDS[verdict] : fixed(ratio, 2)}`).join("\u2003");
-  let body = quantity(SHEET.left, top + 12, panel) + said(frame.right, top + 12, verdicts, "caption", "end") + axesOf(frame, last && !banded) + clipped(frame, inside) + marks;
+  let body = quantity(SHEET.left, top + 12, panel) + textAt(frame.right, top + 12, verdicts, "caption", "end") + axesOf(frame, last && !banded) + clipped(frame, inside) + marks;
   body += models.map(({ name, style }) => arrows(frame, time, traces[name], style, SHEET.lane * lane, true)).join("");
   if (!banded) return [body, frame.bottom + SHEET.gap];
   const strip = frameOf(SHEET.left, frame.bottom + SHEET.gap, frame.width, SHEET.strip * scale, x, [-RESIDUAL, RESIDUAL]);
   const found = models.map(({ name, style }) => [style, ratios(traces[name], flight, half)]), ones = (sign) => half.map((h) => (h == null ? null : sign));
-  body += axesOf(strip, last, [-1, 0, 1]) + said(6, strip.top + strip.height / 2 + 3.5, "e/t", "caption");
+  body += axesOf(strip, last, [-1, 0, 1]) + textAt(6, strip.top + strip.height / 2 + 3.5, "e/t", "caption");
   body += clipped(strip, areaBetween(strip, time, ones(1), ones(-1), "band") + found.map(([style, values]) => curve(strip, time, values, `trace ${style}`)).join(""));
   body += found.map(([style, values]) => arrows(strip, time, values, style, 0, false)).join("");
   return [body, strip.bottom + SHEET.gap];
@@ -130,9 +130,9 @@ function sheet(data, panels) {
   });
   const { time } = data, frame = frameOf(SHEET.left, SHEET.top + SHEET.head, SHEET.width - SHEET.left - SHEET.right, top - SHEET.gap - SHEET.top - SHEET.head, [time[0], time[time.length - 1]], [0, 1]);
   data.events.forEach(([name, t], i) => {
-    if (t > time[0] && t < time[time.length - 1]) body += straight(frame.px(t), frame.top, frame.px(t), frame.bottom, "event") + said(frame.px(t) + 3, frame.top + 9 + 11 * (i % 2), name, "tick halo");
+    if (t > time[0] && t < time[time.length - 1]) body += straight(frame.px(t), frame.top, frame.px(t), frame.bottom, "event") + textAt(frame.px(t) + 3, frame.top + 9 + 11 * (i % 2), name, "tick halo");
   });
-  body += said(frame.left + frame.width / 2, top + 22, "time, s (clock of the record)", "caption", "middle");
+  body += textAt(frame.left + frame.width / 2, top + 22, "time, s (clock of the record)", "caption", "middle");
   return svg(top + SHEET.foot, body, panels.map((panel) => `${panel.alt}.`).join(" "));
 }
 // What is judged and the inputs, then the rest; a part that overfills one sheet by little is pressed onto it.
@@ -160,7 +160,7 @@ function crossPlot(cross, runs, hidden) {
   const bars = cross.x.flight.map((x, i) => (x == null || upper[i] == null ? "" : `M${tenth(frame.px(x))} ${tenth(frame.py(upper[i]))}V${tenth(frame.py(lower[i]))}`)).join("");
   const lines = shown.map(({ name, style }) => curve(frame, cross.x[name], cross.y[name], `trace ${style}`)).join("");
   const verdicts = cross.verdicts.map(atFraction).map(({ run, verdict, ratio }) => `${run} ${SYMBOLS[verdict]} ${ratio == null ? WORDS[verdict] : fixed(ratio, 2)}`).join("\u2003");
-  const body = keyOf(shown, true, false) + quantity(frame.left, 34, cross.ordinate) + said(frame.right, 34, verdicts, "caption", "end")
+  const body = keyOf(shown, true, false) + quantity(frame.left, 34, cross.ordinate) + textAt(frame.right, 34, verdicts, "caption", "end")
     + axesOf(frame, true) + clipped(frame, `<path class="bars-of-band" d="${bars}"/>${lines}`) + quantity(frame.left + frame.width / 2, frame.bottom + 28, cross.abscissa, "caption", "middle");
   return svg(frame.bottom + 40, body, cross.alt);
 }
