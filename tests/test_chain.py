@@ -4,6 +4,7 @@ Every import counts: at the top of a module, inside a function, and for type che
 """
 
 import ast
+import runpy
 from collections import defaultdict
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -200,6 +201,12 @@ def test_folders_are_small():
         count = sum(file.name != "__init__.py" for file in folder.glob("*.py"))
         assert count <= MOST_MODULES, f"{folder.relative_to(ROOT)} holds {count} modules; make a folder for one of its subjects"
         assert (folder / "__init__.py").is_file(), f"{folder.relative_to(ROOT)} has no __init__.py"
+
+
+def test_the_page_of_folders_is_up_to_date():
+    program = runpy.run_path(str(ROOT / "docs" / "make_folders.py"))
+    page = (ROOT / "docs" / "design" / "folders.md").read_text(encoding="utf-8")
+    assert page == program["page"](), "run: python docs/make_folders.py"
 
 
 def test_every_kind_of_import_is_seen(tmp_path):
