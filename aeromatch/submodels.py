@@ -56,7 +56,7 @@ def spans_of(place: str, flown: Iterable[Flown], tables: Mapping[str, pd.DataFra
     Parameters
     ----------
     place : str
-        Where the project file asks for them.
+        Where the project file has them.
     flown : iterable of Flown
     tables : mapping of str to DataFrame
         `flighttest.manoeuvres` by record.
@@ -101,7 +101,7 @@ def between(data: xr.Dataset, spans: Iterable[tuple[float, float]]) -> list[xr.D
 
 
 def identified_engine(project: Project, apriori: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans]) -> Any:
-    """Return the engine as the records tell it; the a-priori deck is that of the first engine of `apriori`.
+    """Return the engine as the records give it; the a-priori deck is that of the first engine of `apriori`.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def with_engine(aircraft: Aircraft, project: Project, found: Any) -> Aircraft:
 def identified_controls(
     project: Project, aircraft: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the control loading of every control that the project asks for, and its simulated free motion.
+    """Return the control loading of every control that the project names, and its simulated free motion.
 
     Driven manoeuvres that are whole records are taken without the free ones.
     """
@@ -168,12 +168,12 @@ def identified_controls(
 
 
 def _on_ground(states: xr.Dataset) -> xr.Dataset:
-    """Return states with the switch of the nose wheel, which the spring of the pedals asks for, under the name ``wow``."""
+    """Return states with the switch of the nose wheel, which the spring of the pedals requires, under the name ``wow``."""
     return states.assign(wow=states["wow_nose"]) if "wow_nose" in states and "wow" not in states else states
 
 
 def _less(spans: Sequence[tuple[float, float]], taken: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return what is left of spans of time without others."""
+    """Return the remainder of spans of time without others."""
     left = list(spans)
     for start, end in taken:
         cut = [[(a, min(b, start)), (max(a, end), b)] for a, b in left]
@@ -182,7 +182,7 @@ def _less(spans: Sequence[tuple[float, float]], taken: Sequence[tuple[float, flo
 
 
 def identified_ground_effect(project: Project, data: Mapping[str, xr.Dataset], spans: Mapping[str, Spans], database: xr.DataTree) -> Any:
-    """Return the ground effect beside the free-air terms of `database`; `data` from `flighttest.coefficients`, by record."""
+    """Return the ground effect next to the free-air terms of `database`; `data` from `flighttest.coefficients`, by record."""
     asked = project.ground_effect
     if asked is None:
         return None

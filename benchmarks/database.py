@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
-from timing import best  # beside this file
+from timing import best  # next to this file
 
 import aerodb
 from flightmech import terms

@@ -17,7 +17,7 @@ from collections.abc import Callable
 
 import numpy as np
 import xarray as xr
-from timing import best  # beside this file
+from timing import best  # next to this file
 
 from flighttest.equation_error.model import regressors
 from flighttest.model_structure.candidates import equations, monomials

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 from scipy.interpolate import RegularGridInterpolator
-from timing import best  # beside this file
+from timing import best  # next to this file
 
 import flightmech
 from flightmech.simulation.kernel import Simulation

@@ -1,4 +1,4 @@
-"""Time of a piece of work, for the benchmarks beside this file."""
+"""Time of a piece of work, for the benchmarks next to this file."""
 
 import time
 from collections.abc import Callable

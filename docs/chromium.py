@@ -1,4 +1,4 @@
-"""A page in Debian's ``chromium``, for the scripts beside this file that take pictures; needs the package ``playwright``."""
+"""A page in Debian's ``chromium``, for the scripts next to this file that take pictures; needs the package ``playwright``."""
 
 from __future__ import annotations
 

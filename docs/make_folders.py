@@ -99,7 +99,7 @@ def _table(package: str, known: dict[str, Path], graph: dict[str, set[str]]) -> 
 
 
 def _holds(file: Path) -> str:
-    """Return what a module or a folder says of itself, and the names of the folders inside."""
+    """Return what a module or a folder states of itself, and the names of the folders inside."""
     text = (ast.get_docstring(ast.parse(file.read_text(encoding="utf-8"))) or "").partition("\n\n")[0]
     inner = sorted(path.parent.name for path in file.parent.glob("*/__init__.py")) if file.name == "__init__.py" else []
     return " ".join(text.split()).removesuffix(".") + (f"; folders {', '.join(inner)}" if inner else "")

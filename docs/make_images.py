@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from chromium import open_page  # beside this file
+from chromium import open_page  # next to this file
 
 IMAGES = Path(__file__).parent / "images"
 

@@ -46,7 +46,7 @@ def seven_axes() -> Path:
 
 
 def spin_run() -> Path:
-    """One spin: angles, rates beside and about the flight path, coefficients measured and predicted on another input."""
+    """One spin: angles, rates across and about the flight path, coefficients measured and predicted on another input."""
     import spin_study
     from spin_campaign import predictions
     from spin_recording import draw_errors

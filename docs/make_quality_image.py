@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from chromium import open_page  # beside this file
+from chromium import open_page  # next to this file
 
 import flightmech
 import flighttest

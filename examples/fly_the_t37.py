@@ -79,7 +79,7 @@ def takeoff(sim: flightmech.SimModel) -> xr.Dataset:
     return flightmech.simulate(sim, record, {**start, "gear": 1.0, "delta_f": 20 * DEG})
 
 
-# %% Landing: a pilot closes the loop, step by step
+# %% Landing: a pilot in the loop, step by step
 
 
 def landing(sim: flightmech.SimModel) -> xr.Dataset:

@@ -26,7 +26,7 @@ _STRUCTURE = (
     "stiffness_square",
     "orifice",
     "damping_outwards",
-)  # zero where the records do not ask for them
+)  # zero where the records do not need them
 _NOT_NEGATIVE = ("stiffness", "damping", "orifice", "brake", "brake_friction")
 _RANGES = {FRICTION: (0.02, 3.0), "bend": (0.0, 10.0), "cornering": (0.1, 100.0)}
 _SIZES = {
@@ -144,7 +144,7 @@ def _value(fit: OutputError, name: str) -> float:
 
 
 def _candidates(aircraft: Aircraft, known: dict[str, float], runs: Sequence[GroundRun]) -> dict[str, Unknown]:
-    """All constants that may be estimated; terms of the legs that the loads do not ask for become zero in `known`."""
+    """All constants that may be estimated; terms of the legs that the loads do not need become zero in `known`."""
     wheels = {wheel.name: wheel for wheel in wheels_of(aircraft)}
     names = [FRICTION, ROLLING]
     for group in wheel_groups(aircraft):

@@ -94,8 +94,8 @@ class IdentifiedGear:
         steering: dict[str, Any] = self._of("steering", _STEERING)
         friction = {"mu_dry": self.constants[FRICTION].value} if FRICTION in self.constants else self._used()
         gear = replace(known.gear, contacts=contacts, steering=replace(known.gear.steering, **steering), **friction)
-        said = ", ".join(f"{name} {one.value:.4g} ({one.stderr:.2g}, {one.source})" for name, one in self.constants.items())
-        lines = [known.history, f"landing gear identified from flight, standard errors and source in brackets: {said}"]
+        values = ", ".join(f"{name} {one.value:.4g} ({one.stderr:.2g}, {one.source})" for name, one in self.constants.items())
+        lines = [known.history, f"landing gear identified from flight, standard errors and source in brackets: {values}"]
         if self.undetermined:
             lines.append(f"landing gear, not determined by these records: {', '.join(self.undetermined)}")
         return replace(known, gear=gear, history="\n".join(filter(None, lines)))

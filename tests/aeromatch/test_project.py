@@ -163,7 +163,7 @@ def test_submodels_are_read(write):
     assert project.submodels["controls.column.free"][0].manoeuvres == ("release_column",)
 
 
-def test_a_project_without_submodels_asks_for_none(write):
+def test_a_project_without_submodels_has_none(write):
     assert read_project(write()).submodels == {}
 
 

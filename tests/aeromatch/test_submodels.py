@@ -79,7 +79,7 @@ def flight(h, seed):
     return xr.Dataset({name: ("time", x) for name, x in columns.items()}, {"time": time}, {"force_axes": "stability"})
 
 
-def test_ground_effect_through_its_section_beside_the_database():
+def test_ground_effect_through_its_section_next_to_the_database():
     data = {f"at {h}": flight(h, k) for k, h in enumerate((1.5, 2.0, 3.0, 5.0, 9.0, 0.0))}
     database = xr.DataTree.from_dict(
         {"/CL/basic": make([0.4, 0.9], {"alpha": [0.0, 0.1]}), "/CL/ground": make([0.05, 0.0], {"h_agl": [1.0, 20.0]})}
@@ -94,7 +94,7 @@ def test_ground_effect_through_its_section_beside_the_database():
     assert found["CL"].evidence.loc["database", "rms"] > 2.0 * found["CL"].evidence.loc[found["CL"].form, "rms"]
 
 
-def test_nothing_is_identified_that_nobody_asks_for():
+def test_nothing_is_identified_that_nobody_requests():
     project = SimpleNamespace(engine=None, controls={}, ground_effect=None, points={})
     assert submodels.identified_engine(project, CRAFT, {}, {}) is None
     assert submodels.identified_ground_effect(project, {}, {}, None) is None

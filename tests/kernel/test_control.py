@@ -240,7 +240,7 @@ def test_stick_free_surface_floats(build):
     assert floating < -0.02
 
 
-def test_stop_takes_what_is_left(build):
+def test_stop_takes_the_rest(build):
     sim = build(air=False, circuits={"column": replace(COLUMN, damping=100.0)}, limits={"delta_e": (-0.27, 0.3)})
     y = flown(sim, grid(2.0), {"F_column": 2000.0}, mode__controls=2, column__trim_limit=0.0, **BALLISTIC).isel(time=-1)
     assert float(y["applied.column"]) == pytest.approx(0.18, rel=1e-14)

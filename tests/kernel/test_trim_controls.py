@@ -87,7 +87,7 @@ def test_forces_drive(piloted):
     assert float(np.abs(flown["applied.delta_e"] - float(y["applied.delta_e"])).max()) < 1e-9
 
 
-def test_a_given_force_asks_for_a_tab(piloted):
+def test_a_given_force_requires_a_tab(piloted):
     y = flightmech.trim(piloted, {**CRUISE, "mode.controls": 2.0}, kind="level", fixed={"F_column": 30.0})
     assert y.attrs["verdict"] == "trimmed"
     assert "delta_t" in solution(y)

@@ -346,7 +346,7 @@ def test_one_engine_at_a_given_thrust(sim):
     assert solution(found)["engine1.throttle"] != solution(found)["throttle"]
 
 
-def test_power_given_in_level_flight_asks_for_the_speed(sim):
+def test_power_given_in_level_flight_determines_the_speed(sim):
     level = flightmech.trim(sim, {**CRUISE, "mode.earth": 0.0}, kind="level")
     asked = flightmech.trim(
         sim, {**CRUISE, "init.V": 130.0, "mode.earth": 0.0}, kind="level", fixed={"throttle": solution(level)["throttle"]}

@@ -137,7 +137,7 @@ def _verdict(verdict: Verdict) -> dict[str, str]:
 
 
 def submodel(section: Section) -> dict[str, Any]:
-    """Return what the chapter on submodels shows of one beside its figures."""
+    """Return what the chapter on submodels shows of one next to its figures."""
     grids = [table_of(grid) for grid in section.grids]
     return {"name": section.name, "techniques": section.techniques, "grids": grids, "remarks": section.remarks}
 

@@ -1,4 +1,4 @@
-"""Control loading: constants, hinge moments, and the free motion that they give beside the recorded one."""
+"""Control loading: constants, hinge moments, and the free motion that they give next to the recorded one."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def control_loading(name: str, found: IdentifiedLoading, flown: Sequence[Flown] 
     """Return the section of one control; `flown` its simulated free motion."""
     loading, sliding = found.loading, found.slid.estimates.attrs
     unit = "N m" if loading.item == "wheel" else "N"
-    said = [("force at the hand", EQUATION_ERROR, f"rms {number(sliding['residual_rms'], 3)} {unit}, R² {fixed(sliding['R2'], 4)}")]
+    measures = [("force at the hand", EQUATION_ERROR, f"rms {number(sliding['residual_rms'], 3)} {unit}, R² {fixed(sliding['R2'], 4)}")]
     if found.cable is not None:
-        said.append(
+        measures.append(
             ("stretch of the cable", EQUATION_ERROR, f"rms {number(found.cable.attrs['rms'], 2)} {'rad' if unit == 'N m' else 'm'}")
         )
     if flown:
         rms = [one.misfit()[0] for one in flown]
-        said.append(
+        measures.append(
             ("free motion, simulated", "check, not fitted", f"rms {fixed(100 * min(rms), 0)} to {fixed(100 * max(rms), 0)} % of the travel")
         )
     names = [str(term) for term in found.estimates["term"].values]
@@ -43,7 +43,7 @@ def control_loading(name: str, found: IdentifiedLoading, flown: Sequence[Flown] 
     remarks = tuple(
         f"{a} and {b} go together in every manoeuvre; only differences between manoeuvres separate them" for a, b in found.collinear
     )
-    return Section(name, tuple(said), grids, _free_motion(name, loading.item, flown), remarks)
+    return Section(name, tuple(measures), grids, _free_motion(name, loading.item, flown), remarks)
 
 
 def _free_motion(name: str, item: str, flown: Sequence[Flown]) -> tuple[Picture, ...]:

@@ -1,4 +1,4 @@
-"""Engine: the deck over corrected speed beside the a-priori one (as [LR743] Fig. 6), schedule and time constants, constants."""
+"""Engine: the deck over corrected speed next to the a-priori one (as [LR743] Fig. 6), schedule and time constants, constants."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SHOWN = {
 
 def engine(name: str, found: EngineFit) -> Section:
     """Return the section of an identified engine."""
-    said: list[tuple[str, str, str]] = []
+    measures: list[tuple[str, str, str]] = []
     grids: list[Grid] = []
     pictures: list[Picture] = []
     remarks: list[str] = []
@@ -35,14 +35,14 @@ def engine(name: str, found: EngineFit) -> Section:
         if part is not None:
             constants |= part.constants
             tables |= part.tables
-            said.append((title, OUTPUT_ERROR, _noise(part)))
+            measures.append((title, OUTPUT_ERROR, _noise(part)))
     if found.static is not None:
         static = found.static
         rms = [
             f"{title} {fixed(100 * float(np.sqrt(np.mean(v**2))), 2)} % of the thrust, {len(v)} points"
             for title, v in static.residuals.items()
         ]
-        said.append(("static thrust", EQUATION_ERROR, "; ".join(rms)))
+        measures.append(("static thrust", EQUATION_ERROR, "; ".join(rms)))
         factors = zip(static.speeds, static.factor, static.stderr, static.determined, strict=True)
         cells = tuple((number(x, 4), *estimate(f, e), "flight" if known else "as a priori") for x, f, e, known in factors)
         grids.append(Grid("Corrected over a-priori thrust", ("corrected speed", "factor", "standard error", "source"), cells))
@@ -51,7 +51,7 @@ def engine(name: str, found: EngineFit) -> Section:
     if constants:
         rows = tuple((key.replace("_", " "), *estimate(*pair)) for key, pair in constants.items())
         grids.insert(0, Grid("Constants, SI", ("constant", "estimate", "standard error"), rows))
-    return Section(name, tuple(said), tuple(grids), (*pictures, *_tables(name, tables)), tuple(remarks))
+    return Section(name, tuple(measures), tuple(grids), (*pictures, *_tables(name, tables)), tuple(remarks))
 
 
 def _noise(part: Any) -> str:

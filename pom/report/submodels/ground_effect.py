@@ -16,12 +16,12 @@ POINTS = 60  # of a curve over the height
 def ground_effect(name: str, found: GroundEffect) -> Section:
     """Return the section of an identified ground effect."""
     held = "held at the database" if found.held else "estimated along"
-    said = tuple(
+    measures = tuple(
         (f"{coefficient}, {one.form}", EQUATION_ERROR, f"rms {number(one.evidence['rms'][one.form], 3)}")
         for coefficient, one in found.coefficients.items()
     )
     remarks = tuple(f"{term}: k and s not identified: {why}" for term, why in found.not_identified.items())
-    return Section(name, said, (_table_2(found, held), *_evidence(found)), _factors(name, found), remarks)
+    return Section(name, measures, (_table_2(found, held), *_evidence(found)), _factors(name, found), remarks)
 
 
 def _table_2(found: GroundEffect, held: str) -> Grid:

@@ -93,7 +93,7 @@ def test_two_axis_terms_get_a_map(small, tmp_path):
     assert all(file.read_bytes().startswith(b"\x89PNG") for file in made)
 
 
-def test_a_folder_appears_whole_or_not_at_all(files, tmp_path, monkeypatch):
+def test_a_folder_appears_atomically(files, tmp_path, monkeypatch):
     calls = []
 
     def failing(figure, file):

@@ -169,7 +169,7 @@ def test_labels_move_apart_and_stay_inside():
     assert (np.diff(moved) > 0.05 - 1e-12).all()
 
 
-def test_matplotlib_is_asked_for_only_when_a_figure_is_drawn():
+def test_matplotlib_is_needed_only_when_a_figure_is_drawn():
     code = (
         "import sys; sys.modules['matplotlib'] = None\n"
         "import aerodb\n"

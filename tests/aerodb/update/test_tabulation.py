@@ -108,7 +108,7 @@ def test_only_flown_nodes_change_their_source(study):
     assert float(ratio.where(source == terms.SOURCES.index("flight")).max()) < 0.9
 
 
-def test_a_prior_that_was_too_sure_is_widened_everywhere():
+def test_a_prior_that_was_overconfident_is_inflated_everywhere():
     """Pitch-rate term six standard errors off: found where it was flown, and confessed where it was not."""
     leaves = prior_leaves()
     truth = {**leaves, "CL/qhat": leaves["CL/qhat"].assign(value=leaves["CL/qhat"]["value"] - 12.0)}
@@ -238,7 +238,7 @@ def test_errors_common_to_all_fits_do_not_average_out():
 
 
 def test_an_estimate_with_a_large_common_error_does_not_bend_the_tables():
-    """One fit whose damping a lag of the vanes has falsified by 25, as its budget says: lift against incidence stays what was measured."""
+    """One fit whose damping a lag of the vanes has falsified by 25, by its budget: lift against incidence stays what was measured."""
     leaves = prior_leaves()
     alpha = leaves["CL/basic"]["alpha"].values
     truth = {**leaves, "CL/basic": leaves["CL/basic"].assign(value=leaves["CL/basic"]["value"] - 0.06 - 0.6 * alpha[:, None])}
@@ -267,7 +267,7 @@ def test_an_error_of_effectiveness_turns_with_the_deflection():
     np.testing.assert_allclose(P, np.outer(0.1 * delta, 0.1 * delta), atol=1e-12)
 
 
-def test_slope_and_offset_errors_are_told_apart_by_the_standard_errors():
+def test_slope_and_offset_errors_are_distinguished_by_the_standard_errors():
     alpha = np.arange(-8, 21, 2.0) * DEG
     value = 0.1 + 5.0 * alpha
     P = prior_covariance(terms.make(value, {"alpha": alpha}, stderr=np.hypot(0.05, 0.08 * value), source="datcom"), level=1.0)

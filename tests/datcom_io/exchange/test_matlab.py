@@ -121,7 +121,7 @@ def test_ground_heights_end_with_free_air(exported):
     assert (aero["cl"][:, 0, 0, 0, -1, zero] != MISSING).all()
 
 
-def test_what_is_left_out_is_stated(t37, tmp_path):
+def test_omissions_are_stated(t37, tmp_path):
     left_out = datcom_io.exchange.write_matlab(t37("t37_build.out"), tmp_path / "x.mat")
     assert "the moment centre" in left_out[0]
     assert any(text.startswith("T-37 OWN DECK COMPONENT BUILD-UP: leaf section") for text in left_out)

@@ -271,7 +271,7 @@ def test_what_is_no_state_lags_by_a_step_of_the_kernel(whole, condition, version
 @pytest.mark.parametrize(
     ("case", "expected"), [({}, [0.01, None]), ({"mode.controls": 2}, [0.01, 0.02, 0.03]), (GUSTY, [0.01, 0.02, 0.03])]
 )
-def test_events_are_asked_for_while_something_moves(fmus, whole, third_party, version, case, expected):
+def test_events_are_requested_while_something_moves(fmus, whole, third_party, version, case, expected):
     me = third_party((whole if case else fmus)[version], exchange=True).open().start(case)
     found, time = [], 0.0
     while len(found) < len(expected):
@@ -287,7 +287,7 @@ def test_events_are_asked_for_while_something_moves(fmus, whole, third_party, ve
 
 
 @pytest.mark.parametrize("version", VERSIONS)
-def test_what_begins_to_move_asks_for_event_mode(exchange, version):
+def test_what_begins_to_move_requires_event_mode(exchange, version):
     me = exchange(version).start()
     open_continuous(me)
     me.fmu.setTime(0.1)

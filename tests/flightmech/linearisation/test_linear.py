@@ -135,7 +135,7 @@ def test_a_wide_step_averages_cells(plain):
     assert float(wide / plainly) == pytest.approx(1.0 + added, rel=1e-3)
 
 
-def test_a_flight_that_is_not_trimmed_states_what_is_left(plain):
+def test_a_flight_that_is_not_trimmed_states_its_residuals(plain):
     found = flightmech.linearize(plain(), {**LEVEL, "mode.trim": 0.0, "init.alpha": 0.1, "init.theta": 0.1})
     assert float(abs(found["x_dot"].sel(state="V"))) > 0.1
 

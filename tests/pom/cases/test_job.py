@@ -86,7 +86,7 @@ def test_surfaces_are_the_default_and_set_no_mode(write_case, tmp_path, rolling)
     assert "mode.controls" not in job(write_case, tmp_path, rolling, 'engine = "thrust"').parameters
 
 
-def test_a_force_that_is_not_recorded_is_asked_for_or_held(write_case, tmp_path, rolling):
+def test_a_force_that_is_not_recorded_is_required_or_held(write_case, tmp_path, rolling):
     states = cockpit(rolling, {"F_column": 20.0})
     drive = 'engine = "thrust"\nsurfaces = "force"'
     with pytest.raises(UnknownName, match=r"'F_wheel'.*drives the pilot forces as recorded; map the channel, or hold it by \[conditions\]"):

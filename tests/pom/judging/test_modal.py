@@ -145,7 +145,7 @@ def test_peak_lag_from_fitted_phases():
 
 
 @pytest.mark.parametrize(("id", "edition"), [("2.c(9)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300"), ("2.c.9", rows.STANDARD)])
-def test_three_cycles_are_asked_for_by_whatever_name_the_standard_has_for_the_test(id, edition):
+def test_three_cycles_are_required_by_whatever_name_the_standard_has_for_the_test(id, edition):
     short = TIME <= 80.0
     slow = {"V_cas": sine(38.0, 0.03)[short]}
     with pytest.raises(Invalid, match="the table requires 3 cycles"):

@@ -148,9 +148,9 @@ def test_page_and_paper_hold_the_same(results, tmp_path):
     report = pom.write_report([fixture.roll_result()], tmp_path, title="T-37", submodels=results, free_motion={"column": [flown()]})
     assert 'href="#submodels"' in report.read_text(encoding="utf-8")
     whole = (tmp_path / "report.pdf").read_bytes()
-    said = {bytes.fromhex(x.decode()).decode("utf-16") for x in re.findall(rb"/Alt\s*<FEFF([0-9A-Fa-f]*)>", inflated(whole))}
-    said |= {x.decode("latin-1") for x in re.findall(rb"/Alt\s*\((.*?)\)", inflated(whole), re.DOTALL)}
-    assert {picture.words for section in chapter for picture in section.pictures} <= said
+    texts = {bytes.fromhex(x.decode()).decode("utf-16") for x in re.findall(rb"/Alt\s*<FEFF([0-9A-Fa-f]*)>", inflated(whole))}
+    texts |= {x.decode("latin-1") for x in re.findall(rb"/Alt\s*\((.*?)\)", inflated(whole), re.DOTALL)}
+    assert {picture.words for section in chapter for picture in section.pictures} <= texts
 
 
 def inflated(pdf):
