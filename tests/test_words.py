@@ -5,7 +5,20 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = "aerodb aeromatch benchmarks data datcom_io docs examples flightmech flighttest kernel pom tests".split()
+FOLDERS = [
+    "aerodb",
+    "aeromatch",
+    "benchmarks",
+    "data",
+    "datcom_io",
+    "docs",
+    "examples",
+    "flightmech",
+    "flighttest",
+    "kernel",
+    "pom",
+    "tests",
+]
 ENDINGS = {".py", ".pyi", ".c", ".h", ".md", ".toml", ".html", ".j2", ".typ", ".css", ".js"}
 NOT_READ = {Path(__file__).name, "CHANGELOG.md"}  # this list, and history
 
@@ -68,7 +81,7 @@ def places(name: str, text: bytes) -> Iterator[str]:
     if not phrases(text):
         return
     allowed = [
-        re.compile(pattern.encode()) for place, pattern in ALLOWED if name == place or place.endswith("/") and name.startswith(place)
+        re.compile(pattern.encode()) for place, pattern in ALLOWED if name == place or (place.endswith("/") and name.startswith(place))
     ]
     for number, line in enumerate(text.splitlines(), 1):
         for pattern in allowed:
