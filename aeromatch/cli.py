@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib
 import sys
 import warnings
-from typing import TextIO
+from collections.abc import Sequence
+from typing import NoReturn, TextIO
 
 import click
 
@@ -70,19 +71,28 @@ def main() -> None:
         sys.exit(130)
     except click.ClickException as error:
         error.show()
-        sys.exit(2)
+        _fail("usage", error.format_message(), 2)
     except Exception as error:
         from flightmech.errors import AeromatchError
 
         if isinstance(error, AeromatchError | OSError):
             click.echo(f"error: {_text(error)}", err=True)
-            sys.exit(2)
+            _fail(type(error).__name__, _text(error), 2, getattr(error, "problems", ()))
         import traceback
 
         traceback.print_exc()
         click.echo("internal fault: please report the lines above with the command and its input", err=True)
-        sys.exit(3)
+        _fail("internal fault", f"{type(error).__name__}: {error}", 3)
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _fail(kind: str, text: str, code: int, problems: Sequence[str] = ()) -> NoReturn:
+    """End with an exit code; with ``--json`` the output is a JSON document as well, ``{"error": {kind, text, problems}}``."""
+    if "--json" in sys.argv[1:]:
+        import json
+
+        click.echo(json.dumps({"error": {"kind": kind, "text": text, "problems": list(problems)}}, ensure_ascii=False))
+    sys.exit(code)
 
 
 def _demand_own_packages() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from glob import glob
 from pathlib import Path
 from typing import Annotated
 
@@ -200,9 +201,9 @@ def read_project(path: str | Path) -> Project:
         role: tuple(existing(name, f"listings.{role}") for name in ((paths,) if isinstance(paths, str) else paths))
         for role, paths in given.items()
     }
-    flights = {file.stem: file for file in sorted(folder.glob(content.flights))}
+    flights = {file.stem: file for file in _matching(folder, content.flights)}
     if not flights:
-        problems.append(f"flights: no file matches {content.flights!r} in {folder}")
+        problems.append(f"flights: {_no_match(folder, content.flights)}")
     for number, fit in enumerate(content.fit):
         for record in fit.records:
             if record not in flights:
@@ -215,9 +216,8 @@ def read_project(path: str | Path) -> Project:
             problems.append(f"errors: {UnknownName(source, ERRORS, 'source of error')}")
     for term, new in content.terms.items():
         _collect(problems, f"terms.{term}", new.leaf)
-    cases = tuple(file for pattern in content.cases for file in sorted(folder.glob(pattern)))
-    if not cases:
-        problems.append(f"cases: no file matches {', '.join(content.cases)} in {folder}")
+    cases = tuple(file for pattern in content.cases for file in _matching(folder, pattern))
+    problems += [f"cases: {_no_match(folder, pattern)}" for pattern in content.cases if not _matching(folder, pattern)]
     for name in content.models:
         if name in OWN_MODELS or name == "flight":
             problems.append(f"models.{name}: the name is taken; call it otherwise than flight, {', '.join(OWN_MODELS)}")
@@ -246,6 +246,17 @@ def read_project(path: str | Path) -> Project:
     if problems:
         raise SchemaError(str(path), problems)
     return project
+
+
+def _matching(folder: Path, pattern: str) -> list[Path]:
+    """Return the files that a pattern names, from `folder` or absolute, in order."""
+    return sorted(Path(name) for name in glob(str(folder / pattern), recursive=True) if Path(name).is_file())
+
+
+def _no_match(folder: Path, pattern: str) -> str:
+    if pattern and (folder / pattern).is_dir():
+        return f"{pattern!r} is a folder; name its files, such as {str(Path(pattern) / '*')!r}"
+    return f"no file matches {pattern!r} in {folder}; give a file or a pattern such as 'folder/*.toml'"
 
 
 def _submodel_problems(content: _File, flights: Mapping[str, Path]) -> list[str]:

@@ -38,16 +38,69 @@ class UnknownName(AeromatchError):
     """A name that is not in the vocabulary or not in the file at hand."""
 
     def __init__(self, name: str, allowed: Iterable[str], what: str = "name", hint: str = ""):
-        from difflib import get_close_matches
-
         self.name, self.allowed = name, sorted(allowed)
-        near = get_close_matches(name, self.allowed, n=4, cutoff=0.5)
+        near = near_names(name, self.allowed)
         text = f"unknown {what} {name!r}"
         if near:
             text += f"; near it: {', '.join(near)}"
         elif len(self.allowed) <= 40:
             text += f"; allowed: {', '.join(self.allowed) or 'none'}"
         super().__init__(text + (f"; {hint}" if hint else ""))
+
+
+# other names of the field, in lower case without separators, and the symbol that this package uses
+_SYNONYMS = {
+    "cbar": "chord meanchord wingchord mac meanaerodynamicchord cref lref",
+    "b": "span wingspan bref",
+    "S": "area wingarea referencearea sref sw",
+    "psi": "heading yaw yawangle azimuth hdg",
+    "theta": "pitch pitchangle",
+    "phi": "roll rollangle bank bankangle",
+    "p": "rollrate",
+    "q": "pitchrate",
+    "r": "yawrate",
+    "alpha": "aoa angleofattack incidence",
+    "beta": "aos sideslip angleofsideslip",
+    "V": "tas airspeed trueairspeed",
+    "V_cas": "cas ias calibratedairspeed indicatedairspeed kcas kias",
+    "h": "altitude height alt",
+    "h_agl": "agl heightaboveground radioaltitude",
+    "qbar": "dynamicpressure",
+    "delta_e": "elevator",
+    "delta_a": "aileron ailerons",
+    "delta_r": "rudder",
+    "delta_f": "flap flaps",
+    "delta_t": "tab trimtab",
+    "speedbrake": "airbrake airbrakes speedbrakes",
+    "throttle": "powerlever thrustlever tla pla",
+    "mass": "weight",
+    "mach": "machnumber",
+    "temperature": "oat sat",
+    "p_static": "staticpressure",
+    "q_c": "impactpressure",
+    "Ixx": "ix",
+    "Iyy": "iy",
+    "Izz": "iz",
+}
+_SYMBOL = {name: symbol for symbol, names in _SYNONYMS.items() for name in names.split()}
+
+
+def near_names(name: str, allowed: Iterable[str], count: int = 4, cutoff: float = 0.5) -> list[str]:
+    """Return the names a user may have meant: another name of the field for one of `allowed`, else those spelt alike.
+
+    Parameters
+    ----------
+    name : str
+        What came.
+    allowed : iterable of str
+    count, cutoff
+        Of `difflib.get_close_matches`.
+    """
+    from difflib import get_close_matches
+
+    allowed = list(allowed)
+    meant = _SYMBOL.get("".join(letter for letter in name.lower() if letter.isalnum()))
+    return [meant] if meant in allowed else get_close_matches(name, allowed, n=count, cutoff=cutoff)
 
 
 class UnitError(AeromatchError):

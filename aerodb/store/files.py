@@ -15,6 +15,7 @@ import h5py
 import xarray as xr
 
 from flightmech.errors import ParseError, SchemaError
+from flightmech.names import COEFFICIENTS
 from flightmech.support.atomic_write import written_atomically
 
 from .netcdf import faults, image, read
@@ -70,6 +71,7 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     if not path.is_file() or not h5py.is_hdf5(path):
         raise ParseError(str(path), 0, "no netCDF-4 (HDF5) signature", "a database as aerodb.save writes it; build or copy the file again")
     _demand_unbroken(path)
+    _demand_database(path)
     try:
         db, problems = read(path)
     except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
@@ -79,6 +81,21 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     if problems:
         raise SchemaError(str(path), list(dict.fromkeys(problems)))
     return db
+
+
+def _demand_database(path: Path) -> None:
+    """Raise one sentence on a file of ours of another kind, where a list of all that it lacks would hide what it is."""
+    try:
+        with h5py.File(path) as file:
+            groups, about = set(file), set(file.attrs)
+    except OSError:
+        return  # damaged: `read` states how
+    if about & {"force_axes", "cbar"} or groups & set(COEFFICIENTS):
+        return
+    if {"states", "biases"} <= groups:
+        raise SchemaError(str(path), ["a reconstructed flight path, no aero database; `aeromatch flight identify` reads it"])
+    if "manoeuvres" in about or groups & {"imu", "air_data", "controls"}:
+        raise SchemaError(str(path), ["a flight record, no aero database; `aeromatch flight show` reads it"])
 
 
 def _failing_checks(db: xr.DataTree) -> list[str]:

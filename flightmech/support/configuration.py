@@ -8,10 +8,17 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
-from ..errors import ParseError, SchemaError, UnitError
+from ..errors import ParseError, SchemaError, UnitError, near_names
 from ..units import quantity
 
 T = TypeVar("T", bound="Strict")
+
+# kinds of TOML files by keys that no other kind has, and where they belong
+_KINDS = {
+    "an aircraft file": ({"S", "cbar"}, "goes with --aircraft or the key aircraft"),
+    "a project file": ({"listings", "flights"}, "goes to aeromatch match"),
+    "a case file": ({"case"}, "goes to aeromatch pom, or the key cases of a project"),
+}
 
 
 class Strict(BaseModel):
@@ -68,7 +75,16 @@ def validate(model: type[T], content: dict[str, Any], what: str) -> T:
     try:
         return model.model_validate(content)
     except ValidationError as error:
-        raise SchemaError(what, [_sentence(model, item) for item in error.errors()]) from error
+        kind = _other_kind(model, content)
+        raise SchemaError(what, [kind] if kind else [_sentence(model, item) for item in error.errors()]) from error
+
+
+def _other_kind(model: type[BaseModel], content: dict[str, Any]) -> str:
+    """Return a sentence on a file that is plainly of another kind than `model`, else nothing."""
+    for kind, (keys, use) in _KINDS.items():
+        if keys <= set(content) and not keys & set(model.model_fields):
+            return f"this is {kind} (it has {', '.join(sorted(keys))}), which {use}; expected the keys {', '.join(model.model_fields)}"
+    return ""
 
 
 def _sentence(model: type[BaseModel], item: Any) -> str:
@@ -83,9 +99,7 @@ def _sentence(model: type[BaseModel], item: Any) -> str:
 
 
 def _near(name: str, allowed: list[str]) -> str:
-    from difflib import get_close_matches
-
-    near = get_close_matches(name, allowed, n=3, cutoff=0.5)
+    near = near_names(name, allowed, 3)
     return f"; near it: {', '.join(near)}" if near else f"; allowed: {', '.join(allowed)}"
 
 

@@ -1,5 +1,6 @@
 """The face: help stays light, unknown commands are met with the near ones, bad input ends with exit code 2."""
 
+import json
 import subprocess
 import sys
 import warnings
@@ -50,6 +51,15 @@ def test_a_missing_file_is_named_without_a_number(tmp_path):
     assert done.returncode == 2
     assert "none.toml" in done.stderr
     assert "Errno" not in done.stderr
+
+
+@pytest.mark.parametrize("command", [("db", "show", "none.nc"), ("match", "none.toml", "-o", "out"), ("datcom", "read", "none.out")])
+def test_failures_are_json_where_results_would_be(tmp_path, command):
+    done = run(*command, "--json", cwd=tmp_path)
+    assert done.returncode == 2
+    (error,) = json.loads(done.stdout).values()
+    assert error["kind"]
+    assert "none" in error["text"] or "no such" in error["text"].lower()
 
 
 def test_a_warning_of_the_package_is_one_line(capsys, monkeypatch):

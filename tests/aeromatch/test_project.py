@@ -76,6 +76,23 @@ def test_all_misspelt_keys_are_reported_at_once(write):
     assert len(found) == 4  # the fourth: manoeuvres is missing
 
 
+def test_cases_may_be_given_by_absolute_paths(write, tmp_path):
+    assert read_project(write(('["case.toml"]', f'["{tmp_path}/case.*"]'))).cases == (tmp_path / "case.toml",)
+
+
+@pytest.mark.parametrize("name", [".", "cases"])
+def test_a_folder_is_no_case(write, tmp_path, name):
+    (tmp_path / "cases").mkdir()
+    (found,) = problems(write(('["case.toml"]', f'["{name}"]')))
+    assert found.startswith(f"cases: {name!r} is a folder; name its files")
+
+
+def test_a_file_of_another_kind_is_called_by_it(write, tmp_path):
+    (tmp_path / "wrong.toml").write_text('name = "x"\nS = 16.0\ncbar = 1.6\nb = 10.0\n')
+    (found,) = problems(tmp_path / "wrong.toml")
+    assert found.startswith("this is an aircraft file (it has S, cbar)")
+
+
 def test_all_that_is_not_there_is_reported_at_once(write):
     changes = [
         ('"clean.out"', '"cleen.out"'),
@@ -90,7 +107,7 @@ def test_all_that_is_not_there_is_reported_at_once(write):
     text = "\n".join(found)
     assert "listings.clean: no file 'cleen.out'" in text
     assert "aircraft: no file 'none.toml'" in text
-    assert "cases: no file matches none/*.toml" in text
+    assert "cases: no file matches 'none/*.toml'" in text
     assert "fit.0.records: unknown record 'run_3'; near it: run_2, run_1" in text
     assert "fit.0.models: unknown quantity 'alfa'; near it: alpha" in text
     assert "terms.CL/gear: regressor: unknown quantity 'geer'; near it: gear" in text

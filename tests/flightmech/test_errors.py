@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flightmech import errors
+from flightmech.names import lookup
 
 
 def test_parse_error_names_file_and_line():
@@ -37,3 +38,19 @@ def test_all_are_errors_of_the_package():
         assert issubclass(getattr(errors, name), errors.AeromatchError)
     with pytest.raises(errors.AeromatchError):
         raise errors.UnitError("x")
+
+
+OTHER_NAMES = {"chord": "cbar", "span": "b", "heading": "psi", "Bank angle": "phi", "wing_area": "S", "elevator": "delta_e"}
+
+
+@pytest.mark.parametrize(("name", "symbol"), OTHER_NAMES.items())
+def test_other_names_of_the_field_lead_to_the_symbol(name, symbol):
+    """Spelling alone led `span` and `heading` elsewhere."""
+    assert errors.near_names(name, ["S", "b", "cbar", "phi", "psi", "theta", "delta_e", "h_agl"]) == [symbol]
+    assert symbol not in errors.near_names(name, ["theta", "h_agl"])  # only what the place at hand allows
+
+
+def test_every_symbol_with_other_names_is_of_the_vocabulary_or_of_the_aircraft_file():
+    aircraft = {"S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz"}
+    for symbol in set(errors._SYMBOL.values()) - aircraft:
+        assert lookup(symbol).name == symbol

@@ -107,9 +107,15 @@ def engine_of(item: EngineTable, number: int, folder: Path, problems: list[str])
         elif item.deck is not None:
             deck = deck_of(item.deck, folder)
     except (SchemaError, UnitError, ValueError, OSError) as error:
-        found = error.problems if isinstance(error, SchemaError) else [str(error)]
+        found = error.problems if isinstance(error, SchemaError) else [_missing(item, folder) or str(error)]
         problems += [f"engine.{number}.{key}: {text}" for text in found]
     return Engine(item.position, item.direction, thrust, item.time_constant, item.angular_momentum, deck)
+
+
+def _missing(item: EngineTable, folder: Path) -> str:
+    """Return a sentence when the file of the tables is not there: libraries name it in words of their own."""
+    name = item.thrust_file or (item.deck.file if item.deck is not None else None)
+    return "" if name is None or (folder / name).is_file() else f"no file {name!r} in {folder}; give its path from the aircraft file"
 
 
 def _thrust_table(table: Mapping[str, Any]) -> xr.Dataset:

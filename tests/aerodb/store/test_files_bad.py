@@ -99,6 +99,20 @@ def test_files_that_are_no_database(tmp_path):
     assert len(caught.value.problems) > 8  # with the root attributes that a database has and this file lacks
 
 
+def test_files_of_another_kind_are_called_by_it(tmp_path):
+    """A list of everything that a record lacks as a database had 121 lines."""
+    samples = xr.Dataset({"p": ("time", [1.0])}, {"time": [0.0]})
+    kinds = {
+        "flight show": {"/imu": samples, "/air_data": samples},
+        "flight identify": {"/states": samples, "/biases": xr.Dataset(), "/residuals": samples},
+    }
+    for verb, groups in kinds.items():
+        xr.DataTree.from_dict(groups).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
+        with pytest.raises(SchemaError, match=f"no aero database; `aeromatch {verb}` reads it") as caught:
+            aerodb.open(tmp_path / "other.nc")
+        assert len(caught.value.problems) == 1
+
+
 def test_a_database_that_xarray_wrote_is_one(small, tmp_path):
     small.to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
     xr.testing.assert_identical(aerodb.open(tmp_path / "x.nc"), small)

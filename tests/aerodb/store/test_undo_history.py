@@ -63,7 +63,7 @@ def test_numbers_go_on_after_forgetting(small):
     new = aerodb.edit.scale(released, "CL/flap", 0.25)
     assert list(aerodb.store.history(new)["edit"]) == [None, None, None, 3]
     assert aerodb.store.previous(new, edit=3).identical(released)
-    with pytest.raises(UnknownName, match=r"unknown edit '1'; allowed: 3; aerodb\.history lists"):
+    with pytest.raises(UnknownName, match=r"unknown edit '1'; allowed: 3; aerodb\.store\.history lists"):
         aerodb.store.previous(new, edit=1)
     with pytest.raises(OutOfRange, match="0 edits cannot"):
         aerodb.store.previous(new, steps=0)
@@ -91,7 +91,7 @@ def test_a_group_that_no_edit_wrote_is_named(small, name):
     nodes = {node.path: node.to_dataset(inherit=False) for node in small.subtree}
     foreign = xr.DataTree.from_dict({**nodes, f"/previous/{name}/CL/flap": aerodb.terms(small)["CL/flap"]})
     for ask in (aerodb.store.history, aerodb.store.previous, lambda db: aerodb.edit.scale(db, "CL/flap", 2.0)):
-        with pytest.raises(SchemaError, match=rf"/previous/{name} is not the undo entry of an edit; aerodb\.forget drops"):
+        with pytest.raises(SchemaError, match=rf"/previous/{name} is not the undo entry of an edit; aerodb\.store\.forget drops"):
             ask(foreign)
     assert aerodb.store.forget(foreign).identical(small)
 

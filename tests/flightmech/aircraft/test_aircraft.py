@@ -99,7 +99,11 @@ def test_all_problems_are_reported_at_once(write):
         ("mach = [0.0, 0.6]", "mach = [0.0, 0.6, 0.9]", r"value has the shape \(2, 2\), the axes throttle mach have \(2, 3\)"),
         ("throttle = [0, 1]", "throtle = [0, 1]", "unknown key throtle; allowed: throttle, mach, h, value"),
         ("throttle = [0, 1]", "throttle = [1, 0]", "axis throttle does not rise"),
-        ('thrust_file = "engine.nc"', 'thrust_file = "none.nc"', "engine.2.thrust: .*none.nc"),
+        (
+            'thrust_file = "engine.nc"',
+            'thrust_file = "none.nc"',
+            "engine.2.thrust: no file 'none.nc' in .*; give its path from the aircraft file",
+        ),
         ("Ixz = 120.0", "Ixz = 90000.0", "no positive definite tensor"),
         ('["-20 deg", "17 deg"]', '["17 deg", "-20 deg"]', "low 0.296706 is not below high -0.349066"),
     ],
