@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 from pydantic import Field
 
+from datcom_io.reading import Place, place_of
 from flightmech import terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
@@ -65,7 +66,7 @@ Paths = str | tuple[str, ...]
 
 
 class Listings(Strict):
-    """Digital DATCOM listings by their role in `aerodb.from_datcom`, one or several each."""
+    """Digital DATCOM listings by their role in `aerodb.from_datcom`, one or several each; ``FILE:CASE`` takes one case of a file."""
 
     clean: Paths
     flaps: Paths = ()
@@ -112,8 +113,8 @@ class Project:
         The project file, the aircraft file, the name map of the flight records.
     apriori : Path or None
         The aircraft as it was known before the flights, when its engines, gear or control circuits were others.
-    listings : dict of str to tuple of Path
-        Digital DATCOM listings by their role in `aerodb.from_datcom`: ``clean``, ``flaps``, ``elevator`` ...
+    listings : dict of str to tuple of Place
+        Digital DATCOM listings, or single cases of them, by their role in `aerodb.from_datcom`: ``clean``, ``flaps``, ``elevator`` ...
     altitude : float or None
         Reference altitude of the a-priori tables. [m]
     flights : dict of str to Path
@@ -148,7 +149,7 @@ class Project:
     aircraft: Path
     apriori: Path | None
     names: Path
-    listings: dict[str, tuple[Path, ...]]
+    listings: dict[str, tuple[Place, ...]]
     altitude: float | None
     flights: dict[str, Path]
     cases: tuple[Path, ...]
@@ -196,9 +197,16 @@ def read_project(path: str | Path) -> Project:
             problems.append(f"{place}: no file {name!r} in {folder}")
         return file
 
+    def listing(text: str, place: str) -> Place:
+        try:
+            return place_of(text, folder)
+        except FileNotFoundError:
+            problems.append(f"{place}: no file {text!r} in {folder}; write FILE, or FILE:CASE for one case of it")
+            return Place(folder / text)
+
     given = {role: paths for role, paths in content.listings if role != "altitude" and paths}
     listings = {
-        role: tuple(existing(name, f"listings.{role}") for name in ((paths,) if isinstance(paths, str) else paths))
+        role: tuple(listing(name, f"listings.{role}") for name in ((paths,) if isinstance(paths, str) else paths))
         for role, paths in given.items()
     }
     flights = {file.stem: file for file in _matching(folder, content.flights)}

@@ -12,10 +12,10 @@ import pandas as pd
 import xarray as xr
 
 import aerodb
-import datcom_io
 import flightmech
 import flighttest
 import pom
+from datcom_io.reading import read_place
 from flightmech import Aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flighttest.control_loading import replace_hinge_moments
@@ -41,7 +41,7 @@ Step = Callable[[str], AbstractContextManager[None]]
 
 def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
     """Return the database of the project's DATCOM listings."""
-    listings: dict[str, Any] = {role: [datcom_io.read(path) for path in paths] for role, paths in project.listings.items()}
+    listings: dict[str, Any] = {role: [read_place(place) for place in places] for role, places in project.listings.items()}
     return aerodb.from_datcom(aircraft, **listings, altitude=project.altitude)
 
 
@@ -83,7 +83,7 @@ def records_of(project: Project, cases: Iterable[Any] = ()) -> list[str]:
 def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     """Return every file that the results rest on, with the flight records named."""
     flights = [project.flights[name] for name in names]
-    listings = [path for paths in project.listings.values() for path in paths]
+    listings = list(dict.fromkeys(place.file for places in project.listings.values() for place in places))
     aircraft = [project.aircraft, *([project.apriori] if project.apriori else [])]
     return [project.file, *aircraft, project.names, *listings, *flights, *project.cases, *project.tables.values()]
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from flightmech.errors import ParseError, UnknownName
+from flightmech.errors import ParseError, SchemaError, UnknownName
 
 from .printout.content import Message, Page, PrintedCase
 
@@ -127,14 +127,23 @@ class Listing:
         return iter(self.cases)
 
     def __getitem__(self, key: str | int) -> Case:
+        """Return a case by its place from 0 (int); or by its name, its number from 1 or a part of the name that no other has (str).
+
+        Capital and small letters count as equal in a part of a name.
+        """
         if isinstance(key, int):
             if not -len(self) <= key < len(self):
                 raise UnknownName(str(key), map(str, range(len(self))), f"case number of {self.file}")
             return self.cases[key]
-        for case in self.cases:
-            if case.name == key:
-                return case
-        raise UnknownName(key, self.case_names, f"case of {self.file}")
+        found = [case for case in self.cases if case.name == key]
+        found = found or [case for case in self.cases if str(case.ordinal) == key]
+        found = found or [case for case in self.cases if key.strip() and key.lower() in case.name.lower()]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            cases = ", ".join(f"{case.ordinal} {case.name!r}" for case in found)
+            raise SchemaError(self.file, [f"several cases have {key!r} in their name: {cases}; give the number, or more of the name"])
+        raise UnknownName(key, self.case_names, f"case of {self.file}", "give its number from 1, its name or a part of the name")
 
     def cells(self) -> pd.DataFrame:
         """Return one row per printed cell.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -12,8 +12,11 @@ from .characteristics import characteristics, rescale
 from .compare import compare, plot
 from .edit import edit, forget, history, previous
 from .exchange import export_database, import_database
-from .listings import ListingPath, read
+from .listings import ListingPath
 from .scheme import scheme
+
+if TYPE_CHECKING:
+    from datcom_io.reading import Place
 
 _LISTING = click.Path(exists=True, dir_okay=False)
 
@@ -40,13 +43,14 @@ def db() -> None:
 @click.option("--altitude", help="Altitude of the basic tables, such as '10000 ft'; the middle one unless given.")
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @json_option
-def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **listings: tuple[tuple[str, str], ...]) -> None:
+def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **listings: tuple[Place, ...]) -> None:
     """Build a database from the listings of AIRCRAFT (a TOML file).
 
     An option given twice takes several files; FILE:CASE takes one case of a file.
     """
     import warnings
 
+    from datcom_io.reading import read_place
     from flightmech.aircraft.aircraft import read_aircraft
     from flightmech.errors import AeromatchWarning
     from flightmech.units import quantity
@@ -56,7 +60,7 @@ def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **lis
     from ..store.overview import describe, summary
 
     craft = read_aircraft(aircraft)
-    given: dict[str, Any] = {role: [read(path) for path in paths] for role, paths in listings.items() if paths}
+    given: dict[str, Any] = {role: [read_place(place) for place in places] for role, places in listings.items() if places}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
         tree = from_datcom(craft, altitude=None if altitude is None else quantity(altitude, "m"), **given)

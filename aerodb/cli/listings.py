@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    from datcom_io.reading import Place
 
 
 class ListingPath(click.ParamType):
@@ -13,21 +15,11 @@ class ListingPath(click.ParamType):
 
     name = "FILE[:CASE]"
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[str, str]:
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Place:
         """Return file and case, empty for all cases."""
-        text = str(value)
-        if Path(text).is_file():
-            return text, ""
-        file, colon, case = text.rpartition(":")
-        if not (colon and Path(file).is_file()):
-            self.fail(f"there is no file {text!r}; write FILE, or FILE:CASE for one case of it", param, ctx)
-        return file, case
+        from datcom_io.reading import place_of
 
-
-def read(place: tuple[str, str]) -> Any:
-    """Return a listing, or one case of it."""
-    import datcom_io
-
-    file, case = place
-    listing = datcom_io.read(file)
-    return listing[case] if case else listing
+        try:
+            return place_of(str(value))
+        except FileNotFoundError as error:
+            self.fail(f"{value!r}: {error.strerror}", param, ctx)

@@ -16,7 +16,7 @@ from . import deck as deck_cli
 from . import exchange as exchange_cli
 
 _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False))
-_CASE = click.option("--case", "name", help="Case by its name or by its number, from 1.")
+_CASE = click.option("--case", "name", help="Case by its number from 1, its name or a part of the name.")
 _PARTIAL = click.option("--partial", is_flag=True, help="Take what is complete in a listing that is cut.")
 
 
@@ -46,7 +46,7 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
     found = summary(listing)
     pages = None
     if name is not None:
-        case = _case(listing, name)
+        case = listing[name]
         found = [row for row in found if row["ordinal"] == case.ordinal]
         pages = [page_row(page) for page in case.pages]
     remarks = [message._asdict() for message in listing.own_messages]
@@ -82,7 +82,7 @@ def table(file: str, name: str | None, number: int, partial: bool, as_json: bool
     from ..reading.reader import read
     from .summary import page_row
 
-    case = _case(read(file, partial=partial), name or "1")
+    case = read(file, partial=partial)[name or 0]
     if not 1 <= number <= len(case.pages):
         raise UnknownName(str(number), [f"1 ... {len(case.pages)}"], f"page of case {case.name!r}")
     page = case.pages[number - 1]
@@ -148,7 +148,7 @@ def convert(
     if tree is None:
         listing = read(file, partial=partial)
         if name is not None:
-            tree = _case(listing, name).to_datatree(fill_transonic=fill_transonic)
+            tree = listing[name].to_datatree(fill_transonic=fill_transonic)
         elif joined:
             tree = join(case.to_datatree(fill_transonic=fill_transonic) for case in listing if case.pages)
         else:
@@ -171,18 +171,11 @@ def cells(file: str, output: str, name: str | None, partial: bool, as_json: bool
     from ..export.cell_csv import write_cells
     from ..reading.reader import iterate, read
 
-    count = write_cells(iterate(file, partial=partial) if name is None else [_case(read(file, partial=partial), name)], output)
+    count = write_cells(iterate(file, partial=partial) if name is None else [read(file, partial=partial)[name]], output)
     if as_json:
         console.document({"file": output, "cells": count})
     else:
         click.echo(f"written: {output}, {_count(count, 'cell')}")
-
-
-def _case(listing, name: str):
-    """Return a case by its name, or by its number from 1."""
-    if name not in listing.case_names and name.isdecimal() and 1 <= int(name) <= len(listing):
-        return listing[int(name) - 1]
-    return listing[name]
 
 
 def _count(number: int, word: str) -> str:

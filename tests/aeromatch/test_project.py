@@ -1,6 +1,7 @@
 import pytest
 
 from aeromatch.project import NewTerm, read_project
+from datcom_io.reading import Place
 from flightmech.errors import ParseError, SchemaError
 from flightmech.units import DEGREE
 
@@ -54,14 +55,23 @@ def problems(path):
 
 def test_a_role_may_have_several_listings(write, tmp_path):
     project = read_project(write(('clean = "clean.out"', 'clean = "clean.out"\nelevator = ["clean.out", "names.toml"]')))
-    assert project.listings["elevator"] == (tmp_path / "clean.out", tmp_path / "names.toml")
+    assert project.listings["elevator"] == (Place(tmp_path / "clean.out"), Place(tmp_path / "names.toml"))
+
+
+def test_a_role_may_take_one_case_of_a_listing(write, tmp_path):
+    place = "clean.out:TOTAL: small aircraft"
+    project = read_project(write(('clean = "clean.out"', f'clean = "{place}"')))
+    assert project.listings["clean"] == (Place(tmp_path / "clean.out", "TOTAL: small aircraft"),)
+    assert problems(write(('clean = "clean.out"', 'clean = "clear.out:2"'))) == [
+        f"listings.clean: no file 'clear.out:2' in {tmp_path}; write FILE, or FILE:CASE for one case of it"
+    ]
 
 
 def test_a_project_is_read(write, tmp_path):
     project = read_project(write())
     assert project.file == tmp_path / "aeromatch.toml"
     assert list(project.flights) == ["run_1", "run_2"]
-    assert project.listings == {"clean": (tmp_path / "clean.out",)}
+    assert project.listings == {"clean": (Place(tmp_path / "clean.out"),)}
     assert project.altitude == pytest.approx(3048.0)
     assert project.cutoff == 4.0
     assert project.cases == (tmp_path / "case.toml",)

@@ -130,6 +130,6 @@ def test_a_held_term_that_is_not_there(project, prior):
 def test_the_inputs_are_every_file_of_the_project(shipped):
     names = workflow.records_of(shipped)
     files = workflow.inputs_of(shipped, names)
-    listings = {path for paths in shipped.listings.values() for path in paths}
+    listings = {place.file for places in shipped.listings.values() for place in places}
     assert {shipped.file, shipped.aircraft, *shipped.cases, *listings, shipped.flights[names[0]]} <= set(files)
     assert all(file.is_file() for file in files)

@@ -7,11 +7,49 @@ import numpy as np
 import pytest
 
 import datcom_io
-from flightmech.errors import UnknownName
+from datcom_io import Listing
+from datcom_io.listing import Case
+from datcom_io.reading import place_of, read_place
+from flightmech.errors import SchemaError, UnknownName
 
 DATA = Path(__file__).parents[3] / "data" / "t37" / "datcom"
 
 NAMES = ["aileron", "build", "clean", "elevator", "flaps", "ground", "ground_elevator", "ground_flap"]
+
+
+@pytest.fixture
+def three():
+    """Return a listing of three cases whose names hold colons, commas and numbers."""
+    names = ("TOTAL: LIGHT SINGLE", "FLAPS: LIGHT SINGLE", "3 FLAPS 1")
+    return Listing("three.out", cases=[Case(number, 1, 1, name=name) for number, name in enumerate(names, 1)])
+
+
+def test_a_case_is_found_by_number_or_a_part_of_its_name(three):
+    total, flaps, last = three.cases
+    assert three["1"] is three["total"] is three["TOTAL: LIGHT SINGLE"] is total
+    assert three["Flaps: "] is flaps
+    assert three["3"] is three["FLAPS 1"] is last
+    with pytest.raises(SchemaError, match="have 'flaps' in their name: 2 'FLAPS: LIGHT SINGLE', 3 '3 FLAPS 1'; give the number"):
+        three["flaps"]
+    with pytest.raises(UnknownName, match=r"unknown case of three\.out '4'; allowed: .*; give its number from 1"):
+        three["4"]
+
+
+def test_the_file_of_a_place_ends_before_a_colon(tmp_path):
+    (tmp_path / "a.out").touch()
+    (tmp_path / "a.out:b").touch()
+    assert place_of("a.out", tmp_path) == (tmp_path / "a.out", "")
+    assert place_of("a.out:TOTAL: x", tmp_path) == (tmp_path / "a.out", "TOTAL: x")
+    assert place_of("a.out:b", tmp_path) == (tmp_path / "a.out:b", "")
+    assert place_of("a.out:b:2", tmp_path) == (tmp_path / "a.out:b", "2")
+    with pytest.raises(FileNotFoundError, match="write FILE, or FILE:CASE"):
+        place_of("b.out:2", tmp_path)
+
+
+def test_a_place_is_read(t37):
+    place = f"{DATA / 't37_elevator.out'}:1"
+    assert read_place(place).name == "T-37 OWN DECK ELEVATOR"
+    assert len(read_place(DATA.as_posix() + "/t37_elevator.out")) == 1
 
 
 def test_cases_are_found_by_name_and_number(t37):
