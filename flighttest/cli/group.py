@@ -22,6 +22,7 @@ _ELSEWHERE = {
     "join": "identify",
     "partition": "identify",
     "inertia": "identify",
+    "tabulate": "identify",
     "report": "report",
     "modes": "report",
     "fit": "fit",

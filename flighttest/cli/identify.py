@@ -1,4 +1,4 @@
-"""The verbs ``aeromatch flight identify | select | join | partition | inertia``: reconstructed paths to estimates."""
+"""The verbs ``aeromatch flight identify | select | join | partition | inertia | tabulate``: reconstructed paths to estimates and tables."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ _WINDOW = click.option(
 _CUTOFF = click.option("--cutoff", type=float, help="Low-pass all states alike first [Hz].")
 _BAND = click.option("--band", type=(float, float), help="Work in frequency, inside this band [Hz]. Default: in time.")
 _CORRELATION = click.option("--correlation", is_flag=True, help="Print the correlation matrix of the estimates.")
+_TABULATED = {"nodes": "nodes", "flight": "from flight", "identified": "identified", "ratio_median": "std. error / a priori"}
 _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to this netCDF file.")
 
 
@@ -188,6 +189,40 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
     else:
         click.echo(found.report())
     ctx.exit(1 if barred(found.remarks) else 0)
+
+
+@click.command()
+@click.argument("fits", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
+@click.option("--database", "database_file", required=True, type=click.Path(exists=True, dir_okay=False), help="A-priori tables.")
+@click.option("--hold", "held", multiple=True, help="A term that keeps its values, such as CL/altitude.")
+@click.option("-o", "--output", required=True, type=NewFile(), help="Write the database with the new tables.")
+@json_option
+def tabulate(fits, database_file, held, output, as_json) -> None:
+    """Join FITS of any coefficients (files of identify, select or join) with the tables of a database."""
+    import aerodb
+
+    from ..equation_error.fit import open_fit
+
+    prior = aerodb.open(database_file)
+    found = aerodb.tabulate([open_fit(path) for path in fits], prior, held)
+    aerodb.save(aerodb.replace_terms(prior, found, note="identified from flight"), output)
+    report = found.report
+    points = found.points.reset_index()
+    if as_json:
+        terms = {str(name): {str(key): float(value) for key, value in row.items()} for name, row in report.iterrows()}
+        document({"terms": terms, "fits": points, "compatibility": found.compatibility.reset_index(), "file": output})
+        return
+    formats = [f".{2 if key.startswith('ratio') else 0}f" for key in _TABULATED]
+    rows = [(name, *(f"{row[key]:{form}}" for key, form in zip(_TABULATED, formats))) for name, row in report.iterrows()]
+    table(["term", *_TABULATED.values()], rows, right=list(_TABULATED.values()))
+    click.echo()
+    rows = [
+        (row.coefficient, row.fit, f"{row.rms_prior:.4g}", f"{row.rms:.4g}", f"{row.distance:.1f}", "suspect" if row.suspect else "")
+        for row in points.itertuples()
+    ]
+    columns = ["coefficient", "fit", "rms before", "rms after", "distance", ""]
+    table(columns, rows, "Measured less tables", right=["rms before", "rms after", "distance"])
+    click.echo(f"\nwritten: {output}")
 
 
 def _manoeuvres(paths, aircraft_file, windows, cutoff) -> list:

@@ -5,9 +5,10 @@ import pytest
 import xarray as xr
 from click.testing import CliRunner
 
+import aerodb
 from flightmech import terms
 from flightmech.errors import AeromatchError, IdentificationError, OutOfRange, SchemaError, UnknownName
-from flighttest.cli.identify import identify, inertia, join, partition, select
+from flighttest.cli.identify import identify, inertia, join, partition, select, tabulate
 from flighttest.equation_error.fit import open_fit
 
 AIRCRAFT = """
@@ -169,3 +170,28 @@ def test_a_figure_that_must_not_be_used_is_exit_code_1(files):
     noise = run(*odd, "--model", "Cl = 1 + beta + delta_r", "--json")
     assert noise.exit_code == 1
     assert [one["kind"] for one in json.loads(noise.output)["remarks"]] == ["no excitation"]
+
+
+def test_fits_join_the_tables_of_a_database(files):
+    """A prior of -0.4 and 0.1 with errors of 0.2; the record was made with -0.5 and 0.2."""
+    base, folder = files
+    leaves = {
+        "CY/beta": terms.make(-0.4, {}, ["beta"], stderr=0.2, source="datcom"),
+        "CY/rudder": terms.make(0.1, {}, ["delta_r"], stderr=0.2, source="judgement"),
+    }
+    aerodb.save(aerodb.database(leaves, **REFERENCE), folder / "prior.nc")
+    run(*base, "--model", "CY = 1 + beta + delta_r", "-o", str(folder / "fit.nc"))
+    words = [str(folder / "fit.nc"), "--database", str(folder / "prior.nc")]
+    done = CliRunner().invoke(tabulate, [*words, "-o", str(folder / "new.nc")], catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "CY/rudder" in done.output
+    new = aerodb.terms(aerodb.open(folder / "new.nc"))
+    assert float(new["CY/beta"]["value"]) == pytest.approx(-0.5, abs=3 * float(new["CY/beta"]["stderr"]))
+    assert float(new["CY/rudder"]["value"]) == pytest.approx(0.2, abs=3 * float(new["CY/rudder"]["stderr"]))
+    assert float(new["CY/rudder"]["stderr"]) < 0.02
+    held = CliRunner().invoke(tabulate, [*words, "--hold", "CY/beta", "-o", str(folder / "held.nc"), "--json"], catch_exceptions=False)
+    assert set(json.loads(held.output)["terms"]) == {"CY/rudder"}
+    assert float(aerodb.terms(aerodb.open(folder / "held.nc"))["CY/beta"]["value"]) == -0.4
+    with pytest.raises(UnknownName, match="unknown held term 'CY/bet'; near it: CY/beta"):
+        CliRunner().invoke(tabulate, [*words, "--hold", "CY/bet", "-o", str(folder / "no.nc")], catch_exceptions=False)
+    assert not (folder / "no.nc").exists()
