@@ -12,6 +12,7 @@ import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.errors import AeromatchWarning
+from flightmech.support.arrays import rms
 
 from ..store.number_text import readable
 from ..store.schema import terms
@@ -155,7 +156,7 @@ def _along(pairs: Mapping[str, Pair], conditions: Conditions) -> tuple[Rows, dic
 def _shares(own: np.ndarray, whole: np.ndarray) -> tuple[float, float]:
     """Return the share of one term in the mean square difference of its coefficient, and the rms that is left without it."""
     share = float(np.mean(own * whole) / np.mean(whole**2)) if whole.any() else np.nan
-    return share, _rms(whole - own)
+    return share, rms(whole - own)
 
 
 def _by_coefficient(pairs: Mapping[str, Pair]) -> dict[str, dict[str, Pair]]:
@@ -202,9 +203,9 @@ def _row(found_in: str, a: Side, b: Side, place: Place, note: str) -> list[Any]:
     of_both = np.hypot(a.stderr, b.stderr)
     ratios = [_ratios(d, b.stderr if found_in == "b" else a.stderr), _ratios(d, b.stderr), _ratios(d, of_both)]
     largest = [float(np.abs(r).max()) if len(r) else np.nan for r in ratios]
-    in_rms = _rms(ratios[2]) if len(ratios[2]) else np.nan
+    in_rms = rms(ratios[2]) if len(ratios[2]) else np.nan
     where = place(worst) if d[worst] else ""
-    return [found_in, float(d[worst]), _rms(d), *largest, in_rms, float(a.value[worst]), float(b.value[worst]), where, note]
+    return [found_in, float(d[worst]), rms(d), *largest, in_rms, float(a.value[worst]), float(b.value[worst]), where, note]
 
 
 def _nothing(found_in: str, note: str) -> list[Any]:
@@ -214,10 +215,6 @@ def _nothing(found_in: str, note: str) -> list[Any]:
 def _ratios(d: np.ndarray, stderr: np.ndarray) -> np.ndarray:
     known = stderr > 0
     return d[known] / stderr[known]
-
-
-def _rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def _pair_found_in(pair: Pair) -> str:

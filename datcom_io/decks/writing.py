@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from flightmech.errors import SchemaError
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.atomic_write import write_text
 
 from .cards import Assignment, Card, Item
 from .deck import Deck, pieces
@@ -43,8 +43,7 @@ def write_deck(deck: DeckFile | Deck | Iterable[Deck], path: str | os.PathLike[s
     precision can distinguish.  `read_deck` of the file is equal in meaning (`Deck.meaning`).
     """
     text = deck_text(deck, resolved=resolved)
-    with written_atomically(path) as part:
-        part.write_text(text, encoding="latin-1", newline="\n")
+    write_text(path, text, encoding="latin-1")
 
 
 def deck_text(deck: DeckFile | Deck | Iterable[Deck], *, resolved: bool = False) -> str:

@@ -8,7 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from ..support.atomic_write import written_atomically
+from ..support.atomic_write import write_text, written_atomically
 from .aircraft import Aircraft
 from .systems.engine import Engine
 from .systems.engine_deck import CONSTANTS, Deck, write_tables
@@ -55,8 +55,7 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
         lines += ["", f"[circuit.{name}]", *(f"{key} = {_value(getattr(circuit, key))}" for key in changed)]
     for name, table in aircraft.instruments.items():
         lines += ["", f"[instruments.{name}]", *(f"{_key(key)} = {_value(item)}" for key, item in table.items())]
-    with written_atomically(path) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
     return path
 
 

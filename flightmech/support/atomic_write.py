@@ -40,6 +40,12 @@ def written_atomically(path: str | os.PathLike) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
+def write_text(path: str | os.PathLike, text: str, encoding: str = "utf-8") -> None:
+    """Write a text file atomically, with the line ends that the text has; errors as in `written_atomically`."""
+    with written_atomically(path) as part:
+        part.write_text(text, encoding=encoding, newline="")
+
+
 @contextmanager
 def folder_written_atomically(path: str | os.PathLike) -> Iterator[Path]:
     """Yield a new folder next to `path` to fill; it takes the name of `path` once the block has ended well.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from flightmech.support.atomic_write import write_text
 from flightmech.support.console import NewFile, document, json_option
 
 
@@ -17,7 +18,7 @@ from flightmech.support.console import NewFile, document, json_option
 def fit(ctx: click.Context, fit_file: str, output: str | None, page: str | None, database: str | None, as_json: bool) -> None:
     """Estimate parameters of the simulation by output error, as specified in FIT (TOML); exit code 1 when a figure must not be used."""
     from ..maximum_likelihood.files import save_output_error
-    from ..maximum_likelihood.job.page import write_page
+    from ..maximum_likelihood.job.page import page as page_of
     from ..maximum_likelihood.job.run import perform
     from ..maximum_likelihood.job.specification import read_specification
     from ..remarks import barred
@@ -29,7 +30,7 @@ def fit(ctx: click.Context, fit_file: str, output: str | None, page: str | None,
         save_output_error(done.fit, output)
         files.append(output)
     if page:
-        write_page(done, page)
+        write_text(page, page_of(done))
         files.append(page)
     if database:
         left = done.write_database(database)

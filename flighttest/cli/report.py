@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from flightmech.support.atomic_write import write_text
 from flightmech.support.console import NewFile, document, json_option, table
 
 from .options import names_option
@@ -18,12 +19,12 @@ from .options import names_option
 def report(ctx: click.Context, plan_file: str, output: str | None, folder: str | None, as_json: bool) -> None:
     """Evaluate a flight as specified in PLAN (TOML); exit code 1 when a figure is outside its bounds or not determined."""
     from ..evaluation.flight_evaluation import evaluate
-    from ..evaluation.page import write_page
+    from ..evaluation.page import page
 
     found = evaluate(plan_file)
     files = [str(file) for file in found.save(folder)] if folder else []
     if output:
-        write_page(found, output)
+        write_text(output, page(found))
         files.append(output)
     if as_json:
         document({**found.as_dict(), "files": files})

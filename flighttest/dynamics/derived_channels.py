@@ -17,6 +17,7 @@ import xarray as xr
 from flightmech.air import GAMMA, R_AIR, mach_number
 from flightmech.errors import SchemaError
 from flightmech.names import attrs
+from flightmech.support.arrays import rms
 
 from ..signals.conditioning import resample
 from ..signals.differentiation import derivative, derivative_gain, derivative_noise
@@ -93,7 +94,7 @@ def forces_from_velocity(data: xr.Dataset, latitude: float | None = None) -> xr.
     rate = np.stack([x for x, _ in turned], axis=1) - [0.0, 0.0, g]
     force = np.einsum("tji,tj->ti", rotation(angles), rate)
     tilt = g * np.array([_noise(data, "theta"), _noise(data, "phi"), 0.0])  # about level flight, where az does not see the attitude
-    error = np.hypot(_rms([sigma for _, sigma in turned]), tilt)
+    error = np.hypot(rms([sigma for _, sigma in turned]), tilt)
     axes = ("ax", "ay", "az")
     origin = "derivatives of vn ve vd, attitude and gravity"
     return _dataset(data, dict(zip(axes, force.T)), dict(zip(axes, error)), origin, _bandwidth(data, *names))
@@ -111,7 +112,7 @@ def airspeed_from_pressures(data: xr.Dataset) -> xr.Dataset:
     dq, dp, dT = (_noise(data, name) for name in ("q_c", "p_static", "temperature"))
     made = _air(q_c, p, T)
     moved = [_air(q_c + dq, p, T), _air(q_c, p + dp, T), _air(q_c, p, T + dT)]
-    error = {name: _rms(np.sqrt(sum((m[name] - x) ** 2 for m in moved))) for name, x in made.items()}
+    error = {name: rms(np.sqrt(sum((m[name] - x) ** 2 for m in moved))) for name, x in made.items()}
     return _dataset(data, made, error, "q_c p_static temperature")
 
 
@@ -140,9 +141,9 @@ def incidence_from_velocity(data: xr.Dataset, wind: Sequence[float] = (0.0, 0.0,
     R = rotation(np.stack(angles, axis=1))
     u, v, w = np.einsum("tji,tj->ti", R, np.stack(velocity, axis=1) - np.asarray(wind, float)).T
     V = np.sqrt(u**2 + v**2 + w**2)
-    speed = float(np.hypot(wind_error, _rms([_noise(data, name) for name in ("vn", "ve", "vd")])))
+    speed = float(np.hypot(wind_error, rms([_noise(data, name) for name in ("vn", "ve", "vd")])))
     theta, psi = (_noise(data, name) for name in ("theta", "psi"))
-    turned = speed / float(np.sqrt(np.mean(V**2)))
+    turned = speed / rms(V)
     error = {"V": speed, "alpha": float(np.hypot(turned, theta)), "beta": float(np.sqrt(turned**2 + psi**2))}
     made = {"V": V, "alpha": np.arctan2(w, u), "beta": np.arcsin(np.clip(v / np.maximum(V, 1e-6), -1.0, 1.0))}
     return _dataset(data, made, error, f"vn ve vd less wind ({', '.join(f'{x:g}' for x in wind)}) m/s, attitude")
@@ -226,10 +227,6 @@ def _bandwidth(data: xr.Dataset, *names: str) -> float:
     step = max(_as_recorded(data, name)[2] for name in names)
     f = np.linspace(0.0, 0.5, 501)[1:] / step
     return float(f[derivative_gain(f, step) > 0.99][-1])
-
-
-def _rms(x) -> float:
-    return float(np.sqrt(np.mean(np.square(x))))
 
 
 def _air(q_c: np.ndarray, p: np.ndarray, T: np.ndarray) -> dict[str, np.ndarray]:

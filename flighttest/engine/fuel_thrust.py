@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flightmech.support.arrays import rms
 
 from .points import ratios
 
@@ -81,7 +82,7 @@ def fit_fuel_thrust(points: xr.Dataset) -> FuelThrust:
     R = np.linalg.inv(np.linalg.qr(A / size, mode="r"))
     covariance = R @ R.T * float(v @ v) / (len(v) - count) / np.outer(size, size)
     spans = [(float(x.min()), float(x.max())) for x in (w, mach)]
-    return FuelThrust(theta, covariance, float(np.sqrt(np.mean(v**2))), spans[0], spans[1])
+    return FuelThrust(theta, covariance, rms(v), spans[0], spans[1])
 
 
 def _rows(points: xr.Dataset) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -20,6 +20,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import IdentificationError
+from flightmech.support.arrays import rms
 
 from ..signals.fourier import adjoint, detrended, finite_fourier, harmonics
 from ..uncertainty import collinearity, significance
@@ -236,7 +237,7 @@ def _solve(model: Model, samples: Samples, X: np.ndarray, terms: list[str], part
         "domain": "frequency",
         "R2": 1.0 - float((np.abs(v) ** 2).sum() / (np.abs(zf) ** 2).sum()),
         "R2_time": 1.0 - float(rest @ rest) / float(((z - z.mean()) ** 2).sum()),
-        "residual_rms": float(np.sqrt(np.mean(rest**2))),
+        "residual_rms": rms(rest),
         "samples": len(z),
         "manoeuvres": len(samples.steps),
         "offset": whole.offset,

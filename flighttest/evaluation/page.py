@@ -12,7 +12,6 @@ import numpy as np
 
 from flightmech.errors import UnknownName
 from flightmech.names import lookup
-from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import command_line
 from flightmech.units import from_si
 
@@ -43,12 +42,6 @@ _SHOWN = (
     "CL",
     "CD",
 )
-
-
-def write_page(evaluation: Evaluation, path: str | Path) -> None:
-    """Write an evaluation as one self-contained HTML page; an error leaves no file."""
-    with written_atomically(path) as part:
-        part.write_text(page(evaluation), encoding="utf-8")
 
 
 def page(evaluation: Evaluation) -> str:

@@ -11,6 +11,7 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import IdentificationError, OutOfRange, UnknownName
+from flightmech.support.arrays import rms
 from flightmech.units import G0
 
 from ..sensors.air_data import pressure
@@ -148,4 +149,4 @@ def line_through(line: Line, points: pd.DataFrame) -> Fitted:
     C = np.linalg.inv(X.T @ X) * float(rest @ rest) / (len(x) - 2)
     slope_of_root = np.array([-1.0 / m, b / m**2])
     errors = np.sqrt([C[1, 1], C[0, 0], slope_of_root @ C @ slope_of_root])
-    return Fitted(line, x, y, (m, errors[0]), (b, errors[1]), (-b / m, errors[2]), float(np.sqrt(np.mean(rest**2))))
+    return Fitted(line, x, y, (m, errors[0]), (b, errors[1]), (-b / m, errors[2]), rms(rest))

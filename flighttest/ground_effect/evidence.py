@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from flightmech.errors import IdentificationError
+from flightmech.support.arrays import rms
 
 from ..equation_error.samples import Samples
 from ..uncertainty import collinearity
@@ -150,7 +151,7 @@ def compared(residuals: dict[str, tuple[np.ndarray, int | None]], n: float) -> p
     rows = {}
     for form, (v, count) in residuals.items():
         counted = like if count is None else count
-        rows[form] = {"parameters": counted, "rms": float(np.sqrt(np.mean(v**2))), "BIC": criterion(v, counted, n)}
+        rows[form] = {"parameters": counted, "rms": rms(v), "BIC": criterion(v, counted, n)}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("form").sort_values("BIC", kind="stable")
     table["BIC"] -= table["BIC"].min()
     return table

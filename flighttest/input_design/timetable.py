@@ -34,7 +34,7 @@ import xarray as xr
 
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import attrs, lookup
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.atomic_write import write_text
 
 from .input_signals import axes_of
 
@@ -163,5 +163,4 @@ def _number(path: str | os.PathLike, head: dict[str, str], word: str) -> float:
 
 
 def _write(path: str | os.PathLike, text: str) -> None:
-    with written_atomically(path) as part:
-        part.write_text(text, encoding="utf-8", newline="\n")
+    write_text(path, text)

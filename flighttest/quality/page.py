@@ -11,7 +11,7 @@ from jinja2 import ChoiceLoader, PackageLoader, Template
 from markupsafe import Markup
 
 from flightmech.names import lookup
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.atomic_write import write_text
 from flightmech.support.svg_chart import stretches
 from flightmech.support.templates import environment
 from flightmech.units import from_si
@@ -46,8 +46,7 @@ def style() -> Markup:
 
 def write_page(quality: Quality, path: str | Path) -> None:
     """Write the quality of a record as one self-contained HTML page; an error leaves no file."""
-    with written_atomically(path) as part:
-        part.write_text(page(quality), encoding="utf-8")
+    write_text(path, page(quality))
 
 
 def page(quality: Quality) -> str:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.support.arrays import rms
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -57,7 +58,7 @@ def nrmse(measured, predicted) -> float:
     Parameters and errors as in `r_squared`.
     """
     z, y = _pair(measured, predicted)
-    return 100.0 * _rms(z - y) / _nonzero(np.ptp(z))
+    return 100.0 * rms(z - y) / _nonzero(np.ptp(z))
 
 
 def theil(measured, predicted) -> float:
@@ -79,7 +80,7 @@ def theil(measured, predicted) -> float:
     (0.0, 1.0)
     """
     z, y = _pair(measured, predicted)
-    return _rms(z - y) / _nonzero(_rms(z) + _rms(y))
+    return rms(z - y) / _nonzero(rms(z) + rms(y))
 
 
 def theil_single_root(measured, predicted) -> float:
@@ -88,7 +89,7 @@ def theil_single_root(measured, predicted) -> float:
     Parameters and errors as in `r_squared`.
     """
     z, y = _pair(measured, predicted)
-    return _rms(z - y) / _nonzero(np.hypot(_rms(z), _rms(y)))
+    return rms(z - y) / _nonzero(np.hypot(rms(z), rms(y)))
 
 
 def theil_shares(measured, predicted) -> Shares:
@@ -173,10 +174,6 @@ def _pair(measured, predicted) -> tuple[np.ndarray, np.ndarray]:
     if good.sum() < 2:
         raise IdentificationError(f"{good.sum()} samples with both signals; at least 2 are needed")
     return z[good], y[good]
-
-
-def _rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def _nonzero(size) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import least_squares
 
+from flightmech.support.arrays import rms
 from flightmech.units import DEGREE
 
 from ..result import PomResult
@@ -100,7 +101,7 @@ def fit_mode(time, y) -> Mode:
     solution = least_squares(residual, start, x_scale=(start[1], start[1]), xtol=1e-12, ftol=1e-12, gtol=1e-12)
     sigma, wd = float(solution.x[0]), abs(float(solution.x[1]))
     (b, c, A, B), rest = _project(t, y, sigma, wd)
-    mode = Mode(sigma, wd, math.hypot(A, B), math.atan2(-B, A), b, c, float(np.sqrt(np.mean(rest**2))), float(t[-1]))
+    mode = Mode(sigma, wd, math.hypot(A, B), math.atan2(-B, A), b, c, rms(rest), float(t[-1]))
     if mode.cycles < 0.5:
         raise Invalid(f"no oscillation: the fit finds {mode.cycles:.2f} of a cycle in {mode.duration:.1f} s")
     if mode.amplitude < 2.0 * mode.residual_rms:

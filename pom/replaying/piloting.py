@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from flightmech.names import lookup
+from flightmech.support.arrays import rms
 from flightmech.units import from_si, parse
 
 from ..cases.pilot import Loop, Pilot, shortest
@@ -58,7 +59,7 @@ def activity(
                 "control": control,
                 "gains": "; ".join(_gains(loop) for loop in mine),
                 "mean": float(used.mean()),
-                "rms": float(np.sqrt(np.mean(used**2))),
+                "rms": rms(used),
                 "largest": float(used[largest]),
                 "at": float(when[largest]),
                 "at_limit": float(np.mean(cut[control][known])),

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.atomic_write import write_text
 from flightmech.support.console import plain
 
 from ..archive.archive import Archive
@@ -86,8 +86,7 @@ def junit(results: Sequence[PomResult], title: str) -> str:
 
 def write_junit(path: str | os.PathLike, results: Sequence[PomResult], title: str) -> None:
     """Write `junit` to a file, atomically."""
-    with written_atomically(path) as place:
-        place.write_text(junit(results, title), encoding="utf-8", newline="\n")
+    write_text(path, junit(results, title))
 
 
 def _tests(result: PomResult, run: str) -> Iterator[tuple[str, str, str]]:

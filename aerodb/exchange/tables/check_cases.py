@@ -19,7 +19,7 @@ import xarray as xr
 
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import lookup
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.atomic_write import write_text
 
 from ...store.schema import require
 from ...store.stored_checks import SEED, TOLERANCE, agreement, needed_inputs, outputs_at, random_states
@@ -53,8 +53,7 @@ def export_checkcases(db: xr.DataTree, path: str | os.PathLike, count: int = _CO
     facts["beyond_a_table"] = "the end value holds, or the last line goes on where the term has outside = linear"
     facts |= {"count": count, "seed": seed}
     rows = [[str(number), *cells] for number, cells in enumerate(zip(*columns), 1)]
-    with written_atomically(path) as part:
-        part.write_text(written_csv(FORMAT, facts, header, rows), encoding="utf-8", newline="")
+    write_text(path, written_csv(FORMAT, facts, header, rows))
 
 
 def run_checkcases(db: xr.DataTree, path: str | os.PathLike) -> pd.DataFrame:

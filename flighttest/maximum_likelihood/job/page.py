@@ -11,7 +11,6 @@ import numpy as np
 import xarray as xr
 
 from flightmech.names import lookup
-from flightmech.support.atomic_write import written_atomically
 from flightmech.support.console import command_line
 from flightmech.units import from_si
 
@@ -22,12 +21,6 @@ if TYPE_CHECKING:
     from .result import Performed
 
 _COLUMNS = ("estimate", "stderr", "stderr_white", "start", "prior_stderr")
-
-
-def write_page(done: Performed, path: str | Path) -> None:
-    """Write a fit as one self-contained HTML page; an error leaves no file."""
-    with written_atomically(path) as part:
-        part.write_text(page(done), encoding="utf-8")
 
 
 def page(done: Performed) -> str:

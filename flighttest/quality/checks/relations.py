@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flightmech.air import GAMMA, R_AIR, calibrated_airspeed, mach_number
+from flightmech.support.arrays import rms
 from flightmech.units import G0
 
 from ...sensors.air_data import pressure
@@ -77,11 +78,11 @@ class Relation:
         first, second = (_finite(side) for side in self.sides(signals))
         first, second = (smooth(side, signals.step, self.cutoff) for side in (first, second))
         y, x = (side[mask] - (0.0 if self.level else side[mask].mean()) for side in (first, second))
-        size = _rms(y) + _rms(x)
-        late = _LATE * min(_rms(np.gradient(side, signals.step)[mask]) for side in (first, second))
+        size = rms(y) + rms(x)
+        late = _LATE * min(rms(np.gradient(side, signals.step)[mask]) for side in (first, second))
         allowed = np.hypot(self.tolerance, late)
-        apart = float(np.sqrt(max(_rms(y - x) ** 2 - allowed**2, 0.0))) / max(size, 4.0 * self.tolerance)
-        raw = _rms(y - x) / max(size, _TINY)
+        apart = float(np.sqrt(max(rms(y - x) ** 2 - allowed**2, 0.0))) / max(size, 4.0 * self.tolerance)
+        raw = rms(y - x) / max(size, _TINY)
         return Comparison(self, signals.time, first, second, mask, apart, raw, size > 4.0 * self.tolerance)
 
 
@@ -121,17 +122,13 @@ class Comparison:
     def correlation(self) -> float:
         """Correlation of the changes."""
         y, x = (side[self.mask] - side[self.mask].mean() for side in (self.first, self.second))
-        return float((y * x).mean() / max(_rms(y) * _rms(x), _TINY))
+        return float((y * x).mean() / max(rms(y) * rms(x), _TINY))
 
 
 def compare_all(signals: Signals) -> dict[str, Comparison]:
     """Return every relation that the record can speak to."""
     found = ((relation.name, relation.compare(signals)) for relation in RELATIONS)
     return {name: comparison for name, comparison in found if comparison is not None}
-
-
-def _rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(x**2)))
 
 
 def _finite(x: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@ import os
 import pytest
 
 from flightmech.support import atomic_write
-from flightmech.support.atomic_write import folder_written_atomically, written_atomically
+from flightmech.support.atomic_write import folder_written_atomically, write_text, written_atomically
 
 
 def test_the_file_appears_when_the_block_ends(tmp_path):
@@ -72,3 +72,13 @@ def test_a_failure_leaves_the_older_folder_and_nothing_else(tmp_path):
         (part / "a.txt").write_text("half way: \udc80", encoding="utf-8")
     assert (target / "a.txt").read_text() == "old"
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_text_keeps_its_line_ends_and_an_error_keeps_the_old_one(tmp_path):
+    target = tmp_path / "a.txt"
+    write_text(target, "one\r\ntwo\n")
+    assert target.read_bytes() == b"one\r\ntwo\n"
+    with pytest.raises(UnicodeEncodeError):
+        write_text(target, "\N{GREEK SMALL LETTER ALPHA}", "latin-1")
+    assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
+    assert target.read_bytes() == b"one\r\ntwo\n"

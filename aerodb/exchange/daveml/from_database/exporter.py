@@ -14,7 +14,7 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.atomic_write import write_text
 from flightmech.terms import power, regressors, variables
 
 from ....store.schema import require, terms
@@ -76,8 +76,7 @@ def export_daveml(db: xr.DataTree, path: str | os.PathLike, aircraft: Aircraft |
     writer = _Writer(db)
     cases = [*drawn_cases(db, shots, limits), *stored_cases(db)]
     lines = [_HEAD, *element("DAVEfunc", {"xmlns": _NAMESPACE}, writer.lines(cases))]
-    with written_atomically(path) as part:
-        part.write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _demand_tables(db: xr.DataTree) -> None:
