@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 import xarray as xr
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from datcom_io.reading import Place, place_of
 from flightmech import terms
@@ -46,13 +46,17 @@ class NewTerm(Strict):
         return terms.make(value, axes, self.regressors, stderr=self.stderr, source="judgement", comment=self.comment)
 
 
-class Fit(Strict):
-    """Manoeuvres of a record that are fitted together by each of some models; the same for each of `records`."""
+class Fit(Flown):
+    """Manoeuvres or windows of a record that are fitted together by each of some models; the same for each of `records`."""
 
     name: str
-    records: tuple[str, ...]
-    manoeuvres: tuple[str, ...]
     models: tuple[str, ...]
+
+    @model_validator(mode="after")
+    def _of_something(self) -> Fit:
+        if not self.manoeuvres and not self.window:
+            raise ValueError("neither manoeuvres nor window; give one of them, as window = [start, end] in seconds of the record")
+        return self
 
 
 class ThirdPartyModel(Strict):

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.configuration import Strict, si
@@ -17,10 +17,26 @@ Positive = Annotated[float, Field(gt=0.0)]
 
 
 class Flown(Strict):
-    """Records, and the manoeuvres of each that are taken; without manoeuvres the whole records."""
+    """Records, and what is taken of each: manoeuvres that it marks, and windows from start to end; without both the whole record."""
 
     records: Annotated[Names, Field(min_length=1)]
     manoeuvres: Names = ()
+    window: tuple[tuple[si("s"), si("s")], ...] = ()  # type: ignore[valid-type]
+
+    @field_validator("window", mode="before")
+    @classmethod
+    def _several(cls, item: Any) -> Any:
+        """One window may stand alone."""
+        return (item,) if isinstance(item, list | tuple) and len(item) == 2 and not isinstance(item[0], list | tuple) else item
+
+    @field_validator("window")
+    @classmethod
+    def _forward(cls, item: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        """A window ends after its start."""
+        for start, end in item:
+            if not start < end:
+                raise ValueError(f"a window from {start:g} to {end:g} s; give start and end in seconds of the record, the end later")
+        return item
 
 
 class GroundEffect(Strict):

@@ -51,7 +51,7 @@ class Submodels:
 
 
 def spans_of(place: str, flown: Iterable[Flown], tables: Mapping[str, pd.DataFrame], problems: list[str]) -> Spans:
-    """Return start and end of manoeuvres by record; without manoeuvres the whole record.
+    """Return start and end of manoeuvres and windows by record; without both the whole record.
 
     Parameters
     ----------
@@ -66,8 +66,9 @@ def spans_of(place: str, flown: Iterable[Flown], tables: Mapping[str, pd.DataFra
     found: Spans = {}
     for one in flown:
         for record in one.records:
-            spans = _spans(place, record, one.manoeuvres, tables[record], problems) if one.manoeuvres else [(-np.inf, np.inf)]
-            found.setdefault(record, []).extend(spans)
+            spans = [*_spans(place, record, one.manoeuvres, tables[record], problems), *one.window]
+            whole = [] if one.manoeuvres or one.window else [(-np.inf, np.inf)]
+            found.setdefault(record, []).extend(spans or whole)
     return found
 
 

@@ -23,7 +23,6 @@ from flighttest.ground_effect import replace_ground_effect
 from pom.diagnosis import by_submodel
 
 from .project import Project
-from .sections import Flown
 from .submodels import (
     Spans,
     Submodels,
@@ -120,9 +119,7 @@ def windows_of(project: Project, records: Mapping[str, xr.DataTree], cases: Sequ
     """
     tables = {name: flighttest.manoeuvres(records[name]) for name in records_of(project)}
     problems: list[str] = []
-    fits = [
-        spans_of(f"fit {fit.name!r}", [Flown(records=fit.records, manoeuvres=fit.manoeuvres)], tables, problems) for fit in project.fits
-    ]
+    fits = [spans_of(f"fit {fit.name!r}", [fit], tables, problems) for fit in project.fits]
     submodels = {place: spans_of(place, flown, tables, problems) for place, flown in project.submodels.items()}
     named = [*((f"fit {fit.name!r}", spans) for fit, spans in zip(project.fits, fits, strict=True)), *submodels.items()]
     problems += [text for place, spans in named for text in overlaps(place, spans, cases)]

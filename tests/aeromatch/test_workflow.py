@@ -69,6 +69,20 @@ def test_windows_by_kind_and_by_kind_and_control(project):
     assert windows_of(fitted(project, "doublet", "3211 elevator")).fits == [{"run_1": [(4.0, 6.0), (6.0, 9.0), (1.0, 4.0)]}]
 
 
+def test_windows_by_time_go_with_manoeuvres_or_stand_alone(project):
+    def fit(**more):
+        content = {"name": "pitch", "records": ["run_1"], "models": ["CL = 1"], **more}
+        return windows_of(replace(project, fits=(type(project.fits[0]).model_validate(content),))).fits
+
+    assert fit(window=[2.0, 5.0]) == [{"run_1": [(2.0, 5.0)]}]
+    assert fit(window=[[2.0, 5.0], ["6 s", "8 s"]]) == [{"run_1": [(2.0, 5.0), (6.0, 8.0)]}]
+    assert fit(window=[2.0, 5.0], manoeuvres=["doublet elevator"]) == [{"run_1": [(4.0, 6.0), (2.0, 5.0)]}]
+    with pytest.raises(ValueError, match=r"neither manoeuvres nor window; give one of them, as window = \[start, end\]"):
+        fit()
+    with pytest.raises(ValueError, match=r"a window from 5 to 2 s; give start and end in seconds of the record, the end later"):
+        fit(window=[5.0, 2.0])
+
+
 def test_what_proves_the_model_does_not_identify_it(project):
     """A record may do both, at different times."""
     case = SimpleNamespace(name="a", record="x/run_1.nc", window=(4.0, 9.0))
