@@ -38,7 +38,7 @@ def leaves(effect: Effect, prior: PriorErrors, cover: Mapping[str, tuple[float, 
     interpolated between two; so do the ends of the range to cover.  This is what the simulation does beyond a table, but for each
     Mach number by itself, and it keeps a flight in the range of the basic tables inside all tables.  Such nodes are marked as
     judgement; those held in alpha, those held in Mach number into another speed regime (with a warning), and those that
-    `Effect.judged` marks have twice the standard error.
+    `Effect.judged` flags have twice the standard error.
     """
     found: dict[str, xr.Dataset] = {}
     carried: dict[tuple[float, float], list[str]] = {}

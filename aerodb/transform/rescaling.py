@@ -70,7 +70,7 @@ def rescale(
     -------
     DataTree
         Every node has the source ``judgement`` and stderr = hypot(stderr, relative |value|, absolute); the absolute figure goes to basic
-        terms only.  Check cases of the known aircraft and states before its edits are not taken over.
+        terms only.  Check cases of the known aircraft and its undo history are not taken over.
 
     Raises
     ------

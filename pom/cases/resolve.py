@@ -182,8 +182,8 @@ def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> t
     if unclaimed(row["condition"], file.case.features):
         return file.case.window
     found = []
-    for mark, default in ((row["applies_from"], start), (row["applies_to"], stop)):
-        time = collect(problems, f"events, row {name}", table.bound, mark, file.events, default)
+    for bound, default in ((row["applies_from"], start), (row["applies_to"], stop)):
+        time = collect(problems, f"events, row {name}", table.bound, bound, file.events, default)
         found.append(default if time is None else float(time))
     asked = f"{found[0]:g} ... {found[1]:g} s"
     inside = max(found[0], start), min(found[1], stop)

@@ -24,14 +24,19 @@ from ..replaying.reference_states import path_states
 from ..tolerances import rows as table
 from ..tolerances.row_conditions import unclaimed
 from .case_draft import Draft
-from .event_detection import HELD_STILL, Mark, Movement, Recorded, find_events, input_channels, movement, on_ground
+from .event_detection import HELD_STILL, Manoeuvre, Movement, Recorded, find_events, input_channels, movement, on_ground
 from .text import case_text
 
 LEAD = 1.0  # [s] of steady flight before the input
 HOMES = (".", "..")  # next to the record: folders in which its name map and its aircraft are looked for
 LONGEST_LEAD = 5.0  # [s] that a row requires before its event
-WHOLE_RUNS = ("1.b", "1.e", "2.e")  # take-offs and landings, which a record marks part by part
-_WORDS = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder", "delta_f": "flap"}  # channel: what a mark calls it
+WHOLE_RUNS = ("1.b", "1.e", "2.e")  # take-offs and landings, which a record lists part by part
+_WORDS = {
+    "delta_e": "elevator",
+    "delta_a": "aileron",
+    "delta_r": "rudder",
+    "delta_f": "flap",
+}  # channel: what a list of manoeuvres calls it
 _SPOILED = re.compile(r"[^a-z0-9]+")
 
 
@@ -60,7 +65,7 @@ def init_case(
     names, aircraft : path, optional
         Name map and aircraft; without them ``names.toml`` and ``aircraft.toml`` next to the record or one folder up.
     window : tuple of float, optional
-        Where to look for the manoeuvre. [s]  Without it: where the record marks one that fits, else all of it.
+        Where to look for the manoeuvre. [s]  Without it: where the record lists one that fits, else all of it.
     force : bool
         Overwrite an older file.
 
@@ -119,7 +124,7 @@ def recorded_channels(record: Path, names: Path | None) -> Recorded:
         found = {str(name): (time, item.values.astype(float)) for name, item in states.data_vars.items() if item.dims == ("time",)}
         return Recorded(found, (float(time[0]), float(time[-1])))
     tree = flighttest.read(str(record), names=str(names) if names else None)
-    return Recorded(_leaves(tree), _span(tree), _marks(tree), tree.attrs.get("latitude"))
+    return Recorded(_leaves(tree), _span(tree), _listed(tree), tree.attrs.get("latitude"))
 
 
 def _leaves(tree: xr.DataTree) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -140,10 +145,11 @@ def _span(tree: xr.DataTree) -> tuple[float, float]:
     return max(float(clock[0]) for clock in clocks), min(float(clock[-1]) for clock in clocks)
 
 
-def _marks(tree: xr.DataTree) -> list[Mark]:
+def _listed(tree: xr.DataTree) -> list[Manoeuvre]:
     rows = flighttest.manoeuvres(tree)
     return [
-        Mark(float(row["start"]), float(row["end"]), str(row.get("control", "")), str(row["manoeuvre"])) for row in rows.to_dict("records")
+        Manoeuvre(float(row["start"]), float(row["end"]), str(row.get("control", "")), str(row["manoeuvre"]))
+        for row in rows.to_dict("records")
     ]
 
 
@@ -184,34 +190,34 @@ Stretch = tuple[float, float]
 
 
 def _search(test: str, recorded: Recorded, window: Stretch | None, remarks: list[str]) -> tuple[Stretch, Stretch]:
-    """Return where events are looked for, and what the replay may cover: as asked, about the first mark that fits, or all. [s]"""
+    """Return where events are looked for, and what the replay may cover: as asked, about the first manoeuvre that fits, or all. [s]"""
     low, high = recorded.span
     if window is not None:
         inside = max(low, window[0]), min(high, window[1])
         if not inside[0] < inside[1]:
             raise OutOfRange(f"window {window[0]:g} ... {window[1]:g} s lies outside the record, {low:g} ... {high:g} s; choose one inside")
         return inside, inside
-    inside_record = [mark for mark in recorded.marks if low <= mark.start < mark.end <= high + LEAD]
-    kinds = ([mark for mark in inside_record if mark.control in (name, _WORDS.get(name))] for name in input_channels(test))
-    fitting = next((marks for marks in kinds if marks), [])
+    inside_record = [each for each in recorded.manoeuvres if low <= each.start < each.end <= high + LEAD]
+    kinds = ([each for each in inside_record if each.control in (name, _WORDS.get(name))] for name in input_channels(test))
+    fitting = next((found for found in kinds if found), [])
     if not fitting:
         return (low, high), (low, high)
     start, end = max(low, fitting[0].start - 0.5 * LEAD), min(high, fitting[0].end)
     if len(fitting) > 1:
-        others = ", ".join(f"{mark.start:g} ... {mark.end:g} s" for mark in fitting[1:])
+        others = ", ".join(f"{each.start:g} ... {each.end:g} s" for each in fitting[1:])
         remarks.append(
-            f"the record marks {len(fitting)} manoeuvres of this control; the first was taken, --window chooses another: {others}"
+            f"the record lists {len(fitting)} manoeuvres of this control; the first was taken, --window chooses another: {others}"
         )
     if test.startswith(WHOLE_RUNS):
         return (start, end), (low, high)
-    followed = any(mark.start >= fitting[0].end - LEAD for mark in recorded.marks)
+    followed = any(each.start >= fitting[0].end - LEAD for each in recorded.manoeuvres)
     return (start, end), (max(low, start - LONGEST_LEAD), end if followed else high)
 
 
 def _wanted(rows: Sequence[table.Row]) -> list[str]:
     """Return the events that the rows of a test need."""
-    marks = [row[end] for row in rows for end in ("applies_from", "applies_to") if row[end]]
-    needed = [next(event for event in sorted(table.events(), key=len, reverse=True) if mark.startswith(event)) for mark in marks]
+    bounds = [row[end] for row in rows for end in ("applies_from", "applies_to") if row[end]]
+    needed = [next(event for event in sorted(table.events(), key=len, reverse=True) if bound.startswith(event)) for bound in bounds]
     return list(dict.fromkeys([*needed, *(["capture"] if any(row["measure"] == "steady" for row in rows) else [])]))
 
 
@@ -253,9 +259,9 @@ def _closed(rows: Sequence[table.Row], found: dict[str, float], window: Stretch)
     return spoiled
 
 
-def _bound(mark: str, found: dict[str, float]) -> float | None:
+def _bound(bound: str, found: dict[str, float]) -> float | None:
     try:
-        return table.bound(mark, found, np.nan) if mark else None
+        return table.bound(bound, found, np.nan) if bound else None
     except UnknownName:
         return None
 

@@ -39,8 +39,8 @@ _INPUTS = {
 _ENGINE = re.compile(r"^engine\d+\.(\w+)$")
 
 
-class Mark(NamedTuple):
-    """A manoeuvre as a record marks it: start and end [s], the control that moves, the word for it."""
+class Manoeuvre(NamedTuple):
+    """A manoeuvre as a record lists it: start and end [s], the control that moves, the word for it."""
 
     start: float
     end: float
@@ -58,15 +58,15 @@ class Recorded:
         Canonical name to time [s] and samples [SI].
     span : tuple of float
         What the reconstruction covers. [s]
-    marks : list of Mark
-        Manoeuvres as the record marks them.
+    manoeuvres : list of Manoeuvre
+        Manoeuvres as the record lists them.
     latitude : float, optional
         [rad]
     """
 
     channels: dict[str, tuple[np.ndarray, np.ndarray]]
     span: tuple[float, float]
-    marks: list[Mark] = field(default_factory=list)
+    manoeuvres: list[Manoeuvre] = field(default_factory=list)
     latitude: float | None = None
 
     def within(self, name: str, window: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -290,11 +290,11 @@ def _rotates(recorded: Recorded, test: str, window: tuple[float, float]) -> floa
 
 def _released(recorded: Recorded, test: str, window: tuple[float, float]) -> float | None:
     """Return the start of a marked stretch of free controls, else the end of the input."""
-    free = [mark.start for mark in recorded.marks if mark.word in _FREE and window[0] <= mark.start <= window[1]]
+    free = [each.start for each in recorded.manoeuvres if each.word in _FREE and window[0] <= each.start <= window[1]]
     return free[0] if free else _input("end")(recorded, test, window)
 
 
-_FREE = ("controls_fixed", "controls_free", "release", "free_response")  # words of marks
+_FREE = ("controls_fixed", "controls_free", "release", "free_response")  # words of manoeuvres
 _OF_INPUT = ("input_start", "input_end", "change_start", "change_end", "control_release", "throttle_movement")
 _FINDERS: dict[str, Finder] = {
     "input_start": _input("start"),

@@ -34,7 +34,7 @@ LEVELS = {
     "initial_buffet": ("alpha", 1),
     "stall": ("alpha", 1),
 }
-"""Channel and direction in which an event passes the level that the flight has at its mark."""
+"""Channel and direction in which an event passes the level that the flight has at its time in the case file."""
 
 OF_PARAMETER = {
     "engine_failure_speed": "engine_failure",
@@ -48,7 +48,7 @@ OF_PARAMETER = {
 }
 """The event at which a parameter is read."""
 
-MARKS = frozenset({*ACTS, *LEVELS, *DISCRETES, "g_break", "static_sweep_start", "static_sweep_end"})
+MEASURED = frozenset({*ACTS, *LEVELS, *DISCRETES, "g_break", "static_sweep_start", "static_sweep_end"})
 """Events that the measures need, in addition to those that bound the windows of rows."""
 
 PARTS = {

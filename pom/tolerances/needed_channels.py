@@ -36,6 +36,6 @@ def channels(criterion: Criterion) -> tuple[str, ...]:
 def helpful(criterion: Criterion) -> tuple[str, ...]:
     """Return signals that show the events and conditions of a criterion; a model may have them."""
     event = OF_PARAMETER.get(criterion.parameter, "") if criterion.measure in ("event_value", "setup") else ""
-    tellers = [name for mark in (event, *criterion.bounds) for name in (*DISCRETES.get(mark, ()), *LEVELS.get(mark, ())[:1])]
+    showing = [name for each in (event, *criterion.bounds) for name in (*DISCRETES.get(each, ()), *LEVELS.get(each, ())[:1])]
     flows = [f"engine{n}.fuel_flow" for n in range(1, 5)] if criterion.channel == "fuel_used" else []
-    return tuple(dict.fromkeys(name for channel in (*tellers, *asked(criterion.condition), *flows) for name in sources(channel)))
+    return tuple(dict.fromkeys(name for channel in (*showing, *asked(criterion.condition), *flows) for name in sources(channel)))

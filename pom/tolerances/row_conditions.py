@@ -78,10 +78,10 @@ def sample_mask(condition: str, events: Mapping[str, float], time: np.ndarray, f
         if channel not in flight:
             raise NotJudged(f"the flight record has no {channel}, which {word} requires")
         if _WARNING.match(match.group(3)):
-            marks = [events[event] for event in ("stall_warning", "initial_buffet") if event in events]
-            if not marks:
+            times = [events[event] for event in ("stall_warning", "initial_buffet") if event in events]
+            if not times:
                 raise NotJudged(f"give the event stall_warning or initial_buffet in [events]: the row counts only with {word}")
-            mask &= flight[channel] > np.interp(min(marks), time, flight[channel])
+            mask &= flight[channel] > np.interp(min(times), time, flight[channel])
         else:
             mask &= holds(word, flight[channel])
     return mask

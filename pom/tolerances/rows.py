@@ -11,7 +11,7 @@ from pathlib import Path
 from flightmech.errors import UnknownName
 
 from .criteria import Band, Criterion, Limit
-from .event_names import MARKS
+from .event_names import MEASURED
 from .parameter_channels import CHANNELS, FORCES, MODE_CHANNELS, PROGRESS, TRAVEL, plain_id
 from .row_conditions import KINDS, claimed, unclaimed
 
@@ -63,8 +63,8 @@ def features() -> set[str]:
 
 def events() -> set[str]:
     """Return every event that bounds a window; ``capture`` is the instant of a snapshot."""
-    marks = {row[end] for row in rows() for end in ("applies_from", "applies_to")} - {""}
-    return set(MARKS) | {match.group(1) if (match := _OFFSET.match(mark)) else mark for mark in marks}
+    bounds = {row[end] for row in rows() for end in ("applies_from", "applies_to")} - {""}
+    return set(MEASURED) | {match.group(1) if (match := _OFFSET.match(bound)) else bound for bound in bounds}
 
 
 def band_of(row: Row) -> Band:
@@ -77,7 +77,7 @@ def band_of(row: Row) -> Band:
     return Band(tuple(limits), row["rule"], row["percent_base"])
 
 
-def bound(mark: str, marked: Mapping[str, float], default: float) -> float:
+def bound(text: str, times: Mapping[str, float], default: float) -> float:
     """Return the time of a bound such as ``change_start-5s``. [s]
 
     Raises
@@ -85,15 +85,15 @@ def bound(mark: str, marked: Mapping[str, float], default: float) -> float:
     UnknownName
         The case does not give the event.
     """
-    if not mark:
+    if not text:
         return default
-    if mark in marked:
-        return marked[mark]
-    match = _OFFSET.match(mark)
-    event, shift = (match.group(1), float(match.group(2))) if match else (mark, 0.0)
-    if event not in marked:
-        raise UnknownName(event, marked, "event", "give its time in [events]")
-    return marked[event] + shift
+    if text in times:
+        return times[text]
+    match = _OFFSET.match(text)
+    event, shift = (match.group(1), float(match.group(2))) if match else (text, 0.0)
+    if event not in times:
+        raise UnknownName(event, times, "event", "give its time in [events]")
+    return times[event] + shift
 
 
 def criterion(

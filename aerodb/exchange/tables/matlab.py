@@ -2,7 +2,7 @@
 
 Variable ``terms`` is a structure array, one element per term; ``database`` a structure of the root attributes; ``conventions`` a
 text.  Tables are in MATLAB's order: ``values(i,j,k)`` belongs to breakpoint i of the first axis, j of the second, k of the third,
-and the first index runs fastest in memory.  Check cases and states before edits stay in the database.
+and the first index runs fastest in memory.  Check cases and the undo history stay in the database.
 
 SciPy can crash on a damaged file of this format, which has no checksum, so ours carry one in the text of the header.
 """

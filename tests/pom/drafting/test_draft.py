@@ -12,7 +12,7 @@ import pom.cli.group
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from pom.cases.case import read_case
 from pom.drafting.draft import draft_case, init_case, recorded_channels
-from pom.drafting.event_detection import Mark, Recorded, find_events, movement, on_ground, quiet_instant
+from pom.drafting.event_detection import Manoeuvre, Recorded, find_events, movement, on_ground, quiet_instant
 from pom.drafting.text import case_text
 from pom.tolerances import rows
 from pom.tolerances.editions import edition_of
@@ -22,7 +22,7 @@ NAMES = FLIGHT.parent / "names.toml"
 TIME = np.arange(0.0, 40.0, 0.02)
 
 
-def recorded(marks=(), **channels):
+def recorded(manoeuvres=(), **channels):
     """Return a record of 40 s at 50 Hz: corners of straight lines by channel, noise of 0.01 deg on all."""
     noise = np.random.default_rng(3).normal(0.0, np.radians(0.01), TIME.size)
     rest = {"delta_e": [0.0], "delta_a": [0.0], "delta_r": [0.0], "engine1.thrust": [3000.0]}
@@ -30,7 +30,7 @@ def recorded(marks=(), **channels):
     for name, corners in {**rest, **channels}.items():
         y = np.interp(TIME, *np.transpose(corners)) if np.ndim(corners) == 2 else np.full(TIME.size, corners[0])
         found[name] = TIME, y + noise
-    return Recorded(found, (0.0, float(TIME[-1])), list(marks))
+    return Recorded(found, (0.0, float(TIME[-1])), list(manoeuvres))
 
 
 PULSE = [(10.0, 0.0), (10.1, -0.05), (12.0, -0.05), (12.1, 0.0)]
@@ -100,9 +100,9 @@ def test_a_snapshot_takes_the_quiet_stretch():
     assert 13.0 <= at <= 19.0 or at >= 34.0
 
 
-def test_of_several_marks_the_first_is_taken_and_the_others_are_reported():
-    marks = [Mark(9.5, 20.0, "elevator", "pulse"), Mark(25.0, 35.0, "elevator", "pulse")]
-    draft = draft_case(rows.rows_of("2.c.9"), recorded(marks, delta_e=PULSE))
+def test_of_several_manoeuvres_the_first_is_taken_and_the_others_are_reported():
+    manoeuvres = [Manoeuvre(9.5, 20.0, "elevator", "pulse"), Manoeuvre(25.0, 35.0, "elevator", "pulse")]
+    draft = draft_case(rows.rows_of("2.c.9"), recorded(manoeuvres, delta_e=PULSE))
     assert draft.events["input_end"] == (pytest.approx(12.1, abs=0.04), True)
     assert draft.case["window"] == [pytest.approx(9.0, abs=0.11), 20.0]
     assert "--window chooses another: 25 ... 35 s" in draft.remarks[0]

@@ -50,7 +50,7 @@ def arinc_words(file: Index, channel: int, first_tick: int, name: str, notes: li
 def mil1553_tables(file: Index, spec: Mil1553, first_tick: int, name: str, notes: list[str]) -> dict[str, Table]:
     """Return the table of one message: its parameters at the times of the messages.
 
-    Messages that the recorder marks as faulty are left out, and so are transfers from terminal to terminal.
+    Messages that the recorder flags as faulty are left out, and so are transfers from terminal to terminal.
 
     Raises
     ------
