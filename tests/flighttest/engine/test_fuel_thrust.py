@@ -54,7 +54,7 @@ def test_points_outside_are_marked_and_few_points_refused():
     assert not bool(fit_fuel_thrust(own).predict(far)["inside"][0])
     with pytest.raises(IdentificationError, match="at least 15"):
         fit_fuel_thrust(own.isel(point=slice(10)))
-    with pytest.raises(IdentificationError, match="apart"):
+    with pytest.raises(IdentificationError, match="separate"):
         fit_fuel_thrust(own.assign(mach=0.0 * own["mach"] + 0.3))
 
 
