@@ -93,6 +93,7 @@ class _File(Strict):
     apriori: str | None = None
     names: str
     flights: str
+    manoeuvres: str | None = None
     listings: Listings
     cases: tuple[str, ...]
     cutoff: si("Hz") | None = None  # type: ignore[valid-type]
@@ -146,6 +147,8 @@ class Project:
         How the ground effect is identified; None leaves it to the tables over height.
     points : dict of str to Path
         Files of settled engine points: ``points``, ``climbs``.
+    manoeuvres : Path or None
+        Table of the manoeuvres of records that carry no marks (`flighttest.records.read_manoeuvres`).
     """
 
     title: str
@@ -168,6 +171,7 @@ class Project:
     controls: dict[str, Control] = field(default_factory=dict)
     ground_effect: GroundEffect | None = None
     points: dict[str, Path] = field(default_factory=dict)
+    manoeuvres: Path | None = None
 
     @property
     def submodels(self) -> dict[str, tuple[Flown, ...]]:
@@ -254,6 +258,7 @@ def read_project(path: str | Path) -> Project:
         content.controls.given,
         content.ground_effect,
         {name: existing(file, f"engine.{name}") for name in ("points", "climbs") if (file := getattr(content.engine, name, None))},
+        existing(content.manoeuvres, "manoeuvres") if content.manoeuvres else None,
     )
     if problems:
         raise SchemaError(str(path), problems)

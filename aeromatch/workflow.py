@@ -84,7 +84,16 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     flights = [project.flights[name] for name in names]
     listings = list(dict.fromkeys(place.file for places in project.listings.values() for place in places))
     aircraft = [project.aircraft, *([project.apriori] if project.apriori else [])]
-    return [project.file, *aircraft, project.names, *listings, *flights, *project.cases, *project.tables.values()]
+    return [
+        project.file,
+        *aircraft,
+        project.names,
+        *listings,
+        *flights,
+        *project.cases,
+        *project.tables.values(),
+        *([project.manoeuvres] if project.manoeuvres else []),
+    ]
 
 
 def before_flight(project: Project, aircraft: Aircraft) -> Aircraft:
@@ -108,17 +117,37 @@ class Windows:
     submodels: dict[str, Spans]
 
 
+def marks_of(project: Project, records: Mapping[str, xr.DataTree], problems: list[str]) -> dict[str, pd.DataFrame]:
+    """Return the manoeuvres of the records that a project needs: their own, else those of the project's table.
+
+    Parameters
+    ----------
+    project : Project
+    records : mapping of str to DataTree
+    problems : list of str
+        Gets a line for every record of the table that is not among the flights, and for every one that carries marks of its own.
+    """
+    own = {name: flighttest.manoeuvres(records[name]) for name in records_of(project)}
+    given = flighttest.records.read_manoeuvres(project.manoeuvres) if project.manoeuvres else {}
+    unknown = [f"manoeuvres: {UnknownName(name, project.flights, 'record')}" for name in given if name not in project.flights]
+    both = [
+        f"manoeuvres: record {name} carries marks of its own; remove its rows from the table" for name in given if len(own.get(name, ()))
+    ]
+    problems += [*unknown, *both]
+    return {name: given.get(name, table) for name, table in own.items()}
+
+
 def windows_of(project: Project, records: Mapping[str, xr.DataTree], cases: Sequence[Any] = ()) -> Windows:
     """Return what is taken of the records, by name, for every fit and submodel of a project.
 
     Raises
     ------
     SchemaError
-        Manoeuvres that a record does not have, and windows that overlap with a case: what proves the model must not identify it; all
-        of them.
+        Manoeuvres that a record does not have, faults of the table of manoeuvres, and windows that overlap with a case: what proves
+        the model must not identify it; all of them.
     """
-    tables = {name: flighttest.manoeuvres(records[name]) for name in records_of(project)}
     problems: list[str] = []
+    tables = marks_of(project, records, problems)
     fits = [spans_of(f"fit {fit.name!r}", [fit], tables, problems) for fit in project.fits]
     submodels = {place: spans_of(place, flown, tables, problems) for place, flown in project.submodels.items()}
     named = [*((f"fit {fit.name!r}", spans) for fit, spans in zip(project.fits, fits, strict=True)), *submodels.items()]

@@ -64,6 +64,20 @@ def windows_of(project):
     return workflow.windows_of(project, {name: flighttest.read(file, project.names) for name, file in project.flights.items()})
 
 
+def test_a_table_gives_marks_to_records_without_them(project, tmp_path):
+    (tmp_path / "manoeuvres.csv").write_text("record,kind,control,start,end\nrun_1,doublet,elevator,2,3\n")
+    given = replace(fitted(project, "doublet elevator"), manoeuvres=tmp_path / "manoeuvres.csv")
+    with pytest.raises(SchemaError, match="record run_1 carries marks of its own; remove its rows from the table"):
+        windows_of(given)
+    records = {"run_1": flighttest.read(project.flights["run_1"], project.names)}
+    del records["run_1"].attrs["manoeuvres"]
+    assert workflow.windows_of(given, records).fits == [{"run_1": [(2.0, 3.0)]}]
+    assert tmp_path / "manoeuvres.csv" in workflow.inputs_of(given, ["run_1"])
+    (tmp_path / "manoeuvres.csv").write_text("record,kind,control,start,end\nrun1,doublet,elevator,2,3\n")
+    with pytest.raises(SchemaError, match="manoeuvres: unknown record 'run1'; near it: run_1"):
+        workflow.windows_of(given, records)
+
+
 def test_windows_by_kind_and_by_kind_and_control(project):
     assert windows_of(fitted(project, "doublet elevator")).fits == [{"run_1": [(4.0, 6.0)]}]
     assert windows_of(fitted(project, "doublet", "3211 elevator")).fits == [{"run_1": [(4.0, 6.0), (6.0, 9.0), (1.0, 4.0)]}]

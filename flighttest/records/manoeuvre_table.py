@@ -1,0 +1,166 @@
+"""Manoeuvres as a table in CSV or TOML, for records that carry no marks.
+
+A row is ``record, kind, control, start, end`` and, where wanted, ``note`` and ``confidence``; a TOML file holds the same keys in tables
+``[[manoeuvre]]``.  Times are seconds of the record, or a number with its unit (``"1.5 min"``).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+from pydantic import BeforeValidator, Field, model_validator
+
+from flightmech.errors import ParseError, SchemaError, UnitError
+from flightmech.support.atomic_write import write_text
+from flightmech.support.configuration import Strict, load, validate
+from flightmech.units import quantity
+
+COLUMNS = ("record", "kind", "control", "start", "end", "confidence", "note")
+"""Columns of a table as it is written; ``confidence`` and ``note`` may be absent when it is read."""
+
+
+def _text(item: object) -> object:
+    return str(item) if isinstance(item, int) and not isinstance(item, bool) else item  # a 3-2-1-1 is a number in TOML
+
+
+def _seconds(item: Any) -> float:
+    try:
+        return float(item)  # a cell of a CSV file is a text
+    except (ValueError, TypeError):
+        pass
+    try:
+        return quantity(item, "s")
+    except UnitError as error:
+        raise ValueError(str(error)) from error
+
+
+_Text = Annotated[str, BeforeValidator(_text)]
+_Time = Annotated[float, BeforeValidator(_seconds)]
+
+
+class Marked(Strict):
+    """One manoeuvre of a table."""
+
+    record: Annotated[_Text, Field(min_length=1)]
+    kind: Annotated[_Text, Field(min_length=1)]
+    control: str = ""
+    start: _Time
+    end: _Time
+    confidence: str | float = ""
+    note: str = ""
+
+    @model_validator(mode="after")
+    def _forward(self) -> Marked:
+        if not (np.isfinite(self.start) and np.isfinite(self.end) and self.start < self.end):
+            raise ValueError(f"start {self.start:g} s and end {self.end:g} s; the end lies after the start, both in seconds of the record")
+        return self
+
+    def as_row(self) -> dict[str, object]:
+        """Return the manoeuvre as a record lists it."""
+        about = {"confidence": self.confidence} if self.confidence != "" else {}
+        return {"manoeuvre": self.kind, "control": self.control, "start": self.start, "end": self.end, "note": self.note, **about}
+
+
+class _Table(Strict):
+    manoeuvre: tuple[Marked, ...]
+
+
+def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
+    """Return the manoeuvres of a table by the name of the record.
+
+    Parameters
+    ----------
+    path : path
+        A CSV file (separated by commas or semicolons, a line of names first), or a file ``.toml`` with tables ``[[manoeuvre]]``.
+
+    Returns
+    -------
+    dict of str to DataFrame
+        ``manoeuvre control start end note`` by record, as `flighttest.manoeuvres` gives them, in order of time. [s]
+
+    Raises
+    ------
+    ParseError
+        Not TOML, no line of names, a row of another length.
+    SchemaError
+        Unknown or missing columns, cells that are no time, ends before their start; all of them.
+    """
+    path = Path(path)
+    rows = validate(_Table, load(path) if path.suffix.lower() == ".toml" else _csv(path), str(path)).manoeuvre
+    found: dict[str, list[dict[str, object]]] = {}
+    for row in sorted(rows, key=lambda row: row.start):
+        found.setdefault(row.record, []).append(row.as_row())
+    columns = ["manoeuvre", "control", "start", "end", "note"]
+    return {record: pd.DataFrame(items)[columns] for record, items in found.items()}
+
+
+def _csv(path: Path) -> dict[str, object]:
+    """Return a CSV file as the tables of a TOML file; a row is called by its line."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ParseError(str(path), 0, "bytes that are not UTF-8", "a CSV text with the columns " + ", ".join(COLUMNS[:5])) from error
+    first = text.split("\n", 1)[0]
+    lines = list(csv.reader(io.StringIO(text), delimiter=";" if first.count(";") > first.count(",") else ","))
+    names = [name.strip() for name in lines[0]] if lines else []
+    missing = [name for name in COLUMNS[:5] if name not in names]
+    unknown = [name for name in names if name not in COLUMNS]
+    if missing or unknown:
+        problems = [f"no column {name!r}" for name in missing] + [f"unknown column {name!r}" for name in unknown]
+        allowed = f"its line of names is {', '.join(COLUMNS[:5])}, and where wanted {', '.join(COLUMNS[5:])}"
+        raise SchemaError(str(path), [f"{problem}; {allowed}" for problem in problems])
+    rows: list[dict[str, str]] = []
+    for number, line in enumerate(lines[1:], start=2):
+        if line and len(line) != len(names):
+            raise ParseError(str(path), number, f"{len(line)} cells", f"{len(names)}, as the line of names has; quote texts with commas")
+        rows += [dict(zip(names, (cell.strip() for cell in line), strict=True))] if any(line) else []
+    return {"manoeuvre": rows}
+
+
+def write_manoeuvres(tables: dict[str, pd.DataFrame], path: str | Path) -> None:
+    """Write manoeuvres as a CSV table that `read_manoeuvres` reads.
+
+    Parameters
+    ----------
+    tables : dict of str to DataFrame
+        By record, with the columns of `flighttest.manoeuvres`, and ``confidence`` where known.
+    path : path
+        Written atomically.
+    """
+    target = io.StringIO()
+    writer = csv.writer(target, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for record, table in tables.items():
+        for row in table.to_dict("records"):
+            times = [f"{row['start']:.10g}", f"{row['end']:.10g}"]
+            confidence = row.get("confidence", "")
+            shown = confidence if isinstance(confidence, str) else f"{confidence:.2f}"
+            writer.writerow([record, row["manoeuvre"], row["control"], *times, shown, row.get("note", "")])
+    write_text(path, target.getvalue())
+
+
+def marked(record: xr.DataTree, table: pd.DataFrame) -> xr.DataTree:
+    """Return a record with a list of manoeuvres in place of its own.
+
+    Parameters
+    ----------
+    record : DataTree
+        Flight record.
+    table : DataFrame
+        With the columns of `flighttest.manoeuvres`.
+
+    Returns
+    -------
+    DataTree
+        The data are shared with `record`.
+    """
+    copy = record.copy(deep=False)
+    copy.attrs = {**record.attrs, "manoeuvres": json.dumps(table.to_dict("records"))}
+    return copy

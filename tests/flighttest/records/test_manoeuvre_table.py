@@ -1,0 +1,67 @@
+"""Manoeuvres from a CSV or TOML table."""
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import flighttest
+from flightmech.errors import ParseError, SchemaError
+from flighttest.records import marked, read_manoeuvres, write_manoeuvres
+
+HEAD = "record,kind,control,start,end\n"
+
+
+def table(tmp_path, text, name="manoeuvres.csv"):
+    (tmp_path / name).write_text(text)
+    return read_manoeuvres(tmp_path / name)
+
+
+def test_csv_by_record_in_order_of_time(tmp_path):
+    text = HEAD.replace(",", ";") + "run_2;doublet;rudder;3;9\nrun_1;3211;elevator;1 min;75.5\n\nrun_1;trim;;0;8\n"
+    found = table(tmp_path, text)
+    assert list(found["run_1"].itertuples(index=False, name=None)) == [("trim", "", 0.0, 8.0, ""), ("3211", "elevator", 60.0, 75.5, "")]
+    assert found["run_2"].columns.tolist() == ["manoeuvre", "control", "start", "end", "note"]
+
+
+def test_toml_is_the_same(tmp_path):
+    text = '[[manoeuvre]]\nrecord = "run_1"\nkind = 3211\ncontrol = "elevator"\nstart = 60\nend = "75.5 s"\n'
+    pd.testing.assert_frame_equal(
+        table(tmp_path, text, "manoeuvres.toml")["run_1"], table(tmp_path, HEAD + "run_1,3211,elevator,60,75.5\n")["run_1"]
+    )
+
+
+def test_all_faults_of_rows_are_reported_at_once(tmp_path):
+    with pytest.raises(SchemaError) as caught:
+        table(tmp_path, HEAD + "run_1,doublet,rudder,9,3\nrun_1,,rudder,1,2\nrun_1,trim,,x,3 kg\n")
+    found = "\n".join(caught.value.problems)
+    assert "manoeuvre.0: start 9 s and end 3 s; the end lies after the start" in found
+    assert "manoeuvre.1.kind" in found
+    assert "manoeuvre.2.start: found 'x'; expected a number and a unit such as '1.5 s'" in found
+    assert "manoeuvre.2.end" in found
+
+
+def test_columns_that_are_missing_or_unknown(tmp_path):
+    with pytest.raises(SchemaError) as caught:
+        table(tmp_path, "file,kind,control,start,end\nrun_1,trim,,0,8\n")
+    assert caught.value.problems == [
+        f"{fault}; its line of names is record, kind, control, start, end, and where wanted confidence, note"
+        for fault in ("no column 'record'", "unknown column 'file'")
+    ]
+    with pytest.raises(SchemaError, match="no column 'record'"):
+        table(tmp_path, "")
+
+
+def test_a_row_of_another_length(tmp_path):
+    with pytest.raises(ParseError, match="line 3: found 4 cells"):
+        table(tmp_path, HEAD + "run_1,trim,,0,8\nrun_1,trim,0,8\n")
+
+
+def test_what_is_written_is_read_and_marks_a_record(tmp_path):
+    rows = pd.DataFrame([{"manoeuvre": "doublet", "control": "rudder", "start": 3.02, "end": 9.5, "confidence": 0.871, "note": "a, b"}])
+    write_manoeuvres({"run_1": rows}, tmp_path / "found.csv")
+    assert (tmp_path / "found.csv").read_text().splitlines()[1] == 'run_1,doublet,rudder,3.02,9.5,0.87,"a, b"'
+    again = read_manoeuvres(tmp_path / "found.csv")["run_1"]
+    record = xr.DataTree.from_dict({"/imu": xr.Dataset({"q": ("time", np.zeros(3))}, {"time": np.arange(3.0)})})
+    pd.testing.assert_frame_equal(flighttest.manoeuvres(marked(record, again)), again)
+    assert len(flighttest.manoeuvres(record)) == 0
