@@ -38,7 +38,6 @@ _FULL = 60.0  # lever angle of full power [deg]
 _SPEEDS = (50, 70, 90, 76, 62, 85)  # of n2 [%], the first three that were run are answered
 _POINTS = {"N1_pct": "n1", "Mach": "mach", "h_m": "h"}
 _CLIMBS = {"V_mps": "V", "mass_kg": "mass", "Vdot": "V_dot", "hdot": "h_dot", "CL": "CL"}
-_TOUCHED = 0.002  # m, ten times the noise of the compression: below, the wheel may be off the ground
 _COEFFICIENTS = (
     "CL = 1 + alpha + qhat + delta_e",
     "CD = 1 + alpha + alpha^2",
@@ -88,27 +87,18 @@ def ground_effect(folder: Path) -> dict:
 def landing_gear(folder: Path) -> dict:
     """Return spring, damping, friction and slip stiffness: F = K1 z + K2 z^2 + C w |w|, Fy = -mu Fz tanh(Cs slip / mu)."""
     drops = pd.read_csv(folder / "touchdowns.csv.gz")
-    drops = drops[drops["compression_m"] > _TOUCHED]
-    touched = [
-        xr.Dataset(
-            {new: ("time", one[old].values) for old, new in (("compression_m", "z"), ("rate_mps", "w"), ("Fz_N", "F"))},
-            {"time": one["t"].values},
-        )
-        for _, one in drops.groupby("drop")
-    ]
-    strut = flighttest.expressions.SeparableModel.parse("F = z + z^2 + w*abs(w)", units={"F": "N", "z": "m", "w": "m s-1"})
-    vertical = flighttest.separable.regress_separable(strut, touched, "strut")
+    columns = {"compression_m": "compression", "rate_mps": "rate", "Fz_N": "load"}
+    strut = flighttest.landing_gear.fit_strut([_series(one, columns, one["t"].values) for _, one in drops.groupby("drop")])
     points = pd.read_csv(folder / "side_force.csv")
-    steady = xr.Dataset(
-        {new: ("time", points[old].values) for old, new in (("Fz_N", "Fz"), ("slip_rad", "slip"), ("Fy_N", "Fy"))},
-        {"time": points.index.values.astype(float)},
-    )
-    tyre = flighttest.expressions.SeparableModel.parse("Fy = Fz*tanh(g*slip)", {"g": (0.5, 60.0)}, {"Fy": "N", "Fz": "N", "slip": "rad"})
-    side = flighttest.separable.regress_separable(tyre, steady, "side force")
-    print(f"{vertical.report()}\n\n{side.report()}")
-    values, C = side.derived("-[Fz*tanh(g*slip)]", "-[Fz*tanh(g*slip)]*g")
-    found = {name: list(vertical.value(term)) for name, term in (("K1", "z"), ("K2", "z^2"), ("C", "w*abs(w)"))}
-    return {**found, **{name: [float(value), float(variance**0.5)] for name, value, variance in zip(("mu", "Cs"), values, C.diagonal())}}
+    columns = {"Fz_N": "load", "slip_rad": "slip", "Fy_N": "side_force"}
+    side = flighttest.landing_gear.fit_side_force(_series(points, columns, points.index.values.astype(float)))
+    names = {"K1": "stiffness", "K2": "stiffness_square", "C": "orifice", "mu": "mu", "Cs": "cornering"}
+    found = {**strut, **side}
+    return {answer: [found[name].value, found[name].stderr] for answer, name in names.items()}
+
+
+def _series(table: pd.DataFrame, names: dict[str, str], time: np.ndarray) -> xr.Dataset:
+    return xr.Dataset({new: ("time", table[old].values) for old, new in names.items()}, {"time": time})
 
 
 def _power_change(file: Path) -> xr.Dataset:

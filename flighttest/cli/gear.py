@@ -16,11 +16,18 @@ _FILE = click.Path(exists=True, dir_okay=False)
 @click.option("--aircraft", "aircraft_file", required=True, type=_FILE, help="Aircraft, TOML: places of the wheels, mass, engines.")
 @click.option("--database", "database_file", type=_FILE, help="Aerodynamics near the ground; without it the air exerts no force.")
 @click.option(
-    "--error", "errors", type=(str, float), multiple=True, help="Standard error of an input: lift, drag, pitching, thrust, mass, wind."
+    "--error",
+    "errors",
+    type=(str, float),
+    multiple=True,
+    help="Standard error of an input: lift, drag, pitching, thrust, wind, mass, pedal, along, timing.",
+)
+@click.option(
+    "--flown/--no-flown", default=True, help="Whether tyres and steering are estimated by output error on the kernel.", show_default=True
 )
 @click.option("-o", "--output", type=NewFile(), help="Write the aircraft with the identified gear.")
 @json_option
-def gear(paths, aircraft_file, database_file, errors, output, as_json) -> None:
+def gear(paths, aircraft_file, database_file, errors, flown, output, as_json) -> None:
     """Identify the landing gear from PATHS: reconstructed taxi turns, coast-down, brake stops, landings, all together."""
     import aerodb
     from flightmech import read_aircraft, write_aircraft
@@ -33,7 +40,7 @@ def gear(paths, aircraft_file, database_file, errors, output, as_json) -> None:
     aircraft = read_aircraft(aircraft_file)
     records = [GroundRecord(open_states(path), open_biases(path) if _reconstructed(path) else None) for path in paths]
     database = aerodb.open(database_file) if database_file else None
-    found = identify_landing_gear(records, aircraft, database, dict(errors))
+    found = identify_landing_gear(records, aircraft, database, dict(errors), flown=flown)
     if output:
         write_aircraft(found.aircraft(aircraft), Path(output))
     if as_json:

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import xarray as xr
 
 from flightmech import Aircraft
 from flightmech.errors import IdentificationError, UnknownName
+from flightmech.units import G0
 
+from ..maximum_likelihood.result import OutputError
 from ..reconstruction.smoother import Path
 from .explicit import ROLLING
-from .reconstructed_loads import CUTOFF, ERRORS, WIND_ERROR, GroundRecord
-from .regression import LoadFit, regress_gear
+from .flown import fly_gear
+from .reconstructed_loads import CUTOFF, ERRORS, SYSTEMATIC, WIND_ERROR, GroundRecord
+from .regression import T_NEEDED, LoadFit, regress_gear
 from .result import GearConstant, IdentifiedGear
 from .wheels import wheel_groups
 
@@ -26,8 +30,9 @@ def identify_landing_gear(
     database: xr.DataTree | None = None,
     errors: Mapping[str, float] | None = None,
     cutoff: float = CUTOFF,
+    flown: bool = True,
 ) -> IdentifiedGear:
-    """Identify struts, tyres, brakes and rolling friction of a landing gear.
+    """Identify struts, tyres, brakes, rolling friction and nose-wheel steering of a landing gear.
 
     Parameters
     ----------
@@ -40,9 +45,13 @@ def identify_landing_gear(
         Aerodynamics near the ground; without it the air exerts no force.
     errors : mapping of str to float, optional
         Standard errors of what goes in: ``lift``, ``drag``, ``pitching`` (of the coefficients near the ground), ``thrust``, ``mass``
-        (relative), ``wind`` (at most, of each record) [m s-1].  Zero holds one.
+        ``pedal`` (at its stop) (all relative), ``along`` (specific force along the runway, attitude included) [m s-2], ``timing``
+        (of compressions against accelerations) [s], ``wind`` (at most, of each record) [m s-1].  Zero holds one.
     cutoff : float
         Low-pass of all states alike. [Hz]
+    flown : bool
+        Whether side forces and steering, for which slip is a state, are estimated by output error on the gear of the kernel; needs a
+        database.  The order of the steering is that of the aircraft; it needs ``delta_nw`` (command) and ``gear.steering`` (angle).
 
     Returns
     -------
@@ -57,13 +66,14 @@ def identify_landing_gear(
 
     Notes
     -----
-    Loads of the wheels are reconstructed from the motion, and all balances of force and moment fitted together (`explicit`).
+    Loads of the wheels are reconstructed from the motion, and all balances of force and moment fitted together (`explicit`); then
+    the tyres and the steering are flown (`flown`): the division of [LR743], Table 1.
 
     References
     ----------
     .. [LR743] Report LR-743, 1993, 4.5.4 and Table 1.
     """
-    known = {**ERRORS, "wind": WIND_ERROR}
+    known = {**ERRORS, **SYSTEMATIC, "wind": WIND_ERROR}
     for name in errors or {}:
         if name not in known:
             raise UnknownName(name, known, "source of error")
@@ -71,18 +81,49 @@ def identify_landing_gear(
         raise IdentificationError("no records; give ground runs or landings")
     budget = {**known, **(errors or {})}
     fit = regress_gear(records, aircraft, database, budget, cutoff)
-    return IdentifiedGear(wheel_groups(aircraft), _constants(fit, budget["mass"]), fit.undetermined, fit)
+    found = IdentifiedGear(wheel_groups(aircraft), _constants(fit, budget), fit.undetermined, fit)
+    if not flown or database is None:
+        return found
+    result = fly_gear(records, found.aircraft(aircraft), database, fit)
+    if result is None:
+        return found
+    by = _flown_constants(result)
+    constants = {**found.constants, **{name: one for name, one in by.items() if not isinstance(one, str)}}
+    undetermined = {**found.undetermined, **{name: one for name, one in by.items() if isinstance(one, str) and name not in constants}}
+    return replace(found, constants=constants, undetermined=undetermined, flown=result)
 
 
-def _constants(found: LoadFit, mass_error: float) -> dict[str, GearConstant]:
-    """Estimates whose standard errors hold that of the mass: every force that was reconstructed grows with it."""
+def _flown_constants(found: OutputError) -> dict[str, GearConstant | str]:
+    """Estimates, or why there is none."""
+    e = found.estimates
+    constants: dict[str, GearConstant | str] = {}
+    for name, value, stderr, active in zip(map(str, e["parameter"].values), *(e[key].values for key in ("estimate", "stderr", "active"))):
+        if active:
+            constants[name] = f"at its bound {value:g}"
+        elif abs(value) < T_NEEDED * stderr:
+            constants[name] = f"{value:.3g} +- {stderr:.2g}, {T_NEEDED:g} standard errors from zero are needed"
+        else:
+            constants[name] = GearConstant(float(value), float(stderr), "output error")
+    return constants
+
+
+def _constants(found: LoadFit, errors: Mapping[str, float]) -> dict[str, GearConstant]:
+    """Estimates; their standard errors hold those of what no record shows: mass, pedals, forward specific force, clocks."""
     e = found.fit.estimates
     constants = {}
     for name in map(str, e["parameter"].values):
-        constant = name.rpartition(".")[2]
-        if "." not in name and name != ROLLING:
+        group, _, constant = name.rpartition(".")
+        if not group and name != ROLLING:
             continue
         value, stderr = (float(e[key].sel(parameter=name)) for key in ("estimate", "stderr"))
-        systematic = mass_error * value if constant in _FORCES else 0.0
-        constants[name] = GearConstant(value, float(np.hypot(stderr, systematic)), "wheel loads")
+        parts = [stderr]
+        if constant in _FORCES:
+            parts.append(errors["mass"] * value)
+        if constant in ("brake", "brake_friction"):
+            parts.append(errors["pedal"] * value)
+        if constant == ROLLING:
+            parts.append(errors["along"] / G0)
+        if constant == "damping":
+            parts.append(errors["timing"] * found.fit.parameters[f"{group}.stiffness"])
+        constants[name] = GearConstant(value, float(np.linalg.norm(parts)), "wheel loads")
     return constants

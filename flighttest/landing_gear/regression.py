@@ -17,6 +17,7 @@ from .leg_terms import LEG_TERMS, select_leg_terms
 from .reconstructed_loads import CUTOFF, ERRORS, WIND_ERROR, wheel_loads
 from .wheels import wheel_groups, wheels_of
 
+_MARGIN = 1.05  # friction over the largest that was used without a skid, where the aircraft file has less
 _REACHED = 0.8  # part of the friction that must have been used, or its value is an extrapolation
 T_NEEDED = 3.0  # standard errors from zero of a constant that is kept
 _STRUCTURE = (
@@ -60,6 +61,13 @@ class LoadFit:
     held: Mapping[str, float]
     undetermined: Mapping[str, str]
     loads: tuple[xr.Dataset, ...]
+
+    def inputs_of(self, k: int) -> dict[str, float]:
+        """Return what the inputs of a record, from 0, are wrong by; the wind is that beyond its states."""
+        at = self.fit.of_manoeuvre(k + 1)
+        found = {name: value for name, value in at.items() if name in ERRORS}
+        blown = self.loads[k].attrs
+        return found | {name: at.get(name, 0.0) + float(blown[name]) for name in ("wind_n", "wind_e")}
 
 
 def known_constants(aircraft: Aircraft) -> dict[str, float]:
@@ -107,7 +115,7 @@ def regress_gear(
         name, why = _weakest(fit, unknown)
         if not name and FRICTION in unknown:
             name, why, used = _unreached(fit, runs)
-            held[FRICTION] = max(held[FRICTION], used) if name else held[FRICTION]
+            held[FRICTION] = max(held[FRICTION], _MARGIN * used) if name else held[FRICTION]
         unknown = {key: item._replace(start=float(np.clip(_value(fit, key), item.low, item.high))) for key, item in unknown.items()}
         if not name:
             break
@@ -176,7 +184,7 @@ def _errors_of_inputs(
     records: Sequence, database: xr.DataTree | None, errors: Mapping[str, float], winds: Sequence[tuple[float, float]]
 ) -> dict[str, Unknown]:
     """What the inputs may be wrong by; the wind of a record, beyond `winds`, by what its reconstruction leaves open."""
-    found = {name: Unknown(0.0, errors[name]) for name in ERRORS if name != "mass" and errors[name] > 0.0}
+    found = {name: Unknown(0.0, errors[name]) for name in ERRORS if errors[name] > 0.0}
     if database is None or errors["wind"] == 0.0:
         return found
     for k, (record, wind) in enumerate(zip(records, winds)):

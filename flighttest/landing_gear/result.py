@@ -171,4 +171,9 @@ class IdentifiedGear:
         outputs = [str(name) for name in self.loads.fit.noise["output"].values]
         rms = np.sqrt(np.mean(noise**2, axis=0))
         lines += ["", "residual rms: " + ", ".join(f"{name} {value:.3g}" for name, value in zip(outputs, rms))]
+        if self.flown is not None:
+            scatter = np.sqrt(np.mean(self.flown.noise["stderr"].values ** 2, axis=0))
+            names = [str(name) for name in self.flown.noise["output"].values]
+            said = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, scatter))
+            lines.append(f"flown through {len(self.flown.residuals)} stretches, rms: {said}")
         return "\n".join(lines)
