@@ -40,7 +40,7 @@ def engine(
 
     from ..engine.records import engine_channels, read_points
     from ..engine.result import identify_engine
-    from ..engine.static import Polar
+    from ..engine.steady.static import Polar
     from ..records.record import read
     from ..signals.conditioning import cut
 

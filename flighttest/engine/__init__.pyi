@@ -1,7 +1,7 @@
 """Public names of `flighttest.engine` and where they are defined; ``__init__.py`` loads them from this list."""
 
-from .fuel_thrust import FuelThrust as FuelThrust
-from .fuel_thrust import fit_fuel_thrust as fit_fuel_thrust
+from .steady.fuel_thrust import FuelThrust as FuelThrust
+from .steady.fuel_thrust import fit_fuel_thrust as fit_fuel_thrust
 from .records import engine_channels as engine_channels
 from .result import EngineFit as EngineFit
 from .result import identify_engine as identify_engine
@@ -9,6 +9,6 @@ from .spools import SpoolFit as SpoolFit
 from .spools import identify_spools as identify_spools
 from .starting import StartFit as StartFit
 from .starting import identify_start as identify_start
-from .static import DeckCorrection as DeckCorrection
-from .static import Polar as Polar
-from .static import correct_deck as correct_deck
+from .steady.static import DeckCorrection as DeckCorrection
+from .steady.static import Polar as Polar
+from .steady.static import correct_deck as correct_deck

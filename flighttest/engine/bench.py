@@ -1,12 +1,14 @@
 """The engine model of the kernel on its own, and output error on it.
 
-One engine in an aeroplane too heavy to move, in level flight: the spools, the delay and the flame are those of every
-simulation, so what is identified is what flies.
+One engine in an aeroplane too heavy to move: the spools, the delay and the flame are those of every simulation, so what is
+identified is what flies.  A second engine carries the weight, the aeroplane climbs at a constant rate, and a wind along its path
+makes the recorded Mach number.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -22,38 +24,63 @@ from ..maximum_likelihood.residual_covariance import coloured_covariance
 from ..maximum_likelihood.result import OutputError, noise_of, tabulated
 from ..maximum_likelihood.time_domain import uniform_step
 
-HEAVY, AREA = 1e9, 1e6  # [kg, m2]: thrust changes the speed by less than 0.01 m/s in a minute
+HEAVY = 1e9  # [kg]: thrust changes the speed by less than 0.01 m/s in a minute
 INPUTS = ("throttle", "cutoff", "starter", "ignition", "flameout")
+ITERATIONS = 60  # of a search
 STEP = 0.02  # internal step, that of the shortest time constant [s]
 _G = 9.80665
-_SLOWEST = 1.0  # below, lift cannot carry the aeroplane [m s-1]
-_ITERATIONS = 60
+_SLOWEST = 1.0  # airspeed of an aeroplane at rest [m s-1]
 
 Expand = Callable[[np.ndarray], Mapping[str, float]]
 
 
 def compiled(deck: Deck) -> flightmech.SimModel:
     """Return the kernel's model of one engine."""
-    engine = flightmech.aircraft.Engine((0.0, 0.0, 0.0), deck=deck)
-    craft = flightmech.Aircraft("engine", AREA, 1.0, 1.0, HEAVY, HEAVY, HEAVY, HEAVY, engines=(engine,))
+    at = (0.0, 0.0, 0.0)
+    carrier = Deck({"n2_command": make(1.0), "n2_up_time": make(1.0), "thrust": make(HEAVY * _G)})
+    engines = flightmech.aircraft.Engine(at, deck=deck), flightmech.aircraft.Engine(at, (0.0, 0.0, -1.0), deck=carrier)
+    craft = flightmech.Aircraft("engine", 1.0, 1.0, 1.0, HEAVY, HEAVY, HEAVY, HEAVY, engines=engines)
     return flightmech.compile(craft, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
 
 
-def condition(record: xr.Dataset) -> dict[str, float]:
-    """Return the parameters under which a record is flown: its mean Mach number, height and offset of the temperature.
+class Condition(NamedTuple):
+    """Flight condition of a record: parameters, and the wind that makes its Mach number.
+
+    Attributes
+    ----------
+    held : dict of str to float
+        Parameters of the simulation.
+    wind : array (time,)
+        From the south, along the path. [m/s]
+    """
+
+    held: dict[str, float]
+    wind: np.ndarray
+
+
+def condition(record: xr.Dataset) -> Condition:
+    """Return the condition in which a record is flown: its Mach number, the straight line through its height, its mean offset of the temperature.
 
     Parameters
     ----------
     record : Dataset (time,)
         ``mach`` and ``h`` [m] where it has them, else standing at sea level; ``temperature`` [K] of the ambient air.
     """
-    mean = {name: float(record[name].mean()) if name in record else 0.0 for name in ("mach", "h")}
-    offset = float(record["temperature"].mean()) - float(atmosphere(mean["h"]).temperature) if "temperature" in record else 0.0
-    air = atmosphere(mean["h"], delta_T=offset)
-    V = max(mean["mach"] * float(air.a_sound), _SLOWEST)
-    lift = 2.0 * HEAVY * _G / (float(air.rho) * V**2 * AREA)
-    fixed = {"mode.earth": 0.0, "mode.engine": 0.0}
-    return {**fixed, "env.delta_T": offset, "init.V": V, "init.h": mean["h"], "bias.CL": lift}
+    time = record["time"].values.astype(float)
+    mach, height = (record[name].values.astype(float) if name in record else np.zeros(len(time)) for name in ("mach", "h"))
+    climb, start = np.polyfit(time - time[0], height, 1) if np.ptp(height) > 0.0 else (0.0, height[0])
+    h = start + climb * (time - time[0])
+    offset = float(np.mean(record["temperature"].values - np.asarray(atmosphere(h).temperature))) if "temperature" in record else 0.0
+    V = np.maximum(mach * np.asarray(atmosphere(h, delta_T=offset).a_sound), max(_SLOWEST, 1.01 * abs(climb)))
+    along = np.sqrt(V**2 - climb**2)
+    fixed = {"mode.earth": 0.0, "mode.engine": 0.0, "env.delta_T": offset}
+    return Condition(fixed | {"init.V": V[0], "init.h": start, "init.alpha": -float(np.arcsin(climb / V[0]))}, along[0] - along)
+
+
+def inputs(record: xr.Dataset, wind: np.ndarray) -> xr.Dataset:
+    """Return lever, switches and wind of a record as inputs of the simulation."""
+    found = xr.Dataset({f"engine1.{name}": record[name] for name in INPUTS if name in record})
+    return found.assign(wind_n=("time", wind))
 
 
 def fitted(
@@ -63,6 +90,7 @@ def fitted(
     expand: Expand,
     outputs: Sequence[str],
     step: float = STEP,
+    iterations: int = ITERATIONS,
 ) -> OutputError:
     """Return unknowns of a deck by output error on the kernel.
 
@@ -79,11 +107,14 @@ def fitted(
         ``n1``, ``n2``, ``itt`` ...
     step : float
         Largest internal step of the simulation. [s]
+    iterations : int
+        Of the search, at most.
     """
     sim = compiled(deck)
-    runs = [_Run(sim, record, expand, list(outputs), step) for record in records]
+    remembered = _Remembered(expand)
+    runs = [_Run(sim, record, remembered, list(outputs), step) for record in records]
     layout = lay_out(unknowns, [{} for _ in runs])
-    found = search(Likelihood(runs, layout, np.zeros(len(runs), int)), _ITERATIONS)
+    found = search(Likelihood(runs, layout, np.zeros(len(runs), int)), iterations)
     covariance, colours = coloured_covariance(found, layout.columns, [run.interval for run in runs])
     estimates = tabulated(found, layout, covariance, {"method": "output error on the engine of the kernel"})
     names = [f"engine1.{name}" for name in outputs]
@@ -91,36 +122,47 @@ def fitted(
     return OutputError(estimates, rest, noise_of(found, names, colours, [run.measured for run in runs]))
 
 
-def parameter(table: str, node: int | None = None) -> str:
+def parameter(table: str, node: Sequence[int] = ()) -> str:
     """Return the name of a constant or of a node of a table in the kernel."""
     if table in CONSTANTS:
         return f"engine1.{table}"
-    return f"node.engine1.{table}" if node is None else f"node.engine1.{table}[{node}]"
+    return f"node.engine1.{table}[{','.join(map(str, node))}]" if node else f"node.engine1.{table}"
 
 
 def as_nodes(table: str, values: np.ndarray) -> dict[str, float]:
-    """Return the nodes of a table over one axis under their names in the kernel."""
-    return {parameter(table, k): float(value) for k, value in enumerate(values)}
+    """Return the nodes of a table under their names in the kernel."""
+    return {parameter(table, place): float(value) for place, value in np.ndenumerate(values)}
+
+
+class _Remembered:
+    """Parameters of the engine for rows of unknowns; every record asks for the same ones in turn."""
+
+    def __init__(self, expand: Expand):
+        self.expand, self.rows, self.found = expand, np.empty(0), {}
+
+    def __call__(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        if not np.array_equal(rows, self.rows):
+            settings = [self.expand(row) for row in rows]
+            self.rows, self.found = rows.copy(), {name: np.array([one[name] for one in settings]) for name in settings[0]}
+        return self.found
 
 
 class _Run:
     """One record as the engine flies it."""
 
-    def __init__(self, sim: flightmech.SimModel, record: xr.Dataset, expand: Expand, outputs: list[str], step: float):
+    def __init__(self, sim: flightmech.SimModel, record: xr.Dataset, expand: _Remembered, outputs: list[str], step: float):
         self.sim, self.expand = sim, expand
         self.outputs = [f"engine1.{name}" for name in outputs]
         self.time = record["time"].values.astype(float)
         self.interval = uniform_step(self.time, f"record {record.attrs.get('record', '')}".strip())
         self.measured = np.column_stack([record[name].values.astype(float) for name in outputs])
-        self.inputs = xr.Dataset({f"engine1.{name}": record[name] for name in INPUTS if name in record})
-        self.held, self.step = condition(record), step
+        self.held, wind = condition(record)
+        self.inputs, self.step = inputs(record, wind), step
         self.attrs = dict(record.attrs)
 
     def _fly(self, rows: np.ndarray) -> np.ndarray:
         """Outputs (run, time, output)."""
-        settings = [self.expand(row) for row in rows]
-        varied = {name: np.array([one[name] for one in settings]) for name in settings[0]}
-        found = flightmech.simulate_batch(self.sim, self.inputs, varied, self.held, self.outputs, step=self.step, failed="nan")
+        found = flightmech.simulate_batch(self.sim, self.inputs, self.expand(rows), self.held, self.outputs, step=self.step, failed="nan")
         return np.stack([found[name].values for name in self.outputs], axis=2)
 
     def predict(self, values: np.ndarray) -> np.ndarray:

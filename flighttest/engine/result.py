@@ -15,7 +15,7 @@ from flightmech.support.atomic_write import written_atomically
 
 from .spools import SpoolFit, identify_spools
 from .starting import StartFit, identify_start
-from .static import DeckCorrection, Polar, correct_deck
+from .steady.static import DeckCorrection, Polar, correct_deck
 
 _LOWER = 0.9  # speed at light-off less a margin, as least speed to light; it burns down to half of that
 

@@ -128,7 +128,7 @@ def identify_start(records: Sequence[xr.Dataset]) -> StartFit:
     theta, C = found.estimates["estimate"].values, np.nan_to_num(found.estimates["covariance"].values)
     sigma = np.sqrt(np.diag(C))
     constants = {name: (float(theta[k]), float(sigma[k])) for k, name in enumerate(single)}
-    curves = {"n2_up_time": Curve.of("n2", at, times, theta, C)}
+    curves = {"n2_up_time": Curve.of({"n2": at}, times, theta, C)}
     whole = {**tables, "n2_up_time": curves["n2_up_time"].leaf, "n2_command": make(constants["n2_command"][0])}
     if flying:
         whole["corrected_n2_windmill"] = make(constants["corrected_n2_windmill"][0])
@@ -173,7 +173,7 @@ def _flows(deck: Deck, records: Sequence[xr.Dataset], knots: np.ndarray):
     constants: dict[str, Any] = {name: getattr(deck, name) for name in ("starter_speed", *_TIMES, "light_speed", "sustain_speed")}
     found = bench.fitted(Deck({**deck.tables, **own}, **constants), records, unknowns, parameters, outputs)
     theta, C = found.estimates["estimate"].values, np.nan_to_num(found.estimates["covariance"].values)
-    curves = {name: Curve.of("n2", at, curve(k), theta, C) for k, name in enumerate(outputs)}
+    curves = {name: Curve.of({"n2": at}, curve(k), theta, C) for k, name in enumerate(outputs)}
     return found, curves, {"itt_time": (float(theta[-1]), float(np.sqrt(C[-1, -1])))} if lagged else {}
 
 

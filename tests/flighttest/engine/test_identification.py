@@ -18,8 +18,8 @@ from flightmech.terms import make
 from flighttest import identify_engine
 from flighttest.cli.engine import engine
 from flighttest.engine import Polar, correct_deck, identify_spools, identify_start
-from flighttest.engine.bench import as_nodes, compiled, condition
-from flighttest.engine.points import ratios
+from flighttest.engine.bench import as_nodes, compiled, condition, inputs
+from flighttest.engine.steady.points import ratios
 from flighttest.engine.records import engine_channels
 from flighttest.engine.schedule import nodes, positions, quiet
 
@@ -201,9 +201,9 @@ def start_record() -> xr.Dataset:
     tables = {"n2_command": make(0.5), "n2_up_time": make([5.0, 4.0, 3.0], at), "thrust": make(0.0)}
     tables |= {"fuel_flow": make([0.03, 0.04, 0.05], at), "itt": make([600.0, 1000.0, 850.0], at)}
     constants = {"starter_speed": 0.23, "starter_time": 3.0, "n2_rundown": 6.0, "flame_time": 0.3, "itt_time": 0.8}
-    inputs = xr.Dataset({f"engine1.{name}": record[name] for name in switches})
+    held, wind = condition(record)
     outputs = [f"engine1.{name}" for name in ("n2", "fuel_flow", "itt")]
-    flown = flightmech.simulate(compiled(Deck(tables, **constants)), inputs, condition(record), outputs=outputs)
+    flown = flightmech.simulate(compiled(Deck(tables, **constants)), inputs(record, wind), held, outputs=outputs)
     rng = np.random.default_rng(5)
     sizes = {"n2": 5e-4, "fuel_flow": 1e-4, "itt": 3.0}
     return record.assign({name: ("time", flown[f"engine1.{name}"].values + s * rng.normal(size=len(t))) for name, s in sizes.items()})
@@ -245,8 +245,8 @@ def test_deck_file_flies(spools, started, changes, tmp_path, monkeypatch):
     assert (tables["n2_up_time"]["value"].sel(n2=0.22, method="nearest") > 3.0).all()  # below idle: from the start
     deck = found.deck()
     chop = changes[0]
-    inputs = xr.Dataset({"engine1.throttle": chop["throttle"]})
-    flown = flightmech.simulate(compiled(deck), inputs, condition(chop), outputs=["engine1.n2", "engine1.thrust"])
+    held, wind = condition(chop)
+    flown = flightmech.simulate(compiled(deck), inputs(chop, wind), held, outputs=["engine1.n2", "engine1.thrust"])
     assert np.sqrt(np.mean((flown["engine1.n2"].values - chop["n2"].values) ** 2)) < 2.0 * NOISE
     assert flown["engine1.thrust"].values[0] > 4.0 * flown["engine1.thrust"].values[-1] > 0.0
 
