@@ -59,7 +59,7 @@ class Condition(NamedTuple):
 
 
 def condition(record: xr.Dataset) -> Condition:
-    """Return the condition in which a record is flown: its Mach number, the straight line through its height, its mean offset of the temperature.
+    """Return the condition of a record: its Mach number, the straight line through its height, the mean offset of its temperature.
 
     Parameters
     ----------
@@ -91,6 +91,7 @@ def fitted(
     outputs: Sequence[str],
     step: float = STEP,
     iterations: int = ITERATIONS,
+    coarse: Sequence[str] = (),
 ) -> OutputError:
     """Return unknowns of a deck by output error on the kernel.
 
@@ -109,10 +110,14 @@ def fitted(
         Largest internal step of the simulation. [s]
     iterations : int
         Of the search, at most.
+    coarse : sequence of str
+        Unknowns whose differences are taken over an internal step at least: a delay before a rate limit moves the response by
+        whole stages of the integration.
     """
     sim = compiled(deck)
     remembered = _Remembered(expand)
-    runs = [_Run(sim, record, remembered, list(outputs), step) for record in records]
+    least = np.array([step if name in coarse else 0.0 for name in unknowns])
+    runs = [_Run(sim, record, remembered, list(outputs), step, least) for record in records]
     layout = lay_out(unknowns, [{} for _ in runs])
     found = search(Likelihood(runs, layout, np.zeros(len(runs), int)), iterations)
     covariance, colours = coloured_covariance(found, layout.columns, [run.interval for run in runs])
@@ -150,8 +155,10 @@ class _Remembered:
 class _Run:
     """One record as the engine flies it."""
 
-    def __init__(self, sim: flightmech.SimModel, record: xr.Dataset, expand: _Remembered, outputs: list[str], step: float):
-        self.sim, self.expand = sim, expand
+    def __init__(
+        self, sim: flightmech.SimModel, record: xr.Dataset, expand: _Remembered, outputs: list[str], step: float, least: np.ndarray
+    ):
+        self.sim, self.expand, self.least = sim, expand, least
         self.outputs = [f"engine1.{name}" for name in outputs]
         self.time = record["time"].values.astype(float)
         self.interval = uniform_step(self.time, f"record {record.attrs.get('record', '')}".strip())
@@ -171,6 +178,7 @@ class _Run:
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return their slopes (time, output, unknown)."""
+        steps = np.maximum(steps, self.least)
         sides = (1.0, -1.0) if central else (1.0,)
         moves = [side * step * unit for side in sides for step, unit in zip(steps, np.eye(len(values)))]
         y = self._fly(np.array([values, *(values + move for move in moves)]))

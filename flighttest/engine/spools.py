@@ -102,7 +102,7 @@ class SpoolFit:
             if search is not None:
                 noise = search.noise["stderr"].isel(manoeuvre=0)
                 lines += ["", *(f"{name}: residual rms {float(v):.3g}" for name, v in zip(noise["output"].values, noise.values))]
-                lines += [f"! {remark}" for remark in search.remarks if remark.kind == "convergence"]
+                lines += [f"! {remark}" for remark in search.remarks if remark.kind in ("convergence", "bound")]
         return "\n".join([*lines, *(f"! {text}" for text in self.remarks)])
 
 
@@ -188,12 +188,12 @@ class _Spool:
     ):
         self.name, self.limits, self.delay, self.given = name, limits, delay, dict(given or {})
         self.middle = 0.5 * (speed[0] + speed[-1])
-        for spacing in (FINE, 2.0 * FINE, 4.0 * FINE, np.inf):
-            self.surfaces = dict(self._surfaces(lever, speed, over, spacing))
-            if sum(surface.size for surface in self.surfaces.values()) * (1 if limits else 2) <= MOST_NODES:
-                break
-        else:
-            raise IdentificationError(f"the tables of {name} have more than {MOST_NODES} nodes; give fewer knots or flight conditions")
+        self.surfaces = dict(self._surfaces(lever, speed, over, np.inf if limits or over else FINE))
+        size = sum(surface.size for surface in self.surfaces.values())
+        if size > MOST_NODES:
+            raise IdentificationError(
+                f"the tables of {name} have {size} nodes, more than {MOST_NODES}; give fewer knots (throttle, n2) or breakpoints (over)"
+            )
         self.lever, self.speed = lever, speed
         edges = np.cumsum([0 if delay is not None else 1, *(surface.count for surface in self.surfaces.values())])
         self.places = {table: slice(a, b) for table, a, b in zip(self.surfaces, edges, edges[1:])}
@@ -263,12 +263,15 @@ class _Spool:
             found |= {"ln ratio": Unknown(float(start[-2]), 1.0), "slope of ln ratio": Unknown(float(start[-1]), 10.0)}
         return found
 
-    def _fit(self, records: Sequence[xr.Dataset], start: np.ndarray, step: float = bench.STEP, iterations: int = bench.ITERATIONS) -> OutputError:
+    def _fit(
+        self, records: Sequence[xr.Dataset], start: np.ndarray, step: float = bench.STEP, iterations: int = bench.ITERATIONS
+    ) -> OutputError:
         leaves = {table: make(v, self.axes(table), outside="hold") for table, v in self.tables(start).items()}
         if list(self.axes(f"{self.name}_command")) == ["throttle"]:
             leaves[f"{self.name}_command"].attrs["outside"] = "linear"
         deck = Deck({**self.given, **leaves, "thrust": make(0.0)}, lever_delay=self.delay or 0.0)
-        return bench.fitted(deck, records, self._unknowns(start, step), self._parameters, [self.name], step, iterations)
+        coarse = ["lever_delay"] if self.limits else []
+        return bench.fitted(deck, records, self._unknowns(start, step), self._parameters, [self.name], step, iterations, coarse)
 
     def result(self, found: OutputError, noisy: np.ndarray):
         """Tables, constants and changes of a search; `noisy` (knot,) is the standard error of the lever positions."""
@@ -307,8 +310,13 @@ class _Spool:
             yield f"not seen in the records, kept as it was put in: {', '.join(unseen)}"
         residual, noise = float(found.noise["stderr"].values.flat[0]), reading_noise(records, self.name)
         if residual > NOISY * noise:
-            what = "rate limits or changes with the flight condition (limits, over)" if not self.limits else "changes with the flight condition (over)"
-            yield f"{self.name}: the residual, {residual:.2g} rms, is {residual / noise:.1f} times the noise of the readings; look for {what}"
+            what = (
+                "changes with the flight condition (over)"
+                if self.limits
+                else "rate limits (limits) or changes with the flight condition (over)"
+            )
+            much = f"{residual:.2g} rms, is {residual / noise:.1f} times the noise of the readings"
+            yield f"{self.name}: the residual, {much}; look for {what}"
 
 
 def _fan(tables: dict[str, Curve], delay: float, records: Sequence[xr.Dataset], knots: np.ndarray):

@@ -58,7 +58,9 @@ class Surface:
         axis = next(iter(self.axes))
         found = [f"{table} at {axis} {x:.4g}" for x in self.knots]
         ends = [f"{axis} {x:.4g}" for x in (self.knots[0], self.knots[-1])]
-        return found + [f"{table} from {name} {v[0]:.4g} to {x:.4g} at {end}" for name, v in self.over.items() for x in v[1:] for end in ends]
+        return found + [
+            f"{table} from {name} {v[0]:.4g} to {x:.4g} at {end}" for name, v in self.over.items() for x in v[1:] for end in ends
+        ]
 
     def start(self, at_knots: np.ndarray) -> np.ndarray:
         """Return the unknowns of a table that no condition changes."""
@@ -106,7 +108,9 @@ class Curve:
         theta, C : array (unknown,), (unknown, unknown)
         """
         value = nodes(theta)
-        slopes = np.column_stack([(nodes(theta + _STEP * e) - nodes(theta - _STEP * e)).ravel() for e in np.eye(len(theta))]) / (2.0 * _STEP)
+        slopes = np.column_stack([(nodes(theta + _STEP * e) - nodes(theta - _STEP * e)).ravel() for e in np.eye(len(theta))]) / (
+            2.0 * _STEP
+        )
         covariance = slopes @ C @ slopes.T
         stderr = np.sqrt(np.maximum(np.diag(covariance), 0.0)).reshape(value.shape)
         outside = "linear" if list(axes) == ["throttle"] else "hold"

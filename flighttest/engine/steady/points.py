@@ -16,11 +16,18 @@ SPEEDS = ("corrected_n1", "corrected_n2")
 
 
 def ratios(points: Mapping) -> tuple[np.ndarray, np.ndarray]:
-    """Return total temperature over 288.15 K and ambient pressure over 101325 Pa, from ``mach``, ``h`` and ``temperature``."""
+    """Return total temperature over 288.15 K and ambient pressure over 101325 Pa.
+
+    Parameters
+    ----------
+    points : mapping of str to array
+        ``mach``, ``h`` [m], ``temperature`` [K] if not standard; ``pressure_ratio``, without which h is a pressure altitude.
+    """
     h, mach = (np.asarray(points[name], float) for name in ("h", "mach"))
     air = atmosphere(h)
     T = np.asarray(points.get("temperature", air.temperature), float)
-    return T / T_STANDARD * (1.0 + 0.2 * mach**2), np.asarray(air.p_static) / P_STANDARD
+    delta = np.asarray(points.get("pressure_ratio", np.asarray(air.p_static) / P_STANDARD), float)
+    return T / T_STANDARD * (1.0 + 0.2 * mach**2), delta
 
 
 def speed_axis(prior: xr.Dataset) -> str:
@@ -69,12 +76,12 @@ def recorded_rows(prior: xr.Dataset, points: xr.Dataset, remarks: list[str]) -> 
 
 
 def equilibrium_rows(prior: xr.Dataset, points: xr.Dataset, S: float, engines: int, remarks: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows (point, breakpoint + 2) and measured values along the flight path, in parts of the a-priori thrust."""
+    """Return rows (point, breakpoint + 2) and measured values along the flight path, in parts of the median a-priori thrust."""
     inside, P, delta = _inside(prior, points, "equilibrium", remarks)
     at = {str(key): points[key].values[inside] for key in points.data_vars}
     q = 0.5 * GAMMA * P_STANDARD * delta * at["mach"] ** 2
     along = engines * np.cos(at.get("alpha", np.zeros(len(q)))) * delta
-    size = along * np.abs(P.sum(axis=1))
+    size = np.median(along * np.abs(P.sum(axis=1)))  # errors of mass, acceleration and climb do not go with the thrust
     force = at["mass"] * (at["V_dot"] + G0 * at["h_dot"] / at["V"])
-    X = np.column_stack([along[:, None] * P, -q * S, -q * S * at["CL"] ** 2]) / size[:, None]
+    X = np.column_stack([along[:, None] * P, -q * S, -q * S * at["CL"] ** 2]) / size
     return X, force / size

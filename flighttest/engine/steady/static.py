@@ -29,6 +29,7 @@ from .points import equilibrium_rows, recorded_rows, shares, speed_axis
 
 VAGUE = 0.1  # a-priori standard error of a factor where the deck states none
 PASSES = 20  # of the noise
+SEPARATE = 0.3  # part of the a-priori standard error of the thrust that may be left where it counts as separate from the drag
 DISTINCT = 0.5  # part of the a-priori standard error that may be left of the polar where it counts as determined
 
 
@@ -73,9 +74,10 @@ class DeckCorrection:
     remarks: tuple[str, ...]
     prior: xr.Dataset
 
-    def ratio(self, speed: float, mach: float) -> tuple[float, float]:
-        """Return corrected over a-priori thrust at a corrected speed and Mach number, and its standard error."""
-        P = shares(self.prior, {str(self._axis): np.array([speed]), "mach": np.array([mach])})[0]
+    def ratio(self, speed: float, mach: float, **condition: float) -> tuple[float, float]:
+        """Return corrected over a-priori thrust and its standard error, at a corrected speed and flight condition."""
+        at = {self._axis: speed, "mach": mach, **condition}
+        P = shares(self.prior, {name: np.array([value]) for name, value in at.items()})[0]
         w = P / P.sum()
         return float(w @ self.factor), float(np.sqrt(w @ self.covariance @ w))
 
@@ -146,7 +148,7 @@ def correct_deck(
     stderr = np.sqrt(np.diag(C))
     estimated = Polar(*map(float, theta[count:]), *map(float, stderr[count:])) if polar else None
     if equilibrium is not None:
-        remarks += _separable(sigma[count:], stderr[count:], C, count, stderr)
+        remarks += _separable(blocks["equilibrium"][0], sigma, C, count)
     determined = stderr[:count] < 0.9 * sigma[:count]
     leaf = _corrected(prior, axis, theta[:count], stderr[:count])
     named = dict(zip(blocks, residuals))
@@ -188,18 +190,22 @@ def _mixed(blocks: Sequence[tuple[np.ndarray, np.ndarray]], first: np.ndarray, s
     return theta, C, residuals
 
 
-def _separable(before: np.ndarray, after: np.ndarray, C: np.ndarray, count: int, stderr: np.ndarray) -> list[str]:
-    """What the equilibrium shows of drag and thrust separately."""
-    if not (before > 0.0).any():
+def _separable(X: np.ndarray, sigma: np.ndarray, C: np.ndarray, count: int) -> list[str]:
+    """What the equilibrium, rows X (point, unknown), shows of drag and thrust separately."""
+    if not (sigma[count:] > 0.0).any():
         return ["thrust from equilibrium stands on the polar that was given: an error of the drag is an equal error of the thrust"]
+    mean = X.mean(axis=0)
+    thrust, drag = (np.where(part, mean, 0.0) for part in (np.arange(len(mean)) < count, np.arange(len(mean)) >= count))
+    named = {"the thrust": thrust, "CD0": np.eye(len(mean))[count], "K": np.eye(len(mean))[count + 1]}
+    most = {"the thrust": SEPARATE}
     found = []
-    for k, name in enumerate(("CD0", "K")):
-        if before[k] > 0.0 and after[k] > DISTINCT * before[k]:
-            near = int(np.argmax(np.abs(C[count + k, :count]) / np.maximum(stderr[:count], 1e-300)))
-            rho = C[count + k, near] / (after[k] * stderr[near]) if stderr[near] > 0.0 else 0.0
+    for name, w in named.items():
+        before, after = float(np.sqrt(w**2 @ sigma**2)), float(np.sqrt(w @ C @ w))
+        if before > 0.0 and after > most.get(name, DISTINCT) * before:
+            rho = -float(thrust @ C @ drag) / np.sqrt((thrust @ C @ thrust) * (drag @ C @ drag))
             found.append(
-                f"drag and thrust are not separable: {name} keeps {after[k] / before[k]:.0%} of its a-priori standard error, correlation "
-                f"{rho:.2f} with the thrust; fly two power settings at each speed, or record the thrust"
+                f"drag and thrust are not separable: {name} keeps {after / before:.0%} of its a-priori standard error, correlation of "
+                f"drag and thrust {rho:.2f}; fly two power settings at each speed, or record the thrust"
             )
     return found
 

@@ -19,9 +19,9 @@ from flighttest import identify_engine
 from flighttest.cli.engine import engine
 from flighttest.engine import Polar, correct_deck, identify_spools, identify_start
 from flighttest.engine.bench import as_nodes, compiled, condition, inputs
-from flighttest.engine.steady.points import ratios
 from flighttest.engine.records import engine_channels
 from flighttest.engine.schedule import nodes, positions, quiet
+from flighttest.engine.steady.points import ratios
 
 DELAY, RATIO, LAG, NOISE = 0.2, 1.3, 0.15, 5e-4
 SCHEDULE = PchipInterpolator([0.0, 0.3, 0.7, 1.0], [0.5, 0.68, 0.88, 0.98])
@@ -233,7 +233,7 @@ def test_no_light_off_is_refused():
 
 def test_deck_file_flies(spools, started, changes, tmp_path, monkeypatch):
     """What is written is read back, starts, and follows the chop within the noise."""
-    monkeypatch.setattr("flighttest.engine.result.identify_spools", lambda records: spools)
+    monkeypatch.setattr("flighttest.engine.result.identify_spools", lambda *records, **given: spools)
     monkeypatch.setattr("flighttest.engine.result.identify_start", lambda records: started)
     found = identify_engine(changes, [start_record()], points(60, 1), prior={"corrected_thrust": PRIOR})
     entry = found.write(tmp_path / "engine.nc", (0.0, 1.0))

@@ -9,10 +9,10 @@ from flightmech.errors import IdentificationError
 
 from .schedule import SAME, resting
 
-SETTLED = 2.0  # time over which lever and speed must have rested [s]
-STEADY = 0.01  # range of n2 that counts as rest
+SETTLED = 2.0  # time over which lever and speeds must have rested [s]
+STEADY = 0.01  # range of a spool's speed that counts as rest
 MARGIN = 1.0  # at rest, kept at both ends [s]
-LEAST = 0.1  # range of the throttle that counts as a power change
+LEAST = 0.3  # range of the throttle that counts as a power change
 
 
 def power_changes(record: xr.Dataset, least: float = LEAST, longest: float = 90.0) -> list[xr.Dataset]:
@@ -43,7 +43,10 @@ def power_changes(record: xr.Dataset, least: float = LEAST, longest: float = 90.
         raise IdentificationError(f"power changes are found by throttle and n2; the record lacks {' '.join(missing)}")
     time = record["time"].values
     step = float(np.median(np.diff(time)))
-    still = resting(record, SETTLED, SAME) & resting(record.assign(throttle=record["n2"]), SETTLED, STEADY)
+    still = resting(record, SETTLED, SAME)
+    for name in ("n1", "n2"):
+        if name in record:
+            still &= resting(record.assign(throttle=record[name]), SETTLED, STEADY)
     margin = round(MARGIN / step)
     found = []
     for begin, end in _moving(still, 2 * margin):
