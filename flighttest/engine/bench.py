@@ -143,7 +143,8 @@ class _Remembered:
     """Parameters of the engine for rows of unknowns; every record asks for the same ones in turn."""
 
     def __init__(self, expand: Expand):
-        self.expand, self.rows, self.found = expand, np.empty(0), {}
+        self.expand, self.rows = expand, np.empty(0)
+        self.found: dict[str, np.ndarray] = {}
 
     def __call__(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         if not np.array_equal(rows, self.rows):

@@ -64,7 +64,7 @@ class EngineStructure(Strict):
     fan: Literal["n2", "lever"] = "n2"
     over: Breakpoints = Field(default_factory=dict)
     tables: dict[str, Breakpoints] = Field(default_factory=dict)
-    thrust_scale: float = Field(0.0, ge=0.0)
+    thrust_scale: float = Field(default=0.0, ge=0.0)
 
     def keywords(self) -> dict[str, Any]:
         """Return the keywords of `identify_engine`."""

@@ -177,7 +177,7 @@ def _prior(prior: xr.Dataset | None, grid: Mapping[str, np.ndarray], z: np.ndarr
     strange = [str(dim) for dim in prior["value"].dims if dim not in grid]
     if strange:
         raise UnknownName(strange[0], grid, "axis", "the a-priori table has it; give its breakpoints too")
-    B = basis(prior, {name: mesh[str(name)] for name in prior["value"].dims}, outside="clamp")
+    B = basis(prior, {str(name): mesh[str(name)] for name in prior["value"].dims}, outside="clamp")
     weights = np.broadcast_to(B.toarray(), (count, prior["value"].size))
     first = weights @ prior["value"].values.ravel()
     sigma = weights @ prior["stderr"].values.ravel() if "stderr" in prior else np.full(count, VAGUE * np.abs(first).max())
@@ -206,7 +206,7 @@ def _smooth(
 
     def precision(chosen: Sequence[int]) -> np.ndarray:
         *lengths, spread = (values[k] for values, k in zip(options, chosen))
-        inverse = np.eye(1)
+        inverse: np.ndarray = np.eye(1)
         for x, length in zip(grid, lengths):
             inverse = np.kron(inverse, np.linalg.inv(_correlation(x, length * np.ptp(x))))
         return inverse / np.outer(spread * sigma, spread * sigma)
