@@ -122,7 +122,7 @@ def test_full_thrust_is_that_of_the_deck_by_hand(aircraft, found):
     V = float(found.performance["V"][20])
     air, tables = flightmech.air.atmosphere(CONDITION["h"]), aircraft.engines[0].deck.tables
     mach = V / float(air.a_sound)
-    n2 = float(evaluate(tables["n2_command"], {"throttle": 1.0}))
+    n2 = float(evaluate(tables["n2_command"], {"throttle": 1.0, "h": CONDITION["h"]}))
     theta = float(air.temperature) / 288.15 * (1.0 + 0.2 * mach**2)
     corrected = float(evaluate(tables["corrected_thrust"], {"corrected_n2": n2 / np.sqrt(theta), "mach": mach, "h": CONDITION["h"]}))
     assert float(found.performance["thrust_available"][20]) == pytest.approx(2.0 * corrected * float(air.p_static) / 101325.0, rel=1e-9)
