@@ -89,7 +89,7 @@ def test_a_prior_and_a_bound_hold(model):
 
 
 def test_turbulence_is_warned_of(model):
-    with pytest.warns(AeromatchWarning, match=r"turbulence or a missing term: .*flighttest\.filter_error") as caught:
+    with pytest.warns(AeromatchWarning, match=r"turbulence or a missing term: .*flighttest\.maximum_likelihood\.filter_error") as caught:
         fit = flighttest.maximum_likelihood.linear_output_error(model, flight(3, gust=1.0), STARTS)
     assert "turbulence" in fit.report()
     assert caught[0].filename == __file__
