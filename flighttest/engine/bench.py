@@ -140,7 +140,7 @@ def as_nodes(table: str, values: np.ndarray) -> dict[str, float]:
 
 
 class _Remembered:
-    """Parameters of the engine for rows of unknowns; every record asks for the same ones in turn."""
+    """Parameters of the engine for rows of unknowns; every record requires the same ones in turn."""
 
     def __init__(self, expand: Expand):
         self.expand, self.rows = expand, np.empty(0)

@@ -54,7 +54,7 @@ class SpoolFit:
     ----------
     tables : dict of str to Curve
         ``n2_command`` over throttle; ``n2_up_time`` and ``n2_down_time`` or ``n2_up_limit`` and ``n2_down_limit`` over n2; ``n1_command``
-        over n2, or over throttle with tables of its own; each over the flight condition too where asked for.
+        over n2, or over throttle with tables of its own; each over the flight condition too where requested.
     constants : dict of str to (value, standard error)
         ``lever_delay`` [s]; ``n1_up_time`` [s] of a fan behind the core; without limits ``ratio`` of the time constants for
         deceleration over those for acceleration, at the middle of the speeds, and ``ratio_slope``, the change of its logarithm per

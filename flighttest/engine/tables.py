@@ -124,9 +124,9 @@ class Curve:
         found = []
         for place in np.ndindex(*(self.leaf.sizes[dim] for dim in others)):
             chosen = dict(zip(others, place))
-            said = "".join(f"  {dim} {float(self.leaf[dim][k]):.4g}" for dim, k in chosen.items())
+            where = "".join(f"  {dim} {float(self.leaf[dim][k]):.4g}" for dim, k in chosen.items())
             part = self.leaf.isel(chosen)
-            found.append(f"{name}: {axis:>12}{'value':>12}{'stderr':>10}{said}")
+            found.append(f"{name}: {axis:>12}{'value':>12}{'stderr':>10}{where}")
             nodes = zip(part[axis].values[some], part["value"].values[some], part["stderr"].values[some])
             found += [f"{x:>{len(name) + 14}.4f}{v:>12.5g}{s:>10.2g}" for x, v, s in nodes]
         return found

@@ -133,7 +133,7 @@ def test_schedule_over_mach_number_and_height(fit):
     assert "no change beyond its error" in fit.spools.report()
 
 
-def test_delay_and_time_constant_beside_limits(fit):
+def test_delay_and_time_constant_with_limits(fit):
     value, stderr = fit.spools.constants["lever_delay"]
     time, _ = fit.spools.tables["n2_up_time"].at(0.8)
     assert value + time == pytest.approx(0.25, abs=0.02)  # close to the schedule they act alike
@@ -155,7 +155,7 @@ def test_deck_from_flights_flies(fit, flights, tmp_path):
     assert set(fit.as_dict()["steady"]) == {"corrected_thrust"}
 
 
-def test_residual_tells_that_limits_are_missing(flights):
+def test_residual_shows_that_limits_are_missing(flights):
     plain = identify_spools([one.drop_vars("n1") for one in power_changes(flights[0])], [0.0, 0.8, 1.0], [0.6, 1.0])
     assert any("times the noise of the readings" in text and "limits" in text for text in plain.remarks)
 
