@@ -20,7 +20,7 @@ _FILE = click.Path(exists=True, dir_okay=False)
     "--flights", "whole", is_flag=True, help="POWER_CHANGES are whole flights: power changes are cut out of them, tables estimated."
 )
 @click.option("--structure", "structure_file", type=_FILE, help="TOML file of what the tables depend on: limits, fan, over, tables ...")
-@click.option("--compare", "compared", multiple=True, type=_FILE, help="Record that the deck is compared with, next to the whole flights.")
+@click.option("--compare", "compared", multiple=True, type=_FILE, help="Further record that the deck is compared with.")
 @click.option("--start", "starts", multiple=True, type=_FILE, help="Record of a start and shut-down.")
 @click.option("--points", "points_file", type=_FILE, help="CSV of settled points with recorded thrust: n1 mach h thrust, SI.")
 @click.option("--climbs", "climbs_file", type=_FILE, help="CSV of climbs and level accelerations: n1 mach h mass V V_dot h_dot CL, SI.")

@@ -174,6 +174,6 @@ class IdentifiedGear:
         if self.flown is not None:
             scatter = np.sqrt(np.mean(self.flown.noise["stderr"].values ** 2, axis=0))
             names = [str(name) for name in self.flown.noise["output"].values]
-            rms = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, scatter))
-            lines.append(f"flown through {len(self.flown.residuals)} stretches, rms: {rms}")
+            left = ", ".join(f"{name} {value:.3g}" for name, value in zip(names, scatter))
+            lines.append(f"flown through {len(self.flown.residuals)} stretches, rms: {left}")
         return "\n".join(lines)

@@ -48,7 +48,7 @@ class SteadyTable:
     Attributes
     ----------
     leaf : Dataset
-        ``value``, ``stderr``, and ``source`` per node: flight, or that of the a-priori table where no sample states more.
+        ``value``, ``stderr``, and ``source`` per node: flight, or that of the a-priori table where no sample holds more information.
     rms : float
         Of the residual, unit of the table.
     lengths : dict of str to float
