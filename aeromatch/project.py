@@ -23,6 +23,9 @@ from flighttest.dynamics.force_coefficients import ERRORS
 
 from .sections import Control, Controls, Engine, Flown, GroundEffect, selections
 
+STATED = ("powered", "tailless", "move_reference")
+"""What a project may state about its listings, see `aerodb.from_datcom`."""
+
 OWN_MODELS = ("datcom", "corrected", "final")
 """Names of the models that a project makes."""
 
@@ -85,6 +88,9 @@ class Listings(Strict):
     tabs: Paths = ()
     aileron_hinge: Paths = ()
     altitude: si("m") | None = None  # type: ignore[valid-type]
+    powered: bool = False
+    tailless: bool = False
+    move_reference: bool = False
 
 
 class _File(Strict):
@@ -149,6 +155,8 @@ class Project:
         Files of settled engine points: ``points``, ``climbs``.
     manoeuvres : Path or None
         Table of the manoeuvres of records that carry no marks (`flighttest.records.read_manoeuvres`).
+    stated : dict of str to bool
+        What is stated about the listings: `STATED`.
     """
 
     title: str
@@ -172,6 +180,7 @@ class Project:
     ground_effect: GroundEffect | None = None
     points: dict[str, Path] = field(default_factory=dict)
     manoeuvres: Path | None = None
+    stated: dict[str, bool] = field(default_factory=dict)
 
     @property
     def submodels(self) -> dict[str, tuple[Flown, ...]]:
@@ -212,7 +221,7 @@ def read_project(path: str | Path) -> Project:
             problems.append(f"{place}: no file {text!r} in {folder}; write FILE, or FILE:CASE for one case of it")
             return Place(folder / text)
 
-    given = {role: paths for role, paths in content.listings if role != "altitude" and paths}
+    given = {role: paths for role, paths in content.listings if role not in ("altitude", *STATED) and paths}
     listings = {
         role: tuple(listing(name, f"listings.{role}") for name in ((paths,) if isinstance(paths, str) else paths))
         for role, paths in given.items()
@@ -259,6 +268,7 @@ def read_project(path: str | Path) -> Project:
         content.ground_effect,
         {name: existing(file, f"engine.{name}") for name in ("points", "climbs") if (file := getattr(content.engine, name, None))},
         existing(content.manoeuvres, "manoeuvres") if content.manoeuvres else None,
+        {name: getattr(content.listings, name) for name in STATED},
     )
     if problems:
         raise SchemaError(str(path), problems)

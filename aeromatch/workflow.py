@@ -41,7 +41,8 @@ Step = Callable[[str], AbstractContextManager[None]]
 def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
     """Return the database of the project's DATCOM listings."""
     listings: dict[str, Any] = {role: [read_place(place) for place in places] for role, places in project.listings.items()}
-    return aerodb.from_datcom(aircraft, **listings, altitude=project.altitude)
+    stated: dict[str, Any] = dict(project.stated)
+    return aerodb.from_datcom(aircraft, altitude=project.altitude, **listings, **stated)
 
 
 def opened(project: Project, prior: xr.DataTree) -> xr.DataTree:

@@ -12,7 +12,7 @@ from .characteristics import characteristics, rescale
 from .compare import compare, plot
 from .edit import edit, forget, history, previous
 from .exchange import export_database, import_database
-from .listings import ListingPath
+from .listings import ListingPath, aircraft_and_places, read_all, role_rows
 from .scheme import scheme
 
 if TYPE_CHECKING:
@@ -27,8 +27,9 @@ def db() -> None:
 
 
 @db.command()
-@click.argument("aircraft", type=_LISTING)
-@click.option("--clean", required=True, multiple=True, type=ListingPath(), help="Whole aeroplane, static and dynamic pages.")
+@click.argument("aircraft", type=click.Path(exists=True))
+@click.argument("places", nargs=-1)
+@click.option("--clean", multiple=True, type=ListingPath(), help="Whole aeroplane, static and dynamic pages.")
 @click.option("--flaps", multiple=True, type=ListingPath(), help="SYMFLP on the wing.")
 @click.option("--elevator", multiple=True, type=ListingPath(), help="SYMFLP on the tail, one condition per program run.")
 @click.option("--aileron", multiple=True, type=ListingPath(), help="ASYFLP with ailerons.")
@@ -41,12 +42,27 @@ def db() -> None:
 @click.option("--tabs", multiple=True, type=ListingPath(), help="CONTAB with SYMFLP on the tail.")
 @click.option("--aileron-hinge", multiple=True, type=ListingPath(), help="SYMFLP on the wing with the geometry of the aileron.")
 @click.option("--altitude", help="Altitude of the basic tables, such as '10000 ft'; the middle one unless given.")
+@click.option("--powered", is_flag=True, help="Use clean pages with JETPWR or PROPWR: thrust taken off, standard errors widened.")
+@click.option("--tailless", is_flag=True, help="The aircraft has no tail: pages of a wing-body are those of the whole aeroplane.")
+@click.option("--move-reference", is_flag=True, help="Transfer moments by more than 0.1 chord to the reference of the aircraft file.")
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @json_option
-def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **listings: tuple[Place, ...]) -> None:
+def build(
+    aircraft: str,
+    places: tuple[str, ...],
+    altitude: str | None,
+    powered: bool,
+    tailless: bool,
+    move_reference: bool,
+    output: str,
+    as_json: bool,
+    **listings: tuple[Place, ...],
+) -> None:
     """Build a database from the listings of AIRCRAFT (a TOML file).
 
-    An option given twice takes several files; FILE:CASE takes one case of a file.
+    PLACES are listings (FILE, FILE:CASE) and folders of listings, such as `datcom run` left: what each case is (clean, flaps, elevator,
+    aileron, ground, power ...) is found from its cards and headings, and printed. AIRCRAFT may be a folder that holds aircraft.toml and
+    the listings. The options give the role instead; one given twice takes several files. CASE is a number, a name or a part of a name.
     """
     import warnings
 
@@ -56,20 +72,37 @@ def build(aircraft: str, altitude: str | None, output: str, as_json: bool, **lis
     from flightmech.units import quantity
 
     from ..prior.build import from_datcom
+    from ..prior.roles import assign_roles, by_role
     from ..store.files import save
     from ..store.overview import describe, summary
 
-    craft = read_aircraft(aircraft)
-    given: dict[str, Any] = {role: [read_place(place) for place in places] for role, places in listings.items() if places}
+    file, folders = aircraft_and_places(aircraft, places)
+    craft = read_aircraft(file)
+    given: dict[str, Any] = {role: [read_place(place) for place in found] for role, found in listings.items() if found}
+    assigned = assign_roles(read_all(folders)) if folders else []
+    rows = role_rows(assigned, given)
+    given = {**by_role(assigned), **given}
+    if rows and not as_json:
+        table(["file", "no", "case", "taken as", "why"], rows, right=["no"])
+        click.echo()
+    if "clean" not in given:
+        raise click.UsageError("no case of the whole aeroplane (clean); give one with --clean FILE:CASE, or PLACES that hold one")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
-        tree = from_datcom(craft, altitude=None if altitude is None else quantity(altitude, "m"), **given)
+        tree = from_datcom(
+            craft,
+            altitude=None if altitude is None else quantity(altitude, "m"),
+            powered=powered,
+            tailless=tailless,
+            move_reference=move_reference,
+            **given,
+        )
     messages = [str(warning.message) for warning in caught if issubclass(warning.category, AeromatchWarning)]
     save(tree, output)
     for text in messages:
         remark(f"warning: {text}")
     if as_json:
-        document({"file": output, "attributes": tree.attrs, "terms": describe(tree), "warnings": messages})
+        document({"file": output, "attributes": tree.attrs, "terms": describe(tree), "roles": rows, "warnings": messages})
     else:
         click.echo(summary(tree))
         click.echo(f"\nwritten: {output}")

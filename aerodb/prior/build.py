@@ -19,15 +19,19 @@ from ..transform.effects import Effect, rate_shift, rates_to_body, rereference, 
 from . import devices, hinges, increments
 from .effect_to_terms import completed, leaves
 from .power import power as power_effect
+from .power import with_power_in_it
 from .prior_errors import errors_with
-from .sources import Source, source, warn
+from .sources import Source, apart, source, warn
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
 
 _NEAR = 5e-4  # moment centres closer than this many chords are the same: rounding of print and drawing
+_FAR = 0.1  # moment centres farther apart than this many chords are a mistake, unless stated
+_PARTS = ("WING-BODY", "WING ALONE", "DATCOM BODY ALONE", "BODY ALONE")
 _ROLL_CONTROLS = {"aileron": increments.aileron, "spoilers": devices.spoilers, "differential_tail": devices.differential_tail}
 _INCOMPRESSIBLE = 0.3  # below, tables may be held down to Mach 0
+_Point = tuple[float, float, float]
 
 
 def from_datcom(
@@ -46,6 +50,9 @@ def from_datcom(
     tabs: Any = None,
     aileron_hinge: Any = None,
     altitude: float | None = None,
+    powered: bool = False,
+    tailless: bool = False,
+    move_reference: bool = False,
     stderr: Mapping[str, tuple[float, float] | float] | None = None,
 ) -> xr.DataTree:
     """Return the database that Digital DATCOM listings give.
@@ -53,9 +60,11 @@ def from_datcom(
     Parameters
     ----------
     aircraft : Aircraft
-        Name, reference quantities and moment reference point; coefficients are referred to them.
+        Name, reference quantities and moment reference point; coefficients are referred to them. Without a reference point that of
+        the cards of `clean` is taken (XCG, ZCG).
     clean : Listing, Case, case tree or list of them
         The whole aeroplane, static and dynamic (card DAMP) pages; with PART pages the tail's share of missing alpha-dot derivatives.
+        Cases with JETPWR or PROPWR among others without count as `power` unless that is given.
     flaps, elevator : as `clean`, optional
         SYMFLP on the wing, and on the tail. One condition per program run, or D(CM) drifts; several runs may be given. An all-movable
         stabilizer (TRIM without SYMFLP) may stand in for the elevator. Hinge moments of the elevator come along.
@@ -75,6 +84,13 @@ def from_datcom(
         SYMFLP on the wing with the geometry of the aileron, of which only the hinge moments are taken.
     altitude : float, optional
         Altitude of the basic tables, one of the printed ones; the middle one unless given. [m]
+    powered : bool
+        `clean` may hold pages with power only. The thrust itself is taken off by the cards; what jet or slipstream do to wing and tail
+        stays in CL, CD and Cm, whose standard errors are widened by its size.
+    tailless : bool
+        `clean` may hold pages of a wing-body only: the aircraft has no tail.
+    move_reference : bool
+        The moment reference point of the aircraft may lie more than 0.1 chord from the moment centre of a listing.
     stderr : mapping, optional
         A-priori relative and absolute standard errors by term, ``{"Cm/qhat": (0.5, 0.0)}``, and factors by regime and class of method,
         ``{"transonic static": 3.0}``, over those of `aerodb.prior.prior_errors`.
@@ -88,19 +104,26 @@ def from_datcom(
     Raises
     ------
     SchemaError
-        A listing lacks the tables of its role, its conditions fill no grid, or the reference point lies off the plane of symmetry.
+        A listing lacks the tables of its role, its conditions fill no grid, the reference point lies off the plane of symmetry or more
+        than 0.1 chord from a moment centre, or the clean pages are powered or those of a wing-body, unless stated.
     UnknownName
         `stderr` names an unknown term.
 
     Warns
     -----
     AeromatchWarning
-        Reference quantities differ by more than 1 % (coefficients are re-referenced), D(CM) comes from a loop over several
+        The reference point is that of the cards, powered pages are used, reference quantities differ by more than 1 % (coefficients are
+        re-referenced), D(CM) comes from a loop over several
         conditions, ground pages with elevator are unusable, a value is held into another speed regime, a spoiler of no height has a
         moment, Mach numbers stand at altitudes of their own, or a term of a listing given has to stay absent.
     """
+    if power is None:
+        free, with_power = apart(clean)
+        clean, power = (free, with_power) if free and with_power else (clean, None)
+    elif powered:
+        raise SchemaError("power", ["powered pages are stated to be the clean ones (powered); leave out power, or state it no longer"])
     given = {
-        role: source(role, listing)
+        role: source(role, listing, role == "power" or (role == "clean" and powered and not apart(listing)[0]))
         for role, listing in {
             "clean": clean,
             "flaps": flaps,
@@ -118,13 +141,14 @@ def from_datcom(
         if listing is not None
     }
     prior = errors_with(stderr, *given["clean"].regimes)
-    x_ref, y_ref, z_ref = (float(item) for item in aircraft.reference)
-    if abs(y_ref) > _NEAR * aircraft.cbar:
-        raise SchemaError(
-            "aircraft", [f"the moment reference point lies {y_ref:.4f} m right of the plane of symmetry; DATCOM's lies in it, set y to 0"]
-        )
+    if not tailless:
+        _require_tail(given["clean"])
+    if given["clean"].powered:
+        prior = with_power_in_it(prior, given["clean"])
+    reference = _reference_point(aircraft, given, move_reference)
+    x_ref, y_ref, z_ref = reference
     h_ref = _reference_altitude(given["clean"], altitude)
-    effects = _referred(_effects(given, h_ref, aircraft.b, z_ref), given, aircraft)
+    effects = _referred(_effects(given, h_ref, aircraft.b, z_ref), given, aircraft, reference)
     cover = _range_of(effects["basic"].tables["CL"])
     history = f"from_datcom: {'; '.join(f'{role} from {place.file}' for role, place in given.items())}"
     found: dict[str, xr.Dataset] = {}
@@ -188,8 +212,8 @@ def _hinge_effects(given: Mapping[str, Source], h_ref: float) -> list[Effect]:
     return found
 
 
-def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], aircraft: Aircraft) -> dict[str, Effect]:
-    """Return the effects by name with the aircraft's reference quantities, in body axes, about the aircraft's reference point."""
+def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], aircraft: Aircraft, reference: _Point) -> dict[str, Effect]:
+    """Return the effects by name with the aircraft's reference quantities, in body axes, about a reference point."""
     new = {"S": aircraft.S, "cbar": aircraft.cbar, "b": aircraft.b}
     for role, place in given.items():
         old = place.reference
@@ -205,10 +229,10 @@ def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], airc
     if "phat" in effects:
         effects["phat"], effects["rhat"] = rates_to_body(effects["phat"], effects["rhat"])
     for name, effect in effects.items():
-        d = _arm(given[roles[name]], aircraft)
+        d = _arm(given[roles[name]], reference)
         if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar and effect.tables:
             effects[name] = transferred(effect, d, aircraft.cbar, aircraft.b, alpha)
-    d = _arm(given["clean"], aircraft)
+    d = _arm(given["clean"], reference)
     if np.hypot(d[0], d[2]) > _NEAR * aircraft.cbar:
         for name, more in rate_shift(effects["basic"], effects["beta"], d, aircraft.cbar, aircraft.b).items():
             if name in effects and effects[name].tables:
@@ -216,10 +240,53 @@ def _referred(found: list[tuple[str, Effect]], given: Mapping[str, Source], airc
     return effects
 
 
-def _arm(place: Source, aircraft: Aircraft) -> tuple[float, float, float]:
-    """Return the vector from the aircraft's reference point to the listing's moment centre, body axes. [m]"""
-    x_ref, _, z_ref = aircraft.reference
-    return -place.reference["x_cg"] - x_ref, 0.0, -place.reference["z_cg"] - z_ref
+def _arm(place: Source, reference: _Point) -> tuple[float, float, float]:
+    """Return the vector from a reference point to the listing's moment centre, body axes. [m]"""
+    return -place.reference["x_cg"] - reference[0], 0.0, -place.reference["z_cg"] - reference[2]
+
+
+def _reference_point(aircraft: Aircraft, given: Mapping[str, Source], move_reference: bool) -> _Point:
+    """Return the moment reference point of the aircraft, or of the cards of the clean aeroplane where it has none. [m]"""
+    if aircraft.reference is None:
+        x_cg, z_cg = (given["clean"].reference[key] for key in ("x_cg", "z_cg"))
+        warn(
+            f"the aircraft file gives no reference; the moment reference point is that of the cards of {given['clean'].file}, "
+            f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m: cg and all positions of the aircraft file count from there"
+        )
+        return -x_cg, 0.0, -z_cg
+    x_ref, y_ref, z_ref = (float(item) for item in aircraft.reference)
+    problems = []
+    if abs(y_ref) > _NEAR * aircraft.cbar:
+        problems.append(f"the moment reference point lies {y_ref:.4f} m right of the plane of symmetry; DATCOM's lies in it, set y to 0")
+    far: dict[str, list[str]] = {}
+    for role, place in () if move_reference else given.items():
+        d = _arm(place, (x_ref, 0.0, z_ref))
+        chords = float(np.hypot(d[0], d[2])) / aircraft.cbar
+        if chords > _FAR and role != "power":  # powered pages must have the moment centre of the clean ones
+            x_cg, z_cg = place.reference["x_cg"], place.reference["z_cg"]
+            centre = f"XCG {x_cg:.4g} m, ZCG {z_cg:.4g} m, which is reference = [{-x_cg:.4g}, 0, {-z_cg:.4g}]"
+            far.setdefault(f"{chords:.2g} chords from the moment centre of {place.file} ({centre}", []).append(role)
+    problems += [
+        f"reference [{x_ref:.4g}, 0, {z_ref:.4g}] m lies {text}; {', '.join(roles)}); correct it, leave it out to take that of the "
+        "cards, or state `move_reference` (--move-reference) to have the moments transferred"
+        for text, roles in far.items()
+    ]
+    if problems:
+        raise SchemaError("aircraft", problems)
+    return x_ref, y_ref, z_ref
+
+
+def _require_tail(clean: Source) -> None:
+    """Refuse the pages of a wing-body, a wing or a body as the whole aeroplane."""
+    found = clean.configuration
+    if found in _PARTS:
+        raise SchemaError(
+            clean.role,
+            [
+                f"the pages of {clean.file} are those of {found}, not of the whole aeroplane: stability and damping of the tail are not in "
+                "them; give the case with HTPLNF and VTPLNF, or state `tailless` (--tailless) for an aircraft that has no tail"
+            ],
+        )
 
 
 def _reference_altitude(clean: Source, altitude: float | None) -> float:

@@ -13,6 +13,7 @@ import xarray as xr
 from flightmech.errors import SchemaError
 
 from ..transform.effects import Effect, joined
+from .power import without_thrust
 from .sources import Source, known, warn
 from .tail_rates import with_tail_share
 
@@ -28,13 +29,16 @@ _DRIFT = (
 
 def static(clean: Source, h_ref: float) -> list[Effect]:
     """Return the effects ``basic`` and ``altitude``: CL, CD, Cm over Mach and alpha, and what altitude adds to them."""
-    grid = clean.grid("static")
+    grid, power_in_it = clean.grid("static"), ""
+    if clean.powered:
+        grid, power_in_it = without_thrust(clean, grid)
+        warn(f"{clean.role}: CL, CD and Cm are {power_in_it}")
     tables = known({coefficient: grid[coefficient] for coefficient in _LONGITUDINAL})
     if "CL" not in tables:
         raise SchemaError(clean.role, [f"{clean.file} prints no lift coefficient; give a case whose static page has numbers"])
     basic = {coefficient: table.sel(h=h_ref, drop=True) for coefficient, table in tables.items()}
     lines = clean.place("static")
-    found = [Effect("basic", basic, references=lines, comment=f"clean aeroplane at {h_ref:.0f} m")]
+    found = [Effect("basic", basic, references=lines, comment=joined(f"clean aeroplane at {h_ref:.0f} m", power_in_it))]
     if grid.sizes["h"] > 1:
         comment = f"Reynolds-number effect of altitude, against the basic table at {h_ref:.0f} m"
         found.append(Effect("altitude", {c: tables[c] - basic[c] for c in basic}, zeros={"h": [h_ref]}, references=lines, comment=comment))

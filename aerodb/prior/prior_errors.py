@@ -12,7 +12,7 @@ estimates with flight: pass ``stderr=`` to `aerodb.from_datcom`.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TypeGuard
 
 import numpy as np
@@ -136,6 +136,11 @@ class PriorErrors:
     def regime(self, mach: float) -> str:
         """Return the speed regime of a Mach number."""
         return REGIMES[0] if mach <= self.stmach else REGIMES[2] if mach >= self.tsmach else REGIMES[1]
+
+    def widened(self, more: Mapping[str, float]) -> PriorErrors:
+        """Return the rules with a further absolute standard error of some terms, added in quadrature. [unit of the table]"""
+        wider = {term: (self.terms[term][0], float(np.hypot(self.terms[term][1], size))) for term, size in more.items()}
+        return replace(self, terms={**self.terms, **wider})
 
     def stderr(self, term: str, table: xr.DataArray) -> xr.DataArray:
         """Return the standard error of every node of a table; one without a Mach axis counts as subsonic."""

@@ -19,6 +19,11 @@ if TYPE_CHECKING:
     from datcom_io import Deck
 
 REFERENCES = ("S", "cbar", "b", "x_cg", "z_cg")
+_WITHOUT_POWER = (
+    "give the case without JETPWR and PROPWR at the same conditions here and this one as power, or state `powered` (--powered) to use "
+    "these pages with the thrust taken off and wider standard errors"
+)
+_SHOWN = 3  # differences of cases that are listed
 _KEPT = ("delta_left", "delta_right")
 
 
@@ -38,6 +43,8 @@ class Source:
         Leaves of which one program run computed several flight conditions.
     decks : tuple of Deck
         Input cards of the cases; empty where only trees were given.
+    powered : bool
+        Whether its pages are those with power effects.
     """
 
     role: str
@@ -45,6 +52,7 @@ class Source:
     reference: dict[str, float]
     looped: frozenset[str]
     decks: tuple[Deck, ...] = ()
+    powered: bool = False
 
     @property
     def file(self) -> str:
@@ -84,41 +92,53 @@ class Source:
             return STMACH, TSMACH
         return self.card("FLTCON", "STMACH", STMACH), self.card("FLTCON", "TSMACH", TSMACH)
 
-    def grid(self, leaf: str, powered: bool = False) -> xr.Dataset:
+    @property
+    def configuration(self) -> str:
+        """Configuration of the static pages that are used, as printed: ``WING-BODY``; empty where none is known."""
+        if not self.has("static"):
+            return ""
+        pages = self._of_most_components("static")
+        return str(pages["configuration"].item()) if "configuration" in pages.coords else ""
+
+    def grid(self, leaf: str) -> xr.Dataset:
         """Return a leaf over ``mach`` and ``h`` instead of ``condition``, of the configuration with the most components.
 
-        Parameters
-        ----------
-        powered : bool
-            Take the pages with power effects; those without unless given.
+        Raises
+        ------
+        SchemaError
+            There is no such leaf, its pages are computed with power where those without are needed (or the reverse), or its conditions
+            fill no grid.
         """
         if not self.has(leaf):
             raise SchemaError(self.role, [f"the listing {self.file} holds no {leaf} table; give the case that prints it"])
-        dataset = self.tree.children[leaf].to_dataset(inherit=False)
-        if "configuration" in dataset.dims:
-            parts = [len(str(name).split("-")) for name in dataset["configuration"].values]
-            dataset = dataset.isel(configuration=int(np.argmax(parts)))
-        dataset = self._with_power(dataset, powered)
+        dataset = self._with_power(self._of_most_components(leaf))
         try:
             found = datcom_io.to_grid(_along_mach(dataset))
         except SchemaError as error:
             raise SchemaError(f"{self.role}, {leaf}", [*error.problems, "run the deck with LOOP=2 and every Mach number once"]) from None
         return found.drop_vars([name for name in found.coords if name not in found.dims and name not in _KEPT])
 
-    def _with_power(self, dataset: xr.Dataset, powered: bool) -> xr.Dataset:
+    def _of_most_components(self, leaf: str) -> xr.Dataset:
+        dataset = self.tree.children[leaf].to_dataset(inherit=False)
+        if "configuration" not in dataset.dims:
+            return dataset
+        parts = [len(str(name).split("-")) for name in dataset["configuration"].values]
+        return dataset.isel(configuration=int(np.argmax(parts)))
+
+    def _with_power(self, dataset: xr.Dataset) -> xr.Dataset:
         if "power" not in dataset.coords:
             return dataset
         kinds = [str(kind) for kind in np.atleast_1d(dataset["power"].values)]
-        wanted = [kind for kind in kinds if (kind != "off") == powered]
+        wanted = [kind for kind in kinds if (kind != "off") == self.powered]
         if len(wanted) != 1:
             found = f"the pages of {self.file} are computed with power {' and '.join(kinds)}"
-            wish = "one case with JETPWR or PROPWR" if powered else "a case without JETPWR and PROPWR; powered ones go to power="
-            raise SchemaError(self.role, [f"{found}; give {wish}"])
+            wish = "give one case with JETPWR or PROPWR" if self.powered else _WITHOUT_POWER
+            raise SchemaError(self.role, [f"{found}; {wish}"])
         return dataset.sel(power=wanted[0], drop=True) if "power" in dataset.dims else dataset.drop_vars("power")
 
 
-def source(role: str, given: Any) -> Source:
-    """Return what a listing, a case, a case tree or several of them hold.
+def source(role: str, given: Any, powered: bool = False) -> Source:
+    """Return what a listing, a case, a case tree or several of them hold; `powered`: its pages with power effects are wanted.
 
     Raises
     ------
@@ -137,12 +157,31 @@ def source(role: str, given: Any) -> Source:
     ]
     if problems:
         raise SchemaError(role, problems)
-    joined = datcom_io.join(trees)
+    try:
+        joined = datcom_io.join(trees)
+    except SchemaError as error:
+        hint = "give cases of one kind and one aircraft (FILE:CASE), or let the roles be found from the listings (db build AIRCRAFT FILE)"
+        raise SchemaError(f"{role}: {len(trees)} cases cannot be joined", [*error.problems[:_SHOWN], hint]) from None
     decks = tuple(deck for _, deck in parts if deck is not None)
     looped = {name for tree in trees for name, leaf in tree.children.items() if leaf.sizes.get("condition", 1) > 1}
     if role == "clean" and "static" in joined.children:
         _report_pairs(role, joined.children["static"].to_dataset(inherit=False))
-    return Source(role, joined, {key: float(joined.attrs[key]) for key in REFERENCES}, frozenset(looped), decks)
+    return Source(role, joined, {key: float(joined.attrs[key]) for key in REFERENCES}, frozenset(looped), decks, powered)
+
+
+def apart(given: Any) -> tuple[list[Any], list[Any]]:
+    """Return the cases or case trees without power effects, and those with."""
+    found: tuple[list[Any], list[Any]] = ([], [])
+    for item in _items(given):
+        found[_is_powered(item)].append(item)
+    return found
+
+
+def _is_powered(item: Any) -> bool:
+    if isinstance(item, xr.DataTree):
+        static = item.children["static"].to_dataset(inherit=False) if "static" in item.children else xr.Dataset()
+        return "power" in static.coords and bool((static["power"] != "off").any())
+    return any(page.power != "off" for page in item.pages)
 
 
 def _along_mach(dataset: xr.Dataset) -> xr.Dataset:
@@ -172,13 +211,17 @@ def known(tables: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:
 
 def _parts(given: Any) -> Iterator[tuple[xr.DataTree, Deck | None]]:
     """Yield the case trees, with their input cards where they come from a listing."""
-    if isinstance(given, xr.DataTree):
-        yield given, None
-    elif hasattr(given, "to_datatree") and not hasattr(given, "cases"):
-        yield given.to_datatree(), given.deck
+    for item in _items(given):
+        yield (item, None) if isinstance(item, xr.DataTree) else (item.to_datatree(), item.deck)
+
+
+def _items(given: Any) -> Iterator[Any]:
+    """Yield the cases and case trees."""
+    if isinstance(given, xr.DataTree) or (hasattr(given, "to_datatree") and not hasattr(given, "cases")):
+        yield given
     elif isinstance(given, Iterable):
         for item in given:
-            yield from _parts(item)
+            yield from _items(item)
     else:
         raise SchemaError(
             "source", [f"found an object of type {type(given).__name__}; give a Listing, a Case, a case tree or a list of them"]

@@ -12,7 +12,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech import terms as _terms
-from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.errors import SchemaError, UnknownName
 
 from ..store.schema import database, require, terms
@@ -88,7 +88,8 @@ def rescale(
     summary += [f"{name} times {value:g}" for name, value in (factors or {}).items()]
     line = f"rescale: {'; '.join(summary)}{f' ({note})' if note else ''}"
     scaled = {name: _scaled(name, leaf, by.get(name, 1.0), span, wide[name.split("/")[0]], line) for name, leaf in leaves.items()}
-    place = dict(zip(("x_ref", "y_ref", "z_ref"), aircraft.reference, strict=True))
+    scaled_place = {name: span * float(db.attrs.get(name, 0.0)) for name in ("x_ref", "y_ref", "z_ref")}
+    place = dict(zip(scaled_place, reference_in(aircraft, scaled_place), strict=True))
     attributes = {
         **{str(key): item for key, item in db.attrs.items()},
         "aircraft": aircraft.name,

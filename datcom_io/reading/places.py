@@ -9,6 +9,8 @@ from typing import NamedTuple
 from ..listing import Case, Listing
 from .reader import read
 
+_SIGN = b"CONERR - INPUT ERROR CHECKING"  # the program begins every run with it
+
 
 class Place(NamedTuple):
     """A listing and one of its cases; without case the whole listing."""
@@ -40,6 +42,20 @@ def place_of(text: str, folder: str | os.PathLike[str] = ".") -> Place:
         if file.is_file():
             return Place(file, text[end + 1 :].strip())
     raise FileNotFoundError(2, "there is no such file; write FILE, or FILE:CASE for one case of it", text)
+
+
+def listings_in(folder: str | os.PathLike[str]) -> list[Path]:
+    """Return the print files of the program in a folder, by name; they are recognised by their content.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is none.
+    """
+    files = [path for path in sorted(Path(folder).iterdir()) if path.is_file() and _SIGN in path.read_bytes().replace(b"\0", b"")]
+    if not files:
+        raise FileNotFoundError(2, "no listing of Digital DATCOM in this folder; run the decks first (aeromatch datcom run)", str(folder))
+    return files
 
 
 def read_place(place: str | Place) -> Listing | Case:

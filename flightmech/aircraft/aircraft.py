@@ -35,6 +35,7 @@ Bare numbers are SI, texts carry their unit.  Positions are in body axes from th
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -68,8 +69,8 @@ class Aircraft:
         Gross mass. [kg]
     Ixx, Iyy, Izz, Ixy, Ixz, Iyz : float
         Moments and products of inertia about the c.g., products as the integrals of xy dm and so on. [kg m2]
-    reference : tuple of float (3,)
-        Moment reference point from the drawing datum, body directions. [m]
+    reference : tuple of float (3,), optional
+        Moment reference point from the drawing datum, body directions; None: that of the database. [m]
     x_ref_mac : float
         Its place behind the leading edge of the mean chord, in chords. [1]
     cg : tuple of float (3,)
@@ -103,7 +104,7 @@ class Aircraft:
     Ixy: float = 0.0
     Ixz: float = 0.0
     Iyz: float = 0.0
-    reference: Vector = (0.0, 0.0, 0.0)
+    reference: Vector | None = None
     x_ref_mac: float = 0.25
     cg: Vector = (0.0, 0.0, 0.0)
     engines: tuple[Engine, ...] = ()
@@ -114,6 +115,14 @@ class Aircraft:
     gear: LandingGear | None = None
     fuel: Fuel | None = None
     history: str = ""
+
+
+def reference_in(aircraft: Any, attrs: Mapping[Any, Any]) -> Vector:
+    """Return the moment reference point of an aircraft, that of a database (its attributes) where the aircraft has none. [m]"""
+    if aircraft.reference is not None:
+        return aircraft.reference
+    x, y, z = (float(attrs.get(name, 0.0)) for name in ("x_ref", "y_ref", "z_ref"))
+    return x, y, z
 
 
 def read_aircraft(path: str | Path) -> Aircraft:
@@ -180,7 +189,7 @@ class _File(_Entry):
     S: si("m2")  # type: ignore[valid-type]
     cbar: _Length  # type: ignore[valid-type]
     b: _Length  # type: ignore[valid-type]
-    reference: _Vector = (0.0, 0.0, 0.0)
+    reference: _Vector | None = None
     x_ref_mac: si("1") = 0.25  # type: ignore[valid-type]
     mass: si("kg")  # type: ignore[valid-type]
     Ixx: si("kg m2")  # type: ignore[valid-type]

@@ -120,7 +120,7 @@ def rescale(
         b=aircraft.b * by["length"],
         mass=aircraft.mass * by["mass"],
         **inertia,
-        reference=_times(aircraft.reference, by["length"]),
+        reference=None if aircraft.reference is None else _times(aircraft.reference, by["length"]),
         cg=_times(aircraft.cg, by["length"]),
         engines=tuple(_engine(engine, by, scale, line) for engine in aircraft.engines),
         **scaled_parts(aircraft, scale),

@@ -35,7 +35,7 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
     """
     path = Path(path)
     files = _engine_files(aircraft.engines, path)
-    lines = [f"{name} = {_value(getattr(aircraft, name))}" for name in _PLAIN]
+    lines = [f"{name} = {_value(getattr(aircraft, name))}" for name in _PLAIN if getattr(aircraft, name) is not None]
     if aircraft.history:
         lines.append(f"history = {_value(aircraft.history)}")
     for engine, file in zip(aircraft.engines, files, strict=True):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..aircraft.aircraft import Aircraft
+from ..aircraft.aircraft import Aircraft, reference_in
 from ..errors import SchemaError, UnknownName
 from ..names import lookup
 from ..terms import SOURCES, check, power, regressors
@@ -164,7 +164,7 @@ def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
             problems.append(
                 f"{name} is {float(db.attrs[name]):.8g} in the database and {getattr(aircraft, name):.8g} in the aircraft; they must agree"
             )
-    for name, own in zip(("x_ref", "y_ref", "z_ref"), aircraft.reference, strict=True):
+    for name, own in zip(("x_ref", "y_ref", "z_ref"), reference_in(aircraft, db.attrs), strict=True):
         if name in db.attrs and not np.isclose(float(db.attrs[name]), own, rtol=_AGREE, atol=1e-4 * aircraft.cbar):
             problems.append(
                 f"{name} is {float(db.attrs[name]):.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference"

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.aircraft import reference_in
 from flightmech.errors import ParseError, SchemaError
 from flightmech.terms import MAX_REGRESSORS, make
 
@@ -84,7 +85,7 @@ def polynomial_database(
                         "<model>", 0, f"{name} next to {' '.join(rates)} in {model}", "body rates or rates of the decomposition"
                     )
                 leaves[f"/{coefficient}/{name}"] = make(table, {"alpha": alpha, "beta": beta}, [name])
-    x, y, z = aircraft.reference
+    x, y, z = reference_in(aircraft, {})
     about = {
         "title": title,
         "aircraft": aircraft.name,

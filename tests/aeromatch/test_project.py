@@ -58,6 +58,12 @@ def test_a_role_may_have_several_listings(write, tmp_path):
     assert project.listings["elevator"] == (Place(tmp_path / "clean.out"), Place(tmp_path / "names.toml"))
 
 
+def test_what_is_stated_about_the_listings_is_no_role(write):
+    project = read_project(write(('clean = "clean.out"', 'clean = "clean.out"\npowered = true')))
+    assert list(project.listings) == ["clean"]
+    assert project.stated == {"powered": True, "tailless": False, "move_reference": False}
+
+
 def test_a_role_may_take_one_case_of_a_listing(write, tmp_path):
     place = "clean.out:TOTAL: small aircraft"
     project = read_project(write(('clean = "clean.out"', f'clean = "{place}"')))

@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 
 import xarray as xr
 
-from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.aircraft.systems.engine import Engine
 from flightmech.terms import regressors
 from flightmech.units import FOOT, INCH, POUND, POUND_FORCE, SLUG
@@ -164,7 +164,7 @@ def _engine(channel: ET.Element, name: str, leaf: xr.Dataset, engine: Engine, na
 def _location(parent: ET.Element, aircraft: Aircraft, position: tuple[float, float, float], name: str = "") -> None:
     """Write a point that is `position` from the moment reference point, body axes, in structural axes."""
     location = ET.SubElement(parent, "location", {**({"name": name} if name else {}), "unit": "IN"})
-    for axis, sign, origin, offset in zip("xyz", (-1.0, 1.0, -1.0), aircraft.reference, position):
+    for axis, sign, origin, offset in zip("xyz", (-1.0, 1.0, -1.0), reference_in(aircraft, {}), position):
         _child(location, axis, repr(sign * (origin + offset) / INCH))
 
 

@@ -17,12 +17,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import xarray as xr
 
-from flightmech.aircraft.aircraft import Aircraft
+from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import written_atomically
 from flightmech.terms import SOURCES, power, regressors, variables
@@ -80,6 +81,7 @@ def export_jsbsim(
     comments; the database file stays the master.  `import_jsbsim` reads the file back, term by term.
     """
     require(db)
+    aircraft = replace(aircraft, reference=reference_in(aircraft, db.attrs))
     native = tuple(int(part) for part in jsbsim_min.split(".")) >= (1, 3, 1)
     leaves = {name: leaf.squeeze(drop=True) for name, leaf in terms(db).items()}
     thrusts = airframe.engine_terms(aircraft)
@@ -137,7 +139,7 @@ def _disagreements(db: xr.DataTree, aircraft: Aircraft) -> list[str]:
         for name in ("S", "cbar", "b")
         if not np.isclose(db.attrs[name], getattr(aircraft, name), rtol=_AGREE, atol=0.0)
     ]
-    for name, own in zip(("x_ref", "y_ref", "z_ref"), aircraft.reference):
+    for name, own in zip(("x_ref", "y_ref", "z_ref"), reference_in(aircraft, db.attrs)):
         if not np.isclose(db.attrs[name], own, rtol=_AGREE, atol=_NEAR * aircraft.cbar):
             problems.append(f"{name} is {db.attrs[name]:.6g} m in the database and {own:.6g} m in the aircraft; move the moment reference")
     return problems

@@ -66,7 +66,7 @@ def test_all_names_axes_and_absent_terms(craft, make_case):
 def test_moment_reference_moves_with_forces_and_flow(craft, make_case):
     """The same aeroplane about two points: total moments and rate effects agree with rigid-body kinematics."""
     here = aerodb.from_datcom(craft, clean=make_case())
-    there = aerodb.from_datcom(dataclasses.replace(craft, reference=(-3.4, 0.0, 0.25)), clean=make_case())
+    there = aerodb.from_datcom(dataclasses.replace(craft, reference=(-3.4, 0.0, 0.25)), clean=make_case(), move_reference=True)
     d = np.array([0.4, 0.0, -0.25])  # from the new point to the old one
     cbar, b, V = craft.cbar, craft.b, 1.0
     lengths = np.array([b, cbar, b])
@@ -153,7 +153,7 @@ def grounded(case, heights=(1.0, 3.0, np.inf)):
 
 def test_ground_effect_over_the_height_of_the_reference_point(craft, make_case):
     lower = dataclasses.replace(craft, reference=(-3.0, 0.0, 0.25))  # a quarter of a metre below the datum
-    db = aerodb.from_datcom(lower, clean=make_case(), ground=grounded(make_case()))
+    db = aerodb.from_datcom(lower, clean=make_case(), ground=grounded(make_case()), move_reference=True)
     leaf = db["CL/ground"]
     np.testing.assert_allclose(leaf["h_agl"], [0.75, 2.75, 20.0, 30000.0])
     np.testing.assert_allclose(leaf["value"].sel(h_agl=0.75), 0.5 * make_case()["static"]["CL"][0], atol=1e-15)
@@ -241,7 +241,7 @@ def test_a_loop_over_conditions_is_warned_about(craft, make_case):
 
 def test_increments_follow_the_moment_reference_too(craft, make_case):
     moved = dataclasses.replace(craft, reference=(-3.4, 0.0, 0.0))
-    db = aerodb.from_datcom(moved, clean=make_case(), elevator=flapped(make_case(), "tail", [-20, 0, 10]))
+    db = aerodb.from_datcom(moved, clean=make_case(), elevator=flapped(make_case(), "tail", [-20, 0, 10]), move_reference=True)
     node = db["Cm/elevator"]["value"].sel(mach=0.2).sel(delta_e=np.radians(10), alpha=0.0, method="nearest")
     # 0.4 m of arm ahead of the new point, lift up: nose up by CL d/cbar at alpha 0
     np.testing.assert_allclose(node, np.radians(10) * (-0.1 + 0.5 * 0.4 / 1.6), rtol=1e-12)

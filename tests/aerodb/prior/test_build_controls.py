@@ -227,7 +227,17 @@ def test_one_case_of_a_file_on_the_command_line(corpus, tmp_path):
     clean, tail = (str(CORPUS / name / f"{name}.out") for name in ("ce500_clean", "spoilers_diff_tail"))
     corpus("ce500_clean")  # skips without listings
     case = "DIFFERENTIAL HORIZONTAL STABILIZER"
-    arguments = ["build", str(AIRCRAFT), "--clean", clean, "-o", str(tmp_path / "jet.nc"), "--json", "--differential-tail"]
+    arguments = [
+        "build",
+        str(AIRCRAFT),
+        "--clean",
+        clean,
+        "-o",
+        str(tmp_path / "jet.nc"),
+        "--json",
+        "--move-reference",
+        "--differential-tail",
+    ]
     done = CliRunner().invoke(group, [*arguments, f"{tail}:{case}"], catch_exceptions=False)
     assert done.exit_code == 0
     assert "Cl/differential_tail" in aerodb.terms(aerodb.open(tmp_path / "jet.nc"))

@@ -66,7 +66,7 @@ def test_power_must_be_known_and_comparable(jet, corpus, pages):
     clean, power = corpus("ce500_clean"), pages["power"]
     with pytest.warns(AeromatchWarning, match=INLET), pytest.raises(SchemaError, match=r"Mach 0\.2, 0\.4 stands on no page without power"):
         aerodb.from_datcom(jet, clean=clean, power=power, altitude=0.0)
-    with pytest.raises(SchemaError, match="computed with power jet; give a case without JETPWR"):
+    with pytest.raises(SchemaError, match="computed with power jet; give the case without JETPWR"):
         aerodb.from_datcom(jet, clean=power)
     with pytest.raises(SchemaError, match="the input cards hold no JETPWR or PROPWR"):
         aerodb.from_datcom(jet, clean=clean, power=clean)

@@ -1,0 +1,215 @@
+"""Roles found from the listings of a light aircraft in the layouts that listings come in (tests/aerodb/listings), and of the T-37."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import aerodb
+import datcom_io
+from aerodb.cli.group import db as group
+from aerodb.prior import assign_roles, by_role
+from flightmech.errors import AeromatchWarning, SchemaError
+from flightmech.units import DEGREE, FOOT
+
+LISTINGS = Path(__file__).parents[1] / "listings"
+AIRCRAFT = """
+name = "Light single"
+S = "160 ft2"
+cbar = "4.9 ft"
+b = "33 ft"
+mass = 1000.0
+Ixx = 1300.0
+Iyy = 1800.0
+Izz = 2700.0
+"""
+REFERENCE = 'reference = ["-7.2 ft", 0.0, "-0.1 ft"]\n'  # XCG 7.2, ZCG 0.1 of the decks
+CT = {"jet": 0.12, "prop": 0.10}  # NENGS x THSTC of the decks
+
+
+@pytest.fixture(scope="module")
+def read():
+    """Return a reader of the listings by name, each read once."""
+    found = {path.stem: datcom_io.read(path) for path in LISTINGS.glob("*.out")}
+    return found.__getitem__
+
+
+@pytest.fixture(scope="module")
+def light(craft):
+    """Return the light aircraft as the decks have it."""
+    lengths = {"cbar": 4.9 * FOOT, "b": 33.0 * FOOT, "reference": (-7.2 * FOOT, 0.0, -0.1 * FOOT)}
+    return dataclasses.replace(craft, name="Light single", S=160.0 * FOOT**2, **lengths)
+
+
+@pytest.fixture
+def aircraft(tmp_path):
+    """Return the file of the light aircraft."""
+    file = tmp_path / "aircraft.toml"
+    file.write_text(REFERENCE + AIRCRAFT)
+    return file
+
+
+def roles(*listings):
+    return [item.roles for item in assign_roles(listings)]
+
+
+def build(*arguments):
+    return CliRunner().invoke(group, ["build", *map(str, arguments)], catch_exceptions=False)
+
+
+def values(db, term):
+    return db[term]["value"].sel(mach=0.15)
+
+
+def test_every_case_of_a_listing_gets_its_role(read):
+    assert roles(read("multi")) == [("clean",), ("flaps",), ("elevator",), ("aileron",)]
+    assert roles(read("multi")["flaps"], read("multi")["TOTAL"]) == [("flaps",), ("clean",)]
+    assert roles(read("jet_pair")) == roles(read("prop_pair")) == [("clean",), ("power",)]
+    assert roles(read("wing_body"), read("multi")[0]) == [(), ("clean",)]
+
+
+def test_without_a_clean_case_the_elevator_case_gives_its_static_pages(read, light):
+    found = assign_roles(read("plus"))
+    assert [item.roles for item in found] == [("flaps",), ("aileron",), ("clean", "elevator"), ()]
+    assert "left out as clean: conditions of plus.out:3" in found[3].reason  # SAVE behind the last case computes it again
+    saved, clean = (aerodb.from_datcom(light, **by_role(assign_roles([read(name)]))) for name in ("plus", "multi"))
+    assert {"CL/basic", "Cn/beta", "CL/flap", "Cm/elevator", "Cl/aileron"} <= set(aerodb.terms(saved)) < set(aerodb.terms(clean))
+    for term, leaf in aerodb.terms(saved).items():  # the last case of plus has no DAMP, so no rates
+        np.testing.assert_array_equal(leaf["value"], clean[term]["value"], err_msg=term)
+
+
+def test_several_aircraft_are_refused(read):
+    with pytest.raises(
+        SchemaError, match=r"two_aircraft\.out:1 'LIGHT SINGLE A' and two_aircraft\.out:2 .* differ in WGPLNF; give one with"
+    ):
+        assign_roles(read("two_aircraft"))
+
+
+def test_a_whole_listing_in_one_role_is_refused_with_the_way_out(read, light):
+    with pytest.raises(SchemaError, match=r"elevator: 4 cases cannot be joined(?s:.*)let the roles be found"):
+        aerodb.from_datcom(light, clean=read("multi")[0], elevator=read("multi"))
+
+
+def test_of_equal_conditions_the_shortest_flap_run_is_taken(t37):
+    found = assign_roles([t37["elevator"], t37["elevator_one_by_one"], t37["clean"], t37["build"], t37["ground_flap"], t37["ground"]])
+    looped, *single, clean, build_up, ground_flap, ground = found
+    assert looped.roles == build_up.roles == ()
+    assert "conditions of t37_elevator_one_by_one.pdas.out:1" in looped.reason
+    assert [item.roles for item in single] == [("elevator",)] * 6
+    assert (clean.roles, ground_flap.roles, ground.roles) == (("clean",), ("ground_flap",), ("ground",))
+
+
+def test_another_flap_is_no_part_of_the_first(read, corpus):
+    found = assign_roles([read("multi"), *corpus("ce500_flaps")])
+    assert [item.roles for item in found[-2:]] == [(), ()]
+    assert "left out as flaps: another SYMFLP than in multi.out:2" in found[-1].reason
+
+
+def test_a_folder_of_listings_is_built(aircraft, tmp_path):
+    for name in ("multi", "wing_body"):
+        (tmp_path / f"{name}.out").write_bytes((LISTINGS / f"{name}.out").read_bytes())
+    done = build(tmp_path, "-o", tmp_path / "db.nc")
+    assert done.exit_code == 0
+    rows = [line.split() for line in done.stdout.splitlines()[1:6]]
+    assert [(row[0], row[1]) for row in rows] == [*(("multi.out", str(number)) for number in range(1, 5)), ("wing_body.out", "1")]
+    assert "WING-BODY: a part of WING-BODY-VERTICAL TAIL-HORIZONTAL TAIL" in done.stdout
+    found = aerodb.terms(aerodb.open(tmp_path / "db.nc"))
+    assert {"CL/flap", "Cm/elevator", "Cl/aileron"} <= set(found)
+    document = json.loads(build(aircraft, tmp_path, "-o", tmp_path / "db.nc", "--json").stdout)
+    assert document["roles"][1][:4] == ["multi.out", "2", "Flaps: Light Single", "flaps"]
+
+
+def test_what_a_folder_lacks_is_reported(aircraft, tmp_path):
+    output = tmp_path / "db.nc"
+    with pytest.raises(FileNotFoundError, match="no listing of Digital DATCOM in this folder"):
+        build(aircraft, tmp_path, "-o", output)
+    flaps = build(aircraft, f"{LISTINGS / 'multi.out'}:flaps:", "-o", output)
+    assert flaps.exit_code == 2
+    assert "no case of the whole aeroplane (clean); give one with --clean FILE:CASE" in flaps.output
+    (tmp_path / "empty").mkdir()
+    assert "no aircraft.toml in the folder" in build(tmp_path / "empty", "-o", output).output
+    assert not output.exists()
+
+
+@pytest.mark.parametrize("option", ["", "--clean"])
+def test_a_wing_body_is_no_whole_aircraft_unless_stated(aircraft, tmp_path, option):
+    place = [option, LISTINGS / "wing_body.out"] if option else [LISTINGS / "wing_body.out"]
+    with pytest.raises(SchemaError, match=r"are those of WING-BODY, not of the whole aeroplane: .*; give the case with HTPLNF and VTPLNF"):
+        build(aircraft, *place, "-o", tmp_path / "db.nc")
+    assert build(aircraft, *place, "--tailless", "-o", tmp_path / "db.nc").exit_code == 0
+
+
+def test_without_reference_that_of_the_cards_is_taken(aircraft, tmp_path, read, light):
+    aircraft.write_text(AIRCRAFT)
+    done = build(aircraft, f"{LISTINGS / 'multi.out'}:1", "-o", tmp_path / "db.nc")
+    assert "XCG 2.195 m, ZCG 0.03048 m" in done.stderr
+    found = aerodb.open(tmp_path / "db.nc")
+    assert [found.attrs[name] for name in ("x_ref", "y_ref", "z_ref")] == pytest.approx([-7.2 * FOOT, 0.0, -0.1 * FOOT])
+    stated = aerodb.from_datcom(light, clean=read("multi")[0])
+    np.testing.assert_array_equal(values(found, "Cm/basic"), values(stated, "Cm/basic"))
+
+
+def test_a_reference_far_from_the_cards_is_an_error_unless_stated(light, read):
+    clean = read("multi")[0]
+    near, far = (dataclasses.replace(light, reference=(-7.2 * FOOT - d * light.cbar, 0.0, -0.1 * FOOT)) for d in (0.09, 0.11))
+    aerodb.from_datcom(near, clean=clean)
+    with pytest.raises(
+        SchemaError, match=r"lies 0\.11 chords from the moment centre of multi\.out \(XCG 2\.195 m, .*; clean\); correct it"
+    ):
+        aerodb.from_datcom(far, clean=clean)
+    moved = aerodb.from_datcom(far, clean=clean, move_reference=True)
+    here = aerodb.from_datcom(light, clean=clean)
+    CN = values(here, "CL/basic").sel(alpha=0.0)  # at alpha 0 the normal force is the lift
+    np.testing.assert_allclose(values(moved, "Cm/basic").sel(alpha=0.0), values(here, "Cm/basic").sel(alpha=0.0) + 0.11 * CN, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["jet", "prop"])
+def test_powered_and_unpowered_cases_of_one_listing_are_separated(light, read, kind):
+    free, powered = read(f"{kind}_pair")
+    together = aerodb.from_datcom(light, clean=read(f"{kind}_pair"))
+    apart = aerodb.from_datcom(light, clean=free, power=powered)
+    assert list(aerodb.terms(together)) == list(aerodb.terms(apart))
+    assert "Cm/power" in aerodb.terms(together)
+    np.testing.assert_array_equal(values(together, "CL/basic"), values(apart, "CL/basic"))
+
+
+@pytest.mark.parametrize(("kind", "words"), [("jet", "jet power at CT = 0.12"), ("prop", "propeller power at CT = 0.1")])
+def test_powered_pages_are_used_when_stated(light, read, kind, words):
+    """The thrust itself is off; what is left lies within two of the widened standard errors of the page without power."""
+    free, powered = read(f"{kind}_pair")
+    with pytest.raises(SchemaError, match=r"are computed with power .*state `powered` \(--powered\)"):
+        aerodb.from_datcom(light, clean=powered)
+    with pytest.warns(AeromatchWarning, match=f"CL, CD and Cm are computed with {words}: thrust itself taken off"):
+        db = aerodb.from_datcom(light, clean=powered, powered=True)
+    without = aerodb.from_datcom(light, clean=free)
+    printed = powered.to_datatree()["static"].to_dataset().isel(condition=0)
+    thrust = CT[kind] * np.sin(printed["alpha"].values)
+    np.testing.assert_allclose(values(db, "CL/basic"), printed["CL"] - thrust, atol=1e-12)
+    assert words in db["CL/basic"].attrs["comment"]
+    for term in ("CL/basic", "CD/basic", "Cm/basic"):
+        left = values(db, term) - values(without, term)
+        stderr, usual = (tree[term]["stderr"].sel(mach=0.15) for tree in (db, without))
+        assert float(np.abs(left / stderr).max()) < 2.0
+        # a jet has no drag of its own in the program, and no further error
+        assert bool((stderr > 1.05 * usual).any()) == ((kind, term) != ("jet", "CD/basic"))
+    for term in ("Cl/beta", "Cm/qhat", "Cn/rhat"):
+        np.testing.assert_array_equal(values(db, term), values(without, term))
+    assert float(values(db, "CL/basic").sel(alpha=4.0 * DEGREE, method="nearest")) != float(printed["CL"][2])
+
+
+def test_powered_pages_cannot_be_clean_and_power_at_once(light, read):
+    _, powered = read("jet_pair")
+    with pytest.raises(SchemaError, match="powered pages are stated to be the clean ones"):
+        aerodb.from_datcom(light, clean=powered, power=powered, powered=True)
+
+
+def test_an_increment_printed_alone_is_taken_out(jet, corpus):
+    """ce500_jet.out, Mach 0.2, alpha 18 to 22: no CM without power, CM -0.0699 ... is the increment alone; CMA shows NA."""
+    with pytest.warns(AeromatchWarning):
+        db = aerodb.from_datcom(jet, clean=corpus("ce500_jet"), powered=True)
+    Cm = db["Cm/basic"].to_dataset().sel(mach=0.2)
+    assert float(Cm["alpha"].max()) == pytest.approx(22 * DEGREE)
+    assert float(Cm["value"].sel(alpha=22 * DEGREE, method="nearest")) == float(Cm["value"].sel(alpha=16 * DEGREE, method="nearest"))
