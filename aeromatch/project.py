@@ -21,7 +21,7 @@ from flightmech.units import quantity
 from flighttest import Model
 from flighttest.dynamics.force_coefficients import ERRORS
 
-from .sections import Control, Controls, Engine, Flown, GroundEffect, selections
+from .sections import Control, Controls, Engine, Flown, Gear, GroundEffect, selections
 
 STATED = ("powered", "tailless", "move_reference")
 """What a project may state about its listings, see `aerodb.from_datcom`."""
@@ -110,6 +110,7 @@ class _File(Strict):
     fit: tuple[Fit, ...]
     engine: Engine | None = None
     controls: Controls = Controls()
+    gear: Gear | None = None
     ground_effect: GroundEffect | None = None
 
 
@@ -149,6 +150,8 @@ class Project:
         How the engine is identified; None keeps that of the aircraft file.
     controls : dict of str to Control
         How the control loading is identified, by ``column wheel pedal``.
+    gear : Gear or None
+        How the landing gear is identified; None keeps that of the aircraft file.
     ground_effect : GroundEffect or None
         How the ground effect is identified; None leaves it to the tables over height.
     points : dict of str to Path
@@ -177,6 +180,7 @@ class Project:
     tables: dict[str, Path] = field(default_factory=dict)
     engine: Engine | None = None
     controls: dict[str, Control] = field(default_factory=dict)
+    gear: Gear | None = None
     ground_effect: GroundEffect | None = None
     points: dict[str, Path] = field(default_factory=dict)
     manoeuvres: Path | None = None
@@ -185,7 +189,7 @@ class Project:
     @property
     def submodels(self) -> dict[str, tuple[Flown, ...]]:
         """Records and manoeuvres that identify the submodels, by the place in the project file."""
-        return selections(self.engine, self.controls, self.ground_effect)
+        return selections(self.engine, self.controls, self.gear, self.ground_effect)
 
 
 def read_project(path: str | Path) -> Project:
@@ -265,6 +269,7 @@ def read_project(path: str | Path) -> Project:
         {name: existing(item.names, f"models.{name}.names") for name, item in content.models.items() if item.names},
         content.engine,
         content.controls.given,
+        content.gear,
         content.ground_effect,
         {name: existing(file, f"engine.{name}") for name in ("points", "climbs") if (file := getattr(content.engine, name, None))},
         existing(content.manoeuvres, "manoeuvres") if content.manoeuvres else None,
@@ -288,9 +293,11 @@ def _no_match(folder: Path, pattern: str) -> str:
 
 def _submodel_problems(content: _File, flights: Mapping[str, Path]) -> list[str]:
     """Return what is wrong with the sections of the submodels."""
-    found = [text for section in (content.engine, content.ground_effect) if section is not None for text in section.problems()]
+    found = [
+        text for section in (content.engine, content.gear, content.ground_effect) if section is not None for text in section.problems()
+    ]
     found += [text for item, one in content.controls.given.items() for text in one.problems(item)]
-    for place, flown in selections(content.engine, content.controls.given, content.ground_effect).items():
+    for place, flown in selections(content.engine, content.controls.given, content.gear, content.ground_effect).items():
         records = dict.fromkeys(record for one in flown for record in one.records)
         found += [f"{place}.records: {UnknownName(record, flights, 'record')}" for record in records if record not in flights]
     return found

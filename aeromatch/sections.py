@@ -1,4 +1,4 @@
-"""Sections of a project file that identify a submodel: ``[engine]``, ``[controls.*]``, ``[ground_effect]``."""
+"""Sections of a project file that identify a submodel: ``[engine]``, ``[controls.*]``, ``[gear]``, ``[ground_effect]``."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.support.configuration import Strict, si
 from flighttest import Model
 from flighttest.control_loading.loading import COEFFICIENT, FORCES
+from flighttest.landing_gear.reconstructed_loads import ERRORS
 
+GEAR_ERRORS = (*ERRORS, "wind")
 Names = tuple[str, ...]
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -53,6 +55,20 @@ class GroundEffect(Strict):
         for key in ("models", "ground"):
             for text in getattr(self, key):
                 yield from _faults(f"ground_effect.{key}", Model.parse, text)
+
+
+class Gear(Strict):
+    """``[gear]``: ground runs and landings with the compression of the legs, for `identify_landing_gear`."""
+
+    flown: Annotated[tuple[Flown, ...], Field(min_length=1)]
+    errors: dict[str, Annotated[float, Field(ge=0.0)]] = {}
+    output_error: bool = True
+
+    def problems(self) -> Iterator[str]:
+        """Yield what is wrong with the standard errors."""
+        for name in self.errors:
+            if name not in GEAR_ERRORS:
+                yield f"gear.errors: {UnknownName(name, GEAR_ERRORS, 'source of error')}"
 
 
 class Engine(Strict):
@@ -109,13 +125,17 @@ class Controls(Strict):
         return {item: one for item, one in self if one is not None}
 
 
-def selections(engine: Engine | None, controls: Mapping[str, Control], ground_effect: GroundEffect | None) -> dict[str, tuple[Flown, ...]]:
+def selections(
+    engine: Engine | None, controls: Mapping[str, Control], gear: Gear | None, ground_effect: GroundEffect | None
+) -> dict[str, tuple[Flown, ...]]:
     """Return the records and manoeuvres of every section, by the place in the project file."""
     found: dict[str, tuple[Flown, ...]] = {}
     if engine is not None:
         found |= {"engine.flown": engine.flown, "engine.starts": engine.starts}
     for item, one in controls.items():
         found |= {f"controls.{item}.driven": one.driven, f"controls.{item}.free": one.free}
+    if gear is not None:
+        found["gear.flown"] = gear.flown
     if ground_effect is not None:
         found["ground_effect.flown"] = ground_effect.flown
     return {place: flown for place, flown in found.items() if flown}

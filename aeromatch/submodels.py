@@ -1,4 +1,4 @@
-"""Submodels of a project identified from its records: engine, control loading, ground effect."""
+"""Submodels of a project identified from its records: engine, control loading, ground effect, landing gear."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from flightmech.errors import SchemaError, UnknownName
 from flighttest.control_loading.loading import loading_of
 from flighttest.engine import Polar, engine_channels
 from flighttest.engine.records import read_points
+from flighttest.landing_gear import GroundRecord, identify_landing_gear
 
 from .project import Project
 from .sections import Flown
@@ -36,17 +37,19 @@ class Submodels:
     free_motion : dict of str to list of Flown
         Pulses and releases of the controls, simulated with what was identified.
     ground_effect : GroundEffect or None
+    gear : IdentifiedGear or None
     """
 
     engine: Any = None
     controls: Mapping[str, Any] = field(default_factory=dict)
     free_motion: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     ground_effect: Any = None
+    gear: Any = None
 
     @property
     def found(self) -> dict[str, Any]:
         """The results by the name of the submodel, for the report."""
-        named = {"engine": self.engine, **self.controls, "ground effect": self.ground_effect}
+        named = {"engine": self.engine, **self.controls, "ground effect": self.ground_effect, "landing gear": self.gear}
         return {name: result for name, result in named.items() if result is not None}
 
 
@@ -192,6 +195,18 @@ def identified_ground_effect(project: Project, data: Mapping[str, xr.Dataset], s
     models = [flighttest.Model.parse(text) for text in asked.models]
     names = [record for record, _ in parts]
     return flighttest.identify_ground_effect(models, [part for _, part in parts], changed, database, asked.free_air == "held", names)
+
+
+def identified_gear(
+    project: Project, aircraft: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans], database: xr.DataTree
+) -> Any:
+    """Return the landing gear of the ground runs; `database` gives the air forces near the ground."""
+    asked = project.gear
+    if asked is None:
+        return None
+    parts = [(paths[record], part) for record, own in spans["gear.flown"].items() for part in between(paths[record].states, own)]
+    records = [GroundRecord(part, path.biases) for path, part in parts]
+    return identify_landing_gear(records, aircraft, database, asked.errors, flown=asked.output_error)
 
 
 def demand(project: Project, problems: Sequence[str]) -> None:

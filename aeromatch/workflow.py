@@ -29,6 +29,7 @@ from .submodels import (
     demand,
     identified_controls,
     identified_engine,
+    identified_gear,
     identified_ground_effect,
     overlaps,
     spans_of,
@@ -190,7 +191,7 @@ def with_submodels(database: xr.DataTree, found: Submodels, tables: bool = False
 
 
 def after_flight(project: Project, aircraft: Aircraft, found: Submodels) -> Aircraft:
-    """Return the aircraft with its identified engines and control circuits."""
+    """Return the aircraft with its identified engines and control circuits; the landing gear follows the aerodynamics."""
     if found.engine is not None:
         aircraft = with_engine(aircraft, project, found.engine)
     for loading in found.controls.values():
@@ -316,6 +317,11 @@ def perform(
     if project.ground_effect is not None:  # after the aerodynamics, whose lift in free air it multiplies
         with step("identify the ground effect"):
             submodels = replace(submodels, ground_effect=identified_ground_effect(project, data, windows.submodels, final))
+    if project.gear is not None:  # last, for it needs lift and drag near the ground
+        with step("identify the landing gear"):
+            near = with_submodels(final, submodels)
+            submodels = replace(submodels, gear=identified_gear(project, aircraft, paths, windows.submodels, near))
+            aircraft = submodels.gear.aircraft(aircraft)
     final = with_submodels(final, submodels, project.ground_effect is not None and project.ground_effect.tables)
     with step(f"swap terms on {len(cases)} cases, build the corrected database"):
         diagnoses = diagnose_all(cases, paths, datcom, final, aircraft, apriori, jobs)

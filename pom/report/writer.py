@@ -72,7 +72,7 @@ def write_report(
         Term (``CL/basic``) to the flight samples that support it, columns named after the axes of the term. [SI]
     fits : sequence of flighttest.Fit
         Local models of the identification; the page shows their estimates, residuals and collinearity.
-    submodels : mapping of str to EngineFit, IdentifiedLoading or GroundEffect, optional
+    submodels : mapping of str to EngineFit, IdentifiedLoading, GroundEffect or IdentifiedGear, optional
         Submodels identified from flight, by name: a chapter of page and PDF.
     free_motion : mapping of str to sequence of Flown, optional
         By submodel: the free motion of a control, of `IdentifiedLoading.fly`.

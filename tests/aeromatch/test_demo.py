@@ -16,7 +16,7 @@ def test_the_demo_writes_what_it_promises(demo):
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     models = {f"{name}{kind}" for name in ("datcom", "corrected", "final") for kind in (".nc", ".fmu", ".toml", "_engine1.nc")}
     results = json.loads((folder / "report" / "results.json").read_text())["results"]
-    assert len(results) == 16
+    assert len(results) == 18
     report = {"report.html", "report.pdf", "results.json", "results.nc", "results.xml", "manifest.json"}
     report |= {f"csv/{item['case']['name']}.csv" for item in results}
     assert names == models | {f"report/{name}" for name in report}
@@ -55,8 +55,21 @@ def test_the_final_model_flies_by_force(demo):
 
 
 @pytest.mark.slow
+def test_the_final_model_brakes_and_turns_on_the_runway(demo):
+    folder, run = demo
+    cases = {case["name"]: case["status"] for case in json.loads(run.stdout)["cases"]}
+    assert cases["brake_stop"]["final"] == cases["taxi_turn"]["final"] == "pass"
+    assert cases["brake_stop"]["datcom"] != "pass"
+    assert cases["taxi_turn"]["datcom"] != "pass"
+    gear = {contact.name: contact for contact in flightmech.read_aircraft(folder / "final.toml").gear.contacts}
+    assert gear["left"].stiffness == gear["right"].stiffness > gear["nose"].stiffness > 0.0
+    assert 0.0 < gear["left"].rolling < 0.05  # dry concrete: 0.01 to 0.03
+    assert gear["left"].brake_friction > gear["nose"].brake_friction == 0.0
+
+
+@pytest.mark.slow
 def test_every_step_is_reported_on_its_own_line(demo):
     _, run = demo
     steps = [line for line in run.stderr.splitlines() if " ... " in line]
-    assert len(steps) == 11
+    assert len(steps) == 12
     assert all(line.endswith(" s") for line in steps)

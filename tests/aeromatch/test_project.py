@@ -180,6 +180,10 @@ driven = [{ records = ["run_1", "run_2"] }]
 free = [{ records = ["run_2"], manoeuvres = ["release_column"] }]
 model = "Ch_e = 1 + alpha + delta_e"
 
+[gear]
+flown = [{ records = ["run_2"] }]
+errors = { lift = 0.2 }
+
 [ground_effect]
 models = ["CL = 1 + alpha"]
 flown = [{ records = ["run_1"] }]
@@ -192,7 +196,13 @@ def test_submodels_are_read(write):
     project = read_project(path)
     assert project.engine.pla == pytest.approx((10.0 * DEGREE, 50.0 * DEGREE))
     assert list(project.controls) == ["column"]
-    assert list(project.submodels) == ["engine.flown", "controls.column.driven", "controls.column.free", "ground_effect.flown"]
+    assert list(project.submodels) == [
+        "engine.flown",
+        "controls.column.driven",
+        "controls.column.free",
+        "gear.flown",
+        "ground_effect.flown",
+    ]
     assert project.submodels["controls.column.free"][0].manoeuvres == ("release_column",)
 
 
@@ -215,6 +225,8 @@ def test_a_project_without_submodels_has_none(write):
         ),
         ('"10 deg", ', "", "engine.pla.1: missing; give it"),
         ("engines =", 'climbs = "climbs.csv"\nengines =', "engine.polar: missing; climbs need CD0 and K of the drag polar"),
+        ("lift = 0.2", "lfit = 0.2", "gear.errors: unknown source of error 'lfit'; near it: lift"),
+        ("lift = 0.2", "lift = -0.2", "gear.errors.lift: input should be greater than or equal to 0"),
         ('models = ["CL = 1 + alpha"]', 'models = ["CL = 1 + alfa"]', "ground_effect.models: unknown quantity 'alfa'; near it: alpha"),
     ],
 )

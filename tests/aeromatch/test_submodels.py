@@ -95,9 +95,10 @@ def test_ground_effect_through_its_section_next_to_the_database():
 
 
 def test_nothing_is_identified_that_nobody_requests():
-    project = SimpleNamespace(engine=None, controls={}, ground_effect=None, points={})
+    project = SimpleNamespace(engine=None, controls={}, gear=None, ground_effect=None, points={})
     assert submodels.identified_engine(project, CRAFT, {}, {}) is None
     assert submodels.identified_ground_effect(project, {}, {}, None) is None
+    assert submodels.identified_gear(project, CRAFT, {}, {}, None) is None
     assert submodels.Submodels().found == {}
 
 

@@ -52,6 +52,7 @@ def project(shipped, tmp_path):
         terms={},
         held=(),
         controls={},
+        gear=None,
         ground_effect=None,
     )
 

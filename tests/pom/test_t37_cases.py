@@ -29,6 +29,8 @@ ROWS = {
     "54_roll_response_wheel": "2.d.2",
     "55_dutch_roll_pedals_free": "2.d.7",
     "56_stick_force_per_g": "2.c.6",
+    "71_brake_stop": "1.b.7",
+    "72_taxi_turn": "1.a.2",
 }
 
 

@@ -13,11 +13,13 @@ from flightmech.support.svg_chart import svg
 from flighttest.control_loading import IdentifiedLoading
 from flighttest.engine import EngineFit
 from flighttest.ground_effect import GroundEffect
+from flighttest.landing_gear import IdentifiedGear
 
 from ...diagnosis import by_submodel, corrected_terms
 from ...diagnosis.term_swaps import reasons
 from .controls import control_loading
 from .engine import engine
+from .gear import landing_gear
 from .ground_effect import ground_effect
 from .section import Grid, Section
 
@@ -43,8 +45,12 @@ def sections(submodels: Mapping[str, Any], free_motion: Mapping[str, Sequence[An
             found.append(control_loading(name, result, free_motion.get(name, ())))
         elif isinstance(result, GroundEffect):
             found.append(ground_effect(name, result))
+        elif isinstance(result, IdentifiedGear):
+            found.append(landing_gear(name, result))
         else:
-            unknown.append(f"submodels.{name}: {type(result).__name__}; give an EngineFit, IdentifiedLoading or GroundEffect")
+            unknown.append(
+                f"submodels.{name}: {type(result).__name__}; give an EngineFit, IdentifiedLoading, GroundEffect or IdentifiedGear"
+            )
     if unknown:
         raise SchemaError("report", unknown)
     return found

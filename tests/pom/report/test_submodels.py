@@ -5,6 +5,7 @@ import re
 import sys
 import zlib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -19,8 +20,10 @@ from flighttest.control_loading import ControlLoading, identify_control_loading
 from flighttest.control_loading.forward import Flown
 from flighttest.engine import identify_engine
 from flighttest.ground_effect import identify_ground_effect
+from flighttest.landing_gear import GearConstant
 from pom.diagnosis import by_submodel
 from pom.report.pdf import content
+from pom.report.submodels.gear import landing_gear
 from pom.report.submodels.page import context, needed, sections
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -99,6 +102,26 @@ def test_the_largest_free_motion_is_drawn():
     (picture,) = _free_motion("column", "column", [small] * 3 + [flown()] * MOST)
     (only,) = _free_motion("column", "column", [flown()] * MOST)
     assert picture.body == only.body
+
+
+def test_every_wheel_has_its_loads():
+    wheels = ("nose", "left", "right")
+    s = np.linspace(0.05, 0.12, 40)
+    outputs = ["load.nose", "load.left", "load.right", "Fx"]
+    force = xr.DataArray(np.stack([48e3 * s, 95e3 * s, 95e3 * s, -10.0 * s], axis=1), {"output": outputs}, ("time", "output"))
+    compression = xr.DataArray(np.stack([s] * 3, axis=1), {"wheel": list(wheels)}, ("time", "wheel"))
+    noise = xr.Dataset({"stderr": (("manoeuvre", "output"), np.full((1, 4), 70.0))}, {"output": outputs})
+    loads = SimpleNamespace(fit=SimpleNamespace(noise=noise), loads=[xr.Dataset({"force": force, "compression": compression})])
+    constants = {"gear.left,right.stiffness": GearConstant(95e3, 480.0, "wheel loads")}
+    groups = (SimpleNamespace(names=("nose",)), SimpleNamespace(names=("left", "right")))
+    found = SimpleNamespace(
+        groups=groups, constants=constants, undetermined={"runway.mu_dry": "no wheel came near it"}, loads=loads, flown=None
+    )
+    section = landing_gear("landing gear", found)
+    assert section.grids[0].rows == (("gear.left,right.stiffness", "95000", "480", "wheel loads"),)
+    assert section.remarks == ("runway.mu_dry not determined: no wheel came near it",)
+    assert section.pictures[0].words == "Reconstructed load over compression of nose, left, right"
+    assert section.pictures[0].body.count("h0") == 3 * len(s)  # a mark for every sample
 
 
 def test_what_is_no_submodel_is_refused(results):
