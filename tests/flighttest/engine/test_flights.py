@@ -8,7 +8,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.air import atmosphere
-from flightmech.aircraft.systems.engine_deck import Deck
+from flightmech.aircraft.systems.engine_deck import Deck, open_tables, write_tables
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flightmech.terms import evaluate, make
 from flighttest import identify_engine
@@ -292,3 +292,31 @@ def test_structure_file(tmp_path):
     with pytest.raises(SchemaError) as error:
         read_structure(path)
     assert len(error.value.problems) == 3
+
+
+def test_command_with_whole_flights(tmp_path):
+    """Records that were used and one that was not stand in the comparison; the entry names the file."""
+    from click.testing import CliRunner
+
+    from flighttest.cli.engine import engine
+
+    names = tmp_path / "names.toml"
+    units = {"engine1.throttle": "1", "engine1.n1": "1", "engine1.n2": "1", "engine1.thrust": "N", "mach": "1", "h": "m"}
+    rows = (f'{name} = {{ column = "{name.removeprefix("engine1.")}", unit = "{unit}" }}\n' for name, unit in units.items())
+    names.write_text("[engine]\n" + "".join(rows))
+    for k, mach in enumerate((0.1, 0.4)):
+        record = flown(limited(), ((0.0, 0.9), (3.0, 0.9), (12.0, 0.7)), mach, 0.0, k)
+        record.to_dataframe().to_csv(tmp_path / f"r{k}.csv")
+    (tmp_path / "engine.toml").write_text("[tables.corrected_thrust]\ncorrected_n2 = [0.8, 0.9, 1.0]\nmach = [0.0, 0.5]\n")
+    write_tables({"n2_command": make(0.9), "n2_up_time": make(1.0), "thrust": make(0.0)}, tmp_path / "prior.nc")
+    args = [f"{tmp_path}/r0.csv", "--flights", "--structure", f"{tmp_path}/engine.toml", "--compare", f"{tmp_path}/r1.csv"]
+    args += ["--names", str(names), "--rate", "10", "--prior", f"{tmp_path}/prior.nc", "-o", f"{tmp_path}/deck.nc"]
+    run = CliRunner().invoke(engine, args)
+    assert run.exit_code == 0, run.output
+    assert "corrected_thrust (N) over corrected_n2" in run.output
+    assert "deck less record, rms" in run.output
+    assert all(f"\n{name} " in run.output for name in ("r0", "r1", "all records"))
+    assert 'file = "deck.nc"' in run.output
+    tables = open_tables(tmp_path / "deck.nc")
+    assert "thrust" not in tables  # what was identified replaces its plain twin
+    assert float(tables["corrected_thrust"]["value"].sel(corrected_n2=0.9, mach=0.0)) == pytest.approx(2400.0, rel=0.05)
