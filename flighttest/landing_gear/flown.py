@@ -160,7 +160,7 @@ def fly_gear(records: Sequence, aircraft: Aircraft, database: xr.DataTree, loads
         None where no side force and no steering is determined, or nothing rolls on all wheels.
     """
     pieces, groups = [], []
-    known, unknown = _constants(aircraft, loads), _unknown(aircraft, loads, all(_has_angle(record) for record in records))
+    known, unknown = _constants(aircraft, loads), _unknown(aircraft, loads, all(has_angle(record) for record in records))
     sim = flightmech.compile(aircraft, database)
     for k, record in enumerate(records):
         parts = stretches(states_of(record), loads.loads[k])
@@ -181,8 +181,8 @@ def fly_gear(records: Sequence, aircraft: Aircraft, database: xr.DataTree, loads
     return OutputError(estimates, rest, noise_of(found, pieces[0].outputs, colours, [piece.measured for piece in pieces]))
 
 
-def _has_angle(record) -> bool:
-    """Whether command and angle of the nose wheel are both recorded."""
+def has_angle(record) -> bool:
+    """Return whether command and angle of the nose wheel are both recorded."""
     return {"gear.steering", "delta_nw"} <= set(map(str, states_of(record).data_vars))
 
 

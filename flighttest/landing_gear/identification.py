@@ -15,10 +15,10 @@ from flightmech.units import G0
 from ..maximum_likelihood.result import OutputError
 from ..reconstruction.smoother import Path
 from .explicit import ROLLING
-from .flown import fly_gear
+from .flown import fly_gear, has_angle
 from .reconstructed_loads import CUTOFF, ERRORS, SYSTEMATIC, WIND_ERROR, GroundRecord
 from .regression import T_NEEDED, LoadFit, regress_gear
-from .result import GearConstant, IdentifiedGear
+from .result import STEERED, GearConstant, IdentifiedGear
 from .wheels import wheel_groups
 
 _FORCES = ("stiffness", "stiffness_square", "damping", "damping_outwards", "orifice", "brake")  # that grow with the mass
@@ -81,7 +81,8 @@ def identify_landing_gear(
         raise IdentificationError("no records; give ground runs or landings")
     budget = {**known, **(errors or {})}
     fit = regress_gear(records, aircraft, database, budget, cutoff)
-    found = IdentifiedGear(wheel_groups(aircraft), _constants(fit, budget), fit.undetermined, fit)
+    undetermined = {**fit.undetermined, **_steering(records)}
+    found = IdentifiedGear(wheel_groups(aircraft), _constants(fit, budget), undetermined, fit)
     if not flown or database is None:
         return found
     result = fly_gear(records, found.aircraft(aircraft), database, fit)
@@ -91,6 +92,13 @@ def identify_landing_gear(
     constants = {**found.constants, **{name: one for name, one in by.items() if not isinstance(one, str)}}
     undetermined = {**found.undetermined, **{name: one for name, one in by.items() if isinstance(one, str) and name not in constants}}
     return replace(found, constants=constants, undetermined=undetermined, flown=result)
+
+
+def _steering(records: Sequence) -> dict[str, str]:
+    """Why the steering is not determined, where command and angle are not both recorded."""
+    if all(has_angle(record) for record in records):
+        return {}
+    return {STEERED: "the records have one angle of the nose wheel: it is taken for that of the wheel itself, without a trail"}
 
 
 def _flown_constants(found: OutputError) -> dict[str, GearConstant | str]:

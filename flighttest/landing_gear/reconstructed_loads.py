@@ -63,7 +63,8 @@ def wheel_loads(
     ----------
     path : Path or Dataset (time,)
         A reconstruction, or its states: ``phi theta psi p q r ax ay az vn ve vd`` at the c.g., ``rho``, ``engineN.thrust``,
-        ``gear.<wheel>.compression``; ``delta_nw``, ``brake_left``, ``brake_right`` where there are any. [SI]
+        ``gear.<wheel>.compression``; ``gear.steering``, without it ``delta_nw``, is taken for the angle of the
+        nose wheel; ``brake_left``, ``brake_right`` where there are any. [SI]
     aircraft : Aircraft
         Mass, inertia, engines and the places of the wheels; none of the constants of its gear is used.
     database : DataTree, optional
@@ -92,7 +93,8 @@ def wheel_loads(
     """
     states = states_of(path)
     data = smoothed(states, cutoff)
-    at = places(data, aircraft, column(data, "delta_nw", 0.0))
+    angle = column(data, "gear.steering" if "gear.steering" in data else "delta_nw", 0.0)
+    at = places(data, aircraft, angle)
     wheels = wheels_of(aircraft)
     compression = np.stack([column(data, f"gear.{wheel.name}.compression") for wheel in wheels], axis=1)
     touching = compression > TOUCHING
@@ -116,7 +118,7 @@ def wheel_loads(
         "rate": _rates(states, aircraft, compression, step, cutoff),
         "along": at.v_along,
         "across": at.v_across,
-        "angle": np.stack([wheel.steering * column(data, "delta_nw", 0.0) for wheel in wheels], axis=1),
+        "angle": np.stack([wheel.steering * angle for wheel in wheels], axis=1),
         "pedal": np.stack([_pedal(data, wheel.position[1]) for wheel in wheels], axis=1),
         "x": np.einsum("twi,ti->tw", at.arm, at.forward),
         "y": np.einsum("twi,ti->tw", at.arm, at.right),

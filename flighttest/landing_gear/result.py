@@ -24,6 +24,7 @@ _UNITS = {
     "trail": "m", "inertia": "kg m2", "arm_stiffness": "N m/rad", "arm_damping": "N m s/rad", "arm_inertia": "kg m2",
 }  # fmt: skip
 _STEERING = ("stiffness", "trail", "inertia", "damping", "arm_stiffness", "arm_damping", "arm_inertia")
+STEERED = "steering.trail"
 _FAR = 10.0  # load of the greatest cornering stiffness over the largest seen, where none was seen
 _TABLE = 9  # points of the table of a strut
 
@@ -81,6 +82,9 @@ class IdentifiedGear:
     def aircraft(self, known: Aircraft) -> Aircraft:
         """Return an aircraft with these constants; what is not determined stays as it is.  Its history has sources and standard errors.
 
+        Where the records have one angle of the nose wheel, the trail becomes 0: the tyres were identified with that angle, and
+        ``delta_nw`` is that angle in a replay.
+
         Raises
         ------
         SchemaError
@@ -92,6 +96,8 @@ class IdentifiedGear:
             )
         contacts = tuple(self._contact(contact) for contact in known.gear.contacts)
         steering: dict[str, Any] = self._of("steering", _STEERING)
+        if STEERED in self.undetermined and known.gear.steering.stiffness > 0.0:
+            steering["trail"] = 0.0
         friction = {"mu_dry": self.constants[FRICTION].value} if FRICTION in self.constants else self._used()
         gear = replace(known.gear, contacts=contacts, steering=replace(known.gear.steering, **steering), **friction)
         values = ", ".join(f"{name} {one.value:.4g} ({one.stderr:.2g}, {one.source})" for name, one in self.constants.items())
