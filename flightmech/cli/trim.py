@@ -101,6 +101,8 @@ def _print(sim: SimModel, found: xr.Dataset) -> None:
         title=f"{found.attrs['title']}, {found.attrs['kind']}: {found.attrs['verdict']}",
         right=("value",),
     )
+    if found.attrs["advice"]:
+        click.echo(found.attrs["advice"])
     click.echo()
     names = [*_SHOWN, *(name for name in sim.outputs if name.startswith("engine") and name.endswith(".thrust"))]
     table(("state", "value", "unit"), [line(name, float(found[name]), str(found[name].attrs["units"])) for name in names], right=("value",))

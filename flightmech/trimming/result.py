@@ -15,7 +15,8 @@ from .request import Request
 if TYPE_CHECKING:
     from ..simulation.compiler import SimModel
 
-_DONE = 1e-6  # remainder of a residual that counts as zero [m s-2]: a ten-millionth of gravity
+_DONE = 3e-4  # remainder of a residual that counts as zero [m s-2]: 0.001 ft/s2, as the trim of JSBSim (FGTrim) has it
+_BANKED = ("level", "climb", "pull_up")  # kinds in which a steady bank may balance what a control without effect leaves
 _AT_LIMIT = 1e-9  # of the size of an unknown
 _NO_EFFECT = 1e-8  # slope, of the largest one
 _SAME = 1e-6  # singular value of the normalised slopes, of the largest one
@@ -91,7 +92,21 @@ class Search:
             "alike": " ".join(alike),
             "rank": rank,
             "verdict": "; ".join(parts),
+            "advice": self._advice(idle, converged),
         }
+
+    def _advice(self, idle: list[str], converged: bool) -> str:
+        """Return what to do about unknowns without effect; empty where there are none."""
+        if not idle:
+            return ""
+        moved = f"{', '.join(idle)}: nothing in database and aircraft depends on it here"
+        if converged:
+            return f"{moved}; the flight is steady without it"
+        add = f"{moved}; add a term that has it, such as Cn/rudder for delta_r"
+        if self.request.kind not in _BANKED or "phi" in self.request.unknowns:
+            return add
+        others = [name for name in self.request.unknowns if name not in idle]
+        return f"{add}, or leave it out and free the bank: {' '.join(f'--free {name}' for name in (*others, 'phi'))}"
 
     def _limits(self) -> np.ndarray:
         _, low, high, size = self.request.search

@@ -84,8 +84,8 @@ def trim(
         Unless called with parameters alone also: ``found low high`` over ``unknown``, with ``limit`` -1 or 1 at the lower or upper
         one; ``wanted left`` over ``residual``; ``start`` over ``quantity``, for `start_of`.  Attributes: ``converged`` (1 or 0),
         ``at_limit``, ``without_effect`` (unknowns that change no residual), ``alike`` (unknowns that cannot be distinguished), ``rank``,
-        and ``verdict``, a text that states all this.  A trim that does not come about is a result: the residuals are as small as
-        the limits allow.
+        ``verdict``, a text that states all this, and ``advice``, what to do about unknowns without effect.  A trim that does not come
+        about is a result: the residuals are as small as the limits allow.
 
     Raises
     ------

@@ -72,6 +72,47 @@ def test_a_flight_beyond_the_limits_ends_with_1(files):
     assert "at its upper limit" in next(line for line in result.stdout.splitlines() if line.startswith("throttle"))
 
 
+@pytest.fixture
+def without_rudder(files, plain_tree) -> tuple[str, str]:
+    """The same aircraft with a database that has no rudder, as one from DATCOM alone."""
+    tree = plain_tree()
+    for coefficient in ("CY", "Cl", "Cn"):
+        node = tree[coefficient]
+        for name in [name for name, leaf in node.children.items() if "delta_r" in str(leaf.attrs.get("regressors", "")).split()]:
+            del node[name]
+    tree.to_netcdf(files[1], engine="h5netcdf")
+    return files
+
+
+def test_level_flight_without_a_rudder_term_is_trimmed(without_rudder):
+    """Over the rotating Earth the Coriolis acceleration is left, 1e-4 of what gravity does; a bank takes it."""
+    flight = (*without_rudder, "--fix", "V=175 kt", "--fix", "h=5000 ft")
+    found = json.loads(run(*flight, "--json").stdout)
+    assert found["verdict"] == "trimmed; without effect: delta_r"
+    assert found["advice"] == "delta_r: nothing in database and aircraft depends on it here; the flight is steady without it"
+    assert 1e-6 < max(map(abs, found["left"].values())) < 3e-4
+    shown = run(*flight).stdout.splitlines()
+    assert found["advice"] in shown
+    named = [word for name in ("alpha", "beta", "delta_e", "delta_a", "throttle", "phi") for word in ("--free", name)]
+    banked = json.loads(run(*flight, *named, "--json").stdout)
+    assert (banked["verdict"], banked["advice"]) == ("trimmed", "")
+    assert max(map(abs, banked["left"].values())) < 1e-9
+
+
+def test_what_a_missing_rudder_prevents_comes_with_the_ways_out(without_rudder):
+    turn = run(*without_rudder, "--kind", "turn", "--fix", "V=175 kt", "--fix", "phi=30 deg")
+    assert turn.exit_code == 1
+    assert "add a term that has it, such as Cn/rudder for delta_r" in turn.stdout
+    assert "--free" not in turn.stdout
+    flight = (*without_rudder, "--kind", "climb", "--fix", "V=175 kt", "--fix", "gamma=5 deg")
+    climb = run(*flight)
+    assert climb.exit_code == 1
+    advice = next(line for line in climb.stdout.splitlines() if line.startswith("delta_r: "))
+    named = advice.partition("free the bank: ")[2].split()
+    assert named[-2:] == ["--free", "phi"]
+    assert run(*flight, *named).exit_code == 0
+
+
 def test_unknowns_by_name(files):
     named = [word for name in ("alpha", "beta", "delta_e", "delta_a", "delta_r", "V") for word in ("--free", name)]
     found = json.loads(run(*files, "--fix", "throttle=0.3", *named, "--json").stdout)
