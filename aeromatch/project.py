@@ -20,6 +20,7 @@ from flightmech.support.configuration import Strict, load, si, validate
 from flightmech.units import quantity
 from flighttest import Model
 from flighttest.dynamics.force_coefficients import ERRORS
+from flighttest.engine import read_structure
 
 from .sections import Control, Controls, Engine, Flown, Gear, GroundEffect, selections
 
@@ -155,7 +156,7 @@ class Project:
     ground_effect : GroundEffect or None
         How the ground effect is identified; None leaves it to the tables over height.
     points : dict of str to Path
-        Files of settled engine points: ``points``, ``climbs``.
+        Files for the engine: settled ``points``, ``climbs``, and the ``structure`` of its deck.
     manoeuvres : Path or None
         Table of the manoeuvres of records that carry no marks (`flighttest.records.read_manoeuvres`).
     stated : dict of str to bool
@@ -250,6 +251,11 @@ def read_project(path: str | Path) -> Project:
     for name in content.models:
         if name in OWN_MODELS or name == "flight":
             problems.append(f"models.{name}: the name is taken; call it otherwise than flight, {', '.join(OWN_MODELS)}")
+    wanted = {name: getattr(content.engine, name, None) for name in ("points", "climbs", "structure")}
+    engine_files = {name: existing(file, f"engine.{name}") for name, file in wanted.items() if file}
+    structure = engine_files.get("structure")
+    if structure is not None and structure.is_file():
+        _collect(problems, "engine.structure", read_structure, structure)
     project = Project(
         content.title,
         path.resolve(),
@@ -271,7 +277,7 @@ def read_project(path: str | Path) -> Project:
         content.controls.given,
         content.gear,
         content.ground_effect,
-        {name: existing(file, f"engine.{name}") for name in ("points", "climbs") if (file := getattr(content.engine, name, None))},
+        engine_files,
         existing(content.manoeuvres, "manoeuvres") if content.manoeuvres else None,
         {name: getattr(content.listings, name) for name in STATED},
     )

@@ -75,10 +75,12 @@ class Engine(Strict):
     """``[engine]``: power changes that begin at rest, starts, and settled points, for `identify_engine`."""
 
     flown: tuple[Flown, ...] = ()
+    flights: tuple[Flown, ...] = ()
     starts: tuple[Flown, ...] = ()
     engines: tuple[Annotated[int, Field(ge=1)], ...] = (1,)
     pla: tuple[si("rad"), si("rad")] | None = None  # type: ignore[valid-type]
     rate: Positive = 25.0
+    structure: str | None = None
     points: str | None = None
     climbs: str | None = None
     polar: tuple[float, float] | None = None
@@ -86,8 +88,8 @@ class Engine(Strict):
 
     def problems(self) -> Iterator[str]:
         """Yield what is missing."""
-        if not (self.flown or self.starts or self.points or self.climbs):
-            yield "engine: no records; give flown, starts, points or climbs"
+        if not (self.flown or self.flights or self.starts or self.points or self.climbs):
+            yield "engine: no records; give flown, flights, starts, points or climbs"
         if self.climbs and self.polar is None:
             yield "engine.polar: missing; climbs need CD0 and K of the drag polar"
 
@@ -131,7 +133,7 @@ def selections(
     """Return the records and manoeuvres of every section, by the place in the project file."""
     found: dict[str, tuple[Flown, ...]] = {}
     if engine is not None:
-        found |= {"engine.flown": engine.flown, "engine.starts": engine.starts}
+        found |= {"engine.flown": engine.flown, "engine.flights": engine.flights, "engine.starts": engine.starts}
     for item, one in controls.items():
         found |= {f"controls.{item}.driven": one.driven, f"controls.{item}.free": one.free}
     if gear is not None:

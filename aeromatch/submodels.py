@@ -15,7 +15,7 @@ import flighttest
 from flightmech import Aircraft
 from flightmech.errors import SchemaError, UnknownName
 from flighttest.control_loading.loading import loading_of
-from flighttest.engine import Polar, engine_channels
+from flighttest.engine import EngineStructure, Polar, engine_channels, read_structure
 from flighttest.engine.records import read_points
 from flighttest.landing_gear import GroundRecord, identify_landing_gear
 
@@ -125,7 +125,8 @@ def identified_engine(project: Project, apriori: Aircraft, paths: Mapping[str, A
         parts = [(record, part) for record, own in spans.get(place, {}).items() for part in between(paths[record].states, own)]
         return [_thinned(engine_channels(part, asked.engines, asked.pla), asked.rate).assign_attrs(record=record) for record, part in parts]
 
-    points = {name: read_points(file) for name, file in project.points.items()}
+    points = {name: read_points(file) for name, file in project.points.items() if name != "structure"}
+    structure = read_structure(project.points["structure"]) if "structure" in project.points else EngineStructure()
     deck = apriori.engines[0].deck if apriori.engines else None
     return flighttest.identify_engine(
         channels("engine.flown"),
@@ -136,6 +137,8 @@ def identified_engine(project: Project, apriori: Aircraft, paths: Mapping[str, A
         Polar(*asked.polar, *asked.polar_stderr) if asked.polar else None,
         apriori.S,
         len(asked.engines),
+        flights=channels("engine.flights"),
+        **structure.keywords(),
     )
 
 

@@ -240,4 +240,4 @@ def test_faulty_submodels(write, old, new, words):
 def test_an_engine_without_records(write):
     path = write()
     path.write_text(path.read_text() + "[engine]\nrate = 10.0\n")
-    assert problems(path) == ["engine: no records; give flown, starts, points or climbs"]
+    assert problems(path) == ["engine: no records; give flown, flights, starts, points or climbs"]

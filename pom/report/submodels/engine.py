@@ -15,6 +15,7 @@ from .section import EQUATION_ERROR, OUTPUT_ERROR, Curve, Grid, PanelOf, Picture
 
 CODES = ("run-0", "run-2", "run-3", "run-4", "run-5")
 MACHS = 3  # Mach numbers of the deck that are drawn
+UNITS = {"corrected_thrust": "N", "thrust": "N", "fuel_flow": "kg/s", "corrected_fuel_flow": "kg/s"}
 SHOWN = {
     "n2_command": "n2 at rest, 1",
     "n1_command": "n1 at rest, 1",
@@ -48,6 +49,11 @@ def engine(name: str, found: EngineFit) -> Section:
         grids.append(Grid("Corrected over a-priori thrust", ("corrected speed", "factor", "standard error", "source"), cells))
         pictures += _deck(name, static.prior, static.leaf)
         remarks += static.remarks
+    for title, table in found.steady.items():
+        residual = f"rms {number(table.rms, 3)} {UNITS.get(title, '')}".strip()
+        measures.append((title.replace("_", " "), EQUATION_ERROR, f"{residual}, {table.samples} samples"))
+        if title == "corrected_thrust" and title in found.prior:
+            pictures += _deck(name, found.prior[title], table.leaf)
     if constants:
         rows = tuple((key.replace("_", " "), *estimate(*pair)) for key, pair in constants.items())
         grids.insert(0, Grid("Constants, SI", ("constant", "estimate", "standard error"), rows))
@@ -85,17 +91,20 @@ def _at(table: xr.DataArray, axis: str, mach: float) -> np.ndarray:
 
 
 def _tables(name: str, tables: Mapping[str, Any]) -> list[Picture]:
-    panels = []
-    for key, curve in tables.items():
+    """Return the tables of the spools over their speed or lever; over a flight condition too, a line for every node of it."""
+    panels: list[PanelOf] = []
+    key: list[tuple[str, str]] = []
+    for title, curve in tables.items():
         leaf = curve.leaf
-        if leaf["value"].ndim == 1:
-            axis = str(leaf["value"].dims[0])
-            panels.append(
-                PanelOf(
-                    SHOWN.get(key, key.replace("_", " ")),
-                    axis,
-                    (Curve(leaf[axis].values, leaf["value"].values, "run-3", leaf["stderr"].values),),
-                )
-            )
+        axis, *others = map(str, leaf["value"].dims)
+        nodes = [{}] if not others else [{other: k for other in others} for k in range(min(len(CODES), leaf.sizes[others[0]]))]
+        lines = [leaf.isel({dim: min(k, leaf.sizes[dim] - 1) for dim, k in at.items()}) for at in nodes]
+        codes = ("run-3",) if not others else CODES
+        curves = tuple(
+            Curve(one[axis].values, one["value"].values, css, one["stderr"].values) for one, css in zip(lines, codes, strict=False)
+        )
+        panels.append(PanelOf(SHOWN.get(title, title.replace("_", " ")), axis, curves))
+        if others and not key:
+            key = [(css, f"{others[0]} {number(float(one[others[0]]), 3)}") for one, css in zip(lines, codes, strict=False)]
     words = f"{', '.join(panel.title for panel in panels)}, with one standard error"
-    return [picture(f"tables-{name}", panels, (), words)] if panels else []
+    return [picture(f"tables-{name}", panels, key, words)] if panels else []

@@ -105,9 +105,9 @@ def picture(name: str, panels: Sequence[PanelOf], key: Sequence[tuple[str, str]]
     """
     width = (WIDTH - LEFT - GAP * (COLUMNS - 1) - 8.0) / COLUMNS
     parts, x = [], LEFT
-    for css, words in key:
-        parts += [line(x, 10, x + 30, 10, f"trace {css}"), text(x + 35, 13.5, words, "caption")]
-        x += 56 + 5.6 * len(words)
+    for css, meaning in key:
+        parts += [line(x, 10, x + 30, 10, f"trace {css}"), text(x + 35, 13.5, meaning, "caption")]
+        x += 56 + 5.6 * len(meaning)
     rows = -(-len(panels) // COLUMNS)
     for i, panel in enumerate(panels):
         left, top = LEFT + i % COLUMNS * (width + GAP), TOP + i // COLUMNS * (HEIGHT + FOOT + 16.0)

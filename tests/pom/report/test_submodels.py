@@ -23,6 +23,7 @@ from flighttest.ground_effect import identify_ground_effect
 from flighttest.landing_gear import GearConstant
 from pom.diagnosis import by_submodel
 from pom.report.pdf import content
+from pom.report.submodels.engine import _tables
 from pom.report.submodels.gear import landing_gear
 from pom.report.submodels.page import context, needed, sections
 
@@ -92,6 +93,11 @@ def test_every_estimate_stands_with_its_standard_error(results):
     assert sum(", taken" in row[0] for row in ground.grids[1].rows) == 1
     assert column.techniques[-1][:2] == ("free motion, simulated", "check, not fitted")
     assert all(picture.words and picture.body for section in (engine, column, ground) for picture in section.pictures)
+    assert [section.pictures[0].words.split(",")[0] for section in (engine, column, ground)] == [
+        "Corrected net thrust over corrected speed",
+        "Free motion of the column",
+        "Factor K over the height of CL: 1",
+    ]
 
 
 def test_the_largest_free_motion_is_drawn():
@@ -102,6 +108,15 @@ def test_the_largest_free_motion_is_drawn():
     (picture,) = _free_motion("column", "column", [small] * 3 + [flown()] * MOST)
     (only,) = _free_motion("column", "column", [flown()] * MOST)
     assert picture.body == only.body
+
+
+def test_tables_over_a_flight_condition_have_a_line_for_every_node():
+    limit = make(np.outer([1.0, 2.0, 3.0], [1.0, 0.9]), {"n2": [0.6, 0.8, 1.0], "h": [0.0, 6000.0]}, stderr=0.01)
+    command = make([0.5, 1.0], {"throttle": [0.0, 1.0]}, stderr=0.01)
+    (picture,) = _tables("engine", {"n2_up_limit": SimpleNamespace(leaf=limit), "n2_command": SimpleNamespace(leaf=command)})
+    assert picture.words == "n2 up limit, n2 at rest, 1, with one standard error"
+    assert "h 6000" in picture.body
+    assert picture.body.count('class="trace run-') == 2 + 2 + 1  # key, both heights, the schedule
 
 
 def test_every_wheel_has_its_loads():
