@@ -11,6 +11,7 @@ from . import expressions as expressions
 from . import ground_effect as ground_effect
 from . import input_design as input_design
 from . import landing_gear as landing_gear
+from . import manoeuvre_finding as manoeuvre_finding
 from . import maximum_likelihood as maximum_likelihood
 from . import model_structure as model_structure
 from . import quality as quality

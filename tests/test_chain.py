@@ -76,6 +76,7 @@ ORDER = {
         "control_loading",
         "input_design",
         "quality",
+        "manoeuvre_finding",
         "maximum_likelihood",
         "engine",
         "landing_gear",

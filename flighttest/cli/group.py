@@ -16,6 +16,7 @@ _ELSEWHERE = {
     "check": "check",
     "info": "records",
     "convert": "records",
+    "manoeuvres": "records",
     "identify": "identify",
     "design": "design",
     "select": "identify",

@@ -1,12 +1,19 @@
-"""``aeromatch flight info`` and ``convert``: what a recording holds, and recordings of any format as netCDF."""
+"""``aeromatch flight info``, ``convert`` and ``manoeuvres``: what a recording holds, recordings as netCDF, what was flown when."""
 
 from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from flightmech.support.console import NewFile, document, json_option, table
 
 from .options import names_option
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 
 @click.command()
@@ -63,6 +70,67 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
     if record.attrs["absent"]:
         click.echo(f"not in the file: {record.attrs['absent']}")
     click.echo(f"written: {output}, {channels} channels in {len(record.children)} leaves")
+
+
+@click.command()
+@click.argument("file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
+@names_option
+@click.option(
+    "--table",
+    "table_file",
+    type=click.Path(exists=True, dir_okay=False),
+    help="CSV or TOML with the columns record, kind, control, start, end; its rows of this record are shown.",
+)
+@click.option("--find", is_flag=True, help="Search the movements of the controls even when the record carries marks.")
+@click.option("-o", "--output", type=NewFile(), help="CSV to write; correct it and name it as manoeuvres in a project file.")
+@click.option("--figure", type=NewFile(), help="Draw the manoeuvres over controls and motion: png, svg or pdf.")
+@json_option
+def manoeuvres(
+    file: str, names: str | None, table_file: str | None, find: bool, output: str | None, figure: str | None, as_json: bool
+) -> None:
+    """Show the manoeuvres of a record: of a table, as the record marks them, or as found in the movements of its controls."""
+    from ..manoeuvre_finding.figure import draw_manoeuvres
+    from ..records.manoeuvre_table import write_manoeuvres
+    from ..records.record import read
+
+    record, name = read(file, names), Path(file).stem
+    source, found = _manoeuvres(record, name, table_file, find)
+    if output:
+        write_manoeuvres({name: found}, output)
+    if figure:
+        draw_manoeuvres(record, found, figure)
+    if as_json:
+        document({"record": name, "source": source, "manoeuvres": found})
+        return
+    rows = [
+        (number, m["manoeuvre"], m["control"], f"{m['start']:g}", f"{m['end']:g}", _number(m.get("confidence")), m["note"])
+        for number, m in enumerate(found.to_dict("records"), start=1)
+    ]
+    columns = ["", "manoeuvre", "control", "start [s]", "end [s]", "confidence", "note"]
+    table(columns, rows, f"{name}: {len(rows)} manoeuvres, {source}", right=["", "start [s]", "end [s]", "confidence"])
+    for target in filter(None, (output, figure)):
+        click.echo(f"written: {target}")
+
+
+def _manoeuvres(record: xr.DataTree, name: str, table_file: str | None, find: bool) -> tuple[str, pd.DataFrame]:
+    """Return where the manoeuvres of a record come from, and the manoeuvres."""
+    from flightmech.errors import SchemaError, UnknownName
+
+    from ..manoeuvre_finding.finding import find_manoeuvres
+    from ..records import record as records
+    from ..records.manoeuvre_table import read_manoeuvres
+
+    if table_file and find:
+        raise SchemaError("flight manoeuvres", ["--table and --find exclude each other; give one of them"])
+    if table_file:
+        given = read_manoeuvres(table_file)
+        if name not in given:
+            raise UnknownName(name, given, "record", f"{table_file} has no row for it")
+        return f"from {table_file}", given[name]
+    marks = records.manoeuvres(record)
+    if len(marks) and not find:
+        return "as the record marks them", marks
+    return "found in the movements of the controls; to be confirmed", find_manoeuvres(record)
 
 
 def _number(value: float | None) -> str:

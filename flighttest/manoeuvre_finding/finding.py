@@ -1,0 +1,128 @@
+"""`find_manoeuvres`: the table of what was flown, from the movements of the controls and the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from flightmech.errors import SchemaError
+from flightmech.units import DEGREE
+
+from ..quality.checks.signals import Signals, signals_of
+from ..signals.sample_flags import flags
+from .excursions import Excursion, Found, movements, named_oscillations, oscillations, step_inputs
+from .responses import responses
+
+SURFACES = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder"}
+_LEAST = 0.6 * DEGREE  # smallest movement of a surface that counts
+_NOISE = 8.0  # and standard deviations of its noise
+_CLEAR = 3.0  # times the smallest: movements that are reported even when no input is recognised
+_DOUBTFUL = 0.25  # an input with less confidence is unknown
+_LEAD = 0.5  # s before the first movement
+_RESPONSE = 8.0  # s after the last movement, unless a control moves earlier
+COLUMNS = ["manoeuvre", "control", "start", "end", "note", "confidence"]
+
+
+def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
+    """Return the manoeuvres that the controls and the motion of a record show.
+
+    Parameters
+    ----------
+    record : DataTree
+        Flight record with channels of motion; its own marks are not used.  Surfaces are ``delta_e``, ``delta_a`` and ``delta_r``, levers
+        ``engine1.throttle`` or, without them, ``engine1.n1``.
+
+    Returns
+    -------
+    DataFrame
+        ``manoeuvre control start end note confidence`` in order of time, as `flighttest.manoeuvres` has them; ``confidence`` is 1 where
+        sizes and durations agree with the definition of the manoeuvre exactly, and goes to 0 at the largest deviation that is still
+        accepted.  ``manoeuvre`` is one of ``3211 doublet pulse sweep multisine pull_up_push_down steady_sideslip throttle_chop
+        throttle_slam throttle_chop_and_slam level_acceleration level_deceleration unknown``; unknown are clear fast movements of a surface
+        that are none of these, with confidence 0.  An input lasts from 0.5 s before its first movement to the end of the free
+        response: the next movement of a surface, 8 s after the last at most. [s]
+
+    Raises
+    ------
+    SchemaError
+        No channel of motion, or no control.
+
+    References
+    ----------
+    .. [Jategaonkar2015] R. V. Jategaonkar, Flight Vehicle System Identification, 2nd ed., 2015, chapter 2.
+    """
+    signals = signals_of(record, flags(record))
+    levers = [name for name in signals.values if name.endswith((".throttle", ".n1"))]
+    if not levers and not set(SURFACES) & set(signals.values):
+        raise SchemaError("manoeuvres", [f"no control; map one of {', '.join(SURFACES)}, or a lever such as engine1.throttle"])
+    moved = {SURFACES[name]: _excursions(signals, name) for name in SURFACES if name in signals}
+    inputs = [_alone(one, moved) for control, (parts, _) in moved.items() for one in step_inputs(control, parts)]
+    inputs = [one for one in inputs if one.confidence > _DOUBTFUL]
+    waves = named_oscillations([one for control, (parts, least) in moved.items() for one in oscillations(control, parts, 2.0 * least)])
+    waves = [one for one in waves if not any(_overlap(one, other) for other in inputs)]
+    known = [_with_response(one, [part for parts, _ in moved.values() for part in parts], signals) for one in inputs]
+    known += [one for one in [*waves, *responses(signals)] if one.kind != "unknown"]
+    known = [one for one in known if one.kind != "pull_up_push_down" or not any(_overlap(one, other) for other in inputs)]
+    unknown = [one for control, (parts, least) in moved.items() for one in _unknown(control, parts, least) if _new(one, known)]
+    return _table([*known, *unknown], signals)
+
+
+def _excursions(signals: Signals, name: str) -> tuple[list[Excursion], float]:
+    """Return the excursions of a surface in flight, and the smallest that counts."""
+    x = signals[name]
+    noise = float(np.median(np.abs(np.diff(x, 2)))) / 1.65  # of white noise: the median is 0.674 standard deviations, times sqrt(6)
+    least = max(_LEAST, _NOISE * noise)
+    found = [one for one in movements(signals.time, x, least) if signals.flying[np.searchsorted(signals.time, one.middle)]]
+    return found, least
+
+
+def _alone(one: Found, moved: Mapping[str, tuple[list[Excursion], float]]) -> Found:
+    """Return an input with its confidence reduced by what the other surfaces do meanwhile, in units of the smallest movement."""
+    largest = {
+        control: max((abs(part.size) for part in parts if part.start < one.end and one.start < part.end), default=0.0) / least
+        for control, (parts, least) in moved.items()
+    }
+    others = max((size for control, size in largest.items() if control != one.control), default=0.0)
+    return replace(one, confidence=one.confidence * max(0.0, 1.0 - (others / largest[one.control]) ** 2))
+
+
+def _with_response(one: Found, moved: Sequence[Excursion], signals: Signals) -> Found:
+    """Return an input with its quiet start and the free response after it."""
+    later = [part.start for part in moved if part.start > one.end + signals.step]
+    end = min([one.end + _RESPONSE, float(signals.time[-1]), *later])
+    return Found(one.kind, one.control, max(one.start - _LEAD, float(signals.time[0])), end, one.confidence)
+
+
+def _unknown(control: str, parts: Sequence[Excursion], least: float) -> list[Found]:
+    """Return clear fast movements, those close to each other as one."""
+    found: list[Found] = []
+    for one in parts:
+        if not one.fast or abs(one.size) < _CLEAR * least:
+            continue
+        if found and one.start - found[-1].end < 4.0:
+            found[-1] = Found("unknown", control, found[-1].start, one.end, 0.0)
+        else:
+            found.append(Found("unknown", control, one.start, one.end, 0.0))
+    return found
+
+
+def _overlap(one: Found, other: Found) -> bool:
+    return one.start < other.end and other.start < one.end
+
+
+def _new(one: Found, known: Sequence[Found]) -> bool:
+    """Return whether no known manoeuvre accounts for a movement: one of the same control, or any that is moved for its own sake."""
+    return not any(_overlap(one, other) and one.control in other.control.split() for other in known)
+
+
+def _table(found: Sequence[Found], signals: Signals) -> pd.DataFrame:
+    first, last = float(signals.time[0]), float(signals.time[-1])
+    rows = [
+        (one.kind, one.control, round(max(one.start, first), 2), round(min(one.end, last), 2), "found", round(float(one.confidence), 2))
+        for one in sorted(found, key=lambda one: one.start)
+    ]
+    return pd.DataFrame(rows, columns=COLUMNS)

@@ -1,0 +1,106 @@
+"""Manoeuvres that are recognised by what the aeroplane does: sideslips, pull-ups, level accelerations; and throttle movements."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flightmech.units import DEGREE
+
+from ..quality.checks.signals import Signals, smooth
+from .excursions import Found, excursions, movements, stretches
+
+G = 9.80665  # m s-2
+_HELD = 3.0  # s
+_SIDESLIP = 1.5 * DEGREE
+_SIDE_FORCE = 0.3  # m s-2
+_LEVER = 0.2  # of the lever's travel, or of the fan's speed
+_AGAIN = 15.0  # s from a chop to the slam that ends it
+_LEVEL = 0.25  # largest share of the change of energy that may be potential
+_LASTING = (6.0, 90.0)  # s from 15 to 85 % of a change of speed; a series of settled points takes longer
+_SPEED = 0.1  # smallest change, of the highest speed
+
+
+def responses(signals: Signals) -> list[Found]:
+    """Return the manoeuvres that show in the motion, and chops and slams."""
+    return [*throttle_movements(signals), *level_speed_changes(signals), *pull_ups(signals), *sideslips(signals)]
+
+
+def throttle_movements(signals: Signals) -> list[Found]:
+    """Return chops and slams; a record without levers shows them in the speed of the fan."""
+    levers = [x for name, x in signals.values.items() if name.endswith(".throttle")]
+    fans = [x for name, x in signals.values.items() if name.endswith(".n1")]
+    if not levers and not fans:
+        return []
+    fastest = 1.5 if levers else 4.0  # s from 15 to 85 %
+    x = np.mean(levers or fans, axis=0)
+    moved = [one for one in movements(signals.time, x, _LEVER) if one.end - one.start < fastest and _flown(signals, one.middle)]
+    found: list[Found] = []
+    for one in moved:
+        confidence = min(1.0, abs(one.size) / (2.0 * _LEVER)) * (1.0 if levers else 0.7)
+        before = found[-1] if found else None
+        if one.size > 0.0 and before is not None and before.kind == "throttle_chop" and one.start - before.end < _AGAIN:
+            found[-1] = Found("throttle_chop_and_slam", "throttle", before.start, one.end, min(confidence, before.confidence))
+        else:
+            found.append(Found("throttle_chop" if one.size < 0.0 else "throttle_slam", "throttle", one.start, one.end, confidence))
+    return found
+
+
+def level_speed_changes(signals: Signals) -> list[Found]:
+    """Return accelerations and decelerations at nearly constant height, by the energy that goes into the speed."""
+    speed = next((name for name in ("V", "V_cas") if name in signals), None)
+    if speed is None or "h_baro" not in signals:
+        return []
+    V, h = (smooth(signals[name], signals.step, 0.2) for name in (speed, "h_baro"))
+    found: list[Found] = []
+    for one in excursions(signals.time, V, _SPEED * float(np.percentile(V, 90.0))):
+        a, b = np.searchsorted(signals.time, (one.start, one.end))
+        kinetic, potential = 0.5 * abs(V[b] ** 2 - V[a] ** 2), G * float(np.ptp(h[a : b + 1]))
+        if not _LASTING[0] < one.end - one.start < _LASTING[1] or potential > _LEVEL * kinetic or not signals.flying[a : b + 1].all():
+            continue
+        kind = "level_acceleration" if one.size > 0.0 else "level_deceleration"
+        margin = 0.15 * (one.end - one.start)
+        found.append(Found(kind, "throttle", one.start - margin, one.end + margin, 1.0 - potential / kinetic))
+    return found
+
+
+def pull_ups(signals: Signals) -> list[Found]:
+    """Return pull-ups followed by push-downs (or the reverse) with wings level, by the load factor."""
+    if not {"az_imu", "phi"} <= set(signals.values):
+        return []
+    n = -smooth(signals["az_imu"], signals.step, 0.5) / G
+    moves = [one for one in excursions(signals.time, n, 0.25) if _flown(signals, one.middle)]
+    found: list[Found] = []
+    for one in moves:
+        a, b = np.searchsorted(signals.time, (one.start - 3.0, one.end + 3.0))
+        inside = n[a : b + 1]
+        high, low = (float(np.sum(part) * signals.step) for part in (inside > 1.12, inside < 0.88))
+        level = np.abs(signals["phi"][a : b + 1]).max() < 20.0 * DEGREE
+        if 1.5 < one.end - one.start < 8.0 and level and min(high, low) > 1.0 and not (found and found[-1].end > one.start - 3.0):
+            found.append(Found("pull_up_push_down", "elevator", one.start - 2.0, one.end + 2.0, min(1.0, float(np.ptp(inside)) / 0.8)))
+    return found
+
+
+def sideslips(signals: Signals) -> list[Found]:
+    """Return stretches of held rudder at a steady bank, with sideslip or side force."""
+    if not {"delta_r", "p", "phi"} <= set(signals.values):
+        return []
+    dr = smooth(signals["delta_r"], signals.step, 1.0)
+    beta = smooth(signals["beta_vane"], signals.step, 0.5) if "beta_vane" in signals else None
+    ay = smooth(signals["ay_imu"], signals.step, 0.5) if "ay_imu" in signals else None
+    away = dr - np.median(dr[signals.flying]) if signals.flying.any() else dr
+    held = (np.abs(away) > 2.0 * DEGREE) & signals.flying & (np.abs(np.gradient(dr, signals.step)) < 1.0 * DEGREE)
+    found: list[Found] = []
+    for a, b in stretches(held):
+        if (b - a) * signals.step < _HELD or np.ptp(dr[a:b]) > 0.3 * np.abs(away[a:b]).mean():
+            continue
+        slip = beta is not None and abs(float(np.mean(beta[a:b]) - np.median(beta))) > _SIDESLIP
+        force = ay is not None and abs(float(np.mean(ay[a:b]) - np.median(ay))) > _SIDE_FORCE
+        if (slip or force) and np.ptp(signals["phi"][a:b]) < 12.0 * DEGREE:
+            found.append(
+                Found("steady_sideslip", "rudder aileron", signals.time[a] - 2.0, signals.time[b - 1], 0.9 if slip and force else 0.7)
+            )
+    return found
+
+
+def _flown(signals: Signals, time: float) -> bool:
+    return bool(signals.flying[min(int(np.searchsorted(signals.time, time)), len(signals.flying) - 1)])
