@@ -58,9 +58,8 @@ def draw_manoeuvres(record: xr.DataTree, table: pd.DataFrame, target: str | Path
             if not label or label in str(row.control).split() or not row.control:
                 ax.axvspan(row.start, row.end, color=_COLOURS[number % 2], alpha=0.3 if label else 0.1, linewidth=0)
             if label and label in str(row.control).split():
-                ax.annotate(
-                    f"{number} {row.manoeuvre}", (row.start, 1.0), xycoords=("data", "axes fraction"), va="top", fontsize=6, rotation=90
-                )
+                place = (row.start, 0.98 if number % 2 else 0.5)  # in turn, since rows may share their start
+                ax.annotate(f"{number} {row.manoeuvre}", place, xycoords=("data", "axes fraction"), va="top", fontsize=6)
     axes[-1].set_xlabel("time [s]")
     figure.suptitle(str(record.attrs.get("title", "")), fontsize="medium")
     with written_atomically(target) as part:

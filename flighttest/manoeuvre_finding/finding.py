@@ -66,7 +66,8 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
     waves = [one for one in waves if not any(_overlap(one, other) for other in inputs)]
     known = [_with_response(one, [part for parts, _ in moved.values() for part in parts], signals) for one in inputs]
     known += [one for one in [*waves, *responses(signals)] if one.kind != "unknown"]
-    known = [one for one in known if one.kind != "pull_up_push_down" or not any(_overlap(one, other) for other in inputs)]
+    stepped = [one for one in inputs if one.kind != "pulse"]  # their load factor is that of a pull-up too
+    known = [one for one in known if one.kind != "pull_up_push_down" or not any(_overlap(one, other) for other in stepped)]
     unknown = [one for control, (parts, least) in moved.items() for one in _unknown(control, parts, least) if _new(one, known)]
     return _table([*known, *unknown], signals)
 

@@ -7,7 +7,7 @@ import numpy as np
 from flightmech.units import DEGREE
 
 from ..quality.checks.signals import Signals, smooth
-from .excursions import Found, excursions, movements, stretches
+from .excursions import Excursion, Found, excursions, movements, stretches
 
 G = 9.80665  # m s-2
 _HELD = 3.0  # s
@@ -16,6 +16,7 @@ _SIDE_FORCE = 0.3  # m s-2
 _LEVER = 0.2  # of the lever's travel, or of the fan's speed
 _AGAIN = 15.0  # s from a chop to the slam that ends it
 _LEVEL = 0.25  # largest share of the change of energy that may be potential
+_REST, _AT_REST = 0.05, 1.5  # load factor about 1, s
 _LASTING = (6.0, 90.0)  # s from 15 to 85 % of a change of speed; a series of settled points takes longer
 _SPEED = 0.1  # smallest change, of the highest speed
 
@@ -76,8 +77,16 @@ def pull_ups(signals: Signals) -> list[Found]:
         high, low = (float(np.sum(part) * signals.step) for part in (inside > 1.12, inside < 0.88))
         level = np.abs(signals["phi"][a : b + 1]).max() < 20.0 * DEGREE
         if 1.5 < one.end - one.start < 8.0 and level and min(high, low) > 1.0 and not (found and found[-1].end > one.start - 3.0):
-            found.append(Found("pull_up_push_down", "elevator", one.start - 2.0, one.end + 2.0, min(1.0, float(np.ptp(inside)) / 0.8)))
+            start, end = _disturbed(n, signals, one)
+            found.append(Found("pull_up_push_down", "elevator", start, end, min(1.0, float(np.ptp(inside)) / 0.8)))
     return found
+
+
+def _disturbed(n: np.ndarray, signals: Signals, one: Excursion) -> tuple[float, float]:
+    """Return the time around an excursion of the load factor in which it is not at rest near 1, 10 s before and after at most."""
+    rest = [(signals.time[a], signals.time[b - 1]) for a, b in stretches(np.abs(n - 1.0) < _REST) if (b - a) * signals.step > _AT_REST]
+    start = max([one.start - 10.0, *(end for _, end in rest if end < one.end)])
+    return float(start), float(min([one.end + 10.0, *(first for first, _ in rest if first > max(start, one.start))]))
 
 
 def sideslips(signals: Signals) -> list[Found]:
