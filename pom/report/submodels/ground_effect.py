@@ -11,6 +11,7 @@ from .section import EQUATION_ERROR, Curve, Grid, PanelOf, Section, estimate, pi
 
 HEIGHTS = (1.0, 2.0, 5.0)  # in multiples of the lowest height flown
 POINTS = 60  # of a curve over the height
+SHOWN = 10.0  # of a curve: up to so many times the lowest height flown, beyond which K is small
 
 
 def ground_effect(name: str, found: GroundEffect) -> Section:
@@ -74,7 +75,7 @@ def _factors(name: str, found: GroundEffect):
     panels = []
     for coefficient, one in found.coefficients.items():
         for term in one.ground:
-            h = np.geomspace(one.heights[0], max(one.heights[1], 2.0 * one.heights[0]), POINTS)
+            h = np.geomspace(one.heights[0], SHOWN * one.heights[0], POINTS)
             K = one.factor(term, h)
             curves = [Curve(h, K["K"].values, "run-3", K["stderr"].values)]
             if one.form == "table" and one.table is not None and term in one.table.terms:
