@@ -178,7 +178,7 @@ def test_powered_and_unpowered_cases_of_one_listing_are_separated(light, read, k
 
 @pytest.mark.parametrize(("kind", "words"), [("jet", "jet power at CT = 0.12"), ("prop", "propeller power at CT = 0.1")])
 def test_powered_pages_are_used_when_stated(light, read, kind, words):
-    """The thrust itself is off; what is left lies within two of the widened standard errors of the page without power."""
+    """The thrust itself is off; the remainder lies within two of the inflated standard errors of the page without power."""
     free, powered = read(f"{kind}_pair")
     with pytest.raises(SchemaError, match=r"are computed with power .*state `powered` \(--powered\)"):
         aerodb.from_datcom(light, clean=powered)
