@@ -133,7 +133,7 @@ def test_another_listing_of_the_same_aeroplane_agrees(make_case, craft):
     """Built about B at once, or about A and moved to B with its flow angles: first order in the rates, central differences in alpha."""
     case = make_case(S=craft.S, cbar=craft.cbar, b=craft.b, CD=0.02 + 1.1 * np.radians(np.arange(-8.0, 17.0, 2.0)) ** 2)
     A, C = (dataclasses.replace(craft, reference=point) for point in ((-3.1, 0.0, 0.1), (-2.7, 0.0, -0.2)))
-    at_A, at_B = (aerodb.from_datcom(aircraft, clean=case) for aircraft in (A, C))
+    at_A, at_B = (aerodb.from_datcom(aircraft, clean=case, move_reference=True) for aircraft in (A, C))
     new = aerodb.transform.move_reference(at_A, C.reference, flow="moved", tolerance=0.5)
     wide = aerodb.terms(at_B)
     for name in ("Cm/basic", "Cl/beta", "Cn/beta", "Cm/alphadothat"):
