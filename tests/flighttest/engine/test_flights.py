@@ -318,5 +318,5 @@ def test_command_with_whole_flights(tmp_path):
     assert all(f"\n{name} " in run.output for name in ("r0", "r1", "all records"))
     assert 'file = "deck.nc"' in run.output
     tables = open_tables(tmp_path / "deck.nc")
-    assert "thrust" not in tables  # what was identified replaces its plain twin
+    assert "thrust" not in tables  # what was identified replaces its plain counterpart
     assert float(tables["corrected_thrust"]["value"].sel(corrected_n2=0.9, mach=0.0)) == pytest.approx(2400.0, rel=0.05)

@@ -57,14 +57,15 @@ def times(factor):
 
 
 RUNS = sorted((T37 / "flight").glob("*.nc"))
+JOLTS = {"t37_63": ["spike:ax_imu", "spike:az_imu"]}  # the nose wheel meets the runway at 10.46 s: one sample of -5 m/s2, a step in q
 ALONE = [path for path in RUNS if path.name[4:6] in ("01", "11", "16", "17", "26", "32")]
 
 
 @pytest.mark.parametrize("path", RUNS, ids=lambda path: path.name[:6])
 def test_clean_recordings_have_no_fault(path, aircraft):
     quality = flighttest.assess(flighttest.read(path, T37 / "names.toml"), aircraft)
-    assert named(quality) == []
-    assert quality.verdict.startswith("sound")
+    assert named(quality) == JOLTS.get(path.name[:6], [])
+    assert quality.verdict.startswith("sound") == (path.name[:6] not in JOLTS)
 
 
 @pytest.mark.parametrize("path", ALONE, ids=lambda path: path.name[:6])
