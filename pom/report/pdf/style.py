@@ -35,6 +35,7 @@ text{{font-family:"{FAMILY}";font-size:10.6px;fill:#000}}
 .hair{{fill:none;stroke:#000;stroke-width:.45;stroke-linejoin:round}}
 .lane{{stroke-width:2.4}}
 .error{{stroke:none;fill-opacity:.18}}
+.node{{fill:none;stroke-width:2.4;stroke-linecap:round}}
 .tickmark{{stroke:{EXIT};stroke-width:1.4}}
 .arrow{{stroke:none}}
 .bar{{fill:#9db8d2;stroke:#1f4e79;stroke-width:.7}}

@@ -22,7 +22,7 @@ from flighttest.engine import identify_engine
 from flighttest.ground_effect import identify_ground_effect
 from flighttest.landing_gear import GearConstant
 from pom.diagnosis import by_submodel
-from pom.report.pdf import content
+from pom.report.pdf import content, style
 from pom.report.submodels.engine import _tables
 from pom.report.submodels.gear import landing_gear
 from pom.report.submodels.page import context, needed, sections
@@ -137,6 +137,8 @@ def test_every_wheel_has_its_loads():
     assert section.remarks == ("runway.mu_dry not determined: no wheel came near it",)
     assert section.pictures[0].words == "Reconstructed load over compression of nose, left, right"
     assert section.pictures[0].body.count("h0") == 3 * len(s)  # a mark for every sample
+    classes = {css for group in re.findall(r'class="([^"]*)"', section.pictures[0].body) for css in group.split()}
+    assert all(f".{css}{{" in style.defs() or f".{css}," in style.defs() for css in classes)  # drawn on paper too
 
 
 def test_what_is_no_submodel_is_refused(results):
