@@ -128,7 +128,7 @@ def power(given: Source, clean: Source, h_ref: float) -> Effect:
 
 
 def without_thrust(clean: Source, grid: xr.Dataset) -> tuple[xr.Dataset, str]:
-    """Return powered static pages without the thrust itself, and in words the remainder in them.
+    """Return powered static pages without the thrust itself, and the remainder in words.
 
     Parameters
     ----------
