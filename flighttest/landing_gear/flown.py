@@ -89,10 +89,13 @@ class RollingStretch:
 
     def slopes(self, values: np.ndarray, steps: np.ndarray, central: bool) -> np.ndarray:
         """Return their slopes (time, output, unknown)."""
-        rows = [values + side * d for side in ((1.0, -1.0) if central else (1.0, 0.0)) for d in np.diag(steps)]
-        y = self._fly(np.array(rows))
-        up, down = y[: len(values)], y[len(values) :]
-        return np.moveaxis((up - down) / ((2.0 if central else 1.0) * steps[:, None, None]), 0, 2)
+        moves = [side * d for side in ((1.0, -1.0) if central else (1.0,)) for d in np.diag(steps)]
+        y = self._fly(np.array([values, *(values + move for move in moves)]))
+        flown = np.isfinite(y).all(axis=(1, 2))[1:]  # beyond a bound of the kernel there is no run: the other side alone then
+        change = np.where(flown[:, None, None], y[1:] - y[0], 0.0).reshape(-1, len(values), *y.shape[1:])
+        width = flown.reshape(-1, len(values)).sum(axis=0) * steps
+        signed = change[0] - change[1] if central else change[0]
+        return np.moveaxis(signed / np.where(width > 0.0, width, np.inf)[:, None, None], 0, 2)
 
 
 def _inputs(sim: flightmech.SimModel, states: xr.Dataset, wind: Sequence[np.ndarray], thrust: float, time: np.ndarray) -> xr.Dataset:
