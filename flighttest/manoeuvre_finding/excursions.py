@@ -21,6 +21,7 @@ TEMPLATES = {  # amplitudes of the excursions, durations of the steps between th
 _STEP = (0.25, 6.0)  # s, shortest and longest step of a test input
 
 
+_TIE = 1e-6  # samples of a recorder with coarse steps are equal; rounding decides nothing
 _SIZE = 0.35  # largest deviation of a size from its template, of the largest size
 _LENGTH = 0.6  # largest deviation of a step, of the unit step
 _RAMP = 0.8  # longest 15 to 85 % of an excursion, of the unit step
@@ -84,10 +85,10 @@ def movements(time: np.ndarray, x: np.ndarray, least: float) -> list[Excursion]:
     turns = _turning_points(x, least)
     found = []
     for a, b in pairwise(turns):
-        moving = np.sign(x[b] - x[a]) * (ahead - behind)[a : b + 1] > 0.5 * least
+        moving = np.sign(x[b] - x[a]) * (ahead - behind)[a : b + 1] > (0.5 + _TIE) * least
         for first, last in stretches(moving):
             c, d = max(a + first - half, a), min(a + last + half, b)
-            if abs(x[d] - x[c]) >= least:
+            if abs(x[d] - x[c]) >= (1.0 - _TIE) * least:
                 found.append(_excursion(time[c : d + 1], x[c : d + 1]))
     return found
 
@@ -95,15 +96,16 @@ def movements(time: np.ndarray, x: np.ndarray, least: float) -> list[Excursion]:
 def _turning_points(x: np.ndarray, least: float) -> list[int]:
     """Return the samples of the extremes, each at least `least` from the one before."""
     turns, low, high, rising = [], 0, 0, 0
+    tie = _TIE * least
     for k, value in enumerate(x):
-        if value > x[high]:
+        if value > x[high] + tie:
             high = k
-        if value < x[low]:
+        if value < x[low] - tie:
             low = k
-        if rising >= 0 and x[high] - value >= least:
+        if rising >= 0 and x[high] - value >= least - tie:
             turns.append(high)
             rising, low, high = -1, k, k
-        elif rising <= 0 and value - x[low] >= least:
+        elif rising <= 0 and value - x[low] >= least - tie:
             turns.append(low)
             rising, low, high = 1, k, k
     return [*turns, high if rising > 0 else low] if turns else []
@@ -117,9 +119,9 @@ def stretches(mask: np.ndarray) -> list[tuple[int, int]]:
 
 def _excursion(time: np.ndarray, x: np.ndarray) -> Excursion:
     way = (x - x[0]) / (x[-1] - x[0])
-    first = int(np.argmax(way > 0.5))  # the first crossing of the middle; noise on a long plateau is on neither side of it
-    before = np.flatnonzero(way[: first + 1] < 0.15)
-    after = np.flatnonzero(way[first:] > 0.85)
+    first = int(np.argmax(way > 0.5 + _TIE))  # the first crossing of the middle; noise on a long plateau is on neither side of it
+    before = np.flatnonzero(way[: first + 1] < 0.15 - _TIE)
+    after = np.flatnonzero(way[first:] > 0.85 + _TIE)
     start, end = before[-1] if len(before) else 0, first + after[0]
     return Excursion(float(x[-1] - x[0]), float(time[start]), float(time[first]), float(time[end]))
 
