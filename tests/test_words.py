@@ -53,8 +53,6 @@ ALLOWED = (
     ("tests/datcom_io/", r"(?i)twin[ _](?:vertical )?panels?"),
     ("kernel/fuzz/models.py", r"twin jet"),
     ("tests/flightmech/flying_qualities/test_characteristics.py", r"twin engines"),
-    ("aerodb/update/correlation.py", r"c says what kind|flown says little"),
-    ("aerodb/update/tabulation.py", r"that shape can tell|no fit can tell apart|a fit says nothing|that was too sure"),
     ("pom/archive/archive.py", r"``closes``|\"closes\""),
     ("tests/pom/report/test_exports.py", r"closes"),
 )

@@ -6,7 +6,7 @@ the axes:
     P_ij = s_i s_j c_ij [level + (1 - level) exp(-1/2 sum (d/length)^2)]
     c_ij = (r^2 v_i v_j + a^2) / sqrt((r^2 v_i^2 + a^2)(r^2 v_j^2 + a^2))
 
-c says what kind of error the standard errors speak of: a part r proportional to the value (slope, effectiveness: nodes of
+c is the kind of error that the standard errors stand for: a part r proportional to the value (slope, effectiveness: nodes of
 opposite sign move apart) and a constant part a (all nodes move together); r and a are those that explain s best.  The
 level part in the bracket is common to the whole table: a handbook method is wrong in the same sense over a table (LR-743
 found whole curves displaced), and it makes a correction found at some nodes count at nodes that were not flown.  The
@@ -21,7 +21,7 @@ other part lets the shape change, over the correlation lengths.  By default each
     short   exp(-d)                  d the same, summed over the axes
 
 Inside the flown region `reach` is a level and `long` a smooth curve, such as a slope in error; outside, both fade with the distance:
-a correction that is smooth where it was flown says little about the next node, where flow may separate.  `short` is the
+a correction that is smooth where it was flown holds little information on the next node, where flow may separate.  `short` is the
 exponential of a path with independent increments and lets a correction have a kink.
 """
 

@@ -11,22 +11,22 @@ instruments leave open in the reconstructed states.  With the prior g ~ N(g0, P)
 a posterior in closed form.  The common errors s are *considered*, not estimated across fits: the nodes are weighed as if every
 fit had errors s of its own, and their covariance is that of these weights when all fits share s.  Terms that are held are
 considered likewise, with their a-priori errors.  An estimate that a common error dominates (a damping, by the lag of the vanes)
-then bends no table, and what all fits agree in is taken as measured.  Estimating s across fits lets the shape of a handbook
-table decide about an instrument: the bias of an elevator pick-up, which nothing but that shape can tell from a constant
-pitching moment, then came out with a third of its true uncertainty, at values that were no better.
+then distorts no table, and what all fits agree in is taken as measured.  Estimating s across fits lets the shape of a handbook
+table decide about an instrument: the bias of an elevator pick-up, which nothing but that shape distinguishes from a
+constant pitching moment, then came out with a third of its true uncertainty, at values that were no better.
 
 The prior covariance of the nodes is a sum of four parts (`aerodb.update.correlation.prior_parts`): common to the whole table; common
 to its flown region, and fading with the distance from it; a smooth curve there that fades alike; and a rough one.  The
 weights of the parts, and one factor on C, are learnt for each term: those with the largest marginal likelihood, given lognormal
 hyperpriors about the a-priori shares, found by Newton's method with exact derivatives.  The weights used are their lognormal
-means, which for a term that no fit speaks of are the a-priori shares.  What the flights say about the reach of a correction
+means, which for a term that no fit informs are the a-priori shares.  What the flights determine about the reach of a correction
 holds where they were flown: the second part hardly follows the fits and never counts less than a priori, so that outside the flown
 region the standard errors go back to those of the handbook.  What the whole handbook method is wrong by is the first part,
 which may grow by much, and carries a correction to nodes that were not flown.
-Nodes of different terms are independent a priori; after the flight they are not, and a leaf has no room to say so: the
-standard errors are those of single nodes.
+Nodes of different terms are independent a priori; after the flight they are not, which a leaf cannot hold: the standard
+errors are those of single nodes.
 
-What no fit can tell apart stays divided by the priors: a fit with one term for pitch rate and rate of incidence informs
+What no fit separates stays divided by the priors: a fit with one term for pitch rate and rate of incidence informs
 ``qhat`` and ``alphadothat`` together.
 """
 
@@ -55,7 +55,7 @@ _SPREAD_OF_FITS = 0.7  # standard error of the logarithm of the factor on C a pr
 _NEGLIGIBLE = 1e-6  # variance of an error of a held term, over its largest
 _SETTLED = 1e-6  # step in these logarithms
 _AT_REST = ("delta_t", "delta_ta", "delta_tr", "gear", "speedbrake")
-_FREE_AIR = 1e4  # h_agl where a fit says nothing about the ground [m]
+_FREE_AIR = 1e4  # h_agl where a fit has no information on the ground [m]
 
 
 @dataclass(frozen=True)
@@ -65,13 +65,13 @@ class Tabulation(Mapping):
     Attributes
     ----------
     terms : dict of str to Dataset
-        Every term that the fits say something about.  ``source`` is flight at nodes of the flown region (some sample gives
+        Every term that the fits inform.  ``source`` is flight at nodes of the flown region (some sample gives
         them a quarter of its weight, none but samples inside the table counting) whose standard error fell below 0.9 of the
         a-priori one, and stays as it was elsewhere.
     report : DataFrame
         Index term; ``nodes``, ``flight`` (nodes from flight), ``corrected`` and ``identified`` (nodes with a ratio of
         posterior to prior standard error below 0.9 and 0.5), ``ratio_least``, ``ratio_median``, ``change_rms``,
-        ``change_largest``, ``change_in_sd`` (largest change, in a-priori standard errors), ``widened`` (factor on the
+        ``change_largest``, ``change_in_sd`` (largest change, in a-priori standard errors), ``prior_inflation`` (factor on the
         a-priori standard errors; above 1 they were too small), ``level reach long short`` (weights of the parts of the
         prior covariance).
     points : DataFrame
@@ -264,7 +264,7 @@ def _learnt(y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, start: np.ndarr
     """Return the weights of the parts of the covariance that the fits support, and their logarithms at the mode.
 
     The covariance of `y` is ``sum(exp(u_k) parts_k) + fixed``: `PARTS` for each table, and last the errors of the fits.  All
-    are learnt together, so that a prior that was too sure is not mistaken for fits that disagree.  The u are normal a
+    are learnt together, so that an overconfident prior is not mistaken for fits that disagree.  The u are normal a
     priori, with the shares as the means of exp(u); at the mode of their posterior the inverse of the information matrix is taken
     for their covariance, and the weights are the means of exp(u) again.  The part that fades outside the flown region, and
     the errors of the fits, are never made smaller.
@@ -387,7 +387,7 @@ def _term_row(name: str, before: xr.Dataset, after: xr.Dataset, weights: np.ndar
         "change_rms": np.sqrt((change**2).mean()),
         "change_largest": change[np.abs(change).argmax()],
         "change_in_sd": in_sd.max(),
-        "widened": np.sqrt(weights.sum()),
+        "prior_inflation": np.sqrt(weights.sum()),
         **dict(zip(PARTS, weights)),
     }
     return pd.DataFrame(row, index=pd.Index([name], name="term"))

@@ -115,8 +115,8 @@ def test_a_prior_that_was_overconfident_is_inflated_everywhere():
     rng = np.random.default_rng(40)
     fits = [regress(LOCAL, record(truth, rng, (a, 1.0, m)), f"{a} {m}") for a, m in ((2, 0.17), (4, 0.2), (3, 0.25), (5, 0.17))]
     new = tabulate(fits, database(leaves, **ROOT))
-    assert 2.0 < new.report.loc["CL/qhat", "widened"] <= 5.0
-    assert new.report.loc["CL/elevator", "widened"] < 1.5
+    assert 2.0 < new.report.loc["CL/qhat", "prior_inflation"] <= 5.0
+    assert new.report.loc["CL/elevator", "prior_inflation"] < 1.5
     after = new["CL/qhat"]
     assert abs(float((after["value"] - truth["CL/qhat"]["value"]).sel(mach=0.15))) < 2 * float(after["stderr"].sel(mach=0.15))
     assert float(after["stderr"].sel(mach=0.6)) > float(leaves["CL/qhat"]["stderr"].sel(mach=0.6))
