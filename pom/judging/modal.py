@@ -20,7 +20,7 @@ from flightmech.units import DEGREE
 from ..result import PomResult
 from ..tolerances.bands import Invalid, Outcome, demand_finite, half_width, inside_window, scalar
 from ..tolerances.criteria import Criterion
-from ..tolerances.parameter_channels import plain_id
+from ..tolerances.parameter_channels import WRAPPED, plain_id
 from ..tolerances.remarks import RowRemark
 from .comparison import Match
 
@@ -138,7 +138,7 @@ def modal(criterion: Criterion, match: Match) -> Outcome:
     excited, and the mode of its rounding errors proves nothing.  A time to half on one side and to double on the other
     is a failure whatever the width: at a damping ratio of 0.01 the tolerance of 0.02 would pass an unstable model.
     """
-    t, flight, model = match.both(criterion)
+    t, flight, model = _smooth(criterion.channel, match.both(criterion))
     f = _fit("flight", t, flight)
     required = MINIMUM_CYCLES.get(plain_id(match.case.id), 0.0)
     if f.cycles < required and abs(f.t_half) > f.duration:
@@ -207,9 +207,15 @@ def _fit(who: str, time: np.ndarray, y: np.ndarray) -> Mode:
         raise Invalid(f"{who}: {error}") from None
 
 
+def _smooth(channel: str, found: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return time and both traces, angles without the jumps of a full turn: a model that rolls over is judged as it is stored."""
+    time, flight, model = found
+    return (time, np.unwrap(flight), np.unwrap(model)) if channel in WRAPPED else found
+
+
 def peak_lag(criterion: Criterion, match: Match) -> Outcome:
     """Judge the time from a bank peak to the nearest sideslip peak, from the phases of the fitted mode."""
-    t, flight_bank, model_bank = match.both(criterion, "phi")
+    t, flight_bank, model_bank = _smooth("phi", match.both(criterion, "phi"))
     _, flight_slip, model_slip = match.both(criterion, "beta")
     mode = _fit("flight", t, flight_slip)
     lag = _lag(mode, t, flight_bank)

@@ -142,12 +142,19 @@ def test_performance_against_the_published_aeroplane(aircraft, prior):
 
 @pytest.mark.slow
 def test_performance_of_the_identified_aeroplane(aircraft, demo):
-    """At sea level, 2994 kg: climb within 10 % of the published 3020 ft/min; the ceiling 20 % low, for its Oswald factor is 0.48."""
-    folder, _ = demo
-    table = flightmech.characteristics(aircraft, aerodb.open(folder / "final.nc"), {"V": 110.0, "h": 0.0, "mass": 2994.0}).table
-    assert table.loc["climb_rate_max", "value"] == pytest.approx(3020.0 * FOOT / 60.0, rel=0.10)
-    assert table.loc["service_ceiling", "value"] == pytest.approx(0.8 * 35100.0 * FOOT, rel=0.05)
-    assert table.loc["V_max", "value"] == pytest.approx(0.44704 * 425.0, rel=0.05)
+    """At sea level, 2994 kg, against the aerodynamics that were flown, those of the package jsbsim, with the same engines.
+
+    The aeroplane that was flown climbs with 17.1 m/s; the T-37's data sheet has 3020 ft/min, 15.3 m/s.
+    """
+    jsbsim = pytest.importorskip("jsbsim")
+    file = Path(jsbsim.__file__).parent / "aircraft" / "T37" / "T37.xml"
+    flown = aerodb.exchange.import_jsbsim(file, travel={"delta_f": 0.698, "gear": 1.0, "speedbrake": 1.0})
+    flown.attrs.update(S=aircraft.S, cbar=aircraft.cbar, b=aircraft.b, x_ref=aircraft.reference[0])  # AERORP is the origin there
+    condition = {"V": 110.0, "h": 0.0, "mass": 2994.0}
+    final, truth = (flightmech.characteristics(aircraft, db, condition).table["value"] for db in (aerodb.open(demo[0] / "final.nc"), flown))
+    # the fastest speed lies at the end of the Mach numbers that were flown; found 3.7, 2.4 and 1.8 % above
+    for name in ("climb_rate_max", "service_ceiling", "V_max"):
+        assert final[name] == pytest.approx(truth[name], rel=0.05), name
 
 
 def test_derivatives_against_the_model_page(found):

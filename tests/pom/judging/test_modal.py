@@ -144,6 +144,20 @@ def test_peak_lag_from_fitted_phases():
     assert late.worst == pytest.approx(0.1, abs=1e-4)  # -1.2 s is the peak of the next cycle, at 1.3 s
 
 
+def test_a_model_that_rolls_over_is_judged_without_the_jump_of_its_bank():
+    """Bank through 180 deg, given within half a turn: the lag is that of the smooth trace, which the report stores and judges again."""
+    time = np.arange(0.0, 20.0, 0.02)
+    wd = 2.0 * math.pi / 2.5
+    band = Band((Limit("absolute", 0.1, "s"),), "single", "ref_scalar")
+    beta = sine(2.5, 0.1, time, 0.05, 0.0, 0.0, 0.0)
+    flight = {"beta": beta, "phi": sine(2.5, 0.1, time, 0.03, wd * 0.6, 0.1, 0.002)}
+    smooth = {"beta": beta, "phi": sine(2.5, 0.1, time, 0.03, wd * 0.65, 0.3, 0.2)}
+    jumping = {**smooth, "phi": np.angle(np.exp(1j * smooth["phi"]))}
+    assert np.abs(np.diff(jumping["phi"])).max() > 6.0
+    for model in (smooth, jumping):
+        assert peak_lag(criterion("peak_lag", band, "phi", (0.0, 19.9)), time, flight, model).worst == pytest.approx(0.05, abs=1e-3)
+
+
 @pytest.mark.parametrize(("id", "edition"), [("2.c(9)", "EASA CS-FSTD(A) Issue 2 AMC1 FSTD(A).300"), ("2.c.9", rows.STANDARD)])
 def test_three_cycles_are_required_by_whatever_name_the_standard_has_for_the_test(id, edition):
     short = TIME <= 80.0
