@@ -107,6 +107,7 @@ def test_power_changes_run_from_rest_to_rest(flights):
         power_changes(flights[0].drop_vars("n2"))
 
 
+@pytest.mark.slow
 def test_limits_over_speed_and_height(fit):
     spools = fit.spools
     for name, truth in (("n2_up_limit", UP), ("n2_down_limit", DOWN), ("n1_up_limit", 0.8 * UP), ("n1_down_limit", 0.5 * DOWN)):
@@ -119,6 +120,7 @@ def test_limits_over_speed_and_height(fit):
         assert error < 0.03 * middle
 
 
+@pytest.mark.slow
 def test_schedule_over_mach_number_and_height(fit):
     command = fit.spools.tables["n2_command"]
     for mach, h, change in ((0.1, 0.0, 0.006), (0.4, 200.0, 0.024667), (0.2, 6000.0, 0.032), (0.5, 5800.0, 0.049333)):
@@ -133,6 +135,7 @@ def test_schedule_over_mach_number_and_height(fit):
     assert "no change beyond its error" in fit.spools.report()
 
 
+@pytest.mark.slow
 def test_delay_and_time_constant_with_limits(fit):
     value, stderr = fit.spools.constants["lever_delay"]
     time, _ = fit.spools.tables["n2_up_time"].at(0.8)
@@ -140,6 +143,7 @@ def test_delay_and_time_constant_with_limits(fit):
     assert stderr < 0.02
 
 
+@pytest.mark.slow
 def test_deck_from_flights_flies(fit, flights, tmp_path):
     against = fit.compare(flights)
     assert float(against["n2"].max()) < 2.0 * NOISE

@@ -199,6 +199,7 @@ def test_a_factor_without_terms_in_free_air_is_refused(found, database):
         replace_ground_effect(without, found)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not SHARED.is_dir(), reason="the simulated records of ../shared are not here")
 def test_simulated_landings_low_passes_and_free_air():
     """Truth within three standard errors, k h^s within 0.03 at 2, 3 and 8.5 m, CL_q not identified."""
