@@ -28,7 +28,7 @@ Spans = dict[str, list[tuple[float, float]]]
 
 @dataclass(frozen=True)
 class Submodels:
-    """What the records of a project say of its submodels; None or empty where the project does not ask.
+    """Submodels identified from the records of a project; None or empty where the project has no section for them.
 
     Attributes
     ----------

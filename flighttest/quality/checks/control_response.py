@@ -1,4 +1,4 @@
-"""Whether the aeroplane answers its controls with the signs of the vocabulary, and by how much.
+"""Whether the aeroplane responds to its controls with the signs of the vocabulary, and by how much.
 
 Kinematics do not show the sign of a surface; the aeroplane does.  Angular accelerations are regressed on rates, flow angles and
 surfaces, all high-passed so that trim and slow drift have no part in it.  Positive elevator pitches down, positive aileron rolls
