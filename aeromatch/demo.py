@@ -83,7 +83,9 @@ def _print(outcome: Any) -> None:
     table(("row", "case", *runs), rows, title="Verdicts: worst difference / tolerance, of the alternatives the better one")
     for run in runs:
         statuses = [result.status(run) for result in outcome.results]
-        click.echo(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass")
+        beyond = statuses.count("limits_exceeded")
+        more = f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
+        click.echo(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
     click.echo(f"corrected = datcom with {', '.join(outcome.corrected_terms) or 'no term'} from final")
     for submodel, names in outcome.corrected_submodels.items():
         click.echo(f"{submodel:>15}: {', '.join(names)}")
@@ -94,7 +96,9 @@ def _print(outcome: Any) -> None:
 
 
 def _cell(result: Any, run: str) -> str:
+    from pom.result import status_text
+
     worst = result.worst(run)
     status = result.status(run)
     ratio = "" if worst is None else f"  {worst['worst_ratio']:.2f}  {worst['criterion'].replace('_', ' ')}"
-    return (status if status == "pass" else status.upper()) + ratio
+    return status_text(status) + ratio

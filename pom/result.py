@@ -57,6 +57,8 @@ NUMBERS = (
     "inside",
 )
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
+STATUSES = ("pass", "limits_exceeded", "fail", "invalid", "not_tested")
+"""Of a case flown by one model, from best to worst; ``limits_exceeded`` is a pass with a trim beyond its limits."""
 
 
 @dataclass(frozen=True)
@@ -117,15 +119,16 @@ class PomResult:
         return group_verdicts(self.case, {row["criterion"]: row["verdict"] for row in self.rows if row["run"] == run})
 
     def status(self, run: str) -> str:
-        """Return ``pass``, ``fail``, ``invalid`` or ``not_tested``.
+        """Return one of `STATUSES`.
 
-        ``pass`` when every group has a passing alternative.  A group of advisory rows only (correct trend) waits for an
-        engineer's tick and does not count; a case without any passing group is never a pass.
+        ``pass`` when every group has a passing alternative; ``limits_exceeded`` when it has, but the trim of the model is
+        beyond its limits and the case file does not state why that is allowed.  A group of advisory rows only (correct
+        trend) waits for an engineer's tick and does not count; a case without any passing group is never a pass.
         """
-        return status_of(self.groups(run))
+        return status_of(self.groups(run), any(row["run"] == run and exceeds(row) for row in self.rows))
 
     def passed(self, run: str) -> bool:
-        """Whether `run` passes the case: every group has a passing alternative."""
+        """Whether `run` passes the case: every group has a passing alternative, and the trim is within its limits."""
         return self.status(run) == "pass"
 
     def worst(self, run: str) -> Mapping[Hashable, Any] | None:
@@ -192,13 +195,31 @@ def group_verdicts(case: PomCase, verdicts: Mapping[str, str]) -> dict[str, str]
     return found
 
 
-def status_of(groups: Mapping[str, str]) -> str:
-    """Return the status of a case from the verdicts of its groups, as `PomResult.status`."""
+def status_of(groups: Mapping[str, str], limits_exceeded: bool = False) -> str:
+    """Return the status of a case from the verdicts of its groups and from its trim, as `PomResult.status`."""
     verdicts = set(groups.values())
     for verdict in ("invalid", "fail", "not_tested"):
         if verdict in verdicts:
             return verdict
-    return "pass" if "pass" in verdicts else "not_tested"
+    if "pass" not in verdicts:
+        return "not_tested"
+    return "limits_exceeded" if limits_exceeded else "pass"
+
+
+def status_text(status: str) -> str:
+    """Return a status as a terminal prints it: whatever is no plain pass in capitals."""
+    return {"pass": "pass", "limits_exceeded": "LIMITS"}.get(status, status.upper())
+
+
+def trim_remarks(result: PomResult, run: str) -> list[str]:
+    """Return what the trim of a model has beyond its limits, each once."""
+    rows = (row for row in result.rows if row["run"] == run)
+    return list(dict.fromkeys(remark.text for row in rows for remark in row["remarks"] if remark.kind == "trim"))
+
+
+def exceeds(row: Mapping[Hashable, Any]) -> bool:
+    """Whether a row of the verdict table carries a remark on a trim beyond its limits."""
+    return any(remark.kind == "trim" for remark in row["remarks"])
 
 
 def verdict_table(rows: list[dict[str, Any]]) -> pd.DataFrame:

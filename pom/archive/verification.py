@@ -14,9 +14,10 @@ import numpy as np
 
 from flightmech.errors import AeromatchError
 
-from ..judging.verdict import judge, row
-from ..replaying.trim_state import beyond_limits, trim_limits
-from ..result import NUMBERS, PomResult
+from ..judging.verdict import judge_all, row
+from ..replaying.trim_state import beyond_limits, limits_of
+from ..result import NUMBERS, PomResult, trim_remarks
+from ..tolerances.remarks import RowRemark
 from .archive import read_archive
 from .manifest import place, read_manifest
 from .origins import sha256
@@ -84,17 +85,21 @@ def _verdicts(folder: Path) -> Iterator[VerificationResult]:
     """Yield one result per case and model that states what is judged differently now, or printed differently in ``results.json``."""
     try:
         results = read_archive(folder).results
-        printed = [{(r["run"], r["criterion"]): r for r in item["verdict"]} for item in _json(folder)]
+        pages = _json(folder)
+        printed = [{(r["run"], r["criterion"]): r for r in item["verdict"]} for item in pages]
+        statuses = [dict(item["status"]) for item in pages]
     except (AeromatchError, OSError, ValueError, KeyError, TypeError) as error:
         yield VerificationResult("verdict", "all", "missing", f"the results cannot be read: {error}")
         return
     if len(printed) != len(results):
         yield VerificationResult("verdict", "all", "changed", f"results.json has {len(printed)} cases, results.nc has {len(results)}")
         return
-    for result, numbers in zip(results, printed, strict=True):
+    for result, numbers, status in zip(results, printed, statuses, strict=True):
         for run in result.runs:
             stored = {row["criterion"]: row for row in result.rows if row["run"] == run}
-            words = [*_judged_again(result, run, stored), *_differences("results.json", run, stored, numbers)]
+            words = [*_judged_again(result, run, stored), *_trim_again(result, run), *_differences("results.json", run, stored, numbers)]
+            if status.get(run) != result.status(run):
+                words.append(f"status {result.status(run)}, results.json {status.get(run)}")
             yield VerificationResult("verdict", f"{result.case.name}, {run}", "changed" if words else "same", "; ".join(words))
 
 
@@ -104,7 +109,8 @@ def _json(folder: Path) -> list[dict[str, Any]]:
 
 def _judged_again(result: PomResult, run: str, stored: Mapping[str, Mapping[Hashable, Any]]) -> Iterator[str]:
     time, refused = result.signals["time"].values, _refused(result, run)
-    flight, model = _traces(result, "flight"), _traces(result, run)
+    outcomes = judge_all(result.case, time, _traces(result, "flight"), _traces(result, run))
+    empty = {row["group"] for row in stored.values() if any(remark.kind == "no_value" for remark in row["remarks"])}
     for criterion in result.case.criteria:
         before = stored.get(criterion.name)
         if before is None:
@@ -113,8 +119,9 @@ def _judged_again(result: PomResult, run: str, stored: Mapping[str, Mapping[Hash
             if before["verdict"] != "invalid":
                 yield f"{criterion.name}: verdict {before['verdict']}, but the model stopped or its trim went beyond the limits of the case"
         else:
-            now = row(run, criterion, judge(result.case, criterion, time, flight, model))
-            if {before["verdict"], now["verdict"]} != _EMPTY:
+            now = row(run, criterion, outcomes[criterion.name])
+            unseen = before["verdict"] == "invalid" and criterion.group in empty
+            if not unseen and {before["verdict"], now["verdict"]} != _EMPTY:
                 yield from _difference(criterion.name, "judged again", before, now)
 
 
@@ -123,12 +130,27 @@ _EMPTY = {"invalid", "not_tested"}  # a channel without any sample is missing or
 
 def _refused(result: PomResult, run: str) -> bool:
     """Whether a run carries no judgement at all."""
-    if f"{run}: " in result.failure:
-        return True
-    if not {"flight", run} <= set(result.trim):
-        return False
-    flight, found = ({str(name): np.array([value]) for name, value in result.trim[column].items()} for column in ("flight", run))
-    return bool(beyond_limits(trim_limits(result.case, flight), found, demanded=True))
+    return f"{run}: " in result.failure or bool(_beyond(result, run, demanded=True))
+
+
+def _trim_again(result: PomResult, run: str) -> Iterator[str]:
+    """Yield what the table of the trim has beyond its limits and the remarks of the rows do not state."""
+    if _refused(result, run):
+        return
+    stated = set(trim_remarks(result, run))
+    yield from (
+        f"{remark.text}: not stated"
+        for remark in _beyond(result, run, demanded=False)
+        if remark.kind == "trim" and remark.text not in stated
+    )
+
+
+def _beyond(result: PomResult, run: str, demanded: bool) -> tuple[RowRemark, ...]:
+    """Return what the trim of a model, by its table, has beyond its limits."""
+    if run not in result.trim:
+        return ()
+    found = {str(name): np.array([value]) for name, value in result.trim[run].dropna().items()}
+    return beyond_limits(limits_of(result), found, demanded)
 
 
 def _traces(result: PomResult, run: str) -> dict[str, np.ndarray]:

@@ -217,7 +217,9 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
     found = parts.criteria(file, problems)
     names = {c.name for c in found}
     parts.check_names("ticks", file.ticks, names, "criterion", problems)
-    parts.check_names("rationale", file.rationale, names | {c.channel for c in found} | set(case.show), "criterion or channel", problems)
+    trim = {f"trim.{name}" for name in parts.LIMIT_UNITS}
+    explained = names | {c.channel for c in found} | set(case.show) | trim
+    parts.check_names("rationale", file.rationale, explained, "criterion, channel or trim quantity", problems)
     parts.check_names("certified", file.certified, {c.parameter for c in found}, "parameter", problems)
     calm = [name for name in file.conditions if name in WIND and file.drive.wind == "none"]
     problems += [f'conditions.{name}: drive.wind is "none", calm air; give one of the two' for name in calm]

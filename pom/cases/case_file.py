@@ -115,5 +115,5 @@ class CaseFile(Strict):
     ranges: dict[str, Quantity] = _table("Largest value in service by channel, the base of lone percentages (rule R3).")
     certified: dict[str, Quantity] = _table("Certified value by parameter, below which a floor criterion fails.")
     ticks: Texts = _table("By advisory criterion: name, date and words of the engineer who ticked it.")
-    rationale: Texts = _table("By criterion or channel: why it is as it is.")
+    rationale: Texts = _table("By criterion or channel: why it is as it is. trim.<quantity>: why its bias may be beyond the usual limit.")
     source: Texts = _table("Where the flight data come from: document, pages, flight, run, filters ...")

@@ -89,13 +89,15 @@ def run(
 ):
     """Replay CASES (files, or folders of them) by models and print one line per case and model.
 
-    Exit code 0 when all pass, 1 when one does not.
+    Exit code 0 when all pass, 1 when one does not; a pass with a trim beyond its limits (LIMITS) is not enough, unless
+    [rationale] of the case file states why the bias is allowed.
     """
     from flightmech.errors import SimulationError
 
     from ..cases.case import read_case
     from ..replaying.batch import replay_all
     from ..replaying.replay_case import files_by_name
+    from ..result import status_text
 
     runs, names = files_by_name("--model", models, "final=out/final.fmu"), files_by_name("--names", tables, "simulator=names.toml")
     read = [read_case(file) for file in case_files(cases)]
@@ -129,7 +131,7 @@ def run(
     if as_json:
         document([_summary(r) for r in results])
     else:
-        counts = ", ".join(f"{statuses.count(word)} {word}" for word in dict.fromkeys(statuses))
+        counts = ", ".join(f"{statuses.count(word)} {status_text(word)}" for word in dict.fromkeys(statuses))
         click.echo(f"{len(runs)} model{'s' if len(runs) > 1 else ''} x {len(results)} case{'s' if len(results) > 1 else ''}: {counts}")
         if written is not None:
             click.echo(f"written: {written}")
@@ -139,19 +141,21 @@ def run(
 def _lines(result: Any, verbose: bool = False) -> list[str]:
     """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s (1.5 deg)``."""
     from ..report.run_notes import run_notes
+    from ..result import status_text, trim_remarks
     from ..tolerances.remarks import text_of
 
     case, lines = result.case, []
     for name in result.runs:
         status = result.status(name)
         worst = result.worst(name)
-        text = "pass" if status == "pass" else status.upper()
+        text = status_text(status)
         if worst is not None:
             at = f" at {worst['at']:.1f} s" if worst["measure"] == "trace" else ""
             unit = "" if worst["unit"] == "1" else f" {worst['unit']}"
             text += f"  {worst['worst_ratio']:.2f} x tolerance"
             text += f"  {worst['criterion']} {worst['worst']:+.3g}{unit}{at} ({worst['tolerance_text']})"
-        elif status != "pass":
+            text += "".join(f"; {words}" for words in trim_remarks(result, name)) if status == "limits_exceeded" else ""
+        elif status not in ("pass", "limits_exceeded"):
             rows = result.verdict[(result.verdict["run"] == name) & (result.verdict["verdict"] == status)]
             text += f"  {text_of(rows.iloc[0]['remarks'])}" if len(rows) else ""
         lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {text}")

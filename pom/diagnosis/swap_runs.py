@@ -18,7 +18,7 @@ from flightmech.errors import SchemaError
 
 from ..cases.case import PomCase
 from ..cases.job import Job
-from ..judging.verdict import judge
+from ..judging.verdict import judge_all
 from ..replaying.kernel_replay import fly
 from ..replaying.replay_case import plan_of, shown_channels
 from ..replaying.trim_state import OBSERVED, beyond_limits, trim_limits
@@ -132,9 +132,12 @@ class Bench:
         ratio: dict[str, float] = {}
         verdicts: dict[str, str] = {}
         groups: dict[str, float] = {}
-        failed = bool(failure or beyond_limits(trim_limits(self.case, self.flight), outputs, demanded=True))
+        limits = trim_limits(self.case, self.flight)
+        failed = bool(failure or beyond_limits(limits, outputs, demanded=True))
+        exceeded = any(remark.kind == "trim" for remark in beyond_limits(limits, outputs, demanded=False))
+        outcomes = judge_all(self.case, self.job.time, self.flight, outputs)
         for criterion in self.case.criteria:
-            found = judge(self.case, criterion, self.job.time, self.flight, outputs)
+            found = outcomes[criterion.name]
             verdicts[criterion.name] = "invalid" if failed and criterion.applies else found.verdict
             if found.verdict not in ("pass", "fail", "invalid"):
                 continue
@@ -143,7 +146,7 @@ class Bench:
             counted = float(np.fmin(mismatch[criterion.name], CEILING))
             groups[criterion.group] = min(groups.get(criterion.group, CEILING), counted)
         total = float(np.sqrt(np.mean(np.square(list(groups.values()))))) if groups else np.nan
-        return Judged(status_of(group_verdicts(self.case, verdicts)), mismatch, ratio, total)
+        return Judged(status_of(group_verdicts(self.case, verdicts), exceeded), mismatch, ratio, total)
 
 
 def _parts(case: PomCase, flight: Mapping[str, np.ndarray], aircraft: tuple[Aircraft, Aircraft]) -> tuple[str, ...]:

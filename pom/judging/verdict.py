@@ -13,7 +13,7 @@ import xarray as xr
 from flightmech.names import lookup
 
 from ..cases.case import PomCase, driven
-from ..tolerances.bands import Invalid, NotJudged, Outcome, half_width, trace
+from ..tolerances.bands import Invalid, NotJudged, NoValue, Outcome, half_width, trace
 from ..tolerances.criteria import Band, Criterion
 from ..tolerances.derived_channels import SOURCES
 from ..tolerances.needed_channels import needs
@@ -90,8 +90,32 @@ def judge(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, mo
         return _measured(criterion, match)
     except NotJudged as error:
         return Outcome("not_tested", remarks=reasons(str(error)))
+    except NoValue as error:
+        return Outcome("invalid", remarks=(RowRemark("no_value", str(error)),))
     except Invalid as error:
         return Outcome("invalid", remarks=reasons(str(error)))
+
+
+def judge_all(case: PomCase, time: np.ndarray, flight: Raw, model: Raw) -> dict[str, Outcome]:
+    """Judge every criterion of a case on one model; parameters as `judge`.
+
+    Returns
+    -------
+    dict of str to Outcome
+        By criterion.  A group with a sample that is no number is ``invalid`` as a whole: what was not computed may be the very
+        alternative that fails, and a model that gives no number proves nothing.
+    """
+    found = {criterion.name: judge(case, criterion, time, flight, model) for criterion in case.criteria}
+    broken: dict[str, tuple[str, str]] = {}
+    for criterion in case.criteria:
+        for remark in found[criterion.name].remarks:
+            if remark.kind == "no_value" and criterion.applies:
+                broken.setdefault(criterion.group, (criterion.name, remark.text))
+    for criterion in case.criteria:
+        name, text = broken.get(criterion.group, ("", ""))
+        if name and criterion.applies and found[criterion.name].verdict in ("pass", "fail", "advisory"):
+            found[criterion.name] = Outcome("invalid", remarks=(RowRemark("no_value", f"its alternative {name}: {text}", name),))
+    return found
 
 
 def _measured(criterion: Criterion, match: Match) -> Outcome:

@@ -22,7 +22,7 @@ from ..fmu.run_cache import Store
 from ..fmu.simulate import Model, Models, fly
 from ..judging.applicability import settled
 from ..judging.signals import Signals, signals_of
-from ..judging.verdict import bands, formed_channels, judge, row, unjudged
+from ..judging.verdict import bands, formed_channels, judge_all, row, unjudged
 from ..result import PomResult, verdict_table
 from ..tolerances.bands import Outcome
 from ..tolerances.criteria import Criterion
@@ -188,8 +188,9 @@ def assemble(
     for name, outputs in found.items():
         remarks = (*beyond_limits(limits, outputs, demanded=False), *_tables_left(outputs))
         failure = _failed(failures.get(name, "")) or beyond_limits(limits, outputs, demanded=True)
+        outcomes = judge_all(case, job.time, flight, outputs)
         for criterion in case.criteria:
-            judged = row(name, criterion, _outcome(case, criterion, failure, job.time, flight, outputs))
+            judged = row(name, criterion, _outcome(criterion, failure, outcomes[criterion.name]))
             rows.append({**judged, "remarks": (*judged["remarks"], *remarks)})
     shown = [*shown_channels(case, states), *formed_channels(case, flight)]
     return PomResult(
@@ -208,13 +209,9 @@ def _failed(text: str) -> tuple[RowRemark, ...]:
     return (RowRemark("failure", text),) if text else ()
 
 
-def _outcome(
-    case: PomCase, criterion: Criterion, failure: tuple[RowRemark, ...], time: np.ndarray, flight: Traces, outputs: Traces
-) -> Outcome:
-    """Judge a criterion; a run that failed, or started beyond what the case file allows the trim, carries no judgement."""
-    if failure and criterion.applies:
-        return Outcome("invalid", remarks=failure)
-    return judge(case, criterion, time, flight, outputs)
+def _outcome(criterion: Criterion, failure: tuple[RowRemark, ...], outcome: Outcome) -> Outcome:
+    """Return an outcome; a run that failed, or started beyond what the case file allows the trim, carries no judgement."""
+    return Outcome("invalid", remarks=failure) if failure and criterion.applies else outcome
 
 
 def _tables_left(outputs: Traces) -> tuple[RowRemark, ...]:

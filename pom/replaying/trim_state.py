@@ -17,7 +17,7 @@ from flightmech.units import DEGREE, POUND_FORCE, from_si
 from ..cases.case import PomCase
 from ..cases.resolve import BIASES, LIMIT_UNITS, REMAINDERS
 from ..result import PomResult
-from ..tolerances.remarks import RowRemark
+from ..tolerances.remarks import ALLOWED, RowRemark
 
 STATE = (
     *("V", "V_cas", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h", "delta_e", "delta_a", "delta_r"),
@@ -39,15 +39,22 @@ DEFAULT_LIMITS = {
     **dict.fromkeys(("p_dot", "q_dot", "r_dot"), 2.0e-3),
 }
 """Size of a bias or of an acceleration left beyond which a run is remarked. [SI]"""
-THRUST_SHARE = 0.05  # of the recorded thrust of an engine; 2.c.5 of Table A2A, from memory, has 5 % of the largest
+THRUST_SHARE = 0.05  # of the largest thrust of an engine in the window; 2.c.5 of Table A2A, from memory, has 5 % of the largest
 SHOWN_UNITS = {"N": "lbf", "rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
 
 
 class TrimLimit(NamedTuple):
-    """Largest size of a trim quantity [SI], and whether the case file demands it (else it is a default, for a remark)."""
+    """Limit of a trim quantity.
+
+    ``size`` is that of the case file where it has one (``demanded``: a run beyond it is invalid), else the default; ``usual``
+    the default, infinite where there is none: beyond it a pass is one with limits exceeded, unless ``allowed``, the rationale of
+    the case file for ``trim.<name>``, states why. [SI]
+    """
 
     size: float
     demanded: bool
+    usual: float
+    allowed: str = ""
 
 
 def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, TrimLimit]:
@@ -56,14 +63,17 @@ def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, Tr
     Parameters
     ----------
     flight : mapping of str to array (time,)
-        Recorded channels; the thrust is limited by a share of its first sample.
+        Recorded channels; the thrust is limited by a share of its largest value.
     """
-    found = {name: TrimLimit(size, False) for name, size in DEFAULT_LIMITS.items()}
+    usual = dict(DEFAULT_LIMITS)
     if "engine1.thrust" in flight:
-        found["thrust"] = TrimLimit(THRUST_SHARE * abs(float(flight["engine1.thrust"][0])), False)
+        usual["thrust"] = THRUST_SHARE * float(np.fmax.reduce(np.abs(flight["engine1.thrust"])))
     if case.drive.trim == "ground":  # a roll is not steady, and the surfaces stay as recorded
-        found = {name: limit for name, limit in found.items() if name in ("w_dot", "p_dot", "q_dot")}
-    return found | {name: TrimLimit(size, True) for name, size in case.drive.limits.items()}
+        usual = {name: size for name, size in usual.items() if name in ("w_dot", "p_dot", "q_dot")}
+    allowed = {name: case.rationale.get(f"trim.{name}", "") for name in (*usual, *case.drive.limits)}
+    found = {name: TrimLimit(size, False, size, allowed[name]) for name, size in usual.items()}
+    own = {name: TrimLimit(size, True, usual.get(name, np.inf), allowed[name]) for name, size in case.drive.limits.items()}
+    return found | own
 
 
 def limits_of(result: PomResult) -> dict[str, TrimLimit]:
@@ -73,16 +83,33 @@ def limits_of(result: PomResult) -> dict[str, TrimLimit]:
 
 
 def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndarray], demanded: bool) -> tuple[RowRemark, ...]:
-    """Return a remark for every trim quantity of a model beyond its limit; none for a model that does not report it."""
+    """Return a remark for every trim quantity of a model beyond its limit; none for a model that does not report it.
+
+    Parameters
+    ----------
+    limits : mapping of str to TrimLimit
+    outputs : mapping of str to array (time,)
+    demanded : bool
+        Compare with the limits that the case file demands; else with the usual ones.
+
+    Returns
+    -------
+    tuple of RowRemark
+        Of kind ``trim``, or ``trim_allowed`` where the case file states why a bias beyond the usual limit is allowed.
+    """
     found = []
     for name, limit in limits.items():
         value = float(outputs[f"trim.{name}"][0]) if f"trim.{name}" in outputs else 0.0
-        if limit.demanded == demanded and abs(value) > limit.size:
+        size = (limit.size if limit.demanded else np.inf) if demanded else limit.usual
+        if np.isfinite(size) and not abs(value) <= size:  # a value that is no number is not within it
             unit = SHOWN_UNITS.get(LIMIT_UNITS[name], LIMIT_UNITS[name])
             shown = "" if unit == "1" else f" {unit}"
-            values = {"found": float(from_si(value, unit)), "limit": float(from_si(limit.size, unit))}
+            values = {"found": float(from_si(value, unit)), "limit": float(from_si(size, unit))}
             text = f"trim.{name} {values['found']:+.3g}{shown} is beyond {values['limit']:.3g}{shown}"
-            found.append(RowRemark("trim", text, name, values, unit))
+            if limit.allowed and not demanded:
+                found.append(RowRemark("trim_allowed", f"{text}{ALLOWED}{limit.allowed}", name, values, unit))
+            else:
+                found.append(RowRemark("trim", text, name, values, unit))
     return tuple(found)
 
 

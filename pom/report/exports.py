@@ -20,7 +20,7 @@ from flightmech.support.console import plain
 from ..archive.archive import Archive
 from ..archive.origins import case_seen_from
 from ..replaying.offsets import drift
-from ..result import PomResult
+from ..result import PomResult, trim_remarks
 from ..tolerances.remarks import text_of
 from .case.case import keys
 
@@ -68,7 +68,8 @@ def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
 def junit(results: Sequence[PomResult], title: str) -> str:
     """Return the verdicts as JUnit XML: a suite per case, a test per model and group of criteria.
 
-    Criteria of one group are alternatives, so a group is one test: it fails only when none of them passes.
+    Criteria of one group are alternatives, so a group is one test: it fails only when none of them passes.  A trim beyond
+    its limits is a failed test of its own.
     """
     root = ElementTree.Element("testsuites", name=_clean(title))
     for key, result in zip(keys(results), results, strict=True):
@@ -78,6 +79,9 @@ def junit(results: Sequence[PomResult], title: str) -> str:
                 test = ElementTree.SubElement(suite, "testcase", classname=f"{key}.{run}", name=_clean(name))
                 if verdict in _ELEMENTS:
                     ElementTree.SubElement(test, _ELEMENTS[verdict], message=_clean(why))
+            if beyond := trim_remarks(result, run):
+                test = ElementTree.SubElement(suite, "testcase", classname=f"{key}.{run}", name="trim within its limits")
+                ElementTree.SubElement(test, "failure", message=_clean("; ".join(beyond)))
         _count(suite, [suite])
     _count(root, list(root))
     ElementTree.indent(root)

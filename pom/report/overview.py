@@ -7,12 +7,10 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pom.result import PomResult
+from pom.result import STATUSES, PomResult
 
 from .case.case import line_styles
 from .presentation.verdict_text import Verdict, reason, words
-
-_ORDER = ("pass", "fail", "invalid", "not_tested")
 
 
 def matrix(keys: Sequence[str], results: Sequence[PomResult], found: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
@@ -34,16 +32,16 @@ def matrix(keys: Sequence[str], results: Sequence[PomResult], found: Sequence[Se
                 "case": result.case,
                 "chapter": chapter(result.case.id),
                 "cells": [cells.get(run) for run in runs],
-                "fail": "fail" in status,
+                "fail": bool(status & {"fail", "limits_exceeded"}),
                 "not_run": bool(result.failure) or bool(status & {"invalid", "not_tested"}),
             }
         )
     counts = []
     for run in runs:
         count = Counter(cell["status"] for outcome in found for cell in outcome if cell["run"] == run)
-        counts.append({"run": run, "counts": [count[word] for word in _ORDER]})
+        counts.append({"run": run, "counts": [count[word] for word in STATUSES]})
     chapters = sorted({chapter(result.case.id) for result in results})
-    order = [Verdict.of(word) for word in _ORDER]
+    order = [Verdict.of(word) for word in STATUSES]
     return {"runs": runs, "styles": line_styles(runs), "rows": rows, "counts": counts, "order": order, "chapters": chapters}
 
 

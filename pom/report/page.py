@@ -42,7 +42,7 @@ def html_page(results, title, revision, provenance, databases, diagnoses, suppor
         page = case.page(key, result, outcome, provenance, diagnosis, table, with_figures=len(results) <= MOST_WITH_FIGURES)
         texts = {name: template.render(common, page={**page, "position": i}) for name, template in (("page", inner), ("brief", brief))}
         packed = parcel({**page["head"], "page": texts["page"]}, page["body"])
-        fail = any(cell["status"] == "fail" for cell in outcome)
+        fail = any(cell["status"] in ("fail", "limits_exceeded") for cell in outcome)
         cases.append({"key": key, "fail": fail, "brief": Markup(texts["brief"]), "parcel": packed})
     more = {}
     if databases:

@@ -26,6 +26,10 @@ class Invalid(Exception):
     """The data cannot carry a judgement; the text states why.  Ends as a verdict, never at the user as an error."""
 
 
+class NoValue(Invalid):
+    """A sample in the window is no number: no alternative of the group can make up for it."""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """Judgement of one criterion on one model, in SI; times on the clock of the record.
@@ -144,12 +148,12 @@ def inside_window(time: np.ndarray, window: tuple[float, float]) -> np.ndarray:
 
 
 def demand_finite(who: str, time: np.ndarray, values: np.ndarray) -> None:
-    """Raise `Invalid` when `values` hold a NaN or an infinity."""
+    """Raise `NoValue` when `values` hold a NaN or an infinity."""
     bad = ~np.isfinite(values)
     if bad.all():
-        raise Invalid(f"{who} has no value in the window")
+        raise NoValue(f"{who} has no value in the window")
     if bad.any():
-        raise Invalid(f"{who} has no value in {int(bad.sum())} of {bad.size} samples, first at {time[bad][0]:.2f} s")
+        raise NoValue(f"{who} has no value in {int(bad.sum())} of {bad.size} samples, first at {time[bad][0]:.2f} s")
 
 
 def difference(channel: str, flight: np.ndarray, model: np.ndarray) -> np.ndarray:

@@ -6,6 +6,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+ALLOWED = "; allowed: "
+"""Joins a trim beyond its limit and the reason of the case file, in a remark ``trim_allowed``."""
+
 
 @dataclass(frozen=True)
 class RowRemark:
@@ -16,8 +19,9 @@ class RowRemark:
     kind : str
         ``reason`` (why a row is not judged), ``failure`` (of the model's run), ``values`` (what flight and model have), ``cycles``,
         ``no_mode``, ``stability``, ``bank``, ``outside``, ``steady``, ``method``, ``span``, ``event``, ``trend``, ``tick``,
-        ``lacking``, ``precondition``, ``certified``, ``trim`` (a trim quantity beyond its limit), ``tables_left``, ``row`` (note
-        of the tolerance table), ``note`` (text of a report that was written before remarks had kinds).
+        ``lacking``, ``precondition``, ``certified``, ``no_value`` (a sample without a number), ``trim`` (a trim quantity beyond its
+        limit), ``trim_allowed`` (the same, allowed by the case file), ``tables_left``, ``row`` (note of the tolerance table), ``note``
+        (text of a report that was written before remarks had kinds).
     text : str
         The remark for a reader, with its numbers.
     quantity : str

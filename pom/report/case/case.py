@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from pom.result import PomResult, group_verdicts, status_of
+from pom.result import PomResult
 
 from ..models.diagnosis import cause
 from ..presentation.quantities import fixed
@@ -95,10 +95,12 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
     applying = {c.name for c in result.case.criteria if c.applies}
     for run in result.runs:
         mine = [row for row in result.rows if row["run"] == run]
-        status = status_of(group_verdicts(result.case, {row["criterion"]: row["verdict"] for row in mine}))
+        status = result.status(run)
         found = result.worst(run)
         worst = {} if found is None else found
-        if status != "pass" and not worst.get("worst_ratio", 0.0) > 1.0:  # decided without a number, such as by a mode that is not there
+        if (
+            status not in ("pass", "limits_exceeded") and not worst.get("worst_ratio", 0.0) > 1.0
+        ):  # decided without a number, such as by a mode that is not there
             worst = next((row for row in mine if row["verdict"] == status and row["criterion"] in applying), worst)
         ratio = worst.get("worst_ratio", math.nan)
         at = math.nan if worst.get("measure") in MODAL else worst.get("at", math.nan)

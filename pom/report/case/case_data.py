@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from pom.result import PomResult
+from pom.result import PomResult, exceeds
 
 from ..presentation.quantities import Label
 from ..presentation.traces import TIME_STEP, Pack, step_of
@@ -44,6 +44,7 @@ def _rows(result: PomResult) -> list[dict[str, Any]]:
             "group": row["group"],
             "applies": row["criterion"] in applying,
             "verdict": row["verdict"],
+            "exceeds": exceeds(row),
             "ratio": row["worst_ratio"] if math.isfinite(row["worst_ratio"]) else None,
             "fraction": row["fraction"] if math.isfinite(row["fraction"]) else 1.0,
         }

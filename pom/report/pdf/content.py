@@ -18,7 +18,7 @@ from pom.report.models.diagnosis import story
 from pom.report.presentation.quantities import Label
 from pom.report.presentation.verdict_text import Verdict, verdict_table, words
 from pom.report.submodels.section import Grid, Section
-from pom.result import PomResult
+from pom.result import STATUSES, PomResult
 from pom.tolerances.rows import rows as tolerance_rows
 
 ROLES = ("prepared", "checked", "approved", "authority")
@@ -153,8 +153,7 @@ def _matrix(keys: Sequence[str], results: Sequence[PomResult], cells: Sequence[S
     for key, result, found in zip(keys, results, cells, strict=True):
         by = {cell["run"]: _outcome(cell) for cell in found}
         rows.append({"key": key, "id": result.case.id, "title": result.case.title, "cells": [by.get(run) for run in runs]})
-    order = ("pass", "fail", "invalid", "not_tested")
-    counts = [[run, *(sum(r.status(run) == word for r in results if run in r.runs) for word in order)] for run in runs]
+    counts = [[run, *(sum(r.status(run) == word for r in results if run in r.runs) for word in STATUSES)] for run in runs]
     return {"runs": runs, "rows": rows, "counts": counts, "styles": line_styles(runs)}
 
 

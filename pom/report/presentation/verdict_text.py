@@ -10,11 +10,18 @@ from typing import Any
 import numpy as np
 
 from pom.result import PomResult
-from pom.tolerances.remarks import RowRemark
+from pom.tolerances.remarks import ALLOWED, RowRemark
 
 from .quantities import MINUS, MISSING, SYMBOLS, fixed, label, number, percent, pretty_unit
 
-WORDS = {"pass": "pass", "fail": "FAIL", "invalid": "invalid", "not_tested": "not tested", "advisory": "advisory"}
+WORDS = {
+    "pass": "pass",
+    "limits_exceeded": "pass with limits exceeded",
+    "fail": "FAIL",
+    "invalid": "invalid",
+    "not_tested": "not tested",
+    "advisory": "advisory",
+}
 # how a row stands to the regulation, where it was not read there word for word
 MARKS = {"memory": "from memory", "partial": "read in part", "case file": "case file"}
 MODAL = ("period", "t_half", "damping_ratio", "peak_lag")
@@ -59,12 +66,13 @@ def remark_text(remark: RowRemark) -> str:
     >>> remark_text(RowRemark("trim", "trim.delta_e -3.44 deg is beyond 2 deg", "delta_e", {"found": -3.44, "limit": 2.0}, "deg"))
     'elevator deflection biased by the trim: −3.44 deg, beyond 2 deg'
     """
-    if remark.kind != "trim":
+    if remark.kind not in ("trim", "trim_allowed"):
         return remark.text
     name, unit = remark.quantity, "" if remark.unit == "1" else f" {remark.unit}"
     what = label(f"trim.{name}").words if name.endswith("_dot") else f"{label(name).words or name} biased by the trim"
     found, limit = remark.values["found"], remark.values["limit"]
-    return f"{what}: {MINUS if found < 0.0 else '+'}{_three_digits(abs(found))}{unit}, beyond {_three_digits(limit)}{unit}"
+    allowed = "".join(remark.text.partition(ALLOWED)[1:])
+    return f"{what}: {MINUS if found < 0.0 else '+'}{_three_digits(abs(found))}{unit}, beyond {_three_digits(limit)}{unit}{allowed}"
 
 
 def _three_digits(value: float) -> str:

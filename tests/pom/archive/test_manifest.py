@@ -115,6 +115,22 @@ def test_another_verdict_in_json_is_found(made):
     assert "results.json 2" in detail
 
 
+def test_a_status_in_json_without_its_verdicts_is_found(made):
+    path = made / "report" / "results.json"
+    document = json.loads(path.read_text(encoding="utf-8"))
+    document["results"][0]["status"]["toy"] = "fail"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    rehash(made, "results.json")
+    assert changed(made)["verdict", "a_case, toy"].detail == "status pass, results.json fail"
+
+
+def test_a_trim_beyond_its_limits_that_no_row_states_is_found(write_case, lag_states, toy, tmp_path):
+    result = replay(read_case(write_case(more="trim = false")), {"toy": toy()}, lag_states)
+    result.trim.loc["trim.delta_e", "toy"] = np.radians(2.0)
+    pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
+    assert changed(tmp_path)["verdict", "a_case, toy"].detail == "trim.delta_e +2 deg is beyond 1 deg: not stated"
+
+
 def test_a_crashed_model_stays_invalid(write_case, lag_states, toy, tmp_path):
     result = replay(read_case(write_case(more="trim = false")), {"good": toy(), "bad": toy("error")}, lag_states)
     assert result.failure.startswith("bad: ")

@@ -135,7 +135,7 @@ def test_a_floor_takes_its_certified_value(write_case):
     ("more", "text"),
     [
         ('[ticks]\npitch = "x"', "ticks: unknown criterion 'pitch'; near it: pitch_"),
-        ('[rationale]\nthetta = "x"', "rationale: unknown criterion or channel 'thetta'; near it: theta"),
+        ('[rationale]\nthetta = "x"', "rationale: unknown criterion, channel or trim quantity 'thetta'; near it: theta"),
         ('[ranges]\ntheta = "3 ft"', "ranges.theta: unit 'ft' cannot be converted to 'rad'"),
         ('[certified]\nclimb_gradient = "2.4 %"', "certified: unknown parameter 'climb_gradient'"),
     ],

@@ -70,7 +70,7 @@ def test_one_crash_among_two_models_is_a_result(aeromatch, case, toy):
     done = aeromatch("pom", "run", case, "--model", f"bad={toy('crash')}", "--model", f"good={toy()}")
     assert done.returncode == 1
     assert "INVALID  crashed: signal SIGSEGV" in done.stdout
-    assert "1 invalid, 1 pass" in done.stdout
+    assert "1 INVALID, 1 pass" in done.stdout
 
 
 @pytest.mark.parametrize(

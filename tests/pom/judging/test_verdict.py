@@ -10,7 +10,8 @@ from flightmech.units import KNOT
 from pom.cases.case import Drive, PomCase
 from pom.cases.pilot import Loop
 from pom.judging.applicability import settled
-from pom.judging.verdict import bands, judge, row, unjudged
+from pom.judging.measures import trends
+from pom.judging.verdict import bands, judge, judge_all, row, unjudged
 from pom.result import group_verdicts, status_of
 from pom.tolerances import rows as table
 from pom.tolerances.criteria import Band, Limit
@@ -205,12 +206,41 @@ def test_a_trend_states_its_criteria(judged):
     assert half["verdict"] == "advisory"
     assert text_of(half["remarks"]).startswith(
         "largest change of flight -5.67 deg, of model -2.83 deg, amplitude ratio 0.50, correlation 1.00; "
-        "all four criteria of trend are met; to be ticked by an engineer"
+        "all criteria of trend are met; to be ticked by an engineer"
     )
     away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]})["bank_angle trend"]
-    assert "not met: sign, correlation; to be ticked" in text_of(away["remarks"])
+    assert away["verdict"] == "fail"
+    assert "not met: sign, correlation; an engineer may tick it" in text_of(away["remarks"])
     small = judged("2.d.4", TIME, flight, {"phi": 0.4 * flight["phi"] + 12.0 * DEG})["bank_angle trend"]
     assert "not met: amplitude;" in text_of(small["remarks"])
+    assert small["verdict"] == "fail"
+
+
+def test_a_change_within_the_scatter_of_the_flight_is_no_trend(judged):
+    """0.03 deg is no trend whatever its sign, and a model that moves by 2 deg there has one that the flight has not."""
+    flight = {"phi": 0.03 * DEG * TIME / TIME[-1]}
+    still = judged("2.d.4", TIME, flight, {"phi": -flight["phi"]})["bank_angle trend"]
+    assert still["verdict"] == "advisory"
+    assert "within the dead band of +0.1 deg: no trend" in text_of(still["remarks"])
+    moving = judged("2.d.4", TIME, flight, {"phi": 2.0 * DEG * TIME / TIME[-1]}, ticks={"bank_angle trend": "A. Engineer"})
+    assert moving["bank_angle trend"]["verdict"] == "fail"
+    assert "the tick (A. Engineer) does not hold: the flight has no trend" in text_of(moving["bank_angle trend"]["remarks"])
+    rough = 0.5 * DEG * np.sin(9.0 * TIME)
+    assert trends.dead_band("phi", TIME, rough) == pytest.approx(3.0 * 0.5 * DEG / np.sqrt(2.0), rel=0.1)
+
+
+def test_a_sample_without_a_number_leaves_no_alternative(judged):
+    """Either pitch angle or pitch rate passes 2.c.10; a model whose pitch rate is no number passes neither."""
+    flight = {"theta": 0.0 * FLAT, "q": 0.0 * FLAT, "nz": FLAT}
+    c = case("2.c.10")
+    model = flight | {"q": np.where(TIME > 10.0, np.nan, 0.0)}
+    outcomes = judge_all(c, TIME, flight, model)
+    assert {name: found.verdict for name, found in outcomes.items() if named(c, name).applies} == {
+        "pitch_angle": "invalid",
+        "pitch_rate": "invalid",
+        "normal_acceleration": "pass",
+    }
+    assert text_of(outcomes["pitch_angle"].remarks).startswith("its alternative pitch_rate: the model has no value in ")
 
 
 def test_the_order_of_peaks_is_part_of_the_trend(judged):
@@ -218,7 +248,7 @@ def test_the_order_of_peaks_is_part_of_the_trend(judged):
     flight = {"phi": np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.1, 1.0)}
     swapped = {"phi": -np.sin(TIME / 3.0) * np.where(TIME < 9.5, 1.0, 1.2)}
     got = judged("2.d.4", TIME, flight, swapped)["bank_angle trend"]
-    assert "not met: order of peaks, correlation; to be ticked" in text_of(got["remarks"])
+    assert "not met: order of peaks, correlation; an engineer may tick it" in text_of(got["remarks"])
 
 
 def test_a_tick_makes_a_trend_a_pass_that_names_who_but_not_a_wrong_sign(judged):
@@ -228,7 +258,7 @@ def test_a_tick_makes_a_trend_a_pass_that_names_who_but_not_a_wrong_sign(judged)
     assert got["verdict"] == "pass"
     assert "not met: amplitude; ticked by A. Engineer, 2026-11-21, both converge" in text_of(got["remarks"])
     away = judged("2.d.4", TIME, flight, {"phi": 40.0 * DEG - flight["phi"]}, ticks=ticks)["bank_angle trend"]
-    assert away["verdict"] == "advisory"
+    assert away["verdict"] == "fail"
     assert "does not hold: the model moves the other way" in text_of(away["remarks"])
 
 

@@ -12,6 +12,7 @@ from pom.replaying.offsets import calibration, calibration_text, drift
 from pom.replaying.replay_case import assemble
 from pom.replaying.trim_state import beyond_limits, trim_limits, trim_table
 from pom.report.run_notes import run_notes
+from pom.result import trim_remarks
 from pom.tolerances.remarks import text_of
 
 DEGREE = np.radians(1.0)
@@ -42,8 +43,12 @@ def test_a_bias_within_its_limit_gives_no_remark(flown):
     assert result.passed("model")
 
 
-def test_a_bias_beyond_the_default_limit_is_remarked_and_still_judged(flown):
+def test_a_bias_beyond_the_default_limit_is_judged_and_no_plain_pass(flown):
     result = flown(trim_delta_e=-1.5 * DEGREE)
+    assert result.status("model") == "limits_exceeded"
+    assert not result.passed("model")
+    assert trim_remarks(result, "model") == ["trim.delta_e -1.5 deg is beyond 1 deg"]
+    assert flown(trim_delta_e=np.nan).status("model") == "limits_exceeded"  # no number is not within a limit
     assert (result.verdict["verdict"] == "pass").all()
     assert result.verdict["remarks"].map(text_of).str.contains("trim.delta_e -1.5 deg is beyond 1 deg", regex=False).all()
 
@@ -52,9 +57,14 @@ def test_a_bias_beyond_the_limit_of_the_case_file_makes_the_run_invalid(flown):
     result = flown('limits = { delta_e = "0.5 deg" }', trim_delta_e=0.9 * DEGREE)
     assert result.status("model") == "invalid"
     assert result.verdict["remarks"].map(text_of).str.startswith("trim.delta_e +0.9 deg is beyond 0.5 deg").all()
-    wide = flown('limits = { delta_e = "3 deg" }', trim_delta_e=2.0 * DEGREE)
-    assert wide.passed("model")
-    assert not wide.verdict["remarks"].map(text_of).str.contains("trim").any()  # the file's limit stands in for the default
+    wide = 'limits = { delta_e = "3 deg" }'
+    assert flown(wide, trim_delta_e=2.0 * DEGREE).status("model") == "limits_exceeded"  # wider than usual, without a reason
+    reason = '\n[rationale]\n"trim.delta_e" = "pick-up of the elevator, calibrated to 2 deg"'
+    stated = flown(wide + reason, trim_delta_e=2.0 * DEGREE)
+    assert stated.passed("model")
+    text = "trim.delta_e +2 deg is beyond 1 deg; allowed: pick-up of the elevator, calibrated to 2 deg"
+    assert stated.verdict["remarks"].map(text_of).str.contains(text, regex=False).all()
+    assert flown(wide + reason, trim_delta_e=4.0 * DEGREE).status("model") == "invalid"
 
 
 def test_thrust_is_limited_by_a_share_of_what_was_recorded(flown):

@@ -18,6 +18,7 @@ from flightmech.errors import SchemaError
 from pom.archive import archive
 from pom.report import exports
 from pom.report.case.case import keys
+from pom.tolerances.remarks import RowRemark
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
@@ -115,6 +116,18 @@ def test_a_failed_alternative_is_no_failure(folder):
     suite = ElementTree.fromstring(exports.junit([result], "x").split("\n", 1)[1])
     tests = suite.findall("testsuite/testcase[@classname='short_period_full_flaps.final']")
     assert all(test.find("failure") is None for test in tests)
+
+
+def test_a_trim_beyond_its_limits_is_a_failed_test_of_its_own():
+    result = fixture.short_period_result()
+    remark = RowRemark("trim", "trim.delta_e +2.2 deg is beyond 1 deg", "delta_e", {"found": 2.2, "limit": 1.0}, "deg")
+    for index in result.verdict.index[result.verdict["run"] == "final"]:
+        result.verdict.at[index, "remarks"] = (remark,)
+    assert result.status("final") == "limits_exceeded"
+    suite = ElementTree.fromstring(exports.junit([result], "x").split("\n", 1)[1])
+    (test,) = suite.findall("testsuite/testcase[@name='trim within its limits']")
+    assert test.get("classname") == "short_period_full_flaps.final"
+    assert test.find("failure").get("message") == remark.text
 
 
 def test_control_characters_do_not_break_the_xml():
