@@ -150,6 +150,16 @@ def test_steps_outside_the_tables_are_counted_per_axis_and_side(make_aircraft, m
     assert run.outputs()[sim.outputs.index("out_of_range")] == 20.0
 
 
+def test_a_table_that_no_step_looks_up_is_not_left(make_aircraft, make_tree, start):
+    """Hinge moments are looked up for the outputs alone when the surfaces are driven."""
+    content = {"CL/a": make([0.0, 1.0], {"alpha": [-0.2, 0.4]}), "Ch_e/b": make([0.1, 0.2], {"alpha": [-0.3, 0.3]})}
+    sim = flightmech.compile(make_aircraft(engines=()), make_tree(content))
+    u = np.zeros(len(sim.inputs))
+    run = start(sim, init__V=100.0, init__h=1000.0, mode__step=0.01)
+    run.step(0.0, 0.1, u, u)
+    np.testing.assert_array_equal(run.out_of_range(), 0.0)
+
+
 def test_two_simulations_of_one_model_are_independent(sim, start):
     u = np.zeros(len(sim.inputs))
     a, b = start(sim, **FLIGHT), start(sim, **FLIGHT | {"init__V": 120.0})

@@ -59,7 +59,7 @@ am_sim *am_new(const am_model *m) {
     for (size_t i = 0; i < np; i++) sim->par[i] = m->entry[AM_PARAMETER][i].value;
     for (size_t i = 0; i < nu; i++) sim->u[i] = m->entry[AM_INPUT][i].value;
     sim->slot[0] = sim->var[A_ONE] = sim->part = 1.0;
-    settle_cells(sim);
+    reset_cells(sim);
     return sim;
 }
 

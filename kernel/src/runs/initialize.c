@@ -3,6 +3,7 @@
 
 #include "prepare.h"
 #include "start.h"
+#include "table.h"
 
 #include <math.h>
 #include <string.h>
@@ -25,6 +26,7 @@ int am_initialize(am_sim *sim, double t) {
     memset(&sim->trim, 0, sizeof sim->trim);
     memset(sim->below, 0, sizeof(double) * sim->model->axes);
     memset(sim->above, 0, sizeof(double) * sim->model->axes);
+    reset_cells(sim);
     start_state(sim, p[P_ALPHA], p[P_BETA], p[P_THETA]);
     if ((status = check_finite(sim, AM_STATE, sim->x)) != AM_OK) return status;
     sim->ready = true;

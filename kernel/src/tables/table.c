@@ -53,7 +53,14 @@ static void find_corners(am_sim *sim, int stage) {
     }
 }
 
-/* After the cells came from outside, or at the start. */
+/* At the start of a run: within the range of every table, so that one that is never looked up is
+ * not counted as left. */
+void reset_cells(am_sim *sim) {
+    for (uint32_t i = 0; i < sim->model->axes; i++) sim->cell[i] = 1;
+    settle_cells(sim);
+}
+
+/* After the cells came from outside. */
 void settle_cells(am_sim *sim) {
     const am_model *m = sim->model;
     for (uint32_t i = 0; i < m->axes; i++) {

@@ -10,7 +10,11 @@ uint32_t find_cell(const axis_t *axis, double x);
 /* Values of all tables of a stage, from sim->var to sim->slot, changes of nodes included. */
 void look_up(am_sim *sim, int stage);
 
-/* Cells to those of a new simulation: the search starts from there. */
+/* First nodes of all bundles for cells that came from outside; a cell that is not there becomes the
+ * first. */
 void settle_cells(am_sim *sim);
+
+/* Cells of the start of a run: inside the range of every table. */
+void reset_cells(am_sim *sim);
 
 #endif
