@@ -56,6 +56,8 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
+NOTICES = ("watch", "tables_left")
+"""Kinds of remarks that stand next to the verdict in index, page and terminal: a watched channel off, tables left."""
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 STATUSES = ("pass", "limits_exceeded", "fail", "invalid", "not_tested")
 """Of a case flown by one model, from best to worst; ``limits_exceeded`` is a pass with a trim beyond its limits."""
@@ -213,8 +215,17 @@ def status_text(status: str) -> str:
 
 def trim_remarks(result: PomResult, run: str) -> list[str]:
     """Return what the trim of a model has beyond its limits, each once."""
+    return _texts(result, run, ("trim",))
+
+
+def notices(result: PomResult, run: str) -> list[str]:
+    """Return what no criterion judges and a reader has to know of a run, each once: kinds `NOTICES` of its remarks."""
+    return _texts(result, run, NOTICES)
+
+
+def _texts(result: PomResult, run: str, kinds: tuple[str, ...]) -> list[str]:
     rows = (row for row in result.rows if row["run"] == run)
-    return list(dict.fromkeys(remark.text for row in rows for remark in row["remarks"] if remark.kind == "trim"))
+    return list(dict.fromkeys(remark.text for row in rows for remark in row["remarks"] if remark.kind in kinds))
 
 
 def exceeds(row: Mapping[Hashable, Any]) -> bool:

@@ -14,9 +14,11 @@ import numpy as np
 
 from flightmech.errors import AeromatchError
 
+from ..judging.signals import traces_of
 from ..judging.verdict import judge_all, row
+from ..judging.watch import watch
 from ..replaying.trim_state import beyond_limits, limits_of
-from ..result import NUMBERS, PomResult, trim_remarks
+from ..result import NUMBERS, PomResult
 from ..tolerances.remarks import RowRemark
 from .archive import read_archive
 from .manifest import place, read_manifest
@@ -97,7 +99,7 @@ def _verdicts(folder: Path) -> Iterator[VerificationResult]:
     for result, numbers, status in zip(results, printed, statuses, strict=True):
         for run in result.runs:
             stored = {row["criterion"]: row for row in result.rows if row["run"] == run}
-            words = [*_judged_again(result, run, stored), *_trim_again(result, run), *_differences("results.json", run, stored, numbers)]
+            words = [*_judged_again(result, run, stored), *_not_stated(result, run), *_differences("results.json", run, stored, numbers)]
             if status.get(run) != result.status(run):
                 words.append(f"status {result.status(run)}, results.json {status.get(run)}")
             yield VerificationResult("verdict", f"{result.case.name}, {run}", "changed" if words else "same", "; ".join(words))
@@ -109,7 +111,7 @@ def _json(folder: Path) -> list[dict[str, Any]]:
 
 def _judged_again(result: PomResult, run: str, stored: Mapping[str, Mapping[Hashable, Any]]) -> Iterator[str]:
     time, refused = result.signals["time"].values, _refused(result, run)
-    outcomes = judge_all(result.case, time, _traces(result, "flight"), _traces(result, run))
+    outcomes = judge_all(result.case, time, traces_of(result.signals, "flight"), traces_of(result.signals, run))
     empty = {row["group"] for row in stored.values() if any(remark.kind == "no_value" for remark in row["remarks"])}
     for criterion in result.case.criteria:
         before = stored.get(criterion.name)
@@ -133,16 +135,14 @@ def _refused(result: PomResult, run: str) -> bool:
     return f"{run}: " in result.failure or bool(_beyond(result, run, demanded=True))
 
 
-def _trim_again(result: PomResult, run: str) -> Iterator[str]:
-    """Yield what the table of the trim has beyond its limits and the remarks of the rows do not state."""
+def _not_stated(result: PomResult, run: str) -> Iterator[str]:
+    """Yield the remarks on the trim and on watched channels that the samples call for and no row states."""
     if _refused(result, run):
         return
-    stated = set(trim_remarks(result, run))
-    yield from (
-        f"{remark.text}: not stated"
-        for remark in _beyond(result, run, demanded=False)
-        if remark.kind == "trim" and remark.text not in stated
-    )
+    stated = {remark.text for row in result.rows if row["run"] == run for remark in row["remarks"]}
+    flight, model = traces_of(result.signals, "flight"), traces_of(result.signals, run)
+    due = (*_beyond(result, run, demanded=False), *watch(result.case, result.signals["time"].values, flight, model))
+    yield from (f"{remark.text}: not stated" for remark in due if remark.text not in stated)
 
 
 def _beyond(result: PomResult, run: str, demanded: bool) -> tuple[RowRemark, ...]:
@@ -151,11 +151,6 @@ def _beyond(result: PomResult, run: str, demanded: bool) -> tuple[RowRemark, ...
         return ()
     found = {str(name): np.array([value]) for name, value in result.trim[run].dropna().items()}
     return beyond_limits(limits_of(result), found, demanded)
-
-
-def _traces(result: PomResult, run: str) -> dict[str, np.ndarray]:
-    traces = {str(name): item.sel(run=run).values for name, item in result.signals.data_vars.items()}
-    return {name: values for name, values in traces.items() if np.isfinite(values).any()}
 
 
 def _differences(where: str, run: str, stored: Mapping[str, Mapping[Hashable, Any]], others: Mapping[Any, Any]) -> Iterator[str]:

@@ -141,7 +141,7 @@ def run(
 def _lines(result: Any, verbose: bool = False) -> list[str]:
     """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s (1.5 deg)``."""
     from ..report.run_notes import run_notes
-    from ..result import status_text, trim_remarks
+    from ..result import notices, status_text, trim_remarks
     from ..tolerances.remarks import text_of
 
     case, lines = result.case, []
@@ -159,6 +159,7 @@ def _lines(result: Any, verbose: bool = False) -> list[str]:
             rows = result.verdict[(result.verdict["run"] == name) & (result.verdict["verdict"] == status)]
             text += f"  {text_of(rows.iloc[0]['remarks'])}" if len(rows) else ""
         lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {text}")
+        lines += [f"{'':8}notice {text}" for text in notices(result, name)] if status != "fail" or verbose else []
         lines += [f"{'':8}{text}" for text in run_notes(result, name)] if verbose else []
     return lines
 

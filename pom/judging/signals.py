@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from scipy.integrate import cumulative_trapezoid
 
 from ..tolerances.derived_channels import SOURCES, output_of
@@ -76,6 +77,12 @@ class Signals(Mapping[str, np.ndarray]):
 def signals_of(case: PomCase, raw: Raw, time: np.ndarray) -> Signals:
     """Return the signals of one run of a case."""
     return Signals(raw, time, case.conditions.get("wheel_radius"))
+
+
+def traces_of(signals: xr.Dataset, run: str) -> dict[str, np.ndarray]:
+    """Return the channels of one run of a result that hold a number anywhere. [SI]"""
+    traces = {str(name): item.sel(run=run).values for name, item in signals.data_vars.items()}
+    return {name: values for name, values in traces.items() if np.isfinite(values).any()}
 
 
 def _integral(rate: np.ndarray, time: np.ndarray) -> np.ndarray:

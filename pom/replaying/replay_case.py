@@ -21,8 +21,9 @@ from ..fmu.description import check
 from ..fmu.run_cache import Store
 from ..fmu.simulate import Model, Models, fly
 from ..judging.applicability import settled
-from ..judging.signals import Signals, signals_of
+from ..judging.signals import Signals, signals_of, traces_of
 from ..judging.verdict import bands, formed_channels, judge_all, row, unjudged
+from ..judging.watch import watch
 from ..result import PomResult, verdict_table
 from ..tolerances.bands import Outcome
 from ..tolerances.criteria import Criterion
@@ -185,18 +186,19 @@ def assemble(
         kept[PILOT] = json.dumps(plain(_pilot(job, found)))
         found = {run: _as_applied(job, outputs) for run, outputs in found.items()}
     rows, limits = [], trim_limits(case, flight)
+    signals = _signals([*shown_channels(case, states), *formed_channels(case, flight)], flight, found)
     for name, outputs in found.items():
-        remarks = (*beyond_limits(limits, outputs, demanded=False), *_tables_left(outputs))
+        seen = () if failures.get(name) else watch(case, job.time, traces_of(signals, "flight"), traces_of(signals, name))
+        remarks = (*beyond_limits(limits, outputs, demanded=False), *seen, *_tables_left(outputs))
         failure = _failed(failures.get(name, "")) or beyond_limits(limits, outputs, demanded=True)
         outcomes = judge_all(case, job.time, flight, outputs)
         for criterion in case.criteria:
             judged = row(name, criterion, _outcome(criterion, failure, outcomes[criterion.name]))
             rows.append({**judged, "remarks": (*judged["remarks"], *remarks)})
-    shown = [*shown_channels(case, states), *formed_channels(case, flight)]
     return PomResult(
         case=case,
         conditions=dict(configuration(case, job)),
-        signals=_signals(shown, flight, found).assign_attrs({**kept, **(attrs or {})}),
+        signals=signals.assign_attrs({**kept, **(attrs or {})}),
         tolerance=bands(case, job.time, flight),
         inputs=_inputs(job),
         trim=trim_table(flight, found),

@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from pom.result import PomResult
+from pom.result import PomResult, notices
 
 from ..models.diagnosis import cause
 from ..presentation.quantities import fixed
@@ -114,6 +114,7 @@ def outcomes(result: PomResult, styles: Mapping[str, str]) -> list[dict[str, Any
                 "ratio_text": fixed(ratio, 2),
                 "criterion": words(worst.get("criterion", "")),
                 "why": "" if math.isfinite(ratio) else reason(worst.get("remarks", ())),
+                "notices": notices(result, run),
                 "at": at,
                 "at_text": fixed(at, 2),
             }

@@ -128,7 +128,9 @@ def _texts(case: Any) -> list[tuple[str, str]]:
 def _outcome(item: Mapping[str, Any]) -> dict[str, Any]:
     at = f" at {item['at_text']} s" if item["at"] == item["at"] else ""
     verdict: Verdict = item["verdict"]
-    decides = f"{item['criterion']}{at}" if item["criterion"] else ""
+    count = len(item["notices"])
+    parts = (f"{item['criterion']}{at}" if item["criterion"] else "", f"{count} notice{'s' if count > 1 else ''}" if count else "")
+    decides = ", ".join(filter(None, parts))
     return {"run": item["run"], "style": item["style"], "ratio": item["ratio_text"], "decides": decides, **_verdict(verdict)}
 
 

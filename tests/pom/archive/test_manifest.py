@@ -131,6 +131,15 @@ def test_a_trim_beyond_its_limits_that_no_row_states_is_found(write_case, lag_st
     assert changed(tmp_path)["verdict", "a_case, toy"].detail == "trim.delta_e +2 deg is beyond 1 deg: not stated"
 
 
+def test_a_watched_channel_that_no_row_states_is_found(made):
+    with h5py.File(made / "report" / "results.nc", "r+") as file:
+        group = file["a_case"]
+        run, channel = (list(group[name].asstr()[()]).index(word) for name, word in (("run", "toy"), ("channel", "h")))
+        group["signals"][run, channel, 200:] += 100.0
+    rehash(made, "results.nc")
+    assert "height of the c.g. over mean sea level off by 328 ft" in changed(made)["verdict", "a_case, toy"].detail
+
+
 def test_a_crashed_model_stays_invalid(write_case, lag_states, toy, tmp_path):
     result = replay(read_case(write_case(more="trim = false")), {"good": toy(), "bad": toy("error")}, lag_states)
     assert result.failure.startswith("bad: ")
