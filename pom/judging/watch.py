@@ -1,6 +1,6 @@
 """Channels without a tolerance, watched: what a verdict does not look at and a pilot would notice.
 
-A row of the tolerance table judges a few channels.  A model may pass it and roll while it yaws, swing in the opposite phase or
+A row of the tolerance table judges a few channels.  A model may pass it and roll while it yaws, oscillate in the opposite phase or
 drift away; the remark on such a channel stands next to the verdict and changes none.
 """
 

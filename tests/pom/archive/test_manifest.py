@@ -3,6 +3,7 @@
 import json
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -131,13 +132,14 @@ def test_a_trim_beyond_its_limits_that_no_row_states_is_found(write_case, lag_st
     assert changed(tmp_path)["verdict", "a_case, toy"].detail == "trim.delta_e +2 deg is beyond 1 deg: not stated"
 
 
-def test_a_watched_channel_that_no_row_states_is_found(made):
-    with h5py.File(made / "report" / "results.nc", "r+") as file:
-        group = file["a_case"]
-        run, channel = (list(group[name].asstr()[()]).index(word) for name, word in (("run", "toy"), ("channel", "h")))
-        group["signals"][run, channel, 200:] += 100.0
-    rehash(made, "results.nc")
-    assert "height of the c.g. over mean sea level off by 328 ft" in changed(made)["verdict", "a_case, toy"].detail
+def test_a_watched_channel_that_no_row_states_is_found(write_case, lag_states, toy, tmp_path):
+    result = replay(read_case(write_case(more="trim = false")), {"toy": toy()}, lag_states)
+    banked = np.zeros((2, result.signals.sizes["time"]))
+    banked[1, 200:] = np.radians(5.0)
+    result = replace(result, signals=result.signals.assign(phi=(("run", "time"), banked, {"units": "rad"})))
+    pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
+    text = "bank angle off by 5 deg at 5.0 s, without a tolerance, watched within 4 deg: not stated"
+    assert changed(tmp_path)["verdict", "a_case, toy"].detail == text
 
 
 def test_a_crashed_model_stays_invalid(write_case, lag_states, toy, tmp_path):
