@@ -12,7 +12,8 @@ ROOT = Path(__file__).parents[1]
 @pytest.fixture(scope="session")
 def demo(tmp_path_factory):
     """Perform the demo once, about a minute: its folder and the finished process; for tests marked slow only."""
-    folder = tmp_path_factory.mktemp("demo") / "t37"
+    folder = tmp_path_factory.mktemp("demo") / "fresh" / "out" / "t37"  # as deep as its copies in test_docs: reports name inputs relatively
+    folder.parent.mkdir(parents=True)
     command = [sys.executable, "-m", "aeromatch", "demo", "--json", "-o", str(folder)]
     return folder, subprocess.run(command, capture_output=True, text=True, timeout=600)
 

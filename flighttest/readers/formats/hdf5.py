@@ -35,7 +35,8 @@ def read(path: Path, names: NameMap) -> Recording:
         found = tables(root, names)
     if not found:
         raise ParseError(str(path), 0, "no array of numbers", "a recording: arrays next to their stamps")
-    matlab = path.open("rb").read(16).startswith(b"MATLAB")
+    with path.open("rb") as file:
+        matlab = file.read(16).startswith(b"MATLAB")
     facts = {key: value for key, value in facts.items() if isinstance(value, str | int | float)}
     return Recording("matlab73" if matlab else "hdf5", found, facts)
 
