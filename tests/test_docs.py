@@ -1,11 +1,13 @@
 """Every example command of the documentation runs, as printed, from a fresh folder; every name that an example of Python uses exists.
 
-What a page may rely on is stated in its first paragraph set in italics, which begins with "Commands": *a checkout* puts ``data`` and ``examples``
-of the repository into the folder, *./run demo* puts the output of the demo there as ``out/t37``, ``../shared`` the material next to a checkout.
+What a page may rely on is stated in its first paragraph set in italics, which begins with "Commands": *a checkout* puts
+``data``, ``docs``, ``examples`` and ``tests`` of the repository into the folder, *./run demo* the output of the demo as ``out/t37``,
+``../shared`` the material next to a checkout.
 
-Blocks of language ``console`` hold commands after ``$`` and what they print, ``sh`` commands only. Output must come in the order printed; a line
-``...`` stands for any number of lines, and `` ...`` at the end of a line for its rest. A block with ``title="name"`` is written as that file first.
-The comment ``<!-- slow -->`` before a block leaves it and what follows on the page to the slow tests.
+Blocks of language ``console`` hold commands after ``$`` and what they print, ``sh`` commands only. Output must come in the order
+printed; a line ``...`` stands for any number of lines, and ``...`` at the end of a line for its rest. A block with ``title="name"`` is
+written as that file first. A comment ``exit code 1`` behind a command states how it ends. ``<!-- slow -->`` before a block leaves it, and
+what follows on the page, to the slow tests.
 """
 
 from __future__ import annotations
@@ -125,9 +127,10 @@ class Reader:
             done = subprocess.run(command, shell=True, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=600)
             return done.returncode, done.stdout
         self.monkeypatch.setattr(sys, "argv", shlex.split(command, comments=True))
-        with pytest.raises(SystemExit) as ended, warnings.catch_warnings():
+        with warnings.catch_warnings():
             warnings.simplefilter("default", AeromatchWarning)
-            main()
+            with pytest.raises(SystemExit) as ended:
+                main()
         printed = self.capfd.readouterr()
         return int(ended.value.code or 0), printed.out + printed.err
 
