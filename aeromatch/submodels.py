@@ -18,6 +18,7 @@ from flighttest.control_loading.loading import loading_of
 from flighttest.engine import EngineStructure, Polar, engine_channels, read_structure
 from flighttest.engine.records import read_points
 from flighttest.landing_gear import GroundRecord, identify_landing_gear
+from flighttest.sensors import pick_up_errors
 
 from .project import Project
 from .sections import Flown
@@ -169,7 +170,8 @@ def identified_controls(
             [part for record, own in group.items() for part in between(_on_ground(paths[record].states), own)] for group in (driven, free)
         )
         loading = loading_of(aircraft, item, asked.model, asked.constants, asked.arm)
-        found[item] = flighttest.identify_control_loading(loading, slow, fast, asked.order)
+        known, errors = aircraft.circuits.get(item), pick_up_errors(aircraft.instruments)
+        found[item] = flighttest.identify_control_loading(loading, slow, fast, asked.order, errors=errors, drawings=known)
         motion[item] = found[item].fly(fast)
     return found, motion
 

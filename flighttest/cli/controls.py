@@ -14,6 +14,13 @@ _FILE = click.Path(exists=True, dir_okay=False)
 @click.command("controls")
 @click.argument("paths", nargs=-1, required=True, type=_FILE)
 @click.option("--free", "free_files", multiple=True, type=_FILE, help="States of pulses and releases.")
+@click.option(
+    "--records", type=click.Path(exists=True, file_okay=False), help="Folder of the recordings, named as PATHS: their manoeuvres."
+)
+@click.option(
+    "--free-manoeuvre", "free_names", multiple=True, help="Manoeuvre in --records that is a pulse or release, such as release_column."
+)
+@click.option("--prior", type=float, default=None, help="Join with the circuit of the aircraft; standard error over value, such as 0.25.")
 @click.option("--aircraft", "aircraft_file", required=True, type=_FILE, help="Aircraft, TOML: hinge geometry and gearing.")
 @click.option("--item", type=click.Choice(["column", "wheel", "pedal"]), default="column", show_default=True, help="Control.")
 @click.option("--model", default="", help="Terms of the hinge moment. Default for the column: 'Ch_e = 1 + alpha + delta_e + delta_t'.")
@@ -24,7 +31,9 @@ _FILE = click.Path(exists=True, dir_okay=False)
 @click.option("--database", "database_file", type=_FILE, help="Put the hinge moments into this database; see --into.")
 @click.option("--into", type=NewFile(), help="Where the database with the hinge moments is written.")
 @json_option
-def controls(paths, free_files, aircraft_file, item, model, constants, arm, order, output, database_file, into, as_json) -> None:
+def controls(
+    paths, free_files, records, free_names, prior, aircraft_file, item, model, constants, arm, order, output, database_file, into, as_json
+) -> None:
     """Identify the control loading from PATHS: slow sweeps and manoeuvres of several speeds and tab settings."""
     from flightmech import read_aircraft, write_aircraft
     from flightmech.errors import SchemaError
@@ -33,13 +42,22 @@ def controls(paths, free_files, aircraft_file, item, model, constants, arm, orde
     from ..control_loading.identification import identify_control_loading
     from ..control_loading.loading import ControlLoading, loading_of
     from ..dynamics.saved_paths import open_states
+    from ..sensors.instruments import pick_up_errors
 
-    if bool(database_file) != bool(into):
-        raise SchemaError("flight controls", ["--database and --into go together; give both or none"])
+    pairs = {"--database and --into": (database_file, into), "--records and --free-manoeuvre": (records, free_names)}
+    problems = [f"{names} go together; give both or none" for names, (a, b) in pairs.items() if bool(a) != bool(b)]
     aircraft = read_aircraft(aircraft_file)
+    if prior is not None and item not in aircraft.circuits:
+        problems.append(f"--prior needs [circuit.{item}] in {aircraft_file}; it is missing")
+    if problems:
+        raise SchemaError("flight controls", problems)
     loading: ControlLoading = loading_of(aircraft, item, model, constants, arm)
     states, free = ([open_states(path) for path in group] for group in (paths, free_files))
-    found = identify_control_loading(loading, states, free, int(order))
+    if records:
+        divided = [_divided(one, Path(records) / Path(path).name, free_names) for one, path in zip(states, paths)]
+        states, free = [x for driven, _ in divided for x in driven], [*free, *(x for _, own in divided for x in own)]
+    drawings = {} if prior is None else {"drawings": aircraft.circuits[item], "drawings_error": prior}
+    found = identify_control_loading(loading, states, free, int(order), errors=pick_up_errors(aircraft.instruments), **drawings)
     if output:
         write_aircraft(found.aircraft(aircraft), Path(output))
     if into:
@@ -54,3 +72,15 @@ def controls(paths, free_files, aircraft_file, item, model, constants, arm, orde
     click.echo(found.report())
     for file in filter(None, (output, into)):
         click.echo(f"written: {file}")
+
+
+def _divided(states, record: Path, free_names) -> tuple[list, list]:
+    """Stretches of a record that are driven, and its free motion; a record without such a manoeuvre is driven."""
+    import xarray as xr
+
+    from ..control_loading.division import driven_and_free
+    from ..records.record import manoeuvres
+
+    with xr.open_datatree(record, engine="h5netcdf", decode_timedelta=False) as tree:
+        listed = manoeuvres(tree)
+    return driven_and_free(states, listed, free_names) if set(free_names) & set(listed["manoeuvre"]) else ([states], [])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
+from flightmech.errors import IdentificationError
 from flightmech.units import G0
 
 from .linkage import follow
@@ -54,11 +55,19 @@ def fly_windows(loading: ControlLoading, estimates: Mapping[str, float], free: S
     Returns
     -------
     list of Flown
+
+    Raises
+    ------
+    IdentificationError
+        A mass or a stiffness that is not positive.
     """
     return [_flown(loading, estimates, window) for one in free for window in free_motion(loading, one)]
 
 
 def _flown(loading: ControlLoading, p: Mapping[str, float], window: xr.Dataset) -> Flown:
+    wrong = [f"{name} is {p[name]:.3g}" for name in ("mass", "inertia", "cable_stiffness") if name in p and not p[name] > 0.0]
+    if wrong:
+        raise IdentificationError(f"{loading.item}: {', '.join(wrong)}; join it with the drawings by `with_prior`, or take order 2")
     moved = signals(loading, window, None)
     time, g = moved["time"].values, loading.gearing
     step = float(np.median(np.diff(time)))

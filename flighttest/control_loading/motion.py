@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import xarray as xr
-from scipy.ndimage import binary_dilation, binary_erosion
+from scipy.ndimage import binary_erosion
 
 from flightmech.errors import IdentificationError, UnknownName
 
-from ..signals.conditioning import lowpass
 from .loading import FORCES, ControlLoading
 
-CUTOFF = 4.0  # Hz: twice the fastest motion of a hand, so that an inertial force is seen and encoder noise is not
-FREE_CUTOFF = 16.0  # Hz, of free motion: four times the mode of a control on its hinge moment, below half of 50 samples per second
+CUTOFF = 2.0  # Hz: a hand moves a control slower; noise of the acceleration grows with the 2.5th power
 NEUTRAL = 0.03  # of the travel recorded: nearer to neutral, preload is neither one nor the other sign
 AIR_CUTOFF = 3.0  # Hz: above the short period and the Dutch roll
 EVENT_CUTOFF = 10.0  # Hz, to find where free motion starts and ends
 REST = 0.15  # s of rest before it
+OF_BOTH_ENDS = {"friction": "direction", "damping": "rate", "mass": "acceleration"}  # what each multiplies
 _SMEAR = 0.08  # s: of that low-pass
 _PAUSE = 0.4  # s without motion that end a window
 _SLOW = 6.0  # standard errors of the smoothed rate; below, its sign is not known
-_LEAST_RATE = 0.02  # of the fastest rate: friction is fully developed
-_REACH = 0.5  # periods of the cut-off over which the low-pass spreads a kink
-_SHAKEN = 0.6  # periods of the cut-off next to a step of the force
-_JUMP, _CLEAR = 0.4, 8.0  # step between two samples: of the range of the force, of its noise
+LEAST_RATE = 0.02  # of the fastest rate: friction is fully developed
+_WIDTH = 0.1325  # standard deviation of the Gaussian low-pass in periods of its cut-off, where the amplitude is 0.71
+_REACH = 3.1 * _WIDTH  # periods of the cut-off beyond which 0.1 % of a step is left
+_JUMP, _CLEAR = 0.2, 8.0  # step between two samples: of the range of the force, of its noise
 
 
 def signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> xr.Dataset:
@@ -34,7 +35,7 @@ def signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> 
     loading : ControlLoading
     data : Dataset (time,)
         ``column``, ``F_column``, ``delta_e`` (or those of wheel or pedal), ``qbar``, ``nz`` and the variables of the hinge moments,
-        on an even time base; ``wow`` where the nose-wheel spring is estimated, ``p`` and ``V`` for the ailerons. [SI]
+        on an even time base; ``wow`` or ``wow_nose`` where the nose-wheel spring is estimated, ``p`` and ``V`` for the ailerons. [SI]
     cutoff : float or None
         Of one low-pass for all channels.  None leaves force, travel and deflection as they are and gives the air and the tab, which
         change slowly, `AIR_CUTOFF`: as inputs of a simulation their noise would shake the control. [Hz]
@@ -44,7 +45,9 @@ def signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> 
     UnknownName
         A channel that the record does not hold.
     """
-    wanted, item = _channels(loading), loading.item
+    wanted, item = channels(loading), loading.item
+    if "wow" in wanted and "wow" not in data and "wow_nose" in data:
+        data = data.assign(wow=data["wow_nose"])
     for name in wanted:
         if name not in data:
             raise UnknownName(name, map(str, data.data_vars), "channel", f"the {loading.item} needs it")
@@ -52,19 +55,20 @@ def signals(loading: ControlLoading, data: xr.Dataset, cutoff: float | None) -> 
     step = float(np.median(np.diff(time)))
     if np.abs(np.diff(time) - step).max() > 0.2 * step:
         raise IdentificationError("the time base is not even; resample the record first")
+    raw = {name: np.broadcast_to(np.asarray(data[name].values, float), time.shape) for name in wanted}
     found = {}
-    for name in wanted:
-        x = np.broadcast_to(np.asarray(data[name].values, float), time.shape)
+    for name, x in raw.items():
         quick = name in (item, f"F_{item}", loading.deflection)
         own = AIR_CUTOFF if cutoff is None and not quick else cutoff
-        found[name] = x if own is None or name == "wow" else lowpass(x, 1.0 / step, own)
-    s = found[loading.item]
-    rate, acceleration = rates(s, step)
+        found[name] = x if own is None or name == "wow" else smoothed(x, step, own)[0]
     if "alpha" in loading.model.variables and loading.item == "wheel":
         found["alpha"] = loading.arm * found["p"] / found["V"]
-    for side, x in (("side", s), ("direction", rate)):
-        found[side] = np.sign(x) if cutoff is None else lowpass(np.sign(x), 1.0 / step, cutoff)
-    found |= {"travel": s, "rate": rate, "acceleration": acceleration, "on_ground": found.get("wow", np.zeros_like(s))}
+    found |= {"travel": found[item], "on_ground": found.get("wow", np.zeros_like(time))}
+    band = EVENT_CUTOFF if cutoff is None else cutoff
+    _, found["rate"], found["acceleration"] = smoothed(raw[item], step, band)
+    _, found["aft_rate"], found["aft_acceleration"] = (x / loading.gearing for x in smoothed(raw[loading.deflection], step, band))
+    for side, of in (("side", "travel"), ("direction", "rate"), ("aft_direction", "aft_rate")):
+        found[side] = np.sign(found[of]) if cutoff is None else smoothed(np.sign(found[of]), step, cutoff)[0]
     return xr.Dataset({name: ("time", x) for name, x in found.items()}, {"time": time})
 
 
@@ -86,7 +90,9 @@ def free_motion(loading: ControlLoading, data: xr.Dataset) -> list[xr.Dataset]:
     time = moved["time"].values
     step = float(np.median(np.diff(time)))
     rate = np.abs(moved["rate"].values)
-    moves = np.flatnonzero(rate > max(_SLOW * _rate_noise(data[loading.item].values, EVENT_CUTOFF, step), _LEAST_RATE * float(rate.max())))
+    moves = np.flatnonzero(
+        rate > max(_SLOW * derivative_noise(data[loading.item].values, step, EVENT_CUTOFF)[0], LEAST_RATE * float(rate.max()))
+    )
     if not len(moves):
         return []
     edges = np.flatnonzero(np.diff(moves) * step > _PAUSE)
@@ -103,24 +109,50 @@ def sliding(loading: ControlLoading, data: xr.Dataset, moved: xr.Dataset, cutoff
     """
     step = float(np.median(np.diff(moved["time"].values)))
     raw = data[loading.item].values
-    noise = _rate_noise(raw, cutoff, step)
     rate = np.abs(moved["rate"].values)
-    use = ~_jumping(data[f"F_{loading.item}"].values, round(_SHAKEN / cutoff / step))
-    use &= rate > max(_SLOW * noise, _LEAST_RATE * float(rate.max()))
+    reach = int(np.ceil(_REACH / cutoff / step))
+    use = ~_next_to(jumps(data[f"F_{loading.item}"].values))
+    use &= rate > max(_SLOW * derivative_noise(raw, step, cutoff)[0], LEAST_RATE * float(rate.max()))
+    use &= ~(_crossing(moved["rate"].values) | _crossing(moved["aft_rate"].values))
     if "preload" in loading.constants:
         use &= np.abs(moved["travel"].values) > NEUTRAL * float(np.ptp(raw))
-    width = 2 * int(np.ceil(_REACH / cutoff / step)) + 1
-    return binary_erosion(use, np.ones(width), border_value=1)
+        use &= ~_crossing(moved["travel"].values)
+    return binary_erosion(use, np.ones(2 * reach + 1))
 
 
-def design(loading: ControlLoading, moved: xr.Dataset) -> np.ndarray:
-    """Return the regressors of the force at the hand, (time, names of `ControlLoading`)."""
+def design(loading: ControlLoading, moved: xr.Dataset, aft: Mapping[str, float] | None = None) -> np.ndarray:
+    """Return the regressors of the force at the hand, (time, names of `ControlLoading`).
+
+    ``aft`` is the share of the surface's end of the cable in friction, damping and mass; the regressors are so divided.
+    """
     columns = {str(name): moved[name].values for name in moved.data_vars}
+    for name, share in (aft or {}).items():
+        one = OF_BOTH_ENDS[name]
+        columns[one] = (1.0 - share) * columns[one] + share * columns[f"aft_{one}"]
     forces = np.column_stack([FORCES[name](columns) for name in loading.constants])
     return np.hstack([forces, loading.load(moved)[:, None] * loading.model.design(moved)])
 
 
-def _channels(loading: ControlLoading) -> list[str]:
+def pick_up_noise(loading: ControlLoading, data: xr.Dataset, cutoff: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the standard deviations of the noise in rate and acceleration, of the travel and of the surface's end of the cable."""
+    step = float(np.median(np.diff(data["time"].values)))
+    own = derivative_noise(data[loading.item].values, step, cutoff)
+    return own, derivative_noise(data[loading.deflection].values / loading.gearing, step, cutoff)
+
+
+def noise_of_design(loading: ControlLoading, data: xr.Dataset, cutoff: float, aft: Mapping[str, float] | None = None) -> np.ndarray:
+    """Return the variance of the noise in the regressors of `design`, (names,): rate and acceleration are noisy, all others are not."""
+    own, far = pick_up_noise(loading, data, cutoff)
+    found = np.zeros(len(loading.names))
+    for name, of_travel, of_surface in zip(("damping", "mass"), own, far):
+        if name in loading.constants:
+            share = (aft or {}).get(name, 0.0)
+            found[loading.names.index(name)] = ((1.0 - share) * of_travel) ** 2 + (share * of_surface) ** 2
+    return found
+
+
+def channels(loading: ControlLoading) -> list[str]:
+    """Return the names of the channels that a record must hold."""
     item = loading.item
     names = [item, f"F_{item}", loading.deflection, "qbar", *loading.model.variables]
     if item == "wheel" and "alpha" in loading.model.variables:
@@ -129,27 +161,67 @@ def _channels(loading: ControlLoading) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def rates(x: np.ndarray, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return first and second derivative by a quartic through five samples: right within (omega step)^4/30.
+def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return a signal behind a Gaussian low-pass, its first and its second derivative.
 
-    Central differences of three samples would be 2 % low at 4 Hz and 100 samples per second, and the mass 2 % high.
+    Parameters
+    ----------
+    x : array (time,)
+        Evenly sampled. [any]
+    step : float
+        [s]
+    cutoff : float
+        Frequency where the amplitude is 0.71. [Hz]
+
+    Notes
+    -----
+    Weights on the sine series of what the line through both ends leaves: derivatives are exact up to half the sampling rate, where a
+    quartic through five samples is 11 % low in the acceleration at 16 Hz and 50 samples per second.  The step response of a Gaussian
+    neither rings nor overshoots, so that a reversal of friction is gone 0.41 periods of the cut-off from it; a Butterworth filter of the
+    same noise still has 1 to 4 % of it there, which acts as a mass.
     """
-    from scipy.signal import savgol_filter
+    from scipy.fft import dct, dst
 
-    return savgol_filter(x, 5, 4, deriv=1, delta=step), savgol_filter(x, 5, 4, deriv=2, delta=step)
+    count = len(x) - 1
+    line = x[0] + (x[-1] - x[0]) / count * np.arange(count + 1)
+    omega, weights = _weights(count, step, cutoff)
+    b = weights * dst((x - line)[1:-1], type=1) / count
+    waves = np.zeros((3, count + 1))
+    waves[0, 1:-1] = dst(b, type=1) / 2.0
+    waves[1, 1:-1] = omega * b
+    waves[1] = dct(waves[1], type=1) / 2.0
+    waves[2, 1:-1] = dst(-(omega**2) * b, type=1) / 2.0
+    return line + waves[0], waves[1] + (x[-1] - x[0]) / (count * step), waves[2]
 
 
-def _jumping(force: np.ndarray, reach: int) -> np.ndarray:
-    """Samples next to a step of the force: when inside a sampling interval the hand let go is not known."""
-    jumps = np.abs(np.diff(force, append=force[-1])) > max(_JUMP * float(np.ptp(force)), _CLEAR * noise(force))
-    return binary_dilation(jumps, np.ones(2 * reach + 1)) if jumps.any() else jumps
+def _weights(count: int, step: float, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies of the sine series of so many intervals and the amplitude of the low-pass. [rad s-1], [1]"""
+    omega = np.pi * np.arange(1, count) / (count * step)
+    return omega, np.exp(-0.5 * (omega * _WIDTH / cutoff) ** 2)
 
 
-def _rate_noise(x: np.ndarray, cutoff: float, step: float) -> float:
-    """Standard deviation of the rate of a noisy signal behind the low-pass."""
-    return noise(x) * np.sqrt(2.0 * cutoff * step) * 2.0 * np.pi * cutoff / np.sqrt(3.0)
+def derivative_noise(x: np.ndarray, step: float, cutoff: float) -> tuple[float, float]:
+    """Return the standard deviations of the noise in `smoothed` first and second derivatives of a slow signal with white noise."""
+    omega, weights = _weights(len(x) - 1, step, cutoff)
+    first, second = (noise(x) * float(np.sqrt(np.mean((omega**k * weights) ** 2))) for k in (1, 2))
+    return first, second
+
+
+def jumps(force: np.ndarray) -> np.ndarray:
+    """Return whether the force jumps between a sample and the next, (samples - 1,): when in between the hand let go is not known."""
+    return np.abs(np.diff(force)) > max(_JUMP * float(np.ptp(force)), _CLEAR * noise(force))
+
+
+def _crossing(x: np.ndarray) -> np.ndarray:
+    """Both samples next to a change of sign, however fast: a quick reversal has no slow sample."""
+    return _next_to(np.signbit(x[1:]) != np.signbit(x[:-1]))
+
+
+def _next_to(between: np.ndarray) -> np.ndarray:
+    """Samples next to an event between two."""
+    return np.append(between, False) | np.append(False, between)
 
 
 def noise(x: np.ndarray) -> float:
-    """Return the standard deviation of white noise on a slow signal, by its second differences."""
-    return float(np.median(np.abs(np.diff(x, 2))) / 0.6745 / np.sqrt(6.0))
+    """Return the standard deviation of white noise on a signal that is mostly slow, by its fourth differences."""
+    return float(np.median(np.abs(np.diff(x, 4))) / 0.6745 / np.sqrt(70.0))

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 import xarray as xr
@@ -14,9 +13,10 @@ from flightmech.errors import IdentificationError
 from ..equation_error import least_squares
 from ..equation_error.time_domain import SAMPLES_PER_TERM
 from ..uncertainty import collinearity
-from ..uncertainty.coloured_residuals import coloured
+from .joint_fit import Rows, joint_fit, stretch_lengths
 from .loading import ControlLoading
-from .motion import CUTOFF, FREE_CUTOFF, design, rates, signals, sliding
+from .modulation import free_signals, modulated, modulation_noise
+from .motion import CUTOFF, design, noise_of_design, signals, sliding
 
 _ALIKE = 0.98  # correlation inside every manoeuvre from which on only the differences between manoeuvres separate two terms
 
@@ -51,7 +51,8 @@ def sliding_fit(
     driven: Sequence[xr.Dataset],
     free: Sequence[xr.Dataset] = (),
     cutoff: float = CUTOFF,
-    aft: tuple[float, float] = (0.0, 0.0),
+    aft: Mapping[str, float] | None = None,
+    known: Mapping[str, tuple[float, float]] | None = None,
 ) -> SlidingFit:
     """Fit the force at the hand by least squares over the samples in which the control slides.
 
@@ -61,12 +62,14 @@ def sliding_fit(
     driven : sequence of Dataset (time,)
         Manoeuvres in which the hand moves the control, of several speeds and tab settings: see `motion.signals`.
     free : sequence of Dataset (time,)
-        Pulses and releases, low-passed at `motion.FREE_CUTOFF`: inverse dynamics.
+        Pulses and releases: inverse dynamics, see `modulation`.
     cutoff : float
         Low-pass of the driven manoeuvres, all channels alike. [Hz]
-    aft : (float, float)
-        Mass and damping of the surface, reduced to the travel, for what its end of the cable moves otherwise than the cockpit's.
-        [kg or kg m2, N s m-1 or N m s]
+    aft : mapping of str to float, optional
+        Share of the surface in ``friction``, ``damping`` and ``mass`` of both ends: its end of the cable reverses at other moments and is
+        accelerated otherwise than the cockpit's. [1]
+    known : mapping of str to (float, float), optional
+        Values and standard errors from elsewhere, such as the mass of both ends.
 
     Raises
     ------
@@ -77,52 +80,49 @@ def sliding_fit(
     ----------
     .. [LR743] Report LR-743, 1993, 4.5.3.
     """
-    parts = []
-    for one, band in [*((one, cutoff) for one in driven), *((one, FREE_CUTOFF) for one in free)]:
-        moved = signals(loading, one, band)
-        use = sliding(loading, one, moved, band)
-        if use.any():
-            parts.append((moved["time"].values, use, design(loading, moved), _force(loading, moved, aft)))
+    slow = [part for part in (_driven(loading, one, cutoff, aft) for one in driven) if len(part.z)]
+    quick = [part for part in (_free(loading, one, aft) for one in free) if len(part.z)]
     need = SAMPLES_PER_TERM * len(loading.names)
-    count = int(sum(use.sum() for _, use, _, _ in parts))
+    count = sum(len(part.z) for part in slow)
     if count < need:
         raise IdentificationError(f"{loading.item}: {count} samples in which the control slides; at least {need} are needed")
-    X = np.concatenate([X[use] for _, use, X, _ in parts])
-    z = np.concatenate([F[use] for _, use, _, F in parts])
+    found = joint_fit(slow, quick, loading.names, cutoff, known)
     fixed = np.array([name == "offset" for name in loading.names])
-    collinearity.demand_rank(X, loading.names)
-    collinearity.demand_independence(X, fixed, loading.names)
-    theta, _ = least_squares.solve(X, z)
-    v = z - X @ theta
-    pieces, steps = stretches(parts)
-    found = coloured(X, v, pieces, steps)
-    white = np.sqrt(np.diag(np.linalg.inv(X.T @ X)) * float(v @ v) / (len(z) - len(theta)))
-    more = least_squares.diagnostics(X, fixed)
-    estimates = least_squares.estimates(loading.names, theta, found.covariance, white, ([], np.zeros((len(theta), 0))), more)
+    collinearity.demand_independence(found.X, fixed, loading.names)
+    z, v, none = np.concatenate([part.z for part in slow]), found.residual, np.zeros((len(loading.names), 0))
+    white = np.sqrt(np.diag(np.linalg.inv(found.X.T @ found.X)))
+    more = least_squares.diagnostics(found.X, fixed)
+    estimates = least_squares.estimates(loading.names, found.theta, found.covariance, white, ([], none), more)
     estimates.attrs = {
         "R2": 1.0 - float(v @ v) / float(((z - z.mean()) ** 2).sum()), "residual_rms": float(np.sqrt(v @ v / len(v))),
-        "samples": len(z), "manoeuvres": len(parts), "offset": found.offset,
+        "samples": len(z), "windows": len(found.residual_of_windows), "manoeuvres": len(slow),
     }  # fmt: skip
-    return SlidingFit(loading, estimates, _alike(loading, [X[use] for _, use, X, _ in parts[: len(driven)]]))
+    return SlidingFit(loading, estimates, _alike(loading, [part.X for part in slow]))
 
 
-def _force(loading: ControlLoading, moved: xr.Dataset, aft: tuple[float, float]) -> np.ndarray:
-    """Force at the hand as if the surface moved with the cockpit's end."""
+def _driven(loading: ControlLoading, data: xr.Dataset, cutoff: float, aft: Mapping[str, float] | None) -> Rows:
+    """Samples of a driven manoeuvre in which the control slides."""
+    moved = signals(loading, data, cutoff)
+    use = sliding(loading, data, moved, cutoff)
+    X, F = design(loading, moved, aft), moved[f"F_{loading.item}"].values
+    noise = np.tile(noise_of_design(loading, data, cutoff, aft), (int(use.sum()), 1))
+    return Rows(X[use], F[use], noise, stretch_lengths(use), float(np.median(np.diff(moved["time"].values))))
+
+
+def _free(loading: ControlLoading, data: xr.Dataset, aft: Mapping[str, float] | None) -> Rows:
+    """Windows of free motion: derivatives are those of the travel times the function."""
+    moved, windows = free_signals(loading, data)
+    X = modulated(design(loading, moved, aft), windows)
+    noise = np.zeros(X.shape)
+    s, a = moved["travel"].values, moved[loading.deflection].values / loading.gearing
+    for order, name in ((1, "damping"), (2, "mass")):
+        if name in loading.constants:
+            at, share = loading.names.index(name), (aft or {}).get(name, 0.0)
+            X[:, at] = modulated((1.0 - share) * s + share * a, windows, order)
+            of_travel, of_surface = modulation_noise(loading, data, windows, order)
+            noise[:, at] = (1.0 - share) ** 2 * of_travel + share**2 * of_surface
     step = float(np.median(np.diff(moved["time"].values)))
-    rate, acceleration = rates(moved[loading.deflection].values / loading.gearing - moved["travel"].values, step)
-    return moved[f"F_{loading.item}"].values - aft[0] * acceleration - aft[1] * rate
-
-
-def stretches(parts) -> tuple[list[slice], list[float]]:
-    """Stretches without a gap, as slices of all samples used, and their sampling intervals."""
-    pieces, steps, at = [], [], 0
-    for time, use, _, _ in parts:
-        own = np.flatnonzero(use)
-        edges = [0, *(np.flatnonzero(np.diff(own) > 1) + 1).tolist(), len(own)]
-        pieces += [slice(at + a, at + b) for a, b in pairwise(edges)]
-        steps += [float(np.median(np.diff(time)))] * (len(edges) - 1)
-        at += len(own)
-    return pieces, steps
+    return Rows(X, modulated(moved[f"F_{loading.item}"].values, windows), noise, (), step)
 
 
 def _alike(loading: ControlLoading, parts: Sequence[np.ndarray]) -> list[tuple[str, str]]:

@@ -15,6 +15,7 @@ from flightmech.aircraft.systems.control_circuits import Circuit
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.units import G0
 
+from ..equation_error import least_squares
 from .forward import Flown, fly_windows
 from .loading import ControlLoading
 from .regression import SlidingFit
@@ -31,6 +32,8 @@ _CIRCUIT = (
 )
 
 
+SHARED = {"friction": ("hinge_friction", 1), "damping": ("hinge_damping", 2), "mass": ("inertia", 2)}  # and power of the gearing
+DRAWINGS_ERROR = 0.25  # standard error over value of what drawings, weights and cable tables give
 _SIGNED = ("rigging", "bob_weight")
 _NEEDED = ("mass", "inertia", "cable_stiffness")
 
@@ -76,7 +79,50 @@ class IdentifiedLoading:
 
     def total(self, name: str) -> tuple[float, float]:
         """Return ``friction``, ``damping`` or ``mass`` of both ends of the cable, reduced to the travel, and its standard error."""
-        return self.slid.value(name)
+        value, stderr = self.value(name)
+        if self.cable is None:
+            return value, stderr
+        aft, power = SHARED[name]
+        terms = [name, aft]
+        row = np.array([1.0, abs(self.loading.gearing) ** power])
+        own = self.estimates["covariance"].sel(term=terms, term_=terms).values
+        return float(row @ self.estimates["estimate"].sel(term=terms).values), float(np.sqrt(row @ own @ row))
+
+    def with_errors(self, changes: np.ndarray) -> IdentifiedLoading:
+        """Return the result with more errors of the estimates, one row each, (sources, terms), independent of each other."""
+        return self._moved(self.estimates["estimate"].values, self.estimates["covariance"].values + changes.T @ changes)
+
+    def with_prior(self, known: Circuit, error: float = DRAWINGS_ERROR) -> IdentifiedLoading:
+        """Return the result joined with what is known of the circuit from its drawings.
+
+        Parameters
+        ----------
+        known : Circuit
+            Constants that are not zero count.
+        error : float
+            Their standard error over their value. [1]
+
+        Notes
+        -----
+        Mixed estimation: where records cannot divide mass, damping or friction between both ends of the cable, the drawings do.
+
+        References
+        ----------
+        .. [Theil1961] Theil, Goldberger, Int. Econ. Review 2, 1961.
+        """
+        names = [str(name) for name in self.estimates["term"].values]
+        at = [names.index(name) for name in _CIRCUIT if name in names and name not in _SIGNED and getattr(known, name) > 0.0]
+        cables = 2.0 if known.order == 6 and self.order == 4 else 1.0
+        prior = np.array([getattr(known, names[k]) * (cables if names[k].startswith("cable_") else 1.0) for k in at])
+        theta, C = self.estimates["estimate"].values, self.estimates["covariance"].values
+        gain = np.linalg.solve(C[np.ix_(at, at)] + np.diag((error * prior) ** 2), C[at]).T
+        return self._moved(theta + gain @ (prior - theta[at]), C - gain @ C[at])
+
+    def _moved(self, theta: np.ndarray, covariance: np.ndarray) -> IdentifiedLoading:
+        names = [str(name) for name in self.estimates["term"].values]
+        nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(names), 0)))
+        found = least_squares.estimates(names, theta, 0.5 * (covariance + covariance.T), np.full(len(names), np.nan), nothing, {})
+        return replace(self, estimates=found)
 
     def fly(self, free: Sequence[xr.Dataset]) -> list[Flown]:
         """Return the free motion of records, simulated with what was identified, see `fly_windows`."""
@@ -105,18 +151,19 @@ class IdentifiedLoading:
         SchemaError
             A constant that is negative beyond its error, or a mass or stiffness that is not positive.
         """
-        order = self.order
         names = [str(name) for name in self.estimates["term"].values]
+        order = self.order if "mass" in names else known.order  # without a mass only what acts slowly was identified
         found: dict[str, Any] = {name: self.value(name)[0] for name in _CIRCUIT if name in names}
-        if order == 2:
-            found |= {"inertia": 0.0, "hinge_friction": 0.0, "hinge_damping": 0.0}
+        if self.order == 2:
+            found |= {"inertia": 0.0} if "mass" in names else {}
+            found |= {"hinge_friction": 0.0, "hinge_damping": 0.0}
         for name in (name for name in found if name not in _SIGNED):
             value, stderr = self.value(name) if name in names else (0.0, 0.0)
             if value < -2.0 * stderr or (name in names and value <= 0.0 and name in _NEEDED):
                 text = f"{name} is {value:.3g} +- {stderr:.2g}; it must not be negative: leave it out, or take order 2"
                 raise SchemaError(self.loading.item, [text])
             found[name] = max(0.0, found[name])
-        if known.order == 6 and order == 4:
+        if known.order == 6 and self.order == 4 and order == 4:
             order = 6
             found |= {name: 0.5 * found[name] for name in ("cable_stiffness", "cable_damping")}
         return replace(known, order=order, **found)

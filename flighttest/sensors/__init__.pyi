@@ -1,6 +1,7 @@
 """Public names of `flighttest.sensors` and where they are defined; ``__init__.py`` loads them from this list."""
 
 from .instruments import Instrument as Instrument
+from .instruments import pick_up_errors as pick_up_errors
 from .position_corrections import force_at_cg as force_at_cg
 from .position_corrections import incidence_at_cg as incidence_at_cg
 from .position_corrections import true_pressures as true_pressures

@@ -21,6 +21,9 @@ It stands in the aircraft file, one table per instrument; the names of the table
     [instruments.surfaces]
     bias_sigma = { delta_e = "0.1 deg" }                # rigging of the pick-ups; goes into the errors of the derivatives
     scale_sigma = { delta_e = 0.01 }
+    [instruments.cockpit]
+    bias_sigma = { F_column = "0.3 lbf", column = 5e-4 }  # goes into the errors of the control loading
+    scale_sigma = { F_column = 0.01 }
 
 A channel is used as a measurement when an instrument gives its noise.  `earth_rate = true` in the table of the gyros states that they
 show the rate of the Earth too, as those of an inertial reference do; the record then needs its latitude.
@@ -42,6 +45,7 @@ IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
 SPEEDS = ("V", "V_cas", "mach")  # airspeeds that are measured channels themselves where no impact pressure was recorded
 VANES = ("alpha_vane", "beta_vane")
 SURFACES = ("delta_e", "delta_a", "delta_r")
+COCKPIT = ("column", "wheel", "pedal", "F_column", "F_wheel", "F_pedal", "delta_t")
 SURFACE_BIAS = 0.1 * DEGREE  # what a pick-up is rigged and calibrated to, unless the instruments specify otherwise [rad]
 SURFACE_SCALE = 0.01
 
@@ -99,9 +103,9 @@ class Instrument(Strict):
     @field_validator("scale_sigma")
     @classmethod
     def _scaled_only(cls, scale_sigma: dict[str, float]) -> dict[str, float]:
-        wrong = sorted(set(scale_sigma) - {*IMU, *SURFACES})
+        wrong = sorted(set(scale_sigma) - {*IMU, *SURFACES, *COCKPIT})
         if wrong:
-            raise ValueError(f"scale errors are known for {', '.join((*IMU, *SURFACES))} only, not for {', '.join(wrong)}")
+            raise ValueError(f"scale errors are known for {', '.join((*IMU, *SURFACES, *COCKPIT))} only, not for {', '.join(wrong)}")
         return scale_sigma
 
     @field_validator("factor")
@@ -150,6 +154,34 @@ def surface_errors(content: Mapping[str, Any], what: str = "instruments") -> dic
     for name in SURFACES:
         bias = next((item.bias_sigma[name] for item in tables if name in item.bias_sigma), SURFACE_BIAS)
         found[name] = bias, next((item.scale_sigma[name] for item in tables if name in item.scale_sigma), SURFACE_SCALE)
+    return found
+
+
+def pick_up_errors(content: Mapping[str, Any], what: str = "instruments") -> dict[str, tuple[float, float]]:
+    """Return standard errors of bias and scale of surfaces, cockpit controls, forces and tab, for `identify_control_loading`.
+
+    Parameters
+    ----------
+    content : mapping
+        ``Aircraft.instruments``.
+
+    Returns
+    -------
+    dict of str to (float, float)
+        Surfaces that no instrument names have the defaults of `surface_errors`; the cockpit has what is given. [unit of the channel, 1]
+
+    Raises
+    ------
+    SchemaError
+        With all problems of the tables.
+    """
+    tables = validate(Instruments, {"table": _tables(content)}, what).table.values()
+    found = surface_errors(content, what)
+    for name in COCKPIT:
+        bias = next((item.bias_sigma[name] for item in tables if name in item.bias_sigma), 0.0)
+        scale = next((item.scale_sigma[name] for item in tables if name in item.scale_sigma), 0.0)
+        if bias or scale:
+            found[name] = bias, scale
     return found
 
 

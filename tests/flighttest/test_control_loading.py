@@ -20,6 +20,8 @@ from flighttest import identify_control_loading
 from flighttest.cli.controls import controls
 from flighttest.control_loading import ControlLoading, replace_hinge_moments
 from flighttest.control_loading.linkage import follow
+from flighttest.control_loading.modulation import free_signals, modulated
+from flighttest.control_loading.motion import smoothed
 
 SHARED = Path(__file__).parents[2] / ".." / "shared" / "data" / "identification"
 CHANNELS = {
@@ -173,6 +175,104 @@ def test_dry_friction_takes_twice_its_travel_every_half_cycle_and_then_holds():
     assert s[[0, 100, 200]] * [1, -1, 1] == pytest.approx(turns, abs=2e-5)  # sub-steps of 1 ms: (omega h)^2/24 and what a reversal leaves
     assert np.ptp(s[400:]) == 0.0
     assert abs(s[-1]) <= friction / spring
+
+
+def test_command_divides_records_by_their_manoeuvres_and_joins_the_drawings(records, tmp_path):
+    driven, free = records
+    listed = json.dumps([{"manoeuvre": "release_column", "start": 0.0, "end": 12.0}])
+    (tmp_path / "recordings").mkdir()
+    files = []
+    for k, one in enumerate([*driven, free[1], free[5]]):
+        name = f"{k}.nc"
+        one.to_netcdf(tmp_path / name, engine="h5netcdf")
+        xr.DataTree(xr.Dataset(attrs={"manoeuvres": listed if k >= len(driven) else "[]"})).to_netcdf(
+            tmp_path / "recordings" / name, engine="h5netcdf"
+        )
+        files.append(str(tmp_path / name))
+    heavy = AIRCRAFT.replace("mass = 5.0", "mass = 9.0")
+    (tmp_path / "a.toml").write_text(heavy)
+    common = [*files, "--aircraft", str(tmp_path / "a.toml"), "--json"]
+    divided = ["--records", str(tmp_path / "recordings"), "--free-manoeuvre", "release_column"]
+    answers = [
+        json.loads(CliRunner().invoke(controls, [*common, *divided, *more], catch_exceptions=False).output)["estimates"]
+        for more in ([], ["--prior", "0.001"])
+    ]
+    assert answers[0]["mass"][0] == pytest.approx(5.1, rel=0.1)
+    assert answers[1]["mass"][0] == pytest.approx(9.0, rel=0.02)
+    with pytest.raises(SchemaError, match="--records and --free-manoeuvre go together"):
+        CliRunner().invoke(controls, [*common, *divided[:2]], catch_exceptions=False)
+
+
+def test_without_a_mass_the_circuit_keeps_its_own(loading, records):
+    slow = replace(loading, constants=("offset", "preload", "friction", "damping"))
+    found = identify_control_loading(slow, records[0], order=2)
+    known = Circuit(stops=(-0.1, 0.1), order=4, mass=5.0, inertia=0.5, cable_stiffness=3e4, hinge_friction=3.0)
+    circuit = found.circuit(known)
+    assert (circuit.order, circuit.mass, circuit.inertia, circuit.cable_stiffness) == (4, 5.0, 0.5, 3e4)
+    assert (circuit.friction, circuit.hinge_friction) == (found.value("friction")[0], 0.0)
+
+
+def heavier(found, known: Circuit, name: str) -> tuple[float, float]:
+    joined = found.with_prior(replace(known, **{name: 2.0 * found.value(name)[0]}), error=0.01)
+    return joined.value(name)[0] / found.value(name)[0], joined.value(name)[1] / found.value(name)[1]
+
+
+def test_mass_of_both_ends_is_not_biased(found, truth):
+    value, stderr = found.total("mass")
+    true = truth["mf"] + truth["G"] ** 2 * truth["Ia"]
+    assert abs(value - true) < 3.0 * stderr
+    assert stderr < 0.01 * true
+
+
+def test_prior_moves_what_the_records_leave_open_most(found):
+    known = Circuit(stops=(-0.1, 0.1), order=4, mass=0.0, inertia=0.0)
+    moved, narrowed = heavier(found, known, "cable_damping")
+    held, _ = heavier(found, known, "cable_stiffness")
+    assert abs(moved - 2.0) < abs(held - 2.0)
+    assert narrowed < 0.5
+    same = found.with_prior(known)
+    assert np.array_equal(same.estimates["estimate"], found.estimates["estimate"])
+
+
+def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
+    driven, free = records[0], records[1][:1]
+    plain = identify_control_loading(loading, driven, free, order=2)
+    wide = identify_control_loading(loading, driven, free, order=2, errors={"F_column": (2.0, 0.02), "wheel": (1.0, 1.0)})
+    assert wide.value("friction")[0] == plain.value("friction")[0]
+    expected = np.hypot(plain.value("friction")[1], 0.02 * plain.value("friction")[0])
+    assert wide.value("friction")[1] == pytest.approx(expected, rel=0.02)
+    assert wide.value("offset")[1] == pytest.approx(np.hypot(plain.value("offset")[1], 2.0), rel=0.02)
+
+
+def oscillation(time: np.ndarray) -> np.ndarray:
+    return np.exp(-((time - 3.0) ** 2)) * np.sin(2.0 * np.pi * 8.0 * time) + 0.2 * time
+
+
+def test_derivatives_behind_the_low_pass_are_exact_up_to_half_the_sampling_rate():
+    step = 0.02
+    time = np.arange(0.0, 6.0, step)
+    s, rate, acceleration = smoothed(oscillation(time), step, np.inf)
+    h = 1e-5
+    slope = (oscillation(time + h) - oscillation(time - h)) / (2.0 * h)
+    second = (oscillation(time + h) - 2.0 * oscillation(time) + oscillation(time - h)) / h**2
+    assert s == pytest.approx(oscillation(time), abs=1e-12)
+    assert np.abs(rate - slope).max() < 1e-3 * np.abs(slope).max()
+    assert np.abs(acceleration - second)[5:-5].max() < 2e-3 * np.abs(second).max()
+    gain = np.ptp(smoothed(np.sin(2.0 * np.pi * 8.0 * time), step, 8.0)[0][100:200]) / 2.0
+    assert gain == pytest.approx(0.707, abs=0.01)
+
+
+def test_windows_end_at_reversals_and_give_derivatives_without_differences(loading):
+    time = np.arange(0.0, 2.0, 0.01)
+    s = 0.05 * np.sin(2.0 * np.pi * 1.0 * time)
+    channels = {"F_column": np.zeros_like(s), "column": s, "delta_e": loading.gearing * s}
+    channels |= {name: np.full_like(s, 1.0) for name in ("qbar", "alpha", "delta_t", "nz")}
+    moved, windows = free_signals(loading, xr.Dataset({name: ("time", x) for name, x in channels.items()}, {"time": time}))
+    assert len(windows) >= 8
+    rate = moved["rate"].values
+    assert all((np.sign(rate[one.part]) == np.sign(rate[one.part][0])).all() for one in windows)
+    for order, exact in ((1, 2.0 * np.pi * 0.05 * np.cos(2.0 * np.pi * time)), (2, -((2.0 * np.pi) ** 2) * s)):
+        assert modulated(s, windows, order) == pytest.approx(modulated(exact, windows), abs=2e-3 * np.abs(exact).max())
 
 
 def test_faults_are_named():
