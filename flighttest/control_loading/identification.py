@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import xarray as xr
+from scipy.linalg import block_diag
 
 from flightmech.aircraft.systems.control_circuits import Circuit
 from flightmech.errors import IdentificationError
 
 from ..equation_error import least_squares
-from .cable import NAMES, cable_fit
+from ..equation_error.joint_fit import JointFit, Rows
+from .cable import NAMES, CableFit, cable_fit
 from .loading import ControlLoading
 from .motion import CUTOFF, channels
 from .regression import SlidingFit, sliding_fit
 from .result import DRAWINGS_ERROR, SHARED, IdentifiedLoading
+from .stretches import Stretch, driven_stretches, force_rows, free_stretches, with_error
 
 _PASSES = 2
 
@@ -50,7 +54,7 @@ def identify_control_loading(
         so they are carried on into the standard errors; see `instruments.pick_up_errors`. [unit of the channel, 1]
     drawings : Circuit, optional
         What is known of the circuit from its drawings; it is joined as by `IdentifiedLoading.with_prior` and holds the mass of both ends
-        within twice its error where the motion is lost in the noise of the pick-ups.
+        and the inertia of the surface within twice their errors where the motion is lost in the noise of the pick-ups.
     drawings_error : float
         Standard error of its constants over their values. [1]
 
@@ -76,16 +80,72 @@ def identify_control_loading(
     """
     if order not in (2, 4):
         raise IdentificationError(f"order is {order}; allowed: 2, 4 (two ailerons on two cables move as one of order 4)")
-    known = _mass(loading, drawings, 2.0 * drawings_error) if drawings is not None else {}
-    found = _fitted(loading, driven, free, order, cutoff, known, _drawn_shares(loading, drawings) if order == 4 else None)
-    shares = None if found.cable is None else _shares(found.slid, found.cable)
-    changes = []
-    for channel, kind, size in _sources(loading, [*driven, *free], errors or {}):
-        moved, moved_free = ([_changed(one, channel, kind, size) for one in group] for group in (driven, free))
-        other = _once(loading, moved, moved_free, order, cutoff, shares, known)
-        changes.append(other.estimates["estimate"].values - found.estimates["estimate"].values)
-    found = found.with_errors(np.array(changes)) if changes else found
+    slow, quick = driven_stretches(loading, driven, cutoff), free_stretches(loading, free)
+    wide = 2.0 * drawings_error
+    known = _mass(loading, drawings, wide) if drawings is not None else {}
+    shares = _drawn_shares(loading, drawings) if order == 4 else {}
+    for _ in range(1 if order == 2 else 1 + _PASSES):  # force and stretch in turn, each corrected by the other
+        slid, force = sliding_fit(loading, slow, quick, cutoff, shares, known)
+        cable = None if order == 2 else cable_fit(slid, slow, quick, cutoff, _drawn_cable(loading, drawings, wide))
+        used, shares = shares, _shares(slid, cable) if cable is not None else {}
+    fit = _Fit(slid, force, cable, used)
+    found = IdentifiedLoading(loading, slid, None if cable is None else cable.estimates, fit.estimates())
+    sources = _sources(loading, [*driven, *free], errors or {})
+    if sources:
+        found = found.with_errors(np.array([fit.change(slow, quick, source) for source in sources]))
     return found.with_prior(drawings, drawings_error) if drawings is not None else found
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Both regressions, and with which shares of the surface in friction, damping and mass the first was made."""
+
+    slid: SlidingFit
+    force: JointFit
+    cable: CableFit | None
+    shares: dict[str, float]
+
+    @property
+    def names(self) -> list[str]:
+        return [*self.slid.loading.names, *(NAMES if self.cable is not None else ())]
+
+    def _division(self) -> np.ndarray:
+        """From friction, damping and mass of both ends to those of the cockpit end alone, (names, names)."""
+        T = np.eye(len(self.names))
+        for total, (aft, power) in SHARED.items():
+            if total in self.names and aft in self.names:
+                T[self.names.index(total), self.names.index(aft)] = -(abs(self.slid.loading.gearing) ** power)
+        return T
+
+    def estimates(self) -> xr.Dataset:
+        """All constants and terms with their covariance."""
+        if self.cable is None:
+            return self.slid.estimates
+        T, both = self._division(), (self.slid.estimates, self.cable.estimates)
+        C = block_diag(*(one["covariance"].values for one in both))
+        theta = np.concatenate([one["estimate"].values for one in both])
+        nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(theta), 0)))
+        return least_squares.estimates(self.names, T @ theta, T @ C @ T.T, np.full(len(theta), np.nan), nothing, {})
+
+    def change(self, slow: Sequence[Stretch], quick: Sequence[Stretch], source: tuple[str, int, float]) -> np.ndarray:
+        """Return the change of the estimates by an error of a channel, (names,), to first order: that of the residuals is fitted."""
+        loading = self.slid.loading
+        as_recorded = [*slow, *quick]
+        wrong = [with_error(loading, one, *source) for one in as_recorded]
+        theta = self.slid.estimates["estimate"].values
+        after, before = (
+            np.concatenate([_residual(force_rows(loading, one, self.shares), theta) for one in group]) for group in (wrong, as_recorded)
+        )
+        change = self.force.estimator[:, : len(before)] @ (after - before)
+        if self.cable is None:
+            return change
+        at = [loading.names.index(loading.term(term)) for term in loading.model.terms]
+        stretch = self.cable.residual(wrong, (theta + change)[at]) - self.cable.residual(as_recorded, theta[at])
+        return self._division() @ np.concatenate([change, self.cable.slopes @ stretch])
+
+
+def _residual(rows: Rows, theta: np.ndarray) -> np.ndarray:
+    return rows.z - rows.X @ theta
 
 
 def _mass(loading: ControlLoading, drawings: Circuit, error: float) -> dict[str, tuple[float, float]]:
@@ -94,29 +154,19 @@ def _mass(loading: ControlLoading, drawings: Circuit, error: float) -> dict[str,
     return {"mass": (total, error * total)} if total > 0.0 else {}
 
 
-def _drawn_shares(loading: ControlLoading, drawings: Circuit | None) -> dict[str, float] | None:
+def _drawn_shares(loading: ControlLoading, drawings: Circuit | None) -> dict[str, float]:
     """Share of the surface in friction, damping and mass of both ends by the drawings, to start with."""
     if drawings is None:
-        return None
+        return {}
     pairs = {total: (getattr(drawings, total), getattr(drawings, aft) * abs(loading.gearing) ** k) for total, (aft, k) in SHARED.items()}
     return {total: b / (a + b) for total, (a, b) in pairs.items() if a + b > 0.0 and total in loading.names}
 
 
-def _fitted(loading, driven, free, order: int, cutoff: float, known, shares: Mapping[str, float] | None) -> IdentifiedLoading:
-    """Fit force and stretch in turn, each corrected by the other."""
-    found = _once(loading, driven, free, order, cutoff, shares, known)
-    for _ in range(_PASSES if found.cable is not None else 0):
-        assert found.cable is not None
-        found = _once(loading, driven, free, order, cutoff, _shares(found.slid, found.cable), known)
-    return found
-
-
-def _once(loading, driven, free, order: int, cutoff: float, shares: Mapping[str, float] | None, known) -> IdentifiedLoading:
-    slid = sliding_fit(loading, driven, free, cutoff, shares, known)
-    if order == 2:
-        return IdentifiedLoading(loading, slid, None, slid.estimates)
-    cable = cable_fit(slid, driven, free, cutoff)
-    return IdentifiedLoading(loading, slid, cable, _divided(slid, cable))
+def _drawn_cable(loading: ControlLoading, drawings: Circuit | None, error: float) -> tuple[float, float, float] | None:
+    """Inertia of the surface and stiffness of the cables by the drawings, reduced to the travel, and the error of the first."""
+    if drawings is None or not (drawings.inertia > 0.0 and drawings.cable_stiffness > 0.0):
+        return None
+    return drawings.inertia * loading.gearing**2, drawings.cable_stiffness * (2.0 if drawings.order == 6 else 1.0), error
 
 
 def _sources(
@@ -127,30 +177,11 @@ def _sources(
     return [(name, kind, size) for name, pair in errors.items() if name in used for kind, size in enumerate(pair) if size > 0.0]
 
 
-def _changed(one: xr.Dataset, channel: str, kind: int, size: float) -> xr.Dataset:
-    return one.assign({channel: one[channel] * (1.0 + size) if kind else one[channel] + size})
-
-
-def _shares(slid: SlidingFit, cable: xr.Dataset) -> dict[str, float]:
+def _shares(slid: SlidingFit, cable: CableFit) -> dict[str, float]:
     """Share of the surface in friction, damping and mass of both ends, between 0 and 1."""
     found = {}
     for total, (aft, power) in SHARED.items():
         if total in slid.loading.names:
-            own = float(cable["estimate"].sel(term=aft)) * abs(slid.loading.gearing) ** power
+            own = float(cable.estimates["estimate"].sel(term=aft)) * abs(slid.loading.gearing) ** power
             found[total] = float(np.clip(own / slid.value(total)[0], 0.0, 1.0))
     return found
-
-
-def _divided(slid: SlidingFit, cable: xr.Dataset) -> xr.Dataset:
-    """Estimates with friction, damping and mass of the cockpit end alone."""
-    names = [*slid.loading.names, *NAMES]
-    count = len(slid.loading.names)
-    T = np.eye(len(names))
-    for total, (aft, power) in SHARED.items():
-        if total in names:
-            T[names.index(total), names.index(aft)] = -(abs(slid.loading.gearing) ** power)
-    C = np.zeros((len(names), len(names)))
-    C[:count, :count], C[count:, count:] = slid.estimates["covariance"].values, cable["covariance"].values
-    theta = np.concatenate([slid.estimates["estimate"].values, cable["estimate"].values])
-    nothing: tuple[list[str], np.ndarray] = ([], np.zeros((len(names), 0)))
-    return least_squares.estimates(names, T @ theta, T @ C @ T.T, np.full(len(names), np.nan), nothing, {})

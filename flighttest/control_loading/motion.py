@@ -140,17 +140,6 @@ def pick_up_noise(loading: ControlLoading, data: xr.Dataset, cutoff: float) -> t
     return own, derivative_noise(data[loading.deflection].values / loading.gearing, step, cutoff)
 
 
-def noise_of_design(loading: ControlLoading, data: xr.Dataset, cutoff: float, aft: Mapping[str, float] | None = None) -> np.ndarray:
-    """Return the variance of the noise in the regressors of `design`, (names,): rate and acceleration are noisy, all others are not."""
-    own, far = pick_up_noise(loading, data, cutoff)
-    found = np.zeros(len(loading.names))
-    for name, of_travel, of_surface in zip(("damping", "mass"), own, far):
-        if name in loading.constants:
-            share = (aft or {}).get(name, 0.0)
-            found[loading.names.index(name)] = ((1.0 - share) * of_travel) ** 2 + (share * of_surface) ** 2
-    return found
-
-
 def channels(loading: ControlLoading) -> list[str]:
     """Return the names of the channels that a record must hold."""
     item = loading.item

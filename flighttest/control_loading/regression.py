@@ -11,12 +11,11 @@ import xarray as xr
 from flightmech.errors import IdentificationError
 
 from ..equation_error import least_squares
+from ..equation_error.joint_fit import JointFit, Known, joint_fit
 from ..equation_error.time_domain import SAMPLES_PER_TERM
 from ..uncertainty import collinearity
-from .joint_fit import Rows, joint_fit, stretch_lengths
 from .loading import ControlLoading
-from .modulation import free_signals, modulated, modulation_noise
-from .motion import CUTOFF, design, noise_of_design, signals, sliding
+from .stretches import Stretch, force_rows
 
 _ALIKE = 0.98  # correlation inside every manoeuvre from which on only the differences between manoeuvres separate two terms
 
@@ -48,28 +47,32 @@ class SlidingFit:
 
 def sliding_fit(
     loading: ControlLoading,
-    driven: Sequence[xr.Dataset],
-    free: Sequence[xr.Dataset] = (),
-    cutoff: float = CUTOFF,
+    driven: Sequence[Stretch],
+    free: Sequence[Stretch],
+    cutoff: float,
     aft: Mapping[str, float] | None = None,
     known: Mapping[str, tuple[float, float]] | None = None,
-) -> SlidingFit:
+) -> tuple[SlidingFit, JointFit]:
     """Fit the force at the hand by least squares over the samples in which the control slides.
 
     Parameters
     ----------
     loading : ControlLoading
-    driven : sequence of Dataset (time,)
-        Manoeuvres in which the hand moves the control, of several speeds and tab settings: see `motion.signals`.
-    free : sequence of Dataset (time,)
-        Pulses and releases: inverse dynamics, see `modulation`.
+    driven, free : sequence of Stretch
+        Of several speeds and tab settings; pulses and releases.
     cutoff : float
-        Low-pass of the driven manoeuvres, all channels alike. [Hz]
+        Low-pass of the driven manoeuvres. [Hz]
     aft : mapping of str to float, optional
         Share of the surface in ``friction``, ``damping`` and ``mass`` of both ends: its end of the cable reverses at other moments and is
         accelerated otherwise than the cockpit's. [1]
     known : mapping of str to (float, float), optional
         Values and standard errors from elsewhere, such as the mass of both ends.
+
+    Returns
+    -------
+    SlidingFit
+    JointFit
+        How the estimates follow from the records.
 
     Raises
     ------
@@ -80,49 +83,26 @@ def sliding_fit(
     ----------
     .. [LR743] Report LR-743, 1993, 4.5.3.
     """
-    slow = [part for part in (_driven(loading, one, cutoff, aft) for one in driven) if len(part.z)]
-    quick = [part for part in (_free(loading, one, aft) for one in free) if len(part.z)]
+    slow, quick = ([force_rows(loading, one, aft or {}) for one in group] for group in (driven, free))
     need = SAMPLES_PER_TERM * len(loading.names)
     count = sum(len(part.z) for part in slow)
     if count < need:
         raise IdentificationError(f"{loading.item}: {count} samples in which the control slides; at least {need} are needed")
-    found = joint_fit(slow, quick, loading.names, cutoff, known)
+    held = [
+        Known(np.array([float(n == name) for n in loading.names]), *pair) for name, pair in (known or {}).items() if name in loading.names
+    ]
+    found = joint_fit(slow, quick, loading.names, cutoff, held)
     fixed = np.array([name == "offset" for name in loading.names])
     collinearity.demand_independence(found.X, fixed, loading.names)
-    z, v, none = np.concatenate([part.z for part in slow]), found.residual, np.zeros((len(loading.names), 0))
+    z, v, none = np.concatenate([part.z for part in slow]), found.residual[: found.samples], np.zeros((len(loading.names), 0))
     white = np.sqrt(np.diag(np.linalg.inv(found.X.T @ found.X)))
     more = least_squares.diagnostics(found.X, fixed)
     estimates = least_squares.estimates(loading.names, found.theta, found.covariance, white, ([], none), more)
     estimates.attrs = {
         "R2": 1.0 - float(v @ v) / float(((z - z.mean()) ** 2).sum()), "residual_rms": float(np.sqrt(v @ v / len(v))),
-        "samples": len(z), "windows": len(found.residual_of_windows), "manoeuvres": len(slow),
+        "samples": len(z), "windows": found.windows, "manoeuvres": len(slow),
     }  # fmt: skip
-    return SlidingFit(loading, estimates, _alike(loading, [part.X for part in slow]))
-
-
-def _driven(loading: ControlLoading, data: xr.Dataset, cutoff: float, aft: Mapping[str, float] | None) -> Rows:
-    """Samples of a driven manoeuvre in which the control slides."""
-    moved = signals(loading, data, cutoff)
-    use = sliding(loading, data, moved, cutoff)
-    X, F = design(loading, moved, aft), moved[f"F_{loading.item}"].values
-    noise = np.tile(noise_of_design(loading, data, cutoff, aft), (int(use.sum()), 1))
-    return Rows(X[use], F[use], noise, stretch_lengths(use), float(np.median(np.diff(moved["time"].values))))
-
-
-def _free(loading: ControlLoading, data: xr.Dataset, aft: Mapping[str, float] | None) -> Rows:
-    """Windows of free motion: derivatives are those of the travel times the function."""
-    moved, windows = free_signals(loading, data)
-    X = modulated(design(loading, moved, aft), windows)
-    noise = np.zeros(X.shape)
-    s, a = moved["travel"].values, moved[loading.deflection].values / loading.gearing
-    for order, name in ((1, "damping"), (2, "mass")):
-        if name in loading.constants:
-            at, share = loading.names.index(name), (aft or {}).get(name, 0.0)
-            X[:, at] = modulated((1.0 - share) * s + share * a, windows, order)
-            of_travel, of_surface = modulation_noise(loading, data, windows, order)
-            noise[:, at] = (1.0 - share) ** 2 * of_travel + share**2 * of_surface
-    step = float(np.median(np.diff(moved["time"].values)))
-    return Rows(X, modulated(moved[f"F_{loading.item}"].values, windows), noise, (), step)
+    return SlidingFit(loading, estimates, _alike(loading, [part.X for part in slow])), found
 
 
 def _alike(loading: ControlLoading, parts: Sequence[np.ndarray]) -> list[tuple[str, str]]:

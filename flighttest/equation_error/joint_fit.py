@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from flightmech.errors import IdentificationError
 
-from ..equation_error import least_squares
 from ..uncertainty import collinearity
 from ..uncertainty.coloured_residuals import coloured
+from . import least_squares
 
 _PASSES = 5  # of the weights
 _LEAST = 0.1  # of the mean square of the residuals: what the noise of the regressors never explains
@@ -44,29 +45,54 @@ class Rows:
 
 
 @dataclass(frozen=True)
+class Known:
+    """What is known of the estimates from elsewhere: ``row @ theta`` is `value` within `stderr`."""
+
+    row: np.ndarray
+    value: float
+    stderr: float
+
+
+@dataclass(frozen=True)
 class JointFit:
     """Estimates of both together.
 
     Attributes
     ----------
     theta : array (terms,)
-    covariance : array (terms, terms)
-        Residuals of the samples coloured, those of the windows independent.
     X : array (rows, terms)
         Weighted regressors.
     estimator : array (terms, rows)
         What turns a change of the response, samples before windows before what is known, into one of theta.
-    residual : array (samples,)
-        Of the samples alone.
-    residual_of_windows : array (windows,)
+    residual : array (rows,)
+    samples, windows : int
+        Rows of either.
+    variances : array (rows,)
+        Of the residuals.
+    lengths : tuple of int
+        Samples of every stretch without a gap.
+    steps : tuple of float
+        Sampling interval of each. [s]
     """
 
     theta: np.ndarray
-    covariance: np.ndarray
     X: np.ndarray
     estimator: np.ndarray
     residual: np.ndarray
-    residual_of_windows: np.ndarray
+    samples: int
+    windows: int
+    variances: np.ndarray
+    lengths: tuple[int, ...]
+    steps: tuple[float, ...]
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Covariance of theta, (terms, terms): residuals of the samples coloured, those of the windows independent."""
+        ends = np.cumsum(self.lengths)
+        pieces = [slice(int(b) - a, int(b)) for a, b in zip(self.lengths, ends)]
+        A, rest = self.estimator[:, : self.samples], self.estimator[:, self.samples :]
+        found = coloured(least_squares.equivalent(A), self.residual[: self.samples], pieces, self.steps).covariance
+        return found + rest * self.variances[self.samples :] @ rest.T
 
 
 def stretch_lengths(use: np.ndarray) -> tuple[int, ...]:
@@ -81,7 +107,7 @@ def joint_fit(
     windows: Sequence[Rows],
     names: Sequence[str],
     cutoff: float,
-    known: Mapping[str, tuple[float, float]] | None = None,
+    known: Sequence[Known] = (),
 ) -> JointFit:
     """Fit both by weighted least squares, corrected for the noise in the regressors.
 
@@ -93,8 +119,8 @@ def joint_fit(
         Of the terms.
     cutoff : float
         Of the low-pass, which gives how many samples are worth an independent one. [Hz]
-    known : mapping of str to (float, float), optional
-        Values of terms and their standard errors, from elsewhere: one equation more each.
+    known : sequence of Known, optional
+        One equation more each.
 
     Raises
     ------
@@ -112,13 +138,12 @@ def joint_fit(
     """
     n = len(samples)
     sizes = np.array([len(one.z) for one in (*samples, *windows)])
-    extra = {name: pair for name, pair in (known or {}).items() if name in names}
-    source = np.concatenate([np.repeat((np.arange(len(sizes)) >= n).astype(int), sizes), np.full(len(extra), 2)])  # samples, windows, known
-    unit = np.array([[float(name == term) for term in names] for name in extra]).reshape(len(extra), len(names))
-    X = np.concatenate([*(one.X for one in (*samples, *windows)), unit])
-    z = np.concatenate([*(one.z for one in (*samples, *windows)), [value for value, _ in extra.values()]])
-    noise = np.concatenate([*(one.noise for one in (*samples, *windows)), np.zeros(unit.shape)])
-    fixed = np.array([stderr**2 for _, stderr in extra.values()])
+    source = np.concatenate([np.repeat((np.arange(len(sizes)) >= n).astype(int), sizes), np.full(len(known), 2)])  # samples, windows, known
+    more = np.array([one.row for one in known]).reshape(len(known), len(names))
+    X = np.concatenate([*(one.X for one in (*samples, *windows)), more])
+    z = np.concatenate([*(one.z for one in (*samples, *windows)), [one.value for one in known]])
+    noise = np.concatenate([*(one.noise for one in (*samples, *windows)), np.zeros(more.shape)])
+    fixed = np.array([one.stderr**2 for one in known])
     worth = np.array([min(1.0, 2.0 * cutoff * float(np.median([one.step for one in samples]))), 1.0, 1.0])[source]
     weight = worth.copy()
     weight[source == 2] /= fixed
@@ -128,16 +153,11 @@ def joint_fit(
         v = z - X @ theta
         weight = worth / _variances(v, noise @ theta**2, source, fixed)
     estimator = least_squares.estimator(equivalent) * root
-    pieces = [slice(b - a, b) for a, b in zip(_lengths(samples), np.cumsum(_lengths(samples)))]
-    steps = [one.step for one in samples for _ in one.lengths]
-    own = source == 0
-    covariance = coloured(least_squares.equivalent(estimator[:, own]), v[own], pieces, steps).covariance
-    covariance = covariance + estimator[:, ~own] * _variances(v, noise @ theta**2, source, fixed)[~own] @ estimator[:, ~own].T
-    return JointFit(theta, covariance, root[:, None] * X, estimator, v[own], v[source == 1])
-
-
-def _lengths(rows: Sequence[Rows]) -> list[int]:
-    return [length for one in rows for length in one.lengths]
+    counts = [int((source == k).sum()) for k in (0, 1)]
+    lengths = tuple(length for one in samples for length in one.lengths)
+    steps = tuple(one.step for one in samples for _ in one.lengths)
+    variances = _variances(v, noise @ theta**2, source, fixed)
+    return JointFit(theta, root[:, None] * X, estimator, v, counts[0], counts[1], variances, lengths, steps)
 
 
 def _variances(v: np.ndarray, by_noise: np.ndarray, source: np.ndarray, fixed: np.ndarray) -> np.ndarray:
