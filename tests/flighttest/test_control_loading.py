@@ -244,6 +244,30 @@ def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
     assert wide.value("offset")[1] == pytest.approx(np.hypot(plain.value("offset")[1], 2.0), rel=0.02)
 
 
+def test_errors_of_the_pick_ups_are_carried_on_as_a_refit_would(found, loading, records):
+    scale = 1.001
+    wide = identify_control_loading(loading, *records, errors={"delta_e": (0.0, scale - 1.0)})
+    moved = identify_control_loading(loading, *([one.assign(delta_e=one["delta_e"] * scale) for one in group] for group in records))
+    for name in ("friction", "Ch_e: delta_e", "cable_stiffness", "inertia"):
+        carried = np.sqrt(wide.value(name)[1] ** 2 - found.value(name)[1] ** 2)
+        # the noise that is taken off changes too, and to second order the stretch, a difference of travels that is 40 times as small
+        assert carried == pytest.approx(abs(moved.value(name)[0] - found.value(name)[0]), rel=0.15)
+
+
+def test_drawings_hold_masses_that_are_lost_in_noise(loading, records):
+    rng = np.random.default_rng(1)
+    noisy = [
+        one.assign({name: one[name] + size * rng.normal(size=one.sizes["time"]) for name, size in (("column", 9e-4), ("delta_e", 1.5e-3))})
+        for one in records[0]
+    ]
+    with pytest.raises(IdentificationError, match=r"mass: 9\d% of what distinguishes it from the other terms is noise"):
+        identify_control_loading(loading, noisy)
+    known = Circuit(stops=(-0.1, 0.1), order=4, mass=5.0, inertia=0.5, cable_stiffness=3e4)
+    held = identify_control_loading(loading, noisy, drawings=known)
+    assert abs(held.value("inertia")[0] - 0.5) < 2.0 * held.value("inertia")[1] < 0.3
+    assert held.value("cable_stiffness")[0] == pytest.approx(31000.0, rel=0.02)
+
+
 def oscillation(time: np.ndarray) -> np.ndarray:
     return np.exp(-((time - 3.0) ** 2)) * np.sin(2.0 * np.pi * 8.0 * time) + 0.2 * time
 
