@@ -337,7 +337,9 @@ def perform(
             fmus[name] = flightmech.write_fmu(flightmech.compile(flown[name], db), folder / f"{name}.fmu")
     fmus |= project.models
     with step(f"replay {len(cases)} cases by {len(fmus)} FMUs"):
-        results = pom.replay_all(cases, fmus, paths, names=project.tables, jobs=jobs, scheduler=scheduler, resume=resume)
+        results = pom.replay_all(
+            cases, fmus, paths, names=project.tables, evidence=databases["final"], jobs=jobs, scheduler=scheduler, resume=resume
+        )
     with step("write the report"):
         report = pom.write_report(
             results,

@@ -56,8 +56,9 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-NOTICES = ("watch", "tables_left")
-"""Kinds of remarks that stand next to the verdict in index, page and terminal: a watched channel off, tables left."""
+NOTICES = ("watch", "far_from_evidence", "tables_left")
+"""Kinds of remarks that stand next to the verdict in index, page and terminal: a watched channel off, terms far from what flight
+found, tables left."""
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")
 STATUSES = ("pass", "limits_exceeded", "fail", "invalid", "not_tested")
 """Of a case flown by one model, from best to worst; ``limits_exceeded`` is a pass with a trim beyond its limits."""

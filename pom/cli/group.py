@@ -64,6 +64,11 @@ def check(case: Path, as_json: bool) -> None:
     "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
 )
 @biases_option
+@click.option(
+    "--evidence",
+    type=click.Path(exists=True, dir_okay=False),
+    help="Identified database with standard errors: how far do the terms of each model lie from what flight found?",
+)
 @click.option("-v", "--verbose", is_flag=True, help="Also print trim, math pilot and drift of every model.")
 @json_option
 @click.pass_context
@@ -84,6 +89,7 @@ def run(
     scheduler: str | None,
     resume: Path | None,
     biases_file: str | None,
+    evidence: str | None,
     verbose: bool,
     as_json: bool,
 ):
@@ -92,6 +98,7 @@ def run(
     Exit code 0 when all pass, 1 when one does not; a pass with a trim beyond its limits (LIMITS) is not enough, unless
     [rationale] of the case file states why the bias is allowed.
     """
+    import aerodb
     from flightmech.errors import SimulationError
 
     from ..cases.case import read_case
@@ -112,7 +119,8 @@ def run(
             click.echo("\n".join(waiting))
             waiting.clear()
 
-    shared: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "resume": resume}
+    found = aerodb.store.open(evidence) if evidence else None
+    shared: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "resume": resume, "evidence": found}
     results = replay_all(read, runs, names=names, biases=read_biases(biases_file), timeout=timeout, progress=finished, **shared)
     if not flown:
         raise SimulationError("no model could be replayed: " + results[0].failure)
@@ -121,7 +129,8 @@ def run(
         from ..archive.origins import provenance
         from ..report.writer import write_report
 
-        made_from = provenance([*(file for case in read for file in case.files()), *map(str, names.values())], runs, command_line(), date)
+        files = [*(file for case in read for file in case.files()), *map(str, names.values()), *([evidence] if evidence else [])]
+        made_from = provenance(files, runs, command_line(), date)
         written = write_report(results, output, title=title, provenance=made_from, revision=revision, paper=None if no_pdf else paper)
     if junit is not None:
         from ..report.exports import write_junit

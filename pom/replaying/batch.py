@@ -44,6 +44,7 @@ def replay_all(
     scheduler: str | None = None,
     resume: str | Path | None = None,
     timeout: float = 60.0,
+    evidence: xr.DataTree | None = None,
     progress: Callable[[PomResult], None] | None = None,
 ) -> list[PomResult]:
     """Replay every case by every model and judge it.
@@ -68,6 +69,8 @@ def replay_all(
         it, and reconstructed records likewise.  What is there is not flown again; verdicts are always formed anew.
     timeout : float
         Wall time allowed per model and case. [s]
+    evidence : DataTree, optional
+        What flight found (`replay`).
     progress : callable, optional
         Called with every result in the order of the cases, as soon as it is there.
 
@@ -92,7 +95,7 @@ def replay_all(
     plans = _plans(cases, paths or {}, KeptStates(kept, biases), jobs)
     _check(plans, models)
     store = Store(kept) if kept is not None else None
-    calls = ((plan, models.of(plan.case), timeout, store) for plan in plans)
+    calls = ((plan, models.of(plan.case), timeout, store, evidence) for plan in plans)
     results = []
     for result in _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs):
         results.append(result)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import SchemaError
+from flightmech.errors import AeromatchError, SchemaError
 from flightmech.names import lookup
 from flightmech.support.console import plain
 
@@ -21,6 +21,7 @@ from ..fmu.description import check
 from ..fmu.run_cache import Store
 from ..fmu.simulate import Model, Models, fly
 from ..judging.applicability import settled
+from ..judging.evidence import Evidence, evidence_remarks
 from ..judging.signals import Signals, signals_of, traces_of
 from ..judging.verdict import bands, formed_channels, judge_all, row, unjudged
 from ..judging.watch import watch
@@ -63,6 +64,7 @@ def replay(
     path: Any = None,
     timeout: float = 60.0,
     names: Mapping[str, str | Path] | None = None,
+    evidence: xr.DataTree | None = None,
 ) -> PomResult:
     """Replay a case by FMUs, each in a child process, and judge it.
 
@@ -79,6 +81,9 @@ def replay(
     names : mapping of str to path, optional
         Name of a model to the table of its names, units and signs, when they are not the SI names (`docs/pom-replay.md`);
         it goes before that of the case file.
+    evidence : DataTree, optional
+        An identified database with standard errors: what flight found.  Every run then states how far the terms of the flown
+        model lie from it (`pom.judging.evidence`).
 
     Returns
     -------
@@ -96,7 +101,7 @@ def replay(
     plan = plan_of(case, path)
     for model in models.values():
         check_plan(plan, model)
-    return perform(plan, models, timeout)
+    return perform(plan, models, timeout, evidence=evidence)
 
 
 def plan_of(case: PomCase, path: Any = None) -> Plan:
@@ -126,7 +131,9 @@ def check_plan(plan: Plan, model: Model) -> None:
     check(model.fmu, links, inputs, dict.fromkeys(outputs), _taken(job.parameters, links.parameters, job.needed_parameters))
 
 
-def perform(plan: Plan, models: Mapping[str, Model], timeout: float, store: Store | None = None) -> PomResult:
+def perform(
+    plan: Plan, models: Mapping[str, Model], timeout: float, store: Store | None = None, evidence: xr.DataTree | None = None
+) -> PomResult:
     """Fly a checked plan by every model and judge it; parameters as `replay` and `fly`."""
     shown = shown_channels(plan.case, plan.states)
     found, failures = {}, {}
@@ -135,7 +142,18 @@ def perform(plan: Plan, models: Mapping[str, Model], timeout: float, store: Stor
         found[name], failures[name] = fly(model, plan.job, wanted, timeout, store)
     attrs = {f"model.{name}": model.origin() for name, model in models.items()}
     attrs |= {f"names.{name}": model.links.table for name, model in models.items() if model.links.table}
-    return assemble(plan.case, plan.states, plan.job, found, failures, attrs)
+    return assemble(plan.case, plan.states, plan.job, found, failures, attrs, _compared(evidence, plan, models))
+
+
+def _compared(evidence: xr.DataTree | None, plan: Plan, models: Mapping[str, Model]) -> dict[str, tuple[RowRemark, ...]]:
+    """Return the remarks of every model on its distance from the flight evidence; none without evidence."""
+    if evidence is None:
+        return {}
+    try:
+        found = Evidence(evidence, plan.states, hinges=plan.case.drive.level != "recorded")
+    except AeromatchError as error:
+        return dict.fromkeys(models, (RowRemark("evidence", f"not compared with the flight evidence: {error}"),))
+    return {name: evidence_remarks(found, model.fmu.path) for name, model in models.items()}
 
 
 def judged_channels(case: PomCase) -> list[str]:
@@ -169,6 +187,7 @@ def assemble(
     found: Mapping[str, Mapping[str, np.ndarray]],
     failures: Mapping[str, str],
     attrs: Mapping[str, str] | None = None,
+    compared: Mapping[str, tuple[RowRemark, ...]] | None = None,
 ) -> PomResult:
     """Return the result of a case from the outputs of its models.
 
@@ -179,6 +198,8 @@ def assemble(
         Empty texts for models that ran.
     attrs : mapping of str to str, optional
         Provenance, kept as attributes of the signals.
+    compared : mapping of model to tuple of RowRemark, optional
+        Distance of the flown models from the flight evidence.
     """
     flight = signals_of(case, _samples(states), job.time)
     kept = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
@@ -189,7 +210,7 @@ def assemble(
     signals = _signals([*shown_channels(case, states), *formed_channels(case, flight)], flight, found)
     for name, outputs in found.items():
         seen = () if failures.get(name) else watch(case, job.time, traces_of(signals, "flight"), traces_of(signals, name))
-        remarks = (*beyond_limits(limits, outputs, demanded=False), *seen, *_tables_left(outputs))
+        remarks = (*beyond_limits(limits, outputs, demanded=False), *seen, *_tables_left(outputs), *(compared or {}).get(name, ()))
         failure = _failed(failures.get(name, "")) or beyond_limits(limits, outputs, demanded=True)
         outcomes = judge_all(case, job.time, flight, outputs)
         for criterion in case.criteria:
