@@ -111,7 +111,9 @@ def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ..
     far = {name: size for name, size in distances.items() if size > FAR}
     if far:
         listed = ", ".join(f"{name} {size:.1f}" for name, size in far.items())
-        remarks.append(RowRemark("far_from_evidence", f"standard errors from what flight found: {listed}", values=far, unit="1"))
+        remarks.append(
+            RowRemark("far_from_evidence", f"beyond {FAR:g} standard errors from what flight found: {listed}", values=far, unit="1")
+        )
     return tuple(remarks)
 
 

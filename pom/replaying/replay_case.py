@@ -35,6 +35,7 @@ from ..tolerances.remarks import RowRemark
 from .offsets import CALIBRATION
 from .piloting import PILOT, activity
 from .reference_states import flight_states
+from .tables_left import table_ranges, tables_left
 from .trim_state import OBSERVED, beyond_limits, trim_limits, trim_table
 
 Traces = Mapping[str, np.ndarray]
@@ -136,13 +137,17 @@ def perform(
 ) -> PomResult:
     """Fly a checked plan by every model and judge it; parameters as `replay` and `fly`."""
     shown = shown_channels(plan.case, plan.states)
-    found, failures = {}, {}
+    found, failures, ranges = {}, {}, {}
     for name, model in models.items():
-        wanted = {*_outputs(shown, model.links.outputs), *OBSERVED}
+        ranges[name] = table_ranges(model.fmu.path, model.fmu.sha256)
+        axes = [item.variable for item in ranges[name]]
+        wanted = {*_outputs([*shown, *axes], model.links.outputs), *OBSERVED}
         found[name], failures[name] = fly(model, plan.job, wanted, timeout, store)
     attrs = {f"model.{name}": model.origin() for name, model in models.items()}
     attrs |= {f"names.{name}": model.links.table for name, model in models.items() if model.links.table}
-    return assemble(plan.case, plan.states, plan.job, found, failures, attrs, _compared(evidence, plan, models))
+    compared = _compared(evidence, plan, models)
+    more = {name: (*tables_left(plan.job.time, found[name], ranges[name]), *compared.get(name, ())) for name in models}
+    return assemble(plan.case, plan.states, plan.job, found, failures, attrs, more)
 
 
 def _compared(evidence: xr.DataTree | None, plan: Plan, models: Mapping[str, Model]) -> dict[str, tuple[RowRemark, ...]]:
@@ -187,7 +192,7 @@ def assemble(
     found: Mapping[str, Mapping[str, np.ndarray]],
     failures: Mapping[str, str],
     attrs: Mapping[str, str] | None = None,
-    compared: Mapping[str, tuple[RowRemark, ...]] | None = None,
+    more: Mapping[str, tuple[RowRemark, ...]] | None = None,
 ) -> PomResult:
     """Return the result of a case from the outputs of its models.
 
@@ -198,8 +203,8 @@ def assemble(
         Empty texts for models that ran.
     attrs : mapping of str to str, optional
         Provenance, kept as attributes of the signals.
-    compared : mapping of model to tuple of RowRemark, optional
-        Distance of the flown models from the flight evidence.
+    more : mapping of model to tuple of RowRemark, optional
+        Remarks on the flown models: distance from the flight evidence, tables left.
     """
     flight = signals_of(case, _samples(states), job.time)
     kept = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
@@ -210,7 +215,7 @@ def assemble(
     signals = _signals([*shown_channels(case, states), *formed_channels(case, flight)], flight, found)
     for name, outputs in found.items():
         seen = () if failures.get(name) else watch(case, job.time, traces_of(signals, "flight"), traces_of(signals, name))
-        remarks = (*beyond_limits(limits, outputs, demanded=False), *seen, *_tables_left(outputs), *(compared or {}).get(name, ()))
+        remarks = (*beyond_limits(limits, outputs, demanded=False), *seen, *(more or {}).get(name, ()))
         failure = _failed(failures.get(name, "")) or beyond_limits(limits, outputs, demanded=True)
         outcomes = judge_all(case, job.time, flight, outputs)
         for criterion in case.criteria:
@@ -235,14 +240,6 @@ def _failed(text: str) -> tuple[RowRemark, ...]:
 def _outcome(criterion: Criterion, failure: tuple[RowRemark, ...], outcome: Outcome) -> Outcome:
     """Return an outcome; a run that failed, or started beyond what the case file allows the trim, carries no judgement."""
     return Outcome("invalid", remarks=failure) if failure and criterion.applies else outcome
-
-
-def _tables_left(outputs: Traces) -> tuple[RowRemark, ...]:
-    """Return a remark on how often a run left its tables; none when it did not or does not report it."""
-    steps = float(np.fmax.reduce(outputs.get("out_of_range", np.zeros(1))))
-    if not steps > 0.0:
-        return ()
-    return (RowRemark("tables_left", f"tables left in {steps:.0f} internal steps", values={"steps": steps}, unit="1"),)
 
 
 def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:

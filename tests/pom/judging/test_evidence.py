@@ -75,7 +75,7 @@ def test_remarks_name_the_terms_beyond_three_standard_errors(compared, trainer, 
     assert distance.kind == "evidence"
     assert distance.values["Cm/elevator"] == pytest.approx(2.0, rel=1e-6)
     assert far.kind == "far_from_evidence"
-    assert far.text == "standard errors from what flight found: Cm/qhat 12.0"
+    assert far.text == "beyond 3 standard errors from what flight found: Cm/qhat 12.0"
 
 
 def test_a_foreign_fmu_is_not_compared_with_the_reason_stated(compared, toy):

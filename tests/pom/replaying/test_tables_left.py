@@ -1,0 +1,43 @@
+"""Tables that a run left: named with variable, end of the range, amount and time."""
+
+import numpy as np
+import pytest
+
+import flightmech
+from pom.replaying.tables_left import TableRange, table_ranges, tables_left
+
+TIME = np.arange(0.0, 10.0, 0.02)
+DEG = np.pi / 180.0
+ALPHA = TableRange("alpha", -8.0 * DEG, 20.0 * DEG, "deg")
+FLAP = TableRange("delta_f", 0.0, 40.0 * DEG, "deg")
+
+
+def left(ranges, steps=12.0, **outputs):
+    return tables_left(TIME, {"out_of_range": np.full(TIME.size, steps), **outputs}, ranges)
+
+
+def test_a_range_that_was_left_is_named():
+    alpha = np.where(TIME > 5.0, 22.1 * DEG, 3.0 * DEG)
+    (remark,) = left((ALPHA,), alpha=alpha)
+    assert remark.text == "tables over alpha left: above 20 deg by up to 2.1 deg, at 5.0 s, in 50 % of the samples; held there"
+    assert remark.values == pytest.approx({"limit": 20.0, "beyond": 2.1})
+    (remark,) = left((FLAP,), **{"applied.delta_f": -1.0 * DEG + 0.0 * TIME})
+    assert remark.text.startswith("tables over delta_f left: below 0 deg by up to 1 deg")
+
+
+def test_rounding_is_no_leaving():
+    assert left((FLAP,), **{"applied.delta_f": 40.0 * DEG + 1e-16 + 0.0 * TIME}) == ()
+
+
+def test_without_a_count_or_a_name():
+    assert left((ALPHA,), steps=0.0, alpha=1.0 + TIME) == ()
+    assert [remark.text for remark in left((ALPHA,))] == ["tables left in 12 internal steps"]
+    assert [remark.text for remark in left(())] == ["tables left in 12 internal steps"]
+
+
+def test_the_ranges_are_read_from_the_fmu(trainer, toy, tmp_path):
+    flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, trainer.database()), tmp_path / "m.fmu")
+    (found,) = table_ranges(tmp_path / "m.fmu", "0")
+    assert found.variable == "alpha"
+    np.testing.assert_allclose((found.low, found.high), np.radians([-10.0, 20.0]))
+    assert table_ranges(toy(), "0") == ()
