@@ -17,6 +17,7 @@ COMMANDS = {
     "flight": ("flighttest.cli.group", "flight", "Read flight records, reconstruct states, identify."),
     "fmu": ("flightmech.cli.group", "fmu", "Write simulation models as FMUs."),
     "pom": ("pom.cli.group", "pom", "Replay recorded inputs and judge the match."),
+    "init": ("aeromatch.init", "init", "Draft a project folder from listings and recordings."),
     "match": ("aeromatch.demo", "match", "Perform the whole job of a project file."),
     "demo": ("aeromatch.demo", "demo", "Perform the whole job on the shipped T-37 example."),
 }

@@ -16,7 +16,7 @@ from datcom_io.reading import Place, place_of
 from flightmech import terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, load, si, validate
+from flightmech.support.configuration import UNFILLED, Strict, load, si, validate
 from flightmech.units import quantity
 from flighttest import Model
 from flighttest.dynamics.force_coefficients import ERRORS
@@ -98,8 +98,8 @@ class _File(Strict):
     title: str
     aircraft: str
     apriori: str | None = None
-    names: str
-    flights: str
+    names: str | None = None
+    flights: Paths
     manoeuvres: str | None = None
     listings: Listings
     cases: tuple[str, ...]
@@ -122,8 +122,10 @@ class Project:
     Attributes
     ----------
     title : str
-    file, aircraft, names : Path
-        The project file, the aircraft file, the name map of the flight records.
+    file, aircraft : Path
+        The project file, the aircraft file.
+    names : Path or None
+        The name map of the flight records; None where they speak canonical names.
     apriori : Path or None
         The aircraft as it was known before the flights, when its engines, gear or control circuits were others.
     listings : dict of str to tuple of Place
@@ -167,7 +169,7 @@ class Project:
     file: Path
     aircraft: Path
     apriori: Path | None
-    names: Path
+    names: Path | None
     listings: dict[str, tuple[Place, ...]]
     altitude: float | None
     flights: dict[str, Path]
@@ -220,6 +222,9 @@ def read_project(path: str | Path) -> Project:
         return file
 
     def listing(text: str, place: str) -> Place:
+        if text == UNFILLED:
+            problems.append(f"{place}: {UNFILLED!r} stands for a listing that is still to be given; write FILE, or FILE:CASE")
+            return Place(folder / text)
         try:
             return place_of(text, folder)
         except FileNotFoundError:
@@ -231,9 +236,11 @@ def read_project(path: str | Path) -> Project:
         role: tuple(listing(name, f"listings.{role}") for name in ((paths,) if isinstance(paths, str) else paths))
         for role, paths in given.items()
     }
-    flights = {file.stem: file for file in _matching(folder, content.flights)}
-    if not flights:
-        problems.append(f"flights: {_no_match(folder, content.flights)}")
+    patterns = (content.flights,) if isinstance(content.flights, str) else content.flights
+    flights = {file.stem: file for pattern in patterns for file in _matching(folder, pattern)}
+    problems += [f"flights: {_no_match(folder, pattern)}" for pattern in patterns if not _matching(folder, pattern)]
+    if not patterns:
+        problems.append("flights: an empty list; give a file or a pattern such as 'flight/*.csv'")
     for number, fit in enumerate(content.fit):
         for record in fit.records:
             if record not in flights:
@@ -261,7 +268,7 @@ def read_project(path: str | Path) -> Project:
         path.resolve(),
         existing(content.aircraft, "aircraft"),
         existing(content.apriori, "apriori") if content.apriori else None,
-        existing(content.names, "names"),
+        existing(content.names, "names") if content.names else None,
         listings,
         content.listings.altitude,
         flights,
@@ -292,6 +299,8 @@ def _matching(folder: Path, pattern: str) -> list[Path]:
 
 
 def _no_match(folder: Path, pattern: str) -> str:
+    if pattern == UNFILLED:
+        return f"{UNFILLED!r} stands for files that are still to be given; write a file or a pattern such as 'folder/*.csv'"
     if pattern and (folder / pattern).is_dir():
         return f"{pattern!r} is a folder; name its files, such as {str(Path(pattern) / '*')!r}"
     return f"no file matches {pattern!r} in {folder}; give a file or a pattern such as 'folder/*.toml'"

@@ -89,7 +89,7 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
     return [
         project.file,
         *aircraft,
-        project.names,
+        *([project.names] if project.names else []),
         *listings,
         *flights,
         *project.cases,

@@ -85,6 +85,11 @@ _SYNONYMS = {
 _SYMBOL = {name: symbol for symbol, names in _SYNONYMS.items() for name in names.split()}
 
 
+def synonym(name: str) -> str | None:
+    """Return the symbol of this package for another name of the field, such as ``cbar`` for ``mean chord``; None where none is known."""
+    return _SYMBOL.get("".join(letter for letter in name.lower() if letter.isalnum()))
+
+
 def near_names(name: str, allowed: Iterable[str], count: int = 4, cutoff: float = 0.5) -> list[str]:
     """Return the names a user may have meant: another name of the field for one of `allowed`, else those spelt alike.
 
@@ -99,7 +104,7 @@ def near_names(name: str, allowed: Iterable[str], count: int = 4, cutoff: float 
     from difflib import get_close_matches
 
     allowed = list(allowed)
-    meant = _SYMBOL.get("".join(letter for letter in name.lower() if letter.isalnum()))
+    meant = synonym(name)
     return [meant] if meant in allowed else get_close_matches(name, allowed, n=count, cutoff=cutoff)
 
 

@@ -102,6 +102,8 @@ ORDER = {
         "project",
         "submodels",
         "workflow",
+        "drafting",
+        "init",
         "demo",
         "cli",
         "__main__",

@@ -49,6 +49,7 @@ from .correlation import LENGTHS, PARTS, SHARES, SPREADS, prior_covariance, prio
 REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the first identified, below the second corrected
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
 FLOWN = 0.25  # least weight that some sample gives to a node from flight: half a cell away on each of two axes
+_UNKNOWN = "a table needs it and the data of the fit do not hold it; map its column, or state it in [constants] of the name map"
 _HUBER = 2.5
 _ROUNDS, _STEPS = 4, 100  # of weighting, and of Newton's method within each
 _SPREAD_OF_FITS = 0.7  # standard error of the logarithm of the factor on C a priori
@@ -452,7 +453,7 @@ def _conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:
         elif name == "h_agl":
             found[name] = np.full(data.sizes["sample"], _FREE_AIR)
         else:
-            raise UnknownName(name, map(str, data.data_vars), "variable", "a table needs it and the data of the fit do not hold it")
+            raise UnknownName(name, map(str, data.data_vars), "variable", _UNKNOWN)
     return found
 
 

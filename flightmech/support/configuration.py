@@ -13,6 +13,9 @@ from ..units import quantity
 
 T = TypeVar("T", bound="Strict")
 
+UNFILLED = "?"
+"""What a drafted file holds in place of a value that nobody knew yet."""
+
 # kinds of TOML files by keys that no other kind has, and where they belong
 _KINDS = {
     "an aircraft file": ({"S", "cbar"}, "goes with --aircraft or the key aircraft"),
@@ -37,6 +40,8 @@ def si(units: str) -> Any:
     """
 
     def convert(item: Any) -> float:
+        if item == UNFILLED:
+            raise ValueError(f"not given yet; write a number in {units}, or a text with its unit")
         try:
             return quantity(item, units)
         except (UnitError, TypeError) as error:

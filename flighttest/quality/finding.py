@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import pandas as pd
 import xarray as xr
+
+from ..readers.map_entries import corrected, line_of
+from ..readers.name_map import Channel
 
 SEVERITIES = ("error", "warning", "note")
 """An error makes numbers wrong; a warning spoils some, or should be looked at; a note is worth knowing."""
@@ -30,7 +34,7 @@ class Finding:
     text : str
         What was found, with numbers.
     remedy : str
-        What to do; an entry of the name map where that corrects it.
+        What to do; a line of the name map where that corrects it, to be put in the place of the one that stands there.
     start, stop : float or None
         Where, on the record's clock; None for the whole record. [s]
     evidence : dict
@@ -56,30 +60,46 @@ class Finding:
         return {"name": self.name, **asdict(self)}
 
 
-def map_entry(record: xr.DataTree, name: str, change: str) -> str:
-    """Return the line of the name map that makes a change to a channel, with what stands there now.
+def map_entry(record: xr.DataTree, name: str, slope: float, shift: float = 0.0) -> str:
+    """Return the line of the name map that corrects a channel, to be put in the place of the one that stands there now.
 
     Parameters
     ----------
     record : DataTree
-        The record; its channels determine their column and calibration.
+        The record; its channels carry their entry of the name map.
     name : str
         Canonical name.
-    change : str
-        Keys of the entry, such as ``sign = -1``.
+    slope, shift : float
+        The channel as it should be is slope * recorded + shift. [1, SI]
     """
+    leaf, channel, file_unit = mapped(record, name)
+    if channel is not None:
+        return f"{line_of(name, corrected(channel, name, file_unit, slope, shift))}   # in [{leaf}] of the name map"
+    sides = [side for side in (f"{name}_left", f"{name}_right") if side in record[leaf].data_vars]
+    if sides and shift == 0.0:
+        return "\n    ".join(map_entry(record, side, slope) for side in sides)
+    return f"{name} = {slope:.10g} * {name} {shift:+.10g} on what it is made of: {record[leaf][name].attrs.get('calibration', '')}"
+
+
+def exchanged(record: xr.DataTree, one: str, other: str) -> str:
+    """Return the lines of the name map with the entries of two channels exchanged."""
+    places = {name: mapped(record, name) for name in (one, other)}
+    lines = []
+    for name, source in ((one, other), (other, one)):
+        (leaf, _, _), (home, channel, _) = places[name], places[source]
+        if channel is None:
+            return f"exchange the columns of {one} and {other} in the name map"
+        column = channel.column if home == leaf or "/" in str(channel.column) else str(record[home][source].attrs["column"])
+        lines.append(f"{line_of(name, channel.model_copy(update={'column': column}))}   # in [{leaf}] of the name map")
+    return "\n    ".join(lines)
+
+
+def mapped(record: xr.DataTree, name: str) -> tuple[str, Channel | None, str | None]:
+    """Return the leaf of a channel, its entry of the name map and the unit in the file; None where it was formed from others."""
     leaf = next(leaf for leaf, node in record.children.items() if name in node.data_vars)
     about = record[leaf][name].attrs
-    calibration = str(about.get("calibration", ""))
-    if "column" not in about:
-        return f"{change} on what {name} is made of: {calibration or 'see the name map'}"
-    column = str(about["column"]).rpartition("/")[2]
-    plain = calibration.split(" [")[0]
-    if plain == f"- {column}" and change == "sign = -1":
-        change = "sign = 1"
-    elif plain not in ("", column):
-        return f"{change} on top of what stands in the name map now: {name} = {calibration}"
-    return f'{name} = {{ column = "{column}", {change} }} in the name map (now: {calibration or column})'
+    entry = about.get("map_entry")
+    return leaf, Channel(**json.loads(entry)) if entry else None, about.get("file_unit") or None
 
 
 def rows(table: pd.DataFrame) -> Iterator[Any]:

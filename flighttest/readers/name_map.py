@@ -5,6 +5,8 @@ A map is a TOML file.  Every table is a leaf of the record (channels of one time
     extends = "px4"                            # a shipped map, or another file; what stands here goes before it
     [record]                                   # facts that the file does not state, optional
     latitude = "45 deg"
+    [constants]                                # channels that no column shows and that did not change
+    delta_f = "0 deg"
     [time]                                     # the clock; [time.NAME] for one table (group, topic) of the file
     column = "t"
     [imu]
@@ -44,7 +46,12 @@ from .bus.decode import KINDS, Decode
 MAPS = Path(__file__).parent / "maps"
 _ALIASES = {"-": "1", "pct": "%", "percent": "%", "deg C": "degC", "kts": "kt", "knots": "kt", "seconds": "s", "sec": "s"}
 _TIME_UNITS = {"us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-_TOP = ("extends", "optional", "time", "record", "utc", "decode")
+_TOP = ("extends", "optional", "time", "record", "constants", "utc", "decode")
+
+
+def known_unit(unit: str) -> str:
+    """Return a unit as `flightmech.units` spells it."""
+    return _ALIASES.get(unit, unit)
 
 
 class Channel(Strict):
@@ -161,7 +168,10 @@ class Utc(Strict):
 
 @dataclass(frozen=True)
 class NameMap:
-    """A name map: leaves of channels, the clocks, facts about the record, and what to take out of bus words."""
+    """A name map: leaves of channels, the clocks, facts about the record, what to take out of bus words, and channels that stood still.
+
+    `constants` holds the value of each channel that no column shows. [SI]
+    """
 
     leaves: dict[str, dict[str, Channel]]
     clock: Clock = field(default_factory=Clock)
@@ -170,6 +180,7 @@ class NameMap:
     clocks: dict[str, Clock] = field(default_factory=dict)
     utc: Utc | None = None
     decode: dict[str, Decode] = field(default_factory=dict)
+    constants: dict[str, float] = field(default_factory=dict)
 
     def clock_of(self, table: str) -> Clock:
         """Return the clock of a table of the file."""
@@ -259,6 +270,7 @@ def _parsed(content: dict[str, Any], source: str, folder: Path, problems: list[s
     facts = _part(Facts, content.pop("record", {}), "record", problems)
     utc = _part(Utc, content.pop("utc"), "utc", problems) if "utc" in content else None
     decode = _decoded(content.pop("decode", {}), problems)
+    constants = _constants(content.pop("constants", {}), problems)
     leaves: dict[str, dict[str, Channel]] = {}
     for leaf, table in content.items():
         if not isinstance(table, dict):
@@ -266,7 +278,23 @@ def _parsed(content: dict[str, Any], source: str, folder: Path, problems: list[s
             continue
         leaves[leaf] = _channels(leaf, table, folder, problems)
     problems += _twice(leaves)
-    return NameMap(leaves, clock, facts or Facts(), source, clocks, utc, decode)
+    shown = {name for channels in leaves.values() for name, channel in channels.items() if not channel.optional}
+    problems += [f"constants.{name}: a column shows it too; take one of them out" for name in constants if name in shown]
+    return NameMap(leaves, clock, facts or Facts(), source, clocks, utc, decode, constants)
+
+
+def _constants(table: Any, problems: list[str]) -> dict[str, float]:
+    """Return channels that stood still. [SI]"""
+    if not isinstance(table, dict):
+        problems.append(f'constants: expected a table such as {{ delta_f = "0 deg" }}; found {table!r}')
+        return {}
+    found = {}
+    for name, item in _flatten(table).items():
+        try:
+            found[name] = quantity(item, lookup(name).units)
+        except (UnknownName, UnitError) as error:
+            problems.append(f"constants.{name}: {error}")
+    return found
 
 
 def _clock(content: dict[str, Any], place: str, problems: list[str]) -> Clock:

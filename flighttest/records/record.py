@@ -21,6 +21,7 @@ from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownNam
 from flightmech.names import VOCABULARY, attrs, lookup
 
 from ..readers.clocks import Clocks, utc_facts
+from ..readers.map_entries import entry_of
 from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
 from ..readers.opening import FORMATS, open_recording
 from ..readers.recording import Recording, Table
@@ -78,6 +79,7 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> xr.DataTree:
         raise SchemaError(
             f"name map {mapping.source}", [f"nothing that it names is in {path.name} ({wanted}); see 'aeromatch flight info'"]
         )
+    _with_constants(leaves, mapping)
     used = {place for part in places.values() for place in part.values()} | clocks.columns_used
     root = {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)}
     root.update({key: value for key, value in utc_facts(mapping.utc, tables, clocks).items()})
@@ -88,6 +90,16 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> xr.DataTree:
     root["absent"] = " ".join(absent)
     root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes])
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs=root), **{f"/{leaf}": data for leaf, data in leaves.items()}})
+
+
+def _with_constants(leaves: dict[str, xr.Dataset], mapping: NameMap) -> None:
+    """Add the channels that the map states as constant, where no leaf shows them, to the leaf of the rates or the first one."""
+    shown = {str(name) for data in leaves.values() for name in data.data_vars}
+    home = next((leaf for leaf, data in leaves.items() if "p" in data), next(iter(leaves)))
+    for name, value in mapping.constants.items():
+        if name not in shown:
+            about = {**attrs(name), "calibration": "constant, stated in the name map"}
+            leaves[home][name] = "time", np.full(leaves[home].sizes["time"], value), about
 
 
 def _notes(facts: Mapping[str, Any]) -> list[str]:
@@ -261,6 +273,8 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
         x = remove_lag(clock.time, remove_delay(clock.time, x, channel.delay, name), channel.lag, name)
         found += sample_faults(clock.time, x, name, clock.about["rate"])
         about = {**attrs(name), "column": f"{group}/{column}", "calibration": channel.calibration(unit, column)}
+        about["map_entry"] = json.dumps({**entry_of(channel), "column": column if "/" not in channel.columns[0] else f"{group}/{column}"})
+        about["file_unit"] = unit or ""
         removed = {f"{key}_removed": value for key, value in (("delay", channel.delay), ("lag", channel.lag)) if value}
         columns[name] = "time", x, {**about, **removed}
     if {"delta_a_left", "delta_a_right"} <= set(columns) and "delta_a" not in columns:

@@ -145,10 +145,10 @@ def _surface(row, record: xr.DataTree) -> list[Finding]:
     measured = f"{row.rate}_dot = {row.effect:+.3g} 1/s2 per rad of {name}, {abs(row.ratio):.0f} standard errors"
     if row.effect > 0.0:
         text = f"{name} has the wrong sign: positive {name} {_WORDS[name]}; {measured}"
-        return [Finding("error", "sign", names, text, map_entry(record, name, "sign = -1"), evidence=evidence)]
+        return [Finding("error", "sign", names, text, map_entry(record, name, -1.0), evidence=evidence)]
     if row.movement < _SMALL and abs(row.effect) > _STRONGEST[name]:
         text = f"{name} is in rad and was taken as deg: it moves by {row.movement / DEGREE:.2g} deg in all, and {measured}"
-        return [Finding("error", "unit", names, text, map_entry(record, name, 'unit = "rad"'), evidence=evidence)]
+        return [Finding("error", "unit", names, text, map_entry(record, name, 1.0 / DEGREE), evidence=evidence)]
     off = not _LATE < row.lead < _EARLY and row.gained > _GAINS
     if off and row.movement > _MOVED and row.R2 > _EXPLAINED:
         when = "before" if row.lead > 0.0 else "after"
@@ -164,7 +164,7 @@ def _hand(row, record: xr.DataTree) -> list[Finding]:
     names, evidence, detail = (row.control, row.surface), {"correlation": row.correlation}, f"(correlation {row.correlation:+.2f})"
     if row.expected * row.correlation < -FOLLOWS:
         text = f"{row.control} has the wrong sign: it moves with {row.surface} instead of against it {detail}"
-        return [Finding("error", "sign", names, text, map_entry(record, row.control, "sign = -1"), evidence=evidence)]
+        return [Finding("error", "sign", names, text, map_entry(record, row.control, -1.0), evidence=evidence)]
     if row.position and abs(row.correlation) < FOLLOWS:
         text = f"{row.surface} moves and {row.control} does not go with it {detail}"
         return [Finding("warning", "stuck", names, text, "check the pick-up; do not use the channel", evidence=evidence)]

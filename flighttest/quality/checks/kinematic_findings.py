@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from ..finding import Finding, map_entry, rows
+from ..finding import Finding, exchanged, map_entry, rows
 from .mistake_search import Explanation, plausible, units_mistaken
 from .relations import Comparison, compare_all
 from .signals import Signals
@@ -111,9 +111,10 @@ def _mistake(explanation: Explanation, record: xr.DataTree) -> Finding:
     text = f"{repair.mistake}{others} (disagreements that this resolves: {corrected})"
     changes = dict(zip(explanation.resolves, zip(explanation.before, explanation.after)))
     evidence = {"resolves": changes, "instead": [other.mistake for other in explanation.instead]}
-    remedy = f"{repair.entry} of {' and '.join(repair.channels)} in the name map"
-    if repair.kind != "axis":
-        remedy = map_entry(record, repair.channels[0], repair.entry)
+    if repair.kind == "axis":
+        remedy = exchanged(record, *repair.channels)
+    else:
+        remedy = map_entry(record, repair.channels[0], repair.slope, repair.shift)
     return Finding("error", repair.kind, repair.channels, text, remedy, evidence=evidence)
 
 
@@ -129,7 +130,7 @@ def _outside(name: str, signals: Signals, record: xr.DataTree) -> list[Finding]:
     for wrong, right, factor in units_mistaken(name):
         if limits[0] < factor * x.min() and factor * x.max() < limits[1]:
             text = f"{name} is in {wrong} and was taken as {right}: it reaches {np.abs(x).max():.4g} {right}, which is not possible"
-            return [Finding("error", "unit", (name,), text, map_entry(record, name, f'unit = "{wrong}"'))]
+            return [Finding("error", "unit", (name,), text, map_entry(record, name, factor))]
     worst = float(x[np.argmax(np.abs(x - np.clip(x, *limits)))])
     text = f"{name} reaches {worst:.4g}; possible are {limits[0]:g} to {limits[1]:g} (SI); {outside.mean():.1%} of the flight lies outside"
     return [Finding("error", "range", (name,), text, "check unit, scale and column of the name map", evidence={"worst": worst})]

@@ -8,14 +8,13 @@ channels explain equally well is reported with both.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from flightmech.names import lookup
-from flightmech.units import DEGREE, FOOT, G0, KNOT
+from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
 
 from .relations import RELATIONS, Comparison, Relation, compare_all
 from .signals import Signals
@@ -25,7 +24,7 @@ NEAR = 0.1  # mistakes that explain almost as much are compared more closely, wi
 TIE = 0.3  # and cannot be distinguished when what they leave differs by less than this power of e, all relations together
 _EXACT = 0.005  # disagreement of numbers that were only rounded
 _MOST = 6  # mistakes in one record
-_POUND_PER_FOOT2 = 47.880258980335840  # Pa
+PSF = POUND_FORCE / FOOT**2
 
 
 @dataclass(frozen=True)
@@ -40,17 +39,15 @@ class Repair:
         The channel, or the two that change places.
     mistake : str
         What was wrong, in words.
-    entry : str
-        What to write in the name map, behind the column.
-    undo : callable
-        The channel as recorded -> as it should be; not used where two change places.
+    slope, shift : float
+        The channel as it should be is slope * recorded + shift; not used where two change places. [1, SI]
     """
 
     kind: str
     channels: tuple[str, ...]
     mistake: str
-    entry: str
-    undo: Callable[[np.ndarray], np.ndarray]
+    slope: float = 1.0
+    shift: float = 0.0
 
     def apply(self, signals: Signals) -> Signals:
         """Return the signals with the mistake undone."""
@@ -58,7 +55,7 @@ class Repair:
             one, other = self.channels
             return signals.with_values({one: signals[other], other: signals[one]})
         (name,) = self.channels
-        return signals.with_values({name: self.undo(signals[name])})
+        return signals.with_values({name: self.slope * signals[name] + self.shift})
 
 
 @dataclass(frozen=True)
@@ -214,7 +211,7 @@ _UNITS: dict[str, tuple[tuple[str, str, float], ...]] = {
     "m s-2": (("g", "m/s2", G0), ("ft/s2", "m/s2", FOOT)),
     "m s-1": (("kt", "m/s", KNOT), ("ft/s", "m/s", FOOT), ("km/h", "m/s", 1.0 / 3.6), ("ft/min", "m/s", FOOT / 60.0)),
     "m": (("ft", "m", FOOT),),
-    "Pa": (("hPa", "Pa", 100.0), ("kPa", "Pa", 1000.0), ("lb/ft2", "Pa", _POUND_PER_FOOT2)),
+    "Pa": (("hPa", "Pa", 100.0), ("kPa", "Pa", 1000.0), ("psf", "Pa", PSF)),
 }
 
 
@@ -223,31 +220,30 @@ def _repairs(signals: Signals, suspects: set[str]) -> Iterator[Repair]:
         yield from _of_one(name)
     for one, other in _SWAPS:
         if one in signals and other in signals and suspects & {one, other}:
-            yield Repair("axis", (one, other), f"{one} and {other} stand in each other's place", "exchange the columns", np.asarray)
+            yield Repair("axis", (one, other), f"{one} and {other} stand in each other's place")
 
 
 def _of_one(name: str) -> Iterator[Repair]:
     one, units = (name,), lookup(name).units
     if units not in ("Pa", "K"):
-        yield Repair("sign", one, f"{name} has the wrong sign", "sign = -1", lambda x: -x)
+        yield Repair("sign", one, f"{name} has the wrong sign", -1.0)
     if name == "az_imu":
         yield from _load_factors(name)
     for wrong, right, factor in units_mistaken(name):
-        yield Repair("unit", one, f"{name} is in {wrong} and was taken as {right}", f'unit = "{wrong}"', partial(np.multiply, factor))
-        yield Repair("unit", one, f"{name} is in {right} and was taken as {wrong}", f'unit = "{right}"', partial(np.multiply, 1.0 / factor))
+        yield Repair("unit", one, f"{name} is in {wrong} and was taken as {right}", factor)
+        yield Repair("unit", one, f"{name} is in {right} and was taken as {wrong}", 1.0 / factor)
     if units == "K":
-        yield Repair("unit", one, f"{name} is in degC and was taken as K", 'unit = "degC"', lambda x: x + 273.15)
-        yield Repair("unit", one, f"{name} is in K and was taken as degC", 'unit = "K"', lambda x: x - 273.15)
+        yield Repair("unit", one, f"{name} is in degC and was taken as K", 1.0, 273.15)
+        yield Repair("unit", one, f"{name} is in K and was taken as degC", 1.0, -273.15)
 
 
 def _load_factors(name: str) -> Iterator[Repair]:
     """What recorders call normal acceleration."""
     one = (name,)
-    down = 'sign = -1, offset = "-1 g"'
-    yield Repair("definition", one, f"{name} is the load factor minus one, positive up, not the specific force", down, lambda x: -x - G0)
+    yield Repair("definition", one, f"{name} is the load factor minus one, positive up, not the specific force", -1.0, -G0)
     text = f"{name} is the acceleration without gravity, positive down, not the specific force"
-    yield Repair("definition", one, text, 'offset = "-1 g"', lambda x: x - G0)
+    yield Repair("definition", one, text, 1.0, -G0)
     text = f"{name} is the load factor minus one in g, positive up, taken as m/s2"
-    yield Repair("definition", one, text, f'unit = "g", {down}', lambda x: -x * G0 - G0)
+    yield Repair("definition", one, text, -G0, -G0)
     text = f"{name} is the load factor in g, positive up, taken as m/s2"
-    yield Repair("definition", one, text, 'unit = "g", sign = -1', lambda x: -x * G0)
+    yield Repair("definition", one, text, -G0)

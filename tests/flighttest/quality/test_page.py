@@ -63,7 +63,7 @@ def call(*arguments):
 def test_finding_states_what_to_write_into_the_name_map(quality):
     fault = quality.findings[0]
     assert fault.name == "sign:theta"
-    assert fault.remedy == 'theta = { column = "theta", sign = 1 } in the name map (now: - theta [rad])'
+    assert fault.remedy == 'theta = "theta"   # in [imu] of the name map'
 
 
 def test_report_reads_in_order(quality):

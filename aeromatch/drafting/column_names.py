@@ -1,0 +1,217 @@
+"""Which quantity a column of a recorder may be, and in which unit, by its name alone."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from flightmech.errors import UnitError, UnknownName, synonym
+from flightmech.names import COEFFICIENTS, lookup
+from flightmech.units import parse
+
+# what recorders call a channel, in lower case without separators, in addition to the other names of the field (`flightmech.errors.synonym`)
+_WORDS = {
+    "p": "p ratep rollrate bodyrollrate gyrox gyrp wx",
+    "q": "q rateq pitchrate bodypitchrate gyroy gyrq wy",
+    "r": "r rater yawrate bodyyawrate gyroz gyrr wz",
+    "phi": "bank roll euler1 attroll",
+    "theta": "pitch attpitch pitchattitude",
+    "psi": "hdgtrue trueheading headingtrue trueyaw yaw heading",
+    "ax_imu": "ax nx accx xacc accelx axb axbody longacc longitudinalacc longitudinalaccel longitudinalacceleration forwardacceleration",
+    "ay_imu": "ay ny accy yacc accely ayb aybody latacc lateralacc lateralaccel lateralacceleration",
+    "az_imu": "az nz accz zacc accelz azb azbody normacc normalacc normalaccel normalacceleration verticalacceleration loadfactor "
+    "normalloadfactor gload",
+    "alpha_vane": "alpha aoa alphavane aoavane vanealpha angleofattack incidence",
+    "beta_vane": "beta aos betavane aosvane vanebeta sideslip sideslipangle angleofsideslip ssa",
+    "V": "tas ktas vtas vtrue trueairspeed v airspeedtrue",
+    "V_cas": "cas ias vcas vias kcas kias calibratedairspeed indicatedairspeed vc vi airspeed",
+    "mach": "mach machnumber ma",
+    "q_c": "qc impactpressure pitotpressure diffpressure differentialpressure dynamicpressure qbar",
+    "p_static": "ps pstat staticpress staticpressure pstatic baropressure ambientpressure",
+    "temperature": "oat sat temperature outsideairtemperature outsidetemperature statictemperature airtemperature temp",
+    "h_baro": "h hp alt altitude height pressurealtitude pressalt baroaltitude baroalt altbaro palt hbaro altpress",
+    "h_gps": "hgps altgps gpsalt gpsaltitude gpsheight altitudegps gnssaltitude gnssheight",
+    "h_radio": "hradio radioaltitude radioalt radalt ralt radaralt radaraltitude radioheight raltitude",
+    "vn": "vn vnorth velnorth velocitynorth northvelocity gpsvn veln vgn northspeed",
+    "ve": "ve veast veleast velocityeast eastvelocity gpsve vele vge eastspeed",
+    "vd": "vd vdown veldown velocitydown downvelocity gpsvd veld vgd downspeed",
+    "hdot": "hdot climbrate rateofclimb roc vsi verticalspeed verticalvelocity vs vspeed",
+    "lat": "lat latitude gpslat gpslatitude",
+    "lon": "lon long longitude gpslon gpslongitude",
+    "delta_e": "elevator elev de ele deltae dele",
+    "delta_a": "aileron ail da deltaa dail",
+    "delta_r": "rudder rud dr deltar drud",
+    "delta_f": "flap flaps df deltaf flapangle",
+    "delta_t": "trimtab elevatortab elevatortrim elevtrim pitchtrim elevatortrimtab",
+    "gear": "gear landinggear undercarriage gearextension geardown",
+    "speedbrake": "speedbrake airbrake speedbrakes airbrakes",
+    "column": "column controlcolumn pitchstick sticklong stickpitch columntravel",
+    "wheel": "wheel controlwheel rollstick sticklat stickroll",
+    "pedal": "pedal pedals rudderpedal rudderpedals",
+    "F_column": "fcolumn stickforce elevatorforce columnforce stickforcepitch pitchforce stickforcelong",
+    "F_wheel": "fwheel wheelforce stickforceroll rollforce",
+    "F_pedal": "fpedal pedalforce rudderforce",
+    "mass": "mass grossmass weight grossweight gw",
+    "x_cg_b": "xcg",
+    "y_cg_b": "ycg",
+    "z_cg_b": "zcg",
+    "engine.throttle": "throttle powerlever thr thrustlever tla throttlelever",
+    "engine.pla": "pla powerleverangle",
+    "engine.n1": "n1 fanspeed",
+    "engine.n2": "n2",
+    "engine.fuel_flow": "fuelflow ff wf",
+    "engine.thrust": "thrust netthrust fn enginethrust",
+    "engine.itt": "itt",
+    "engine.torque": "torque trq",
+}
+_NAME = {word: name for name, words in _WORDS.items() for word in words.split()}
+_RECORDED = {"x_cg": "x_cg_b", "alpha": "alpha_vane", "beta": "beta_vane", "h": "h_baro", "ax": "ax_imu", "ay": "ay_imu", "az": "az_imu"}
+"""Canonical names that stand for a corrected quantity, and what a recorder shows of it."""
+_DECORATION = frozenset(
+    (
+        *("pos", "position", "defl", "deflection", "angle", "meas", "measured", "sensor", "raw", "value", "act", "actual", "ang"),
+        *("filtered", "filt", "corr", "corrected", "body", "rec", "surf", "surface", "lever"),
+        *("adc", "ins", "ahrs", "imu", "ads", "fms", "efis", "irs", "dau", "daq", "fdr", "egi", "nav", "air", "adhrs"),
+    )
+)
+_UNITS = {
+    "deg": "deg", "degs": "deg/s", "degrees": "deg", "degree": "deg", "dps": "deg/s", "deg s": "deg/s", "deg sec": "deg/s",
+    "degps": "deg/s", "rad": "rad", "rad s": "rad/s", "rad sec": "rad/s", "rads": "rad/s", "radps": "rad/s", "rps": "rad/s",
+    "kt": "kt", "kts": "kt", "kn": "kt", "knots": "kt", "knot": "kt", "mps": "m/s", "m s": "m/s", "ms": "m/s", "fps": "ft/s",
+    "ft s": "ft/s", "fpm": "ft/min", "ft min": "ft/min", "kmh": "km/h", "kph": "km/h", "km h": "km/h", "ft": "ft", "feet": "ft",
+    "m": "m", "g": "g", "gs": "g", "mss": "m/s2", "mps2": "m/s2", "ms2": "m/s2", "m s2": "m/s2", "m s 2": "m/s2", "fps2": "ft/s2",
+    "ft s2": "ft/s2", "pa": "Pa", "hpa": "hPa", "mbar": "hPa", "mb": "hPa", "kpa": "kPa", "psf": "psf", "psi": "psi", "k": "K",
+    "degc": "degC", "deg c": "degC", "c": "degC", "degf": "degF", "deg f": "degF", "f": "degF", "pct": "%", "percent": "%", "prc": "%",
+    "lbf": "lbf", "lbs": "lb", "lb": "lb", "n": "N", "newton": "N", "kg": "kg", "pph": "lb/h", "lb h": "lb/h", "lbph": "lb/h",
+    "kg h": "kg/h", "kg s": "kg/s", "nm": "N m", "cm": "cm", "in": "in",
+}  # fmt: skip
+_SIDES = {"l": 1, "lh": 1, "left": 1, "port": 1, "r": 2, "rh": 2, "right": 2, "stbd": 2}
+_PARTS = re.compile(r"[A-Z]+(?![a-z])\d*|[A-Z]?[a-z]+\d*|\d+")
+_OF_ENGINES = ("throttle", "pla", "n1", "n2", "fuel_flow", "thrust", "itt", "torque")
+_NO_CHANNELS = ("time", "t", "S", "cbar", "b", *COEFFICIENTS)
+_NOT_AFTER_DROPPING = 2  # letters of a name that counts only when nothing else stands before it
+
+
+@dataclass(frozen=True)
+class Guess:
+    """What a column may be.
+
+    Attributes
+    ----------
+    name : str
+        Canonical name.
+    unit : str or None
+        Unit that the name of the column carries.
+    rank : int
+        0 for a canonical name, then the more the less of the name was used.
+    inverted : bool
+        Whether up is positive by the name where the quantity is positive down.
+    """
+
+    name: str
+    unit: str | None
+    rank: int
+    inverted: bool = False
+
+
+def guess(column: str) -> Guess | None:
+    """Return which quantity a column may be by its name, or None.
+
+    Parameters
+    ----------
+    column : str
+        As the file calls it; a table or group before it (``adc/KIAS``) counts for satellite receivers only.
+
+    Examples
+    --------
+    >>> guess("Elevator_Pos_deg")
+    Guess(name='delta_e', unit='deg', rank=2, inverted=False)
+    >>> guess("KIAS").name, guess("KIAS").unit
+    ('V_cas', 'kt')
+    >>> guess("thrust_left_lbf").name
+    'engine1.thrust'
+    >>> guess("spare_7") is None
+    True
+    """
+    own = column.rpartition("/")[2] or column
+    head, _, tail = own.rpartition(".")
+    return _guess(own, column) or (_guess(head, column) if head and tail else None)
+
+
+def _guess(own: str, column: str) -> Guess | None:
+    canonical = _canonical(own)
+    if canonical:
+        return Guess(canonical, None, 0)
+    words = [part.lower() for part in _PARTS.findall(re.sub(r"\[\d+\]$", "", own.rpartition(".")[2] or own))]
+    for length in (3, 2, 1, 0):
+        unit = _UNITS.get(" ".join(words[-length:])) if 0 < length < len(words) else None
+        if length and unit is None:
+            continue
+        rest = words[:-length] if length else words
+        found = _of_words(rest, column.lower())
+        if found and (unit is None or _same_kind(unit, found[0])):
+            name, rank = found
+            return Guess(name, unit or _own_unit(own, name), rank, "loadfactor" in "".join(rest) or "nz" in rest)
+    return None
+
+
+def _canonical(own: str) -> str:
+    try:
+        lookup(own)
+    except UnknownName:
+        return ""
+    return "" if own in _NO_CHANNELS else f"engine1.{own}" if own in _OF_ENGINES else _RECORDED.get(own, own)
+
+
+def _of_words(words: list[str], column: str) -> tuple[str, int] | None:
+    """Return the quantity that some words mean, and how much of them had to be left out."""
+    plain, engine = _numbered(words)
+    bare = [word for word in plain if word not in _DECORATION]
+    tries = [(words, 1), (plain, 1), (bare, 2), *((bare[start:], 2 + start) for start in range(1, len(bare)))]
+    for part, rank in tries:
+        text = "".join(part)
+        name = _NAME.get(text) or _RECORDED.get(synonym(text) or "", synonym(text))
+        if not name or (rank > 2 and len(text) <= _NOT_AFTER_DROPPING and text not in ("n1", "n2")):
+            continue
+        if name == "h_baro" and ("gps" in column or "gnss" in column):
+            name = "h_gps"
+        return _for_engine(name, engine), rank
+    return None
+
+
+def _numbered(words: list[str]) -> tuple[list[str], int]:
+    """Return the words without the number or side of an engine or surface, and that number; 0 without one."""
+    plain: list[str] = []
+    number = 0
+    for position, word in enumerate(words):
+        match = re.fullmatch(r"(?:eng|engine|e)?([1-9])", word) if len(words) > 1 else None
+        if word in _SIDES and len(words) > 1 and not (word in "lr" and position == 0 and len(words) == 2 and words[1] in ("dot", "rate")):
+            number = _SIDES[word]
+        elif match:
+            number = int(match[1])
+        elif re.fullmatch(r"(throttle|thrust|pla|tla|thr|torque|itt)[1-9]", word):
+            plain, number = [*plain, word[:-1]], int(word[-1])
+        elif word not in ("eng", "engine"):
+            plain.append(word)
+    return plain, number
+
+
+def _for_engine(name: str, number: int) -> str:
+    if name in _OF_ENGINES:
+        name = f"engine.{name}"
+    if name.startswith("engine."):
+        return name.replace("engine.", f"engine{number or 1}.")
+    return f"{name}_{'left' if number == 1 else 'right'}" if name in ("delta_a", "delta_f") and number in (1, 2) else name
+
+
+def _own_unit(own: str, name: str) -> str | None:
+    """Return the unit that words such as KIAS, KTAS imply."""
+    return "kt" if name in ("V", "V_cas") and re.match(r"(?i)k(ias|cas|tas)", own) else None
+
+
+def _same_kind(unit: str, name: str) -> bool:
+    try:
+        wanted = parse("m s-2" if unit == "g" else lookup(name).units)[0]
+        return parse("lbf" if unit == "lb" and wanted == parse("N")[0] else unit)[0] == wanted
+    except (UnknownName, UnitError):
+        return False

@@ -1,0 +1,229 @@
+"""`aeromatch init`: names and units of columns, geometry of the cards, and a folder that the next verb reads."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+import flightmech
+import flighttest
+import pom
+from aeromatch.drafting import Known, draft_project
+from aeromatch.drafting.column_names import guess
+from aeromatch.drafting.column_units import by_size
+from aeromatch.drafting.geometry import geometry_of
+from aeromatch.drafting.names import draft_names
+from aeromatch.project import read_project
+from flightmech.errors import SchemaError
+from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
+
+T37 = Path(__file__).parents[2] / "data" / "t37"
+CLEAN = T37 / "datcom" / "t37_clean.out"
+MASS = Known(values={"mass": "2150 kg", "Ixx": "10826", "Iyy": "8135 kg m2", "Izz": "15162"})
+COLUMNS = {  # column of the recorder: canonical name, what one of the recorder is in SI
+    "RollRate": ("p", DEGREE),
+    "PitchRate": ("q", DEGREE),
+    "YawRate": ("r", DEGREE),
+    "Bank": ("phi", DEGREE),
+    "Pitch": ("theta", DEGREE),
+    "HdgTrue": ("psi", DEGREE),
+    "Nx": ("ax_imu", G0),
+    "Ny": ("ay_imu", G0),
+    "Nz": ("az_imu", -G0),
+    "AOA": ("alpha_vane", DEGREE),
+    "Sideslip": ("beta_vane", DEGREE),
+    "KCAS": ("V_cas", KNOT),
+    "PressAlt_ft": ("h_baro", FOOT),
+    "Elev_deg": ("delta_e", DEGREE),
+    "AIL_deg": ("delta_a", -DEGREE),  # a recorder that counts right roll as positive
+    "Rud_deg": ("delta_r", DEGREE),
+    "Thrust_L_lbf": ("engine1.thrust", POUND_FORCE),
+    "Thrust_R_lbf": ("engine2.thrust", POUND_FORCE),
+}
+
+
+@pytest.fixture(scope="module")
+def flown():
+    """Ninety seconds of a T-37 record: 3-2-1-1 and doublets, in SI."""
+    record = flighttest.read(T37 / "flight" / "t37_01_clean_low_speed_5kft.nc", T37 / "names.toml")
+    return flighttest.cut(record, 5.0, 95.0)
+
+
+@pytest.fixture(scope="module")
+def columns(flown):
+    time = flown["time"].values
+    return {"Time_ms": np.round(1000.0 * time)} | {name: flown[own].values / one for name, (own, one) in COLUMNS.items()}
+
+
+@pytest.fixture(scope="module")
+def recordings(columns, tmp_path_factory):
+    """The record twice, as CSV files of a recorder with names and units of its own."""
+    folder = tmp_path_factory.mktemp("recordings")
+    for name in ("monday", "tuesday"):
+        pd.DataFrame({**columns, "Event": 0.0}).to_csv(folder / f"{name}.csv", index=False, float_format="%.7g")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def drafted(recordings, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("project") / "mine"
+    return folder, draft_project(folder, [CLEAN], [recordings], MASS)
+
+
+@pytest.mark.parametrize(
+    ("column", "name", "unit"),
+    [
+        ("KIAS", "V_cas", "kt"), ("ktas", "V", "kt"), ("roll_rate_dps", "p", "deg/s"), ("q_deg_s", "q", "deg/s"), ("Pitch", "theta", None),
+        ("ALT_ft", "h_baro", "ft"), ("gps/altitude", "h_gps", None), ("NormAcc", "az_imu", None), ("acc_x_mss", "ax_imu", "m/s2"),
+        ("Elevator_Pos_deg", "delta_e", "deg"), ("AIL_L_deg", "delta_a_left", "deg"), ("AileronRight", "delta_a_right", None),
+        ("N1_2", "engine2.n1", None), ("thrust_left_lbf", "engine1.thrust", "lbf"), ("Eng2N1", "engine2.n1", None),
+        ("OAT_C", "temperature", "degC"), ("fuel_flow_pph", "engine1.fuel_flow", "lb/h"), ("weight_lb", "mass", "lb"),
+        ("flightdata.Pitch", "theta", None), ("stick_force_lbf", "F_column", "lbf"), ("x_cg", "x_cg_b", None), ("delta_r", "delta_r", None),
+    ],
+)  # fmt: skip
+def test_columns_are_recognised_by_their_names(column, name, unit):
+    found = guess(column)
+    assert (found.name, found.unit) == (name, unit)
+
+
+@pytest.mark.parametrize("column", ["spare_7", "Event", "TAT", "gs_kt", "time", "status"])
+def test_columns_without_a_quantity_are_left_out(column):
+    assert guess(column) is None
+
+
+def test_units_follow_from_the_size_of_the_values():
+    time = np.linspace(0.0, 20.0, 200)
+    small = {"theta": 4.0 + np.sin(time), "delta_r": 0.1 * np.sin(time), "p": 8.0 * np.sin(time), "az_imu": 1.0 + 0.1 * np.sin(time)}
+    others = {"p_static": 900.0 + time, "temperature": 10.0 + 0.0 * time, "engine1.n1": 70.0 + time, "ax_imu": 0.05 * np.sin(time)}
+    found = {name: unit for name, (unit, _) in by_size({**small, **others}).items()}
+    assert found == {
+        "theta": "deg", "delta_r": "deg", "p": "deg/s", "az_imu": "g", "ax_imu": "g", "p_static": "hPa", "temperature": "degC",
+        "engine1.n1": "%",
+    }  # fmt: skip
+    radians = by_size({"theta": 0.07 + 0.02 * np.sin(time), "p": 0.1 * np.sin(time), "az_imu": -9.8 + 0.0 * time})
+    assert [unit for unit, _ in radians.values()] == ["rad", "rad/s", "m/s2"]
+
+
+def test_geometry_of_cards_and_of_a_deck_alone():
+    """T-37: 182 ft2, 5.47 ft, 33.83 ft, XCG 9.88 ft; the reference point is at 0.27 of the mean chord (flight/README.md)."""
+    listing, deck = geometry_of([CLEAN], []), geometry_of([], [CLEAN.with_suffix(".inp")])
+    for found in (listing, deck):
+        np.testing.assert_allclose([found.S, found.cbar, found.b], [182.0 * FOOT**2, 5.47 * FOOT, 33.83 * FOOT], rtol=1e-6)
+        np.testing.assert_allclose(found.reference, [-9.88 * FOOT, 0.0, 0.0], rtol=1e-6, atol=1e-12)
+        assert found.x_ref_mac == pytest.approx(0.27, abs=0.002)
+    assert listing.places == {"clean": [str(CLEAN)]}
+    assert deck.places == {}
+
+
+def test_without_optins_the_reference_is_that_of_the_planform(tmp_path):
+    text = CLEAN.with_suffix(".inp").read_text()
+    (tmp_path / "wing.inp").write_text("\n".join(line for line in text.splitlines() if "OPTINS" not in line))
+    found = geometry_of([], [tmp_path / "wing.inp"])
+    mean = 2.0 / 3.0 * (6.37 + 4.5 - 6.37 * 4.5 / (6.37 + 4.5))  # of a straight wing
+    np.testing.assert_allclose([found.S, found.cbar, found.b], [(6.37 + 4.5) * 16.915 * FOOT**2, mean * FOOT, 33.83 * FOOT], rtol=1e-5)
+
+
+def test_recorded_channels_come_back_in_si(drafted, flown):
+    """Units by name and by size, the milliseconds of the clock, the load factor upwards and the reversed aileron."""
+    folder, _ = drafted
+    record = flighttest.read(next(folder.parent.parent.glob("recordings*/monday.csv")), folder / "names.toml")
+    for name, _ in COLUMNS.values():
+        leaf = flighttest.records.record.locate(record, name)
+        np.testing.assert_allclose(record[leaf][name].values, flown[name].values, rtol=1e-5, atol=1e-5 * np.abs(flown[name].values).max())
+    np.testing.assert_allclose(record["imu"]["time"].values, flown["time"].values, atol=6e-4)
+    assert "Event" in (folder / "names.toml").read_text()
+
+
+def test_every_drafted_file_passes_the_checks_of_the_product(drafted):
+    folder, done = drafted
+    assert done.complete
+    project = read_project(folder / "aeromatch.toml")
+    aircraft = flightmech.read_aircraft(folder / "aircraft.toml")
+    assert aircraft.mass == 2150.0
+    assert len(aircraft.engines) == 2
+    assert {fit.name.partition(",")[0] for fit in project.fits} == {"pitch", "roll and yaw"}
+    assert set(flighttest.records.read_manoeuvres(folder / "manoeuvres.csv")) == {"monday", "tuesday"}
+    for file in project.cases:
+        case = pom.read_case(file)
+        assert Path(case.record).stem == "tuesday"  # the last of each test proves, the others identify
+    assert {file.stem for file in project.cases} == {"short_period", "roll_response", "dutch_roll"}
+    assert any("inertial unit" in text for text in done.remarks)
+
+
+def test_what_a_case_replays_does_not_identify(drafted):
+    folder, _ = drafted
+    project = read_project(folder / "aeromatch.toml")
+    cases = [pom.read_case(file) for file in project.cases]
+    marks = flighttest.records.read_manoeuvres(folder / "manoeuvres.csv")
+    for fit in project.fits:
+        for record in fit.records:
+            named = [row for row in marks[record].to_dict("records") if f"{row['manoeuvre']} {row['control']}" in fit.manoeuvres]
+            spans = [*fit.window, *((row["start"], row["end"]) for row in named)]
+            for case in cases:
+                assert Path(case.record).stem != record or all(a >= case.window[1] or b <= case.window[0] for a, b in spans)
+
+
+def test_nothing_is_overwritten_without_force(drafted, aeromatch):
+    folder, _ = drafted
+    (folder / "aircraft.toml").write_text("mine")
+    try:
+        done = aeromatch("init", folder, "--datcom", CLEAN)
+        assert done.returncode == 2
+        assert "aircraft.toml" in done.stderr
+        assert "--force" in done.stderr
+        assert (folder / "aircraft.toml").read_text() == "mine"
+    finally:
+        (folder / "aircraft.toml").unlink()
+
+
+def test_what_nobody_knows_is_marked_and_refused_with_a_sentence(tmp_path, aeromatch):
+    done = aeromatch("init", tmp_path / "new", "--datcom", CLEAN, "--json")
+    assert done.returncode == 0
+    found = json.loads(done.stdout)
+    assert not found["complete"]
+    assert {"mass", "Ixx", "Iyy", "Izz"} <= {text.split()[0] for text in found["remarks"]}
+    with pytest.raises(SchemaError, match="mass: not given yet; write a number in kg"):
+        flightmech.read_aircraft(tmp_path / "new" / "aircraft.toml")
+    project = tmp_path / "new" / "aeromatch.toml"
+    project.write_text(project.read_text() + '[[fit]]\nname="a"\nrecords=["a"]\nwindow=[0,1]\nmodels=["CL = 1"]\n')
+    with pytest.raises(SchemaError, match="flights: '\\?' stands for files"):
+        read_project(project)
+
+
+def test_an_error_leaves_nothing_behind(tmp_path):
+    (tmp_path / "notes.csv").write_text("a,b\n1,2\n2,3\n")
+    with pytest.raises(SchemaError, match="no column"):
+        draft_project(tmp_path / "new", [CLEAN], [tmp_path / "notes.csv"], MASS)
+    assert not (tmp_path / "new").exists()
+    with pytest.raises(SchemaError, match="no listing, deck or recording"):
+        draft_project(tmp_path / "empty", [], [], MASS)
+
+
+def test_matlab_structure_with_names_of_its_own(columns, tmp_path):
+    content = {name: values for name, values in columns.items() if name != "Time_ms"}
+    scipy.io.savemat(tmp_path / "flight.mat", {"rec": {"time": columns["Time_ms"] / 1000.0, **content}})
+    rows = {row.name: row.channel for row in draft_names([tmp_path / "flight.mat"]).rows}
+    assert {name for name, _ in COLUMNS.values()} == set(rows)
+    assert rows["az_imu"].sign == -1
+    assert rows["theta"].unit == "deg"
+
+
+def test_a_canonical_record_needs_no_map(flown, tmp_path):
+    canonical = pd.DataFrame({"time": flown["time"].values} | {name: flown[name].values for name in ("p", "q", "r", "theta")})
+    file = tmp_path / "canonical.csv"
+    file.write_text("time,p [rad/s],q [rad/s],r [rad/s],theta [rad]\n" + canonical.to_csv(index=False, header=False))
+    draft = draft_names([file])
+    assert draft.identity
+    assert draft.mapping() is None
+
+
+def test_texts_are_toml_with_a_comment_for_every_key(drafted):
+    folder, _ = drafted
+    for file in folder.glob("*.toml"):
+        text = file.read_text()
+        tomllib.loads(text)
+        assert text.startswith("#")

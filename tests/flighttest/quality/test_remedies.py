@@ -1,0 +1,98 @@
+"""The remedy of a mistake is a line of the name map: pasted in the place of the old one, it makes the record right."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flighttest
+from flighttest.quality.finding import exchanged, map_entry
+from flighttest.readers.map_entries import corrected, line_of, units_of
+from flighttest.readers.name_map import Channel
+
+HEAD = "time,aN [g],nose,oat,l,r,psi\n"
+MAP = """
+[imu]
+az_imu = { column = "aN", unit = "g", sign = -1 }
+theta = { column = "nose", unit = "deg", offset = "2 deg" }
+psi = { column = "psi", unit = "rad" }
+[air]
+temperature = { column = "oat", unit = "K" }
+[controls]
+delta_a_left = { column = "l", unit = "deg", polynomial = [0.5, 2.0] }
+delta_a_right = { column = "r", scale = "20 deg" }
+"""
+
+
+@pytest.fixture
+def recording(tmp_path):
+    time = np.arange(0.0, 4.0, 0.02)
+    rows = np.stack([time, 0.05 * np.sin(time), 3.0 + np.cos(time), 12.0 + time, np.sin(time), 0.1 * np.cos(time), time], axis=1)
+    (tmp_path / "flight.csv").write_text(HEAD + "\n".join(",".join(f"{x:.9g}" for x in row) for row in rows) + "\n")
+    (tmp_path / "names.toml").write_text(MAP)
+    return tmp_path / "flight.csv", tmp_path / "names.toml"
+
+
+def pasted(file: Path, remedy: str) -> None:
+    """Put the lines of a remedy in the place of the lines of the same names."""
+    names = {line.split("=")[0].strip(): line.strip() for line in remedy.splitlines()}
+    kept = [names.get(line.split("=")[0].strip(), line) for line in file.read_text().splitlines()]
+    file.write_text("\n".join(kept) + "\n")
+
+
+def channel(recording, name):
+    record = flighttest.read(*recording)
+    return next(node.to_dataset()[name].values for node in record.children.values() if name in node.data_vars)
+
+
+@pytest.mark.parametrize(
+    ("name", "slope", "shift"),
+    [
+        ("az_imu", -1.0, 0.0),
+        ("az_imu", 1.0, -9.80665),  # load factor minus one: the unit g stays
+        ("theta", -1.0, 0.0),
+        ("theta", 180.0 / np.pi, 0.0),
+        ("temperature", 1.0, 273.15),
+        ("delta_a_left", -1.0, 0.0),
+        ("delta_a_right", -2.0, 0.0),
+        ("delta_a", -1.0, 0.0),
+    ],
+)
+def test_pasted_line_makes_the_channel_right(recording, name, slope, shift):
+    before = channel(recording, name)
+    pasted(recording[1], map_entry(flighttest.read(*recording), name, slope, shift))
+    np.testing.assert_allclose(channel(recording, name), slope * before + shift, rtol=1e-9, atol=1e-9)
+
+
+def test_pasted_line_keeps_what_stands_there(recording):
+    remedy = map_entry(flighttest.read(*recording), "az_imu", 1.0, -9.80665)
+    assert remedy == 'az_imu = { column = "aN", unit = "g", sign = -1, offset = "-1 g" }   # in [imu] of the name map'
+
+
+def test_exchanged_channels_are_two_lines(recording):
+    before = {name: channel(recording, name) for name in ("theta", "psi")}
+    pasted(recording[1], exchanged(flighttest.read(*recording), "theta", "psi"))
+    np.testing.assert_allclose(channel(recording, "theta"), before["psi"])
+    np.testing.assert_allclose(channel(recording, "psi"), before["theta"])
+
+
+@pytest.mark.parametrize("name", ["p", "theta", "V", "h_baro", "az_imu", "p_static", "temperature", "engine1.n1", "engine1.thrust"])
+def test_every_pair_of_units_is_corrected_by_a_unit(name):
+    """A channel that was taken for one unit and stands in another: the corrected line states it."""
+    x = np.array([0.3, 1.7, -2.0])
+    for wrong in units_of(name):
+        for right in units_of(name):
+            taken, true = (Channel(column="c", unit=unit).convert(x, None, name) for unit in (wrong, right))
+            slope, shift = np.polyfit(taken, true, 1)
+            found = corrected(Channel(column="c", unit=wrong), name, None, float(slope), float(shift) if abs(shift) > 1e-6 else 0.0)
+            np.testing.assert_allclose(found.convert(x, None, name), true, rtol=1e-6, atol=1e-6)
+            assert tomllib.loads(line_of(name, found))
+
+
+def test_constant_channel_is_stated_in_the_map(recording):
+    recording[1].write_text(MAP + '[constants]\ndelta_f = "20 deg"\n')
+    np.testing.assert_allclose(channel(recording, "delta_f"), np.radians(20.0))
+    recording[1].write_text(MAP + "[constants]\ntheta = 0.1\n")
+    with pytest.raises(flighttest.records.record.SchemaError, match=r"constants\.theta: a column shows it too"):
+        flighttest.read(*recording)
