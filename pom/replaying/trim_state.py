@@ -39,7 +39,7 @@ DEFAULT_LIMITS = {
     **dict.fromkeys(("p_dot", "q_dot", "r_dot"), 2.0e-3),
 }
 """Size of a bias or of an acceleration left beyond which a run is remarked. [SI]"""
-THRUST_SHARE = 0.05  # of the largest thrust of an engine in the window; 2.c.5 of Table A2A, from memory, has 5 % of the largest
+THRUST_SHARE = 0.05  # of the largest thrust of an engine in the window; 2.c.5 of Table A2A has 5 % of the largest in service
 SHOWN_UNITS = {"N": "lbf", "rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
 
 

@@ -17,7 +17,7 @@ from ...tolerances.remarks import RowRemark
 from ..comparison import WHO, Match
 from ..events import crossing, event_time, find, level_at
 
-SHARE = {"1.b.1": 0.8, "1.e.1": 0.8}
+SHARE = {"1.b.1": 0.8, "1.e.1": 0.8, "1.e.2": 0.8}
 """Part of the run that has to be recorded; of the others all."""
 
 LEAST = {"h": 5000.0 * FOOT, "V_cas": 50.0 * KNOT}

@@ -104,7 +104,9 @@ def test_conditions_carry_units(write_case):
 
 
 def test_memory_rows_keep_their_mark(write_case):
-    assert criteria(write_case("2.d.3"))["bank_angle"].provenance == "memory"
+    later = 'edition = "2016-05-31 (Amdt 60-4)"'
+    assert criteria(write_case("2.c.8.a", case=later))["roll_rate"].provenance == "memory"
+    assert criteria(write_case("2.d.3"))["bank_angle"].provenance == "verified"
 
 
 def test_engineering_reference_takes_the_fraction_of_its_edition(write_case):
