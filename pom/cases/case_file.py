@@ -43,6 +43,9 @@ class CaseTable(Strict):
     aircraft: str = Field(default="", description="Aircraft file; a raw record needs it to be reconstructed. Relative to this file.")
     window: tuple[float, float] = Field(description="Start and end of the replay on the clock of the record [s].")
     features: tuple[str, ...] = Field(default=(), description="Conditions of table rows that hold, such as reversible_controls.")
+    absent: tuple[str, ...] = Field(
+        default=(), description="Parameters of rows whose equipment the aeroplane does not have, such as spoiler, epr, tiller_force."
+    )
     shortened: str = Field(default="", description="Why a window is shorter than the rows ask; without it a short window is an error.")
     show: tuple[str, ...] = Field(default=SHOWN, description="Channels to show in addition to the judged ones.")
     mode_channel: str = Field(default="", description="Channel on which period and damping are measured.")

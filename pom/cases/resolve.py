@@ -35,6 +35,14 @@ LIMIT_UNITS = (
 )
 """What a trim finds and leaves, with its SI unit: keys of ``drive.limits``, outputs ``trim.*`` of a model."""
 
+EQUIPMENT = frozenset(
+    {
+        *("spoiler", "stabilizer", "rudder_tab", "tiller_force", "prop_lever"),
+        *("epr", "torque", "manifold_pressure", "brake_pressure"),
+    }
+)
+"""Parameters that an aeroplane need not have; a case that states so in ``case.absent`` is not judged on them."""
+
 KINDRED = (
     {"V", "V_cas", "V_eas", "V_ground", "mach", "qbar", "u", "distance"},
     {"theta", "q", "q_dot"},
@@ -161,10 +169,14 @@ def criteria(file: CaseFile, problems: list[str]) -> list[Criterion]:
     """Return the rows of the test as criteria, with what the case file sets for bands."""
     case = file.case
     rows = collect(problems, "case.id", table.rows_of, case.id, case.standard, case.edition) or []
+    optional = sorted({row["parameter"] for row in rows} & EQUIPMENT)
+    problems += [f"case.absent: {UnknownName(name, optional, 'equipment of this test')}" for name in case.absent if name not in optional]
     found = []
     for row, name in zip(rows, table.names_of(rows), strict=True):
         window = _window(row, name, file, problems)
         criterion = table.criterion(row, name, window, case.features, case.mode_channel, case.engine_parameter)
+        if row["parameter"] in case.absent:
+            criterion = replace(criterion, applies=False, reason=f"the aeroplane has no {row['parameter']}: case.absent of the case file")
         if criterion.applies and criterion.measure.startswith("response_") and not criterion.channel:
             problems.append(f"case.engine_parameter: missing; row {name} needs the channel of the critical engine parameter")
         if criterion.applies and criterion.measure == "steady" and "capture" not in file.events:

@@ -120,6 +120,8 @@ def _samples(states: xr.Dataset) -> dict[str, np.ndarray]:
 def check_plan(plan: Plan, model: Model) -> None:
     """Check that a model offers what a case needs.
 
+    A judged channel that the flight record lacks as well is no error: its verdict states what is missing.
+
     Raises
     ------
     SchemaError
@@ -128,7 +130,8 @@ def check_plan(plan: Plan, model: Model) -> None:
     job, links = plan.job, model.links
     inputs = _taken(job.inputs, links.inputs, {*job.needed_inputs, *(loop.control for loop in job.pilot)})
     shown, judged = (_outputs(names, links.outputs) for names in (shown_channels(plan.case, plan.states), judged_channels(plan.case)))
-    outputs = _taken([*shown, *job.targets], links.outputs, {*judged, *job.targets})
+    needed = {name for name in judged if output_of(name, plan.states) in plan.states}
+    outputs = _taken([*shown, *job.targets], links.outputs, {*needed, *job.targets})
     check(model.fmu, links, inputs, dict.fromkeys(outputs), _taken(job.parameters, links.parameters, job.needed_parameters))
 
 

@@ -103,6 +103,14 @@ def test_conditions_carry_units(write_case):
     assert PomCase.from_dict(case.to_dict()) == case
 
 
+def test_equipment_that_the_aeroplane_has_not_is_stated_by_the_case(write_case):
+    found = criteria(write_case("1.d.3", case='absent = ["epr", "torque"]', more="[events]\ncapture = 8.0"))
+    assert {name for name, c in found.items() if c.applies} == {"n1", "fuel_flow"}
+    assert found["epr"].reason == "the aeroplane has no epr: case.absent of the case file"
+    with pytest.raises(SchemaError, match=r"case\.absent: unknown equipment of this test 'n1'; allowed: epr, torque"):
+        criteria(write_case("1.d.3", case='absent = ["n1"]', more="[events]\ncapture = 8.0"))
+
+
 def test_memory_rows_keep_their_mark(write_case):
     later = 'edition = "2016-05-31 (Amdt 60-4)"'
     assert criteria(write_case("2.c.8.a", case=later))["roll_rate"].provenance == "memory"
