@@ -2,7 +2,7 @@
 
 What a page may rely on is stated in its first paragraph set in italics, which begins with "Commands": *a checkout* puts
 ``data``, ``docs``, ``examples`` and ``tests`` of the repository into the folder, *./run demo* the output of the demo as ``out/t37``,
-``../shared`` the material next to a checkout.
+``../shared`` the material next to a checkout, ``log.ulg`` a log of an autopilot, written here.
 
 Blocks of language ``console`` hold commands after ``$`` and what they print, ``sh`` commands only. Output must come in the order
 printed; a line ``...`` stands for any number of lines, and ``...`` at the end of a line for its rest. A block with ``title="name"`` is
@@ -20,6 +20,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import textwrap
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,7 @@ from aeromatch.cli import cli, main
 from flightmech.errors import AeromatchWarning
 
 ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT / "tests" / "flighttest"))  # for recorders
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 LANGUAGES = {"console", "sh", "text", "python", "toml", "csv", "matlab", "json", "xml"}
 # commands that are not run here: a part of the command, and why
@@ -43,7 +45,7 @@ NOT_RUN = {
     "benchmarks/": "minutes of measurement; no step of any work",
     "ruff": "style and types: run by .ci/run",
 }
-FENCE = re.compile(r"^(?P<slow><!-- slow -->\n+)?```(?P<language>\S*)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^```$", re.M | re.S)
+FENCE = re.compile(r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^(?P=indent)```$", re.M | re.S)
 NEEDS = re.compile(r"^\*(Commands [^*]+)\*$", re.M)
 NUMBER = re.compile(r"(?P<number>[+-]?\d+(?:\.(?P<digits>\d+))?)(?P<tail>[^\d]*)")
 PRECISION = 0.02  # identified models, and all that they fly, move in the third digit from one processor and one BLAS to another
@@ -78,7 +80,7 @@ def blocks(page: Path) -> list[Block]:
     found: list[Block] = []
     for match in FENCE.finditer(page.read_text(encoding="utf-8")):
         slow = bool(match["slow"]) or (bool(found) and found[-1].slow)
-        found.append(Block(match["language"], match["title"], match["text"], slow))
+        found.append(Block(match["language"], match["title"], textwrap.dedent(match["text"]), slow))
     return found
 
 
@@ -213,6 +215,10 @@ def provide(page: Path, folder: Path) -> None:
     if "checkout" in stated:
         for part in ("data", "examples", "tests", "docs"):
             (folder / part).symlink_to(ROOT / part)
+    if "`log.ulg`" in stated:
+        from recorders import px4_flight
+
+        px4_flight.write(folder / "log.ulg")
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if has_commands(page, slow=False)], ids=name)
