@@ -74,7 +74,8 @@ def documented_elsewhere(home: str) -> bool:
     """Return whether a name is public in a namespace below the package."""
     parts = home.split(".")
     return any(
-        (ROOT.joinpath(*parts[:depth]) / "__init__.pyi").is_file() and parts[-1] in public_names(ROOT.joinpath(*parts[:depth]) / "__init__.pyi")
+        (ROOT.joinpath(*parts[:depth]) / "__init__.pyi").is_file()
+        and parts[-1] in public_names(ROOT.joinpath(*parts[:depth]) / "__init__.pyi")
         for depth in range(2, len(parts))
     )
 
@@ -105,10 +106,10 @@ def verbs() -> str:
         if isinstance(command, click.Group):
             continue
         lines += ["```text", f"{' '.join(words)} {' '.join(command.collect_usage_pieces(context))}", "```", ""]
-        rows = [record for option in command.params if (record := option.get_help_record(context))]
+        rows = [record for option in command.params if isinstance(option, click.Option) and (record := option.get_help_record(context))]
         if rows:
             lines += ["| option | |", "| --- | --- |"]
-            lines += [f"| {cell(f'`{name}`')} | {cell(text)} |" for name, text in rows] + [""]
+            lines += [f"| `{' '.join(name.split())}` | {cell(text)} |" for name, text in rows] + [""]
     return "\n".join(lines)
 
 
@@ -126,4 +127,4 @@ def commands(command: click.Command, words: list[str]) -> Iterator[tuple[list[st
 
 def cell(text: str) -> str:
     """Return text for a cell of a table."""
-    return " ".join(text.split()).replace("|", "\\|").replace("[", "\\[")
+    return " ".join(text.split()).replace("|", "\\|").replace("[", "&#91;")

@@ -21,6 +21,7 @@ import shutil
 import subprocess
 import sys
 import textwrap
+import tomllib
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,9 +44,13 @@ NOT_RUN = {
     "-m pytest": "tests of this suite",
     "pip install": "downloads from a package index",
     "benchmarks/": "minutes of measurement; no step of any work",
+    "./run docs": "makes an environment over the network; tests/test_site.py builds the site",
     "ruff": "style and types: run by .ci/run",
 }
-FENCE = re.compile(r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^(?P=indent)```$", re.M | re.S)
+FENCE = re.compile(
+    r"^(?P<slow><!-- slow -->\n+)?(?P<indent> *)```(?P<language>\S*)(?: title=\"(?P<title>[^\"]+)\")?\n(?P<text>.*?)^(?P=indent)```$",
+    re.M | re.S,
+)
 NEEDS = re.compile(r"^\*(Commands [^*]+)\*$", re.M)
 NUMBER = re.compile(r"(?P<number>[+-]?\d+(?:\.(?P<digits>\d+))?)(?P<tail>[^\d]*)")
 PRECISION = 0.02  # identified models, and all that they fly, move in the third digit from one processor and one BLAS to another
@@ -118,7 +123,7 @@ class Reader:
         monkeypatch.chdir(folder)
         tools = folder.parent / "bin"
         tools.mkdir()
-        (tools / "aeromatch").write_text(f'#!/bin/sh\nexec "{sys.executable}" -m aeromatch "$@"\n')
+        (tools / "aeromatch").write_text(f"#!{sys.executable}\nfrom aeromatch.cli import main\nmain()\n")
         (tools / "aeromatch").chmod(0o755)
         monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
         monkeypatch.setenv("PYTHONPATH", str(ROOT))
@@ -253,6 +258,11 @@ def test_blocks_are_marked_and_every_exception_is_used():
                     f"{name(page)}: {stray[1]!r} in a block of text is not run; write console or sh"
                 )
     assert [part for part in NOT_RUN if part not in everything] == []
+
+
+def test_the_citation_names_the_version():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert f"\nversion: {project['version']}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
 
 
 def spans(page: Path) -> list[str]:

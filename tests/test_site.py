@@ -1,0 +1,96 @@
+"""The documentation as a site: built with warnings as errors, opened in a real browser, no request to another host."""
+
+import functools
+import http.server
+import os
+import shutil
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = ["index.html", "how-to/own-aircraft/", "tolerances/", "reference/verbs/", "reference/flighttest.equation_error/", "design/folders/"]
+
+
+def test_every_page_is_in_the_table_of_contents():
+    listed = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    pages = [page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")]
+    assert [page for page in pages if page not in listed] == [], "add it to nav in mkdocs.yml"
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    """Serves a folder without a line for each request."""
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Build the site and serve it; its address."""
+    pytest.importorskip("mkdocs", reason="needs the docs extra: pip install -e '.[docs]'")
+    folder = tmp_path_factory.mktemp("site")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"}
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
+    built = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300)
+    assert built.returncode == 0, built.stderr
+    handler = functools.partial(Quiet, directory=folder)
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    program = shutil.which("chromium")
+    if program is None:
+        pytest.skip("needs Debian's chromium")
+    playwright = pytest.importorskip("playwright.sync_api")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=program, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_no_page_requests_anything_from_another_host(site, browser):
+    page = browser.new_page()
+    requests, failures = [], []
+    page.on("request", lambda request: requests.append(request.url))
+    page.on("response", lambda response: response.status >= 400 and failures.append(response.url))
+    page.on("pageerror", lambda error: failures.append(str(error)))
+    for name in PAGES:
+        page.goto(site + name, wait_until="networkidle")
+        assert page.locator("article h1").count() == 1
+    assert len(requests) > len(PAGES)
+    assert [url for url in requests if not url.startswith((site, "data:", "blob:"))] == []
+    assert failures == []
+    page.close()
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_search_finds_a_page(site, browser):
+    page = browser.new_page()
+    page.goto(site, wait_until="networkidle")
+    page.locator("input[name=query]").fill("collinearity")
+    hit = page.locator(".md-search-result__link").first
+    hit.wait_for(timeout=20_000)
+    assert "regression/" in (hit.get_attribute("href") or "")  # the page that explains what it does to standard errors
+    page.close()
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [360, 1280])
+def test_pages_fit_the_screen(site, browser, width):
+    page = browser.new_page(viewport={"width": width, "height": 800})
+    for name in PAGES:
+        page.goto(site + name, wait_until="networkidle")
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, name
+    page.close()
