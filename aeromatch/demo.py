@@ -86,9 +86,11 @@ def _print(outcome: Any) -> None:
         beyond = statuses.count("limits_exceeded")
         more = f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
         click.echo(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
-    click.echo(f"corrected = datcom with {', '.join(outcome.corrected_terms) or 'no term'} from final")
+    click.echo(f"corrected = datcom with {len(outcome.corrected_terms)} of the {outcome.differing} terms and parts of final that differ")
     for submodel, names in outcome.corrected_submodels.items():
         click.echo(f"{submodel:>15}: {', '.join(names)}")
+    for name, terms in outcome.joint_terms.items():
+        click.echo(f"added for {name}, which the terms of the other cases put out of tolerance: {', '.join(terms)}")
     for result in outcome.results:
         if result.failure:
             remark(f"{result.case.name}: {result.failure}")

@@ -17,10 +17,11 @@ import flighttest
 import pom
 from datcom_io.reading import read_place
 from flightmech import Aircraft
+from flightmech.aircraft.parts import different_parts
 from flightmech.errors import SchemaError, UnknownName
 from flighttest.control_loading import replace_hinge_moments
 from flighttest.ground_effect import replace_ground_effect
-from pom.diagnosis import by_submodel
+from pom.diagnosis import by_submodel, differing, joint_terms
 
 from .project import Project
 from .submodels import (
@@ -208,11 +209,13 @@ def diagnose_all(
     apriori: Aircraft | None = None,
     jobs: int = -1,
 ) -> dict[str, pd.DataFrame]:
-    """Return the term-swap diagnosis of every case, in parallel; `apriori` is the aircraft before the flights."""
+    """Return the term-swap diagnosis of every case, in parallel, then joined; `apriori` is the aircraft before the flights."""
     from joblib import Parallel, delayed
 
-    work = (delayed(pom.diagnose)(case, datcom, final, aircraft, paths[Path(case.record).stem], apriori) for case in cases)
-    return dict(zip((case.name for case in cases), Parallel(n_jobs=jobs)(work), strict=True))
+    flown = {case.name: paths[Path(case.record).stem] for case in cases}
+    work = (delayed(pom.diagnose)(case, datcom, final, aircraft, flown[case.name], apriori) for case in cases)
+    alone = dict(zip(flown, Parallel(n_jobs=jobs)(work), strict=True))
+    return pom.join_diagnoses(alone, cases, datcom, final, dict.fromkeys(flown, aircraft), flown, apriori)
 
 
 @dataclass(frozen=True)
@@ -227,6 +230,10 @@ class Outcome:
         Terms, and parts of the aircraft, that the corrected model takes from the final one.
     corrected_submodels : dict of str to list of str
         The same by submodel: ``aerodynamics``, ``ground effect``, ``control loading``, ``engine``, ``landing gear``.
+    joint_terms : dict of str to list of str
+        Those of them that no case needs alone: added since the terms of one case change another, by the case for which.
+    differing : int
+        Terms and parts that differ between the a-priori and the final model.
     tabulation : Tabulation
         How the terms came about.
     report : Path
@@ -236,6 +243,8 @@ class Outcome:
     results: list[Any]
     corrected_terms: list[str]
     corrected_submodels: dict[str, list[str]]
+    joint_terms: dict[str, list[str]]
+    differing: int
     tabulation: Any
     report: Path
 
@@ -245,6 +254,8 @@ class Outcome:
             "report": str(self.report),
             "corrected_terms": self.corrected_terms,
             "corrected_submodels": self.corrected_submodels,
+            "joint_terms": self.joint_terms,
+            "differing": self.differing,
             "cases": [
                 {
                     "name": result.case.name,
@@ -353,4 +364,5 @@ def perform(
             free_motion=submodels.free_motion,
         )
     taken = pom.corrected_terms(diagnoses.values())
-    return Outcome(results, taken, by_submodel(taken, *databases.values()), tabulation, report)
+    different = len(differing(datcom, final)) + len(different_parts(apriori, aircraft))
+    return Outcome(results, taken, by_submodel(taken, *databases.values()), joint_terms(diagnoses), different, tabulation, report)

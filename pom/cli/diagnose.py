@@ -66,6 +66,7 @@ def diagnose(
     from flightmech import read_aircraft
 
     from ..diagnosis.diagnosis import diagnose as rank
+    from ..diagnosis.joint_correction import join_diagnoses
     from ..replaying.reference_states import recorded_states
 
     before, after = aerodb.open(prior), aerodb.open(final)
@@ -73,11 +74,16 @@ def diagnose(
     biases, read = read_biases(biases_file), _cases(cases)
     new = {case.aircraft: read_aircraft(case.aircraft) for case in read}
     found: dict[str, pd.DataFrame] = {}
+    states = {}
     for case in read:
-        states, aircraft = recorded_states(case, biases), new[case.aircraft]
-        found[case.name] = rank(case, before, after, aircraft, states, old, wanted, players, replays, seed)
+        states[case.name] = recorded_states(case, biases)
+        found[case.name] = rank(case, before, after, new[case.aircraft], states[case.name], old, wanted, players, replays, seed)
         if not as_json:
             _print(case, found[case.name])
+    if output or aircraft_output:
+        found = join_diagnoses(found, read, before, after, {case.name: new[case.aircraft] for case in read}, states, old)
+        if not as_json:
+            _print_joint(found)
     written = _written(output, (before, after, final), found) if output else ""
     if aircraft_output and old is not None:
         _write_aircraft(aircraft_output, old, new, found)
@@ -168,6 +174,13 @@ def _print(case: PomCase, ranked: pd.DataFrame) -> None:
         left_out = f"{int(idle.sum())} swaps that change less than {_IDLE:g} of the gap"
         left_out += f" and {len(quiet)} pairs that interact less" if len(quiet) else ""
         click.echo(f"{left_out} are left out; --json has them all\n")
+
+
+def _print_joint(found: dict[str, pd.DataFrame]) -> None:
+    from ..diagnosis.term_swaps import joint_terms
+
+    for name, terms in joint_terms(found).items():
+        click.echo(f"added for {name}, which the terms of the other cases put out of tolerance: {', '.join(terms)}")
 
 
 def _cells(row: dict[Any, Any], criteria: list[str]) -> list[str]:

@@ -92,7 +92,7 @@ def diagnose(
     """
     bench = Bench.of(case, prior, final, (apriori or aircraft, aircraft), path)
     start, end = bench.judged([(), bench.names])
-    table = _Table(start, end)
+    table = Rows(start, end)
     table.add("prior", "", start)
     table.add("final", "", end)
     singles = sorted(zip(bench.names, bench.judged([[name] for name in bench.names]), strict=True), key=lambda row: _total(row[1]))
@@ -115,7 +115,7 @@ def diagnose(
     return pd.DataFrame(table.rows)
 
 
-class _Table:
+class Rows:
     """The rows of a diagnosis, and the gaps they are shares of."""
 
     def __init__(self, start: Judged, end: Judged):
@@ -156,7 +156,7 @@ def _total(found: Judged) -> float:
     return found.total if np.isfinite(found.total) else np.inf
 
 
-def _pairs(bench: Bench, table: _Table, names: Sequence[str]) -> None:
+def _pairs(bench: Bench, table: Rows, names: Sequence[str]) -> None:
     """Append the pairs of the named terms, best first."""
     alone = {row["term"]: row["explained"] for row in table.rows if row["stage"] == "single"}
     pairs = list(combinations(names, 2))
@@ -206,14 +206,14 @@ def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) ->
     return needed
 
 
-def _without(bench: Bench, table: _Table, left_out: Mapping[str, Sequence[str]]) -> None:
+def _without(bench: Bench, table: Rows, left_out: Mapping[str, Sequence[str]]) -> None:
     """Append the final model without each of these terms or groups, the worst first."""
     rests = [[other for other in bench.names if other not in names] for names in left_out.values()]
     for name, found in sorted(zip(left_out, bench.judged(rests), strict=True), key=lambda row: -_total(row[1])):
         table.add("without", name, found)
 
 
-def _shares(bench: Bench, table: _Table, separate: Sequence[str], replays: int, seed: int) -> None:
+def _shares(bench: Bench, table: Rows, separate: Sequence[str], replays: int, seed: int) -> None:
     """Append the Shapley shares of the terms `separate` and of all others together."""
     others = [name for name in bench.names if name not in separate]
     players = [[name] for name in separate] + ([others] if others else [])

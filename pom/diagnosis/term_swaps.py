@@ -157,19 +157,31 @@ def by_submodel(names: Iterable[str], *databases: xr.DataTree) -> dict[str, list
 
 
 def corrected_terms(diagnoses: Iterable[pd.DataFrame]) -> list[str]:
-    """Return the terms and parts that the sequences of several diagnoses needed, in the order of the share each explains alone.
+    """Return the terms and parts that several diagnoses needed, alone and together, in the order of the share each explains alone.
 
     Parameters
     ----------
     diagnoses : iterable of DataFrame
-        From `diagnose`.
+        From `diagnose` or `join_diagnoses`.
     """
     share: dict[str, float] = {}
     for table in diagnoses:
         alone = _explained(table, "single")
-        for name in table.loc[table["stage"] == "sequence", "term"]:
-            share[name] = max(share.get(name, -np.inf), alone[name])
+        for name in [*_terms(table, "sequence"), *_terms(table, "joint")]:
+            share[name] = float(np.fmax(share.get(name, -np.inf), alone[name]))
     return sorted(share, key=lambda name: -share[name])
+
+
+def joint_terms(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, list[str]]:
+    """Return what the corrected model takes further since the terms of one case change another, by the case for which.
+
+    Parameters
+    ----------
+    diagnoses : mapping of str to DataFrame
+        Name of the case to its table of `join_diagnoses`.
+    """
+    found = {case: _terms(table, "joint") for case, table in diagnoses.items()}
+    return {case: names for case, names in found.items() if names}
 
 
 def reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
@@ -178,15 +190,22 @@ def reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
     Parameters
     ----------
     diagnoses : mapping of str to DataFrame
-        Name of the case to its table of `diagnose`.
+        Name of the case to its table of `diagnose` or `join_diagnoses`.
     """
     found: dict[str, list[str]] = {}
     for case, table in diagnoses.items():
         alone, share = _explained(table, "single"), _explained(table, "share")
-        for name in table.loc[table["stage"] == "sequence", "term"]:
+        for name in _terms(table, "sequence"):
             part = f", share {100.0 * share[name]:.0f} %" if name in share else ""
             found.setdefault(name, []).append(f"{case} (alone {100.0 * alone[name]:.0f} % of the gap{part})")
-    return {name: f"needed by {'; '.join(found[name])}" for name in corrected_terms(diagnoses.values())}
+    why = {name: f"needed by {'; '.join(texts)}" for name, texts in found.items()}
+    for case, names in joint_terms(diagnoses).items():
+        why |= {name: f"added for {case}, which the terms of the other cases put out of tolerance" for name in names}
+    return {name: why[name] for name in corrected_terms(diagnoses.values())}
+
+
+def _terms(table: pd.DataFrame, stage: str) -> list[str]:
+    return [name for name in table.loc[table["stage"] == stage, "term"] if name]
 
 
 def _explained(table: pd.DataFrame, stage: str) -> dict[str, float]:

@@ -25,6 +25,7 @@ _TITLES = {
     "group": "a-priori model with a group of terms taken from the final model",
     "pair": "a-priori model with two terms taken from the final model: the pairs that interact most",
     "sequence": "corrected a-priori model: terms of the final model taken one after the other",
+    "joint": "corrected model of all cases: without the terms added for this one, then with one after the other",
     "without": "final model without a term or group",
     "share": "fair split of the gap: what each term explains on average over all orders of taking them",
     "final": "final model",
@@ -71,7 +72,8 @@ def story(table: pd.DataFrame) -> str:
     if not by["prior"]:
         return ""
     if by["prior"][0]["verdict"] == "pass":
-        return "The a-priori model is within tolerance; no term has to be taken from the final model."
+        more = f" {_joint(by['joint'])}" if by["joint"] else ""
+        return f"The a-priori model is within tolerance; no term has to be taken from the final model.{more}"
     if by["prior"][0]["verdict"] == "not_tested":
         return "No criterion of this case carries a verdict, so there is no mismatch to explain."
     sentences = [f"The a-priori model {'could not be judged' if by['prior'][0]['verdict'] == 'invalid' else 'is out of tolerance'}."]
@@ -88,11 +90,26 @@ def story(table: pd.DataFrame) -> str:
         state = (
             "is within tolerance" if last["verdict"] == "pass" else f"explains {_percent(last['explained'])} and is still out of tolerance"
         )
-        taken = _called(chosen[0]) if len(chosen) == 1 else f"{', '.join(chosen[:-1])} and {chosen[-1]}"
+        taken = _called(chosen[0]) if len(chosen) == 1 else _listed(chosen)
         sentences.append(f"With {'the ' if len(chosen) == 1 else ''}{taken} from the final model, the corrected a-priori model {state}.")
+    if by["joint"]:
+        sentences.append(_joint(by["joint"]))
     if by["pair"] and abs(by["pair"][0]["interaction"]) >= LEAST_INTERACTION:
         sentences.append(_interaction(by["pair"][0], {row["term"]: row["explained"] for row in by["single"]}))
     return " ".join(sentences)
+
+
+def _joint(rows: Sequence[Mapping[Hashable, Any]]) -> str:
+    """Return the sentence about what the corrected model of all cases takes for this one."""
+    added = [str(row["term"]) for row in rows if row["term"]]
+    many = len(added) > 1
+    word = {"pass": "within tolerance", "invalid": "not judged"}.get(rows[0]["verdict"], "out of tolerance")
+    brings = f"{_listed(added)}, added for this case, {'bring' if many else 'brings'} it within tolerance"
+    return f"With the terms that the other cases need, the corrected model is {word} here; {brings}."
+
+
+def _listed(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
 
 
 def _interaction(pair: Mapping[Hashable, Any], alone: Mapping[str, float]) -> str:

@@ -43,7 +43,7 @@ def cause_figure(table: pd.DataFrame) -> str:
     total = waterfall(table)
     if total.empty:
         return ""
-    needed = set(table.loc[table["stage"] == "sequence", "term"])
+    needed = set(table.loc[table["stage"].isin(["sequence", "joint"]), "term"])
     bottom = _HEAD + _ROW * (len(total) + 2)
     body = [_names(total, needed), *_panels(table, total, needed, bottom), _legend(bottom + 38.0)]
     return svg_chart.svg(bottom + 44.0, "".join(body), alternative(table))

@@ -17,6 +17,7 @@ from pom.cases.pilot import Loop
 from pom.diagnosis.term_swaps import differing, swap_terms
 from pom.replaying.kernel_replay import fly
 from pom.replaying.reference_states import flight_states
+from pom.report.models.diagnosis import story
 
 PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}
 
@@ -257,6 +258,49 @@ def test_the_corrected_database_states_where_its_terms_come_from(case, truth, tr
     assert "pom diagnose" not in aerodb.terms(corrected)["Cl/phat"].attrs.get("history", "")
     flown = pom.diagnose(case, corrected, final, trainer.AIRCRAFT, truth)
     assert flown.loc[0, "verdict"] == "pass"
+
+
+@pytest.fixture
+def compensated(write_case, trainer):
+    """Arguments of `join_diagnoses`: an elevator and a stability too weak by one factor, and a gear that shows the stability alone."""
+    final = trainer.database()
+    prior = trainer.scaled(final, Cm_elevator=0.6, Cm_basic=0.6, Cl_phat=0.8)
+    ramp = [(0.0, 0.0), (2.0, 0.0), (6.0, -0.04), (20.0, -0.04)]
+    down = [(0.0, 0.0), (2.0, 0.0), (5.0, 1.0), (20.0, 1.0)]
+    flown = {"elevator": trainer.flight(final, delta_e=ramp), "gear": trainer.flight(final, gear=down)}
+    case = read_case(write_case())
+    cases = [replace(case, name=name) for name in flown]
+    found = {one.name: pom.diagnose(one, prior, final, trainer.AIRCRAFT, flown[one.name]) for one in cases}
+    return found, cases, prior, final, dict.fromkeys(flown, trainer.AIRCRAFT), flown
+
+
+def test_what_one_case_takes_makes_another_need_more(compensated):
+    found, _, prior, final, *_ = compensated
+    assert pom.corrected_terms(found.values()) == ["Cm/basic"]
+    assert found["elevator"].loc[0, "verdict"] == "pass"
+    joined = pom.join_diagnoses(*compensated)
+    assert joined["gear"] is found["gear"]
+    rows = joined["elevator"].query("stage == 'joint'")
+    assert list(zip(rows["term"], rows["verdict"], strict=True)) == [("", "fail"), ("Cm/elevator", "pass")]
+    assert pom.diagnosis.joint_terms(joined) == {"elevator": ["Cm/elevator"]}
+    assert set(pom.corrected_terms(joined.values())) == {"Cm/basic", "Cm/elevator"}
+    corrected = pom.corrected_database(prior, final, joined)
+    assert differing(prior, corrected) == ["Cm/basic", "Cm/elevator"]
+    history = aerodb.terms(corrected)["Cm/elevator"].attrs["history"]
+    assert "added for elevator, which the terms of the other cases put out of tolerance" in history
+    assert story(joined["elevator"]).endswith(
+        "With the terms that the other cases need, the corrected model is out of tolerance here; Cm/elevator, added for this case, "
+        "brings it within tolerance."
+    )
+
+
+def test_nothing_is_added_where_the_union_passes(compensated, trainer):
+    found, cases, prior, final, aircraft, flown = compensated
+    assert pom.join_diagnoses({"gear": found["gear"]}, cases[1:], prior, final, aircraft, flown) == {"gear": found["gear"]}
+    wrong = trainer.scaled(final, Cm_elevator=2.0)  # the final model fails the case as well: nothing can be reached
+    table = pom.diagnose(cases[0], prior, wrong, trainer.AIRCRAFT, flown["elevator"])
+    joined = pom.join_diagnoses({"elevator": table}, cases[:1], prior, wrong, aircraft, flown)
+    assert joined["elevator"] is table
 
 
 @pytest.mark.parametrize("loops", [(), (Loop("delta_a", "phi", gain=-1.0, limit=0.1), Loop("delta_e", "theta", gain=-0.5, limit=0.1))])

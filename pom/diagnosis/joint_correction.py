@@ -1,0 +1,131 @@
+"""The corrected model of several cases together: the terms that one case requires change another.
+
+The union of what single cases need is judged on every case.  For one that is out of tolerance although the final model passes it,
+everything else is taken from the final model too and then left out again as far as the case still passes, in halves and quarters,
+that first without which the final model suffers least [ZellerHildebrandt2002]; what stays is added.  This repeats until every case
+passes.
+
+References
+----------
+.. [ZellerHildebrandt2002] A. Zeller, R. Hildebrandt, Simplifying and isolating failure-inducing input, IEEE Trans. Software Eng.
+   28(2), 2002.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+import xarray as xr
+
+from flightmech import Aircraft
+
+from ..cases.case import PomCase
+from .diagnosis import Rows
+from .swap_runs import Bench
+from .term_swaps import corrected_terms
+
+
+def join_diagnoses(
+    diagnoses: Mapping[str, pd.DataFrame],
+    cases: Iterable[PomCase],
+    prior: xr.DataTree,
+    final: xr.DataTree,
+    aircraft: Mapping[str, Aircraft],
+    paths: Mapping[str, Any],
+    apriori: Aircraft | None = None,
+) -> dict[str, pd.DataFrame]:
+    """Return diagnoses with the terms that the corrected model needs further for every case to pass that the final model passes.
+
+    Parameters
+    ----------
+    diagnoses : mapping of str to DataFrame
+        Name of the case to its table of `diagnose`.
+    cases : iterable of PomCase
+        Those of the diagnoses.
+    prior, final : DataTree
+        The databases that were diagnosed.
+    aircraft : mapping of str to Aircraft
+        Of the final model, by name of the case.
+    paths : mapping of str to Path of flighttest.reconstruct or Dataset (time)
+        By name of the case; as in `diagnose`.
+    apriori : Aircraft, optional
+        As in `diagnose`.
+
+    Returns
+    -------
+    dict of str to DataFrame
+        The tables.  That of a case for which terms were added has further rows of the stage ``joint``: the corrected model without
+        them (``term`` empty), then with one after the other, the last row being the corrected model of all cases.
+
+    Notes
+    -----
+    None of the added terms can be left out alone: a case that the final model passes would fail.
+    """
+    benches = {
+        case.name: Bench.of(case, prior, final, (apriori or aircraft[case.name], aircraft[case.name]), paths.get(case.name))
+        for case in cases
+    }
+    passed = {name: bench for name, bench in benches.items() if _passes(bench, bench.names)}
+    union = corrected_terms(diagnoses.values())
+    added = _added(passed, union)
+    everything = {*union, *(name for names in added.values() for name in names)}
+    return {name: _with_rows(table, benches[name], everything, added.get(name, [])) for name, table in diagnoses.items()}
+
+
+def _added(benches: Mapping[str, Bench], union: Sequence[str]) -> dict[str, list[str]]:
+    """Return what is added to the union, by the case for which; only cases for which something is."""
+    taken, added = set(union), dict[str, list[str]]()
+    failing = True
+    while failing:
+        failing = False
+        for name, bench in benches.items():
+            if not _passes(bench, taken):
+                further = _least(bench, taken)
+                added.setdefault(name, []).extend(further)
+                taken.update(further)
+                failing = True  # what passed before may be changed by what was added
+    for name, own in added.items():
+        for term in list(reversed(own)):
+            judges = [benches[name], *benches.values()]  # the case itself first: most often it needs the term
+            if all(_passes(bench, taken - {term}) for bench in judges):
+                own.remove(term)
+                taken.remove(term)
+    return {name: own for name, own in added.items() if own}
+
+
+def _passes(bench: Bench, names: Collection[str]) -> bool:
+    """Whether the case passes with these terms and parts of the final model, as far as it feels them."""
+    (found,) = bench.judged([[name for name in bench.names if name in names]])
+    return found.verdict == "pass"
+
+
+def _least(bench: Bench, taken: Collection[str]) -> list[str]:
+    """Return names of which none can be left out for the case to pass with those taken."""
+    free = [name for name in bench.names if name not in taken]
+    without = bench.judged([[other for other in bench.names if other != name] for name in free])
+    loss = {name: (found.verdict != "pass", found.total) for name, found in zip(free, without, strict=True)}
+    kept = sorted(free, key=lambda name: loss[name])
+    waiting = [kept]
+    while waiting:
+        part = waiting.pop()
+        rest = [name for name in kept if name not in part]
+        if _passes(bench, {*taken, *rest}):
+            kept = rest
+        elif len(part) > 1:
+            half = len(part) // 2
+            waiting += [part[half:], part[:half]]
+    return kept
+
+
+def _with_rows(table: pd.DataFrame, bench: Bench, everything: Collection[str], added: Sequence[str]) -> pd.DataFrame:
+    """Return a diagnosis with the rows of the stage ``joint``."""
+    if not added:
+        return table
+    base = [name for name in bench.names if name in everything and name not in added]
+    start, end, *found = bench.judged([(), bench.names, *([*base, *added[:k]] for k in range(len(added) + 1))])
+    rows = Rows(start, end)
+    for name, one in zip(["", *added], found, strict=True):
+        rows.add("joint", name, one)
+    return pd.concat([table, pd.DataFrame(rows.rows)], ignore_index=True)
