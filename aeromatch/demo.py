@@ -90,7 +90,7 @@ def _print(outcome: Any) -> None:
     for submodel, names in outcome.corrected_submodels.items():
         click.echo(f"{submodel:>15}: {', '.join(names)}")
     for name, terms in outcome.joint_terms.items():
-        click.echo(f"added for {name}, which the terms of the other cases put out of tolerance: {', '.join(terms)}")
+        click.echo(f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}")
     for result in outcome.results:
         if result.failure:
             remark(f"{result.case.name}: {result.failure}")

@@ -180,7 +180,7 @@ def _print_joint(found: dict[str, pd.DataFrame]) -> None:
     from ..diagnosis.term_swaps import joint_terms
 
     for name, terms in joint_terms(found).items():
-        click.echo(f"added for {name}, which the terms of the other cases put out of tolerance: {', '.join(terms)}")
+        click.echo(f"added for {name}, which does not pass with what each case needs alone: {', '.join(terms)}")
 
 
 def _cells(row: dict[Any, Any], criteria: list[str]) -> list[str]:

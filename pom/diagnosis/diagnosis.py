@@ -88,7 +88,7 @@ def diagnose(
           that reduce it, the largest first.  Their ``mismatch`` is the level after this share and those above it, from that of
           `prior` to that of `final`.
 
-        The last four stages are not there when `prior` passes or `final` is no better.
+        The last four stages are not there when `prior` is within tolerance or `final` is no better.
     """
     bench = Bench.of(case, prior, final, (apriori or aircraft, aircraft), path)
     start, end = bench.judged([(), bench.names])
@@ -101,7 +101,7 @@ def diagnose(
     for stage, rows in (("single", singles), ("group", sorted(wholes, key=lambda row: _total(row[1])))):
         for name, found in rows:
             table.add(stage, name, found)
-    if start.verdict != "pass" and table.gap > 0.0:
+    if not start.matched and table.gap > 0.0:
         change = {name: abs(_total(found) - start.total) for name, found in singles}
         felt = sorted(change, key=lambda name: -change[name])
         needed = _needed(bench, felt, table.gap)
@@ -174,13 +174,13 @@ def _needed(bench: Bench, felt: list[str], gap: float) -> list[str]:
     start, end = bench.judged([(), bench.names])
     found = _sequence(bench, start, gap, felt[:CANDIDATES])
     (reached,) = bench.judged([found])
-    if reached.verdict == "pass" or end.verdict != "pass":
+    if reached.matched or not end.matched:
         return found
     left_out = bench.judged([[other for other in bench.names if other != name] for name in felt])
     loss = {name: _total(without) - end.total for name, without in zip(felt, left_out, strict=True)}
     second = _sequence(bench, start, gap, sorted(felt, key=lambda name: -loss[name])[:CANDIDATES])
     (better,) = bench.judged([second])
-    return second if better.verdict == "pass" or better.total < reached.total else found
+    return second if better.matched or better.total < reached.total else found
 
 
 def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) -> list[str]:
@@ -191,17 +191,17 @@ def _sequence(bench: Bench, start: Judged, gap: float, candidates: list[str]) ->
     """
     names: list[str] = []
     path = [start]
-    while path[-1].verdict != "pass" and len(names) < len(candidates):
+    while not path[-1].matched and len(names) < len(candidates):
         free = [name for name in candidates if name not in names]
         trials = bench.judged([[*names, name] for name in free])
         best = min(range(len(free)), key=lambda k: _total(trials[k]))
         path.append(trials[best])
         names.append(free[best])
-    best = min(range(len(path)), key=lambda k: (path[k].verdict != "pass", path[k].total))
+    best = min(range(len(path)), key=lambda k: (not path[k].matched, path[k].total))
     needed, reached = names[:best], path[best]
     for name in reversed(names[:best]):
         (without,) = bench.judged([[other for other in needed if other != name]])
-        if (without.verdict == "pass") >= (reached.verdict == "pass") and without.total - reached.total < LEAST_SHARE * gap:
+        if without.matched >= reached.matched and without.total - reached.total < LEAST_SHARE * gap:
             needed.remove(name)
     return needed
 

@@ -1,9 +1,9 @@
 """The corrected model of several cases together: the terms that one case requires change another.
 
-The union of what single cases need is judged on every case.  For one that is out of tolerance although the final model passes it,
-everything else is taken from the final model too and then left out again as far as the case still passes, in halves and quarters,
-that first without which the final model suffers least [ZellerHildebrandt2002]; what stays is added.  This repeats until every case
-passes.
+The union of what single cases need is judged on every case.  For one that is judged worse than with the final model, everything else
+is taken from the final model too and then left out again as far as the verdict stays, in halves and quarters, that first without
+which the final model suffers least [ZellerHildebrandt2002]; what remains is added.  This repeats until every case is judged as well
+as with the final model.
 
 References
 ----------
@@ -24,6 +24,7 @@ from flightmech import Aircraft
 from ..cases.case import PomCase
 from .diagnosis import Rows
 from .swap_runs import Bench
+from .swap_table import MATCHED
 from .term_swaps import corrected_terms
 
 
@@ -61,57 +62,69 @@ def join_diagnoses(
 
     Notes
     -----
-    None of the added terms can be left out alone: a case that the final model passes would fail.
+    None of the added terms can be left out alone: a case that the final model passes would not pass.
     """
     benches = {
         case.name: Bench.of(case, prior, final, (apriori or aircraft[case.name], aircraft[case.name]), paths.get(case.name))
         for case in cases
     }
-    passed = {name: bench for name, bench in benches.items() if _passes(bench, bench.names)}
+    reached = {name: bench for name, bench in benches.items() if _verdict(bench, bench.names) in MATCHED}
     union = corrected_terms(diagnoses.values())
-    added = _added(passed, union)
+    added = _added(reached, union)
     everything = {*union, *(name for names in added.values() for name in names)}
     return {name: _with_rows(table, benches[name], everything, added.get(name, [])) for name, table in diagnoses.items()}
 
 
 def _added(benches: Mapping[str, Bench], union: Sequence[str]) -> dict[str, list[str]]:
-    """Return what is added to the union, by the case for which; only cases for which something is."""
-    taken, added = set(union), dict[str, list[str]]()
+    """Return what is added to the union, by a case that needs it; only cases that need something."""
+    taken, added = set(union), dict[str, str]()  # term: case
     failing = True
     while failing:
         failing = False
         for name, bench in benches.items():
-            if not _passes(bench, taken):
+            if not _as_good(bench, taken):
                 further = _least(bench, taken)
-                added.setdefault(name, []).extend(further)
+                added |= dict.fromkeys(further, name)
                 taken.update(further)
                 failing = True  # what passed before may be changed by what was added
-    for name, own in added.items():
-        for term in list(reversed(own)):
-            judges = [benches[name], *benches.values()]  # the case itself first: most often it needs the term
-            if all(_passes(bench, taken - {term}) for bench in judges):
-                own.remove(term)
-                taken.remove(term)
-    return {name: own for name, own in added.items() if own}
+
+    def needing(term: str) -> str | None:
+        """Return a case that needs a term; first that for which it was added."""
+        names = [added[term], *benches]
+        return next((name for name in names if not _as_good(benches[name], taken - {term})), None)
+
+    for term in reversed(list(added)):
+        if needing(term) is None:
+            taken.remove(term)
+            del added[term]
+    found: dict[str, list[str]] = {}
+    for term in added:
+        found.setdefault(needing(term) or added[term], []).append(term)
+    return found
 
 
-def _passes(bench: Bench, names: Collection[str]) -> bool:
-    """Whether the case passes with these terms and parts of the final model, as far as it feels them."""
+def _verdict(bench: Bench, names: Collection[str]) -> str:
+    """Return the verdict with these terms and parts of the final model, as far as the case feels them."""
     (found,) = bench.judged([[name for name in bench.names if name in names]])
-    return found.verdict == "pass"
+    return found.verdict
+
+
+def _as_good(bench: Bench, names: Collection[str]) -> bool:
+    """Whether the case is judged as well as with the whole final model."""
+    return _verdict(bench, names) in ("pass", _verdict(bench, bench.names))
 
 
 def _least(bench: Bench, taken: Collection[str]) -> list[str]:
-    """Return names of which none can be left out for the case to pass with those taken."""
+    """Return names, next to those taken, of which none can be left out."""
     free = [name for name in bench.names if name not in taken]
     without = bench.judged([[other for other in bench.names if other != name] for name in free])
-    loss = {name: (found.verdict != "pass", found.total) for name, found in zip(free, without, strict=True)}
+    loss = {name: (not found.matched, found.total) for name, found in zip(free, without, strict=True)}
     kept = sorted(free, key=lambda name: loss[name])
     waiting = [kept]
     while waiting:
         part = waiting.pop()
         rest = [name for name in kept if name not in part]
-        if _passes(bench, {*taken, *rest}):
+        if _as_good(bench, {*taken, *rest}):
             kept = rest
         elif len(part) > 1:
             half = len(part) // 2

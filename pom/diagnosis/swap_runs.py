@@ -24,7 +24,7 @@ from ..replaying.replay_case import plan_of, shown_channels
 from ..replaying.trim_state import OBSERVED, beyond_limits, trim_limits
 from ..result import group_verdicts, status_of
 from ..tolerances.derived_channels import output_of
-from .swap_table import CEILING
+from .swap_table import CEILING, MATCHED
 from .term_swaps import differing
 
 _FINAL = "_of_final"
@@ -48,6 +48,11 @@ class Judged:
     mismatch: dict[str, float]
     ratio: dict[str, float]
     total: float
+
+    @property
+    def matched(self) -> bool:
+        """Whether the case is within tolerance, whatever its trim."""
+        return self.verdict in MATCHED
 
     def counted(self, criteria: Iterable[str]) -> np.ndarray:
         """Return the total mismatch and that of every criterion as they count, at most `CEILING` (1 + criterion,)."""

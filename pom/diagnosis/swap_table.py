@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 CEILING = 10.0  # [half widths] of a criterion that fails without a number, such as a mode that is not there; no mismatch counts more
+MATCHED = ("pass", "limits_exceeded")  # verdicts of a model within tolerance; of the second the trim is beyond its usual limits
 OTHERS = "others"  # in the shares: all terms without a share of their own
 
 

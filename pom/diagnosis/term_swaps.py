@@ -200,7 +200,7 @@ def reasons(diagnoses: Mapping[str, pd.DataFrame]) -> dict[str, str]:
             found.setdefault(name, []).append(f"{case} (alone {100.0 * alone[name]:.0f} % of the gap{part})")
     why = {name: f"needed by {'; '.join(texts)}" for name, texts in found.items()}
     for case, names in joint_terms(diagnoses).items():
-        why |= {name: f"added for {case}, which the terms of the other cases put out of tolerance" for name in names}
+        why |= {name: f"added for {case}, which does not pass with what each case needs alone" for name in names}
     return {name: why[name] for name in corrected_terms(diagnoses.values())}
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 from markupsafe import Markup
 
-from pom.diagnosis.swap_table import OTHERS, criteria_of
+from pom.diagnosis.swap_table import MATCHED, OTHERS, criteria_of
 from pom.result import PomResult
 
 from ..presentation.quantities import MISSING, fixed
@@ -71,7 +71,7 @@ def story(table: pd.DataFrame) -> str:
     by = {stage: _rows(table, stage) for stage in _TITLES}
     if not by["prior"]:
         return ""
-    if by["prior"][0]["verdict"] == "pass":
+    if by["prior"][0]["verdict"] in MATCHED:
         more = f" {_joint(by['joint'])}" if by["joint"] else ""
         return f"The a-priori model is within tolerance; no term has to be taken from the final model.{more}"
     if by["prior"][0]["verdict"] == "not_tested":
@@ -88,7 +88,7 @@ def story(table: pd.DataFrame) -> str:
     if by["sequence"]:
         chosen, last = [row["term"] for row in by["sequence"]], by["sequence"][-1]
         state = (
-            "is within tolerance" if last["verdict"] == "pass" else f"explains {_percent(last['explained'])} and is still out of tolerance"
+            "is within tolerance" if last["verdict"] in MATCHED else f"explains {_percent(last['explained'])} and is still out of tolerance"
         )
         taken = _called(chosen[0]) if len(chosen) == 1 else _listed(chosen)
         sentences.append(f"With {'the ' if len(chosen) == 1 else ''}{taken} from the final model, the corrected a-priori model {state}.")
@@ -102,10 +102,11 @@ def story(table: pd.DataFrame) -> str:
 def _joint(rows: Sequence[Mapping[Hashable, Any]]) -> str:
     """Return the sentence about what the corrected model of all cases takes for this one."""
     added = [str(row["term"]) for row in rows if row["term"]]
-    many = len(added) > 1
-    word = {"pass": "within tolerance", "invalid": "not judged"}.get(rows[0]["verdict"], "out of tolerance")
-    brings = f"{_listed(added)}, added for this case, {'bring' if many else 'brings'} it within tolerance"
-    return f"With the terms that the other cases need, the corrected model is {word} here; {brings}."
+    before = {"pass": "within tolerance", "limits_exceeded": "within tolerance with a trim beyond its limits", "invalid": "not judged"}
+    made = "make" if len(added) > 1 else "makes"
+    after = f"{made} it pass" if rows[-1]["verdict"] == "pass" else f"{made} it as good as the final model"
+    state = before.get(rows[0]["verdict"], "out of tolerance")
+    return f"With the sequences of all cases together the corrected model is {state} here; {_listed(added)}, added for this case, {after}."
 
 
 def _listed(names: Sequence[str]) -> str:
