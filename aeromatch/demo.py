@@ -13,8 +13,6 @@ import click
 
 from flightmech.support.console import command_line, document, jobs_option, json_option, remark, table
 
-SHIPPED = Path(__file__).parents[1] / "data" / "t37" / "aeromatch.toml"
-
 
 @click.command()
 @click.option(
@@ -24,11 +22,9 @@ SHIPPED = Path(__file__).parents[1] / "data" / "t37" / "aeromatch.toml"
 @json_option
 def demo(output: Path, jobs: int, as_json: bool) -> None:
     """Perform the whole job on the shipped T-37 example."""
-    from flightmech.errors import SchemaError
+    from .examples import example_folder
 
-    if not SHIPPED.is_file():
-        raise SchemaError("demo", [f"no example at {SHIPPED}; run it from a checkout of the repository, the wheel holds none"])
-    _match(SHIPPED, output, jobs, as_json)
+    _match(example_folder("t37") / "aeromatch.toml", output, jobs, as_json)
 
 
 @click.command()

@@ -104,6 +104,7 @@ ORDER = {
         "workflow",
         "drafting",
         "init",
+        "examples",
         "demo",
         "cli",
         "__main__",

@@ -9,6 +9,8 @@ from shutil import copy, copytree, ignore_patterns
 
 import pytest
 
+from aeromatch.examples import EXAMPLES
+
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[1]
@@ -46,6 +48,13 @@ for name in (*_STATIC.values(), *(f"script/{script}.js" for script in _SCRIPT)):
     assert _static(name)
 assert _template("report.html")
 aircraft = flightmech.Aircraft("a", 17.0, 1.7, 10.3, 2300.0, 10800.0, 8100.0, 15100.0)
+from aeromatch.examples import EXAMPLES, copy_example, example_folder
+from aeromatch.project import read_project
+
+for example in EXAMPLES:
+    assert example_folder(example).is_relative_to(installed)
+copy_example("c182", installed / "c182")
+assert len(read_project(installed / "c182" / "aeromatch.toml").flights) == 8
 model = flightmech.compile(aircraft, xr.DataTree.from_dict({"/CL/basic": flightmech.terms.make(0.3)}))
 flightmech.write_fmu(model, installed / "model.fmu")
 """
@@ -63,7 +72,7 @@ def wheel(tmp_path_factory):
     if importlib.util.find_spec("hatchling") is None or importlib.util.find_spec("ziglang") is None:
         pytest.skip("needs hatchling and ziglang (pip install aeromatch[dev])")
     source, built = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("wheel")
-    for folder in (*PACKAGES, "kernel"):
+    for folder in (*PACKAGES, "kernel", "data"):
         copytree(ROOT / folder, source / folder, ignore=MADE)
     for file in ("pyproject.toml", "hatch_build.py", "README.md", "LICENSE", ".gitignore"):
         copy(ROOT / file, source)
@@ -81,6 +90,10 @@ def test_wheel_holds_every_file_of_the_packages(wheel):
     assert {f"{package}/py.typed" for package in PACKAGES} <= names
     assert sum("/_binaries/" in name for name in names) == 1  # the kernel of this machine
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
+    for example in EXAMPLES:
+        here = ROOT / "data" / example
+        files = {file.relative_to(here).as_posix() for file in here.rglob("*") if file.is_file() and "__pycache__" not in file.parts}
+        assert {f"aeromatch/data/{example}/{file}" for file in files} <= names
 
 
 def test_an_installation_of_the_wheel_alone_works(wheel, tmp_path):

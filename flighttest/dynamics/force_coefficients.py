@@ -17,7 +17,7 @@ pick-ups; the regression turns all of them into systematic errors of the derivat
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 ERRORS = {"qbar": 0.01, "mass": 0.005, "inertia": 0.02, "thrust": 0.02, "timing": 0.002}
 # what regressors and tables are functions of: their errors go with them
-MOVED = ("alpha", "beta", "mach", "phat", "qhat", "rhat", "alphadothat", "betadothat", "h", "h_agl", *SURFACES)
+MOVED = ("alpha", "beta", "mach", "phat", "qhat", "rhat", "alphadothat", "betadothat", "CT", "h", "h_agl", *SURFACES)
 _LEAST = 1e-3  # share of the standard error of every coefficient and variable below which a source is left out
 _REACH = 1.5  # periods of the cut-off over which the low-pass spreads a shock
 NAMES = ("CL", "CD", "CX", "CY", "CZ", "Cl", "Cm", "Cn")
@@ -67,8 +67,9 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
     -------
     Dataset (time,)
         The states, and ``CL CD`` (stability axes), ``CX CY CZ`` (body axes), ``Cl Cm Cn`` (body axes, about the moment
-        reference point), ``nz dnz``, reduced rates.  ``CL_error (error, time)`` etc. hold the change of the coefficient
-        for one standard error of each source; their rms is in the attributes ``error_qbar`` ... of the coefficient.
+        reference point), ``nz dnz``, reduced rates, and ``CT`` of an aircraft with engines.  ``CL_error (error, time)`` etc.
+        hold the change of the coefficient for one standard error of each source; their rms is in the attributes
+        ``error_qbar`` ... of the coefficient.
         ``alpha_error`` and its sisters of `MOVED` hold the change of the variable, where any source moves it.  Sources
         are ``qbar mass inertia thrust1 ... timing``, the errors of a Path (`state_errors`), ``bias.delta_e`` and ``scale.delta_e``
         and the same of the other surfaces that are in the states, of the size that the aircraft's instruments give
@@ -85,6 +86,7 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
     """
     states = getattr(path, "states", path)
     data = reduced_rates(states if cutoff is None else smoothed(states, cutoff), aircraft)
+    data = _with_thrust_coefficient(data, aircraft)
     F_inertial, M_inertial = _inertial(data, aircraft)
     thrust = [_thrust(data, aircraft, i) for i in range(len(aircraft.engines))]
     F, M = F_inertial - sum(f for f, _ in thrust), M_inertial - sum(m for _, m in thrust)
@@ -102,6 +104,10 @@ def coefficients(path: Any, aircraft: Aircraft, errors: Mapping[str, float] | No
         **{f"thrust{i + 1}": {name: sigma["thrust"] * c for name, c in reduced(-f, -m).items()} for i, (f, m) in enumerate(thrust)},
         "timing": {name: sigma["timing"] * _by_time(c, data["time"].values) for name, c in total.items()},
     }
+    for i in range(len(thrust)):
+        shares[f"thrust{i + 1}"]["CT"] = sigma["thrust"] * _thrust_coefficient(data, aircraft, [i])
+    if thrust:
+        shares["qbar"]["CT"] = -sigma["qbar"] * _column(data, "CT")
     left = getattr(path, "errors", None)
     if left is not None:
         if "qbar" not in (errors or {}):
@@ -140,10 +146,10 @@ def _of_states(data: xr.Dataset, left: xr.Dataset, total: Mapping[str, np.ndarra
     """Return what the errors of reconstructed states change in coefficients and variables, by source."""
     found = {}
     left = left.sel(time=data["time"])
-    derived = [name for name in ("phat", "qhat", "rhat", "alphadothat", "betadothat") if name in data]
+    derived = [name for name in ("phat", "qhat", "rhat", "alphadothat", "betadothat", "CT") if name in data]
     for k, source in enumerate(left["error"].values):
         states = {str(name): ("time", data[name].values + item.values[k]) for name, item in left.data_vars.items() if name in data}
-        moved = reduced_rates(data.drop_vars(derived).assign(states), aircraft)
+        moved = _with_thrust_coefficient(reduced_rates(data.drop_vars(derived).assign(states), aircraft), aircraft)
         F, M = _inertial(moved, aircraft)
         thrust = [_thrust(moved, aircraft, i) for i in range(len(aircraft.engines))]
         coefficients = _reduced(F - sum(f for f, _ in thrust), M - sum(m for _, m in thrust), moved, aircraft)
@@ -339,6 +345,19 @@ def _thrust(data: xr.Dataset, aircraft: Aircraft, index: int) -> tuple[np.ndarra
     engine = aircraft.engines[index]
     force = _column(data, f"engine{index + 1}.thrust")[:, None] * np.asarray(engine.direction, float)
     return force, np.cross(np.asarray(engine.position, float) - _cg(data, aircraft), force)
+
+
+def _thrust_coefficient(data: xr.Dataset, aircraft: Aircraft, engines: Sequence[int]) -> np.ndarray:
+    """Net thrust of some engines over qbar S, qbar at least 1 Pa as in the simulation. [1]"""
+    total = sum(_column(data, f"engine{i + 1}.thrust") for i in engines)
+    return total / (np.maximum(_column(data, "qbar"), 1.0) * aircraft.S)
+
+
+def _with_thrust_coefficient(data: xr.Dataset, aircraft: Aircraft) -> xr.Dataset:
+    """Return the states with ``CT``, the regressor of slipstream and propeller torque, where the aircraft has engines."""
+    if not aircraft.engines:
+        return data
+    return data.assign(CT=("time", _thrust_coefficient(data, aircraft, range(len(aircraft.engines))), attrs("CT")))
 
 
 def _reduced(F: np.ndarray, M: np.ndarray, data: xr.Dataset, aircraft: Aircraft) -> dict[str, np.ndarray]:

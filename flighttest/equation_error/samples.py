@@ -16,7 +16,7 @@ from .model import Model
 # what tables may depend on: kept with the samples
 _KEPT = (
     *("alpha", "beta", "mach", "V", "qbar", "h", "h_agl", "p", "q", "r", "phat", "qhat", "rhat", "alphadothat", "betadothat"),
-    *("phi", "nz", "dnz", "CL", "delta_e", "delta_a", "delta_r", "delta_f", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake"),
+    *("phi", "nz", "dnz", "CL", "CT", "delta_e", "delta_a", "delta_r", "delta_f", "delta_t", "delta_ta", "delta_tr", "gear", "speedbrake"),
 )
 
 

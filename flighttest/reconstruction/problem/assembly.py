@@ -265,8 +265,14 @@ class _Assembly:
         return [sensor for sensor in found if len(sensor.time)]
 
     def groups(self, *names: str) -> list[list[str]]:
-        """Return the usable channels among `names` that share a clock."""
-        return self.channels.by_leaf([name for name in names if self.usable(name)])
+        """Return the usable channels among `names` that share a clock and an instrument, and so its latency and least speed."""
+        found: list[list[str]] = []
+        for group in self.channels.by_leaf([name for name in names if self.usable(name)]):
+            by_instrument: dict[str | None, list[str]] = {}
+            for name in group:
+                by_instrument.setdefault(self.specification.name_of(name), []).append(name)
+            found += by_instrument.values()
+        return found
 
     def sensor(self, constants: Constants, names, model, extra: dict, speed: np.ndarray | None = None) -> Sensor:
         """Return the readings that stay inside their window for every latency the prior allows, fast enough where `speed` is given."""

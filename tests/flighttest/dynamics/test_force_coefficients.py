@@ -251,3 +251,17 @@ def test_smoothing_respects_gaps_and_switches():
     d["q"][90:110] = np.nan  # a dropout ends a stretch, it does not spread
     holes = smoothed(d, 5.0)["q"].values
     np.testing.assert_array_equal(np.isnan(holes), np.isnan(d["q"].values))
+
+
+def test_thrust_coefficient_is_a_regressor_and_moves_with_its_errors():
+    engines = (engine(), engine((0.5, 0.8, 0.1)))
+    d = states(**{"engine1.thrust": 3000.0, "engine2.thrust": 2000.0})
+    c = coefficients(d, plane(engines))
+    np.testing.assert_allclose(c.CT, 5000.0 / (d.qbar * 16.0), rtol=1e-14)
+    change = c["CT_error"]
+    np.testing.assert_allclose(change.sel(error="thrust1"), 0.02 * 3000.0 / (d.qbar * 16.0), rtol=1e-12)
+    np.testing.assert_allclose(change.sel(error="qbar"), -0.01 * c.CT, rtol=1e-12)
+    torque = c.assign(Cl=0.001 - 0.03 * c.CT)
+    fit = regress(Model.parse("Cl = 1 + CT"), [torque.drop_vars([name for name in c if str(name).endswith("_error")])])
+    np.testing.assert_allclose(fit.estimates["estimate"], [0.001, -0.03], rtol=1e-9)
+    assert "CT" not in coefficients(states(), plane())

@@ -324,3 +324,19 @@ def test_what_has_not_settled_is_named(flown, aircraft, monkeypatch):
     monkeypatch.setattr(smoother, "estimate", lambda problem, x, c, iterations=1, held=(): whole(problem, x, c, 1, held))
     with pytest.raises(IdentificationError, match=r"did not settle in 2 iterations: still moving are \S+ by \S+ .*standard errors\)"):
         flighttest.reconstruct(flown(0)[0], aircraft)
+
+
+def test_instruments_keep_their_latency_in_a_record_of_one_table(flown, aircraft):
+    """A CSV has one clock for all channels: the same readings in one leaf give the same path as in a leaf per instrument."""
+    record = flown(0, duration=8.0)[0]
+    leaves = {name: record[name].to_dataset() for name in ("imu", "vanes", "air_data", "controls")}
+    clock = leaves["imu"]["time"]
+    leaves = {name: data.assign_coords(time=clock) for name, data in leaves.items()}  # equal but for rounding
+    leaves["gps"] = record["gps"].to_dataset().interp(time=clock, kwargs={"fill_value": "extrapolate"})
+    separate = xr.DataTree.from_dict({f"/{name}": data for name, data in leaves.items()})
+    together = xr.DataTree.from_dict({"/data": xr.merge(leaves.values(), join="exact", combine_attrs="override")})
+    paths = [flighttest.reconstruct(item, aircraft, windows=[(1.0, 7.0)]) for item in (separate, together)]
+    for name in ("estimate", "stderr"):
+        a, b = (path.biases[name] for path in paths)
+        np.testing.assert_allclose(b.sel(parameter=a["parameter"]), a, rtol=1e-9, atol=1e-12)
+    assert float(paths[1].biases["stderr"].sel(parameter="delay.gps")) < 0.01  # of a prior of 0.03 s

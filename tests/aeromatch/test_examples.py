@@ -1,0 +1,32 @@
+"""Examples that come with the product: copied all at once, and never over something."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from aeromatch.examples import EXAMPLES, copy_example, example, example_folder
+from flightmech.errors import SchemaError
+
+
+def test_what_a_project_starts_from_is_copied(tmp_path):
+    done = CliRunner().invoke(example, ["c182", str(tmp_path / "new" / "c182"), "--inputs-only", "--json"])
+    assert done.exit_code == 0, done.output
+    files = json.loads(done.output)["files"]
+    assert {file.split("/")[0] for file in files} == {"README.md", "datcom", "flight"}
+    for file in files:
+        assert (tmp_path / "new" / "c182" / file).read_bytes() == (example_folder("c182") / file).read_bytes()
+    assert list((tmp_path / "new").iterdir()) == [tmp_path / "new" / "c182"]
+
+
+def test_nothing_is_overwritten(tmp_path):
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(SchemaError, match="not an empty folder"):
+        copy_example("c182", tmp_path)
+    with pytest.raises(SchemaError, match="not an empty folder"):
+        copy_example("c182", tmp_path / "mine.txt")
+    assert [file.name for file in tmp_path.iterdir()] == ["mine.txt"]
+
+
+def test_every_example_has_a_project():
+    assert all((example_folder(name) / "aeromatch.toml").is_file() for name in EXAMPLES)
