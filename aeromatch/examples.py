@@ -14,7 +14,7 @@ from flightmech.support.console import document, json_option
 
 EXAMPLES = {
     "c182": "light aircraft with a propeller, the one of the tutorial: CSV recordings in kt, ft, deg and lbf",
-    "t37": "twin jet: complete programme with flaps, engine, landing gear and control forces, the one of aeromatch demo",
+    "t37": "jet trainer: complete programme with flaps, engine, landing gear and control forces, the one of aeromatch demo",
 }
 
 INPUTS = ("README.md", "datcom", "flight")

@@ -39,8 +39,8 @@ _ASKED = {
 def init(folder: Path, datcom: tuple[Path, ...], records: tuple[Path, ...], force: bool, as_json: bool, **stated) -> None:
     """Draft a project in FOLDER: aircraft.toml, names.toml, manoeuvres.csv, cases and aeromatch.toml, each commented.
 
-    Without --datcom and --records the listings, decks and recordings in FOLDER are taken. What neither cards nor recordings give
-    is requested on a terminal, and else written as "?", which the next verb refuses.
+    Without --datcom and --records the listings, decks and recordings in FOLDER and the folders inside it are taken. What neither
+    cards nor recordings give is requested on a terminal, and else written as "?", which the next verb refuses.
     """
     from .drafting import Known, draft_project
 

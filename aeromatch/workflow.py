@@ -63,18 +63,20 @@ def opened(project: Project, prior: xr.DataTree) -> xr.DataTree:
     return db
 
 
-def records_of(project: Project, cases: Iterable[Any] = ()) -> list[str]:
+def records_of(project: Project, cases: Sequence[Any] = ()) -> list[str]:
     """Return the records that the fits and submodels of a project and the given cases need, in order.
 
     Raises
     ------
     SchemaError
-        Cases whose record is not among the flights of the project; all of them.
+        Cases whose record is not among the flights of the project, and cases of one name; all of them.
     """
+    named = [case.name for case in cases]
     flown = {case.name: Path(case.record).stem for case in cases}
     unknown = [
         f"case {name}: {UnknownName(record, project.flights, 'record')}" for name, record in flown.items() if record not in project.flights
     ]
+    unknown += [f"{named.count(name)} cases are named {name!r}; give each a name of its own" for name in flown if named.count(name) > 1]
     if unknown:
         raise SchemaError(str(project.file), unknown)
     fitted = [record for fit in project.fits for record in fit.records]

@@ -22,6 +22,7 @@ _TESTS = {
     ("pulse", "rudder"): ("2.d.7", "dutch_roll"),
     ("doublet", "aileron"): ("2.d.2", "roll_response"),
     ("3211", "aileron"): ("2.d.2", "roll_response"),
+    ("pulse", "aileron"): ("2.d.2", "roll_response"),
     ("steady_sideslip", "rudder"): ("2.d.8", "steady_sideslip"),
     ("throttle_chop", "throttle"): ("1.f.2", "engine_deceleration"),
     ("throttle_slam", "throttle"): ("1.f.1", "engine_acceleration"),
@@ -85,7 +86,14 @@ def written_cases(
     for case in chosen:
         try:
             made, left = init_case(
-                records[case.record], case.test, folder / case.file, names=names, aircraft=aircraft, window=case.window, force=True
+                records[case.record],
+                case.test,
+                folder / case.file,
+                names=names,
+                aircraft=aircraft,
+                window=case.window,
+                name=Path(case.file).stem,
+                force=True,
             )
         except AeromatchError as error:
             remarks.append(f"no case for {case.test} from {case.record}: {' '.join(str(error).split())}")

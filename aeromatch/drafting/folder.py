@@ -101,6 +101,12 @@ def sources_of(datcom: Sequence[Path], records: Sequence[Path]) -> Sources:
     return Sources(tuple(listings), tuple(decks), tuple(flights))
 
 
+def _with_subfolders(folder: Path) -> tuple[Path, ...]:
+    """Return a folder and those in it that may hold sources: neither hidden, nor cases, nor what `aeromatch match` left."""
+    inside = (item for item in sorted(folder.iterdir()) if item.is_dir() and item.name != "cases" and not item.name.startswith("."))
+    return (folder, *(item for item in inside if not (item / "report").is_dir()))
+
+
 def _inside(path: Path) -> list[Path]:
     return sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else [path]
 
@@ -137,7 +143,7 @@ def draft_project(
     folder : path
         Gets ``aircraft.toml names.toml manoeuvres.csv aeromatch.toml cases/``; what it holds besides stays.
     datcom, records : sequence of Path
-        Listings, decks and recordings, or folders of them; without both those in `folder`.
+        Listings, decks and recordings, or folders of them; without both those in `folder` and in the folders inside it.
     known : Known, optional
         What the author knows besides.
     prove : sequence of str
@@ -159,7 +165,7 @@ def draft_project(
     """
     folder, known = Path(folder), known or Known()
     if not datcom and not records and folder.is_dir():
-        datcom = records = (folder,)
+        datcom = records = _with_subfolders(folder)
     sources = sources_of([Path(path) for path in datcom], [Path(path) for path in records])
     geometry = geometry_of(sources.listings, sources.decks)
     remarks: list[str] = []

@@ -50,6 +50,7 @@ def init_case(
     names: str | Path | None = None,
     aircraft: str | Path | None = None,
     window: tuple[float, float] | None = None,
+    name: str = "",
     force: bool = False,
 ) -> tuple[PomCase, list[str]]:
     """Write a commented case file for a record and a test of the tolerance table.
@@ -66,6 +67,8 @@ def init_case(
         Name map and aircraft; without them ``names.toml`` and ``aircraft.toml`` next to the record or one folder up.
     window : tuple of float, optional
         Where to look for the manoeuvre. [s]  Without it: where the record lists one that fits, else all of it.
+    name : str, optional
+        Of the case; by default that of the test.
     force : bool
         Overwrite an older file.
 
@@ -93,6 +96,8 @@ def init_case(
     files = {"record": record, "names": _next_to(record, "names.toml", names), "aircraft": _next_to(record, "aircraft.toml", aircraft)}
     draft = draft_case(rows, recorded_channels(record, files["names"]), window)
     draft.case.update(standard=standard, edition=edition)
+    if name:
+        draft.case["name"] = name
     for key, file in files.items():
         if file is not None:
             draft.case[key] = Path(os.path.relpath(file, output.parent)).as_posix()

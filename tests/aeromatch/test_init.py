@@ -17,6 +17,7 @@ from aeromatch.drafting.column_names import guess
 from aeromatch.drafting.column_units import by_size
 from aeromatch.drafting.geometry import geometry_of
 from aeromatch.drafting.names import draft_names
+from aeromatch.examples import copy_example
 from aeromatch.project import read_project
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
@@ -227,3 +228,18 @@ def test_texts_are_toml_with_a_comment_for_every_key(drafted):
         text = file.read_text()
         tomllib.loads(text)
         assert text.startswith("#")
+
+
+def test_folders_inside_are_looked_into_and_cases_have_names_of_their_own(tmp_path):
+    """The light-aircraft example: listings and recordings in a folder each, two cases of one test."""
+    copy_example("c182", tmp_path / "new", inputs_only=True)
+    for name in ("cruise", "fast", "check_roll", "check_power", "check_dutch_roll"):
+        (tmp_path / "new" / "flight" / f"{name}.csv").unlink()
+    done = draft_project(tmp_path / "new", known=MASS, prove=["check_short_period", "check_phugoid"])
+    assert [row[0] for row in done.roles] == sorted(file.name for file in (tmp_path / "new" / "datcom").glob("*.out"))
+    assert set(done.records) == {"slow", "check_short_period", "check_phugoid"}
+    cases = [pom.read_case(file) for file in (tmp_path / "new" / "cases").glob("*.toml")]
+    assert sorted(case.name for case in cases) == ["short_period_1", "short_period_2"]
+    mapped = (tmp_path / "new" / "names.toml").read_text()
+    assert 'vn = "GS North"' in mapped
+    assert 'mass = "Gross Wt"' in mapped

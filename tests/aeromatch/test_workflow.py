@@ -138,6 +138,13 @@ def test_a_case_on_a_record_that_is_no_flight_of_the_project(project):
         workflow.records_of(project, [SimpleNamespace(name="b", record="x/run_2.nc")])
 
 
+def test_cases_have_names_of_their_own(project):
+    cases = [SimpleNamespace(name="a", record=f"x/run_{k}.nc") for k in (1, 2)]
+    both = replace(project, flights={**project.flights, "run_2": Path("run_2.nc")})
+    with pytest.raises(SchemaError, match="2 cases are named 'a'"):
+        workflow.records_of(both, cases)
+
+
 def test_new_terms_are_opened_and_others_stay(project, prior):
     terms = {"CL/gear": NewTerm(regressors=("gear",), stderr=0.05)}
     db = workflow.opened(replace(project, terms=terms, held=("CL/altitude",)), prior)
