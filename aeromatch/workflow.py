@@ -301,6 +301,8 @@ def perform(
     Outcome
     """
     folder = Path(folder)
+    custody = pom.archive.Custody()
+    custody.take([*inputs_of(project, []), *project.models.values()])
     aircraft = flightmech.read_aircraft(project.aircraft)
     apriori = before_flight(project, aircraft)
     cases = [pom.read_case(file) for file in project.cases]
@@ -308,6 +310,7 @@ def perform(
         datcom = a_priori(project, aircraft)
         start = opened(project, datcom)
     names = records_of(project, cases)
+    custody.take(inputs_of(project, names))
     with step(f"read {len(names)} flight records"):
         records = {name: flighttest.read(project.flights[name], project.names) for name in names}
         windows = windows_of(project, records, cases)
@@ -349,16 +352,18 @@ def perform(
             flightmech.write_aircraft(flown[name], folder / f"{name}.toml")
             fmus[name] = flightmech.write_fmu(flightmech.compile(flown[name], db), folder / f"{name}.fmu")
     fmus |= project.models
+    custody.take(fmus.values())
     with step(f"replay {len(cases)} cases by {len(fmus)} FMUs"):
         results = pom.replay_all(
             cases, fmus, paths, names=project.tables, evidence=databases["final"], jobs=jobs, scheduler=scheduler, resume=resume
         )
+    custody.check()
     with step("write the report"):
         report = pom.write_report(
             results,
             folder / "report",
             title=f"{project.title}: Proof of Match",
-            provenance=pom.provenance(inputs_of(project, names), fmus, command),
+            provenance=pom.provenance(inputs_of(project, names), fmus, command, digest=custody.sha256),
             databases=databases,
             diagnoses=diagnoses,
             fits=fits,

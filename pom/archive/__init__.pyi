@@ -2,6 +2,7 @@
 
 from .archive import Archive as Archive
 from .archive import read_archive as read_archive
+from .custody import Custody as Custody
 from .origins import provenance as provenance
 from .verification import VerificationResult as VerificationResult
 from .verification import verify as verify

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
@@ -19,7 +19,13 @@ FILES = ("path", "record", "names", "aircraft")
 SOFTWARE = ("aeromatch", "fmpy", "numpy", "scipy", "typst", "xarray")
 
 
-def provenance(inputs: Iterable[str | Path], models: Mapping[str, str | Path], command: str = "", date: str = "") -> Provenance:
+def provenance(
+    inputs: Iterable[str | Path],
+    models: Mapping[str, str | Path],
+    command: str = "",
+    date: str = "",
+    digest: Callable[[str | Path], str] | None = None,
+) -> Provenance:
     """Return what a report states about the origin of its numbers.
 
     Parameters
@@ -32,6 +38,9 @@ def provenance(inputs: Iterable[str | Path], models: Mapping[str, str | Path], c
         Command line that made the results.
     date : str
         Of the results, ``2026-11-21``; no clock is read.
+    digest : callable, optional
+        Gives the SHA-256 of a file: ``Custody.sha256`` of files that were taken before they were read.  Without it they are
+        hashed now.
 
     Returns
     -------
@@ -39,16 +48,17 @@ def provenance(inputs: Iterable[str | Path], models: Mapping[str, str | Path], c
         For `write_report`: ``command``, ``date``, ``versions``, ``inputs`` with their SHA-256, the ``places`` where they lie,
         ``models`` with file, SHA-256 and path.
     """
+    digest = digest or sha256
     files = sorted({Path(file).resolve() for file in inputs})
     folder = os.path.commonpath([file.parent for file in files]) if files else ""
     return {
         "command": command,
         "date": date,
         "versions": _versions(),
-        "inputs": {file.relative_to(folder).as_posix(): sha256(file) for file in files},
+        "inputs": {file.relative_to(folder).as_posix(): digest(file) for file in files},
         "places": {file.relative_to(folder).as_posix(): str(file) for file in files},
         "models": {
-            name: {"file": Path(file).name, "sha256": sha256(file), "path": str(Path(file).resolve())} for name, file in models.items()
+            name: {"file": Path(file).name, "sha256": digest(file), "path": str(Path(file).resolve())} for name, file in models.items()
         },
     }
 

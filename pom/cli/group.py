@@ -101,13 +101,19 @@ def run(
     import aerodb
     from flightmech.errors import SimulationError
 
+    from ..archive.custody import Custody
     from ..cases.case import read_case
     from ..replaying.batch import replay_all
     from ..replaying.replay_case import files_by_name
     from ..result import status_text
 
     runs, names = files_by_name("--model", models, "final=out/final.fmu"), files_by_name("--names", tables, "simulator=names.toml")
-    read = [read_case(file) for file in case_files(cases)]
+    custody = Custody()
+    named = case_files(cases)
+    custody.take([*named, *runs.values()])
+    read = [read_case(file) for file in named]
+    files = [*(file for case in read for file in case.files()), *map(str, names.values()), *filter(None, (evidence, biases_file))]
+    custody.take(files)
     waiting: list[str] = []
     flown = False
 
@@ -124,13 +130,13 @@ def run(
     results = replay_all(read, runs, names=names, biases=read_biases(biases_file), timeout=timeout, progress=finished, **shared)
     if not flown:
         raise SimulationError("no model could be replayed: " + results[0].failure)
+    custody.check()
     written = None
     if output is not None:
         from ..archive.origins import provenance
         from ..report.writer import write_report
 
-        files = [*(file for case in read for file in case.files()), *map(str, names.values()), *([evidence] if evidence else [])]
-        made_from = provenance(files, runs, command_line(), date)
+        made_from = provenance(files, runs, command_line(), date, custody.sha256)
         written = write_report(results, output, title=title, provenance=made_from, revision=revision, paper=None if no_pdf else paper)
     if junit is not None:
         from ..report.exports import write_junit

@@ -11,6 +11,7 @@ from typing import Any
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.units import parse
 
+from .file_state import FileState
 from .fmu_file import Fmu
 from .variable_map import Link, Links, canonical_unit
 from .worker.description import read_description
@@ -35,6 +36,7 @@ def read_fmu(path: str | Path) -> Fmu:
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"no FMU {path}")
+    state = FileState.of(path)
     try:
         description = read_description(path)
     except Exception as error:  # FMPy raises what its parser raised
@@ -54,6 +56,8 @@ def read_fmu(path: str | Path) -> Fmu:
             found["start"][variable.name] = _unit(variable)
     even, step = _steps(description)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if FileState.of(path) != state:
+        raise ParseError(str(path), 0, "the file changed while it was read", "an FMU that stays as it is")
     return Fmu(
         path.resolve(),
         description.fmiVersion,
@@ -66,6 +70,7 @@ def read_fmu(path: str | Path) -> Fmu:
         even=even,
         step=step,
         once=bool(kind.canBeInstantiatedOnlyOncePerProcess),
+        state=state,
     )
 
 

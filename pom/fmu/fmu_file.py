@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from .file_state import FileState
+
 
 @dataclass(frozen=True)
 class Fmu:
@@ -30,6 +32,8 @@ class Fmu:
         That length; 0: any. [s]
     once : bool
         It can be instantiated only once in a process.
+    state : FileState, optional
+        Of the file when it was read.
     """
 
     path: Path
@@ -43,3 +47,4 @@ class Fmu:
     even: bool = False
     step: float = 0.0
     once: bool = False
+    state: FileState | None = None

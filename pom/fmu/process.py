@@ -19,6 +19,8 @@ from typing import IO, Any
 
 import numpy as np
 
+from .file_state import FileState
+
 _HERE = str(Path(__file__).parents[2])  # the child finds this very package
 KEPT = max(8, 4 * (os.cpu_count() or 1))  # children that may wait for work at the same time
 KILLED = "crashed: signal SIGKILL"  # somebody else stopped it, such as a system short of memory: its job is given to another, once
@@ -154,7 +156,7 @@ def _ending(code: int) -> str:
     return f"exit code {code}"
 
 
-_Key = tuple[str, int, int]
+_Key = tuple[str, FileState]
 _idle: dict[_Key, list[Child]] = {}  # the longest idle first
 _guard = threading.Lock()
 
@@ -166,8 +168,7 @@ def hired(fmu: str | Path) -> Iterator[Child]:
     Idle children wait for the next job; those beyond `KEPT`, and those of an older state of the file, are stopped.
     """
     path = Path(fmu).resolve()
-    state = path.stat()
-    key = str(path), state.st_mtime_ns, state.st_size
+    key = str(path), FileState.of(path)
     with _guard:
         stale = [child for other in list(_idle) if other[0] == key[0] and other != key for child in _idle.pop(other)]
         waiting = _idle.get(key)

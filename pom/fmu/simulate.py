@@ -21,6 +21,7 @@ from ..cases.job import Job
 from ..tolerances.parameter_channels import WRAPPED
 from .content_hashes import content_hash
 from .description import read_fmu
+from .file_state import FileState
 from .fmu_file import Fmu
 from .process import hired
 from .run_cache import Store
@@ -114,12 +115,30 @@ def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: 
     key = content_hash(_program(), model.fmu.sha256, task) if store else ""
     columns, failure = store.read(key, (len(time), len(outputs) + len(_controls(task)))) if store else None, ""
     if columns is None:
+        before = _as_read(model.fmu)
         with hired(model.fmu.path) as child:
             reply = child.run(task, timeout, model.fmu.once)
         columns, failure = np.column_stack([reply.outputs, *_moved(task, reply.moved)]), reply.error
+        if before is None or _state(model.fmu) != before:  # what flew may be neither the file that was read nor the one that is there
+            columns, failure = np.full_like(columns, np.nan), f"{model.fmu.path.name} changed after it was read; run the batch again"
         if store and not failure:
             store.write(key, columns)
     return _found(model, job, outputs, time, task, columns), failure
+
+
+def _as_read(fmu: Fmu) -> FileState | None:
+    """Return the state of an FMU that is the file that was read, on another machine of a cluster by its hash; None of another one."""
+    state = _state(fmu)
+    if state is None or state == fmu.state:
+        return state
+    return state if hashlib.sha256(fmu.path.read_bytes()).hexdigest() == fmu.sha256 else None
+
+
+def _state(fmu: Fmu) -> FileState | None:
+    try:
+        return FileState.of(fmu.path)
+    except OSError:
+        return None
 
 
 def _points(fmu: Fmu, time: np.ndarray) -> np.ndarray:

@@ -130,7 +130,8 @@ def check_plan(plan: Plan, model: Model) -> None:
     job, links = plan.job, model.links
     inputs = _taken(job.inputs, links.inputs, {*job.needed_inputs, *(loop.control for loop in job.pilot)})
     shown, judged = (_outputs(names, links.outputs) for names in (shown_channels(plan.case, plan.states), judged_channels(plan.case)))
-    needed = {name for name in judged if output_of(name, plan.states) in plan.states}
+    recorded = {*map(str, plan.states.data_vars)}
+    needed = {name for name in judged if output_of(name, recorded) in recorded}
     outputs = _taken([*shown, *job.targets], links.outputs, {*needed, *job.targets})
     check(model.fmu, links, inputs, dict.fromkeys(outputs), _taken(job.parameters, links.parameters, job.needed_parameters))
 

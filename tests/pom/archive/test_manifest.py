@@ -2,17 +2,14 @@
 
 import json
 import shutil
-import sys
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
 
 import pom
-from aeromatch.cli import main
 from flightmech.errors import SchemaError
 from pom.archive import manifest
 from pom.cases.case import read_case
@@ -155,18 +152,6 @@ def test_what_is_no_report_is_refused(tmp_path):
     (tmp_path / "manifest.json").write_text('{"_type": "x"}')
     with pytest.raises(SchemaError, match="not a manifest"):
         pom.verify(tmp_path)
-
-
-@pytest.fixture
-def aeromatch(monkeypatch, capsys):
-    def call(*words):
-        monkeypatch.setattr(sys, "argv", ["aeromatch", *map(str, words)])
-        with pytest.raises(SystemExit) as ended:
-            main()
-        output = capsys.readouterr()
-        return SimpleNamespace(returncode=ended.value.code, stdout=output.out, stderr=output.err)
-
-    return call
 
 
 def test_verify_on_the_command_line(aeromatch, made):
