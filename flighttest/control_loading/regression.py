@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import IdentificationError
+from flightmech.errors import IdentificationError, UnknownName
 
 from ..equation_error import least_squares
 from ..equation_error.joint_fit import JointFit, Known, joint_fit
@@ -118,3 +118,84 @@ def _alike(loading: ControlLoading, parts: Sequence[np.ndarray]) -> list[tuple[s
             if moving and min(abs(np.corrcoef(X[:, j], X[:, k])[0, 1]) for X in moving) > _ALIKE:
                 found.append((name, names[k]))
     return found
+
+
+@dataclass(frozen=True)
+class TrimForces:
+    """Forces that hold a control at rest, fitted over steady points.
+
+    Attributes
+    ----------
+    loading : ControlLoading
+    estimates : Dataset (term, term_, error)
+        ``offset`` and terms of the hinge moment; attributes ``rms`` [N or N m], ``points``, ``friction_limit`` [N or N m]: friction of
+        both ends is smaller with 97.5 % confidence.
+    """
+
+    loading: ControlLoading
+    estimates: xr.Dataset
+
+    def determined(self) -> dict[str, bool]:
+        """Return whether every estimate differs from zero with 95 % confidence."""
+        from scipy.stats import t
+
+        found = self.estimates
+        limit = float(t.ppf(0.975, found.attrs["points"] - found.sizes["term"]))
+        return {str(name): bool(abs(one["estimate"]) > limit * one["stderr"]) for name, one in found.groupby("term")}
+
+    def report(self) -> str:
+        """Return the estimates as a text table; what the points do not show is called not determined."""
+        found, seen = self.estimates, self.determined()
+        lines = [f"{self.loading.item}: {self.loading.model}, {found.attrs['points']} steady points, rms {found.attrs['rms']:.3g}"]
+        for name in map(str, found["term"].values):
+            one = found.sel(term=name)
+            text = f"{float(one['estimate']):>12.5g}{float(one['stderr']):>10.2g}"
+            lines.append(f"{name:<18}{text}{'' if seen[name] else '  not determined'}")
+        lines.append(f"{'friction':<18}{'not determined; below':>22} {found.attrs['friction_limit']:.3g}")
+        return "\n".join(lines)
+
+
+def trim_forces(loading: ControlLoading, points: xr.Dataset) -> TrimForces:
+    """Fit the force at the hand over steady points, at which the control is at rest.
+
+    Parameters
+    ----------
+    loading : ControlLoading
+        Geometry and terms of the hinge moment; its other constants are not used.  Where the geometry is not known, area, chord and
+        gearing 1, 1 and -1 give the product of all four.
+    points : Dataset (point,)
+        ``F_column`` (wheel, pedal), ``qbar`` and the variables of the hinge moment, one value per point. [SI]
+
+    Raises
+    ------
+    UnknownName
+        A variable that the points do not hold.
+    IdentificationError
+        Fewer points than terms and two, or terms that the points cannot distinguish.
+
+    Notes
+    -----
+    At rest friction takes any value inside its band, so that it cannot be estimated; uniform over the band of half width R its rms is
+    R / 3^0.5, and the residuals limit R.  Points at one loading and one tab setting vary angle of attack and deflection together; a
+    displaced c.g. separates the two.
+    """
+    from scipy.stats import chi2
+
+    wanted = [f"F_{loading.item}", "qbar", *loading.model.variables]
+    for name in wanted:
+        if name not in points:
+            raise UnknownName(name, map(str, points.data_vars), "channel", "every steady point needs it")
+    names = ["offset", *(loading.term(term) for term in loading.model.terms)]
+    X = np.column_stack([np.ones(points["qbar"].size), loading.load(points)[:, None] * loading.model.design(points)])
+    spare = len(X) - len(names)
+    if spare < 2:
+        raise IdentificationError(f"{loading.item}: {len(X)} steady points; at least {len(names) + 2} are needed for {len(names)} terms")
+    collinearity.demand_rank(X, names)
+    F = points[f"F_{loading.item}"].values
+    theta, _ = least_squares.solve(X, F)
+    v = F - X @ theta
+    covariance = float(v @ v) / spare * np.linalg.inv(X.T @ X)
+    stderr = np.sqrt(np.diag(covariance))
+    found = least_squares.estimates(names, theta, covariance, stderr, ([], np.zeros((len(names), 0))), {})
+    limit = float(np.sqrt(3.0 * (v @ v) / chi2.ppf(0.025, spare)))
+    return TrimForces(loading, found.assign_attrs(rms=float(np.sqrt(v @ v / spare)), points=len(X), friction_limit=limit))

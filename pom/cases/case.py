@@ -38,6 +38,9 @@ class Drive:
     limits : dict of str to float
         Largest biases of the trim, and largest accelerations it leaves, as the case file limits them: ``delta_e``, ``thrust``,
         ``F_column``, ``u_dot`` ...; a run beyond one is invalid. [SI]
+    held_by : {"force", "friction"}
+        What holds the controls at the start of a run with recorded forces: the recorded force and a bias; or dry friction as far as it
+        can, and a bias beyond.
     pilot : tuple of Loop
         Loops of the math pilot; only with ``surfaces = "pilot"``.
     """
@@ -47,6 +50,7 @@ class Drive:
     trim: bool | str = True
     limits: dict[str, float] = field(default_factory=dict)
     pilot: tuple[Loop, ...] = ()
+    held_by: str = "force"
 
     @property
     def level(self) -> str:
@@ -259,7 +263,12 @@ def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> Drive
     given = file.drive
     if any(loop.control == "throttle" for loop in loops) and given.engine != "throttle":
         problems.append(f'drive.pilot: a loop moves the throttle, but drive.engine is "{given.engine}"; drive the engines by "throttle"')
-    return Drive(given.surfaces, given.engine, given.trim, parts.limits(given.limits, problems), loops)
+    drive = Drive(given.surfaces, given.engine, given.trim, parts.limits(given.limits, problems), loops, given.held_by)
+    if drive.held_by == "friction" and drive.level != "force":
+        problems.append(
+            f'drive.held_by: "friction" holds controls that forces drive; drive.surfaces is "{given.surfaces}", make it "force"'
+        )
+    return drive
 
 
 def _loose_problems(content: dict[str, Any]) -> list[str]:

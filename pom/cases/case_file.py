@@ -103,6 +103,11 @@ class DriveTable(Strict):
     limits: dict[str, Quantity] = _table(
         "Largest bias of the trim, such as { delta_e = '1 deg', thrust = '50 lbf' }; beyond one written here the run is invalid."
     )
+    held_by: Literal["force", "friction"] = Field(
+        default="force",
+        description="At the start of a run driven by forces: force: what the recorded force lacks to hold the controls is added as a bias; "
+        "friction: dry friction holds them as far as it can, only the rest is added.",
+    )
     pilot: tuple[LoopTable, ...] = Field(default=(), description="Loops of the math pilot.")
 
 

@@ -160,6 +160,8 @@ def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
         found["mode.trim"] = TRIM_THROTTLE if case.drive.engine == "throttle" else TRIM_THRUST
     if case.drive.level != "recorded":
         found["mode.controls"] = LEVELS[case.drive.level]
+    if case.drive.held_by == "friction":
+        found |= {f"{item}.trim_friction": 1.0 for item in ("column", "wheel", "pedal")}
     if "lat" in states or "lat" in case.conditions:
         found["mode.earth"] = 1.0
     return found

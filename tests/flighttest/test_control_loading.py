@@ -18,7 +18,7 @@ from flightmech.aircraft.systems.control_circuits import Circuit
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from flighttest import identify_control_loading
 from flighttest.cli.controls import controls
-from flighttest.control_loading import ControlLoading, replace_hinge_moments
+from flighttest.control_loading import ControlLoading, replace_hinge_moments, trim_forces
 from flighttest.control_loading.linkage import follow
 from flighttest.control_loading.modulation import free_signals, modulated
 from flighttest.control_loading.motion import smoothed
@@ -297,6 +297,31 @@ def test_windows_end_at_reversals_and_give_derivatives_without_differences(loadi
     assert all((np.sign(rate[one.part]) == np.sign(rate[one.part][0])).all() for one in windows)
     for order, exact in ((1, 2.0 * np.pi * 0.05 * np.cos(2.0 * np.pi * time)), (2, -((2.0 * np.pi) ** 2) * s)):
         assert modulated(s, windows, order) == pytest.approx(modulated(exact, windows), abs=2e-3 * np.abs(exact).max())
+
+
+def steady(count: int, rng: np.random.Generator, coupled: bool = False) -> xr.Dataset:
+    """Points at several speeds and c.g. positions of a column with friction 6 N, offset 12 N, Ch = 0.01 - 0.05 alpha - 0.3 delta_e."""
+    qbar, alpha = rng.uniform(2000.0, 6000.0, count), rng.uniform(0.03, 0.15, count)
+    delta = -0.4 * alpha + (0.0 if coupled else rng.normal(0.0, 0.02, count))
+    F = 12.0 + 1.8 * 2.2 * 0.33 * qbar * (0.01 - 0.05 * alpha - 0.3 * delta) + rng.uniform(-6.0, 6.0, count)
+    return xr.Dataset({name: ("point", x) for name, x in {"F_column": F, "qbar": qbar, "alpha": alpha, "delta_e": delta}.items()})
+
+
+def test_steady_points_give_hinge_moments_and_bound_friction():
+    loading = ControlLoading("column", -1.8, 2.2, 0.33, "Ch_e = 1 + alpha + delta_e")
+    found = trim_forces(loading, steady(40, np.random.default_rng(3)))
+    truth = {"offset": 12.0, "Ch_e: 1": 0.01, "Ch_e: alpha": -0.05, "Ch_e: delta_e": -0.3}
+    errors = [(float(found.estimates["estimate"].sel(term=n)) - x) / float(found.estimates["stderr"].sel(term=n)) for n, x in truth.items()]
+    assert np.abs(errors).max() < 2.5
+    assert found.determined()["Ch_e: delta_e"]
+    assert 6.0 < found.estimates.attrs["friction_limit"] < 9.0
+    few = trim_forces(loading, steady(7, np.random.default_rng(3)))
+    assert not few.determined()["offset"]
+    assert "not determined; below" in few.report()
+    with pytest.raises(IdentificationError, match="5 steady points; at least 6"):
+        trim_forces(loading, steady(5, np.random.default_rng(3)))
+    with pytest.raises(IdentificationError):  # one c.g.: angle of attack and elevator go together
+        trim_forces(loading, steady(20, np.random.default_rng(3), coupled=True))
 
 
 def test_faults_are_named():

@@ -286,6 +286,24 @@ def test_trim_limit_and_bias(build):
     assert float(biased["applied.F_column"][0]) == pytest.approx(full)
 
 
+@pytest.mark.parametrize("order", [2, 4])
+def test_friction_holds_the_start_as_far_as_it_can(build, order):
+    """A force that is within friction of that which holds the control lacks nothing; beyond, only the excess is added."""
+    column = replace(COLUMN, **(CABLE | {"order": order}), friction=6.0, stiction=1.0, hinge_friction=2.0, trim_friction=1.0)
+    sim = build(circuits={"column": column})
+    full = float(flown(sim, grid(0.0), mode__controls=2, column__trim_friction=0.0, **FLIGHT)["trim.F_column"][0])
+    band = 7.0 + 2.0 * 1.5  # friction and stiction in the cockpit, friction at the hinge times the gearing
+    for off in (-band - 3.0, 0.0, 0.5 * band, band + 5.0):
+        y = flown(sim, grid(0.5), {"F_column": full - off}, mode__controls=2, **FLIGHT)
+        assert float(y["trim.F_column"][0]) == pytest.approx(off - np.clip(off, -band, band), abs=1e-7)
+        if abs(off) < band:  # at its edge the least change of the loads moves the elevator
+            assert float(np.ptp(y["applied.delta_e"].values)) < 1e-6
+    half = flown(sim, grid(0.0), {"F_column": full - band}, mode__controls=2, column__trim_friction=0.5, **FLIGHT)
+    assert float(half["trim.F_column"][0]) == pytest.approx(0.5 * band, abs=1e-7)
+    with pytest.raises(SimulationError, match=r"column\.trim_friction is 1\.5; it must be between 0 and 1"):
+        flown(sim, grid(0.0), mode__controls=2, column__trim_friction=1.5, **FLIGHT)
+
+
 def test_positions_and_surfaces_trim_to_the_same_flight(every):
     """In mode 1 the deflection of the linkage is only what the biases start from."""
     by_surface = flown(every, grid(0.0), **FLIGHT).isel(time=0)

@@ -86,6 +86,9 @@ class Circuit:
         Part of ``delta_ta`` that each aileron's tab has; used by the wheel only. [1]
     trim_limit : float
         Largest force that the start of a run with recorded forces may add. [N or N m]
+    trim_friction : float
+        Share of the dry friction that holds the control at that start before a force is added; 0: the start is in the middle of the
+        friction band. [1]
     step : float, optional
         Sub-step; without it 1 ms, or less when the fastest mode requires it. [s]
     """
@@ -114,6 +117,7 @@ class Circuit:
     tab_left: float = 0.0
     tab_right: float = 1.0
     trim_limit: float = MOST
+    trim_friction: float = 0.0
     step: float | None = None
 
     def sub_step(self, gearing: float) -> float:
@@ -159,6 +163,7 @@ _CONSTANTS = {
     "tab_left": _Constant("1", "1", -MOST, "part of delta_ta on the left aileron"),
     "tab_right": _Constant("1", "1", -MOST, "part of delta_ta on the right aileron"),
     "trim_limit": _Constant("N", "N m", 0.0, "largest force that the start of a run may add"),
+    "trim_friction": _Constant("1", "1", 0.0, "share of dry friction that holds the control at the start before a force is added"),
 }
 
 

@@ -40,6 +40,10 @@ static int check_values(am_sim *sim, const double *p) {
     if (!(e >= 0.0 && e <= 1.0)) {
         return bad_value(sim, p + P_CIRCUIT_RESTITUTION, "between 0 and 1");
     }
+    const double share = p[P_CIRCUIT_TRIM_FRICTION];
+    if (!(share >= 0.0 && share <= 1.0)) {
+        return bad_value(sim, p + P_CIRCUIT_TRIM_FRICTION, "between 0 and 1");
+    }
     return AM_OK;
 }
 

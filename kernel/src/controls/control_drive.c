@@ -13,7 +13,7 @@
  *
  * Modes 1 and 2 start at rest.  In mode 2 the circuit starts at the deflection of the trim; the
  * force that holds it there and the recorded force differ by trim.F_*, which stays added, up to
- * *.trim_limit. */
+ * *.trim_limit, less what dry friction holds: the share *.trim_friction of it. */
 #include "control_drive.h"
 
 #include "algebra.h"

@@ -9,7 +9,7 @@
  *
  * Modes 1 and 2 start at rest.  In mode 2 the circuit starts at the deflection of the trim; the
  * force that holds it there and the recorded force differ by trim.F_*, which stays added, up to
- * *.trim_limit. */
+ * *.trim_limit, less what dry friction holds: the share *.trim_friction of it. */
 #include "control_step.h"
 
 #include "algebra.h"
@@ -109,6 +109,13 @@ static double holding_force(am_sim *sim, uint32_t item, const double *q) {
     return force;
 }
 
+/* What remains of a force that the dry friction of all bodies at rest may hold in part. */
+static double beyond_friction(const linkage_t *c, double share, double force) {
+    double band = 0.0;
+    for (int i = 0; i < c->bodies; i++) band += share * c->breakout[i];
+    return force - clamp(force, -band, band);
+}
+
 static void start_travel(am_sim *sim, uint32_t item) {
     const double *p = par_of(sim, G_CIRCUIT, item);
     const int control = circuit_control(sim->model, item);
@@ -142,7 +149,8 @@ static void settle(am_sim *sim, uint32_t item) {
     if (sim->controls != FORCE_DRIVEN) return;
     const double lacking = holding_force(sim, item, q) - u[U_CIRCUIT_FORCE]
                            - p[P_CIRCUIT_BIAS_FORCE];
-    d[D_TRIM_FORCE] = clamp(lacking, -p[P_CIRCUIT_TRIM_LIMIT], p[P_CIRCUIT_TRIM_LIMIT]);
+    d[D_TRIM_FORCE] = clamp(beyond_friction(&c, p[P_CIRCUIT_TRIM_FRICTION], lacking),
+                            -p[P_CIRCUIT_TRIM_LIMIT], p[P_CIRCUIT_TRIM_LIMIT]);
 }
 
 void control_start(am_sim *sim) {

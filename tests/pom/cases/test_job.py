@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from flightmech.errors import UnknownName
+from flightmech.errors import SchemaError, UnknownName
 from pom.cases.case import read_case
 from pom.cases.job import job_of
 
@@ -84,6 +84,14 @@ def test_cockpit_channels_drive_and_surfaces_give_the_start_only(level, values, 
 
 def test_surfaces_are_the_default_and_set_no_mode(write_case, tmp_path, rolling):
     assert "mode.controls" not in job(write_case, tmp_path, rolling, 'engine = "thrust"').parameters
+
+
+def test_friction_holds_controls_that_forces_drive_and_no_others(write_case, tmp_path, rolling):
+    states = cockpit(rolling, {"F_column": 20.0, "F_wheel": 0.0, "F_pedal": 0.0})
+    found = job(write_case, tmp_path, states, 'engine = "thrust"\nsurfaces = "force"\nheld_by = "friction"')
+    assert found.parameters["column.trim_friction"] == found.parameters["pedal.trim_friction"] == 1.0
+    with pytest.raises(SchemaError, match=r'"friction" holds controls that forces drive; drive.surfaces is "cockpit"'):
+        job(write_case, tmp_path, states, 'engine = "thrust"\nsurfaces = "cockpit"\nheld_by = "friction"')
 
 
 def test_a_force_that_is_not_recorded_is_required_or_held(write_case, tmp_path, rolling):
