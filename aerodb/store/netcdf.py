@@ -17,6 +17,8 @@ import h5py
 import numpy as np
 import xarray as xr
 
+from flightmech.support.self_contained import MOST_GROUPS
+
 LARGEST = 2**27  # bytes of one table, far above any aero table; a damaged or hostile size is refused before memory is allocated
 _NUMBERS = "iuf"
 _FORMAT = ("v108", "v108")
@@ -111,10 +113,12 @@ class _Reader:
     def __init__(self) -> None:
         self.nodes: dict[str, xr.Dataset] = {}
         self.problems: list[str] = []
+        self._seen: set[int] = set()
 
     def group(self, group: h5py.Group, path: str, axes: Mapping[int, str]) -> None:
         """Read one group and those in it; `axes` names dimension scales by their address in the file."""
         self.nodes[path] = xr.Dataset()  # parents first
+        self._seen.add(_address(group))
         tables, below = {}, []
         for name in _names(group):
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
@@ -122,6 +126,10 @@ class _Reader:
                 continue
             item = group[name]
             if isinstance(item, h5py.Group):
+                if _address(item) in self._seen or len(self._seen) > MOST_GROUPS:
+                    self.problems.append(f"{_place(path, name)}: linked to more than once, or more than {MOST_GROUPS} groups in the file")
+                    continue
+                self._seen.add(_address(item))
                 below.append((name, item))
             elif isinstance(item, h5py.Dataset):
                 tables[name] = item
@@ -209,6 +217,6 @@ def _place(path: str, name: str = "") -> str:
     return "/".join(part for part in (path.strip("/"), name) if part) or "root"
 
 
-def _address(item: h5py.Dataset) -> int:
+def _address(item: h5py.Dataset | h5py.Group) -> int:
     """Return where an object stands in the file; asking HDF5 for its name takes a search through all groups."""
     return h5py.h5o.get_info(item.id).addr

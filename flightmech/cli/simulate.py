@@ -69,9 +69,11 @@ def _read(path: str) -> xr.Dataset:
 
     from ..errors import ParseError
     from ..names import lookup
+    from ..support.self_contained import demand_self_contained
     from ..units import to_si
 
     if Path(path).suffix == ".nc":
+        demand_self_contained(path)
         with xr.open_dataset(path, engine="h5netcdf") as dataset:
             return dataset.load()
     try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..errors import ParseError
+from ..support.self_contained import demand_self_contained
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,6 +25,7 @@ def _open(database: str) -> xr.DataTree:
     """Return the tree of a database file; `aerodb`, which writes it, stands to the right of this package."""
     import xarray as xr
 
+    demand_self_contained(database)
     try:
         with xr.open_datatree(database, engine="h5netcdf") as tree:
             return tree.load()

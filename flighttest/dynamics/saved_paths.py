@@ -9,6 +9,7 @@ from pathlib import Path
 import xarray as xr
 
 from flightmech.errors import ParseError
+from flightmech.support.self_contained import demand_self_contained
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ def open_path(path: str | os.PathLike) -> SavedPath:
     ParseError
         Not a netCDF file, or one without states over time.
     """
+    demand_self_contained(path)
     try:
         with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
             states = tree.children.get("states", tree).to_dataset(inherit=False).load()

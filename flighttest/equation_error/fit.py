@@ -14,6 +14,7 @@ import xarray as xr
 
 from flightmech.errors import ParseError
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.self_contained import demand_self_contained
 
 from ..remarks import Remark, lines
 from .fit_data import FitData
@@ -126,6 +127,7 @@ def open_tree(path: str | os.PathLike, content: str, expected: str) -> xr.DataTr
     ParseError
         Not such a file; the text ends with what was `expected`.
     """
+    demand_self_contained(path)
     try:
         with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
             tree.load()

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import xarray as xr
 
 from flightmech.errors import ParseError
+from flightmech.support.self_contained import demand_self_contained
 
 from ..records.files import write_groups
 
@@ -31,6 +32,7 @@ def open_biases(path: str | Path) -> xr.Dataset:
     ParseError
         Not such a file.
     """
+    demand_self_contained(path)
     try:
         with xr.open_dataset(path, group="biases", engine="h5netcdf") as data:
             found = data.load()

@@ -22,6 +22,7 @@ import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.support.console import plain
+from flightmech.support.self_contained import demand_self_contained
 
 from ..cases.case import PomCase
 from ..result import PomResult, verdict_table
@@ -82,6 +83,7 @@ def read_archive(path: str | os.PathLike) -> Archive:
     path = path / "results.nc" if path.is_dir() else path
     if not path.is_file():
         raise FileNotFoundError(2, "no results here; give the folder of a report or its results.nc", str(path))
+    demand_self_contained(path)
     try:
         with h5py.File(path, "r") as file:
             head = _read_document(file)

@@ -13,6 +13,7 @@ from pydantic import ConfigDict, field_validator, model_validator
 
 from ...errors import SchemaError, UnitError
 from ...support.configuration import Strict, si
+from ...support.self_contained import demand_self_contained
 from .engine_deck import Deck, DeckTable, deck_of, leaf_of
 
 if TYPE_CHECKING:
@@ -130,6 +131,7 @@ def _thrust_file(path: Path) -> xr.Dataset:
 
     from ...terms import check
 
+    demand_self_contained(path)
     with xr.open_dataset(path, engine="h5netcdf") as dataset:
         leaf = dataset.load()
     problems = check(leaf)

@@ -25,6 +25,7 @@ from pydantic import ConfigDict, Field
 
 from ...errors import AeromatchError, SchemaError, UnknownName
 from ...support.configuration import Strict, si
+from ...support.self_contained import demand_self_contained
 from ...units import quantity
 
 if TYPE_CHECKING:
@@ -210,6 +211,7 @@ def open_tables(path: Path) -> dict[str, xr.Dataset]:
 
     from ...terms import check
 
+    demand_self_contained(path)
     with xr.open_datatree(path, engine="h5netcdf") as tree:
         leaves = {str(name): node.to_dataset().load() for name, node in tree.children.items()}
     problems = [f"{name}: {text}" for name, leaf in leaves.items() for text in check(leaf)]

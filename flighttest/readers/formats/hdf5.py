@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import ParseError
+from flightmech.support.self_contained import demand_self_contained
 
 from ..name_map import NameMap
 from ..recording import Recording, guarded
@@ -28,6 +29,7 @@ def read(path: Path, names: NameMap) -> Recording:
     """
     import h5py
 
+    demand_self_contained(path)
     with guarded(path, "a whole HDF5, netCDF-4 or MATLAB v7.3 file"):
         file = h5py.File(path, "r")
         facts = {str(key): _plain(value) for key, value in file.attrs.items() if not key.startswith("_")}

@@ -178,6 +178,11 @@ def outside(file):
     file["CL/again"] = h5py.SoftLink("/CL/flap")
 
 
+def circle(file):
+    file["CL/flap/again"] = file["CL"]
+    file["CL/root"] = file["/"]
+
+
 def packed(file):
     file["CL/flap/value"].attrs["scale_factor"] = 0.01
 
@@ -206,6 +211,8 @@ def no_numbers(file):
         (endless, "CD/basic/value has the shape (1099511627776,); a table has at most 128 MiB"),
         (outside, "CD is a link to another place; a database holds its tables itself"),
         (outside, "CL/again is a link to another place; a database holds its tables itself"),
+        (circle, "CL/flap/again: linked to more than once, or more than 5000 groups in the file"),
+        (circle, "CL/root: linked to more than once, or more than 5000 groups in the file"),
         (packed, "CL/flap/value is packed (attribute scale_factor); unpack the numbers before you write them"),
         (lists, "CL/flap: attribute references is neither a text nor a number"),
         (lists, "root: attribute note is neither a text nor a number"),

@@ -1,0 +1,61 @@
+"""HDF5 files whose numbers lie elsewhere are refused: the hash of such a file certifies nothing, and it can read any file of the user."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from ..errors import ParseError
+
+MOST_GROUPS = 5000
+"""Groups of a file; one of this program has some hundred at most."""
+
+
+def demand_self_contained(path: str | os.PathLike) -> None:
+    """Check that an HDF5 or netCDF-4 file holds its numbers itself, each group once.
+
+    A file that HDF5 cannot open, or that is damaged, passes: whoever reads it reports that.
+
+    Raises
+    ------
+    ParseError
+        The first external or symbolic link, external storage, virtual dataset, circle of groups, or more than `MOST_GROUPS` groups.
+    """
+    import h5py
+
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            fault = _fault(file)
+    except (OSError, KeyError, ValueError, RuntimeError, TypeError):
+        return
+    if fault:
+        raise ParseError(os.fspath(path), 0, fault, "a file that holds its numbers itself; copy them into it")
+
+
+def _fault(file: Any) -> str:
+    """Return what is wrong with the links and datasets of a file; empty when nothing is."""
+    import h5py
+
+    waiting: list[Any] = [file]
+    seen = {h5py.h5o.get_info(file.id).addr}
+    while waiting:
+        group = waiting.pop()
+        for name in group:
+            place = f"{group.name.rstrip('/')}/{name}"
+            link = group.get(name, getlink=True)
+            if isinstance(link, h5py.ExternalLink):
+                return f"{place} is a link into another file, {link.filename}"
+            if not isinstance(link, h5py.HardLink):
+                return f"{place} is a symbolic link"
+            item = group[name]
+            if isinstance(item, h5py.Dataset) and (item.is_virtual or item.external):
+                return f"{place} keeps its numbers in another file"
+            if isinstance(item, h5py.Group):
+                address = h5py.h5o.get_info(item.id).addr
+                if address in seen:
+                    return f"the group {place} is linked to more than once"
+                seen.add(address)
+                waiting.append(item)
+                if len(seen) > MOST_GROUPS:
+                    return f"more than {MOST_GROUPS} groups"
+    return ""

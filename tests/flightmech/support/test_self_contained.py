@@ -1,0 +1,86 @@
+"""Files whose numbers lie in other files are refused before a number is read."""
+
+import h5py
+import numpy as np
+import pytest
+
+import flighttest
+import pom
+from flightmech.errors import ParseError
+from flightmech.support import self_contained
+from flightmech.support.self_contained import demand_self_contained
+
+
+def external_link(file, other):
+    file["imu"] = h5py.ExternalLink(other.name, "/imu")
+
+
+def soft_link(file, other):
+    file["again"] = h5py.SoftLink("/clock")
+
+
+def external_storage(file, other):
+    file.create_dataset("alpha", (8,), "f8", external=[(str(other), 0, h5py.h5f.UNLIMITED)])
+
+
+def virtual(file, other):
+    layout = h5py.VirtualLayout((3,), "f8")
+    layout[:] = h5py.VirtualSource(str(other), "x", (3,))
+    file.create_virtual_dataset("alpha", layout)
+
+
+def circle(file, other):
+    file["clock/up"] = file["/"]
+
+
+def crowd(file, other):
+    for number in range(self_contained.MOST_GROUPS + 1):
+        file.create_group(f"groups/g{number}")
+
+
+FAULTS = [
+    (external_link, "/imu is a link into another file, other.h5"),
+    (soft_link, "/again is a symbolic link"),
+    (external_storage, "/alpha keeps its numbers in another file"),
+    (virtual, "/alpha keeps its numbers in another file"),
+    (circle, "the group /clock/up is linked to more than once"),
+    (crowd, "more than 5000 groups"),
+]
+
+
+@pytest.fixture
+def made(tmp_path):
+    """Return a function: a file of a clock and samples, harmed."""
+    with h5py.File(tmp_path / "other.h5", "w") as other:
+        other["x"] = np.arange(3.0)
+        other.create_group("imu")["p"] = np.arange(3.0)
+
+    def make(harm=None):
+        with h5py.File(tmp_path / "record.nc", "w") as file:
+            group = file.create_group("clock")
+            group["time"] = np.linspace(0.0, 1.0, 11)
+            group["p"] = np.zeros(11)
+            if harm:
+                harm(file, tmp_path / "other.h5")
+        return tmp_path / "record.nc"
+
+    return make
+
+
+@pytest.mark.parametrize(("harm", "text"), FAULTS)
+def test_what_lies_elsewhere_is_named(made, harm, text):
+    with pytest.raises(ParseError) as caught:
+        demand_self_contained(made(harm))
+    assert text in str(caught.value)
+
+
+def test_a_whole_file_passes_and_what_is_no_hdf5_is_left_to_its_reader(made, tmp_path):
+    demand_self_contained(made())
+    (tmp_path / "text.nc").write_text("no HDF5")
+    demand_self_contained(tmp_path / "text.nc")
+
+
+@pytest.mark.parametrize("read", [flighttest.read, flighttest.dynamics.open_states, pom.read_archive])
+def test_readers_refuse_them(made, read):
+    with pytest.raises(ParseError, match="keeps its numbers in another file"):
+        read(made(external_storage))
