@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from flightmech.names import lookup
 from flightmech.units import DEGREE, from_si
 
-from ...tolerances.bands import Outcome, difference
+from ...tolerances.bands import NotJudged, Outcome, difference, half_width
 from ...tolerances.criteria import Criterion
 from ...tolerances.remarks import RowRemark
 from ..comparison import Match
+
+if TYPE_CHECKING:
+    from ...cases.case import PomCase
 
 CORRELATION = 0.8  # least; the rule has no number, these are ours
 RATIO = (0.5, 2.0)  # amplitude of the model over that of the flight
@@ -28,8 +34,9 @@ def trend(criterion: Criterion, match: Match) -> Outcome:
     the row.  All met is advice: a tick of an engineer (``[ticks]`` of the case) makes it a pass that names him, and he may
     decide against shape and size, not against the sign.
 
-    A flight that changes by less than the dead band (`dead_band`) shows no trend; then the model may not show one either:
-    its largest departure stays within twice the dead band.
+    A flight that changes by less than the dead band (`dead_band`) shows no trend, and no direction is the wrong one; then the
+    departure of the model stays within the tolerance that the row has on the channel, or within twice the dead band where it
+    has none.
     """
     time, flight, model = match.both(criterion)
     model = flight + difference(criterion.channel, flight, model)
@@ -38,9 +45,11 @@ def trend(criterion: Criterion, match: Match) -> Outcome:
     dead = dead_band(criterion.channel, time, flight)
     shown = [_shown(criterion.channel, value) for value in (*extremes, dead)]
     if abs(extremes[0]) <= dead:
-        met = {"no trend": abs(extremes[1]) <= RATIO[1] * dead}
-        measured: dict[str, float] = {"share_of_dead_band": abs(extremes[1]) / dead if dead else np.inf if extremes[1] else 0.0}
+        allowed = _allowed(match.case, criterion.channel, flight) or RATIO[1] * dead
+        met = {"no trend": abs(extremes[1]) <= allowed}
+        measured: dict[str, float] = {"departure": abs(extremes[1]) / allowed if allowed else 0.0}
         text = f"largest change of flight {shown[0]}, within the dead band of {shown[2]}: no trend; of model {shown[1]}"
+        text += f", allowed {_shown(criterion.channel, allowed)}"
     else:
         ratio, correlation = abs(extremes[1] / extremes[0]), _correlation(flight, model)
         met = {
@@ -69,6 +78,16 @@ def _verdict(tick: str, failed: list[str]) -> tuple[str, str]:
             f"the tick ({tick}) does not hold: {'the model moves the other way' if 'sign' in failed else 'the flight has no trend'}",
         )
     return ("fail", "an engineer may tick it with his reason") if failed else ("advisory", "to be ticked by an engineer")
+
+
+def _allowed(case: PomCase, channel: str, flight: np.ndarray) -> float:
+    """Return the narrowest half width that other rows of the case have on a channel; 0 when none has one."""
+    widths = []
+    for criterion in case.criteria:
+        if criterion.channel == channel and criterion.applies and criterion.measure in ("trace", "end_value"):
+            with suppress(NotJudged):
+                widths.append(float(half_width(criterion, flight).min()))
+    return min(widths, default=0.0)
 
 
 def dead_band(channel: str, time: np.ndarray, flight: np.ndarray) -> float:
