@@ -72,9 +72,11 @@ def copy_example(name: str, folder: Path, inputs_only: bool = False) -> list[Pat
                 shutil.copytree(item, made / item.name)
             else:
                 shutil.copy(item, made / item.name)
-        if folder.exists():
-            folder.rmdir()
-        os.replace(made, folder)
+        if folder.exists():  # and is empty; it may be the current one, which must stay
+            for item in list(made.iterdir()):
+                os.replace(item, folder / item.name)
+        else:
+            os.replace(made, folder)
     return sorted(file.relative_to(folder) for file in folder.rglob("*") if file.is_file())
 
 

@@ -1,6 +1,8 @@
 """Examples that come with the product: copied all at once, and never over something."""
 
 import json
+import re
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -19,6 +21,13 @@ def test_what_a_project_starts_from_is_copied(tmp_path):
     assert list((tmp_path / "new").iterdir()) == [tmp_path / "new" / "c182"]
 
 
+def test_the_current_folder_is_filled(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    files = copy_example("c182", Path("."), inputs_only=True)
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["README.md", "datcom", "flight"]
+    assert all(file.is_file() for file in files)
+
+
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     with pytest.raises(SchemaError, match="not an empty folder"):
@@ -30,3 +39,12 @@ def test_nothing_is_overwritten(tmp_path):
 
 def test_every_example_has_a_project():
     assert all((example_folder(name) / "aeromatch.toml").is_file() for name in EXAMPLES)
+
+
+def test_the_light_aircraft_is_the_project_of_the_tutorial():
+    """`docs/make_tutorial.py` writes both."""
+    page = (Path(__file__).parents[2] / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    files = dict(re.findall(r'^```toml title="([^"]+)"\n(.*?)^```$', page, re.M | re.S))
+    assert set(files) == {"aircraft.toml", "names.toml", "aeromatch.toml"}
+    for name, text in files.items():
+        assert (example_folder("c182") / name).read_text(encoding="utf-8") == text, name
