@@ -58,7 +58,7 @@ def answered(text: str, folder: Path, environment: dict[str, str]) -> str:
         if done.returncode:
             print(f"exit code {done.returncode}\n{done.stderr}", file=sys.stderr)
         output = [line.rstrip() for line in done.stdout.splitlines()]
-        made += [f"$ {command}", *renewed([line for line in lines[end:] if line.strip()], output)]
+        made += [f"$ {command}", *renewed("\n".join(lines[end:]).rstrip().splitlines(), output)]
     return "\n".join(made) + "\n"
 
 
