@@ -22,7 +22,9 @@ STATE = ("V", "alpha", "beta", "gamma", "phi", "theta", "psi", "p", "q", "r", "h
 def release(trainer, tmp_path_factory):
     """Flight of the T-37 whose column is pulled by 40 N and let go at 3 s; FMUs with its column and with a heavier one."""
     aircraft = flightmech.read_aircraft(pom.read_case(CASES / "21_short_period.toml").aircraft)
-    column = replace(aircraft.circuits["column"], friction=0.0, stiction=0.0, hinge_friction=0.0)  # friction would end the oscillation at once
+    free = {"friction": 0.0, "stiction": 0.0, "hinge_friction": 0.0}  # friction would end the oscillation at once
+    numbers = {"inertia": 0.6, "damping": 30.0, "hinge_damping": 1.0, "cable_stiffness": 25e3, "cable_damping": 60.0}
+    column = replace(aircraft.circuits["column"], **numbers, **free)
     hinges = {"Ch_e/alpha": terms.make(-0.1, regressors=["alpha"]), "Ch_e/delta": terms.make(-0.4, regressors=["delta_e"])}
     db = trainer.database()
     x, y, z = aircraft.reference
