@@ -37,6 +37,8 @@ class Submodels:
     controls : dict of str to IdentifiedLoading
     free_motion : dict of str to list of Flown
         Pulses and releases of the controls, simulated with what was identified.
+    driven_motion : dict of str to list of Dataset (time,)
+        Slow manoeuvres of the controls.
     ground_effect : GroundEffect or None
     gear : IdentifiedGear or None
     """
@@ -44,6 +46,7 @@ class Submodels:
     engine: Any = None
     controls: Mapping[str, Any] = field(default_factory=dict)
     free_motion: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    driven_motion: Mapping[str, Sequence[xr.Dataset]] = field(default_factory=dict)
     ground_effect: Any = None
     gear: Any = None
 
@@ -157,12 +160,12 @@ def with_engine(aircraft: Aircraft, project: Project, found: Any) -> Aircraft:
 
 def identified_controls(
     project: Project, aircraft: Aircraft, paths: Mapping[str, Any], spans: Mapping[str, Spans]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the control loading of every control that the project names, and its simulated free motion.
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, list[xr.Dataset]]]:
+    """Return the control loading of every control that the project names, its simulated free motion, and its driven manoeuvres.
 
     Driven manoeuvres that are whole records are taken without the free ones.
     """
-    found, motion = {}, {}
+    found, motion, moved = {}, {}, {}
     for item, asked in project.controls.items():
         free = spans.get(f"controls.{item}.free", {})
         driven = {record: _less(own, free.get(record, [])) for record, own in spans[f"controls.{item}.driven"].items()}
@@ -172,8 +175,8 @@ def identified_controls(
         loading = loading_of(aircraft, item, asked.model, asked.constants, asked.arm)
         known, errors = aircraft.circuits.get(item), pick_up_errors(aircraft.instruments)
         found[item] = flighttest.identify_control_loading(loading, slow, fast, asked.order, errors=errors, drawings=known)
-        motion[item] = found[item].fly(fast)
-    return found, motion
+        motion[item], moved[item] = found[item].fly(fast), slow
+    return found, motion, moved
 
 
 def _on_ground(states: xr.Dataset) -> xr.Dataset:

@@ -322,8 +322,8 @@ def perform(
             submodels = replace(submodels, engine=identified_engine(project, apriori, paths, windows.submodels))
     if project.controls:
         with step(f"identify the control loading of {', '.join(project.controls)}"):
-            controls, motion = identified_controls(project, aircraft, paths, windows.submodels)
-            submodels = replace(submodels, controls=controls, free_motion=motion)
+            controls, free, driven = identified_controls(project, aircraft, paths, windows.submodels)
+            submodels = replace(submodels, controls=controls, free_motion=free, driven_motion=driven)
     aircraft = after_flight(project, aircraft, submodels)
     with step(f"identify coefficients on {len(dict.fromkeys(name for spans in windows.fits for name in spans))} flight records"):
         data = coefficients_of(project, aircraft, paths, windows)
@@ -369,6 +369,7 @@ def perform(
             fits=fits,
             submodels=submodels.found,
             free_motion=submodels.free_motion,
+            driven_motion=submodels.driven_motion,
         )
     taken = pom.corrected_terms(diagnoses.values())
     different = len(differing(datcom, final)) + len(different_parts(apriori, aircraft))

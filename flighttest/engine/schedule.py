@@ -18,6 +18,7 @@ LEAST = 0.05  # samples at a position of rest, in those at the most frequent one
 GAP = 0.2  # knots of the schedule stand closer
 SPACING = 0.035  # of the knots over n2
 AWAY = 0.02  # gap to the schedule from which on a rate carries information on the time constant
+EDGE = 0.005  # by which tables reach beyond the speeds at rest: an engine that idles stays inside
 WIDE = 0.15  # half the time over which a rate is taken [s]
 
 
@@ -87,6 +88,28 @@ def speeds(records: Sequence[xr.Dataset]) -> np.ndarray:
     n2 = np.concatenate([one["n2"].values for one in records])
     low, high = np.quantile(n2, [0.002, 0.998])
     return np.linspace(low, high, max(round((high - low) / SPACING), 1) + 1)
+
+
+def settled_speeds(records: Sequence[xr.Dataset], name: str) -> np.ndarray:
+    """Return a speed at all samples at which the lever has rested; empty when there are none."""
+    return np.concatenate([one[name].values[resting(one)] for one in records if name in one and "throttle" in one] or [np.empty(0)])
+
+
+def covering(points: np.ndarray, settled: np.ndarray) -> np.ndarray:
+    """Return breakpoints over a speed, the outer ones moved outwards where the engine would leave them at rest.
+
+    Parameters
+    ----------
+    points : array (breakpoint,)
+    settled : array (sample,)
+        Of the speed, at rest; one sample in a hundred is left to noise on either side.
+    """
+    found = np.array(points, float)
+    settled = settled[np.isfinite(settled)]
+    if settled.size:
+        low, high = np.quantile(settled, [0.01, 0.99])
+        found[0], found[-1] = min(found[0], low - EDGE), max(found[-1], high + EDGE)
+    return found
 
 
 def reading_error(records: Sequence[xr.Dataset], at: np.ndarray) -> np.ndarray:

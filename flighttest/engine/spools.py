@@ -28,7 +28,7 @@ from flightmech.terms import make
 from ..maximum_likelihood.parameters import Unknown
 from ..maximum_likelihood.result import OutputError
 from . import bench
-from .schedule import first_rates, first_schedule, nodes, quiet, reading_error, reading_noise, speeds
+from .schedule import covering, first_rates, first_schedule, nodes, quiet, reading_error, reading_noise, settled_speeds, speeds
 from .tables import FINE, Curve, Surface
 
 QUICKEST, SLOWEST = 0.02, 30.0  # time constants that are searched [s]
@@ -65,6 +65,8 @@ class SpoolFit:
         Of a schedule, and of the logarithm of a time constant or limit, from the first breakpoint of a flight condition to another.
     remarks : tuple of str
         What a reader of the numbers must know.
+    responses : tuple of Dataset (time,)
+        The power changes: ``throttle`` and the speeds, ``n2`` and ``n1``, with what the model makes of them, ``n2_model``, ``n1_model``.
     """
 
     tables: dict[str, Curve]
@@ -73,6 +75,7 @@ class SpoolFit:
     fan: OutputError | None
     changes: dict[str, tuple[float, float]] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    responses: tuple[xr.Dataset, ...] = ()
 
     def leaves(self) -> dict[str, xr.Dataset]:
         """Return the tables of the deck."""
@@ -123,7 +126,8 @@ def identify_spools(
         Power changes that begin at rest, on a uniform clock: ``throttle``, ``n2`` and where there is one ``n1`` [1]; ``mach``, ``h``
         [m], ``temperature`` [K] give the condition.  `power_changes` cuts them out of a flight.
     throttle, n2 : sequence of float, optional
-        Knots of the schedule and of the tables over n2; by default where the lever rested, and every 3.5 % of speed.
+        Knots of the schedule and of the tables over n2; by default where the lever rested, and every 3.5 % of speed.  The outer
+        ones over n2 are moved where they do not hold the speeds at rest with a margin of 0.5 %.
     over : mapping of str to sequence of float, optional
         Flight condition with which schedule and dynamics change, and its breakpoints: ``mach``, ``h`` [m], ``temperature_ratio`` ...
     limits : bool
@@ -151,13 +155,16 @@ def identify_spools(
         raise IdentificationError(f"fan is {fan!r}; one of n2, lever is needed")
     noisy = reading_error(records, lever := np.array(throttle if throttle is not None else nodes(records), float))
     records = [quiet(record) for record in records]
-    speed = np.array(n2 if n2 is not None else speeds(records), float)
+    given = np.array(n2 if n2 is not None else speeds(records), float)
+    speed = covering(given, settled_speeds(records, "n2"))
     core = _Spool("n2", lever, speed, over or {}, limits)
     found = core.search(records)
     tables, constants, changes = core.result(found, noisy)
-    remarks = [*core.remarks(found, records)]
+    moved = [f"{old:.4g} to {new:.4g}" for old, new in zip(given[[0, -1]], speed[[0, -1]]) if n2 is not None and old != new]
+    remarks = [f"n2: outer knots moved to hold the speeds at rest: {', '.join(moved)}"] if moved else []
+    remarks += core.remarks(found, records)
     if not all("n1" in record for record in records):
-        return SpoolFit(tables, constants, found, None, changes, tuple(remarks))
+        return SpoolFit(tables, constants, found, None, changes, tuple(remarks), _responses(records, n2=found))
     if fan == "n2":
         curve, lag, behind = _fan(tables, constants["lever_delay"][0], records, speed)
         found_n1 = {"n1_command": curve}
@@ -170,7 +177,17 @@ def identify_spools(
         constants |= {f"n1_{name}": pair for name, pair in more.items()}
         changes |= own
         remarks += shaft.remarks(behind, records)
-    return SpoolFit(tables | found_n1, constants, found, behind, changes, tuple(remarks))
+    responses = _responses(records, n2=found, n1=behind)
+    return SpoolFit(tables | found_n1, constants, found, behind, changes, tuple(remarks), responses)
+
+
+def _responses(records: Sequence[xr.Dataset], **searches: OutputError) -> tuple[xr.Dataset, ...]:
+    """The speeds of the records and of the model."""
+    found = []
+    for k, record in enumerate(records):
+        model = {f"{name}_model": record[name] - search.residuals[k][f"engine1.{name}"].values for name, search in searches.items()}
+        found.append(record[["throttle", *searches]].assign(model))
+    return tuple(found)
 
 
 class _Spool:

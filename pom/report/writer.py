@@ -45,6 +45,7 @@ def write_report(
     fits: Sequence[Fit] = (),
     submodels: Mapping[str, Any] | None = None,
     free_motion: Mapping[str, Sequence[Any]] | None = None,
+    driven_motion: Mapping[str, Sequence[xr.Dataset]] | None = None,
     revision: str = "",
     paper: str | None = "a4",
 ) -> Path:
@@ -76,6 +77,8 @@ def write_report(
         Submodels identified from flight, by name: a chapter of page and PDF.
     free_motion : mapping of str to sequence of Flown, optional
         By submodel: the free motion of a control, of `IdentifiedLoading.fly`.
+    driven_motion : mapping of str to sequence of Dataset (time,), optional
+        By submodel: records of the slow motion of a control, whose force is drawn over the travel.
     revision : str
         Revision of the report, as the user counts them.
     paper : {"a4", "letter"}, optional
@@ -102,7 +105,7 @@ def write_report(
     located: dict[str, Any] = {**(provenance or {})}
     _check(results, located, diagnoses, paper)
     made_from = without_places(located)
-    chapter = sections(submodels or {}, free_motion or {})
+    chapter = sections(submodels or {}, free_motion or {}, driven_motion)
     modes = [mode_table(result) for result in results]
     archive, names = Archive(results, title, revision, made_from, diagnoses), keys(results)
     folder = Path(folder)

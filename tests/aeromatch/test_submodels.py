@@ -58,11 +58,12 @@ def test_control_loading_through_its_section():
     asked = Control(driven=(Flown(records=tuple(records)),), model="Ch_e = 1 + alpha + delta_e", constants=("offset", "friction"), order=2)
     craft = replace(CRAFT, controls={"delta_e": Surface(AREA, CHORD, GEARING)}, circuits={"column": Circuit((-0.1, 0.1), mass=3.0)})
     spans = {"controls.column.driven": {name: [(-np.inf, np.inf)] for name in records}}
-    found, motion = submodels.identified_controls(SimpleNamespace(controls={"column": asked}), craft, paths, spans)
+    found, motion, driven = submodels.identified_controls(SimpleNamespace(controls={"column": asked}), craft, paths, spans)
     assert found["column"].value("friction")[0] == pytest.approx(FRICTION, rel=1e-3)
     for term, value in HINGE.items():
         assert found["column"].value(f"Ch_e: {term}")[0] == pytest.approx(value, rel=0.02)
     assert motion == {"column": []}
+    assert [part.sizes["time"] for part in driven["column"]] == [path.states.sizes["time"] for path in paths.values()]
     after = found["column"].aircraft(craft)
     assert after.circuits["column"].friction == pytest.approx(FRICTION, rel=1e-3)
     assert after.circuits["column"].mass == 3.0  # what was not identified stays

@@ -26,7 +26,7 @@ from flightmech.aircraft.systems.engine_deck import OWN, TARGETS
 from flightmech.errors import IdentificationError, UnknownName
 from flightmech.terms import SOURCES, basis, make
 
-from ..schedule import resting
+from ..schedule import covering, resting, settled_speeds
 from .points import ratios
 
 AXES = (*OWN, "mach", "h")
@@ -66,7 +66,8 @@ class SteadyTable:
 
     def report(self, name: str) -> str:
         """Return size, residual and lengths as text."""
-        axes = ", ".join(f"{axis} ({self.leaf.sizes[axis]}, smooth over {length:.4g})" for axis, length in self.lengths.items())
+        grid = {axis: (self.leaf[axis].values, length) for axis, length in self.lengths.items()}
+        axes = ", ".join(f"{axis} {x[0]:.4g} to {x[-1]:.4g} ({len(x)}, smooth over {length:.4g})" for axis, (x, length) in grid.items())
         seen = float((self.leaf["source"] == SOURCES.index("flight")).mean())
         fit = f"{self.samples} samples, residual {self.rms:.4g} rms, {seen:.0%} of the nodes from flight"
         return f"{name} ({TARGETS[name]}) over {axes}: {fit}"
@@ -86,7 +87,7 @@ def steady_table(
         ``corrected_thrust``, ``thrust``, ``fuel_flow``, ``corrected_fuel_flow``, ``itt``, ``corrected_itt``, ``n2_command``,
         ``corrected_n2_driven`` ...
     axes : mapping of str to sequence of float
-        Breakpoints.
+        Breakpoints.  The outer ones of a speed are moved where they do not hold the speeds at rest with a margin of 0.5 %.
     prior : Dataset, optional
         The a-priori table, over some of the axes; ``stderr`` where it has one, else a tenth of its largest value.  Without one the
         nodes start from the mean of the samples.
@@ -114,7 +115,7 @@ def steady_table(
     for axis in axes:
         if axis not in AXES:
             raise UnknownName(axis, AXES, "axis of an engine table")
-    grid = {name: np.asarray(points, float) for name, points in axes.items()}
+    grid = {name: covering(np.asarray(points, float), _settled(flights, name)) for name, points in axes.items()}
     blocks = [_samples(one, target, grid) for one in flights]
     blocks = [block for block in blocks if len(block[1])]
     if not blocks:
@@ -136,6 +137,15 @@ def steady_table(
         leaf["source"].attrs,
     )
     return SteadyTable(leaf, float(np.sqrt(np.mean(residual**2))), dict(zip(grid, lengths)), spread, len(z))
+
+
+def _settled(flights: Sequence[xr.Dataset], axis: str) -> np.ndarray:
+    """Speeds at rest along an axis; empty when it is no speed."""
+    name = axis.removeprefix("corrected_")
+    if name not in ("n1", "n2"):
+        return np.empty(0)
+    timed = [one for one in flights if "time" in one.sizes and name in one]
+    return settled_speeds([one.assign({axis: one[name] / (np.sqrt(ratios(one)[0]) if axis != name else 1.0)}) for one in timed], axis)
 
 
 def _range(grid: Mapping[str, np.ndarray]) -> str:

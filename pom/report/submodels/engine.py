@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..presentation.quantities import fixed, number
 from .section import EQUATION_ERROR, OUTPUT_ERROR, Curve, Grid, PanelOf, Picture, Section, estimate, picture
 
 CODES = ("run-0", "run-2", "run-3", "run-4", "run-5")
+CHANGES = 4  # power changes that are drawn, those of the largest change of speed
 MACHS = 3  # Mach numbers of the deck that are drawn
 UNITS = {"corrected_thrust": "N", "thrust": "N", "fuel_flow": "kg/s", "corrected_fuel_flow": "kg/s"}
 SHOWN = {
@@ -37,6 +38,9 @@ def engine(name: str, found: EngineFit) -> Section:
             constants |= part.constants
             tables |= part.tables
             measures.append((title, OUTPUT_ERROR, _noise(part)))
+    if found.spools is not None:
+        pictures += _responses(name, found.spools.responses)
+        remarks += found.spools.remarks
     if found.static is not None:
         static = found.static
         rms = [
@@ -69,6 +73,22 @@ def _noise(part: Any) -> str:
         for n, v in zip(search.noise["output"].values, search.noise["stderr"].isel(manoeuvre=0).values, strict=True)
     ]
     return "; ".join(f"{n.removeprefix('engine1.')} rms {number(v, 2)}" for n, v in rows)
+
+
+def _responses(name: str, responses: Sequence[xr.Dataset]) -> list[Picture]:
+    """Return speeds over time, recorded and simulated from the lever by the identified spools, of the largest power changes."""
+    chosen = sorted(responses, key=lambda one: -float(np.ptp(one["n2"].values)))[:CHANGES]
+    panels = []
+    for one in chosen:
+        time = one["time"].values - one["time"].values[0]
+        speeds = [speed for speed in ("n2", "n1") if speed in one]
+        curves = [Curve(time, one["throttle"].values, "run-1")]
+        curves += [Curve(time, one[f"{speed}{what}"].values, css) for speed in speeds for what, css in (("", "run-0"), ("_model", "run-3"))]
+        title = f"{' and '.join(speeds)} after the lever, 1; {one.attrs.get('record', '')}".rstrip("; ")
+        panels.append(PanelOf(title, "time, s", tuple(curves)))
+    key = [("run-0", "recorded"), ("run-3", "simulated"), ("run-1", "lever")]
+    words = f"Response of the spools to the lever, recorded and simulated, {len(chosen)} of {len(responses)} power changes"
+    return [picture(f"response-{name}", panels, key, words)] if panels else []
 
 
 def _deck(name: str, prior: xr.Dataset, leaf: xr.Dataset) -> list[Picture]:

@@ -24,17 +24,21 @@ from .ground_effect import ground_effect
 from .section import Grid, Section
 
 
-def sections(submodels: Mapping[str, Any], free_motion: Mapping[str, Sequence[Any]]) -> list[Section]:
+def sections(
+    submodels: Mapping[str, Any], free_motion: Mapping[str, Sequence[Any]], driven_motion: Mapping[str, Sequence[xr.Dataset]] | None = None
+) -> list[Section]:
     """Return the sections of results by the name of the submodel.
 
     Raises
     ------
     SchemaError
-        A result of another kind, or free motion of a control that is not there.
+        A result of another kind, or motion of a control that is not there.
     """
+    driven = driven_motion or {}
     unknown = [
-        f"free_motion: {name!r} is no submodel; there are: {', '.join(submodels) or 'none'}"
-        for name in free_motion
+        f"{place}: {name!r} is no submodel; there are: {', '.join(submodels) or 'none'}"
+        for place, motion in (("free_motion", free_motion), ("driven_motion", driven))
+        for name in motion
         if name not in submodels
     ]
     found = []
@@ -42,7 +46,7 @@ def sections(submodels: Mapping[str, Any], free_motion: Mapping[str, Sequence[An
         if isinstance(result, EngineFit):
             found.append(engine(name, result))
         elif isinstance(result, IdentifiedLoading):
-            found.append(control_loading(name, result, free_motion.get(name, ())))
+            found.append(control_loading(name, result, free_motion.get(name, ()), driven.get(name, ())))
         elif isinstance(result, GroundEffect):
             found.append(ground_effect(name, result))
         elif isinstance(result, IdentifiedGear):

@@ -23,6 +23,7 @@ from flighttest.engine import (
 )
 from flighttest.engine.bench import compiled, condition, inputs
 from flighttest.engine.result import comparison_text
+from flighttest.engine.schedule import EDGE, covering
 from flighttest.engine.steady.points import ratios
 
 NOISE = 5e-4
@@ -65,6 +66,15 @@ def flown(deck: Deck, profile, mach: float, h: float, seed: int, seconds: float 
     rng = np.random.default_rng(seed)
     sizes = {"n1": NOISE, "n2": NOISE, "thrust": 5.0}
     return record.assign({name: ("time", found[f"engine1.{name}"].values + sizes[name] * rng.normal(size=len(t))) for name in names})
+
+
+def test_outer_knots_hold_the_speeds_at_rest():
+    noisy = 0.5998 + 1e-3 * np.random.default_rng(0).normal(size=400)
+    settled = np.append(noisy, 0.95)  # one sample is no rest
+    assert covering(np.array([0.6, 0.8, 1.0]), settled) == pytest.approx([0.5925, 0.8, 1.0], abs=5e-4)
+    assert covering(np.array([0.59, 0.8]), settled) == pytest.approx([0.59, 0.8])
+    assert covering(np.array([0.5, 0.59]), settled)[1] > settled[:-1].mean() + EDGE
+    assert covering(np.array([0.6, 0.8]), np.array([np.nan])) == pytest.approx([0.6, 0.8])
 
 
 @pytest.fixture(scope="module")
@@ -141,6 +151,13 @@ def test_delay_and_time_constant_with_limits(fit):
     time, _ = fit.spools.tables["n2_up_time"].at(0.8)
     assert value + time == pytest.approx(0.25, abs=0.02)  # close to the schedule they act alike
     assert stderr < 0.02
+
+
+@pytest.mark.slow
+def test_responses_are_those_of_the_model(fit):
+    for one in fit.spools.responses:
+        for name in ("n1", "n2"):
+            assert float((one[f"{name}_model"] - one[name]).std()) < 2.0 * NOISE
 
 
 @pytest.mark.slow

@@ -23,7 +23,7 @@ from flighttest.ground_effect import identify_ground_effect
 from flighttest.landing_gear import GearConstant
 from pom.diagnosis import by_submodel
 from pom.report.pdf import content, style
-from pom.report.submodels.engine import _tables
+from pom.report.submodels.engine import _responses, _tables
 from pom.report.submodels.gear import landing_gear
 from pom.report.submodels.page import context, needed, sections
 
@@ -108,6 +108,33 @@ def test_the_largest_free_motion_is_drawn():
     (picture,) = _free_motion("column", "column", [small] * 3 + [flown()] * MOST)
     (only,) = _free_motion("column", "column", [flown()] * MOST)
     assert picture.body == only.body
+
+
+def test_the_force_is_drawn_over_the_travel_at_every_speed(results):
+    """As [LR743] Fig. 10: both branches of the friction loop, recorded and by the constants, near speeds in one panel."""
+    (section,) = sections({"column": results["column"]}, {}, {"column": [swept(1500.0), swept(6000.0), swept(1510.0)]})
+    (force,) = section.pictures
+    assert force.words == "Force at the column over its travel while it slides, recorded and by the identified constants, at 2 speeds"
+    assert [text in force.body for text in ("dynamic pressure 1.5 kPa", "dynamic pressure 6.0 kPa")] == [True, True]
+    assert force.body.count('class="node run-0"') == force.body.count('class="node run-3"') > 0
+    with pytest.raises(SchemaError, match="driven_motion: 'wheel' is no submodel"):
+        sections({}, {}, {"wheel": []})
+
+
+def test_the_response_of_the_spools_is_drawn(results):
+    """As [LR743] Fig. 11: the power changes of the largest change of speed."""
+    time = np.arange(0.0, 10.0, 0.5)
+
+    def change(size):
+        n2 = 0.6 + size * (1.0 - np.exp(-time))
+        columns = {"throttle": time > 1.0, "n2": n2, "n2_model": n2 + 0.001, "n1": n2 - 0.1, "n1_model": n2 - 0.1}
+        return xr.Dataset({k: ("time", v.astype(float)) for k, v in columns.items()}, {"time": time}, {"record": f"change of {size}"})
+
+    (picture,) = _responses("engine", [change(size) for size in (0.1, 0.4, 0.2, 0.3, 0.35)])
+    assert picture.words == "Response of the spools to the lever, recorded and simulated, 4 of 5 power changes"
+    assert picture.body.index("change of 0.4") < picture.body.index("change of 0.2")
+    assert "change of 0.1" not in picture.body
+    assert picture.body.count('class="trace run-3"') == 4 * 2 + 1  # both spools, and the key
 
 
 def test_tables_over_a_flight_condition_have_a_line_for_every_node():
