@@ -88,7 +88,8 @@ def diagnose(
           that reduce it, the largest first.  Their ``mismatch`` is the level after this share and those above it, from that of
           `prior` to that of `final`.
 
-        The last four stages are not there when `prior` is within tolerance or `final` is no better.
+        The last four stages are not there when `prior` is within tolerance or `final` is no better, nor when `final` fails as well and
+        is better by less than `LEAST_GAP`.
     """
     bench = Bench.of(case, prior, final, (apriori or aircraft, aircraft), path)
     start, end = bench.judged([(), bench.names])
@@ -101,7 +102,7 @@ def diagnose(
     for stage, rows in (("single", singles), ("group", sorted(wholes, key=lambda row: _total(row[1])))):
         for name, found in rows:
             table.add(stage, name, found)
-    if not start.matched and table.gap > 0.0:
+    if not start.matched and table.gap > (0.0 if end.matched else LEAST_GAP):
         change = {name: abs(_total(found) - start.total) for name, found in singles}
         felt = sorted(change, key=lambda name: -change[name])
         needed = _needed(bench, felt, table.gap)

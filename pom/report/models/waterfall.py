@@ -142,7 +142,7 @@ def _names(steps: pd.DataFrame, needed: Collection[str]) -> str:
 def _legend(y: float) -> str:
     parts, x = [], svg_chart.WIDTH
     for css, words in reversed(_LEGEND):
-        x -= 5.4 * len(words) + 22.0
+        x -= 6.6 * len(words) + 22.0  # a wide font, as DejaVu Sans
         parts.append(svg_chart.rect(x, y - 9.0, 14.0, _BAR, f"{css} frame" if css == "band" else css))
         parts.append(svg_chart.text(x + 18.0, y, words, "caption"))
     return "".join(parts)
