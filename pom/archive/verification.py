@@ -23,16 +23,18 @@ from ..tolerances.remarks import RowRemark
 from .archive import read_archive
 from .manifest import place, read_manifest
 from .origins import sha256
+from .stated import run_of, stated
 
 CLOSE = 1e-6
 """Relative difference of a number that still counts as the same: another processor rounds a fit differently."""
+KINDS = ("output", "input", "model", "statement", "tolerance", "verdict")
 
 
 @dataclass(frozen=True)
 class VerificationResult:
     """One thing that was checked.
 
-    ``kind`` is ``output``, ``input``, ``model`` or ``verdict``; ``state`` is ``same``, ``changed`` or ``missing``; ``detail`` states
+    ``kind`` is one of `KINDS`; ``state`` is ``same``, ``changed`` or ``missing``; ``detail`` states
     what exactly changed.
     """
 
@@ -43,7 +45,11 @@ class VerificationResult:
 
 
 def verify(folder: str | os.PathLike) -> list[VerificationResult]:
-    """Check a report: hash all outputs and inputs again, judge all verdicts again from ``results.nc``.
+    """Check a report: hash all outputs and inputs again, judge all verdicts again from ``results.nc``, compare what the files state.
+
+    Statements: title, revision, command, date, versions, resolved cases and hashes of ``manifest.json``, and provenance of
+    ``results.json``, against ``results.nc``.  Tolerances: the criteria of every case against the rows of the table of its standard
+    and edition, bands of the case file apart.  Not covered: who wrote the report, and page and PDF but for their hashes.
 
     Parameters
     ----------
@@ -64,10 +70,14 @@ def verify(folder: str | os.PathLike) -> list[VerificationResult]:
     statement = read_manifest(folder)
     found = [_hashed("output", item["name"], folder / item["name"], item["digest"]["sha256"]) for item in statement["subject"]]
     for item in statement["predicate"]["buildDefinition"]["resolvedDependencies"]:
-        run = item.get("annotations", {}).get("run", "")
+        run = run_of(item)
         name = f"{run}: {item['name']}" if run else item["name"]
         found.append(_hashed("model" if run else "input", name, place(item, folder), item["digest"]["sha256"]))
-    return [*found, *_verdicts(folder)]
+    return [
+        *found,
+        *(VerificationResult(kind, name, "changed" if detail else "same", detail) for kind, name, detail in stated(folder, statement)),
+        *_verdicts(folder),
+    ]
 
 
 def _hashed(kind: str, name: str, path: Path | None, wanted: str) -> VerificationResult:

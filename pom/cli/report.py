@@ -84,6 +84,9 @@ def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
     """
     from dataclasses import asdict
 
+    from ..archive.manifest import NAME
+    from ..archive.origins import sha256
+    from ..archive.verification import KINDS
     from ..archive.verification import verify as check
 
     found = check(folder)
@@ -91,9 +94,11 @@ def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
     if as_json:
         document([asdict(item) for item in found])
     else:
-        counts = {kind: sum(item.kind == kind for item in found) for kind in ("output", "input", "model", "verdict")}
+        counts = {kind: sum(item.kind == kind for item in found) for kind in KINDS}
         if bad:
             table(("what", "name", "state", "detail"), [(item.kind, item.name, item.state, item.detail) for item in bad])
         checked = ", ".join(f"{count} {kind}{'' if count == 1 else 's'}" for kind, count in counts.items())
         click.echo(f"{len(bad)} of {len(found)} differ ({checked} checked)" if bad else f"all as it was: {checked} checked")
+        click.echo(f"SHA-256 of {NAME}, to be signed: {sha256(folder / NAME)}")
+        click.echo("not covered: who wrote the report, and page and PDF but for their hashes")
     ctx.exit(1 if bad else 0)

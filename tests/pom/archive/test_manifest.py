@@ -122,6 +122,53 @@ def test_a_status_in_json_without_its_verdicts_is_found(made):
     assert changed(made)["verdict", "a_case, toy"].detail == "status pass, results.json fail"
 
 
+@pytest.mark.parametrize(
+    ("place", "name", "detail"),
+    [
+        (
+            ("externalParameters", "title"),
+            "manifest: title, revision, command, date, cases",
+            'title: results.nc has "Toy", manifest "Other"',
+        ),
+        (("externalParameters", "command"), "manifest: title, revision, command, date, cases", 'manifest "Other"'),
+        (("internalParameters", "cases", 0, "title"), "manifest: resolved cases", "0: results.nc has"),
+        (("internalParameters", "cases", 0, "criteria", 0, "band", "limits", 0, "value"), "manifest: resolved cases", "0: results.nc has"),
+    ],
+)
+def test_what_the_manifest_states_is_compared_with_the_results(made, place, name, detail):
+    path = made / "report" / manifest.NAME
+    statement = json.loads(path.read_text(encoding="utf-8"))
+    item = statement["predicate"]["buildDefinition"]
+    for key in place[:-1]:
+        item = item[key]
+    item[place[-1]] = "Other" if isinstance(item[place[-1]], str) else 7.5
+    path.write_text(json.dumps(statement), encoding="utf-8")
+    assert detail in changed(made)["statement", name].detail
+
+
+def test_versions_and_hashes_of_the_manifest_are_compared(made):
+    path = made / "report" / manifest.NAME
+    statement = json.loads(path.read_text(encoding="utf-8"))
+    statement["predicate"]["runDetails"]["builder"]["version"]["numpy"] = "0.1"
+    path.write_text(json.dumps(statement), encoding="utf-8")
+    assert 'manifest "0.1"' in changed(made)["statement", "manifest: versions"].detail
+
+
+def test_wider_bands_under_the_name_of_the_regulation_are_found(write_case, lag_states, toy, tmp_path):
+    case = read_case(write_case(more="trim = false"))
+    wide = [replace(c, band=replace(c.band, limits=tuple(replace(x, value=2.5 * x.value) for x in c.band.limits))) for c in case.criteria]
+    result = replay(replace(case, criteria=tuple(wide)), {"toy": toy()}, lag_states)
+    pom.write_report([result], tmp_path / "report", title="Toy", paper=None)
+    detail = changed(tmp_path)["tolerance", "a_case"].detail
+    assert "pitch_angle: band '3.75 deg', the table of FAA 14 CFR Part 60 App A Table A2A, 2014-01-01 has '1.5 deg'" in detail
+
+
+def test_a_band_of_the_case_file_is_no_deviation(write_case, lag_states, toy, tmp_path):
+    case = read_case(write_case(more='trim = false\n[tolerance]\npitch_angle = "3 deg"'))
+    pom.write_report([replay(case, {"toy": toy()}, lag_states)], tmp_path / "report", title="Toy", paper=None)
+    assert changed(tmp_path) == {}
+
+
 def test_a_trim_beyond_its_limits_that_no_row_states_is_found(write_case, lag_states, toy, tmp_path):
     result = replay(read_case(write_case(more="trim = false")), {"toy": toy()}, lag_states)
     result.trim.loc["trim.delta_e", "toy"] = np.radians(2.0)
@@ -156,7 +203,11 @@ def test_what_is_no_report_is_refused(tmp_path):
 
 def test_verify_on_the_command_line(aeromatch, made):
     done = aeromatch("pom", "verify", made / "report")
-    assert (done.returncode, done.stdout.strip()) == (0, "all as it was: 5 outputs, 2 inputs, 1 model, 1 verdict checked")
+    first, sign, not_covered = done.stdout.strip().splitlines()
+    assert done.returncode == 0
+    assert first == "all as it was: 5 outputs, 2 inputs, 1 model, 5 statements, 1 tolerance, 1 verdict checked"
+    assert sign == f"SHA-256 of manifest.json, to be signed: {pom.archive.origins.sha256(made / 'report' / manifest.NAME)}"
+    assert not_covered == "not covered: who wrote the report, and page and PDF but for their hashes"
     (made / "case.toml").write_text("else")
     done = aeromatch("pom", "verify", made / "report")
     assert done.returncode == 1

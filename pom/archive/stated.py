@@ -1,0 +1,108 @@
+"""What a report states of itself: manifest, results.json and results.nc against each other, tolerances against the table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from flightmech.errors import AeromatchError, UnknownName
+from flightmech.support.console import plain
+
+from ..cases.case import PomCase
+from ..tolerances import rows
+from .archive import read_archive
+from .origins import case_seen_from
+
+
+def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """Yield what was compared: kind, name, and the differences as one text, empty where there are none.
+
+    The manifest and ``results.json`` against ``results.nc``, and the criteria of every case against the tolerance table.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the report.
+    statement : mapping
+        Its manifest (`read_manifest`).
+    """
+    try:
+        archive = read_archive(folder)
+        document = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    except (AeromatchError, OSError, ValueError):
+        return  # reported where the verdicts are judged again
+    definition = statement["predicate"]["buildDefinition"]
+    made_from = archive.provenance
+    given = definition.get("externalParameters", {})
+    there = {key: given.get(key, "") for key in ("title", "revision", "command", "date", "cases")}
+    due = {"title": archive.title, "revision": archive.revision, "command": made_from.get("command", ""), "date": made_from.get("date", "")}
+    due["cases"] = [result.case.name for result in archive.results]
+    yield _compared("manifest", "title, revision, command, date, cases", due, there)
+    versions = statement["predicate"].get("runDetails", {}).get("builder", {}).get("version", {})
+    yield _compared("manifest", "versions", dict(made_from.get("versions", {})), versions)
+    own = [plain(case_seen_from(result.case, folder).to_dict()) for result in archive.results]
+    cases = [_as_written_now(item) for item in definition.get("internalParameters", {}).get("cases", [])]
+    yield _compared("manifest", "resolved cases", dict(enumerate(own)), dict(enumerate(cases)))
+    hashes = {**made_from.get("inputs", {}), **{run: model.get("sha256", "") for run, model in made_from.get("models", {}).items()}}
+    named = {run_of(item) or item["name"]: item["digest"]["sha256"] for item in definition["resolvedDependencies"]}
+    yield _compared("manifest", "hashes of inputs and models", hashes, named)
+    printed = {key: document.get(key, "") for key in ("title", "revision", "provenance")}
+    whole = {"title": archive.title, "revision": archive.revision, "provenance": plain(dict(made_from))}
+    yield _compared("results.json", "title, revision, provenance", whole, printed)
+    for result in archive.results:
+        yield "tolerance", result.case.name, "; ".join(unlike_the_table(result.case))
+
+
+def _as_written_now(case: Mapping[str, Any]) -> Any:
+    """Return a case of a manifest with the keys of this version, so that an older report is compared by what it states."""
+    try:
+        return plain(PomCase.from_dict(case).to_dict())
+    except (KeyError, TypeError, ValueError, IndexError):
+        return dict(case)
+
+
+def _compared(where: str, name: str, due: Mapping[Any, Any], there: Mapping[Any, Any]) -> tuple[str, str, str]:
+    """Return in what a file differs from ``results.nc``."""
+    words = [f"{key}: results.nc has {_short(due.get(key))}, {where} {_short(there.get(key))}" for key in _unlike(due, there)]
+    return "statement", f"{where}: {name}", "; ".join(words)
+
+
+def _unlike(due: Mapping[Any, Any], there: Mapping[Any, Any]) -> list[Any]:
+    return [key for key in {**due, **there} if due.get(key) != there.get(key)]
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def run_of(item: Mapping[str, Any]) -> str:
+    """Return the run of a dependency that is a model; empty for an input."""
+    return str(item.get("annotations", {}).get("run", ""))
+
+
+def unlike_the_table(case: PomCase) -> Iterator[str]:
+    """Yield what the criteria of a case have other than the rows of the tolerance table that they name.
+
+    Bands that the case file set itself are marked ``case file`` in their provenance, and are not compared.
+    """
+    try:
+        found = rows.rows_of(case.id, case.standard, case.edition)
+    except UnknownName as error:
+        yield str(error)
+        return
+    own = {criterion.name: criterion for criterion in case.criteria}
+    for item, name in zip(found, rows.names_of(found), strict=True):
+        criterion = own.get(name)
+        if criterion is None:
+            yield f"{name}: not among the criteria"
+            continue
+        if criterion.provenance == "case file":
+            continue
+        printed = rows.criterion(item, name, criterion.window, case.features)
+        for what in ("band", "group", "condition", "provenance", "source"):
+            if getattr(criterion, what) != getattr(printed, what):
+                shown = [getattr(value, "text", value) for value in (getattr(criterion, what), getattr(printed, what))]
+                yield f"{name}: {what} {shown[0]!r}, the table of {case.standard}, {case.edition} has {shown[1]!r}"
