@@ -212,7 +212,7 @@ def test_verify_on_the_command_line(aeromatch, made):
     done = aeromatch("pom", "verify", made / "report")
     assert done.returncode == 1
     assert "case.toml" in done.stdout
-    assert "1 of 9 differ" in done.stdout
+    assert "1 of 15 differ" in done.stdout
     done = aeromatch("pom", "verify", made / "report", "--json")
     assert [item["name"] for item in json.loads(done.stdout) if item["state"] != "same"] == ["case.toml"]
 
