@@ -44,7 +44,7 @@ _LINEAR = {
     **dict.fromkeys(("stops", "neutral", "neutral_trim"), "m"),
     **dict.fromkeys(("mass", "bob_weight"), "kg"),
     **dict.fromkeys(("damping", "cable_damping"), "N s m-1"),
-    **dict.fromkeys(("stiffness", "cable_stiffness"), _SPRING),
+    **dict.fromkeys(("stiffness", "cable_stiffness", "nose_spring"), _SPRING),
     **dict.fromkeys(("preload", "friction", "stiction", "trim_limit"), _FORCE),
     "gearing_slope": "m-2",
 }
@@ -53,7 +53,7 @@ _ROTARY = {
     "mass": "kg m2",
     "bob_weight": "kg m",
     **dict.fromkeys(("damping", "cable_damping"), "N m s"),
-    **dict.fromkeys(("stiffness", "cable_stiffness", "preload", "friction", "stiction", "trim_limit"), _TORQUE),
+    **dict.fromkeys(("stiffness", "cable_stiffness", "nose_spring", "preload", "friction", "stiction", "trim_limit"), _TORQUE),
 }
 _DECK = {
     **dict.fromkeys(("lever_delay", "n1_rundown", "n2_rundown", "starter_time", "flame_time", "itt_time"), "s"),

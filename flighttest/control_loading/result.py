@@ -28,7 +28,7 @@ _UNITS = {  # of a travel in m, of one in rad
 }  # fmt: skip
 _CIRCUIT = (
     *("mass", "inertia", "damping", "hinge_damping", "stiffness", "preload", "friction", "hinge_friction"),
-    *("cable_stiffness", "cable_damping", "rigging", "bob_weight"),
+    *("cable_stiffness", "cable_damping", "rigging", "bob_weight", "nose_spring"),
 )
 
 

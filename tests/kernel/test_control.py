@@ -360,16 +360,20 @@ def test_spring_trim_moves_neutral(build):
     assert float(free["applied.column"]) == pytest.approx(-0.01, abs=1e-5)
 
 
-def test_nose_wheel_pulls_at_the_pedals(build):
-    """On the ground the rudder pedals work against the steering spring; in the air the wheel follows and they do not."""
+@pytest.fixture(scope="module")
+def legs() -> tuple[Contact, ...]:
     leg = {"stiffness": 60e3, "damping": 8e3, "tyre_stiffness": 300e3, "side_stiffness": 100e3, "cornering_stiffness": 20e3}
     leg |= {"cornering_load": 8e3, "radius": 0.25}
-    contacts = (
+    return (
         Contact("nose", (1.6, 0.0, 0.8), steering=1.0, **leg),
         Contact("left", (-0.3, -0.9, 0.8), **leg),
         Contact("right", (-0.3, 0.9, 0.8), **leg),
     )
-    gear = LandingGear(contacts, Steering(limit=0.5, stiffness=800.0, trail=0.05, scrub=0.08, rudder=0.4))
+
+
+def test_nose_wheel_pulls_at_the_pedals(build, legs):
+    """On the ground the rudder pedals work against the steering spring; in the air the wheel follows and they do not."""
+    gear = LandingGear(legs, Steering(limit=0.5, stiffness=800.0, trail=0.05, scrub=0.08, rudder=0.4))
     sim = build(air=False, gear=gear, circuits={"pedal": replace(PEDAL, damping=200.0, friction=10.0)})
     stand = {"init__V": 0.0, "init__h": 0.45, "mode__earth": 0.0, "gear": 1.0}
     t = grid(3.0)
@@ -385,6 +389,22 @@ def test_nose_wheel_pulls_at_the_pedals(build):
     air = flown(sim, t, {"F_pedal": np.clip(40.0 * t, 0.0, 60.0)}, mode__controls=2, pedal__trim_limit=0.0, **BALLISTIC).isel(time=-1)
     assert float(air["applied.pedal"]) > 0.002
     assert abs(float(air["pedal.F_nose"])) < 1.0
+
+
+def test_a_spring_of_the_nose_wheel_acts_on_the_ground_alone(build, legs):
+    gear = LandingGear(legs, Steering(limit=0.5, stiffness=800.0, trail=0.05, scrub=0.08))
+    pedal = replace(PEDAL, damping=200.0, friction=10.0, nose_spring=1500.0)
+    sim = build(air=False, hinges={}, gear=gear, circuits={"pedal": pedal})
+    t = grid(3.0)
+    force = np.clip(40.0 * t, 0.0, 60.0)
+    stand = {"init__V": 0.0, "init__h": 0.45, "mode__earth": 0.0, "mode__controls": 2, "pedal__trim_limit": 0.0}
+    y = flown(sim, t, {"F_pedal": force, "gear": 1.0}, **stand).isel(time=-1)
+    assert float(y["pedal.F_nose"]) == pytest.approx(1500.0 * float(y["applied.pedal"]), rel=1e-12)
+    # it comes to rest a little beyond the balance of 50 N, by its momentum, and friction holds it there
+    assert float(y["applied.pedal"]) == pytest.approx((60.0 - 10.0) / 1500.0, rel=1e-2)
+    air = flown(sim, t, {"F_pedal": force}, mode__controls=2, pedal__trim_limit=0.0, **BALLISTIC).isel(time=-1)
+    assert float(air["pedal.F_nose"]) == 0.0
+    assert float(air["applied.pedal"]) > 2.0 * float(y["applied.pedal"])
 
 
 # ---- the same bits, any numbers ------------------------------------------------------------------------------------------

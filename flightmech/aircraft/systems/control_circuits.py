@@ -84,6 +84,9 @@ class Circuit:
         symmetry. [m]
     tab_left, tab_right : float
         Part of ``delta_ta`` that each aileron's tab has; used by the wheel only. [1]
+    nose_spring : float
+        Spring of the cockpit's end to a steered wheel, while that is on the ground; where the steering follows the rudder
+        (``steering.rudder``), that has a spring of its own. [N m-1 or N m]
     trim_limit : float
         Largest force that the start of a run with recorded forces may add. [N or N m]
     trim_friction : float
@@ -116,6 +119,7 @@ class Circuit:
     arm: float = 0.0
     tab_left: float = 0.0
     tab_right: float = 1.0
+    nose_spring: float = 0.0
     trim_limit: float = MOST
     trim_friction: float = 0.0
     step: float | None = None
@@ -162,6 +166,7 @@ _CONSTANTS = {
     "arm": _Constant("m", "m", -MOST, "hinge of elevator and rudder forward of the reference point; ailerons from the plane of symmetry"),
     "tab_left": _Constant("1", "1", -MOST, "part of delta_ta on the left aileron"),
     "tab_right": _Constant("1", "1", -MOST, "part of delta_ta on the right aileron"),
+    "nose_spring": _Constant("N m-1", "N m", 0.0, "spring of the cockpit's end to a steered wheel on the ground"),
     "trim_limit": _Constant("N", "N m", 0.0, "largest force that the start of a run may add"),
     "trim_friction": _Constant("1", "1", 0.0, "share of dry friction that holds the control at the start before a force is added"),
 }
@@ -225,6 +230,8 @@ def check(item: str, circuit: Circuit, control: Control | None) -> list[str]:
         problems.append(f"restitution is {circuit.restitution:g}; a stop gives at most 1 back")
     if not -math.inf < circuit.stops[0] < circuit.stops[1] < math.inf:
         problems.append(f"stops are {circuit.stops[0]:g} and {circuit.stops[1]:g}; the first must lie below the second")
+    if circuit.trim_friction > 1.0:
+        problems.append(f"trim_friction is {circuit.trim_friction:g}; it is a share of the friction, at most 1")
     if circuit.order > 2:
         problems += [
             f"{name} is 0; order {circuit.order} needs it" for name in ("inertia", "cable_stiffness") if not getattr(circuit, name) > 0.0

@@ -19,7 +19,7 @@ static int check_values(am_sim *sim, const double *p) {
         P_CIRCUIT_INERTIA,       P_CIRCUIT_DAMPING,        P_CIRCUIT_HINGE_DAMPING,
         P_CIRCUIT_STIFFNESS,     P_CIRCUIT_PRELOAD,        P_CIRCUIT_FRICTION,
         P_CIRCUIT_STICTION,      P_CIRCUIT_HINGE_FRICTION, P_CIRCUIT_CABLE,
-        P_CIRCUIT_CABLE_DAMPING, P_CIRCUIT_TRIM_LIMIT};
+        P_CIRCUIT_CABLE_DAMPING, P_CIRCUIT_TRIM_LIMIT,     P_CIRCUIT_NOSE_SPRING};
     for (size_t k = 0; k < sizeof POSITIVE / sizeof *POSITIVE; k++) {
         if (!(p[POSITIVE[k]] >= 1.0 / LARGEST)) {
             return bad_value(sim, p + POSITIVE[k], "at least 1e-9");

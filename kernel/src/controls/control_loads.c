@@ -12,7 +12,8 @@
  *     unbalance (specific force at hinge)   a tail-heavy surface falls
  *     bob_weight (specific force at the c.g.)
  *     stiffness (neutral - s)               neutral moves with the trim actuator of the circuit
- *     spring of the nose-wheel steering     on the rudder, which commands it (steering.c) */
+ *     spring of the nose-wheel steering     on the rudder, which commands it (steering.c)
+ *     nose_spring s                         while a steered wheel is on the ground */
 #include "control_loads.h"
 
 #include "algebra.h"
@@ -176,6 +177,25 @@ static void load_surface(am_sim *sim, uint32_t item, int side, double s, double 
     to->on[body] += (H + H_g) * slope;
 }
 
+static bool steered_wheel_stands(const am_sim *sim) {
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        if (par_of(sim, G_CONTACT, i)[P_CONTACT_STEERING] != 0.0
+            && work_of(sim, G_CONTACT, i)[Y_CONTACT_WOW] > 0.0) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* The spring between the cockpit and a steered wheel that the ground holds, as identified from
+ * pedal forces without the angle of the wheel. */
+static void load_nose_spring(const am_sim *sim, uint32_t item, const double *q, loads_t *to) {
+    const double *p = par_of(sim, G_CIRCUIT, item);
+    if (!(p[P_CIRCUIT_NOSE_SPRING] > 0.0) || !steered_wheel_stands(sim)) return;
+    to->nose += p[P_CIRCUIT_NOSE_SPRING] * q[0];
+    to->on[0] -= p[P_CIRCUIT_NOSE_SPRING] * q[0];
+}
+
 /* The spring between the command of the steering, delta_nw - steering.rudder delta_r, and wheel
  * or steering arm. */
 static void load_nose_wheel(const am_sim *sim, uint32_t item, const double *x, const double *u,
@@ -212,6 +232,7 @@ void circuit_loads(am_sim *sim, uint32_t item, const double *x, const double *u,
         load_surface(sim, item, 0, q[right_body(p)], offset, to);
     }
     load_nose_wheel(sim, item, x, u, q, offset, to);
+    load_nose_spring(sim, item, q, to);
     const bool column = circuit_control(sim->model, item) == U_DELTA_E;
     const double bob = p[P_CIRCUIT_BOB] * (column ? nz * G0 : now->F[1] / now->mass);
     to->mass += bob;

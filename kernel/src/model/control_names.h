@@ -56,7 +56,8 @@
     X(P_CIRCUIT_TAB_RIGHT, "*.tab_right") \
     X(P_CIRCUIT_BIAS_FORCE, "bias.F_*") \
     X(P_CIRCUIT_TRIM_LIMIT, "*.trim_limit") \
-    X(P_CIRCUIT_TRIM_FRICTION, "*.trim_friction")
+    X(P_CIRCUIT_TRIM_FRICTION, "*.trim_friction") \
+    X(P_CIRCUIT_NOSE_SPRING, "*.nose_spring")
 #define AM_CIRCUIT_STATES(X)
 #define AM_CIRCUIT_VARIABLES(X)
 #define AM_CIRCUIT_TARGETS(X)
