@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, StrictBool, field_validator
 
 from flightmech.support.configuration import Strict
 
@@ -21,6 +22,7 @@ WIND = ("wind_n", "wind_e", "wind_d")
 CONDITIONS = (*INPUTS, *TRAVEL, *FORCES, *WIND, *INITIAL, *MASS, "delta_T", "runway_elevation", "wheel_radius")
 SHOWN = ("V_cas", "h", "alpha", "beta", "phi", "theta", "psi", "p", "q", "r", "nz")
 
+_NAME = re.compile(r"\w[\w.-]{0,99}")
 Quantity = float | str
 Texts = dict[str, str]
 
@@ -65,6 +67,13 @@ class CaseTable(Strict):
     evaluation: str = Field(default="", description="How it is evaluated.")
     notes: str = Field(default="", description="Remarks for the reader of the report.")
 
+    @field_validator("name")
+    @classmethod
+    def _name_of_files(cls, name: str) -> str:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"{name!r} names files and links: letters, digits, '-', '_' and '.', a letter or digit first, at most 100")
+        return name
+
     @field_validator("window")
     @classmethod
     def _window_rises(cls, window: tuple[float, float]) -> tuple[float, float]:
@@ -94,7 +103,7 @@ class DriveTable(Strict):
     engine: Literal["thrust", "n1", "throttle"] = Field(
         default="thrust", description="thrust: recorded thrust drives; n1: the fan speed, throttle: the lever drives the engine model."
     )
-    trim: bool | Literal["ground"] = Field(
+    trim: StrictBool | Literal["ground"] = Field(
         default=True, description="Trim the model to the flight condition at the start; ground: it stands or rolls on its wheels."
     )
     wind: Literal["record", "measured", "none"] = Field(

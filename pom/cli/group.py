@@ -14,8 +14,6 @@ from .case import init, schema
 from .diagnose import diagnose
 from .report import report, report_options, verify
 
-_CASE = click.argument("case", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-
 
 @click.group()
 def pom() -> None:
@@ -30,22 +28,45 @@ pom.add_command(verify)
 
 
 @pom.command()
-@_CASE
+@cases_argument
 @json_option
-def check(case: Path, as_json: bool) -> None:
-    """Read one case file and print its criteria as they will be judged."""
+def check(cases: tuple[Path, ...], as_json: bool) -> None:
+    """Read CASES (files, or folders of them) and print their criteria as they will be judged.
+
+    All that is wrong with any of them is reported at once, windows beyond their records too.
+    """
+    from flightmech.errors import AeromatchError, SchemaError
+
     from ..cases.case import read_case
+    from ..replaying.reference_states import window_problem
+
+    found, problems = [], []
+    for file in case_files(cases):
+        try:
+            case = read_case(file)
+        except AeromatchError as error:
+            problems.append(str(error))
+            continue
+        found.append(case)
+        if problem := window_problem(case):
+            problems.append(problem)
+    if as_json and not problems:
+        document([case.to_dict() for case in found] if len(found) > 1 else found[0].to_dict())
+        return
+    for case in found if not as_json else ():
+        _print_criteria(case)
+    if problems:
+        raise SchemaError("cases", problems)
+
+
+def _print_criteria(case: Any) -> None:
     from ..judging.verdict import unjudged
 
-    found = read_case(case)
-    if as_json:
-        document(found.to_dict())
-        return
     rows = [
-        (c.name, c.channel, c.measure, c.group, c.band.text, f"{c.window[0]:g} ... {c.window[1]:g}", unjudged(found, c) or c.provenance)
-        for c in found.criteria
+        (c.name, c.channel, c.measure, c.group, c.band.text, f"{c.window[0]:g} ... {c.window[1]:g}", unjudged(case, c) or c.provenance)
+        for c in case.criteria
     ]
-    title = f"{found.id}  {found.title}  ({found.standard}, {found.edition})"
+    title = f"{case.id}  {case.title}  ({case.standard}, {case.edition})"
     table(("criterion", "channel", "measure", "group", "tolerance", "window [s]", "remark"), rows, title)
 
 

@@ -54,6 +54,21 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     return inside.assign(measured_wind(case, inside["time"].values)) if case.wind == "measured" else inside
 
 
+def window_problem(case: PomCase) -> str:
+    """Return what is wrong with the window of a case against its record; empty when it lies inside, or there is no record yet."""
+    if not Path(case.record).is_file():
+        return ""
+    kept = path_states(case.record)
+    leaves = flighttest.read(case.record, names=case.names or None).children.values() if kept is None else [kept]
+    times = [leaf["time"].values for leaf in leaves if leaf.sizes.get("time", 0) > 1]
+    time = min(times, key=lambda time: float(np.median(np.diff(time))))  # the fastest clock, on which the states are reconstructed
+    first, last, step = float(time[0]), float(time[-1]), float(np.median(np.diff(time)))
+    start, stop = case.window
+    if start >= first - 0.5 * step and stop <= last + 0.5 * step:
+        return ""
+    return f"case {case.path}: case.window {start:g} ... {stop:g} s lies outside the record {first:g} ... {last:g} s; choose one inside"
+
+
 def _states(case: PomCase, path: Any) -> xr.Dataset:
     if path is None:
         return recorded_states(case)

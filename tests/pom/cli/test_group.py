@@ -102,6 +102,20 @@ def test_check_prints_the_criteria(aeromatch, case):
         assert word in done.stdout
 
 
+def test_check_reports_all_that_is_wrong_with_all_cases(aeromatch, case, lag_states, tmp_path):
+    lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    text = case.read_text()
+    (tmp_path / "late.toml").write_text(text.replace("window = [1.0, 9.0]", "window = [1.0, 90.0]"))
+    wrong = text.replace('name = "a_case"', 'name = "a/case"').replace("trim = false", 'trim = "yes"')
+    (tmp_path / "wrong.toml").write_text(wrong)
+    done = aeromatch("pom", "check", tmp_path)
+    assert done.returncode == 2
+    assert "case.window 1 ... 90 s lies outside the record 0 ... 10 s" in done.stderr
+    assert "case.name: 'a/case' names files and links" in done.stderr
+    assert "drive.trim" in done.stderr
+    assert "pitch_angle" in done.stdout  # what can be read is shown
+
+
 def test_the_record_may_be_the_file_of_a_reconstruction(aeromatch, case, toy, lag_states, tmp_path):
     """`flight reconstruct` writes the states as a group next to constants and residuals."""
     lag_states.to_netcdf(tmp_path / "record.nc", group="states", engine="h5netcdf")
