@@ -59,8 +59,11 @@ def window_problem(case: PomCase) -> str:
     if not Path(case.record).is_file():
         return ""
     kept = path_states(case.record)
-    leaves = flighttest.read(case.record, names=case.names or None).children.values() if kept is None else [kept]
-    times = [leaf["time"].values for leaf in leaves if leaf.sizes.get("time", 0) > 1]
+    if kept is not None:
+        leaves = [kept]
+    else:
+        leaves = [leaf.to_dataset() for leaf in flighttest.read(case.record, names=case.names or None).children.values()]
+    times = [leaf["time"].values.astype(float) for leaf in leaves if leaf.sizes.get("time", 0) > 1]
     time = min(times, key=lambda time: float(np.median(np.diff(time))))  # the fastest clock, on which the states are reconstructed
     first, last, step = float(time[0]), float(time[-1]), float(np.median(np.diff(time)))
     start, stop = case.window
