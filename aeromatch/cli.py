@@ -68,7 +68,7 @@ def main() -> None:
         _demand_own_packages()
         with warnings.catch_warnings():
             warnings.showwarning = _warn
-            code = cli(standalone_mode=False)  # click returns the code of ctx.exit() here
+            code = cli(prog_name="aeromatch", standalone_mode=False)  # click returns the code of ctx.exit() here
     except click.Abort:
         sys.exit(130)
     except click.ClickException as error:

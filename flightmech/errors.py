@@ -61,7 +61,7 @@ _SYNONYMS = {
     "r": "yawrate",
     "alpha": "aoa angleofattack incidence",
     "beta": "aos sideslip angleofsideslip",
-    "V": "tas airspeed trueairspeed",
+    "V": "tas airspeed trueairspeed speed velocity",
     "V_cas": "cas ias calibratedairspeed indicatedairspeed kcas kias",
     "h": "altitude height alt",
     "h_agl": "agl heightaboveground radioaltitude",
@@ -104,8 +104,9 @@ def near_names(name: str, allowed: Iterable[str], count: int = 4, cutoff: float 
     from difflib import get_close_matches
 
     allowed = list(allowed)
-    meant = synonym(name)
-    return [meant] if meant in allowed else get_close_matches(name, allowed, n=count, cutoff=cutoff)
+    head, dot, tail = name.rpartition(".")
+    meant = f"{head}{dot}{synonym(tail)}"
+    return [meant] if meant in allowed else get_close_matches(name, dict.fromkeys(allowed), n=count, cutoff=cutoff)
 
 
 class UnitError(AeromatchError):

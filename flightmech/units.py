@@ -58,6 +58,14 @@ _BASE: dict[str, tuple[tuple[int, int, int, int], float]] = {
     "degC": ((0, 0, 0, 1), 1.0),
     "degF": ((0, 0, 0, 1), 1.0 / 1.8),
 }
+# units as people write them, in lower case and singular
+_SPELT = {
+    "knot": "kt", "kts": "kt", "kn": "kt", "knott": "kt", "foot": "ft", "feet": "ft", "inch": "in", "inche": "in", "metre": "m",
+    "meter": "m", "degree": "deg", "radian": "rad", "pound": "lb", "lbm": "lb", "kilo": "kg", "kilogram": "kg", "newton": "N",
+    "pascal": "Pa", "mbar": "hPa", "second": "s", "sec": "s", "minute": "min", "hour": "h", "hertz": "Hz", "celsius": "degC",
+    "c": "degC", "kelvin": "K", "percent": "%", "pct": "%", "nm": "nmi", "kmh": "km/h", "kph": "km/h", "mps": "m/s", "fps": "ft/s",
+    "fpm": "ft/min",
+}  # fmt: skip
 _OFFSET = {"degC": 273.15, "degF": 459.67 / 1.8}
 _FACTOR = re.compile(r"^(%|[A-Za-z]+|1)\^?(-?\d+)?$")
 
@@ -86,7 +94,9 @@ def parse(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
             match = _FACTOR.match(word)
             name, power = (match.group(1), int(match.group(2) or 1)) if match else ("", 0)
             if name not in _BASE:
-                raise UnitError(f"unknown unit {unit!r}; known are {', '.join(sorted(_BASE))} and products, powers and quotients of them")
+                near = _near(word)
+                known = f"known are {', '.join(sorted(_BASE))} and products, powers and quotients of them"
+                raise UnitError(f"unknown unit {unit!r}; " + (f"near it: {near}" if near else known))
             if name in _OFFSET:
                 raise UnitError(f"unit {unit!r}: {name} has an offset and cannot stand in a product; use K")
             if i:
@@ -94,6 +104,21 @@ def parse(unit: str) -> tuple[tuple[int, int, int, int], float, float]:
             dimension = [d + power * e for d, e in zip(dimension, _BASE[name][0], strict=True)]
             factor *= _BASE[name][1] ** power
     return (dimension[0], dimension[1], dimension[2], dimension[3]), factor, 0.0
+
+
+def _near(word: str) -> str:
+    """Return the unit that a word stands for or resembles, or nothing."""
+    from difflib import get_close_matches
+
+    lower = word.lower()
+    power = "2" if lower.startswith("sq") else "3" if lower.startswith("cu") else ""
+    plain = lower.removeprefix("sq").removeprefix("cu") if power else lower
+    name = _SPELT.get(plain) or _SPELT.get(plain.removesuffix("s"))
+    if name:
+        return name + power
+    if plain in _BASE:
+        return plain + power
+    return ", ".join(get_close_matches(word, _BASE, n=3, cutoff=0.6))
 
 
 def to_si(value, unit: str, expected: str | None = None):

@@ -6,9 +6,9 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option
 
-_FILE = click.Path(exists=True, dir_okay=False)
+_FILE = InputFile()
 
 
 class Pairs(click.ParamType):

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option, remark, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, remark, table
 
 if TYPE_CHECKING:
     import pandas as pd
 
-_FILE = click.Path(exists=True, dir_okay=False)
+_FILE = InputFile()
 _ALONG = "netCDF-4 with states over time, as `aeromatch flight reconstruct` writes it."
 
 

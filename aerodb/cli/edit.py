@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option, remark, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, remark, table
 
 if TYPE_CHECKING:
     import xarray as xr
 
-_FILE = click.Path(exists=True, dir_okay=False)
+_FILE = InputFile()
 _note = click.option("--note", default="", help="Why, for the history.")
 _output = click.option("-o", "--output", required=True, type=NewFile(), help="The new database, netCDF-4.")
 _source = click.option(

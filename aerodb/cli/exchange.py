@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option
 
 # format: module and function
 _EXPORTS = {
@@ -33,10 +33,10 @@ def _function(place: tuple[str, str]) -> Any:
 
 
 @click.command("export")
-@click.argument("file", type=click.Path(exists=True, dir_okay=False))
+@click.argument("file", type=InputFile())
 @click.option("--to", "fmt", required=True, type=click.Choice(list(_EXPORTS)), help="Format.")
 @click.option("-o", "--output", required=True, type=click.Path(), help="File to write, for csv a folder.")
-@click.option("--aircraft", type=click.Path(exists=True, dir_okay=False), help="Aircraft file; jsbsim needs it, daveml takes its limits.")
+@click.option("--aircraft", type=InputFile(), help="Aircraft file; jsbsim needs it, daveml takes its limits.")
 @click.option("--count", type=click.IntRange(1), help="Number of check cases.")
 @click.option("--seed", type=int, help="Seed of the check cases.")
 @json_option

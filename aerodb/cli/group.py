@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option, remark, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, remark, table
 
 from .characteristics import characteristics, rescale
 from .compare import compare, plot
@@ -18,7 +18,7 @@ from .scheme import scheme
 if TYPE_CHECKING:
     from datcom_io.reading import Place
 
-_LISTING = click.Path(exists=True, dir_okay=False)
+_LISTING = InputFile()
 
 
 @click.group()

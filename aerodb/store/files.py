@@ -17,6 +17,7 @@ import xarray as xr
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.file_kinds import file_kind
 
 from .netcdf import faults, image, read
 from .schema import CHECKS, check
@@ -69,7 +70,8 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; `aeromatch db build` writes a database")
     if not path.is_file() or not h5py.is_hdf5(path):
-        raise ParseError(str(path), 0, "no netCDF-4 (HDF5) signature", "a database as aerodb.save writes it; build or copy the file again")
+        kind = file_kind(path) if path.is_file() else "a folder"
+        raise ParseError(str(path), 0, f"no netCDF-4 (HDF5) signature: {kind}", "a database, as `aeromatch db build` writes it")
     _demand_unbroken(path)
     _demand_database(path)
     try:
@@ -92,10 +94,9 @@ def _demand_database(path: Path) -> None:
         return  # damaged: `read` states how
     if about & {"force_axes", "cbar"} or groups & set(COEFFICIENTS):
         return
-    if {"states", "biases"} <= groups:
-        raise SchemaError(str(path), ["a reconstructed flight path, no aero database; `aeromatch flight identify` reads it"])
-    if "manoeuvres" in about or groups & {"imu", "air_data", "controls"}:
-        raise SchemaError(str(path), ["a flight record, no aero database; `aeromatch flight show` reads it"])
+    kind = file_kind(path)
+    if kind.startswith(("a reconstructed", "a flight record")):
+        raise SchemaError(str(path), [f"{kind}, no aero database"])
 
 
 def _failing_checks(db: xr.DataTree) -> list[str]:

@@ -8,7 +8,7 @@ import click
 
 from flightmech.support import console
 
-_DECK = click.argument("deck", type=click.Path(exists=True, dir_okay=False))
+_DECK = click.argument("deck", type=console.InputFile())
 _FOLDER = click.Path(file_okay=False)
 
 
@@ -85,7 +85,7 @@ def _together(found) -> dict[tuple[str, str], list[int]]:
 
 
 @click.command()
-@click.argument("study", type=click.Path(exists=True, dir_okay=False))
+@click.argument("study", type=console.InputFile())
 @click.option("-o", "--output", "folder", required=True, type=_FOLDER, help="Folder for the run decks; made when missing.")
 @console.json_option
 def split(study: str, folder: str, as_json: bool) -> None:

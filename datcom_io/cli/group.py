@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 from . import deck as deck_cli
 from . import exchange as exchange_cli
 
-_FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False))
+_FILE = click.argument("file", type=console.InputFile())
 _CASE = click.option("--case", "name", help="Case by its number from 1, its name or a part of the name.")
 _PARTIAL = click.option("--partial", is_flag=True, help="Take what is complete in a listing that is cut.")
 

@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from flightmech.errors import ParseError
+from flightmech.support.file_kinds import file_kind
 
 from .cards import ERROR, WARNING, DeckFinding
 from .deck import Deck, parse_cards
@@ -65,7 +66,7 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     Raises
     ------
     ParseError
-        There is no card in it.
+        There is no card in it, or it is a file of another kind, such as a listing.
 
     Notes
     -----
@@ -79,6 +80,9 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     ('ONE', [0.3], ((1, 'A COMMENT'),))
     """
     file = os.path.basename(os.fspath(source)) if isinstance(source, str | os.PathLike) else "<text>"
+    kind = file_kind(source) if isinstance(source, str | os.PathLike) else "a text"
+    if not kind.startswith(("an input deck", "a text", "a file", "an empty")):
+        raise ParseError(file, 0, kind, "an input deck (unit 5): namelists $NAME ... $ and control cards")
     text = _Text()
     cases: list[Deck] = []
     cards: list[tuple[int, str]] = []

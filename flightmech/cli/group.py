@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ..support.console import NewFile, json_option
+from ..support.console import InputFile, NewFile, json_option
 from .simulate import simulate
 from .trim import trim
 
@@ -15,8 +15,8 @@ def fmu() -> None:
 
 
 @fmu.command()
-@click.argument("aircraft", type=click.Path(exists=True, dir_okay=False))
-@click.argument("database", type=click.Path(exists=True, dir_okay=False))
+@click.argument("aircraft", type=InputFile())
+@click.argument("database", type=InputFile())
 @click.option("-o", "--output", required=True, type=NewFile(), help="The FMU to write.")
 @click.option("--fmi", "version", type=click.Choice(["2.0", "3.0"]), default="2.0", show_default=True, help="Version of the standard.")
 @json_option
@@ -37,7 +37,7 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
 
 
 @fmu.command()
-@click.argument("path", metavar="FMU", type=click.Path(exists=True, dir_okay=False))
+@click.argument("path", metavar="FMU", type=InputFile())
 @json_option
 def show(path: str, as_json: bool) -> None:
     """Show the variables of an FMU of any vendor, and what the standard's check finds."""

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..support.console import NewFile, json_option
-from .trim import Pair
+from ..support.console import InputFile, NewFile, json_option
+from .trim import Pair, si_value
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from ..simulation.compiler import SimModel
 
-_FILE = click.Path(exists=True, dir_okay=False)
+_FILE = InputFile()
 _HEADING = re.compile(r"^\s*([A-Za-z_0-9.*]+)\s*(?:\[([^\]]*)\])?\s*$")
 
 
@@ -37,8 +37,9 @@ def simulate(aircraft: str, database: str, record: str, given: tuple, hold: str,
 
     if terms and Path(output).suffix == ".csv":
         raise click.UsageError("--terms needs a netCDF file; name it .nc")
+    inputs = _read(record)
     sim = compile_files(aircraft, database)
-    found = fly(sim, _read(record), _values(sim, given), hold, terms=terms)
+    found = fly(sim, inputs, _values(sim, given), hold, terms=terms)
     _write(found, output)
     summary = {"file": output, "samples": found.sizes["time"], "outputs": len(sim.outputs), "out_of_range": found.attrs["out_of_range"]}
     if as_json:
@@ -51,23 +52,16 @@ def simulate(aircraft: str, database: str, record: str, given: tuple, hold: str,
 def _values(sim: SimModel, given: tuple) -> dict[str, float]:
     """Return the values of parameters and inputs in SI; parts of tables are taken as they stand."""
     from ..simulation.kernel import INPUT, PARAMETER
-    from ..units import quantity
 
     units = {row.name: row.units for kind in (INPUT, PARAMETER) for row in sim.entries(kind)}
-    found = {}
-    for name, text in given:
-        try:
-            found[name] = float(text)
-        except ValueError:
-            found[name] = quantity(text, units.get(name, "1"))
-    return found
+    return {name: si_value(name, text, units) for name, text in given}
 
 
 def _read(path: str) -> xr.Dataset:
     import pandas as pd
     import xarray as xr
 
-    from ..errors import ParseError
+    from ..errors import ParseError, UnknownName
     from ..names import lookup
     from ..support.self_contained import demand_self_contained
     from ..units import to_si
@@ -80,16 +74,19 @@ def _read(path: str) -> xr.Dataset:
         table = pd.read_csv(path, comment="#", skipinitialspace=True)
     except (ValueError, UnicodeDecodeError) as error:
         raise ParseError(path, 1, str(error), "a CSV table with a line of headings") from error
+    if not any(match and match[1] == "time" for match in map(_HEADING.match, map(str, table.columns))):
+        raise ParseError(path, 1, ", ".join(map(str, table.columns)), "a column 'time' in s, then inputs such as 'delta_e [deg]'")
     columns = {}
     for heading in map(str, table.columns):
         match = _HEADING.match(heading)
         if match is None or not pd.api.types.is_numeric_dtype(table[heading]):
             raise ParseError(path, 1, heading, "a heading such as 'delta_e [deg]' over numbers")
         name, unit = match.groups()
-        units = lookup(name).units
+        try:
+            units = lookup(name).units
+        except UnknownName as error:
+            raise ParseError(path, 1, f"the column {heading!r} ({error})", "names of the vocabulary, docs/nomenclature.md") from error
         columns[name] = to_si(table[heading].to_numpy(float), unit or units, units)
-    if "time" not in columns:
-        raise ParseError(path, 1, ", ".join(columns), "a column time in s")
     return xr.Dataset({name: ("time", values) for name, values in columns.items() if name != "time"}, {"time": columns["time"]})
 
 

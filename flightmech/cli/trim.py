@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..support.console import json_option
+from ..support.console import InputFile, json_option
 
 if TYPE_CHECKING:
     import xarray as xr
 
     from ..simulation.compiler import SimModel
 
-_FILE = click.Path(exists=True, dir_okay=False)
+_FILE = InputFile()
 _DIGITS = 9  # behind the point: less than that is rounding
 _SHOWN = ("V", "V_cas", "mach", "h", "alpha", "beta", "theta", "phi", "gamma", "hdot", "p", "q", "r", "nz", "ax", "ay")
 
@@ -50,7 +51,7 @@ def trim(ctx: click.Context, aircraft: str, database: str, kind: str, fixed: tup
 
     sim = compile_files(aircraft, database)
     units = _units(sim)
-    found = search(sim, {}, kind, unknowns or None, {name: _value(text, units.get(name, "1")) for name, text in fixed})
+    found = search(sim, {}, kind, unknowns or None, {name: si_value(name, text, units) for name, text in fixed})
     if as_json:
         outputs = {str(name): float(item) for name, item in found.items() if not item.dims}
         parts = {name: found[name].to_series().to_dict() for name in ("found", "left")}
@@ -70,13 +71,28 @@ def _units(sim: SimModel) -> dict[str, str]:
     return engines | plain | {row.name: row.units for row in rows}
 
 
-def _value(text: str, units: str) -> float:
+def si_value(name: str, text: str, units: Mapping[str, str]) -> float:
+    """Return the SI value of ``name=text``; a bare number is SI, and its name is judged by who takes it.
+
+    Raises
+    ------
+    UnknownName
+        A value with a unit for a name that has none.
+    UnitError
+        With the name.
+    """
+    from ..errors import UnitError, UnknownName
     from ..units import quantity
 
     try:
         return float(text)
     except ValueError:
-        return quantity(text, units)
+        if name not in units:
+            raise UnknownName(name, units, "name") from None
+    try:
+        return quantity(text, units[name])
+    except UnitError as error:
+        raise UnitError(f"{name}={text}: {error}") from error
 
 
 def _print(sim: SimModel, found: xr.Dataset) -> None:

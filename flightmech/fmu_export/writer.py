@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import ParseError, SchemaError
 from ..simulation.kernel import AXIS, LINEAR
 from ..support.atomic_write import written_atomically
+from ..support.file_kinds import file_kind
 from .binaries import binaries, compiled
 from .description import Description, describe
 from .documentation import Axis, html
@@ -94,9 +95,9 @@ def read_fmu(path: str | os.PathLike[str]) -> dict[str, Any]:
         model = fmpy.read_model_description(str(path), validate=False)
         platforms = sorted(fmpy.supported_platforms(str(path)))
     except Exception as error:  # FMPy raises plain exceptions
-        raise ParseError(
-            str(path), 0, f"no readable FMU ({error})", "a zip archive with a modelDescription.xml of FMI 1.0, 2.0 or 3.0"
-        ) from error
+        kind = file_kind(path)
+        found = f"a damaged FMU ({error})" if kind.startswith("a zip") else kind
+        raise ParseError(str(path), 0, found, "an FMU: a zip archive with a modelDescription.xml of FMI 1.0, 2.0 or 3.0") from error
     return {
         "model": model.modelName,
         "fmi": model.fmiVersion,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from ..errors import ParseError
+from ..support.file_kinds import file_kind
 from ..support.self_contained import demand_self_contained
 
 if TYPE_CHECKING:
@@ -30,4 +31,4 @@ def _open(database: str) -> xr.DataTree:
         with xr.open_datatree(database, engine="h5netcdf") as tree:
             return tree.load()
     except (OSError, ValueError) as error:
-        raise ParseError(database, 0, f"no readable aero database ({error})", "netCDF-4 as 'aeromatch db build' writes it") from error
+        raise ParseError(database, 0, file_kind(database), "an aero database, netCDF-4 as `aeromatch db build` writes it") from error

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -10,18 +11,15 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from ..errors import ParseError, SchemaError, UnitError, near_names
 from ..units import quantity
+from .file_kinds import TOML, file_kind
 
 T = TypeVar("T", bound="Strict")
 
 UNFILLED = "?"
 """What a drafted file holds in place of a value that nobody knew yet."""
 
-# kinds of TOML files by keys that no other kind has, and where they belong
-_KINDS = {
-    "an aircraft file": ({"S", "cbar"}, "goes with --aircraft or the key aircraft"),
-    "a project file": ({"listings", "flights"}, "goes to aeromatch match"),
-    "a case file": ({"case"}, "goes to aeromatch pom, or the key cases of a project"),
-}
+
+_TOML = "a TOML text (key = value, texts in quotes)"
 
 
 class Strict(BaseModel):
@@ -64,9 +62,16 @@ def load(path: str | Path) -> dict[str, Any]:
     except tomllib.TOMLDecodeError as error:
         place = str(error)
         line = int(place.rsplit("line ", 1)[1].split(",")[0].rstrip(")")) if "line " in place else 0
-        raise ParseError(str(path), line, place, "TOML (key = value, texts in quotes)") from error
+        kind = file_kind(path)
+        if not kind.startswith("a text"):
+            raise ParseError(str(path), 0, kind, _TOML) from error
+        written = path.read_text(encoding="utf-8").splitlines()
+        stands = f"{written[line - 1].strip()[:60]!r}" if 0 < line <= len(written) else "what is no TOML"
+        raise ParseError(
+            str(path), line, f"{stands} ({place})", f"{_TOML}; a number with a unit is a text too, 'S = \"16.9 m2\"'"
+        ) from error
     except UnicodeDecodeError as error:
-        raise ParseError(str(path), 0, "bytes that are not UTF-8", "a TOML text") from error
+        raise ParseError(str(path), 0, file_kind(path), _TOML) from error
 
 
 def validate(model: type[T], content: dict[str, Any], what: str) -> T:
@@ -84,11 +89,25 @@ def validate(model: type[T], content: dict[str, Any], what: str) -> T:
         raise SchemaError(what, [kind] if kind else [_sentence(model, item) for item in error.errors()]) from error
 
 
+def foreign_kind(content: Mapping[str, Any], own: Iterable[str] = ()) -> str:
+    """Return what the content of a TOML file is when it is plainly one of another kind than that with the keys `own`, else nothing."""
+    for kind, (keys, use) in TOML.items():
+        if keys <= set(content) and not keys & set(own):
+            return f"this is {kind} (it has {', '.join(sorted(keys))}), which {use}"
+    return ""
+
+
 def _other_kind(model: type[BaseModel], content: dict[str, Any]) -> str:
     """Return a sentence on a file that is plainly of another kind than `model`, else nothing."""
-    for kind, (keys, use) in _KINDS.items():
-        if keys <= set(content) and not keys & set(model.model_fields):
-            return f"this is {kind} (it has {', '.join(sorted(keys))}), which {use}; expected the keys {', '.join(model.model_fields)}"
+    if not content:
+        return f"the file is empty; expected the keys {', '.join(model.model_fields)}"
+    if kind := foreign_kind(content, model.model_fields):
+        return f"{kind}; expected the keys {', '.join(model.model_fields)}"
+    required = {name for name, field in model.model_fields.items() if field.is_required()}
+    plain = {key for key, part in content.items() if not isinstance(part, dict)}
+    if len(required) > 2 and not plain & set(model.model_fields):  # tables alone, as in a name map, where numbers and texts are required
+        expected = ", ".join(model.model_fields)
+        return f"no key of this kind of file, found {', '.join(content)} (a name map of records goes with --names); expected {expected}"
     return ""
 
 
@@ -100,7 +119,8 @@ def _sentence(model: type[BaseModel], item: Any) -> str:
     if item["type"] == "missing":
         return f"{place}: missing; give it"
     message = item["msg"].removeprefix("Value error, ")
-    return f"{place}: {message[:1].lower()}{message[1:]}; found {item['input']!r}"
+    came = "" if message.startswith("found ") else f"; found {item['input']!r}"
+    return f"{place}: {message[:1].lower()}{message[1:]}{came}"
 
 
 def _near(name: str, allowed: list[str]) -> str:

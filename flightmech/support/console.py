@@ -13,10 +13,40 @@ from typing import Any
 
 import click
 
+from ..errors import near_names
+
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, nothing else.")
 jobs_option = click.option(
     "-j", "--jobs", type=click.IntRange(1), default=lambda: os.cpu_count() or 1, show_default="one per core", help="Processes."
 )
+
+
+class InputFile(click.Path):
+    """A file to read; where there is none, the error names those of the folder that are spelt alike."""
+
+    def __init__(self, path_type: type[Path] | None = None) -> None:
+        super().__init__(exists=True, dir_okay=False, path_type=path_type)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name when the file is there."""
+        path = Path(os.fsdecode(value))
+        if path.is_dir():
+            inside = sorted(item.name for item in path.iterdir() if item.is_file())
+            self.fail(f"{str(value)!r} is a folder; give a file" + (f", such as {path / inside[0]}" if inside else ""), param, ctx)
+        if not path.exists():
+            self.fail(f"no file {str(value)!r}; {_neighbours(path)}", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+def _neighbours(path: Path) -> str:
+    """Return what there is in place of a file that is missing."""
+    if not path.parent.is_dir():
+        return f"there is no folder {str(path.parent)!r} either; give its path from here, {str(Path.cwd())!r}"
+    names = sorted(item.name for item in path.parent.iterdir() if item.is_file())
+    near = near_names(path.name, names, 3, cutoff=0.7)
+    if near:
+        return f"near it: {', '.join(str(path.parent / name) for name in near)}"
+    return f"{str(path.parent.resolve())!r} holds no name like it; give its path from here"
 
 
 class NewFile(click.Path):

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option
 
 from .options import names_option
 
 
 @click.command()
-@click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
+@click.argument("record_file", metavar="RECORD", type=InputFile())
 @names_option
 @click.option(
     "--aircraft",
     "aircraft_file",
-    type=click.Path(exists=True, dir_okay=False),
+    type=InputFile(),
     help="Aircraft, TOML: places, noise and latency of its instruments to judge by.",
 )
 @click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")

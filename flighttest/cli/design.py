@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import document, json_option, table
+from flightmech.support.console import InputFile, document, json_option, table
 
 if TYPE_CHECKING:
     from ..input_design.design import Designed
 
-_FILE = click.Path(exists=True, dir_okay=False)
+_FILE = InputFile()
 
 
 @click.command()

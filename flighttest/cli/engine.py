@@ -6,11 +6,11 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option
 
 from .options import names_option
 
-_FILE = click.Path(exists=True, dir_okay=False)
+_FILE = InputFile()
 
 
 @click.command("engine")

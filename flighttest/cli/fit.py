@@ -5,11 +5,11 @@ from __future__ import annotations
 import click
 
 from flightmech.support.atomic_write import write_text
-from flightmech.support.console import NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option
 
 
 @click.command()
-@click.argument("fit_file", metavar="FIT", type=click.Path(exists=True, dir_okay=False))
+@click.argument("fit_file", metavar="FIT", type=InputFile())
 @click.option("-o", "--output", type=NewFile(), help="Write estimates, noise and residuals to this netCDF file.")
 @click.option("--page", type=NewFile(), help="Write one self-contained HTML page: estimates, and measured and predicted outputs.")
 @click.option("--database", type=NewFile(), help="Write the database with the estimates in it.")

@@ -6,21 +6,19 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option
 
 _MODELS = ("CL = 1 + alpha + qhat + delta_e", "CD = 1 + alpha + alpha**2", "Cm = 1 + alpha + qhat + delta_e")
 
 
 @click.command("ground-effect")
-@click.argument("paths", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
-@click.option("--aircraft", "aircraft_file", required=True, type=click.Path(exists=True, dir_okay=False), help="Aircraft, TOML.")
+@click.argument("paths", nargs=-1, required=True, type=InputFile())
+@click.option("--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML.")
 @click.option(
     "--model", "models", multiple=True, help="Free-air terms of a coefficient. Default: " + "; ".join(f"'{m}'" for m in _MODELS) + "."
 )
 @click.option("--ground", multiple=True, help="Terms that the ground may change, as 'CL = 1 + alpha'. Default: all; CL*phi of Cl.")
-@click.option(
-    "--database", "database_file", type=click.Path(exists=True, dir_okay=False), help="Its ground effect takes part in the comparison."
-)
+@click.option("--database", "database_file", type=InputFile(), help="Its ground effect takes part in the comparison.")
 @click.option("--hold", is_flag=True, help="Hold the free-air terms at the database. Default: they are estimated along.")
 @click.option("--cutoff", type=float, help="Low-pass all states alike first [Hz].")
 @click.option("--height", "heights", type=float, multiple=True, help="Height at which K(h) is printed [m].")

@@ -6,11 +6,11 @@ import importlib
 
 import click
 
-from flightmech.support.console import NewFile, document, jobs_option, json_option, remark, table
+from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, remark, table
 
 from .options import names_option
 
-_RECORD = click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
+_RECORD = click.argument("record_file", metavar="RECORD", type=InputFile())
 _NAMES = names_option
 _ELSEWHERE = {
     "check": "check",
@@ -110,15 +110,15 @@ def cut(record_file: str, start: float, stop: float, names: str | None, rate: fl
 
 
 @flight.command()
-@click.argument("record_files", metavar="RECORD...", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
-@click.option("--aircraft", "aircraft_file", required=True, type=click.Path(exists=True, dir_okay=False), help="Aircraft, TOML.")
+@click.argument("record_files", metavar="RECORD...", nargs=-1, required=True, type=InputFile())
+@click.option("--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML.")
 @_NAMES
 @click.option("--window", "windows", type=(float, float), multiple=True, help="Start and stop [s], of a single record. Default: all of it.")
 @click.option("--rate", type=float, default=50.0, show_default=True, help="Samples per second [Hz].")
 @click.option(
     "--biases",
     "biases_file",
-    type=click.Path(exists=True, dir_okay=False),
+    type=InputFile(),
     help="Reconstruction of another record; its instrument constants are the prior of a single record.",
 )
 @click.option(

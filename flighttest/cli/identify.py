@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, table
 
 from ..remarks import barred, documents, lines
 
-_PATHS = click.argument("paths", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
-_AIRCRAFT = click.option("--aircraft", "aircraft_file", required=True, type=click.Path(exists=True, dir_okay=False), help="Aircraft, TOML.")
+_PATHS = click.argument("paths", nargs=-1, required=True, type=InputFile())
+_AIRCRAFT = click.option("--aircraft", "aircraft_file", required=True, type=InputFile(), help="Aircraft, TOML.")
 _MODEL = click.option("--model", "model_text", required=True, help="For example 'CL = 1 + alpha + qhat + delta_e'.")
 _WINDOW = click.option(
     "--window", "windows", type=(float, float), multiple=True, help="Start and stop [s]; several make one fit. Default: all."
@@ -33,7 +33,7 @@ _OUTPUT = click.option("-o", "--output", type=NewFile(), help="Write the fit to 
 @click.option("--intercepts", type=click.Choice(["common", "separate"]), default="common", help="One constant, or one per manoeuvre.")
 @click.option("--weights", default="equal", show_default=True, help="equal, manoeuvre, robust, or a variable with standard errors.")
 @click.option("--ridge", default="0", show_default=True, help="Ridge parameter on standardised regressors, or auto.")
-@click.option("--prior", type=click.Path(exists=True, dir_okay=False), help="Database whose terms are the prior, with standard errors.")
+@click.option("--prior", type=InputFile(), help="Database whose terms are the prior, with standard errors.")
 @_OUTPUT
 @_CORRELATION
 @json_option
@@ -115,7 +115,7 @@ def select(
 
 
 @click.command()
-@click.argument("fits", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
+@click.argument("fits", nargs=-1, required=True, type=InputFile())
 @click.option(
     "--method",
     type=click.Choice(["inverse_variance", "median", "inverse_sigma"]),
@@ -192,8 +192,8 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
 
 
 @click.command()
-@click.argument("fits", nargs=-1, required=True, type=click.Path(exists=True, dir_okay=False))
-@click.option("--database", "database_file", required=True, type=click.Path(exists=True, dir_okay=False), help="A-priori tables.")
+@click.argument("fits", nargs=-1, required=True, type=InputFile())
+@click.option("--database", "database_file", required=True, type=InputFile(), help="A-priori tables.")
 @click.option("--hold", "held", multiple=True, help="A term that keeps its values, such as CL/altitude.")
 @click.option("-o", "--output", required=True, type=NewFile(), help="Write the database with the new tables.")
 @json_option

@@ -19,8 +19,11 @@ class MapFile(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Return the name of a shipped map as it is."""
-        if not os.path.exists(value) and (_MAPS / f"{value}.toml").is_file():
+        shipped = sorted(file.stem for file in _MAPS.glob("*.toml"))
+        if value in shipped and not os.path.exists(value):
             return value
+        if not os.path.exists(value) and not str(value).endswith(".toml"):
+            self.fail(f"no file {value!r} and no shipped map of that name; shipped are {', '.join(shipped)}", param, ctx)
         return super().convert(value, param, ctx)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, table
 
 from .options import names_option
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
-@click.argument("file", metavar="FILE", type=click.Path(exists=True, dir_okay=False))
+@click.argument("file", metavar="FILE", type=InputFile())
 @names_option
 @json_option
 def info(file: str, names: str | None, as_json: bool) -> None:
@@ -44,7 +44,7 @@ def info(file: str, names: str | None, as_json: bool) -> None:
 
 
 @click.command()
-@click.argument("file", metavar="FILE", type=click.Path(exists=True, dir_okay=False))
+@click.argument("file", metavar="FILE", type=InputFile())
 @names_option
 @click.option("-o", "--output", required=True, type=NewFile(), help="netCDF file to write; a record with canonical names.")
 @json_option
@@ -73,12 +73,12 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
 
 
 @click.command()
-@click.argument("file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
+@click.argument("file", metavar="RECORD", type=InputFile())
 @names_option
 @click.option(
     "--table",
     "table_file",
-    type=click.Path(exists=True, dir_okay=False),
+    type=InputFile(),
     help="CSV or TOML with the columns record, kind, control, start, end; its rows of this record are shown.",
 )
 @click.option("--find", is_flag=True, help="Search the movements of the controls even when the record carries marks.")

@@ -5,13 +5,13 @@ from __future__ import annotations
 import click
 
 from flightmech.support.atomic_write import write_text
-from flightmech.support.console import NewFile, document, json_option, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, table
 
 from .options import names_option
 
 
 @click.command()
-@click.argument("plan_file", metavar="PLAN", type=click.Path(exists=True, dir_okay=False))
+@click.argument("plan_file", metavar="PLAN", type=InputFile())
 @click.option("-o", "--output", type=NewFile(), help="Write one self-contained HTML page.")
 @click.option("--save", "folder", type=click.Path(file_okay=False), help="Folder for record, paths and fits as netCDF.")
 @json_option
@@ -36,7 +36,7 @@ def report(ctx: click.Context, plan_file: str, output: str | None, folder: str |
 
 
 @click.command()
-@click.argument("record_file", metavar="RECORD", type=click.Path(exists=True, dir_okay=False))
+@click.argument("record_file", metavar="RECORD", type=InputFile())
 @click.argument("start", type=float)
 @click.argument("stop", type=float)
 @names_option

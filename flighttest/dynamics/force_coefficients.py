@@ -424,6 +424,11 @@ def _vector(data: xr.Dataset, names: tuple[str, str, str]) -> np.ndarray:
 def _column(data: xr.Dataset, name: str, default: float | None = None) -> np.ndarray:
     if name not in data:
         if default is None:
-            raise UnknownName(name, map(str, data.data_vars), "state", "the coefficients need it")
+            raise UnknownName(
+                name,
+                map(str, data.data_vars),
+                "state",
+                "the coefficients need it: name its column in the name map of the record and reconstruct again",
+            )
         return np.full(data.sizes["time"], float(default))
     return np.broadcast_to(np.asarray(data[name].values, float), (data.sizes["time"],))

@@ -19,7 +19,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError, UnknownName
-from flightmech.names import COEFFICIENTS, VOCABULARY, lookup
+from flightmech.names import COEFFICIENTS, lookup
 from flightmech.units import quantity
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class Model:
             try:
                 lookup(self.coefficient)
             except UnknownName:
-                raise UnknownName(self.coefficient, (*MEASURED, *VOCABULARY), "coefficient") from None
+                raise UnknownName(self.coefficient, MEASURED, "coefficient", "or any quantity of the vocabulary") from None
         names = tuple(word(powers(term)) for term in self.terms)
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)

@@ -106,7 +106,7 @@ def _unknown(item: Unknown | float | tuple) -> Unknown:
 
 def _problems(label: str, start: float | None, unknown: Unknown) -> list[str]:
     if start is None:
-        return [f"{label} has no start and the record does not give it; give a start"]
+        return [f"{label} has no start, and neither model nor record gives it; give a start"]
     if not math.isfinite(start) or not unknown.low < unknown.high or not unknown.low <= start <= unknown.high:
         return [f"{label} starts at {start:g}, bounds {unknown.low:g} ... {unknown.high:g}; the start must be finite and lie between them"]
     if not unknown.sigma > 0.0:

@@ -38,7 +38,7 @@ from pydantic import Field
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, load, si, validate
+from flightmech.support.configuration import Strict, foreign_kind, load, si, validate
 from flightmech.units import parse, quantity, to_si
 
 from .bus.decode import KINDS, Decode
@@ -223,6 +223,8 @@ def _place(path: str | Path, folder: Path) -> Path:
 def _extended(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     """Return the content of a map with what it extends beneath it."""
     content = load(path)
+    if kind := foreign_kind(content):
+        raise SchemaError(f"name map {path}", [f"{kind}; a name map has a table of channels for each clock, such as [air_data]"])
     if content.get("optional") is True:
         content = {key: item if key in _TOP else _as_optional(item) for key, item in content.items() if key != "optional"}
     base = content.pop("extends", None)

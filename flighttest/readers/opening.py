@@ -8,6 +8,7 @@ import struct
 from pathlib import Path
 
 from flightmech.errors import ParseError
+from flightmech.support.file_kinds import file_kind
 
 from .name_map import NameMap
 from .recording import Recording, guarded
@@ -50,17 +51,26 @@ def recognise(path: str | Path) -> str:
         head = file.read(4096)
     if head[:2] == b"\x1f\x8b":
         head = _unpacked(path)
-    for start, kind in _START.items():
+    for start, form in _START.items():
         if head.startswith(start):
-            return kind
+            _demand_record(path, form)
+            return form
     if not head:
         raise ParseError(str(path), 0, "an empty file", "a recording")
     if b"\0" not in head and _is_text(head):
+        _demand_record(path, "csv")
         return "csv"
     if len(head) >= 128 and struct.unpack_from("<H", head, 124)[0] in (0x0100, 0x0001) and head[126:128] in (b"IM", b"MI"):
         return "matlab5"  # written by other programs, whose text may begin differently
     known = ", ".join(dict.fromkeys(name for _, name in FORMATS.values()))
     raise ParseError(str(path), 0, f"bytes that begin with {head[:8]!r}", f"one of the formats {known}")
+
+
+def _demand_record(path: str | Path, form: str) -> None:
+    """Raise for a file of this package or of DATCOM that is plainly no recording, which the readers of CSV and HDF5 would take for one."""
+    kind = file_kind(path) if form in ("csv", "hdf5") else ""
+    if kind.startswith(("an aero database", "a Digital DATCOM", "an input deck", "a TOML", "an aircraft", "a project", "a case")):
+        raise ParseError(str(path), 0, kind, "a recording, such as CSV with a line of names, ULog, MATLAB or netCDF")
 
 
 def _unpacked(path: str | Path) -> bytes:

@@ -44,6 +44,8 @@ from flightmech.units import DEGREE, quantity
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
 SPEEDS = ("V", "V_cas", "mach")  # airspeeds that are measured channels themselves where no impact pressure was recorded
 VANES = ("alpha_vane", "beta_vane")
+MEASURED = ("phi", "theta", "psi", "vn", "ve", "vd", "h_gps", "q_c", *SPEEDS, "p_static", "temperature", *VANES, "h_radio")
+"""Channels that the reconstruction can use as measurements."""
 SURFACES = ("delta_e", "delta_a", "delta_r")
 COCKPIT = ("column", "wheel", "pedal", "F_column", "F_wheel", "F_pedal", "delta_t")
 SURFACE_BIAS = 0.1 * DEGREE  # what a pick-up is rigged and calibrated to, unless the instruments specify otherwise [rad]
@@ -207,7 +209,11 @@ def instruments(content: Mapping[str, Any], what: str = "instruments") -> Instru
     for name in IMU:
         if found.name_of(name) and name not in found.of(name).bias_sigma:
             problems.append(f"{found.name_of(name)}: missing bias_sigma of {name}")
+    used = (*IMU, *MEASURED, *SURFACES, *COCKPIT)
     for name, item in found.table.items():
+        problems += [
+            f"{name}: noise of {key}, which nothing uses; used are {', '.join(used)}; delete it" for key in item.noise if key not in used
+        ]
         if item.position is None and {"ax_imu", *VANES, "h_radio"} & set(item.noise):
             problems.append(f"{name}: missing position (m, body axes, from the moment reference point)")
         alone = sorted(item.factor.keys() - item.noise.keys())

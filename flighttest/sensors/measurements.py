@@ -15,10 +15,7 @@ from flightmech.names import attrs
 from ..signals.conditioning import demand_numbers, lowpass
 from ..signals.sample_flags import spiked
 from .air_data import derived
-from .instruments import IMU, SPEEDS, VANES, Instruments
-
-MEASURED = ("phi", "theta", "psi", "vn", "ve", "vd", "h_gps", "q_c", *SPEEDS, "p_static", "temperature", *VANES, "h_radio")
-"""Channels that the reconstruction can use as measurements."""
+from .instruments import IMU, MEASURED, SPEEDS, Instruments
 
 
 class Channels:
@@ -123,7 +120,9 @@ def windows_of(record: xr.DataTree, windows: Sequence[tuple[float, float]] | Non
     """
     missing = [name for name in (*IMU, "phi", "theta") if not any(name in node.data_vars for node in record.children.values())]
     if missing:
-        raise SchemaError("flight record", [f"no channel {name}; the reconstruction needs it" for name in missing])
+        raise SchemaError(
+            "flight record", [f"no channel {name}; the reconstruction needs it, name its column in the name map" for name in missing]
+        )
     clock = next(node.to_dataset()["time"].values for node in record.children.values() if "p" in node.data_vars)
     first, last = float(clock[0]), float(clock[-1])
     chosen = sorted((float(a), float(b)) for a, b in windows) if windows is not None else [(first, last)]

@@ -8,11 +8,13 @@ from typing import Any
 
 import click
 
+from flightmech.support.console import InputFile
+
 cases_argument = click.argument("cases", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 biases_option = click.option(
     "--biases",
     "biases_file",
-    type=click.Path(exists=True, dir_okay=False),
+    type=InputFile(),
     help="Reconstruction of another record; its instrument constants are the prior where the record of a case is raw.",
 )
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option, remark
+from flightmech.support.console import InputFile, NewFile, document, json_option, remark
 
-_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+_FILE = InputFile(path_type=Path)
 
 
 @click.command()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import NewFile, document, json_option, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, table
 
 from .arguments import biases_option, case_files, cases_argument, read_biases
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from ..cases.case import PomCase
 
-_FILE = click.Path(exists=True, dir_okay=False)
+_FILE = InputFile()
 _IDLE = 0.005  # share of the gap
 _INTERACTING = 5  # pairs printed
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import NewFile, command_line, document, jobs_option, json_option, table
+from flightmech.support.console import InputFile, NewFile, command_line, document, jobs_option, json_option, table
 
 from .arguments import biases_option, case_files, cases_argument, read_biases
 from .case import init, schema
@@ -87,7 +87,7 @@ def _print_criteria(case: Any) -> None:
 @biases_option
 @click.option(
     "--evidence",
-    type=click.Path(exists=True, dir_okay=False),
+    type=InputFile(),
     help="Identified database with standard errors: how far do the terms of each model lie from what flight found?",
 )
 @click.option("-v", "--verbose", is_flag=True, help="Also print trim, math pilot and drift of every model.")
@@ -131,6 +131,8 @@ def run(
     runs, names = files_by_name("--model", models, "final=out/final.fmu"), files_by_name("--names", tables, "simulator=names.toml")
     custody = Custody()
     named = case_files(cases)
+    for file in (*runs.values(), *names.values()):
+        InputFile().convert(file, None, None)
     custody.take([*named, *runs.values()])
     read = [read_case(file) for file in named]
     files = [*(file for case in read for file in case.files()), *map(str, names.values()), *filter(None, (evidence, biases_file))]

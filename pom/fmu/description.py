@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
+from flightmech.support.file_kinds import file_kind
 from flightmech.units import parse
 
 from .file_state import FileState
@@ -35,12 +36,14 @@ def read_fmu(path: str | Path) -> Fmu:
     """
     path = Path(path)
     if not path.is_file():
-        raise FileNotFoundError(f"no FMU {path}")
+        raise FileNotFoundError(f"no file {str(path)!r}; give the FMU of a model, as `aeromatch fmu write` writes it")
     state = FileState.of(path)
     try:
         description = read_description(path)
     except Exception as error:  # FMPy raises what its parser raised
-        raise ParseError(str(path), 0, str(error).split("\n")[0], "an FMU (zip file with modelDescription.xml)") from error
+        content = file_kind(path)
+        reason = str(error).split("\n")[0] if content.startswith("a zip") else content
+        raise ParseError(str(path), 0, reason, "an FMU (zip file with modelDescription.xml)") from error
     kind = description.coSimulation or description.modelExchange
     if kind is None:
         raise ParseError(

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field
 
-from flightmech.errors import SchemaError, UnitError
+from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.simulation.kernel import INPUT, OUTPUT, PARAMETER, Simulation
 from flightmech.support.configuration import Strict, load, validate
 from flightmech.units import quantity
@@ -88,6 +88,9 @@ class Specification(Strict):
         entries, problems, found = _entries(sim), [], {}
         for name, table in self.parameter.items():
             units, nominal = entries.get(name) or ("1", _of_table(sim, name))
+            if name not in entries and nominal is None:
+                problems.append(str(UnknownName(name, entries, "parameter", "a parameter of the model, sensor.* or factor.*")))
+                continue
             try:
                 start = nominal if table.start is None else quantity(table.start, units)
                 sigma, low, high = (quantity(item, units) for item in (table.sigma, table.low, table.high))

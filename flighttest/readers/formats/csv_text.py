@@ -48,6 +48,8 @@ def read(path: Path, names: NameMap) -> Recording:
     if columns is None:
         _find_fault(raw, begin, heads, texts, separator, path)
         raise ParseError(str(path), 0, "lines that do not fit the heading", f"{len(heads)} numbers in every line")
+    if not any(len(values) for values in columns.values()):
+        raise ParseError(str(path), 0, f"no line of numbers below the names {', '.join(heads[:6])}", "a recording: names, then numbers")
     facts: dict[str, Any] = {"title": path.name.split(".")[0]}
     for name, values in columns.items():
         if name in texts:
@@ -181,11 +183,14 @@ def _find_fault(raw: bytes, begin: int, heads: list[str], texts: set[str], separ
     for number, _, _, text in _lines(raw, begin, raw.count(b"\n", 0, begin) + 1):
         row = _cells(text.split("#")[0], separator)
         if len(row) != len(heads):
-            expected = f"{len(heads)} cells, as the line of names has; delete a last line that was cut off"
+            first = ", ".join(map(repr, heads[:3])) + (" ..." if len(heads) > 3 else "")
+            expected = f"{len(heads)} cells, as the line of names has ({first}); delete a last line that was cut off"
             raise ParseError(str(path), number, f"{len(row)} cells", expected)
         for head, cell in zip(heads, row, strict=False):
             if head not in texts and cell and not _missing(cell) and not _number(cell):
-                raise ParseError(str(path), number, f"{cell!r} in column {head!r}", "a number or an empty cell")
+                raise ParseError(
+                    str(path), number, f"{cell!r} in column {head!r}", "a number or an empty cell, as a recording has below its names"
+                )
             if head in texts and not (_DAY_TIME.match(cell) or _ISO.match(cell)):
                 raise ParseError(str(path), number, f"{cell!r} in column {head!r}", "a time of day or a date, as in the first line")
 

@@ -84,7 +84,7 @@ def test_table_of_a_page_that_is_located_only(run, tmp_path):
             ("table", DATA / "t37_elevator.out", "--page", "99"),
             "error: unknown page of case 'T-37 OWN DECK ELEVATOR' '99'; allowed: 1 ... 18",
         ),
-        (("show", "nothing.out"), "'nothing.out' does not exist"),
+        (("show", "nothing.out"), "no file 'nothing.out'"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(run, words, text):

@@ -53,5 +53,5 @@ def test_command_line_refuses_a_file_that_is_no_database(files, tmp_path):
     aircraft, _ = files
     result = CliRunner().invoke(fmu, ["write", aircraft, aircraft, "-o", str(tmp_path / "x.fmu")])
     assert isinstance(result.exception, ParseError)
-    assert "no readable aero database" in str(result.exception)
+    assert "an aircraft file" in str(result.exception)
     assert not (tmp_path / "x.fmu").exists()

@@ -56,9 +56,9 @@ def test_netcdf_to_csv(files):
     ("text", "setting", "error", "message"),
     [
         ("time,delta_e [kt]\n0,0\n", "init.V=40", UnitError, "kt"),
-        ("time,delta_q\n0,0\n", "init.V=40", UnknownName, "delta_q"),
-        ("t,delta_e\n0,0\n", "init.V=40", UnknownName, "'t'"),
-        ("delta_e\n0\n", "init.V=40", ParseError, "a column time in s"),
+        ("time,delta_q\n0,0\n", "init.V=40", ParseError, "unknown quantity 'delta_q'"),
+        ("t,delta_e\n0,0\n", "init.V=40", ParseError, "found t, delta_e; expected a column 'time' in s"),
+        ("delta_e\n0\n", "init.V=40", ParseError, "a column 'time' in s"),
         ("time,delta_e\n0,x\n", "init.V=40", ParseError, "over numbers"),
         ("time,delta_e\n0,0\n", "init.W=40", UnknownName, "init.W"),
     ],

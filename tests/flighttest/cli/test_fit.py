@@ -207,7 +207,7 @@ def test_mistakes_of_the_file_are_reported(folder):
         call(changed("500 m", "500 deg"))
     with pytest.raises(SchemaError, match=r"no file .*three.nc; names are relative to the fit"):
         call(changed("two.nc", "three.nc"))
-    with pytest.raises(SchemaError, match=r"term.Cm.rhat has no start and the record does not give it"):
+    with pytest.raises(SchemaError, match=r"unknown parameter 'term.Cm.rhat'; near it: term.Cm."):
         call(changed("term.Cm.qhat", "term.Cm.rhat"))
     with pytest.raises(UnknownName, match=r"unknown output 'alfa'"):
         call(changed('"alpha", "q"', '"alfa", "q"'))
