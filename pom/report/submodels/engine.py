@@ -84,7 +84,7 @@ def _responses(name: str, responses: Sequence[xr.Dataset]) -> list[Picture]:
         speeds = [speed for speed in ("n2", "n1") if speed in one]
         curves = [Curve(time, one["throttle"].values, "run-1")]
         curves += [Curve(time, one[f"{speed}{what}"].values, css) for speed in speeds for what, css in (("", "run-0"), ("_model", "run-3"))]
-        title = f"{' and '.join(speeds)} after the lever, 1; {one.attrs.get('record', '')}".rstrip("; ")
+        title = f"{' and '.join(speeds)}, {one.attrs.get('record', '')}".rstrip(", ")
         panels.append(PanelOf(title, "time, s", tuple(curves)))
     key = [("run-0", "recorded"), ("run-3", "simulated"), ("run-1", "lever")]
     words = f"Response of the spools to the lever, recorded and simulated, {len(chosen)} of {len(responses)} power changes"
