@@ -173,7 +173,10 @@ def folder(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("line", MISTAKES)
+COMPILED = [line for line in MISTAKES if line.startswith("fmu trim") or "--set" in line]  # a model is compiled before the mistake shows
+
+
+@pytest.mark.parametrize("line", [pytest.param(line, marks=[pytest.mark.slow] if line in COMPILED else []) for line in MISTAKES])
 def test_a_mistake_is_answered(line, folder, monkeypatch, capfd):
     as_json = [] if line.startswith("db edit") else ["--json"]  # its verbs print one line, and have no other form
     monkeypatch.chdir(folder)
