@@ -145,6 +145,20 @@ class Listing:
             raise SchemaError(self.file, [f"several cases have {key!r} in their name: {cases}; give the number, or more of the name"])
         raise UnknownName(key, self.case_names, f"case of {self.file}", "give its number from 1, its name or a part of the name")
 
+    def _repr_html_(self) -> str:
+        """Return the cases as a table for a notebook."""
+        from flightmech.support.display import html_table
+
+        rows = []
+        for case in self.cases:
+            machs = sorted({mach for page in case.pages if (mach := page.condition("mach")) == mach})  # those that are numbers
+            span = " ... ".join(f"{mach:g}" for mach in dict.fromkeys((machs[0], machs[-1]))) if machs else ""
+            configurations = dict.fromkeys(page.configuration for page in case.pages if page.configuration)
+            rows.append((case.ordinal, case.name, ", ".join(configurations), span, len(case.pages), len(case.messages)))
+        columns = ("", "case", "configuration", "Mach number", "pages", "messages")
+        notes = [f"{len(self.unread)} lines were not understood"] if self.unread else []
+        return html_table(f"Digital DATCOM listing {self.file}", columns, rows, notes)
+
     def cells(self) -> pd.DataFrame:
         """Return one row per printed cell.
 

@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 import xarray as xr
 
 from flightmech.support.console import plain
+from flightmech.support.display import html_table
 
 from .cases.case import PomCase
+from .result_figure import result_figure
 from .tolerances.remarks import row_remarks
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 VERDICT_COLUMNS = (
     "run",
@@ -142,6 +147,31 @@ class PomResult:
                 continue
             best[row["group"]] = min(best.get(row["group"], row), row, key=_ratio)
         return max(best.values(), key=_ratio, default=None)
+
+    def plot(self, channels: Sequence[str] | None = None) -> Figure:
+        """Return a figure of the flight, its tolerance bands and the models.
+
+        Parameters
+        ----------
+        channels : sequence of str, optional
+            Those that are judged, and without them all, when not given.
+
+        Raises
+        ------
+        UnknownName
+            A channel that the result does not hold.
+        AeromatchError
+            matplotlib is not installed.
+        """
+        judged = [str(row["channel"]) for row in self.rows if row["channel"] in self.signals]
+        chosen = list(dict.fromkeys(judged)) or list(map(str, self.signals.data_vars))
+        return result_figure(self.case.title, self.signals, self.tolerance, channels or chosen)
+
+    def _repr_html_(self) -> str:
+        """Return the verdicts as a table for a notebook."""
+        columns = ("run", "criterion", "tolerance_text", "worst", "unit", "worst_ratio", "verdict")
+        statuses = [f"{run}: {self.status(run)}" for run in self.runs]
+        return html_table(f"{self.case.id} {self.case.title}", columns, ([row[name] for name in columns] for row in self.rows), statuses)
 
     def to_json(self) -> str:
         """Return the whole result as one JSON document; NaN becomes null, samples keep nine significant digits."""

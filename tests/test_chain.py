@@ -87,6 +87,7 @@ ORDER = {
     "pom": [
         "tolerances",
         "cases",
+        "result_figure",
         "result",
         "judging",
         "fmu",

@@ -116,6 +116,17 @@ class Aircraft:
     fuel: Fuel | None = None
     history: str = ""
 
+    def _repr_html_(self) -> str:
+        """Return geometry, mass and what the aircraft has, as a table for a notebook."""
+        from ..support.display import html_table
+
+        units = {"S": "m2", "cbar": "m", "b": "m", "mass": "kg"} | dict.fromkeys(("Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz"), "kg m2")
+        rows: list[tuple[str, object, str]] = [(name, float(getattr(self, name)), unit) for name, unit in units.items()]
+        rows += [("cg", " ".join(f"{x:g}" for x in self.cg), "m from the moment reference point")]
+        rows += [("engines", len(self.engines), ""), ("instruments", ", ".join(self.instruments), "")]
+        has = {"control circuits": self.circuits, "landing gear": self.gear, "fuel": self.fuel}
+        return html_table(f"Aircraft {self.name}", ("", "", "unit"), rows, [f"without {name}" for name, part in has.items() if not part])
+
 
 def reference_in(aircraft: Any, attrs: Mapping[Any, Any]) -> Vector:
     """Return the moment reference point of an aircraft, that of a database (its attributes) where the aircraft has none. [m]"""

@@ -7,20 +7,24 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.display import html_table
 from flightmech.support.self_contained import demand_self_contained
 
 from ..remarks import Remark, lines
-from .fit_data import FitData
+from .fit_data import FitData, fit_figure
 from .fit_remarks import remarks_of
 from .model import Model
 from .prediction import predicted
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _CONTENT = "aeromatch fit"
 
@@ -70,6 +74,26 @@ class Fit(FitData):
     def remarks(self) -> list[Remark]:
         """What a reader of the numbers must know."""
         return remarks_of(self)
+
+    def plot(self) -> Figure:
+        """Return a figure: the measured coefficient, the fitted one and the residual over the samples.
+
+        Raises
+        ------
+        AeromatchError
+            matplotlib is not installed.
+        IdentificationError
+            Published values, which have no samples.
+        """
+        return fit_figure(self)
+
+    def _repr_html_(self) -> str:
+        """Return the estimates as a table for a notebook."""
+        columns = ("estimate", "stderr", "stderr_systematic", "contribution")
+        given = [name for name in columns if name in self.estimates]
+        rows = [(str(term), *(float(self.estimates[name].sel(term=term)) for name in given)) for term in self.estimates["term"].values]
+        caption = f"{self.name}: {self.model}" if self.name else str(self.model)
+        return html_table(caption, ("term", *given), rows, [_headline(self.estimates.attrs), *lines(self.remarks)])
 
     def report(self, correlation: bool = False) -> str:
         """Return estimates with 95 % confidence intervals, tests and remarks as text.

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
+from flightmech.errors import IdentificationError
+from flightmech.support.display import new_figure
+
 from .model import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -49,3 +56,39 @@ class FitData:
     def residual(self) -> np.ndarray:
         """Measured minus fitted coefficient, (sample,)."""
         return self.data[self.model.coefficient].values - self.regressors.values @ self.estimates["estimate"].values
+
+
+def fit_figure(fit: FitData) -> Figure:
+    """Return the figure of a fit; gaps of time are left out, a line stands between two manoeuvres.
+
+    Raises
+    ------
+    IdentificationError
+        Published values, which have no samples.
+    AeromatchError
+        matplotlib is not installed.
+    """
+    if not fit.data.sizes.get("sample"):
+        raise IdentificationError(f"{fit.model}: published values have no samples to draw")
+    name = fit.model.coefficient
+    measured, residual = fit.data[name].values, fit.residual
+    manoeuvre, time = fit.data["manoeuvre"].values, fit.data["time"].values
+    step = np.diff(time)
+    ordinary = float(np.median(step)) if len(step) else 0.0
+    same = (np.diff(manoeuvre) == 0) & (step < 1.5 * ordinary)
+    along = np.concatenate([[0.0], np.cumsum(np.where(same, step, ordinary))])
+    figure = new_figure(9.0, 4.2)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    upper.plot(along, measured, color="0.5", linewidth=0.9, label="measured")
+    upper.plot(along, measured - residual, color="tab:red", linewidth=1.0, label="fitted")
+    lower.plot(along, residual, color="tab:blue", linewidth=0.8)
+    for ax in (upper, lower):
+        ax.grid(linewidth=0.3)
+        for at in along[1:][np.diff(manoeuvre) != 0]:
+            ax.axvline(at, color="0.3", linewidth=0.8, linestyle=":")
+    upper.set_ylabel(name)
+    lower.set_ylabel("residual")
+    lower.set_xlabel("time of the samples [s]")
+    upper.legend(frameon=False, fontsize="small")
+    upper.set_title(f"{fit.name}: {fit.model}" if fit.name else str(fit.model), fontsize="medium")
+    return figure

@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import AeromatchError, SchemaError
+from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.display import new_figure
 
 from ..records.record import locate
 
@@ -42,15 +43,11 @@ def draw_manoeuvres(record: xr.DataTree, table: pd.DataFrame, target: str | Path
     kind = target.suffix.lstrip(".").lower()
     if kind not in FORMATS:
         raise SchemaError("figure", [f"{target.name}: ending {kind or 'missing'!r}; give one of {', '.join(FORMATS)}"])
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as missing:
-        raise AeromatchError("figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'") from missing
     shown = [(label, found) for label, names in _CONTROLS.items() if (found := _first(record, names))]
     shown += [("", name) for name in _MOTION if locate(record, name) and not (name == "V_cas" and locate(record, "V"))]
     if not shown:
         raise SchemaError("figure", ["the record has no control and no channel of motion; extend the name map"])
-    figure = Figure(figsize=(16.0, 1.5 * len(shown) + 1.2), layout="constrained")
+    figure = new_figure(16.0, 1.5 * len(shown) + 1.2)
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (label, name) in zip(axes, shown, strict=True):
         _draw(ax, record, name)

@@ -6,6 +6,7 @@ from .batch.programme import visible as visible
 from .compatibility import compatibility_report as compatibility_report
 from .compatibility import compatibility_table as compatibility_table
 from .compatibility import draw_compatibility as draw_compatibility
+from .drawn_signals import compatibility_figure as compatibility_figure
 from .flight_programme import combine_biases as combine_biases
 from .flight_programme import reconstruct_programme as reconstruct_programme
 from .path_files import open_biases as open_biases

@@ -16,12 +16,12 @@ from pathlib import Path as File
 from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
-from flightmech.errors import AeromatchError, SchemaError, UnknownName
+from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import written_atomically
 
 from ..uncertainty.goodness_of_fit import theil
+from .drawn_signals import compatibility_figure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,8 +31,6 @@ if TYPE_CHECKING:
 
 FORMATS = ("png", "svg", "pdf")
 LAGS = 20  # of the Ljung-Box test
-GAP = 3.0  # median steps between readings that end a line
-_STYLE = {"raw": ("0.6", 0.8), "corrected": ("tab:blue", 0.8), "reconstructed": ("tab:red", 1.1)}
 
 
 def compatibility_table(path: Path) -> pd.DataFrame:
@@ -118,42 +116,9 @@ def draw_compatibility(path: Path, target: str | File, channels: Sequence[str] |
     AeromatchError
         matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as missing:
-        raise AeromatchError("figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'") from missing
-    known = list(map(str, path.compatibility.data_vars))
-    chosen = list(channels) if channels is not None else known
-    for name in chosen:
-        if name not in known:
-            raise UnknownName(name, known, "measured channel")
-    rows = -(-len(chosen) // 2)
-    figure = Figure(figsize=(11.0, 1.9 * rows + 0.8), layout="constrained")
-    axes = figure.subplots(rows, min(2, len(chosen)), sharex=True, squeeze=False)
-    for ax, name in zip(axes.flat, chosen, strict=False):
-        _draw_channel(ax, path.compatibility[name])
-    for ax in axes.flat[len(chosen) :]:
-        ax.set_visible(False)
-    for ax in axes[-1]:
-        ax.set_xlabel("time [s]")
-    axes.flat[0].legend(loc="best", fontsize="small", frameon=False)
-    figure.suptitle(f"Data compatibility: {path.states.attrs['record']}", fontsize="medium")
+    figure = compatibility_figure(path.compatibility, str(path.states.attrs["record"]), channels)
     kind = File(target).suffix.lstrip(".").lower()
     if kind not in FORMATS:
         raise SchemaError("figure", [f"{File(target).name}: ending {kind or 'missing'!r}; give one of {', '.join(FORMATS)}"])
     with written_atomically(File(target)) as part:
         figure.savefig(part, dpi=150, format=kind)
-
-
-def _draw_channel(ax, signals: xr.DataArray) -> None:
-    shown, factor = ("deg", np.degrees(1.0)) if signals.attrs.get("units") == "rad" else (signals.attrs.get("units", ""), 1.0)
-    time = signals["time"].values
-    for version, (colour, width) in _STYLE.items():
-        values = signals.sel(version=version).values * factor
-        there = np.isfinite(values)
-        ends = np.flatnonzero(np.diff(time[there]) > GAP * np.median(np.diff(time[there]))) + 1  # between windows nothing is drawn
-        ax.plot(np.insert(time[there], ends, np.nan), np.insert(values[there], ends, np.nan), color=colour, linewidth=width, label=version)
-    before, after = (factor * signals.attrs[key] for key in ("rms_raw", "rms_corrected"))
-    ax.set_title(f"{signals.name}: rms {before:.3g} before, {after:.3g} after", fontsize="small")
-    ax.set_ylabel(f"[{shown}]")
-    ax.grid(linewidth=0.3)

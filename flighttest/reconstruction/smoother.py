@@ -16,12 +16,14 @@ import xarray as xr
 
 from flightmech.air import GAMMA, R_AIR, RHO_SEA
 from flightmech.errors import IdentificationError
+from flightmech.support.display import html_table
 
 from ..remarks import Remark, documents
 from ..remarks import lines as remark_lines
 from ..sensors.instruments import SPEEDS, VANES, instruments
 from ..sensors.measurements import windows_of
 from .channel_signals import channel_signals
+from .drawn_signals import compatibility_figure
 from .path_quantities import path_states
 from .problem.assembly import Setup, assemble
 from .problem.constants import identifiability
@@ -31,6 +33,8 @@ from .problem.trajectory import Solution, estimate, residuals, with_gusts
 from .state_errors import state_errors
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from flightmech import Aircraft
 
 GUST_LENGTH = 150.0  # m, of the gust model; vanes and pitot see the gusts themselves, so it matters little
@@ -74,6 +78,19 @@ class Path:
     def report(self) -> str:
         """Return the data-compatibility report as text."""
         return _report(self)
+
+    def plot(self, channels: Sequence[str] | None = None) -> Figure:
+        """Return a figure of raw, corrected and reconstructed signals, see `flighttest.reconstruction.compatibility_figure`."""
+        return compatibility_figure(self.compatibility, str(self.states.attrs["record"]), channels)
+
+    def _repr_html_(self) -> str:
+        """Return the constants as a table for a notebook."""
+        keys = ("estimate", "stderr", "prior", "prior_stderr", "unit")
+        names = self.biases["parameter"].values
+        rows = [(str(name), *(self.biases[key].sel(parameter=name).item() for key in keys)) for name in names]
+        time = self.states["time"].values
+        caption = f"Flight path of {self.states.attrs.get('record', '')}, {time[0]:g} ... {time[-1]:g} s, {len(time)} samples"
+        return html_table(caption, ("constant", *keys), rows, [remark.text for remark in self.remarks])
 
     @property
     def remarks(self) -> list[Remark]:

@@ -58,11 +58,13 @@ class Models:
     ParseError, FileNotFoundError
         No FMU.
     SchemaError
-        A table for a model that is not there.
+        A model with the name of the recording, ``flight``; a table for a model that is not there.
     """
 
     def __init__(self, runs: Mapping[str, str | Path], names: Mapping[str, str | Path] | None = None):
         self.names = {name: str(table) for name, table in (names or {}).items()}
+        if "flight" in runs:
+            raise SchemaError("models", ["flight is the name of the recording; give the model another one"])
         unknown = [name for name in self.names if name not in runs]
         if unknown:
             raise SchemaError("names", [f"{name}: no such model; there are {', '.join(runs)}" for name in unknown])

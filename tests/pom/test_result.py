@@ -3,6 +3,7 @@ import pandas as pd
 import pytest
 import xarray as xr
 
+from flightmech.errors import UnknownName
 from pom.cases.case import PomCase
 from pom.result import PomResult, verdict_table
 from pom.tolerances.criteria import Band, Criterion, Limit
@@ -75,3 +76,16 @@ def test_remarks_there_and_back_and_the_note_of_an_older_file():
 def test_tolerance_reads_as_printed():
     assert BAND.text == "10 % of the flight value or 2 deg/s, the greater"
     assert Band((Limit("absolute", 0.02, "-"),)).text == "0.02"
+
+
+def test_a_result_shows_itself_in_display_units():
+    pytest.importorskip("matplotlib")
+    got = result([("p", "g1", "pass", 0.5)], [criterion("p", "g1")])
+    assert "a: pass" in got._repr_html_()
+    (ax,) = got.plot().axes
+    flight, model = ax.lines
+    np.testing.assert_allclose(flight.get_ydata(), np.degrees([0.0, 0.1, 0.2]))
+    np.testing.assert_allclose(model.get_ydata(), np.degrees([0.0, 0.1, np.nan]))
+    assert ax.get_ylabel() == "p [deg/s]"
+    with pytest.raises(UnknownName, match="channel of the result"):
+        got.plot(["q"])

@@ -8,10 +8,12 @@ import pytest
 
 import aerodb
 import flightmech
+from flightmech.errors import SchemaError
 from pom.cases.case import Drive, read_case
 from pom.cases.job import job_of
 from pom.cases.pilot import Loop
 from pom.fmu import worker
+from pom.fmu.simulate import Models
 from pom.replaying.kernel_replay import fly
 from pom.replaying.reference_states import flight_states
 from pom.replaying.replay_case import replay
@@ -140,3 +142,8 @@ def test_the_math_pilot_of_the_child_is_that_of_the_kernel(write_case, truth, mo
     theta = result.signals["theta"]
     assert np.abs(theta.sel(run="2.0").values - direct["theta"][0]).max() < 1e-10
     assert np.abs(theta.sel(run="3.0").values - direct["theta"][0]).max() < 3e-4  # middles of 20 ms held
+
+
+def test_no_model_has_the_name_of_the_recording():
+    with pytest.raises(SchemaError, match="flight is the name of the recording"):
+        Models({"flight": "any.fmu"})
