@@ -60,9 +60,9 @@ ORDER = {
     "flighttest": [
         "remarks",
         "signals",
+        "sensors",
         "readers",
         "records",
-        "sensors",
         "dynamics",
         "uncertainty",
         "reconstruction",

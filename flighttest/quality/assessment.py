@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from ..records.record import manoeuvres
-from ..sensors.instruments import Instruments, instruments
+from ..sensors.instruments import Instruments, instruments_of
 from .checks.control_response import answer_findings, answers, hands
 from .checks.delays import lag_findings, lags
 from .checks.excitation import correlations, excitation, excitation_findings
@@ -54,7 +54,8 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
     ----------
     .. [DataAcquisition] Design, manufacturing, and testing of a data acquisition system for fixed-wing UAS, section IV.B.
     """
-    specification = instruments(aircraft.instruments) if aircraft is not None and aircraft.instruments else None
+    stated = aircraft is not None and (aircraft.instruments or "instruments" in record.attrs)
+    specification = instruments_of(aircraft, record.attrs) if stated else None
     faults = faults_of(record)
     signals = signals_of(record, faults)
     table = channel_table(record)
@@ -69,7 +70,7 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
     excited, matrix = excitation(corrected), correlations(corrected)
     purpose = str(record.attrs.get("purpose", ""))
     findings += accuracy_findings(kinematics)
-    findings += lag_findings(delays, specification)
+    findings += lag_findings(delays, specification, record)
     findings += answer_findings(answered, followed, moved, record)
     findings += excitation_findings(excited, matrix, corrected, manoeuvres(record), purpose)
     findings += remarks(corrected, table, comparisons)

@@ -81,6 +81,15 @@ def map_entry(record: xr.DataTree, name: str, slope: float, shift: float = 0.0) 
     return f"{name} = {slope:.10g} * {name} {shift:+.10g} on what it is made of: {record[leaf][name].attrs.get('calibration', '')}"
 
 
+def later(record: xr.DataTree, name: str, *, delay: float = 0.0, lag: float = 0.0) -> str:
+    """Return the line of the name map of a channel with more delay or lag [s] than stands there now; empty for one formed from others."""
+    leaf, channel, _ = mapped(record, name)
+    if channel is None:
+        return ""
+    changed = {key: round(getattr(channel, key) + more, 3) for key, more in (("delay", delay), ("lag", lag)) if more}
+    return f"{line_of(name, channel.model_copy(update=changed))}   # in [{leaf}] of the name map"
+
+
 def exchanged(record: xr.DataTree, one: str, other: str) -> str:
     """Return the lines of the name map with the entries of two channels exchanged."""
     places = {name: mapped(record, name) for name in (one, other)}

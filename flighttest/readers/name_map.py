@@ -7,6 +7,8 @@ A map is a TOML file.  Every table is a leaf of the record (channels of one time
     latitude = "45 deg"
     [constants]                                # channels that no column shows and that did not change
     delta_f = "0 deg"
+    [instruments.boom]                         # instruments of this recorder, as in the aircraft file, in place of its table of that name
+    position = [4.1, 0.0, 0.1]
     [time]                                     # the clock; [time.NAME] for one table (group, topic) of the file
     column = "t"
     [imu]
@@ -41,12 +43,13 @@ from flightmech.names import lookup
 from flightmech.support.configuration import Strict, foreign_kind, load, si, validate
 from flightmech.units import parse, quantity, to_si
 
+from ..sensors.instruments import Instrument
 from .bus.decode import KINDS, Decode
 
 MAPS = Path(__file__).parent / "maps"
 _ALIASES = {"-": "1", "pct": "%", "percent": "%", "deg C": "degC", "kts": "kt", "knots": "kt", "seconds": "s", "sec": "s"}
 _TIME_UNITS = {"us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-_TOP = ("extends", "optional", "time", "record", "constants", "utc", "decode")
+_TOP = ("extends", "optional", "time", "record", "constants", "instruments", "utc", "decode")
 
 
 def known_unit(unit: str) -> str:
@@ -170,7 +173,7 @@ class Utc(Strict):
 class NameMap:
     """A name map: leaves of channels, the clocks, facts about the record, what to take out of bus words, and channels that stood still.
 
-    `constants` holds the value of each channel that no column shows. [SI]
+    `constants` holds the value of each channel that no column shows [SI], `instruments` those that go before the aircraft file's.
     """
 
     leaves: dict[str, dict[str, Channel]]
@@ -181,6 +184,7 @@ class NameMap:
     utc: Utc | None = None
     decode: dict[str, Decode] = field(default_factory=dict)
     constants: dict[str, float] = field(default_factory=dict)
+    instruments: dict[str, Instrument] = field(default_factory=dict)
 
     def clock_of(self, table: str) -> Clock:
         """Return the clock of a table of the file."""
@@ -272,6 +276,7 @@ def _parsed(content: dict[str, Any], source: str, folder: Path, problems: list[s
     facts = _part(Facts, content.pop("record", {}), "record", problems)
     utc = _part(Utc, content.pop("utc"), "utc", problems) if "utc" in content else None
     decode = _decoded(content.pop("decode", {}), problems)
+    specified = _instruments(content.pop("instruments", {}), problems)
     constants = _constants(content.pop("constants", {}), problems)
     leaves: dict[str, dict[str, Channel]] = {}
     for leaf, table in content.items():
@@ -282,7 +287,15 @@ def _parsed(content: dict[str, Any], source: str, folder: Path, problems: list[s
     problems += _twice(leaves)
     shown = {name for channels in leaves.values() for name, channel in channels.items() if not channel.optional}
     problems += [f"constants.{name}: a column shows it too; take one of them out" for name in constants if name in shown]
-    return NameMap(leaves, clock, facts or Facts(), source, clocks, utc, decode, constants)
+    return NameMap(leaves, clock, facts or Facts(), source, clocks, utc, decode, constants, specified)
+
+
+def _instruments(tables: Any, problems: list[str]) -> dict[str, Instrument]:
+    if not isinstance(tables, dict):
+        problems.append(f"instruments: expected tables [instruments.NAME]; found {tables!r}")
+        return {}
+    found = {name: _part(Instrument, table, f"instruments.{name}", problems) for name, table in tables.items()}
+    return {name: item for name, item in found.items() if item is not None}
 
 
 def _constants(table: Any, problems: list[str]) -> dict[str, float]:

@@ -20,7 +20,7 @@ from flightmech.support.display import html_table
 
 from ..remarks import Remark, documents
 from ..remarks import lines as remark_lines
-from ..sensors.instruments import SPEEDS, VANES, instruments
+from ..sensors.instruments import SPEEDS, VANES, instruments_of
 from ..sensors.measurements import windows_of
 from .channel_signals import channel_signals
 from .drawn_signals import compatibility_figure
@@ -161,7 +161,7 @@ def reconstruct(
 
 def solve(record: xr.DataTree, aircraft: Aircraft, windows=None, prior=None, rate: float = 50.0) -> tuple[Setup, Solution]:
     """Return the problem of a record and its solution; arguments as in `reconstruct`."""
-    specification = instruments(aircraft.instruments, f"instruments of {aircraft.name}")
+    specification = instruments_of(aircraft, record.attrs)
     setup = assemble(record, aircraft, specification, windows_of(record, windows), rate, prior)
     try:
         solution = estimate(setup.problem, setup.x, setup.c, CALM_STEPS)

@@ -84,6 +84,8 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> xr.DataTree:
     root = {key: value for key, value in recording.facts.items() if isinstance(value, str | int | float)}
     root.update({key: value for key, value in utc_facts(mapping.utc, tables, clocks).items()})
     root.update({key: value for key, value in mapping.facts.model_dump().items() if value is not None})
+    if mapping.instruments:
+        root["instruments"] = json.dumps({name: item.model_dump(exclude_defaults=True) for name, item in mapping.instruments.items()})
     root.setdefault("title", root.get("record") or path.name.split(".")[0])
     root.update(source_file=path.name, format=FORMATS[recording.kind][1])
     root["unmapped"] = " ".join(f"{t}/{c}" for t, table in tables.items() for c in table.columns if (t, c) not in used)

@@ -1,6 +1,7 @@
 """Specification of the instruments: where they sit, how noisy they are, and how large their constant errors may be.
 
-It stands in the aircraft file, one table per instrument; the names of the tables are free, channels carry canonical names::
+It stands in the aircraft file, and where a recorder differs in its name map, one table per instrument; the names of the tables are free,
+channels carry canonical names::
 
     [instruments.imu]
     position = [0.90, 0.25, 0.32]                       # from the moment reference point, body axes
@@ -31,6 +32,7 @@ show the rate of the Earth too, as those of an inertial reference do; the record
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -185,6 +187,29 @@ def pick_up_errors(content: Mapping[str, Any], what: str = "instruments") -> dic
         if bias or scale:
             found[name] = bias, scale
     return found
+
+
+def instruments_of(aircraft: Any, facts: Mapping[Any, Any]) -> Instruments:
+    """Return the specification for a record: the tables of the aircraft file, and over them those of its name map.
+
+    Parameters
+    ----------
+    aircraft : Aircraft
+    facts : mapping
+        Attributes of the record; ``instruments`` holds the tables of the name map (JSON).  A table replaces the one of that name.
+
+    Raises
+    ------
+    SchemaError
+        As `instruments`.
+    """
+    stated = stated_in(facts)
+    return instruments({**aircraft.instruments, **stated}, f"instruments of {aircraft.name}{' and the name map' if stated else ''}")
+
+
+def stated_in(facts: Mapping[Any, Any]) -> dict[str, Any]:
+    """Return the tables of instruments that the name map of a record states; empty for none."""
+    return json.loads(facts.get("instruments", "{}"))
 
 
 def _tables(content: Mapping[str, Any]) -> dict[str, Any]:

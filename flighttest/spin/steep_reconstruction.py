@@ -11,6 +11,7 @@ body axes of the aircraft, and incidence, attitude and reduced rates are formed 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +23,7 @@ from flightmech.names import attrs
 from ..dynamics.force_coefficients import reduced_rates
 from ..dynamics.kinematics import rotation
 from ..reconstruction.smoother import Path, reconstruct
+from ..sensors.instruments import stated_in
 
 if TYPE_CHECKING:
     from flightmech import Aircraft
@@ -50,7 +52,7 @@ def reconstruct_steep(record: xr.DataTree, aircraft: Aircraft, rate: float = 50.
         States in the body axes of the aircraft.  Constants and residuals of inertial unit and attitude are those of the turned
         axes: ``bias.p`` is about the turned x axis.
     """
-    path = reconstruct(_turned_record(record), _turned_aircraft(aircraft), rate=rate)
+    path = reconstruct(_turned_record(record), _turned_aircraft(aircraft, record.attrs), rate=rate)
     return replace(path, states=_turned_back(path.states, aircraft))
 
 
@@ -65,14 +67,16 @@ def _turned_record(record: xr.DataTree) -> xr.DataTree:
             R = rotation(np.stack([data[part].values for part in _EULER], axis=1))
             data = _with(data, _EULER, _euler(R @ TURN.T))
         leaves[f"/{name}"] = data.drop_vars(["alpha_vane", "beta_vane"], errors="ignore")
-    return xr.DataTree.from_dict({"/": xr.Dataset(attrs=record.attrs), **leaves})
+    return xr.DataTree.from_dict(
+        {"/": xr.Dataset(attrs={key: item for key, item in record.attrs.items() if key != "instruments"}), **leaves}
+    )
 
 
-def _turned_aircraft(aircraft: Aircraft) -> Aircraft:
+def _turned_aircraft(aircraft: Aircraft, facts: Mapping[Any, Any]) -> Aircraft:
     """The aircraft with c.g. and instruments in turned axes; x and z change places, and so do their specifications."""
     swapped = {"p": "r", "r": "p", "ax_imu": "az_imu", "az_imu": "ax_imu"}
     tables: dict[str, Any] = {}
-    for name, item in aircraft.instruments.items():
+    for name, item in {**aircraft.instruments, **stated_in(facts)}.items():
         table = dict(item)
         for key in ("noise", "bias_sigma", "scale_sigma"):
             if key in table:

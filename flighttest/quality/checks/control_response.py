@@ -19,7 +19,7 @@ from flightmech.units import DEGREE
 
 from ...signals.differentiation import derivative
 from ...uncertainty.coloured_residuals import coloured
-from ..finding import Finding, map_entry, rows
+from ..finding import Finding, later, map_entry, rows
 from .signals import BAND, Signals, smooth
 
 SIGNIFICANT = 6.0  # standard errors a coefficient must have before its sign counts
@@ -155,7 +155,9 @@ def _surface(row, record: xr.DataTree) -> list[Finding]:
         text = (
             f"{name} is recorded {1e3 * abs(row.lead):.0f} ms {when} it acts on {row.rate}_dot (delaying it gains {row.gained:.2f} of R2)"
         )
-        remedy = "a command instead of a position, or a clock that is off: put the actuator's lag, or the delay, between"
+        line = later(record, name, lag=-row.lead) if row.lead > 0.0 else later(record, name, delay=-row.lead)
+        cause = "a command, whose actuator lags" if row.lead > 0.0 else "a clock that is late"
+        remedy = f"{line}, if it is {cause}" if line else f"{cause}: put the time between"
         return [Finding("warning", "lag", names, text, remedy, evidence={"lead": row.lead, "gained": row.gained})]
     return []
 

@@ -6,12 +6,13 @@ from collections.abc import Iterable
 
 import numpy as np
 import pandas as pd
+import xarray as xr
 
 from flightmech.errors import IdentificationError
 
 from ...sensors.instruments import Instruments
 from ...signals.delays import time_delay
-from ..finding import Finding, rows
+from ..finding import Finding, later, rows
 from .relations import RELATIONS
 from .signals import Signals
 
@@ -64,7 +65,7 @@ def lags(signals: Signals, placed: Iterable[str] = ()) -> pd.DataFrame:
     return pd.DataFrame(table, columns=["channel", "against", "delay", "stderr", "correlation"])
 
 
-def lag_findings(table: pd.DataFrame, specification: Instruments | None) -> list[Finding]:
+def lag_findings(table: pd.DataFrame, specification: Instruments | None, record: xr.DataTree) -> list[Finding]:
     """Return delays that are longer than the aircraft file, or habit, allows."""
     found = []
     for row in rows(table):
@@ -76,7 +77,7 @@ def lag_findings(table: pd.DataFrame, specification: Instruments | None) -> list
             f"{row.channel} is {1e3 * abs(row.delay):.0f} ms {'late' if row.delay > 0 else 'early'} against {row.against} "
             f"(standard error {1e3 * row.stderr:.1f} ms); {origin} allows {1e3 * low:.0f} to {1e3 * high:.0f} ms"
         )
-        remedy = f'delay = "{1e3 * row.delay:.0f} ms" in the name map, for all channels of that instrument'
+        remedy = f"{later(record, row.channel, delay=row.delay)}, and the same delay for the other channels of that instrument"
         found.append(Finding("warning", "lag", (row.channel,), text, remedy, evidence={"delay": row.delay, "stderr": row.stderr}))
     return found
 

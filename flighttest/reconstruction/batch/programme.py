@@ -11,7 +11,7 @@ import xarray as xr
 
 from flightmech.errors import IdentificationError, SchemaError
 
-from ...sensors.instruments import instruments
+from ...sensors.instruments import instruments_of
 from ...sensors.measurements import windows_of
 from ..problem.assembly import assemble
 from ..problem.constants import identifiability
@@ -154,7 +154,7 @@ def _start(records, aircraft, windows, free, prior, rate) -> Equations:
     chosen = windows if windows is not None else [None] * len(records)
     if len(chosen) != len(records):
         raise SchemaError("batch reconstruction", [f"{len(chosen)} sets of windows for {len(records)} records; give one per record"])
-    specification = instruments(aircraft.instruments, f"instruments of {aircraft.name}")
+    specification = instruments_of(aircraft, records[0].attrs)
     setups = [assemble(record, aircraft, specification, windows_of(record, own), rate, prior) for record, own in zip(records, chosen)]
     return first_equations(layout(setups, free))
 

@@ -2,15 +2,20 @@
 
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import flighttest
-from flighttest.quality.finding import exchanged, map_entry
+from flightmech.errors import SchemaError
+from flighttest.quality.finding import exchanged, later, map_entry
 from flighttest.readers.map_entries import corrected, line_of, units_of
 from flighttest.readers.name_map import Channel
+from flighttest.sensors.instruments import IMU as GYROS
+from flighttest.sensors.instruments import instruments_of
 
+IMU = {"position": [0.0, 0.0, 0.0], "noise": dict.fromkeys(GYROS, 1e-3), "bias_sigma": dict.fromkeys(GYROS, 1e-3)}
 HEAD = "time,aN [g],nose,oat,l,r,psi\n"
 MAP = """
 [imu]
@@ -94,5 +99,34 @@ def test_constant_channel_is_stated_in_the_map(recording):
     recording[1].write_text(MAP + '[constants]\ndelta_f = "20 deg"\n')
     np.testing.assert_allclose(channel(recording, "delta_f"), np.radians(20.0))
     recording[1].write_text(MAP + "[constants]\ntheta = 0.1\n")
-    with pytest.raises(flighttest.records.record.SchemaError, match=r"constants\.theta: a column shows it too"):
+    with pytest.raises(SchemaError, match=r"constants\.theta: a column shows it too"):
+        flighttest.read(*recording)
+
+
+def test_lag_and_delay_are_lines_too(recording):
+    record = flighttest.read(*recording)
+    assert later(record, "theta", delay=0.12) == (
+        'theta = { column = "nose", unit = "deg", offset = "2 deg", delay = 0.12 }   # in [imu] of the name map'
+    )
+    before = channel(recording, "delta_a_right")
+    pasted(recording[1], later(record, "delta_a_right", lag=-0.1))
+    after = channel(recording, "delta_a_right")
+    time = record["controls"]["time"].values
+    true = np.radians(20.0) * 0.1 * (np.cos(time) + 0.1 * np.sin(time)) / 1.01  # of 0.1 cos t behind a lag of 0.1 s, once it has settled
+    np.testing.assert_allclose(after[50:], true[50:], atol=2e-6)  # lines between samples: a twelfth of step^2 times curvature
+    assert np.abs(after - before).max() > 1e-3
+    assert later(record, "delta_a", lag=-0.1) == ""
+
+
+def test_instruments_of_the_name_map_go_before_those_of_the_aircraft(recording):
+    aircraft = SimpleNamespace(name="a", instruments={"imu": IMU, "air": {"noise": {"q_c": 5.0}}})
+    recording[1].write_text(MAP + '[instruments.air]\nnoise = { V = "1 kt" }\nfactor = { V = [1.0, 0.02] }\n')
+    record = flighttest.read(*recording)
+    found = instruments_of(aircraft, record.attrs)
+    assert found.name_of("q_c") is None
+    assert found.noise("V") == pytest.approx(0.514444, rel=1e-5)
+    assert found.of("V").factor["V"] == (1.0, 0.02)
+    assert found.noise("p") == 1e-3
+    recording[1].write_text(MAP + "[instruments.air]\nnoize = { V = 0.1 }\n")
+    with pytest.raises(SchemaError, match=r"instruments\.air\.noize: unknown key; near it: noise"):
         flighttest.read(*recording)
