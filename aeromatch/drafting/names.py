@@ -12,13 +12,14 @@ import numpy as np
 import xarray as xr
 
 import flighttest
-from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError
+from flightmech.errors import SchemaError, UnitError
 from flightmech.names import lookup
 from flightmech.units import G0, parse
 from flighttest.readers.map_entries import line_of
 from flighttest.readers.name_map import Channel, Clock, Facts, NameMap, known_unit, read_names
 from flighttest.readers.opening import FORMATS, open_recording, recognise
 from flighttest.readers.recording import CLOCK_NAMES, Table
+from flighttest.records import needs_names
 
 from .column_names import Guess, guess
 from .column_units import by_size, stated
@@ -121,7 +122,7 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
     if kind in LOGS:
         remark = f"surface angles are not in a {FORMATS[kind][1]} log: add the bench table of each surface to [controls] of names.toml"
         return NamesDraft(extends=LOGS[kind], remarks=(remark,))
-    if all(_speaks_canonical_names(file) for file in files):
+    if not any(needs_names(file) for file in files):
         return NamesDraft(identity=True)
     recordings = {file: open_recording(file, NameMap({})) for file in files}
     tables: dict[str, Table] = {}
@@ -137,16 +138,6 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
     several = {name: clock for name, (clock, _) in clocks.items() if clock != first[0]}
     facts = _facts(found, tables, rows)
     return NamesDraft(tuple(rows), first[0], several, first[1], facts, constants, left_out=tuple(left_out), remarks=tuple(remarks))
-
-
-def _speaks_canonical_names(file: Path) -> bool:
-    try:
-        flighttest.read(file)
-    except ParseError:
-        raise
-    except AeromatchError:
-        return False
-    return True
 
 
 def _clock_of(name: str, table: Table) -> tuple[Clock, str] | None:

@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 
+from flightmech.errors import AeromatchError, SchemaError
+
+from ..reconstruction.problem.assembly import assemble
 from ..records.record import manoeuvres
-from ..sensors.instruments import Instruments, instruments_of
+from ..sensors.instruments import SPEEDS, Instruments, instruments_of
+from ..sensors.measurements import Channels, demand_air_data, windows_of
 from .checks.control_response import answer_findings, answers, hands
 from .checks.delays import lag_findings, lags
 from .checks.excitation import correlations, excitation, excitation_findings
@@ -18,11 +22,14 @@ from .checks.notes import remarks
 from .checks.relations import compare_all
 from .checks.samples import channel_findings, channel_table, faults_of, flag_findings
 from .checks.signals import Signals, at_cg, signals_of
-from .finding import by_severity, without_consequences
+from .finding import Finding, by_severity, without_consequences
 from .result import Quality
 
 if TYPE_CHECKING:
     from flightmech.aircraft.aircraft import Aircraft
+
+
+RATE = 50.0  # Hz, of the path that is set up to see whether the reconstruction takes a record
 
 
 def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
@@ -74,10 +81,29 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
     findings += answer_findings(answered, followed, moved, record)
     findings += excitation_findings(excited, matrix, corrected, manoeuvres(record), purpose)
     findings += remarks(corrected, table, comparisons)
+    if all(finding.severity == "note" for finding in findings):  # nothing is called sound that the reconstruction refuses
+        findings += _refusals(record, aircraft, specification)
     as_read = compare_all(signals) if explanations else comparisons
     findings = by_severity(without_consequences(findings))
     facts = _facts(record, signals, aircraft)
     return Quality(facts, findings, table, kinematics, delays, answered, followed, excited, matrix, comparisons, as_read, signals)
+
+
+def _refusals(record: xr.DataTree, aircraft: Aircraft | None, specification: Instruments | None) -> list[Finding]:
+    """Return why the reconstruction refuses the whole record: of an aircraft its problem is set up, without one channels are looked for."""
+    try:
+        windows = windows_of(record, None)
+        if aircraft is not None and specification is not None:
+            assemble(record, aircraft, specification, windows, RATE, None)
+        else:
+            channels = Channels(record, windows)
+            demand_air_data(channels, next((name for name in ("q_c", *SPEEDS) if name in channels), "q_c"))
+    except AeromatchError as error:
+        problems = error.problems if isinstance(error, SchemaError) else [str(error)]
+        text = f"the reconstruction refuses the whole record: {'; '.join(problems)}"
+        severity = "warning" if specification is None else "error"
+        return [Finding(severity, "reconstruction", ("record",), text, "add what is missing, or reconstruct windows without the fault")]
+    return []
 
 
 def _places(specification: Instruments | None, aircraft: Aircraft | None) -> dict[str, np.ndarray]:

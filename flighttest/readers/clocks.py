@@ -49,9 +49,9 @@ class Clocks:
 
     def _raw(self, table: str) -> tuple[np.ndarray, float, str | None]:
         clock, part = self.names.clock_of(table), self.tables[table]
-        if clock.column is None and part.time is not None:
+        if self._own_column(clock.column, table) is None and part.time is not None:
             return part.time, 1.0, None
-        column = clock.column if clock.column is not None else first(CLOCK_NAMES, part.columns)
+        column = self._own_column(clock.column, table) or first(CLOCK_NAMES, part.columns)
         if column is None and clock.rate is not None and part.columns:
             length = len(np.asarray(next(iter(part.columns.values()))))
             return np.arange(length) / clock.rate, 1.0, None
@@ -59,6 +59,13 @@ class Clocks:
             hint = f'table {table}; name the clock in the name map: [time] column = "...", or give its rate'
             raise UnknownName(column or "time", part.columns, "time column", hint)
         return np.asarray(part.columns[column], float), clock.seconds(part.units.get(column)), column
+
+    def _own_column(self, wanted: str | None, table: str) -> str | None:
+        """Return the column that ``[time] column`` names in a table; None without one, and for the table/column of another table."""
+        if wanted is None or wanted in self.tables[table].columns:
+            return wanted
+        group, _, column = wanted.rpartition("/")
+        return column if group == table else None if group in self.tables else wanted
 
     def settled(self, table: str, what: str) -> Settled:
         """Return the settled clock of a table."""

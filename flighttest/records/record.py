@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from flightmech.errors import AeromatchError, SchemaError, UnitError, UnknownName
+from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
 
 from ..readers.clocks import Clocks, utc_facts
@@ -182,6 +182,23 @@ def _own_names(recording: Recording, path: Path) -> NameMap:
         {name: {c: Channel(column=c) for c in table.columns if c not in clocks} for name, table in recording.tables.items()},
         source="of the file",
     )
+
+
+def needs_names(path: str | Path) -> bool:
+    """Return whether a recording can be read with a name map only: some column has no canonical name, or no unit.
+
+    Raises
+    ------
+    ParseError
+        The file is damaged, or of no known format.
+    """
+    try:
+        read(path)
+    except ParseError:
+        raise
+    except AeromatchError:
+        return True
+    return False
 
 
 def _known(name: str) -> bool:

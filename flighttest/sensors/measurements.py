@@ -174,7 +174,7 @@ def air_readings(channels: Channels, specification: Instruments) -> AirData:
         Airspeed, static pressure (or height) or temperature are neither recorded nor to be derived.
     """
     name = airspeed_channel(channels, specification)
-    _demand_air_data(channels, name)
+    demand_air_data(channels, name)
     clock, shown = channels.get(name)
     T = np.interp(clock, *channels.get("temperature"))
     p = np.interp(clock, *(channels.get("p_static") if "p_static" in channels else _standard_pressure(channels)))
@@ -186,7 +186,14 @@ def air_readings(channels: Channels, specification: Instruments) -> AirData:
     return AirData(name, clock, T, speed, p, (item.delay or (0.0, 0.0))[0])
 
 
-def _demand_air_data(channels: Channels, name: str) -> None:
+def demand_air_data(channels: Channels, name: str) -> None:
+    """Check that airspeed (channel `name`), static pressure or height, and temperature are there.
+
+    Raises
+    ------
+    SchemaError
+        All that is missing.
+    """
     problems = []
     if name not in channels:
         shown = [speed for speed in SPEEDS if speed in channels]

@@ -18,6 +18,7 @@ import flighttest
 from flightmech.errors import OutOfRange, SchemaError, UnknownName
 from flightmech.support.atomic_write import written_atomically
 from flightmech.units import from_si
+from flighttest.records import needs_names
 
 from ..cases.case import PRIMARY, PomCase, read_case
 from ..replaying.reference_states import path_states
@@ -93,7 +94,10 @@ def init_case(
         raise FileExistsError(f"{output} is there already; give another name, or --force to overwrite it")
     rows = table.rows_of(test, standard, edition)
     record = Path(record)
-    files = {"record": record, "names": _next_to(record, "names.toml", names), "aircraft": _next_to(record, "aircraft.toml", aircraft)}
+    map_file = _next_to(record, "names.toml", names)
+    if names is None and map_file is not None and path_states(str(record)) is None and not needs_names(record):
+        map_file = None  # a file of `flight convert`: the map next to it is that of the recording
+    files = {"record": record, "names": map_file, "aircraft": _next_to(record, "aircraft.toml", aircraft)}
     draft = draft_case(rows, recorded_channels(record, files["names"]), window)
     draft.case.update(standard=standard, edition=edition)
     if name:

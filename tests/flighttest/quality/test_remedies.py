@@ -130,3 +130,45 @@ def test_instruments_of_the_name_map_go_before_those_of_the_aircraft(recording):
     recording[1].write_text(MAP + "[instruments.air]\nnoize = { V = 0.1 }\n")
     with pytest.raises(SchemaError, match=r"instruments\.air\.noize: unknown key; near it: noise"):
         flighttest.read(*recording)
+
+
+def motion(folder, more=""):
+    """Steady level flight with a little motion and no temperature; canonical names."""
+    time = np.arange(0.0, 60.0, 0.02)
+    rng = np.random.default_rng(3)
+    columns = {"p": 0.0, "q": 0.0, "r": 0.0, "phi": 0.0, "theta": 0.05, "ax_imu": 0.49, "ay_imu": 0.0, "az_imu": -9.79, "V_cas": 80.0}
+    units = ["rad/s"] * 3 + ["rad"] * 2 + ["m/s2"] * 3 + ["m/s"]
+    noise = {"rad/s": 1e-3, "rad": 1e-3, "m/s2": 0.02, "m/s": 0.1}
+    values = [time, *(x + noise[unit] * rng.standard_normal(len(time)) for x, unit in zip(columns.values(), units, strict=True))]
+    head = ",".join(["time", *(f"{name} [{unit}]" for name, unit in zip(columns, units, strict=True)), "h_baro [m]"])
+    rows = np.stack([*values, 1000.0 + 0.3 * rng.standard_normal(len(time))], axis=1)
+    (folder / "level.csv").write_text(head + "\n" + "\n".join(",".join(f"{x:.6g}" for x in row) for row in rows) + "\n")
+    names = "\n".join(f'{name} = "{name}"' for name in [*columns, "h_baro"])
+    (folder / "level.toml").write_text(f"[record]\n{more}\n[imu]\n{names}\n")
+    return flighttest.read(folder / "level.csv", folder / "level.toml")
+
+
+def test_no_record_is_sound_that_the_reconstruction_refuses(tmp_path):
+    quality = flighttest.assess(motion(tmp_path))
+    found = next(one for one in quality.findings if one.kind == "reconstruction")
+    assert "no channel temperature" in found.text
+    assert not quality.verdict.startswith("sound")
+    stated = flighttest.assess(motion(tmp_path, 'temperature = "12 degC"'))
+    assert stated.verdict.startswith("sound")
+
+
+def test_stamps_are_named_with_their_table(recording, tmp_path):
+    original = flighttest.read(*recording)
+    flighttest.records.save_record(original, tmp_path / "el.nc")
+    for column in ("imu/time", "time"):
+        (tmp_path / "el.toml").write_text(f'[time]\ncolumn = "{column}"\n[imu]\ntheta = "theta"\n[air]\ntemperature = "temperature"\n')
+        record = flighttest.read(tmp_path / "el.nc", tmp_path / "el.toml")
+        for leaf in ("imu", "air"):
+            np.testing.assert_allclose(record[leaf]["time"].values, original[leaf]["time"].values)
+
+
+def test_a_converted_record_needs_no_map(recording, tmp_path):
+    record = flighttest.read(*recording)
+    assert flighttest.records.needs_names(recording[0])
+    flighttest.records.save_record(record, tmp_path / "converted.nc")
+    assert not flighttest.records.needs_names(tmp_path / "converted.nc")
