@@ -73,6 +73,9 @@ def _collect(group: Group, place: str, names: NameMap, found: dict[str, Table]) 
 
 def _clock_name(arrays: Mapping[str, Array], place: str, names: NameMap) -> str | None:
     wanted = names.clock_of(place).column
+    if wanted is not None and wanted not in arrays and "/" in wanted:  # table/column: the stamps of that table
+        table, _, wanted = wanted.rpartition("/")
+        wanted = wanted if table == place else None
     choice = (wanted,) if wanted is not None else CLOCK_NAMES
     return next((name for name in choice if name in arrays and arrays[name].size > 1), None)
 
