@@ -14,10 +14,14 @@ from flightmech.simulation.kernel import AXIS
 from flightmech.units import from_si
 
 from ..judging.evidence import flown_model
+from ..judging.watch import SLOWEST
 from ..tolerances.derived_channels import output_of
 from ..tolerances.remarks import RowRemark
 
 NEGLIGIBLE = 1e-3  # of the range: what a table holds there is as good as what it would be
+
+
+FLOW = ("alpha", "beta")  # mean nothing on an aeroplane that stands
 
 
 class TableRange(NamedTuple):
@@ -63,8 +67,11 @@ def tables_left(time: np.ndarray, outputs: Mapping[str, np.ndarray], ranges: tup
     if not steps > 0.0:
         return ()
     seen = [(item, outputs[source]) for item in ranges if (source := output_of(item.variable, outputs)) in outputs]
+    flying = outputs["V"] > SLOWEST if "V" in outputs else np.ones(time.size, bool)
+    seen = [(item, np.where(flying, values, item.low) if item.variable in FLOW else values) for item, values in seen]
     found = [remark for item, values in seen if (remark := _left(time, values, item))]
-    if found or (ranges and len(seen) == len(ranges)):
+    explained = any(((values < item.low) | (values > item.high)).any() for item, values in seen) or not flying.all()
+    if found or explained or (ranges and len(seen) == len(ranges)):
         return tuple(found)
     return (RowRemark("tables_left", f"tables left in {steps:.0f} internal steps", values={"steps": steps}, unit="1"),)
 

@@ -27,6 +27,15 @@ def test_a_range_that_was_left_is_named():
 
 def test_rounding_is_no_leaving():
     assert left((FLAP,), **{"applied.delta_f": 40.0 * DEG + 1e-16 + 0.0 * TIME}) == ()
+    noisy = {"applied.delta_f": 1e-4 * DEG * np.sin(TIME)}  # flaps up, with the noise of their pick-up
+    assert left((FLAP, TableRange("engine1.corrected_n1", 0.3, 1.1, "1")), **noisy) == ()
+
+
+def test_flow_angles_of_an_aeroplane_that_stands_do_not_count():
+    V = np.where(TIME < 5.0, 0.5, 60.0)
+    assert left((ALPHA,), alpha=np.where(TIME < 5.0, 1.5, 0.1), V=V) == ()
+    (remark,) = left((ALPHA,), alpha=0.5 + 0.0 * TIME, V=V)
+    assert "in 50 % of the samples" in remark.text
 
 
 def test_without_a_count_or_a_name():
