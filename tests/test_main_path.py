@@ -99,11 +99,13 @@ def test_replay_proves_the_final_model(prior, final, aircraft, path, tmp_path):
     }
     result = pom.replay(case, runs, path)
     assert result.failure == ""
-    assert result.passed("final")
+    # every row is within its tolerance; the lateral terms are still those of DATCOM, so the trim leaves accelerations
+    assert set(result.groups("final").values()) == {"pass"}
+    assert result.status("final") == "limits_exceeded"
     assert not result.passed("datcom")
     worst = result.verdict.groupby("run")["worst_ratio"].max()
     assert worst["final"] < 0.5 * worst["datcom"]
     report = pom.write_report([result], tmp_path / "report", title="T-37")
     numbers = json.loads((report.parent / "results.json").read_text())
-    assert numbers["results"][0]["status"]["final"] == "pass"
+    assert numbers["results"][0]["status"]["final"] == "limits_exceeded"
     assert "Short period, clean, cruise" in report.read_text(encoding="utf-8")

@@ -99,7 +99,7 @@ def foreign_kind(content: Mapping[str, Any], own: Iterable[str] = ()) -> str:
 
 def _other_kind(model: type[BaseModel], content: dict[str, Any]) -> str:
     """Return a sentence on a file that is plainly of another kind than `model`, else nothing."""
-    if not content:
+    if not content and any(field.is_required() for field in model.model_fields.values()):
         return f"the file is empty; expected the keys {', '.join(model.model_fields)}"
     if kind := foreign_kind(content, model.model_fields):
         return f"{kind}; expected the keys {', '.join(model.model_fields)}"

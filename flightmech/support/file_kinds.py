@@ -68,6 +68,8 @@ def _text_kind(text: str) -> str:
     try:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
+        content = {}
+    if not content:  # comments alone are TOML too
         first = next((line.strip() for line in text.splitlines() if line.strip()), "")
         return f"a text that begins with {first[:40]!r}"
     for kind, (keys, use) in TOML.items():

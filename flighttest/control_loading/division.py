@@ -32,6 +32,7 @@ def driven_and_free(states: xr.Dataset, manoeuvres: pd.DataFrame, free: Sequence
 
     Examples
     --------
+    >>> import numpy as np, pandas as pd, xarray as xr
     >>> time = np.arange(0.0, 10.0, 0.02)
     >>> states = xr.Dataset({"column": ("time", 0.0 * time)}, {"time": time})
     >>> listed = pd.DataFrame({"manoeuvre": ["sweep", "release"], "start": [0.0, 5.0], "end": [5.0, 8.0]})

@@ -265,12 +265,18 @@ class _Assembly:
         return [sensor for sensor in found if len(sensor.time)]
 
     def groups(self, *names: str) -> list[list[str]]:
-        """Return the usable channels among `names` that share a clock and an instrument, and so its latency and least speed."""
+        """Return the usable channels among `names` that share a clock, a latency and a least speed.
+
+        An instrument that states neither follows the first one of its table, whose stamps it carries.
+        """
         found: list[list[str]] = []
         for group in self.channels.by_leaf([name for name in names if self.usable(name)]):
             by_instrument: dict[str | None, list[str]] = {}
+            first = self.specification.name_of(group[0])
             for name in group:
-                by_instrument.setdefault(self.specification.name_of(name), []).append(name)
+                item = self.specification.of(name)
+                own = item.delay is not None or item.minimum_speed > 0.0
+                by_instrument.setdefault(self.specification.name_of(name) if own else first, []).append(name)
             found += by_instrument.values()
         return found
 

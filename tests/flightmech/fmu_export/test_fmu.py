@@ -121,7 +121,7 @@ def test_a_failed_write_leaves_the_old_file(trainer, tmp_path):
 def test_no_fmu_is_a_parse_error(tmp_path):
     path = tmp_path / "x.fmu"
     path.write_bytes(b"no zip")
-    with pytest.raises(ParseError, match="no readable FMU"):
+    with pytest.raises(ParseError, match=r"expected an FMU: a zip archive with a modelDescription\.xml"):
         read_fmu(path)
 
 

@@ -72,4 +72,4 @@ def test_convert_without_a_map_names_the_shipped_ones(log, tmp_path):
 def test_map_that_is_nowhere(log, tmp_path):
     done = call("convert", log, "--names", "px5", "-o", tmp_path / "flight.nc")
     assert done.exit_code == 2
-    assert "File 'px5' does not exist" in done.output
+    assert "no file 'px5' and no shipped map of that name; shipped are ardupilot, px4" in done.output

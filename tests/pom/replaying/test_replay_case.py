@@ -140,7 +140,7 @@ def test_no_fmu(case, lag_states, tmp_path):
     text.write_text("no zip")
     with pytest.raises(ParseError, match="an FMU"):
         replay(case, {"a": text}, lag_states)
-    with pytest.raises(FileNotFoundError, match="no file .*give the FMU of a model"):
+    with pytest.raises(FileNotFoundError, match=r"no file .*give the FMU of a model"):
         replay(case, {"a": tmp_path / "none.fmu"}, lag_states)
 
 
