@@ -78,7 +78,7 @@ def test_no_page_requests_anything_from_another_host(site, browser):
 def test_search_finds_a_page(site, browser):
     page = browser.new_page()
     page.goto(site, wait_until="networkidle")
-    page.locator("input[name=query]").fill("collinearity")
+    page.locator("input[name=query]").press_sequentially("collinearity")  # the page listens to keys, not to a change of the value
     hit = page.locator(".md-search-result__link").first
     hit.wait_for(timeout=20_000)
     assert "regression/" in (hit.get_attribute("href") or "")  # the page that explains what it does to standard errors
