@@ -186,6 +186,8 @@ def _parameter(name: str, aircraft: Aircraft) -> Entry:
 def _initial(name: str, quantity: str) -> Entry:
     if quantity.endswith("_dot"):
         return _rate(name, quantity, "wanted by the trim")
+    if quantity == "phi_range":
+        return Entry(name, "rad", "deg", "bank angle by which the trim may leave init.phi", 0.0, 0.0, 0.5, FIXED)
     text = f"{lookup(quantity).long_name} at the start{_START_NOTES.get(quantity, '')}"
     return _row(name, quantity, text, value=_START.get(quantity, 0.0), flags=FIXED)
 

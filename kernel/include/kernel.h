@@ -175,9 +175,9 @@ AM_API int am_initialize(am_sim *sim, double t);
 /* Trim at the start of a run, as mode.trim.
  *
  * 1 or 2: solve for alpha, beta and biases of elevator, aileron, rudder and of thrust (1, N per
- * engine) or throttle (2) so that u', v', w', p', q', r' take the values init.u_dot ... init.r_dot,
- * with init.V gamma phi psi h p q r psi_dot held: regularised minimum-norm Newton steps inside the
- * limits of the inputs.
+ * engine) or throttle (2), and for a bank within init.phi_range of init.phi, so that u', v', w',
+ * p', q', r' take the values init.u_dot ... init.r_dot, with init.V gamma psi h p q r psi_dot
+ * held: regularised minimum-norm Newton steps inside the limits of the inputs.
  * 3: stand on the runway, rolling with init.V over the ground along init.psi (0: at rest): height,
  * pitch, bank and, at rest, deflections of the tyres, so that the legs carry the aircraft and, at
  * rest, nothing accelerates.

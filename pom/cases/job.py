@@ -10,6 +10,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import OutOfRange, UnknownName
+from flightmech.units import DEGREE
 
 from .case import PRIMARY, PomCase
 from .case_file import BRAKES, INPUTS, WIND
@@ -19,6 +20,12 @@ from .pilot import Loop
 # what drives the engines: the recorded quantity, the input it becomes, mode.engine
 ENGINE_DRIVES = {"throttle": ("throttle", "throttle", 0.0), "n1": ("n1", "n1_drive", 1.0), "thrust": ("thrust", "thrust_drive", 2.0)}
 TRIM_THRUST, TRIM_THROTTLE, TRIM_GROUND = 1.0, 2.0, 3.0  # mode.trim
+BANK_RANGE = 1.0 * DEGREE
+"""Bank angle by which the trim may leave the recorded one: half the 2 deg of the lateral rows of Table A2A. [rad]
+
+In a straight sideslip the side forces of fin and rudder can nearly cancel: a side acceleration within the accuracy of the record
+then takes degrees of rudder, or a tenth of a degree of bank.
+"""
 LEVELS = {"recorded": 0.0, "cockpit": 1.0, "force": 2.0}  # mode.controls
 DRIVEN_BY = {
     "recorded": "the surfaces as recorded",
@@ -157,6 +164,7 @@ def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     if case.drive.trim == "ground":
         found["mode.trim"] = TRIM_GROUND
     elif case.drive.trim:
+        found["init.phi_range"] = BANK_RANGE
         found["mode.trim"] = TRIM_THROTTLE if case.drive.engine == "throttle" else TRIM_THRUST
     if case.drive.level != "recorded":
         found["mode.controls"] = LEVELS[case.drive.level]
@@ -173,4 +181,4 @@ def configuration(case: PomCase, job: Job) -> Mapping[str, float]:
     for name in ("delta_f", "gear", "speedbrake", *WIND):
         if name in job.inputs:
             found[name] = float(job.inputs[name][0])
-    return {name: value for name, value in found.items() if not name.startswith("mode.") and not name.endswith("_dot")}
+    return {name: value for name, value in found.items() if not name.startswith("mode.") and not name.endswith(("_dot", "_range"))}

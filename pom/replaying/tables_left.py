@@ -35,7 +35,7 @@ class TableRange(NamedTuple):
 
 @lru_cache(maxsize=64)
 def table_ranges(fmu: str | Path, sha256: str) -> tuple[TableRange, ...]:
-    """Return the ranges of the tables inside an FMU, each once; none for an FMU of another program.
+    """Return the ranges of the tables inside an FMU, each once; none for an FMU of another program or of another version of this one.
 
     Parameters
     ----------
@@ -45,9 +45,9 @@ def table_ranges(fmu: str | Path, sha256: str) -> tuple[TableRange, ...]:
     """
     try:
         model = flown_model(fmu)
+        rows = () if model is None else model.entries(AXIS)
     except AeromatchError:
         return ()
-    rows = () if model is None else model.entries(AXIS)
     return tuple(dict.fromkeys(TableRange(row.name, row.low, row.high, row.display_units) for row in rows))
 
 

@@ -177,6 +177,7 @@ def test_dry_friction_takes_twice_its_travel_every_half_cycle_and_then_holds():
     assert abs(s[-1]) <= friction / spring
 
 
+@pytest.mark.slow
 def test_command_divides_records_by_their_manoeuvres_and_joins_the_drawings(records, tmp_path):
     driven, free = records
     listed = json.dumps([{"manoeuvre": "release_column", "start": 0.0, "end": 12.0}])
@@ -244,6 +245,7 @@ def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
     assert wide.value("offset")[1] == pytest.approx(np.hypot(plain.value("offset")[1], 2.0), rel=0.02)
 
 
+@pytest.mark.slow
 def test_errors_of_the_pick_ups_are_carried_on_as_a_refit_would(found, loading, records):
     scale = 1.001
     wide = identify_control_loading(loading, *records, errors={"delta_e": (0.0, scale - 1.0)})

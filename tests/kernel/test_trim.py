@@ -56,6 +56,32 @@ def test_biases_come_on_top_of_the_recorded_controls(sim):
     assert float(given["applied.delta_e"]) == pytest.approx(float(plain["applied.delta_e"]), abs=1e-10)
 
 
+def test_a_bank_that_is_free_shares_a_side_acceleration_with_the_sideslip(sim):
+    """From a trimmed state: of all banks the trim takes that of the smallest change of bank, sideslip, aileron and rudder together."""
+    level = flightmech.trim(sim, {**CRUISE, "mode.earth": 0.0})
+    start = {name: float(level[f"applied.{name}"]) for name in ("delta_e", "delta_a", "delta_r")}
+    start |= {f"init.{name}": float(level[name]) for name in ("alpha", "beta")}
+    held = {**CRUISE, **start, "mode.earth": 0.0, "init.v_dot": 0.02}
+
+    def trimmed(**more):
+        y = flightmech.trim(sim, {**held, **{f"init.{name}": value for name, value in more.items()}})
+        assert max(abs(float(y[name])) for name in RESIDUALS) < 1e-11
+        return y, np.linalg.norm([y["phi"], y["beta"] - level["beta"], y["trim.delta_a"], y["trim.delta_r"]])
+
+    free, change = trimmed(phi_range=0.02)
+    phi = float(free["phi"])
+    assert 1e-4 < phi < 0.02 / 9.8  # all of it by gravity
+    assert all(change < trimmed(phi=other)[1] for other in (0.0, 0.7 * phi, 1.3 * phi, 0.02 / 9.8))
+    assert float(trimmed(phi_range=0.5 * phi)[0]["phi"]) == pytest.approx(0.5 * phi, abs=1e-15)
+    held_again, _ = trimmed()
+    assert float(held_again["phi"]) == pytest.approx(0.0, abs=1e-12)  # init.phi is as it was given
+
+
+def test_a_negative_range_of_the_bank_is_refused(sim):
+    with pytest.raises(SimulationError, match="init.phi_range"):
+        flightmech.trim(sim, {**CRUISE, "init.phi_range": -0.01})
+
+
 def test_without_a_rudder_the_rudder_stays_and_yaw_is_left(sim):
     """A bank with no turn rate requires sideslip; without rudder terms nothing holds it."""
     values = {**CRUISE, "mode.earth": 0.0, "init.phi": 0.2, "term.Cn.rudder": 0.0, "term.CY.rudder": 0.0}

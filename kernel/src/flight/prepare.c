@@ -67,6 +67,7 @@ int prepare(am_sim *sim) {
     if (!(p[P_QNH] > 0.0)) return bad_parameter(sim, P_QNH, "positive");
     if (!(p[P_STEP] >= 1e-6)) return bad_parameter(sim, P_STEP, "at least 1e-6 s");
     if (!(p[P_V] >= 0.0)) return bad_parameter(sim, P_V, "zero or positive");
+    if (!(p[P_PHI_RANGE] >= 0.0)) return bad_parameter(sim, P_PHI_RANGE, "zero or positive");
     if (!(fabs(p[P_DELTA_T]) < 100.0)) {
         return bad_parameter(sim, P_DELTA_T, "between -100 and 100 K");
     }

@@ -123,6 +123,7 @@ enum { STAGE_MASS, STAGE_ENGINE, STAGE_GEAR, STAGE_AERO, STAGE_HINGE, STAGES };
     X(P_Q_DOT, "init.q_dot") \
     X(P_R_DOT, "init.r_dot") \
     X(P_PSI_DOT, "init.psi_dot") \
+    X(P_PHI_RANGE, "init.phi_range") \
     X(P_MASS, "mass.mass") \
     X(P_X_CG_B, "mass.x_cg_b") \
     X(P_Y_CG_B, "mass.y_cg_b") \

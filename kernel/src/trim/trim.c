@@ -1,5 +1,7 @@
 /* Trim at the start of a run: six accelerations to their wanted values by alpha, beta, elevator,
- * aileron, rudder and thrust (or throttle), found as biases on top of the inputs.
+ * aileron, rudder and thrust (or throttle), found as biases on top of the inputs, and by bank
+ * within init.phi_range of init.phi: in a straight sideslip the side forces of fin and rudder can
+ * cancel, so that a small side acceleration takes a large rudder, or a little bank.
  *
  * Minimum-norm steps (least_norm.h) on the same derivative that flies.  Residuals are weighed as
  * accelerations: rotations by half the span.  Unknowns are in radians, thrust in parts of the
@@ -18,7 +20,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { Z_ALPHA, Z_BETA, Z_DELTA, Z_POWER = 5, UNKNOWNS };
+enum { Z_ALPHA, Z_BETA, Z_DELTA, Z_AILERON = Z_DELTA + 1, Z_RUDDER, Z_POWER, Z_PHI, UNKNOWNS };
 
 #define ALPHA_LIMIT 0.6 /* [rad] */
 #define BETA_LIMIT 0.35 /* [rad] */
@@ -34,6 +36,7 @@ static void start_with(const task_t *task, const double *z, double r[6]) {
     for (int i = 0; i < 3; i++) sim->trim.delta[i] = z[Z_DELTA + i];
     sim->trim.alpha = z[Z_ALPHA];
     sim->trim.beta = z[Z_BETA];
+    sim->par[P_PHI] = z[Z_PHI];
     *(task->mode == 2 ? &sim->trim.throttle : &sim->trim.thrust) = z[Z_POWER] * task->power;
     start_state(sim, z[Z_ALPHA], z[Z_BETA], start_pitch(sim, z[Z_ALPHA], z[Z_BETA]));
     add_turn(sim);
@@ -69,6 +72,25 @@ static void set_limits(const task_t *task, system_t *s) {
     }
 }
 
+/* With the bank held, then, from there, with the bank free and the lateral unknowns back at the
+ * start: what is left is nearly linear, so that the smallest step leads to the solution nearest to
+ * the start, whatever the way to the first one was. */
+static double solve_with_bank(system_t *s, double *z, double *par) {
+    const double phi = z[Z_PHI] = par[P_PHI];
+    const double range = par[P_PHI_RANGE];
+    const double beta = z[Z_BETA];
+    s->low[Z_PHI] = s->high[Z_PHI] = phi;
+    double left = least_norm(s, z);
+    if (range > 0.0) {
+        s->low[Z_PHI] = phi - range;
+        s->high[Z_PHI] = phi + range;
+        z[Z_BETA] = beta;
+        z[Z_AILERON] = z[Z_RUDDER] = 0.0;
+        left = least_norm(s, z);
+    }
+    return left;
+}
+
 static int trim_biases(am_sim *sim, int mode) {
     if (mode == 2 && sim->drive == THRUST_DRIVEN) {
         return fail(
@@ -84,8 +106,10 @@ static int trim_biases(am_sim *sim, int mode) {
     set_limits(&task, &system);
     double z[UNKNOWNS] = {clamp(sim->par[P_ALPHA], -ALPHA_LIMIT, ALPHA_LIMIT),
                           clamp(sim->par[P_BETA], -BETA_LIMIT, BETA_LIMIT)};
-    const double left = least_norm(&system, z);
+    const double phi = sim->par[P_PHI];
+    const double left = solve_with_bank(&system, z, sim->par);
     start_with(&task, z, sim->trim.residual);
+    sim->par[P_PHI] = phi;
     sim->fresh = false;
     return isfinite(left) ? AM_OK : trim_not_finite(sim);
 }

@@ -81,6 +81,7 @@ def test_reconstruction_in_turned_axes(flown, cz150):
         assert np.sqrt(np.mean(error(name) ** 2)) < bound, name
 
 
+@pytest.mark.slow
 def test_turned_axes_make_no_difference_where_both_work(study, cz150):
     """A dive from 60 deg, pulled out to no less than 15: then neither pair of Euler angles is steep."""
     glide = study.glide(cz150)
