@@ -31,8 +31,8 @@ def trim(
     """Trim to a steady flight, or to rest on the ground.
 
     Called with parameters alone it is the trim that every run starts with (``mode.trim``): ``init.V gamma phi psi h p q r psi_dot`` are
-    held, ``phi`` within ``init.phi_range`` (zero); angle of attack, sideslip, elevator, aileron, rudder and power are unknown, controls and power as biases on the inputs, so
-    that the accelerations take the values ``init.u_dot ... init.r_dot`` (zero).
+    held, ``phi`` within ``init.phi_range`` (zero); angle of attack, sideslip, elevator, aileron, rudder and power are unknown,
+    controls and power as biases on the inputs, so that the accelerations take the values ``init.u_dot ... init.r_dot`` (zero).
 
     With any other argument the flight is described by plain names.  Unknown in every kind in the air: alpha, the three surfaces and
     power (throttle or thrust, by ``mode.engine``); the six accelerations vanish.

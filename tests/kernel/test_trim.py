@@ -78,7 +78,7 @@ def test_a_bank_that_is_free_shares_a_side_acceleration_with_the_sideslip(sim):
 
 
 def test_a_negative_range_of_the_bank_is_refused(sim):
-    with pytest.raises(SimulationError, match="init.phi_range"):
+    with pytest.raises(SimulationError, match=r"init\.phi_range"):
         flightmech.trim(sim, {**CRUISE, "init.phi_range": -0.01})
 
 
