@@ -73,7 +73,7 @@ static void set_limits(const task_t *task, system_t *s) {
 }
 
 /* With the bank held, then, from there, with the bank free and the lateral unknowns back at the
- * start: what is left is nearly linear, so that the smallest step leads to the solution nearest to
+ * start: that step is nearly linear, so that the smallest step leads to the solution nearest to
  * the start, whatever the way to the first one was. */
 static double solve_with_bank(system_t *s, double *z, double *par) {
     const double phi = z[Z_PHI] = par[P_PHI];
