@@ -11,13 +11,11 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, command_line, document, jobs_option, json_option, remark, table
+from flightmech.support.console import InputFile, NewFolder, command_line, document, jobs_option, json_option, remark, table
 
 
 @click.command()
-@click.option(
-    "-o", "--output", type=click.Path(file_okay=False, path_type=Path), default=Path("out/t37"), show_default=True, help="Folder to write."
-)
+@click.option("-o", "--output", type=NewFolder(), default=Path("out/t37"), show_default=True, help="Folder to write.")
 @jobs_option
 @json_option
 def demo(output: Path, jobs: int, as_json: bool) -> None:
@@ -29,7 +27,7 @@ def demo(output: Path, jobs: int, as_json: bool) -> None:
 
 @click.command()
 @click.argument("project", type=InputFile(path_type=Path))
-@click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), required=True, help="Folder to write.")
+@click.option("-o", "--output", type=NewFolder(), required=True, help="Folder to write.")
 @jobs_option
 @click.option("--scheduler", metavar="tcp://HOST:PORT", help="Replay on the workers of a dask.distributed cluster that see the same files.")
 @click.option(

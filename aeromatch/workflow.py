@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ from datcom_io.reading import read_place
 from flightmech import Aircraft
 from flightmech.aircraft.parts import different_parts
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.support.atomic_write import exchangeable, folder_written_atomically
 from flighttest.control_loading import replace_hinge_moments
 from flighttest.ground_effect import replace_ground_effect
 from pom.diagnosis import by_submodel, differing, joint_terms
@@ -38,6 +40,8 @@ from .submodels import (
 )
 
 Step = Callable[[str], AbstractContextManager[None]]
+REPORT = "report"
+_OURS = re.compile(r"(datcom|corrected|final)(\.nc|\.toml|\.fmu|_engine\d+\.nc|_fuel\.nc)")
 
 
 def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
@@ -161,11 +165,39 @@ def windows_of(project: Project, records: Mapping[str, xr.DataTree], cases: Sequ
     return Windows(fits, submodels)
 
 
+def reconstructed(project: Project, aircraft: Aircraft, records: Mapping[str, xr.DataTree], jobs: int) -> dict[str, Any]:
+    """Return the paths of all records by name; those that only prove the model give the others nothing.
+
+    A project that identifies nothing reconstructs its records as one programme.
+    """
+    identifying = [name for name in records_of(project) if name in records] or list(records)
+    proving = [name for name in records if name not in identifying]
+    found = flighttest.reconstruct_programme(
+        [records[name] for name in identifying], aircraft, jobs=jobs, validation=[records[name] for name in proving]
+    )
+    return dict(zip([*identifying, *proving], found, strict=True))
+
+
 def coefficients_of(project: Project, aircraft: Aircraft, paths: Mapping[str, Any], windows: Windows) -> dict[str, xr.Dataset]:
     """Return the aerodynamic coefficients along the records that a fit or the ground effect takes, by name."""
     needed = [*windows.fits, windows.submodels.get("ground_effect.flown", {})]
     names = dict.fromkeys(name for spans in needed for name in spans)
     return {name: flighttest.coefficients(paths[name], aircraft, project.errors, project.cutoff) for name in names}
+
+
+def rests_on(project: Project, windows: Windows, cases: Sequence[Any]) -> dict[str, str]:
+    """Return which records each part of the model and each case rests on, in words, for the report.
+
+    A record that identifies over one stretch of time and proves over another is stated: its instruments come from all of it.
+    """
+    identifying = records_of(project)
+    proved = [Path(case.record).stem for case in cases]
+    found = {"constants of the instruments": ", ".join(identifying or dict.fromkeys(proved))}
+    found |= {f"fit {fit.name}": ", ".join(spans) for fit, spans in zip(project.fits, windows.fits, strict=True)}
+    found |= {place: ", ".join(spans) for place, spans in windows.submodels.items()}
+    for case, record in zip(cases, proved, strict=True):
+        found[f"case {case.name}"] = f"{record}, which identifies too, at other times" if record in identifying else record
+    return found
 
 
 def identify(project: Project, data: Mapping[str, xr.Dataset], windows: Windows) -> list[Any]:
@@ -282,11 +314,14 @@ def perform(
 ) -> Outcome:
     """Do the whole job of a project and write databases, FMUs and report into a folder.
 
+    The folder is exchanged as a whole in the end, so that its databases, FMUs and report are always of one job.
+
     Parameters
     ----------
     project : Project
     folder : path
         Gets ``datcom.nc corrected.nc final.nc``, the aircraft that belong to them as ``.toml``, both as ``.fmu``, and ``report/``.
+        What else is in it stays.
     jobs : int
         Processes for reconstruction, diagnosis and replay.
     step : callable
@@ -299,8 +334,15 @@ def perform(
     Returns
     -------
     Outcome
+
+    Raises
+    ------
+    OSError
+        The folder cannot be exchanged (`flightmech.support.atomic_write.folder_written_atomically`).
     """
     folder = Path(folder)
+    if folder.parent.is_dir():
+        exchangeable(folder)  # before the work
     custody = pom.archive.Custody()
     custody.take([*inputs_of(project, []), *project.models.values()])
     aircraft = flightmech.read_aircraft(project.aircraft)
@@ -314,8 +356,8 @@ def perform(
     with step(f"read {len(names)} flight records"):
         records = {name: flighttest.read(project.flights[name], project.names) for name in names}
         windows = windows_of(project, records, cases)
-    with step("reconstruct the states; the instruments' constants are common to all records"):
-        paths = dict(zip(names, flighttest.reconstruct_programme(list(records.values()), aircraft, jobs=jobs), strict=True))
+    with step("reconstruct the states; the records that identify determine the instruments' constants"):
+        paths = reconstructed(project, aircraft, records, jobs)
     submodels = Submodels()
     if project.engine is not None:  # before the aerodynamics, which need the thrust
         with step("identify the engine"):
@@ -344,33 +386,41 @@ def perform(
         corrected = pom.corrected_database(datcom, final, diagnoses)
     databases = {"datcom": datcom, "corrected": corrected, "final": final}
     flown = {"datcom": apriori, "corrected": pom.corrected_aircraft(apriori, aircraft, diagnoses), "final": aircraft}
-    with step("write three databases, aircraft and FMUs"):
-        folder.mkdir(parents=True, exist_ok=True)
-        fmus = {}
-        for name, db in databases.items():
-            aerodb.save(db, folder / f"{name}.nc")
-            flightmech.write_aircraft(flown[name], folder / f"{name}.toml")
-            fmus[name] = flightmech.write_fmu(flightmech.compile(flown[name], db), folder / f"{name}.fmu")
-    fmus |= project.models
-    custody.take(fmus.values())
-    with step(f"replay {len(cases)} cases by {len(fmus)} FMUs"):
-        results = pom.replay_all(
-            cases, fmus, paths, names=project.tables, evidence=databases["final"], jobs=jobs, scheduler=scheduler, resume=resume
-        )
-    custody.check()
-    with step("write the report"):
-        report = pom.write_report(
-            results,
-            folder / "report",
-            title=f"{project.title}: Proof of Match",
-            provenance=pom.provenance(inputs_of(project, names), fmus, command, digest=custody.sha256),
-            databases=databases,
-            diagnoses=diagnoses,
-            fits=fits,
-            submodels=submodels.found,
-            free_motion=submodels.free_motion,
-            driven_motion=submodels.driven_motion,
-        )
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with folder_written_atomically(folder, _is_ours) as new:
+        with step("write three databases, aircraft and FMUs"):
+            fmus = {}
+            for name, db in databases.items():
+                aerodb.save(db, new / f"{name}.nc")
+                flightmech.write_aircraft(flown[name], new / f"{name}.toml")
+                fmus[name] = flightmech.write_fmu(flightmech.compile(flown[name], db), new / f"{name}.fmu")
+        fmus |= project.models
+        custody.take(fmus.values())
+        with step(f"replay {len(cases)} cases by {len(fmus)} FMUs"):
+            results = pom.replay_all(
+                cases, fmus, paths, names=project.tables, evidence=final, jobs=jobs, scheduler=scheduler, resume=resume
+            )
+        custody.check()
+        with step("write the report"):
+            made_from = pom.provenance(inputs_of(project, names), fmus, command, digest=custody.sha256)
+            pom.write_report(
+                results,
+                new / REPORT,
+                title=f"{project.title}: Proof of Match",
+                provenance={**made_from, "records": rests_on(project, windows, cases)},
+                databases=databases,
+                diagnoses=diagnoses,
+                fits=fits,
+                submodels=submodels.found,
+                free_motion=submodels.free_motion,
+                driven_motion=submodels.driven_motion,
+            )
     taken = pom.corrected_terms(diagnoses.values())
     different = len(differing(datcom, final)) + len(different_parts(apriori, aircraft))
+    report = folder / REPORT / "report.html"
     return Outcome(results, taken, by_submodel(taken, *databases.values()), joint_terms(diagnoses), different, tabulation, report)
+
+
+def _is_ours(name: str) -> bool:
+    """Whether a file of the folder that `perform` writes is one that an earlier job wrote."""
+    return name == REPORT or bool(_OURS.fullmatch(name))

@@ -25,6 +25,7 @@ from .schema import CHECKS, check
 _SEAL = b"\nsha256 of the bytes above: %s\n"
 _END_AT = {0: 40, 1: 44, 2: 28, 3: 28}  # byte of the superblock, by its version, with addresses of eight bytes
 _ENDS = max(_END_AT.values())
+_CHUNK = 1 << 20
 _LENGTH = len(_SEAL) - len(b"%s") + 2 * hashlib.sha256().digest_size
 
 
@@ -41,7 +42,8 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
     Raises
     ------
     SchemaError
-        With all faults; nothing is written then.
+        With all faults, or the file is another one than this process read or wrote last: somebody else saved it meanwhile.  Nothing is
+        written then.
     OSError
         The disk is full, say; the older file stays as it was.
     """
@@ -49,9 +51,10 @@ def save(db: xr.DataTree, path: str | os.PathLike) -> None:
     problems += [] if problems else _failing_checks(db)
     if problems:
         raise SchemaError(f"database {db.attrs.get('title', '')!r}", list(dict.fromkeys(problems)))
-    content = image(db)
-    with written_atomically(path) as part:
-        part.write_bytes(_sealed(content))
+    content = _sealed(image(db))
+    with written_atomically(path, _demand_as_read) as part:
+        part.write_bytes(content)
+    _known[_key(path)] = _digest(content)
 
 
 def open(path: str | os.PathLike) -> xr.DataTree:
@@ -72,7 +75,7 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     if not path.is_file() or not h5py.is_hdf5(path):
         kind = file_kind(path) if path.is_file() else "a folder"
         raise ParseError(str(path), 0, f"no netCDF-4 (HDF5) signature: {kind}", "a database, as `aeromatch db build` writes it")
-    _demand_unbroken(path)
+    digest = _unbroken(path)
     _demand_database(path)
     try:
         db, problems = read(path)
@@ -82,7 +85,27 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     problems += [] if problems else _failing_checks(db)
     if problems:
         raise SchemaError(str(path), list(dict.fromkeys(problems)))
+    _known[_key(path)] = digest
     return db
+
+
+_known: dict[str, bytes] = {}  # file -> digest of what this process read or wrote there last
+
+
+def _key(path: str | os.PathLike) -> str:
+    return os.path.realpath(path)
+
+
+def _digest(content: bytes) -> bytes:
+    return hashlib.sha256(content).digest()
+
+
+def _demand_as_read(path: Path) -> None:
+    """Raise when a file that is about to be replaced is not the one that was read: another editor's work would be lost."""
+    known = _known.get(_key(path))
+    if known is not None and path.exists() and _digest(path.read_bytes()) != known:
+        text = "was saved by another program after it was read here; open it again and repeat the edit, or save under another name"
+        raise SchemaError(str(path), [text])
 
 
 def _demand_database(path: Path) -> None:
@@ -112,17 +135,19 @@ def _sealed(content: bytes) -> bytes:
     return content + _SEAL % hashlib.sha256(content).hexdigest().encode()
 
 
-def _demand_unbroken(path: Path) -> None:
-    """Raise unless what stands behind the HDF5 content is the seal, or nothing: a file that another program wrote."""
+def _unbroken(path: Path) -> bytes:
+    """Return the digest of a file; what stands behind the HDF5 content must be the seal, or nothing: a file of another program."""
+    size, digest = path.stat().st_size, hashlib.sha256()
     with path.open("rb") as file:
-        head = file.read(_ENDS + 8)
-        size = file.seek(0, os.SEEK_END)
-        if size == _end_of_content(head):
-            return
+        end = _end_of_content(file.read(_ENDS + 8))
         file.seek(0)
-        content = file.read()
-    if content != _sealed(content[:-_LENGTH]):
+        for start in range(0, size - _LENGTH, _CHUNK):
+            digest.update(file.read(min(_CHUNK, size - _LENGTH - start)))
+        rest, seal = file.read(), _SEAL % digest.hexdigest().encode()
+    if size != end and rest != seal:
         raise ParseError(str(path), 0, "a damaged file (its SHA-256 is not that of its seal)", "a database; build or copy it again")
+    digest.update(rest)
+    return digest.digest()
 
 
 def _end_of_content(head: bytes) -> int:

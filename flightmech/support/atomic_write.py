@@ -1,7 +1,7 @@
 """Files and folders that are written atomically: completely or not at all.
 
-What is written first stands next to its destination under a name that begins with a dot and ends in ``.part``; a process that is killed
-leaves it behind, where it does no harm and may be deleted.
+What is written first stands next to its destination under a name that begins with a dot and ends in ``.part``; what a killed process
+left there does no harm, and the next writing to the same destination removes it.
 """
 
 from __future__ import annotations
@@ -9,32 +9,49 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+import stat
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from secrets import token_hex
+
+from .leftovers import leftovers, remove_leftovers, temporary_name
+
+_one_at_a_time = threading.RLock()
 
 
 @contextmanager
-def written_atomically(path: str | os.PathLike) -> Iterator[Path]:
+def written_atomically(path: str | os.PathLike, before: Callable[[Path], None] | None = None) -> Iterator[Path]:
     """Yield a place next to `path` to write to; it takes the name of `path` once the block has ended well.
 
     Parameters
     ----------
     path : path
-        The file; an older one stays as it was until the new one is complete on disk.
+        The file; an older one stays as it was until the new one is complete on disk, and gives it its permissions.  Of a symbolic
+        link the target is written; the link stays.
+    before : callable, optional
+        Called with the file just before it is replaced, while no other process of this package replaces a file of the folder (on
+        Windows and on file systems without locks: no other thread); what it raises leaves the older file as it is.
 
     Raises
     ------
     FileNotFoundError
         Its folder is not there.
+    PermissionError
+        The older file is read-only.
+    OSError
+        What stands there is no regular file.
     """
-    path = Path(path)
+    path = replaceable(path)
     part = _temporary(path)
     try:
         yield part
         _on_disk(part)
-        os.replace(part, path)
+        with _locked(path.parent):
+            if before is not None:
+                before(path)
+            _keep_mode(path, part)
+            os.replace(part, path)
         _on_disk(path.parent)
     finally:
         part.unlink(missing_ok=True)
@@ -46,51 +63,188 @@ def write_text(path: str | os.PathLike, text: str, encoding: str = "utf-8") -> N
         part.write_text(text, encoding=encoding, newline="")
 
 
+def replaceable(path: str | os.PathLike) -> Path:
+    """Return the file that is written for a name, links followed.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError, OSError
+        See `written_atomically`.
+    """
+    found = Path(os.path.realpath(path))
+    if not found.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(found.parent))
+    if found.exists():
+        _demand_writable(found)
+        if not found.is_file():
+            raise OSError(errno.EINVAL, "no regular file, cannot be replaced; give another name", str(path))
+    return found
+
+
+def _demand_writable(path: Path) -> None:
+    """Refuse what is read-only by its permissions, for the superuser too."""
+    if not path.stat().st_mode & (stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH) or not os.access(path, os.W_OK):
+        raise PermissionError(errno.EACCES, "read-only, not replaced; make it writable or give another name", str(path))
+
+
 @contextmanager
-def folder_written_atomically(path: str | os.PathLike) -> Iterator[Path]:
+def folder_written_atomically(path: str | os.PathLike, own: Callable[[str], bool] | None = None) -> Iterator[Path]:
     """Yield a new folder next to `path` to fill; it takes the name of `path` once the block has ended well.
 
     Parameters
     ----------
     path : path
-        The folder; an older one, with all that is in it, stays as it was until the new one is complete on disk, and is then deleted.
+        The folder; an older one stays as it was until the new one is complete on disk, and is then deleted.  Of a symbolic link the
+        target is written; the link stays.
+    own : callable, optional
+        By the name of a file or folder in the older one: whether it goes with it.  What does not go is taken over into the new
+        folder, unless that has something of this name.  Without it all goes.
 
     Raises
     ------
     FileNotFoundError
         The folder above it is not there.
+    PermissionError
+        The older folder is read-only.
+    OSError
+        It cannot be exchanged: no folder, a mount point, or the folder that this process, and so perhaps a shell, works in.
 
     Notes
     -----
-    Linux exchanges the two in one step. Elsewhere the older one is first set aside under a name that ends in ``.old.part``.
+    Linux exchanges the two in one step.  Elsewhere the older one is first set aside under a name that ends in ``.old.part``; a process
+    that is killed between the two steps leaves no folder at all, and the next writing puts the complete new one in its place first.
     """
-    path = Path(path)
+    path = exchangeable(path)
     part = _temporary(path)
     part.mkdir()
     try:
         yield part
-        for item in [*part.rglob("*"), part]:
+        for item in part.rglob("*"):
             _on_disk(item)
-        if not path.exists():
+        if own is not None and path.is_dir():
+            _take_over(path, part, own)
+        _on_disk(part)
+        if path.exists():
+            part.chmod(stat.S_IMODE(path.stat().st_mode))
+            _exchange(part, path)
+        else:
             os.replace(part, path)
-        elif not _exchanged(part, path):
-            aside = part.with_suffix(".old.part")
-            os.replace(path, aside)
-            try:
-                os.replace(part, path)
-            except OSError:
-                os.replace(aside, path)
-                raise
-            shutil.rmtree(aside)
+        if own is not None and part.is_dir():
+            _take_over(part, path, own)  # what came meanwhile
         _on_disk(path.parent)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
+def exchangeable(path: str | os.PathLike) -> Path:
+    """Return the folder that is written for a name, links followed, after what an interrupted exchange left is put in order.
+
+    Raises
+    ------
+    FileNotFoundError, PermissionError, OSError
+        See `folder_written_atomically`.
+    """
+    found = Path(os.path.realpath(path))
+    if not found.parent.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(found.parent))
+    _complete_exchange(found)
+    if not found.exists():
+        return found
+    if not found.is_dir():
+        raise OSError(errno.ENOTDIR, "a file; give the name of a folder", str(path))
+    _demand_writable(found)
+    if _works_in(found):
+        text = "is replaced as a whole, and this command works in it; give the name of a folder inside it"
+        raise OSError(errno.EBUSY, text, str(path))
+    if os.path.ismount(found):
+        raise OSError(errno.EBUSY, "a mount point cannot be replaced as a whole; give the name of a folder inside it", str(path))
+    return found
+
+
+def _works_in(folder: Path) -> bool:
+    try:
+        here = Path.cwd()
+    except OSError:  # it is deleted
+        return False
+    return folder in (here, *here.parents)
+
+
+def _exchange(part: Path, path: Path) -> None:
+    """Give a new folder the name of an older one, which then has the name of the new one, or is gone."""
+    if _exchanged(part, path):
+        return
+    aside = part.with_suffix(_ASIDE)
+    os.replace(path, aside)
+    try:
+        os.replace(part, path)
+    except OSError:
+        os.replace(aside, path)
+        raise
+    os.replace(aside, part)
+
+
+_ASIDE = ".old.part"
+
+
+def _complete_exchange(path: Path) -> None:
+    """Put in order what a process left that was killed between the two steps of an exchange."""
+    for aside in leftovers(path.parent, f".{path.name}", _ASIDE[1:]):
+        new = aside.with_suffix("").with_suffix(".part")
+        if not path.exists():
+            os.replace(new if new.is_dir() else aside, path)
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def _take_over(source: Path, target: Path, own: Callable[[str], bool]) -> None:
+    """Bring what is not ours from one folder into another as further links to the same files; as copies where there are no links."""
+    for item in source.iterdir():
+        there = target / item.name
+        if own(item.name) or os.path.lexists(there):
+            continue
+        if item.is_dir() and not item.is_symlink():
+            shutil.copytree(item, there, symlinks=True, copy_function=_linked)
+        else:
+            _linked(item, there)
+
+
+def _linked(source: str | Path, target: str | Path) -> None:
+    try:
+        os.link(source, target, follow_symlinks=False)
+    except (OSError, NotImplementedError):
+        shutil.copy2(source, target, follow_symlinks=False)
+
+
 def _temporary(path: Path) -> Path:
-    if not path.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(path.parent))
-    return path.with_name(f".{path.name}.{token_hex(4)}.part")
+    remove_leftovers(path.parent, f".{path.name}")
+    return path.with_name(temporary_name(f".{path.name}"))
+
+
+def _keep_mode(path: Path, part: Path) -> None:
+    with suppress(OSError):  # there is no older one, or the file system has no permissions
+        part.chmod(stat.S_IMODE(path.stat().st_mode))
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Keep other processes, where the file system has locks, and other threads from replacing files of a folder."""
+    with _one_at_a_time:
+        handle = _lock(folder)
+        try:
+            yield
+        finally:
+            if handle is not None:
+                os.close(handle)
+
+
+def _lock(folder: Path) -> int | None:
+    try:
+        import fcntl
+    except ImportError:
+        return None
+    handle = os.open(folder, os.O_RDONLY)
+    with suppress(OSError):
+        fcntl.flock(handle, fcntl.LOCK_EX)
+    return handle
 
 
 def _on_disk(path: Path) -> None:

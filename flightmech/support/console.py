@@ -50,17 +50,42 @@ def _neighbours(path: Path) -> str:
 
 
 class NewFile(click.Path):
-    """A file to write: its folder must exist, which is checked before the work begins."""
+    """A file to write: that it can be is checked before the work begins."""
 
     def __init__(self) -> None:
         super().__init__(dir_okay=False)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Return the name when its folder is there."""
+        """Return the name when its folder is there, and no file that is read-only."""
+        from .atomic_write import replaceable
+
         found = super().convert(value, param, ctx)
         folder = Path(os.fsdecode(found)).parent
         if not folder.is_dir():
             self.fail(f"no folder {str(folder)!r} for the file; make it first", param, ctx)
+        try:
+            replaceable(os.fsdecode(found))
+        except OSError as error:
+            self.fail(f"{str(found)!r}: {error.strerror}", param, ctx)
+        return found
+
+
+class NewFolder(click.Path):
+    """A folder to write as a whole: that an older one can be exchanged is checked before the work begins."""
+
+    def __init__(self) -> None:
+        super().__init__(file_okay=False)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name when nothing stands in the way."""
+        from .atomic_write import exchangeable
+
+        found = Path(os.fsdecode(super().convert(value, param, ctx)))
+        try:
+            if found.parent.is_dir():  # it is made with the folder
+                exchangeable(found)
+        except OSError as error:
+            self.fail(f"{str(found)!r}: {error.strerror}", param, ctx)
         return found
 
 

@@ -83,7 +83,13 @@ def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
     )
 
 
-def reconstruct_programme(records: Sequence[xr.DataTree], aircraft: Aircraft, rate: float = 50.0, jobs: int = 1) -> list[Path]:
+def reconstruct_programme(
+    records: Sequence[xr.DataTree],
+    aircraft: Aircraft,
+    rate: float = 50.0,
+    jobs: int = 1,
+    validation: Sequence[xr.DataTree] = (),
+) -> list[Path]:
     """Reconstruct all runs of a programme, each with what the other runs indicate about the instruments.
 
     Parameters
@@ -95,12 +101,16 @@ def reconstruct_programme(records: Sequence[xr.DataTree], aircraft: Aircraft, ra
         Samples per second of the paths. [Hz]
     jobs : int
         Processes to use.
+    validation : sequence of DataTree
+        Runs of the same instruments that prove the model.  Each takes what `records` indicate about the instruments as its prior and
+        gives nothing to any other run.
 
     Returns
     -------
     list of Path
-        In the order of the records.  Every run is solved alone first; then again with the combination of all *other*
-        runs as its prior, so that no reading counts twice.
+        In the order of the records, then of the validation runs.  Every run is solved alone first; then again with the combination
+        of all *other* `records` as its prior, so that no reading counts twice.  The paths of `records` are the same to the last bit
+        with and without validation runs.
 
     Raises
     ------
@@ -110,15 +120,23 @@ def reconstruct_programme(records: Sequence[xr.DataTree], aircraft: Aircraft, ra
 
     from .smoother import finish, refine, solve
 
+    every = [*records, *validation]
     with Parallel(n_jobs=jobs) as pool:
-        alone = list(pool(delayed(solve)(record, aircraft, None, None, rate) for record in records))
-        if len(records) == 1:
-            return [finish(records[0], aircraft, *alone[0])]
-        sets = [setup.biases(solution) for setup, solution in alone]
-        priors = [combine_biases(sets[:i] + sets[i + 1 :]) for i in range(len(sets))]
-        return list(
-            pool(delayed(refine)(record, aircraft, *item, prior) for record, item, prior in zip(records, alone, priors, strict=True))
+        alone = list(pool(delayed(solve)(record, aircraft, None, None, rate) for record in every))
+        sets = [setup.biases(solution) for setup, solution in alone[: len(records)]]
+        others = [sets[:i] + sets[i + 1 :] for i in range(len(sets))] + [sets] * len(validation)
+        found = [combine_biases(group) if group else None for group in others]
+        refined = iter(
+            pool(
+                delayed(refine)(record, aircraft, *item, prior)
+                for record, item, prior in zip(every, alone, found, strict=True)
+                if prior is not None
+            )
         )
+        return [
+            finish(record, aircraft, *item) if prior is None else next(refined)
+            for record, item, prior in zip(every, alone, found, strict=True)
+        ]
 
 
 def _instrument_part(found: xr.Dataset) -> xr.Dataset:

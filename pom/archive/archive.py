@@ -45,6 +45,8 @@ class Archive:
         As given to `pom.write_report`, without places on a disk.
     diagnoses : dict of str to DataFrame
         Case name to the table of `pom.diagnose`.
+    paper : str or None
+        Of ``report.pdf``, empty without one; None: not stated.
     """
 
     results: list[PomResult]
@@ -52,6 +54,7 @@ class Archive:
     revision: str = ""
     provenance: dict[str, Any] = field(default_factory=dict)
     diagnoses: dict[str, pd.DataFrame] = field(default_factory=dict)
+    paper: str | None = None
 
 
 def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]) -> None:
@@ -62,6 +65,7 @@ def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]
         "provenance": plain(archive.provenance),
         "diagnoses": {name: _table_to_json(table) for name, table in archive.diagnoses.items()},
         "cases": list(keys),
+        "paper": archive.paper,
     }
     with h5py.File(path, "w") as file:
         _write_document(file, head)
@@ -91,7 +95,7 @@ def read_archive(path: str | os.PathLike) -> Archive:
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise SchemaError(str(path), [f"not a results.nc of a report, or damaged ({error}); write the report again"]) from error
     diagnoses = {name: _table_from_json(table) for name, table in head["diagnoses"].items()}
-    return Archive(results, head["title"], head["revision"], head["provenance"], diagnoses)
+    return Archive(results, head["title"], head["revision"], head["provenance"], diagnoses, head.get("paper"))
 
 
 def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:

@@ -66,6 +66,11 @@ def manifest(
             "runDetails": {"builder": {"id": BUILD, "version": dict(provenance.get("versions", {}))}},
         },
     }
+    return text_of(statement)
+
+
+def text_of(statement: Mapping[str, Any]) -> str:
+    """Return a statement as it is written: equal content gives equal bytes."""
     return json.dumps(plain(statement), indent=1, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"
 
 

@@ -42,6 +42,8 @@ def joined(paths: Iterable[str | os.PathLike]) -> Archive:
     provenance["models"] = {
         run: model for run, (_, model) in _unambiguous({(run, sha): (model, path) for run, sha, model, path in models}).items()
     }
+    if records := {what: names for _, part in parts for what, names in part.provenance.get("records", {}).items()}:
+        provenance["records"] = records
     diagnoses = {name: table for _, part in parts for name, table in part.diagnoses.items()}
     return Archive([result for _, part in parts for result in part.results], first.title, first.revision, provenance, diagnoses)
 

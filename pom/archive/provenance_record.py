@@ -20,7 +20,8 @@ class Provenance(TypedDict, total=False):
     """Where a report comes from; every key may be absent.
 
     ``date`` of the results (text), ``command`` line, ``versions`` (name to version), ``inputs`` (file to SHA-256),
-    ``places`` (input to path), ``models`` (run to file, SHA-256 and path).
+    ``places`` (input to path), ``models`` (run to file, SHA-256 and path), ``records`` (part of the model or case to the names of the
+    flight records it rests on).
     """
 
     date: str
@@ -29,6 +30,7 @@ class Provenance(TypedDict, total=False):
     inputs: Mapping[str, str]
     places: Mapping[str, str]
     models: Mapping[str, Model]
+    records: Mapping[str, str]
 
 
 def check(provenance: Mapping[str, Any]) -> None:

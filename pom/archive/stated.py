@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -11,15 +13,22 @@ from flightmech.errors import AeromatchError, UnknownName
 from flightmech.support.console import plain
 
 from ..cases.case import PomCase
+from ..judging.modal import mode_table
 from ..tolerances import rows
-from .archive import read_archive
+from .archive import Archive, read_archive
+from .manifest import NAME, manifest, place, text_of
 from .origins import case_seen_from
+from .results_document import results_document
+
+CLOSE = 1e-6
+"""Relative difference of a number that still counts as the same: another processor rounds a fit differently."""
 
 
 def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     """Yield what was compared: kind, name, and the differences as one text, empty where there are none.
 
-    The manifest and ``results.json`` against ``results.nc``, and the criteria of every case against the tolerance table.
+    The manifest and ``results.json``, field by field, against ``results.nc``, and the criteria of every case against the tolerance
+    table.
 
     Parameters
     ----------
@@ -48,11 +57,60 @@ def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, st
     hashes = {**made_from.get("inputs", {}), **{run: model.get("sha256", "") for run, model in made_from.get("models", {}).items()}}
     named = {run_of(item) or item["name"]: item["digest"]["sha256"] for item in definition["resolvedDependencies"]}
     yield _compared("manifest", "hashes of inputs and models", hashes, named)
-    printed = {key: document.get(key, "") for key in ("title", "revision", "provenance")}
-    whole = {"title": archive.title, "revision": archive.revision, "provenance": plain(dict(made_from))}
-    yield _compared("results.json", "title, revision, provenance", whole, printed)
+    yield "statement", "manifest: all else", "; ".join(_all_else(folder, statement, archive))
+    due = results_document(archive, [mode_table(result) for result in archive.results], folder)
+    yield "statement", "results.json", "; ".join(islice(_unlike_numbers(_with_cases(due), _with_cases(document)), 5))
     for result in archive.results:
         yield "tolerance", result.case.name, "; ".join(unlike_the_table(result.case))
+
+
+def _all_else(folder: Path, statement: Mapping[str, Any], archive: Archive) -> Iterator[str]:
+    """Yield what of a manifest is not as it would be written today, and other spaces or lines than it is written with."""
+    definition = statement["predicate"]["buildDefinition"]
+    found = [(run_of(item), item, place(item, folder)) for item in definition["resolvedDependencies"]]
+    places = {item["name"]: str(path) for run, item, path in found if path and not run}
+    paths = {run: {"path": str(path)} for run, _, path in found if path and run}
+    models = {run: {**model, **paths.get(run, {})} for run, model in archive.provenance.get("models", {}).items()}
+    located = {**archive.provenance, "places": places, "models": models}
+    outputs = {item["name"]: item["digest"]["sha256"] for item in statement["subject"]}
+    paper = definition["externalParameters"].get("paper") if archive.paper is None else archive.paper
+    due = manifest(archive.results, outputs, folder, title=archive.title, revision=archive.revision, paper=paper, provenance=located)
+    yield from islice(_unlike_numbers(_without_cases(json.loads(due)), _without_cases(statement)), 5)
+    if (folder / NAME).read_text(encoding="utf-8") != text_of(statement):
+        yield "spaces, lines or the order of the keys are not as they are written"
+
+
+def _without_cases(statement: Mapping[str, Any]) -> Any:
+    """Return a manifest without its cases, which are compared by themselves."""
+    copy = json.loads(json.dumps(statement))
+    copy["predicate"]["buildDefinition"].pop("internalParameters", None)
+    return copy
+
+
+def _with_cases(document: Any) -> Any:
+    """Return a ``results.json`` whose cases have the keys of this version."""
+    try:
+        return {**document, "results": [{**item, "case": _as_written_now(item["case"])} for item in document["results"]]}
+    except (KeyError, TypeError):
+        return document
+
+
+def _unlike_numbers(due: Any, there: Any, place: str = "") -> Iterator[str]:
+    """Yield the places where plain data differ; numbers within `CLOSE`: another processor rounds a fit differently."""
+    if isinstance(due, Mapping) and isinstance(there, Mapping):
+        for key in {**due, **there}:
+            yield from _unlike_numbers(due.get(key), there.get(key), f"{place}.{key}" if place else str(key))
+    elif isinstance(due, list) and isinstance(there, list) and len(due) == len(there):
+        for i, (one, other) in enumerate(zip(due, there, strict=True)):
+            yield from _unlike_numbers(one, other, f"{place}[{i}]")
+    elif not _alike(due, there):
+        yield f"{place}: results.nc has {_short(due)}, here {_short(there)}"
+
+
+def _alike(one: Any, other: Any) -> bool:
+    if isinstance(one, int | float) and isinstance(other, int | float) and not isinstance(one, bool) and not isinstance(other, bool):
+        return math.isclose(one, other, rel_tol=CLOSE, abs_tol=1e-12)
+    return type(one) is type(other) and one == other
 
 
 def _as_written_now(case: Mapping[str, Any]) -> Any:

@@ -23,10 +23,8 @@ from ..tolerances.remarks import RowRemark
 from .archive import read_archive
 from .manifest import place, read_manifest
 from .origins import sha256
-from .stated import run_of, stated
+from .stated import CLOSE, run_of, stated
 
-CLOSE = 1e-6
-"""Relative difference of a number that still counts as the same: another processor rounds a fit differently."""
 KINDS = ("output", "input", "model", "statement", "tolerance", "verdict")
 
 
@@ -47,9 +45,9 @@ class VerificationResult:
 def verify(folder: str | os.PathLike) -> list[VerificationResult]:
     """Check a report: hash all outputs and inputs again, judge all verdicts again from ``results.nc``, compare what the files state.
 
-    Statements: title, revision, command, date, versions, resolved cases and hashes of ``manifest.json``, and provenance of
-    ``results.json``, against ``results.nc``.  Tolerances: the criteria of every case against the rows of the table of its standard
-    and edition, bands of the case file apart.  Not covered: who wrote the report, and page and PDF but for their hashes.
+    Statements: every field of ``manifest.json`` and of ``results.json`` against ``results.nc``.  Tolerances: the criteria of every case
+    against the rows of the table of its standard and edition, bands of the case file apart.  Not covered: who wrote the report, and page
+    and PDF but for their hashes.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, command_line, document, jobs_option, json_option, table
+from flightmech.support.console import InputFile, NewFile, NewFolder, command_line, document, jobs_option, json_option, table
 
 from .arguments import biases_option, case_files, cases_argument, read_biases
 from .case import init, schema
@@ -73,7 +73,7 @@ def _print_criteria(case: Any) -> None:
 @pom.command()
 @cases_argument
 @click.option("--model", "models", multiple=True, required=True, metavar="NAME=FILE.fmu", help="A model; as often as wanted.")
-@click.option("-o", "--output", type=click.Path(file_okay=False, path_type=Path), help="Folder for the report: pages, numbers, manifest.")
+@click.option("-o", "--output", type=NewFolder(), help="Folder for the report: pages, numbers, manifest.")
 @click.option("--title", default="Proof of Match", show_default=True, help="Title of the report.")
 @report_options
 @click.option("--junit", type=NewFile(), help="JUnit XML for a build server, with or without a report.")

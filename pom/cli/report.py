@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from flightmech.support.console import command_line, document, json_option, table
+from flightmech.support.console import NewFolder, command_line, document, json_option, table
 
 if TYPE_CHECKING:
     from ..archive.provenance_record import Provenance
@@ -30,7 +30,7 @@ def report_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @click.command()
 @click.argument("results", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
-@click.option("-o", "--output", required=True, type=click.Path(file_okay=False, path_type=Path), help="Folder of the new report.")
+@click.option("-o", "--output", required=True, type=NewFolder(), help="Folder of the new report.")
 @click.option("--title", default=None, help="Title of the report.  [default: that of the first of the RESULTS]")
 @click.option(
     "--database", "databases", multiple=True, metavar="NAME=FILE.nc", help="Database to compare; as often as wanted, the prior first."

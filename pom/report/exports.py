@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 import os
 from collections.abc import Hashable, Iterator, Mapping, Sequence
@@ -12,57 +11,15 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-import pandas as pd
 
 from flightmech.support.atomic_write import write_text
-from flightmech.support.console import plain
 
-from ..archive.archive import Archive
-from ..archive.origins import case_seen_from
-from ..replaying.offsets import drift
 from ..result import PomResult, trim_remarks
 from ..tolerances.remarks import text_of
 from .case.case import keys
 
 # a verdict of a group -> the element JUnit has for it; a pass has none
 _ELEMENTS = {"fail": "failure", "invalid": "error", "not_tested": "skipped", "advisory": "skipped"}
-
-
-def results_json(archive: Archive, modes: Sequence[pd.DataFrame], folder: str | os.PathLike) -> str:
-    """Return ``results.json``: every number that the report prints; the samples are in ``results.nc``, files are named from `folder`."""
-    results = archive.results
-    document = {
-        "title": archive.title,
-        "revision": archive.revision,
-        "provenance": plain(archive.provenance),
-        "samples": "results.nc",
-        "results": [_numbers(result, folder) for result in results],
-        "modes": {result.case.name: _records(table) for result, table in zip(results, modes, strict=True) if len(table)},
-        "diagnoses": {name: _records(table) for name, table in archive.diagnoses.items()},
-    }
-    return json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False) + "\n"
-
-
-def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
-    return plain(
-        {
-            "case": case_seen_from(result.case, folder).to_dict(),
-            "conditions": result.conditions,
-            "status": {run: result.status(run) for run in result.runs},
-            "attributes": dict(result.signals.attrs),
-            "channels": [str(name) for name in result.signals.data_vars],
-            "inputs": [str(name) for name in result.inputs.data_vars],
-            "samples": int(result.signals.sizes["time"]),
-            "trim": result.trim.to_dict("split"),
-            "drift": drift(result).to_dict("records"),
-            "verdict": result.verdict_records(),
-            "failure": result.failure,
-        }
-    )
-
-
-def _records(table: pd.DataFrame) -> list[dict[str, Any]]:
-    return plain(table.to_dict("records"))
 
 
 def junit(results: Sequence[PomResult], title: str) -> str:

@@ -21,7 +21,7 @@ def page(provenance: Mapping[str, Any], results: Sequence[PomResult], databases:
         "versions": sorted(provenance.get("versions", {}).items()),
         "inputs": sorted(provenance.get("inputs", {}).items()),
         "models": list(provenance.get("models", {}).items()),
-        "records": sorted({result.case.record for result in results}),
+        "records": list(provenance.get("records", {}).items()),
         "absent": [(name, str(db.attrs.get("absent", "")).split()) for name, db in databases.items()],
         "glossary": sorted((label(name) for name in channels), key=lambda x: x.name.lower()),
     }

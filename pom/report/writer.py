@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flightmech.errors import SchemaError, UnknownName
-from flightmech.support.atomic_write import folder_written_atomically, written_atomically
+from flightmech.support.atomic_write import folder_written_atomically
 
+from ..archive.manifest import NAME, manifest
 from ..archive.origins import sha256, without_places
 from ..archive.provenance_record import Provenance
 from ..archive.provenance_record import check as check_provenance
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 PAPERS = ("a4", "letter")
 HTML, PDF, JSON, SAMPLES, JUNIT, CSV = "report.html", "report.pdf", "results.json", "results.nc", "results.xml", "csv"
+PARTS = (HTML, PDF, JSON, SAMPLES, JUNIT, CSV, NAME)
 
 
 def write_report(
@@ -59,7 +60,8 @@ def write_report(
     results : sequence of PomResult
         In the order of the report.
     folder : path
-        Made when missing; its files of an earlier report are replaced whole, all of them or none.
+        Made when missing.  It is exchanged as a whole: whoever looks finds the earlier report or this one, never files of both.  What
+        is no part of a report stays in it.
     title : str
         Title of the report, e.g. the airplane and the model standard.
     provenance : Provenance, optional
@@ -95,10 +97,12 @@ def write_report(
         No results, another paper, or a submodel of another kind.
     UnknownName
         A diagnosis for a case that is not there, or a misspelt key of `provenance`.
+    OSError
+        The folder is read-only, a mount point, or the one that this process works in.
     """
     from ..archive.archive import Archive, write_archive
-    from ..archive.manifest import NAME, manifest
-    from .exports import case_csv, junit, results_json
+    from ..archive.results_document import results_json
+    from .exports import case_csv, junit
     from .submodels.page import sections
 
     results, diagnoses, databases = list(results), dict(diagnoses or {}), dict(databases or {})
@@ -107,39 +111,30 @@ def write_report(
     made_from = without_places(located)
     chapter = sections(submodels or {}, free_motion or {}, driven_motion)
     modes = [mode_table(result) for result in results]
-    archive, names = Archive(results, title, revision, made_from, diagnoses), keys(results)
+    archive, names = Archive(results, title, revision, made_from, diagnoses, paper or ""), keys(results)
     folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with folder_written_atomically(folder, PARTS.__contains__) as new:
 
-    with ExitStack() as stack:
+        def manifested() -> str:
+            outputs = {file.relative_to(new).as_posix(): sha256(file) for file in new.rglob("*") if file.is_file()}
+            return manifest(results, outputs, new, title=title, revision=revision, paper=paper, provenance=located)
 
-        def new(name: str) -> Path:
-            return stack.enter_context(written_atomically(folder / name))
-
-        def manifested(written: Mapping[str, Path]) -> str:
-            outputs = {name: sha256(path) for name, path in written.items()}
-            return manifest(results, outputs, folder, title=title, revision=revision, paper=paper, provenance=located)
-
-        written = {name: new(name) for name in (HTML, JSON, SAMPLES, JUNIT)}
-        _write(
-            written[HTML], html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits, chapter)
-        )
-        _write(written[JSON], results_json(archive, modes, folder))
-        _write(written[JUNIT], junit(results, title))
-        write_archive(written[SAMPLES], archive, names)
-        tables = stack.enter_context(folder_written_atomically(folder / CSV))
+        page = html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits, chapter)
+        _write(new / HTML, page)
+        _write(new / JSON, results_json(archive, modes, new))
+        _write(new / JUNIT, junit(results, title))
+        write_archive(new / SAMPLES, archive, names)
+        (new / CSV).mkdir()
         for name, result in zip(names, results, strict=True):
-            written[f"{CSV}/{name}.csv"] = tables / f"{name}.csv"
-            _write(written[f"{CSV}/{name}.csv"], case_csv(result))
+            _write(new / CSV / f"{name}.csv", case_csv(result))
         if paper is not None:
             from .pdf import pdf_pages
 
-            attached = {JSON: written[JSON].read_bytes(), NAME: manifested(written).encode("utf-8")}
-            written[PDF] = new(PDF)
-            written[PDF].write_bytes(pdf_pages(results, title, revision, made_from, databases, diagnoses, modes, paper, attached, chapter))
-        _write(new(NAME), manifested(written))
-    if paper is None:
-        (folder / PDF).unlink(missing_ok=True)
+            attached = {JSON: (new / JSON).read_bytes(), NAME: manifested().encode("utf-8")}
+            pages = pdf_pages(results, title, revision, made_from, databases, diagnoses, modes, paper, attached, chapter)
+            (new / PDF).write_bytes(pages)
+        _write(new / NAME, manifested())
     return folder / HTML
 
 

@@ -114,6 +114,34 @@ def test_what_proves_the_model_does_not_identify_it(project):
     ]
 
 
+def test_records_that_prove_the_model_give_nothing_to_those_that_identify(project, monkeypatch):
+    asked = {}
+
+    def reconstruct(records, aircraft, jobs, validation):
+        asked.update(records=records, validation=validation)
+        return [f"path of {record}" for record in (*records, *validation)]
+
+    monkeypatch.setattr(flighttest, "reconstruct_programme", reconstruct)
+    records = {"proof": "b", "run_1": "a"}
+    found = workflow.reconstructed(project, None, records, 1)
+    assert asked == {"records": ["a"], "validation": ["b"]}
+    assert found == {"run_1": "path of a", "proof": "path of b"}
+    workflow.reconstructed(replace(project, fits=()), None, records, 1)
+    assert asked == {"records": ["b", "a"], "validation": []}
+
+
+def test_the_report_states_which_records_a_number_rests_on(project):
+    cases = [SimpleNamespace(name="a", record="x/run_2.nc", window=(1.0, 2.0)), SimpleNamespace(name="b", record="x/run_1.nc")]
+    windows = workflow.Windows([{"run_1": [(1.0, 4.0)]}], {"gear.flown": {"run_1": [(0.0, 1.0)]}})
+    assert workflow.rests_on(project, windows, cases) == {
+        "constants of the instruments": "run_1",
+        f"fit {project.fits[0].name}": "run_1",
+        "gear.flown": "run_1",
+        "case a": "run_2",
+        "case b": "run_1, which identifies too, at other times",
+    }
+
+
 def test_no_record_of_the_example_both_identifies_and_proves(shipped):
     cases = [pom.read_case(file) for file in shipped.cases]
     assert not {Path(case.record).stem for case in cases} & set(workflow.records_of(shipped))

@@ -57,6 +57,7 @@ def front(
             "versions": source["versions"],
             "inputs": source["inputs"],
             "models": [(run, model.get("file", ""), model.get("sha256", "")) for run, model in source["models"]],
+            "records": _joined(source["records"]),
             "databases": [(name, str(db.attrs.get("title", "")), str(db.attrs.get("source", ""))) for name, db in databases.items()],
             "absent": _joined((name, ", ".join(terms) or "none") for name, terms in source["absent"]),
             "documents": _documents(results),

@@ -134,3 +134,31 @@ def test_a_write_that_breaks_off_leaves_the_old_file(small, tmp_path, monkeypatc
         aerodb.save(small, path)
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["small.nc"]
+
+
+def saved_by_another_process(db, path):
+    """Replace a database as a process does that has never read it."""
+    aerodb.save(db, path.with_name("theirs.nc"))
+    path.with_name("theirs.nc").replace(path)
+
+
+def test_of_two_editors_of_one_database_the_second_is_refused(small, tmp_path):
+    path = tmp_path / "a.nc"
+    aerodb.save(small, path)
+    ours, theirs = aerodb.open(path), aerodb.edit.scale(small, "CL/flap", 2.0)
+    saved_by_another_process(theirs, path)
+    ours = aerodb.edit.scale(ours, "CL/flap", 1.5)
+    with pytest.raises(SchemaError, match="was saved by another program after it was read here; open it again and repeat the edit"):
+        aerodb.save(ours, path)
+    xr.testing.assert_identical(aerodb.open(path), theirs)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.nc"]
+    aerodb.save(ours, path)  # opened again, it may be replaced, and once more by who saved it last
+    aerodb.save(theirs, path)
+
+
+def test_a_database_that_was_saved_again_with_the_same_content_is_the_one_that_was_read(small, tmp_path):
+    path = tmp_path / "a.nc"
+    aerodb.save(small, path)
+    aerodb.open(path)
+    saved_by_another_process(small, path)
+    aerodb.save(aerodb.edit.scale(small, "CL/flap", 1.5), path)

@@ -1,9 +1,11 @@
 import os
+import stat
 
 import pytest
 
 from flightmech.support import atomic_write
 from flightmech.support.atomic_write import folder_written_atomically, write_text, written_atomically
+from flightmech.support.leftovers import temporary_name
 
 
 def test_the_file_appears_when_the_block_ends(tmp_path):
@@ -82,3 +84,149 @@ def test_a_text_keeps_its_line_ends_and_an_error_keeps_the_old_one(tmp_path):
         write_text(target, "\N{GREEK SMALL LETTER ALPHA}", "latin-1")
     assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
     assert target.read_bytes() == b"one\r\ntwo\n"
+
+
+posix = pytest.mark.skipif(os.name != "posix", reason="links, permissions and processes of POSIX")
+
+
+@posix
+def test_through_a_link_the_target_is_written_and_keeps_its_mode(tmp_path):
+    (tmp_path / "deep").mkdir()
+    target, link = tmp_path / "deep" / "a.txt", tmp_path / "link.txt"
+    target.write_text("old")
+    target.chmod(0o640)
+    link.symlink_to("deep/a.txt")
+    write_text(link, "new")
+    assert os.readlink(link) == "deep/a.txt"
+    assert target.read_text() == "new"
+    assert stat.S_IMODE(target.stat().st_mode) == 0o640
+    folder, to_folder = tmp_path / "terms", tmp_path / "to_terms"
+    to_folder.symlink_to("terms")
+    filled(to_folder, "old")
+    folder.chmod(0o750)
+    filled(to_folder, "new")
+    assert os.readlink(to_folder) == "terms"
+    assert (folder / "a.txt").read_text() == "new"
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o750
+
+
+@posix
+def test_what_may_not_be_replaced_is_refused_before_anything_is_written(tmp_path, monkeypatch):
+    target, folder = tmp_path / "a.txt", tmp_path / "terms"
+    write_text(target, "old")
+    target.chmod(0o444)
+    with pytest.raises(PermissionError, match="read-only, not replaced; make it writable or give another name"):
+        write_text(target, "new")
+    filled(folder, "old")
+    folder.chmod(0o555)
+    with pytest.raises(PermissionError, match="read-only"):
+        filled(folder, "new")
+    folder.chmod(0o755)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(OSError, match="no regular file, cannot be replaced"):
+        write_text(tmp_path / "pipe", "new")
+    with pytest.raises(NotADirectoryError, match="a file; give the name of a folder"):
+        filled(target, "new")
+    monkeypatch.chdir(folder)
+    for busy in (folder, tmp_path):
+        with pytest.raises(OSError, match="this command works in it; give the name of a folder inside it"):
+            filled(busy, "new")
+    assert (target.read_text(), (folder / "a.txt").read_text()) == ("old", "old")
+    assert {path.name for path in tmp_path.iterdir()} == {"a.txt", "terms", "pipe"}
+
+
+def test_files_of_others_stay_in_an_exchanged_folder(tmp_path):
+    target = tmp_path / "out"
+    filled(target, "old", "ours.txt")
+    (target / "notes").mkdir()
+    (target / "notes" / "mine.txt").write_text("mine")
+    with folder_written_atomically(target, own="ours.txt".__eq__) as part:
+        (part / "new.txt").write_text("new")
+        (target / "late.txt").write_text("late")
+    assert {path.relative_to(target).as_posix() for path in target.rglob("*.txt")} == {"new.txt", "late.txt", "notes/mine.txt"}
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def killed_at(step, work):
+    """Do `work` in a child process that ends, as if it was killed, before its file operation number `step`; return whether it did."""
+    child = os.fork()
+    if child:
+        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 9
+    done = 0
+
+    def counted(function):
+        def call(*arguments, **options):
+            nonlocal done
+            done += 1
+            if done == step:
+                os._exit(9)
+            return function(*arguments, **options)
+
+        return call
+
+    for module, name in ((os, "replace"), (os, "fsync"), (os, "link"), (os, "unlink"), (os, "rmdir"), (atomic_write, "_exchanged")):
+        setattr(module, name, counted(getattr(module, name)))
+    try:
+        work()
+    finally:
+        os._exit(0)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork of POSIX")
+@pytest.mark.parametrize("in_one_step", [True, False])
+def test_a_folder_is_never_mixed_wherever_its_writer_is_killed(tmp_path, monkeypatch, in_one_step):
+    if not in_one_step:
+        monkeypatch.setattr(atomic_write, "_exchanged", lambda *_: False)
+    target = tmp_path / "out"
+
+    def write(text):
+        with folder_written_atomically(target, own=["a.txt", "b.txt"].__contains__) as part:
+            for name in ("a.txt", "b.txt"):
+                (part / name).write_text(text)
+
+    write("old")
+    (target / "mine.txt").write_text("mine")
+    found, step = [], 1
+    while killed_at(step, lambda: write("new")):
+        if target.exists():
+            found.append((target / "a.txt").read_text())
+            assert (target / "b.txt").read_text() == found[-1]
+            assert (target / "mine.txt").read_text() == "mine"
+        else:
+            assert not in_one_step
+            found.append("none")
+        write("old")  # the next writing finds everything in order
+        assert {path.name for path in target.iterdir()} == {"a.txt", "b.txt", "mine.txt"}
+        assert list(tmp_path.iterdir()) == [target], "what the killed process left is gone"
+        step += 1
+    assert set(found) == {"old", "new"} | (set() if in_one_step else {"none"})
+
+
+@posix
+def test_the_folder_of_an_interrupted_exchange_is_the_complete_new_one(tmp_path, monkeypatch):
+    monkeypatch.setattr(atomic_write, "_exchanged", lambda *_: False)
+    target = tmp_path / "out"
+    filled(target, "old")
+    assert any(killed_at(step, lambda: filled(target, "new")) and not target.exists() for step in range(1, 20))
+    assert atomic_write.exchangeable(target) == target
+    assert (target / "a.txt").read_text() == "new"
+
+
+@posix
+def test_parts_of_processes_at_work_and_of_other_machines_stay(tmp_path):
+    mine = tmp_path / temporary_name(".a.txt")
+    other = tmp_path / ".a.txt.00000000-1-00000000.part"
+    gone = tmp_path / mine.name.replace(f"-{os.getpid()}-", f"-{ended()}-")
+    for part in (mine, other, gone):
+        part.write_text("half")
+    write_text(tmp_path / "a.txt", "new")
+    assert {path.name for path in tmp_path.iterdir()} == {"a.txt", mine.name, other.name}
+
+
+def ended():
+    """Return the number of a process that has ended."""
+    child = os.fork()
+    if child == 0:
+        os._exit(0)
+    os.waitpid(child, 0)
+    return child

@@ -250,6 +250,13 @@ def test_a_programme_knows_its_instruments_better(flown, aircraft):
     combined = flighttest.reconstruction.combine_biases(alone)
     assert "wind_n" not in combined["parameter"]
     assert combined.attrs["runs"] == 3
+    # what proves the model takes the instruments from the others and gives them nothing, to the last bit
+    blind = flighttest.reconstruct_programme(records[:2], aircraft, validation=records[2:])
+    pair = flighttest.reconstruct_programme(records[:2], aircraft)
+    for a, b in zip(pair, blind[:2], strict=True):
+        xr.testing.assert_identical(a.states, b.states)
+        xr.testing.assert_identical(a.biases, b.biases)
+    xr.testing.assert_identical(blind[2].states, together[2].states)  # here the others are the same two
 
 
 def test_combination_is_the_sum_of_information(flown, aircraft):

@@ -86,7 +86,7 @@ def rehash(folder, name):
     for item in statement["subject"]:
         if item["name"] == name:
             item["digest"]["sha256"] = pom.archive.origins.sha256(folder / "report" / name)
-    path.write_text(json.dumps(statement), encoding="utf-8")
+    path.write_text(manifest.text_of(statement), encoding="utf-8")
 
 
 def test_changed_samples_are_judged_again(made):
@@ -142,7 +142,7 @@ def test_what_the_manifest_states_is_compared_with_the_results(made, place, name
     for key in place[:-1]:
         item = item[key]
     item[place[-1]] = "Other" if isinstance(item[place[-1]], str) else 7.5
-    path.write_text(json.dumps(statement), encoding="utf-8")
+    path.write_text(manifest.text_of(statement), encoding="utf-8")
     assert detail in changed(made)["statement", name].detail
 
 
@@ -150,7 +150,7 @@ def test_versions_and_hashes_of_the_manifest_are_compared(made):
     path = made / "report" / manifest.NAME
     statement = json.loads(path.read_text(encoding="utf-8"))
     statement["predicate"]["runDetails"]["builder"]["version"]["numpy"] = "0.1"
-    path.write_text(json.dumps(statement), encoding="utf-8")
+    path.write_text(manifest.text_of(statement), encoding="utf-8")
     assert 'manifest "0.1"' in changed(made)["statement", "manifest: versions"].detail
 
 
@@ -205,14 +205,14 @@ def test_verify_on_the_command_line(aeromatch, made):
     done = aeromatch("pom", "verify", made / "report")
     first, sign, not_covered = done.stdout.strip().splitlines()
     assert done.returncode == 0
-    assert first == "all as it was: 5 outputs, 2 inputs, 1 model, 5 statements, 1 tolerance, 1 verdict checked"
+    assert first == "all as it was: 5 outputs, 2 inputs, 1 model, 6 statements, 1 tolerance, 1 verdict checked"
     assert sign == f"SHA-256 of manifest.json, to be signed: {pom.archive.origins.sha256(made / 'report' / manifest.NAME)}"
     assert not_covered == "not covered: who wrote the report, and page and PDF but for their hashes"
     (made / "case.toml").write_text("else")
     done = aeromatch("pom", "verify", made / "report")
     assert done.returncode == 1
     assert "case.toml" in done.stdout
-    assert "1 of 15 differ" in done.stdout
+    assert "1 of 16 differ" in done.stdout
     done = aeromatch("pom", "verify", made / "report", "--json")
     assert [item["name"] for item in json.loads(done.stdout) if item["state"] != "same"] == ["case.toml"]
 

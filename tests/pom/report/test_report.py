@@ -83,14 +83,30 @@ def test_nothing_points_outside_the_file(report):
     assert "default-src 'none'" in html
 
 
+def files(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def test_a_failed_writing_leaves_the_old_report(tmp_path, monkeypatch):
-    path = write(tmp_path)
-    before = path.read_bytes(), (tmp_path / "results.json").read_bytes()
-    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+    folder = tmp_path / "report"
+    before = files(write(folder).parent)
+    monkeypatch.setattr("os.fsync", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
     with pytest.raises(OSError, match="disk full"):
-        write(tmp_path, title="another")
-    assert before == (path.read_bytes(), (tmp_path / "results.json").read_bytes())
-    assert not list(tmp_path.rglob(".*"))  # nothing half written is left behind
+        write(folder, title="another")
+    assert files(folder) == before
+    assert list(tmp_path.iterdir()) == [folder]  # nothing half written is left behind
+
+
+def test_a_report_takes_the_place_of_all_files_of_an_earlier_one_and_of_no_others(tmp_path):
+    folder = tmp_path / "report"
+    write(folder)
+    (folder / "report.pdf").write_bytes(b"of an earlier report")
+    (folder / "csv" / "gone.csv").write_text("a case that is no more")
+    (folder / "manifest.json.minisig").write_text("signed")
+    before = set(files(folder))
+    write(folder, title="another")
+    assert set(files(folder)) == before - {"report.pdf", "csv/gone.csv"}
+    assert (folder / "manifest.json.minisig").read_text() == "signed"
 
 
 def test_bad_arguments_are_reported(tmp_path):

@@ -1,0 +1,114 @@
+"""Single bytes and single fields of a report, changed: each is found."""
+
+import json
+import random
+import shutil
+
+import pytest
+
+import pom
+from pom.archive import manifest
+from pom.archive.origins import sha256
+from pom.cases.case import read_case
+from pom.replaying.replay_case import replay
+
+
+@pytest.fixture(scope="module")
+def untouched(tmp_path_factory):
+    """Return the folder that the report of `report` is kept in."""
+    return tmp_path_factory.mktemp("untouched")
+
+
+@pytest.fixture
+def folder(untouched, write_case, lag_states, toy, tmp_path):
+    """Return a fresh copy of a report with its inputs and its model next to it."""
+    if not (untouched / "report").exists():
+        case = read_case(write_case(more="trim = false"))
+        lag_states.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+        own = shutil.copy(toy(), tmp_path / "toy.fmu")
+        made_from = pom.provenance(case.files(), {"toy": own}, "aeromatch pom run", "2026-11-21")
+        made_from["records"] = {"case a_case": "record"}
+        result = replay(case, {"toy": toy()}, lag_states)
+        pom.write_report([result], tmp_path / "report", title="Toy", provenance=made_from, revision="A", paper=None)
+        shutil.copytree(tmp_path, untouched, dirs_exist_ok=True)
+    shutil.copytree(untouched, tmp_path / "copy")
+    return tmp_path / "copy"
+
+
+def found(folder):
+    """Whether the verification refuses a report or finds something changed."""
+    try:
+        return any(item.state != "same" for item in pom.verify(folder / "report"))
+    except pom.archive.verification.AeromatchError:
+        return True
+
+
+def test_twenty_single_bytes(folder):
+    assert not found(folder)
+    drawn = random.Random(7)
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    at = [*files, *drawn.choices(files, k=20 - len(files))]  # every file at least once
+    missed = []
+    for file in at:
+        content = file.read_bytes()
+        place = drawn.randrange(len(content))
+        file.write_bytes(content[:place] + bytes([content[place] ^ 1 << drawn.randrange(8)]) + content[place + 1 :])
+        missed += [] if found(folder) else [(file.name, place)]
+        file.write_bytes(content)
+    assert len(at) == 20
+    assert missed == []
+
+
+DEFINITION = ("predicate", "buildDefinition")
+GIVEN, CASE = (*DEFINITION, "externalParameters"), (*DEFINITION, "internalParameters", "cases", 0)
+MADE_FROM, RESULT = ("provenance",), ("results", 0)
+FIELDS = [
+    ("manifest.json", (*GIVEN, "title")),
+    ("manifest.json", (*GIVEN, "revision")),
+    ("manifest.json", (*GIVEN, "command")),
+    ("manifest.json", (*GIVEN, "date")),
+    ("manifest.json", (*CASE, "title")),
+    ("manifest.json", (*CASE, "window", 0)),
+    ("manifest.json", (*CASE, "criteria", 1, "band", "limits", 0, "value")),
+    ("manifest.json", (*DEFINITION, "resolvedDependencies", 0, "digest", "sha256")),
+    ("manifest.json", ("predicate", "runDetails", "builder", "version", "numpy")),
+    ("manifest.json", ("subject", 0, "name")),
+    ("results.json", ("title",)),
+    ("results.json", ("revision",)),
+    ("results.json", (*MADE_FROM, "command")),
+    ("results.json", (*MADE_FROM, "records", "case a_case")),
+    ("results.json", (*MADE_FROM, "models", "toy", "sha256")),
+    ("results.json", (*RESULT, "status", "toy")),
+    ("results.json", (*RESULT, "verdict", 0, "verdict")),
+    ("results.json", (*RESULT, "verdict", 0, "worst_ratio")),
+    ("results.json", (*RESULT, "case", "window", 1)),
+    ("results.json", (*RESULT, "case", "edition")),
+]
+
+
+def edited(folder, name, place):
+    """Change one field of a file, and its hash in the manifest, as somebody does who wants to hide it."""
+    path = folder / "report" / name
+    document = json.loads(path.read_text(encoding="utf-8"))
+    item = document
+    for key in place[:-1]:
+        item = item[key]
+    item[place[-1]] = item[place[-1]] + 0.25 if isinstance(item[place[-1]], float) else f"{item[place[-1]]}x"
+    path.write_text(json.dumps(document), encoding="utf-8")
+    if name != manifest.NAME:
+        path = folder / "report" / manifest.NAME
+        statement = json.loads(path.read_text(encoding="utf-8"))
+        next(item for item in statement["subject"] if item["name"] == name)["digest"]["sha256"] = sha256(folder / "report" / name)
+        path.write_text(manifest.text_of(statement), encoding="utf-8")
+
+
+def test_twenty_fields_with_the_hashes_put_right(folder):
+    missed = []
+    for name, place in FIELDS:
+        before = {file: (folder / "report" / file).read_bytes() for file in ("manifest.json", "results.json")}
+        edited(folder, name, place)
+        missed += [] if found(folder) else [(name, place)]
+        for file, content in before.items():
+            (folder / "report" / file).write_bytes(content)
+    assert len(FIELDS) == 20
+    assert missed == []
