@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from glob import glob
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
@@ -17,6 +17,7 @@ from flightmech import terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.configuration import UNFILLED, Strict, load, si, validate
+from flightmech.support.file_schema import file_schema
 from flightmech.units import quantity
 from flighttest import Model
 from flighttest.dynamics.force_coefficients import ERRORS
@@ -34,10 +35,16 @@ OWN_MODELS = ("datcom", "corrected", "final")
 class NewTerm(Strict):
     """A term that the listings cannot give: zero at first, with a wide standard error, for the flights to find."""
 
-    axes: dict[str, tuple[float | str, ...]] = {}
-    regressors: tuple[str, ...] = ()
-    stderr: float | tuple[float, ...]
-    comment: str = ""
+    axes: dict[str, tuple[float | str, ...]] = Field(
+        default={},
+        description="Breakpoints by axis, SI or with units; without them one number.",
+        examples=[{"delta_f": ["0 deg", "40 deg"]}],
+    )
+    regressors: tuple[str, ...] = Field(default=(), description="What the table is multiplied by.", examples=[["gear"]])
+    stderr: float | tuple[float, ...] = Field(
+        description="Standard error of the zero it starts from: one for all nodes, or one each.", examples=[0.05]
+    )
+    comment: str = Field(default="", description="Why the term is there.", examples=["drag of the gear"])
 
     def leaf(self) -> xr.Dataset:
         """Return the term, zero at every node."""
@@ -53,8 +60,8 @@ class NewTerm(Strict):
 class Fit(Flown):
     """Manoeuvres or windows of a record that are fitted together by each of some models; the same for each of `records`."""
 
-    name: str
-    models: tuple[str, ...]
+    name: str = Field(description="Name of the fit, for the report.")
+    models: tuple[str, ...] = Field(description="Models to fit, one for each coefficient: terms of the right-hand side are regressors.")
 
     @model_validator(mode="after")
     def _of_something(self) -> Fit:
@@ -66,8 +73,10 @@ class Fit(Flown):
 class ThirdPartyModel(Strict):
     """A model from elsewhere that is replayed with those of the project, and its table of names (`pom.replay`)."""
 
-    fmu: str
-    names: str = ""
+    fmu: str = Field(description="The FMU, relative to this file.", examples=["other/simulator.fmu"])
+    names: str = Field(
+        default="", description="Its table of names, when names, units or signs are not the canonical ones.", examples=["other/names.toml"]
+    )
 
 
 Paths = str | tuple[str, ...]
@@ -76,43 +85,55 @@ Paths = str | tuple[str, ...]
 class Listings(Strict):
     """Digital DATCOM listings by their role in `aerodb.from_datcom`, one or several each; ``FILE:CASE`` takes one case of a file."""
 
-    clean: Paths
-    flaps: Paths = ()
-    elevator: Paths = ()
-    aileron: Paths = ()
-    ground: Paths = ()
-    ground_flap: Paths = ()
-    ground_elevator: Paths = ()
-    power: Paths = ()
-    spoilers: Paths = ()
-    differential_tail: Paths = ()
-    tabs: Paths = ()
-    aileron_hinge: Paths = ()
-    altitude: si("m") | None = None  # type: ignore[valid-type]
-    powered: bool = False
-    tailless: bool = False
-    move_reference: bool = False
+    clean: Paths = Field(description="The whole aeroplane without deflections.")
+    flaps: Paths = Field(default=(), description="Increments of the flaps.")
+    elevator: Paths = Field(default=(), description="Increments of the elevator or stabiliser.")
+    aileron: Paths = Field(default=(), description="Increments of the ailerons.")
+    ground: Paths = Field(default=(), description="The whole aeroplane in ground effect.")
+    ground_flap: Paths = Field(default=(), description="The same with flaps.")
+    ground_elevator: Paths = Field(default=(), examples=["datcom/ground_elevator.out"], description="The same with elevator.")
+    power: Paths = Field(default=(), examples=["datcom/power.out"], description="The whole aeroplane with power effects.")
+    spoilers: Paths = Field(default=(), examples=["datcom/spoilers.out"], description="Increments of the spoilers.")
+    differential_tail: Paths = Field(
+        default=(), examples=["datcom/differential_tail.out"], description="Increments of a differential tail."
+    )
+    tabs: Paths = Field(default=(), examples=["datcom/tabs.out"], description="Increments of trim tabs.")
+    aileron_hinge: Paths = Field(default=(), examples=["datcom/aileron_hinge.out"], description="Hinge moments of the ailerons.")
+    altitude: si("m") | None = Field(default=None, examples=["5000 ft"], description="Reference altitude of the a-priori tables.")  # type: ignore[valid-type]
+    powered: bool = Field(
+        default=False, description="Whether clean pages hold power effects: thrust terms are taken off and standard errors are wider."
+    )
+    tailless: bool = Field(default=False, description="Whether the aeroplane has no horizontal tail.")
+    move_reference: bool = Field(default=False, description="Whether the listing's reference point is moved to that of the aircraft file.")
 
 
 class _File(Strict):
-    title: str
-    aircraft: str
-    apriori: str | None = None
-    names: str | None = None
-    flights: Paths
-    manoeuvres: str | None = None
-    listings: Listings
-    cases: tuple[str, ...]
-    cutoff: si("Hz") | None = None  # type: ignore[valid-type]
-    held: tuple[str, ...] = ()
-    errors: dict[str, Annotated[float, Field(ge=0.0)]] = {}
-    terms: dict[str, NewTerm] = {}
-    models: dict[str, ThirdPartyModel] = {}
-    fit: tuple[Fit, ...]
-    engine: Engine | None = None
-    controls: Controls = Controls()
-    gear: Gear | None = None
-    ground_effect: GroundEffect | None = None
+    title: str = Field(description="Title of the project and its report.")
+    aircraft: str = Field(description="Aircraft file.")
+    apriori: str | None = Field(default=None, description="Aircraft file as it was known before the flights; without it aircraft.")
+    names: str | None = Field(default=None, description="Name map of the flight records; not needed where they have canonical names.")
+    flights: Paths = Field(description="Pattern of the flight records, or several; a record is named by its file without extension.")
+    manoeuvres: str | None = Field(default=None, description="Table of manoeuvres, CSV or TOML, for records that carry no marks.")
+    listings: Listings = Field(description="Digital DATCOM listings by role: FILE, FILE:CASE, or several.")
+    cases: tuple[str, ...] = Field(description="Patterns of Proof-of-Match cases.")
+    cutoff: si("Hz") | None = Field(default=None, description="Low-pass before coefficients are formed; none without it.")  # type: ignore[valid-type]
+    held: tuple[str, ...] = Field(default=(), examples=[["Cm/qhat"]], description="Terms that keep their a-priori value.")
+    errors: dict[str, Annotated[float, Field(ge=0.0)]] = Field(
+        default={},
+        json_schema_extra={"propertyNames": {"enum": list(ERRORS)}},
+        description="Relative standard errors where not the defaults of flighttest.coefficients.",
+    )
+    terms: dict[str, NewTerm] = Field(
+        default={}, description="Terms that the listings cannot give, zero at first, by a name such as CL/gear."
+    )
+    models: dict[str, ThirdPartyModel] = Field(default={}, description="Models from elsewhere that are replayed as well, by name.")
+    fit: tuple[Fit, ...] = Field(description="Local models: what is fitted to which manoeuvres.")
+    engine: Engine | None = Field(default=None, description="Identification of the engine; without it that of the aircraft file.")
+    controls: Controls = Field(default=Controls(), description="Identification of the control loading, by control.")
+    gear: Gear | None = Field(default=None, description="Identification of the landing gear; without it that of the aircraft file.")
+    ground_effect: GroundEffect | None = Field(
+        default=None, description="Identification of the ground effect; without it that of the listings."
+    )
 
 
 @dataclass(frozen=True)
@@ -291,6 +312,11 @@ def read_project(path: str | Path) -> Project:
     if problems:
         raise SchemaError(str(path), problems)
     return project
+
+
+def project_schema() -> dict[str, Any]:
+    """Return the JSON schema of project files."""
+    return file_schema(_File, "A project: one aircraft, its listings, its flights and its Proof-of-Match cases.")
 
 
 def _matching(folder: Path, pattern: str) -> list[Path]:

@@ -21,9 +21,15 @@ Positive = Annotated[float, Field(gt=0.0)]
 class Flown(Strict):
     """Records, and what is taken of each: manoeuvres that it marks, and windows from start to end; without both the whole record."""
 
-    records: Annotated[Names, Field(min_length=1)]
-    manoeuvres: Names = ()
-    window: tuple[tuple[si("s"), si("s")], ...] = ()  # type: ignore[valid-type]
+    records: Annotated[Names, Field(min_length=1)] = Field(
+        examples=[["run_1", "run_2"]], description="Records, by file name without extension."
+    )
+    manoeuvres: Names = Field(
+        default=(), examples=[["doublet elevator"]], description="Manoeuvres of the records, by kind, or by kind and control."
+    )
+    window: tuple[tuple[si("s"), si("s")], ...] = Field(  # type: ignore[valid-type]
+        default=(), examples=[[[12.0, 27.5]]], description="[start, end] in seconds of the record, or several."
+    )
 
     @field_validator("window", mode="before")
     @classmethod
@@ -44,11 +50,15 @@ class Flown(Strict):
 class GroundEffect(Strict):
     """``[ground_effect]``: landings and low passes, and records in free air of the same flap setting, for `identify_ground_effect`."""
 
-    flown: Annotated[tuple[Flown, ...], Field(min_length=1)]
-    models: Annotated[Names, Field(min_length=1)]
-    ground: Names = ()
-    free_air: Literal["estimated", "held"] = "estimated"
-    tables: bool = False
+    flown: Annotated[tuple[Flown, ...], Field(min_length=1)] = Field(description="Low passes, landings, and free air with the same flaps.")
+    models: Annotated[Names, Field(min_length=1)] = Field(
+        examples=[["CL = 1 + alpha + delta_e"]], description="Free-air terms of each coefficient."
+    )
+    ground: Names = Field(default=(), description="Terms that the ground may change; all without it.", examples=[["CL = 1 + alpha"]])
+    free_air: Literal["estimated", "held"] = Field(
+        default="estimated", description="Whether the free-air terms are estimated too, or held at the database."
+    )
+    tables: bool = Field(default=False, description="Whether the effect is a table over the height in place of k h^s.")
 
     def problems(self) -> Iterator[str]:
         """Yield what is wrong with the models."""
@@ -60,9 +70,18 @@ class GroundEffect(Strict):
 class Gear(Strict):
     """``[gear]``: ground runs and landings with the compression of the legs, for `identify_landing_gear`."""
 
-    flown: Annotated[tuple[Flown, ...], Field(min_length=1)]
-    errors: dict[str, Annotated[float, Field(ge=0.0)]] = {}
-    output_error: bool = True
+    flown: Annotated[tuple[Flown, ...], Field(min_length=1)] = Field(
+        description="Ground runs and landings with the compression of every leg."
+    )
+    errors: dict[str, Annotated[float, Field(ge=0.0)]] = Field(
+        default={},
+        json_schema_extra={"propertyNames": {"enum": list(GEAR_ERRORS)}},
+        examples=[{"drag": 0.02}],
+        description="Standard errors where not the defaults.",
+    )
+    output_error: bool = Field(
+        default=True, description="Whether tyres and steering are estimated by output error too, or by wheel loads alone."
+    )
 
     def problems(self) -> Iterator[str]:
         """Yield what is wrong with the standard errors."""
@@ -74,17 +93,29 @@ class Gear(Strict):
 class Engine(Strict):
     """``[engine]``: power changes that begin at rest, starts, and settled points, for `identify_engine`."""
 
-    flown: tuple[Flown, ...] = ()
-    flights: tuple[Flown, ...] = ()
-    starts: tuple[Flown, ...] = ()
-    engines: tuple[Annotated[int, Field(ge=1)], ...] = (1,)
-    pla: tuple[si("rad"), si("rad")] | None = None  # type: ignore[valid-type]
-    rate: Positive = 25.0
-    structure: str | None = None
-    points: str | None = None
-    climbs: str | None = None
-    polar: tuple[float, float] | None = None
-    polar_stderr: tuple[float, float] = (0.0, 0.0)
+    flown: tuple[Flown, ...] = Field(default=(), description="Chops, slams and steps, each beginning with the lever at rest.")
+    flights: tuple[Flown, ...] = Field(
+        default=(), description="Whole flights: power changes are cut out of them, and the tables that structure names estimated."
+    )
+    starts: tuple[Flown, ...] = Field(default=(), description="Starts and shut-downs.")
+    engines: tuple[Annotated[int, Field(ge=1)], ...] = Field(
+        default=(1,), examples=[[1, 2]], description="Engines of the records, averaged."
+    )
+    pla: tuple[si("rad"), si("rad")] | None = Field(  # type: ignore[valid-type]
+        default=None,
+        description="Lever angles of idle and full power, where records have angles.",
+        examples=[["10 deg", "50 deg"]],
+    )
+    rate: Positive = Field(default=25.0, examples=[10.0], description="Samples of the records per second that are used.")
+    structure: str | None = Field(default=None, examples=["engine.toml"], description="TOML file of what the tables depend on.")
+    points: str | None = Field(default=None, description="CSV file of settled points with recorded thrust.", examples=["engine_points.csv"])
+    climbs: str | None = Field(
+        default=None, description="CSV file of climbs and level accelerations; needs polar.", examples=["climbs.csv"]
+    )
+    polar: tuple[float, float] | None = Field(default=None, description="CD0 and K of the drag polar.", examples=[[0.025, 0.05]])
+    polar_stderr: tuple[float, float] = Field(
+        default=(0.0, 0.0), description="Their standard errors; zero holds them.", examples=[[0.001, 0.002]]
+    )
 
     def problems(self) -> Iterator[str]:
         """Yield what is missing."""
@@ -97,12 +128,18 @@ class Engine(Strict):
 class Control(Strict):
     """``[controls.column]``, ``wheel`` or ``pedal``: slow manoeuvres and free motion, for `identify_control_loading`."""
 
-    driven: Annotated[tuple[Flown, ...], Field(min_length=1)]
-    free: tuple[Flown, ...] = ()
-    model: str = ""
-    constants: Names = ()
-    arm: si("m") = 0.0  # type: ignore[valid-type]
-    order: Literal[2, 4] = 4
+    driven: Annotated[tuple[Flown, ...], Field(min_length=1)] = Field(
+        description="Slow manoeuvres at several speeds and tab settings; whole records are taken without the free manoeuvres."
+    )
+    free: tuple[Flown, ...] = Field(default=(), description="Pulses and releases.")
+    model: str = Field(default="", description="Hinge moment; without it the usual one of the control.")
+    constants: Names = Field(
+        default=(),
+        examples=[["preload", "friction"]],
+        description="Terms of the force; the rest is held at zero. Without it the usual ones of the control.",
+    )
+    arm: si("m") = Field(default=0.0, examples=["3.4 m"], description="Ailerons from the plane of symmetry; the wheel needs it.")  # type: ignore[valid-type]
+    order: Literal[2, 4] = Field(default=4, description="Masses: 4: cockpit and surface on a cable; 2: one.")
 
     def problems(self, item: str) -> Iterator[str]:
         """Yield what is wrong with model and constants."""
@@ -117,9 +154,9 @@ class Control(Strict):
 class Controls(Strict):
     """``[controls]``: one table for each control."""
 
-    column: Control | None = None
-    wheel: Control | None = None
-    pedal: Control | None = None
+    column: Control | None = Field(default=None, description="Column and elevator.")
+    wheel: Control | None = Field(default=None, description="Wheel and ailerons.")
+    pedal: Control | None = Field(default=None, description="Pedals and rudder.")
 
     @property
     def given(self) -> dict[str, Control]:

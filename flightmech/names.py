@@ -223,7 +223,7 @@ _ROWS = [
 
 VOCABULARY: dict[str, Quantity] = {row[0]: Quantity(*row) for row in _ROWS}
 COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
-_ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|column|wheel|pedal)\.")  # what quantities of a submodel begin with
+ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|column|wheel|pedal)\.")  # what quantities of a submodel begin with
 
 
 def lookup(name: str) -> Quantity:
@@ -235,7 +235,7 @@ def lookup(name: str) -> Quantity:
     UnknownName
         With the near names.
     """
-    row = VOCABULARY.get(_ITEM.sub("", name))
+    row = VOCABULARY.get(ITEM.sub("", name))
     if row is None:
         raise UnknownName(name, VOCABULARY, "quantity")
     return row

@@ -101,6 +101,7 @@ ORDER = {
     "aeromatch": [
         "sections",
         "project",
+        "schemas",
         "submodels",
         "workflow",
         "drafting",

@@ -17,6 +17,7 @@ from flightmech.support.configuration import UNFILLED
 from flightmech.units import DEGREE
 from flighttest.quality.checks.samples import channel_table
 
+from ..schemas import schema_lines
 from .geometry import Geometry
 
 MASS = {"mass": "2400 kg", "Ixx": "10826 kg m2", "Iyy": "8135 kg m2", "Izz": "15162 kg m2"}
@@ -54,6 +55,7 @@ def aircraft_text(geometry: Geometry, known: Known, records: Sequence[xr.DataTre
     """Return the text of an aircraft file, and what its author has to give or confirm."""
     remarks: list[str] = []
     lines = [
+        *schema_lines("aircraft"),
         "# Aircraft, drafted by `aeromatch init`.  Bare numbers are SI, texts carry their unit; positions in body axes (forward, right,",
         "# down) from the moment reference point, `reference` alone from the drawing datum.  Keys: docs/project-keys.md",
         "",

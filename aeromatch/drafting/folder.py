@@ -26,6 +26,7 @@ from flighttest.manoeuvre_finding import find_manoeuvres
 from flighttest.records import write_manoeuvres
 
 from ..project import read_project
+from ..schemas import schema_lines
 from .aircraft import Known, aircraft_text
 from .flown import CaseDraft, FitDraft, fits_of, held_for_proof, without_unknown, written_cases
 from .geometry import Geometry, geometry_of
@@ -301,7 +302,8 @@ def project_text(
     """Return the text of a project file."""
     title = known.name or geometry.title or folder.resolve().name
     lines = [
-        "# Project, drafted by `aeromatch init`: aeromatch match aeromatch.toml -o out.  Keys: docs/projects.md",
+        *schema_lines("project"),
+        "# Project, drafted by `aeromatch init`: aeromatch match aeromatch.toml -o out.  Keys: docs/project-keys.md",
         f"title = {_text(title)}",
         'aircraft = "aircraft.toml"',
         *([] if names.identity else ['names = "names.toml"']),

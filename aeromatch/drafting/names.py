@@ -21,6 +21,7 @@ from flighttest.readers.opening import FORMATS, open_recording, recognise
 from flighttest.readers.recording import CLOCK_NAMES, Table
 from flighttest.records import needs_names
 
+from ..schemas import schema_lines
 from .column_names import Guess, guess
 from .column_units import by_size, stated
 
@@ -347,9 +348,10 @@ def _flat(lines: Mapping[str, Any]) -> dict[str, Any]:
 def names_text(draft: NamesDraft, files: Sequence[Path]) -> str:
     """Return a draft as the text of a name map."""
     lines = [
+        *schema_lines("names"),
         f"# Name map of {', '.join(file.name for file in files[:3])}{' and others' if len(files) > 3 else ''}.",
         "# Drafted by `aeromatch init` from the names and sizes of the columns: confirm units, signs, then run `aeromatch flight check`.",
-        "# Keys of a channel: column, unit, sign, scale, offset, polynomial, table, delay, lag, optional (docs/flight-records.md).",
+        "# Keys of a channel: column, unit, sign, scale, offset, polynomial, table, delay, lag, optional (docs/project-keys.md).",
     ]
     if draft.extends:
         lines += [f'extends = "{draft.extends}"', ""]

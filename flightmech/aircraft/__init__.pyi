@@ -2,6 +2,7 @@
 
 from . import similarity as similarity
 from .aircraft import Aircraft as Aircraft
+from .aircraft import aircraft_schema as aircraft_schema
 from .aircraft import read_aircraft as read_aircraft
 from .control_surface import Control as Control
 from .parts import different_parts as different_parts

@@ -38,13 +38,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_validator
 
 from ..errors import SchemaError, UnitError
-from ..support.configuration import Strict, load, si, validate
+from ..support.configuration import Strict, fixed_array, load, quantity_schema, si, validate
+from ..support.file_schema import file_schema
 from ..units import quantity
 from .control_surface import CONTROLS, TRAVEL, Control
 from .systems.control_circuits import Circuit, CircuitsTable, circuits_of
@@ -169,6 +170,8 @@ def read_aircraft(path: str | Path) -> Aircraft:
 
 _Length = si("m")
 _Vector = tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
+_OF_CONTROL = quantity_schema("of the control")
+_LIMITS = {"type": "object", "propertyNames": {"enum": list(CONTROLS)}, "additionalProperties": fixed_array([_OF_CONTROL] * 2)}
 
 
 class _Entry(Strict):
@@ -178,9 +181,12 @@ class _Entry(Strict):
 
 
 class _ControlTable(_Entry):
-    S_hinge: si("m2")  # type: ignore[valid-type]
-    c_hinge: _Length  # type: ignore[valid-type]
-    gearing: float | None = None
+    S_hinge: si("m2") = Field(description="Area behind the hinge line of all surfaces that the control moves together.")  # type: ignore[valid-type]
+    c_hinge: _Length = Field(description="Mean chord behind the hinge line.")  # type: ignore[valid-type]
+    gearing: Annotated[float, WithJsonSchema(_OF_CONTROL)] | None = Field(
+        default=None,
+        description="Deflection per travel of the cockpit control, negative in an ordinary aeroplane [rad/m; ailerons rad/rad].",
+    )
 
     @field_validator("S_hinge", "c_hinge")
     @classmethod
@@ -196,28 +202,44 @@ class _ControlTable(_Entry):
 
 
 class _File(_Entry):
-    name: str
-    S: si("m2")  # type: ignore[valid-type]
-    cbar: _Length  # type: ignore[valid-type]
-    b: _Length  # type: ignore[valid-type]
-    reference: _Vector | None = None
-    x_ref_mac: si("1") = 0.25  # type: ignore[valid-type]
-    mass: si("kg")  # type: ignore[valid-type]
-    Ixx: si("kg m2")  # type: ignore[valid-type]
-    Iyy: si("kg m2")  # type: ignore[valid-type]
-    Izz: si("kg m2")  # type: ignore[valid-type]
-    Ixy: si("kg m2") = 0.0  # type: ignore[valid-type]
-    Ixz: si("kg m2") = 0.0  # type: ignore[valid-type]
-    Iyz: si("kg m2") = 0.0  # type: ignore[valid-type]
-    cg: _Vector = (0.0, 0.0, 0.0)
-    engine: list[EngineTable] = Field(default_factory=list)
-    limits: dict[str, tuple[float, float]] = Field(default_factory=dict)
-    instruments: dict[str, dict[str, Any]] = Field(default_factory=dict)
-    control: dict[str, _ControlTable] = Field(default_factory=dict)
-    circuit: CircuitsTable = CircuitsTable()
-    gear: GearTable | None = None
-    fuel: FuelTable | None = None
-    history: str = ""
+    name: str = Field(description="Name of the type.")
+    S: si("m2") = Field(description="Reference area.")  # type: ignore[valid-type]
+    cbar: _Length = Field(description="Reference chord.")  # type: ignore[valid-type]
+    b: _Length = Field(description="Reference span.")  # type: ignore[valid-type]
+    reference: _Vector | None = Field(
+        default=None, description="Moment reference point from the drawing datum, body directions; without it that of the database."
+    )
+    x_ref_mac: si("1") = Field(  # type: ignore[valid-type]
+        default=0.25, description="Place of the reference point behind the leading edge of the mean chord, in chords."
+    )
+    mass: si("kg") = Field(description="Gross mass with the fuel on board.")  # type: ignore[valid-type]
+    Ixx: si("kg m2") = Field(description="Moment of inertia in roll about the c.g.")  # type: ignore[valid-type]
+    Iyy: si("kg m2") = Field(description="Moment of inertia in pitch about the c.g.")  # type: ignore[valid-type]
+    Izz: si("kg m2") = Field(description="Moment of inertia in yaw about the c.g.")  # type: ignore[valid-type]
+    Ixy: si("kg m2") = Field(default=0.0, examples=[0.0], description="Product of inertia about the c.g., integral of xy dm.")  # type: ignore[valid-type]
+    Ixz: si("kg m2") = Field(default=0.0, description="Product of inertia about the c.g., integral of xz dm.")  # type: ignore[valid-type]
+    Iyz: si("kg m2") = Field(default=0.0, examples=[0.0], description="Product of inertia about the c.g., integral of yz dm.")  # type: ignore[valid-type]
+    cg: _Vector = Field(default=(0.0, 0.0, 0.0), description="Centre of gravity from the moment reference point, body axes.")
+    engine: list[EngineTable] = Field(default_factory=list, description="Engines, engine 1 first.")
+    limits: Annotated[dict[str, tuple[float, float]], WithJsonSchema(_LIMITS)] = Field(
+        default_factory=dict,
+        examples=[{"delta_e": ["-20 deg", "17 deg"]}],
+        description="Travel of the controls, [low, high] of each in its SI unit or with units.",
+    )
+    instruments: dict[str, dict[str, Any]] = Field(
+        default_factory=dict, description="Instruments of the recorder, one table each; the names of the tables are free."
+    )
+    control: dict[str, _ControlTable] = Field(
+        json_schema_extra={"propertyNames": {"enum": list(TRAVEL)}},
+        default_factory=dict,
+        description="Hinge geometry and gearing of delta_e, delta_a and delta_r.",
+    )
+    circuit: CircuitsTable = Field(default=CircuitsTable(), description="Control circuits: what moves with column, wheel and pedal.")
+    gear: GearTable | None = Field(default=None, description="Landing gear: wheels, skids, steering, brakes and runway.")
+    fuel: FuelTable | None = Field(default=None, description="Fuel on board, part of the mass; without it the mass does not change.")
+    history: str = Field(
+        default="", examples=["rescaled to a span of 11 m"], description="Where computed numbers come from, one line per step."
+    )
 
     @field_validator("S", "cbar", "b", "mass", "Ixx", "Iyy", "Izz")
     @classmethod
@@ -247,6 +269,11 @@ class _File(_Entry):
         if not (np.linalg.eigvalsh(tensor) > 0.0).all():
             raise ValueError("moments and products of inertia make no positive definite tensor")
         return self
+
+
+def aircraft_schema() -> dict[str, Any]:
+    """Return the JSON schema of aircraft files; what their instruments hold, `flighttest` knows."""
+    return file_schema(_File, "An aircraft: geometry, mass, engines, limits, instruments, control circuits, landing gear and fuel.")
 
 
 def inertia(aircraft: Any) -> np.ndarray:

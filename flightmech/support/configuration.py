@@ -7,13 +7,16 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, WithJsonSchema
 
 from ..errors import ParseError, SchemaError, UnitError, near_names
 from ..units import quantity
 from .file_kinds import TOML, file_kind
 
 T = TypeVar("T", bound="Strict")
+
+UNIT = "x-unit"
+"""Key of a JSON schema that holds the SI unit of a quantity."""
 
 UNFILLED = "?"
 """What a drafted file holds in place of a value that nobody knew yet."""
@@ -45,7 +48,17 @@ def si(units: str) -> Any:
         except (UnitError, TypeError) as error:
             raise ValueError(str(error)) from error
 
-    return Annotated[float, BeforeValidator(convert)]
+    return Annotated[float, BeforeValidator(convert), WithJsonSchema(quantity_schema(units))]
+
+
+def quantity_schema(units: str) -> dict[str, Any]:
+    """Return the JSON schema of a quantity: a number in `units`, or a text with its unit; not what stands for a value still to be given."""
+    return {"type": ["number", "string"], "not": {"const": UNFILLED}, UNIT: units}
+
+
+def fixed_array(items: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the JSON schema of an array with a schema for each of its items."""
+    return {"type": "array", "prefixItems": items, "minItems": len(items), "maxItems": len(items)}
 
 
 def load(path: str | Path) -> dict[str, Any]:

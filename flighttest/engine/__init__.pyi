@@ -18,4 +18,5 @@ from .steady.steady_tables import SteadyTable as SteadyTable
 from .steady.steady_tables import steady_table as steady_table
 from .structure import EngineStructure as EngineStructure
 from .structure import read_structure as read_structure
+from .structure import structure_schema as structure_schema
 from .windows import power_changes as power_changes

@@ -19,11 +19,12 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, load, validate
+from flightmech.support.configuration import Strict, load, quantity_schema, validate
+from flightmech.support.file_schema import file_schema
 from flightmech.units import quantity
 
 
@@ -41,7 +42,11 @@ def _breakpoints(item: Any) -> dict[str, tuple[float, ...]]:
     return found
 
 
-Breakpoints = Annotated[dict[str, tuple[float, ...]], BeforeValidator(_breakpoints)]
+Breakpoints = Annotated[
+    dict[str, tuple[float, ...]],
+    BeforeValidator(_breakpoints),
+    WithJsonSchema({"type": "object", "additionalProperties": {"type": "array", "minItems": 2, "items": quantity_schema("of the axis")}}),
+]
 
 
 class EngineStructure(Strict):
@@ -57,14 +62,22 @@ class EngineStructure(Strict):
         As for `identify_engine`.
     """
 
-    height: str | None = None
-    throttle: tuple[float, ...] | None = None
-    n2: tuple[float, ...] | None = None
-    limits: bool = False
-    fan: Literal["n2", "lever"] = "n2"
-    over: Breakpoints = Field(default_factory=dict)
-    tables: dict[str, Breakpoints] = Field(default_factory=dict)
-    thrust_scale: float = Field(default=0.0, ge=0.0)
+    height: str | None = Field(default=None, description="Channel of the height; without it the first of h, h_baro and h_gps.")
+    throttle: tuple[float, ...] | None = Field(
+        default=None, description="Breakpoints of the schedule over the lever; without them where the lever rested."
+    )
+    n2: tuple[float, ...] | None = Field(
+        default=None, description="Breakpoints of time constants and limits over the speed of the gas generator."
+    )
+    limits: bool = Field(default=False, description="Whether acceleration and deceleration have rate limits.")
+    fan: Literal["n2", "lever"] = Field(default="n2", description="What the fan speed follows: n2, or the lever.")
+    over: Breakpoints = Field(default_factory=dict, description="Axes with which schedule and dynamics change, and their breakpoints.")
+    tables: dict[str, Breakpoints] = Field(
+        default_factory=dict,
+        examples=[{"corrected_thrust": {"corrected_n2": [0.6, 0.8, 1.0]}}],
+        description="Tables that whole flights identify: axes and breakpoints of each.",
+    )
+    thrust_scale: float = Field(default=0.0, ge=0.0, description="Standard error of the factor of the recorded thrust.")
 
     def keywords(self) -> dict[str, Any]:
         """Return the keywords of `identify_engine`."""
@@ -82,3 +95,8 @@ def read_structure(path: str | Path) -> EngineStructure:
         With all faults of the keys.
     """
     return validate(EngineStructure, load(path), str(path))
+
+
+def structure_schema() -> dict[str, Any]:
+    """Return the JSON schema of such files."""
+    return file_schema(EngineStructure, "What the tables of an engine depend on, for the identification of the engine.")

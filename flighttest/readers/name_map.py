@@ -49,7 +49,7 @@ from .bus.decode import KINDS, Decode
 MAPS = Path(__file__).parent / "maps"
 _ALIASES = {"-": "1", "pct": "%", "percent": "%", "deg C": "degC", "kts": "kt", "knots": "kt", "seconds": "s", "sec": "s"}
 _TIME_UNITS = {"us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-_TOP = ("extends", "optional", "time", "record", "constants", "instruments", "utc", "decode")
+TOP = ("extends", "optional", "time", "record", "constants", "instruments", "utc", "decode")
 
 
 def known_unit(unit: str) -> str:
@@ -60,16 +60,30 @@ def known_unit(unit: str) -> str:
 class Channel(Strict):
     """Where a channel comes from and how it becomes SI."""
 
-    column: str | tuple[str, ...]
-    unit: str | None = None
-    sign: Literal[1, -1] = 1
-    scale: float | str = 1.0
-    offset: float | str = 0.0
-    polynomial: tuple[float, ...] | None = None
-    table: tuple[tuple[float, float], ...] | None = None
-    delay: si("s") = 0.0  # type: ignore[valid-type]
-    lag: si("s") = 0.0  # type: ignore[valid-type]
-    optional: bool = False
+    column: str | tuple[str, ...] = Field(
+        description="Column of the file, TABLE/COLUMN where there are several tables; of a list the first that the file holds."
+    )
+    unit: str | None = Field(default=None, description="Unit of the column, where the file does not state it or states another.")
+    sign: Literal[1, -1] = Field(default=1, description="-1 where the recorder's positive sense is the opposite one.")
+    scale: float | str = Field(default=1.0, description='Factor of the column; with a unit ("40 deg") it replaces the change of unit.')
+    offset: float | str = Field(default=0.0, description="Added last: SI, or with its unit.")
+    polynomial: tuple[float, ...] | None = Field(
+        default=None,
+        examples=[[-12.1, 0.0321, 1.2e-06]],
+        description="Calibration: coefficients of the raw column by ascending power, giving the value in unit.",
+    )
+    table: tuple[tuple[float, float], ...] | None = Field(
+        default=None,
+        examples=[[[112, -25], [530, 0], [980, 25]]],
+        description="Calibration: rows [raw, value] in unit, or a CSV file of two columns; linear between, NaN and flagged beyond.",
+    )
+    delay: si("s") = Field(default=0.0, examples=["60 ms"], description="Known latency: the channel shows at t what was true at t - delay.")  # type: ignore[valid-type]
+    lag: si("s") = Field(  # type: ignore[valid-type]
+        default=0.0,
+        examples=["-0.05 s"],
+        description="Known time constant of a first-order lag behind the truth; negative: of a command, that of the actuator.",
+    )
+    optional: bool = Field(default=False, description="Whether the channel is left out where the file has no such column.")
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -122,13 +136,21 @@ def _line(values, factor: float, offset: float):
 class Facts(Strict):
     """Facts about a record that its file may not state."""
 
-    title: str | None = None
-    start: str | None = None
-    purpose: str | None = None
-    latitude: si("rad") | None = None  # type: ignore[valid-type]
-    runway_elevation: si("m") | None = None  # type: ignore[valid-type]
-    temperature: Annotated[si("K"), Field(gt=100.0)] | None = None  # type: ignore[valid-type]
-    wind_down_sigma: Annotated[si("m s-1"), Field(gt=0.0)] | None = None  # type: ignore[valid-type]
+    title: str | None = Field(default=None, description="Title of the record.", examples=["Flight 12, clean, 5000 ft"])
+    start: str | None = Field(default=None, description="Start of the record in the time of the world.", examples=["2024-05-17T09:30:00Z"])
+    purpose: str | None = Field(default=None, description="What the record was flown for.", examples=["stability and control"])
+    latitude: si("rad") | None = Field(default=None, description="Latitude of the flight; gives gravity and the rate of the Earth.")  # type: ignore[valid-type]
+    runway_elevation: si("m") | None = Field(default=None, examples=["120 m"], description="Elevation of the runway over mean sea level.")  # type: ignore[valid-type]
+    temperature: Annotated[si("K"), Field(gt=100.0)] | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=["12 degC"],
+        description="Constant temperature of the outside air, where none is recorded.",
+    )
+    wind_down_sigma: Annotated[si("m s-1"), Field(gt=0.0)] | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=[0.2],
+        description="Standard error of the mean vertical wind before the reconstruction.",
+    )
 
 
 class Clock(Strict):
@@ -140,13 +162,17 @@ class Clock(Strict):
     clock of the record.  `reset = true` moves what follows a backward step behind what went before.
     """
 
-    column: str | None = None
-    unit: str | None = None
-    wrap: si("s") | None = None  # type: ignore[valid-type]
-    rate: si("Hz") | None = None  # type: ignore[valid-type]
-    offset: si("s") = 0.0  # type: ignore[valid-type]
-    drift: float = 0.0
-    reset: bool = False
+    column: str | None = Field(default=None, examples=["adc/time"], description="Column of the stamps.")
+    unit: str | None = Field(
+        default=None, examples=["us"], description="Unit of the stamps, us and ns as well; the file's own without it, else s."
+    )
+    wrap: si("s") | None = Field(default=None, examples=["65.536 s"], description="Where a counter starts again; it is unrolled.")  # type: ignore[valid-type]
+    rate: si("Hz") | None = Field(default=None, examples=["50 Hz"], description="Sampling rate: even stamps from the first one on.")  # type: ignore[valid-type]
+    offset: si("s") = Field(default=0.0, examples=["0.12 s"], description="Added last; brings the clock onto that of the record.")  # type: ignore[valid-type]
+    drift: float = Field(default=0.0, examples=[2e-05], description="Seconds that the clock runs fast per second.")
+    reset: bool = Field(
+        default=False, examples=[True], description="Whether what follows a backward step is moved behind what went before."
+    )
 
     def seconds(self, file_unit: str | None) -> float:
         """Return the seconds in one unit of the clock's column."""
@@ -162,11 +188,13 @@ class Utc(Strict):
     `epoch` is what the column counts from: ``unix`` (1970-01-01, UTC) or ``gps`` (1980-01-06, ahead of UTC by `leap_seconds`).
     """
 
-    column: str
-    unit: str = "s"
-    epoch: Literal["unix", "gps"] = "unix"
-    leap_seconds: int = 18
-    optional: bool = False
+    column: str = Field(description="Column with the time of day of the world.", examples=["gps/utc"])
+    unit: str = Field(default="s", description="Its unit.")
+    epoch: Literal["unix", "gps"] = Field(
+        default="unix", description="What it counts from: 1970-01-01 (unix), or 1980-01-06 without leap seconds (gps)."
+    )
+    leap_seconds: int = Field(default=18, description="By which gps is ahead of UTC.", examples=[18])
+    optional: bool = Field(default=False, description="Whether it is left out where the file has no such column.")
 
 
 @dataclass(frozen=True)
@@ -230,7 +258,7 @@ def _extended(path: Path, above: tuple[Path, ...]) -> dict[str, Any]:
     if kind := foreign_kind(content):
         raise SchemaError(f"name map {path}", [f"{kind}; a name map has a table of channels for each clock, such as [air_data]"])
     if content.get("optional") is True:
-        content = {key: item if key in _TOP else _as_optional(item) for key, item in content.items() if key != "optional"}
+        content = {key: item if key in TOP else _as_optional(item) for key, item in content.items() if key != "optional"}
     base = content.pop("extends", None)
     if base is None:
         return content
@@ -251,10 +279,10 @@ def _as_optional(leaf: Any) -> Any:
 
 def _laid_over(content: dict[str, Any], base: dict[str, Any]) -> dict[str, Any]:
     """Return both maps: tables are joined, and a quantity named in `content` leaves every leaf of `base`."""
-    named = {name for leaf, table in content.items() if leaf not in _TOP and isinstance(table, dict) for name in _flatten(table)}
+    named = {name for leaf, table in content.items() if leaf not in TOP and isinstance(table, dict) for name in _flatten(table)}
     joined = {
         leaf: {name: entry for name, entry in _flatten(table).items() if name not in named}
-        if leaf not in _TOP and isinstance(table, dict)
+        if leaf not in TOP and isinstance(table, dict)
         else table
         for leaf, table in base.items()
     }

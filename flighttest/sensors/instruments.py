@@ -36,11 +36,11 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-from pydantic import BeforeValidator, Field, field_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
 
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, si, validate
+from flightmech.support.configuration import Strict, fixed_array, quantity_schema, si, validate
 from flightmech.units import DEGREE, quantity
 
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
@@ -65,7 +65,7 @@ def _pair(units: str) -> Any:
             raise ValueError("sigma must not be negative")
         return mean, sigma
 
-    return Annotated[tuple[float, float], BeforeValidator(convert)]
+    return Annotated[tuple[float, float], BeforeValidator(convert), WithJsonSchema(fixed_array([quantity_schema(units)] * 2))]
 
 
 def _per_channel(table: Any) -> dict[str, float]:
@@ -86,23 +86,51 @@ if TYPE_CHECKING:
 else:
     _Time, _Number = _pair("s"), _pair("1")
 _Length = si("m")
-_Channels = Annotated[dict[str, float], BeforeValidator(_per_channel)]
+_Channels = Annotated[
+    dict[str, float],
+    BeforeValidator(_per_channel),
+    WithJsonSchema({"type": "object", "additionalProperties": quantity_schema("of the channel")}),
+]
 
 
 class Instrument(Strict):
     """One instrument."""
 
-    position: tuple[_Length, _Length, _Length] | None = None  # type: ignore[valid-type]
-    noise: _Channels = Field(default_factory=dict)
-    bias_sigma: _Channels = Field(default_factory=dict)
-    scale_sigma: dict[str, Annotated[float, Field(gt=0.0)]] = Field(default_factory=dict)
-    factor: dict[str, _Number] = Field(default_factory=dict)
-    lag: _Time | None = None
-    delay: _Time | None = None
-    static_error: _Number | None = None
-    minimum_speed: si("m s-1") = 0.0  # type: ignore[valid-type]
-    maximum: si("m") | None = None  # type: ignore[valid-type]
-    earth_rate: bool = False
+    position: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=[[0.9, 0.25, 0.32]],
+        description="Of the sensor, body axes, from the moment reference point.",
+    )
+    noise: _Channels = Field(
+        default_factory=dict,
+        examples=[{"q": "0.03 deg/s", "az_imu": 0.04}],
+        description="One sigma of white noise per sample as recorded, by channel; a channel with it is used as a measurement.",
+    )
+    bias_sigma: _Channels = Field(
+        default_factory=dict, examples=[{"q": "0.03 deg/s", "az_imu": 0.06}], description="One sigma of the constant error, by channel."
+    )
+    scale_sigma: dict[str, Annotated[float, Field(gt=0.0)]] = Field(
+        default_factory=dict, examples=[{"az_imu": 0.002}], description="One sigma of the scale error, by channel; none without it."
+    )
+    factor: dict[str, _Number] = Field(
+        default_factory=dict,
+        examples=[{"alpha_vane": [1.08, 0.04]}],
+        description="[mean, sigma] of a factor: upwash of vanes, scale of an airspeed; by channel.",
+    )
+    lag: _Time | None = Field(default=None, examples=[[0.05, 0.02]], description="[mean, sigma] of the first-order time constant.")
+    delay: _Time | None = Field(
+        default=None, examples=[["100 ms", "50 ms"]], description="[mean, sigma] of the latency of the whole instrument."
+    )
+    static_error: _Number | None = Field(
+        default=None, examples=[[0.0, 0.02]], description="[mean, sigma] of the static-pressure error over impact pressure."
+    )
+    minimum_speed: si("m s-1") = Field(default=0.0, examples=["50 kt"], description="Airspeed below which the readings mean nothing.")  # type: ignore[valid-type]
+    maximum: si("m") | None = Field(default=None, examples=["2500 ft"], description="Height above which a radio altimeter shows nothing.")  # type: ignore[valid-type]
+    earth_rate: bool = Field(
+        default=False,
+        examples=[True],
+        description="Whether the gyros show the rate of the Earth too, as those of an inertial reference do.",
+    )
 
     @field_validator("scale_sigma")
     @classmethod

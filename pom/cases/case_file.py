@@ -27,8 +27,8 @@ Quantity = float | str
 Texts = dict[str, str]
 
 
-def _table(text: str) -> Any:
-    return Field(default_factory=dict, description=text)
+def _table(text: str, **examples: Any) -> Any:
+    return Field(default_factory=dict, description=text, examples=[examples] if examples else None)
 
 
 class CaseTable(Strict):
@@ -46,12 +46,16 @@ class CaseTable(Strict):
     window: tuple[float, float] = Field(description="Start and end of the replay on the clock of the record [s].")
     features: tuple[str, ...] = Field(default=(), description="Conditions of table rows that hold, such as reversible_controls.")
     absent: tuple[str, ...] = Field(
-        default=(), description="Parameters of rows whose equipment the aeroplane does not have, such as spoiler, epr, tiller_force."
+        default=(),
+        examples=[["spoiler", "epr"]],
+        description="Parameters of rows whose equipment the aeroplane does not have, such as spoiler, epr, tiller_force.",
     )
     shortened: str = Field(default="", description="Why a window is shorter than the rows ask; without it a short window is an error.")
     show: tuple[str, ...] = Field(default=SHOWN, description="Channels to show in addition to the judged ones.")
-    mode_channel: str = Field(default="", description="Channel on which period and damping are measured.")
-    engine_parameter: str = Field(default="", description="Critical engine parameter of Ti and Tt, such as engine1.n1.")
+    mode_channel: str = Field(default="", examples=["r"], description="Channel on which period and damping are measured.")
+    engine_parameter: str = Field(
+        default="", examples=["engine1.n1"], description="Critical engine parameter of Ti and Tt, such as engine1.n1."
+    )
     reference: Literal["flight", "engineering", "footprint"] = Field(
         default="flight", description="flight; engineering: an engineering simulator; footprint: a recording without reference, no verdict."
     )
@@ -59,13 +63,14 @@ class CaseTable(Strict):
         default=None,
         gt=0.0,
         le=1.0,
+        examples=[0.2],
         description="Share of the tolerance that is applied. Default: 1 for flight; for engineering 0.2 before 2016, 0.4 from then on.",
     )
-    objective: str = Field(default="", description="What the test shows.")
-    procedure: str = Field(default="", description="How it runs automatically.")
-    manual: str = Field(default="", description="How a pilot flies it by hand.")
-    evaluation: str = Field(default="", description="How it is evaluated.")
-    notes: str = Field(default="", description="Remarks for the reader of the report.")
+    objective: str = Field(default="", examples=["Phugoid without pilot"], description="What the test shows.")
+    procedure: str = Field(default="", examples=["The recorded elevator drives the model"], description="How it runs automatically.")
+    manual: str = Field(default="", examples=["Trim, pull, release"], description="How a pilot flies it by hand.")
+    evaluation: str = Field(default="", examples=["Period and damping of the speed"], description="How it is evaluated.")
+    notes: str = Field(default="", examples=["light turbulence"], description="Remarks for the reader of the report.")
 
     @field_validator("name")
     @classmethod
@@ -127,10 +132,19 @@ class CaseFile(Strict):
     drive: DriveTable = DriveTable()
     conditions: dict[str, Quantity] = _table("Values against the record: inputs held constant, parts of the initial state, mass, air.")
     events: dict[str, float] = _table("Instants that bound the windows of rows, on the clock of the record [s].")
-    models: Texts = _table("By model: its table of names, when names, units or signs are not the canonical ones. Relative to this file.")
+    models: Texts = _table(
+        "By model: its table of names, when names, units or signs are not the canonical ones. Relative to this file.",
+        final="final_names.toml",
+    )
     tolerance: dict[str, Any] = _table("Bands that replace those of the row or add to them, by criterion or channel.")
-    ranges: dict[str, Quantity] = _table("Largest value in service by channel, the base of lone percentages (rule R3).")
-    certified: dict[str, Quantity] = _table("Certified value by parameter, below which a floor criterion fails.")
-    ticks: Texts = _table("By advisory criterion: name, date and words of the engineer who ticked it.")
-    rationale: Texts = _table("By criterion or channel: why it is as it is. trim.<quantity>: why its bias may be beyond the usual limit.")
-    source: Texts = _table("Where the flight data come from: document, pages, flight, run, filters ...")
+    ranges: dict[str, Quantity] = _table("Largest value in service by channel, the base of lone percentages (rule R3).", V_cas="250 kt")
+    certified: dict[str, Quantity] = _table("Certified value by parameter, below which a floor criterion fails.", nz=2.5)
+    ticks: Texts = _table(
+        "By advisory criterion: name, date and words of the engineer who ticked it.", **{"stick shaker": "J. Smith, 2024-05-17, seen"}
+    )
+    rationale: Texts = _table(
+        "By criterion or channel: why it is as it is. trim.<quantity>: why its bias may be beyond the usual limit.", theta="gust at 40 s"
+    )
+    source: Texts = _table(
+        "Where the flight data come from: document, pages, flight, run, filters ...", document="flight-test report", pages="12 to 15"
+    )

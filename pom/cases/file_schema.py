@@ -1,21 +1,19 @@
 """JSON schema of case files, for editors: made from the form of the file and the words of the tolerance table.
 
-The one that is shipped, ``case.schema.json`` next to this module, is `case_schema` as text; a test keeps it so.
+`aeromatch pom schema` and `aeromatch schema case` write it.
 """
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 from flightmech.names import VOCABULARY, lookup
+from flightmech.support.configuration import quantity_schema
+from flightmech.support.file_schema import file_schema, part_schema
 
 from ..tolerances import rows
 from ..tolerances.override import Entry
 from .case_file import CONDITIONS, CaseFile
-
-SHIPPED = Path(__file__).with_name("case.schema.json")
 
 
 def case_schema() -> dict[str, Any]:
@@ -24,9 +22,9 @@ def case_schema() -> dict[str, Any]:
     It knows every key with its description, the words of the tolerance table (tests, editions, events, conditions of
     rows) and the SI unit of every condition.  What depends on several keys at once, `read_case` checks.
     """
-    schema = CaseFile.model_json_schema()
+    schema = file_schema(CaseFile, CaseFile.__doc__ or "")
     parts = schema["$defs"]
-    parts["Entry"] = _described(Entry.model_json_schema(), "Half width, percentage, base, rule, group and window.")
+    parts["Entry"] = {**part_schema(Entry), "description": "Half width, percentage, base, rule, group and window."}
     case = parts["CaseTable"]["properties"]
     case["id"]["enum"] = sorted({row["test_id"] for row in rows.rows()})
     case["standard"]["enum"] = sorted({row["standard"] for row in rows.rows()})
@@ -35,25 +33,20 @@ def case_schema() -> dict[str, Any]:
     case["show"]["items"]["examples"] = sorted(VOCABULARY)
     top = schema["properties"]
     _only(top["conditions"], {name: _quantity(name) for name in CONDITIONS})
-    _only(top["events"], {name: {"type": "number", "description": "[s] on the clock of the record"} for name in sorted(rows.events())})
+    _only(
+        top["events"],
+        {name: {"type": "number", "description": "[s] on the clock of the record", "examples": [12.5]} for name in sorted(rows.events())},
+    )
     top["tolerance"]["additionalProperties"] = {"anyOf": [{"type": "number"}, {"type": "string"}, {"$ref": "#/$defs/Entry"}]}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_described(schema, schema["description"])}
-
-
-def schema_text() -> str:
-    """Return the schema as the text of ``case.schema.json``."""
-    return json.dumps(case_schema(), indent=1, ensure_ascii=False) + "\n"
+    return schema
 
 
 def _quantity(name: str) -> dict[str, Any]:
     row = lookup(name)
-    return {"anyOf": [{"type": "number"}, {"type": "string"}], "description": f"{row.long_name} [{row.units}], or a text with its unit"}
+    example = 1.0 if row.units == "1" else f"1 {row.display_units}"
+    return {**quantity_schema(row.units), "description": f"{row.long_name} [{row.units}], or a text with its unit", "examples": [example]}
 
 
 def _only(place: dict[str, Any], properties: dict[str, Any]) -> None:
     place["properties"] = properties
     place["additionalProperties"] = False
-
-
-def _described(schema: dict[str, Any], text: str) -> dict[str, Any]:
-    return {**schema, "description": text}

@@ -63,12 +63,12 @@ def init(
 @click.option("-o", "--output", default="case.schema.json", show_default=True, type=NewFile(), help="File to write.")
 def schema(output: str) -> None:
     """Write the JSON schema of case files, for an editor: the first line of a case file names it, ``#:schema case.schema.json``."""
-    from flightmech.support.atomic_write import written_atomically
+    from flightmech.support.atomic_write import write_text
+    from flightmech.support.file_schema import schema_text
 
-    from ..cases.file_schema import SHIPPED
+    from ..cases.file_schema import case_schema
 
-    with written_atomically(output) as part:
-        part.write_bytes(SHIPPED.read_bytes())
+    write_text(output, schema_text(case_schema()))
     click.echo(f"written: {output}")
 
 

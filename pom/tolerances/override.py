@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from flightmech.errors import OutOfRange, UnitError, UnknownName
 from flightmech.names import lookup
@@ -23,12 +23,20 @@ _NUMBER = re.compile(r"^\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(\D.*)?$")
 class Entry(Strict):
     """One entry of the table, written out."""
 
-    abs: float | str | None = None
-    percent: float | None = None
-    base: Literal["ref_local", "ref_peak", "ref_scalar", "range_max"] = "ref_local"
-    rule: Literal["greater_of", "lesser_of"] = "greater_of"
-    group: str = ""
-    window: tuple[float, float] | None = None
+    abs: float | str | None = Field(default=None, description="Half width: SI, or with its unit.", examples=["2 deg/s"])
+    percent: float | None = Field(default=None, description="Half width as a percentage of base.", examples=[10.0])
+    base: Literal["ref_local", "ref_peak", "ref_scalar", "range_max"] = Field(
+        default="ref_local",
+        description="What percent refers to: the flight at each instant, its peak, its value at the event, the largest value in service.",
+        examples=["ref_peak"],
+    )
+    rule: Literal["greater_of", "lesser_of"] = Field(
+        default="greater_of", description="Which of two widths counts.", examples=["lesser_of"]
+    )
+    group: str = Field(default="", description="Rows of one group are alternatives, different groups must all pass.", examples=["a"])
+    window: tuple[float, float] | None = Field(
+        default=None, description="[start, end] on the clock of the record that is judged.", examples=[[2.0, 12.0]]
+    )
 
     @model_validator(mode="after")
     def _has_width(self) -> Entry:

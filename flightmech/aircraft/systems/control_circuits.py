@@ -25,7 +25,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pydantic import create_model
+from pydantic import Field, create_model
 
 from ...support.configuration import Strict, si
 
@@ -136,39 +136,48 @@ class Circuit:
 
 
 class _Constant(NamedTuple):
-    """Units of a constant for a travel in m and for one in rad, unit for people of the former, least value, description."""
+    """Units of a constant for a travel in m and for one in rad, least value, description, examples for both."""
 
     linear: str
     rotary: str
     least: float
     text: str
+    examples: tuple[float | str, float | str]
 
 
 _CONSTANTS = {
-    "mass": _Constant("kg", "kg m2", 0.0, "mass in the cockpit, reduced to the travel"),
-    "inertia": _Constant("kg m2", "kg m2", 0.0, "inertia of the surface about its hinge"),
-    "damping": _Constant("N s m-1", "N m s", 0.0, "viscous friction in the cockpit"),
-    "hinge_damping": _Constant("N m s", "N m s", 0.0, "viscous friction at the hinge"),
-    "stiffness": _Constant("N m-1", "N m", 0.0, "centring spring"),
-    "neutral": _Constant("m", "rad", -MOST, "travel at which the centring spring is free"),
-    "neutral_trim": _Constant("m", "1", -MOST, "neutral travel per deflection of the trim input"),
-    "preload": _Constant("N", "N m", 0.0, "force with which the centring spring leaves neutral"),
-    "friction": _Constant("N", "N m", 0.0, "Coulomb friction in the cockpit"),
-    "stiction": _Constant("N", "N m", 0.0, "friction at rest beyond the Coulomb friction"),
-    "hinge_friction": _Constant("N m", "N m", 0.0, "Coulomb friction at the hinge"),
-    "restitution": _Constant("1", "1", 0.0, "speed after over speed before a stop"),
-    "cable_stiffness": _Constant("N m-1", "N m", 0.0, "stiffness of the cable, reduced to the travel"),
-    "cable_damping": _Constant("N s m-1", "N m s", 0.0, "damping of the cable, reduced to the travel"),
-    "gearing_slope": _Constant("m-2", "1", -MOST, "change of the gearing per travel"),
-    "rigging": _Constant("rad", "rad", -MOST, "deflection of the surface at zero travel"),
-    "bob_weight": _Constant("kg", "kg m", -MOST, "force of the bob weight per specific force"),
-    "unbalance": _Constant("kg m", "kg m", -MOST, "static unbalance of the surface, positive tail-heavy"),
-    "arm": _Constant("m", "m", -MOST, "hinge of elevator and rudder forward of the reference point; ailerons from the plane of symmetry"),
-    "tab_left": _Constant("1", "1", -MOST, "part of delta_ta on the left aileron"),
-    "tab_right": _Constant("1", "1", -MOST, "part of delta_ta on the right aileron"),
-    "nose_spring": _Constant("N m-1", "N m", 0.0, "spring of the cockpit's end to a steered wheel on the ground"),
-    "trim_limit": _Constant("N", "N m", 0.0, "largest force that the start of a run may add"),
-    "trim_friction": _Constant("1", "1", 0.0, "share of dry friction that holds the control at the start before a force is added"),
+    "mass": _Constant("kg", "kg m2", 0.0, "mass in the cockpit, reduced to the travel", ("6 kg", 0.4)),
+    "inertia": _Constant("kg m2", "kg m2", 0.0, "inertia of the surface about its hinge", (1.1, 1.1)),
+    "damping": _Constant("N s m-1", "N m s", 0.0, "viscous friction in the cockpit", (20.0, 1.5)),
+    "hinge_damping": _Constant("N m s", "N m s", 0.0, "viscous friction at the hinge", (2.0, 2.0)),
+    "stiffness": _Constant("N m-1", "N m", 0.0, "centring spring", ("400 N/m", 8.0)),
+    "neutral": _Constant("m", "rad", -MOST, "travel at which the centring spring is free", ("2 cm", "1 deg")),
+    "neutral_trim": _Constant("m", "1", -MOST, "neutral travel per deflection of the trim input", (0.1, 0.5)),
+    "preload": _Constant("N", "N m", 0.0, "force with which the centring spring leaves neutral", ("10 N", 1.0)),
+    "friction": _Constant("N", "N m", 0.0, "Coulomb friction in the cockpit", ("20 N", 1.5)),
+    "stiction": _Constant("N", "N m", 0.0, "friction at rest beyond the Coulomb friction", ("5 N", 0.5)),
+    "hinge_friction": _Constant("N m", "N m", 0.0, "Coulomb friction at the hinge", (1.0, 1.0)),
+    "restitution": _Constant("1", "1", 0.0, "speed after over speed before a stop", (0.2, 0.2)),
+    "cable_stiffness": _Constant("N m-1", "N m", 0.0, "stiffness of the cable, reduced to the travel", ("12e3 N/m", 600.0)),
+    "cable_damping": _Constant("N s m-1", "N m s", 0.0, "damping of the cable, reduced to the travel", (30.0, 2.0)),
+    "gearing_slope": _Constant("m-2", "1", -MOST, "change of the gearing per travel", (0.3, 0.05)),
+    "rigging": _Constant("rad", "rad", -MOST, "deflection of the surface at zero travel", ("0.5 deg", "1 deg")),
+    "bob_weight": _Constant("kg", "kg m", -MOST, "force of the bob weight per specific force", ("1.5 kg", 0.2)),
+    "unbalance": _Constant("kg m", "kg m", -MOST, "static unbalance of the surface, positive tail-heavy", (0.4, 0.4)),
+    "arm": _Constant(
+        "m",
+        "m",
+        -MOST,
+        "hinge of elevator and rudder forward of the reference point; ailerons from the plane of symmetry",
+        ("-4.2 m", "3.4 m"),
+    ),
+    "tab_left": _Constant("1", "1", -MOST, "part of delta_ta on the left aileron", (0.0, -1.0)),
+    "tab_right": _Constant("1", "1", -MOST, "part of delta_ta on the right aileron", (1.0, 1.0)),
+    "nose_spring": _Constant("N m-1", "N m", 0.0, "spring of the cockpit's end to a steered wheel on the ground", (2000.0, 100.0)),
+    "trim_limit": _Constant("N", "N m", 0.0, "largest force that the start of a run may add", ("20 N", 2.0)),
+    "trim_friction": _Constant(
+        "1", "1", 0.0, "share of dry friction that holds the control at the start before a force is added", (0.5, 0.5)
+    ),
 }
 
 
@@ -179,20 +188,46 @@ def _units(item: str, constant: _Constant) -> str:
 class _CircuitTable(Strict):
     """What the tables of all circuits share; the constants with their units come from `circuit_table`."""
 
-    order: int = 2
+    order: int = Field(
+        default=2, description="2: all moves together; 4: cockpit and surface are two masses on a cable; 6, wheel only: a cable each."
+    )
 
 
 def circuit_table(item: str) -> type[Strict]:
     """Return the model of ``[circuit.<item>]``: quantities with the units of that circuit."""
     travel = si("rad" if item == "wheel" else "m")
     defaults = {field.name: field.default for field in fields(Circuit)}
-    columns: dict[str, Any] = {name: (si(_units(item, constant)), defaults[name]) for name, constant in _CONSTANTS.items()}
-    columns |= {"mass": (columns["mass"][0], ...), "stops": (tuple[travel, travel], ...), "step": (si("s") | None, None)}  # type: ignore[valid-type]
+    columns: dict[str, Any] = {
+        name: (
+            si(_units(item, constant)),
+            Field(
+                ... if name == "mass" else defaults[name],
+                description=_sentence(constant.text),
+                examples=[constant.examples[item == "wheel"]],
+            ),
+        )
+        for name, constant in _CONSTANTS.items()
+    }
+    stops = Field(description="Travel between the stops in the cockpit, aft, right and right foot positive.")
+    step = Field(
+        default=None,
+        examples=["0.5 ms"],
+        description="Sub-step of the simulation; without it at most 1 ms, by the fastest mode.",
+    )
+    columns |= {"stops": (tuple[travel, travel], stops), "step": (si("s") | None, step)}  # type: ignore[valid-type]
     return create_model(f"{item.capitalize()}Table", __base__=_CircuitTable, **columns)
 
 
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
+
+
 # [circuit] of the aircraft file: a table of its own kind for each item
-CircuitsTable = create_model("CircuitsTable", __base__=Strict, **{item: (circuit_table(item) | None, None) for item in MOVES})  # type: ignore
+_ITEMS = {
+    item: (circuit_table(item) | None, Field(None, description=f"What moves with the {item}, needs [control.{control}]."))
+    for item, control in MOVES.items()
+}
+CircuitsTable = create_model("CircuitsTable", __base__=Strict, **_ITEMS)  # type: ignore
 
 
 def circuits_of(tables: Strict, controls: Mapping[str, Control], problems: list[str]) -> dict[str, Circuit]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import ConfigDict, field_validator, model_validator
+from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from ...errors import SchemaError, UnitError
 from ...support.configuration import Strict, si
@@ -64,13 +64,28 @@ class EngineTable(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    position: _Vector
-    direction: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    time_constant: si("s") = 0.0  # type: ignore[valid-type]
-    angular_momentum: si("kg m2 s-1") = 0.0  # type: ignore[valid-type]
-    thrust: dict[str, Any] | None = None
-    thrust_file: str | None = None
-    deck: DeckTable | None = None
+    position: _Vector = Field(description="Where the thrust acts, body axes, from the moment reference point.")
+    direction: tuple[float, float, float] = Field(
+        default=(1.0, 0.0, 0.0), description="Direction of the thrust, body axes; [1, 0, 0] pushes forward."
+    )
+    time_constant: si("s") = Field(  # type: ignore[valid-type]
+        default=0.0, examples=["1.2 s"], description="First-order lag of the thrust behind its static value; 0 for none."
+    )
+    angular_momentum: si("kg m2 s-1") = Field(  # type: ignore[valid-type]
+        default=0.0,
+        examples=[12.0],
+        description="Of the rotors, along the direction, right-handed; with a deck on top of what its spools have.",
+    )
+    thrust: dict[str, Any] | None = Field(
+        default=None,
+        json_schema_extra={"propertyNames": {"enum": [*THRUST_AXES, "value"]}},
+        examples=[{"throttle": [0.0, 1.0], "value": [300.0, 4500.0]}],
+        description="Static thrust [N] as a table over throttle, mach and h; value is ordered as the axes are written.",
+    )
+    thrust_file: str | None = Field(
+        default=None, examples=["thrust.nc"], description="netCDF file with the table of the static thrust, relative to this file."
+    )
+    deck: DeckTable | None = Field(default=None, description="Governor, spools and tables in place of a table of thrust.")
 
     @field_validator("direction")
     @classmethod

@@ -120,24 +120,49 @@ class DeckTable(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    file: str | None = None
-    tables: dict[str, Any] = Field(default_factory=dict)
-    lever_delay: si("s") | None = None  # type: ignore[valid-type]
-    pla_idle: si("rad") | None = None  # type: ignore[valid-type]
-    pla_full: si("rad") | None = None  # type: ignore[valid-type]
-    n1_rundown: si("s") | None = None  # type: ignore[valid-type]
-    n2_rundown: si("s") | None = None  # type: ignore[valid-type]
-    starter_speed: si("1") | None = None  # type: ignore[valid-type]
-    starter_time: si("s") | None = None  # type: ignore[valid-type]
-    light_speed: si("1") | None = None  # type: ignore[valid-type]
-    sustain_speed: si("1") | None = None  # type: ignore[valid-type]
-    flame_time: si("s") | None = None  # type: ignore[valid-type]
-    itt_time: si("s") | None = None  # type: ignore[valid-type]
-    n1_rated: si("rad s-1") | None = None  # type: ignore[valid-type]
-    n2_rated: si("rad s-1") | None = None  # type: ignore[valid-type]
-    n1_inertia: si("kg m2") | None = None  # type: ignore[valid-type]
-    n2_inertia: si("kg m2") | None = None  # type: ignore[valid-type]
-    inlet: tuple[_Length, _Length, _Length] | None = None  # type: ignore[valid-type]
+    file: str | None = Field(default=None, description="netCDF file with a group for each table, relative to this file.")
+    tables: dict[str, Any] = Field(
+        default_factory=dict,
+        json_schema_extra={"propertyNames": {"enum": list(TARGETS)}},
+        examples=[{"n2_up_time": "0.4 s"}],
+        description="Tables here: a number, or axes with value and, as needed, regressors and outside.",
+    )
+    lever_delay: si("s") | None = Field(default=None, description="Transport delay of the power lever; 0 without it.")  # type: ignore[valid-type]
+    pla_idle: si("rad") | None = Field(default=None, examples=["10 deg"], description="Lever angle at throttle 0; 0 without it.")  # type: ignore[valid-type]
+    pla_full: si("rad") | None = Field(default=None, examples=["50 deg"], description="Lever angle at throttle 1; 1 rad without it.")  # type: ignore[valid-type]
+    n1_rundown: si("s") | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=["8 s"],
+        description="Time constant of the fan towards its windmilling speed when the engine does not burn; 8 s without it.",
+    )
+    n2_rundown: si("s") | None = Field(default=None, examples=["8 s"], description="The same of the gas generator; 8 s without it.")  # type: ignore[valid-type]
+    starter_speed: si("1") | None = Field(  # type: ignore[valid-type]
+        default=None, examples=[0.2], description="Speed to which the starter turns the gas generator; 0.2 without it."
+    )
+    starter_time: si("s") | None = Field(default=None, examples=["4 s"], description="Time constant of the starter; 4 s without it.")  # type: ignore[valid-type]
+    light_speed: si("1") | None = Field(  # type: ignore[valid-type]
+        default=None, examples=[0.1], description="Least speed of the gas generator at which the engine lights; 0.1 without it."
+    )
+    sustain_speed: si("1") | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=[0.05],
+        description="Least speed of the gas generator at which it goes on burning; 0.05 without it.",
+    )
+    flame_time: si("s") | None = Field(default=None, examples=["0.2 s"], description="Time constant of the flame; 0.2 s without it.")  # type: ignore[valid-type]
+    itt_time: si("s") | None = Field(default=None, examples=["1.5 s"], description="Lag of the turbine temperature; none without it.")  # type: ignore[valid-type]
+    n1_rated: si("rad s-1") | None = Field(  # type: ignore[valid-type]
+        default=None, examples=["1700 rad/s"], description="Speed of the fan at 1, positive right-handed about the thrust."
+    )
+    n2_rated: si("rad s-1") | None = Field(  # type: ignore[valid-type]
+        default=None, examples=["3400 rad/s"], description="Speed of the gas generator at 1, positive right-handed about the thrust."
+    )
+    n1_inertia: si("kg m2") | None = Field(default=None, examples=[0.5], description="Moment of inertia of the fan rotor.")  # type: ignore[valid-type]
+    n2_inertia: si("kg m2") | None = Field(default=None, examples=[0.1], description="Moment of inertia of the gas generator's rotor.")  # type: ignore[valid-type]
+    inlet: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
+        default=None,
+        examples=[[0.5, 0.0, 0.1]],
+        description="Where the ram drag acts, body axes, from the moment reference point; the engine's position without it.",
+    )
 
 
 CONSTANTS = tuple(field.name for field in fields(Deck) if field.name not in ("tables", "inlet"))

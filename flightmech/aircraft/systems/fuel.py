@@ -130,9 +130,15 @@ class TankTable(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    position: tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
-    capacity: si("kg")  # type: ignore[valid-type]
-    order: int = 1
+    position: tuple[_Length, _Length, _Length] = Field(  # type: ignore[valid-type]
+        examples=[[0.1, -2.0, 0.1]], description="Of the tank as a mass point, body axes, from the moment reference point."
+    )
+    capacity: si("kg") = Field(examples=["120 kg"], description="Fuel that the tank holds.")  # type: ignore[valid-type]
+    order: int = Field(
+        default=1,
+        examples=[1],
+        description="Tanks of the lowest number are emptied first, those of the same number in proportion to their capacity.",
+    )
 
     @field_validator("capacity")
     @classmethod
@@ -147,10 +153,16 @@ class FuelTable(Strict):
 
     model_config = ConfigDict(protected_namespaces=())
 
-    mass: si("kg")  # type: ignore[valid-type]
-    position: tuple[_Length, _Length, _Length] | None = None  # type: ignore[valid-type]
-    tank: list[TankTable] = Field(default_factory=list)
-    file: str | None = None
+    mass: si("kg") = Field(description="Fuel on board at the start, part of the aircraft's mass.")  # type: ignore[valid-type]
+    position: tuple[_Length, _Length, _Length] | None = Field(  # type: ignore[valid-type]
+        None, description="Where it lies as a mass point, body axes, from the moment reference point."
+    )
+    tank: list[TankTable] = Field(default_factory=list, description="Tanks in place of one position.")
+    file: str | None = Field(
+        default=None,
+        examples=["fuel.nc"],
+        description="netCDF file with moments over the fuel on board, on top of position; relative to this file.",
+    )
 
     @model_validator(mode="after")
     def _plausible(self) -> FuelTable:

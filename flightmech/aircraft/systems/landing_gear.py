@@ -245,28 +245,43 @@ def _at_least_zero(table: _Table, names: tuple[str, ...]) -> None:
 class ContactTable(_Table):
     """A ``[[gear.contact]]`` of the aircraft file."""
 
-    name: str
-    position: tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
-    radius: _Length = 0.0  # type: ignore[valid-type]
-    stiffness: _PerMetre = 0.0  # type: ignore[valid-type]
-    preload: _Force = 0.0  # type: ignore[valid-type]
-    strut: dict[str, Any] | None = None
-    stroke: _Length = 10.0  # type: ignore[valid-type]
-    damping: _PerRate = 0.0  # type: ignore[valid-type]
-    damping_ext: _PerRate | None = None  # type: ignore[valid-type]
-    orifice: _PerSquare = 0.0  # type: ignore[valid-type]
-    orifice_ext: _PerSquare | None = None  # type: ignore[valid-type]
-    tyre_stiffness: _PerMetre = 0.0  # type: ignore[valid-type]
-    side_stiffness: _PerMetre  # type: ignore[valid-type]
-    cornering_stiffness: _Force = 0.0  # type: ignore[valid-type]
-    cornering_load: _Force = 1.0e4  # type: ignore[valid-type]
-    loss: si("s") = 0.02  # type: ignore[valid-type]
-    rolling: _Ratio = 0.0  # type: ignore[valid-type]
-    brake: _Force = 0.0  # type: ignore[valid-type]
-    brake_friction: _Ratio = 0.0  # type: ignore[valid-type]
-    steering: _Ratio = 0.0  # type: ignore[valid-type]
-    friction: _Ratio = 0.0  # type: ignore[valid-type]
-    retracts: bool = True
+    name: str = Field(description="Name of the leg: nose, left, right, tail ...; its outputs are gear.NAME.Fz and so on.")
+    position: tuple[_Length, _Length, _Length] = Field(  # type: ignore[valid-type]
+        description="Lowest point with the aircraft level and the leg unloaded, body axes, from the moment reference point."
+    )
+    radius: _Length = Field(default=0.0, examples=["0.25 m"], description="Radius of the unloaded tyre.")  # type: ignore[valid-type]
+    stiffness: _PerMetre = Field(default=0.0, description="Strut force per compression.")  # type: ignore[valid-type]
+    preload: _Force = Field(default=0.0, examples=["800 N"], description="Strut force at no compression; needs tyre_stiffness.")  # type: ignore[valid-type]
+    strut: dict[str, Any] | None = Field(
+        default=None,
+        json_schema_extra={"propertyNames": {"enum": ["compression", "value"]}},
+        examples=[{"compression": [0.0, 0.2], "value": ["0 N", "9000 N"]}],
+        description="More strut force [N] as a table over compression [m].",
+    )
+    stroke: _Length = Field(  # type: ignore[valid-type]
+        default=10.0, examples=["0.25 m"], description="Compression at which the strut is solid and the tyre alone gives way."
+    )
+    damping: _PerRate = Field(default=0.0, description="Strut force per rate of compression, inwards.")  # type: ignore[valid-type]
+    damping_ext: _PerRate | None = Field(default=None, examples=[8000.0], description="The same outwards; damping without it.")  # type: ignore[valid-type]
+    orifice: _PerSquare = Field(default=0.0, examples=[20000.0], description="Strut force per square of the rate of compression, inwards.")  # type: ignore[valid-type]
+    orifice_ext: _PerSquare | None = Field(default=None, examples=[40000.0], description="The same outwards; orifice without it.")  # type: ignore[valid-type]
+    tyre_stiffness: _PerMetre = Field(  # type: ignore[valid-type]
+        default=0.0,
+        examples=["250e3 N/m"],
+        description="Vertical stiffness of the tyre, in series with the strut; 0: the leg is one spring.",
+    )
+    side_stiffness: _PerMetre = Field(description="Stiffness of the tyre or skid along the ground.")  # type: ignore[valid-type]
+    cornering_stiffness: _Force = Field(default=0.0, description="Greatest side force per slip angle [N/rad]; 0 for a skid.")  # type: ignore[valid-type]
+    cornering_load: _Force = Field(default=1.0e4, description="Load at which the greatest cornering stiffness is reached.")  # type: ignore[valid-type]
+    loss: si("s") = Field(  # type: ignore[valid-type]
+        default=0.02, examples=[0.02], description="Damping of the carcass along the ground over its stiffness, at most 0.04 s."
+    )
+    rolling: _Ratio = Field(default=0.0, description="Rolling resistance over load.")  # type: ignore[valid-type]
+    brake: _Force = Field(default=0.0, description="Brake force at the ground with a full pedal.")  # type: ignore[valid-type]
+    brake_friction: _Ratio = Field(default=0.0, description="Brake force over load with a full pedal, added to brake.")  # type: ignore[valid-type]
+    steering: _Ratio = Field(default=0.0, description="Angle of the wheel per angle of the steering; 0: not steered.")  # type: ignore[valid-type]
+    friction: _Ratio = Field(default=0.0, description="Friction of a skid over load; 0: a wheel, for which the runway defines it.")  # type: ignore[valid-type]
+    retracts: bool = Field(default=True, description="Whether it carries in proportion to the input gear, and nothing when that is 0.")
 
     @field_validator("name")
     @classmethod
@@ -296,17 +311,25 @@ class ContactTable(_Table):
 class SteeringTable(_Table):
     """``[gear.steering]`` of the aircraft file."""
 
-    order: Literal["quasi-static", "second", "fourth"] = "quasi-static"
-    limit: _Ratio = np.pi / 4.0  # type: ignore[valid-type]
-    stiffness: _Moment = 0.0  # type: ignore[valid-type]
-    trail: _Length = 0.1  # type: ignore[valid-type]
-    scrub: _Length = 0.0  # type: ignore[valid-type]
-    rudder: _Ratio = 0.0  # type: ignore[valid-type]
-    damping: si("N m s") = 0.0  # type: ignore[valid-type]
-    inertia: _Inertia = 0.0  # type: ignore[valid-type]
-    arm_stiffness: _Moment = 0.0  # type: ignore[valid-type]
-    arm_damping: si("N m s") = 0.0  # type: ignore[valid-type]
-    arm_inertia: _Inertia = 0.0  # type: ignore[valid-type]
+    order: Literal["quasi-static", "second", "fourth"] = Field(
+        default="quasi-static", examples=["second"], description="Wheel follows at once; one mass (wheel); two masses (arm and wheel)."
+    )
+    limit: _Ratio = Field(default=np.pi / 4.0, description="Greatest angle to either side [rad].")  # type: ignore[valid-type]
+    stiffness: _Moment = Field(  # type: ignore[valid-type]
+        default=0.0, description="Moment on the wheel per angle behind the command or the arm [N m/rad]; 0 and quasi-static: a castor."
+    )
+    trail: _Length = Field(default=0.1, description="Trail of the side force behind the pivot, mechanical and pneumatic.")  # type: ignore[valid-type]
+    scrub: _Length = Field(default=0.0, description="Arm of the friction of a turning wheel at rest: moment over friction force.")  # type: ignore[valid-type]
+    rudder: _Ratio = Field(  # type: ignore[valid-type]
+        default=0.0, examples=[1.0], description="Angle commanded by the pedals, to the right per rudder deflection to the right."
+    )
+    damping: si("N m s") = Field(default=0.0, examples=[20.0], description="Damping of the wheel about its pivot.")  # type: ignore[valid-type]
+    inertia: _Inertia = Field(default=0.0, examples=[0.3], description="Moment of inertia of the wheel about its pivot.")  # type: ignore[valid-type]
+    arm_stiffness: _Moment = Field(  # type: ignore[valid-type]
+        default=0.0, examples=[3000.0], description="Stiffness of the arm between command and wheel [N m/rad], order fourth."
+    )
+    arm_damping: si("N m s") = Field(default=0.0, examples=[10.0], description="Damping of that arm.")  # type: ignore[valid-type]
+    arm_inertia: _Inertia = Field(default=0.0, examples=[0.1], description="Moment of inertia of that arm.")  # type: ignore[valid-type]
 
     @model_validator(mode="after")
     def _physical(self) -> SteeringTable:
@@ -321,15 +344,24 @@ class SteeringTable(_Table):
 class GearTable(_Table):
     """``[gear]`` of the aircraft file."""
 
-    contact: list[ContactTable] = Field(min_length=1)
-    steering: SteeringTable = SteeringTable()
-    condition: Literal["dry", "wet", "icy"] = "dry"
-    mu_dry: _Ratio = 0.8  # type: ignore[valid-type]
-    mu_icy: _Ratio = 0.05  # type: ignore[valid-type]
-    tyre_pressure: si("Pa") = to_si(100.0, "psi")  # type: ignore[valid-type]
-    mu_wet: tuple[float, float, float, float] | None = None  # goes before tyre_pressure
-    skid_ratio: _Ratio = 0.7  # type: ignore[valid-type]
-    antiskid: _Ratio = 0.0  # type: ignore[valid-type]
+    contact: list[ContactTable] = Field(min_length=1, description="Wheels and skids.")
+    steering: SteeringTable = Field(default=SteeringTable(), description="Nose-wheel steering.")
+    condition: Literal["dry", "wet", "icy"] = Field(default="dry", examples=["wet"], description="Of the runway at the start.")
+    mu_dry: _Ratio = Field(default=0.8, description="Greatest friction of a tyre over load on a dry runway.")  # type: ignore[valid-type]
+    mu_icy: _Ratio = Field(default=0.05, description="The same on ice (AMC 25.1591).")  # type: ignore[valid-type]
+    tyre_pressure: si("Pa") = Field(  # type: ignore[valid-type]
+        default=to_si(100.0, "psi"),
+        description="Inflation pressure over ambient; gives the friction on a wet runway (14 CFR 25.109(c)(1)).",
+    )
+    mu_wet: tuple[float, float, float, float] | None = Field(
+        default=None,
+        examples=[[0.8, -0.0157, 0.00012, -3.2e-07]],
+        description="The same on a wet runway: coefficients of 1, V, V^2, V^3 of the ground speed; replaces tyre_pressure.",
+    )
+    skid_ratio: _Ratio = Field(default=0.7, description="Friction of a locked wheel over the greatest friction.")  # type: ignore[valid-type]
+    antiskid: _Ratio = Field(  # type: ignore[valid-type]
+        default=0.0, examples=[0.8], description="Part of the greatest friction that the anti-skid system leaves to the brakes; 0: none."
+    )
 
     @field_validator("contact")
     @classmethod

@@ -48,6 +48,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from flightmech.errors import UnitError
 from flightmech.support.configuration import Strict
 from flightmech.units import parse
@@ -66,15 +68,17 @@ def _unit_fault(name: str, unit: str) -> list[str]:
 class Label(Strict):
     """One ARINC 429 parameter."""
 
-    label: str
-    code: Literal["bnr", "bcd", "discrete"]
-    sdi: Literal[0, 1, 2, 3] | None = None
-    bits: int | None = None
-    range: float | None = None
-    digits: int | None = None
-    resolution: float | None = None
-    bit: int | None = None
-    unit: str = "1"
+    label: str = Field(description="Octal label in quotes.", examples=["210"])
+    code: Literal["bnr", "bcd", "discrete"] = Field(description="Binary, decimal digits, or one bit.", examples=["bnr"])
+    sdi: Literal[0, 1, 2, 3] | None = Field(
+        default=None, description="Source/destination identifier of the words taken; all without it.", examples=[1]
+    )
+    bits: int | None = Field(default=None, description="Significant bits of a bnr word.", examples=[15])
+    range: float | None = Field(default=None, description="Full scale, in unit: what 2 to the power of bits stands for.", examples=[2048])
+    digits: int | None = Field(default=None, description="Digits of a bcd word.", examples=[4])
+    resolution: float | None = Field(default=None, description="Value of the last digit, in unit.", examples=[1])
+    bit: int | None = Field(default=None, description="Bit of a discrete, 9 to 29.", examples=[11])
+    unit: str = Field(default="1", description="Unit of the value.", examples=["kt"])
 
     @property
     def number(self) -> int:
@@ -100,12 +104,14 @@ class Label(Strict):
 class Arinc429(Strict):
     """Parameters of ARINC 429 words."""
 
-    kind: Literal["arinc429"]
-    labels: Literal["octal", "transmitted"]
-    parameters: dict[str, Label]
-    channel: int | None = None
-    column: str | None = None
-    bus: int | None = None
+    kind: Literal["arinc429"] = Field(description="Words of an ARINC 429 bus.", examples=["arinc429"])
+    labels: Literal["octal", "transmitted"] = Field(
+        description="Label byte as an octal number in bits 8-1, or transmitted: bit 1 is the first one sent.", examples=["octal"]
+    )
+    parameters: dict[str, Label] = Field(description="Parameters of the words, by the name of the column that they become.")
+    channel: int | None = Field(default=None, description="Channel identifier of a Chapter 10 recording.", examples=[12])
+    column: str | None = Field(default=None, description="TABLE/COLUMN with the words, in a file of another format.", examples=["bus/word"])
+    bus: int | None = Field(default=None, description="Bus of the channel; all without it.", examples=[0])
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
@@ -120,12 +126,16 @@ class Arinc429(Strict):
 class Word(Strict):
     """One parameter in a word, or in consecutive words, of a message or frame."""
 
-    word: int | tuple[int, ...]
-    code: WordCode
-    bits: tuple[int, int] | None = None
-    lsb: float = 1.0
-    offset: float = 0.0
-    unit: str = "1"
+    word: int | tuple[int, ...] = Field(
+        description="Number of the word, counted from 1; a list for several, most significant first.", examples=[3]
+    )
+    code: WordCode = Field(description="Code of the number.", examples=["twos"])
+    bits: tuple[int, int] | None = Field(
+        default=None, description="[lowest, highest] bit, counted from 0; all without it.", examples=[[0, 11]]
+    )
+    lsb: float = Field(default=1.0, description="Value of the least significant bit, in unit.", examples=[0.0005])
+    offset: float = Field(default=0.0, description="Added to the value, in unit.", examples=[0.0])
+    unit: str = Field(default="1", description="Unit of the value.", examples=["g"])
 
     @property
     def words(self) -> tuple[int, ...]:
@@ -143,12 +153,12 @@ class Word(Strict):
 class Mil1553(Strict):
     """Parameters in the data words of one MIL-STD-1553 message."""
 
-    kind: Literal["mil1553"]
-    channel: int
-    rt: int
-    subaddress: int
-    direction: Literal["transmit", "receive"]
-    parameters: dict[str, Word]
+    kind: Literal["mil1553"] = Field(description="Messages of a MIL-STD-1553 bus.", examples=["mil1553"])
+    channel: int = Field(description="Channel identifier of a Chapter 10 recording.", examples=[3])
+    rt: int = Field(description="Address of the remote terminal, 0 to 31.", examples=[5])
+    subaddress: int = Field(description="Subaddress of the message, 0 to 31.", examples=[1])
+    direction: Literal["transmit", "receive"] = Field(description="Whether the terminal transmits or receives it.", examples=["transmit"])
+    parameters: dict[str, Word] = Field(description="Parameters of the words, by the name of the column that they become.")
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
@@ -166,27 +176,27 @@ class Mil1553(Strict):
 class PcmWord(Word):
     """One parameter of PCM frames; `repeated` words stand several times in a frame, `frame` words once in `frames` frames."""
 
-    repeated: bool = False
-    frame: int | None = None
-    frames: int | None = None
+    repeated: bool = Field(default=False, description="Whether the words hold the parameter several times in a frame.", examples=[True])
+    frame: int | None = Field(default=None, description="Subframe that holds the parameter, counted from 0.", examples=[2])
+    frames: int | None = Field(default=None, description="Number of subframes.", examples=[4])
 
 
 class Counter(Strict):
     """The word that counts minor frames, and the value of it in the frame called 0."""
 
-    word: int
-    first: int = 0
+    word: int = Field(description="Word that counts the frames.", examples=[3])
+    first: int = Field(default=0, description="Its value in frame 0.", examples=[0])
 
 
 class Pcm(Strict):
     """Parameters of PCM minor frames."""
 
-    kind: Literal["pcm"]
-    channel: int
-    word_bits: int
-    frame_words: int
-    parameters: dict[str, PcmWord]
-    counter: Counter | None = None
+    kind: Literal["pcm"] = Field(description="PCM minor frames.", examples=["pcm"])
+    channel: int = Field(description="Channel identifier of a Chapter 10 recording.", examples=[7])
+    word_bits: int = Field(description="Bits of a word, 1 to 64.", examples=[16])
+    frame_words: int = Field(description="Words of a minor frame, counted from the first word of the sync pattern.", examples=[64])
+    parameters: dict[str, PcmWord] = Field(description="Parameters of the words, by the name of the column that they become.")
+    counter: Counter | None = Field(default=None, description="Subframe counter, for parameters that are not in every frame.")
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
@@ -211,11 +221,11 @@ class Pcm(Strict):
 class Subchannel(Strict):
     """One analogue input."""
 
-    subchannel: int
-    code: WordCode
-    lsb: float = 1.0
-    offset: float = 0.0
-    unit: str = "1"
+    subchannel: int = Field(description="Analogue input, 0 to 255.", examples=[1])
+    code: WordCode = Field(description="Code of the number.", examples=["twos"])
+    lsb: float = Field(default=1.0, description="Value of the least significant bit, in unit.", examples=[0.1])
+    offset: float = Field(default=0.0, description="Added to the value, in unit.", examples=[0.0])
+    unit: str = Field(default="1", description="Unit of the value.", examples=["N"])
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table of this parameter."""
@@ -225,9 +235,9 @@ class Subchannel(Strict):
 class Analog(Strict):
     """Parameters of analogue samples."""
 
-    kind: Literal["analog"]
-    channel: int
-    parameters: dict[str, Subchannel]
+    kind: Literal["analog"] = Field(description="Analogue samples.", examples=["analog"])
+    channel: int = Field(description="Channel identifier of a Chapter 10 recording.", examples=[9])
+    parameters: dict[str, Subchannel] = Field(description="Parameters of the inputs, by the name of the column that they become.")
 
     def problems(self) -> list[str]:
         """Return what is wrong with the table."""
