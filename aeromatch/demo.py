@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import time
-import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import click
 
+<<<<<<< HEAD
 from flightmech.support.console import InputFile, NewFolder, command_line, document, jobs_option, json_option, remark, table
+=======
+from flightmech.support.console import InputFile, command_line, document, jobs_option, json_option, remark, step, table
+>>>>>>> b983285 (Progress on a terminal for every verb that takes seconds; db show does not load dask)
 
 
 @click.command()
@@ -52,23 +52,6 @@ def _match(file: Path, output: Path, jobs: int, as_json: bool, scheduler: str | 
         document(outcome.to_dict())
         return
     _print(outcome)
-
-
-@contextmanager
-def step(text: str) -> Iterator[None]:
-    """Report on stderr what is being done, and how long it took."""
-    start = time.perf_counter()
-    click.echo(f"  {text} ...", err=True, nl=False)
-    taken = ""
-    caught: list[warnings.WarningMessage] = []
-    try:
-        with warnings.catch_warnings(record=True) as caught:
-            yield
-        taken = f"  {time.perf_counter() - start:.1f} s"
-    finally:
-        click.echo(taken, err=True)
-        for warning in caught:  # after the line, not in the middle of it
-            warnings.showwarning(warning.message, warning.category, warning.filename, warning.lineno)
 
 
 def _print(outcome: Any) -> None:

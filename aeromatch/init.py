@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import document, json_option, remark, table
+from flightmech.support.console import document, json_option, progress, remark, table
 
 _FILES = click.Path(exists=True, path_type=Path)
 _ASKED = {
@@ -48,7 +48,7 @@ def init(folder: Path, datcom: tuple[Path, ...], records: tuple[Path, ...], forc
         stated |= {key: click.prompt(text, default="", show_default=False) for key, text in _ASKED.items() if not stated[key]}
     name, prove, cg, imu = (stated.pop(key) for key in ("name", "prove", "cg", "imu"))
     known = Known(name, {key: value for key, value in stated.items() if value}, cg or None, imu or None)
-    done = draft_project(folder, datcom, records, known, prove, force)
+    done = draft_project(folder, datcom, records, known, prove, force, progress)
     if as_json:
         document(done.to_dict())
         return

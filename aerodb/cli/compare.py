@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, remark, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress, remark, table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,7 +37,8 @@ def compare(first: str, second: str, along: str | None, wanted: tuple[str, ...],
         from ..comparison.along_record import read_conditions
 
         conditions, notes = read_conditions(along, a, b)
-    frame = compared(a, b, conditions)
+    with progress("compare the databases"):
+        frame = compared(a, b, conditions)
     known = list(dict.fromkeys(name.split("/")[0] for name in frame.index))
     for name in wanted:
         if name not in known:
@@ -48,7 +49,8 @@ def compare(first: str, second: str, along: str | None, wanted: tuple[str, ...],
     if figures is not None:
         from ..figures.figure_folder import write_comparison
 
-        written = [str(path) for path in write_comparison(databases, figures, kind, coefficients=wanted, support=conditions)]
+        with progress("draw the figures of shared terms and coefficients"):
+            written = [str(path) for path in write_comparison(databases, figures, kind, coefficients=wanted, support=conditions)]
     for text in notes:
         remark(text)
     if as_json:

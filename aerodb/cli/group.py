@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, remark, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress, remark, table
 
 from .characteristics import characteristics, rescale
 from .compare import compare, plot
@@ -87,7 +87,8 @@ def build(
         click.echo()
     if "clean" not in given:
         raise click.UsageError("no case of the whole aeroplane (clean); give one with --clean FILE:CASE, or PLACES that hold one")
-    with warnings.catch_warnings(record=True) as caught:
+    count = sum(map(len, given.values()))
+    with progress(f"build a database from {count} cases"), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", AeromatchWarning)
         tree = from_datcom(
             craft,

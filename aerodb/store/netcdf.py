@@ -148,7 +148,7 @@ class _Reader:
         for name, item in below:
             self.group(item, f"{path.rstrip('/')}/{name}", axes)
 
-    def _variable(self, item: h5py.Dataset, name: str, place: str, axes: Mapping[int, str]) -> tuple | None:
+    def _variable(self, item: h5py.Dataset, name: str, place: str, axes: Mapping[int, str]) -> xr.Variable | None:
         before = len(self.problems)
         if item.dtype.kind not in _NUMBERS:
             self.problems.append(f"{place} holds {'objects or texts' if item.dtype.kind == 'O' else item.dtype}; tables hold numbers")
@@ -170,7 +170,8 @@ class _Reader:
         if len(self.problems) > before:
             return None
         numbers = item[()]
-        return tuple(dims), np.asarray(numbers, numbers.dtype.newbyteorder("=")), attributes
+        # a plain array needs no conversion; without `fastpath` xarray imports dask, where that is installed, to look for its arrays
+        return xr.Variable(tuple(dims), np.asarray(numbers, numbers.dtype.newbyteorder("=")), attributes, fastpath=True)
 
     def _attributes(self, owner: h5py.Group | h5py.Dataset, place: str) -> dict[str, str | int | float]:
         found = {}

@@ -78,7 +78,7 @@ def _facts(name: str, leaf: xr.Dataset) -> dict[str, Any]:
 
 
 def _ends(table: xr.DataArray) -> list[float]:
-    return [float(table.min()), float(table.max())]
+    return [float(table.values.min()), float(table.values.max())]
 
 
 def _shares(leaf: xr.Dataset) -> dict[str, float]:

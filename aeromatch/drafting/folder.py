@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import os
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -136,6 +136,7 @@ def draft_project(
     known: Known | None = None,
     prove: Sequence[str] = (),
     force: bool = False,
+    step: Callable[[str], AbstractContextManager[Any]] = nullcontext,
 ) -> Drafted:
     """Write the files of a project into a folder.
 
@@ -152,6 +153,8 @@ def draft_project(
         of a test does.
     force : bool
         Overwrite older files.
+    step : callable
+        ``with step("text"):`` surrounds every step, for progress.
 
     Returns
     -------
@@ -168,21 +171,24 @@ def draft_project(
     if not datcom and not records and folder.is_dir():
         datcom = records = _with_subfolders(folder)
     sources = sources_of([Path(path) for path in datcom], [Path(path) for path in records])
-    geometry = geometry_of(sources.listings, sources.decks)
+    with step(f"read {len(sources.listings)} listings and {len(sources.decks)} decks"):
+        geometry = geometry_of(sources.listings, sources.decks)
     remarks: list[str] = []
     if sources.records:
-        names, flights, left = checked(_with_facts(draft_names(sources.records, geometry.flap), known), sources.records)
-        names, flights = _with_temperature(names, flights, sources.records, known, remarks)
+        with step(f"read {len(sources.records)} recordings, find names, units and signs"):
+            names, flights, left = checked(_with_facts(draft_names(sources.records, geometry.flap), known), sources.records)
+            names, flights = _with_temperature(names, flights, sources.records, known, remarks)
         remarks += [*names.remarks, *left]
     else:
         names, flights = NamesDraft(identity=True), {}
         remarks.append(f"no recording was given: replace the {UNFILLED!r} of flights in aeromatch.toml")
-    marks, own = _manoeuvres(flights, remarks)
+    with step("find manoeuvres"):
+        marks, own = _manoeuvres(flights, remarks)
     chosen = held_for_proof(marks, prove)
     targets = _targets(folder, names, own, marks, chosen)
     if not force and (there := [str(file) for file in targets if file.exists()]):
         raise FileExistsError(f"{', '.join(there)}: there already; give another folder, or --force to overwrite")
-    with _all_or_none(folder, targets) as write:
+    with step("write and check the project"), _all_or_none(folder, targets) as write:
         text, missing = aircraft_text(geometry, known, list(flights.values()))
         remarks += missing
         write("aircraft.toml", text)

@@ -126,7 +126,8 @@ def run(ctx: click.Context, deck: str, program: str, folder: str | None, timeout
 
     if folder is not None:
         Path(folder).mkdir(parents=True, exist_ok=True)
-    done = run_deck(deck, program, folder, timeout=timeout)
+    with console.progress(f"run {Path(deck).name}"):
+        done = run_deck(deck, program, folder, timeout=timeout)
     empty = [case.name for case in done.listing if not case.pages]
     if as_json:
         files = {key: str(path) for key, path in done.files.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from ..support.console import InputFile, NewFile, json_option
+from ..support.console import InputFile, NewFile, json_option, progress
 from .simulate import simulate
 from .trim import trim
 
@@ -26,8 +26,9 @@ def write(aircraft: str, database: str, output: str, version: str, as_json: bool
     from ..simulation.model_files import compile_files
     from ..support.console import document
 
-    sim = compile_files(aircraft, database)
-    path = write_fmu(sim, output, version)
+    with progress("compile the model, write the FMU"):
+        sim = compile_files(aircraft, database)
+        path = write_fmu(sim, output, version)
     counts = {"inputs": len(sim.inputs), "outputs": len(sim.outputs), "parameters": len(sim.parameters), "terms": len(sim.terms)}
     if as_json:
         document({"file": str(path), "fmi": version, "bytes": path.stat().st_size, **counts})

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..support.console import InputFile, NewFile, json_option
+from ..support.console import InputFile, NewFile, json_option, progress
 from .trim import Pair, si_value
 
 if TYPE_CHECKING:
@@ -38,9 +38,10 @@ def simulate(aircraft: str, database: str, record: str, given: tuple, hold: str,
     if terms and Path(output).suffix == ".csv":
         raise click.UsageError("--terms needs a netCDF file; name it .nc")
     inputs = _read(record)
-    sim = compile_files(aircraft, database)
-    found = fly(sim, inputs, _values(sim, given), hold, terms=terms)
-    _write(found, output)
+    with progress("fly the model"):
+        sim = compile_files(aircraft, database)
+        found = fly(sim, inputs, _values(sim, given), hold, terms=terms)
+        _write(found, output)
     summary = {"file": output, "samples": found.sizes["time"], "outputs": len(sim.outputs), "out_of_range": found.attrs["out_of_range"]}
     if as_json:
         document(summary)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..support.console import InputFile, json_option
+from ..support.console import InputFile, json_option, progress
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,9 +49,10 @@ def trim(ctx: click.Context, aircraft: str, database: str, kind: str, fixed: tup
     from ..trimming.search import start_of
     from ..trimming.search import trim as search
 
-    sim = compile_files(aircraft, database)
-    units = _units(sim)
-    found = search(sim, {}, kind, unknowns or None, {name: si_value(name, text, units) for name, text in fixed})
+    with progress("compile the model, search the steady flight"):
+        sim = compile_files(aircraft, database)
+        units = _units(sim)
+        found = search(sim, {}, kind, unknowns or None, {name: si_value(name, text, units) for name, text in fixed})
     if as_json:
         outputs = {str(name): float(item) for name, item in found.items() if not item.dims}
         parts = {name: found[name].to_series().to_dict() for name in ("found", "left")}

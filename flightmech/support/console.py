@@ -7,7 +7,10 @@ import math
 import os
 import shlex
 import sys
-from collections.abc import Iterable, Sequence
+import time
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -139,3 +142,33 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ""
 def remark(text: str) -> None:
     """Print a message on stderr, so that stdout stays clean."""
     click.echo(text, err=True)
+
+
+@contextmanager
+def step(text: str) -> Iterator[None]:
+    """Report on stderr what is being done, and how long it took."""
+    start = time.perf_counter()
+    click.echo(f"  {text} ...", err=True, nl=False)
+    taken = ""
+    caught: list[warnings.WarningMessage] = []
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            yield
+        taken = f"  {time.perf_counter() - start:.1f} s"
+    finally:
+        click.echo(taken, err=True)
+        for warning in caught:  # after the line, not in the middle of it
+            warnings.showwarning(warning.message, warning.category, warning.filename, warning.lineno)
+
+
+def progress(text: str, lines: bool = False) -> AbstractContextManager[None]:
+    """Return `step` on a terminal; where nobody watches, nothing is printed and warnings are left alone.
+
+    With `lines` the work prints lines of its own: the text has a line to itself, and no time follows.
+    """
+    if not sys.stderr.isatty():
+        return nullcontext()
+    if lines:
+        remark(f"  {text} ...")
+        return nullcontext()
+    return step(text)

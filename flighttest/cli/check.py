@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress
 
 from .options import names_option
 
@@ -29,7 +29,8 @@ def check(ctx: click.Context, record_file: str, names: str | None, aircraft_file
     from ..quality.page import write_page
     from ..records.record import read
 
-    quality = assess(read(record_file, names), read_aircraft(aircraft_file) if aircraft_file else None)
+    with progress("read and check the record"):
+        quality = assess(read(record_file, names), read_aircraft(aircraft_file) if aircraft_file else None)
     if output:
         write_page(quality, output)
     if as_json:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress
 
 _FILE = InputFile()
 
@@ -57,7 +57,8 @@ def controls(
         divided = [_divided(one, Path(records) / Path(path).name, free_names) for one, path in zip(states, paths)]
         states, free = [x for driven, _ in divided for x in driven], [*free, *(x for _, own in divided for x in own)]
     drawings = {} if prior is None else {"drawings": aircraft.circuits[item], "drawings_error": prior}
-    found = identify_control_loading(loading, states, free, int(order), errors=pick_up_errors(aircraft.instruments), **drawings)
+    with progress(f"identify the loading of the {item}"):
+        found = identify_control_loading(loading, states, free, int(order), errors=pick_up_errors(aircraft.instruments), **drawings)
     if output:
         write_aircraft(found.aircraft(aircraft), Path(output))
     if into:

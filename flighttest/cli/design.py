@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, document, json_option, table
+from flightmech.support.console import InputFile, document, json_option, progress, table
 
 if TYPE_CHECKING:
     from ..input_design.design import Designed
@@ -28,12 +28,14 @@ def design(design_file: str, aircraft_file: str | None, database_file: str | Non
 
     wanted = read_design(design_file)
     if wanted.condition is None:
-        made = design_input(wanted)
+        with progress("design the input"):
+            made = design_input(wanted)
     elif aircraft_file and database_file:
         from flightmech import read_aircraft
         from flightmech.simulation.model_files import compile_files
 
-        made = design_input(wanted, compile_files(aircraft_file, database_file), read_aircraft(aircraft_file))
+        with progress("design the input"):
+            made = design_input(wanted, compile_files(aircraft_file, database_file), read_aircraft(aircraft_file))
     else:
         raise click.UsageError("the design has a [condition]: give --aircraft and --database, or leave the condition out")
     files = save_design(made, output, Path(design_file).stem)

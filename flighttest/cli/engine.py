@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress
 
 from .options import names_option
 
@@ -58,19 +58,22 @@ def engine(
         begin, end = max(float(clock[0]) for clock in clocks), min(float(clock[-1]) for clock in clocks)
         return engine_channels(cut(record, begin, end, rate=rate), numbers, angles, structure.height).assign_attrs(record=Path(path).stem)
 
-    flown = [channels(path) for path in power_changes]
-    found = identify_engine(
-        () if whole else flown,
-        [channels(path) for path in starts],
-        read_points(points_file) if points_file else None,
-        read_points(climbs_file) if climbs_file else None,
-        _tables(Path(prior_file)) if prior_file else None,
-        Polar(*polar, *polar_stderr) if polar else None,
-        area,
-        len(numbers),
-        flights=flown if whole else (),
-        **structure.keywords(),
-    )
+    with progress("read the records of the engine"):
+        flown = [channels(path) for path in power_changes]
+        started = [channels(path) for path in starts]
+    with progress("identify the engine"):
+        found = identify_engine(
+            () if whole else flown,
+            started,
+            read_points(points_file) if points_file else None,
+            read_points(climbs_file) if climbs_file else None,
+            _tables(Path(prior_file)) if prior_file else None,
+            Polar(*polar, *polar_stderr) if polar else None,
+            area,
+            len(numbers),
+            flights=flown if whole else (),
+            **structure.keywords(),
+        )
     entry = found.write(output, angles or (0.0, 1.0)) if output else None
     other = [channels(path) for path in compared]
     against = found.compare([*(flown if whole else ()), *other], angles or (0.0, 1.0)) if whole or other else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from flightmech.support.atomic_write import write_text
-from flightmech.support.console import InputFile, NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress
 
 
 @click.command()
@@ -23,7 +23,8 @@ def fit(ctx: click.Context, fit_file: str, output: str | None, page: str | None,
     from ..maximum_likelihood.job.specification import read_specification
     from ..remarks import barred
 
-    done = perform(read_specification(fit_file))
+    with progress("estimate parameters by output error"):
+        done = perform(read_specification(fit_file))
     files: list[str] = []
     left: list[str] = []
     if output:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress
 
 _FILE = InputFile()
 
@@ -40,7 +40,8 @@ def gear(paths, aircraft_file, database_file, errors, flown, output, as_json) ->
     aircraft = read_aircraft(aircraft_file)
     records = [GroundRecord(open_states(path), open_biases(path) if _reconstructed(path) else None) for path in paths]
     database = aerodb.open(database_file) if database_file else None
-    found = identify_landing_gear(records, aircraft, database, dict(errors), flown=flown)
+    with progress(f"identify the landing gear from {len(records)} paths"):
+        found = identify_landing_gear(records, aircraft, database, dict(errors), flown=flown)
     if output:
         write_aircraft(found.aircraft(aircraft), Path(output))
     if as_json:

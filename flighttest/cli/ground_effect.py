@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress
 
 _MODELS = ("CL = 1 + alpha + qhat + delta_e", "CD = 1 + alpha + alpha**2", "Cm = 1 + alpha + qhat + delta_e")
 
@@ -41,10 +41,12 @@ def ground_effect(paths, aircraft_file, models, ground, database_file, hold, cut
         raise SchemaError("flight ground-effect", ["--hold and -o need a database; give --database"])
     aircraft = read_aircraft(aircraft_file)
     database = aerodb.open(database_file) if database_file else None
-    data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
+    with progress(f"coefficients along {len(paths)} paths"):
+        data = [coefficients(open_path(path), aircraft, cutoff=cutoff) for path in paths]
     changed = {model.coefficient: model.terms for model in map(Model.parse, ground)}
     names = [Path(path).name for path in paths]
-    found = identify_ground_effect([Model.parse(text) for text in models or _MODELS], data, changed, database, hold, names)
+    with progress("identify the ground effect"):
+        found = identify_ground_effect([Model.parse(text) for text in models or _MODELS], data, changed, database, hold, names)
     if output and database is not None:
         aerodb.save(replace_ground_effect(database, found, tables), output)
     if as_json:

@@ -6,7 +6,7 @@ import importlib
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, remark, table
+from flightmech.support.console import InputFile, NewFile, document, jobs_option, json_option, progress, remark, table
 
 from .options import names_option
 
@@ -156,17 +156,20 @@ def reconstruct(record_files, aircraft_file, names, windows, rate, biases_file, 
     if len(record_files) == 1:
         NewFile().convert(output, None, click.get_current_context())
     aircraft, prior = read_aircraft(aircraft_file), open_biases(biases_file) if biases_file else None
-    records = [read(file, names) for file in record_files]
+    with progress(f"read {len(record_files)} record{'s' if len(record_files) > 1 else ''}"):
+        records = [read(file, names) for file in record_files]
     targets = [File(output)]
     batch = None
-    if method == "batch":
-        batch = reconstruct_batch(records, aircraft, [list(windows) or None] * len(records), free or None, prior, rate)
-        paths = batch.paths
-    elif len(records) == 1:
-        paths = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)]
-    else:
+    if len(records) > 1 and method == "smoother":
         remark(f"{len(records)} records: each alone, then each with what the others indicate about the instruments")
-        paths = reconstruct_programme(records, aircraft, rate, jobs)
+    with progress("reconstruct the states"):
+        if method == "batch":
+            batch = reconstruct_batch(records, aircraft, [list(windows) or None] * len(records), free or None, prior, rate)
+            paths = batch.paths
+        elif len(records) == 1:
+            paths = [reconstruct_record(records[0], aircraft, list(windows) or None, prior, rate)]
+        else:
+            paths = reconstruct_programme(records, aircraft, rate, jobs)
     if len(records) > 1:
         targets = [File(output) / f"{File(file).name.split('.')[0]}.nc" for file in record_files]
         File(output).mkdir(parents=True, exist_ok=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress, table
 
 from ..remarks import barred, documents, lines
 
@@ -48,7 +48,8 @@ def identify(
 
     model = Model.parse(model_text)
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
-    fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge))
+    with progress(f"estimate {model}"):
+        fit = _fit(model, manoeuvres, band, intercepts, weights, _ridge(ridge))
     joined, remarks = None, fit.remarks
     if prior:
         import aerodb
@@ -102,7 +103,8 @@ def select(
     candidates = [*monomials(variables.split(), order), *terms] if variables else ["1", *terms]
     manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
     choose = select_orthogonal if method == "orthogonal" else select_stepwise
-    found = choose(coefficient, [*candidates, *keep], manoeuvres, band=band, keep=("1", *keep))
+    with progress(f"select among {len(candidates)} candidates"):
+        found = choose(coefficient, [*candidates, *keep], manoeuvres, band=band, keep=("1", *keep))
     if output:
         save_fit(found.fit, output)
     if as_json:
@@ -150,7 +152,9 @@ def partition(paths, aircraft_file, model_text, conditions, windows, cutoff, as_
     from ..equation_error.model import Model
 
     edges = {name: _edges(name, text) for name, text in conditions}
-    found = fit_bins(Model.parse(model_text), _manoeuvres(paths, aircraft_file, windows, cutoff), edges)
+    manoeuvres = _manoeuvres(paths, aircraft_file, windows, cutoff)
+    with progress(f"estimate {model_text} bin by bin"):
+        found = fit_bins(Model.parse(model_text), manoeuvres, edges)
     if as_json:
         e = found.estimates
         bins = [
@@ -183,7 +187,8 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
 
     parsed = {model.coefficient: model for model in map(Model.parse, models)}
     parts = [part for path in paths for states in [open_states(path)] for part in [between(states, *w) for w in windows] or [states]]
-    found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
+    with progress("estimate moments of inertia"):
+        found = inertia_from_flight(parts, read_aircraft(aircraft_file), parsed, scale, cutoff)
     if as_json:
         document({**found.estimates.attrs, **_numbers(found.estimates), "remarks": documents(found.remarks)})
     else:
@@ -204,7 +209,8 @@ def tabulate(fits, database_file, held, output, as_json) -> None:
     from ..equation_error.fit import open_fit
 
     prior = aerodb.open(database_file)
-    found = aerodb.tabulate([open_fit(path) for path in fits], prior, held)
+    with progress(f"join {len(fits)} fits with the tables"):
+        found = aerodb.tabulate([open_fit(path) for path in fits], prior, held)
     aerodb.save(aerodb.replace_terms(prior, found, note="identified from flight"), output)
     report = found.report
     points = found.points.reset_index()
@@ -235,9 +241,10 @@ def _manoeuvres(paths, aircraft_file, windows, cutoff) -> list:
 
     aircraft = read_aircraft(aircraft_file)
     found = []
-    for path in paths:
-        data = coefficients(open_path(path), aircraft, cutoff=cutoff)
-        found += [between(data, *window) for window in windows] or [data]
+    with progress(f"coefficients along {len(paths)} path{'s' if len(paths) > 1 else ''}"):
+        for path in paths:
+            data = coefficients(open_path(path), aircraft, cutoff=cutoff)
+            found += [between(data, *window) for window in windows] or [data]
     report_faults(found, [Path(path).name for path in paths for _ in range(max(len(windows), 1))], known=("excitation",))
     return found
 

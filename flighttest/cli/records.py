@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress, table
 
 from .options import names_option
 
@@ -93,12 +93,14 @@ def manoeuvres(
     from ..records.manoeuvre_table import write_manoeuvres
     from ..records.record import read
 
-    record, name = read(file, names), Path(file).stem
-    source, found = _manoeuvres(record, name, table_file, find)
+    with progress("read the record, find manoeuvres"):
+        record, name = read(file, names), Path(file).stem
+        source, found = _manoeuvres(record, name, table_file, find)
     if output:
         write_manoeuvres({name: found}, output)
     if figure:
-        draw_manoeuvres(record, found, figure)
+        with progress("draw the figure"):
+            draw_manoeuvres(record, found, figure)
     if as_json:
         document({"record": name, "source": source, "manoeuvres": found})
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from flightmech.support.atomic_write import write_text
-from flightmech.support.console import InputFile, NewFile, document, json_option, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress, table
 
 from .options import names_option
 
@@ -21,7 +21,8 @@ def report(ctx: click.Context, plan_file: str, output: str | None, folder: str |
     from ..evaluation.flight_evaluation import evaluate
     from ..evaluation.page import page
 
-    found = evaluate(plan_file)
+    with progress("evaluate the flight"):
+        found = evaluate(plan_file)
     files = [str(file) for file in found.save(folder)] if folder else []
     if output:
         write_text(output, page(found))
@@ -59,14 +60,17 @@ def modes(ctx, record_file, start, stop, names, channels, inputs, aperiodic, lev
     from ..remarks import barred, documents, lines
     from ..signals.conditioning import cut
 
-    record = read(record_file, names)
+    with progress("read and check the record"):
+        record = read(record_file, names)
+        quality = assess(record)
     home = homes(record)
     rates = [float(record[home[name]].attrs["rate"]) for name in (*channels, *inputs) if name in home]
-    for finding in assess(record).findings:
+    for finding in quality.findings:
         if finding.severity == "error" and set(finding.channels) & {*channels, *inputs}:
             warnings.warn(f"{finding.name}: {finding.text}", AeromatchWarning, stacklevel=1)
     data = cut(record, start, stop, rate=min(rates, default=50.0))
-    found = fit_motion(data, channels, "aperiodic" if aperiodic else "oscillation", inputs, not level)
+    with progress("fit the motion"):
+        found = fit_motion(data, channels, "aperiodic" if aperiodic else "oscillation", inputs, not level)
     test = {"F": found.F, "F_terms": found.F_terms, "F_dof": found.F_dof, "F_probability": found.F_probability}
     if as_json:
         values = {name: dict(zip(("value", "stderr", "unit"), row)) for name, row in found.values.items()}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, table
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress, table
 
 from .arguments import biases_option, case_files, cases_argument, read_biases
 
@@ -76,12 +76,14 @@ def diagnose(
     found: dict[str, pd.DataFrame] = {}
     states = {}
     for case in read:
-        states[case.name] = recorded_states(case, biases)
-        found[case.name] = rank(case, before, after, new[case.aircraft], states[case.name], old, wanted, players, replays, seed)
+        with progress(f"swap terms on {case.name}"):
+            states[case.name] = recorded_states(case, biases)
+            found[case.name] = rank(case, before, after, new[case.aircraft], states[case.name], old, wanted, players, replays, seed)
         if not as_json:
             _print(case, found[case.name])
     if output or aircraft_output:
-        found = join_diagnoses(found, read, before, after, {case.name: new[case.aircraft] for case in read}, states, old)
+        with progress("join what the cases need"):
+            found = join_diagnoses(found, read, before, after, {case.name: new[case.aircraft] for case in read}, states, old)
         if not as_json:
             _print_joint(found)
     written = _written(output, (before, after, final), found) if output else ""

@@ -7,7 +7,11 @@ from typing import Any
 
 import click
 
+<<<<<<< HEAD
 from flightmech.support.console import InputFile, NewFile, NewFolder, command_line, document, jobs_option, json_option, table
+=======
+from flightmech.support.console import InputFile, NewFile, command_line, document, jobs_option, json_option, progress, table
+>>>>>>> b983285 (Progress on a terminal for every verb that takes seconds; db show does not load dask)
 
 from .arguments import biases_option, case_files, cases_argument, read_biases
 from .case import init, schema
@@ -134,7 +138,8 @@ def run(
     for file in (*runs.values(), *names.values()):
         InputFile().convert(file, None, None)
     custody.take([*named, *runs.values()])
-    read = [read_case(file) for file in named]
+    with progress(f"read {len(named)} case{'s' if len(named) > 1 else ''}"):
+        read = [read_case(file) for file in named]
     files = [*(file for case in read for file in case.files()), *map(str, names.values()), *filter(None, (evidence, biases_file))]
     custody.take(files)
     waiting: list[str] = []
@@ -150,7 +155,10 @@ def run(
 
     found = aerodb.store.open(evidence) if evidence else None
     shared: dict[str, Any] = {"jobs": jobs, "scheduler": scheduler, "resume": resume, "evidence": found}
-    results = replay_all(read, runs, names=names, biases=read_biases(biases_file), timeout=timeout, progress=finished, **shared)
+    biases = read_biases(biases_file)
+    text = f"replay {len(read)} case{'s' if len(read) > 1 else ''} by {len(runs)} model{'s' if len(runs) > 1 else ''}"
+    with progress(text, lines=not as_json):
+        results = replay_all(read, runs, names=names, biases=biases, timeout=timeout, progress=finished, **shared)
     if not flown:
         raise SimulationError("no model could be replayed: " + results[0].failure)
     custody.check()
@@ -160,7 +168,8 @@ def run(
         from ..report.writer import write_report
 
         made_from = provenance(files, runs, command_line(), date, custody.sha256)
-        written = write_report(results, output, title=title, provenance=made_from, revision=revision, paper=None if no_pdf else paper)
+        with progress("write the report"):
+            written = write_report(results, output, title=title, provenance=made_from, revision=revision, paper=None if no_pdf else paper)
     if junit is not None:
         from ..report.exports import write_junit
 

@@ -8,7 +8,11 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
+<<<<<<< HEAD
 from flightmech.support.console import NewFolder, command_line, document, json_option, table
+=======
+from flightmech.support.console import command_line, document, json_option, progress, table
+>>>>>>> b983285 (Progress on a terminal for every verb that takes seconds; db show does not load dask)
 
 if TYPE_CHECKING:
     from ..archive.provenance_record import Provenance
@@ -54,22 +58,26 @@ def report(
     from ..replaying.replay_case import files_by_name
     from ..report.writer import write_report
 
-    found = joined(results)
+    with progress("read the results"):
+        found = joined(results)
     opened = {}
     if databases:
         import aerodb
 
         opened = {name: aerodb.open(file) for name, file in files_by_name("--database", databases, "final=out/final.nc").items()}
-    made = write_report(
-        found.results,
-        output,
-        title=title or found.title,
-        provenance=cast("Provenance", {**found.provenance, "command": command_line(), "date": date or found.provenance.get("date", "")}),
-        databases=opened,
-        diagnoses=found.diagnoses,
-        revision=revision or found.revision,
-        paper=None if no_pdf else paper,
-    )
+    with progress(f"write the report of {len(found.results)} cases"):
+        made = write_report(
+            found.results,
+            output,
+            title=title or found.title,
+            provenance=cast(
+                "Provenance", {**found.provenance, "command": command_line(), "date": date or found.provenance.get("date", "")}
+            ),
+            databases=opened,
+            diagnoses=found.diagnoses,
+            revision=revision or found.revision,
+            paper=None if no_pdf else paper,
+        )
     click.echo(f"written: {made}")
 
 
@@ -89,7 +97,8 @@ def verify(ctx: click.Context, folder: Path, as_json: bool) -> None:
     from ..archive.verification import KINDS
     from ..archive.verification import verify as check
 
-    found = check(folder)
+    with progress("hash all files, judge all verdicts again"):
+        found = check(folder)
     bad = [item for item in found if item.state != "same"]
     if as_json:
         document([asdict(item) for item in found])

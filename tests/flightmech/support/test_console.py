@@ -1,10 +1,12 @@
 import math
+import sys
+import warnings
 
 import click
 import pytest
 from click.testing import CliRunner
 
-from flightmech.support.console import NewFile, plain, table
+from flightmech.support.console import NewFile, plain, progress, table
 
 
 def test_a_heading_keeps_its_unit_and_lines_end_without_blanks(capsys):
@@ -34,3 +36,26 @@ def test_the_folder_of_an_output_is_checked_first(name, code, message, tmp_path,
     done = CliRunner().invoke(write, ["-o", name])
     assert done.exit_code == code
     assert message in done.output
+
+
+def test_progress_is_printed_on_a_terminal_alone(capsys, monkeypatch):
+    with progress("read"):
+        pass
+    assert capsys.readouterr() == ("", "")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(warnings, "showwarning", lambda message, *_: print(f"warning: {message}", file=sys.stderr))
+    with progress("read"):
+        warnings.warn("late", UserWarning, stacklevel=1)
+    out, err = capsys.readouterr()
+    assert out == ""
+    first, second = err.splitlines()  # a warning does not stand in the middle of the line
+    assert first.startswith("  read ...  ")
+    assert first.endswith(" s")
+    assert second == "warning: late"
+
+
+def test_progress_of_work_that_prints_has_a_line_of_its_own(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with progress("replay", lines=True):
+        assert capsys.readouterr().err == "  replay ...\n"
+    assert capsys.readouterr().err == ""
