@@ -7,11 +7,7 @@ from typing import Any
 
 import click
 
-<<<<<<< HEAD
-from flightmech.support.console import InputFile, NewFolder, command_line, document, jobs_option, json_option, remark, table
-=======
-from flightmech.support.console import InputFile, command_line, document, jobs_option, json_option, remark, step, table
->>>>>>> b983285 (Progress on a terminal for every verb that takes seconds; db show does not load dask)
+from flightmech.support.console import InputFile, NewFolder, command_line, document, jobs_option, json_option, remark, step, table
 
 
 @click.command()

@@ -7,11 +7,7 @@ from typing import Any
 
 import click
 
-<<<<<<< HEAD
-from flightmech.support.console import InputFile, NewFile, NewFolder, command_line, document, jobs_option, json_option, table
-=======
-from flightmech.support.console import InputFile, NewFile, command_line, document, jobs_option, json_option, progress, table
->>>>>>> b983285 (Progress on a terminal for every verb that takes seconds; db show does not load dask)
+from flightmech.support.console import InputFile, NewFile, NewFolder, command_line, document, jobs_option, json_option, progress, table
 
 from .arguments import biases_option, case_files, cases_argument, read_biases
 from .case import init, schema

@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-<<<<<<< HEAD
-from flightmech.support.console import NewFolder, command_line, document, json_option, table
-=======
-from flightmech.support.console import command_line, document, json_option, progress, table
->>>>>>> b983285 (Progress on a terminal for every verb that takes seconds; db show does not load dask)
+from flightmech.support.console import NewFolder, command_line, document, json_option, progress, table
 
 if TYPE_CHECKING:
     from ..archive.provenance_record import Provenance
