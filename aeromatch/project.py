@@ -16,8 +16,7 @@ from datcom_io.reading import Place, place_of
 from flightmech import terms
 from flightmech.errors import AeromatchError, SchemaError, UnknownName
 from flightmech.names import lookup
-from flightmech.support.configuration import UNFILLED, Strict, load, si, validate
-from flightmech.support.file_schema import file_schema
+from flightmech.support.configuration import UNFILLED, Strict, file_schema, load, si, validate
 from flightmech.units import quantity
 from flighttest import Model
 from flighttest.dynamics.force_coefficients import ERRORS

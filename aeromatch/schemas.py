@@ -14,7 +14,7 @@ from flightmech.support.console import document, json_option
 def aircraft_schema() -> dict[str, Any]:
     """Return the JSON schema of aircraft files, with that of their instruments."""
     from flightmech.aircraft import aircraft_schema as without_instruments
-    from flightmech.support.file_schema import part_schema
+    from flightmech.support.configuration import part_schema
     from flighttest.sensors.instruments import Instrument
 
     schema = without_instruments()
@@ -73,7 +73,7 @@ def schema(kind: str | None, output: Path | None, as_json: bool) -> None:
     The first line of a file names its schema: #:schema aircraft.schema.json
     """
     from flightmech.support.atomic_write import write_text
-    from flightmech.support.file_schema import schema_text
+    from flightmech.support.configuration import schema_text
 
     if kind:
         files = {output or Path(f"{kind}.schema.json"): kind}

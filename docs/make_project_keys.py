@@ -14,8 +14,7 @@ from typing import Any
 
 from aeromatch.schemas import SCHEMAS
 from flightmech.names import VOCABULARY
-from flightmech.support.configuration import load
-from flightmech.support.file_schema import unit_of
+from flightmech.support.configuration import load, unit_of
 from flighttest.readers.name_map import TOP
 
 ROOT = Path(__file__).parents[1]

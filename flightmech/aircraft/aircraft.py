@@ -44,8 +44,7 @@ import numpy as np
 from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_validator
 
 from ..errors import SchemaError, UnitError
-from ..support.configuration import Strict, fixed_array, load, quantity_schema, si, validate
-from ..support.file_schema import file_schema
+from ..support.configuration import Strict, file_schema, fixed_array, load, quantity_schema, si, validate
 from ..units import quantity
 from .control_surface import CONTROLS, TRAVEL, Control
 from .systems.control_circuits import Circuit, CircuitsTable, circuits_of

@@ -23,8 +23,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from flightmech.errors import AeromatchError
 from flightmech.names import lookup
-from flightmech.support.configuration import Strict, load, quantity_schema, validate
-from flightmech.support.file_schema import file_schema
+from flightmech.support.configuration import Strict, file_schema, load, quantity_schema, validate
 from flightmech.units import quantity
 
 

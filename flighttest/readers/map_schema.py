@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from flightmech.names import ITEM, VOCABULARY
-from flightmech.support.file_schema import DIALECT, part_schema
+from flightmech.support.configuration import DIALECT, part_schema
 
 from ..sensors.instruments import Instrument
 from .bus.decode import KINDS

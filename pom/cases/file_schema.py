@@ -8,8 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from flightmech.names import VOCABULARY, lookup
-from flightmech.support.configuration import quantity_schema
-from flightmech.support.file_schema import file_schema, part_schema
+from flightmech.support.configuration import file_schema, part_schema, quantity_schema
 
 from ..tolerances import rows
 from ..tolerances.override import Entry

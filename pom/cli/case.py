@@ -64,7 +64,7 @@ def init(
 def schema(output: str) -> None:
     """Write the JSON schema of case files, for an editor: the first line of a case file names it, ``#:schema case.schema.json``."""
     from flightmech.support.atomic_write import write_text
-    from flightmech.support.file_schema import schema_text
+    from flightmech.support.configuration import schema_text
 
     from ..cases.file_schema import case_schema
 
