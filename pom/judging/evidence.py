@@ -25,6 +25,7 @@ from flightmech.support.arrays import rms
 from ..tolerances.remarks import RowRemark
 
 FAR = 3.0  # standard errors
+ROUNDING = 1e-6  # standard errors that are none
 SAMPLES = 200  # of a case
 LEAST = {"CL": 1e-3, "CD": 1e-3, "CY": 1e-3, "CX": 1e-3, "CZ": 1e-3}  # rms of a contribution that a case uses; moments:
 LEAST_MOMENT = 2e-4
@@ -106,7 +107,7 @@ def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ..
     if not distances:
         return (RowRemark("evidence", "not compared with the flight evidence: no term that the case uses was found from flight"),)
     joint = rms([*distances.values()])
-    text = f"distance from the flight evidence: {joint:.2g} standard errors, rms of {len(distances)} terms"
+    text = f"distance from the flight evidence: {joint if joint > ROUNDING else 0.0:.2g} standard errors, rms of {len(distances)} terms"
     remarks = [RowRemark("evidence", text, values={"rms": joint, **distances}, unit="1")]
     far = {name: size for name, size in distances.items() if size > FAR}
     if far:

@@ -66,6 +66,7 @@ def page(
     return {
         "key": key,
         "case": result.case,
+        "objective": remarks.objective(result.case),
         "share": remarks.share(result.case.fraction),
         "outcomes": outcome,
         "failure": result.failure,

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from pom.judging.watch import SLOWEST
 from pom.replaying import offsets
+from pom.replaying.tables_left import FLOW
 from pom.replaying.trim_state import CONTROLS, limits_of
 from pom.result import PomResult
 
@@ -68,12 +70,13 @@ def trim(result: PomResult) -> dict[str, Any]:
     parts: dict[str, list[Any]] = {"State": [], "Controls as applied": [], _FOUND: [], _LEFT: []}
     table = result.trim
     limits = limits_of(result)
+    standing = "V" in table.index and float(table.loc["V"].iloc[0]) < SLOWEST
     for quantity, values in table.iterrows():
         name = str(quantity)
         shown, stem = label(name), name.rpartition(".")[2]
         held = values.to_numpy(float)
         found, left = name.startswith("trim.") and not name.endswith("_dot"), name.startswith("trim.") and name.endswith("_dot")
-        if found and not np.nan_to_num(held).any():
+        if (found and not np.nan_to_num(held).any()) or (standing and name in FLOW):
             continue
         part = _FOUND if found else _LEFT if left or "." in name else "Controls as applied" if stem in CONTROLS else "State"
         limit = limits[stem].size if (found or left) and stem in limits else math.inf
@@ -108,8 +111,33 @@ def calibration(result: PomResult) -> list[tuple[str, str]]:
         estimate, stderr = scale * row["estimate"], scale * row["stderr"]
         decimals = max(0, 1 - math.floor(math.log10(stderr))) if stderr > 0.0 else 4
         value = f"{fixed(estimate, decimals)} ± {fixed(stderr, decimals)} {pretty_unit(unit)}"
-        rows.append((str(row["parameter"]).replace(".", " ").replace("_", " "), value.strip()))
+        rows.append((_constant(str(row["parameter"])), value.strip()))
     return rows
+
+
+_INSTRUMENTS = {
+    **{f"a{axis}_imu": f"specific force {axis}" for axis in "xyz"},
+    "alpha_vane": "α vane",
+    "beta_vane": "β vane",
+    "h_radio": "radio altitude",
+    "gps": "GPS",
+    "temperature": "temperature",
+    "p_reference": "reference pressure",
+    "static_error": "static error over q̄",
+}
+
+
+def _constant(parameter: str) -> str:
+    """Return a constant of the instruments in words.
+
+    Examples
+    --------
+    >>> [_constant(name) for name in ("bias.ax_imu", "delay.air_data", "p_reference")]
+    ['bias of specific force x', 'delay of air data', 'reference pressure']
+    """
+    kind, _, name = parameter.rpartition(".")
+    quantity = _INSTRUMENTS.get(name) or label(name).words or name.replace("_", " ")
+    return f"{kind} of {quantity}" if kind else quantity
 
 
 def drift(result: PomResult) -> list[tuple[Label, str, str, str]]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from pom.cases.case import PomCase
 from pom.result import PomResult
+from pom.tolerances.rows import rows
 
 from ..presentation.quantities import has_ends, label, measured, short
 from ..presentation.verdict_text import MARKS, MODAL, remark_text, words
@@ -39,6 +41,18 @@ def notes(result: PomResult) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+def objective(case: PomCase) -> str:
+    """Return the objective of a case: that of the case file, else what its entry of the tolerance table compares."""
+    if case.objective:
+        return case.objective
+    judged = ", ".join(dict.fromkeys(words(criterion.name) for criterion in case.criteria if criterion.applies))
+    title = next((row["title"] for row in rows() if (row["standard"], row["test_id"]) == (case.standard, case.id)), case.title)
+    if case.reference == "footprint":
+        return f"{title}: {judged} of the device, kept for later comparison."
+    other = "an engineering simulator" if case.reference == "engineering" else "flight"
+    return f"{title}: {judged} of the models against {other}, within the tolerances of {case.id}."
+
+
 def share(fraction: float) -> str:
     """Return a fraction of the tolerance as printed.
 
@@ -53,15 +67,19 @@ def share(fraction: float) -> str:
 def _of_rows(result: PomResult) -> list[str]:
     """Return the remarks of the verdict rows, each once, behind the criteria and models it is about."""
     places: dict[str, list[tuple[str, str]]] = {}
+    longest: dict[str, list[str]] = {}
     for row in result.rows:
         fitted = row["measure"] in MODAL and row["verdict"] in ("pass", "fail")
         for remark in row["remarks"]:
-            if not (fitted and remark.kind in IN_MODE_TABLE):
+            if remark.kind == "outside":
+                longest.setdefault(row["run"], []).append(f"{words(row['criterion'])} {remark.values['longest']:.2f} s")
+            elif not (fitted and remark.kind in IN_MODE_TABLE):
                 places.setdefault(remark_text(remark), []).append((words(row["criterion"]), row["run"]))
     found: dict[str, list[str]] = {}
     for text, where in places.items():
         found.setdefault(_where(where, result), []).append(text)
-    return [f"{where}: {'; '.join(texts)}" for where, texts in found.items()]
+    spans = [f"{run}, longest run outside: {', '.join(texts)}" for run, texts in longest.items()]
+    return [*spans, *(f"{where}: {'; '.join(texts)}" for where, texts in found.items())]
 
 
 def _given(value: float, name: str) -> str:

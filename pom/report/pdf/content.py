@@ -80,7 +80,8 @@ def case(
         "name": case.name,
         "standard": f"{case.standard}, edition {case.edition}",
         "kind": f"{_REFERENCES.get(case.reference, case.reference)}, tolerances applied to {remarks.share(case.fraction)}",
-        "objective": case.objective or case.description or case.title,
+        "objective": remarks.objective(case),
+        "manoeuvre": case.description,
         "texts": [(head, text) for head, text in _texts(case) if text],
         "outcomes": [_outcome(item) for item in outcomes(result, styles)],
         "failure": result.failure,
@@ -121,9 +122,7 @@ def _name(shown: Label) -> str:
 
 
 def _texts(case: Any) -> list[tuple[str, str]]:
-    description = case.description if case.objective else ""
-    named = (("Manoeuvre", description), ("Procedure, automatic", case.procedure), ("Procedure, manual", case.manual))
-    return [*named, ("Method of evaluation", case.evaluation)]
+    return [("Procedure, automatic", case.procedure), ("Procedure, manual", case.manual), ("Method of evaluation", case.evaluation)]
 
 
 def _outcome(item: Mapping[str, Any]) -> dict[str, Any]:

@@ -44,7 +44,7 @@ _COLUMN = {"a4": 1040.0, "letter": 942.0}
 _UNIT = 0.255  # mm; 720 of them across the column
 HEADED = 60.0  # heading and line code of a page of panels, in units
 LEAST_ROOM = 280.0  # below it the panels begin on a page of their own, in units
-FURTHER = 46.0  # height of a panel that only proves the condition, in units
+FURTHER = 40.0  # height of a panel that only proves the condition, in units
 _TEXT = {"a4": 128, "letter": 132}  # characters that surely fit into a line of the column
 _MIME = {".json": "application/json", ".csv": "text/csv", ".nc": "application/x-netcdf"}
 
@@ -153,7 +153,12 @@ def _attach(folder: Path, attached: Mapping[str, bytes]) -> list[dict[str, str]]
 def _room(page: Mapping[str, Any], paper: str) -> float:
     """Return the height that the head of a case leaves for its panels, in units; the layout shrinks them by what this is short."""
     wide = _TEXT[paper]
-    lines = _lines(page["objective"], wide) + _lines(page["glance"], wide + 20) + _lines(page["failure"], wide - 20)
+    lines = (
+        _lines(page["objective"], wide - 12)
+        + _lines(page["manoeuvre"], wide - 12)
+        + _lines(page["glance"], wide + 20)
+        + _lines(page["failure"], wide - 20)
+    )
     cells = sum(max(_lines(block["printed"], 36), _lines(_first(block), 25), _lines(block["applied"], 20)) for block in page["verdicts"])
     millimetres = 29.0 + 3.7 * lines + 3.15 * (len(page["outcomes"]) + cells)
     return _COLUMN[paper] - millimetres / _UNIT

@@ -102,6 +102,44 @@ def test_what_the_case_sets_against_record_and_table_is_reported():
     assert "From the case file, not from the record: flap deflection 40\N{NO-BREAK SPACE}deg." in html
 
 
+def test_a_case_without_an_objective_states_what_its_entry_compares():
+    from dataclasses import replace
+
+    result = fixture.roll_result()
+    case_of = replace(result.case, objective="", description="Wheel left, then released.")
+    text = remarks.objective(case_of)
+    assert text.startswith("Roll response (rate): roll rate")
+    assert text.endswith(f"of the models against flight, within the tolerances of {result.case.id}.")
+    html = page([replace(result, case=case_of)])
+    assert text in html
+    assert "<strong>Manoeuvre.</strong> Wheel left, then released." in html
+    assert html.index('class="plots"') < html.index('class="facts"')  # in print the figure follows the head of the case
+    assert remarks.objective(replace(case_of, reference="footprint")).endswith("of the device, kept for later comparison.")
+
+
+def test_an_aeroplane_at_rest_has_no_flow_angles():
+    from dataclasses import replace
+
+    result = fixture.roll_result()
+    table = result.trim.copy()
+    names = {row["label"].name for _, rows in initial_conditions.trim(result)["parts"] for row in rows}
+    assert "alpha" in names
+    table.loc["V"] = 0.5
+    still = {row["label"].name for _, rows in initial_conditions.trim(replace(result, trim=table))["parts"] for row in rows}
+    assert names - still == {"alpha"}
+
+
+def test_longest_runs_outside_are_one_note_per_model():
+    from dataclasses import replace
+
+    result = fixture.roll_result()
+    verdict = result.verdict.copy()
+    set_rows(verdict, "run", "datcom", remarks=(RowRemark("outside", "longest run outside 1.50 s", values={"longest": 1.5}, unit="s"),))
+    (note,) = [text for text in remarks.notes(replace(result, verdict=verdict)) if "longest run outside" in text and text.startswith("datcom")]
+    assert note.startswith("datcom, longest run outside: ")
+    assert note.count("1.50 s") == len(result.case.criteria)
+
+
 def dutch_roll():
     """A case judged by its mode: the flight rings with 3 s and damping 0.08, one model lies close, one does not ring."""
     from dataclasses import replace

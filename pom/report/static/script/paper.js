@@ -1,5 +1,5 @@
 // ---- figures for paper and cross plots: SVG in the classes of the style sheet, from the data of the screen ---------------
-const SHEET = { width: 720, left: 54, right: 12, head: 17, foot: 30, top: 24, gap: 5, page: 960, judged: 170, strip: 38, small: 66, lane: 4 };
+const SHEET = { width: 720, left: 54, right: 12, head: 17, foot: 30, top: 24, gap: 5, page: 960, case: 200, judged: 170, strip: 38, small: 66, lane: 4 };
 const SLACK = 0.35;   // a point is left out where the line stays this close to it
 
 const escaped = (text) => String(text).replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
@@ -119,9 +119,9 @@ function sheetPanel(data, panel, top, scale, last) {
   return [body, strip.bottom + SHEET.gap];
 }
 const heightOf = (panel) => SHEET.head + SHEET.gap + (panel.kind === "judged" ? SHEET.judged : SHEET.small) + (panel.half ? SHEET.strip + SHEET.gap : 0);
-function sheet(data, panels) {
+function sheet(data, panels, room) {
   const heads = panels.length * (SHEET.head + SHEET.gap) + SHEET.foot + SHEET.top, bodies = panels.reduce((sum, panel) => sum + heightOf(panel) - SHEET.head - SHEET.gap, 0);
-  const scale = Math.min(1, (SHEET.page - heads) / bodies);
+  const scale = Math.min(1, (room - heads) / bodies);
   let body = keyOf(data.runs.filter(({ name }) => panels.some((panel) => panel.traces[name])), panels.some((panel) => panel.half)), top = SHEET.top;
   panels.forEach((panel, i) => {
     const [drawn, next] = sheetPanel(data, panel, top, scale, i === panels.length - 1);
@@ -135,7 +135,7 @@ function sheet(data, panels) {
   body += textAt(frame.left + frame.width / 2, top + 22, "time, s (clock of the record)", "caption", "middle");
   return svg(top + SHEET.foot, body, panels.map((panel) => `${panel.alt}.`).join(" "));
 }
-// What is judged and the inputs, then the rest; a part that overfills one sheet by little is pressed onto it.
+// What is judged and the inputs, below the head of the case, then the rest; a part that overfills one sheet by little is pressed onto it.
 function sheets(data) {
   const found = [];
   for (const wanted of [(panel) => panel.kind !== "shown", (panel) => panel.kind === "shown"]) {
@@ -146,7 +146,7 @@ function sheets(data) {
       room -= heightOf(panel);
     }
   }
-  return found.map((panels) => sheet(data, panels));
+  return found.map((panels, i) => sheet(data, panels, i ? SHEET.page : SHEET.page - SHEET.case));
 }
 
 // ---- cross plots: one quantity against another, band about the flight ------------------------------------------------------
