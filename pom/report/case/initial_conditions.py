@@ -70,7 +70,7 @@ def trim(result: PomResult) -> dict[str, Any]:
     parts: dict[str, list[Any]] = {"State": [], "Controls as applied": [], _FOUND: [], _LEFT: []}
     table = result.trim
     limits = limits_of(result)
-    standing = "V" in table.index and float(table.loc["V"].iloc[0]) < SLOWEST
+    standing = "V" in table.index and float(table.iloc[:, 0]["V"]) < SLOWEST
     for quantity, values in table.iterrows():
         name = str(quantity)
         shown, stem = label(name), name.rpartition(".")[2]

@@ -135,7 +135,8 @@ def test_longest_runs_outside_are_one_note_per_model():
     result = fixture.roll_result()
     verdict = result.verdict.copy()
     set_rows(verdict, "run", "datcom", remarks=(RowRemark("outside", "longest run outside 1.50 s", values={"longest": 1.5}, unit="s"),))
-    (note,) = [text for text in remarks.notes(replace(result, verdict=verdict)) if "longest run outside" in text and text.startswith("datcom")]
+    notes = remarks.notes(replace(result, verdict=verdict))
+    (note,) = [text for text in notes if text.startswith("datcom") and "longest run outside" in text]
     assert note.startswith("datcom, longest run outside: ")
     assert note.count("1.50 s") == len(result.case.criteria)
 
