@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import AeromatchError, UnknownName
+from ..errors import AeromatchError, SchemaError, UnknownName
 from ..names import lookup
 from ..units import from_si
+from .atomic_write import written_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+FIGURES = ("png", "svg", "pdf")
+"""Formats of figures."""
 
 
 def html_table(caption: str, columns: Sequence[str], rows: Iterable[Sequence[Any]], notes: Sequence[str] = ()) -> str:
@@ -54,6 +60,28 @@ def new_figure(width: float, height: float) -> Figure:
     except ImportError as missing:
         raise AeromatchError("figures need matplotlib, which is not installed; run: pip install 'aeromatch[figures]'") from missing
     return Figure(figsize=(width, height), layout="constrained")
+
+
+def demand_drawable(target: str | os.PathLike[str]) -> str:
+    """Return the format of a figure by the ending of its file.
+
+    Raises
+    ------
+    SchemaError
+        A format that is not drawn.
+    """
+    target = Path(target)
+    kind = target.suffix.lstrip(".").lower()
+    if kind not in FIGURES:
+        raise SchemaError("figure", [f"{target.name}: ending {kind or 'missing'!r}; give one of {', '.join(FIGURES)}"])
+    return kind
+
+
+def save_figure(figure: Figure, target: str | os.PathLike[str], dpi: int = 130) -> None:
+    """Write a figure atomically in the format that the ending of the file names; errors as `demand_drawable`."""
+    kind = demand_drawable(target)
+    with written_atomically(target) as part:
+        figure.savefig(part, dpi=dpi, format=kind)
 
 
 def displayed(name: str, values: np.ndarray) -> tuple[np.ndarray, str]:

@@ -17,6 +17,7 @@ _ELSEWHERE = {
     "info": "records",
     "convert": "records",
     "manoeuvres": "records",
+    "plot": "records",
     "identify": "identify",
     "design": "design",
     "select": "identify",

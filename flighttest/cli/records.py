@@ -1,9 +1,9 @@
-"""``aeromatch flight info``, ``convert`` and ``manoeuvres``: what a recording holds, recordings as netCDF, what was flown when."""
+"""``aeromatch flight info | convert | manoeuvres | plot``: what a recording holds, as netCDF, what was flown when, as a figure."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -14,6 +14,9 @@ from .options import names_option
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+    from matplotlib.figure import Figure
+
+_OF_HISTORIES = "goes with a record or a path; a fit is drawn with all its samples"
 
 
 @click.command()
@@ -137,3 +140,104 @@ def _manoeuvres(record: xr.DataTree, name: str, table_file: str | None, find: bo
 
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.6g}"
+
+
+@click.command()
+@click.argument("file", metavar="FILE", type=InputFile())
+@names_option
+@click.option("--channel", "channels", multiple=True, metavar="NAME", help="Channel to draw, may be repeated.  [default: a page of them]")
+@click.option("--window", type=(float, float), help="Start and end of what is drawn [s].")
+@click.option("--table", "table_file", type=InputFile(), help="CSV or TOML with manoeuvres, in place of those that FILE carries.")
+@click.option("--record", metavar="NAME", help="Record whose rows of --table are drawn.  [default: FILE without its extension]")
+@click.option("-o", "--output", required=True, type=NewFile(), help="Figure to write: png, svg or pdf.")
+@json_option
+def plot(
+    file: str,
+    names: str | None,
+    channels: tuple[str, ...],
+    window: tuple[float, float] | None,
+    table_file: str | None,
+    record: str | None,
+    output: str,
+    as_json: bool,
+) -> None:
+    """Draw FILE over time: a record of any format, a path of flight reconstruct, or a fit of identify, select or fit.
+
+    Manoeuvres are shaded and named. Without --channel the page shows motion, controls and engines.
+    """
+    from flightmech.errors import SchemaError
+    from flightmech.support.display import demand_drawable, save_figure
+
+    demand_drawable(output)
+    kind = _kind(file)
+    if kind.endswith("fit"):
+        given = {"--channel": channels, "--window": window, "--table": table_file, "--names": names}
+        if wrong := [f"{option} {_OF_HISTORIES}" for option, item in given.items() if item]:
+            raise SchemaError("flight plot", wrong)
+        figure, marks = _fit(file, kind), None
+    else:
+        figure, marks = _histories(file, kind, names, channels, window, table_file, record or Path(file).stem)
+    save_figure(figure, output)
+    if as_json:
+        document({"file": output, "of": kind, "manoeuvres": [] if marks is None else marks})
+    else:
+        click.echo(f"written: {output}, {kind}{'' if marks is None else f', {len(marks)} manoeuvres'}")
+
+
+def _kind(file: str) -> str:
+    """Return what a file holds: record, path, fit, or output-error fit."""
+    import h5py
+
+    if not h5py.is_hdf5(file):
+        return "record"
+    with h5py.File(file) as content:
+        stated = content.attrs.get("content", "")
+        stated = stated.decode() if isinstance(stated, bytes) else str(stated)
+        return {"aeromatch fit": "fit", "output error": "output-error fit"}.get(stated, "path" if "states" in content else "record")
+
+
+def _fit(file: str, kind: str) -> Figure:
+    from ..equation_error.fit import open_fit
+    from ..maximum_likelihood.files import open_output_error
+    from ..records.time_histories import signals_figure
+
+    if kind == "fit":
+        return open_fit(file).plot()
+    residuals = open_output_error(file).residuals
+    outputs = [str(name) for name in residuals[0].data_vars]
+    return signals_figure(f"Residuals of {Path(file).name}", [[rest[name] for rest in residuals] for name in outputs])
+
+
+def _histories(
+    file: str,
+    kind: str,
+    names: str | None,
+    channels: tuple[str, ...],
+    window: tuple[float, float] | None,
+    table_file: str | None,
+    name: str,
+) -> tuple[Figure, pd.DataFrame]:
+    from ..dynamics.saved_paths import open_path
+    from ..records.record import manoeuvres, read
+    from ..records.time_histories import record_figure, states_figure
+
+    given: Any = _of_table(table_file, name) if table_file else None
+    if kind == "path":
+        path = open_path(file)
+        marks = manoeuvres(path.states) if given is None else given
+        return states_figure(path.states, channels, marks, window, path.errors), marks
+    record = read(file, names)
+    marks = manoeuvres(record) if given is None else given
+    return record_figure(record, channels, marks, window), marks
+
+
+def _of_table(table_file: str, name: str) -> pd.DataFrame:
+    """Return the manoeuvres of a record in a table; of a table of one record those of that one."""
+    from flightmech.errors import UnknownName
+
+    from ..records.manoeuvre_table import read_manoeuvres
+
+    tables = read_manoeuvres(table_file)
+    if name not in tables and len(tables) > 1:
+        raise UnknownName(name, tables, "record", f"{table_file} has no row for it; name one with --record")
+    return tables[name] if name in tables else next(iter(tables.values()))

@@ -9,12 +9,10 @@ import pandas as pd
 import xarray as xr
 
 from flightmech.errors import SchemaError
-from flightmech.support.atomic_write import written_atomically
-from flightmech.support.display import new_figure
+from flightmech.support.display import demand_drawable, new_figure, save_figure
 
 from ..records.record import locate
 
-FORMATS = ("png", "svg", "pdf")
 _CONTROLS = {"elevator": ("delta_e",), "aileron": ("delta_a",), "rudder": ("delta_r",), "throttle": ("engine1.throttle", "engine1.n1")}
 _MOTION = ("V", "V_cas", "phi", "beta_vane", "az_imu")
 _COLOURS = ("#2a6f97", "#bc6c25")
@@ -39,10 +37,7 @@ def draw_manoeuvres(record: xr.DataTree, table: pd.DataFrame, target: str | Path
     AeromatchError
         matplotlib is not installed.
     """
-    target = Path(target)
-    kind = target.suffix.lstrip(".").lower()
-    if kind not in FORMATS:
-        raise SchemaError("figure", [f"{target.name}: ending {kind or 'missing'!r}; give one of {', '.join(FORMATS)}"])
+    demand_drawable(target)
     shown = [(label, found) for label, names in _CONTROLS.items() if (found := _first(record, names))]
     shown += [("", name) for name in _MOTION if locate(record, name) and not (name == "V_cas" and locate(record, "V"))]
     if not shown:
@@ -59,8 +54,7 @@ def draw_manoeuvres(record: xr.DataTree, table: pd.DataFrame, target: str | Path
                 ax.annotate(f"{number} {row.manoeuvre}", place, xycoords=("data", "axes fraction"), va="top", fontsize=6)
     axes[-1].set_xlabel("time [s]")
     figure.suptitle(str(record.attrs.get("title", "")), fontsize="medium")
-    with written_atomically(target) as part:
-        figure.savefig(part, dpi=120, format=kind)
+    save_figure(figure, target, dpi=120)
 
 
 def _first(record: xr.DataTree, names: tuple[str, ...]) -> str | None:

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from flightmech.errors import SchemaError
-from flightmech.support.atomic_write import written_atomically
+from flightmech.support.display import save_figure
 
 from ..uncertainty.goodness_of_fit import theil
 from .drawn_signals import compatibility_figure
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from .smoother import Path
 
 
-FORMATS = ("png", "svg", "pdf")
 LAGS = 20  # of the Ljung-Box test
 
 
@@ -117,8 +115,4 @@ def draw_compatibility(path: Path, target: str | File, channels: Sequence[str] |
         matplotlib is not installed.
     """
     figure = compatibility_figure(path.compatibility, str(path.states.attrs["record"]), channels)
-    kind = File(target).suffix.lstrip(".").lower()
-    if kind not in FORMATS:
-        raise SchemaError("figure", [f"{File(target).name}: ending {kind or 'missing'!r}; give one of {', '.join(FORMATS)}"])
-    with written_atomically(File(target)) as part:
-        figure.savefig(part, dpi=150, format=kind)
+    save_figure(figure, target, dpi=150)

@@ -16,10 +16,11 @@ import xarray as xr
 from flightmech.errors import UnknownName
 from flightmech.support.display import new_figure
 
+from ..records.time_histories import broken
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-GAP = 3.0  # median steps between readings that end a line
 _STYLE = {"raw": ("0.6", 0.8), "corrected": ("tab:blue", 0.8), "reconstructed": ("tab:red", 1.1)}
 
 
@@ -66,9 +67,7 @@ def _draw_channel(ax, signals: xr.DataArray) -> None:
     time = signals["time"].values
     for version, (colour, width) in _STYLE.items():
         values = signals.sel(version=version).values * factor
-        there = np.isfinite(values)
-        ends = np.flatnonzero(np.diff(time[there]) > GAP * np.median(np.diff(time[there]))) + 1  # between windows nothing is drawn
-        ax.plot(np.insert(time[there], ends, np.nan), np.insert(values[there], ends, np.nan), color=colour, linewidth=width, label=version)
+        ax.plot(*broken(time, values), color=colour, linewidth=width, label=version)
     before, after = (factor * signals.attrs[key] for key in ("rms_raw", "rms_corrected"))
     ax.set_title(f"{signals.name}: rms {before:.3g} before, {after:.3g} after", fontsize="small")
     ax.set_ylabel(f"[{shown}]")

@@ -36,6 +36,7 @@ def path_states(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solu
         "iterations": solution.iterations,
         "unused": " ".join(setup.unused),
         "spikes": "; ".join(setup.spikes),
+        "manoeuvres": str(record.attrs.get("manoeuvres", "[]")),
         "gusts": "none" if problem.gust is None else " ".join(f"{s:.3g}" for s in problem.gust),
     }
     return data

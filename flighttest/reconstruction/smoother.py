@@ -101,7 +101,7 @@ class Path:
         """Return constants, sensors and remarks as plain numbers and words."""
         keys = ("estimate", "stderr", "prior", "prior_stderr", "unit")
         constants = {str(n): {k: self.biases[k].sel(parameter=n).item() for k in keys} for n in self.biases["parameter"].values}
-        about = {**self.states.attrs, "samples": self.states.sizes["time"]}
+        about = {key: item for key, item in self.states.attrs.items() if key != "manoeuvres"} | {"samples": self.states.sizes["time"]}
         return {
             **about,
             "constants": constants,

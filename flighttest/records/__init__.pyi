@@ -11,3 +11,5 @@ from .record import manoeuvres as manoeuvres
 from .record import needs_names as needs_names
 from .record import overview as overview
 from .record import read as read
+from .time_histories import record_figure as record_figure
+from .time_histories import states_figure as states_figure

@@ -122,8 +122,8 @@ def channels(record: xr.DataTree) -> dict[str, str]:
     return {str(name): leaf for leaf, node in record.children.items() for name in node.data_vars}
 
 
-def manoeuvres(record: xr.DataTree) -> pd.DataFrame:
-    """Return the list of manoeuvres a record carries.
+def manoeuvres(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
+    """Return the list of manoeuvres a record carries, or the states of a path of that record.
 
     Returns
     -------
