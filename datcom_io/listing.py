@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -13,6 +13,7 @@ from .printout.content import Message, Page, PrintedCase
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
+    from matplotlib.figure import Figure
 
 
 class Case(PrintedCase):
@@ -72,6 +73,29 @@ class Case(PrintedCase):
         from .arrays.dataset import case_tree
 
         return case_tree(self, fill_transonic=fill_transonic)
+
+    def plot(self, coefficients: Sequence[str] = ("CL", "CD", "Cm"), configuration: str | None = None) -> Figure:
+        """Return a figure of static coefficients over alpha, a curve for each Mach number, altitude and height above ground.
+
+        Parameters
+        ----------
+        coefficients : sequence of str
+            Printed over alpha: ``CL CD Cm CN CA CL_alpha Cm_alpha CY_beta Cn_beta Cl_beta xcp``.
+        configuration : str, optional
+            Of the configurations of a build-up, such as ``WING-BODY``; the most complete one without it.
+
+        Raises
+        ------
+        SchemaError
+            The case prints no static coefficients.
+        UnknownName
+            A coefficient or configuration that it does not print.
+        AeromatchError
+            matplotlib is not installed.
+        """
+        from .arrays.figure import coefficient_figure
+
+        return coefficient_figure(self.name, {self.name: self.to_datatree()}, coefficients, configuration)
 
 
 @dataclass(eq=False)
@@ -158,6 +182,13 @@ class Listing:
         columns = ("", "case", "configuration", "Mach number", "pages", "messages")
         notes = [f"{len(self.unread)} lines were not understood"] if self.unread else []
         return html_table(f"Digital DATCOM listing {self.file}", columns, rows, notes)
+
+    def plot(self, coefficients: Sequence[str] = ("CL", "CD", "Cm"), configuration: str | None = None) -> Figure:
+        """Return a figure of static coefficients over alpha, a row for each case that prints them; arguments and errors as `Case.plot`."""
+        from .arrays.figure import coefficient_figure
+
+        cases = {f"{case.ordinal} {case.name}": case.to_datatree() for case in self.cases}
+        return coefficient_figure(self.file, cases, coefficients, configuration)
 
     def cells(self) -> pd.DataFrame:
         """Return one row per printed cell.
