@@ -61,7 +61,7 @@ NUMBERS = (
     "first_exit",
     "inside",
 )
-NOTICES = ("watch", "far_from_evidence", "tables_left")
+NOTICES = ("watch", "far_from_evidence", "tables_left", "waived")
 """Kinds of remarks that stand next to the verdict in index, page and terminal: a watched channel off, terms far from what flight
 found, tables left."""
 VERDICTS = ("pass", "fail", "invalid", "not_tested", "advisory")

@@ -62,17 +62,14 @@ def xml(description: Description, version: str) -> bytes:
 
 
 def _fmi2(root: ET.Element, description: Description) -> None:
-    types = ET.SubElement(root, "TypeDefinitions")
-    for name, items in _enumerations(description):
-        _items(ET.SubElement(ET.SubElement(types, "SimpleType", name=name), "Enumeration"), items)
     _experiment(root, description)
     place = {v.reference: str(i) for i, v in enumerate(description.variables, 1)}
     variables = ET.SubElement(root, "ModelVariables")
     for v in description.variables:
         scalar = ET.SubElement(variables, "ScalarVariable", _head(v))
-        if v.name in CHOICES:
-            ET.SubElement(scalar, "Enumeration", declaredType=v.name, start=_whole(v))
-        elif v.integer:
+        if v.name in CHOICES:  # importers that leave out enumerations, such as libcosim, know integers
+            scalar.set("description", _with_choices(v.description, CHOICES[v.name]))
+        if v.name in CHOICES or v.integer:
             ET.SubElement(scalar, "Integer", _integer(v, 2**31 - 1))
         else:
             ET.SubElement(scalar, "Real", {**_real(v), **({"derivative": place[v.state]} if v.state else {})})
@@ -182,6 +179,11 @@ def _dependencies(part: str, v: Variable, place: dict[int, str]) -> dict[str, st
 
 def _enumerations(description: Description) -> Iterable[tuple[str, dict[str, int]]]:
     return ((v.name, CHOICES[v.name]) for v in description.variables if v.name in CHOICES)
+
+
+def _with_choices(text: str, items: dict[str, int]) -> str:
+    """Return the description of a choice with its values."""
+    return "; ".join(filter(None, [text, ", ".join(f"{value} {name}" for name, value in items.items())]))
 
 
 def _items(parent: ET.Element, items: dict[str, int]) -> None:

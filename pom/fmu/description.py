@@ -17,6 +17,7 @@ from .fmu_file import Fmu
 from .variable_map import Link, Links, canonical_unit
 from .worker.description import read_description
 
+_ABSENT = "the case needs it and the FMU does not offer it; name it in a table of names, or waive an input or parameter there"
 _TEXTS = ("String", "Binary", "Clock")
 
 
@@ -124,7 +125,7 @@ def check(fmu: Fmu, links: Links, inputs: Iterable[str], outputs: Iterable[str],
     for what, names, linked, offered in wanted:
         for name in names:
             if name not in linked:
-                problems.append(str(UnknownName(name, [*linked], what, "the case needs it and the FMU does not offer it")))
+                problems.append(str(UnknownName(name, [*linked], what, _ABSENT)))
             elif linked[name] == Link(name):
                 problems += _unit_problem(what, name, offered[name])
     if problems:

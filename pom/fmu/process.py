@@ -1,4 +1,9 @@
-"""Child processes for FMUs, kept for the next job of the same file, replaced when they crashed or hung."""
+"""Child processes for FMUs, kept for the next job of the same file, replaced when they crashed or hung.
+
+An FMU is untrusted.  Its process has a session of its own and ends with all that it started; what comes back are numbered frames of
+text and numbers (`pom.fmu.worker.frames`), of the size that the job has, within the time that it has.  Its limits are those of
+`pom.fmu.limits`.
+"""
 
 from __future__ import annotations
 
@@ -11,19 +16,27 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
+from flightmech.support.leftovers import remove_leftovers, temporary_name
+
 from .file_state import FileState
+from .limits import Limits, limits, sandboxed
+from .worker.frames import read_reply
 
 _HERE = str(Path(__file__).parents[2])  # the child finds this very package
 KEPT = max(8, 4 * (os.cpu_count() or 1))  # children that may wait for work at the same time
 KILLED = "crashed: signal SIGKILL"  # somebody else stopped it, such as a system short of memory: its job is given to another, once
+_LOOK = 0.2  # s, between two looks whether the process still runs while its reply is awaited
+_PATIENCE = 1.0  # s, for a process to end, or a pipe to be let go, after all is said or killed
+_WORDS = 4096  # bytes of what the FMU printed last that are looked at
 
 
 @dataclass(frozen=True)
@@ -53,6 +66,8 @@ class Child:
         self._process: subprocess.Popen[bytes] | None = None
         self._folder = ""
         self._words: IO[bytes] | None = None
+        self._talk: threading.Thread | None = None
+        self._number = 0
 
     def run(self, job: Mapping[str, Any], timeout: float, once: bool = False) -> Reply:
         """Fly a job; a crash or a time-out is a reply, not an error.
@@ -65,78 +80,128 @@ class Child:
             Wall time allowed. [s]
         once : bool
             The process ends with the job: the FMU cannot be instantiated twice in one.
+
+        Raises
+        ------
+        SchemaError
+            The environment has limits that are none (`pom.fmu.limits`).
         """
-        nothing = np.full((len(job["time"]), len(job["outputs"])), np.nan)
-        answer = self._ask(dict(job), timeout)
+        answer = self._ask(job, timeout)
         if isinstance(answer, str) and answer.startswith(KILLED):
             self.close()
-            answer = self._ask(dict(job), timeout)
+            answer = self._ask(job, timeout)
         if once or isinstance(answer, str):
             self.close()
-        if isinstance(answer, str):
-            return Reply(nothing, answer)
-        found = answer["outputs"]
-        return Reply(nothing if found is None else found, answer["error"], answer["moved"])
+        n, m = len(job["time"]), len(job["outputs"])
+        text, columns = (answer, None) if isinstance(answer, str) else answer
+        if columns is None:
+            return Reply(np.full((n, m), np.nan), text)
+        return Reply(columns[:, :m], text, {name: columns[:, m + i] for i, name in enumerate(_controls(job))})
 
-    def _ask(self, job: dict[str, Any], timeout: float) -> dict[str, Any] | str:
+    def _ask(self, job: Mapping[str, Any], timeout: float) -> tuple[str, np.ndarray | None] | str:
         process = self._start()
-        answers: list[dict[str, Any]] = []
+        self._number += 1
+        number, shape = self._number, (len(job["time"]), len(job["outputs"]) + len(_controls(job)))
+        answers: list[tuple[str, np.ndarray | None]] = []
 
         def converse() -> None:
-            try:
-                pickle.dump(job, process.stdin)  # type: ignore[arg-type]
+            with suppress(OSError, EOFError, ValueError):  # a broken pipe, or bytes that are no reply
+                pickle.dump({**job, "number": number}, process.stdin)  # type: ignore[arg-type]
                 process.stdin.flush()  # type: ignore[union-attr]
-                answers.append(pickle.load(process.stdout))  # type: ignore[arg-type]
-            except Exception:  # a broken pipe or bytes that are no reply, which unpickling meets with errors of any class
-                return
+                answers.append(read_reply(process.stdout.read, number, shape))  # type: ignore[union-attr]
 
-        thread = threading.Thread(target=converse, daemon=True)
-        thread.start()
-        thread.join(timeout)
-        if thread.is_alive():
+        self._talk = threading.Thread(target=converse, daemon=True)
+        self._talk.start()
+        end = time.monotonic() + timeout
+        while self._talk.is_alive() and process.poll() is None and time.monotonic() < end:
+            self._talk.join(min(_LOOK, max(end - time.monotonic(), 0.0)))
+        if process.poll() is None and self._talk.is_alive():
             return f"no answer within {timeout:g} s; the process was stopped"
+        self._talk.join(_PATIENCE)  # it has ended: what it wrote is read, and another process may hold the pipe
         if answers:
             return answers[0]
         try:
-            return f"crashed: {_ending(process.wait(1.0))}{self._last_words()}"
+            return f"crashed: {_ending(process.wait(_PATIENCE))}{self._last_words()}"
         except subprocess.TimeoutExpired:
             return f"its answer could not be read; the process was stopped{self._last_words()}"
 
     def _start(self) -> subprocess.Popen[bytes]:
         if self._process is None or self._process.poll() is not None:
             self.close()
-            self._folder = tempfile.mkdtemp(prefix="aeromatch-fmu-")
+            allowed = limits()
+            self._folder = _new_folder()
             self._words = tempfile.TemporaryFile()  # noqa: SIM115  lives as long as the process
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "pom.fmu.worker", str(self._fmu.resolve()), self._folder, str(os.getpid())],
+                _command(self._fmu, self._folder, allowed),
+                bufsize=0,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=self._words,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join([_HERE, *filter(None, [os.environ.get("PYTHONPATH")])])},
+                start_new_session=True,
+                env={
+                    **os.environ,
+                    "OPENBLAS_NUM_THREADS": "1",  # each of its threads takes address space
+                    "PYTHONPATH": os.pathsep.join([_HERE, *filter(None, [os.environ.get("PYTHONPATH")])]),
+                },
             )
         return self._process
 
     def _last_words(self) -> str:
         if self._words is None:
             return ""
-        self._words.seek(0)
+        self._words.seek(max(os.fstat(self._words.fileno()).st_size - _WORDS, 0))
         lines = self._words.read().decode("utf-8", "replace").split("\n")
         text = " | ".join(line.strip() for line in lines if line.strip())[-300:]
         return f"; it printed: {text}" if text else ""
 
     def close(self) -> None:
-        """Stop the process and remove what it unpacked."""
+        """Stop the process and all that it started, and remove what it unpacked."""
         if self._process is not None:
-            self._process.kill()
-            self._process.wait()
-            for pipe in (self._process.stdin, self._process.stdout):
-                _shut(pipe)
-            self._process = None
+            _kill(self._process)
+            if self._talk is not None:
+                self._talk.join(_PATIENCE)
+            if self._talk is None or not self._talk.is_alive():  # else a process that has left its session holds the pipe: it stays open
+                for pipe in (self._process.stdin, self._process.stdout):
+                    _shut(pipe)
+            self._process = self._talk = None
         _shut(self._words)
         self._words = None
         if self._folder:
             shutil.rmtree(self._folder, ignore_errors=True)
             self._folder = ""
+
+
+_FOLDER = "aeromatch-fmu"
+
+
+def _new_folder() -> str:
+    """Make a folder to unpack an FMU into; those that killed processes left are removed."""
+    place = Path(tempfile.gettempdir())
+    remove_leftovers(place, _FOLDER, "d")
+    folder = place / temporary_name(_FOLDER, "d")
+    folder.mkdir(mode=0o700)
+    return str(folder)
+
+
+def _command(fmu: Path, folder: str, allowed: Limits) -> list[str]:
+    sizes = [str(size) for size in (allowed.memory, allowed.written, allowed.unpacked)]
+    parent = "0" if allowed.sandbox else str(os.getpid())  # bubblewrap ends with its parent, and numbers processes anew
+    command = [sys.executable, "-P", "-m", "pom.fmu.worker", str(fmu.resolve()), folder, parent, *sizes]
+    return [*sandboxed(folder), *command] if allowed.sandbox else command
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process and, on POSIX, all of its session's first group."""
+    if os.name == "posix":
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.kill()
+    process.wait()
+
+
+def _controls(job: Mapping[str, Any]) -> list[str]:
+    """Return the controls that the math pilot moves, in the order of the columns behind the outputs."""
+    return list(dict.fromkeys(loop["control"] for loop in job["pilot"]["loops"])) if job.get("pilot") else []
 
 
 def _shut(pipe: IO[bytes] | None) -> None:

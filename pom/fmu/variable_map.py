@@ -41,6 +41,7 @@ class _File(Strict):
     outputs: _Entries = Field(default_factory=dict)
     parameters: _Entries = Field(default_factory=dict)
     fixed: dict[str, float | bool] = Field(default_factory=dict)
+    waived: list[str] = Field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,8 @@ class Links:
         Variables of the FMU that keep a value, in its own unit.
     table : str
         Name and SHA-256 of the table of names; empty without one.
+    waived : tuple of str
+        Inputs and parameters that a case needs and this FMU may lack, by their canonical names.
     """
 
     inputs: Mapping[str, Link]
@@ -79,6 +82,7 @@ class Links:
     parameters: Mapping[str, Link]
     fixed: Mapping[str, float] = field(default_factory=dict)
     table: str = ""
+    waived: tuple[str, ...] = ()
 
 
 def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
@@ -90,7 +94,8 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
     table : path, optional
         Table of names, TOML: sections ``inputs``, ``outputs``, ``parameters`` with ``canonical_name = "variable"`` or
         ``canonical_name = { variable = "...", unit = "deg", sign = -1 }`` or ``{ variable = "...", scale = "40 deg" }`` (what 1 stands
-        for), and ``fixed`` with ``variable = value``.  A variable with a canonical name needs no entry.
+        for), and ``fixed`` with ``variable = value``; a list ``waived`` before them names what the FMU does without, such as
+        ``["mode.engine", "mode.trim"]``.  A variable with a canonical name needs no entry.
 
     Raises
     ------
@@ -98,7 +103,7 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
         The table is not TOML.
     SchemaError
         With every entry that names no such variable, another kind of variable, one that another entry has, an unknown canonical name, or
-        a unit that cannot be; and every input of the FMU that nothing drives.
+        a unit that cannot be; every input of the FMU that nothing drives; and what is waived and there.
     """
     own = Links(_alike(fmu.inputs), _alike(fmu.outputs), _alike(fmu.parameters))
     if table is None:
@@ -115,6 +120,7 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
         taken = _taken_once(what, entries, problems)
         found[what] = {**{name: link for name, link in names.items() if name not in taken}, **links}
     _check_fixed(file, fmu, problems)
+    _check_waived(file.waived, {**found["input"], **found["parameter"]}, problems)
     driven = {link.variable for name, link in found["input"].items() if name in file.inputs or _known(name)}
     for name in fmu.inputs:
         if name not in driven and name not in file.fixed:
@@ -128,6 +134,7 @@ def links_of(fmu: Fmu, table: str | Path | None = None) -> Links:
         found["parameter"],
         {name: float(value) for name, value in file.fixed.items()},
         table=f"{Path(table).name}, sha256 {digest}",
+        waived=tuple(file.waived),
     )
 
 
@@ -189,6 +196,14 @@ def _check_fixed(file: _File, fmu: Fmu, problems: list[str]) -> None:
             problems.append(f"fixed: {UnknownName(name, offered, 'input or parameter of the FMU')}")
         elif name in mapped:
             problems.append(f"fixed.{name}: it has a canonical name too; choose one of the two")
+
+
+def _check_waived(waived: list[str], linked: Mapping[str, Link], problems: list[str]) -> None:
+    for name in waived:
+        if name in linked:
+            problems.append(f"waived: the FMU has {name!r} as {linked[name].variable!r}; delete it from the list")
+        elif not _known(name):
+            problems.append(f"waived: {name!r} is no canonical name of an input or parameter")
 
 
 def canonical_unit(name: str) -> str:

@@ -134,15 +134,18 @@ def _at_hand(case: PomCase, records: KeptStates) -> xr.Dataset | None:
 
 
 def _check(plans: Iterable[Plan], models: Models) -> None:
-    problems: list[str] = []
+    """Demand that every model can fly every case; what a model lacks is stated once, with the cases that need it."""
+    cases: dict[tuple[str, str, str], list[str]] = {}
     for plan in plans:
         for name, model in models.of(plan.case).items():
             try:
                 check_plan(plan, model)
             except SchemaError as error:
-                problems += [f"case {plan.case.name}, {error.what} ({name}): {text}" for text in error.problems]
-    if problems:
-        raise SchemaError("replay", list(dict.fromkeys(problems)))
+                for text in error.problems:
+                    cases.setdefault((error.what, name, text), []).append(plan.case.name)
+    if cases:
+        problems = [f"{what} ({name}), case {', '.join(dict.fromkeys(found))}: {text}" for (what, name, text), found in cases.items()]
+        raise SchemaError("replay", problems)
 
 
 def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:

@@ -128,12 +128,19 @@ def check_plan(plan: Plan, model: Model) -> None:
         With every name that is missing and every unit that does not fit.
     """
     job, links = plan.job, model.links
-    inputs = _taken(job.inputs, links.inputs, {*job.needed_inputs, *(loop.control for loop in job.pilot)})
+    moved = {loop.control for loop in job.pilot}
+    inputs = _taken(job.inputs, links.inputs, {*job.needed_inputs, *moved} - ({*links.waived} - moved))
     shown, judged = (_outputs(names, links.outputs) for names in (shown_channels(plan.case, plan.states), judged_channels(plan.case)))
     recorded = {*map(str, plan.states.data_vars)}
     needed = {name for name in judged if output_of(name, recorded) in recorded}
     outputs = _taken([*shown, *job.targets], links.outputs, {*needed, *job.targets})
-    check(model.fmu, links, inputs, dict.fromkeys(outputs), _taken(job.parameters, links.parameters, job.needed_parameters))
+    check(
+        model.fmu,
+        links,
+        inputs,
+        dict.fromkeys(outputs),
+        _taken(job.parameters, links.parameters, {*job.needed_parameters} - {*links.waived}),
+    )
 
 
 def perform(
@@ -150,8 +157,17 @@ def perform(
     attrs = {f"model.{name}": model.origin() for name, model in models.items()}
     attrs |= {f"names.{name}": model.links.table for name, model in models.items() if model.links.table}
     compared = _compared(evidence, plan, models)
-    more = {name: (*tables_left(plan.job.time, found[name], ranges[name]), *compared.get(name, ())) for name in models}
+    more = {
+        name: (*tables_left(plan.job.time, found[name], ranges[name]), *compared.get(name, ()), *_without(plan.job, model))
+        for name, model in models.items()
+    }
     return assemble(plan.case, plan.states, plan.job, found, failures, attrs, more)
+
+
+def _without(job: Job, model: Model) -> tuple[RowRemark, ...]:
+    """Return the remark on what a case needs and a model does without, as its table of names allows."""
+    needed = [name for name in (*job.needed_inputs, *job.needed_parameters) if name in model.links.waived]
+    return (RowRemark("waived", f"flown without {', '.join(needed)}, waived by the table of names"),) if needed else ()
 
 
 def _compared(evidence: xr.DataTree | None, plan: Plan, models: Mapping[str, Model]) -> dict[str, tuple[RowRemark, ...]]:

@@ -115,6 +115,14 @@ def toy(toys):
     return write
 
 
+@pytest.fixture(scope="session")
+def bad(tmp_path_factory):
+    """Write an FMU of bad.c that does a kind of harm."""
+    folder = tmp_path_factory.mktemp("bad")
+    library = compiled("bad.c", folder)
+    return lambda kind: write_fmu(folder / f"{kind.replace(':', '_')}.fmu", describe(kind, True, {}, {}), library)
+
+
 @pytest.fixture
 def lag_states():
     """Flight states of the toy itself for an elevator ramp, exact at the samples: 10 s at 50 Hz."""

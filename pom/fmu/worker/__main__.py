@@ -3,39 +3,72 @@
 import os
 import pickle
 import shutil
+import signal
 import sys
 import threading
 import time
 
+import numpy as np
+
 from pom.fmu.worker import Model, replay
+from pom.fmu.worker.frames import reply_bytes
 
 
-def main(path: str, folder: str, parent: str) -> None:
-    """Answer jobs until stdin ends, or the process with the number `parent`."""
-    threading.Thread(target=_end_with, args=(int(parent), folder), daemon=True).start()
-    replies = os.fdopen(os.dup(1), "wb")
+def main(path: str, folder: str, parent: str, memory: str, written: str, unpacked: str) -> None:
+    """Answer jobs until stdin ends, or the process with the number `parent`; 0: somebody else watches over it."""
+    if int(parent):
+        threading.Thread(target=_end_with, args=(int(parent), folder), daemon=True).start()
+    replies = os.dup(1)
     os.dup2(2, 1)
+    _limit("RLIMIT_AS", int(memory))
+    _limit("RLIMIT_CORE", 1)
     try:
-        model, fault = Model(path, folder), ""
+        model, fault = Model(path, folder, int(unpacked)), ""
     except Exception as error:
         model, fault = None, f"loading failed: {error}"
+    _limit("RLIMIT_FSIZE", int(written))
     while True:
         try:
-            job = pickle.load(sys.stdin.buffer)
+            job = pickle.load(sys.stdin.buffer)  # of the parent
         except EOFError:
             break
-        pickle.dump(replay(model, job) if model else {"outputs": None, "moved": {}, "error": fault}, replies)
-        replies.flush()
+        if model is None:
+            _send(replies, reply_bytes(job["number"], fault, np.empty((0, 0))))
+            continue
+        found = replay(model, job)
+        columns = np.column_stack([found["outputs"], *found["moved"].values()])
+        _send(replies, reply_bytes(job["number"], found["error"], columns))
     shutil.rmtree(folder, ignore_errors=True)
+
+
+def _send(handle: int, content: bytes) -> None:
+    rest = memoryview(content)
+    while rest:
+        rest = rest[os.write(handle, rest) :]
+
+
+def _limit(kind: str, size: int) -> None:
+    """Set a limit of the process where the system has it; 0: none."""
+    try:
+        import resource
+    except ImportError:
+        return
+    if size and hasattr(resource, kind):
+        which = getattr(resource, kind)
+        most = resource.getrlimit(which)[1]
+        size = size if most == resource.RLIM_INFINITY else min(size, most)
+        resource.setrlimit(which, (size, size))
 
 
 def _end_with(parent: int, folder: str) -> None:
-    """End with the parent, even when the FMU hangs and reads no input any more."""
+    """End with the parent, and all processes of the FMU, even when it hangs and reads no input any more."""
     while os.getppid() == parent:
         time.sleep(1.0)
     shutil.rmtree(folder, ignore_errors=True)
+    if os.name == "posix" and os.getpgrp() == os.getpid():
+        os.killpg(0, signal.SIGKILL)
     os._exit(1)
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:4])
+    main(*sys.argv[1:7])

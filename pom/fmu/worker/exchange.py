@@ -13,6 +13,8 @@ from .model import Model
 
 TOLERANCE = 1e-8
 """Relative tolerance of the integration: far below any tolerance of a test, and below the default of FMPy, 1e-5."""
+NEAR = 1e-9
+"""Instants of samples and events less apart than this are one: CVode refuses to integrate between times that differ by rounding. [s]"""
 
 
 class Exchange:
@@ -91,12 +93,16 @@ class Exchange:
             self.added = self.course.added
             self._at(self.time)
             self.solver.reset(self.time)
-        while self.time < goal:
-            until, happened = min(goal, self.next_event), False
-            if until > self.time:
+        while goal - self.time > NEAR:
+            until, happened = (goal if self.next_event > goal - NEAR else self.next_event), False
+            if until - self.time > NEAR:
                 happened, _, self.time = self.solver.step(self.time, until)
                 self._at(self.time)
-            if self._completed() or happened or self.time >= self.next_event:
+            due = self.next_event - self.time <= NEAR
+            if due and self.next_event > self.time:
+                self.time = self.next_event
+                self._at(self.time)
+            if self._completed() or happened or due:
                 self._event()
         if not np.array_equal(self.course.at(k)[~self.course.continuous], self.course.at(k + 1)[~self.course.continuous]):
             self._event(self.course.at(k + 1))

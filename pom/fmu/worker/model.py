@@ -6,7 +6,7 @@ from collections import deque
 from ctypes import byref
 from typing import Any
 
-from .description import read_description
+from .description import demand_size, read_description
 
 
 class Model:
@@ -18,6 +18,13 @@ class Model:
         The FMU.
     folder : str
         Where it is unpacked.
+    most : int
+        Size that its files may have together, unpacked; 0: any. [byte]
+
+    Raises
+    ------
+    ValueError
+        They are larger.
 
     Attributes
     ----------
@@ -31,9 +38,10 @@ class Model:
         The last messages of the FMU in warnings and errors.
     """
 
-    def __init__(self, path: str, folder: str):
+    def __init__(self, path: str, folder: str, most: int = 0):
         from fmpy import extract
 
+        demand_size(path, most)
         self.description = read_description(path)
         self.folder = extract(path, folder)
         self.variables = {v.name: v for v in self.description.modelVariables}

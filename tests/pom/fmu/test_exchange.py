@@ -69,3 +69,16 @@ def test_a_time_event_between_samples_is_met(case, model, lag_states):
     jump = 0.05 * 0.5 * (1.0 - np.exp(-after / 0.5))
     difference = result.signals["theta"][1].values - result.signals["theta"][0].values
     assert np.abs(difference - jump).max() < 5e-7  # an error of 1e-8 per step, some ten of them remembered; seen 1.1e-7
+
+
+@pytest.mark.parametrize("side", [0.0, 9.0])
+def test_an_event_that_differs_from_a_sample_by_rounding_is_that_sample(case, model, lag_states, side):
+    """CVode refuses to integrate over 1e-16 s."""
+    time = lag_states["time"].values
+    states = tools.lag_flight(np.sort([*time, np.nextafter(4.01, side)]))
+    result = replay(case, {"me": model("event")}, states)
+    assert result.failure == ""
+    sample = int(np.argmin(np.abs(states["time"].values - 4.01))) - int(np.argmin(np.abs(states["time"].values - 1.0)))
+    assert 0.0 < abs(result.signals["time"].values[sample] - 1.0 - 3.01) < 1e-14
+    q = result.signals["q"]
+    assert float(q[1][sample] - q[0][sample]) == pytest.approx(0.05, abs=1e-6)

@@ -1,0 +1,253 @@
+"""FMUs that crash, hang, fork, flood, forge or are broken: each spoils its own row, and nothing else."""
+
+import os
+import sys
+import time
+import zipfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from flightmech.errors import ParseError, SchemaError
+from pom.cases.case import read_case
+from pom.fmu import process
+from pom.fmu.description import read_fmu
+from pom.fmu.limits import Limits, limits
+from pom.fmu.process import Child
+from pom.fmu.worker.frames import read_reply, reply_bytes
+from pom.replaying.replay_case import replay
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
+TIMEOUT = 10.0
+# guid of bad.c -> what its row states; "i:" in instantiation, "x:" in initialisation, "e:" in the end, else in a step
+IN_FLIGHT = {
+    "i:null": "instantiation failed",
+    "i:segv": "SIGSEGV",
+    "i:exit": "exit code 0",
+    "i:hang": "no answer within",
+    "x:error": "initialisation failed",
+    "x:segv": "SIGSEGV",
+    "segv": "SIGSEGV",
+    "abort": "SIGABRT",
+    "fpe": "SIGFPE",
+    "ill": "SIGILL",
+    "bus": "SIGBUS",
+    "kill": "SIGKILL",
+    "alarm": "SIGALRM",
+    "stop": "no answer within",
+    "exit": "exit code 0",
+    "exit7": "exit code 7",
+    "hang": "no answer within",
+    "spin": "no answer within",
+    "stack": "SIGSEGV",
+    "thread": "SIGSEGV",
+    "free": "SIGABRT",
+    "memory": "SIGABRT",
+    "exec": "exit code 5",
+    "fork_segv": "SIGSEGV",
+    "fork_hang": "no answer within",
+    "fork_exit": "exit code 0",
+    "leave_segv": "SIGSEGV",
+    "leave_hang": "no answer within",
+    "flood": "no answer within",
+    "flood_out": "no answer within",
+    "disk": "SIGABRT",
+    "garbage": "its answer could not be read",
+    "forged": "its answer could not be read",
+    "huge": "its answer could not be read",
+    "pickle": "its answer could not be read",
+    "closed": "crashed: exit code 1",
+    "discard": "the step to t = 1.54 s failed",
+    "fatal": "the step to t = 1.54 s failed",
+    "odd": "the step to t = 1.54 s failed",
+    "no_outputs": "initialisation failed",
+    "e:error": "the end failed",
+    "e:segv": "SIGSEGV",
+}
+
+
+@pytest.fixture
+def case(write_case):
+    return read_case(write_case(more="trim = false"))
+
+
+def broken(folder, toy):
+    """Yield FMUs whose files are broken so that the child finds it: name, file, what the row states."""
+    good = toy()
+    with zipfile.ZipFile(good) as file:
+        content = {name: file.read(name) for name in file.namelist()}
+    library = next(name for name in content if name.startswith("binaries"))
+    kinds = {
+        "no_library": ({**content, library: None}, "failed"),
+        "text_library": ({**content, library: b"no library"}, "failed"),
+        "half_library": ({**content, library: content[library][:2000]}, "half_library: "),
+        "bomb": ({**content, "resources/zeros": bytes(20_000_000)}, "20 MB unpacked, allowed are 5 MB"),
+    }
+    for name, (files, stated) in kinds.items():
+        with zipfile.ZipFile(folder / f"{name}.fmu", "w", zipfile.ZIP_DEFLATED) as file:
+            for inside, item in files.items():
+                if item is not None:
+                    file.writestr(inside, item)
+        yield name, folder / f"{name}.fmu", stated
+
+
+@pytest.mark.slow
+def test_every_kind_spoils_its_own_row_and_no_other(case, bad, toy, lag_states, tmp_path, monkeypatch):
+    monkeypatch.setenv("AEROMATCH_FMU_WRITTEN", "1 MB")
+    monkeypatch.setenv("AEROMATCH_FMU_UNPACKED", "5 MB")
+    monkeypatch.setenv("AEROMATCH_FMU_MEMORY", "1500 MB")
+    monkeypatch.setenv("BAD_FILE", str(tmp_path / "written"))
+    files = list(broken(tmp_path, toy))
+    runs = {name: bad(name) for name in IN_FLIGHT} | {name: file for name, file, _ in files}
+    stated = IN_FLIGHT | {name: text for name, _, text in files}
+    assert len(runs) >= 38
+
+    def flown(name):
+        return replay(case, {name: runs[name], "good": toy()}, lag_states, timeout=TIMEOUT)
+
+    with ThreadPoolExecutor(6) as pool:  # most of the time they wait for those that hang
+        results = dict(zip(runs, pool.map(flown, runs), strict=True))
+    assert {name: result.failure for name, result in results.items() if f"{name}: " not in result.failure} == {}
+    assert {name: result.failure for name, result in results.items() if stated[name] not in result.failure} == {}
+    assert {(result.status(name), result.status("good")) for name, result in results.items()} == {("invalid", "pass")}
+    inf = replay(case, {"inf": bad("inf")}, lag_states)
+    assert inf.status("inf") == "invalid"
+    assert not (tmp_path / "written").exists() or (tmp_path / "written").stat().st_size == 1_000_000  # and nothing was unpickled
+
+
+def job(n=100):
+    t = np.linspace(0.0, 2.0, n)
+    inputs = {"delta_e": 0.1 * t, "engine1.thrust_drive": 0.0 * t}
+    return {"time": t, "inputs": inputs, "parameters": {}, "outputs": ["theta", "q"]}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["fork_hang", "leave_hang"])
+def test_a_process_that_is_left_behind_holds_nobody_up(bad, kind):
+    child = Child(bad(kind))
+    start = time.monotonic()
+    reply = child.run(job(), 1.5)
+    assert time.monotonic() - start < 1.5 + 2.0 * process._PATIENCE + 1.5
+    assert reply.error == "no answer within 1.5 s; the process was stopped"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_all_that_an_fmu_started_in_its_session_ends_with_it(bad):
+    child = Child(bad("fork_hang"))
+    child.run(job(), 1.5)
+    gone = time.monotonic() + 5.0
+    while (left := _processes_of("fork_hang.fmu")) and time.monotonic() < gone:
+        time.sleep(0.05)
+    assert left == []
+
+
+def _processes_of(word):
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            line = (place / "cmdline").read_bytes()
+            state = (place / "stat").read_text().rpartition(")")[2].split()[0]
+        except OSError:
+            continue
+        found += [place.name] if word.encode() in line and state != "Z" else []
+    return found
+
+
+def frame(content):
+    """Return a function that gives bytes in small parts, as a pipe does."""
+    rest = bytearray(content)
+
+    def read(count):
+        part = bytes(rest[: min(count, 7)])
+        del rest[: len(part)]
+        return part
+
+    return read
+
+
+def test_a_reply_is_text_and_numbers_there_and_back():
+    columns = np.array([[1.5, np.nan], [-0.0, np.inf]])
+    text, found = read_reply(frame(reply_bytes(7, "Flügel ab", columns)), 7, (2, 2))
+    assert text == "Flügel ab"
+    np.testing.assert_array_equal(found, columns)
+    assert read_reply(frame(reply_bytes(7, "no model", np.empty((0, 0)))), 7, (2, 2)) == ("no model", None)
+
+
+@pytest.mark.parametrize(
+    ("content", "number", "error"),
+    [
+        (reply_bytes(7, "", np.zeros((2, 2))), 8, ValueError),
+        (reply_bytes(7, "", np.zeros((2, 3))), 7, ValueError),
+        (b"X" + reply_bytes(7, "", np.zeros((2, 2)))[1:], 7, ValueError),
+        (reply_bytes(7, "", np.zeros((2, 2)))[:-1], 7, EOFError),
+        (b"", 7, EOFError),
+    ],
+    ids=["another job", "another size", "no reply", "cut", "nothing"],
+)
+def test_what_is_no_reply_to_the_job_is_refused(content, number, error):
+    with pytest.raises(error):
+        read_reply(frame(content), number, (2, 2))
+
+
+def test_limits_of_the_environment():
+    assert limits({}) == Limits()
+    given = {"AEROMATCH_FMU_MEMORY": "8GB", "AEROMATCH_FMU_WRITTEN": "500 kB", "AEROMATCH_FMU_UNPACKED": "none"}
+    assert limits(given) == Limits(8_000_000_000, 500_000, 0)
+    with pytest.raises(SchemaError) as caught:
+        limits({"AEROMATCH_FMU_MEMORY": "much", "AEROMATCH_FMU_UNPACKED": "0", "AEROMATCH_FMU_SANDBOX": "jail"})
+    assert [text.split(";")[0] for text in caught.value.problems] == [
+        "AEROMATCH_FMU_MEMORY is 'much'",
+        "AEROMATCH_FMU_UNPACKED is '0'",
+        "AEROMATCH_FMU_SANDBOX is 'jail'",
+    ]
+
+
+def test_a_sandbox_without_bubblewrap_is_refused(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(SchemaError, match="there is no program bwrap; install bubblewrap, or leave the variable out"):
+        limits({"AEROMATCH_FMU_SANDBOX": "bwrap"})
+
+
+def test_a_description_that_would_fill_the_memory_is_not_unpacked(tmp_path):
+    with zipfile.ZipFile(tmp_path / "bomb.fmu", "w", zipfile.ZIP_DEFLATED) as file, file.open("modelDescription.xml", "w") as xml:
+        for _ in range(65):
+            xml.write(bytes(1_000_000))
+    with pytest.raises(ParseError, match=r"modelDescription\.xml has 65 MB"):
+        read_fmu(tmp_path / "bomb.fmu")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="bubblewrap is for Linux")
+def test_a_child_in_a_sandbox_is_started_by_bubblewrap_and_ends_with_it(bad, tmp_path, monkeypatch):
+    """In place of bwrap a script that notes its options and starts what follows them."""
+    script = f'#!/bin/sh\necho "$@" > {tmp_path}/options\nwhile [ "$1" != {sys.executable} ]; do shift; done\nexec "$@"\n'
+    (tmp_path / "bwrap").write_text(script)
+    (tmp_path / "bwrap").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("AEROMATCH_FMU_SANDBOX", "bwrap")
+    child = Child(bad("none"))
+    assert child.run(job(), 20.0).error == ""
+    options = (tmp_path / "options").read_text().split()
+    assert {"--unshare-net", "--unshare-pid", "--die-with-parent"} <= set(options)
+    assert options[:3] == ["--ro-bind", "/", "/"]
+    folder = options[options.index("--bind") + 1]
+    assert Path(folder).is_dir()
+    child.close()
+    assert not Path(folder).exists()
+
+
+def test_folders_that_killed_processes_left_are_removed(tmp_path, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    mine = Path(process._new_folder())
+    child = os.fork()
+    if child == 0:
+        os._exit(0)
+    os.waitpid(child, 0)
+    gone = tmp_path / mine.name.replace(f"-{os.getpid()}-", f"-{child}-")
+    (gone / "binaries").mkdir(parents=True)
+    other = Path(process._new_folder())
+    assert {path.name for path in tmp_path.iterdir()} == {mine.name, other.name}
+    assert mine.stat().st_mode & 0o777 == 0o700
