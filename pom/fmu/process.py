@@ -29,13 +29,13 @@ from flightmech.support.leftovers import remove_leftovers, temporary_name
 
 from .file_state import FileState
 from .limits import Limits, limits, sandboxed
-from .worker.frames import read_reply
+from .worker.frames import moved_controls, read_reply
 
 _HERE = str(Path(__file__).parents[2])  # the child finds this very package
 KEPT = max(8, 4 * (os.cpu_count() or 1))  # children that may wait for work at the same time
 KILLED = "crashed: signal SIGKILL"  # somebody else stopped it, such as a system short of memory: its job is given to another, once
 _LOOK = 0.2  # s, between two looks whether the process still runs while its reply is awaited
-_PATIENCE = 1.0  # s, for a process to end, or a pipe to be let go, after all is said or killed
+_PATIENCE = 1.0  # s, for a process to end, or a pipe to be closed, once it was killed
 _WORDS = 4096  # bytes of what the FMU printed last that are looked at
 
 
@@ -96,12 +96,12 @@ class Child:
         text, columns = (answer, None) if isinstance(answer, str) else answer
         if columns is None:
             return Reply(np.full((n, m), np.nan), text)
-        return Reply(columns[:, :m], text, {name: columns[:, m + i] for i, name in enumerate(_controls(job))})
+        return Reply(columns[:, :m], text, {name: columns[:, m + i] for i, name in enumerate(moved_controls(job))})
 
     def _ask(self, job: Mapping[str, Any], timeout: float) -> tuple[str, np.ndarray | None] | str:
         process = self._start()
         self._number += 1
-        number, shape = self._number, (len(job["time"]), len(job["outputs"]) + len(_controls(job)))
+        number, shape = self._number, (len(job["time"]), len(job["outputs"]) + len(moved_controls(job)))
         answers: list[tuple[str, np.ndarray | None]] = []
 
         def converse() -> None:
@@ -197,11 +197,6 @@ def _kill(process: subprocess.Popen[bytes]) -> None:
             os.killpg(process.pid, signal.SIGKILL)
     process.kill()
     process.wait()
-
-
-def _controls(job: Mapping[str, Any]) -> list[str]:
-    """Return the controls that the math pilot moves, in the order of the columns behind the outputs."""
-    return list(dict.fromkeys(loop["control"] for loop in job["pilot"]["loops"])) if job.get("pilot") else []
 
 
 def _shut(pipe: IO[bytes] | None) -> None:

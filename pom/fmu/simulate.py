@@ -26,6 +26,7 @@ from .fmu_file import Fmu
 from .process import hired
 from .run_cache import Store
 from .variable_map import Links, links_of
+from .worker.frames import moved_controls
 
 Found = dict[str, np.ndarray]
 
@@ -115,7 +116,7 @@ def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: 
     time = _points(model.fmu, job.time)
     task = _task(model, job, outputs, time)
     key = content_hash(_program(), model.fmu.sha256, task) if store else ""
-    columns, failure = store.read(key, (len(time), len(outputs) + len(_controls(task)))) if store else None, ""
+    columns, failure = store.read(key, (len(time), len(outputs) + len(moved_controls(task)))) if store else None, ""
     if columns is None:
         before = _as_read(model.fmu)
         with hired(model.fmu.path) as child:
@@ -188,12 +189,7 @@ def _hand(links: Links, job: Job, outputs: list[str], inputs: list[str]) -> dict
 
 def _moved(task: Mapping[str, Any], moved: Mapping[str, np.ndarray]) -> list[np.ndarray]:
     nothing = np.full(len(task["time"]), np.nan)
-    return [moved.get(name, nothing) for name in _controls(task)]
-
-
-def _controls(task: Mapping[str, Any]) -> list[str]:
-    """Return the controls that the math pilot moves."""
-    return list(task["pilot"]["move"]) if "pilot" in task else []
+    return [moved.get(name, nothing) for name in moved_controls(task)]
 
 
 def _found(model: Model, job: Job, outputs: list[str], time: np.ndarray, task: Mapping[str, Any], columns: np.ndarray) -> Found:
@@ -201,7 +197,7 @@ def _found(model: Model, job: Job, outputs: list[str], time: np.ndarray, task: M
     found = {name: model.links.outputs[name].to_canonical(columns[:, i]) for i, name in enumerate(outputs)}
     if len(time) != len(job.time) or not np.array_equal(time, job.time):
         found = {name: _at_samples(name, values, time, job.time) for name, values in found.items()}
-    for i, name in enumerate(_controls(task)):
+    for i, name in enumerate(moved_controls(task)):
         place = np.clip(np.searchsorted(time, job.time + 1e-9, side="right") - 1, 0, len(time) - 1)
         found[name] = job.inputs[name] + columns[place, len(outputs) + i]
     return found

@@ -7,11 +7,14 @@ workers of a dask.distributed cluster, which see the same files; a case whose wo
 from __future__ import annotations
 
 import hashlib
+import logging
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import version
+from importlib.util import find_spec
 from pathlib import Path
 from platform import machine
 from typing import Any
@@ -86,7 +89,7 @@ def replay_all(
     OutOfRange
         A window is not inside its record, or an input holds a NaN.
     SimulationError
-        No scheduler or no worker answers, workers have another program, or those of one case died again and again.
+        No scheduler or no worker answers, workers have another program, those of one case died again and again, or the scheduler ended.
     """
     models = Models(runs, names)
     for case in cases:
@@ -144,7 +147,7 @@ def _check(plans: Iterable[Plan], models: Models) -> None:
                 for text in error.problems:
                     cases.setdefault((error.what, name, text), []).append(plan.case.name)
     if cases:
-        problems = [f"{what} ({name}), case {', '.join(dict.fromkeys(found))}: {text}" for (what, name, text), found in cases.items()]
+        problems = [f"{what} ({name}): {text}; case {', '.join(dict.fromkeys(found))}" for (what, name, text), found in cases.items()]
         raise SchemaError("replay", problems)
 
 
@@ -156,25 +159,44 @@ def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:
 
 def _on_cluster(calls: Iterable[tuple[Any, ...]], scheduler: str) -> Iterator[PomResult]:
     try:
-        from distributed import Client, KilledWorker
+        from distributed import CancelledError, Client, KilledWorker
+        from distributed.comm import CommClosedError
     except ImportError as error:
         raise SchemaError("scheduler", ["dask.distributed is not installed; pip install 'aeromatch[cluster]'"]) from error
-    try:
-        client = Client(scheduler, timeout=WAIT)
-    except (OSError, ValueError) as error:
-        raise SimulationError(f"no cluster at {scheduler}: {error}; start a scheduler and workers, or leave --scheduler out") from error
-    with client:
-        _check_workers(client, scheduler)
-        window, waiting = _AHEAD * sum(client.ncores().values()), deque[Any]()
+    with _quiet("distributed", "distributed.client", "distributed.comm"):  # what they report comes as one error below
         try:
-            for call in calls:
-                if len(waiting) >= window:
+            client = Client(scheduler, timeout=WAIT)
+        except (OSError, ValueError) as error:
+            raise SimulationError(f"no cluster at {scheduler}: {error}; start a scheduler and workers, or leave --scheduler out") from error
+        with client:
+            _check_workers(client, scheduler)
+            window, waiting = _AHEAD * sum(client.ncores().values()), deque[Any]()
+            try:
+                for call in calls:
+                    if len(waiting) >= window:
+                        yield waiting.popleft().result()
+                    waiting.append(client.submit(perform, *call, pure=False))
+                while waiting:
                     yield waiting.popleft().result()
-                waiting.append(client.submit(perform, *call, pure=False))
-            while waiting:
-                yield waiting.popleft().result()
-        except KilledWorker as error:
-            raise SimulationError(f"the cluster lost its workers on one case again and again: {error}") from error
+            except KilledWorker as error:
+                raise SimulationError(f"the cluster lost its workers on one case again and again: {error}") from error
+            except (CancelledError, CommClosedError) as error:
+                advice = "start one and run the batch again; with --resume what was flown is not flown again"
+                raise SimulationError(f"the scheduler at {scheduler} ended while the batch ran; {advice}") from error
+
+
+@contextmanager
+def _quiet(*names: str) -> Iterator[None]:
+    """Let loggers report what is critical only."""
+    loggers = [logging.getLogger(name) for name in names]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
 
 
 def _check_workers(client: Any, scheduler: str) -> None:
@@ -186,16 +208,24 @@ def _check_workers(client: Any, scheduler: str) -> None:
     others = [worker for worker, found in client.run(installation).items() if found != installation()]
     if others:
         raise SimulationError(
-            f"{', '.join(sorted(others))}: another version of aeromatch, FMPy, NumPy or SciPy, or another kind of machine than here; "
-            "install the same on the workers"
+            f"{', '.join(sorted(others))}: another version of aeromatch (any file of it), FMPy, NumPy, SciPy, xarray or h5py, or another "
+            "kind of machine than here; install the same on the workers"
         )
+
+
+PACKAGES = ("flightmech", "datcom_io", "aerodb", "flighttest", "pom", "aeromatch")
 
 
 @cache
 def installation() -> str:
-    """Return what decides the last bit of a result: the modules of this package, the libraries it counts with, the kind of machine."""
-    here, digest = Path(__file__).parents[1], hashlib.sha256()
-    for file in sorted(here.rglob("*.py")):
-        digest.update(file.relative_to(here).as_posix().encode() + file.read_bytes())
-    versions = [f"{name} {version(name)}" for name in ("aeromatch", "fmpy", "numpy", "scipy")]
+    """Return what decides the last bit of a result: our packages with the kernel, the libraries they count with, the kind of machine."""
+    digest = hashlib.sha256()
+    for name in PACKAGES:
+        folder = Path(str(find_spec(name).origin)).parent  # type: ignore[union-attr]
+        for file in sorted(path for path in folder.rglob("*") if path.suffix in _PROGRAMS):
+            digest.update(f"{name}/{file.relative_to(folder).as_posix()}".encode() + file.read_bytes())
+    versions = [f"{name} {version(name)}" for name in ("aeromatch", "fmpy", "numpy", "scipy", "xarray", "h5py")]
     return " ".join([digest.hexdigest(), *versions, sys.platform, machine()])
+
+
+_PROGRAMS = (".py", ".csv", ".so", ".dll", ".dylib")  # with the tolerance table, and the compiled kernel

@@ -11,7 +11,7 @@ import time
 import numpy as np
 
 from pom.fmu.worker import Model, replay
-from pom.fmu.worker.frames import reply_bytes
+from pom.fmu.worker.frames import columns_of, reply_bytes
 
 
 def main(path: str, folder: str, parent: str, memory: str, written: str, unpacked: str) -> None:
@@ -36,8 +36,7 @@ def main(path: str, folder: str, parent: str, memory: str, written: str, unpacke
             _send(replies, reply_bytes(job["number"], fault, np.empty((0, 0))))
             continue
         found = replay(model, job)
-        columns = np.column_stack([found["outputs"], *found["moved"].values()])
-        _send(replies, reply_bytes(job["number"], found["error"], columns))
+        _send(replies, reply_bytes(job["number"], found["error"], columns_of(job, found)))
     shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 
 _HEAD = struct.Struct("<8sQQQ")  # magic, number of the job, bytes of the text, bytes of the doubles
 _MAGIC = b"aeroFMU1"
 _LONGEST = 65536  # bytes of a text
+
+
+def moved_controls(job: Mapping[str, Any]) -> list[str]:
+    """Return the controls that the math pilot moves, in the order of their columns behind the outputs."""
+    return list(job["pilot"]["move"]) if job.get("pilot") else []
+
+
+def columns_of(job: Mapping[str, Any], reply: Mapping[str, Any]) -> np.ndarray:
+    """Return the numbers of a reply of `pom.fmu.worker.replay` (time, column); NaN for what did not come."""
+    nothing = np.full(len(job["time"]), np.nan)
+    return np.column_stack([reply["outputs"], *(reply["moved"].get(name, nothing) for name in moved_controls(job))])
 
 
 def reply_bytes(number: int, error: str, columns: np.ndarray) -> bytes:

@@ -16,7 +16,7 @@ from pom.fmu import process
 from pom.fmu.description import read_fmu
 from pom.fmu.limits import Limits, limits
 from pom.fmu.process import Child
-from pom.fmu.worker.frames import read_reply, reply_bytes
+from pom.fmu.worker.frames import columns_of, read_reply, reply_bytes
 from pom.replaying.replay_case import replay
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
@@ -174,6 +174,11 @@ def test_a_reply_is_text_and_numbers_there_and_back():
     assert text == "Flügel ab"
     np.testing.assert_array_equal(found, columns)
     assert read_reply(frame(reply_bytes(7, "no model", np.empty((0, 0)))), 7, (2, 2)) == ("no model", None)
+
+
+def test_the_columns_of_a_pilot_that_never_came_to_act_are_empty():
+    columns = columns_of({"time": [0.0, 1.0], "pilot": {"move": {"delta_e": (0, 1.0)}}}, {"outputs": np.zeros((2, 1)), "moved": {}})
+    np.testing.assert_array_equal(columns, [[0.0, np.nan], [0.0, np.nan]])
 
 
 @pytest.mark.parametrize(

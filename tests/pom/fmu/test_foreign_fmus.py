@@ -117,9 +117,9 @@ def test_what_a_simulator_lacks_is_listed_once_for_all_cases(foreign, table, wri
     second = replace(case, name="second")
     with pytest.raises(SchemaError) as caught:
         replay_all([case, second], {"sim": foreign}, {"record": lag_states}, names={"sim": table(LACKING[2:])})
-    assert [text.split(":")[0] for text in caught.value.problems] == [f"FMU {foreign} (sim), case a_case, second"] * 2
     assert [text.split("'")[1] for text in caught.value.problems] == ["engine1.thrust_drive", "init.V"]
-    assert all("or waive an input or parameter there" in text for text in caught.value.problems)
+    assert all(text.startswith(f"FMU {foreign} (sim): unknown ") for text in caught.value.problems)
+    assert all(text.endswith("or waive an input or parameter there; case a_case, second") for text in caught.value.problems)
 
 
 def test_what_is_waived_must_be_needed_and_absent(toy, tmp_path):

@@ -1,5 +1,6 @@
 """Many cases: the same results however the work is shared out, kept flights, workers that die."""
 
+import json
 import os
 import signal
 import subprocess
@@ -129,7 +130,9 @@ def test_a_store_keeps_doubles_as_they_are(tmp_path):
 def test_all_that_does_not_fit_is_reported_before_anything_flies(cases, paths, toy, flights):
     with pytest.raises(SchemaError) as caught:
         replay_all(cases[:2], {"good": toy(), "misspelt": toy("nan", rename={"theta": "thetta"})}, paths)
-    assert [text.split(",")[0] for text in caught.value.problems] == ["case case_0", "case case_1"]
+    (text,) = caught.value.problems  # once, with the cases that need it
+    assert "(misspelt): unknown output 'theta'; near it: thetta" in text
+    assert text.endswith("; case case_0, case_1")
     assert flights == []
 
 
@@ -239,3 +242,45 @@ def test_a_cluster_gives_the_same_and_a_dead_worker_loses_no_row(cases, paths, t
         found = replay_all(many, runs, paths, scheduler=local.scheduler_address, progress=kill, resume=tmp_path / "kept")
     assert [result.case.name for result in found] == [case.name for case in many]
     the_same(found, replay_all(many, runs, paths, jobs=1))
+
+
+def test_every_file_of_every_package_counts_for_the_workers(tmp_path, monkeypatch):
+    batch = pom.replaying.batch
+    (tmp_path / "some_package").mkdir()
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(batch, "PACKAGES", ("some_package",))
+    found = []
+    for name, text in (("__init__.py", ""), ("deep.py", "x = 1"), ("deep.py", "x = 2"), ("kernel.so", "code"), ("notes.md", "words")):
+        (tmp_path / "some_package" / name).write_text(text)
+        batch.installation.cache_clear()
+        found.append(batch.installation())
+    batch.installation.cache_clear()
+    assert len(set(found)) == 4
+    assert found[3] == found[4]  # words decide nothing
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_is_killed_ends_the_batch_in_one_line(cases, paths, toy, tmp_path, monkeypatch, capfd):
+    pytest.importorskip("distributed", reason="dask.distributed is not installed (extra `cluster`)")
+    file = tmp_path / "scheduler.json"
+    words = [sys.executable, "-m"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    common = {"env": environment, "stderr": subprocess.DEVNULL, "stdout": subprocess.DEVNULL}
+    options = ["--scheduler-file", str(file), "--no-dashboard"]
+    scheduler = subprocess.Popen([*words, "distributed.cli.dask_scheduler", "--port", "0", *options], **common)
+    worker = subprocess.Popen([*words, "distributed.cli.dask_worker", "--no-nanny", "--nthreads", "1", *options], **common)
+    try:
+        for _ in range(300):
+            if file.exists() and file.stat().st_size:
+                break
+            time.sleep(0.1)
+        address = json.loads(file.read_text())["address"]
+        many = [changed(case, name=f"{case.name}_{k}") for k in range(12) for case in cases]
+        capfd.readouterr()
+        with pytest.raises(SimulationError, match=rf"^the scheduler at {address} ended while the batch ran; start one and run"):
+            replay_all(many, {"toy": toy()}, paths, scheduler=address, progress=lambda _: scheduler.kill())
+        assert capfd.readouterr() == ("", "")
+    finally:
+        for process in (scheduler, worker):
+            process.kill()
+            process.wait()
