@@ -7,6 +7,7 @@ of the model (read from the FMU itself) is compared with that of the evidence, a
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -104,6 +105,11 @@ def evidence_remarks(evidence: Evidence, fmu: str | Path) -> tuple[RowRemark, ..
         return (RowRemark("evidence", f"not compared with the flight evidence: {error}"),)
     if model is None:
         return (RowRemark("evidence", "not compared with the flight evidence: the FMU holds no tables of this program"),)
+    return distance_remarks(distances)
+
+
+def distance_remarks(distances: Mapping[str, float]) -> tuple[RowRemark, ...]:
+    """Return the remarks on the distances of `Evidence.distances`: their rms, and the terms beyond three standard errors by name."""
     if not distances:
         return (RowRemark("evidence", "not compared with the flight evidence: no term that the case uses was found from flight"),)
     joint = rms([*distances.values()])
