@@ -127,7 +127,7 @@ class Windows:
 
 
 def marks_of(project: Project, records: Mapping[str, xr.DataTree], problems: list[str]) -> dict[str, pd.DataFrame]:
-    """Return the manoeuvres of the records that a project needs: their own, else those of the project's table.
+    """Return the manoeuvres of the records that a project needs: their own, else those of the project's table; and their flight modes.
 
     Parameters
     ----------
@@ -143,7 +143,8 @@ def marks_of(project: Project, records: Mapping[str, xr.DataTree], problems: lis
         f"manoeuvres: record {name} carries marks of its own; remove its rows from the table" for name in given if len(own.get(name, ()))
     ]
     problems += [*unknown, *both]
-    return {name: given.get(name, table) for name, table in own.items()}
+    listed = {name: [given.get(name, table), flighttest.records.modes(records[name])] for name, table in own.items()}
+    return {name: pd.concat([table for table in tables if len(table)] or tables, ignore_index=True) for name, tables in listed.items()}
 
 
 def windows_of(project: Project, records: Mapping[str, xr.DataTree], cases: Sequence[Any] = ()) -> Windows:

@@ -85,20 +85,21 @@ def convert(file: str, names: str | None, output: str, as_json: bool) -> None:
     help="CSV or TOML with the columns record, kind, control, start, end; its rows of this record are shown.",
 )
 @click.option("--find", is_flag=True, help="Search the movements of the controls even when the record carries marks.")
+@click.option("--modes", "of_modes", is_flag=True, help="The flight modes of the log of an autopilot.")
 @click.option("-o", "--output", type=NewFile(), help="CSV to write; correct it and name it as manoeuvres in a project file.")
 @click.option("--figure", type=NewFile(), help="Draw the manoeuvres over controls and motion: png, svg or pdf.")
 @json_option
 def manoeuvres(
-    file: str, names: str | None, table_file: str | None, find: bool, output: str | None, figure: str | None, as_json: bool
+    file: str, names: str | None, table_file: str | None, find: bool, of_modes: bool, output: str | None, figure: str | None, as_json: bool
 ) -> None:
-    """Show the manoeuvres of a record: of a table, as the record marks them, or as found in the movements of its controls."""
+    """Show the manoeuvres of a record: of a table, as it marks them, as found in the movements of its controls, or its flight modes."""
     from ..manoeuvre_finding.figure import draw_manoeuvres
     from ..records.manoeuvre_table import write_manoeuvres
     from ..records.record import read
 
     with progress("read the record, find manoeuvres"):
         record, name = read(file, names), Path(file).stem
-        source, found = _manoeuvres(record, name, table_file, find)
+        source, found = _manoeuvres(record, name, table_file, find, of_modes)
     if output:
         write_manoeuvres({name: found}, output)
     if figure:
@@ -117,7 +118,7 @@ def manoeuvres(
         click.echo(f"written: {target}")
 
 
-def _manoeuvres(record: xr.DataTree, name: str, table_file: str | None, find: bool) -> tuple[str, pd.DataFrame]:
+def _manoeuvres(record: xr.DataTree, name: str, table_file: str | None, find: bool, of_modes: bool) -> tuple[str, pd.DataFrame]:
     """Return where the manoeuvres of a record come from, and the manoeuvres."""
     from flightmech.errors import SchemaError, UnknownName
 
@@ -125,8 +126,12 @@ def _manoeuvres(record: xr.DataTree, name: str, table_file: str | None, find: bo
     from ..records import record as records
     from ..records.manoeuvre_table import read_manoeuvres
 
-    if table_file and find:
-        raise SchemaError("flight manoeuvres", ["--table and --find exclude each other; give one of them"])
+    if bool(table_file) + find + of_modes > 1:
+        raise SchemaError("flight manoeuvres", ["--table, --find and --modes exclude each other; give one of them"])
+    if of_modes:
+        if not len(flown := records.modes(record)):
+            raise SchemaError("flight manoeuvres", ["the record has no flight modes; logs of PX4 and ArduPilot have them"])
+        return "flight modes of the log", flown
     if table_file:
         given = read_manoeuvres(table_file)
         if name not in given:
@@ -218,7 +223,7 @@ def _histories(
     name: str,
 ) -> tuple[Figure, pd.DataFrame]:
     from ..dynamics.saved_paths import open_path
-    from ..records.record import manoeuvres, read
+    from ..records.record import manoeuvres, modes, read
     from ..records.time_histories import record_figure, states_figure
 
     given: Any = _of_table(table_file, name) if table_file else None
@@ -227,7 +232,7 @@ def _histories(
         marks = manoeuvres(path.states) if given is None else given
         return states_figure(path.states, channels, marks, window, path.errors), marks
     record = read(file, names)
-    marks = manoeuvres(record) if given is None else given
+    marks = next(filter(len, (manoeuvres(record), modes(record))), manoeuvres(record)) if given is None else given
     return record_figure(record, channels, marks, window), marks
 
 

@@ -64,12 +64,16 @@ class Table:
 
 @dataclass(frozen=True)
 class Recording:
-    """What a reader found: the format, tables by name, facts for the root of the record, and faults reported by the file itself."""
+    """What a reader found: the format, tables by name, facts for the root of the record, and faults reported by the file itself.
+
+    `modes` of the log of an autopilot are the flight modes: when each begins on the clock of the format [s], and its name.
+    """
 
     kind: str
     tables: dict[str, Table]
     facts: dict[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    modes: tuple[tuple[float, str], ...] = ()
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from .manoeuvre_table import read_manoeuvres as read_manoeuvres
 from .manoeuvre_table import write_manoeuvres as write_manoeuvres
 from .record import faults as faults
 from .record import manoeuvres as manoeuvres
+from .record import modes as modes
 from .record import needs_names as needs_names
 from .record import overview as overview
 from .record import read as read

@@ -2,8 +2,8 @@
 
 A `FlightRecord` is a plain ``xarray.DataTree``.  Each leaf is a Dataset over its own ``time`` [s]; its attributes state what the clock
 looked like (``rate`` [Hz], ``gaps``, ``duplicates``), which channels hold NaN (``missing``), and all flags (`flighttest.signals.flags`).
-Root attributes: ``title``, ``start``, ``purpose``, ``source_file``, ``format``, ``manoeuvres`` (JSON), ``notes`` (JSON: faults that the
-file itself reports), ``unmapped`` and ``absent`` columns, ``latitude`` [rad], ``runway_elevation`` [m] where known.
+Root attributes: ``title``, ``start``, ``purpose``, ``source_file``, ``format``, ``manoeuvres`` and ``modes`` (JSON), ``notes`` (JSON:
+faults that the file itself reports), ``unmapped`` and ``absent`` columns, ``latitude`` [rad], ``runway_elevation`` [m] where known.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError
 from flightmech.names import VOCABULARY, attrs, lookup
 
 from ..readers.clocks import Clocks, utc_facts
+from ..readers.flight_modes import rows
 from ..readers.map_entries import entry_of
 from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
 from ..readers.opening import FORMATS, open_recording
@@ -90,8 +91,19 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> xr.DataTree:
     root.update(source_file=path.name, format=FORMATS[recording.kind][1])
     root["unmapped"] = " ".join(f"{t}/{c}" for t, table in tables.items() for c in table.columns if (t, c) not in used)
     root["absent"] = " ".join(absent)
+    if recording.modes:
+        root["modes"] = json.dumps(_modes(recording, mapping, leaves))
     root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes])
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs=root), **{f"/{leaf}": data for leaf, data in leaves.items()}})
+
+
+def _modes(recording: Recording, mapping: NameMap, leaves: Mapping[str, xr.Dataset]) -> list[dict[str, object]]:
+    """Return the flight modes on the clock of the record."""
+    clock = mapping.clock
+    first = min(float(table.time[0]) for table in recording.tables.values() if table.time is not None)
+    settled = [(first + (time - first) / (1.0 + clock.drift) + clock.offset, name) for time, name in recording.modes]
+    times = [data["time"].values for data in leaves.values()]
+    return rows(settled, min(float(time[0]) for time in times), max(float(time[-1]) for time in times))
 
 
 def _with_constants(leaves: dict[str, xr.Dataset], mapping: NameMap) -> None:
@@ -130,9 +142,18 @@ def manoeuvres(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
     DataFrame
         One row per manoeuvre: ``manoeuvre control start end note``, times in seconds of the record; empty without a list.
     """
+    return _listed(record, "manoeuvres")
+
+
+def modes(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
+    """Return the flight modes in the log of an autopilot (PX4, ArduPilot) as `manoeuvres` does: a row from each change to the next."""
+    return _listed(record, "modes")
+
+
+def _listed(record: xr.DataTree | xr.Dataset, key: str) -> pd.DataFrame:
     columns = ["manoeuvre", "control", "start", "end", "note"]
-    rows = json.loads(record.attrs.get("manoeuvres", "[]"))
-    return pd.DataFrame([{key: row.get(key, "") for key in columns} for row in rows], columns=columns)
+    found = json.loads(record.attrs.get(key, "[]"))
+    return pd.DataFrame([{name: row.get(name, "") for name in columns} for row in found], columns=columns)
 
 
 def overview(record: xr.DataTree) -> pd.DataFrame:

@@ -197,3 +197,18 @@ def test_the_inputs_are_every_file_of_the_project(shipped):
     listings = {place.file for places in shipped.listings.values() for place in places}
     assert {shipped.file, shipped.aircraft, *shipped.cases, *listings, shipped.flights[names[0]]} <= set(files)
     assert all(file.is_file() for file in files)
+
+
+def test_fits_name_the_flight_modes_of_a_log():
+    """Next to the rows of the project's table; records without modes are as before."""
+    flights = {"log": Path("log.ulg"), "other": Path("other.nc")}
+    project = SimpleNamespace(fits=[Flown(records=("log", "other"))], submodels={}, manoeuvres=None, flights=flights)
+    rows = [{"manoeuvre": "stabilized", "control": "", "start": a, "end": b, "note": ""} for a, b in ((5.0, 8.0), (12.5, 15.0))]
+    listed = {"log": {"modes": json.dumps(rows)}, "other": {"manoeuvres": json.dumps(MANOEUVRES[:2])}}
+    problems: list[str] = []
+    tables = workflow.marks_of(project, {name: xr.DataTree(xr.Dataset(attrs=attrs)) for name, attrs in listed.items()}, problems)
+    assert [len(table) for table in tables.values()] == [2, 2]
+    taken = [Flown(records=("log",), manoeuvres=("stabilized",)), Flown(records=("other",), manoeuvres=("doublet elevator",))]
+    found = workflow.spans_of("fit", taken, tables, problems)
+    assert problems == []
+    assert found == {"log": [(5.0, 8.0), (12.5, 15.0)], "other": [(4.0, 6.0)]}

@@ -1,7 +1,8 @@
 """ArduPilot logs (DataFlash, ``.bin``): one table per message, ``NAME.1`` ... for the further instances of a sensor.
 
 The log describes itself: a message FMT gives number, length, name, format and columns of every other, FMTU, UNIT and MULT their units
-and multipliers.  Values are given in the units so stated.  The clock is the autopilot's ``TimeUS`` or, in old logs, ``TimeMS``.
+and multipliers.  Values are given in the units so stated.  MODE gives the flight modes.  The clock is the autopilot's ``TimeUS`` or, in
+old logs, ``TimeMS``.
 
 References
 ----------
@@ -18,10 +19,12 @@ import numpy as np
 
 from flightmech.errors import ParseError
 
+from ..flight_modes import ARDUPLANE, changes
 from ..name_map import NameMap
-from ..recording import Recording, Table
+from ..recording import Recording, Table, first
 
 _HEAD = 3  # bytes: 0xa3 0x95 and the number of the message
+_VEHICLES = ("ArduPlane", "ArduCopter", "ArduRover", "Rover", "ArduSub", "Blimp", "AntennaTracker")
 _FMT, _FMT_LENGTH = 128, 89
 _TYPES = {  # format character: (numpy type, factor)
     "a": ("(32,)<i2", 1.0), "b": ("i1", 1.0), "B": ("u1", 1.0), "h": ("<i2", 1.0), "H": ("<u2", 1.0), "i": ("<i4", 1.0),
@@ -73,7 +76,26 @@ def read(path: Path, names: NameMap) -> Recording:
         tables.update(_tables(message, rows[kind]))
     if not tables:
         raise ParseError(str(path), 0, "no message with a clock", "an ArduPilot log with data")
-    return Recording("dataflash", dict(sorted(tables.items())), {"title": path.name.split(".")[0]}, tuple(notes))
+    named = {message.name: rows[kind] for kind, message in found.items()}
+    vehicle = _vehicle(named)
+    facts = {"title": path.name.split(".")[0], **({"vehicle": vehicle} if vehicle else {})}
+    return Recording("dataflash", dict(sorted(tables.items())), facts, tuple(notes), _modes(tables, vehicle))
+
+
+def _vehicle(named: dict[str, np.ndarray]) -> str:
+    """Return the vehicle of the firmware, which the log states in a text: ArduPlane, ArduCopter ...; empty when it does not."""
+    texts = named["MSG"]["Message"] if "Message" in (named.get("MSG", np.zeros(0)).dtype.names or ()) else ()
+    words = (text.decode("ascii", "replace").partition(" ")[0] for text in texts)
+    return next((word for word in words if word in _VEHICLES), "")
+
+
+def _modes(tables: dict[str, Table], vehicle: str) -> tuple[tuple[float, str], ...]:
+    """Return the flight modes of the message MODE; numbers of other vehicles than aeroplanes have no names here."""
+    mode = tables.get("MODE")
+    column = None if mode is None else first(("ModeNum", "Mode"), mode.columns)
+    if mode is None or mode.time is None or column is None:
+        return ()
+    return changes(mode.time, mode.columns[column], ARDUPLANE if vehicle in ("", "ArduPlane") else {})
 
 
 def _messages(raw: np.ndarray, path: Path) -> tuple[dict[int, Message], np.ndarray, list[str]]:

@@ -2,7 +2,8 @@
 
 Fields keep their names (``xyz[0]``); ULog states no units, so the name map does.  A topic with an attitude quaternion ``q[0]`` ... ``q[3]``
 (Hamilton, scalar first, body to north-east-down) also gets ``roll``, ``pitch`` and ``yaw`` [rad].  The clock is the autopilot's, in
-seconds; `timestamp_sample`, the time of the measurement, can be chosen as the clock of a topic in the name map.
+seconds; `timestamp_sample`, the time of the measurement, can be chosen as the clock of a topic in the name map.  ``vehicle_status``
+gives the flight modes.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ import numpy as np
 from flightmech.errors import ParseError
 
 from ..bus.decode import Arinc429
+from ..flight_modes import PX4, changes
 from ..name_map import NameMap
 from ..recording import Recording, Table, guarded
 
 _MICRO = 1e-6
+_STATUS = "vehicle_status"
 
 
 def read(path: Path, names: NameMap) -> Recording:
@@ -34,12 +37,19 @@ def read(path: Path, names: NameMap) -> Recording:
     from pyulog import ULog
 
     with guarded(path, "a whole ULog file"), contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what it meets
-        log = ULog(str(path), _topics(names))
+        wanted = _topics(names)
+        log = ULog(str(path), None if wanted is None else [*wanted, _STATUS])
         tables = {}
         for part in sorted(log.data_list, key=lambda part: (part.name, part.multi_id)):
             if len(part.data.get("timestamp", ())):
                 tables[part.name if part.multi_id == 0 else f"{part.name}.{part.multi_id}"] = _table(part.data)
-    if not tables and not _topics(names):
+    status = tables.get(_STATUS)
+    modes: tuple[tuple[float, str], ...] = ()
+    if status is not None and status.time is not None and "nav_state" in status.columns:
+        modes = changes(status.time, status.columns["nav_state"], PX4)
+    if wanted is not None and _STATUS not in wanted:
+        tables = {name: table for name, table in tables.items() if name.partition(".")[0] != _STATUS}
+    if not tables and not wanted:
         raise ParseError(str(path), 0, "no logged topic", "a ULog file with data; logging may have stopped before it began")
     gone = [f"logger dropped {drop.duration:g} ms at {drop.timestamp * _MICRO:.6g} s" for drop in log.dropouts[:20]]
     if len(log.dropouts) > 20:
@@ -50,7 +60,7 @@ def read(path: Path, names: NameMap) -> Recording:
     facts.update(
         {f"px4_{key}": str(log.msg_info_dict[key]) for key in ("sys_name", "ver_hw", "ver_sw_release") if key in log.msg_info_dict}
     )
-    return Recording("ulog", tables, facts, tuple(gone))
+    return Recording("ulog", tables, facts, tuple(gone), modes)
 
 
 def _topics(names: NameMap) -> list[str] | None:
