@@ -53,7 +53,7 @@ def _hdf5_kind(path: str | os.PathLike[str]) -> str:
     try:
         with h5py.File(path) as file:
             groups, about = set(file), set(file.attrs)
-    except OSError:
+    except (OSError, RuntimeError):  # h5py raises either on damaged bytes
         return "a damaged netCDF-4 (HDF5) file"
     if "force_axes" in about or {"CL", "Cm"} <= groups:
         return "an aero database (`aeromatch db show` reads it)"
