@@ -38,7 +38,7 @@ def written_atomically(path: str | os.PathLike, before: Callable[[Path], None] |
     FileNotFoundError
         Its folder is not there.
     PermissionError
-        The older file is read-only.
+        The older file or its folder is read-only.
     OSError
         What stands there is no regular file.
     """
@@ -72,13 +72,19 @@ def replaceable(path: str | os.PathLike) -> Path:
         See `written_atomically`.
     """
     found = Path(os.path.realpath(path))
-    if not found.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(found.parent))
+    _demand_folder(found.parent)
     if found.exists():
         _demand_writable(found)
         if not found.is_file():
             raise OSError(errno.EINVAL, "no regular file, cannot be replaced; give another name", str(path))
     return found
+
+
+def _demand_folder(folder: Path) -> None:
+    if not folder.is_dir():
+        raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(folder))
+    if not os.access(folder, os.W_OK):
+        raise PermissionError(errno.EACCES, "nothing can be written into this folder; give another one", str(folder))
 
 
 def _demand_writable(path: Path) -> None:
@@ -105,7 +111,7 @@ def folder_written_atomically(path: str | os.PathLike, own: Callable[[str], bool
     FileNotFoundError
         The folder above it is not there.
     PermissionError
-        The older folder is read-only.
+        The older folder, or the one above it, is read-only.
     OSError
         It cannot be exchanged: no folder, a mount point, or the folder that this process, and so perhaps a shell, works in.
 
@@ -145,8 +151,7 @@ def exchangeable(path: str | os.PathLike) -> Path:
         See `folder_written_atomically`.
     """
     found = Path(os.path.realpath(path))
-    if not found.parent.is_dir():
-        raise FileNotFoundError(errno.ENOENT, "no such folder; make it first", str(found.parent))
+    _demand_folder(found.parent)
     _complete_exchange(found)
     if not found.exists():
         return found

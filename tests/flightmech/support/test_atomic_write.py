@@ -127,6 +127,11 @@ def test_what_may_not_be_replaced_is_refused_before_anything_is_written(tmp_path
         write_text(tmp_path / "pipe", "new")
     with pytest.raises(NotADirectoryError, match="a file; give the name of a folder"):
         filled(target, "new")
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "access", lambda path, _: path != tmp_path)
+        for writing in (lambda: write_text(target, "new"), lambda: filled(folder, "new")):
+            with pytest.raises(PermissionError, match="nothing can be written into this folder; give another one"):
+                writing()
     monkeypatch.chdir(folder)
     for busy in (folder, tmp_path):
         with pytest.raises(OSError, match="this command works in it; give the name of a folder inside it"):

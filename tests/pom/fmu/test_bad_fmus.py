@@ -20,7 +20,7 @@ from pom.fmu.worker.frames import columns_of, read_reply, reply_bytes
 from pom.replaying.replay_case import replay
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
-TIMEOUT = 10.0
+HANGING = 20.0  # s, that those which hang are given; the others have as long as a busy machine takes
 # guid of bad.c -> what its row states; "i:" in instantiation, "x:" in initialisation, "e:" in the end, else in a step
 IN_FLIGHT = {
     "i:null": "instantiation failed",
@@ -105,9 +105,10 @@ def test_every_kind_spoils_its_own_row_and_no_other(case, bad, toy, lag_states, 
     assert len(runs) >= 38
 
     def flown(name):
-        return replay(case, {name: runs[name], "good": toy()}, lag_states, timeout=TIMEOUT)
+        hangs = stated[name] == "no answer within"
+        return replay(case, {name: runs[name], "good": toy()}, lag_states, timeout=HANGING if hangs else 300.0)
 
-    with ThreadPoolExecutor(6) as pool:  # most of the time they wait for those that hang
+    with ThreadPoolExecutor(12) as pool:  # most of the time they wait for those that hang
         results = dict(zip(runs, pool.map(flown, runs), strict=True))
     assert {name: result.failure for name, result in results.items() if f"{name}: " not in result.failure} == {}
     assert {name: result.failure for name, result in results.items() if stated[name] not in result.failure} == {}
@@ -129,7 +130,7 @@ def test_a_process_that_is_left_behind_holds_nobody_up(bad, kind):
     child = Child(bad(kind))
     start = time.monotonic()
     reply = child.run(job(), 1.5)
-    assert time.monotonic() - start < 1.5 + 2.0 * process._PATIENCE + 1.5
+    assert time.monotonic() - start < 20.0  # it was held up for the minute that the forked process lives
     assert reply.error == "no answer within 1.5 s; the process was stopped"
 
 
