@@ -113,14 +113,19 @@ class UnitError(AeromatchError):
     """A unit that is unknown or belongs to another quantity."""
 
 
+_MOST_SHOWN = 200  # problems in the text of an error; nobody reads more
+
+
 class SchemaError(AeromatchError):
-    """An object breaks its schema; ``problems`` holds every fault found, not only the first."""
+    """An object breaks its schema; ``problems`` holds every fault found, not only the first; the text the first 200."""
 
     def __init__(self, what: str, problems: Sequence[str]):
         self.what, self.problems = what, list(problems)
         count = len(self.problems)
         head = f"{what}: {count} problem{'s' if count != 1 else ''}"
-        super().__init__(head + "".join(f"\n  - {p}" for p in self.problems))
+        shown = [f"\n  - {p}" for p in self.problems[:_MOST_SHOWN]]
+        more = f"\n  - and {count - _MOST_SHOWN} more" if count > _MOST_SHOWN else ""
+        super().__init__(head + "".join(shown) + more)
 
 
 class OutOfRange(AeromatchError):

@@ -18,6 +18,14 @@ def demo(tmp_path_factory):
     return folder, subprocess.run(command, capture_output=True, text=True, timeout=600)
 
 
+@pytest.fixture
+def mat_files_in_this_process(monkeypatch):
+    """Read MAT files without the child process that protects users from a crash of SciPy: it takes half a second a file."""
+    from flightmech.support.input_files import mat_child, mat_file
+
+    monkeypatch.setattr(mat_file, "_answer", mat_child.decode)
+
+
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_makereport(item):
     """Give all tests of a folder that need absent material of ``../shared`` one reason, so that ``-rs`` prints one line a folder."""

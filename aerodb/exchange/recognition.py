@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from flightmech.errors import ParseError
+from flightmech.support.input_files.text import demand_regular
 
 from .tables.csv_terms import INDEX
 
@@ -28,6 +29,7 @@ def recognized(path: Path) -> str:
         if (path / INDEX).is_file():
             return "csv"
         raise ParseError(str(path), 0, f"a folder without {INDEX}", _KNOWN)
+    demand_regular(path, _KNOWN)
     with path.open("rb") as file:
         head = file.read(_HEAD)
     if head.startswith(b"\x89HDF\r\n\x1a\n"):

@@ -73,8 +73,7 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file; `aeromatch db build` writes a database")
     if not path.is_file() or not h5py.is_hdf5(path):
-        kind = file_kind(path) if path.is_file() else "a folder"
-        raise ParseError(str(path), 0, f"no netCDF-4 (HDF5) signature: {kind}", "a database, as `aeromatch db build` writes it")
+        raise ParseError(str(path), 0, f"no netCDF-4 (HDF5) signature: {file_kind(path)}", "a database, as `aeromatch db build` writes it")
     digest = _unbroken(path)
     _demand_database(path)
     try:

@@ -6,17 +6,19 @@ pre-processor of theirs takes away before the program runs.  They are accepted h
 
 from __future__ import annotations
 
-import codecs
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from flightmech.errors import ParseError
 from flightmech.support.file_kinds import file_kind
+from flightmech.support.input_files.text import marked_encoding, read_bytes, with_line_feeds
 
 from .cards import ERROR, WARNING, DeckFinding
 from .deck import Deck, parse_cards
 from .names import CARD_COLUMNS
+
+_DECK = "an input deck (unit 5): namelists $NAME ... $ and control cards"
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     Parameters
     ----------
     source : path, or iterable of str
-        File, or its lines.  Line ends LF or CRLF.
+        File, or its lines.  Line ends LF, CRLF or CR; of UTF-16 with a byte-order mark.
 
     Returns
     -------
@@ -82,7 +84,7 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     file = os.path.basename(os.fspath(source)) if isinstance(source, str | os.PathLike) else "<text>"
     kind = file_kind(source) if isinstance(source, str | os.PathLike) else "a text"
     if not kind.startswith(("an input deck", "a text", "a file", "an empty")):
-        raise ParseError(file, 0, kind, "an input deck (unit 5): namelists $NAME ... $ and control cards")
+        raise ParseError(file, 0, kind, _DECK)
     text = _Text()
     cases: list[Deck] = []
     cards: list[tuple[int, str]] = []
@@ -97,17 +99,17 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
     if cards:
         _add_last(cases, cards, text)
     if not cases:
-        raise ParseError(
-            file, 0, "no card" if text.lines else "an empty file", "an input deck (unit 5): namelists $NAME ... $ and control cards"
-        )
+        raise ParseError(file, 0, "no card" if text.lines else "an empty file", _DECK)
     return DeckFile(file, tuple(cases), tuple(text.comments), tuple(text.findings))
 
 
 def _lines(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[str]:
-    """Yield the lines without their ends; bytes are read as ISO 8859-1, so that any byte in a CASEID survives."""
+    """Yield the lines without their ends; bytes are read as ISO 8859-1, so that any byte in a CASEID survives, or as their mark states."""
     if isinstance(source, str | os.PathLike):
-        with open(source, "rb") as stream:
-            source = stream.read().removeprefix(codecs.BOM_UTF8).decode("latin-1").removesuffix("\n").split("\n")
+        raw = read_bytes(source, _DECK)
+        encoding, skip = marked_encoding(raw)
+        text = raw[skip:].decode("latin-1" if encoding in ("", "utf-8") else encoding, "replace")
+        source = (text if "\n" in text else with_line_feeds(text)).removesuffix("\n").split("\n")
     for line in source:
         yield str(line).rstrip("\r\n\x1a ")
 

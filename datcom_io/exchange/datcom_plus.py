@@ -27,6 +27,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError, UnknownName
+from flightmech.support.input_files.text import read_bytes
 from flightmech.units import DEGREE
 
 from ..arrays.stacking import add_variable
@@ -91,7 +92,7 @@ def read_datcom_plus_csv(path: str | os.PathLike[str], *, deriv: Literal["DEG", 
     if deriv not in ("DEG", "RAD"):
         raise UnknownName(str(deriv), ("DEG", "RAD"), "unit of the derivatives")
     file = Path(path).name
-    blocks, remarks = _blocks(file, Path(path).read_text("latin-1").splitlines())
+    blocks, remarks = _blocks(file, read_bytes(path, "a CSV file of DATCOM+").decode("latin-1").splitlines())
     leaves: dict[str, xr.Dataset] = {}
     other = []
     for block in blocks:

@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import SchemaError, UnitError
+from flightmech.support.input_files.text import demand_regular
 
 from ..cells import FILLED, FLAGS, OK
 from ..listing import Case, Listing
@@ -33,6 +34,7 @@ def read_other(path: str | os.PathLike[str], deriv: Literal["DEG", "RAD"] | None
     UnitError
         A CSV of DATCOM+ without `deriv`.
     """
+    demand_regular(path, "a file of Digital DATCOM")
     with Path(path).open("rb") as stream:
         head = stream.read(_HEAD).decode("latin-1")
     lines = head.splitlines()

@@ -6,13 +6,14 @@ file that went through a printer filter has lost it: all columns lie one to the 
 
 from __future__ import annotations
 
-import codecs
 import os
 import re
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from itertools import islice
 from typing import TextIO
+
+from flightmech.support.input_files.text import demand_regular, marked_encoding
 
 ANCHORS = {
     "CONERR - INPUT ERROR CHECKING": "run",
@@ -39,10 +40,10 @@ _TRAILING = "\r\n\x1a "
 
 
 def line_blocks(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[list[str]]:
-    """Yield the lines of a file or of an iterable in blocks, without their ends; only a line feed ends a line.
+    """Yield the lines of a file or of an iterable in blocks, without their ends; only a line feed ends a line, in a file without one a CR.
 
     Bytes are read as ISO 8859-1, so that any byte in a CASEID survives; a byte-order mark is dropped, and that of UTF-16, as
-    PowerShell writes it, is obeyed.  Tabs are expanded to every eighth column.
+    PowerShell writes it, or UTF-32 is obeyed.  Tabs are expanded to every eighth column.
     """
     if not isinstance(source, str | os.PathLike):
         rest = iter(source)
@@ -52,13 +53,16 @@ def line_blocks(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[list
                 lines[0], first = lines[0].removeprefix("\ufeff"), False
             yield _clean(lines, "".join(lines))
         return
+    demand_regular(source, "a print file (unit 6, for006.dat)")
     with open(source, "rb") as stream:
-        bom = stream.read(3)
-    if bom.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        encoding, skip = "utf-16", 0
+        head = stream.read(_BLOCK_CHARACTERS)
+    encoding, skip = marked_encoding(head)
+    if encoding in ("", "utf-8"):
+        encoding = "latin-1"
     else:
-        encoding, skip = "latin-1", 3 if bom == codecs.BOM_UTF8 else 0
-    with open(source, encoding=encoding, errors="replace", newline="\n") as text:
+        skip = 1
+    line_end = "\n" if b"\n" in head or b"\r" not in head else None  # None: a lone CR ends a line
+    with open(source, encoding=encoding, errors="replace", newline=line_end) as text:
         text.read(skip)
         yield from _blocks(text)
 

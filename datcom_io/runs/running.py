@@ -18,6 +18,7 @@ from pathlib import Path
 
 from flightmech.errors import ParseError, SimulationError
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.input_files.text import marked_encoding
 
 from ..decks.cards import ERROR
 from ..decks.file import DeckFile, read_deck
@@ -129,8 +130,10 @@ def _command(program: str | os.PathLike[str] | Sequence[str]) -> list[str]:
 
 def _content(deck: DeckFile, path: Path) -> bytes:
     """Return the deck for the program: its own bytes when it is plain."""
-    plain = not deck.comments and not any(finding.severity == ERROR for finding in deck.findings)
-    return path.read_bytes() if plain else deck_text(deck).encode("latin-1")
+    raw = path.read_bytes()
+    read_by_the_program = not marked_encoding(raw)[0] and (b"\n" in raw or b"\r" not in raw)
+    plain = read_by_the_program and not deck.comments and not any(finding.severity == ERROR for finding in deck.findings)
+    return raw if plain else deck_text(deck).encode("latin-1")
 
 
 def _ways(content: bytes) -> Iterator[tuple[list[str], bytes]]:

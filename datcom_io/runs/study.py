@@ -19,12 +19,12 @@ A study is a deck of one case, alone or with a TOML file next to it::
 from __future__ import annotations
 
 import os
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from flightmech.errors import ParseError, SchemaError
+from flightmech.errors import SchemaError
+from flightmech.support.configuration import load
 
 from ..decks.cards import Namelist
 from ..decks.deck import Deck
@@ -90,10 +90,7 @@ def read_study(source: str | os.PathLike[str] | DeckFile) -> Study:
     path = Path(source)
     if path.suffix.lower() != ".toml":
         return _study(read_deck(path), {})
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ParseError(path.name, 0, str(error), "a study in TOML") from None
+    content = load(path)
     problems = _wrong_keys(content)
     if problems:
         raise SchemaError(path.name, problems)

@@ -6,7 +6,6 @@ The JSON schemas of the files, for editors, come from the same models, so that b
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -16,6 +15,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, ValidationError, Wi
 from ..errors import ParseError, SchemaError, UnitError, near_names
 from ..units import quantity
 from .file_kinds import TOML, file_kind
+from .input_files.text import decoded, read_bytes, with_line_feeds
+from .input_files.toml_text import toml_content
 
 T = TypeVar("T", bound="Strict")
 
@@ -72,24 +73,30 @@ def load(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     ParseError
-        With the line, when the text is not TOML.
+        With the line, when the text is not TOML; no regular file, another encoding, or a text beyond the limits of `toml_content`.
     """
     path = Path(path)
+    raw = read_bytes(path, _TOML)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except tomllib.TOMLDecodeError as error:
+        text = with_line_feeds(decoded(raw, path, _TOML))
+    except ParseError as error:
+        kind = file_kind(path)
+        if kind.startswith(("a text", "bytes", "a TOML", *TOML)):
+            raise
+        raise ParseError(str(path), 0, kind, _TOML) from error
+    try:
+        return toml_content(text)
+    except ValueError as error:
         place = str(error)
-        line = int(place.rsplit("line ", 1)[1].split(",")[0].rstrip(")")) if "line " in place else 0
+        line = int(place.rsplit("line ", 1)[1].split(",")[0].rstrip(")")) if "(at line " in place else 0
         kind = file_kind(path)
         if not kind.startswith("a text"):
             raise ParseError(str(path), 0, kind, _TOML) from error
-        written = path.read_text(encoding="utf-8").splitlines()
-        stands = f"{written[line - 1].strip()[:60]!r}" if 0 < line <= len(written) else "what is no TOML"
-        raise ParseError(
-            str(path), line, f"{stands} ({place})", f"{_TOML}; a number with a unit is a text too, 'S = \"16.9 m2\"'"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise ParseError(str(path), 0, file_kind(path), _TOML) from error
+        written = text.splitlines()
+        if not 0 < line <= len(written):
+            raise ParseError(str(path), 0, place, _TOML) from error
+        expected = f"{_TOML}; a number with a unit is a text too, 'S = \"16.9 m2\"'"
+        raise ParseError(str(path), line, f"{written[line - 1].strip()[:60]!r} ({place})", expected) from error
 
 
 def validate(model: type[T], content: dict[str, Any], what: str) -> T:

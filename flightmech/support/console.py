@@ -36,6 +36,8 @@ class InputFile(click.Path):
         if path.is_dir():
             inside = sorted(item.name for item in path.iterdir() if item.is_file())
             self.fail(f"{str(value)!r} is a folder; give a file" + (f", such as {path / inside[0]}" if inside else ""), param, ctx)
+        if path.exists() and not path.is_file():
+            self.fail(f"{str(value)!r} is a named pipe or a device; give a regular file", param, ctx)
         if not path.exists():
             self.fail(f"no file {str(value)!r}; {_neighbours(path)}", param, ctx)
         return super().convert(value, param, ctx)

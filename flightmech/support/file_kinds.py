@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
+from pathlib import Path
+
+from ..errors import ParseError
+from .input_files.text import decoded, marked_encoding
+from .input_files.toml_text import toml_content
 
 _HEAD = 65536  # bytes that decide; a listing names its program on the first page
 _STARTS = {
@@ -26,6 +30,8 @@ TOML = {
 
 def file_kind(path: str | os.PathLike[str]) -> str:
     """Return what a file is and what reads it, judged by its content, for the text of an error; it never raises one."""
+    if Path(path).exists() and not Path(path).is_file():
+        return "a folder" if Path(path).is_dir() else "a named pipe or a device"
     try:
         with open(path, "rb") as file:
             head = file.read(_HEAD)
@@ -38,6 +44,8 @@ def file_kind(path: str | os.PathLike[str]) -> str:
     for start, kind in _STARTS.items():
         if head.startswith(start):
             return kind
+    if marked_encoding(head)[0].startswith(("utf-16", "utf-32")):
+        head = _as_utf8(head)
     if b"\0" in head:
         return f"bytes that begin with {head[:8]!r}"
     if _LISTING.search(head):
@@ -45,6 +53,14 @@ def file_kind(path: str | os.PathLike[str]) -> str:
     if _DECK.search(head):
         return "an input deck of Digital DATCOM (`aeromatch datcom check` reads it)"
     return _text_kind(head.decode("utf-8", "replace"))
+
+
+def _as_utf8(head: bytes) -> bytes:
+    """Return the beginning of a text of UTF-16 or UTF-32 as UTF-8; what is damaged stays as it is."""
+    try:
+        return decoded(head[: len(head) // 4 * 4], "", "").encode()
+    except ParseError:
+        return head
 
 
 def _hdf5_kind(path: str | os.PathLike[str]) -> str:
@@ -66,8 +82,8 @@ def _hdf5_kind(path: str | os.PathLike[str]) -> str:
 
 def _text_kind(text: str) -> str:
     try:
-        content = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
+        content = toml_content(text)
+    except ValueError:
         content = {}
     if not content:  # comments alone are TOML too
         first = next((line.strip() for line in text.splitlines() if line.strip()), "")

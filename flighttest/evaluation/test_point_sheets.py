@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
 
 from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.support.configuration import Strict
+from flightmech.support.input_files.text import WESTERN, csv_rows, read_text
 from flightmech.units import to_si
 
 
@@ -57,8 +57,7 @@ class Sheet:
 
     def __init__(self, path: Path):
         self.path = path
-        with path.open(encoding="utf-8", newline="") as file:
-            lines = [line for line in csv.reader(file) if line]
+        lines = [line for line in csv_rows(read_text(path, "a sheet in CSV with a line of names", WESTERN), path) if line]
         if len(lines) < 2:
             raise ParseError(str(path), 1, f"{len(lines)} lines", "a line of column names and a line for each row")
         self.names, self.rows = lines[0], lines[1:]

@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import os
 import zlib
-from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -35,6 +34,7 @@ import xarray as xr
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import attrs, lookup
 from flightmech.support.atomic_write import write_text
+from flightmech.support.input_files.text import read_text
 
 from .input_signals import axes_of
 
@@ -114,7 +114,7 @@ def open_timetable(path: str | os.PathLike) -> xr.Dataset:
     ParseError
         Not such a file, a head line that is missing, a row with other than one whole number per channel, a wrong checksum.
     """
-    text = Path(path).read_text(encoding="utf-8", errors="replace")
+    text = read_text(path, f"a time table, '# {FORMAT}: {VERSION}'")
     lines = text.splitlines()
     count = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
     head = dict(line.removeprefix("# ").split(": ", 1) for line in lines[:count] if ": " in line)

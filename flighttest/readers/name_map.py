@@ -38,9 +38,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from flightmech.errors import SchemaError, UnitError, UnknownName
+from flightmech.errors import ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.configuration import Strict, foreign_kind, load, si, validate
+from flightmech.support.input_files.text import WESTERN, read_text
 from flightmech.units import parse, quantity, to_si
 
 from ..sensors.instruments import Instrument
@@ -419,8 +420,8 @@ def _faults(channel: Channel, units: str) -> list[str]:
 def _table_file(path: Path, place: str, problems: list[str]) -> list[list[float]]:
     """Return a calibration table kept in a CSV file: two columns, raw and value; other lines than numbers may head it."""
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = read_text(path, "two columns of numbers, raw and value", WESTERN).splitlines()
+    except (OSError, ParseError) as error:
         problems.append(f"{place}.table: {path} cannot be read ({error})")
         return [[0.0, 0.0], [1.0, 0.0]]
     rows: list[list[float]] = []

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from flightmech.errors import ParseError
 from flightmech.support.file_kinds import file_kind
+from flightmech.support.input_files.text import demand_regular, marked_encoding
 
 from .name_map import NameMap
 from .recording import Recording, guarded
@@ -47,6 +48,7 @@ def recognise(path: str | Path) -> str:
     ParseError
         An empty file, or bytes of no known format.
     """
+    demand_regular(path, "a recording")
     with open(path, "rb") as file:
         head = file.read(4096)
     if head[:2] == b"\x1f\x8b":
@@ -57,7 +59,7 @@ def recognise(path: str | Path) -> str:
             return form
     if not head:
         raise ParseError(str(path), 0, "an empty file", "a recording")
-    if b"\0" not in head and _is_text(head):
+    if _is_text(head):
         _demand_record(path, "csv")
         return "csv"
     if len(head) >= 128 and struct.unpack_from("<H", head, 124)[0] in (0x0100, 0x0001) and head[126:128] in (b"IM", b"MI"):
@@ -79,8 +81,10 @@ def _unpacked(path: str | Path) -> bytes:
 
 
 def _is_text(head: bytes) -> bool:
-    odd = sum(byte < 9 or 13 < byte < 32 for byte in head)
-    return odd == 0
+    encoding = marked_encoding(head)[0]
+    if encoding.startswith(("utf-16", "utf-32")):
+        return True
+    return not any(byte < 9 or 13 < byte < 32 for byte in head)
 
 
 def open_recording(path: str | Path, names: NameMap) -> Recording:

@@ -20,10 +20,13 @@ from pydantic import BeforeValidator, Field, model_validator
 from flightmech.errors import ParseError, SchemaError, UnitError
 from flightmech.support.atomic_write import write_text
 from flightmech.support.configuration import Strict, load, validate
+from flightmech.support.input_files.text import WESTERN, csv_rows, read_text
 from flightmech.units import quantity
 
 COLUMNS = ("record", "kind", "control", "start", "end", "confidence", "note")
 """Columns of a table as it is written; ``confidence`` and ``note`` may be absent when it is read."""
+
+_TIMES = ("start", "end")
 
 
 def _text(item: object) -> object:
@@ -78,7 +81,8 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
     Parameters
     ----------
     path : path
-        A CSV file (separated by commas or semicolons, a line of names first), or a file ``.toml`` with tables ``[[manoeuvre]]``.
+        A CSV file (separated by commas, or by semicolons, then with decimal points or commas; a line of names first), or a file
+        ``.toml`` with tables ``[[manoeuvre]]``.
 
     Returns
     -------
@@ -103,12 +107,10 @@ def read_manoeuvres(path: str | Path) -> dict[str, pd.DataFrame]:
 
 def _csv(path: Path) -> dict[str, object]:
     """Return a CSV file as the tables of a TOML file; a row is called by its line."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ParseError(str(path), 0, "bytes that are not UTF-8", "a CSV text with the columns " + ", ".join(COLUMNS[:5])) from error
+    text = read_text(path, "a CSV text with the columns " + ", ".join(COLUMNS[:5]), WESTERN)
     first = text.split("\n", 1)[0]
-    lines = list(csv.reader(io.StringIO(text), delimiter=";" if first.count(";") > first.count(",") else ","))
+    separator = ";" if first.count(";") > first.count(",") else ","
+    lines = csv_rows(text, path, separator)
     names = [name.strip() for name in lines[0]] if lines else []
     missing = [name for name in COLUMNS[:5] if name not in names]
     unknown = [name for name in names if name not in COLUMNS]
@@ -120,7 +122,10 @@ def _csv(path: Path) -> dict[str, object]:
     for number, line in enumerate(lines[1:], start=2):
         if line and len(line) != len(names):
             raise ParseError(str(path), number, f"{len(line)} cells", f"{len(names)}, as the line of names has; quote texts with commas")
-        rows += [dict(zip(names, (cell.strip() for cell in line), strict=True))] if any(line) else []
+        if any(line):
+            row = dict(zip(names, (cell.strip() for cell in line), strict=True))
+            decimal = {name: row[name].replace(",", ".") for name in _TIMES if separator == ";"}
+            rows.append({**row, **decimal})
     return {"manoeuvre": rows}
 
 

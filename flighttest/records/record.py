@@ -308,6 +308,8 @@ def _leaf(leaf: str, places: dict[str, _Place], mapping: NameMap, tables: Mappin
         channel, unit = mapping.leaves[leaf][name], tables[group].units.get(column)
         raw = np.asarray(tables[group].columns[column], float)
         raw = raw if len(clock.keep) == len(raw) else raw[clock.keep]
+        found += spans(clock.time, np.isinf(raw), name, "outside")
+        raw = np.where(np.isinf(raw), np.nan, raw)
         x = np.asarray(channel.convert(raw, unit, name), float)
         found += spans(clock.time, np.isnan(x) & ~np.isnan(raw), name, "outside") if channel.table is not None else []
         x = remove_lag(clock.time, remove_delay(clock.time, x, channel.delay, name), channel.lag, name)

@@ -9,7 +9,7 @@ stray      stamps far off the clock, or no numbers; their samples are dropped
 duplicate  repeated stamps; their samples are dropped
 reset      the clock was set back and its samples were moved behind those before, as the name map requested
 missing    NaN samples
-outside    raw values beyond the calibration table, now NaN
+outside    raw values beyond the calibration table, or infinite, now NaN
 held       a value that repeats for long in a channel that otherwise changes from sample to sample, and then jumps
 spike      one to three samples far off both neighbours
 ========== ==================================================================================================
@@ -119,7 +119,7 @@ def _sentence(channel: str, kind: str, group: list[Flag]) -> str:
         "duplicate": f"repeated time stamps dropped: {total} from {places}{more}",
         "reset": f"clock set back at {places}{more}",
         "missing": f"NaN samples: {channel} {total} from {group[0].start:g} s",
-        "outside": f"raw values beyond the calibration table, now NaN: {channel} {total} from {group[0].start:g} s",
+        "outside": f"raw values beyond the calibration table, or infinite, now NaN: {channel} {total} from {group[0].start:g} s",
         "held": f"value held: {channel} at {places}{more}",
         "spike": f"spikes: {channel} {len(group)} at {places}{more}",
     }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -10,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flightmech.errors import ParseError
+from flightmech.support.input_files.text import csv_rows, read_text
 
 from ..equation_error.model import Model, powers
 
@@ -51,17 +51,18 @@ def read_polynomials(
         A coefficient or variable that is not in the vocabulary.
     """
     rows: dict[str, list[tuple[str, float, float]]] = {}
-    with open(path, newline="", encoding="utf-8") as file:
-        reader = csv.DictReader(file)
-        needed = (*COLUMNS, column)
-        if missing := [name for name in needed if name not in (reader.fieldnames or ())]:
-            raise ParseError(str(path), 1, f"columns {', '.join(reader.fieldnames or ())}", f"also {', '.join(missing)}")
-        for row in reader:
-            try:
-                numbers = float(row[column]), float(row["sigma"])
-            except (TypeError, ValueError) as error:
-                raise ParseError(str(path), reader.line_num, str(error), f"numbers in {column} and sigma") from error
-            rows.setdefault(row["coefficient"], []).append((row["term"], *numbers))
+    names, *cells = csv_rows(read_text(path, "polynomials in CSV"), path) or [[]]
+    if missing := [name for name in (*COLUMNS, column) if name not in names]:
+        raise ParseError(str(path), 1, f"columns {', '.join(names)}", f"also {', '.join(missing)}")
+    for number, line in enumerate(cells, 2):
+        if not line:
+            continue
+        row = dict(zip(names, line))
+        try:
+            coefficient, found_row = row["coefficient"], (row["term"], float(row[column]), float(row["sigma"]))
+        except (KeyError, ValueError) as error:
+            raise ParseError(str(path), number, str(error), f"numbers in {column} and sigma") from error
+        rows.setdefault(coefficient, []).append(found_row)
     found = {}
     for coefficient, lines in rows.items():
         terms = [term for term, _, _ in lines]

@@ -6,8 +6,8 @@ Numbers are written with all their digits, so that reading gives the same ones.
 
 from __future__ import annotations
 
-import csv
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +16,7 @@ import numpy as np
 
 from flightmech.errors import ParseError, UnitError, UnknownName
 from flightmech.names import lookup
+from flightmech.support.input_files.text import csv_rows, read_text
 from flightmech.units import to_si
 
 Fact = str | int | float
@@ -59,16 +60,11 @@ def read_csv(path: Path) -> tuple[Table, list[str]]:
     Raises
     ------
     ParseError
-        The file is no text in UTF-8, or has no header row.
+        The file is no text in UTF-8 or UTF-16, has no header row, or a cell or a row of a size that no table has.
     """
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ParseError(
-            str(path), 0, f"a byte that is not UTF-8 at {error.start}", "a CSV file; save it with the encoding UTF-8"
-        ) from None
+    text = read_text(path, "a CSV file")
     problems: list[str] = []
-    lines = list(enumerate(text.replace("\r\n", "\n").split("\n"), 1))
+    lines = list(enumerate(text.split("\n"), 1))
     comments = [(number, line) for number, line in lines if line.startswith("#")]
     body = [(number, line) for number, line in lines if line.strip() and not line.startswith("#")]
     if not body:
@@ -76,15 +72,15 @@ def read_csv(path: Path) -> tuple[Table, list[str]]:
     facts: dict[str, Fact] = {}
     for number, line in comments[1:]:
         _take_fact(line, facts, problems, f"{path.name}, line {number}")
-    head = [_HEAD.fullmatch(cell.strip()) for cell in _cells(body[0][1])]
+    head = [_HEAD.fullmatch(cell.strip()) for cell in csv_rows(body[0][1], path, first=body[0][0])[0]]
     names = [match[1] for match in head if match]
     columns: dict[str, list[str]] = {name: [] for name in names}
     if len(columns) < len(names):
-        twice = sorted({name for name in names if names.count(name) > 1})
+        twice = sorted(name for name, count in Counter(names).items() if count > 1)
         problems.append(f"{path.name}, line {body[0][0]}: the columns {', '.join(twice)} stand twice")
     kept = []
     for number, line in body[1:]:
-        cells = _cells(line)
+        cells = csv_rows(line, path, first=number)[0]
         if len(cells) != len(names):
             problems.append(f"{path.name}, line {number}: {len(cells)} cells, the header has {len(names)}")
             continue
@@ -94,10 +90,6 @@ def read_csv(path: Path) -> tuple[Table, list[str]]:
     title = comments[0][1].removeprefix("#").strip() if comments else ""
     units = {match[1]: match[2] or "" for match in head if match}
     return Table(path.name, title, facts, units, columns, kept), problems
-
-
-def _cells(line: str) -> list[str]:
-    return next(csv.reader([line]))
 
 
 def _take_fact(line: str, facts: dict[str, Fact], problems: list[str], place: str) -> None:

@@ -4,7 +4,7 @@ Variable ``terms`` is a structure array, one element per term; ``database`` a st
 text.  Tables are in MATLAB's order: ``values(i,j,k)`` belongs to breakpoint i of the first axis, j of the second, k of the third,
 and the first index runs fastest in memory.  Check cases and the undo history stay in the database.
 
-SciPy can crash on a damaged file of this format, which has no checksum, so ours carry one in the text of the header.
+A damaged file of this format, which has no checksum, may be read with other numbers, so ours carry one in the text of the header.
 """
 
 from __future__ import annotations
@@ -19,12 +19,14 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.io import loadmat, savemat
+from scipy.io import savemat
 
 from flightmech import terms as _terms
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.input_files.mat_file import load_mat
+from flightmech.support.input_files.text import read_bytes
 
 from ...store.schema import check, require, terms
 from .attributes import dressed, flat
@@ -161,18 +163,14 @@ def import_matlab(path: str | os.PathLike) -> xr.DataTree:
         Everything that is wrong with the terms.
     """
     path = Path(path)
-    file = path.read_bytes()
+    expected = "a MAT file of version 5 to 7"
+    file = read_bytes(path, expected)
     if any(word in file[:_TEXT] for word in _SEAL.split()[2:4]) and file != _sealed(file):
         raise ParseError(str(path), 0, "a damaged file (its SHA-256 is not that in its header)", "a MAT file; export or copy it again")
     try:
-        stream: Any = io.BytesIO(file)
-        content = loadmat(stream, variable_names=["database", "terms"])
+        content = load_mat(file, path, expected, variable_names=["database", "terms"])
     except NotImplementedError:
         raise ParseError(str(path), 0, "a MAT file of version 7.3", "version 5 to 7; save it with save -v7") from None
-    except Exception as error:  # a damaged file makes SciPy raise ValueError, TypeError, OSError, zlib.error, MemoryError ...
-        raise ParseError(
-            str(path), 0, f"no MAT file, or a damaged one ({type(error).__name__}: {error})", "one of version 5 to 7"
-        ) from error
     elements, root = content.get("terms"), content.get("database")
     if elements is None or root is None or elements.dtype.names is None or root.dtype.names is None or root.size != 1:
         raise ParseError(

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from scipy.io import loadmat
 
 from flightmech.errors import ParseError
+from flightmech.support.input_files.mat_file import load_mat
+from flightmech.support.input_files.text import read_bytes
 from flightmech.units import DEGREE
 
 from ...arrays.stacking import add_variable
@@ -57,13 +57,11 @@ def read_matlab(path: str | os.PathLike[str]) -> xr.DataTree:
         No such structure in the file, a field whose size is not that of its breakpoints, or a version of the file that HDF5 tools read.
     """
     file = Path(path).name
-    data = BytesIO(Path(path).read_bytes())
+    expected = "a MAT file with the result of datcomimport"
     try:
-        content = loadmat(data, struct_as_record=True)
+        content = load_mat(read_bytes(path, expected), file, expected, struct_as_record=True)
     except NotImplementedError as error:
         raise ParseError(file, 0, "a MAT file of version 7.3", "version 7 or older; save it with the option -v7") from error
-    except Exception as error:  # scipy lets through whatever a damaged file does to it
-        raise ParseError(file, 0, f"no MAT file ({error})", "a MAT file with the result of datcomimport") from error
     root = xr.DataTree(xr.Dataset(attrs={"file": file}))
     for number, structure in enumerate(_structures(file, content), 1):
         case = _Case(file, number, structure)

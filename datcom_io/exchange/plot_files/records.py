@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from flightmech.errors import ParseError
+from flightmech.support.input_files.text import read_bytes
 
 from ...cells import BLANK, NA, NDM, NOT_A_NUMBER, OK, OVERFLOW, SENTINEL, read_cell
 
@@ -69,7 +70,7 @@ def read_records(path: str | os.PathLike[str]) -> list[PlotCase]:
     ParseError
         The file is no plot file, or ends within a record.
     """
-    lines = Path(path).read_text("latin-1").splitlines()
+    lines = read_bytes(path, "a plot file (unit 13)").decode("latin-1").splitlines()
     while lines and not lines[-1].strip("\x1a "):
         lines.pop()
     file, at = Path(path).name, 0

@@ -23,6 +23,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError
+from flightmech.support.input_files.text import read_bytes
 from flightmech.units import DEGREE, FOOT
 
 from ...arrays.stacking import add_variable
@@ -68,7 +69,7 @@ def read_for014(path: str | os.PathLike[str]) -> xr.DataTree:
         The file is not of this kind, or ends within a table.
     """
     file = Path(path).name
-    lines = Path(path).read_text("latin-1").splitlines()
+    lines = read_bytes(path, "a plot file (unit 14)").decode("latin-1").splitlines()
     while lines and not lines[-1].strip("\x1a "):
         lines.pop()
     runs, at = [], 0

@@ -2,25 +2,28 @@
 
 Columns under one line of names, parted by comma, semicolon, tab or blanks; lines that begin with ``#`` are skipped.  Units stand in the
 heading (``alpha [deg]``), in a second line, or in the name map.  Stamps may be numbers, times of day (``10:22:33.05``, with the
-day of the year before them or not) or ISO dates.
+day of the year before them or not) or ISO dates.  Where no comma parts the columns, numbers may have decimal commas.  The encoding is
+UTF-8, UTF-16 or UTF-32 with a byte-order mark, or else taken as Windows-1252; lines end with LF, CR LF or CR.  What is not plain
+stands in the notes of the record.
 """
 
 from __future__ import annotations
 
-import csv
 import gzip
 import io
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from flightmech.errors import ParseError
+from flightmech.support.input_files.text import MOST_COLUMNS, WESTERN, csv_rows, decoded, marked_encoding, read_bytes
 
 from ..name_map import NameMap
 from ..recording import Recording, Table, guarded
@@ -29,6 +32,10 @@ _HEAD = re.compile(r"^(.*?)\s*[\[(]([^\])]*)[\])]$")
 _DAY_TIME = re.compile(r"^(?:(\d{1,3})[:\s])?(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)$")
 _ISO = re.compile(r"^\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}(\.\d*)?)?)?(Z|[+-]\d{2}:?\d{2})?$")
 _DIGIT = re.compile(r"^[-+]?\.?\d")
+_DECIMAL_COMMA = re.compile(r"^[-+]?\d*,\d+([eE][-+]?\d+)?$")
+_THOUSANDS = re.compile(r"^[-+]?[1-9]\d{0,2},\d{3}$")  # may be one: no proof of a decimal comma
+_LOOKED_AT = 10  # lines that decide on the decimal mark
+_EXPECTED = "comma-separated columns under one line of names"
 _CHUNK = 8_000_000  # bytes: smaller files are not worth a second thread
 TABLE = "data"
 
@@ -41,12 +48,14 @@ def read(path: Path, names: NameMap) -> Recording:
     ParseError
         With the line: a cell that is no number, a line with other cells than the heading, or no heading.
     """
-    raw = _bytes(path)
+    raw, notes = _text(path)
     heads, units, begin, separator = _heading(raw, path)
-    texts = _text_columns(raw, begin, heads, separator)
-    columns = _parsed(raw, begin, heads, texts, separator)
+    texts, decimal = _text_columns(raw, begin, heads, separator, path)
+    if decimal == ",":
+        notes += ("numbers with decimal commas",)
+    columns = _parsed(raw, begin, heads, texts, separator, decimal)
     if columns is None:
-        _find_fault(raw, begin, heads, texts, separator, path)
+        _find_fault(raw, begin, heads, texts, separator, decimal, path)
         raise ParseError(str(path), 0, "lines that do not fit the heading", f"{len(heads)} numbers in every line")
     if not any(len(values) for values in columns.values()):
         raise ParseError(str(path), 0, f"no line of numbers below the names {', '.join(heads[:6])}", "a recording: names, then numbers")
@@ -57,18 +66,23 @@ def read(path: Path, names: NameMap) -> Recording:
             units[name] = "s"
             if start:
                 facts["start"] = start
-    return Recording("csv", {TABLE: Table(columns, units)}, facts)
+    return Recording("csv", {TABLE: Table(columns, units)}, facts, notes)
 
 
-def _bytes(path: Path) -> bytes:
-    raw = path.read_bytes()
+def _text(path: Path) -> tuple[bytes, tuple[str, ...]]:
+    """Return the text as UTF-8 with line feeds, and a note where it was of another encoding."""
+    raw = read_bytes(path, _EXPECTED)
     if raw[:2] == b"\x1f\x8b":
         with guarded(path, "a whole .gz file"):
             raw = gzip.decompress(raw)
-    if b"\0" in raw:
-        line = raw.count(b"\n", 0, raw.index(b"\0")) + 1
-        raise ParseError(str(path), line, "zero bytes", "text; the file is damaged or was not closed")
-    return raw[3:] if raw.startswith(b"\xef\xbb\xbf") else raw
+    notes: tuple[str, ...] = ()
+    if not raw.isascii() or b"\0" in raw:
+        encoding, skip = marked_encoding(raw)
+        recoded = decoded(raw, path, _EXPECTED, WESTERN).encode()
+        if recoded != raw[skip:]:
+            notes = (f"text in {encoding.upper()}" if encoding else "text that is no UTF-8, read as Windows-1252",)
+        raw = recoded
+    return raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in raw else raw, notes
 
 
 def _lines(raw: bytes, start: int = 0, number: int = 1) -> Iterator[tuple[int, int, int, str]]:
@@ -87,13 +101,11 @@ def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, st
     lines = _lines(raw)
     top = next(lines, None)
     if top is None:
-        raise ParseError(str(path), 0, "no line with content", "comma-separated columns under one line of names")
+        raise ParseError(str(path), 0, "no line with content", _EXPECTED)
     separator = max(",;\t", key=top[3].count)
     if not top[3].count(separator):
         separator = " " if " " in top[3] else ","
-    cells = _cells(top[3], separator)
-    if "�" in top[3]:
-        raise ParseError(str(path), top[0], "bytes that are not UTF-8", "comma-separated columns under one line of names")
+    cells = _cells(top[3], separator, path, top[0])
     if all(_number(cell) for cell in cells):
         raise ParseError(str(path), top[0], f"numbers ({', '.join(cells[:3])}) where names belong", "one line of column names at the top")
     heads, units = [], {}
@@ -103,11 +115,11 @@ def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, st
         if match:
             units[heads[-1]] = match.group(2)
     if len(set(heads)) < len(heads):
-        twice = next(head for head in heads if heads.count(head) > 1)
+        twice = Counter(heads).most_common(1)[0][0]
         raise ParseError(str(path), top[0], f"two columns called {twice!r}", "a name of its own for every column")
     begin, second = top[2], next(lines, None)
     if second is not None:
-        row = _cells(second[3], separator)
+        row = _cells(second[3], separator, path, second[0])
         if len(row) == len(heads) and _are_units(row):
             units.update(zip(heads, row, strict=True))
             begin = second[2]
@@ -120,22 +132,23 @@ def _are_units(row: list[str]) -> bool:
     return all(cell == "1" for cell in numbers) and any(cell and cell not in numbers for cell in row)
 
 
-def _cells(text: str, separator: str) -> list[str]:
-    if separator == " ":
+def _cells(text: str, separator: str, path: Path, number: int) -> list[str]:
+    """Return the cells of one line."""
+    if separator == " " and text.count(" ") < MOST_COLUMNS:
         return text.split()
-    return [cell.strip() for cell in next(csv.reader([text], delimiter=separator, skipinitialspace=True))]
+    return [cell.strip() for cell in csv_rows(text, path, separator, number)[0]]
 
 
-def _text_columns(raw: bytes, begin: int, heads: list[str], separator: str) -> set[str]:
-    """Return the columns whose first cell is a time of day or a date."""
-    line = next(_lines(raw, begin), None)
-    if line is None:
-        return set()
-    row = _cells(line[3], separator)
-    return {head for head, cell in zip(heads, row, strict=False) if _DAY_TIME.match(cell) or _ISO.match(cell)}
+def _text_columns(raw: bytes, begin: int, heads: list[str], separator: str, path: Path) -> tuple[set[str], str]:
+    """Return the columns whose first cell is a time of day or a date, and the decimal mark: a comma where the first lines have one."""
+    lines = islice(_lines(raw, begin, raw.count(b"\n", 0, begin) + 1), _LOOKED_AT)
+    rows = [_cells(text, separator, path, number) for number, _, _, text in lines]
+    texts = {head for head, cell in zip(heads, rows[0] if rows else (), strict=False) if _DAY_TIME.match(cell) or _ISO.match(cell)}
+    commas = separator != "," and any(_DECIMAL_COMMA.match(cell) and not _THOUSANDS.match(cell) for row in rows for cell in row)
+    return texts, "," if commas else "."
 
 
-def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], separator: str) -> dict[str, Any] | None:
+def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], separator: str, decimal: str) -> dict[str, Any] | None:
     """Return the columns, or None when a cell or a line does not fit; large files are parsed in several threads."""
     parts = max(1, min(os.cpu_count() or 1, 8, (len(raw) - begin) // _CHUNK))
     cuts = [begin]
@@ -146,7 +159,7 @@ def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], separator
     if not spans:
         return {head: np.zeros(0) for head in heads}
     with ThreadPoolExecutor(len(spans)) as pool:
-        frames = list(pool.map(lambda span: _frame(raw[span[0] : span[1]], heads, texts, separator), spans))
+        frames = list(pool.map(lambda span: _frame(raw[span[0] : span[1]], heads, texts, separator, decimal), spans))
     if any(frame is None for frame in frames):
         return None
     if len(frames) == 1:
@@ -154,7 +167,7 @@ def _parsed(raw: bytes, begin: int, heads: list[str], texts: set[str], separator
     return {head: np.concatenate([frame[head].to_numpy() for frame in frames]) for head in heads}
 
 
-def _frame(piece: bytes, heads: list[str], texts: set[str], separator: str):
+def _frame(piece: bytes, heads: list[str], texts: set[str], separator: str, decimal: str):
     import pandas as pd
 
     kinds: Any = {head: str if head in texts else np.float64 for head in heads}
@@ -167,6 +180,7 @@ def _frame(piece: bytes, heads: list[str], texts: set[str], separator: str):
             names=heads,
             header=None,
             dtype=kinds,
+            decimal=decimal,
             index_col=False,
             encoding_errors="replace",
         )
@@ -178,32 +192,35 @@ def _frame(piece: bytes, heads: list[str], texts: set[str], separator: str):
     return None if ragged or any(frame[head].isna().any() for head in texts) else frame
 
 
-def _find_fault(raw: bytes, begin: int, heads: list[str], texts: set[str], separator: str, path: Path) -> None:
+def _find_fault(raw: bytes, begin: int, heads: list[str], texts: set[str], separator: str, decimal: str, path: Path) -> None:
     """Raise for the first line that does not fit."""
     for number, _, _, text in _lines(raw, begin, raw.count(b"\n", 0, begin) + 1):
-        row = _cells(text.split("#")[0], separator)
+        row = _cells(text.split("#")[0] or separator, separator, path, number)
         if len(row) != len(heads):
             first = ", ".join(map(repr, heads[:3])) + (" ..." if len(heads) > 3 else "")
             expected = f"{len(heads)} cells, as the line of names has ({first}); delete a last line that was cut off"
             raise ParseError(str(path), number, f"{len(row)} cells", expected)
         for head, cell in zip(heads, row, strict=False):
-            if head not in texts and cell and not _missing(cell) and not _number(cell):
-                raise ParseError(
-                    str(path), number, f"{cell!r} in column {head!r}", "a number or an empty cell, as a recording has below its names"
-                )
+            found = f"{cell[:60]!r} in column {head[:60]!r}"
+            if head not in texts and cell and not _missing(cell) and not _number(cell, decimal):
+                point = ", with decimal commas as in the first lines" if decimal == "," else ""
+                raise ParseError(str(path), number, found, f"a number{point} or an empty cell, as a recording has below its names")
             if head in texts and not (_DAY_TIME.match(cell) or _ISO.match(cell)):
-                raise ParseError(str(path), number, f"{cell!r} in column {head!r}", "a time of day or a date, as in the first line")
+                raise ParseError(str(path), number, found, "a time of day or a date, as in the first line")
 
 
 def _missing(cell: str) -> bool:
     return cell.lower() in ("nan", "na", "n/a", "null", "none", "<na>", "-nan", "#n/a", "#na")
 
 
-def _number(cell: str) -> bool:
+def _number(cell: str, decimal: str = ".") -> bool:
+    if decimal == "," and "." in cell:
+        return False
     try:
-        return np.isfinite(float(cell))
+        float(cell.replace(decimal, "."))
     except ValueError:
-        return cell.lower().lstrip("+-") in ("inf", "infinity")
+        return False
+    return not _missing(cell)
 
 
 def _stamps(cells: np.ndarray, name: str, path: Path) -> tuple[np.ndarray, str]:

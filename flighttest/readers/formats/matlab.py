@@ -13,11 +13,14 @@ from typing import Any
 import numpy as np
 
 from flightmech.errors import ParseError
+from flightmech.support.input_files.mat_file import load_mat
 
 from ..name_map import NameMap
 from ..recording import Recording, guarded
 from .hdf5 import as_one_array
 from .nested import Array, Group, tables
+
+_EXPECTED = "a whole MATLAB file, v5 to v7"
 
 
 def read(path: Path, names: NameMap) -> Recording:
@@ -28,10 +31,8 @@ def read(path: Path, names: NameMap) -> Recording:
     ParseError
         The file is damaged, or holds no numbers.
     """
-    from scipy.io import loadmat
-
-    with guarded(path, "a whole MATLAB file, v5 to v7"):
-        content = loadmat(path, simplify_cells=True, verify_compressed_data_integrity=True)
+    with guarded(path, _EXPECTED):
+        content = load_mat(path.read_bytes(), path, _EXPECTED, simplify_cells=True, verify_compressed_data_integrity=True)
         content = {key: value for key, value in content.items() if not key.startswith("__")}
         found = tables(_group(content), names)
     if not found:

@@ -12,6 +12,8 @@ import aerodb
 from flightmech import terms
 from flightmech.errors import ParseError, SchemaError
 
+pytestmark = pytest.mark.usefixtures("mat_files_in_this_process")
+
 
 @pytest.fixture
 def build_up(small, root):

@@ -11,6 +11,8 @@ from datcom_io.cells import ABSENT, FILLED, NDM, OK
 from datcom_io.exchange.matlab.fields import BUILD, FIELDS, MISSING
 from flightmech.errors import ParseError
 
+pytestmark = pytest.mark.usefixtures("mat_files_in_this_process")
+
 CORPUS = Path(__file__).parents[3] / ".." / "shared" / "data" / "datcom"
 LISTINGS = sorted(CORPUS.glob("*/*.out")) if CORPUS.is_dir() else []
 HELD = {(field.leaf, field.quantity) for field in FIELDS if field.name != "fc_con"}

@@ -176,7 +176,7 @@ def test_faults_of_names_and_cards(tmp_path):
         datcom_io.split_deck(write(tmp_path, head + "[runs.rudder]\n"))
     with pytest.raises(SchemaError, match=r"runs.clean.cards, line 1: not a control card: \?DAMP"):
         datcom_io.split_deck(write(tmp_path, head + '[runs.clean]\ncards = "?DAMP"\n'))
-    with pytest.raises(ParseError, match=r"study.toml: found .*; expected a study in TOML"):
+    with pytest.raises(ParseError, match=r"study.toml: found .*; expected a TOML text"):
         datcom_io.split_deck(write(tmp_path, "deck = "))
 
 

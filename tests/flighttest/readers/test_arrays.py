@@ -11,6 +11,8 @@ import flighttest
 from flightmech.errors import ParseError, UnknownName
 from flighttest.readers.opening import recognise
 
+pytestmark = pytest.mark.usefixtures("mat_files_in_this_process")
+
 SHARED = Path(__file__).parents[3] / ".." / "shared" / "data" / "flight"
 T = np.arange(50) / 100.0
 NAMES = '[imu]\nq = { column = "q", unit = "rad/s" }\n'

@@ -26,7 +26,7 @@ def test_table_is_linear_between_and_nothing_beyond(tmp_path):
     assert np.isnan(record["c/delta_e"].values[5:]).all()
     rows = flighttest.signals.flags(record).set_index("kind")
     assert (rows.loc["outside", "start"], rows.loc["outside", "samples"]) == (0.5, 2)
-    assert "raw values beyond the calibration table, now NaN: delta_e 2 from 0.5 s" in flighttest.records.faults(record)[0]
+    assert "raw values beyond the calibration table, or infinite, now NaN: delta_e 2 from 0.5 s" in flighttest.records.faults(record)[0]
 
 
 def test_table_in_a_file_next_to_the_map(tmp_path):

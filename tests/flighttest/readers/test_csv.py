@@ -90,9 +90,61 @@ def test_line_with_more_cells_than_names(tmp_path):
         flighttest.read(file, names)
 
 
-def test_decimal_commas_are_reported(tmp_path):
-    file, names = written(tmp_path, "time;alpha\n0,0;1,5\n0,1;1,6\n")
-    with pytest.raises(ParseError, match=r"line 2: found '0,0' in column 'time'"):
+def test_decimal_commas(tmp_path):
+    file, names = written(tmp_path, "time;alpha\n0,0;1,5\n0,1;1,625\n0,2;-,5e1\n0,3;1\n")
+    record = flighttest.read(file, names)
+    np.testing.assert_allclose(np.degrees(record["air/alpha"].values), [1.5, 1.625, -5.0, 1.0])
+    np.testing.assert_allclose(record["air/time"].values, [0.0, 0.1, 0.2, 0.3])
+    assert "decimal commas" in record.attrs["notes"]
+
+
+@pytest.mark.parametrize(
+    ("text", "cell"),
+    [
+        ("time;alpha\n0;1,234\n1;1,235\n", "'1,234'"),
+        ("time;alpha\n0,0;1,5\n0,1;1.234,5\n", "'1.234,5'"),
+        ("time;alpha\n0,0;1.5\n", "'1.5'"),
+    ],
+    ids=["perhaps_thousands", "thousands", "points_too"],
+)
+def test_commas_that_may_be_thousands_are_refused(tmp_path, text, cell):
+    file, names = written(tmp_path, text)
+    with pytest.raises(ParseError, match=rf"found {cell} in column 'alpha'"):
+        flighttest.read(file, names)
+
+
+@pytest.mark.parametrize("end", ["\r", "\r\n", "\n"])
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-32", "cp1252"])
+def test_line_ends_and_encodings(tmp_path, end, encoding):
+    text = "# Flügel\ntime;alpha;höhe\n0;1;5\n0.1;2;5\n0.2;3;5\n".replace("\n", end)
+    file, names = written(tmp_path, text.encode(encoding), NAMES + '[sat]\nh = { column = "höhe", unit = "m" }\n')
+    record = flighttest.read(file, names)
+    np.testing.assert_allclose(np.degrees(record["air/alpha"].values), [1, 2, 3])
+    assert record["sat/h"].values[0] == 5.0
+    noted = {"utf-8-sig": "[]", "cp1252": "Windows-1252", "utf-16": "UTF-16", "utf-32": "UTF-32"}
+    assert noted[encoding] in record.attrs["notes"]
+
+
+def test_infinite_samples_are_flagged_and_have_no_value(tmp_path):
+    file, names = written(tmp_path, "time,alpha\n" + "".join(f"{k / 10},{'-inf' if k == 5 else k}\n" for k in range(20)))
+    record = flighttest.read(file, names)
+    assert np.flatnonzero(np.isnan(record["air/alpha"].values)).tolist() == [5]
+    assert list(flighttest.signals.flags(record)["kind"]) == ["outside", "missing"]
+
+
+def test_an_infinite_sample_is_not_called_the_fault_of_another_line(tmp_path):
+    file, names = written(tmp_path, "time,alpha\n0,inf\n0.1,x\n")
+    with pytest.raises(ParseError, match="line 3: found 'x'"):
+        flighttest.read(file, names)
+
+
+def test_cells_and_rows_without_end(tmp_path, monkeypatch):
+    file, names = written(tmp_path, "time,alpha\n0,1\n0.1," + "x" * 140_000 + "\n")
+    with pytest.raises(ParseError, match=r"line 3: .*at most 131072 characters; look for a quotation mark"):
+        flighttest.read(file, names)
+    monkeypatch.setattr("flightmech.support.input_files.text.MOST_COLUMNS", 3)
+    file, names = written(tmp_path, "time,alpha,p,q\n0,1,2,3\n")
+    with pytest.raises(ParseError, match="line 1: found 4 cells; expected at most 3"):
         flighttest.read(file, names)
 
 

@@ -118,7 +118,7 @@ def mutants(whole, seed, count):
 
 @pytest.mark.parametrize("kind", WRITERS)
 @pytest.mark.filterwarnings("ignore")
-def test_damage_never_escapes(tmp_path, kind):
+def test_damage_never_escapes(tmp_path, kind, mat_files_in_this_process):
     (tmp_path / "n.toml").write_text(NAMES + (DECODE if kind == "ch10" else ""))
     file = tmp_path / "f.bin"
     WRITERS[kind](file)

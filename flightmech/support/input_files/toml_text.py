@@ -1,0 +1,65 @@
+"""TOML text of a user: its size, the depth of its tables and the size of its integers are limited, so that a hostile text costs little."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from itertools import groupby
+from typing import Any
+
+MOST_CHARACTERS = 2**21
+"""Of a TOML text; the name map of 5000 channels has a fifth of it."""
+
+MOST_DEPTH = 100
+"""Tables and arrays inside each other, and parts of a dotted key."""
+
+_LARGEST = 2**63
+_PART = re.compile(r"\s*(?:[\w-]+|\"[^\"\n]*\"|'[^'\n]*')\s*")
+
+
+def toml_content(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text.
+
+    Raises
+    ------
+    ValueError
+        `tomllib.TOMLDecodeError` with the line when the text is not TOML; else what goes beyond `MOST_CHARACTERS`, `MOST_DEPTH` or the
+        64 bits that TOML gives an integer.
+    """
+    if len(text) > MOST_CHARACTERS:
+        raise ValueError(f"{len(text)} characters, at most {MOST_CHARACTERS} are read")
+    if _longest_key(text) > MOST_DEPTH:
+        raise ValueError(f"a key of more than {MOST_DEPTH} parts")
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except RecursionError:
+        raise ValueError(f"tables or arrays nested more than {MOST_DEPTH} deep") from None
+    except ValueError:  # Python's limit of the digits of an integer
+        raise ValueError("an integer of thousands of digits, beyond the 64 bits that TOML allows") from None
+    _demand_ordinary(content)
+    return content
+
+
+def _longest_key(text: str) -> int:
+    """Return how many parts the longest dotted key has; the time of `tomllib` grows with its square."""
+    if text.count(".") < MOST_DEPTH:
+        return 0
+    parts = groupby(text.split("."), lambda part: _PART.fullmatch(part) is not None)
+    return max((sum(1 for _ in group) for is_part, group in parts if is_part), default=0)
+
+
+def _demand_ordinary(content: dict[str, Any]) -> None:
+    """Raise for integers beyond 64 bits and for tables nested too deep."""
+    waiting: list[tuple[Any, str, int]] = [(content, "", 0)]
+    while waiting:
+        item, place, depth = waiting.pop()
+        if isinstance(item, int) and not -_LARGEST <= item < _LARGEST:
+            raise ValueError(f"an integer of {len(str(abs(item)))} digits at {place}, beyond the 64 bits that TOML allows")
+        if depth > MOST_DEPTH:
+            raise ValueError(f"tables or arrays nested more than {MOST_DEPTH} deep")
+        if isinstance(item, dict):
+            waiting += [(part, f"{place}.{key}" if place else key, depth + 1) for key, part in item.items()]
+        elif isinstance(item, list):
+            waiting += [(part, place, depth + 1) for part in item]
