@@ -7,6 +7,7 @@ import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 
 import numpy as np
 
@@ -56,7 +57,8 @@ def _limit(kind: str, size: int) -> None:
         which = getattr(resource, kind)
         most = resource.getrlimit(which)[1]
         size = size if most == resource.RLIM_INFINITY else min(size, most)
-        resource.setrlimit(which, (size, size))
+        with suppress(ValueError, OSError):  # macOS does not limit the address space
+            resource.setrlimit(which, (size, size))
 
 
 def _end_with(parent: int, folder: str) -> None:
