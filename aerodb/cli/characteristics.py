@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress
 
 _FILE = InputFile()
 
@@ -49,7 +49,8 @@ def characteristics(
     condition |= {name: quantity(_number(text), "m s-1") for name, text in (("V", speed), ("V_cas", cas)) if text is not None}
     condition |= {} if mach is None else {"mach": mach}
     condition |= {name: _si(name, text) for name, text in further}
-    found = compute(read_aircraft(aircraft), open(database), condition)
+    with progress("compute the characteristics"):
+        found = compute(read_aircraft(aircraft), open(database), condition)
     if not as_json:
         click.echo(found.report())
         return

@@ -80,8 +80,9 @@ def plot(file: str, term: str, family: str | None, over: str | None, held: tuple
     tree = open(file)
     support = None if along is None else read_conditions(along, tree)[0]
     (label,) = _labels(file)
-    figure = plot_comparison({label: tree}, term, family, over=over, at=dict(_held(text) for text in held), support=support)
-    save_figure(figure, output)
+    with progress("draw the figure"):
+        figure = plot_comparison({label: tree}, term, family, over=over, at=dict(_held(text) for text in held), support=support)
+        save_figure(figure, output)
     click.echo(f"written: {output}")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,14 +19,30 @@ _TESTS = {
     ("pulse", "elevator"): ("2.c.10", "short_period"),
     ("doublet", "rudder"): ("2.d.7", "dutch_roll"),
     ("3211", "rudder"): ("2.d.7", "dutch_roll"),
-    ("pulse", "rudder"): ("2.d.7", "dutch_roll"),
+    ("pulse", "rudder"): ("2.d.6", "rudder_response"),
     ("doublet", "aileron"): ("2.d.2", "roll_response"),
     ("3211", "aileron"): ("2.d.2", "roll_response"),
     ("pulse", "aileron"): ("2.d.2", "roll_response"),
     ("steady_sideslip", "rudder"): ("2.d.8", "steady_sideslip"),
+    ("phugoid", "elevator"): ("2.c.9", "phugoid"),
+    ("spiral", "aileron"): ("2.d.4", "spiral_stability"),
+    ("power_change", "throttle"): ("2.c.1", "power_change"),
+    **{(f"flaps_{way}", "flaps"): ("2.c.2", "flap_change") for way in ("out", "in")},
+    **{(f"speedbrake_{way}", "speedbrake"): ("2.c.3", "speed_brake_change") for way in ("out", "in")},
+    **{(f"gear_{way}", "gear"): ("2.c.4", "gear_change") for way in ("out", "in")},
     ("throttle_chop", "throttle"): ("1.f.2", "engine_deceleration"),
     ("throttle_slam", "throttle"): ("1.f.1", "engine_acceleration"),
+    # marks of the T-37 programme
+    ("block", "elevator"): ("2.c.10", "short_period"),
+    ("block", "aileron"): ("2.d.2", "roll_response"),
+    ("block", "rudder"): ("2.d.6", "rudder_response"),
+    ("power_lever", "throttle"): ("2.c.1", "power_change"),
+    ("controls_fixed", ""): ("2.d.4", "spiral_stability"),
+    ("force_column", "column"): ("2.c.10", "short_period"),
+    ("force_wheel", "wheel"): ("2.d.2", "roll_response"),
+    ("release_pedal", "pedal"): ("2.d.7", "dutch_roll"),
 }
+_OF_ENGINE = ("1.f.1", "1.f.2")  # the speed of the engine is judged
 _AXES = {
     "pitch": {"elevator"},
     "roll and yaw": {"aileron", "rudder"},
@@ -35,6 +51,8 @@ _IDENTIFYING = ("3211", "doublet", "pulse", "sweep", "multisine", "pull_up_push_
 _DROPPED = "unknown"
 _SURFACES = {"elevator": "delta_e", "aileron": "delta_a", "rudder": "delta_r"}
 _LEAD = 1.5  # s of steady flight before a manoeuvre that the case may use
+_CHANGE_LEAD = 6.0  # s before a change of power or configuration: its rows begin 5 s before it
+_CHANGES = ("2.c.1", "2.c.2", "2.c.3", "2.c.4")
 
 
 @dataclass(frozen=True)
@@ -58,23 +76,25 @@ class CaseDraft:
     window: tuple[float, float]
 
 
-def held_for_proof(tables: Mapping[str, pd.DataFrame], prove: Sequence[str]) -> list[CaseDraft]:
+def held_for_proof(tables: Mapping[str, pd.DataFrame], prove: Sequence[str], with_engine: Collection[str]) -> list[CaseDraft]:
     """Return the manoeuvres that prove the model: all that fit a test in the records `prove`; without them the last of each test.
 
-    A test of which there is one manoeuvre only is left to the identification.
+    A test of which there is one manoeuvre only is left to the identification.  Tests of the engine need one of the records
+    `with_engine`, in which the speed of an engine is recorded.
     """
     by_test: dict[str, list[tuple[str, str, float, float]]] = {}
     for record, table in tables.items():
         for row in table.to_dict("records"):
             test = _TESTS.get((str(row["manoeuvre"]), str(row["control"])))
-            if test is not None and (not prove or record in prove):
+            if test is not None and (not prove or record in prove) and (test[0] not in _OF_ENGINE or record in with_engine):
                 by_test.setdefault(test[0], []).append((test[1], record, float(row["start"]), float(row["end"])))
     chosen = []
     for number_of_test, rows in by_test.items():
         taken = rows if prove else rows[-1:] if len(rows) > 1 else []
         for number, (word, record, start, end) in enumerate(taken, 1):
             name = word if len(taken) == 1 else f"{word}_{number}"
-            chosen.append(CaseDraft(f"{name}.toml", number_of_test, record, (start - _LEAD, end)))
+            lead = _CHANGE_LEAD if number_of_test in _CHANGES else _LEAD
+            chosen.append(CaseDraft(f"{name}.toml", number_of_test, record, (start - lead, end)))
     return chosen
 
 

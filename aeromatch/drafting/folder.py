@@ -22,7 +22,7 @@ from flightmech.errors import SchemaError
 from flightmech.support.atomic_write import write_text
 from flightmech.support.configuration import UNFILLED
 from flightmech.units import quantity
-from flighttest.manoeuvre_finding import find_manoeuvres
+from flighttest.manoeuvre_finding import find_manoeuvres, named_by_response
 from flighttest.records import write_manoeuvres
 
 from ..project import read_project
@@ -184,7 +184,7 @@ def draft_project(
         remarks.append(f"no recording was given: replace the {UNFILLED!r} of flights in aeromatch.toml")
     with step("find manoeuvres"):
         marks, own = _manoeuvres(flights, remarks)
-    chosen = held_for_proof(marks, prove)
+    chosen = held_for_proof(marks, prove, [name for name, record in flights.items() if _has_engine_speed(record)])
     targets = _targets(folder, names, own, marks, chosen)
     if not force and (there := [str(file) for file in targets if file.exists()]):
         raise FileExistsError(f"{', '.join(there)}: there already; give another folder, or --force to overwrite")
@@ -214,6 +214,10 @@ def draft_project(
         complete = _sound(folder)
     about = {name: _about(files[name], record, marks[name]) for name, record in flights.items()}
     return Drafted(tuple(file for file in targets if file.exists()), tuple(remarks), tuple(_roles(geometry)), about, complete)
+
+
+def _has_engine_speed(record: xr.DataTree) -> bool:
+    return any(str(name).endswith((".n1", ".n2")) for node in record.children.values() for name in node.data_vars)
 
 
 def _with_facts(names: NamesDraft, known: Known) -> NamesDraft:
@@ -262,6 +266,7 @@ def _manoeuvres(flights: Mapping[str, xr.DataTree], remarks: list[str]) -> tuple
         table = flighttest.manoeuvres(record)
         if len(table):
             own.add(name)
+            table = named_by_response(record, table)
         else:
             try:
                 table = without_unknown(find_manoeuvres(record))

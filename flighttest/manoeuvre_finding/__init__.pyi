@@ -2,3 +2,4 @@
 
 from .figure import draw_manoeuvres as draw_manoeuvres
 from .finding import find_manoeuvres as find_manoeuvres
+from .finding import named_by_response as named_by_response

@@ -15,6 +15,7 @@ from flightmech.units import DEGREE
 from ..quality.checks.signals import Signals, signals_of
 from ..signals.sample_flags import flags
 from .excursions import Excursion, Found, movements, named_oscillations, oscillations, step_inputs
+from .free_motion import phugoids
 from .responses import responses
 
 SURFACES = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder"}
@@ -22,6 +23,8 @@ _LEAST = 0.6 * DEGREE  # smallest movement of a surface that counts
 _NOISE = 8.0  # and standard deviations of its noise
 _CLEAR = 3.0  # times the smallest: movements that are reported even when no input is recognised
 _DOUBTFUL = 0.25  # an input with less confidence is unknown
+_PULSES = ("pulse", "block")
+_BEFORE = 5.0  # s from a pulse to the rest of the elevator after it
 _LEAD = 0.5  # s before the first movement
 _RESPONSE = 8.0  # s after the last movement, unless a control moves earlier
 COLUMNS = ["manoeuvre", "control", "start", "end", "note", "confidence"]
@@ -41,10 +44,13 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
     DataFrame
         ``manoeuvre control start end note confidence`` in order of time, as `flighttest.manoeuvres` has them; ``confidence`` is 1 where
         sizes and durations agree with the definition of the manoeuvre exactly, and goes to 0 at the largest deviation that is still
-        accepted.  ``manoeuvre`` is one of ``3211 doublet pulse sweep multisine pull_up_push_down steady_sideslip throttle_chop
-        throttle_slam throttle_chop_and_slam level_acceleration level_deceleration unknown``; unknown are clear fast movements of a surface
-        that are none of these, with confidence 0.  An input lasts from 0.5 s before its first movement to the end of the free
-        response: the next movement of a surface, 8 s after the last at most. [s]
+        accepted.  ``manoeuvre`` is one of ``3211 doublet pulse phugoid spiral sweep multisine pull_up_push_down steady_sideslip
+        throttle_chop throttle_slam throttle_chop_and_slam power_change flaps_out flaps_in gear_out gear_in speedbrake_out speedbrake_in
+        level_acceleration level_deceleration unknown``; unknown are clear fast movements of a surface that are none of these, with
+        confidence 0.  An input lasts from 0.5 s before its first movement to the end of the free response: the next movement of a
+        surface, 8 s after the last at most. [s]  A period of the phugoid with elevator and levers at rest, in which the speed oscillates,
+        is a ``phugoid``, with the pulse of the elevator that began it; a chop or slam with constant power for 10 s after it, to which the
+        aeroplane responds, a ``power_change``; 20 s in a bank with all controls at rest a ``spiral``.
 
     Raises
     ------
@@ -64,12 +70,46 @@ def find_manoeuvres(record: xr.DataTree) -> pd.DataFrame:
     inputs = [one for one in inputs if one.confidence > _DOUBTFUL]
     waves = named_oscillations([one for control, (parts, least) in moved.items() for one in oscillations(control, parts, 2.0 * least)])
     waves = [one for one in waves if not any(_overlap(one, other) for other in inputs)]
-    known = [_with_response(one, [part for parts, _ in moved.values() for part in parts], signals) for one in inputs]
+    parts = [part for parts, _ in moved.values() for part in parts]
+    lateral = [one for one in inputs if one.control != "elevator"]
+    slow = [_with_pulse(one, inputs) for one in phugoids(signals) if not any(_overlap(one, other) for other in lateral)]
+    inputs = [one for one in inputs if one.kind != "pulse" or not any(_overlap(one, other) for other in slow)]
+    known = [*slow, *(_with_response(one, parts, signals) for one in inputs)]
     known += [one for one in [*waves, *responses(signals)] if one.kind != "unknown"]
     stepped = [one for one in inputs if one.kind != "pulse"]  # their load factor is that of a pull-up too
     known = [one for one in known if one.kind != "pull_up_push_down" or not any(_overlap(one, other) for other in stepped)]
     unknown = [one for control, (parts, least) in moved.items() for one in _unknown(control, parts, least) if _new(one, known)]
     return _table([*known, *unknown], signals)
+
+
+def named_by_response(record: xr.DataTree, marks: pd.DataFrame) -> pd.DataFrame:
+    """Return marks with pulses of the elevator, called ``pulse`` or ``block``, named ``phugoid`` where the motion after them is one.
+
+    Parameters
+    ----------
+    record : DataTree
+        Flight record with channels of motion.
+    marks : DataFrame
+        ``manoeuvre control start end note``, as `flighttest.manoeuvres` has them.
+    """
+    pulses = marks["manoeuvre"].isin(_PULSES) & (marks["control"] == "elevator")
+    if not pulses.any():
+        return marks
+    signals = signals_of(record, flags(record))
+    slow = phugoids(signals)
+    named = marks.copy()
+    for row in marks[pulses].itertuples():
+        if any(min(row.end, one.end) - max(row.start, one.start) > 0.5 * (row.end - row.start) for one in slow):
+            named.loc[row.Index, "manoeuvre"] = "phugoid"
+    return named
+
+
+def _with_pulse(one: Found, inputs: Sequence[Found]) -> Found:
+    """Return a phugoid with the pulse of the elevator that began it."""
+    before = [other for other in inputs if (other.kind, other.control) == ("pulse", "elevator") and abs(one.start - other.end) < _BEFORE]
+    if not before:
+        return one
+    return replace(one, start=before[-1].start - _LEAD, confidence=before[-1].confidence)
 
 
 def _excursions(signals: Signals, name: str) -> tuple[list[Excursion], float]:

@@ -1,4 +1,4 @@
-"""Manoeuvres that are recognised by what the aeroplane does: sideslips, pull-ups, level accelerations; and throttle movements."""
+"""Manoeuvres that are recognised by what the aeroplane does: sideslips, pull-ups, level accelerations; throttle movements."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ from flightmech.units import DEGREE
 
 from ..quality.checks.signals import Signals, smooth
 from .excursions import Excursion, Found, excursions, movements, stretches
+from .free_motion import configuration_changes, power_changes, spirals
 
 G = 9.80665  # m s-2
 _HELD = 3.0  # s
 _SIDESLIP = 1.5 * DEGREE
 _SIDE_FORCE = 0.3  # m s-2
 _LEVER = 0.2  # of the lever's travel, or of the fan's speed
-_AGAIN = 15.0  # s from a chop to the slam that ends it
+_AGAIN = 10.0  # s from a chop to the slam that ends it; after a longer time each is a power change
 _LEVEL = 0.25  # largest share of the change of energy that may be potential
 _REST, _AT_REST = 0.05, 1.5  # load factor about 1, s
 _LASTING = (6.0, 90.0)  # s from 15 to 85 % of a change of speed; a series of settled points takes longer
@@ -22,8 +23,16 @@ _SPEED = 0.1  # smallest change, of the highest speed
 
 
 def responses(signals: Signals) -> list[Found]:
-    """Return the manoeuvres that show in the motion, and chops and slams."""
-    return [*throttle_movements(signals), *level_speed_changes(signals), *pull_ups(signals), *sideslips(signals)]
+    """Return the manoeuvres that show in the motion, and movements of levers, flaps, gear and speed brakes."""
+    powered = power_changes(throttle_movements(signals), signals)
+    return [
+        *powered,
+        *configuration_changes(signals),
+        *spirals(signals),
+        *level_speed_changes(signals),
+        *pull_ups(signals),
+        *sideslips(signals),
+    ]
 
 
 def throttle_movements(signals: Signals) -> list[Found]:

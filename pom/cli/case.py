@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from flightmech.support.console import InputFile, NewFile, document, json_option, remark
+from flightmech.support.console import InputFile, NewFile, document, json_option, progress, remark
 
 _FILE = InputFile(path_type=Path)
 
@@ -47,9 +47,10 @@ def init(
         if not _on_terminal():
             raise click.UsageError("--test is missing; give the number of a row, such as --test 2.c.10 (on a terminal it is requested)")
         test = _ask(titles(standard, edition))
-    case, remarks = init_case(
-        record, test, output, standard=standard, edition=edition, names=names, aircraft=aircraft, window=window, force=force
-    )
+    with progress("read the record, write the case"):
+        case, remarks = init_case(
+            record, test, output, standard=standard, edition=edition, names=names, aircraft=aircraft, window=window, force=force
+        )
     if as_json:
         document({"case": case.to_dict(), "remarks": remarks})
         return

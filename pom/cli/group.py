@@ -41,15 +41,17 @@ def check(cases: tuple[Path, ...], as_json: bool) -> None:
     from ..replaying.reference_states import window_problem
 
     found, problems = [], []
-    for file in case_files(cases):
-        try:
-            case = read_case(file)
-        except AeromatchError as error:
-            problems.append(str(error))
-            continue
-        found.append(case)
-        if problem := window_problem(case):
-            problems.append(problem)
+    files = case_files(cases)
+    with progress(f"read {len(files)} case{'s' if len(files) > 1 else ''} and their records"):
+        for file in files:
+            try:
+                case = read_case(file)
+            except AeromatchError as error:
+                problems.append(str(error))
+                continue
+            found.append(case)
+            if problem := window_problem(case):
+                problems.append(problem)
     if as_json and not problems:
         document([case.to_dict() for case in found] if len(found) > 1 else found[0].to_dict())
         return

@@ -15,12 +15,14 @@ import pom
 from aeromatch.drafting import Known, draft_project
 from aeromatch.drafting.column_names import guess
 from aeromatch.drafting.column_units import by_size
+from aeromatch.drafting.flown import held_for_proof
 from aeromatch.drafting.geometry import geometry_of
 from aeromatch.drafting.names import draft_names
 from aeromatch.examples import copy_example
 from aeromatch.project import read_project
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE, FOOT, G0, KNOT, POUND_FORCE
+from flighttest.manoeuvre_finding import find_manoeuvres, named_by_response
 
 T37 = Path(__file__).parents[2] / "data" / "t37"
 CLEAN = T37 / "datcom" / "t37_clean.out"
@@ -233,13 +235,48 @@ def test_texts_are_toml_with_a_comment_for_every_key(drafted):
 def test_folders_inside_are_looked_into_and_cases_have_names_of_their_own(tmp_path):
     """The light-aircraft example: listings and recordings in a folder each, two cases of one test."""
     copy_example("c182", tmp_path / "new", inputs_only=True)
-    for name in ("cruise", "fast", "check_roll", "check_power", "check_dutch_roll"):
-        (tmp_path / "new" / "flight" / f"{name}.csv").unlink()
-    done = draft_project(tmp_path / "new", known=MASS, prove=["check_short_period", "check_phugoid"])
+    flight = tmp_path / "new" / "flight"
+    for name in ("cruise", "fast", "check_roll", "check_power", "check_dutch_roll", "check_phugoid"):
+        (flight / f"{name}.csv").unlink()
+    (flight / "again.csv").write_bytes((flight / "check_short_period.csv").read_bytes())
+    done = draft_project(tmp_path / "new", known=MASS, prove=["check_short_period", "again"])
     assert [row[0] for row in done.roles] == sorted(file.name for file in (tmp_path / "new" / "datcom").glob("*.out"))
-    assert set(done.records) == {"slow", "check_short_period", "check_phugoid"}
+    assert set(done.records) == {"slow", "check_short_period", "again"}
     cases = [pom.read_case(file) for file in (tmp_path / "new" / "cases").glob("*.toml")]
     assert sorted(case.name for case in cases) == ["short_period_1", "short_period_2"]
     mapped = (tmp_path / "new" / "names.toml").read_text()
     assert 'vn = "GS North"' in mapped
     assert 'mass = "Gross Wt"' in mapped
+
+
+# What the flights were flown for, by the marks of the records.  Without marks: the roll into the bank of the spiral is a roll response
+# as well; the deceleration before the slam is a power change too; runs on the ground (25, 71, 72), the turns (56) and the release of the
+# pedals (55, a pulse of the rudder to who sees the surface alone) are not recognised.
+_PROOFS = {
+    "21_val_short_period_full_flaps_gear_down": "2.c.10",
+    "22_val_roll_response_clean": "2.d.2",
+    "23_val_power_chop": "2.c.1",
+    "24_val_power_slam": "2.c.1 2.c.1",
+    "26_val_phugoid": "2.c.9",
+    "27_val_dutch_roll": "2.d.7",
+    "28_val_spiral": "2.d.2 2.d.4",
+    "29_val_flap_change": "2.c.2",
+    "30_val_gear_change": "2.c.4",
+    "32_val_rudder_approach": "2.d.6",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", _PROOFS)
+def test_records_of_the_t37_are_drafted_as_what_they_were_flown_for(name):
+    record = flighttest.read(T37 / "flight" / f"t37_{name}.nc", T37 / "names.toml")
+    marked = held_for_proof({"a": named_by_response(record, flighttest.manoeuvres(record))}, ["a"], ["a"])
+    found = held_for_proof({"a": find_manoeuvres(record)}, ["a"], ["a"])
+    assert " ".join(case.test for case in found) == _PROOFS[name]
+    assert {case.test for case in marked} == {_PROOFS[name].split()[-1]}
+
+
+def test_an_engine_is_judged_where_its_speed_is_recorded():
+    chop = pd.DataFrame([("throttle_chop", "throttle", 10.0, 15.0)], columns=["manoeuvre", "control", "start", "end"])
+    assert [case.test for case in held_for_proof({"a": chop}, ["a"], ["a"])] == ["1.f.2"]
+    assert held_for_proof({"a": chop}, ["a"], []) == []

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from click.testing import CliRunner
@@ -12,7 +13,7 @@ import flighttest
 from flightmech.errors import SchemaError, UnknownName
 from flighttest.cli.group import flight
 from flighttest.input_design import multisteps
-from flighttest.manoeuvre_finding import find_manoeuvres
+from flighttest.manoeuvre_finding import find_manoeuvres, named_by_response
 from flighttest.records import read_manoeuvres, save_record
 
 DATA = Path(__file__).parents[3] / "data" / "t37"
@@ -135,6 +136,53 @@ def test_throttle_movements():
     assert found(**{"engine1.throttle": np.where(T > 26.0, 0.3, chop)})[0] == [("throttle_chop_and_slam", "throttle")]
 
 
+def test_a_chop_to_which_the_aeroplane_responds_is_a_power_change():
+    chop, slower = np.where(T > 20.0, -0.5, 0.0), np.interp(T, [20.0, 35.0], [0.0, -6.0])
+    names, table = found(**{"engine1.throttle": chop, "V": slower, "h_baro": 10.0 * slower})
+    assert names == [("power_change", "throttle")]
+    assert table["end"][0] == pytest.approx(35.0, abs=0.3)
+    kinds = {name for name, _ in found(**{"engine1.throttle": np.where(T > 26.0, 0.0, chop), "V": slower, "h_baro": 10.0 * slower})[0]}
+    assert kinds == {"throttle_chop_and_slam"}  # power is constant for 6 s only
+
+
+def pulse_and_speed(period, size):
+    """A pulse of the elevator at 4 s, and the speed after it."""
+    x = smoothed(steps([(3.0 * DEGREE, 2)], 1.0, 4.0), 0.3)
+    return {"delta_e": x, "V": np.where(T > 6.0, size * np.sin(2.0 * np.pi * (T - 6.0) / period), 0.0)}
+
+
+def test_a_pulse_and_a_period_of_free_motion_are_a_phugoid():
+    names, table = found(**pulse_and_speed(35.0, 4.0))  # 80 m/s: pi sqrt(2) V / g is 36 s
+    assert names == [("phugoid", "elevator")]
+    assert table["end"][0] == pytest.approx(60.0, abs=0.1)
+    assert found(**pulse_and_speed(35.0, 0.3))[0] == [("pulse", "elevator")]  # the speed does not oscillate
+    held = pulse_and_speed(35.0, 4.0)
+    held["delta_e"] = held["delta_e"] + np.interp(T, [15.0, 25.0], [0.0, 1.5 * DEGREE])  # slowly, as a pilot who holds the height
+    assert ("phugoid", "elevator") not in found(**held)[0]
+
+
+def test_marks_of_pulses_are_named_by_the_motion_after_them():
+    marks = pd.DataFrame(
+        [("block", "elevator", 3.5, 60.0, ""), ("recover", "", 60.0, 60.0, "")], columns=["manoeuvre", "control", "start", "end", "note"]
+    )
+    assert named_by_response(record(**pulse_and_speed(35.0, 4.0)), marks)["manoeuvre"].tolist() == ["phugoid", "recover"]
+    assert named_by_response(record(**pulse_and_speed(35.0, 0.3)), marks)["manoeuvre"].tolist() == ["block", "recover"]
+
+
+def test_controls_at_rest_in_a_bank_are_a_spiral():
+    bank = np.interp(T, [15.0, 18.0, 60.0], [0.0, 0.4, 0.7])
+    assert found(phi=bank)[0] == [("spiral", "aileron")]
+    assert found(phi=bank, delta_r=np.where((T > 30.0) & (T < 45.0), 1.5 * DEGREE, 0.0))[0] == []  # moved every 15 s
+
+
+def test_changes_of_configuration():
+    flaps, gear = np.interp(T, [20.0, 25.0], [0.0, 20.0 * DEGREE]), np.interp(T, [40.0, 44.0], [1.0, 0.0])
+    tree = record()
+    leaf = tree["all"].to_dataset().assign(delta_f=("time", flaps), gear=("time", gear))
+    table = find_manoeuvres(xr.DataTree.from_dict({"/": tree.to_dataset(), "/all": leaf}))
+    assert list(zip(table["manoeuvre"], table["control"])) == [("flaps_out", "flaps"), ("gear_in", "gear")]
+
+
 def test_level_speed_changes_are_level():
     V = np.interp(T, [20.0, 40.0], [0.0, -20.0])
     assert found(V=V)[0] == [("level_deceleration", "throttle")]
@@ -158,6 +206,21 @@ def test_the_programme_of_the_t37():
             continue
         same = table[(table["manoeuvre"] == mark.manoeuvre) & (table["control"] == mark.control)]
         assert ((same["start"] < mark.end) & (mark.start < same["end"])).any(), mark
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("flight_file", "map_file"),
+    [("20180312_1", "citation_2018"), ("20190305_2_partial", "citation_2019"), ("20200310_2", "citation_2020")],
+)
+def test_phugoid_and_spiral_of_real_flights(flight_file, map_file):
+    if not CITATION.is_dir():
+        pytest.skip("the Citation II flights (../shared/data/flight/citation_phlab) are not here")
+    table = find_manoeuvres(flighttest.read(CITATION / f"flight_{flight_file}.csv.gz", MAP.with_name(f"{map_file}.toml")))
+    sheet = pd.read_csv(CITATION / f"manoeuvres_{flight_file.removesuffix('_partial')}.csv", index_col=0).iloc[:, 0]
+    for kind in ("phugoid", "spiral"):  # noted when the pilot begins to pull or to roll
+        assert (abs(table["start"][table["manoeuvre"] == kind] - sheet[kind]) < 25.0).any(), kind
+    assert (table["manoeuvre"] == "phugoid").sum() <= 2
 
 
 @pytest.mark.slow
@@ -194,4 +257,4 @@ def test_the_verb_writes_a_table_and_a_figure_and_reads_them_back(tmp_path):
 def test_marks_of_the_record_come_first():
     file = DATA / "flight" / "t37_23_val_power_chop.nc"
     assert "as the record marks them" in call(file, "--names", DATA / "names.toml").output
-    assert "throttle_chop" in call(file, "--names", DATA / "names.toml", "--find").output
+    assert "power_change" in call(file, "--names", DATA / "names.toml", "--find").output

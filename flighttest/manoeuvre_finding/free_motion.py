@@ -1,0 +1,125 @@
+"""Manoeuvres that are recognised by what the aeroplane does after its controls came to rest: phugoid, spiral, power change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flightmech.units import DEGREE
+
+from ..quality.checks.signals import Signals, smooth
+from .excursions import Found, excursions, stretches
+
+G = 9.80665  # m s-2
+SURFACES = ("delta_e", "delta_a", "delta_r")
+_STILL = 0.6 * DEGREE  # a surface within this of where it came to rest has not been moved
+_FIXED = 0.2 * DEGREE  # and one within this is not used to hold height or bank either
+_LEVER_STILL = 0.05  # of the lever's travel
+_SETTLED = 0.5  # s after its last step until a surface is at rest
+_SHORTEST = 15.0  # s, period of the slowest phugoid
+_LONGEST = 600.0  # s of rest that are looked at
+_SPEED = 0.03  # excursion of a phugoid from peak to peak, of the mean speed
+_HALF = (0.3, 0.8)  # half a period of the oscillation of the speed, of the period at constant angle of attack
+_LEVEL, _BANK = 10.0 * DEGREE, 8.0 * DEGREE
+_SPIRAL = 20.0  # s of free motion that the test of spiral stability needs
+_POWER_CHANGE = 10.0  # s with constant power; a chop that is ended earlier is an input
+_SPEED_CHANGE, _PITCH_CHANGE = 0.03, 2.0 * DEGREE  # least response to a power change, of the speed or of the attitude
+_SHOWN = 15.0  # s of the response to a power change, [14CFR60] Table A2A 2.c.1
+
+
+def speed_of(signals: Signals) -> np.ndarray | None:
+    """Return the speed of a record, or None. [m/s]"""
+    name = next((name for name in ("V", "V_cas") if name in signals), None)
+    return None if name is None else smooth(signals[name], signals.step, 0.2)
+
+
+def phugoids(signals: Signals) -> list[Found]:
+    """Return stretches in which elevator and levers are at rest for a period ``pi sqrt(2) V / g`` at least, and the speed oscillates.
+
+    The wings are level; what moves ailerons and rudder, and excites a phugoid as well, is left to the caller.
+
+    References
+    ----------
+    .. [Lanchester1908] F. W. Lanchester, Aerodonetics, 1908: the period at constant angle of attack.
+    """
+    speed = speed_of(signals)
+    if "delta_e" not in signals or speed is None:
+        return []
+    found = []
+    for start, end in _rests(signals, ("delta_e",), _SHORTEST):
+        a, b = np.searchsorted(signals.time, (start, end))
+        mean = float(speed[a:b].mean())
+        period = np.pi * np.sqrt(2.0) * mean / G
+        crossings = [one.middle for one in excursions(signals.time[a:b], speed[a:b], _SPEED * mean)]
+        level = "phi" not in signals or float(np.percentile(np.abs(signals["phi"][a:b]), 90.0)) < _LEVEL
+        if level and end - start > period and len(crossings) > 1 and _HALF[0] < np.median(np.diff(crossings)) / period < _HALF[1]:
+            found.append(Found("phugoid", "elevator", start, end, 0.8))
+    return found
+
+
+def spirals(signals: Signals) -> list[Found]:
+    """Return stretches of 20 s and more in a bank in which neither a surface nor a lever moves."""
+    if "phi" not in signals or not set(SURFACES) <= set(signals.values):
+        return []
+    banked = signals.flying & (np.abs(signals["phi"]) > _BANK)
+    found = []
+    for a, b in stretches(banked):
+        inside = replace(signals, flying=signals.flying & (np.arange(len(banked)) >= a) & (np.arange(len(banked)) < b))
+        found += [Found("spiral", "aileron", start, end, 0.8) for start, end in _rests(inside, SURFACES, _SPIRAL)]
+    return found
+
+
+def _rests(signals: Signals, surfaces: Sequence[str], least: float) -> list[tuple[float, float]]:
+    """Return the stretches of flight, `least` long, in which none of `surfaces` and no lever moves. [s]"""
+    found = []
+    for a, b in stretches(signals.flying):
+        start = float(signals.time[a])
+        while start + least < signals.time[b - 1]:
+            end = at_rest_until(signals, surfaces, start, _FIXED)
+            if end - start > least:
+                found.append((start, end))
+            start = max(end, start + 1.0)
+    return found
+
+
+def power_changes(moved: Sequence[Found], signals: Signals) -> list[Found]:
+    """Return chops and slams, those after which power stays constant for 10 s and the aeroplane responds as power changes."""
+    found = []
+    for one in moved:
+        end = min(at_rest_until(signals, (), one.end + 2.0 * _SETTLED), one.end + _SHOWN)
+        if one.kind in ("throttle_chop", "throttle_slam") and end - one.end >= _POWER_CHANGE and _responds(signals, one.start, end):
+            one = replace(one, kind="power_change", end=end)
+        found.append(one)
+    return found
+
+
+def configuration_changes(signals: Signals) -> list[Found]:
+    """Return movements of flaps, gear and speed brakes in flight, as ``flaps_out``, ``gear_in`` ..., with 15 s of response at most."""
+    found: list[Found] = []
+    for channel, word, least in (("delta_f", "flaps", 3.0 * DEGREE), ("gear", "gear", 0.5), ("speedbrake", "speedbrake", 0.2)):
+        for one in excursions(signals.time, signals[channel], least) if channel in signals else ():
+            if signals.flying[np.searchsorted(signals.time, one.middle)]:
+                kind = f"{word}_{'out' if one.size > 0.0 else 'in'}"
+                found.append(Found(kind, word, one.start, min(one.end + _SHOWN, float(signals.time[-1])), 1.0))
+    return found
+
+
+def at_rest_until(signals: Signals, surfaces: Sequence[str], start: float, still: float = _STILL) -> float:
+    """Return when one of `surfaces`, a lever or the end of the flight ends the rest that begins at `start`. [s]"""
+    a = int(np.searchsorted(signals.time, start))
+    b, c = a + round(1.0 / signals.step), a + round(_LONGEST / signals.step)
+    rest = signals.flying[a:c].copy()
+    for name, x in signals.values.items():
+        least = still if name in surfaces else _LEVER_STILL if name.endswith(".throttle") else np.inf
+        if least < np.inf:
+            rest &= np.abs(x[a:c] - np.median(x[a:b])) < least
+    return float(signals.time[a:c][-1 if rest.all() else np.argmin(rest)])
+
+
+def _responds(signals: Signals, start: float, end: float) -> bool:
+    a, b = np.searchsorted(signals.time, (start, end))
+    speed = speed_of(signals)
+    slower = speed is not None and float(np.ptp(speed[a:b])) > _SPEED_CHANGE * float(speed[a])
+    return slower or ("theta" in signals and float(np.abs(signals["theta"][a:b] - signals["theta"][a]).max()) > _PITCH_CHANGE)
