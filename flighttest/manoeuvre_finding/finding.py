@@ -98,9 +98,10 @@ def named_by_response(record: xr.DataTree, marks: pd.DataFrame) -> pd.DataFrame:
     signals = signals_of(record, flags(record))
     slow = phugoids(signals)
     named = marks.copy()
-    for row in marks[pulses].itertuples():
-        if any(min(row.end, one.end) - max(row.start, one.start) > 0.5 * (row.end - row.start) for one in slow):
-            named.loc[row.Index, "manoeuvre"] = "phugoid"
+    for number, row in enumerate(marks.to_dict("records")):
+        start, end = float(row["start"]), float(row["end"])
+        if pulses.iloc[number] and any(min(end, one.end) - max(start, one.start) > 0.5 * (end - start) for one in slow):
+            named.loc[named.index[number], "manoeuvre"] = "phugoid"
     return named
 
 

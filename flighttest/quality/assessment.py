@@ -78,7 +78,8 @@ def assess(record: xr.DataTree, aircraft: Aircraft | None = None) -> Quality:
     purpose = str(record.attrs.get("purpose", ""))
     findings += accuracy_findings(kinematics)
     findings += lag_findings(delays, specification, record)
-    findings += answer_findings(answered, followed, moved, record)
+    late = {channel for finding in findings if finding.kind == "lag" for channel in finding.channels}
+    findings += answer_findings(answered, followed, moved, record, late)
     findings += excitation_findings(excited, matrix, corrected, manoeuvres(record), purpose)
     findings += remarks(corrected, table, comparisons)
     if all(finding.severity == "note" for finding in findings):  # nothing is called sound that the reconstruction refuses

@@ -129,7 +129,7 @@ def _answers(quality: Quality) -> list[str]:
     lines = ["", "answers to the surfaces (convention: all negative):"]
     return lines + [
         f"  {row.rate}_dot over {row.surface:8s} {row.effect:+8.2f} 1/s2 per rad ({row.stderr:.2f})  R2 {row.R2:.2f}, "
-        f"recorded {1e3 * row.lead:+.0f} ms early"
+        f"recorded {1e3 * row.lead:+.0f} ms early (standard error {1e3 * row.lead_stderr:.0f} ms)"
         for row in rows(quality.answers)
     ]
 

@@ -7,7 +7,7 @@ left, positive rudder yaws left; side force opposes sideslip; the surface follow
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -29,8 +29,10 @@ _MEMORY = 2.0  # s over which residuals are taken as correlated
 _LOWEST_R2 = 0.15
 _SHIFTS = np.linspace(-0.2, 0.4, 25)  # s
 _EARLY, _LATE, _GAINS = 0.05, -0.15, 0.03  # s, and R2, beyond which a surface was not recorded when it acted
+_CERTAIN = 3.0  # standard errors by which the time must lie beyond
+_ACTIVE, _AROUND = 0.25, 1.5  # of the largest movement, and s around it: samples that show when a surface acts
 _MOVED = 1.0 * DEGREE  # total movement without which a delay is not informative
-_EXPLAINED = 0.72  # R2 that the equation must reach even so
+_EXPLAINED = 0.4  # R2 that the equation must reach about the movements with the best delay
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
 _SMALL = 0.6 * DEGREE  # total movement below which an effect must not be large
 _STRONGEST = {"delta_e": 100.0, "delta_a": 100.0, "delta_r": 20.0}  # 1/s2 per radian at the mean speed of the record
@@ -76,9 +78,15 @@ def answers(signals: Signals) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row per surface that moves: ``surface rate effect stderr ratio R2 movement lead gained``; effect is the angular acceleration
-        per radian at the mean dynamic pressure of the flight [s-2], stderr that of coloured residuals, movement the range between 0.5
-        and 99.5 % [rad], lead the time by which the surface is recorded before it acts [s] and gained the R2 that delaying it gains.
+        One row per surface that moves: ``surface rate effect stderr ratio R2 movement lead lead_stderr gained explained``; effect is the
+        angular acceleration per radian at the mean dynamic pressure of the flight [s-2], stderr that of coloured residuals, movement the
+        range between 0.5 and 99.5 % [rad], lead the time by which the surface is recorded before it acts and lead_stderr its standard
+        error [s], gained the R2 that delaying it gains, and explained the R2 with that delay, both about the movements of the surface.
+
+    Notes
+    -----
+    Only samples about the movements of a surface show when it acts.  In all others, of which a flight has more, a delayed surface
+    makes up for what else the equation lacks: a vane on the wing in a roll is enough for a delay of 0.2 s.
     """
     table: list = []
     for equation in EQUATIONS:
@@ -98,13 +106,28 @@ def answers(signals: Signals) -> pd.DataFrame:
         if fit is not None:
             effect, stderr, R2 = fit
             movement = float(np.percentile(x, 99.5) - np.percentile(x, 0.5))
-            lead, gained = _lead(y, columns, surface, signals.time, mask)
-            table.append((equation.surface, equation.rate, effect, stderr, effect / max(stderr, 1e-300), R2, movement, lead, gained))
-    return pd.DataFrame(table, columns=["surface", "rate", "effect", "stderr", "ratio", "R2", "movement", "lead", "gained"])
+            active = mask & _about_movements(surface, mask, signals.step)
+            inside = active[mask]
+            timing = _lead(y[inside], [column[inside] for column in columns], surface, signals.time, active)
+            table.append((equation.surface, equation.rate, effect, stderr, effect / max(stderr, 1e-300), R2, movement, *timing))
+    about = ["surface", "rate", "effect", "stderr", "ratio", "R2", "movement", "lead", "lead_stderr", "gained", "explained"]
+    return pd.DataFrame(table, columns=about)
 
 
-def _lead(y: np.ndarray, columns: Sequence[np.ndarray], surface: np.ndarray, time: np.ndarray, mask: np.ndarray) -> tuple[float, float]:
-    """Return by how much the surface must be delayed to explain the motion best [s], and the R2 that this gains."""
+def _about_movements(surface: np.ndarray, mask: np.ndarray, step: float) -> np.ndarray:
+    """Return the samples about the larger quick movements of a surface."""
+    large = np.abs(surface) > _ACTIVE * np.percentile(np.abs(surface[mask]), 99.5)
+    width = 2 * min(round(_AROUND / step), (len(large) - 1) // 2) + 1
+    return np.convolve(large, np.ones(width), mode="same") > 0.5
+
+
+def _lead(
+    y: np.ndarray, columns: Sequence[np.ndarray], surface: np.ndarray, time: np.ndarray, mask: np.ndarray
+) -> tuple[float, float, float, float]:
+    """Return by how much the surface must be delayed to explain the motion best, its standard error [s], the R2 gained and reached.
+
+    The standard error is that of the linear model at the best delay: a delay adds the derivative of the surface times its effect.
+    """
     left = []
     for shift in _SHIFTS:
         X = np.stack([*columns, np.interp(time - shift, time, surface)[mask]], axis=1)
@@ -113,7 +136,12 @@ def _lead(y: np.ndarray, columns: Sequence[np.ndarray], surface: np.ndarray, tim
     best = float(_SHIFTS[at])
     if 0 < at < len(left) - 1 and (bend := left[at - 1] - 2.0 * left[at] + left[at + 1]) > 0.0:
         best -= (_SHIFTS[1] - _SHIFTS[0]) * (left[at + 1] - left[at - 1]) / (2.0 * bend)
-    return best, float(np.interp(0.0, _SHIFTS, left)) - left[at]
+    delayed = np.interp(time - best, time, surface)
+    step = float(time[1] - time[0])
+    effect = _regressed(y, [*columns, delayed[mask]], mask, step)
+    slope = _regressed(y, [*columns, delayed[mask], np.gradient(delayed, step)[mask]], mask, step)
+    stderr = np.inf if effect is None or slope is None or effect[0] == 0.0 else slope[1] / abs(effect[0])
+    return best, float(stderr), float(np.interp(0.0, _SHIFTS, left)) - left[at], 1.0 - left[at]
 
 
 def hands(signals: Signals) -> pd.DataFrame:
@@ -129,11 +157,18 @@ def hands(signals: Signals) -> pd.DataFrame:
     return pd.DataFrame(table, columns=["control", "surface", "expected", "correlation", "position"])
 
 
-def answer_findings(table: pd.DataFrame, followed: pd.DataFrame, signals: Signals, record: xr.DataTree) -> list[Finding]:
-    """Return the surfaces that move the aeroplane the wrong way, or far too much, and the controls that nothing follows."""
+def answer_findings(
+    table: pd.DataFrame, followed: pd.DataFrame, signals: Signals, record: xr.DataTree, late: Collection[str] = ()
+) -> list[Finding]:
+    """Return the surfaces that move the aeroplane the wrong way, far too much or at another time, and the controls that nothing follows.
+
+    Channels that are `late` themselves show nothing about the time of a surface.
+    """
     found = []
     for row in rows(table):
-        found += _surface(row, record) if row.R2 >= _LOWEST_R2 and abs(row.ratio) >= SIGNIFICANT else []
+        wrong = _surface(row, record) if row.R2 >= _LOWEST_R2 and abs(row.ratio) >= SIGNIFICANT else []
+        others = next(equation.others for equation in EQUATIONS if equation.surface == row.surface)
+        found += wrong or ([] if set(others) & set(late) else _timing(row, record))
     for row in rows(followed):
         found += _hand(row, record)
     return found + _side_force(signals)
@@ -149,16 +184,26 @@ def _surface(row, record: xr.DataTree) -> list[Finding]:
     if row.movement < _SMALL and abs(row.effect) > _STRONGEST[name]:
         text = f"{name} is in rad and was taken as deg: it moves by {row.movement / DEGREE:.2g} deg in all, and {measured}"
         return [Finding("error", "unit", names, text, map_entry(record, name, 1.0 / DEGREE), evidence=evidence)]
-    off = not _LATE < row.lead < _EARLY and row.gained > _GAINS
-    if off and row.movement > _MOVED and row.R2 > _EXPLAINED:
+    return []
+
+
+def _timing(row, record: xr.DataTree) -> list[Finding]:
+    """Return whether a surface was recorded when it acted."""
+    name, names = row.surface, (row.surface, row.rate)
+    margin = _CERTAIN * row.lead_stderr
+    off = (row.lead - margin > _EARLY or row.lead + margin < _LATE) and row.gained > _GAINS
+    if off and row.movement > _MOVED and row.explained > _EXPLAINED:
         when = "before" if row.lead > 0.0 else "after"
         text = (
-            f"{name} is recorded {1e3 * abs(row.lead):.0f} ms {when} it acts on {row.rate}_dot (delaying it gains {row.gained:.2f} of R2)"
+            f"{name} is recorded {1e3 * abs(row.lead):.0f} ms (standard error {1e3 * row.lead_stderr:.0f} ms) {when} it acts on "
+            f"{row.rate}_dot (that time gains {row.gained:.2f} of R2)"
         )
         line = later(record, name, lag=-row.lead) if row.lead > 0.0 else later(record, name, delay=-row.lead)
         cause = "a command, whose actuator lags" if row.lead > 0.0 else "a clock that is late"
         remedy = f"{line}, if it is {cause}" if line else f"{cause}: put the time between"
-        return [Finding("warning", "lag", names, text, remedy, evidence={"lead": row.lead, "gained": row.gained})]
+        return [
+            Finding("warning", "lag", names, text, remedy, evidence={"lead": row.lead, "stderr": row.lead_stderr, "gained": row.gained})
+        ]
     return []
 
 

@@ -285,3 +285,35 @@ def test_command_recorded_instead_of_a_surface(name, lead, recordings, aircraft)
     assert named(quality) == [f"lag:{name}"]
     # 20 ms: the alpha vane of this aeroplane is 35 ms late, which the pitch equation takes for an early elevator
     assert quality.answers.set_index("surface")["lead"][name] == pytest.approx(lead, abs=0.02)
+
+
+C182 = Path(__file__).parents[3] / "data" / "c182"
+CITATION = Path(__file__).parents[4] / "shared" / "data" / "flight" / "citation_phlab"
+LEADS = [("c182", "cruise"), ("c182", "fast"), ("c182", "check_short_period"), ("t37", CARD), ("citation", "20180312_1"),
+         ("citation", "20190305_2_partial"), ("citation", "20200310_2")]  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("source", "name"), LEADS)
+def test_elevator_on_time_and_two_tenths_early(source, name, recordings, aircraft):
+    """About its movements a surface shows when it acts; in the rest of a record vane errors of a roll looked like a delay of 0.24 s."""
+    if source == "citation" and not CITATION.is_dir():
+        pytest.skip("the Citation II flights (../shared/data/flight/citation_phlab) are not here")
+    if source == "c182":
+        sound = flighttest.read(C182 / "flight" / f"{name}.csv", C182 / "names.toml")
+        aircraft = flightmech.read_aircraft(C182 / "aircraft.toml")
+    elif source == "t37":
+        sound = recordings(name)
+    else:
+        names = Path(__file__).parents[2] / "real" / "maps" / f"citation_{name[:4]}.toml"
+        sound, aircraft = flighttest.read(CITATION / f"flight_{name}.csv.gz", names), None
+    quality = flighttest.assess(sound, aircraft)
+    found = quality.answers.set_index("surface").loc["delta_e"]
+    assert not [text for text in named(quality) if text.startswith("lag:delta_e")]
+    assert abs(found["lead"]) < 0.05
+    early = planted(sound, delta_e=later(-0.2, "delta_e"))
+    shifted = flighttest.assess(early, aircraft)
+    assert [text for text in named(shifted) if text.startswith("lag:delta_e")]
+    row = shifted.answers.set_index("surface").loc["delta_e"]
+    assert row["lead"] - found["lead"] == pytest.approx(0.2, abs=0.02)
+    assert 0.0 < row["lead_stderr"] < 0.06
