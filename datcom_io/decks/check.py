@@ -14,6 +14,7 @@ from .deck import Deck
 from .file import DeckFile, read_deck
 from .rules import aircraft, cards, flight
 
+_DEVICES = {"SYMFLP", "ASYFLP", "GRNDEF", "JETPWR", "PROPWR", "CONTAB"}
 _RULES = (*cards.RULES, *flight.RULES, *aircraft.RULES)
 
 
@@ -57,10 +58,23 @@ def check_case(case: Deck) -> list[DeckFinding]:
 def _run(cases: list[Deck]) -> Iterator[DeckFinding]:
     """Yield what concerns the run as a whole."""
     yield from _drift(cases)
+    yield from _undamped(cases)
     if cases and cases[-1].has("SAVE") and cases[-1].has("NEXT"):
         line = next(card.line for card in reversed(cases[-1].cards) if card.name == "SAVE")
         yield DeckFinding(
             line, WARNING, "SAVE in the last case, before NEXT CASE: the program runs the saved case once more; take SAVE out"
+        )
+
+
+def _undamped(cases: list[Deck]) -> Iterator[DeckFinding]:
+    """Without DAMP the program computes no derivatives with rates, of which a database needs those of the whole aeroplane."""
+    whole = [case for case in cases if {"WGPLNF", "HTPLNF", "FLTCON"} <= case.namelists.keys() and not _DEVICES & case.namelists.keys()]
+    if whole and not any(case.has("DAMP") for case in whole):
+        yield DeckFinding(
+            whole[0].line,
+            WARNING,
+            "no DAMP card: the program prints no derivatives with q, alpha dot, p and r, and a database made of the listing has no "
+            "damping; add a line DAMP",
         )
 
 

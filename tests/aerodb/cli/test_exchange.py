@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 from click.testing import CliRunner
@@ -10,6 +11,8 @@ from click.testing import CliRunner
 import aerodb
 from aerodb.cli.group import db
 from aerodb.exchange.recognition import recognized
+from aerodb.transform import in_ground_effect
+from flightmech import terms
 from flightmech.errors import ParseError
 from flightmech.units import DEGREE
 
@@ -34,6 +37,20 @@ def test_export_and_import_recognise_the_format(small, file, tmp_path, fmt, name
     assert list(aerodb.terms(aerodb.open(back))) == list(aerodb.terms(small))
     if fmt != "daveml":
         xr.testing.assert_identical(aerodb.open(back), small)
+
+
+def test_a_formula_over_the_height_is_exported_as_a_table(small, tmp_path):
+    closed = in_ground_effect(terms.make(0.8, regressors=["alpha"], stderr=0.01), 0.6, -1.45, 2.0)
+    aerodb.save(aerodb.replace_terms(small, {"CL/ground": closed}), tmp_path / "ground.nc")
+    done = run("export", str(tmp_path / "ground.nc"), "--to", "daveml", "-o", str(tmp_path / "x.dml"), "--height", "50 m")
+    assert done.exit_code == 0, done.output
+    assert "1 terms with a formula over the height are written as tables up to 50 m" in done.stderr
+    back = aerodb.terms(aerodb.exchange.import_daveml(tmp_path / "x.dml"))["CL/ground"]
+    at = {"alpha": 0.1, "h_agl": np.array([1.0, 2.0, 3.7, 11.0, 50.0])}
+    np.testing.assert_allclose(terms.evaluate(back, at, outside="clamp"), terms.evaluate(closed, at), rtol=1e-3)
+    done = run("export", str(tmp_path / "ground.nc"), "--to", "csv", "-o", str(tmp_path / "x"), "--height", "50 m")
+    assert done.exit_code == 2
+    assert "--height belongs to jsbsim and daveml; leave it out for csv" in done.stderr
 
 
 def test_answers_for_programs(file, tmp_path):

@@ -220,6 +220,17 @@ def test_ground():
     one("the program prints ground heights in feet", "NACA H 4 0012", "DIM M", severity="warning", **ground)
 
 
+def test_no_damping_is_reported_once_for_a_run():
+    tail = {"HTPLNF": TAIL, "FLTCON": ONE_CONDITION}
+    one("no DAMP card: the program prints no derivatives with q, alpha dot, p and r", "NACA H 4 0012", severity="warning", **tail)
+    assert found("NACA H 4 0012", "DAMP", **tail) == []
+    whole = cards("NACA H 4 0012", **tail)
+    assert len([text for text in texts(lines=[*whole, *whole], severity="warning") if "DAMP" in text]) == 1
+    assert [
+        text for text in texts("NACA H 4 0012", severity="warning", SYMFLP=FLAP, **tail) if "DAMP" in text
+    ] == []  # a device: its derivatives are static
+
+
 def test_a_series_of_saved_cases_too_long_to_replay():
     lines = []
     for _ in range(60):
