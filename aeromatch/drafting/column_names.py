@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flightmech.errors import UnitError, UnknownName, synonym
 from flightmech.names import COEFFICIENTS, lookup
 from flightmech.units import parse
+from flighttest.readers.headings import split_heading
+from flighttest.readers.name_map import known_unit
 
 # what recorders call a channel, in lower case without separators, in addition to the other names of the field (`flightmech.errors.synonym`)
 _WORDS = {
@@ -120,7 +122,8 @@ def guess(column: str) -> Guess | None:
     Parameters
     ----------
     column : str
-        As the file calls it; a table or group before it (``adc/KIAS``) counts for satellite receivers only.
+        As the file calls it, with or without its unit in brackets; a table or group before it (``adc/KIAS``) counts for satellite
+        receivers only.
 
     Examples
     --------
@@ -130,12 +133,19 @@ def guess(column: str) -> Guess | None:
     ('V_cas', 'kt')
     >>> guess("thrust_left_lbf").name
     'engine1.thrust'
+    >>> guess("Roll Rate (deg/s)").name, guess("Roll Rate (deg/s)").unit
+    ('p', 'deg/s')
     >>> guess("spare_7") is None
     True
     """
-    own = column.rpartition("/")[2] or column
+    heading, stated = split_heading(column)
+    own = heading.rpartition("/")[2] or heading
     head, _, tail = own.rpartition(".")
-    return _guess(own, column) or (_guess(head, column) if head and tail else None)
+    found = _guess(own, heading) or (_guess(head, heading) if head and tail else None)
+    if found is None or not stated:
+        return found
+    unit = known_unit(stated)
+    return replace(found, unit=unit) if _same_kind(unit, found.name) else None
 
 
 def _guess(own: str, column: str) -> Guess | None:

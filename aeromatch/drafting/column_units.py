@@ -27,7 +27,7 @@ def stated(unit: str | None, name: str) -> str | None:
     """Return a unit as the package spells it when it is one of the quantity, else None."""
     if not unit:
         return None
-    unit = known_unit(unit.strip().strip("[]()").replace("°", "deg").replace("^", ""))
+    unit = known_unit(unit.strip().strip("[]()"))
     try:
         same = parse(unit)[0] == parse(lookup(name).units)[0]
     except UnitError:

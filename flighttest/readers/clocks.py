@@ -12,6 +12,7 @@ from flightmech.errors import SchemaError, UnknownName
 
 from .bus.arinc429 import label_tables, words_of_columns
 from .bus.decode import Arinc429
+from .headings import column_called
 from .name_map import NameMap, Utc
 from .recording import CLOCK_NAMES, Table, first
 from .stamps import Settled, settled
@@ -62,8 +63,10 @@ class Clocks:
 
     def _own_column(self, wanted: str | None, table: str) -> str | None:
         """Return the column that ``[time] column`` names in a table; None without one, and for the table/column of another table."""
-        if wanted is None or wanted in self.tables[table].columns:
-            return wanted
+        if wanted is None:
+            return None
+        if own := column_called(wanted, self.tables[table]):
+            return own
         group, _, column = wanted.rpartition("/")
         return column if group == table else None if group in self.tables else wanted
 

@@ -48,14 +48,18 @@ from ..sensors.instruments import Instrument
 from .bus.decode import KINDS, Decode
 
 MAPS = Path(__file__).parent / "maps"
-_ALIASES = {"-": "1", "pct": "%", "percent": "%", "deg C": "degC", "kts": "kt", "knots": "kt", "seconds": "s", "sec": "s"}
+_ALIASES = {
+    **{"-": "1", "pct": "%", "percent": "%", "deg C": "degC", "degrees": "deg", "seconds": "s", "sec": "s"},
+    **{"kts": "kt", "knots": "kt", "feet": "ft", "fpm": "ft/min", "m/s/s": "m/s2", "lbs": "lb", "mbar": "hPa", "mb": "hPa"},
+}
 _TIME_UNITS = {"us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 TOP = ("extends", "optional", "time", "record", "constants", "instruments", "utc", "decode")
 
 
 def known_unit(unit: str) -> str:
-    """Return a unit as `flightmech.units` spells it."""
-    return _ALIASES.get(unit, unit)
+    """Return a unit as `flightmech.units` spells it: ``deg/s`` for ``°/sec``, ``m/s2`` for ``m/s^2``."""
+    text = unit.strip().replace("°", "deg").replace("²", "2").replace("^", "").replace("/sec", "/s")
+    return _ALIASES.get(text, text)
 
 
 class Channel(Strict):
@@ -103,8 +107,8 @@ class Channel(Strict):
             raise UnitError(
                 f'column {self.columns[0]!r} has no unit in the file; give unit = "..." for {name} in the name map (expected {units})'
             )
-        zero = float(to_si(0.0, _ALIASES.get(unit, unit), units))
-        factor = parse(_ALIASES.get(unit, unit))[1]
+        zero = float(to_si(0.0, known_unit(unit), units))
+        factor = parse(known_unit(unit))[1]
         return _line(values, self.sign * self.scale * factor, self.sign * self.scale * zero + offset)
 
     def _calibrated(self, values):
@@ -180,7 +184,7 @@ class Clock(Strict):
         unit = self.unit or file_unit or "s"
         if unit in _TIME_UNITS:
             return _TIME_UNITS[unit]
-        return float(to_si(1.0, _ALIASES.get(unit, unit), "s"))
+        return float(to_si(1.0, known_unit(unit), "s"))
 
 
 class Utc(Strict):
@@ -397,7 +401,7 @@ def _faults(channel: Channel, units: str) -> list[str]:
         except UnitError as error:
             found.append(f"{key}: {error}")
     if channel.unit is not None:
-        unit = _ALIASES.get(channel.unit, channel.unit)
+        unit = known_unit(channel.unit)
         try:
             if parse(unit)[0] != parse(units)[0]:
                 raise UnitError(f"{channel.unit!r} cannot be converted to {units!r}; give a unit of the same quantity")

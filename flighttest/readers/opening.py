@@ -11,6 +11,7 @@ from flightmech.errors import ParseError
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.input_files.text import demand_regular, marked_encoding
 
+from .headings import with_units_of_headings
 from .name_map import NameMap
 from .recording import Recording, guarded
 
@@ -98,4 +99,4 @@ def open_recording(path: str | Path, names: NameMap) -> Recording:
         The package that reads the format is not installed.
     """
     module, _ = FORMATS[recognise(path)]
-    return importlib.import_module(f".formats.{module}", __package__).read(Path(path), names)
+    return with_units_of_headings(importlib.import_module(f".formats.{module}", __package__).read(Path(path), names))

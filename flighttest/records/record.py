@@ -22,6 +22,7 @@ from flightmech.names import VOCABULARY, attrs, lookup
 
 from ..readers.clocks import Clocks, utc_facts
 from ..readers.flight_modes import rows
+from ..readers.headings import column_called
 from ..readers.map_entries import entry_of
 from ..readers.name_map import Channel, NameMap, read_names, shipped_maps
 from ..readers.opening import FORMATS, open_recording
@@ -281,12 +282,13 @@ def _one_place(leaf: str, wanted: str, tables: Mapping[str, Table], path: Path) 
     if wanted in tables and len(tables[wanted].columns) == 1:
         return wanted, next(iter(tables[wanted].columns))
     for table in sorted(tables, key=len, reverse=True):  # names of tables may hold slashes, names of columns too
-        if wanted.startswith(table + "/") and wanted[len(table) + 1 :] in tables[table].columns:
-            return table, wanted[len(table) + 1 :]
+        if wanted.startswith(table + "/") and (column := column_called(wanted[len(table) + 1 :], tables[table])):
+            return table, column
+    own = leaf if leaf in tables else next(iter(tables)) if len(tables) == 1 else "data"  # a unit may hold a slash
+    if own in tables and (column := column_called(wanted, tables[own])):
+        return own, column
     group, _, column = wanted.rpartition("/")
     group = group or (leaf if leaf in tables else next(iter(tables)) if len(tables) == 1 else "")
-    if group not in tables and wanted in tables.get("data", Table({})).columns:
-        return "data", wanted
     if group not in tables:
         raise UnknownName(group or leaf, tables, "table", f"{path.name} holds no such group for column {wanted!r}; write group/column")
     if column not in tables[group].columns:

@@ -25,10 +25,10 @@ import numpy as np
 from flightmech.errors import ParseError
 from flightmech.support.input_files.text import MOST_COLUMNS, WESTERN, csv_rows, decoded, marked_encoding, read_bytes
 
+from ..headings import split_headings
 from ..name_map import NameMap
 from ..recording import Recording, Table, guarded
 
-_HEAD = re.compile(r"^(.*?)\s*[\[(]([^\])]*)[\])]$")
 _DAY_TIME = re.compile(r"^(?:(\d{1,3})[:\s])?(\d{1,2}):(\d{2}):(\d{2}(?:\.\d*)?)$")
 _ISO = re.compile(r"^\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}(\.\d*)?)?)?(Z|[+-]\d{2}:?\d{2})?$")
 _DIGIT = re.compile(r"^[-+]?\.?\d")
@@ -108,12 +108,7 @@ def _heading(raw: bytes, path: Path) -> tuple[list[str], dict[str, str], int, st
     cells = _cells(top[3], separator, path, top[0])
     if all(_number(cell) for cell in cells):
         raise ParseError(str(path), top[0], f"numbers ({', '.join(cells[:3])}) where names belong", "one line of column names at the top")
-    heads, units = [], {}
-    for cell in cells:
-        match = _HEAD.match(cell)
-        heads.append(match.group(1) if match else cell)
-        if match:
-            units[heads[-1]] = match.group(2)
+    heads, units = split_headings(cells)
     if len(set(heads)) < len(heads):
         twice = Counter(heads).most_common(1)[0][0]
         raise ParseError(str(path), top[0], f"two columns called {twice!r}", "a name of its own for every column")
