@@ -20,6 +20,9 @@ from .pilot import Loop
 PRIMARY = {"recorded": ("delta_e", "delta_a", "delta_r"), "cockpit": TRAVEL, "force": FORCES}
 """Level of drive: the recorded controls that drive pitch, roll and yaw."""
 
+_POWER = {"thrust": ("thrust",), "n1": ("n1",), "throttle": ("throttle", "pla")}
+"""What a drive of the engines sets: the angle of a lever is its position."""
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -43,6 +46,10 @@ class Drive:
         can, and a bias beyond.
     pilot : tuple of Loop
         Loops of the math pilot; only with ``surfaces = "pilot"``.
+    trim_surfaces : tuple of str
+        Trim surfaces that the trim solves for, so that the recorded forces hold the controls at the start.
+    runway : str
+        ``dry``, ``wet``, ``icy``; empty for the state in the aircraft file.
     """
 
     surfaces: str = "recorded"
@@ -51,6 +58,8 @@ class Drive:
     limits: dict[str, float] = field(default_factory=dict)
     pilot: tuple[Loop, ...] = ()
     held_by: str = "force"
+    trim_surfaces: tuple[str, ...] = ()
+    runway: str = ""
 
     @property
     def level(self) -> str:
@@ -62,7 +71,8 @@ class Drive:
     @classmethod
     def from_dict(cls, item: Mapping[str, Any]) -> Drive:
         """Rebuild a drive from ``dataclasses.asdict``."""
-        return cls(**{**item, "pilot": tuple(Loop(**loop) for loop in item.get("pilot", ()))})
+        loops = tuple(Loop(**loop) for loop in item.get("pilot", ()))
+        return cls(**{**item, "pilot": loops, "trim_surfaces": tuple(item.get("trim_surfaces", ()))})
 
 
 @dataclass(frozen=True)
@@ -174,7 +184,7 @@ def driven(case: PomCase) -> set[str]:
     names = set(INPUTS).difference(*PRIMARY.values()).union(PRIMARY[case.drive.level])
     moved = {loop.control for loop in case.drive.pilot}
     if "throttle" not in moved:
-        names |= {f"engine{n}.{case.drive.engine}" for n in range(1, 9)}
+        names |= {f"engine{n}.{name}" for n in range(1, 9) for name in _POWER[case.drive.engine]}
     return names - moved
 
 
@@ -263,7 +273,13 @@ def _drive(file: CaseFile, found: list[Criterion], problems: list[str]) -> Drive
     given = file.drive
     if any(loop.control == "throttle" for loop in loops) and given.engine != "throttle":
         problems.append(f'drive.pilot: a loop moves the throttle, but drive.engine is "{given.engine}"; drive the engines by "throttle"')
-    drive = Drive(given.surfaces, given.engine, given.trim, parts.limits(given.limits, problems), loops, given.held_by)
+    limits = parts.limits(given.limits, problems)
+    drive = Drive(given.surfaces, given.engine, given.trim, limits, loops, given.held_by, given.trim_surfaces, given.runway)
+    if drive.trim_surfaces and (drive.level != "force" or drive.trim is not True or drive.held_by != "force"):
+        problems.append(
+            "drive.trim_surfaces: a trim surface is solved for where recorded forces hold the controls at the start; "
+            'give surfaces = "force", trim = true and held_by = "force", or leave it out'
+        )
     if drive.held_by == "friction" and drive.level != "force":
         problems.append(
             f'drive.held_by: "friction" holds controls that forces drive; drive.surfaces is "{given.surfaces}", make it "force"'

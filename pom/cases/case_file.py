@@ -122,6 +122,15 @@ class DriveTable(Strict):
         description="At the start of a run driven by forces: force: what the recorded force lacks to hold the controls is added as a bias; "
         "friction: dry friction holds them as far as it can, only the rest is added.",
     )
+    trim_surfaces: tuple[Literal["delta_t", "delta_ta", "delta_tr"], ...] = Field(
+        default=(),
+        description="Trim surfaces that the trim solves for, so that the recorded forces hold the controls at the start; "
+        'a snapshot judges them. With surfaces = "force".',
+        examples=[["delta_t"]],
+    )
+    runway: Literal["", "dry", "wet", "icy"] = Field(
+        default="", description="State of the runway, parameter runway.condition of the model; empty: that of the aircraft file."
+    )
     pilot: tuple[LoopTable, ...] = Field(default=(), description="Loops of the math pilot.")
 
 

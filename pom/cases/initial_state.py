@@ -19,6 +19,8 @@ def initial_state(case: PomCase, states: xr.Dataset) -> dict[str, float]:
     """Return the parameters ``init.*``: the first sample, with rates and accelerations from the first part of the window. [SI]"""
     first = states.isel(time=0)
     found = {name: float(first[name]) for name in INITIAL if name in states}
+    if "gamma" not in found and {"vn", "ve", "vd"} <= set(states):
+        found["gamma"] = float(np.arctan2(-first["vd"], np.hypot(first["vn"], first["ve"])))
     found.update(_rolling(first) if case.drive.trim == "ground" else starting_rates(states))
     found.update({name: value for name, value in case.conditions.items() if name in INITIAL})
     return {f"init.{name}": value for name, value in found.items()}

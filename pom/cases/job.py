@@ -26,6 +26,7 @@ BANK_RANGE = 1.0 * DEGREE
 In a straight sideslip the side forces of fin and rudder can nearly cancel: a side acceleration within the accuracy of the record
 then takes degrees of rudder, or a tenth of a degree of bank.
 """
+RUNWAYS = {"dry": 0.0, "wet": 1.0, "icy": 2.0}  # runway.condition
 LEVELS = {"recorded": 0.0, "cockpit": 1.0, "force": 2.0}  # mode.controls
 DRIVEN_BY = {
     "recorded": "the surfaces as recorded",
@@ -93,7 +94,7 @@ def job_of(case: PomCase, states: xr.Dataset) -> Job:
     moving = tuple(name for name, values in inputs.items() if name in moved or (values.any() and name not in _held(case)))
     for values in inputs.values():
         values[0] = line_at_start(time, values)[0]  # the sample on which the model is trimmed
-    modes = (name for name in parameters if name in ("mode.engine", "mode.trim"))
+    modes = (name for name in parameters if name in ("mode.engine", "mode.trim", "runway.condition"))
     return Job(time, inputs, parameters, moving, (*NEEDED, *modes), loops, targets)
 
 
@@ -168,6 +169,8 @@ def _modes(case: PomCase, states: xr.Dataset) -> dict[str, float]:
         found["mode.trim"] = TRIM_THROTTLE if case.drive.engine == "throttle" else TRIM_THRUST
     if case.drive.level != "recorded":
         found["mode.controls"] = LEVELS[case.drive.level]
+    if case.drive.runway:
+        found["runway.condition"] = RUNWAYS[case.drive.runway]
     if case.drive.held_by == "friction":
         found |= {f"{item}.trim_friction": 1.0 for item in ("column", "wheel", "pedal")}
     if "lat" in states or "lat" in case.conditions:
@@ -181,4 +184,5 @@ def configuration(case: PomCase, job: Job) -> Mapping[str, float]:
     for name in ("delta_f", "gear", "speedbrake", *WIND):
         if name in job.inputs:
             found[name] = float(job.inputs[name][0])
-    return {name: value for name, value in found.items() if not name.startswith("mode.") and not name.endswith(("_dot", "_range"))}
+    kept = {name: value for name, value in found.items() if not name.startswith(("mode.", "runway."))}
+    return {name: value for name, value in kept.items() if not name.endswith(("_dot", "_range"))}

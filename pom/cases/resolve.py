@@ -35,6 +35,9 @@ LIMIT_UNITS = (
 )
 """What a trim finds and leaves, with its SI unit: keys of ``drive.limits``, outputs ``trim.*`` of a model."""
 
+SEGMENTS = ("elapsed", "segment_mean", "floor")
+"""Measures over a segment: rows that name no events of their own may be bounded by ``segment_start`` and ``segment_end``."""
+
 EQUIPMENT = frozenset(
     {
         *("spoiler", "stabilizer", "rudder_tab", "tiller_force", "prop_lever"),
@@ -194,7 +197,10 @@ def _window(row: table.Row, name: str, file: CaseFile, problems: list[str]) -> t
     if unclaimed(row["condition"], file.case.features):
         return file.case.window
     found = []
-    for bound, default in ((row["applies_from"], start), (row["applies_to"], stop)):
+    ends = (start, stop)
+    if row["measure"] in SEGMENTS:
+        ends = file.events.get("segment_start", start), file.events.get("segment_end", stop)
+    for bound, default in zip((row["applies_from"], row["applies_to"]), ends, strict=True):
         time = collect(problems, f"events, row {name}", table.bound, bound, file.events, default)
         found.append(default if time is None else float(time))
     asked = f"{found[0]:g} ... {found[1]:g} s"

@@ -26,18 +26,12 @@ from ..tolerances import rows as table
 from ..tolerances.row_conditions import unclaimed
 from .case_draft import Draft
 from .event_detection import HELD_STILL, Manoeuvre, Movement, Recorded, find_events, input_channels, movement, on_ground
+from .manoeuvre_kinds import WHOLE_RUNS, demand_fitting, fitting
 from .text import case_text
 
 LEAD = 1.0  # [s] of steady flight before the input
 HOMES = (".", "..")  # next to the record: folders in which its name map and its aircraft are looked for
 LONGEST_LEAD = 5.0  # [s] that a row requires before its event
-WHOLE_RUNS = ("1.b", "1.e", "2.e")  # take-offs and landings, which a record lists part by part
-_WORDS = {
-    "delta_e": "elevator",
-    "delta_a": "aileron",
-    "delta_r": "rudder",
-    "delta_f": "flap",
-}  # channel: what a list of manoeuvres calls it
 _SPOILED = re.compile(r"[^a-z0-9]+")
 
 
@@ -87,7 +81,7 @@ def init_case(
     UnknownName
         No such standard, edition or test.
     SchemaError
-        The record cannot be read without a name map, or has nothing that drives a model.
+        The record cannot be read without a name map, has nothing that drives a model, or lists manoeuvres of which none fits the row.
     """
     output = Path(output)
     if output.exists() and not force:
@@ -98,7 +92,10 @@ def init_case(
     if names is None and map_file is not None and path_states(str(record)) is None and not needs_names(record):
         map_file = None  # a file of `flight convert`: the map next to it is that of the recording
     files = {"record": record, "names": map_file, "aircraft": _next_to(record, "aircraft.toml", aircraft)}
-    draft = draft_case(rows, recorded_channels(record, files["names"]), window)
+    recorded = recorded_channels(record, files["names"])
+    if window is None:
+        demand_fitting(str(record), test, recorded.manoeuvres)
+    draft = draft_case(rows, recorded, window)
     draft.case.update(standard=standard, edition=edition)
     if name:
         draft.case["name"] = name
@@ -166,7 +163,8 @@ def draft_case(rows: Sequence[table.Row], recorded: Recorded, window: tuple[floa
     """Return the draft of a case for the rows of one test."""
     test, title = rows[0]["test_id"], rows[0]["title"]
     remarks: list[str] = []
-    search, limits = _search(test, recorded, window, remarks)
+    snapshot = all(row["measure"] == "steady" for row in rows if not unclaimed(row["condition"], ()))
+    search, limits = _search(test, recorded, window, remarks, snapshot)
     moved = movement(recorded, input_channels(test), search)
     applied = [row for row in rows if not unclaimed(row["condition"], ())]
     wanted = _wanted(applied)
@@ -198,7 +196,7 @@ def draft_case(rows: Sequence[table.Row], recorded: Recorded, window: tuple[floa
 Stretch = tuple[float, float]
 
 
-def _search(test: str, recorded: Recorded, window: Stretch | None, remarks: list[str]) -> tuple[Stretch, Stretch]:
+def _search(test: str, recorded: Recorded, window: Stretch | None, remarks: list[str], snapshot: bool = False) -> tuple[Stretch, Stretch]:
     """Return where events are looked for, and what the replay may cover: as asked, about the first manoeuvre that fits, or all. [s]"""
     low, high = recorded.span
     if window is not None:
@@ -207,19 +205,18 @@ def _search(test: str, recorded: Recorded, window: Stretch | None, remarks: list
             raise OutOfRange(f"window {window[0]:g} ... {window[1]:g} s lies outside the record, {low:g} ... {high:g} s; choose one inside")
         return inside, inside
     inside_record = [each for each in recorded.manoeuvres if low <= each.start < each.end <= high + LEAD]
-    kinds = ([each for each in inside_record if each.control in (name, _WORDS.get(name))] for name in input_channels(test))
-    fitting = next((found for found in kinds if found), [])
-    if not fitting:
+    found = fitting(test, inside_record)
+    if not found:
         return (low, high), (low, high)
-    start, end = max(low, fitting[0].start - 0.5 * LEAD), min(high, fitting[0].end)
-    if len(fitting) > 1:
-        others = ", ".join(f"{each.start:g} ... {each.end:g} s" for each in fitting[1:])
-        remarks.append(
-            f"the record lists {len(fitting)} manoeuvres of this control; the first was taken, --window chooses another: {others}"
-        )
+    start, end = max(low, found[0].start - 0.5 * LEAD), min(high, found[0].end)
+    if len(found) > 1:
+        others = ", ".join(f"{each.start:g} ... {each.end:g} s" for each in found[1:])
+        remarks.append(f"the record lists {len(found)} manoeuvres that fit; the first was taken, --window chooses another: {others}")
     if test.startswith(WHOLE_RUNS):
         return (start, end), (low, high)
-    followed = any(each.start >= fitting[0].end - LEAD for each in recorded.manoeuvres)
+    if snapshot:
+        return (start, end), (max(low, found[0].start), end)
+    followed = any(each.start >= found[0].end - LEAD for each in recorded.manoeuvres)
     return (start, end), (max(low, start - LONGEST_LEAD), end if followed else high)
 
 

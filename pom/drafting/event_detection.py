@@ -27,7 +27,7 @@ ELEVATOR = ("delta_e", "column", "F_column")
 AILERON = ("delta_a", "wheel", "F_wheel")
 RUDDER = ("delta_r", "pedal", "F_pedal")
 POWER = ("throttle", "n1", "thrust")
-_INPUTS = {
+INPUTS = {
     **dict.fromkeys(("1.f.1", "1.f.2", "2.c.1"), POWER),
     "2.c.2": ("delta_f",),
     "2.c.3": ("speedbrake",),
@@ -95,7 +95,7 @@ class Movement:
 
 def input_channels(test: str) -> tuple[str, ...]:
     """Return the controls whose movement is the input of a test, the likely ones first; elevator when nothing else is known."""
-    return _INPUTS.get(test.replace("(", ".").replace(")", ""), ELEVATOR)
+    return INPUTS.get(test.replace("(", ".").replace(")", ""), ELEVATOR)
 
 
 def movement(recorded: Recorded, names: Iterable[str], window: tuple[float, float]) -> Movement | None:

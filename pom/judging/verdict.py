@@ -29,6 +29,8 @@ FOOTPRINT = "a footprint: a recording without a reference has no band and no ver
 TRIMMED = ("delta_e", "delta_a", "delta_r", "thrust", "throttle")
 """What a trim at the start finds; a snapshot judges it although the record drives it from there on."""
 
+_STICK = ("F_column", "F_wheel", "F_rim", "F_pedal")  # forces on the controls that move surfaces
+
 MEASURES: dict[str, Callable[[Criterion, Match], Outcome]] = {
     "trace": lambda criterion, match: trace(criterion, *match.both(criterion)),
     "steady": levels.steady,
@@ -80,7 +82,7 @@ def judge(case: PomCase, criterion: Criterion, time: np.ndarray, flight: Raw, mo
     try:
         match = Match.of(case, time, flight, model)
         criterion = settle(case, criterion, time, match.flight)
-        reason = criterion.reason or unjudged(case, criterion)
+        reason = criterion.reason or unjudged(case, criterion) or _steered_by_record(case, criterion, match.flight)
         if reason:
             return Outcome("not_tested", remarks=reasons(reason))
         for who, signals in (("flight record", match.flight), ("model", match.model)):
@@ -138,21 +140,30 @@ def unjudged(case: PomCase, criterion: Criterion) -> str:
         return FOOTPRINT
     if criterion.reason:
         return criterion.reason
-    judged = criterion.channel
+    judged = criterion.abscissa if criterion.parameter == "trim_rate" else criterion.channel
     if any(loop.channel == judged for loop in case.drive.pilot):
         return f"{judged} is held by the math pilot; what a controller holds cannot be judged"
-    if judged in driven(case) and not _found_by_trim(case, criterion):
+    calibration = criterion.abscissa == "trim_indicator"  # what is judged there is the indicator that a model computes
+    if judged in driven(case) and not calibration and not _found_by_trim(case, criterion):
         return f"{judged} is driven by the record; what drives a model cannot be judged"
-    if judged.startswith("F_") and case.drive.level == "recorded":
+    if judged in _STICK and case.drive.level == "recorded":
         return "the surfaces are driven, so pilot forces have no meaning"
     if judged == "F_rim" and case.drive.level == "force":
         return "F_rim is driven by the record; what drives a model cannot be judged"
     return ""
 
 
+def _steered_by_record(case: PomCase, criterion: Criterion, flight: Signals) -> str:
+    """Return why a nose-wheel angle is not judged: the record gives the command of the steering itself."""
+    if criterion.channel != "gear.steering" or "delta_nw" not in flight or "delta_nw" in case.conditions:
+        return ""
+    return "gear.steering follows delta_nw, which the record drives; hold it by [conditions] delta_nw = 0, so that pedals or tiller steer"
+
+
 def _found_by_trim(case: PomCase, criterion: Criterion) -> bool:
     """Whether the trim at the start finds what a snapshot judges: recorded value plus bias is the model's own answer."""
-    return criterion.measure in ("steady", "change") and case.drive.trim is True and criterion.channel.rpartition(".")[2] in TRIMMED
+    found = (*TRIMMED, *case.drive.trim_surfaces)
+    return criterion.measure in ("steady", "change") and case.drive.trim is True and criterion.channel.rpartition(".")[2] in found
 
 
 def formed_channels(case: PomCase, flight: Signals) -> list[str]:

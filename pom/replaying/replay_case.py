@@ -37,6 +37,7 @@ from .piloting import PILOT, activity
 from .reference_states import flight_states
 from .tables_left import table_ranges, tables_left
 from .trim_state import OBSERVED, beyond_limits, trim_limits, trim_table
+from .trim_surfaces import solved
 
 Traces = Mapping[str, np.ndarray]
 
@@ -148,17 +149,19 @@ def perform(
 ) -> PomResult:
     """Fly a checked plan by every model and judge it; parameters as `replay` and `fly`."""
     shown = shown_channels(plan.case, plan.states)
-    found, failures, ranges = {}, {}, {}
+    found, failures, ranges, trims = {}, {}, {}, {}
     for name, model in models.items():
         ranges[name] = table_ranges(model.fmu.path, model.fmu.sha256)
         axes = [item.variable for item in ranges[name]]
         wanted = {*_outputs([*shown, *axes], model.links.outputs), *OBSERVED}
-        found[name], failures[name] = fly(model, plan.job, wanted, timeout, store)
+        job, trims[name], refused = solved(plan.job, plan.case.drive.trim_surfaces, model, timeout, store)
+        found[name], failures[name] = fly(model, job, wanted, timeout, store)
+        failures[name] = refused or failures[name]
     attrs = {f"model.{name}": model.origin() for name, model in models.items()}
     attrs |= {f"names.{name}": model.links.table for name, model in models.items() if model.links.table}
     compared = _compared(evidence, plan, models)
     more = {
-        name: (*tables_left(plan.job.time, found[name], ranges[name]), *compared.get(name, ()), *_without(plan.job, model))
+        name: (*trims[name], *tables_left(plan.job.time, found[name], ranges[name]), *compared.get(name, ()), *_without(plan.job, model))
         for name, model in models.items()
     }
     return assemble(plan.case, plan.states, plan.job, found, failures, attrs, more)

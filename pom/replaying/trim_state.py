@@ -6,6 +6,7 @@ ones.  It is never hidden and never taken off the compared traces.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -40,6 +41,7 @@ DEFAULT_LIMITS = {
 }
 """Size of a bias or of an acceleration left beyond which a run is remarked. [SI]"""
 THRUST_SHARE = 0.05  # of the largest thrust of an engine in the window; 2.c.5 of Table A2A has 5 % of the largest in service
+_THRUST = re.compile(r"^engine\d+\.thrust$")
 SHOWN_UNITS = {"N": "lbf", "rad": "deg", "rad s-2": "deg/s2", "m s-2": "m/s2"}
 
 
@@ -66,8 +68,9 @@ def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, Tr
         Recorded channels; the thrust is limited by a share of its largest value.
     """
     usual = dict(DEFAULT_LIMITS)
-    if "engine1.thrust" in flight:
-        usual["thrust"] = THRUST_SHARE * float(np.fmax.reduce(np.abs(flight["engine1.thrust"])))
+    largest = [float(np.fmax.reduce(np.abs(flight[name]))) for name in flight if _THRUST.match(name)]
+    if largest:
+        usual["thrust"] = THRUST_SHARE * max(largest)
     if case.drive.trim == "ground":  # a roll is not steady, and the surfaces stay as recorded
         usual = {name: size for name, size in usual.items() if name in ("w_dot", "p_dot", "q_dot")}
     allowed = {name: case.rationale.get(f"trim.{name}", "") for name in (*usual, *case.drive.limits)}
@@ -79,7 +82,7 @@ def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, Tr
 def limits_of(result: PomResult) -> dict[str, TrimLimit]:
     """Return the limits that the trim of a result was held against."""
     signals = result.signals.sel(run="flight")
-    return trim_limits(result.case, {name: signals[name].values for name in ("engine1.thrust",) if name in signals})
+    return trim_limits(result.case, {name: signals[name].values for name in map(str, signals.data_vars) if _THRUST.match(name)})
 
 
 def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndarray], demanded: bool) -> tuple[RowRemark, ...]:

@@ -50,7 +50,7 @@ OF_PARAMETER = {
 }
 """The event at which a parameter is read."""
 
-MEASURED = frozenset({*ACTS, *LEVELS, *DISCRETES, "g_break", "static_sweep_start", "static_sweep_end"})
+MEASURED = frozenset({*ACTS, *LEVELS, *DISCRETES, "g_break", "static_sweep_start", "static_sweep_end", "segment_start", "segment_end"})
 """Events that the measures need, in addition to those that bound the windows of rows."""
 
 PARTS = {

@@ -81,6 +81,9 @@ flow instead of fuel on board."""
 MODE_CHANNELS = {"2.c.9": "V_cas", "2.d.7": "r"}
 """Where a mode is measured unless the case states otherwise: the phugoid in airspeed, the Dutch roll in yaw rate."""
 
+SHEAR_CHANNEL = "V_cas"
+"""Where the demonstration of windshear (2.g) shows its trend; the rule names no quantity, the choice is ours."""
+
 TRAVEL = {
     "2.a.1.a": "column",
     "2.a.1": "column",

@@ -12,7 +12,7 @@ from flightmech.errors import UnknownName
 
 from .criteria import Band, Criterion, Limit
 from .event_names import MEASURED
-from .parameter_channels import CHANNELS, FORCES, MODE_CHANNELS, PROGRESS, TRAVEL, plain_id
+from .parameter_channels import CHANNELS, FORCES, MODE_CHANNELS, PROGRESS, SHEAR_CHANNEL, TRAVEL, plain_id
 from .row_conditions import KINDS, claimed, unclaimed
 
 STANDARD = "FAA 14 CFR Part 60 App A Table A2A"
@@ -162,6 +162,8 @@ def _channel(row: Row, measure: str, travel: str, mode_channel: str, engine_para
         return FORCES.get(travel, "")
     if row["test_id"].startswith("2.b") and travel:
         return mode_channel or travel
+    if plain_id(row["test_id"]) == "2.g":
+        return SHEAR_CHANNEL
     return CHANNELS.get(row["parameter"], "")
 
 

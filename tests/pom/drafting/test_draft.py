@@ -218,3 +218,22 @@ def test_schema_command_writes_the_schema_of_the_reader(tmp_path):
     output = tmp_path / "case.schema.json"
     assert CliRunner().invoke(pom.cli.group.pom, ["schema", "-o", str(output)]).exit_code == 0
     assert json.loads(output.read_text(encoding="utf-8")) == pom.cases.case_schema()
+
+
+def test_the_manoeuvre_of_the_right_kind_is_taken():
+    """Run 01 lists a 3-2-1-1, doublets, a pull-up, speed changes and two sideslips, all of which move the elevator."""
+    record = recorded_channels(FLIGHT / "t37_01_clean_low_speed_5kft.nc", NAMES)
+    sideslip = draft_case(rows.rows_of("2.d.8"), record)
+    assert 271.7 <= sideslip.case["window"][0] < sideslip.case["window"][1] <= 280.8
+    assert sideslip.events["capture"][1]
+    assert "--window chooses another: 280.76 ... 289.76 s" in sideslip.remarks[0]
+    assert draft_case(rows.rows_of("2.c.10"), record).case["window"] == [8.4, 21.7]  # the 3-2-1-1, not the pull-up
+    assert draft_case(rows.rows_of("1.d.1"), record).case["window"][0] == pytest.approx(210.5, abs=0.2)
+
+
+def test_a_record_without_a_manoeuvre_that_fits_states_what_it_lists(tmp_path):
+    with pytest.raises(SchemaError, match=r"fits 2\.d\.8 \(steady_sideslip, sideslip\); it lists trim .*, block \(elevator\) .*--window"):
+        init_case(FLIGHT / "t37_26_val_phugoid.nc", "2.d.8", tmp_path / "case.toml")
+    assert not list(tmp_path.iterdir())
+    case, _ = init_case(FLIGHT / "t37_26_val_phugoid.nc", "2.d.8", tmp_path / "case.toml", window=(8.0, 20.0))
+    assert case.id == "2.d.8"

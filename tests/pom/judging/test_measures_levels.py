@@ -5,6 +5,7 @@ import pytest
 
 from flightmech.units import FOOT, KNOT
 from pom.cases.case import Drive
+from pom.cases.pilot import Loop
 from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 60.001, 0.02)
@@ -182,7 +183,10 @@ def test_radius_of_a_turn_and_rate_of_a_trim_surface(judged):
     def trim(rate):
         return {"delta_t": np.clip(rate * (TIME - 10.0), 0.0, 8.0) * DEG}
 
-    got = judged("2.a.7", TIME, trim(0.4), trim(0.43))["trim_rate"]
+    driven = judged("2.a.7", TIME, trim(0.4), trim(0.43))["trim_rate"]  # by the record, which the model would only repeat
+    assert (driven["verdict"], "delta_t is driven by the record" in text_of(driven["remarks"])) == ("not_tested", True)
+    moved = Drive("pilot", "throttle", pilot=(Loop("delta_t", "q", 1.0, 0.1),))
+    got = judged("2.a.7", TIME, trim(0.4), trim(0.43), drive=moved)["trim_rate"]
     assert got["flight_value"] == pytest.approx(0.4, rel=1e-6)
     assert (got["verdict"], round(got["worst_ratio"], 6)) == ("pass", 0.75)  # 7.5 % of 10 %
     stabilizer = {"i_h": np.clip(0.4 * (TIME - 10.0), 0.0, 8.0) * DEG}

@@ -78,9 +78,37 @@ def test_a_footprint_has_no_band_and_no_verdict():
 
 
 def test_demonstrations_are_explained():
-    got = judge(case("2.g"), case("2.g").criteria[0], TIME, {}, {})
+    icing = table.criterion(table.rows_of("2.i", table.STANDARD, "2016-05-31 (Amdt 60-4)")[0], "demonstration", (0.0, 10.0))
+    got = judge(case("2.g"), icing, TIME, {}, {})
     assert (got.verdict, text_of(got.remarks)) == ("not_tested", table.DEMONSTRATION)
     assert "four recordings" in case("2.g").criteria[0].note  # the row states what to fly
+
+
+def test_windshear_is_judged_by_the_trend_of_the_airspeed():
+    shear = {"V_cas": 60.0 - 8.0 * np.clip(TIME - 3.0, 0.0, 1.0)}
+    c = case("2.g")
+    assert judge(c, c.criteria[0], TIME, shear, shear).verdict == "advisory"  # a tick makes it a pass
+    assert judge(c, c.criteria[0], TIME, shear, {"V_cas": 60.0 + 0.0 * TIME}).verdict == "fail"
+
+
+def test_a_nose_wheel_that_the_record_commands_is_not_judged():
+    c = case("2.a.5")
+    sweep = {"pedal": np.sin(TIME), "gear.steering": 0.1 * np.sin(TIME), "delta_nw": 0.1 * np.sin(TIME)}
+    c = replace(c, drive=replace(c.drive, surfaces="cockpit"))
+    assert "gear.steering follows delta_nw" in text_of(judge(c, c.criteria[0], TIME, sweep, sweep).remarks)
+    held = replace(c, conditions={"delta_nw": 0.0})
+    assert judge(held, c.criteria[0], TIME, sweep, sweep).verdict == "pass"
+
+
+def test_a_trim_surface_is_judged_where_the_trim_solves_for_it():
+    c = replace(case("2.c.5"), events={"capture": 6.0})
+    tab = next(x for x in c.criteria if x.name == "trim_surface")
+    level = {"delta_t": 0.02 + 0.0 * TIME}
+    forced = replace(c, drive=replace(c.drive, surfaces="force"))
+    assert "driven by the record" in text_of(judge(forced, tab, TIME, level, level).remarks)
+    solved = replace(c, drive=replace(c.drive, surfaces="force", trim_surfaces=("delta_t",)))
+    assert judge(solved, tab, TIME, level, level).verdict == "pass"
+    assert judge(solved, tab, TIME, level, {"delta_t": 0.03 + 0.0 * TIME}).verdict == "fail"  # 0.57 of 0.5 deg
 
 
 def test_a_channel_that_one_side_lacks_is_not_tested():

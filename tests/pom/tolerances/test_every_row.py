@@ -21,10 +21,9 @@ from pom.tolerances.remarks import text_of
 
 TIME = np.arange(0.0, 120.001, 0.05)
 SHOWN = {
-    ("FAA 14 CFR Part 60 App A Table A2A", "2014-01-01", "2.g", "demonstration"),
     ("FAA 14 CFR Part 60 App A Table A2A", "2016-05-31 (Amdt 60-4)", "2.i", "demonstration"),
 }
-"""Rows without a number: recordings that pilots judge.  All others can be judged."""
+"""Rows without a number and without a quantity: recordings that pilots judge.  All others can be judged."""
 
 START, MIDDLE, END = 10.0, 40.0, 70.0
 
@@ -124,9 +123,10 @@ def case_of(row) -> tuple[PomCase, Criterion]:
     times |= {"sweep_start": 75.0, "sweep_end": 118.0, "full_stop": END, "control_release": START, "input_end": START}
     window = tuple(rows.bound(row[key], times, default) for key, default in (("applies_from", 0.0), ("applies_to", 120.0)))
     found = rows.criterion(row, "row", window, features, engine_parameter="engine1.n1")
-    tabs = {"delta_t", "delta_tr"} & {found.channel}
+    tabs = {"delta_t", "delta_tr"} & {found.channel, found.abscissa}
     level = "pilot" if tabs else "force" if found.channel in ("column", "wheel", "pedal") else "cockpit"
-    drive = Drive(level, "throttle", pilot=tuple(Loop(name, "q", 1.0, 0.1) for name in tabs))
+    engine = "n1" if found.channel.endswith(".pla") else "throttle"  # the angle of a lever that drives is not judged
+    drive = Drive(level, engine, pilot=tuple(Loop(name, "q", 1.0, 0.1) for name in tabs))
     more = {"ranges": {}, "certified": {found.parameter: 0.1}, "conditions": {"wheel_radius": 0.2}}
     case = PomCase("c", "C", row["test_id"], row["standard"], row["edition"], "c.toml", "r.nc", (0.0, 120.0), drive=drive, **more)
     return PomCase(**{**case.__dict__, "events": times, "features": features, "criteria": (found,)}), found
@@ -164,7 +164,7 @@ def test_a_right_model_passes_every_row():
             expected = "not_tested"
         assert got.verdict == expected, (key(row), found.measure, got.verdict, text_of(got.remarks))
         count[got.verdict] += 1
-    assert count == {"pass": 310, "advisory": 6, "not_tested": 2}
+    assert count == {"pass": 310, "advisory": 7, "not_tested": 2}
 
 
 def test_a_wrong_model_passes_none():

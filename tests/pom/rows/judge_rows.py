@@ -1,0 +1,101 @@
+"""Judge every entry of Table A2A of 2014: the cases of the demo, and those of ``cases/`` with the final model of the demo.
+
+``python tests/pom/rows/judge_rows.py DEMO`` writes ``verdicts.csv`` from the output folder of `aeromatch demo`; the page
+``docs/tolerance-rows.md`` is made of it (``docs/make_tolerance_rows.py``).
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import aerodb
+import flightmech
+from pom.cases.case import read_case
+from pom.replaying.batch import replay_all
+
+HERE = Path(__file__).parent
+CASES = HERE / "cases"
+SHIPPED = HERE.parents[2] / "data" / "t37" / "cases" / "more"  # shipped, and not in the demo
+TABLE = HERE / "verdicts.csv"
+COLUMNS = ("entry", "case", "record", "status", "judged", "reason")
+JUDGED = ("pass", "fail", "advisory", "invalid")
+PEDAL_STEERING = ("2.a.5",)
+"""Entries of an aeroplane whose pedals turn the nose wheel, which the nose wheel of the T-37's records does not show."""
+
+
+def read_table() -> list[dict[str, str]]:
+    """Return the rows of ``verdicts.csv``."""
+    with TABLE.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def judged(demo: Path) -> list[dict[str, str]]:
+    """Return the rows of the table from the output folder of the demo."""
+    return [*demo_rows(demo), *own_rows(demo)]
+
+
+def demo_rows(demo: Path) -> list[dict[str, str]]:
+    results = json.loads((demo / "report" / "results.json").read_text(encoding="utf-8"))["results"]
+    return [_row(item["case"], item["status"]["final"], [row for row in item["verdict"] if row["run"] == "final"]) for item in results]
+
+
+def own_rows(demo: Path) -> list[dict[str, str]]:
+    found = [read_case(file) for folder in (CASES, SHIPPED) for file in sorted(folder.glob("*.toml"))]
+    models = {"": demo / "final.fmu", "steered": _steered(demo)}
+    rows = []
+    for kind, model in models.items():
+        cases = [case for case in found if (case.id in PEDAL_STEERING) == (kind == "steered")]
+        for case, result in zip(cases, replay_all(cases, {"final": model}), strict=True):
+            rows.append(_row(case.to_dict(), result.status("final"), result.verdict.reset_index().to_dict("records")))
+    return rows
+
+
+def _steered(demo: Path) -> Path:
+    """Write the final model with a nose wheel that follows the rudder."""
+    craft = flightmech.read_aircraft(demo / "final.toml")
+    steering = replace(craft.gear.steering, rudder=0.25)
+    linked = replace(craft, gear=replace(craft.gear, steering=steering))
+    file = demo / "final_pedal_steering.fmu"
+    flightmech.write_fmu(flightmech.compile(linked, aerodb.open(demo / "final.nc")), file)
+    return file
+
+
+def _row(case: Mapping[str, Any], status: str, verdicts: Iterable[Mapping[str, Any]]) -> dict[str, str]:
+    counted = [row for row in verdicts if row["verdict"] in JUDGED]
+    absent = set() if counted else {text for row in verdicts for text in _reasons(row)}
+    return {
+        "entry": case["id"],
+        "case": case["name"],
+        "record": Path(case["record"]).stem,
+        "status": status,
+        "judged": "; ".join(f"{row['criterion']} {row['verdict']}" for row in counted),
+        "reason": "; ".join(sorted(absent)) or ("" if status == "pass" else str(case["notes"])),
+    }
+
+
+def _reasons(row: Mapping[str, Any]) -> list[str]:
+    remarks = [item if isinstance(item, Mapping) else item.as_dict() for item in row["remarks"]]
+    return [item["text"] for item in remarks if item["kind"] == "reason"]
+
+
+def order(entry: str) -> list[str]:
+    """Return a key that sorts 2.c.9 before 2.c.10."""
+    return [part.zfill(3) if part.isdigit() else part for part in entry.split(".")]
+
+
+def write(demo: Path) -> None:
+    rows = sorted(judged(demo), key=lambda row: (order(row["entry"]), row["record"], row["case"]))
+    with TABLE.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+if __name__ == "__main__":
+    write(Path(sys.argv[1]))

@@ -1,0 +1,61 @@
+"""Every entry of Table A2A of 2014 is judged end to end: record, replay by the final model of the T-37, verdict."""
+
+import importlib.util
+import runpy
+from pathlib import Path
+
+import pytest
+
+from pom.tolerances import rows
+
+HERE = Path(__file__).parent
+_SPEC = importlib.util.spec_from_file_location("judge_rows", HERE / "judge_rows.py")
+judge_rows = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(judge_rows)
+
+TABLE = judge_rows.read_table()
+ENTRIES = list(dict.fromkeys(row["test_id"] for row in rows.rows() if row["standard"] == rows.STANDARD and row["edition"] == rows.EDITION))
+BEYOND = ("2.a.4", "2.a.6", "2.a.7", "2.a.9")
+"""Entries whose quantities the model does not have: tiller, trim indicator, drive of the trim surface, force on the brake pedals."""
+
+
+def test_the_table_has_every_entry():
+    assert len(ENTRIES) == 75
+    assert list(dict.fromkeys(row["entry"] for row in TABLE)) == sorted(ENTRIES, key=judge_rows.order)
+    assert {row["entry"] for row in TABLE if row["status"] == "not_tested"} == set(BEYOND)
+
+
+def test_page_is_up_to_date():
+    program = runpy.run_path(str(HERE.parents[2] / "docs" / "make_tolerance_rows.py"))
+    page = HERE.parents[2] / "docs" / "tolerance-rows.md"
+    assert page.read_text(encoding="utf-8") == program["page"](), "run: python docs/make_tolerance_rows.py"
+
+
+def test_every_verdict_that_is_no_pass_has_its_reason():
+    assert [row["entry"] for row in TABLE if row["status"] != "pass" and not row["reason"]] == []
+
+
+def criteria(row):
+    """Return the criteria that were judged; an alternative that does not decide may pass or fail."""
+    return [text.rpartition(" ")[0] for text in row["judged"].split("; ")]
+
+
+@pytest.fixture(scope="module")
+def verdicts(demo):
+    folder, run = demo
+    assert run.returncode == 0, run.stderr
+    return {(row["entry"], row["case"]): row for row in judge_rows.judged(folder)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("row", TABLE, ids=[f"{row['entry']}-{row['case']}" for row in TABLE])
+def test_entry_is_judged(row, verdicts):
+    found = verdicts[row["entry"], row["case"]]
+    assert (found["record"], found["status"]) == (row["record"], row["status"]), (
+        "after a change that is meant: judge_rows.py writes the table"
+    )
+    assert criteria(found) == criteria(row)
+    if row["entry"] in BEYOND:
+        assert "has no" in found["reason"] or "is driven by the record" in found["reason"]
+    else:
+        assert found["judged"]
