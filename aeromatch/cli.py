@@ -77,9 +77,10 @@ def main() -> None:
         _fail("usage", error.format_message(), 2)
     except Exception as error:
         from flightmech.errors import AeromatchError
+        from flightmech.support.console import printable
 
         if isinstance(error, AeromatchError | OSError):
-            click.echo(f"error: {_text(error)}", err=True)
+            click.echo(f"error: {printable(_text(error))}", err=True)
             _fail(type(error).__name__, _text(error), 2, getattr(error, "problems", ()))
         import traceback
 

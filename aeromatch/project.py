@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from glob import glob
@@ -10,7 +11,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import xarray as xr
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from datcom_io.reading import Place, place_of
 from flightmech import terms
@@ -133,6 +134,13 @@ class _File(Strict):
     ground_effect: GroundEffect | None = Field(
         default=None, description="Identification of the ground effect; without it that of the listings."
     )
+
+    @field_validator("cutoff")
+    @classmethod
+    def _above_zero(cls, cutoff: float | None) -> float | None:
+        if cutoff is not None and not 0.0 < cutoff < math.inf:
+            raise ValueError("a low-pass needs a frequency of more than 0 Hz; leave the key out for none")
+        return cutoff
 
 
 @dataclass(frozen=True)

@@ -78,6 +78,8 @@ def open(path: str | os.PathLike) -> xr.DataTree:
     _demand_database(path)
     try:
         db, problems = read(path)
+    except SchemaError as error:
+        raise SchemaError(str(path), error.problems) from None
     except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
         raise ParseError(str(path), 0, f"a damaged file ({type(error).__name__}: {error})", "a database; build or copy it again") from error
     problems += check(db)

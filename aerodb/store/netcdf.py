@@ -17,8 +17,10 @@ import h5py
 import numpy as np
 import xarray as xr
 
+from flightmech.errors import SchemaError
 from flightmech.support.self_contained import MOST_GROUPS
 
+_DEPTH = 20  # groups inside each other
 LARGEST = 2**27  # bytes of one table, far above any aero table; a damaged or hostile size is refused before memory is allocated
 _NUMBERS = "iuf"
 _FORMAT = ("v108", "v108")
@@ -98,6 +100,8 @@ def read(path: Path) -> tuple[xr.DataTree, list[str]]:
 
     Raises
     ------
+    SchemaError
+        More groups, or more of them inside each other, than any database has.
     Exception
         Of any kind that HDF5 finds for a damaged file.
     """
@@ -117,6 +121,10 @@ class _Reader:
 
     def group(self, group: h5py.Group, path: str, axes: Mapping[int, str]) -> None:
         """Read one group and those in it; `axes` names dimension scales by their address in the file."""
+        if path.count("/") > _DEPTH:
+            raise SchemaError(
+                "database", [f"groups inside each other more than {_DEPTH} deep, {path[:40]!r} ...; a term stands two levels down"]
+            )
         self.nodes[path] = xr.Dataset()  # parents first
         self._seen.add(_address(group))
         tables, below = {}, []
@@ -126,8 +134,10 @@ class _Reader:
                 continue
             item = group[name]
             if isinstance(item, h5py.Group):
-                if _address(item) in self._seen or len(self._seen) > MOST_GROUPS:
-                    self.problems.append(f"{_place(path, name)}: linked to more than once, or more than {MOST_GROUPS} groups in the file")
+                if len(self._seen) > MOST_GROUPS:
+                    raise SchemaError("database", [f"more than {MOST_GROUPS} groups; a database has some hundred"])
+                if _address(item) in self._seen:
+                    self.problems.append(f"{_place(path, name)}: linked to more than once; a database holds each group once")
                     continue
                 self._seen.add(_address(item))
                 below.append((name, item))

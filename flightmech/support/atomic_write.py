@@ -17,6 +17,7 @@ from pathlib import Path
 
 from .leftovers import leftovers, remove_leftovers, temporary_name
 
+_FULL = tuple(number for name in ("ENOSPC", "EDQUOT", "EFBIG", "EIO") if (number := getattr(errno, name, None)) is not None)
 _one_at_a_time = threading.RLock()
 
 
@@ -45,8 +46,9 @@ def written_atomically(path: str | os.PathLike, before: Callable[[Path], None] |
     path = replaceable(path)
     part = _temporary(path)
     try:
-        yield part
-        _on_disk(part)
+        with _named(path):
+            yield part
+            _on_disk(part)
         with _locked(path.parent):
             if before is not None:
                 before(path)
@@ -55,6 +57,18 @@ def written_atomically(path: str | os.PathLike, before: Callable[[Path], None] |
         _on_disk(path.parent)
     finally:
         part.unlink(missing_ok=True)
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Have an error of the disk name the file or folder that is written: that of a write names none, that of HDF5 has no number."""
+    try:
+        yield
+    except OSError as error:
+        number = error.errno if error.errno in _FULL else next((n for n in _FULL if os.strerror(n) in str(error)), None)
+        if number is None:
+            raise
+        raise OSError(number, f"not written: {os.strerror(number)}; make room or name another place", str(path)) from error
 
 
 def write_text(path: str | os.PathLike, text: str, encoding: str = "utf-8") -> None:
@@ -124,9 +138,10 @@ def folder_written_atomically(path: str | os.PathLike, own: Callable[[str], bool
     part = _temporary(path)
     part.mkdir()
     try:
-        yield part
-        for item in part.rglob("*"):
-            _on_disk(item)
+        with _named(path):
+            yield part
+            for item in part.rglob("*"):
+                _on_disk(item)
         if own is not None and path.is_dir():
             _take_over(path, part, own)
         _on_disk(part)

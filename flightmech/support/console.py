@@ -99,6 +99,21 @@ def command_line() -> str:
     return shlex.join(["aeromatch", *sys.argv[1:]])
 
 
+_UNSEEN = {code: f"\\x{code:02x}" for code in (*range(32), *range(127, 160)) if chr(code) not in "\t\n"}
+_UNSEEN |= {code: f"\\u{code:04x}" for code in (0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))}
+
+
+def printable(text: str) -> str:
+    """Return a text with control characters, also those that turn the direction of writing, as their codes: no name moves a cursor.
+
+    Examples
+    --------
+    >>> print(printable("q\\x1b[31m"))
+    q\\x1b[31m
+    """
+    return text.translate(_UNSEEN)
+
+
 _ENDLESS = 100_000  # columns: a line that goes to a file or another program is not broken
 
 
@@ -132,18 +147,18 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[Any]], title: str = ""
     for column in columns:
         sheet.add_column(Text(column), justify="right" if column in right else "left", no_wrap=column == columns[0])
     for row in rows:
-        sheet.add_row(*(Text("" if cell is None else str(cell)) for cell in row))
+        sheet.add_row(*(Text("" if cell is None else printable(str(cell))) for cell in row))
     console = Console(width=None if sys.stdout.isatty() else _ENDLESS)
     with console.capture() as capture:
         console.print(sheet)
     if title:
-        click.echo(title)
+        click.echo(printable(title))
     click.echo("\n".join(line.rstrip() for line in capture.get().splitlines()))
 
 
 def remark(text: str) -> None:
     """Print a message on stderr, so that stdout stays clean."""
-    click.echo(text, err=True)
+    click.echo(printable(text), err=True)
 
 
 @contextmanager

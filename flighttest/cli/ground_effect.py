@@ -20,7 +20,7 @@ _MODELS = ("CL = 1 + alpha + qhat + delta_e", "CD = 1 + alpha + alpha**2", "Cm =
 @click.option("--ground", multiple=True, help="Terms that the ground may change, as 'CL = 1 + alpha'. Default: all; CL*phi of Cl.")
 @click.option("--database", "database_file", type=InputFile(), help="Its ground effect takes part in the comparison.")
 @click.option("--hold", is_flag=True, help="Hold the free-air terms at the database. Default: they are estimated along.")
-@click.option("--cutoff", type=float, help="Low-pass all states alike first [Hz].")
+@click.option("--cutoff", type=click.FloatRange(0.0, min_open=True), help="Low-pass all states alike first [Hz].")
 @click.option("--height", "heights", type=float, multiple=True, help="Height at which K(h) is printed [m].")
 @click.option("-o", "--output", type=NewFile(), help="Write the database with the ground effect in it.")
 @click.option("--tables", is_flag=True, help="Write K(h) as tables in place of k h^s.")

@@ -16,7 +16,7 @@ _MODEL = click.option("--model", "model_text", required=True, help="For example 
 _WINDOW = click.option(
     "--window", "windows", type=(float, float), multiple=True, help="Start and stop [s]; several make one fit. Default: all."
 )
-_CUTOFF = click.option("--cutoff", type=float, help="Low-pass all states alike first [Hz].")
+_CUTOFF = click.option("--cutoff", type=click.FloatRange(0.0, min_open=True), help="Low-pass all states alike first [Hz].")
 _BAND = click.option("--band", type=(float, float), help="Work in frequency, inside this band [Hz]. Default: in time.")
 _CORRELATION = click.option("--correlation", is_flag=True, help="Print the correlation matrix of the estimates.")
 _TABULATED = {"nodes": "nodes", "flight": "from flight", "identified": "identified", "ratio_median": "std. error / a priori"}

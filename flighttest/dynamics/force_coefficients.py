@@ -213,8 +213,10 @@ def smoothed(states: xr.Dataset, cutoff: float) -> xr.Dataset:
     Raises
     ------
     OutOfRange
-        The cut-off is not below half the sampling rate.
+        The cut-off does not lie between 0 and half the sampling rate.
     """
+    if not 0.0 < cutoff < np.inf:
+        raise OutOfRange(f"cut-off {cutoff:g} Hz; it must be more than 0 Hz and less than half the samples per second")
     time = states["time"].values
     step = float(np.median(np.diff(time)))
     gaps = np.flatnonzero(np.diff(time) > 1.5 * step) + 1

@@ -95,6 +95,7 @@ def _record(recording: Recording, mapping: NameMap, path: Path) -> xr.DataTree:
     if recording.modes:
         root["modes"] = json.dumps(_modes(recording, mapping, leaves))
     root["notes"] = json.dumps([*_notes(recording.facts), *recording.notes, *clocks.notes])
+    root = {key: _writable(value) if isinstance(value, str) else value for key, value in root.items()}
     return xr.DataTree.from_dict({"/": xr.Dataset(attrs=root), **{f"/{leaf}": data for leaf, data in leaves.items()}})
 
 
@@ -105,6 +106,11 @@ def _modes(recording: Recording, mapping: NameMap, leaves: Mapping[str, xr.Datas
     settled = [(first + (time - first) / (1.0 + clock.drift) + clock.offset, name) for time, name in recording.modes]
     times = [data["time"].values for data in leaves.values()]
     return rows(settled, min(float(time[0]) for time in times), max(float(time[-1]) for time in times))
+
+
+def _writable(text: str) -> str:
+    """Return a text that files can hold: bytes of a file's name that the encoding of the system does not know become question marks."""
+    return text.encode("utf-8", "replace").decode()
 
 
 def _with_constants(leaves: dict[str, xr.Dataset], mapping: NameMap) -> None:

@@ -84,6 +84,11 @@ def test_a_project_is_read(write, tmp_path):
     assert project.fits[0].models == ("CL = 1 + alpha",)
 
 
+@pytest.mark.parametrize("cutoff", ["0 Hz", "-4 Hz"])
+def test_a_low_pass_needs_a_frequency(write, cutoff):
+    assert problems(write(("4 Hz", cutoff)))[0].startswith("cutoff: a low-pass needs a frequency of more than 0 Hz; leave the key out")
+
+
 def test_all_misspelt_keys_are_reported_at_once(write):
     found = problems(write(("cutoff", "cutof"), ("regressors", "regresors"), ("manoeuvres", "maneuvers")))
     assert "cutof: unknown key; near it: cutoff" in found

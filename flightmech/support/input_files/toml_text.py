@@ -14,6 +14,7 @@ MOST_DEPTH = 100
 """Tables and arrays inside each other, and parts of a dotted key."""
 
 _LARGEST = 2**63
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f]")  # TOML allows them as escapes; no name and no title has one
 _PART = re.compile(r"\s*(?:[\w-]+|\"[^\"\n]*\"|'[^'\n]*')\s*")
 
 
@@ -24,7 +25,7 @@ def toml_content(text: str) -> dict[str, Any]:
     ------
     ValueError
         `tomllib.TOMLDecodeError` with the line when the text is not TOML; else what goes beyond `MOST_CHARACTERS`, `MOST_DEPTH` or the
-        64 bits that TOML gives an integer.
+        64 bits that TOML gives an integer, and control characters, which reach terminals and XML.
     """
     if len(text) > MOST_CHARACTERS:
         raise ValueError(f"{len(text)} characters, at most {MOST_CHARACTERS} are read")
@@ -51,15 +52,18 @@ def _longest_key(text: str) -> int:
 
 
 def _demand_ordinary(content: dict[str, Any]) -> None:
-    """Raise for integers beyond 64 bits and for tables nested too deep."""
+    """Raise for integers beyond 64 bits, control characters, and tables nested too deep."""
     waiting: list[tuple[Any, str, int]] = [(content, "", 0)]
     while waiting:
         item, place, depth = waiting.pop()
         if isinstance(item, int) and not -_LARGEST <= item < _LARGEST:
             raise ValueError(f"an integer of {len(str(abs(item)))} digits at {place}, beyond the 64 bits that TOML allows")
+        if isinstance(item, str) and (found := _CONTROL.search(item)):
+            raise ValueError(f"the control character {found[0]!r} at {place}")
         if depth > MOST_DEPTH:
             raise ValueError(f"tables or arrays nested more than {MOST_DEPTH} deep")
         if isinstance(item, dict):
+            waiting += [(key, f"the key {key!r}", depth) for key in item]
             waiting += [(part, f"{place}.{key}" if place else key, depth + 1) for key, part in item.items()]
         elif isinstance(item, list):
             waiting += [(part, place, depth + 1) for part in item]

@@ -211,8 +211,8 @@ def no_numbers(file):
         (endless, "CD/basic/value has the shape (1099511627776,); a table has at most 128 MiB"),
         (outside, "CD is a link to another place; a database holds its tables itself"),
         (outside, "CL/again is a link to another place; a database holds its tables itself"),
-        (circle, "CL/flap/again: linked to more than once, or more than 5000 groups in the file"),
-        (circle, "CL/root: linked to more than once, or more than 5000 groups in the file"),
+        (circle, "CL/flap/again: linked to more than once; a database holds each group once"),
+        (circle, "CL/root: linked to more than once; a database holds each group once"),
         (packed, "CL/flap/value is packed (attribute scale_factor); unpack the numbers before you write them"),
         (lists, "CL/flap: attribute references is neither a text nor a number"),
         (lists, "root: attribute note is neither a text nor a number"),
@@ -252,3 +252,20 @@ def test_what_no_file_can_hold_is_refused_before_anything_is_written(small, tmp_
         aerodb.save(small, tmp_path / "small.nc")
     assert [text for text in caught.value.problems if text.startswith(problem)], caught.value.problems
     assert not list(tmp_path.iterdir())
+
+
+def test_a_crowd_of_groups_is_one_problem(file, monkeypatch):
+    monkeypatch.setattr(netcdf, "MOST_GROUPS", 20)
+    with h5py.File(file, "a") as content:
+        for number in range(30):
+            content.create_group(f"CL/g{number}")
+    with pytest.raises(SchemaError) as caught:
+        aerodb.open(file)
+    assert caught.value.problems == ["more than 20 groups; a database has some hundred"]
+
+
+def test_groups_inside_each_other_without_end(file):
+    with h5py.File(file, "a") as content:
+        content.create_group("CL" + "/x" * 2000)
+    with pytest.raises(SchemaError, match="groups inside each other more than 20 deep"):
+        aerodb.open(file)

@@ -1,6 +1,8 @@
 import os
 import stat
 
+import h5py
+import numpy as np
 import pytest
 
 from flightmech.support import atomic_write
@@ -235,3 +237,38 @@ def ended():
         os._exit(0)
     os.waitpid(child, 0)
     return child
+
+
+@pytest.fixture
+def little_room():
+    """Files of this process may not grow beyond a kilobyte, which ends a write as a full disk does."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def h5py_file(path):
+    with h5py.File(path, "w") as file:
+        file["x"] = np.zeros(10_000)
+
+
+@pytest.mark.parametrize("write", [lambda path: path.write_bytes(bytes(2000)), h5py_file])
+def test_a_full_disk_names_the_file_and_leaves_the_older_one(tmp_path, little_room, write):
+    (tmp_path / "a.nc").write_text("older")
+    with (
+        pytest.raises(OSError, match=r"not written: .*; make room or name another place") as caught,
+        written_atomically(tmp_path / "a.nc") as part,
+    ):
+        write(part)
+    assert caught.value.filename == str(tmp_path / "a.nc")
+    assert [item.name for item in tmp_path.iterdir()] == ["a.nc"]
+    assert (tmp_path / "a.nc").read_text() == "older"
+
+
+def test_a_full_disk_names_the_folder(tmp_path, little_room):
+    with pytest.raises(OSError, match="not written") as caught, folder_written_atomically(tmp_path / "out") as part:
+        (part / "page.html").write_bytes(bytes(2000))
+    assert caught.value.filename == str(tmp_path / "out")
+    assert not list(tmp_path.iterdir())

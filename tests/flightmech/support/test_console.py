@@ -6,7 +6,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from flightmech.support.console import NewFile, plain, progress, table
+from flightmech.support.console import NewFile, plain, progress, remark, table
 
 
 def test_a_heading_keeps_its_unit_and_lines_end_without_blanks(capsys):
@@ -59,3 +59,11 @@ def test_progress_of_work_that_prints_has_a_line_of_its_own(capsys, monkeypatch)
     with progress("replay", lines=True):
         assert capsys.readouterr().err == "  replay ...\n"
     assert capsys.readouterr().err == ""
+
+
+def test_control_characters_of_a_name_are_printed_as_codes(capsys):
+    table(["name"], [["q\x1b[31m\u202ex"]], title="a\x9bb\x07")
+    remark("r\x08")
+    printed = capsys.readouterr()
+    assert printed.out == "a\\x9bb\\x07\nname\nq\\x1b[31m\\u202ex\n"
+    assert printed.err == "r\\x08\n"

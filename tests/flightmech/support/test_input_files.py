@@ -29,6 +29,8 @@ HOSTILE = {
     "the name of a table": ("[" + ".".join(["a"] * DEEP) + "]", "a key of more than 100 parts"),
     "5000 digits": ("S = " + "9" * 5000, "an integer of thousands of digits, beyond the 64 bits"),
     "400 digits": ("[a]\nS = [1, -" + "9" * 400 + "]", "an integer of 400 digits at a.S, beyond the 64 bits"),
+    "a control character": ('[case]\nname = "a\\u001b[31m"', r"found the control character '\\x1b' at case.name; expected a TOML text"),
+    "one in a key": ('"a\\u009b" = 1', r"the control character '\\x9b' at the key"),
     "ISO 8859-1": ("name = 'x'\n# Flügel".encode("latin-1"), r"line 2: found the byte 0xfc, which is no UTF-8 \(ISO 8859-1 or"),
     "UTF-16 without a mark": ("S = 1\n".encode("utf-16-le"), "zero bytes; .*UTF-16 without a byte-order mark"),
 }

@@ -265,3 +265,11 @@ def test_thrust_coefficient_is_a_regressor_and_moves_with_its_errors():
     fit = regress(Model.parse("Cl = 1 + CT"), [torque.drop_vars([name for name in c if str(name).endswith("_error")])])
     np.testing.assert_allclose(fit.estimates["estimate"], [0.001, -0.03], rtol=1e-9)
     assert "CT" not in coefficients(states(), plane())
+
+
+@pytest.mark.parametrize("cutoff", [0.0, -2.0, np.nan, np.inf])
+def test_a_low_pass_needs_a_frequency(cutoff):
+    time = np.arange(50) / 50.0
+    states = xr.Dataset({"V": ("time", np.full(50, np.nan))}, {"time": time})  # no sample: no filter would report it
+    with pytest.raises(OutOfRange, match="it must be more than 0 Hz"):
+        smoothed(states, cutoff)

@@ -1,5 +1,7 @@
 import gzip
 import json
+import os
+import sys
 
 import numpy as np
 import pytest
@@ -153,3 +155,12 @@ def test_manoeuvres_and_overview(tmp_path):
     assert manoeuvres(record).iloc[0].to_dict() == {"manoeuvre": "doublet", "control": "elevator", "start": 1.0, "end": 2.0, "note": ""}
     row = overview(record).iloc[0]
     assert (row["leaf"], row["channel"], row["min"], row["max"], row["missing"]) == ("a", "q", 1.0, 2.0, 0)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse such a name")
+def test_a_file_whose_name_is_no_text(tmp_path):
+    file = tmp_path / os.fsdecode(b"fl\xfcgel.csv")
+    file.write_text("time [s],q [rad/s]\n0,1\n0.1,2\n0.2,3\n")
+    record = flighttest.read(file)
+    assert record.attrs["source_file"] == "fl?gel.csv"
+    flighttest.save_record(record, tmp_path / "record.nc")

@@ -1,5 +1,6 @@
 """The report on paper: a PDF/A-3 document with tags, fonts of our own, data attached; its drawings."""
 
+import io
 import re
 import sys
 import zlib
@@ -290,3 +291,18 @@ def test_a_cross_plot_turns_back_with_its_band():
     assert np.diff(places[:, 0]).min() < 0.0 < np.diff(places[:, 0]).max()
     assert places[:, 0].min() > figure.LEFT
     assert "final: force pass, 0.42 of the tolerance" in item.words
+
+
+@pytest.mark.slow
+def test_a_word_that_no_line_holds_is_broken(monkeypatch):
+    """Typeset as pictures of 20 dots an inch: nothing is printed in the last 5 mm of any page."""
+    import typst
+    from matplotlib.pyplot import imread
+
+    word, result = "x" * 400, fixture.roll_result()
+    result = replace(result, case=replace(result.case, title=word, objective=word, notes=word))
+    monkeypatch.setattr(
+        document, "_set", lambda folder, _: typst.compile(str(folder / "report.typ"), root=str(folder), format="png", ppi=20)
+    )
+    for page in paper([result], title=word):
+        assert imread(io.BytesIO(page))[:, -4:, :3].min() == 1.0
