@@ -112,10 +112,10 @@ def from_datcom(
     Warns
     -----
     AeromatchWarning
-        The reference point is that of the cards, powered pages are used, reference quantities differ by more than 1 % (coefficients are
-        re-referenced), D(CM) comes from a loop over several
-        conditions, ground pages with elevator are unusable, a value is held into another speed regime, a spoiler of no height has a
-        moment, Mach numbers stand at altitudes of their own, or a term of a listing given has to stay absent.
+        The reference point is that of the cards, the clean listing has no dynamic page, powered pages are used, reference
+        quantities differ by more than 1 % (coefficients are re-referenced), D(CM) comes from a loop over several conditions, ground
+        pages with elevator are unusable, a value is held into another speed regime, a spoiler of no height has a moment, Mach
+        numbers stand at altitudes of their own, or a term of a listing given has to stay absent.
     """
     if power is None:
         free, with_power = apart(clean)
@@ -143,6 +143,11 @@ def from_datcom(
     prior = errors_with(stderr, *given["clean"].regimes)
     if not tailless:
         _require_tail(given["clean"])
+    if not given["clean"].has("dynamic"):
+        warn(
+            f"clean: {given['clean'].file} has no dynamic page, so that the database has no damping (qhat, phat, rhat): "
+            "run the deck with a card DAMP"
+        )
     if given["clean"].powered:
         prior = with_power_in_it(prior, given["clean"])
     reference = _reference_point(aircraft, given, move_reference)

@@ -121,7 +121,8 @@ def draft_names(files: Sequence[Path], flap: float | None = None) -> NamesDraft:
     if kind == "chapter10":
         raise SchemaError("recordings", ["Chapter 10 holds words of a bus; write their [decode] tables first (docs/flight-records.md)"])
     if kind in LOGS:
-        remark = f"surface angles are not in a {FORMATS[kind][1]} log: add the bench table of each surface to [controls] of names.toml"
+        remark = f"surface angles are not in a {FORMATS[kind][1]} log: add the bench table of each surface to [controls] of names.toml, "
+        remark += "then write manoeuvres.csv with 'aeromatch flight manoeuvres RECORD --names names.toml -o manoeuvres.csv'"
         return NamesDraft(extends=LOGS[kind], remarks=(remark,))
     if not any(needs_names(file) for file in files):
         return NamesDraft(identity=True)

@@ -32,6 +32,7 @@ _EARLY, _LATE, _GAINS = 0.05, -0.15, 0.03  # s, and R2, beyond which a surface w
 _CERTAIN = 3.0  # standard errors by which the time must lie beyond
 _ACTIVE, _AROUND = 0.25, 1.5  # of the largest movement, and s around it: samples that show when a surface acts
 _MOVED = 1.0 * DEGREE  # total movement without which a delay is not informative
+_FLOW = {"alpha_vane", "beta_vane"}
 _EXPLAINED = 0.4  # R2 that the equation must reach about the movements with the best delay
 _MOVES = 0.05 * DEGREE  # rms of quick movement that makes an input
 _SMALL = 0.6 * DEGREE  # total movement below which an effect must not be large
@@ -162,13 +163,14 @@ def answer_findings(
 ) -> list[Finding]:
     """Return the surfaces that move the aeroplane the wrong way, far too much or at another time, and the controls that nothing follows.
 
-    Channels that are `late` themselves show nothing about the time of a surface.
+    Channels that are `late` themselves show nothing about the time of a surface, nor does an equation without its flow angle.
     """
     found = []
     for row in rows(table):
         wrong = _surface(row, record) if row.R2 >= _LOWEST_R2 and abs(row.ratio) >= SIGNIFICANT else []
         others = next(equation.others for equation in EQUATIONS if equation.surface == row.surface)
-        found += wrong or ([] if set(others) & set(late) else _timing(row, record))
+        untimed = set(others) & set(late) or (set(others) & _FLOW) - set(signals.values)
+        found += wrong or ([] if untimed else _timing(row, record))
     for row in rows(followed):
         found += _hand(row, record)
     return found + _side_force(signals)

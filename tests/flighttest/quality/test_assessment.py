@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import flightmech
 import flighttest
@@ -285,6 +286,16 @@ def test_command_recorded_instead_of_a_surface(name, lead, recordings, aircraft)
     assert named(quality) == [f"lag:{name}"]
     # 20 ms: the alpha vane of this aeroplane is 35 ms late, which the pitch equation takes for an early elevator
     assert quality.answers.set_index("surface")["lead"][name] == pytest.approx(lead, abs=0.02)
+
+
+def test_without_a_vane_nothing_is_reported_of_when_the_elevator_acts():
+    """The light aircraft without angle of attack: delaying the elevator by 0.2 s makes up for it."""
+    record = flighttest.read(C182 / "flight" / "cruise.csv", C182 / "names.toml")
+    (leaf,) = [leaf for leaf, node in record.children.items() if "alpha_vane" in node.data_vars]
+    record[leaf] = xr.DataTree(record[leaf].to_dataset().drop_vars("alpha_vane"))
+    quality = flighttest.assess(record)
+    assert quality.answers.set_index("surface")["lead"]["delta_e"] > 0.15
+    assert not [name for name in named(quality) if name.startswith("lag:delta_e")]
 
 
 C182 = Path(__file__).parents[3] / "data" / "c182"
