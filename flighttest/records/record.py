@@ -19,6 +19,7 @@ import xarray as xr
 
 from flightmech.errors import AeromatchError, ParseError, SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, attrs, lookup
+from flightmech.support.input_files.text import json_content
 
 from ..readers.clocks import Clocks, utc_facts
 from ..readers.flight_modes import rows
@@ -159,7 +160,10 @@ def modes(record: xr.DataTree | xr.Dataset) -> pd.DataFrame:
 
 def _listed(record: xr.DataTree | xr.Dataset, key: str) -> pd.DataFrame:
     columns = ["manoeuvre", "control", "start", "end", "note"]
-    found = json.loads(record.attrs.get(key, "[]"))
+    file = str(record.attrs.get("source_file", "the record"))
+    found = json_content(record.attrs.get(key, "[]"), file, f"a list of {key}")
+    if not isinstance(found, list) or not all(isinstance(row, dict) for row in found):
+        raise ParseError(file, 0, f"the attribute {key} {str(found)[:40]!r}", "a list of rows in JSON; write the record again")
     return pd.DataFrame([{name: row.get(name, "") for name in columns} for row in found], columns=columns)
 
 

@@ -32,7 +32,6 @@ show the rate of the Earth too, as those of an inertial reference do; the record
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
@@ -41,6 +40,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, field_validator
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import lookup
 from flightmech.support.configuration import Strict, fixed_array, quantity_schema, si, validate
+from flightmech.support.input_files.text import json_content
 from flightmech.units import DEGREE, quantity
 
 IMU = ("p", "q", "r", "ax_imu", "ay_imu", "az_imu")
@@ -237,7 +237,7 @@ def instruments_of(aircraft: Any, facts: Mapping[Any, Any]) -> Instruments:
 
 def stated_in(facts: Mapping[Any, Any]) -> dict[str, Any]:
     """Return the tables of instruments that the name map of a record states; empty for none."""
-    return json.loads(facts.get("instruments", "{}"))
+    return json_content(facts.get("instruments", "{}"), str(facts.get("source_file", "the record")), "a table of instruments")
 
 
 def _tables(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,8 +13,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, unquote
 
-from flightmech.errors import SchemaError
+from flightmech.errors import ParseError, SchemaError
 from flightmech.support.console import plain
+from flightmech.support.input_files.text import json_content
 
 from ..result import PomResult
 from .origins import case_seen_from, seen_from
@@ -113,11 +114,11 @@ def read_manifest(folder: str | os.PathLike) -> dict[str, Any]:
     if not path.is_file():
         raise FileNotFoundError(2, "no manifest.json here; give the folder that `aeromatch pom run -o` wrote", str(path))
     try:
-        statement = json.loads(path.read_text(encoding="utf-8"))
+        statement = json_content(path.read_text(encoding="utf-8"), path, "a manifest")
         definition = statement["predicate"]["buildDefinition"]
         known = definition["buildType"] == BUILD and isinstance(statement["subject"], list)
         known = known and isinstance(definition["resolvedDependencies"], list)
-    except (ValueError, KeyError, TypeError) as error:
+    except (ParseError, ValueError, KeyError, TypeError) as error:
         raise SchemaError(str(path), [f"not a manifest ({type(error).__name__}: {error}); write the report again"]) from None
     if not known:
         raise SchemaError(str(path), [f"a statement of another kind than {BUILD}; write the report again"])

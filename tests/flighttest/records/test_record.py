@@ -157,6 +157,13 @@ def test_manoeuvres_and_overview(tmp_path):
     assert (row["leaf"], row["channel"], row["min"], row["max"], row["missing"]) == ("a", "q", 1.0, 2.0, 0)
 
 
+@pytest.mark.parametrize("text", ["{", "[" * 100_000, "9" * 5000, "[1]", "5"], ids=["cut", "deep", "digits", "no_rows", "no_list"])
+def test_a_list_of_manoeuvres_that_is_none(text):
+    record = xr.DataTree(xr.Dataset(attrs={"manoeuvres": text, "source_file": "run.nc"}))
+    with pytest.raises(ParseError, match=r"run.nc: found"):
+        manoeuvres(record)
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse such a name")
 def test_a_file_whose_name_is_no_text(tmp_path):
     file = tmp_path / os.fsdecode(b"fl\xfcgel.csv")
