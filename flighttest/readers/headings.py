@@ -19,10 +19,13 @@ _HEAD = re.compile(r"^(.*\S)\s*[\[(]\s*([^\])]*?)\s*[\])]$")
 def split_heading(text: str) -> tuple[str, str]:
     """Return name and unit of a heading; no unit where the brackets hold none, as in ``xyz[0]`` or ``Elevator (left)``.
 
-    What stands behind a canonical name is taken for its unit, so that an unknown one is an error of its own.
+    What stands behind a canonical name is taken for its unit, so that an unknown one is an error of its own; ``throttle [1]`` is the
+    dimensionless throttle, ``throttle[1]`` an element of an array.
     """
     match = _HEAD.match(text)
-    if match is None or match[2].isdigit() or not (_is_unit(match[2]) or _is_canonical(match[1])):
+    if match is None or not (_is_unit(match[2]) or _is_canonical(match[1])):
+        return text, ""
+    if match[2].isdigit() and not (text == f"{match[1]} [1]" and _is_canonical(match[1])):  # an index
         return text, ""
     return match[1], match[2]
 

@@ -28,6 +28,8 @@ T = np.arange(0.0, 2.0, 0.02)
         ("Speed (IAS)", "Speed (IAS)", ""),
         ("xyz[0]", "xyz[0]", ""),
         ("xyz[1]", "xyz[1]", ""),
+        ("throttle [1]", "throttle", "1"),
+        ("throttle[1]", "throttle[1]", ""),
         ("plain", "plain", ""),
         ("[deg]", "[deg]", ""),
     ],
