@@ -51,7 +51,7 @@ def databases(draw):
 @pytest.mark.parametrize("fmt", ["netcdf", "matlab", "csv"])
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(db=databases())
-def test_there_and_back_gives_the_same_tree(tmp_path, db, fmt):
+def test_there_and_back_gives_the_same_tree(mat_files_in_this_process, tmp_path, db, fmt):
     write, read = {
         "netcdf": (aerodb.save, aerodb.open),
         "matlab": (aerodb.exchange.export_matlab, aerodb.exchange.import_matlab),
