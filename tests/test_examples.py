@@ -13,6 +13,7 @@ from flightmech.errors import AeromatchWarning
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
+@pytest.mark.slow
 def test_fly_the_t37(tmp_path, capsys):
     spec = importlib.util.spec_from_file_location("fly_the_t37", EXAMPLES / "fly_the_t37.py")
     example = importlib.util.module_from_spec(spec)

@@ -67,7 +67,7 @@ def test_there_and_back_gives_the_same_tree(mat_files_in_this_process, tmp_path,
         }
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(db=databases(), count=st.integers(1, 5), seed=st.integers(0, 9))
 def test_check_cases_and_previous_states_travel_with_the_file(tmp_path, db, count, seed):
     name = next(iter(aerodb.terms(db)))

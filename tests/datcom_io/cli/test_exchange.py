@@ -59,6 +59,7 @@ def test_plot_shows_both_kinds(run):
     assert "run 10 alpha 4" in out
 
 
+@pytest.mark.slow
 @needs_corpus
 def test_plot_gives_its_digits_to_the_listing(run, tmp_path):
     code, out, _ = run("plot", f"{CASCADE}.for013", "--listing", f"{CASCADE}.out", "-o", tmp_path / "fine.nc", "--json")

@@ -120,6 +120,7 @@ def test_reconstruct_one_record(files, tmp_path):
     assert "factor.alpha_vane" in open_biases(target)["parameter"]
 
 
+@pytest.mark.slow
 def test_reconstruct_several_records_into_a_folder(files, tmp_path):
     target = tmp_path / "paths"
     done = call("reconstruct", files / "run_0.nc", files / "run_1.nc", "--aircraft", files / "aircraft.toml", "-o", target, "--json")

@@ -40,6 +40,7 @@ def test_without_noise_the_truth_is_found(model):
     np.testing.assert_allclose(list(found.values()), list(TRUTH.values()), rtol=1e-4)  # the record integrates its input in ten steps
 
 
+@pytest.mark.slow
 def test_two_standard_errors_cover_the_truth(model):
     """25 records, four unknowns; 94.6 % within two standard errors over 200 records."""
     inside = [
