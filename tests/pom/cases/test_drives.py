@@ -26,8 +26,9 @@ def short_period(trainer, tmp_path_factory):
     """The short period of the T-37 with what its circuits give for stick and pedals, and an FMU of the trainer's terms in the T-37."""
     case = read_case(CASES / "21_short_period.toml")
     aircraft = flightmech.read_aircraft(case.aircraft)
-    loose = {name: replace(circuit, friction=0.0, stiction=0.0, hinge_friction=0.0) for name, circuit in aircraft.circuits.items()}
-    aircraft = replace(aircraft, circuits=loose)  # friction would leave the stick anywhere in its band
+    dry = dict.fromkeys(("friction", "stiction", "hinge_friction", "preload"), 0.0)
+    loose = {name: replace(circuit, **dry) for name, circuit in aircraft.circuits.items()}
+    aircraft = replace(aircraft, circuits=loose)  # friction and preload would leave stick and wheel anywhere in their bands
     hinges = {"Ch_e/alpha": terms.make(-0.1, regressors=["alpha"]), "Ch_e/delta": terms.make(-0.4, regressors=["delta_e"])}
     db = trainer.database()
     x, y, z = aircraft.reference
