@@ -86,7 +86,7 @@ def test_wheel_holds_every_file_of_the_packages(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     assert tree(ROOT) - names == set()
     endings = {Path(name).suffix for name in tree(ROOT)}
-    assert {".pyi", ".html", ".css", ".js", ".toml", ".csv", ".json", ".typ", ".ttf"} <= endings  # the comparison saw them
+    assert {".pyi", ".html", ".css", ".js", ".toml", ".csv", ".typ", ".ttf"} <= endings  # the comparison saw them
     assert {f"{package}/py.typed" for package in PACKAGES} <= names
     assert sum("/_binaries/" in name for name in names) == 1  # the kernel of this machine
     assert any(name.endswith(".dist-info/licenses/LICENSE") for name in names)
