@@ -9,6 +9,7 @@ import pytest
 
 import flightmech
 from flightmech.errors import SimulationError
+from flightmech.simulation.kernel import Simulation
 from flightmech.terms import make
 
 FLIGHT = {"init__V": 100.0, "init__h": 2000.0, "mode__trim": 2.0}
@@ -124,8 +125,6 @@ def test_divergence_stops_the_run_and_keeps_the_last_good_state(make_aircraft, m
 
 
 def test_step_before_initialisation_is_refused(sim):
-    from flightmech.simulation.kernel import Simulation
-
     u = np.zeros(len(sim.inputs))
     with pytest.raises(SimulationError, match=r"has not been initialised"):
         Simulation(sim.model).step(0.0, 0.1, u, u)
@@ -195,3 +194,21 @@ def test_a_thousand_simulations_of_one_model(sim, start):
         alone = start(sim, init__V=60.0 + 0.1 * i)
         alone.step(0.0, 0.02, u, u)
         assert (alone.state == runs[i].state).all()
+
+
+def test_a_step_of_no_length_hides_no_failed_trim(sim):
+    """A trim in a wind that no flight survives leaves a state without numbers; no step makes a good one of it."""
+    run = Simulation(sim.model)
+    run.initialize()
+    u = np.zeros(len(sim.inputs))
+    u[[sim.inputs.index("wind_e"), sim.inputs.index("wind_d")]] = 1e300, -1e300
+    run.set_inputs(u)
+    with pytest.raises(SimulationError, match="not finite"):
+        run.trim(1)
+    assert not np.isfinite(run.state).all()
+    with pytest.raises(SimulationError, match="is not finite"):
+        run.step(0.0, 0.0, np.zeros_like(u), np.zeros_like(u))
+    run.set_inputs(np.zeros_like(u))
+    run.initialize()
+    run.step(0.0, 0.0, np.zeros_like(u), np.zeros_like(u))
+    assert np.isfinite(run.state).all()

@@ -121,6 +121,8 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
                     sim->par[P_STEP]);
     }
     const long n = dt > 0.0 && parts < 1.0 ? 1 : (long)parts;
+    /* no step: the state may be that of a trim that failed */
+    if (n == 0 && (status = check_finite(sim, AM_STATE, sim->x)) != AM_OK) return status;
     for (long i = 0; i < n; i++) {
         const double s0 = (double)i / (double)n;
         const double s1 = (double)(i + 1) / (double)n;
