@@ -65,6 +65,7 @@ def test_white_disturbance_has_the_standard_errors_of_time():
     np.testing.assert_allclose(scatter, regress(LIFT, data).estimates["stderr_white"].values[1:], rtol=0.1)
 
 
+@pytest.mark.slow
 def test_two_standard_errors_cover_the_truth():
     """60 seeds x 4 terms of one 30 s record; 93 % over 200 seeds (docs/regression.md), scatter of the share 2 to 3 %."""
     inside = []

@@ -35,6 +35,7 @@ def test_two_standard_errors_cover_the_truth_and_the_white_formula_does_not():
     assert np.mean(white) < 0.5
 
 
+@pytest.mark.slow
 def test_stacked_manoeuvres_cover_too_even_when_each_has_an_offset_of_its_own():
     """40 seeds of six 10 s records that differ by a constant; 95 % measured over 200 seeds."""
     inside, offsets = [], []

@@ -37,6 +37,7 @@ def test_weights_by_a_variable_are_weighted_least_squares():
         regress(LIFT, data, weights="nosuch")
 
 
+@pytest.mark.slow
 def test_two_weights_cover_too():
     """50 seeds of a quiet and a rough manoeuvre; 0.93 of 200 estimates is known to 3 %."""
     inside = []

@@ -74,10 +74,15 @@ def test_clean_recordings_have_no_fault_without_specification(path):
     assert named(flighttest.assess(flighttest.read(path, T37 / "names.toml"))) == []
 
 
+def first_fast(names):
+    """Return parameters of which all but the first three wait for the slow tests."""
+    return [name if k < 3 else pytest.param(name, marks=pytest.mark.slow) for k, name in enumerate(names)]
+
+
 SIGNS = ["p", "q", "r", "phi", "theta", "psi", "ax_imu", "ay_imu", "az_imu", "alpha_vane", "beta_vane", "vn", "ve", "vd", "h_baro"]
 
 
-@pytest.mark.parametrize("name", SIGNS)
+@pytest.mark.parametrize("name", first_fast(SIGNS))
 def test_wrong_sign_of_a_motion(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(ROLL), **{name: minus}), aircraft)
     assert named(quality) == [f"sign:{name}"]
@@ -109,7 +114,7 @@ UNITS = {
 }
 
 
-@pytest.mark.parametrize("case", UNITS)
+@pytest.mark.parametrize("case", first_fast(UNITS))
 def test_wrong_unit(case, recordings, aircraft):
     name, change, unit = UNITS[case]
     quality = flighttest.assess(planted(recordings(ROLL), **{name: change}), aircraft)
