@@ -16,7 +16,7 @@ def test_the_demo_writes_what_it_promises(demo):
     names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
     models = {f"{name}{kind}" for name in ("datcom", "corrected", "final") for kind in (".nc", ".fmu", ".toml", "_engine1.nc")}
     results = json.loads((folder / "report" / "results.json").read_text())["results"]
-    assert len(results) == 18
+    assert len(results) == 19
     report = {"report.html", "report.pdf", "results.json", "results.nc", "results.xml", "manifest.json"}
     report |= {f"csv/{item['case']['name']}.csv" for item in results}
     assert names == models | {f"report/{name}" for name in report}
