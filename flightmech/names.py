@@ -143,6 +143,8 @@ _ROWS = [
     ("F_pedal", "N", "right foot", "pilot force on the pedals", "", "lbf"),
     ("wheel_radius", "m", "", "radius at which the pilot holds the control wheel", "", "cm"),
     ("F_rim", "N", "right", "pilot force at the rim of the wheel, torque over radius", "", "lbf"),
+    ("deflection", "rad", "as its source has it", "deflection of a further control, device.body_flap.deflection", "", "deg"),
+    ("setting", "1", "as its source has it", "setting of a further control, device.spike.setting", "", "1"),
     ("tiller", "rad", "right", "nose-wheel tiller travel", "", "deg"),
     ("F_tiller", "N", "right", "pilot force on the tiller", "", "lbf"),
     ("F_brake", "N", "forward", "pilot force on the brake pedal", "", "lbf"),
@@ -223,7 +225,7 @@ _ROWS = [
 
 VOCABULARY: dict[str, Quantity] = {row[0]: Quantity(*row) for row in _ROWS}
 COEFFICIENTS = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
-ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|column|wheel|pedal)\.")  # what quantities of a submodel begin with
+ITEM = re.compile(r"^(engine[1-9]\d*|gear\.\w+|device\.\w+|column|wheel|pedal)\.")  # what quantities of a submodel begin with
 
 
 def lookup(name: str) -> Quantity:

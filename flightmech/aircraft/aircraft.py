@@ -35,6 +35,7 @@ Bare numbers are SI, texts carry their unit.  Positions are in body axes from th
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -46,7 +47,7 @@ from pydantic import ConfigDict, Field, WithJsonSchema, field_validator, model_v
 from ..errors import SchemaError, UnitError
 from ..support.configuration import Strict, file_schema, fixed_array, load, quantity_schema, si, validate
 from ..units import quantity
-from .control_surface import CONTROLS, TRAVEL, Control
+from .control_surface import CONTROLS, DEVICE, TRAVEL, Control
 from .systems.control_circuits import Circuit, CircuitsTable, circuits_of
 from .systems.engine import Engine, EngineTable, engine_of
 from .systems.fuel import Fuel, FuelTable, fuel_of
@@ -170,7 +171,12 @@ def read_aircraft(path: str | Path) -> Aircraft:
 _Length = si("m")
 _Vector = tuple[_Length, _Length, _Length]  # type: ignore[valid-type]
 _OF_CONTROL = quantity_schema("of the control")
-_LIMITS = {"type": "object", "propertyNames": {"enum": list(CONTROLS)}, "additionalProperties": fixed_array([_OF_CONTROL] * 2)}
+_DEVICES = r"^device\.\w+\.(deflection|setting)$"
+_LIMITS = {
+    "type": "object",
+    "propertyNames": {"anyOf": [{"enum": list(CONTROLS)}, {"pattern": _DEVICES}]},
+    "additionalProperties": fixed_array([_OF_CONTROL] * 2),
+}
 
 
 class _Entry(Strict):
@@ -299,8 +305,8 @@ def _with_gearing(item: Any, units: str) -> Any:
 def _range(name: str, item: Any) -> tuple[float, float]:
     from ..names import lookup
 
-    if name not in CONTROLS:
-        raise ValueError(f"unknown control {name}; allowed: {', '.join(CONTROLS)}")
+    if name not in CONTROLS and not re.match(_DEVICES, name):
+        raise ValueError(f"unknown control {name}; allowed: {', '.join(CONTROLS)}, and {DEVICE}NAME.deflection or {DEVICE}NAME.setting")
     if not isinstance(item, list | tuple) or len(item) != 2:
         raise ValueError(f"{name}: expected [low, high]")
     try:

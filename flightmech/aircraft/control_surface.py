@@ -18,6 +18,9 @@ CONTROLS = (
     "speedbrake",
     "throttle",
 )
+DEVICE = "device."
+"""Beginning of the name of a further control, ``device.body_flap.deflection``: one that only the tables of a database use."""
+
 TRAVEL = {
     "delta_e": ("column", "m-1"),
     "delta_a": ("wheel", "1"),

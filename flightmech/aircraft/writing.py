@@ -46,7 +46,7 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
     lines += _fuel(aircraft.fuel, path) if aircraft.fuel is not None else []
     lines += _gear(aircraft.gear) if aircraft.gear is not None else []
     if aircraft.limits:
-        lines += ["", "[limits]", *(f"{name} = {_value(travel)}" for name, travel in aircraft.limits.items())]
+        lines += ["", "[limits]", *(f"{_key(name)} = {_value(travel)}" for name, travel in aircraft.limits.items())]
     for name, control in aircraft.controls.items():
         lines += ["", f"[control.{name}]", f"S_hinge = {control.S_hinge!r}", f"c_hinge = {control.c_hinge!r}"]
         lines += [f"gearing = {control.gearing!r}"] if control.gearing is not None else []

@@ -14,11 +14,12 @@ import xarray as xr
 from ..aircraft.aircraft import Aircraft, reference_in
 from ..errors import SchemaError, UnknownName
 from ..names import lookup
-from ..terms import SOURCES, check, power, regressors
+from ..terms import SOURCES, check, power, regressors, variables
 from ..units import from_si
 from . import catalogue, submodels
 from .kernel import AXIS, INPUT, OUTPUT, PARAMETER, STATE, TARGET, TERM, VARIABLE, Entry, Model
 from .packer import FORCES, MOMENTS, Packer, Term, axes
+from .submodels.devices import with_devices
 
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
 _AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
@@ -116,6 +117,7 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
         With all problems: faults of a term, an axis or regressor that the simulation does not know, a geometry that
         differs from the aircraft's.
     """
+    aircraft = with_devices(aircraft, {name for leaf in _leaves(db) for name in variables(leaf)})
     found = _collect(aircraft, db)
     problems = _root_problems(aircraft, db)
     problems += [text for term in found for text in _leaf_problems(term.name, term.leaf, term.stage, aircraft)]
@@ -132,6 +134,13 @@ def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:
 
 def _force_axes(db: xr.DataTree) -> str:
     return str(db.attrs.get("force_axes", "stability"))
+
+
+def _leaves(db: xr.DataTree) -> Iterator[xr.Dataset]:
+    """Return the terms of all coefficients."""
+    for coefficient in db.children.values():
+        if coefficient.name not in _NO_COEFFICIENT:
+            yield from (node.to_dataset() for node in coefficient.children.values() if "value" in node)
 
 
 def _collect(aircraft: Aircraft, db: xr.DataTree) -> list[Term]:

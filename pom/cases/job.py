@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.control_surface import DEVICE
 from flightmech.errors import OutOfRange, UnknownName
 from flightmech.units import DEGREE
 
@@ -112,7 +113,9 @@ def _inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
     count, level = states.sizes["time"], case.drive.level
     moved = {loop.control for loop in case.drive.pilot}
     found = {}
-    for name in (*PRIMARY[level], *(name for name in INPUTS if name not in PRIMARY[level]), *(WIND if case.wind != "none" else ())):
+    devices = sorted(str(name) for name in states.data_vars if str(name).startswith(DEVICE))
+    wind = WIND if case.wind != "none" else ()
+    for name in (*PRIMARY[level], *(name for name in INPUTS if name not in PRIMARY[level]), *wind, *devices):
         if name in case.conditions:
             found[name] = np.full(count, case.conditions[name])
         elif name in states:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from flightmech.aircraft.control_surface import DEVICE
 from flightmech.errors import SchemaError, UnitError, UnknownName
 from flightmech.names import VOCABULARY, lookup
 from flightmech.units import parse
@@ -58,6 +59,20 @@ def quantity_of(variable: Variable) -> str:
         if _is_quantity(text):
             return text
     return "mach" if variable.name.lower() == "mach" else ""
+
+
+def device_of(variable: Variable) -> str:
+    """Return the name of an input that is no quantity of the vocabulary, ``device.DBFLL.deflection``; ``""`` for other units.
+
+    An angle is a deflection, a pure number a setting; other units have no place in the tables of a database.
+    """
+    try:
+        unit = unit_of_code(variable.units)
+        dimension = parse(unit)[0]
+    except UnitError:
+        return ""
+    kind = {parse("rad")[0]: "deflection" if "rad" in unit or "deg" in unit else "setting"}.get(dimension, "")
+    return f"{DEVICE}{re.sub('[^A-Za-z0-9_]', '_', variable.varID)}.{kind}" if kind else ""
 
 
 def _is_quantity(text: str) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from . import controls, engine, fuel, landing_gear, weather
+from . import controls, devices, engine, fuel, landing_gear, weather
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ...aircraft.aircraft import Aircraft
     from ..kernel import Entry
 
-MODULES = (weather, engine, fuel, landing_gear, controls)
+MODULES = (weather, engine, fuel, landing_gear, controls, devices)
 _OWNER = {
     "weather": weather,
     "engine": engine,
@@ -26,6 +26,7 @@ _OWNER = {
     "gear": landing_gear,
     "contact": landing_gear,
     "circuit": controls,
+    "device": devices,
 }
 
 

@@ -55,6 +55,9 @@ static void set_variables(am_sim *sim, const double *x, const double *u) {
     for (int i = 0; i <= U_DELTA_D; i++) var[A_DELTA_E + i] = applied(sim, u, i);
     var[A_GEAR] = u[U_GEAR];
     var[A_SPEEDBRAKE] = u[U_SPEEDBRAKE];
+    for (uint32_t i = 0; i < items(m, G_DEVICE); i++) {
+        var_of(sim, G_DEVICE, i)[A_DEVICE] = input_of(sim, u, G_DEVICE, i)[U_DEVICE];
+    }
     var[A_X_CG] = m->x_ref_mac - now->cg[0] / m->cbar;
     if (m->uses_phi) var[A_PHI] = am_atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
 }

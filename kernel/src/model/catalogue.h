@@ -9,6 +9,7 @@
 #define AEROMATCH_CATALOGUE_H
 
 #include "control_names.h"
+#include "device_names.h"
 #include "engine_names.h"
 #include "fuel_names.h"
 #include "gear_names.h"
@@ -235,7 +236,8 @@ enum { STAGE_MASS, STAGE_ENGINE, STAGE_GEAR, STAGE_AERO, STAGE_HINGE, STAGES };
     G(G_FUEL, FUEL, "fuel") \
     G(G_GEAR, GEAR, "gear") \
     G(G_CONTACT, CONTACT, "contact") \
-    G(G_CIRCUIT, CIRCUIT, "circuit")
+    G(G_CIRCUIT, CIRCUIT, "circuit") \
+    G(G_DEVICE, DEVICE, "device")
 
 #define AM_GROUP_ENUM(group, lists, word) group,
 enum { AM_GROUP_LIST(AM_GROUP_ENUM) GROUPS };
@@ -263,6 +265,7 @@ AM_ITEM_CODES(FUEL)
 AM_ITEM_CODES(GEAR)
 AM_ITEM_CODES(CONTACT)
 AM_ITEM_CODES(CIRCUIT)
+AM_ITEM_CODES(DEVICE)
 #undef AM_ITEM_CODES
 #undef AM_CODES
 #undef AM_ENUM_STAGED

@@ -4,11 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import aerodb
+import flightmech
 from aerodb.exchange.daveml import read
 from aerodb.exchange.daveml.vocabulary import turned
-from flightmech.errors import SchemaError, UnknownName
+from flightmech.errors import AeromatchWarning, SchemaError, UnknownName
+from flightmech.simulation.kernel import INPUT
 from flightmech.units import DEGREE, FOOT
 
 FLIGHT = Path(__file__).parents[3] / ".." / "shared" / "data" / "flight"
@@ -318,6 +321,45 @@ def test_signs_of_the_file_are_turned_into_the_canonical_ones(tmp_path):
     assert turned("right wing down", "right TED, left roll")
     assert not turned("left roll", "right TED, left roll")
     assert not turned("", "TED")
+
+
+def body_flap(tmp_path):
+    """A pitching moment with an upper and a lower body flap, angles that the vocabulary does not have, and a door."""
+    variables = variable("upperBodyFlap", "<isInput/>", "DBFU", units="deg", minValue="-30", maxValue="0")
+    variables += variable("lowerBodyFlap", "<isInput/>", "DBFL", units="deg") + variable("bayDoor", "<isInput/>", "DOOR")
+    variables += variable("T")
+    math = apply("plus", ci("T"), apply("times", cn(0.002), ci("DBFL"), ci("AL")), apply("times", cn(-0.01), ci("DOOR")))
+    return one(tmp_path, math, variables, table("T", values(9), DBFU=[-30.0, -10.0, 0.0], XMACH=MACHS), "pitchingMomentCoefficient")
+
+
+def test_inputs_that_the_vocabulary_does_not_have_are_named_inputs_of_the_model(tmp_path):
+    path, upper, lower = body_flap(tmp_path), "device.DBFU.deflection", "device.DBFL.deflection"
+    with pytest.warns(AeromatchWarning, match=f"DBFU is {upper}, DBFL is {lower}, DOOR is device.DOOR.setting"):
+        db = aerodb.exchange.import_daveml(path)
+    assert "DBFU is device.DBFU.deflection" in db.attrs["comment"]
+    assert {"Cm/alpha_DBFL", "Cm/DOOR"} <= set(aerodb.terms(db))
+    state = states() | {upper: np.radians(np.linspace(-50, 20, 2000)), lower: np.radians(np.linspace(40, -40, 2000))}
+    state |= {"device.DOOR.setting": np.linspace(0, 1, 2000)}
+    given = in_file(state) | {"DBFU": state[upper] / DEGREE, "DBFL": state[lower] / DEGREE, "DOOR": state["device.DOOR.setting"]}
+    expected = read(path).evaluate(given)["OUT"]
+    assert np.abs(aerodb.evaluate(db, "Cm", outside="clamp", **state) - expected).max() < ROUNDING * 10  # Cm up to 5
+    craft = flightmech.Aircraft("body", S, CBAR, B, 1e3, 1e3, 1e3, 2e3, limits={upper: (-0.5, 0.0)})
+    sim = flightmech.compile(craft, db)
+    assert sim.inputs[-3:] == (lower, upper, "device.DOOR.setting")
+    assert [(row.low, row.units) for row in sim.entries(INPUT) if row.name == upper] == [(-0.5, "rad")]
+    run = flightmech.simulate(sim, xr.Dataset({upper: -0.2, lower: 0.1, "device.DOOR.setting": 0.5}, {"time": [0.0]}), {"init.alpha": 0.1})
+    at = {"alpha": 0.1, "mach": float(run.mach[0]), upper: -0.2, lower: 0.1, "device.DOOR.setting": 0.5}
+    assert float(run.Cm[0]) == pytest.approx(float(aerodb.evaluate(db, "Cm", outside="clamp", **at)), rel=1e-12)
+
+
+def test_a_name_goes_before_that_of_the_file_and_other_units_are_no_device(tmp_path):
+    path = body_flap(tmp_path)
+    named = {"DBFU": "delta_f", "DBFL": "device.lower_flap.deflection", "DOOR": "speedbrake"}
+    db = aerodb.exchange.import_daveml(path, names=named)  # and no warning
+    assert {"Cm/alpha_lower_flap", "Cm/speedbrake"} <= set(aerodb.terms(db))
+    path.write_text(path.read_text().replace('varID="DBFL" units="deg"', 'varID="DBFL" units="ft"'))
+    with pytest.raises(SchemaError, match="it uses DBFL: it is an input in ft that no quantity of the vocabulary belongs to"):
+        aerodb.exchange.import_daveml(path)
 
 
 def test_uncertain_constants_and_their_products_have_standard_errors(tmp_path):

@@ -343,6 +343,40 @@ def test_the_name_of_a_signal_counts_before_a_varid_that_is_the_same_word(tmp_pa
     assert read(document(tmp_path, both + body)).check()["variable"].tolist() == ["z"]
 
 
+def two_angles(units, value):
+    """A check case that gives an angle by name, of which the file has one in degrees and one in radians; y is their sum."""
+    body = variable("angleOfAttack", "<isInput/>", units="deg").replace('varID="angleOfAttack"', 'varID="ALD"')
+    body += variable("angleOfAttack", "<isInput/>", units="rad", initialValue="0.5").replace('varID="angleOfAttack"', 'varID="ALR"')
+    body += variable("y", calculation(apply("plus", ci("ALD"), apply("times", cn(1000), ci("ALR")))))
+    given = [("angleOfAttack", "deg", 3), ("angleOfAttack", units, value)]
+    signals = "".join(
+        f"<signal><signalName>{name}</signalName><signalUnits>{unit}</signalUnits><signalValue>{number}</signalValue></signal>"
+        for name, unit, number in given
+    )
+    answer = "<signal><signalName>y</signalName><signalUnits>nd</signalUnits><signalValue>203</signalValue><tol>1e-9</tol></signal>"
+    shots = f'<staticShot name="one"><checkInputs>{signals}</checkInputs><checkOutputs>{answer}</checkOutputs></staticShot>'
+    return f"{body}<checkData>{shots}</checkData>"
+
+
+def test_of_variables_with_one_name_a_signal_is_the_one_in_its_units(tmp_path):
+    table = read(document(tmp_path, two_angles("rad", 0.2))).check()  # by name alone the file was refused: two variables have it
+    assert table["passed"].all()
+    with pytest.raises(SchemaError, match="ALD in deg, ALR in rad have this name, the signal is in ft; give signalUnits of one of them"):
+        read(document(tmp_path, two_angles("ft", 0.2)))
+
+
+def test_check_values_in_other_units_of_the_same_quantity_are_converted(tmp_path):
+    speed = shot(6.0, 0.1, "km_h").replace('units="nd"', 'units="m_s"')  # a = 3 km/h, y = 2 a in m/s
+    speed = speed.replace("<signalID>y</signalID>", "<signalID>y</signalID><signalUnits>km_h</signalUnits>")
+    row = read(document(tmp_path, speed)).check().loc[0]
+    assert row["passed"]
+    assert row[["expected", "found", "tolerance"]].tolist() == pytest.approx([6.0 / 3.6, 6.0 / 3.6, 0.1 / 3.6], rel=1e-14)
+    with pytest.raises(SchemaError, match=r"y is 1\.66666667, expected 1\.38888889 within"):
+        read(document(tmp_path, speed.replace("<signalValue>6.0", "<signalValue>5.0")))
+    with pytest.raises(SchemaError, match="given in deg, the variable is in nd: no conversion between them; correct signalUnits"):
+        read(document(tmp_path, shot(6.0, 0.1, "deg")))  # an angle is no plain number
+
+
 def test_a_check_case_of_an_unknown_signal_is_a_failure(tmp_path):
     with pytest.raises(SchemaError, match="unknown variable 'nosuch'"):
         read(document(tmp_path, shot(6.0, 0.1).replace("<signalName>a<", "<signalName>nosuch<")))

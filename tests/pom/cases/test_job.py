@@ -118,3 +118,10 @@ def test_a_loop_on_the_throttle_moves_every_lever(write_case, tmp_path, rolling)
     assert set(found.targets["V_cas"]) == {7.0}
     with pytest.raises(UnknownName, match=r"'V_cas'.*the math pilot holds it"):
         job(write_case, tmp_path, states, drive)
+
+
+def test_controls_that_only_the_tables_know_are_driven_as_recorded(write_case, tmp_path, rolling):
+    states = rolling.assign({"device.body_flap.deflection": ("time", np.linspace(0.0, 0.1, rolling.sizes["time"]))})
+    found = job(write_case, tmp_path, states, 'engine = "thrust"')
+    assert found.inputs["device.body_flap.deflection"][-1] == 0.1
+    assert "device.body_flap.deflection" in found.needed_inputs  # a model without it cannot fly the case

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flightmech.errors import OutOfRange, SchemaError, UnknownName
+from flightmech.errors import OutOfRange, SchemaError, UnitError, UnknownName
 
 from . import mathml
 from .tables import Axis, Gridded, Scattered
-from .unit_codes import same_units
+from .unit_codes import between, same_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -199,9 +199,52 @@ class DaveModel:
         raise UnknownName(name, self.variables, "variable", f"of {self.file}")
 
     def signal(self, signal: Signal) -> Variable:
-        """Return the variable of a signal, whose name counts before a varID that is the same word; raises as `find`."""
+        """Return the variable of a signal; its name counts before a varID that is the same word.
+
+        Of several variables with the name the one in the units of the signal is taken, else the one whose units can be converted.
+
+        Raises
+        ------
+        UnknownName
+            As `find`; also when the units leave several variables of one name, or none.
+        """
         named = [] if signal.is_varID else [variable for variable in self.variables.values() if variable.name == signal.key]
-        return named[0] if len(named) == 1 else self.find(signal.key)
+        if len(named) < 2:
+            return named[0] if named else self.find(signal.key)
+        equal = [variable for variable in named if variable.units.strip() == signal.units.strip()]
+        alike = [variable for variable in named if same_units(signal.units, variable.units)]
+        convertible = [variable for variable in named if between(signal.units, variable.units)]
+        found = equal or alike or convertible
+        if len(found) == 1:
+            return found[0]
+        listed = ", ".join(f"{variable.varID} in {variable.units or 'no unit'}" for variable in named)
+        text = f"{listed} have this name, the signal is in {signal.units or 'no unit'}; give signalUnits of one of them, or its varID"
+        raise UnknownName(signal.key, (variable.varID for variable in named), "signal", text)
+
+    def converted(self, signal: Signal) -> Signal:
+        """Return a signal with value and tolerance in the units of its variable.
+
+        Raises
+        ------
+        UnknownName
+            As `signal`.
+        UnitError
+            Its units are those of another quantity.
+        """
+        variable = self.signal(signal)
+        scale = between(signal.units, variable.units)
+        if scale is None:
+            raise UnitError(
+                f"given in {signal.units}, the variable is in {variable.units or 'no unit'}: "
+                "no conversion between them; correct signalUnits"
+            )
+        factor, offset = scale
+        return replace(
+            signal,
+            units=variable.units,
+            value=factor * signal.value + offset if offset else factor * signal.value,
+            tolerance=abs(factor) * signal.tolerance,
+        )
 
     def evaluate(self, inputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Return the outputs of the model.
@@ -281,7 +324,7 @@ class DaveModel:
     @cached_property
     def _checked(self) -> list[tuple]:
         """The rows of `check`; shots with the same inputs are run together, unless that fails."""
-        groups = [list(group) for _, group in groupby(self.shots, lambda shot: tuple(signal.key for signal in shot.inputs))]
+        groups = [list(group) for _, group in groupby(self.shots, lambda shot: tuple((s.key, s.units) for s in shot.inputs))]
         rows: list[tuple] = []
         for group in groups:
             try:
@@ -297,13 +340,13 @@ class DaveModel:
             return [(shot.name, "shot", "", np.nan, np.nan, np.nan, False, str(error))]
 
     def _run(self, shots: Sequence[Shot]) -> list[tuple]:
-        given = [{self.signal(signal).varID: signal for signal in shot.inputs} for shot in shots]
-        together = self._values({varID: np.array([inputs[varID].value for inputs in given]) for varID in given[0]})
+        given = [{self.signal(signal).varID: self._readable(signal) for signal in shot.inputs} for shot in shots]
+        together = self._values({varID: np.array([inputs[varID][0].value for inputs in given]) for varID in given[0]})
         rows: list[tuple] = []
         for i, (shot, inputs) in enumerate(zip(shots, given, strict=True)):
             values = {varID: np.broadcast_to(value, len(shots))[i] for varID, value in together.items()}
-            for varID, signal in inputs.items():
-                if note := self._unit_note(varID, signal):
+            for varID, (signal, note) in inputs.items():
+                if note:
                     rows.append((shot.name, "input", varID, signal.value, signal.value, np.nan, False, note))
             for kind, signals in (("internal", shot.internal), ("output", shot.outputs)):
                 rows += [(shot.name, kind, *self._judged(signal, values)) for signal in signals]
@@ -314,13 +357,15 @@ class DaveModel:
             varID = self.signal(signal).varID
         except UnknownName as error:
             return signal.key, signal.value, np.nan, signal.tolerance, False, str(error)
-        found = float(values[varID])
-        allowed = _INTERNAL_TOLERANCE * max(abs(signal.value), 1e-3) if np.isnan(signal.tolerance) else signal.tolerance
-        note = self._unit_note(varID, signal)
+        found, (due, note) = float(values[varID]), self._readable(signal)
+        allowed = _INTERNAL_TOLERANCE * max(abs(due.value), 1e-3) if np.isnan(due.tolerance) else due.tolerance
         # one rounding of the printed values is allowed in addition to the tolerance, which some files make as small as that
-        passed = abs(found - signal.value) <= allowed + 4.0 * np.spacing(abs(signal.value)) and not note
-        return varID, signal.value, found, signal.tolerance, bool(passed), note
+        passed = abs(found - due.value) <= allowed + 4.0 * np.spacing(abs(due.value)) and not note
+        return varID, due.value, found, due.tolerance, bool(passed), note
 
-    def _unit_note(self, varID: str, signal: Signal) -> str:
-        units = self.variables[varID].units
-        return "" if same_units(signal.units, units) else f"given in {signal.units}, the variable is in {units or 'no unit'}"
+    def _readable(self, signal: Signal) -> tuple[Signal, str]:
+        """Return a signal in the units of its variable, or as it stands with the reason why it cannot be converted."""
+        try:
+            return self.converted(signal), ""
+        except UnitError as error:
+            return signal, str(error)

@@ -71,6 +71,32 @@ def same_units(one: str, other: str) -> bool:
         return False
 
 
+def between(one: str, other: str) -> tuple[float, float] | None:
+    """Return factor and offset of value [other] = factor * value [one] + offset, or None for units of different quantities.
+
+    Equal codes and an empty one leave the value as it is.  An angle is no plain number: ``deg`` and ``nd`` are different quantities.
+
+    Examples
+    --------
+    >>> between("km", "m"), between("nd", "deg")
+    ((1000.0, 0.0), None)
+    """
+    if same_units(one, other):
+        return 1.0, 0.0
+    try:
+        units_of = [unit_of_code(code) for code in (one, other)]
+        (dimension, size, origin), (wanted, step, start) = map(units.parse, units_of)
+    except UnitError:
+        return None
+    if dimension != wanted or _is_angular(units_of[0]) != _is_angular(units_of[1]):
+        return None
+    return size / step, (origin - start) / step
+
+
+def _is_angular(unit: str) -> bool:
+    return re.search("deg(?![RFCK])|rad|rpm", unit) is not None
+
+
 def _words(part: str, code: str) -> str:
     words, at = [], 0
     while at < len(part):

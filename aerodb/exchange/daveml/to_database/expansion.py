@@ -79,7 +79,9 @@ def _variable(model: DaveModel, varID: str, inputs: Mapping, sums: Mapping, reas
     if varID in model.functions:
         return _function(model.functions[varID], _Lookup(sums, reasons))
     if variable.initial is None:
-        raise Inexact("it is an input that no quantity of the vocabulary belongs to")
+        raise Inexact(
+            f"it is an input in {variable.units or 'no unit'} that no quantity of the vocabulary belongs to; state one with names="
+        )
     stderr = spread(variable.uncertainty, np.asarray(variable.initial))
     if stderr is not None or variable.name.endswith(VALUE):
         return polynomials.table(Grid((), np.asarray(variable.initial), stderr, varID, -1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -10,8 +11,9 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from flightmech.errors import SchemaError, UnknownName
-from flightmech.names import VOCABULARY, attrs, lookup
+from flightmech.errors import AeromatchWarning, SchemaError, UnitError, UnknownName
+from flightmech.names import ITEM, VOCABULARY, attrs, lookup
+from flightmech.terms import variables
 
 from ....store.evaluation import contributions
 from ....store.schema import CHECKS, FORCE_AXES, database, terms
@@ -20,7 +22,7 @@ from ..conventions import STORED
 from ..descriptions import WRITER, unpacked
 from ..document.model import DaveModel, Reference, Shot, Variable
 from ..document.reading import read
-from ..vocabulary import COEFFICIENTS, conversion, quantity_of
+from ..vocabulary import COEFFICIENTS, conversion, device_of, quantity_of
 from . import polynomials
 from .expansion import expand
 from .polynomials import Sum
@@ -56,7 +58,8 @@ def import_daveml(
         The file.
     names : mapping of str to str, optional
         Quantity of the vocabulary by varID or name, for variables that do not carry a name of S-119: ``{"DEFL": "delta_e"}``.  An S-119
-        unit in brackets counts instead of the file's: ``{"ALPHA_TOT_D": "alpha [deg]"}``.
+        unit in brackets counts instead of the file's: ``{"ALPHA_TOT_D": "alpha [deg]"}``.  An angle or pure number without a quantity is
+        an input of the model by its varID, ``device.DBFLL.deflection`` or ``device.SPIKE.setting``.
     S, cbar, b : float, optional
         Reference area [m2], chord and span [m] of a file that does not state them.
     force_axes : {"stability", "wind", "body"}, optional
@@ -79,6 +82,11 @@ def import_daveml(
         missing or differ.
     UnknownName
         A variable of `names` that the file does not have, or a quantity that the vocabulary does not have.
+
+    Warns
+    -----
+    AeromatchWarning
+        Inputs that are no quantity of the vocabulary and became inputs of the model by their varID.
     """
     model, names = _named(read(path, checks), names or {})
     mine = _quantities(model, names)
@@ -96,7 +104,7 @@ def import_daveml(
     if problems:
         way = "leave them out with without=, or evaluate the model itself with aerodb.exchange.daveml.read(path).evaluate"
         raise SchemaError(f"{Path(path).name} holds coefficients that are no exact sum of terms; {way}", problems)
-    db = database(leaves, **_root(model, Path(path), geometry, axes, outputs))
+    db = database(leaves, **_root(model, Path(path), geometry, axes, outputs, _named_inputs(model, mine, names, leaves)))
     _prove(db, model, mine, outputs, geometry)
     cases = _checks(model, mine, outputs, geometry)
     return db if cases is None else xr.DataTree.from_dict({**db.to_dict(), f"/{CHECKS}": cases})
@@ -108,7 +116,8 @@ def _named(model: DaveModel, names: Mapping[str, str]) -> tuple[DaveModel, dict[
     for key, text in names.items():
         name, _, unit = text.partition("[")
         variable = model.find(key)
-        quantities[variable.varID] = lookup(name.strip()).name
+        lookup(name.strip())  # raises for a name that there is not
+        quantities[variable.varID] = name.strip()
         if unit:
             variables[variable.varID] = replace(variable, units=unit.strip(" ]"))
     return replace(model, variables=variables), quantities
@@ -118,7 +127,8 @@ def _quantities(model: DaveModel, names: Mapping[str, str]) -> dict[str, str]:
     """Return the quantity of each input, by varID."""
     found: dict[str, str] = {}
     for varID in model.inputs:
-        quantity = names.get(varID) or quantity_of(model.variables[varID])
+        variable = model.variables[varID]
+        quantity = names.get(varID) or quantity_of(variable) or device_of(variable)
         if quantity and quantity in found.values():
             other = next(key for key, item in found.items() if item == quantity)
             raise SchemaError(model.file, [f"the inputs {other} and {varID} are both {quantity}; state which with names="])
@@ -200,7 +210,21 @@ def _leaves(model: DaveModel, coefficient: str, varID: str, sums: Mapping[str, S
     return leaves_of(model, coefficient, parts)
 
 
-def _root(model: DaveModel, path: Path, geometry: Mapping[str, float], axes: str, outputs: Mapping[str, str]) -> dict[str, str | float]:
+def _named_inputs(model: DaveModel, mine: Mapping[str, str], names: Mapping[str, str], leaves: Mapping[str, xr.Dataset]) -> str:
+    """Return which inputs the terms use under a name that nobody gave them, as a remark; empty when there are none."""
+    used = set().union(*(variables(leaf) for leaf in leaves.values()))
+    unnamed = {v: name for v, name in mine.items() if name in used and v not in names and not quantity_of(model.variables[v])}
+    found = [f"{varID} is {name}" for varID, name in unnamed.items()]
+    if not found:
+        return ""
+    text = f"inputs that are no quantity of the vocabulary: {', '.join(found)}"
+    warnings.warn(f"{text}; give a quantity with names= if one of them is meant", AeromatchWarning, stacklevel=3)
+    return text
+
+
+def _root(
+    model: DaveModel, path: Path, geometry: Mapping[str, float], axes: str, outputs: Mapping[str, str], remark: str
+) -> dict[str, str | float]:
     header = model.header
     missing = [name for name in FORCE_AXES[axes] if name not in outputs]
     attributes: dict[str, str | float] = {
@@ -208,7 +232,7 @@ def _root(model: DaveModel, path: Path, geometry: Mapping[str, float], axes: str
         "aircraft": header.name or path.stem,
         "source": f"DAVE-ML file {path.name}",
         "references": "; ".join(_cited(reference) for reference in header.references),
-        "comment": "\n".join(filter(None, [header.description, *_remarks(model)])),
+        "comment": "\n".join(filter(None, [header.description, *_remarks(model), remark])),
         "absent": " ".join(f"{name}/basic" for name in missing),
     }
     if header.version.startswith(WRITER):
@@ -288,7 +312,7 @@ def _checks(model: DaveModel, mine: Mapping[str, str], outputs: Mapping[str, str
     columns = sample_states.with_reduced(columns, geometry)
     cases = xr.Dataset({key: ("case", column) for key, column in columns.items()}, {"case": np.arange(1, len(shots) + 1)})
     for key in columns:
-        if key in VOCABULARY:
+        if ITEM.sub("", key) in VOCABULARY:
             cases[key].attrs.update(attrs(key))
     names = "\n".join(" ".join(shot.name.split()) for shot in shots)  # arrays of a database file are numbers
     cases.attrs = {"source": f"check data of {Path(model.file).name}", "names": names}
@@ -296,17 +320,17 @@ def _checks(model: DaveModel, mine: Mapping[str, str], outputs: Mapping[str, str
 
 
 def _is_known(model: DaveModel, shot: Shot) -> bool:
-    """Whether the file has the variables that a check case speaks of; one that has not was ignored on demand."""
+    """Whether the file has the variables of a check case, in units that can be converted; one that has not was ignored on demand."""
     try:
-        return all(model.signal(signal) for signal in (*shot.inputs, *shot.outputs))
-    except UnknownName:
+        return all(model.converted(signal) for signal in (*shot.inputs, *shot.outputs))
+    except (UnknownName, UnitError):
         return False
 
 
 def _case(model: DaveModel, shot: Shot, mine: Mapping[str, str], back: Mapping[str, str]) -> dict[str, float]:
     row: dict[str, float] = {}
     initial = {v: model.variables[v].initial for v in mine}
-    given = {model.signal(signal).varID: signal.value for signal in shot.inputs}
+    given = {model.signal(signal).varID: model.converted(signal).value for signal in shot.inputs}
     for varID, value in {**{v: i for v, i in initial.items() if i is not None}, **given}.items():
         if varID in mine:
             factor, offset = conversion(model.variables[varID], mine[varID])
@@ -315,7 +339,7 @@ def _case(model: DaveModel, shot: Shot, mine: Mapping[str, str], back: Mapping[s
         variable = model.signal(signal)
         quantity = back.get(variable.varID)
         if quantity is not None:
-            factor, offset = conversion(variable, quantity)
-            row[quantity] = (signal.value - offset) / factor
-            row[f"{quantity}_tolerance"] = abs(signal.tolerance / factor)
+            due, (factor, offset) = model.converted(signal), conversion(variable, quantity)
+            row[quantity] = (due.value - offset) / factor
+            row[f"{quantity}_tolerance"] = abs(due.tolerance / factor)
     return row

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from flightmech.aircraft.control_surface import DEVICE
 from flightmech.names import attrs, lookup
 from flightmech.terms import MAX_AXES, MAX_REGRESSORS, SOURCES, make
 
@@ -214,12 +215,17 @@ def _name(leaf: xr.Dataset) -> str:
     """Return the contribution that a term without a name is, after its regressors, or else its axes."""
     words = str(leaf.attrs["regressors"]).split()
     if words:
-        return "_".join(_WORDS.get(word, word) for word in words)
+        return "_".join(_word(word) for word in words)
     axes = [str(axis) for axis in leaf.dims]
     other = [axis for axis in axes if axis not in _FLOW]
     if not axes or (set(axes) & {"alpha", "beta"}):
         return "basic"
-    return _WORDS.get(other[0], other[0]) if other else "basic"
+    return _word(other[0]) if other else "basic"
+
+
+def _word(variable: str) -> str:
+    """Return what a variable calls a contribution: the word of the field, the name of a device, else its own."""
+    return _WORDS.get(variable, variable.split(".")[1] if variable.startswith(DEVICE) else variable)
 
 
 def _unused(name: str, labels: Sequence[str], leaves: Mapping[str, xr.Dataset], coefficient: str) -> str:
