@@ -209,6 +209,7 @@ def test_folders_are_small():
         assert (folder / "__init__.py").is_file(), f"{folder.relative_to(ROOT)} has no __init__.py"
 
 
+@pytest.mark.slow
 def test_the_page_of_folders_is_up_to_date():
     program = runpy.run_path(str(ROOT / "docs" / "make_folders.py"))
     page = (ROOT / "docs" / "design" / "folders.md").read_text(encoding="utf-8")

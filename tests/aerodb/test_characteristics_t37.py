@@ -204,6 +204,7 @@ def test_bad_conditions_are_reported(files, arguments, message):
     assert message in result.output or message in str(result.exception)
 
 
+@pytest.mark.slow
 def test_command_rescales(files):
     db, craft, folder = files
     new, toml = folder / "new.nc", folder / "new.toml"

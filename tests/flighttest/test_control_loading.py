@@ -235,6 +235,7 @@ def test_prior_moves_what_the_records_leave_open_most(found):
     assert np.array_equal(same.estimates["estimate"], found.estimates["estimate"])
 
 
+@pytest.mark.slow
 def test_errors_of_the_pick_ups_widen_what_they_move(loading, records):
     driven, free = records[0], records[1][:1]
     plain = identify_control_loading(loading, driven, free, order=2)

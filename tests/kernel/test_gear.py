@@ -331,7 +331,7 @@ IDLE = {"mode__engine": 2.0, "engine1__thrust_drive": 240.0, "engine2__thrust_dr
 ENGINES = (flightmech.aircraft.Engine((-0.3, -0.76, 0.0)), flightmech.aircraft.Engine((-0.3, 0.76, 0.0)))
 
 
-@pytest.mark.parametrize("earth", [0.0, 1.0])
+@pytest.mark.parametrize("earth", [0.0, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_at_rest_for_an_hour_in_crosswind_with_engines_idling(earth, compiled, start):
     sim = compiled(LandingGear(CONTACTS, STEERING), WIND, engines=ENGINES)
     calm = {"init__V": 15.0, "init__beta": -np.pi / 2, "wind_e": 15.0}  # stands in the wind

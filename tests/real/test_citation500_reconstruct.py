@@ -84,7 +84,10 @@ def test_error_free_signals_show_no_accelerometer_bias(monkeypatch):
     assert bias() - with_height == pytest.approx(0.023, abs=0.002)
 
 
-@pytest.mark.parametrize(("name", "height"), [("de3211_1", 7500.0), ("da3211_2", 7500.0), ("dr3211_1", 7500.0)])
+@pytest.mark.parametrize(
+    ("name", "height"),
+    [("de3211_1", 7500.0), *(pytest.param(name, 7500.0, marks=pytest.mark.slow) for name in ("da3211_2", "dr3211_1"))],
+)
 @pytest.mark.parametrize("method", ["smoother", pytest.param("batch", marks=pytest.mark.slow)])
 def test_noisy_readings_of_the_course_give_the_path_back(name, height, method):
     errors = {**{f"bias.{n}": np.radians(0.001) for n in IMU[:3]}, **{f"bias.{n}": 0.01 for n in IMU[3:]}}

@@ -31,7 +31,7 @@ def test_three_hundred_and_sixty_four_candidates():
         monomials(["alpha"], 0)
 
 
-@pytest.mark.parametrize("choose", [select_orthogonal, select_stepwise])
+@pytest.mark.parametrize("choose", [pytest.param(select_orthogonal, marks=pytest.mark.slow), select_stepwise])
 def test_the_truth_is_found_and_nothing_else(choose):
     """Ten records; nineteen of twenty were right when the threshold was chosen, so one of ten may be wrong."""
     hits = 0

@@ -62,21 +62,21 @@ JOLTS = {"t37_63": ["spike:ax_imu", "spike:az_imu"]}  # the nose wheel meets the
 ALONE = [path for path in RUNS if path.name[4:6] in ("01", "11", "16", "17", "26", "32")]
 
 
-@pytest.mark.parametrize("path", RUNS, ids=lambda path: path.name[:6])
+def first_fast(names, fast=3):
+    """Return parameters of which all but the first ones wait for the slow tests."""
+    return [name if k < fast else pytest.param(name, marks=pytest.mark.slow) for k, name in enumerate(names)]
+
+
+@pytest.mark.parametrize("path", first_fast(RUNS, 10), ids=lambda path: path.name[:6])
 def test_clean_recordings_have_no_fault(path, aircraft):
     quality = flighttest.assess(flighttest.read(path, T37 / "names.toml"), aircraft)
     assert named(quality) == JOLTS.get(path.name[:6], [])
     assert quality.verdict.startswith("sound") == (path.name[:6] not in JOLTS)
 
 
-@pytest.mark.parametrize("path", ALONE, ids=lambda path: path.name[:6])
+@pytest.mark.parametrize("path", first_fast(ALONE, 2), ids=lambda path: path.name[:6])
 def test_clean_recordings_have_no_fault_without_specification(path):
     assert named(flighttest.assess(flighttest.read(path, T37 / "names.toml"))) == []
-
-
-def first_fast(names):
-    """Return parameters of which all but the first three wait for the slow tests."""
-    return [name if k < 3 else pytest.param(name, marks=pytest.mark.slow) for k, name in enumerate(names)]
 
 
 SIGNS = ["p", "q", "r", "phi", "theta", "psi", "ax_imu", "ay_imu", "az_imu", "alpha_vane", "beta_vane", "vn", "ve", "vd", "h_baro"]
@@ -89,7 +89,7 @@ def test_wrong_sign_of_a_motion(name, recordings, aircraft):
     assert not quality.usable
 
 
-@pytest.mark.parametrize("name", ["delta_e", "delta_a", "delta_r"])
+@pytest.mark.parametrize("name", first_fast(["delta_e", "delta_a", "delta_r"], 1))
 def test_wrong_sign_of_a_surface(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(CARD), **{name: minus}), aircraft)
     assert named(quality) == [f"sign:{name}"]
@@ -123,12 +123,12 @@ def test_wrong_unit(case, recordings, aircraft):
     assert f"{name} is in {unit}" in fault.text
 
 
-@pytest.mark.parametrize("name", ["delta_e", "delta_a", "delta_r"])
+@pytest.mark.parametrize("name", first_fast(["delta_e", "delta_a", "delta_r"], 1))
 def test_surface_in_degrees_taken_as_radians(name, recordings, aircraft):
     assert named(flighttest.assess(planted(recordings(CARD), **{name: times(1.0 / DEGREE)}), aircraft)) == [f"unit:{name}"]
 
 
-@pytest.mark.parametrize("name", ["delta_e", "delta_a", "delta_r"])
+@pytest.mark.parametrize("name", first_fast(["delta_e", "delta_a", "delta_r"], 1))
 def test_surface_in_radians_taken_as_degrees(name, recordings, aircraft):
     assert named(flighttest.assess(planted(recordings(CARD), **{name: times(DEGREE)}), aircraft)) == [f"unit:{name}"]
 
@@ -152,7 +152,7 @@ SWAPS = [
 ]
 
 
-@pytest.mark.parametrize("pair", SWAPS, ids="-".join)
+@pytest.mark.parametrize("pair", first_fast(SWAPS, 2), ids="-".join)
 def test_axes_in_each_others_place(pair, recordings, aircraft):
     one, other = pair
     record = recordings(ROLL)
@@ -164,6 +164,7 @@ def test_axes_in_each_others_place(pair, recordings, aircraft):
     assert quality.findings[0].channels == pair
 
 
+@pytest.mark.slow
 def test_two_mistakes_at_once(recordings, aircraft):
     quality = flighttest.assess(planted(recordings(CARD), delta_r=minus, theta=times(1.0 / DEGREE)), aircraft)
     assert named(quality) == ["sign:delta_r", "unit:theta"]
@@ -173,9 +174,10 @@ def later(delay, name):
     return lambda t, x: resample(t, x, t - delay, name)
 
 
-@pytest.mark.parametrize(
-    ("name", "delay", "tolerance"), [("theta", 0.12, 0.005), ("psi", 0.10, 0.005), ("beta_vane", 0.35, 0.02), ("alpha_vane", 0.30, 0.02)]
-)
+LATE = [("theta", 0.12, 0.005), ("psi", 0.10, 0.005), ("beta_vane", 0.35, 0.02), ("alpha_vane", 0.30, 0.02)]
+
+
+@pytest.mark.parametrize(("name", "delay", "tolerance"), [LATE[0], *(pytest.param(*late, marks=pytest.mark.slow) for late in LATE[1:])])
 def test_channel_that_is_late(name, delay, tolerance, recordings, aircraft):
     before = flighttest.assess(recordings("t37_06_clean_high_speed_20kft"), aircraft).delays.set_index("channel")["delay"][name]
     quality = flighttest.assess(planted(recordings("t37_06_clean_high_speed_20kft"), **{name: later(delay, name)}), aircraft)
@@ -212,7 +214,7 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize("fault", first_fast(FAULTS))
 def test_faulty_samples(fault, recordings, aircraft):
     assert named(flighttest.assess(planted(recordings(CARD), **FAULTS[fault]), aircraft)) == [fault]
 
@@ -227,7 +229,7 @@ def test_channel_that_changed_its_datum(recordings, aircraft):
     assert named(flighttest.assess(record, aircraft)) == ["jump:temperature"]
 
 
-@pytest.mark.parametrize("name", ["ay_imu", "beta_vane"])
+@pytest.mark.parametrize("name", first_fast(["beta_vane", "ay_imu"], 1))
 def test_dead_sensor(name, recordings, aircraft):
     quality = flighttest.assess(planted(recordings(CARD), **{name: lambda t, x: np.full_like(x, 0.01)}), aircraft)
     assert f"stuck:{name}" in named(quality)

@@ -65,6 +65,7 @@ def test_pressures_go_before_airspeeds():
     assert path.states.attrs["unused"] == ""  # V shows the same as q_c
 
 
+@pytest.mark.slow
 def test_place_of_the_pitot_is_part_of_the_output():
     record, error, _ = fly(1, 60.0)
     at, away = (normalised(flighttest.reconstruct(record, aircraft(placed=known)), error) for known in (True, False))

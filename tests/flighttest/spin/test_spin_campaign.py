@@ -99,6 +99,7 @@ def test_turned_axes_make_no_difference_where_both_work(study, cz150):
         assert np.sqrt(np.mean((straight[name].values - turned[name].values) ** 2)) < bound, name
 
 
+@pytest.mark.slow
 def test_a_spin_is_recovered_within_the_published_bounds(study, spin, cz150):
     errors = draw_errors(cz150, np.random.default_rng([2, 0]))
     data = [study.run_data(spin, cz150, errors, [2, number]) for number in (1, 2, 3)]

@@ -29,7 +29,7 @@ def kinds(fit):
     return [remark.kind for remark in fit.remarks]
 
 
-@pytest.mark.parametrize("tau", [0.0, 0.3])
+@pytest.mark.parametrize("tau", [0.0, pytest.param(0.3, marks=pytest.mark.slow)])
 def test_noise_is_called_no_excitation(tau):
     """Sixty records each: F below 1 % in 0 to 0.7 % of 300 records of ten and thirty seconds; four of sixty are beyond chance."""
     fits = [regress(LIFT, noise_only(seed, tau=tau)) for seed in range(60)]

@@ -43,6 +43,7 @@ def found(folder):
         return True
 
 
+@pytest.mark.slow
 def test_twenty_single_bytes(folder):
     assert not found(folder)
     drawn = random.Random(7)
@@ -102,6 +103,7 @@ def edited(folder, name, place):
         path.write_text(manifest.text_of(statement), encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_twenty_fields_with_the_hashes_put_right(folder):
     missed = []
     for name, place in FIELDS:

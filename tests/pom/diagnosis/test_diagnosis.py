@@ -200,6 +200,7 @@ def test_terms_are_ranked_per_criterion(case, truth, trainer):
         assert rows.loc[1, "change"] < 0.0
 
 
+@pytest.mark.slow
 def test_many_terms_are_shared_by_sampled_orders_with_a_stated_error(case, truth, trainer):
     final = trainer.database()
     prior = trainer.scaled(final, Cm_elevator=0.6, CL_basic=0.8, Cm_qhat=0.6, Cm_basic=0.8, Cm_alphadothat=0.5)

@@ -124,6 +124,7 @@ def draft_with(draft, standard=rows.STANDARD, edition=rows.EDITION):
     return draft
 
 
+@pytest.mark.slow
 def test_every_test_of_every_standard_becomes_a_sound_case(tmp_path):
     record = recorded_channels(FLIGHT / "t37_31_val_landing.nc", NAMES)
     (tmp_path / "record.nc").touch()
@@ -231,6 +232,7 @@ def test_the_manoeuvre_of_the_right_kind_is_taken():
     assert draft_case(rows.rows_of("1.d.1"), record).case["window"][0] == pytest.approx(210.5, abs=0.2)
 
 
+@pytest.mark.slow
 def test_a_record_without_a_manoeuvre_that_fits_states_what_it_lists(tmp_path):
     with pytest.raises(SchemaError, match=r"fits 2\.d\.8 \(steady_sideslip, sideslip\); it lists trim .*, block \(elevator\) .*--window"):
         init_case(FLIGHT / "t37_26_val_phugoid.nc", "2.d.8", tmp_path / "case.toml")
