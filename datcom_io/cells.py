@@ -12,20 +12,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
-OK, NDM, NA, BLANK, FILLED, OVERFLOW, NOT_A_NUMBER, SENTINEL, ABSENT = range(9)
+OK, NDM, NA, BLANK, FILLED, OVERFLOW, NOT_A_NUMBER, SENTINEL, ABSENT, SUSPECT = range(10)
 
-FLAGS = ("ok", "NDM", "NA", "blank", "filled", "overflow", "nan", "sentinel", "absent")
-"""Meaning of the flag codes 0 ... 8.
+FLAGS = ("ok", "NDM", "NA", "blank", "filled", "overflow", "nan", "sentinel", "absent", "suspect")
+"""Meaning of the flag codes 0 ... 9.
 
 ``ok`` a number; ``NDM`` no DATCOM method; ``NA`` method not applicable; ``blank`` nothing printed; ``filled`` taken from the
 first row of a column that is constant in alpha; ``overflow`` asterisks; ``nan`` the program's arithmetic failed;
-``sentinel`` the program's code for a missing number, printed as a number; ``absent`` no such row or page in the listing.
+``sentinel`` the program's code for a missing number, printed as a number; ``absent`` no such row or page in the listing;
+``suspect`` a number that a known fault of the program makes wrong, for example by what it carries over from the deflection before.
 """
 
 _LARGEST_SENTINEL = 1.0001e-28  # a sentinel times a unit factor: 3.2808E-30 is seen
 _NO_LETTER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))(?:[Dd]([-+]?\d+)|([-+]\d+))")
 _FAILED = re.compile(r"[-+]?(?:\d*\.?#(?:IND|QNAN|SNAN|INF)\d*|1\.#\w+)", re.IGNORECASE)
 _WORDS = {"": BLANK, "NDM": NDM, "NA": NA}
+
+
+def is_number(flags: np.ndarray) -> np.ndarray:
+    """Return where flags are those of cells that print a number: ``ok`` or ``suspect``."""
+    return (flags == OK) | (flags == SUSPECT)
 
 
 def read_cell(text: str) -> tuple[float, int] | None:

@@ -12,7 +12,7 @@ from flightmech.errors import ParseError
 from flightmech.names import VOCABULARY, attrs
 from flightmech.units import DEGREE, parse
 
-from ..cells import ABSENT, BLANK, FILLED, FLAGS, OK
+from ..cells import ABSENT, BLANK, FILLED, FLAGS, OK, is_number
 from ..printout.columns import Column
 from ..printout.content import Page, PrintedCase
 from ..printout.layouts.notes import FOOTNOTE_WORDS, footnotes
@@ -141,7 +141,7 @@ class Stacker:
             factor = si_factor(column.units, page.dim)
         else:
             factor = parse(column.units)[1]
-        return np.where(flag == OK, value * factor, np.nan)
+        return np.where(is_number(flag), value * factor, np.nan)
 
     def alphas(self) -> list[float]:
         """Return the schedule of the input cards. [deg]"""

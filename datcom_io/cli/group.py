@@ -55,7 +55,7 @@ def show(file: str, name: str | None, partial: bool, as_json: bool) -> None:
         console.document({**document, "unread": listing.unread, **({"pages": pages} if pages is not None else {})})
         return
     console.table(
-        ["no", "case", "units", "Mach", "altitude", "alpha [deg]", "tables", "not read", "missing"],
+        ["no", "case", "units", "Mach", "altitude", "alpha [deg]", "tables", "not read", "missing, suspect"],
         [_summary_row(row) for row in found],
         title=f"{listing.file}: {_count(listing.runs, 'run')}, {_count(len(listing), 'case')}, {_count(listing.line_count, 'line')}",
         right=["no"],
@@ -193,7 +193,7 @@ def _range(values: list[float], unit: str = "") -> str:
 def _summary_row(row: dict) -> tuple:
     tables = " ".join(f"{name} {count}" for name, count in row["tables"].items())
     not_read = " ".join(f"{name} {count}" for name, count in row["not_read"].items())
-    missing = " ".join(f"{name} {count}" for name, count in row["missing"].items())
+    missing = " ".join(f"{name} {count}" for name, count in {**row["missing"], "suspect": row["suspect"]}.items() if count)
     alpha = " ... ".join(f"{x:g}" for x in row["alpha"])
     units = f"{row['dim']}, {row['deriv']}"
     return (

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..cells import FLAGS, OK
+from ..cells import FLAGS, OK, SUSPECT
 from ..listing import Case, Listing
 from ..printout.content import Page
 
@@ -15,9 +15,10 @@ from ..printout.content import Page
 def summary(listing: Listing) -> list[dict[str, Any]]:
     """Return one dict per case, of plain numbers and texts as printed.
 
-    Keys: ``case ordinal run line dim deriv mach altitude alpha pages tables not_read missing messages``.  ``mach`` and
+    Keys: ``case ordinal run line dim deriv mach altitude alpha pages tables not_read missing suspect messages``.  ``mach`` and
     ``altitude`` are the printed values in order, ``alpha`` the smallest and largest [deg]; ``tables`` counts tables and groups of
-    ``label = value`` by kind, ``not_read`` pages by kind on which nothing was understood, ``missing`` cells without a number by flag.
+    ``label = value`` by kind, ``not_read`` pages by kind on which nothing was understood, ``missing`` cells without a number by flag,
+    ``suspect`` the number of cells that a fault of the program makes wrong.
     """
     return [_case(case) for case in listing]
 
@@ -27,6 +28,7 @@ def _case(case: Case) -> dict[str, Any]:
     flags: Counter[str] = Counter()
     for item in printed:
         flags.update({FLAGS[code]: count for code, count in enumerate(np.bincount(item.flags.ravel())) if count and code != OK})
+    suspect = flags.pop(FLAGS[SUSPECT], 0)
     tables = [table for page in case.pages for table in page.tables]
     alphas = [x for table in tables if table.columns[0].quantity == "alpha" for x in table.values[:, 0].tolist()]
     return {
@@ -43,6 +45,7 @@ def _case(case: Case) -> dict[str, Any]:
         "tables": dict(Counter(item.name for item in printed)),
         "not_read": dict(Counter(page.kind for page in case.pages if not page.parsed)),
         "missing": {name: int(count) for name, count in flags.items()},
+        "suspect": int(suspect),
         "messages": [message._asdict() for message in case.messages],
     }
 

@@ -14,13 +14,14 @@ import xarray as xr
 from flightmech.errors import SchemaError, UnitError
 from flightmech.support.input_files.text import demand_regular
 
-from ..cells import FILLED, FLAGS, OK
+from ..cells import FILLED, FLAGS, OK, SUSPECT
 from ..listing import Case, Listing
 from .datcom_plus import read_datcom_plus_csv
 from .plot_files.records import LOGICALS
 from .plot_files.unit13 import read_plot
 from .plot_files.unit14 import read_for014
 
+_NUMBERS = (OK, FILLED, SUSPECT)
 _HEAD = 4096
 _CSV_HEADING = re.compile(r"^ *(?:Alpha|Delta\w+) *, *[A-Za-z]\w* *,? *$", re.MULTILINE)
 _NUMBERED_LINE = 20
@@ -73,8 +74,8 @@ def contents(tree: xr.DataTree) -> list[dict[str, Any]]:
                 "leaf": leaf.name,
                 "sizes": {str(dim): size for dim, size in found.sizes.items() if dim in found.coords},
                 "variables": names,
-                "numbers": flags[FLAGS[OK]] + flags[FLAGS[FILLED]],
-                "missing": {name: count for name, count in flags.items() if name not in (FLAGS[OK], FLAGS[FILLED])},
+                "numbers": sum(flags[FLAGS[code]] for code in _NUMBERS),
+                "missing": {name: count for name, count in flags.items() if name not in {FLAGS[code] for code in _NUMBERS}},
             }
         )
     return rows

@@ -134,7 +134,7 @@ class _Gathered:
         pattern = self._pattern(table.columns, table.layout.keys)
         self.rows.append(map(pattern.cut, table.rows))
         self._strip(table.name, table.lines, len(table.rows), pattern, place)
-        if table.given is not None:
+        if table.given is not None or table.suspect is not None:
             self._override("value", start, table.values)
             self._override("flag", start, table.flags)
         if table.across is not None and table.layout.across is not None:

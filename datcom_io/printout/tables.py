@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..cells import read_cells
+from ..cells import OK, SUSPECT, read_cells
 from .columns import Across, Column
 from .rows import read_again, read_fields
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from ..decks.deck import Deck
     from .columns import Column
 
@@ -42,6 +40,8 @@ class Table:
         That line as printed.
     given : tuple of array, or None
         ``values`` and ``flags`` where they are not just the cells of the rows.
+    suspect : array (row, column) of bool, or None
+        Cells whose numbers a fault of the program makes wrong; their flag is ``suspect``.
     """
 
     layout: Layout
@@ -52,6 +52,7 @@ class Table:
     across_line: int = 0
     across_row: str = ""
     given: tuple[np.ndarray, np.ndarray] | None = None
+    suspect: np.ndarray | None = None
 
     @property
     def name(self) -> str:
@@ -61,7 +62,10 @@ class Table:
     @cached_property
     def cells(self) -> tuple[np.ndarray, np.ndarray]:
         """`values` and `flags`."""
-        return self.given or read_fields(self.rows, self.columns)
+        values, flags = self.given or read_fields(self.rows, self.columns)
+        if self.suspect is not None:
+            flags = np.where(self.suspect & (flags == OK), SUSPECT, flags).astype(np.uint8)
+        return values, flags
 
     @property
     def values(self) -> np.ndarray:

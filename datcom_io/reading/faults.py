@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 import re
 
-from ..arrays.conditions import printed_condition
+from ..arrays.conditions import control_surface, printed_condition
 from ..cells import OK
 from ..listing import Case
 from ..printout.content import Message
 from ..printout.layouts.special import HYPERSONIC_FROM
+from .carried import flag_flap_moments, flag_ground_pages
 
 _FAILED = re.compile("NaN|Inf|#")
 
@@ -21,7 +22,7 @@ class Observer:
     """Sees the cases of a file in order and adds the reader's messages to them."""
 
     def __init__(self) -> None:
-        self.run, self.control_tables = 0, 0
+        self.run, self.control_tables, self.deflections = 0, 0, 0
 
     def report(self, case: Case) -> None:
         """Add the reader's messages about the program's faults to a case."""
@@ -29,6 +30,7 @@ class Observer:
         _last_mach_in_static_pages(case)
         _pressure_on_control_pages(case)
         _weight(case)
+        flag_ground_pages(case)
         _flaps_in_ground_effect(case)
         _power_on_missing_cells(case)
         _control_tabs(case)
@@ -43,7 +45,8 @@ class Observer:
     def _drift_of_control_moments(self, case: Case) -> None:
         """The program keeps a part of D(CM) from one condition of a run to the next."""
         if case.run != self.run:
-            self.run, self.control_tables = case.run, 0
+            self.run, self.control_tables, self.deflections = case.run, 0, 0
+        self.deflections = flag_flap_moments(case, self.deflections)
         tables = [table for _, table in case.tables("symflp")]
         self.control_tables += len(tables)
         if tables and self.control_tables > 1:
@@ -100,8 +103,8 @@ def _weight(case: Case) -> None:
 
 
 def _flaps_in_ground_effect(case: Case) -> None:
-    pages = [page for page in case.pages if math.isfinite(page.ground_height) and not math.isnan(page.flap)]
-    if pages:
+    pages = [page for page in case.pages if math.isfinite(page.ground_height)]
+    if pages and "SYMFLP" in case.deck.namelists and control_surface(case.deck) == "wing":
         _report(
             case,
             pages[0].first,

@@ -129,12 +129,23 @@ def trim(deck: Deck) -> Iterator[DeckFinding]:
 
 
 def ground(deck: Deck) -> Iterator[DeckFinding]:
-    """Yield ground pages that cannot be distinguished."""
+    """Yield ground pages that are wrong, or that cannot be distinguished."""
     heights = deck.values("GRNDEF", "GRDHT")
-    deflections = deck.count("SYMFLP", "NDELTA") or 0
-    if heights and deflections > 1 and {"WGPLNF", "HTPLNF"} <= deck.namelists.keys():
-        text = f"$GRNDEF with {deflections} tail deflections: the heights are printed {deflections} times with identical headings"
-        yield DeckFinding(deck.line_of("GRNDEF"), WARNING, f"{text}; only their order identifies the deflection")
+    name = next((name for name in ("SYMFLP", "ASYFLP") if name in deck.namelists), "")
+    deflections = (deck.count(name, "NDELTA") if name else None) or 0
+    if heights and deflections > 1:
+        on_tail = name == "SYMFLP" and {"WGPLNF", "HTPLNF"} <= deck.namelists.keys()
+        which = " with identical headings" if on_tail or name == "ASYFLP" else ""
+        advice = (
+            "make one deck per deflection (datcom split)"
+            if name == "SYMFLP" and not on_tail
+            else f"leave out ${name}, it has no effect there"
+        )
+        text = (
+            f"$GRNDEF with {deflections} deflections of ${name}: the heights are printed {deflections} times{which}, and every deflection "
+            f"but the first holds the ground effect of those before; {advice}"
+        )
+        yield DeckFinding(deck.line_of("GRNDEF"), WARNING, text)
     if heights and deck.dim in DIMENSIONS[1:]:
         yield DeckFinding(deck.line_of("GRNDEF"), WARNING, f"$GRNDEF with DIM {deck.dim}: the program prints ground heights in feet")
 

@@ -13,7 +13,7 @@ from scipy.io import savemat
 from flightmech.support.atomic_write import written_atomically
 
 from ...arrays.conditions import control_surface
-from ...cells import ABSENT, BLANK, FILLED, FLAGS, OK
+from ...cells import ABSENT, BLANK, FILLED, FLAGS, OK, SUSPECT
 from ...decks.deck import Deck
 from ...listing import Case, Listing
 from ..configurations import parts
@@ -21,7 +21,7 @@ from .fields import BUILD, MISSING, Field, Units, dimension, fields
 
 _SURFACES = {"body": "BODY", "wing": "WGPLNF", "htail": "HTPLNF", "vtail": "VTPLNF", "vfin": "VFPLNF"}
 _UPRIGHT = frozenset(("fin", "panels"))
-_NUMBER = (OK, FILLED)
+_NUMBER = (OK, FILLED, SUSPECT)
 _NOT_THERE = (ABSENT, BLANK)
 _EMPTY = np.zeros((0, 0))
 _NO_FIELD = (

@@ -14,7 +14,7 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 
-from ...cells import FILLED, OK
+from ...cells import FILLED, is_number
 from ..configurations import parts
 
 _DECIMALS = {"CD": 3, "CL": 3, "Cm": 4, "CN": 3, "CA": 3, "q_ratio": 3, "epsilon": 3, "epsilon_alpha": 3}
@@ -91,7 +91,7 @@ def _refined(printed: xr.Dataset, written: xr.Dataset, file: str, per_degree: bo
             dims = printed[name][place].dims
             old, old_flag = (printed[key][place].values for key in (name, f"{name}_flag"))
             new, new_flag = (written[key].isel(source).transpose(*dims).values for key in (name, f"{name}_flag"))
-            same = (old_flag == new_flag) & np.isin(old_flag, (OK, FILLED))
+            same = (is_number(old_flag) & is_number(new_flag)) | ((old_flag == FILLED) & (new_flag == FILLED))
             scale = _to_print(name, written[name].attrs, per_degree)
             differing = same & ~(np.abs(old - new) * scale <= _half_units(name, old * scale, new * scale))
             faults += [

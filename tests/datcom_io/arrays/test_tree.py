@@ -7,7 +7,7 @@ import pytest
 import xarray as xr
 
 import datcom_io
-from datcom_io.cells import ABSENT, BLANK, FILLED, NA, NDM, OK
+from datcom_io.cells import ABSENT, BLANK, FILLED, NA, NDM, OK, SUSPECT
 from flightmech.errors import SchemaError
 
 DEG = math.pi / 180.0
@@ -154,7 +154,14 @@ def test_elevator_pages_in_ground_effect_are_distinguished_by_their_order(trees,
 def test_flap_pages_in_ground_effect(trees):
     static = trees("t37_ground_flap.out")["static"]
     np.testing.assert_allclose(static["delta_f"], np.array([0.0, 20.0, 40.0]) * DEG, **EXACT)
-    assert (static["CL_flag"].isel(ground_height=slice(0, 8)) == OK).all()
+    over_ground = static.isel(condition=0, ground_height=slice(0, 8))
+    assert over_ground["CL_flag"].isel(alpha=0, ground_height=0).values.tolist() == [OK, SUSPECT, SUSPECT]
+    assert (over_ground["CL_flag"].isel(delta_f=0) == OK).all()
+    for name in ("CD", "CL", "Cm", "CN", "CA", "CL_alpha", "Cm_alpha"):
+        assert (over_ground[f"{name}_flag"].isel(delta_f=slice(1, 3)) == SUSPECT).all()
+        assert over_ground[name].notnull().all()  # the numbers stay
+    assert (over_ground["Cl_beta_flag"] == OK).all()
+    assert (static["CL_flag"].sel(ground_height=np.inf, delta_f=0.0) == OK).all()
     assert "must be added" in trees("t37_ground_flap.out").attrs["messages"]
 
 

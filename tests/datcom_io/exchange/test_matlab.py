@@ -7,7 +7,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 import datcom_io
-from datcom_io.cells import ABSENT, FILLED, NDM, OK
+from datcom_io.cells import ABSENT, FILLED, NDM, OK, SUSPECT
 from datcom_io.exchange.matlab.fields import BUILD, FIELDS, MISSING
 from flightmech.errors import ParseError
 
@@ -71,7 +71,7 @@ def _compare(case, other, leaf, left_out):
     for name in names:
         value = back[name].transpose(*mine[name].dims)
         np.testing.assert_allclose(value, mine[name], rtol=1e-12, equal_nan=True, err_msg=f"{leaf} {name}")  # unit factors there and back
-        number = np.isin(mine[f"{name}_flag"], (OK, FILLED))
+        number = np.isin(mine[f"{name}_flag"], (OK, FILLED, SUSPECT))
         np.testing.assert_array_equal(np.isin(back[f"{name}_flag"].transpose(*mine[name].dims), (OK, FILLED)), number)
     for key in (key for key in mine.coords if key not in NOT_HELD and not str(key).startswith("lines")):
         if leaf == "jet" and key == "alpha":

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import datcom_io
-from datcom_io.cells import read_cell
+from datcom_io.cells import OK, SUSPECT, read_cell
 from datcom_io.export.cell_csv import write_cells
 from datcom_io.printout.tables import Table
 from flightmech.errors import ParseError
@@ -39,7 +39,8 @@ def test_faults_of_the_program_are_reported_case_by_case(elevator_lines):
     end = next(k for k, line in enumerate(elevator_lines) if "END OF JOB" in line)
     two_cases = [*elevator_lines[:end], *elevator_lines[at:]]
     drift = [[message.text for message in case.messages if message.text.startswith("D(CM) of")] for case in datcom_io.iterate(two_cases)]
-    assert [text[0].split(" conditions")[0] for text in drift] == ["D(CM) of 5", "D(CM) of 10"]
+    assert [text[0].split(", all but")[0] for text in drift] == ["D(CM) of 44 deflections", "D(CM) of 45 deflections"]
+    assert [text[1].split(" conditions")[0] for text in drift] == ["D(CM) of 5", "D(CM) of 10"]
 
 
 def test_a_case_comes_before_the_file_ends():
@@ -98,10 +99,12 @@ def test_everything_behind_a_damaged_page_is_in_partial_reading_only(elevator_li
 def slow_cells(item):
     """Yield line, column, text, value and flag of every cell of a table or a group of values, one by one."""
     if isinstance(item, Table):
-        for row, line in zip(item.rows, item.lines):
-            for column in item.columns:
+        for i, (row, line) in enumerate(zip(item.rows, item.lines)):
+            for k, column in enumerate(item.columns):
                 part = row[column.first - 1 : column.last]
-                yield line, column.name, part.strip(), *((math.nan, 0) if column.words and part.strip() else read_cell(part))
+                value, flag = (math.nan, OK) if column.words and part.strip() else read_cell(part)
+                suspect = item.suspect is not None and item.suspect[i, k] and flag == OK
+                yield line, column.name, part.strip(), value, SUSPECT if suspect else flag
     else:
         for line, label, text in zip(item.lines, item.labels, item.texts):
             yield line, label, text, *(read_cell(text) or (math.nan, 0))
