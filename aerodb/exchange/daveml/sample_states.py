@@ -48,6 +48,12 @@ def ranges(leaves: Iterable[xr.Dataset], limits: Limits) -> dict[str, tuple[floa
     return found
 
 
+def size(name: str) -> float:
+    """Return the usual largest size of a variable. [SI]"""
+    row = lookup(name)
+    return max(map(abs, _RANGES.get(row.name, _RANGES.get(row.units, (-1.0, 1.0)))))
+
+
 def draw(leaves: Iterable[xr.Dataset], count: int, beyond: float, limits: Limits | None = None) -> dict[str, np.ndarray]:
     """Return states (count,) by variable, a Latin hypercube over the ranges extended by a share of them. [SI]"""
     random = np.random.default_rng(SEED)

@@ -1,21 +1,18 @@
-"""Functions that are no products of tables, put onto one table with a bound on the difference."""
+"""Products of JSBSim functions and tables that share variables, as one table."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import xarray as xr
 
 from flightmech.terms import MAX_AXES, evaluate, make
 
+from ..sampling import Unsampled, difference, tabulated
 from .products import OpaqueFactor, Unfit
 
-_MOST_NODES = 100_000
 _FIRST = 5  # breakpoints of an axis that no table has
-_CHECKS = 5000
-
-Function = Callable[[Mapping[str, np.ndarray]], np.ndarray]
 
 
 def sampled(
@@ -55,10 +52,11 @@ def sampled(
             raise Unfit(f"{what} is not finite inside its box; give box = {{variable: (low, high)}} to narrow it")
         return found
 
-    grid = {name: _start(name, tables, box) for name in variables}
-    grid = _refined(function, grid, bound, what)
-    table = _on(function, grid)
-    worst = _checked(function, table)
+    try:
+        table = tabulated(function, {name: _start(name, tables, box) for name in variables}, bound)
+    except Unsampled as error:
+        raise Unfit(f"{what}: {error}") from None
+    worst = difference(function, table)
     if worst > bound:
         raise Unfit(f"{what} on {table.size} nodes differs by {worst:.2g}, more than {bound:.2g}; give a wider bound or a narrower box")
     return table, f"{what} sampled on {table.size} nodes: largest difference seen {worst:.2g}"
@@ -73,38 +71,3 @@ def _start(name: str, tables: Sequence[xr.DataArray], box: Mapping[str, tuple[fl
     if len(points) < 2:
         raise Unfit(f"no table states how far {name} goes; give box = {{{name!r}: (low, high)}}")
     return points if len(points) > 2 else np.linspace(points[0], points[-1], _FIRST)
-
-
-def _refined(function: Function, grid: dict[str, np.ndarray], bound: float, what: str) -> dict[str, np.ndarray]:
-    """Return a grid whose intervals are halved until the function is straight in each, axis by axis."""
-    share = 0.5 * bound / len(grid)
-    while True:
-        nodes = _on(function, grid)
-        split = {}
-        for axis, points in grid.items():
-            middle = 0.5 * (points[1:] + points[:-1])
-            seen = _on(function, {**grid, axis: middle})
-            chord = 0.5 * (nodes.isel({axis: slice(1, None)}).values + nodes.isel({axis: slice(None, -1)}).values)
-            off = np.abs(seen.values - chord).max(tuple(i for i, d in enumerate(seen.dims) if d != axis))
-            split[axis] = middle[off > share]
-        if not any(len(points) for points in split.values()):
-            return grid
-        grid = {axis: np.union1d(points, split[axis]) for axis, points in grid.items()}
-        count = int(np.prod([len(points) for points in grid.values()]))
-        if count > _MOST_NODES:
-            raise Unfit(f"{what} needs more than {_MOST_NODES} nodes for {bound:.2g}; give a wider bound or a narrower box")
-
-
-def _on(function: Function, grid: Mapping[str, np.ndarray]) -> xr.DataArray:
-    mesh = np.meshgrid(*grid.values(), indexing="ij")
-    shape = tuple(len(points) for points in grid.values())
-    values = np.broadcast_to(function({name: axis.ravel() for name, axis in zip(grid, mesh)}), (int(np.prod(shape)),))
-    return xr.DataArray(values.reshape(shape), dict(grid), tuple(grid))
-
-
-def _checked(function: Function, table: xr.DataArray) -> float:
-    """Return the largest difference at points spread over the box."""
-    draw = np.random.default_rng(0)
-    at = {str(d): draw.uniform(table[d].values[0], table[d].values[-1], _CHECKS) for d in table.dims}
-    leaf = make(table.values, {str(d): table[d].values for d in table.dims})
-    return float(np.abs(evaluate(leaf, at) - function(at)).max())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
@@ -272,6 +272,24 @@ class DaveModel:
         values = self._values(inputs)
         return {varID: values[varID].copy() for varID in self.outputs}
 
+    def rests_on(self, wanted: Iterable[str]) -> set[str]:
+        """Return the varIDs that variables are computed from, themselves included."""
+        found: set[str] = set()
+        waiting = list(wanted)
+        while waiting:
+            varID = waiting.pop()
+            if varID not in found:
+                found.add(varID)
+                calculation = self.variables[varID].calculation
+                waiting += mathml.names(calculation) if calculation is not None else ()
+                waiting += self.functions[varID].inputs if varID in self.functions else ()
+        return found
+
+    def values(self, wanted: Iterable[str], inputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
+        """Return all variables that the wanted ones rest on, by varID; inputs, units and errors as `evaluate`."""
+        needed = self.rests_on(wanted)
+        return self._values(inputs, [varID for varID in self.order if varID in needed])
+
     def check(self) -> pd.DataFrame:
         """Run every shot of the check data.
 
@@ -292,12 +310,12 @@ class DaveModel:
     def _computed(self, variable: Variable) -> bool:
         return variable.calculation is not None or variable.varID in self.functions or variable.initial is not None
 
-    def _values(self, inputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    def _values(self, inputs: Mapping[str, Any], order: Iterable[str] | None = None) -> dict[str, np.ndarray]:
         given = {self.find(name).varID: np.asarray(item, float) for name, item in inputs.items()}
         shape = np.broadcast_shapes(*(np.shape(item) for item in given.values()))
         values: dict[str, np.ndarray] = {}
         with np.errstate(all="ignore"):  # branches of a piecewise that do not count may divide by zero
-            for varID in self.order:
+            for varID in self.order if order is None else order:
                 variable = self.variables[varID]
                 value = self._raw(variable, given, values, shape)
                 if np.isfinite((variable.low, variable.high)).any():

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from ..document.tables import Axis, Gridded
 from . import piecewise_linear, polynomials
 from .piecewise_linear import PiecewiseLinear
 from .polynomials import Grid, GridAxis, Inexact, Sum
+from .sampler import Sampler, magnitude
 
 _TURNED = {"lt": "gt", "gt": "lt", "leq": "geq", "geq": "leq"}
 
@@ -47,6 +49,86 @@ def expand(model: DaveModel, inputs: Mapping[str, Sum], lengths: Mapping[str, fl
         except Inexact as error:
             reasons[varID] = str(error)
     return sums, reasons
+
+
+def approximated(sampler: Sampler, varID: str, reasons: Mapping[str, str], lengths: Mapping[str, float], weight: float = 1.0) -> Sum:
+    """Return a variable that is no exact sum as one: its summands and factors are exact where they can be, the others are sampled.
+
+    Parameters
+    ----------
+    sampler : Sampler
+        Holds the exact sums, and keeps what is made here.
+    reasons, lengths
+        As in `expand`.
+    weight : float
+        Size of what multiplies the variable on the way to a coefficient.
+
+    Raises
+    ------
+    Inexact
+        What can be sampled neither.
+    """
+    if varID not in sampler.sums:
+        variable = sampler.model.variables[varID]
+        if variable.calculation is None and varID not in sampler.model.functions:
+            raise Inexact(reasons[varID])
+        if variable.calculation is None or np.isfinite((variable.low, variable.high)).any():
+            found = sampler.variable(varID, weight)
+        else:
+            found = _approximated(variable.calculation, _Approximation(sampler, varID, reasons, lengths), weight)
+        sampler.sums[varID] = _reduced(found, lengths)
+    return sampler.sums[varID]
+
+
+@dataclass(frozen=True)
+class _Approximation:
+    """What `approximated` needs on its way through the calculation of a variable."""
+
+    sampler: Sampler
+    varID: str
+    reasons: Mapping[str, str]
+    lengths: Mapping[str, float]
+
+
+def _approximated(expression: mathml.Expression, of: _Approximation, weight: float) -> Sum:
+    if isinstance(expression, mathml.Name):
+        return approximated(of.sampler, expression.varID, of.reasons, of.lengths, weight)
+    exact = _exact(expression, of)
+    if exact is not None:
+        return exact
+    operator = expression.operator if isinstance(expression, mathml.Apply) else ""
+    if isinstance(expression, mathml.Apply) and operator in ("plus", "minus"):
+        return _operation(operator, [_approximated(argument, of, weight) for argument in expression.arguments])
+    if isinstance(expression, mathml.Apply) and operator in ("times", "divide", "quotient"):
+        return _product(list(_factors(expression)), of, weight)
+    return of.sampler.expression(expression, of.varID, weight)
+
+
+def _product(factors: list[mathml.Expression], of: _Approximation, weight: float) -> Sum:
+    """Return a product whose exact factors stay exact."""
+    found = [_exact(factor, of) for factor in factors]
+    product = polynomials.constant(1.0)
+    for one in found:
+        product = product if one is None else polynomials.multiply(product, one)
+    for factor, one in zip(factors, found, strict=True):
+        if one is None:
+            product = polynomials.multiply(product, _approximated(factor, of, weight * magnitude(product)))
+    return product
+
+
+def _factors(expression: mathml.Apply) -> Iterator[mathml.Expression]:
+    """Yield the factors of a product or quotient, the denominator as one over it."""
+    numerator = expression.arguments if expression.operator == "times" else expression.arguments[:1]
+    yield from numerator
+    for denominator in expression.arguments[len(numerator) :]:
+        yield mathml.Apply("power", (denominator, mathml.Number(-1.0)))
+
+
+def _exact(expression: mathml.Expression, of: _Approximation) -> Sum | None:
+    try:
+        return _expression(expression, _Lookup(of.sampler.sums, of.reasons))
+    except Inexact:
+        return None
 
 
 def spread(uncertainty: Uncertainty | None, values: np.ndarray) -> np.ndarray | None:

@@ -77,7 +77,7 @@ def add(f: PiecewiseLinear, g: PiecewiseLinear) -> PiecewiseLinear:
 
 def compose(outer: PiecewiseLinear, inner: PiecewiseLinear) -> PiecewiseLinear:
     """Return outer(inner(x)); the inner function is a single one."""
-    places, nodes = _preimages(outer.points, inner)
+    places, nodes = preimages(outer.points, inner)
     points = union(places, inner.points)
     values = outer(inner(points))
     for at, node in zip(places, nodes, strict=True):  # the breakpoints of a table keep its values to the last digit
@@ -138,7 +138,7 @@ def union(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.sort(np.concatenate([a, new]))
 
 
-def _preimages(targets: np.ndarray, inner: PiecewiseLinear) -> tuple[np.ndarray, list[int]]:
+def preimages(targets: np.ndarray, inner: PiecewiseLinear) -> tuple[np.ndarray, list[int]]:
     """Return the places where the inner function meets the targets, and the number of the target at each."""
     edges = np.concatenate([[-np.inf], inner.points, [np.inf]])
     slopes = _slopes(inner)

@@ -40,13 +40,17 @@ class GridAxis:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A multilinear table over model variables, with the standard error of its nodes where the file states it."""
+    """A multilinear table over model variables, with the standard error of its nodes where the file states it.
+
+    ``note`` states how well a table stands for what it was sampled from; empty for an exact one.
+    """
 
     axes: tuple[GridAxis, ...]
     values: np.ndarray
     stderr: np.ndarray | None = None
     label: str = ""
     serial: int = field(default_factory=lambda: next(_serial))
+    note: str = ""
 
     @property
     def variables(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -74,8 +74,23 @@ def _factors(model: DaveModel, varID: str, sums: Mapping[str, Sum]) -> tuple[str
     return tuple(power[0][0] for power in powers if len(power) == 1)
 
 
-def leaves_of(model: DaveModel, coefficient: str, parts: Sequence[Part]) -> dict[str, xr.Dataset]:
+Factors = tuple[list[Grid], dict[str, int]]
+"""Tables of a product, and the powers of its variables."""
+
+
+Join = Callable[[list[Grid], Mapping[str, int], float], Iterator[Factors]]
+
+
+def leaves_of(
+    model: DaveModel, coefficient: str, parts: Sequence[Part], join: Join | None = None
+) -> dict[str, xr.Dataset]:
     """Return the terms of a coefficient by name.
+
+    Parameters
+    ----------
+    join : callable, optional
+        Yields a product that is no term with some of its factors on one table, in the order in which to try; without it such a product
+        is refused.
 
     Raises
     ------
@@ -86,18 +101,32 @@ def leaves_of(model: DaveModel, coefficient: str, parts: Sequence[Part]) -> dict
     for part in parts:
         products = part.sum.products or {((), ()): 0.0}  # a coefficient that is zero is a statement too
         for (grids, powers), factor in products.items():
-            leaf = _leaf(model, list(grids), dict(powers), factor, part)
+            leaf = _leaf_or_joined(model, list(grids), dict(powers), factor, part, join)
             name = _unused(part.name or _name(leaf), [grid.label for grid in grids], leaves, coefficient)
             leaves[f"{coefficient}/{name}"] = leaf
     return leaves
 
 
+def _leaf_or_joined(model: DaveModel, grids: list[Grid], powers: dict[str, int], factor: float, part: Part, join: Join | None) -> xr.Dataset:
+    try:
+        return _leaf(model, grids, powers, factor, part)
+    except Inexact as error:
+        reason = error
+    for fewer, rest in join(grids, powers, factor) if join is not None else ():
+        try:
+            return _leaf(model, fewer, rest, factor, part)
+        except Inexact as error:
+            reason = error
+    raise reason
+
+
 def _leaf(model: DaveModel, grids: list[Grid], powers: Mapping[str, int], factor: float, part: Part) -> xr.Dataset:
     labels = [grid.label for grid in grids if grid.label in model.functions]
+    notes = [grid.note for grid in grids if grid.note]
     words = _regressors(powers, part.order)
     tables, words = _tables(grids, words, named=bool(part.name))
     _demand_disjoint(tables)
-    outside, tables = _outside(tables)
+    outside, tables = closed(tables)
     value, *factors = tables or [Grid((), np.ones(()))]
     texts = dict(part.texts) if part.name else _texts(model, labels)
     source = str(texts.pop("source", ""))
@@ -113,6 +142,8 @@ def _leaf(model: DaveModel, grids: list[Grid], powers: Mapping[str, int], factor
     if flags is not None:
         leaf["source"] = leaf["value"].dims, flags, {"flag_values": "0 1 2", "flag_meanings": " ".join(SOURCES)}
     leaf.attrs |= texts
+    if notes:
+        leaf.attrs["sampled"] = "; ".join(notes)
     return leaf
 
 
@@ -177,7 +208,7 @@ def _demand_disjoint(grids: Sequence[Grid]) -> None:
             seen[name] = grid
 
 
-def _outside(tables: Sequence[Grid]) -> tuple[str, list[Grid]]:
+def closed(tables: Sequence[Grid]) -> tuple[str, list[Grid]]:
     """Return the rule of the leaf, and its tables so that it holds for all axes: where some go on, held ends get a flat piece."""
     ends = {end for grid in tables for axis in grid.axes if len(axis.points) > 1 for end in (axis.open_low, axis.open_high)}
     if True not in ends:
