@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import importlib
+import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from flightmech.errors import AeromatchWarning
 from flightmech.support.console import InputFile, NewFile, document, json_option, remark
+
+from .edit import Axis
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,6 +34,56 @@ _IMPORTS = {
     "matlab": ("aerodb.exchange.tables.matlab", "import_matlab"),
     "csv": ("aerodb.exchange.tables.csv_terms", "import_csv"),
 }
+
+
+sample_option = click.option(
+    "--sample", type=click.FloatRange(0.0, min_open=True), help="Largest difference with which functions that no table gives are sampled."
+)
+grid_option = click.option(
+    "--grid",
+    multiple=True,
+    type=Axis(),
+    help="Where they are sampled: a range such as alpha='-10 30 deg'; daveml: or the breakpoints themselves.",
+)
+
+
+def sampling_options(verb: Any) -> Any:
+    """Return a verb with ``--sample`` and ``--grid``."""
+    return sample_option(grid_option(verb))
+
+
+def sampling(key: str, sample: float | None, grid: tuple[tuple[str, list[float]], ...]) -> dict[str, Any]:
+    """Return the options of a reader; `key` is what it calls the grid."""
+    if sample is None:
+        raise click.UsageError("--grid states where functions are sampled; give --sample, the largest difference allowed, with it")
+    for name, points in grid:
+        if key == "box" and len(points) != 2:
+            raise click.UsageError(f"--grid {name} has {len(points)} numbers; for jsbsim give the two ends of a range")
+    return {"sample": sample, key: dict(grid)}
+
+
+def imported(fmt: str, file: str, options: Mapping[str, Any]) -> xr.DataTree:
+    """Return the database in a file of another program; what the reader warns of is printed as a remark."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", AeromatchWarning)
+        tree = _function(_IMPORTS[fmt])(file, **options)
+    for warning in caught:
+        if issubclass(warning.category, AeromatchWarning):
+            remark(f"warning: {warning.message}")
+    return tree
+
+
+def print_sampled(tree: xr.DataTree) -> None:
+    """Print which terms hold sampled tables, and how far the coefficients are from the file."""
+    from ..store.schema import terms
+
+    for name, leaf in terms(tree).items():
+        note = str(leaf.attrs.get("sampled", leaf.attrs.get("comment", "")))
+        if "sampled on" in note:
+            click.echo(f"{name}: {note}")
+    for line in str(tree.attrs.get("history", "")).split("\n"):
+        if " differs from the file by at most " in line:
+            click.echo(line)
 
 
 _TABLES_ONLY = ("jsbsim", "daveml")
@@ -101,8 +156,17 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
 @click.option("--without", multiple=True, help="jsbsim: a function to leave out; daveml: a coefficient to leave out.")
 @click.option("--travel", multiple=True, help="jsbsim: full deflection of a control that moves as a fraction, such as 'delta_f=40 deg'.")
+@sampling_options
 @json_option
-def import_database(file: str, output: str, without: tuple[str, ...], travel: tuple[str, ...], as_json: bool) -> None:
+def import_database(
+    file: str,
+    output: str,
+    without: tuple[str, ...],
+    travel: tuple[str, ...],
+    sample: float | None,
+    grid: tuple[tuple[str, list[float]], ...],
+    as_json: bool,
+) -> None:
     """Read a database from FILE, a folder of CSV files or a file of another program; the format is recognised by content."""
     from ..exchange.recognition import recognized
     from ..store.files import save
@@ -113,13 +177,16 @@ def import_database(file: str, output: str, without: tuple[str, ...], travel: tu
     if without:
         options[_only("--without", fmt, {"jsbsim": "leave_out", "daveml": "without"})] = without
     if travel:
-        options[_only("--travel", fmt, {"jsbsim": "travel"})] = dict(_deflection(text) for text in travel)
-    tree = _function(_IMPORTS[fmt])(file, **options)
+        options[_only("--travel", fmt, {"jsbsim": "travel"})] = dict(deflection(text) for text in travel)
+    if sample is not None or grid:
+        options |= sampling(_only("--sample", fmt, {"jsbsim": "box", "daveml": "grid"}), sample, grid)
+    tree = imported(fmt, file, options)
     save(tree, output)
     if as_json:
         document({"file": output, "format": fmt, "attributes": tree.attrs, "terms": describe(tree)})
     else:
         click.echo(summary(tree))
+        print_sampled(tree)
         click.echo(f"\n{fmt}: written {output}")
 
 
@@ -130,7 +197,7 @@ def _only(option: str, fmt: str, names: dict[str, str]) -> str:
     return names[fmt]
 
 
-def _deflection(text: str) -> tuple[str, float]:
+def deflection(text: str) -> tuple[str, float]:
     """Return control and angle [rad] of ``delta_f=40 deg``."""
     from flightmech.units import quantity
 

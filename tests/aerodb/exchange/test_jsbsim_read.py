@@ -249,3 +249,5 @@ def test_sampling_only_on_demand(tmp_path):
     assert value(db, beta=0.31) == pytest.approx(np.exp(0.31), abs=1e-3)
     with pytest.raises(SchemaError, match="needs more than 100000 nodes"):
         lift(tmp_path, curved, sample=1e-13, box={"beta": (-0.5, 0.5)})
+    with pytest.raises(SchemaError, match=r"it jumps near beta = 0\.2; a table cannot follow it"):  # breakpoints were added without end
+        lift(tmp_path, curved.replace("<value>9", "<value>0.2"), sample=1e-3, box={"beta": (-0.5, 0.5)})

@@ -110,7 +110,7 @@ def import_daveml(
     if sample is None and grid:
         raise ValueError("grid= states where functions are sampled; give sample=, the largest difference allowed, with it")
     if sample is None:
-        leaves, lines = _terms(source, None), []
+        leaves, lines = _terms(source, None), list[str]()
         _prove(database(leaves, **_root(source, Path(path), axes)), source, {}, 0.0)
     else:
         leaves, lines = _sampled_terms(source, lambda found: database(found, **_root(source, Path(path), axes)), sample, grid or {})
@@ -147,7 +147,9 @@ def _terms(source: _Source, sampler: Sampler | None) -> dict[str, xr.Dataset]:
         except polynomials.Inexact as error:
             problems.append(f"{coefficient}: {varID} ({source.model.variables[varID].name}): {error}")
     if problems:
-        ways = ["put them onto tables with sample=", "leave them out with without="] if sampler is None else ["leave them out with without="]
+        ways = (
+            ["put them onto tables with sample=", "leave them out with without="] if sampler is None else ["leave them out with without="]
+        )
         way = f"{', '.join(ways)}, or evaluate the model itself with aerodb.exchange.daveml.read(path).evaluate"
         raise SchemaError(f"{Path(source.model.file).name} holds coefficients that are no exact sum of terms; {way}", problems)
     return leaves

@@ -174,7 +174,6 @@ class Sampler:
         return ends if np.isfinite(ends).all() else np.zeros(0)
 
 
-
 def magnitude(one: Sum) -> float:
     """Return the size that a sum usually does not exceed: tables at their largest node, variables at the end of their usual range."""
     total = 0.0

@@ -81,9 +81,7 @@ Factors = tuple[list[Grid], dict[str, int]]
 Join = Callable[[list[Grid], Mapping[str, int], float], Iterator[Factors]]
 
 
-def leaves_of(
-    model: DaveModel, coefficient: str, parts: Sequence[Part], join: Join | None = None
-) -> dict[str, xr.Dataset]:
+def leaves_of(model: DaveModel, coefficient: str, parts: Sequence[Part], join: Join | None = None) -> dict[str, xr.Dataset]:
     """Return the terms of a coefficient by name.
 
     Parameters
@@ -107,7 +105,9 @@ def leaves_of(
     return leaves
 
 
-def _leaf_or_joined(model: DaveModel, grids: list[Grid], powers: dict[str, int], factor: float, part: Part, join: Join | None) -> xr.Dataset:
+def _leaf_or_joined(
+    model: DaveModel, grids: list[Grid], powers: dict[str, int], factor: float, part: Part, join: Join | None
+) -> xr.Dataset:
     try:
         return _leaf(model, grids, powers, factor, part)
     except Inexact as error:
