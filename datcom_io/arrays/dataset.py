@@ -37,21 +37,31 @@ from .stacking import Stacker
 
 def case_tree(case: PrintedCase, *, fill_transonic: bool = False) -> xr.DataTree:
     """Build the tree of `Case.to_datatree`."""
-    conditions, spots = arrange(case)
-    stacker = Stacker(case, conditions, spots, fill_transonic)
-    leaves = {name: make(stacker) for name, make in LEAVES.items()}
-    root = xr.Dataset(attrs=_root_attrs(case))
-    return xr.DataTree.from_dict({"/": root, **{name: leaf for name, leaf in leaves.items() if leaf is not None}}, name=case.name)
+    return xr.DataTree.from_dict({"/": xr.Dataset(attrs=_root_attrs(case)), **_leaves(case, fill_transonic)}, name=_node_name(case))
 
 
 def listing_tree(cases: Iterable[PrintedCase], file: str, runs: int, *, fill_transonic: bool = False) -> xr.DataTree:
     """Build the tree of `Listing.to_datatree`."""
-    root = xr.DataTree(xr.Dataset(attrs={"file": file, "runs": runs}))
+    nodes = {"/": xr.Dataset(attrs={"file": file, "runs": runs})}
     for case in cases:
-        tree, name = case_tree(case, fill_transonic=fill_transonic), case.name.replace("/", "|")
-        if tree.children:
-            root[f"{name} ({case.ordinal})" if name in root.children else name] = tree
-    return root
+        if leaves := _leaves(case, fill_transonic):
+            path = f"/{_node_name(case)}"
+            path = f"{path} ({case.ordinal})" if path in nodes else path
+            nodes[path] = xr.Dataset(attrs=_root_attrs(case))
+            nodes |= {f"{path}/{leaf}": dataset for leaf, dataset in leaves.items()}
+    return xr.DataTree.from_dict(nodes)
+
+
+def _node_name(case: PrintedCase) -> str:
+    """Return the name of a case without what makes a path of it."""
+    return case.name.replace("/", "|") if case.name.strip(".") else f"case {case.ordinal}"
+
+
+def _leaves(case: PrintedCase, fill_transonic: bool) -> dict[str, xr.Dataset]:
+    """Return the leaves that the case has."""
+    conditions, spots = arrange(case)
+    stacker = Stacker(case, conditions, spots, fill_transonic)
+    return {name: leaf.dataset() for name, make in LEAVES.items() if (leaf := make(stacker)) is not None}
 
 
 def _root_attrs(case: PrintedCase) -> dict[str, str | float]:

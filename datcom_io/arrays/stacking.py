@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -12,27 +13,21 @@ from flightmech.errors import ParseError
 from flightmech.names import VOCABULARY, attrs
 from flightmech.units import DEGREE, parse
 
-from ..cells import ABSENT, BLANK, FILLED, FLAGS, OK, is_number
+from ..cells import ABSENT, BLANK, FILLED, OK, is_number
 from ..printout.columns import Column
 from ..printout.content import Page, PrintedCase
 from ..printout.layouts.notes import FOOTNOTE_WORDS, footnotes
 from ..printout.tables import Table, Values
 from .conditions import Condition, Spot, si_factor
+from .leaf import LONG_NAMES, OF_DIM, Leaf
 
 HALF_UNIT = 0.0501  # of the axes, printed with one decimal [deg]
-_OF_DIM = {"length": "m", "area": "m2", "speed": "m s-1", "pressure": "Pa", "temperature": "K", "reynolds": "m-1"}  # unit of card DIM
-_SI = {"deg": "rad", "lbf": "N", **_OF_DIM}
 _CONDITION_UNITS = {"mach": "1", "h": "m", "V": "m s-1", "p_static": "Pa", "temperature": "K", "reynolds_per_m": "m-1"}
-_LONG_NAMES = {
-    "CN": "normal-force coefficient, body axes",
-    "CA": "axial-force coefficient, body axes, positive aft",
-    "xcp": "centre of pressure forward of the moment centre, in chords: CM/CN, and CMA/CLA from the first row without CM or CN on",
-    "ground_height": "height of the drawing datum (z = 0) over the ground, infinite in free air",
-    "q_ratio": "dynamic pressure at the horizontal tail over that of the free stream",
-    "epsilon": "downwash angle at the horizontal tail",
-    "epsilon_alpha": "slope of the downwash angle with alpha",
-}
-_FLAG_ATTRS = {"flag_values": " ".join(map(str, range(len(FLAGS)))), "flag_meanings": " ".join(FLAGS)}
+
+
+@lru_cache
+def _factor(units: str) -> float:
+    return parse(units)[1]
 
 
 class Axis(NamedTuple):
@@ -59,12 +54,12 @@ class Stacker:
 
     def with_two_way(
         self,
-        found: xr.Dataset,
+        found: Leaf,
         placed: list[tuple[Spot, Page, Table]],
         across: Axis,
         printed: Sequence[float] | None = None,
         half_unit: float = HALF_UNIT,
-    ) -> xr.Dataset:
+    ) -> None:
         """Add two-way tables as a variable (condition, alpha, across); `printed` are the heading values when they are not the axis."""
         column = placed[0][2].layout.across
         assert column is not None
@@ -79,29 +74,30 @@ class Stacker:
             rows, count = len(table.rows), len(table.columns) - 1
             flag[spot.condition, :rows, :count] = table.flags[:, 1:]
             value[spot.condition, :rows, :count] = self.si(column.cell, page, table.values[:, 1:], table.flags[:, 1:])
-        lines = self.lines(shape[:1], [((spot.condition,), table) for spot, _, table in placed])
-        found = found.assign_coords({"alpha": self.coords([alphas])["alpha"]})
-        add_variable(found, column.cell, ["condition", "alpha", across.name], value, flag)
-        return found.assign_coords({f"lines_{column.cell.quantity}": ("condition", lines)})
+        found.coords["alpha"] = self.coords([alphas])["alpha"]
+        found.add(column.cell, ("condition", "alpha", across.name), value, flag)
+        found.coords[f"lines_{column.cell.quantity}"] = self.lines_of_conditions(placed)
 
-    def over_alpha(self, placed: list[tuple[Spot, Page, Table]], alphas: Axis) -> xr.Dataset:
+    def over_alpha(self, placed: list[tuple[Spot, Page, Table]], alphas: Axis) -> Leaf:
         """Return tables of one kind, with one row per alpha and one page per flight condition, as arrays (condition, alpha)."""
         items = [([spot.condition], page, table) for spot, page, table in placed]
         return self.stack(placed[0][2].columns[1:], [self.condition_axis()], alphas, items)
 
-    def stack(self, columns: Sequence[Column], axes: list[Axis], rows: Axis, items: list[tuple[list[int], Page, Table]]) -> xr.Dataset:
+    def stack(self, columns: Sequence[Column], axes: list[Axis], rows: Axis, items: list[tuple[list[int], Page, Table]]) -> Leaf:
         """Return tables as arrays (axes..., rows); `items` holds index along the axes, page and table."""
-        outer = tuple(len(axis.values) for axis in axes)
-        lines = self.lines(outer, [(where, table) for where, _, table in items])
-        stacked = xr.Dataset(coords=self.coords([*axes, rows]))
+        dims, outer = tuple(axis.name for axis in axes), tuple(len(axis.values) for axis in axes)
+        places = [(tuple(where), page, table) for where, page, table in items]
+        lines = self.lines(outer, [(where, table) for where, _, table in places])
+        stacked = Leaf(self.coords([*axes, rows]))
         for column in columns:
             value, flag = np.full((*outer, len(rows.values)), np.nan), np.full((*outer, len(rows.values)), ABSENT, np.uint8)
-            for where, page, table in items:
+            for where, page, table in places:
                 part_value, part_flag = self.column(column, page, table)
-                value[tuple(where)][: len(part_value)], flag[tuple(where)][: len(part_flag)] = part_value, part_flag
-            add_variable(stacked, column, [axis.name for axis in (*axes, rows)], value, flag)
-        dims = [axis.name for axis in axes]
-        return stacked.assign_coords(lines=(dims, lines), notes=self.notes(dims, outer, [(where, page) for where, page, _ in items]))
+                value[where][: len(part_value)], flag[where][: len(part_flag)] = part_value, part_flag
+            stacked.add(column, (*dims, rows.name), value, flag)
+        stacked.coords["lines"] = xr.Variable(dims, lines)
+        stacked.coords["notes"] = self.notes(dims, outer, [(where, page) for where, page, _ in places])
+        return stacked
 
     @staticmethod
     def notes(dims: Sequence[str], shape: tuple[int, ...], items: Iterable[tuple[Sequence[int], Page]]) -> xr.Variable:
@@ -122,6 +118,11 @@ class Stacker:
             lines[tuple(where)] = f"{table.lines[0]}-{table.lines[-1]}"
         return lines.astype(str)
 
+    def lines_of_conditions(self, placed: list[tuple[Spot, Page, Table]]) -> xr.Variable:
+        """Return the range of lines of each table, one table for each flight condition."""
+        lines = self.lines((len(self.conditions),), [((spot.condition,), table) for spot, _, table in placed])
+        return xr.Variable("condition", lines)
+
     def column(self, column: Column, page: Page, table: Table) -> tuple[np.ndarray, np.ndarray]:
         """Return a printed column in SI and its flags, a constant column filled downwards where that is allowed."""
         at = table.columns.index(column)
@@ -135,13 +136,13 @@ class Stacker:
 
     def si(self, column: Column, page: Page, value: np.ndarray, flag: np.ndarray) -> np.ndarray:
         """Return printed numbers of a column in SI, NaN where there is none."""
+        return np.where(is_number(flag), value * self.factor(column, page), np.nan)
+
+    def factor(self, column: Column, page: Page) -> float:
+        """Return the factor from the printed numbers of a column to SI."""
         if column.units == "1/angle":
-            factor = 1.0 / DEGREE if (page.per or self.case.deck.deriv.lower()) == "deg" else 1.0
-        elif column.units in _OF_DIM:
-            factor = si_factor(column.units, page.dim)
-        else:
-            factor = parse(column.units)[1]
-        return np.where(is_number(flag), value * factor, np.nan)
+            return 1.0 / DEGREE if (page.per or self.case.deck.deriv.lower()) == "deg" else 1.0
+        return si_factor(column.units, page.dim) if column.units in OF_DIM else _factor(column.units)
 
     def alphas(self) -> list[float]:
         """Return the schedule of the input cards. [deg]"""
@@ -176,38 +177,22 @@ class Stacker:
             if not abs(shown - wanted) <= half_unit:
                 raise ParseError(self.case.file, line, f"{name} = {shown:g}{unit}", f"{wanted:g}{unit} as in the input cards of the case")
 
-    def coords(self, axes: Sequence[Axis]) -> Mapping[str, object]:
+    @staticmethod
+    def coordinate(axis: Axis) -> xr.Variable:
+        """Return the coordinate of an axis."""
+        values = np.array(axis.values) * DEGREE if axis.units == "deg" else np.array(axis.values)
+        units = {"deg": "rad"}.get(axis.units, axis.units)
+        known = attrs(axis.name) if axis.name in VOCABULARY else {"units": units} if units else {}
+        if axis.name in LONG_NAMES:
+            known["long_name"] = LONG_NAMES[axis.name]
+        return xr.Variable(axis.name, values, known)
+
+    def coords(self, axes: Sequence[Axis]) -> dict[str, xr.Variable]:
         """Return the coordinates of axes, and what names a flight condition."""
-        coords: dict[str, object] = {}
-        for axis in axes:
-            values = np.array(axis.values) * DEGREE if axis.units == "deg" else np.array(axis.values)
-            units = {"deg": "rad"}.get(axis.units, axis.units)
-            known = attrs(axis.name) if axis.name in VOCABULARY else {"units": units} if units else {}
-            if axis.name in _LONG_NAMES:
-                known["long_name"] = _LONG_NAMES[axis.name]
-            coords[axis.name] = (axis.name, values, known)
+        coords = {axis.name: self.coordinate(axis) for axis in axes}
         for name, units in _CONDITION_UNITS.items():
-            coords[name] = ("condition", np.array([getattr(condition, name) for condition in self.conditions]), {"units": units})
+            coords[name] = xr.Variable("condition", np.array([getattr(condition, name) for condition in self.conditions]), {"units": units})
         count = len(self.conditions)
-        coords["case"] = ("condition", np.array([self.case.name] * count, dtype=str))
-        coords["file"] = ("condition", np.array([self.case.file] * count, dtype=str))
+        coords["case"] = xr.Variable("condition", np.array([self.case.name] * count, dtype=str))
+        coords["file"] = xr.Variable("condition", np.array([self.case.file] * count, dtype=str))
         return coords
-
-
-def add_variable(dataset: xr.Dataset, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray) -> None:
-    """Put a variable and the variable of its flags into a Dataset."""
-    known = attrs(column.quantity) if column.quantity in VOCABULARY else {"units": _SI.get(column.units, "1")}
-    if column.quantity in _LONG_NAMES:
-        known["long_name"] = _LONG_NAMES[column.quantity]
-    if column.units in ("1/angle", "1/deg"):
-        known["per"] = "radian"
-    dataset[column.quantity] = (dims, value, {**known, "printed_as": column.name})
-    dataset[f"{column.quantity}_flag"] = (dims, flag, dict(_FLAG_ATTRS))
-
-
-def describe(dataset: xr.Dataset, long_names: Mapping[str, str]) -> xr.Dataset:
-    """Give variables and coordinates their long names, those that are there."""
-    for name, text in long_names.items():
-        if name in dataset.variables:
-            dataset[name].attrs["long_name"] = text
-    return dataset

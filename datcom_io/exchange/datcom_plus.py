@@ -30,7 +30,7 @@ from flightmech.errors import ParseError, UnknownName
 from flightmech.support.input_files.text import read_bytes
 from flightmech.units import DEGREE
 
-from ..arrays.stacking import add_variable
+from ..arrays.leaf import Leaf
 from ..cells import BLANK, FILLED, NA, NDM, OK, SENTINEL, read_cell
 from ..printout.columns import Column
 from ..printout.layouts import BY_NAME
@@ -93,22 +93,25 @@ def read_datcom_plus_csv(path: str | os.PathLike[str], *, deriv: Literal["DEG", 
         raise UnknownName(str(deriv), ("DEG", "RAD"), "unit of the derivatives")
     file = Path(path).name
     blocks, remarks = _blocks(file, read_bytes(path, "a CSV file of DATCOM+").decode("latin-1").splitlines())
-    leaves: dict[str, xr.Dataset] = {}
+    leaves: dict[str, Leaf] = {}
     other = []
     for block in blocks:
         leaf, quantity = _PLACES.get((block.axis, block.column), ("", ""))
         if not leaf:
             other.append(block)
             continue
-        found = leaves.setdefault(leaf, xr.Dataset(attrs={"surface": "tail"} if leaf == "elevator" else {}))
-        if quantity in found:
+        found = leaves.setdefault(leaf, Leaf())
+        if quantity in found.variables:
             raise ParseError(file, block.line, f"a second block {block.axis}, {block.column}", "one case in a file; split it")
         add = _two_way if quantity == "dCDi" else _one_way
-        leaves[leaf] = add(file, found, block, quantity, deriv)
+        add(file, found, block, quantity, deriv)
+    if "elevator" in leaves:
+        leaves["elevator"].attrs["surface"] = "tail"
+    made = {name: leaf.dataset() for name, leaf in leaves.items()}
     if other:
-        leaves["other"] = _others(other)
+        made["other"] = _others(other)
     root = xr.Dataset(attrs={"file": file, "deriv": deriv, "remarks": "\n".join(remarks)})
-    return xr.DataTree.from_dict({"/": root, **leaves})
+    return xr.DataTree.from_dict({"/": root, **made})
 
 
 def _blocks(file: str, lines: Sequence[str]) -> tuple[list[_Block], list[str]]:
@@ -159,20 +162,19 @@ def _matrix(file: str, block: _Block, rows: list[tuple[int, list[tuple[float, in
     return np.array([[value for value, _ in row] for row in cells]), np.array([[flag for _, flag in row] for row in cells], np.uint8)
 
 
-def _one_way(file: str, found: xr.Dataset, block: _Block, quantity: str, deriv: str) -> xr.Dataset:
+def _one_way(file: str, found: Leaf, block: _Block, quantity: str, deriv: str) -> None:
     values, flags = _matrix(file, block, block.rows, 2)
     axis = "alpha" if block.axis == "Alpha" else "delta"
-    found = _with_axis(file, found, block, axis, values[:, 0])
+    _add_axis(file, found, block, axis, values[:, 0])
     column, value, flag = _COLUMNS[quantity], values[:, 1].copy(), flags[:, 1].copy()
     if column.constant and len(flag) > 1 and flag[0] == OK and (flag[1:] == BLANK).all():
         value[1:], flag[1:] = value[0], FILLED
     per_degree = column.units == "1/deg" or (column.units == "1/angle" and deriv == "DEG")
     factor = DEGREE if column.units == "deg" else 1.0 / DEGREE if per_degree else 1.0
-    add_variable(found, column._replace(name=block.column), (axis,), value * factor, flag)
-    return found
+    found.add(column._replace(name=block.column), (axis,), value * factor, flag)
 
 
-def _two_way(file: str, found: xr.Dataset, block: _Block, quantity: str, deriv: str) -> xr.Dataset:
+def _two_way(file: str, found: Leaf, block: _Block, quantity: str, deriv: str) -> None:
     (line, head), *rows = block.rows
     width = max((i for i, cell in enumerate(head) if cell is not None), default=0)
     if head[0] is not None:
@@ -181,16 +183,15 @@ def _two_way(file: str, found: xr.Dataset, block: _Block, quantity: str, deriv: 
         raise ParseError(file, line, f"{width} deflections and {len(rows)} rows", "deflections, and rows of angles of attack below them")
     deltas = [cell[0] for cell in head[1 : width + 1] if cell is not None]
     values, flags = _matrix(file, block, rows, width + 1)
-    found = _with_axis(file, found, block, "alpha", values[:, 0])
-    found = _with_axis(file, found, block, "delta", np.array(deltas))
-    add_variable(found, _DCDI, ("alpha", "delta"), values[:, 1:], flags[:, 1:])
-    return found
+    _add_axis(file, found, block, "alpha", values[:, 0])
+    _add_axis(file, found, block, "delta", np.array(deltas))
+    found.add(_DCDI, ("alpha", "delta"), values[:, 1:], flags[:, 1:])
 
 
-def _with_axis(file: str, found: xr.Dataset, block: _Block, axis: str, degrees: np.ndarray) -> xr.Dataset:
+def _add_axis(file: str, found: Leaf, block: _Block, axis: str, degrees: np.ndarray) -> None:
     if axis in found.coords and not np.array_equal(found[axis].values, degrees * DEGREE):
         raise ParseError(file, block.line, f"other angles of {axis} in {block.axis}, {block.column}", "those of the blocks before")
-    return found.assign_coords({axis: (axis, degrees * DEGREE, {"units": "rad"})})
+    found.coords[axis] = xr.Variable(axis, degrees * DEGREE, {"units": "rad"})
 
 
 def _others(blocks: list[_Block]) -> xr.Dataset:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import xarray as xr
-
+from ..leaf import Leaf
 from ..stacking import Stacker
 from . import auxiliary, clean, devices, fairing, sections, special, tabs, trim
 
 _SUBJECTS = (clean, devices, tabs, trim, auxiliary, fairing, sections, special)
 
-LEAVES: dict[str, Callable[[Stacker], xr.Dataset | None]] = {name: make for subject in _SUBJECTS for name, make in subject.LEAVES.items()}
+LEAVES: dict[str, Callable[[Stacker], Leaf | None]] = {name: make for subject in _SUBJECTS for name, make in subject.LEAVES.items()}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import xarray as xr
-
 from ...printout.layouts.auxiliary import (
     BODY,
     CANARD,
@@ -18,7 +16,8 @@ from ...printout.layouts.auxiliary import (
     VORTEX,
 )
 from ...printout.tables import Layout
-from ..stacking import Stacker, describe
+from ..leaf import Leaf
+from ..stacking import Stacker
 from .single_numbers import Item, Sheet, labelled, row
 
 _ALONG = ("condition",)
@@ -75,7 +74,7 @@ _CANARD_NAMES = {
 }
 
 
-def auxiliary(stacker: Stacker) -> xr.Dataset | None:
+def auxiliary(stacker: Stacker) -> Leaf | None:
     """Stack the properties of the body and the place of the moment centre."""
     bodies = stacker.placed("body")
     places = stacker.placed_values("mac")
@@ -84,10 +83,10 @@ def auxiliary(stacker: Stacker) -> xr.Dataset | None:
     sheet = Sheet(stacker, {"condition": None})
     sheet.add(BODY.columns, _ALONG, (((spot.condition,), page, row(table)) for spot, page, table in bodies))
     sheet.add(MAC.numbers, _ALONG, (((spot.condition,), page, labelled(group)) for spot, page, group in places))
-    return sheet.leaf(_BODY_NAMES, configuration=(bodies or places)[0][1].configuration)
+    return sheet.finished(_BODY_NAMES, configuration=(bodies or places)[0][1].configuration)
 
 
-def planform(stacker: Stacker) -> xr.Dataset | None:
+def planform(stacker: Stacker) -> Leaf | None:
     """Stack the properties of the surfaces and their panels."""
     groups = stacker.placed_values("planform")
     if not groups:
@@ -105,10 +104,10 @@ def planform(stacker: Stacker) -> xr.Dataset | None:
         if (numbers := labelled(group, f"{surface} {panel}"))
     ]
     sheet.add(PLANFORM, ("condition", "surface", "panel"), items)
-    return sheet.leaf(_PLANFORM_NAMES)
+    return sheet.finished(_PLANFORM_NAMES)
 
 
-def interference(stacker: Stacker) -> xr.Dataset | None:
+def interference(stacker: Stacker) -> Leaf | None:
     """Stack the interference factors of wing and horizontal tail with the body, and the sidewash."""
     groups = stacker.placed_values("interference")
     if not groups:
@@ -125,13 +124,13 @@ def interference(stacker: Stacker) -> xr.Dataset | None:
             items.append(((spot.condition, k), page, own))
     sheet.add(wing, ("condition", "surface"), items)
     sheet.add(SIDEWASH.numbers, _ALONG, (((spot.condition,), page, labelled(group)) for spot, page, group in groups))
-    found = sheet.leaf(_INTERFERENCE_NAMES)
+    found = sheet.finished(_INTERFERENCE_NAMES)
     for column in wing:
         found[column.quantity].attrs["printed_as"] = f"{column.name} of the wing, {column.name.replace('W', 'H')} of the horizontal tail"
     return found
 
 
-def increments(stacker: Stacker) -> xr.Dataset | None:
+def increments(stacker: Stacker) -> Leaf | None:
     """Stack the increments of dynamic derivatives, and the derivatives per dihedral and twist."""
     groups = stacker.placed_values("increments")
     if not groups:
@@ -139,10 +138,10 @@ def increments(stacker: Stacker) -> xr.Dataset | None:
     sheet = Sheet(stacker, {"condition": None})
     columns = [column for form in INCREMENTS for column in form.numbers] + list(DIHEDRAL_AND_TWIST)
     sheet.add(columns, _ALONG, (((spot.condition,), page, labelled(group)) for spot, page, group in groups))
-    return sheet.leaf(_INCREMENT_NAMES)
+    return sheet.finished(_INCREMENT_NAMES)
 
 
-def _over_alpha(stacker: Stacker, layout: Layout) -> xr.Dataset | None:
+def _over_alpha(stacker: Stacker, layout: Layout) -> Leaf | None:
     placed = stacker.placed(layout.name)
     if not placed:
         return None
@@ -151,16 +150,16 @@ def _over_alpha(stacker: Stacker, layout: Layout) -> xr.Dataset | None:
     return stacker.stack(layout.columns[1:], [stacker.condition_axis()], alphas, items)
 
 
-def vortex(stacker: Stacker) -> xr.Dataset | None:
+def vortex(stacker: Stacker) -> Leaf | None:
     """Stack the vortex interference factors and vortex strengths."""
     found = _over_alpha(stacker, VORTEX)
-    return None if found is None else describe(found, _VORTEX_NAMES)
+    return None if found is None else found.described(_VORTEX_NAMES)
 
 
-def canard_downwash(stacker: Stacker) -> xr.Dataset | None:
+def canard_downwash(stacker: Stacker) -> Leaf | None:
     """Stack the effective downwash of a canard."""
     found = _over_alpha(stacker, CANARD)
-    return None if found is None else describe(found, _CANARD_NAMES)
+    return None if found is None else found.described(_CANARD_NAMES)
 
 
 LEAVES = {

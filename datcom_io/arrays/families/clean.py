@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import xarray as xr
-
 from ...printout.layouts import BY_NAME
 from ..conditions import control_surface
+from ..leaf import Leaf
 from ..stacking import Axis, Stacker
 
 
-def _over_alpha(stacker: Stacker, name: str) -> xr.Dataset | None:
+def _over_alpha(stacker: Stacker, name: str) -> Leaf | None:
     """Stack the tables of a kind that have one row per alpha and one page per configuration."""
     placed = stacker.placed(name)
     if not placed:
@@ -22,6 +21,7 @@ def _over_alpha(stacker: Stacker, name: str) -> xr.Dataset | None:
     if name != "dynamic":
         axes.append(Axis("ground_height", sorted({spot.ground_height for spot, _, _ in placed}), "m"))
         axes.append(Axis(device, sorted({spot.delta for spot, _, _ in placed}), "deg"))
+    kept = [axis for axis in axes if axis.name == "condition" or len(axis.values) > 1]
     items = []
     for spot, page, table in placed:
         key = {
@@ -31,23 +31,25 @@ def _over_alpha(stacker: Stacker, name: str) -> xr.Dataset | None:
             "ground_height": spot.ground_height,
             device: spot.delta,
         }
-        items.append(([list(axis.values).index(key[axis.name]) for axis in axes], page, table))
-    found = stacker.stack(BY_NAME[name].columns[1:], axes, stacker.axis(placed, "alpha", stacker.alphas()), items)
-    found = found.squeeze([axis.name for axis in axes if axis.name != "condition" and len(axis.values) == 1])
-    return found if stacker.case.deck.values("SYMFLP", "DELTA") else found.drop_vars(device, errors="ignore")
+        items.append(([list(axis.values).index(key[axis.name]) for axis in kept], page, table))
+    found = stacker.stack(BY_NAME[name].columns[1:], kept, stacker.axis(placed, "alpha", stacker.alphas()), items)
+    found.coords |= {axis.name: stacker.coordinate(axis).squeeze() for axis in axes if axis not in kept}
+    if not stacker.case.deck.values("SYMFLP", "DELTA"):
+        found.coords.pop(device, None)
+    return found
 
 
-def static(stacker: Stacker) -> xr.Dataset | None:
+def static(stacker: Stacker) -> Leaf | None:
     """Stack the static pages."""
     return _over_alpha(stacker, "static")
 
 
-def downwash(stacker: Stacker) -> xr.Dataset | None:
+def downwash(stacker: Stacker) -> Leaf | None:
     """Stack the downwash tables."""
     return _over_alpha(stacker, "downwash")
 
 
-def dynamic(stacker: Stacker) -> xr.Dataset | None:
+def dynamic(stacker: Stacker) -> Leaf | None:
     """Stack the dynamic derivatives."""
     return _over_alpha(stacker, "dynamic")
 

@@ -13,7 +13,8 @@ from ...printout.content import Page
 from ...printout.layouts import BY_NAME
 from ...printout.tables import Table
 from ..conditions import Spot, control_surface
-from ..stacking import HALF_UNIT, Axis, Stacker, add_variable, describe
+from ..leaf import Leaf
+from ..stacking import HALF_UNIT, Axis, Stacker
 
 _Placed = list[tuple[Spot, Page, Table]]
 
@@ -49,7 +50,7 @@ _HALF_UNIT_OF_DIFFERENCE = 2 * HALF_UNIT  # both angles are rounded
 _HALF_UNIT_OF_CHORD = 5.01e-5  # of spoiler heights, printed with four decimals
 
 
-def symflp(stacker: Stacker) -> xr.Dataset | None:
+def symflp(stacker: Stacker) -> Leaf | None:
     """Stack the increments of a symmetrical device, hinge moments and induced drag."""
     placed = stacker.placed("symflp")
     if not placed:
@@ -58,9 +59,9 @@ def symflp(stacker: Stacker) -> xr.Dataset | None:
     items = [([spot.condition], page, table) for spot, page, table in placed]
     found = stacker.stack(BY_NAME["symflp"].columns[1:], [stacker.condition_axis()], deltas, items)
     if drag := stacker.placed("dcdi"):
-        found = stacker.with_two_way(found, drag, deltas)
+        stacker.with_two_way(found, drag, deltas)
     surface, device = _device(placed[0][1].configuration, stacker.case.deck)
-    return describe(found, LONG_NAMES).assign_attrs(surface=surface, device=device)
+    return found.described(LONG_NAMES, surface=surface, device=device)
 
 
 def _device(configuration: str, deck: Deck) -> tuple[str, str]:
@@ -72,7 +73,7 @@ def _device(configuration: str, deck: Deck) -> tuple[str, str]:
     return control_surface(deck), _DEVICES[kind - 1] if 0 < kind <= len(_DEVICES) else ""
 
 
-def asyflp(stacker: Stacker) -> xr.Dataset | None:
+def asyflp(stacker: Stacker) -> Leaf | None:
     """Stack rolling and yawing moment of ailerons, or the rolling moment of a differential tail."""
     roll, tail = stacker.placed("asyflp_roll"), stacker.placed("asyflp_tail")
     if not roll and not tail:
@@ -87,21 +88,22 @@ def asyflp(stacker: Stacker) -> xr.Dataset | None:
     else:
         found = _rolling(stacker, roll, pairs)
         if yaw := stacker.placed("asyflp_cn"):
-            found = stacker.with_two_way(found, yaw, pairs, difference, _HALF_UNIT_OF_DIFFERENCE)
+            stacker.with_two_way(found, yaw, pairs, difference, _HALF_UNIT_OF_DIFFERENCE)
     sides = {"delta_left": left, "delta_right": right} if left and right else {"delta_difference": difference}
     for name, side in sides.items():
-        found = found.assign_coords({name: ("delta_pair", np.array(side[: len(difference)]) * DEGREE, {"units": "rad", "sign": "TED"})})
-    return describe(found, LONG_NAMES).assign_attrs(surface=surface, device=words.removeprefix("WING ").lower())
+        degrees = np.array(side[: len(difference)])
+        found.coords[name] = xr.Variable("delta_pair", degrees * DEGREE, {"units": "rad", "sign": "TED"})
+    return found.described(LONG_NAMES, surface=surface, device=words.removeprefix("WING ").lower())
 
 
-def _differential_tail(stacker: Stacker, roll: _Placed, tail: _Placed, pairs: Axis, difference: list[float]) -> xr.Dataset:
+def _differential_tail(stacker: Stacker, roll: _Placed, tail: _Placed, pairs: Axis, difference: list[float]) -> Leaf:
     """Return the rolling moment by alpha, and the transonic one, which the program prints without alpha."""
-    found = xr.Dataset(coords=stacker.coords([stacker.condition_axis(), pairs]))
+    found = Leaf(stacker.coords([stacker.condition_axis(), pairs]))
     if tail:
-        found = stacker.with_two_way(found, tail, pairs, difference, _HALF_UNIT_OF_DIFFERENCE)
+        stacker.with_two_way(found, tail, pairs, difference, _HALF_UNIT_OF_DIFFERENCE)
     if roll:
-        listed = _rolling(stacker, roll, pairs).rename(Cl="Cl_transonic", Cl_flag="Cl_transonic_flag", lines="lines_Cl_transonic")
-        found = found.merge(listed, join="exact", compat="equals")
+        names = {"Cl": "Cl_transonic", "Cl_flag": "Cl_transonic_flag", "lines": "lines_Cl_transonic"}
+        found.add_renamed(_rolling(stacker, roll, pairs), names)
     return found
 
 
@@ -120,12 +122,12 @@ def _printed_difference(tail: _Placed) -> list[float]:
     return [float(x) for x in across]
 
 
-def _rolling(stacker: Stacker, roll: _Placed, pairs: Axis) -> xr.Dataset:
+def _rolling(stacker: Stacker, roll: _Placed, pairs: Axis) -> Leaf:
     items = [([spot.condition], page, table) for spot, page, table in roll]
     return stacker.stack(BY_NAME["asyflp_roll"].columns[2:], [stacker.condition_axis()], pairs, items)
 
 
-def spoiler(stacker: Stacker) -> xr.Dataset | None:
+def spoiler(stacker: Stacker) -> Leaf | None:
     """Stack rolling and yawing moment of spoilers; their heights are coordinates of the deflection."""
     placed = [item for name in _SPOILERS for item in stacker.placed(name)]
     if not placed:
@@ -133,23 +135,23 @@ def spoiler(stacker: Stacker) -> xr.Dataset | None:
     count = max(len(table.rows) for _, _, table in placed)
     deflections = Axis("deflection", list(range(count)))
     axes = [stacker.condition_axis(), deflections]
-    found = xr.Dataset(coords=stacker.coords(axes))
+    found = Leaf(stacker.coords(axes))
     for column in BY_NAME["spoiler"].columns[3:]:
         value, flag = np.full((len(stacker.conditions), count), np.nan), np.full((len(stacker.conditions), count), ABSENT, np.uint8)
         for spot, page, table in placed:
             own = next(other for other in table.columns if other.quantity == column.quantity)
             rows = len(table.rows)
             value[spot.condition, :rows], flag[spot.condition, :rows] = stacker.column(own, page, table)
-        add_variable(found, column, ["condition", "deflection"], value, flag)
-    lines = stacker.lines((len(stacker.conditions),), [((spot.condition,), table) for spot, _, table in placed])
-    found = found.assign_coords({"lines": ("condition", lines), **_heights(stacker, [table for _, _, table in placed], count)})
+        found.add(column, ("condition", "deflection"), value, flag)
+    found.coords["lines"] = stacker.lines_of_conditions(placed)
+    found.coords |= _heights(stacker, [table for _, _, table in placed], count)
     words = placed[0][1].configuration
-    return describe(found, LONG_NAMES).assign_attrs(surface="wing", device=words.removeprefix("WING WITH ").lower())
+    return found.described(LONG_NAMES, surface="wing", device=words.removeprefix("WING WITH ").lower())
 
 
-def _heights(stacker: Stacker, tables: list[Table], count: int) -> dict[str, tuple]:
+def _heights(stacker: Stacker, tables: list[Table], count: int) -> dict[str, xr.Variable]:
     """Return what names a deflection, by the cards, checked against every table that prints it; or as printed."""
-    found: dict[str, tuple] = {}
+    found: dict[str, xr.Variable] = {}
     for quantity, variable in _SPOILER_CARDS.items():
         exact = stacker.case.deck.schedule("ASYFLP", variable, "NDELTA")
         for table in tables:
@@ -159,7 +161,7 @@ def _heights(stacker: Stacker, tables: list[Table], count: int) -> dict[str, tup
             exact = exact or [float(x) for x in table.values[:, at]]
             stacker.demand(table.columns[at].name, table.values[:, at], exact, table.lines, _HALF_UNIT_OF_CHORD, "1")
             values = [*exact, *[np.nan] * count][:count]
-            found[quantity] = ("deflection", np.array(values), {"units": "1", "printed_as": table.columns[at].name})
+            found[quantity] = xr.Variable("deflection", np.array(values), {"units": "1", "printed_as": table.columns[at].name})
     return found
 
 

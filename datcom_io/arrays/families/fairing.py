@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import xarray as xr
-
 from ...printout.layouts.fairing import DIVERGENCE, DRAG, SLOPES, SUBJECTS, SURFACE, WITH_BODY
+from ..leaf import Leaf
 from ..stacking import Stacker
 from .single_numbers import Item, Sheet, labelled, row
 
@@ -29,7 +28,7 @@ _NAMES = {
 }
 
 
-def fairing(stacker: Stacker) -> xr.Dataset | None:
+def fairing(stacker: Stacker) -> Leaf | None:
     """Stack the numbers between which the program interpolates in transonic flow."""
     groups = stacker.placed_values("fairing")
     if not groups:
@@ -64,7 +63,7 @@ def fairing(stacker: Stacker) -> xr.Dataset | None:
     mach, cd0 = DRAG.columns
     rise = (((spot.condition, k), page, row(table, k)) for spot, page, table in drag for k in range(len(table.rows)))
     sheet.add((mach._replace(quantity="CD0_mach"), cd0), ("condition", "drag_node"), rise)
-    return sheet.leaf(_NAMES)
+    return sheet.finished(_NAMES)
 
 
 LEAVES = {"fairing": fairing}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
 import xarray as xr
 
 from flightmech.errors import ParseError
@@ -12,6 +13,7 @@ from ...printout.content import Page
 from ...printout.layouts.auxiliary import SURFACES
 from ...printout.layouts.sections import COORDINATES, SLOPE, SUMMARY
 from ...printout.tables import Table
+from ..leaf import Leaf
 from ..stacking import Stacker
 from .single_numbers import Item, Sheet, labelled, row
 
@@ -55,7 +57,7 @@ def _surfaces(pages: Sequence[Page]) -> list[str]:
     return [name for name in SURFACES if name in found]
 
 
-def section(stacker: Stacker) -> xr.Dataset | None:
+def section(stacker: Stacker) -> Leaf | None:
     """Stack what the section module computes."""
     case = stacker.case
     summaries = [(page, group) for page, group in case.values("section") if _surface(page)]
@@ -73,9 +75,11 @@ def section(stacker: Stacker) -> xr.Dataset | None:
         places = _places(stacker, table, machs)
         items += [((surfaces.index(_surface(page)), place), page, row(table, k)) for k, place in enumerate(places)]
     sheet.add(SLOPE.columns[1:], ("surface", "mach"), items)
-    found = sheet.leaf(_NAMES)
-    found = found.assign_coords(lines=found["lines"].broadcast_like(found["CL_alpha"]))
-    return found.assign_coords({name: ("mach", [text] * len(machs)) for name, text in (("case", case.name), ("file", case.file))})
+    found = sheet.finished(_NAMES)
+    found.coords["lines"] = xr.Variable(("surface", "mach"), np.repeat(found["lines"].values[:, None], len(machs), axis=1))
+    for name, text in (("case", case.name), ("file", case.file)):
+        found.coords[name] = xr.Variable("mach", [text] * len(machs))
+    return found
 
 
 def _places(stacker: Stacker, table: Table, machs: Sequence[float]) -> list[int]:
@@ -90,7 +94,7 @@ def _places(stacker: Stacker, table: Table, machs: Sequence[float]) -> list[int]
     return places
 
 
-def coordinates(stacker: Stacker) -> xr.Dataset | None:
+def coordinates(stacker: Stacker) -> Leaf | None:
     """Stack the coordinates of the sections."""
     tables = [(page, table) for page, table in stacker.case.tables(COORDINATES.name) if _surface(page)]
     if not tables:
@@ -102,8 +106,8 @@ def coordinates(stacker: Stacker) -> xr.Dataset | None:
     sheet.add(COORDINATES.columns, ("surface", "point"), items)
     names = {_surface(page): " ".join(group.texts) for page, group in stacker.case.values("designation")}
     designations = [names.get(surface, "") for surface in surfaces]
-    sheet.dataset = sheet.dataset.assign_coords(designation=("surface", designations))
-    return sheet.leaf(_COORDINATE_NAMES, file=stacker.case.file)
+    sheet.leaf.coords["designation"] = xr.Variable("surface", designations)
+    return sheet.finished(_COORDINATE_NAMES, file=stacker.case.file)
 
 
 LEAVES = {"section": section, "coordinates": coordinates}

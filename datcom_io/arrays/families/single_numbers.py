@@ -11,11 +11,12 @@ import xarray as xr
 from flightmech.errors import ParseError
 from flightmech.names import VOCABULARY, attrs
 
-from ...cells import ABSENT
+from ...cells import ABSENT, OK, SUSPECT
 from ...printout.columns import Column
 from ...printout.content import Page
 from ...printout.tables import Table, Values
-from ..stacking import Stacker, add_variable, describe
+from ..leaf import Leaf
+from ..stacking import Stacker
 
 _PER = {"1/deg": "radian", "1/deg2": "radian squared"}
 
@@ -56,15 +57,16 @@ class Sheet:
     def __init__(self, stacker: Stacker, axes: Mapping[str, Sequence | None]):
         self.stacker, self.axes = stacker, axes
         self.first = next(iter(axes))
-        self.dataset = xr.Dataset(coords=stacker.coords([stacker.condition_axis()]) if "condition" in axes else {})
+        self.leaf = Leaf(stacker.coords([stacker.condition_axis()]) if "condition" in axes else {})
+        self.sizes = {name: len(stacker.conditions if values is None else values) for name, values in axes.items()}
         for name, values in axes.items():
             if values is not None:
-                self.dataset[name] = (name, np.array(values), attrs(name) if name in VOCABULARY else {})
+                self.leaf.coords[name] = xr.Variable(name, np.array(values), attrs(name) if name in VOCABULARY else {})
         self.seen: dict[int, list[int]] = {}
 
     def add(self, columns: Iterable[Column], dims: Sequence[str], items: Iterable[Item]) -> None:
         """Add a variable over `dims` for each column, filled where an item has a number of that name."""
-        shape = tuple(self.dataset.sizes[dim] for dim in dims)
+        shape = tuple(self.sizes[dim] for dim in dims)
         items = list(items)
         for column in columns:
             value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
@@ -75,16 +77,18 @@ class Sheet:
                 if flag[where] != ABSENT:
                     found = f"a second {column.name} for the place of an earlier one"
                     raise ParseError(self.stacker.case.file, number.line, found, f"one for each {' and '.join(dims)}")
-                value[where] = self.stacker.si(column, page, np.array(number.value), np.array(number.flag))
+                if number.flag in (OK, SUSPECT):
+                    value[where] = number.value * self.stacker.factor(column, page)
                 flag[where] = number.flag
                 self.seen.setdefault(where[0], []).append(number.line)
-            add_variable(self.dataset, column, dims, value, flag)
+            self.leaf.add(column, dims, value, flag)
             if column.units in _PER:
-                self.dataset[column.quantity].attrs["per"] = _PER[column.units]
+                self.leaf[column.quantity].attrs["per"] = _PER[column.units]
 
-    def leaf(self, long_names: Mapping[str, str], **attributes: str) -> xr.Dataset:
+    def finished(self, long_names: Mapping[str, str], **attributes: str) -> Leaf:
         """Return the leaf with long names, attributes and the range of lines of its numbers."""
-        lines = np.full(self.dataset.sizes[self.first], "", dtype=object)
+        lines = np.full(self.sizes[self.first], "", dtype=object)
         for k, numbers in self.seen.items():
             lines[k] = f"{min(numbers)}-{max(numbers)}"
-        return describe(self.dataset, long_names).assign_coords(lines=(self.first, lines.astype(str))).assign_attrs(attributes)
+        self.leaf.coords["lines"] = xr.Variable(self.first, lines.astype(str))
+        return self.leaf.described(long_names, **attributes)

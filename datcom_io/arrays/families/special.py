@@ -21,7 +21,8 @@ from ...printout.content import Page
 from ...printout.layouts.special import HYPERSONIC, HYPERSONIC_FROM
 from ...printout.tables import Table, Values
 from ..conditions import Condition, nearest, si_factor
-from ..stacking import HALF_UNIT, Axis, Stacker, add_variable, describe
+from ..leaf import Leaf
+from ..stacking import HALF_UNIT, Axis, Stacker
 from .single_numbers import Item, Sheet, labelled
 
 _HALF_UNIT_MACH = 0.005  # of the hypersonic page
@@ -56,7 +57,7 @@ _SI = {"1/ft": "m-1", "lbf": "N", "psi": "Pa", "psf": "Pa", "lb/s": "kg s-1", "l
 _WEIGHT_NAMES = {"weight": "weight as printed", "CL_level_flight": "lift coefficient of level flight as printed"}
 
 
-def hypersonic(stacker: Stacker) -> xr.Dataset | None:
+def hypersonic(stacker: Stacker) -> Leaf | None:
     """Stack the increments of a hypersonic flap, per metre of its span."""
     tables = {layout.name: list(stacker.case.tables(layout.name)) for layout in HYPERSONIC}
     count = max(map(len, tables.values()))
@@ -68,7 +69,7 @@ def hypersonic(stacker: Stacker) -> xr.Dataset | None:
     local = _local(stacker, [_condition(stacker, header, pair) for header, pair in zip(headers, _matched(schedule, count))])
     deltas = _axis(local, placed, "delta", stacker.case.deck.schedule("HYPEFF", "HDELTA", "HNDLTA"))
     alphas = _axis(local, placed, "alpha", stacker.alphas())
-    found = xr.Dataset(coords=local.coords([local.condition_axis(), alphas, deltas]))
+    found = Leaf(local.coords([local.condition_axis(), alphas, deltas]))
     lines = np.full(count, "", dtype=object)
     for layout in HYPERSONIC:
         assert layout.across is not None
@@ -80,11 +81,11 @@ def hypersonic(stacker: Stacker) -> xr.Dataset | None:
             value[k, :rows, :fields] = stacker.si(column, page, table.values[:, 1:], table.flags[:, 1:])
             lines[k] = f"{lines[k].partition('-')[0] or table.lines[0]}-{table.lines[-1]}"
         _add(found, column, ["condition", "alpha", "delta"], value, flag)
-    found = found.assign_coords(lines=("condition", lines.astype(str)))
-    return describe(found, _INCREMENT_NAMES).assign_attrs(_reference(stacker, headers[0]), moments="about the hinge line")
+    found.coords["lines"] = xr.Variable("condition", lines.astype(str))
+    return found.described(_INCREMENT_NAMES, **_reference(stacker, headers[0]), moments="about the hinge line")
 
 
-def jet(stacker: Stacker) -> xr.Dataset | None:
+def jet(stacker: Stacker) -> Leaf | None:
     """Stack the transverse jet over time."""
     placed = list(stacker.case.values("jet"))
     if not placed:
@@ -93,7 +94,7 @@ def jet(stacker: Stacker) -> xr.Dataset | None:
     conditions = [_unprinted(stacker, pair) for pair in _matched(deck.conditions(), len(placed))]
     local = _local(stacker, conditions)
     times = _times(stacker, [group for _, group in placed])
-    found = xr.Dataset(coords=local.coords([local.condition_axis(), Axis("time", times, "s")]))
+    found = Leaf(local.coords([local.condition_axis(), Axis("time", times, "s")]))
     for label, quantity, units, meaning in _JET:
         column = Column(label, 0, 0, quantity, _pressure_unit(stacker) if units == "pressure" else units)
         value, flag = np.full((len(placed), len(times)), np.nan), np.full((len(placed), len(times)), ABSENT, np.uint8)
@@ -107,14 +108,15 @@ def jet(stacker: Stacker) -> xr.Dataset | None:
     for k, (_, group) in enumerate(placed):
         at = _places(stacker, group, "BOUNDARY LAYER")
         layer[k, : len(at)] = [group.texts[i] for i in at]
-    found = found.assign_coords(boundary_layer=(["condition", "time"], layer.astype(str)))
+    found.coords["boundary_layer"] = xr.Variable(("condition", "time"), layer.astype(str))
     angles = deck.schedule("TRNJET", "ALPHA", "NT")
     if len(angles) == len(times):
-        found = found.assign_coords(alpha=("time", np.radians(angles), {"units": "rad"}))
-    return found.assign_coords(lines=("condition", np.array([f"{group.lines[0]}-{group.lines[-1]}" for _, group in placed])))
+        found.coords["alpha"] = xr.Variable("time", np.radians(angles), {"units": "rad"})
+    found.coords["lines"] = xr.Variable("condition", np.array([f"{group.lines[0]}-{group.lines[-1]}" for _, group in placed]))
+    return found
 
 
-def weight(stacker: Stacker) -> xr.Dataset | None:
+def weight(stacker: Stacker) -> Leaf | None:
     """Stack weight and lift coefficient of level flight, of the first page of each condition that has them."""
     first: dict[int, Page] = {}
     for spot, page, _ in stacker.placed_values("weight"):
@@ -130,7 +132,7 @@ def weight(stacker: Stacker) -> xr.Dataset | None:
         units = next((unit for group in groups for unit in group.units if unit), units)
     sheet.add([Column("VEHICLE WEIGHT", 0, 0, "weight", units)], ["condition"], items)
     sheet.add([Column("LEVEL FLIGHT LIFT COEFFICIENT", 0, 0, "CL_level_flight")], ["condition"], items)
-    found = sheet.leaf(_WEIGHT_NAMES)
+    found = sheet.finished(_WEIGHT_NAMES)
     found["weight"].attrs["units"] = "N"
     return found
 
@@ -216,9 +218,9 @@ def _pressure_unit(stacker: Stacker) -> str:
     return "psi" if stacker.case.deck.values("FLTCON", "PINF") else "psf"
 
 
-def _add(dataset: xr.Dataset, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray) -> None:
-    add_variable(dataset, column, dims, value, flag)
-    dataset[column.quantity].attrs["units"] = _SI.get(column.units, "1")
+def _add(leaf: Leaf, column: Column, dims: Sequence[str], value: np.ndarray, flag: np.ndarray) -> None:
+    leaf.add(column, dims, value, flag)
+    leaf[column.quantity].attrs["units"] = _SI.get(column.units, "1")
 
 
 LEAVES = {"hypersonic": hypersonic, "jet": jet, "weight": weight}

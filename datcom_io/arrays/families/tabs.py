@@ -10,7 +10,8 @@ from flightmech.errors import ParseError
 from ...cells import ABSENT, BLANK
 from ...printout.layouts import tabs as streams
 from ...printout.tables import Layout
-from ..stacking import Axis, Stacker, add_variable, describe
+from ..leaf import Leaf
+from ..stacking import Axis, Stacker
 
 _LONG_NAMES = {
     "F_stick": "stick force as printed; the program divides by qbar S cbar where it ought to multiply",
@@ -23,26 +24,25 @@ _LONG_NAMES = {
 }
 
 
-def tabs(stacker: Stacker) -> xr.Dataset | None:
+def tabs(stacker: Stacker) -> Leaf | None:
     """Stack the value streams of control tabs as (condition, alpha, delta), alpha and delta taken from the input cards."""
     alphas, deltas = stacker.alphas(), stacker.case.deck.schedule("SYMFLP", "DELTA", "NDELTA")
     layouts = [layout for layout in streams.LAYOUTS if stacker.placed(layout.name)]
     if not layouts or not alphas or not deltas:
         return None
-    found = xr.Dataset(coords=stacker.coords([stacker.condition_axis(), Axis("alpha", alphas, "deg"), Axis("delta", deltas, "deg")]))
+    found = Leaf(stacker.coords([stacker.condition_axis(), Axis("alpha", alphas, "deg"), Axis("delta", deltas, "deg")]))
     for layout in layouts:
         for _, group in stacker.case.values(layout.name):
             stacker.demand(group.labels[0], group.values, deltas, group.lines)
-        found = _with_stream(stacker, found, layout)
+        _add_stream(stacker, found, layout, (len(stacker.conditions), len(alphas), len(deltas)))
     first_of_line = np.arange(len(alphas) * len(deltas)).reshape(len(alphas), len(deltas)) % streams.PER_LINE == 0
-    found["one_decimal"] = (("alpha", "delta"), first_of_line.astype(np.uint8), {"units": "1"})
-    return describe(found, _LONG_NAMES)
+    found.variables["one_decimal"] = xr.Variable(("alpha", "delta"), first_of_line.astype(np.uint8), {"units": "1"})
+    return found.described(_LONG_NAMES)
 
 
-def _with_stream(stacker: Stacker, found: xr.Dataset, layout: Layout) -> xr.Dataset:
+def _add_stream(stacker: Stacker, found: Leaf, layout: Layout, shape: tuple[int, int, int]) -> None:
     """Add the streams of one kind as a variable (condition, alpha, delta)."""
     column, placed = layout.columns[0], stacker.placed(layout.name)
-    shape = tuple(found.sizes[name] for name in ("condition", "alpha", "delta"))
     count = shape[1] * shape[2]
     value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
     for spot, page, table in placed:
@@ -52,9 +52,8 @@ def _with_stream(stacker: Stacker, found: xr.Dataset, layout: Layout) -> xr.Data
             raise ParseError(stacker.case.file, table.lines[-1], text, f"{count} values, alphas x deflections of the input cards")
         numbers, codes = (array.ravel()[:count].reshape(shape[1:]) for array in (table.values, table.flags))
         value[spot.condition], flag[spot.condition] = stacker.si(column, page, numbers, codes), codes
-    add_variable(found, column, ["condition", "alpha", "delta"], value, flag)
-    lines = stacker.lines(shape[:1], [((spot.condition,), table) for spot, _, table in placed])
-    return found.assign_coords({f"lines_{column.quantity}": ("condition", lines)})
+    found.add(column, ("condition", "alpha", "delta"), value, flag)
+    found.coords[f"lines_{column.quantity}"] = stacker.lines_of_conditions(placed)
 
 
 LEAVES = {"tabs": tabs}

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import xarray as xr
 
 from ...cells import ABSENT, NA, OK, SENTINEL
 from ...printout.layouts import BY_NAME
 from ..conditions import control_surface
-from ..stacking import Stacker, add_variable, describe
+from ..leaf import Leaf
+from ..stacking import Stacker
 from .devices import LONG_NAMES
 
 _AT_TRIM = ("delta_trim", "dCL", "dCLmax", "dCDi", "dCDmin", "Ch_delta")
@@ -38,46 +38,45 @@ _STABILIZER_NAMES = {
 }
 
 
-def trim(stacker: Stacker) -> xr.Dataset | None:
+def trim(stacker: Stacker) -> Leaf | None:
     """Stack trim with a control device; a row whose CM is NA is no solution, whatever stands behind it."""
     placed = stacker.placed("trim")
     if not placed:
         return None
     found = stacker.over_alpha(placed, stacker.axis(placed, "alpha", stacker.alphas()))
-    unsolved = (found["Cm_flag"] == NA).values
+    unsolved = found["Cm_flag"].values == NA
     for name in _AT_TRIM:
         found[name].values[unsolved] = np.nan
         found[f"{name}_flag"].values[unsolved] = NA
         found[name].attrs["comment"] = "NA where CM is NA: the number printed there is no solution"
-    found = _with_level_flight(stacker, found, "trim_level", _UNDEFINED_IN_LEVEL_FLIGHT)
-    return describe(found, _level_names(_TRIM_NAMES)).assign_attrs(surface=control_surface(stacker.case.deck))
+    _add_level_flight(stacker, found, "trim_level", _UNDEFINED_IN_LEVEL_FLIGHT)
+    return found.described(_level_names(_TRIM_NAMES), surface=control_surface(stacker.case.deck))
 
 
-def trim_stabilizer(stacker: Stacker) -> xr.Dataset | None:
+def trim_stabilizer(stacker: Stacker) -> Leaf | None:
     """Stack trim with an all-movable stabilizer: the tail alone, and the aircraft at trim."""
     placed, aircraft = stacker.placed("trim_stabilizer"), stacker.placed("trim_stabilizer_aircraft")
     if not placed:
         return None
     alphas = stacker.axis([*placed, *aircraft], "alpha", stacker.alphas())
     found = stacker.over_alpha(placed, alphas)
-    leaked = ((found["Cm_tail_flag"] == OK) & (found["Cm_tail"] == 0.0) & (found["CL_tail"] != 0.0)).values
+    leaked = (found["Cm_tail_flag"].values == OK) & (found["Cm_tail"].values == 0.0) & (found["CL_tail"].values != 0.0)
     found["Cm_tail"].values[leaked] = np.nan
     found["Cm_tail_flag"].values[leaked] = SENTINEL
     found["Cm_tail"].attrs["comment"] = (
         "sentinel where 0.0000 is printed for a tail with lift: the code of a missing number in four decimals"
     )
     if aircraft:
-        whole = stacker.over_alpha(aircraft, alphas).drop_vars("notes").rename(lines="lines_aircraft")  # notes of the same pages
-        found = found.merge(whole, join="exact", compat="equals")
-    found = _with_level_flight(stacker, found, "trim_stabilizer_level")
-    return describe(found, _level_names(_STABILIZER_NAMES)).assign_attrs(surface="tail")
+        found.add_renamed(stacker.over_alpha(aircraft, alphas), {"lines": "lines_aircraft"})  # notes of the same pages
+    _add_level_flight(stacker, found, "trim_stabilizer_level")
+    return found.described(_level_names(_STABILIZER_NAMES), surface="tail")
 
 
-def _with_level_flight(stacker: Stacker, found: xr.Dataset, name: str, left_out: tuple[str, ...] = ()) -> xr.Dataset:
+def _add_level_flight(stacker: Stacker, found: Leaf, name: str, left_out: tuple[str, ...] = ()) -> None:
     """Add the row of level flight as variables (condition) called ``<name>_level``."""
     placed = stacker.placed(name)
     if not placed:
-        return found
+        return
     for column in BY_NAME[name].columns:
         if column.quantity in left_out:
             continue
@@ -85,9 +84,8 @@ def _with_level_flight(stacker: Stacker, found: xr.Dataset, name: str, left_out:
         for spot, page, table in placed:
             row_value, row_flag = stacker.column(column, page, table)
             value[spot.condition], flag[spot.condition] = row_value[0], row_flag[0]
-        add_variable(found, column._replace(quantity=f"{column.quantity}_level"), ["condition"], value, flag)
-    lines = stacker.lines((len(stacker.conditions),), [((spot.condition,), table) for spot, _, table in placed])
-    return found.assign_coords(lines_level=("condition", lines))
+        found.add(column._replace(quantity=f"{column.quantity}_level"), ("condition",), value, flag)
+    found.coords["lines_level"] = stacker.lines_of_conditions(placed)
 
 
 def _level_names(names: dict[str, str]) -> dict[str, str]:

@@ -15,7 +15,7 @@ from flightmech.support.input_files.mat_file import load_mat
 from flightmech.support.input_files.text import read_bytes
 from flightmech.units import DEGREE
 
-from ...arrays.stacking import add_variable
+from ...arrays.leaf import Leaf
 from ...cells import ABSENT, FILLED, NDM, OK
 from ...decks.deck import DIMENSIONS
 from ...printout.columns import Column
@@ -219,23 +219,26 @@ class _Case:
         there = [k for k in range(len(self.places)) if any((part.flags[k] != ABSENT).any() for part in parts)]
         chosen = there if leaf in _LOCAL else list(range(len(self.places)))
         parts = [part._replace(values=part.values[chosen], flags=part.flags[chosen]) for part in parts]
-        found = xr.Dataset(coords=self._conditions(chosen, leaf))
+        made = Leaf(self._conditions(chosen, leaf))
         for name in dict.fromkeys(part.field.quantity for part in parts):
             alike = [part for part in parts if part.field.quantity == name]
-            is_coordinate = alike[0].field.coordinate
-            found = found.assign_coords({name: _coordinate(alike[0])}) if is_coordinate else _with_variable(found, alike, parts)
+            if alike[0].field.coordinate:
+                made.coords[name] = _coordinate(alike[0])
+            else:
+                _add_variable(made, alike, parts)
+        found = made.dataset()
         axes = {axis: points for axis in found.dims for points in [self._points(str(axis), found.sizes[axis], leaf)] if points is not None}
         found = found.assign_coords(axes)
         return self._tidied(found, leaf)
 
-    def _conditions(self, chosen: list[int], leaf: str) -> dict[str, object]:
+    def _conditions(self, chosen: list[int], leaf: str) -> dict[str, xr.Variable]:
         places = [self.places[k] for k in chosen]
         known = self.alts and (leaf != "hypersonic" or len(self.alts) == 1)
         heights = [self.alts[j] * self.units.factor("length") if known else np.nan for _, j in places]
         return {
-            "condition": np.arange(len(chosen)),
-            "mach": ("condition", [self.machs[i] if self.machs else np.nan for i, _ in places], {"units": "1"}),
-            "h": ("condition", heights, {"units": "m"}),
+            "condition": xr.Variable("condition", np.arange(len(chosen))),
+            "mach": xr.Variable("condition", [self.machs[i] if self.machs else np.nan for i, _ in places], {"units": "1"}),
+            "h": xr.Variable("condition", heights, {"units": "m"}),
         }
 
     def _points(self, axis: str, size: int, leaf: str) -> tuple | None:
@@ -278,21 +281,21 @@ class _Case:
         return found
 
 
-def _coordinate(part: _Part) -> tuple:
+def _coordinate(part: _Part) -> xr.Variable:
     """Return a coordinate that is the same for all conditions, or one over condition and time."""
     if part.field.units == "text":
-        return ("condition", *part.dims), part.values
+        return xr.Variable(("condition", *part.dims), part.values)
     k = next(k for k in range(len(part.flags)) if (part.flags[k] != ABSENT).any())
-    return part.dims, part.values[k], {"units": "s" if part.field.quantity == "time" else "1"}
+    return xr.Variable(part.dims, part.values[k], {"units": "s" if part.field.quantity == "time" else "1"})
 
 
-def _with_variable(found: xr.Dataset, alike: list[_Part], parts: list[_Part]) -> xr.Dataset:
+def _add_variable(found: Leaf, alike: list[_Part], parts: list[_Part]) -> None:
     """Add a variable: one field, or fields of several surfaces and panels put together."""
     field, dims = alike[0].field, alike[0].dims
     column = Column(" ".join(part.field.name for part in alike[:2]), 0, 0, field.quantity, field.units)
     if not field.at:
-        add_variable(found, column, ("condition", *dims), alike[0].values, alike[0].flags)
-        return found
+        found.add(column, ("condition", *dims), alike[0].values, alike[0].flags)
+        return
     axes = [axis for axis, _ in field.at]
     there = {pair for part in parts if (part.flags != ABSENT).any() for pair in part.field.at}
     labels = [[label for label in LABELS[axis] if (axis, label) in there] for axis in axes]
@@ -302,5 +305,5 @@ def _with_variable(found: xr.Dataset, alike: list[_Part], parts: list[_Part]) ->
         if all(label in names for (_, label), names in zip(part.field.at, labels)):
             where: tuple[Any, ...] = (slice(None), *(names.index(label) for (_, label), names in zip(part.field.at, labels)))
             values[where], flags[where] = part.values, part.flags
-    add_variable(found, column, ("condition", *axes, *dims), values, flags)
-    return found.assign_coords({axis: names for axis, names in zip(axes, labels)})
+    found.add(column, ("condition", *axes, *dims), values, flags)
+    found.coords |= {axis: xr.Variable(axis, names) for axis, names in zip(axes, labels)}

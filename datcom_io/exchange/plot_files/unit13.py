@@ -14,7 +14,7 @@ import xarray as xr
 
 from flightmech.units import DEGREE, FOOT
 
-from ...arrays.stacking import add_variable
+from ...arrays.leaf import Leaf
 from ...cells import ABSENT, BLANK, FILLED, OK
 from ...printout.columns import Column
 from ...printout.layouts import BY_NAME
@@ -79,9 +79,9 @@ def read_plot(path: str | os.PathLike[str]) -> xr.DataTree:
 
 def _case_tree(case: PlotCase, file: str, name: str) -> xr.DataTree:
     leaves = {"static": _static(case), "zero_lift": _zero_lift(case), "downwash": _downwash(case), "symflp": _symflp(case)}
-    leaves["records"] = _records(case)
     root = xr.Dataset(attrs=_attrs(case, file, name))
-    return xr.DataTree.from_dict({"/": root, **{key: leaf for key, leaf in leaves.items() if leaf is not None}}, name=name)
+    made = {key: leaf.dataset() for key, leaf in leaves.items() if leaf is not None}
+    return xr.DataTree.from_dict({"/": root, **made, "records": _records(case)}, name=name)
 
 
 def _attrs(case: PlotCase, file: str, name: str) -> dict[str, str | float]:
@@ -130,14 +130,14 @@ def _schedule(case: PlotCase) -> list[tuple[float, float]]:
     return list(zip(machs, heights))
 
 
-def _coords(case: PlotCase) -> dict[str, object]:
+def _coords(case: PlotCase) -> dict[str, xr.Variable]:
     count, schedule = len(case.conditions), _schedule(case)
     pairs = np.array(schedule if len(schedule) == count else [(np.nan, np.nan)] * count, float).reshape(count, 2)
     return {
-        "condition": np.arange(count),
-        "mach": ("condition", pairs[:, 0], {"units": "1"}),
-        "h": ("condition", pairs[:, 1] * FOOT, {"units": "m"}),
-        "line": ("condition", np.array([condition["BODY"].line for condition in case.conditions], int)),
+        "condition": xr.Variable("condition", np.arange(count)),
+        "mach": xr.Variable("condition", pairs[:, 0], {"units": "1"}),
+        "h": xr.Variable("condition", pairs[:, 1] * FOOT, {"units": "m"}),
+        "line": xr.Variable("condition", np.array([condition["BODY"].line for condition in case.conditions], int)),
     }
 
 
@@ -147,8 +147,8 @@ def _alphas(case: PlotCase) -> np.ndarray:
     return case.records["FLC"].numbers(23, 42)[0][: int(count) if 0 < count <= _MOST else 0]
 
 
-def _alpha_coord(case: PlotCase) -> dict[str, object]:
-    return {"alpha": ("alpha", _alphas(case) * DEGREE, {"units": "rad", "sign": "ANU", "long_name": "angle of attack"})}
+def _alpha_coord(case: PlotCase) -> dict[str, xr.Variable]:
+    return {"alpha": xr.Variable("alpha", _alphas(case) * DEGREE, {"units": "rad", "sign": "ANU", "long_name": "angle of attack"})}
 
 
 def _real(case: PlotCase) -> dict[str, str]:
@@ -181,12 +181,12 @@ def _transonic(case: PlotCase) -> list[bool]:
     return [low < mach < high for mach in machs] if len(machs) == len(case.conditions) else [True] * len(case.conditions)
 
 
-def _static(case: PlotCase) -> xr.Dataset | None:
+def _static(case: PlotCase) -> Leaf | None:
     real = _real(case)
     if not case.conditions or not real:
         return None
     count, transonic = len(_alphas(case)), _transonic(case)
-    found = xr.Dataset(coords={**_coords(case), **_alpha_coord(case), "configuration": list(real.values())})
+    found = Leaf({**_coords(case), **_alpha_coord(case), "configuration": xr.Variable("configuration", list(real.values()))})
     shape = (len(real), len(case.conditions), count)
     for k, name in enumerate(_STATIC):
         value, flag = np.empty(shape), np.empty(shape, np.uint8)
@@ -195,43 +195,43 @@ def _static(case: PlotCase) -> xr.Dataset | None:
                 part_value, part_flag = condition[block].numbers(_MOST * k + 1, _MOST * k + count)
                 _filled(_COLUMNS[name], part_value, part_flag, transonic[j])
                 value[i, j], flag[i, j] = _si(_COLUMNS[name], part_value), part_flag
-        add_variable(found, _COLUMNS[name], ("configuration", "condition", "alpha"), value, flag)
+        found.add(_COLUMNS[name], ("configuration", "condition", "alpha"), value, flag)
     return found
 
 
-def _zero_lift(case: PlotCase) -> xr.Dataset | None:
+def _zero_lift(case: PlotCase) -> Leaf | None:
     real = _real(case)
     if not case.conditions or not real:
         return None
-    found = xr.Dataset(coords={**_coords(case), "configuration": list(real.values())})
+    found = Leaf({**_coords(case), "configuration": xr.Variable("configuration", list(real.values()))})
     places = [CONFIGURATIONS.index(block) for block in real]
     parts = [condition["CDO"].numbers(1, len(CONFIGURATIONS)) for condition in case.conditions]
     value, flag = (np.array([part[which][places] for part in parts]).T for which in (0, 1))
-    add_variable(found, _CD0, ("configuration", "condition"), value, flag)
+    found.add(_CD0, ("configuration", "condition"), value, flag)
     found["CD0"].attrs["long_name"] = "drag coefficient at zero lift"
     return found
 
 
-def _downwash(case: PlotCase) -> xr.Dataset | None:
+def _downwash(case: PlotCase) -> Leaf | None:
     if not (case.conditions and case.logicals["WGPL"] and case.logicals["HTPL"]):
         return None
-    found, count = xr.Dataset(coords={**_coords(case), **_alpha_coord(case)}), len(_alphas(case))
+    found, count = Leaf({**_coords(case), **_alpha_coord(case)}), len(_alphas(case))
     for k, name in enumerate(_DOWNWASH):
         parts = [condition["DWASH"].numbers(_MOST * k + 1, _MOST * k + count) for condition in case.conditions]
         value, flag = (np.array([part[which] for part in parts]) for which in (0, 1))
-        add_variable(found, _COLUMNS[name], ("condition", "alpha"), _si(_COLUMNS[name], value), flag)
+        found.add(_COLUMNS[name], ("condition", "alpha"), _si(_COLUMNS[name], value), flag)
     return found
 
 
-def _symflp(case: PlotCase) -> xr.Dataset | None:
+def _symflp(case: PlotCase) -> Leaf | None:
     """Return the control tables: WING(201...) holds one block of ten deflections per column, BODY(201...) D(CDI) alpha by alpha."""
     written = [condition for condition in case.conditions if "F" in condition]
     if not written or not case.logicals["SYMFP"]:
         return None
     count, deltas = written[0]["F"].number(16), written[0]["F"].numbers(1, _MOST_DELTAS)[0]
     deltas = deltas[: int(count) if 0 < count < _MOST_DELTAS else 0]
-    coords = {**_coords(case), **_alpha_coord(case), "delta": ("delta", deltas * DEGREE, {"units": "rad"})}
-    found, alphas = xr.Dataset(coords=coords), len(_alphas(case))
+    coords = {**_coords(case), **_alpha_coord(case), "delta": xr.Variable("delta", deltas * DEGREE, {"units": "rad"})}
+    found, alphas = Leaf(coords), len(_alphas(case))
     shape = (len(case.conditions), len(deltas))
     for k, name in enumerate(_SYMFLP):
         value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
@@ -239,28 +239,28 @@ def _symflp(case: PlotCase) -> xr.Dataset | None:
             if "F" in condition:
                 value[j], flag[j] = condition["WING_CONTROL"].numbers(_MOST_DELTAS * k + 1, _MOST_DELTAS * k + len(deltas))
                 _filled(_COLUMNS[name], value[j], flag[j], transonic=False)
-        add_variable(found, _COLUMNS[name], ("condition", "delta"), _si(_COLUMNS[name], value), flag)
+        found.add(_COLUMNS[name], ("condition", "delta"), _si(_COLUMNS[name], value), flag)
     value, flag = np.full((*shape, alphas), np.nan), np.full((*shape, alphas), ABSENT, np.uint8)
     for j, condition in enumerate(case.conditions):
         if "F" in condition:
             value[j], flag[j] = (part.reshape(shape[1], alphas) for part in condition["BODY_CONTROL"].numbers(1, shape[1] * alphas))
-    add_variable(found, _DCDI, ("condition", "alpha", "delta"), value.swapaxes(1, 2), flag.swapaxes(1, 2))
+    found.add(_DCDI, ("condition", "alpha", "delta"), value.swapaxes(1, 2), flag.swapaxes(1, 2))
     found["dCDi"].attrs["long_name"] = "increment of the induced-drag coefficient"
     surface = "tail" if case.logicals["WGPL"] and case.logicals["HTPL"] else "wing"
-    return found.assign_attrs(surface=surface)
+    return found.described({}, surface=surface)
 
 
 def _records(case: PlotCase) -> xr.Dataset:
     """Return every number as written; index 1 of the program is item 0."""
-    found = xr.Dataset(coords={"condition": np.arange(len(case.conditions))})
+    found = Leaf({"condition": xr.Variable("condition", np.arange(len(case.conditions)))})
     for name, record in case.records.items():
         _add_record(found, name, [record], ())
     for name in dict.fromkeys(name for condition in case.conditions for name in condition):
         _add_record(found, name, [condition.get(name) for condition in case.conditions], ("condition",))
-    return found.assign_attrs(units="feet, pounds, degrees Rankine, degrees, per degree")
+    return found.described({}, units="feet, pounds, degrees Rankine, degrees, per degree").dataset()
 
 
-def _add_record(found: xr.Dataset, name: str, records: list[Record | None], outer: tuple[str, ...]) -> None:
+def _add_record(found: Leaf, name: str, records: list[Record | None], outer: tuple[str, ...]) -> None:
     size = next(len(record.values) for record in records if record is not None)
     value, flag = np.full((len(records), size), np.nan), np.full((len(records), size), ABSENT, np.uint8)
     for j, record in enumerate(records):
@@ -268,5 +268,5 @@ def _add_record(found: xr.Dataset, name: str, records: list[Record | None], oute
             value[j], flag[j] = record.values, record.flags
     shape = (len(records), size) if outer else (size,)
     dims = (*outer, f"{name}_index")
-    found[name] = dims, value.reshape(shape)
-    found[f"{name}_flag"] = dims, flag.reshape(shape)
+    found.variables[name] = xr.Variable(dims, value.reshape(shape))
+    found.variables[f"{name}_flag"] = xr.Variable(dims, flag.reshape(shape))

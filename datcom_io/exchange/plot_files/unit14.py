@@ -26,7 +26,7 @@ from flightmech.errors import ParseError
 from flightmech.support.input_files.text import read_bytes
 from flightmech.units import DEGREE, FOOT
 
-from ...arrays.stacking import add_variable
+from ...arrays.leaf import Leaf
 from ...cells import BLANK, FILLED, OK, SENTINEL, read_cell
 from ...printout.layouts import BY_NAME
 from ..configurations import printed_name
@@ -137,14 +137,14 @@ def _attrs(run: _Run, file: str, number: int) -> dict[str, str | float]:
 
 
 def _static(runs: list[_Run]) -> xr.Dataset:
-    found = xr.Dataset(
-        coords={
-            "run": np.arange(len(runs)),
-            "configuration": ("run", [run.configuration for run in runs]),
-            "mach": ("run", [run.mach for run in runs], {"units": "1"}),
-            "reynolds_per_m": ("run", [run.reynolds / FOOT for run in runs], {"units": "m-1"}),
-            "line": ("run", [run.line for run in runs]),
-            "alpha": ("alpha", runs[0].rows[:, 0] * DEGREE, {"units": "rad", "sign": "ANU", "long_name": "angle of attack"}),
+    found = Leaf(
+        {
+            "run": xr.Variable("run", np.arange(len(runs))),
+            "configuration": xr.Variable("run", [run.configuration for run in runs]),
+            "mach": xr.Variable("run", [run.mach for run in runs], {"units": "1"}),
+            "reynolds_per_m": xr.Variable("run", [run.reynolds / FOOT for run in runs], {"units": "m-1"}),
+            "line": xr.Variable("run", [run.line for run in runs]),
+            "alpha": xr.Variable("alpha", runs[0].rows[:, 0] * DEGREE, {"units": "rad", "sign": "ANU", "long_name": "angle of attack"}),
         }
     )
     for k, name in enumerate(_NAMES, 1):
@@ -155,5 +155,5 @@ def _static(runs: list[_Run]) -> xr.Dataset:
             constant = (flag[:, 0] == OK) & (flag[:, 1:] == BLANK).all(axis=1)
             value[constant, 1:], flag[constant, 1:] = value[constant, :1], FILLED
         flag[flag == BLANK] = SENTINEL
-        add_variable(found, column, ("run", "alpha"), value / (DEGREE if column.units == "1/angle" else 1.0), flag)
-    return found
+        found.add(column, ("run", "alpha"), value / (DEGREE if column.units == "1/angle" else 1.0), flag)
+    return found.dataset()

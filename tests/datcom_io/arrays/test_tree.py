@@ -244,3 +244,11 @@ def test_a_failed_write_leaves_nothing(trees, tmp_path):
         write_tree(tree, tmp_path / "a.nc")
     assert [path.name for path in tmp_path.iterdir()] == ["a.nc"]
     assert (tmp_path / "a.nc").read_text() == "kept"
+
+
+@pytest.mark.parametrize(("caseid", "name"), [("WING/BODY, M=0.6", "WING|BODY, M=0.6"), ("..", "case 1"), ("A/..", "A|..")])
+def test_a_name_that_would_be_a_path(elevator_lines, caseid, name):
+    listing = datcom_io.read([line.replace("T-37 OWN DECK ELEVATOR", caseid) for line in elevator_lines])
+    tree = listing.to_datatree()
+    assert list(tree.children) == [name] == [listing[0].to_datatree().name]
+    assert tree[name].attrs["case"] == caseid
