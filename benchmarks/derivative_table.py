@@ -129,7 +129,7 @@ def t37() -> xr.DataTree:
         "elevator": "t37_elevator_one_by_one.pdas.out",
         "aileron": "t37_aileron.out",
         "ground": "t37_ground.out",
-        "ground_flap": "t37_ground_flap.out",
+        "ground_flap": "t37_ground_flap_one_by_one.pdas.out",
     }
     aircraft = flightmech.read_aircraft(ROOT / "data" / "t37" / "aircraft.toml")
     return aerodb.from_datcom(

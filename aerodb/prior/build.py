@@ -72,8 +72,10 @@ def from_datcom(
         ASYFLP with ailerons (STYPE 4).
     ground : as `clean`, optional
         GRNDEF, whole aeroplane without deflection.
-    ground_flap, ground_elevator : as `clean`, optional
-        GRNDEF with flap settings (wing-body), and with elevator deflections.
+    ground_flap : as `clean`, optional
+        GRNDEF with flap settings (wing-body), one deflection per program run, zero among them.
+    ground_elevator : as `clean`, optional
+        GRNDEF with elevator deflections, for which the program has no method: a warning, and no term.
     power : as `clean`, optional
         The whole aeroplane with JETPWR or PROPWR at Mach numbers and angles of attack of `clean`, with its input cards.
     spoilers, differential_tail : as `clean`, optional
@@ -104,8 +106,9 @@ def from_datcom(
     Raises
     ------
     SchemaError
-        A listing lacks the tables of its role, its conditions fill no grid, the reference point lies off the plane of symmetry or more
-        than 0.1 chord from a moment centre, or the clean pages are powered or those of a wing-body, unless stated.
+        A listing lacks the tables of its role, its conditions fill no grid, pages over ground are of several deflections of one run, the
+        reference point lies off the plane of symmetry or more than 0.1 chord from a moment centre, or the clean pages are powered or
+        those of a wing-body, unless stated.
     UnknownName
         `stderr` names an unknown term.
 
@@ -114,7 +117,7 @@ def from_datcom(
     AeromatchWarning
         The reference point is that of the cards, the clean listing has no dynamic page, powered pages are used, reference
         quantities differ by more than 1 % (coefficients are re-referenced), D(CM) comes from a loop over several conditions, ground
-        pages with elevator are unusable, a value is held into another speed regime, a spoiler of no height has a moment, Mach
+        pages with elevator are given, a value is held into another speed regime, a spoiler of no height has a moment, Mach
         numbers stand at altitudes of their own, or a term of a listing given has to stay absent.
     """
     if power is None:
@@ -196,12 +199,11 @@ def _effects(given: Mapping[str, Source], h_ref: float, b: float, z_ref: float) 
             found.append((role, effect(given[role], h_ref)))
     if "power" in given:
         found.append(("power", power_effect(given["power"], clean, h_ref)))
-    over_ground = increments.ground(given["ground"], h_ref, b, z_ref) if "ground" in given else None
-    if over_ground is not None:
-        found.append(("ground", over_ground))
-    for role, axis in (("ground_flap", "delta_f"), ("ground_elevator", "delta_e")):
+    for role, over_ground in (("ground", increments.ground), ("ground_flap", increments.ground_flap)):
         if role in given:
-            found.append((role, increments.ground_with(axis, given[role], over_ground, h_ref, b, z_ref)))
+            found.append((role, over_ground(given[role], h_ref, b, z_ref)))
+    if "ground_elevator" in given:
+        found.append(("ground_elevator", increments.ground_elevator(given["ground_elevator"])))
     return found
 
 

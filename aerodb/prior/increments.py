@@ -5,11 +5,10 @@ Increments are formed against the aeroplane without the cause and are zero witho
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import xarray as xr
 
+import datcom_io
 from flightmech.errors import SchemaError
 
 from ..transform.effects import Effect, joined
@@ -113,39 +112,50 @@ def ground(given: Source, h_ref: float, b: float, z_ref: float) -> Effect:
     z_ref : float
         Moment reference point below the drawing datum, from which DATCOM counts the height. [m]
     """
-    tables, note = _over_ground(given, h_ref, b, z_ref)
-    for axis in ("delta_f", "delta_e"):
-        tables = {c: t.sel({axis: 0.0}, method="nearest", drop=True) if axis in t.dims else t for c, t in tables.items()}
+    tables, note = _over_ground(given, h_ref, b, z_ref, without_deflection=True)
     return Effect("ground", tables, zeros={"h_agl": [2 * b, FAR]}, references=given.place("static"), comment=note)
 
 
-def ground_with(axis: str, given: Source, clean_ground: Effect | None, h_ref: float, b: float, z_ref: float) -> Effect:
-    """Return the effect ``ground_flap`` or ``ground_elevator``: what a deflection adds to the ground effect.
+def ground_flap(given: Source, h_ref: float, b: float, z_ref: float) -> Effect:
+    """Return the effect ``ground_flap``: what the flaps add to the ground effect; `b`, `z_ref` as for `ground`.
+
+    Raises
+    ------
+    SchemaError
+        Pages hold the ground effect of other deflections, or there are no several deflections with zero among them.
 
     Notes
     -----
     The pages hold the clean aeroplane and the ground increment computed with the deflection, not the free-air increment of
     the deflection; so the difference between the pages with and without deflection is the ground effect alone.
-
-    With a tail flap both program builds carry the ground pages from one deflection to the next: the first deflection prints the
-    clean ground pages, whatever it is, and the page of zero deflection is not the clean one.  Such pages are refused.
     """
-    name = {"delta_f": "ground_flap", "delta_e": "ground_elevator"}[axis]
     tables, note = _over_ground(given, h_ref, b, z_ref)
-    points = tables["CL"][axis].values if axis in tables["CL"].dims else np.array([np.inf])
+    if "delta_f" in tables["CL"].dims:  # the page in free air stands at zero, where there need be none over ground
+        printed = tables["CL"].isel(h_agl=slice(0, -2)).notnull().any([dim for dim in tables["CL"].dims if dim != "delta_f"])
+        tables = {c: t.isel(delta_f=np.flatnonzero(printed)) for c, t in tables.items()}
+    points = tables["CL"]["delta_f"].values if "delta_f" in tables["CL"].dims else np.array([np.inf])
     if np.abs(points).min() > _PRINTED_ZERO:
         raise SchemaError(
-            given.role, [f"the ground pages hold no several {axis} with zero among them; give a case with GRNDEF and such deflections"]
+            given.role, ["the ground pages hold no several delta_f with zero among them; give a case with GRNDEF for each deflection"]
         )
-    zero = {c: t.isel({axis: int(np.argmin(np.abs(points)))}, drop=True) for c, t in tables.items()}
-    if axis == "delta_e" and (clean_ground is None or not _agree(zero, clean_ground.tables)):
-        warn(
-            f"{given.role}: the ground pages at zero elevator are not those of the clean aeroplane: the program carries them from "
-            "deflection to deflection; CL/ground_elevator, CD/ground_elevator and Cm/ground_elevator are left absent"
-        )
-        return Effect(name, {})
-    increments = {c: exact_zero(t - zero[c], axis) for c, t in tables.items()}
-    return Effect(name, increments, zeros={"h_agl": [2 * b, FAR], axis: [0.0]}, references=given.place("static"), comment=note)
+    zero = {c: t.isel(delta_f=int(np.argmin(np.abs(points))), drop=True) for c, t in tables.items()}
+    increments = {c: exact_zero(t - zero[c], "delta_f") for c, t in tables.items()}
+    return Effect(
+        "ground_flap", increments, zeros={"h_agl": [2 * b, FAR], "delta_f": [0.0]}, references=given.place("static"), comment=note
+    )
+
+
+def ground_elevator(given: Source) -> Effect:
+    """Return the effect ``ground_elevator``, which is empty: the program has no method for it.
+
+    With a flap on the tail the first deflection of a run prints the ground pages of the clean aeroplane, whatever it is, and every
+    other one adds the ground effect of those before it.
+    """
+    warn(
+        f"{given.role}: the program computes the ground effect without the elevator (the first deflection of a run prints the pages of "
+        "the clean aeroplane, the others add to them); CL/ground_elevator, CD/ground_elevator and Cm/ground_elevator are left absent"
+    )
+    return Effect("ground_elevator", {})
 
 
 def _symflp(given: Source, surface: str, axis: str, h_ref: float) -> tuple[dict[str, xr.DataArray], xr.DataArray | None, str]:
@@ -187,12 +197,17 @@ def exact_zero(table: xr.DataArray, axis: str) -> xr.DataArray:
     return table.assign_coords({axis: points}).transpose(*table.dims)
 
 
-def _over_ground(given: Source, h_ref: float, b: float, z_ref: float) -> tuple[dict[str, xr.DataArray], str]:
+def _over_ground(
+    given: Source, h_ref: float, b: float, z_ref: float, without_deflection: bool = False
+) -> tuple[dict[str, xr.DataArray], str]:
     """Return page over ground minus page in free air over h_agl, fading to zero at two spans."""
     grid = at_height(given.grid("static"), h_ref)
     if "ground_height" not in grid.dims or not np.isinf(grid["ground_height"].values).any():
         raise SchemaError(given.role, ["the case holds no pages over ground next to the one in free air; give a case with GRNDEF"])
     low = grid.sel(ground_height=np.isfinite(grid["ground_height"]))
+    if without_deflection:
+        low = _clean_pages(low)
+    _require_first_deflections(given, low)
     tables = {}
     for coefficient in _LONGITUDINAL:
         free = grid[coefficient].sel(ground_height=np.inf, drop=True)
@@ -222,12 +237,31 @@ def _faded(table: xr.DataArray, b: float, z_ref: float) -> xr.DataArray:
     return xr.concat([table, far], "h_agl")
 
 
-def _agree(zero: Mapping[str, xr.DataArray], clean: Mapping[str, xr.DataArray]) -> bool:
-    """Return whether two ground effects agree within the rounding of the print (CL, CD three decimals, Cm four)."""
-    if set(zero) - set(clean):
-        return False
-    for coefficient, table in zero.items():
-        near = clean[coefficient].interp_like(table)
-        if float(np.abs(table - near).max()) > 0.003:  # NaN where either is not printed does not count
-            return False
-    return True
+def _clean_pages(low: xr.Dataset) -> xr.Dataset:
+    """Return the pages over ground without deflection; with an elevator the first deflection of the run prints them, whatever it is."""
+    if "delta_e" in low.dims and "CL_flag" in low:
+        low = low.isel(delta_e=int(_suspects(low).argmin("delta_e")))
+    for axis in {"delta_f", "delta_e"} & set(low.dims):
+        low = low.sel({axis: 0.0}, method="nearest")
+    return low.drop_vars(["delta_f", "delta_e"], errors="ignore")
+
+
+def _suspects(low: xr.Dataset) -> xr.DataArray:
+    """Return the number of suspect cells of CL over the deflections."""
+    return (low["CL_flag"] == datcom_io.FLAGS.index("suspect")).sum(
+        [dim for dim in low["CL_flag"].dims if dim not in ("delta_f", "delta_e")]
+    )
+
+
+def _require_first_deflections(given: Source, low: xr.Dataset) -> None:
+    """Refuse pages over ground that the deflections before them in the run are in."""
+    if "CL_flag" not in low or not int(_suspects(low).sum()):
+        return
+    raise SchemaError(
+        given.role,
+        [
+            f"{given.file} holds pages over ground of several deflections from one program run, and the program adds the ground effect "
+            "of each to those after it (flagged suspect; on the T-37 the ground effect of flaps 40 deg at 30 ft comes out 5 times too "
+            "large); run one deflection at a time (datcom split makes the decks, datcom run FOLDER runs them) and give all listings"
+        ],
+    )

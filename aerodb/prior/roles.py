@@ -7,13 +7,16 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from datcom_io.arrays.conditions import control_surface
+from datcom_io.decks.names import COUNTS
 from flightmech.errors import SchemaError
 
 if TYPE_CHECKING:
     from datcom_io import Case
 
 _SPOILERS, _AILERON, _DIFFERENTIAL_TAIL = (1, 2, 3), 4, 5
-_DRIFTING = ("flaps", "elevator", "tabs", "aileron_hinge")  # D(CM) drifts along a list of conditions: short runs are the better ones
+# what the program carries from condition to condition and from deflection to deflection: short runs are the better ones
+_DRIFTING = ("flaps", "elevator", "tabs", "aileron_hinge", "ground_flap")
+_OF_THE_DEFLECTION = ("NDELTA", *next(needed + others for name, _, needed, others in COUNTS if name == "SYMFLP"))
 _OF_THE_RUN = ("FLTCON", "GRNDEF")  # namelists that do not make another aircraft or device
 
 
@@ -102,7 +105,10 @@ def _role(case: Case, whole: str, hinges: set[tuple[float | None, ...]]) -> tupl
 def _ground_role(case: Case, configuration: str, whole: str) -> tuple[tuple[str, ...], str]:
     if "SYMFLP" in case.deck.namelists:
         surface = control_surface(case.deck)
-        return ("ground_elevator" if surface == "tail" else "ground_flap",), f"GRNDEF with SYMFLP on the {surface}"
+        reason = f"GRNDEF with SYMFLP on the {surface}"
+        if surface == "wing" and (case.deck.count("SYMFLP", "NDELTA") or 0) > 1:
+            return (), f"{reason}: only the first of several deflections of a run is right; run one at a time (datcom split)"
+        return ("ground_elevator" if surface == "tail" else "ground_flap",), reason
     if configuration != whole:
         return (), f"GRNDEF with {configuration}: a part of {whole}"
     return ("ground",), f"GRNDEF: {configuration}"
@@ -155,12 +161,12 @@ def _without_repetitions(found: list[Assignment], role: str) -> list[Assignment]
     """Leave out cases whose conditions another case of the role gives, and other devices than the first one."""
     inside = [item for item in found if role in item.roles]
     device = {"aileron": "ASYFLP", "spoilers": "ASYFLP", "differential_tail": "ASYFLP"}.get(role, "SYMFLP")
-    first = _meaning(inside[0].case).get(device) if inside else None
+    first = _shape(inside[0].case, device) if inside else None
     taken: list[Assignment] = []
     left: dict[int, str] = {}
-    for item in sorted(inside, key=lambda item: len(_conditions(item.case)) * (1 if role in _DRIFTING else -1)):
-        same = next((other for other in taken if _conditions(other.case) & _conditions(item.case)), None)
-        if role != "clean" and _meaning(item.case).get(device) != first:
+    for item in sorted(inside, key=lambda item: len(_places(item.case, role)) * (1 if role in _DRIFTING else -1)):
+        same = next((other for other in taken if _places(other.case, role) & _places(item.case, role)), None)
+        if role != "clean" and _shape(item.case, device) != first:
             left[id(item)] = f"left out as {role}: another {device} than in {_words(inside[0].case)}"
         elif same is not None:
             left[id(item)] = f"left out as {role}: conditions of {_words(same.case)}"
@@ -185,9 +191,17 @@ def _meaning(case: Case) -> dict[str, Any]:
     return {**namelists, "NACA": meaning["sections"]}
 
 
-def _conditions(case: Case) -> set[tuple[float, float]]:
-    """Return Mach numbers and altitudes of the pages, as printed."""
-    return {(page.condition("mach"), page.condition("h")) for page in case.pages if page.conditions is not None and page.printed}
+def _shape(case: Case, device: str) -> dict[str, Any]:
+    """Return the cards of a device without its deflections."""
+    group = _meaning(case).get(device) or {}
+    return {name: values for name, values in group.items() if device != "SYMFLP" or name not in _OF_THE_DEFLECTION}
+
+
+def _places(case: Case, role: str) -> set[tuple[float, float, float]]:
+    """Return Mach numbers and altitudes of the pages, as printed, and the deflections of symmetrical flaps. [1, of the deck, deg]"""
+    pages = [page for page in case.pages if page.conditions is not None and page.printed]
+    deflections = case.deck.schedule("SYMFLP", "DELTA", "NDELTA") if role in _DRIFTING else []
+    return {(page.condition("mach"), page.condition("h"), delta) for page in pages for delta in deflections or [0.0]}
 
 
 def _configuration(case: Case) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -66,7 +67,7 @@ class Source:
     def place(self, leaf: str) -> str:
         """Return files and lines where the tables of a leaf stand."""
         lines = self.tree[leaf].coords.get("lines")
-        ends = [int(end) for text in (lines.values.ravel() if lines is not None else ()) for end in str(text).split("-") if end.isdigit()]
+        ends = [int(end) for text in (lines.values.ravel() if lines is not None else ()) for end in re.findall(r"\d+", str(text))]
         return f"{self.file}, lines {min(ends)}-{max(ends)}" if ends else self.file
 
     def card(self, namelist: str, variable: str, default: float | None = None) -> float:

@@ -1,4 +1,4 @@
-"""Joining trees of several runs along the flight condition, and unfolding conditions to a grid of altitude and Mach number."""
+"""Joining trees of several runs along flight condition and deflection, and unfolding conditions to a grid of altitude and Mach number."""
 
 from __future__ import annotations
 
@@ -12,23 +12,26 @@ import xarray as xr
 from flightmech.errors import SchemaError
 
 from ..cells import ABSENT
+from .deflections import over_deflections
 
 _REFERENCE = ("S", "cbar", "b", "x_cg", "z_cg")
 
 
 def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
-    """Return one tree holding the conditions of several.
+    """Return one tree holding the conditions and deflections of several.
 
     Parameters
     ----------
     trees : iterable of DataTree
-        As `Case.to_datatree` returns them: the same tables at other flight conditions, for example one program run per Mach number.
+        As `Case.to_datatree` returns them: the same tables at other flight conditions, or for other deflections of the same symmetrical
+        flap at the same conditions, for example one program run per Mach number and deflection.
 
     Returns
     -------
     DataTree
-        Every group that occurs in any tree, concatenated along ``condition``; the coordinates ``lines``, ``case`` and ``file`` give
-        where each condition comes from.  Airfoil sections go along ``mach``; what belongs to no condition must be the same in all.
+        Every group that occurs in any tree, over all deflections and concatenated along ``condition``; the coordinates ``lines``,
+        ``case`` and ``file`` give where each condition comes from.  Airfoil sections go along ``mach``; what belongs to no condition
+        must be the same in all.
 
     Raises
     ------
@@ -39,7 +42,7 @@ def join(trees: Iterable[xr.DataTree]) -> xr.DataTree:
     --------
     >>> tree = join(case.to_datatree() for case in listing)        # doctest: +SKIP
     """
-    trees = list(trees)
+    trees = over_deflections(list(trees))
     if not trees:
         raise SchemaError("join", ["no tree was given; pass the trees of at least one case"])
     first = trees[0]

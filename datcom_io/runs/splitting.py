@@ -1,8 +1,9 @@
 """Splitting a study into the run decks that the program needs.
 
 The program computes one control device per case and puts a SYMFLP on the horizontal tail as soon as there is one, so wing
-devices need an aircraft without tail.  It carries a part of D(CM) from one flight condition to the next, in one program run, so
-symmetric devices get one deck, and so one run, per flight condition.
+devices need an aircraft without tail.  In one program run it carries a part of D(CM) from one flight condition and one deflection
+to the next, and the whole ground effect from one flap setting to the next, so symmetric devices get one deck, and so one run, per
+flight condition and deflection.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ def split_deck(study: str | os.PathLike[str] | DeckFile) -> dict[str, DeckFile]:
     dict of str to DeckFile
         Run name to deck.  Without a plan: ``clean``; every device by its name, those on the wing without tail; with GRNDEF
         ``ground``, and ``ground_flaps`` for every symmetric device of the wing.  A plan may request ``build`` (all combinations
-        of components) and ``ground_<device>``.  Symmetric devices at several flight conditions give one deck each,
-        ``elevator_m0.15_h0``.
+        of components) and ``ground_<device>``.  Symmetric devices give one deck for each flight condition and deflection,
+        ``elevator_m0.15_h0_d-25``; an elevator with TRIM or CONTAB, which need all deflections, one for each flight condition.
 
     Raises
     ------
@@ -50,18 +51,20 @@ def split_deck(study: str | os.PathLike[str] | DeckFile) -> dict[str, DeckFile]:
 
     Notes
     -----
-    In one program run a part of D(CM) is carried from condition to condition (seen: 0.161 instead of 0.25 late in a list of 18).
+    In one program run a part of D(CM) is carried from condition to condition (seen: 0.161 instead of 0.25 late in a list of 18) and
+    from deflection to deflection (2 to 7 %), and the ground effect of flaps from deflection to deflection (CL wrong by 0.28).
 
     Examples
     --------
     >>> decks = split_deck("t37_study.toml")                # doctest: +SKIP
     >>> sorted(decks)                                       # doctest: +SKIP
-    ['aileron', 'clean', 'elevator_m0.15_h0', 'elevator_m0.2_h0', ..., 'ground_flaps']
+    ['aileron', 'clean', 'elevator_m0.15_h0_d-10', 'elevator_m0.15_h0_d-15', ..., 'ground_flaps_d40']
     """
     read = read_study(study)
     if is_special(read.base):
         raise SchemaError(read.file, ["LARWB, HYPEFF and TRNJET make cases of their own; a study is an aircraft"])
     problems: list[str] = []
+    wrong_runs: dict[str, list[str]] = {}
     decks: dict[str, DeckFile] = {}
     for name, plan in (read.plans or dict.fromkeys(_all_runs(read), Plan())).items():
         wrong = _wrong_run(read, name)
@@ -73,7 +76,9 @@ def split_deck(study: str | os.PathLike[str] | DeckFile) -> dict[str, DeckFile]:
                 continue
             decks[label] = DeckFile(f"{label}.inp", (run,))
             faults = [finding for finding in check_deck(run) if finding.severity == ERROR]
-            problems += [f"run {label}: line {finding.line} of the study: {finding.text}" for finding in faults]
+            for finding in faults:
+                wrong_runs.setdefault(f"line {finding.line} of the study: {finding.text}", []).append(label)
+    problems += [f"run {labels[0]}{f' and {len(labels) - 1} more' if labels[1:] else ''}: {text}" for text, labels in wrong_runs.items()]
     if problems:
         raise SchemaError(read.file, problems)
     return decks
@@ -105,14 +110,24 @@ def _runs(study: Study, name: str, plan: Plan, problems: list[str]) -> Iterator[
     if "MACH" in added.namelists.get("FLTCON", {}) and any(namelist.startswith("EXPR") for namelist in whole.namelists):
         problems.append(f"runs.{name}.cards change the Mach numbers that the EXPRnn of the study count; write the EXPRnn of the run too")
     symmetric = bool(device) and study.devices[device][0].name == "SYMFLP"
-    conditions = list(_conditions(whole))
     separate = symmetric if plan.separate is None else plan.separate
-    if not separate or len(conditions) < 2:
-        yield name, _titled(whole, plan.caseid or _title(study.title, _label(name, device)))
-        return
-    for label, deck in conditions:
-        label_text = f"{_label(name, device)} {label.replace('_', ' ').upper()}"
-        yield f"{name}_{label}", _titled(deck, _title(plan.caseid, label_text) if plan.caseid else _title(study.title, label_text))
+    one_by_one = (
+        symmetric
+        and not {"TRIM", "CONTAB"} & {*(card.name for card in whole.cards), *whole.namelists}
+        and not (name.startswith("ground_") and is_on_tail(device))
+    )
+    for condition, deck in _parts(_conditions(whole), whole) if separate else [("", whole)]:
+        for deflection, one in _parts(_deflections(deck), deck) if separate and one_by_one else [("", deck)]:
+            label = "_".join(filter(None, (condition, deflection)))
+            text = f"{_label(name, device)} {label.replace('_', ' ').upper()}".strip()
+            title = _title(plan.caseid, label.replace("_", " ").upper()) if plan.caseid else _title(study.title, text)
+            yield "_".join(filter(None, (name, label))), _titled(one, title)
+
+
+def _parts(parts: Iterator[tuple[str, Deck]], whole: Deck) -> list[tuple[str, Deck]]:
+    """Return the parts of a deck with their labels, the deck itself without label where it has one part only."""
+    found = list(parts)
+    return found if len(found) > 1 else [("", whole)]
 
 
 def _aircraft(study: Study, name: str, device: str) -> Iterator[Item]:
@@ -217,6 +232,15 @@ def _conditions(deck: Deck) -> Iterator[tuple[str, Deck]]:
                 if variable in group:
                     one[variable] = group[variable][place : place + 1]
         yield _condition_label(one), _with_namelists(deck, {"FLTCON": one, **_experiments(deck, i)})
+
+
+def _deflections(deck: Deck) -> Iterator[tuple[str, Deck]]:
+    """Yield label and deck of each deflection of a symmetric device."""
+    group = deck.namelists.get("SYMFLP", {})
+    arrays = next(needed + others for name, _, needed, others in COUNTS if name == "SYMFLP")
+    for i, delta in enumerate(deck.schedule("SYMFLP", "DELTA", "NDELTA")):
+        one = {key: values[i : i + 1] if key in arrays else values for key, values in group.items()}
+        yield f"d{delta:g}", _with_namelists(deck, {"SYMFLP": {**one, "NDELTA": [1.0]}})
 
 
 def _experiments(deck: Deck, place: int) -> dict[str, Variables]:

@@ -126,6 +126,7 @@ def t37(t37_folder):
     names = ("clean", "build", "flaps", "elevator", "aileron", "ground", "ground_flap", "ground_elevator")
     found = {name: datcom_io.read(t37_folder / f"t37_{name}.out") for name in names}
     found["elevator_one_by_one"] = datcom_io.read(t37_folder / "t37_elevator_one_by_one.pdas.out")
+    found["ground_flap_one_by_one"] = datcom_io.read(t37_folder / "t37_ground_flap_one_by_one.pdas.out")
     return found
 
 
@@ -140,5 +141,5 @@ def t37_db(t37, craft):
             elevator=t37["elevator_one_by_one"],
             aileron=t37["aileron"],
             ground=t37["ground"],
-            ground_flap=t37["ground_flap"],
+            ground_flap=t37["ground_flap_one_by_one"],
         )

@@ -96,12 +96,15 @@ def test_a_whole_listing_in_one_role_is_refused_with_the_way_out(read, light):
 
 
 def test_of_equal_conditions_the_shortest_flap_run_is_taken(t37):
-    found = assign_roles([t37["elevator"], t37["elevator_one_by_one"], t37["clean"], t37["build"], t37["ground_flap"], t37["ground"]])
-    looped, *single, clean, build_up, ground_flap, ground = found
+    names = ("elevator", "elevator_one_by_one", "clean", "build", "ground_flap_one_by_one", "ground_flap", "ground")
+    looped, *single, clean, build_up, flap_0, flap_20, flap_40, together, ground = assign_roles(t37[name] for name in names)
     assert looped.roles == build_up.roles == ()
     assert "conditions of t37_elevator_one_by_one.pdas.out:1" in looped.reason
     assert [item.roles for item in single] == [("elevator",)] * 6
-    assert (clean.roles, ground_flap.roles, ground.roles) == (("clean",), ("ground_flap",), ("ground",))
+    assert (clean.roles, ground.roles) == (("clean",), ("ground",))
+    assert [item.roles for item in (flap_0, flap_20, flap_40)] == [("ground_flap",)] * 3
+    assert together.roles == ()
+    assert "only the first of several deflections of a run is right; run one at a time (datcom split)" in together.reason
 
 
 def test_another_flap_is_no_part_of_the_first(read, corpus):

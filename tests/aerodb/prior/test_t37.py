@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import aerodb
-from flightmech.errors import AeromatchWarning
+from flightmech.errors import AeromatchWarning, SchemaError
 from flightmech.units import DEGREE, FOOT
 
 ALPHA = 2 * DEGREE
@@ -115,9 +115,11 @@ def test_ground_effect_against_the_pages(t37_db, craft):
 
 
 def test_flaps_near_the_ground_add_only_ground_effect(t37_db):
-    """t37_ground_flap.out, alpha 4, 2.5 ft: CL 0.716 at 0.01 deg, 0.814 at 40 deg; the free-air increment 0.363 is not in the pages."""
+    """One deflection per run, alpha 4, 2.5 ft: CL 0.716, 0.796, 0.842 at 0, 20, 40 deg; the increment of free air is not in the pages."""
     low = {"h_agl": 2.5 * FOOT, "alpha": 4 * DEGREE}
-    assert at(t37_db, "CL/ground_flap", delta_f=40 * DEGREE, **low) == pytest.approx(0.814 - 0.716, abs=1e-6)
+    assert at(t37_db, "CL/ground_flap", delta_f=20 * DEGREE, **low) == pytest.approx(0.796 - 0.716, abs=1e-6)
+    assert at(t37_db, "CL/ground_flap", delta_f=40 * DEGREE, **low) == pytest.approx(0.842 - 0.716, abs=1e-6)
+    assert at(t37_db, "CL/ground_flap", delta_f=40 * DEGREE, h_agl=30 * FOOT, alpha=4 * DEGREE) == pytest.approx(0.003, abs=1e-6)
     assert at(t37_db, "CL/ground_flap", delta_f=0.0, **low) == 0.0
     given = {"mach": 0.15, "h": 0.0, "alpha": 4 * DEGREE, "qhat": 0.0, "alphadothat": 0.0, "delta_e": 0.0}
     free = {**given, "h_agl": 1000.0}
@@ -125,11 +127,36 @@ def test_flaps_near_the_ground_add_only_ground_effect(t37_db):
     assert flaps == pytest.approx(0.363 + 0.0074 * 4 * DEGREE, abs=1e-3)
 
 
-def test_ground_pages_with_elevator_are_refused(t37, craft):
-    """The first deflection prints the clean ground pages, and zero deflection another CL: 0.726 against 0.754 at 2.5 ft, alpha 4."""
-    with pytest.warns(AeromatchWarning, match="ground pages at zero elevator are not those of the clean aeroplane"):
+def test_flaps_over_ground_of_one_run_are_refused(t37, craft):
+    """Every deflection but the first holds the ground effect of those before: 0.539 instead of 0.526 at 30 ft, flap 40, alpha 4."""
+    with pytest.raises(
+        SchemaError, match=r"ground_flap: 1 problem(.|\n)*t37_ground_flap.out holds .* several deflections from one program run"
+    ):
+        aerodb.from_datcom(craft, clean=t37["clean"], ground_flap=t37["ground_flap"])
+
+
+def test_listings_of_one_flap_setting_each(t37, t37_db, craft):
+    """Given as separate listings, in any order, they make the same tables as in one file."""
+    cases = t37["ground_flap_one_by_one"].cases
+    db = aerodb.from_datcom(craft, clean=t37["clean"], ground_flap=[cases[2], cases[0], cases[1]])
+    for name in ("CL/ground_flap", "CD/ground_flap", "Cm/ground_flap"):
+        np.testing.assert_array_equal(db[name]["value"], t37_db[name]["value"])
+    np.testing.assert_allclose(db["CL/ground_flap"]["delta_f"], np.radians([0.0, 20.0, 40.0]))
+    with pytest.raises(SchemaError, match="no several delta_f with zero among them"):
+        aerodb.from_datcom(craft, clean=t37["clean"], ground_flap=cases[1:])
+
+
+def test_the_program_has_no_ground_effect_of_the_elevator(t37, craft):
+    """The first deflection prints the clean ground pages, the others add to them: zero deflection, the sixth, gives CL 0.726 for 0.754."""
+    with pytest.warns(AeromatchWarning, match="computes the ground effect without the elevator"):
         db = aerodb.from_datcom(craft, clean=t37["clean"], ground=t37["ground"], ground_elevator=t37["ground_elevator"])
     assert {"CL/ground_elevator", "CD/ground_elevator", "Cm/ground_elevator"} <= set(db.attrs["absent"].split())
+
+
+def test_the_clean_ground_effect_from_pages_with_elevator(t37, t37_db, craft):
+    db = aerodb.from_datcom(craft, clean=t37["clean"], ground=t37["ground_elevator"])
+    for name in ("CL/ground", "CD/ground", "Cm/ground"):
+        np.testing.assert_array_equal(db[name]["value"], t37_db[name]["value"])
 
 
 def test_lift_passes_through_the_printed_pages(t37, t37_db):

@@ -19,7 +19,7 @@ def suspects(listing, table):
 
 def test_only_the_first_flap_setting_over_ground_counts(t37):
     """Alpha 4 deg, 30 ft, flap 40: CL 0.539 as third deflection of a run, 0.526 alone; 0.519 in free air."""
-    listing, alone = t37("t37_ground_flap.out"), t37("t37_ground_flap_one_by_one.out")
+    listing, alone = t37("t37_ground_flap.out"), t37("t37_ground_flap_one_by_one.pdas.out")
     pages = [page for page in listing.pages if page.ground_height == 30.0]
     assert [page.table("static").values[4, 2] for page in pages] == [0.523, 0.53, 0.539]
     first_run, *_, last_run = [page for page in alone.pages if page.ground_height == 30.0]
