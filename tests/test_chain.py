@@ -21,6 +21,7 @@ ORDER = {
         "names",
         "interpolation",
         "terms",
+        "build_up",
         "air",
         "axes",
         "support",

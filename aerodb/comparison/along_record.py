@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech import terms as _terms
+from flightmech.build_up import COEFFICIENTS
 from flightmech.errors import OutOfRange, ParseError, UnknownName
 from flightmech.names import attrs
 
@@ -55,7 +56,8 @@ def completed(conditions: xr.Dataset, *databases: xr.DataTree) -> tuple[xr.Datas
 
     needed = {(name, v) for db in databases for name, leaf in terms(db).items() for v in _terms.variables(leaf)}
     added: dict[str, Any] = {}
-    notes, lift = [], []
+    notes: list[str] = []
+    summed: dict[str, str] = {}
     for term, name in sorted(needed):
         if name in conditions or name in added:
             continue
@@ -65,27 +67,28 @@ def completed(conditions: xr.Dataset, *databases: xr.DataTree) -> tuple[xr.Datas
             added[name] = ((), AT_REST.get(name, FREE_AIR), attrs(name))
             taken = f"as {readable(name, AT_REST[name])}" if name in AT_REST else "in free air"
             notes.append(f"{name} is not in the record; taken {taken}")
-        elif name == "CL":
-            lift.append(term)
+        elif name in COEFFICIENTS:
+            summed.setdefault(name, term)
         else:
             raise UnknownName(name, map(str, conditions.variables), "condition", f"{term} needs it and the record does not hold it")
     whole = conditions.assign(added)
-    if lift:
-        whole["CL"] = _lift(whole, lift[0], databases)
-        notes.append("CL is not in the record; taken from the terms of the first database")
+    found = {name: _summed(whole, name, term, databases) for name, term in summed.items()}
+    notes += [f"{name} is not in the record; taken from the terms of the first database" for name in found]
+    whole = whole.assign(found)
     return whole, notes
 
 
-def _lift(conditions: xr.Dataset, term: str, databases: Iterable[xr.DataTree]) -> xr.DataArray:
+def _summed(conditions: xr.Dataset, name: str, term: str, databases: Iterable[xr.DataTree]) -> xr.DataArray:
+    """Return a coefficient that the record does not hold as the first database with terms of it gives it."""
     from ..store.evaluation import contributions
 
-    given = {str(name): conditions[name] for name in conditions}
-    parts = next((contributions(db, "CL", given, "clamp") for db in databases if "CL" in db.children), None)
+    given = {str(variable): conditions[variable] for variable in conditions}
+    parts = next((contributions(db, name, given, "clamp") for db in databases if name in db.children), None)
     if parts is None:
-        raise UnknownName("CL", map(str, conditions.variables), "condition", f"{term} needs it and neither record nor database holds it")
+        raise UnknownName(name, map(str, conditions.variables), "condition", f"{term} needs it and neither record nor database holds it")
     dims = ("time",) if "time" in conditions.dims else tuple(conditions.dims)
     shape = tuple(conditions.sizes[dim] for dim in dims)
-    return xr.DataArray(np.broadcast_to(sum(parts.values()), shape).copy(), dims=dims, attrs=attrs("CL"))
+    return xr.DataArray(np.broadcast_to(sum(parts.values()), shape).copy(), dims=dims, attrs=attrs(name))
 
 
 def flat(conditions: Conditions, leaves: Iterable[xr.Dataset]) -> tuple[dict[str, np.ndarray], int, Callable[[int], str], int]:

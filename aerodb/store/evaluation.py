@@ -9,7 +9,9 @@ import numpy as np
 import xarray as xr
 
 from flightmech import terms as _terms
-from flightmech.errors import OutOfRange, UnknownName
+from flightmech.axes import lift_drag
+from flightmech.build_up import levels, used
+from flightmech.errors import OutOfRange, SchemaError, UnknownName
 
 from .schema import HINGE, coefficients, terms
 
@@ -24,8 +26,8 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
     coefficient : str
         One of the database's coefficients, such as ``"CL"``, or a hinge moment, such as ``"Ch_e"``.
     conditions : mapping of str to array
-        Every variable the terms need, broadcast against each other; a Dataset of a manoeuvre will do.  ``CL`` as a regressor of
-        other coefficients may be left out where the database holds it: it is the sum of its terms then, as in the simulation. [SI]
+        Every variable the terms need, broadcast against each other; a Dataset of a manoeuvre will do.  Coefficients that the terms
+        depend on, such as ``CL`` in a drag polar, may be left out: they are the sums of their own terms then, as in the simulation. [SI]
     outside : {"raise", "clamp"}
         Beyond a table: raise, or follow the rule of the leaf as the simulation does.
 
@@ -40,11 +42,13 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
         The coefficient, or a variable that is missing in `conditions`.
     OutOfRange
         With the name of the term, the axis, the range and the mask of samples.
+    SchemaError
+        Coefficients that are not given depend on each other in a loop, with its path.
     """
     allowed = (*coefficients(db), *HINGE)
     if coefficient not in allowed:
         raise UnknownName(coefficient, allowed, "coefficient")
-    conditions = _with_lift(db, coefficient, conditions, outside)
+    conditions = _with_coefficients(db, coefficient, conditions, outside)
     found = {}
     places: dict[Any, Any] = {}
     for name, leaf in terms(db).items():
@@ -60,12 +64,29 @@ def contributions(db: xr.DataTree, coefficient: str, conditions: Mapping[str, An
     return found
 
 
-def _with_lift(db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], outside: str) -> Mapping[str, Any]:
-    """Return conditions with the lift coefficient where terms of another coefficient require it and it is not given."""
-    asked = any("CL" in _terms.variables(leaf) for name, leaf in terms(db).items() if name.split("/")[0] == coefficient)
-    if not asked or "CL" in conditions or coefficient == "CL" or "CL" not in coefficients(db):
+def _with_coefficients(db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], outside: str) -> Mapping[str, Any]:
+    """Return conditions with the coefficients that the terms of a coefficient depend on and that are not given."""
+    leaves = terms(db)
+    wanted = {word for name, leaf in leaves.items() if name.split("/")[0] == coefficient for word in used(leaf)}
+    missing = sorted(wanted - {str(name) for name in conditions})
+    if not missing:
         return conditions
-    return {**{str(name): conditions[name] for name in conditions}, "CL": evaluate(db, "CL", outside, **conditions)}
+    _, problems = levels(leaves, str(db.attrs["force_axes"]))
+    if problems:
+        raise SchemaError(f"database {db.attrs.get('title', '')!r}", problems)
+    found = {str(name): conditions[name] for name in conditions}
+    return found | {name: _coefficient(db, name, outside, found) for name in missing}
+
+
+def _coefficient(db: xr.DataTree, name: str, outside: str, conditions: Mapping[str, Any]) -> np.ndarray:
+    """Return a coefficient, lift and drag of a database in body axes from its axial and normal force."""
+    if name in coefficients(db):
+        return evaluate(db, name, outside, **conditions)
+    if "alpha" not in conditions:
+        raise UnknownName("alpha", map(str, conditions), "condition", f"{name} is made of CX and CZ with it; pass it with the conditions")
+    CX, CZ = (evaluate(db, part, outside, **conditions) for part in ("CX", "CZ"))
+    CL, CD = lift_drag(CX, CZ, np.asarray(conditions["alpha"], float))
+    return CL if name == "CL" else CD
 
 
 def evaluate(db: xr.DataTree, coefficient: str, outside: str = "raise", **conditions: Any) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from flightmech import terms as _terms
+from flightmech.build_up import levels
 from flightmech.errors import SchemaError, UnknownName
 
 from .templates import HINGE, lr743
@@ -68,6 +69,8 @@ def check(db: xr.DataTree) -> list[str]:
         problems.append("holds no term; a database has leaves such as CL/basic")
     for name, leaf in leaves.items():
         problems += [f"{name}: {fault}" for fault in _name_faults(name, allowed) + _terms.check(leaf)]
+    if axes is not None and not problems:
+        problems += levels(leaves, str(db.attrs["force_axes"]))[1]
     return problems
 
 

@@ -80,9 +80,9 @@ def failing_checks(db: xr.DataTree) -> list[str]:
 
 
 def needed_inputs(db: xr.DataTree) -> list[str]:
-    """Return the inputs of the cases: all variables of the terms but the lift coefficient, which the terms themselves give."""
+    """Return the inputs of the cases: all variables of the terms but the coefficients, which the terms themselves give."""
     found = {name for leaf in terms(db).values() for name in _terms.variables(leaf)}
-    return sorted(found - ({"CL"} & set(coefficients(db))))
+    return sorted(found - set(coefficients(db)))
 
 
 def agreement(found: np.ndarray, expected: np.ndarray, allowed: np.ndarray | None = None) -> dict[str, Any]:

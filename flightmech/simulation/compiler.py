@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from ..aircraft.aircraft import Aircraft, reference_in
+from ..build_up import COEFFICIENTS, level, levels, used
 from ..errors import SchemaError, UnknownName
 from ..names import lookup
 from ..terms import SOURCES, check, power, regressors, variables
@@ -24,6 +25,7 @@ from .submodels.devices import with_devices
 IMPLICIT = ("alphadothat", "betadothat", "dnz")
 _AGREE = 1e-6  # relative: what a unit conversion and a netCDF round trip may change
 _NEAR = 1e-4  # of the chord: two places of the moment reference that count as one
+_ONE = "of which only one can be solved for in a term"
 _HINGES = ("Ch_e", "Ch_a", "Ch_r")
 _NO_COEFFICIENT = ("checks", "previous")  # groups of a database that hold no terms
 
@@ -121,6 +123,8 @@ def compile(aircraft: Aircraft, db: xr.DataTree) -> SimModel:
     found = _collect(aircraft, db)
     problems = _root_problems(aircraft, db)
     problems += [text for term in found for text in _leaf_problems(term.name, term.leaf, term.stage, aircraft)]
+    if not problems:
+        found, problems = _in_order(found, _force_axes(db))
     if problems:
         raise SchemaError(f"model of {aircraft.name}", problems)
     block = Packer(aircraft, found, _force_axes(db), _meta(db, found)).pack()
@@ -155,6 +159,12 @@ def _collect(aircraft: Aircraft, db: xr.DataTree) -> list[Term]:
                 leaf = db[coefficient][contribution].to_dataset()
                 found.append(Term(stage[target], number[target], f"{coefficient}/{contribution}", leaf))
     return sorted(found, key=lambda term: term[:2])
+
+
+def _in_order(found: list[Term], force_axes: str) -> tuple[list[Term], list[str]]:
+    """Return the terms with their levels, and the loops among coefficients."""
+    of, problems = levels({term.name: term.leaf for term in found}, force_axes)
+    return [term._replace(level=level(term.leaf, of, force_axes)) for term in found], problems
 
 
 def _root_problems(aircraft: Aircraft, db: xr.DataTree) -> list[str]:
@@ -198,6 +208,10 @@ def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, aircraft: Aircraft) 
     problems += [f"{name}: regressor: {text}" for word in words for text in _variable_problems(word, known, stage)]
     if factor:
         problems += [f"{name}: power: {text}" for text in _axis_problems(factor.variable, known, stage)]
+    if used(leaf) and words and set(words) & set(IMPLICIT):
+        problems.append(
+            f"{name}: depends on {', '.join(sorted(used(leaf)))} and on {', '.join(sorted(set(words) & set(IMPLICIT)))}, {_ONE}"
+        )
     if sum(word in IMPLICIT for word in words) > 1:
         problems.append(f"{name}: regressors {' '.join(words)}: only one of {', '.join(IMPLICIT)} can be solved for in a term")
     return problems
@@ -206,8 +220,6 @@ def _leaf_problems(name: str, leaf: xr.Dataset, stage: int, aircraft: Aircraft) 
 def _axis_problems(axis: str, known: Mapping[str, int], stage: int) -> list[str]:
     if axis in IMPLICIT:
         return [f"{axis} cannot be an axis, the simulation solves for it; make it a regressor"]
-    if axis == "CL":
-        return ["CL cannot be an axis, it is known after the tables; make it a regressor"]
     return [f"axis: {text}" for text in _variable_problems(axis, known, stage)]
 
 
@@ -215,7 +227,9 @@ def _variable_problems(name: str, known: Mapping[str, int], stage: int) -> list[
     if name not in known:
         hint = "write engine1.throttle or engine1.thrust for one engine" if name in ("throttle", "thrust") else ""
         return [str(UnknownName(name, list(known), "model variable of the simulation", hint))]
-    if known[name] > stage:
+    if name in COEFFICIENTS and stage > known[name]:
+        return [f"only terms of {', '.join(COEFFICIENTS)} can depend on {name}"]
+    if known[name] > stage and not (name in COEFFICIENTS and stage == known[name] - 1):
         return [f"{name} is found only after this table is evaluated; it cannot depend on it"]
     return []
 

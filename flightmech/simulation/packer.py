@@ -17,22 +17,28 @@ import numpy as np
 import xarray as xr
 
 from ..aircraft.aircraft import Aircraft
+from ..build_up import COEFFICIENTS
 from ..terms import power, regressors
 from . import catalogue, submodels
 from .kernel import Entry, groups, library
 
-FORCES = {"stability": ("CL", "CD", "CY"), "wind": ("CL", "CD", "CY"), "body": ("CX", "CZ", "CY")}
+FORCES = {"stability": ("CL", "CD", "CY"), "wind": ("CL", "CD", "CY"), "body": ("CX", "CZ", "CY")}  # in the order of the kernel
 MOMENTS = ("Cl", "Cm", "Cn")
 _TABLES = ("K1", "K2", "value")
 
 
 class Term(NamedTuple):
-    """A leaf on its way into the block: the stage that evaluates it, the number of its target, its name."""
+    """A leaf on its way into the block: the stage of its target, the number of its target, its name, its level (`flightmech.build_up`)."""
 
     stage: int
     target: int
     name: str
     leaf: xr.Dataset
+    level: int = 0
+
+    def stage_of(self, table: xr.DataArray) -> int:
+        """Return the stage that looks up a table: that of the term where coefficients are on its axes."""
+        return self.stage + (self.level if set(table.dims) & set(COEFFICIENTS) else 0)
 
 
 class _Axis(NamedTuple):
@@ -119,7 +125,7 @@ class Packer:
         members: dict[tuple[int, tuple[int, ...]], list[tuple[str, str, np.ndarray]]] = {}
         for t in self.terms:
             for name, table in _tables(t.leaf):
-                members.setdefault((t.stage, tuple(self.numbers[axis] for axis in _axes_of(t, table))), []).append(
+                members.setdefault((t.stage_of(table), tuple(self.numbers[axis] for axis in _axes_of(t, table))), []).append(
                     (t.name, name, table.values)
                 )
         records: list[bytes] = []
@@ -154,7 +160,7 @@ def _tables(leaf: xr.Dataset) -> list[tuple[str, xr.DataArray]]:
 
 def _axes_of(t: Term, table: xr.DataArray) -> list[_Axis]:
     linear = int(t.leaf.attrs.get("outside", "hold") == "linear")
-    return [_Axis(t.stage, str(axis), linear, tuple(table[axis].values.astype(float).tolist())) for axis in table.dims]
+    return [_Axis(t.stage_of(table), str(axis), linear, tuple(table[axis].values.astype(float).tolist())) for axis in table.dims]
 
 
 def _block(sections: list[tuple[int, bytes]]) -> bytes:

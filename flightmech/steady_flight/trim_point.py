@@ -11,7 +11,7 @@ import xarray as xr
 from numpy.typing import ArrayLike
 from scipy.optimize import root_scalar
 
-from .. import terms
+from .. import build_up, terms
 from ..aircraft.aircraft import Aircraft
 from ..axes import lift_drag
 from ..errors import SimulationError
@@ -198,11 +198,29 @@ class Point:
         shape = np.broadcast_shapes(*(np.shape(value) for value in known.values()))
         own = {name: 0.0 for name in self.sim.variables if "." in name or name == "fuel"}  # of engine decks and legs: in no coefficient
         known = own | known
+        summed = [name for name in self.sim.variables if name in build_up.COEFFICIENTS and name not in values]
+        found = self._summed({**known, **dict.fromkeys(summed, 0.0)}, shape)
+        for _ in summed:  # a pass completes the coefficients of one level at least
+            found = self._summed({**known, **self._as_variables(found, known, summed)}, shape)
+        return found
+
+    def _summed(self, known: Mapping[str, ArrayLike], shape: tuple[int, ...]) -> np.ndarray:
+        """Return what `coefficients` does, of given variables."""
         rows = [np.broadcast_to(np.asarray(known[name], float), shape).ravel() for name in self.sim.variables]
         table = np.stack(rows, axis=-1) if rows else np.empty((int(np.prod(shape)), 0))
         c = self._scaled.evaluate(table)[0].T.reshape(6, *shape)
         bias = np.array([self.parameter(f"bias.{name}") for name in COEFFICIENTS]).reshape(6, *(1 for _ in shape))
         return _to_stability(c, self.pair.force_axes, known["alpha"], known["beta"]) + bias
+
+    def _as_variables(self, c: np.ndarray, known: Mapping[str, ArrayLike], wanted: Sequence[str]) -> dict[str, np.ndarray]:
+        """Return coefficients in the axes of the database, as its terms take them."""
+        CL, CD, CY, Cl, Cm, Cn = c
+        alpha, beta = np.asarray(known["alpha"]), np.asarray(known["beta"])
+        found = {"CL": CL, "CD": CD, "CY": CY, "Cl": Cl, "Cm": Cm, "Cn": Cn}
+        found |= {"CX": CL * np.sin(alpha) - CD * np.cos(alpha), "CZ": -CL * np.cos(alpha) - CD * np.sin(alpha)}
+        if self.pair.force_axes == "wind":
+            found |= {"CD": CD * np.cos(beta) - CY * np.sin(beta), "CY": CD * np.sin(beta) + CY * np.cos(beta)}
+        return {name: found[name] for name in wanted}
 
     def body(self, x_cg_b: float | None = None, **values: ArrayLike) -> np.ndarray:
         """Return CX, CY, CZ and Cl, Cm, Cn about the centre of gravity (6, ...), body axes; `x_cg_b` [m] puts it somewhere else."""

@@ -121,8 +121,6 @@ class Functions:
         if name in NORMALISED:
             variable = NORMALISED[name][0]
             return f"{name} is a fraction and the file does not state of which angle; give travel = {{{variable!r}: angle where it is 1}}"
-        if name == "aero/cl-squared":
-            return f"{name} is the lift of the step before; write the drag polar as a table over alpha"
         return f"{name} is no variable of the model"
 
     def _function(self, name: str) -> Sum:

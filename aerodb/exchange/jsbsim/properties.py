@@ -20,6 +20,7 @@ from flightmech.units import DEGREE, FOOT, POUND_FORCE
 PSF = POUND_FORCE / FOOT**2
 OWN = "aero/aeromatch/"
 COEFFICIENT = "aero/coefficient/"
+LIFT_SQUARED = "aero/cl-squared"  # of the lift of the step before and the present dynamic pressure
 ENGINE = re.compile(r"engine([1-9]\d*)\.(throttle|thrust)$")
 UNIT = {"V": FOOT, "h": FOOT, "qbar": PSF, "thrust": POUND_FORCE}  # SI per unit in which JSBSim computes, where they differ
 RATES = {
@@ -140,6 +141,7 @@ PROPERTY: dict[str, Power] = {
     "aero/bi2vel": Power(0.5, {"b": 1, "V": -1}),
     "aero/ci2vel": Power(0.5, {"cbar": 1, "V": -1}),
     "aero/h_b-mac-ft": Power(1.0 / FOOT, {"h_agl": 1, "b": -1}),
+    LIFT_SQUARED: Power(1.0, {"CL": 2}),
     **{OWN + variable: _one(variable) for variable in FUNCTION},
 }
 

@@ -25,6 +25,7 @@ from .products import Unfit, times
 from .properties import COEFFICIENT
 from .sampling import sampled
 from .terms import leaf
+from .travel import stated_travel
 
 _LENGTH = {"FT": FOOT, "M": 1.0, "IN": INCH}
 _AREA = {"FT2": FOOT**2, "M2": 1.0}
@@ -72,7 +73,8 @@ def import_jsbsim(
     path : path
         The aircraft file.
     travel : mapping of str to float, optional
-        Deflection where a normalised position is 1, ``{"delta_f": 0.698}`` for ``fcs/flap-pos-norm``. [rad]
+        Deflection where a normalised position is 1, ``{"delta_f": 0.698}`` for ``fcs/flap-pos-norm``; what the control system of the
+        file states by scaling a position to its fraction needs no entry. [rad]
     leave_out : collection of str, optional
         Names of functions to do without; they are listed in ``absent``.
     sample : float, optional
@@ -98,7 +100,8 @@ def import_jsbsim(
 
     Notes
     -----
-    Ailerons are taken to move by the same angle: ``left-aileron-pos`` is -delta_a.  Magnitudes such as
+    ``aero/cl-squared`` is ``CL CL``, the lift coefficient of the same instant; JSBSim takes the lift of the step before over the present
+    dynamic pressure.  Ailerons are taken to move by the same angle: ``left-aileron-pos`` is -delta_a.  Magnitudes such as
     ``aero/mag-beta-rad``, and a third factor such as ``gear-pos-norm``, become tables over all values of the variable.
     """
     root = parse(Path(path))
@@ -112,7 +115,7 @@ def import_jsbsim(
         if name not in named:
             raise UnknownName(name, named, "function")
     in_feet = {"S": sizes["S"] / FOOT**2, "cbar": sizes["cbar"] / FOOT, "b": sizes["b"] / FOOT}
-    functions = Functions(named, in_feet, travel or {}, _tail(metrics))
+    functions = Functions(named, in_feet, {**_stated_travel(root), **(travel or {})}, _tail(metrics))
     leaves, problems = _leaves(axes, functions, leave_out, sample, box or {})
     if problems:
         raise SchemaError(
@@ -209,6 +212,12 @@ def _hinges(aerodynamics: Element) -> Iterator[_Axis]:
         named = [e for e in aerodynamics.all("function") if e.attributes.get("name", "").startswith(f"{COEFFICIENT}{coefficient}/")]
         if named:
             yield _Axis(coefficient, 1.0, {}, named)
+
+
+def _stated_travel(root: Element) -> dict[str, float]:
+    """Return the travel of the controls that the file states; of one whose control system is elsewhere, none."""
+    control = root.first("flight_control")
+    return {} if control is None else stated_travel(control)
 
 
 def _section(root: Element, tag: str) -> Element:

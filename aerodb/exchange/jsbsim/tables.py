@@ -11,15 +11,16 @@ import xarray as xr
 from flightmech.errors import SchemaError
 from flightmech.terms import regressors
 
-from .properties import AXIS, ENGINE, OWN, REGRESSOR, throttle, thrust, unit
+from .properties import AXIS, ENGINE, LIFT_SQUARED, OWN, REGRESSOR, throttle, thrust, unit
 
 _LOOKUP = ("column", "row", "table", "axis4")  # from the last dimension backwards
 
 
 def factors(leaf: xr.Dataset, native: bool) -> list[ET.Element]:
     """Return the factors of a term: its regressors and tables as elements of a product; `native` as in `table`."""
-    found = []
-    for word in regressors(leaf):
+    words = regressors(leaf)
+    found = [_text("property", LIFT_SQUARED)] if words == ("CL", "CL") else []
+    for word in () if found else words:
         found += [_text("property", name) for name in REGRESSOR.get(word) or (property_of(word),)]
         if unit(word) != 1.0:
             found.append(_text("value", repr(unit(word))))

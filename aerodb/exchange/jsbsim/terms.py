@@ -19,7 +19,7 @@ from .properties import AXIS, ENGINE, FUNCTION, RANGE, RATES, unit
 
 _MOST_TABLES = 3
 _HIGHEST = 2 * MAX_REGRESSORS  # power of a symbol; dynamic pressure and lengths may stand next to regressors
-_KNOWN = {*AXIS, *FUNCTION}
+_KNOWN = {*AXIS, *FUNCTION, "CL"}
 Sampler = Callable[[list[OpaqueFactor], list[xr.DataArray]], tuple[xr.DataArray, str]]
 
 

@@ -77,7 +77,8 @@ def export_jsbsim(
     -----
     Engines become external forces ``engine1`` ..., first-order lag included; the angular momentum of their rotors is lost.
     The file has no landing gear, since an aircraft file has none.  JSBSim takes the load factor of its last step, and so do
-    terms with ``dnz``; they are solved for in our own simulation.  Standard errors and sources of the nodes are summed up in
+    terms with ``dnz``; they are solved for in our own simulation.  A drag polar ``CL CL`` becomes ``aero/cl-squared``, the lift of its
+    last step.  Standard errors and sources of the nodes are summed up in
     comments; the database file stays the master.  `import_jsbsim` reads the file back, term by term.
     """
     require(db)
@@ -114,6 +115,8 @@ def export_jsbsim(
 def _leaf_problems(leaf: xr.Dataset, aircraft: Aircraft, reach: Mapping[str, tuple[float, float]]) -> list[str]:
     engines = [f"engine{number}.{kind}" for number in range(1, len(aircraft.engines) + 1) for kind in ("throttle", "thrust")]
     known = {*AXIS, *REGRESSOR, *FUNCTION, *engines} - ({"CT"} if not engines else set())
+    if regressors(leaf) == ("CL", "CL") and "CL" not in leaf.dims:  # the one way in which JSBSim knows the lift
+        known.add("CL")
     problems = [
         f"{variable} is nothing that JSBSim knows or that can be computed from what it knows; leave the term out (aerodb.delete_terms)"
         for variable in sorted(variables(leaf) - known)

@@ -146,6 +146,8 @@ const char *string_at(const reader *r, uint32_t offset) {
 
 bool is_implicit(uint32_t code) { return code >= A_ALPHADOTHAT && code < A_ALPHADOTHAT + IMPLICIT; }
 
+bool is_coefficient(uint32_t code) { return code >= A_CL && code <= A_CZ; }
+
 /* A stage must not read what is found only after it. */
 bool known_in(const reader *r, uint32_t variable, uint32_t stage) {
     return r->model->entry[AM_VARIABLE][variable].value <= stage;

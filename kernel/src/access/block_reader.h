@@ -86,4 +86,7 @@ bool known_in(const reader *r, uint32_t variable, uint32_t stage);
 /* alphadothat, betadothat or dnz. */
 bool is_implicit(uint32_t code);
 
+/* A coefficient: known once its terms are summed. */
+bool is_coefficient(uint32_t code);
+
 #endif

@@ -79,11 +79,12 @@ bool read_axes(reader *r) {
             return refuse_block(r, "model block: axes are not sorted by stage");
         }
         while (stage < record[i].stage) m->first_axis[++stage] = i;
-        if (is_implicit(code) || code == A_CL) {
+        if (is_implicit(code)) {
             return refuse_block(
                 r, "model block: %s cannot be a table axis; it may be a regressor only", e->name);
         }
-        if (!known_in(r, record[i].variable, stage)) {
+        if (!known_in(r, record[i].variable, stage)
+            || (is_coefficient(code) && stage >= STAGE_HINGE)) {
             return refuse_block(r, "model block: %s is not yet known where a table needs it",
                                 e->name);
         }

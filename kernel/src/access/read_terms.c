@@ -18,15 +18,13 @@ static uint32_t unknown_place(am_model *m, uint32_t kind) {
     return m->unknowns++;
 }
 
-/* A term may hold one of alphadothat, betadothat, dnz, which are solved for, or CL, which is
- * known after all terms of CL. */
-static bool note_special(reader *r, uint32_t i) {
+/* A term may hold one of alphadothat, betadothat, dnz, which are solved for. */
+static bool note_implicit(reader *r, uint32_t i) {
     am_model *m = r->model;
     const term_t *t = &m->term[i];
     const char *name = m->entry[AM_TERM][i].name;
     const bool first = is_implicit(t->v1);
     const bool second = is_implicit(t->v2);
-    const bool lift = t->v1 == A_CL || t->v2 == A_CL;
     if (first && second) {
         return refuse_block(
             r,
@@ -34,30 +32,28 @@ static bool note_special(reader *r, uint32_t i) {
             "solved for",
             name);
     }
-    if (lift && (first || second || t->target < T_ROLL || t->target > T_YAW)) {
+    if ((first || second) && t->target >= COEFFICIENTS) {
         return refuse_block(
-            r,
-            "model block: term %s uses CL, which only terms of Cl, Cm and Cn without "
-            "alphadothat, betadothat, dnz can",
-            name);
+            r, "model block: term %s cannot depend on alphadothat, betadothat, dnz", name);
     }
-    if ((first || second || lift) && t->target >= COEFFICIENTS) {
-        return refuse_block(
-            r, "model block: term %s cannot depend on alphadothat, betadothat, dnz or CL", name);
-    }
-    if (lift) m->late[m->lates++] = i;
     if (!first && !second) return true;
     m->implicit[m->implicits][0] = i;
     m->implicit[m->implicits++][1] = unknown_place(m, (first ? t->v1 : t->v2) - A_ALPHADOTHAT);
     return true;
 }
 
+/* True when the stage of a target may read a variable; only coefficients read coefficients. */
+static bool known_there(const reader *r, uint32_t reference, uint32_t target) {
+    if (is_coefficient(r->model->variable[reference - 1])) return target < COEFFICIENTS;
+    return known_in(r, reference - 1, r->model->target_stage[target]);
+}
+
 static bool read_power(reader *r, const term_record *b, term_t *t, const char *name) {
     am_model *m = r->model;
     uint32_t code;
     if (!b->power) return true;
-    if (!factor(r, b->power, &code) || !known_in(r, b->power - 1, m->target_stage[b->target])
-        || is_implicit(code) || code == A_CL) {
+    if (!factor(r, b->power, &code) || !known_there(r, b->power, b->target)
+        || is_implicit(code)) {
         return refuse_block(r, "model block: term %s has a power of an unknown variable", name);
     }
     if (!(b->floor > 0.0) || !isfinite(b->floor)) {
@@ -69,15 +65,149 @@ static bool read_power(reader *r, const term_record *b, term_t *t, const char *n
     return true;
 }
 
-static bool is_special(const term_t *t) {
-    return is_implicit(t->v1) || is_implicit(t->v2) || t->v1 == A_CL || t->v2 == A_CL;
+/* ---- terms that depend on coefficients ------------------------------------------------------- */
+
+/* The coefficients of a database by axes of its forces: a variable to the targets that it is made
+ * of, as bits; 0 for one that the database does not have. */
+static uint32_t made_of(const am_model *m, uint32_t code) {
+    const uint32_t lift_drag = 1u << T_CL | 1u << T_CD;
+    const bool body = m->force_axes == BODY_AXES;
+    if (!is_coefficient(code)) return 0;
+    if (code == A_CL || code == A_CD) return body ? lift_drag : 1u << (T_CL + code - A_CL);
+    if (code == A_CX || code == A_CZ) return !body ? 0 : code == A_CX ? 1u << T_CL : 1u << T_CD;
+    return 1u << (T_CL + code - A_CL);
+}
+
+/* A coefficient that the database does not have. */
+static bool foreign(const am_model *m, uint32_t code) {
+    return is_coefficient(code) && !made_of(m, code);
+}
+
+/* The bundle whose tables write a slot. */
+static uint32_t bundle_of(const am_model *m, uint32_t slot) {
+    uint32_t low = 0;
+    for (uint32_t n = m->bundles; n > 1;) {
+        const uint32_t half = n / 2;
+        if (slot >= m->bundle[low + half].slot) low += half;
+        n -= half;
+    }
+    return low;
+}
+
+/* Targets that a term depends on, as bits. */
+static uint32_t needs(const am_model *m, const term_t *t) {
+    const uint32_t slot[3] = {t->K1, t->K2, t->T};
+    uint32_t found = made_of(m, t->v1) | made_of(m, t->v2);
+    if (t->power) found |= made_of(m, m->power[t->power - 1].variable);
+    for (int k = 0; k < 3; k++) {
+        if (!slot[k]) continue;
+        const bundle_t *bundle = &m->bundle[bundle_of(m, slot[k])];
+        for (uint32_t i = 0; i < bundle->axes; i++) {
+            found |= made_of(m, m->axis[bundle->axis[i]].variable);
+        }
+    }
+    return found;
+}
+
+/* One more than the highest level among targets; 0 for no target. */
+static uint32_t level_above(const uint32_t level[COEFFICIENTS], uint32_t targets) {
+    uint32_t found = 0;
+    for (uint32_t t = 0; t < COEFFICIENTS; t++) {
+        if (targets >> t & 1 && level[t] + 1 > found) found = level[t] + 1;
+    }
+    return found;
+}
+
+/* Levels of the targets: 0 when no term of one depends on a coefficient. */
+static bool find_levels(reader *r, uint32_t level[COEFFICIENTS]) {
+    const am_model *m = r->model;
+    uint32_t need[COEFFICIENTS] = {0};
+    for (uint32_t i = 0; i < m->terms; i++) {
+        if (m->term[i].target < COEFFICIENTS) need[m->term[i].target] |= needs(m, &m->term[i]);
+    }
+    for (int round = 0; round <= COEFFICIENTS; round++) {
+        for (uint32_t t = 0; t < COEFFICIENTS; t++) level[t] = level_above(level, need[t]);
+    }
+    for (uint32_t t = 0; t < COEFFICIENTS; t++) {
+        if (level[t] > LEVELS) {
+            return refuse_block(r, "model block: coefficients depend on each other in a loop");
+        }
+    }
+    return true;
+}
+
+/* True when every table of a term is looked up after the coefficients on its axes are known and
+ * no later than the term. */
+static bool tables_in_time(const am_model *m, const term_t *t, const uint32_t level[COEFFICIENTS],
+                           uint32_t own) {
+    const uint32_t slot[3] = {t->K1, t->K2, t->T};
+    for (int k = 0; k < 3; k++) {
+        if (!slot[k]) continue;
+        const uint32_t b = bundle_of(m, slot[k]);
+        if (b >= m->first_bundle[STAGE_AERO + own + 1]) return false;
+        for (uint32_t i = 0; i < m->bundle[b].axes; i++) {
+            const uint32_t code = m->axis[m->bundle[b].axis[i]].variable;
+            const uint32_t known = level_above(level, made_of(m, code));
+            if (foreign(m, code) || b < m->first_bundle[STAGE_AERO + known]) return false;
+        }
+    }
+    return true;
+}
+
+static bool check_late(reader *r, uint32_t i, const uint32_t level[COEFFICIENTS], uint32_t own) {
+    const am_model *m = r->model;
+    const term_t *t = &m->term[i];
+    const char *name = m->entry[AM_TERM][i].name;
+    if (foreign(m, t->v1) || foreign(m, t->v2)
+        || (t->power && foreign(m, m->power[t->power - 1].variable))) {
+        return refuse_block(
+            r, "model block: term %s depends on a coefficient of other force axes", name);
+    }
+    if (own && (is_implicit(t->v1) || is_implicit(t->v2))) {
+        return refuse_block(r,
+                            "model block: term %s has a coefficient and one of alphadothat, "
+                            "betadothat, dnz; only one of them can be solved for",
+                            name);
+    }
+    if (!tables_in_time(m, t, level, own)) {
+        return refuse_block(r, "model block: term %s refers to a table outside its stage", name);
+    }
+    return true;
+}
+
+/* Lists the terms that depend on coefficients in the order of their levels. */
+static bool read_late(reader *r) {
+    am_model *m = r->model;
+    uint32_t level[COEFFICIENTS] = {0};
+    if (!find_levels(r, level)) return false;
+    for (uint32_t i = 0; i < m->terms; i++) {
+        const term_t *t = &m->term[i];
+        if (t->target >= COEFFICIENTS) continue;
+        const uint32_t own = level_above(level, needs(m, t));
+        if (!check_late(r, i, level, own)) return false;
+        if (own > m->levels) m->levels = own;
+        m->late_force |= own && t->target < T_ROLL;
+    }
+    for (uint32_t own = 1; own <= m->levels; own++) {
+        for (uint32_t i = 0; i < m->terms; i++) {
+            const term_t *t = &m->term[i];
+            if (t->target >= COEFFICIENTS) continue;
+            if (level_above(level, needs(m, t)) == own) m->late[m->lates++] = i;
+        }
+        m->first_late[own] = m->lates;
+    }
+    return true;
+}
+
+static bool is_special(const am_model *m, const term_t *t) {
+    return is_implicit(t->v1) || is_implicit(t->v2) || needs(m, t);
 }
 
 /* Gives a term the list of its stage that its form allows. */
 static void list_term(am_model *m, uint32_t i) {
     const term_t *t = &m->term[i];
     const uint32_t v = t->v1 == A_ONE ? t->v2 : t->v1;
-    if (is_special(t)) return;
+    if (t->target < COEFFICIENTS && is_special(m, t)) return;
     if (t->K2 || t->power || (t->v1 != A_ONE && t->v2 != A_ONE)) m->mixed[m->mixeds++] = i;
     else if (t->K1) m->factored[m->factoreds++] = (factored_t){i, t->place, t->T, v, t->K1};
     else m->plain[m->plains++] = (plain_t){i, t->place, t->T, v};
@@ -129,11 +259,16 @@ static bool read_term(reader *r, uint32_t i) {
     uint32_t slot[3] = {b->K1, b->K2, b->T};
     for (int k = 0; k < 3; k++) {
         if (!slot[k]) continue;
-        if (slot[k] < r->first_slot[stage] || slot[k] >= r->first_slot[stage + 1]) {
+        uint32_t of_table = stage;
+        /* tables over coefficients; levels_agree checks which */
+        if (b->target < COEFFICIENTS) {
+            while (of_table + 1 < STAGE_HINGE && slot[k] >= r->first_slot[of_table + 1]) of_table++;
+        }
+        if (slot[k] < r->first_slot[of_table] || slot[k] >= r->first_slot[of_table + 1]) {
             return refuse_block(r, "model block: term %s refers to a table outside its stage",
                                 e->name);
         }
-        slot[k] += SPILL * stage;
+        slot[k] += SPILL * of_table;
     }
     *t = (term_t){
         .K1 = slot[0], .K2 = slot[1], .T = slot[2], .v1 = A_ONE, .v2 = A_ONE, .target = b->target};
@@ -141,13 +276,13 @@ static bool read_term(reader *r, uint32_t i) {
         return refuse_block(r, "model block: term %s refers to an unknown variable", e->name);
     }
     for (int k = 0; k < 2; k++) {
-        if (v[k] && !known_in(r, v[k] - 1, stage)) {
+        if (v[k] && !known_there(r, v[k], b->target)) {
             return refuse_block(r,
                                 "model block: term %s depends on %s, which is not yet known there",
                                 e->name, m->entry[AM_VARIABLE][v[k] - 1].name);
         }
     }
-    return read_power(r, b, t, e->name) && note_special(r, i);
+    return read_power(r, b, t, e->name) && note_implicit(r, i);
 }
 
 bool read_terms(reader *r) {
@@ -165,5 +300,5 @@ bool read_terms(reader *r) {
         m->end_of[target] = i + 1;
     }
     place_terms(m);
-    return true;
+    return read_late(r);
 }

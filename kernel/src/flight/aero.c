@@ -2,22 +2,19 @@
  *
  * alpha-dot, beta-dot and the load factor depend on the forces that depend on them.  All three are
  * affine in the force and the force is affine in them, so a 3 x 3 linear system gives them exactly:
- * no iteration, no delay by one step. */
+ * no iteration, no delay by one step.  Terms that depend on coefficients follow once these are
+ * summed, level by level; where such a term is a force, it and the system are solved by turns. */
 #include "aero.h"
 
 #include "algebra.h"
 #include "table.h"
 #include "terms.h"
 
-/* The terms with CL as a factor, once CL is known. */
-static void add_late(am_sim *sim, double c[COEFFICIENTS]) {
-    const am_model *m = sim->model;
-    sim->var[A_CL] = c[0];
-    for (uint32_t k = 0; k < m->lates; k++) {
-        const uint32_t i = m->late[k];
-        c[m->term[i].target] += term_value(sim, i);
-    }
-}
+#include <math.h>
+#include <string.h>
+
+#define MOST_TURNS 50
+#define AGREED 1e-15 /* of the coefficients from turn to turn, against one plus their sum */
 
 /* CL, CD (stability axes) and CY (body axis) to body axes. */
 static void lift_drag_to_body(const now_t *now, const double c[3], double f[3]) {
@@ -44,6 +41,38 @@ static void to_lift_drag(const am_sim *sim, double c[3]) {
     c[0] = f[0] * now->sa - f[2] * now->ca;
     c[1] = -f[0] * now->ca - f[2] * now->sa;
     c[2] = f[1];
+}
+
+/* The coefficients as variables of terms: in the force axes of the database. */
+static void know_coefficients(am_sim *sim, const double c[COEFFICIENTS]) {
+    const now_t *now = &sim->now;
+    double *var = sim->var;
+    memcpy(var + A_CL, c, COEFFICIENTS * sizeof *c);
+    if (sim->model->force_axes == WIND_AXES) {
+        var[A_CD] = c[1] * now->cb - c[2] * now->sb;
+        var[A_CY] = c[1] * now->sb + c[2] * now->cb;
+    } else if (sim->model->force_axes == BODY_AXES) {
+        double f[3];
+        lift_drag_to_body(now, c, f);
+        var[A_CX] = f[0];
+        var[A_CZ] = f[2];
+    }
+}
+
+/* The terms that depend on coefficients, one level after the other: each level finds those that
+ * it needs complete. */
+static void add_late(am_sim *sim, double c[COEFFICIENTS]) {
+    const am_model *m = sim->model;
+    for (uint32_t level = 0; level < m->levels; level++) {
+        double found[COEFFICIENTS] = {0.0};
+        know_coefficients(sim, c);
+        look_up(sim, STAGE_LATE + (int)level);
+        for (uint32_t k = m->first_late[level]; k < m->first_late[level + 1]; k++) {
+            found[m->term[m->late[k]].target] += term_value(sim, m->late[k]);
+        }
+        to_lift_drag(sim, found);
+        for (int k = 0; k < COEFFICIENTS; k++) c[k] += found[k];
+    }
 }
 
 /* What alpha-dot (0) or beta-dot (1) takes from the acceleration of the air-relative velocity.
@@ -144,6 +173,35 @@ static void solve_implicit(am_sim *sim, const double applied[3], const double fr
     else add_implicit(sim, applied, free_fall, c, 3);
 }
 
+/* Forces that depend on coefficients which in turn depend on the implicit variables: both are found
+ * by turns.  What the coefficients add changes the implicit variables by a part of a thousandth
+ * (the air that the aircraft displaces against its mass), so that each turn gives three digits
+ * or more.  Without an end the coefficients are not finite, which stops the run. */
+static void solve_by_turns(am_sim *sim, const double applied[3], const double free_fall[3],
+                           double c[COEFFICIENTS]) {
+    double added[3] = {0.0, 0.0, 0.0};
+    double start[COEFFICIENTS], apart[COEFFICIENTS];
+    memcpy(start, c, sizeof start);
+    for (int turn = 0; turn < MOST_TURNS; turn++) {
+        double change = 0.0;
+        double size = 1.0;
+        memcpy(apart, start, sizeof apart);
+        for (int k = 0; k < 3; k++) apart[k] += added[k];
+        solve_implicit(sim, applied, free_fall, apart);
+        for (int k = 0; k < 3; k++) apart[k] -= added[k];
+        memcpy(c, apart, sizeof apart);
+        add_late(sim, c);
+        for (int k = 0; k < 3; k++) {
+            const double now = c[k] - apart[k];
+            change += fabs(now - added[k]);
+            size += fabs(c[k]);
+            added[k] = now;
+        }
+        if (change <= AGREED * size) return;
+    }
+    for (int k = 0; k < COEFFICIENTS; k++) c[k] = NAN;
+}
+
 static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double applied[3],
                       double F[3]) {
     const double qS = sim->now.qbar * sim->model->S;
@@ -164,9 +222,13 @@ void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]
     sum_coefficients(sim, now->c);
     to_lift_drag(sim, now->c);
     for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
-    if (m->unknowns) solve_implicit(sim, applied, free_fall, now->c);
+    if (m->unknowns && m->late_force) {
+        solve_by_turns(sim, applied, free_fall, now->c);
+    } else {
+        if (m->unknowns) solve_implicit(sim, applied, free_fall, now->c);
+        add_late(sim, now->c);
+    }
     forces_of(sim, now->c, applied, now->F);
-    if (m->lates) add_late(sim, now->c);
     /* (u, v, w)' = F / m + free fall; alpha-dot and beta-dot follow */
     const double per_mass = 1.0 / sim->now.mass;
     for (int i = 0; i < 3; i++) a[i] = now->acceleration[i] = now->F[i] * per_mass + free_fall[i];

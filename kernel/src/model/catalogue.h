@@ -15,8 +15,20 @@
 #include "gear_names.h"
 #include "weather_names.h"
 
-/* Tables and terms of a stage are evaluated together, in this order. */
-enum { STAGE_MASS, STAGE_ENGINE, STAGE_GEAR, STAGE_AERO, STAGE_HINGE, STAGES };
+/* most coefficients in a row that depend on each other: six of them make five steps */
+#define LEVELS 5
+
+/* Tables and terms of a stage are evaluated together, in this order.  Tables over a coefficient
+ * stand in the stages from STAGE_LATE on, one for each level of dependence. */
+enum {
+    STAGE_MASS,
+    STAGE_ENGINE,
+    STAGE_GEAR,
+    STAGE_AERO,
+    STAGE_LATE,
+    STAGE_HINGE = STAGE_LATE + LEVELS,
+    STAGES
+};
 
 #define AM_CORE_INPUTS(X) \
     X(U_DELTA_E, "delta_e") \
@@ -210,7 +222,14 @@ enum { STAGE_MASS, STAGE_ENGINE, STAGE_GEAR, STAGE_AERO, STAGE_HINGE, STAGES };
     X(A_X_CG, "x_cg", STAGE_ENGINE) \
     X(A_PHI, "phi", STAGE_ENGINE) \
     X(A_CT, "CT", STAGE_GEAR) \
-    X(A_CL, "CL", STAGE_AERO)
+    X(A_CL, "CL", STAGE_LATE) \
+    X(A_CD, "CD", STAGE_LATE) \
+    X(A_CY, "CY", STAGE_LATE) \
+    X(A_ROLL, "Cl", STAGE_LATE) \
+    X(A_PITCH, "Cm", STAGE_LATE) \
+    X(A_YAW, "Cn", STAGE_LATE) \
+    X(A_CX, "CX", STAGE_LATE) \
+    X(A_CZ, "CZ", STAGE_LATE)
 
 /* CL CD CY Cl Cm Cn; with body force axes the first two are CX CZ. */
 #define AM_CORE_TARGETS(X) \

@@ -126,13 +126,17 @@ struct am_model {
     term_t *term;
     plain_t *plain;
     factored_t *factored;
-    uint32_t *mixed; /* terms of other forms, those with CL or an implicit variable apart */
+    /* terms of other forms, those with a coefficient or an implicit variable apart */
+    uint32_t *mixed;
     power_t *power;
     /* term, place in unknown of the implicit variable that multiplies it */
     uint32_t (*implicit)[2];
     /* the implicit variables in use, 0..2 from A_ALPHADOTHAT */
     uint32_t unknown[IMPLICIT], unknowns;
-    uint32_t *late; /* terms with CL as a factor */
+    /* terms that depend on coefficients, level by level; levels: how many there are; late_force:
+     * one of them is a force */
+    uint32_t *late, first_late[LEVELS + 1], levels;
+    bool late_force;
     uint32_t axes, bundles, terms, powers, implicits, lates, slots, plains, factoreds, mixeds, rows,
         places;
     uint32_t first_axis[STAGES + 1], first_bundle[STAGES + 1], first_term[STAGES + 1];

@@ -23,12 +23,12 @@ static inline double term_value(const am_sim *sim, uint32_t i) {
 /* Tables, terms and the sums over each target of a stage: sim->slot, sim->term, sim->sum. */
 void evaluate_stage(am_sim *sim, int stage);
 
-/* Terms of a stage from tables that have been looked up, but those with CL or an implicit
- * variable. */
+/* Terms of a stage from tables that have been looked up, but those with a coefficient or an
+ * implicit variable. */
 void evaluate_terms(am_sim *sim, int stage);
 
-/* The terms with CL or an implicit variable, as these stand; their places are zero but between
- * these two. */
+/* The terms with a coefficient or an implicit variable, as these stand; their places are zero
+ * but between these two. */
 void evaluate_special(am_sim *sim);
 void leave_out_special(am_sim *sim);
 

@@ -69,10 +69,11 @@ def states(count, seed, speeds=(60.0, 320.0)):
     return given, commands
 
 
-def fly(path, given, commands, more=(), shipped=False):
+def fly(path, given, commands, more=(), shipped=False, settle=0, follow=(), make=()):
     """Return what JSBSim reads at each state: every quantity in SI, its forces [N] and moments [N m] about the c.g."""
     names = [name for name, _ in READ.values()]
     job = {"file": str(path), "shipped": shipped, "states": given, "commands": commands, "read": [*names, *FORCES, *MOMENTS, *more]}
+    job |= {"settle": settle, "follow": follow, "make": make}
     child = Path(__file__).with_name("jsbsim_child.py")
     with tempfile.TemporaryDirectory() as elsewhere:  # aircraft files may name files that JSBSim writes
         ran = subprocess.run(

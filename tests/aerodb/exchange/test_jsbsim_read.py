@@ -9,6 +9,7 @@ import pytest
 
 import aerodb
 from flightmech.errors import ParseError, SchemaError, UnknownName
+from flightmech.terms import make
 from flightmech.units import DEGREE, FOOT, INCH
 
 HERE = Path(__file__).parent
@@ -92,6 +93,42 @@ def test_shipped_aircraft_fly_equal(name):
     force, moment = flight.loads(db, at, craft)
     assert flight.worst(force, F).max() < ROUNDING
     assert flight.worst(moment, M).max() < ROUNDING
+
+
+def test_induced_drag_flies_equal():
+    """The A-4's CDi = k CL^2: with the lift of JSBSim's step before, and at rest, when that is the lift of the same instant."""
+    jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
+    path = Path(jsbsim.get_default_root_dir()) / "aircraft" / "A4" / "A4.xml"
+    db = aerodb.exchange.import_jsbsim(path)
+    craft = SimpleNamespace(**{key: db.attrs[key] for key in ("S", "cbar", "b")}, x_ref_mac=0.25)
+    given, commands = flight.states(8, seed=2)
+    for settle, exact in ((0, False), (2000, True)):
+        found, F, M = flight.fly(path, given, commands, ("aero/cl-squared",), shipped=True, settle=settle)
+        at = flight.conditions(found, craft) | {"delta_a": -found["left"]}
+        force, moment = flight.loads(db, at | {"CL": np.sqrt(found["aero/cl-squared"])}, craft)
+        assert flight.worst(force, F).max() < ROUNDING
+        assert flight.worst(moment, M).max() < ROUNDING
+        assert (flight.worst(flight.loads(db, at, craft)[0], F).max() < ROUNDING) == exact
+
+
+@pytest.mark.slow
+def test_the_list_of_aircraft_that_are_read():
+    """Every row of docs/jsbsim-aircraft.md."""
+    jsbsim = pytest.importorskip("jsbsim", reason="jsbsim is not installed: pip install jsbsim")
+    page = (HERE.parents[2] / "docs" / "jsbsim-aircraft.md").read_text()
+    rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in page.splitlines() if line.startswith("| ")][2:]
+    folder = Path(jsbsim.get_default_root_dir()) / "aircraft"
+    assert sorted(row[0] for row in rows) == sorted(path.name for path in folder.iterdir() if path.is_dir())
+    for name, state, travel, *figures in rows:
+        given = dict.fromkeys(travel.split(), 0.5)
+        try:
+            aerodb.exchange.import_jsbsim(folder / name / f"{name}.xml", travel=given)
+        except (ParseError, SchemaError):
+            assert "refused" in state
+        else:
+            assert state == "read"
+            assert float(figures[0]) < 1e-8
+    assert sum(row[1] == "read" for row in rows) >= 28
 
 
 def test_t37_by_name(tmp_path):
@@ -251,3 +288,45 @@ def test_sampling_only_on_demand(tmp_path):
         lift(tmp_path, curved, sample=1e-13, box={"beta": (-0.5, 0.5)})
     with pytest.raises(SchemaError, match=r"it jumps near beta = 0\.2; a table cannot follow it"):  # breakpoints were added without end
         lift(tmp_path, curved.replace("<value>9", "<value>0.2"), sample=1e-3, box={"beta": (-0.5, 0.5)})
+
+
+def test_the_square_of_the_lift_is_a_polar(tmp_path):
+    """CD = k CL^2 with CL of the same instant, there and back."""
+    induced = f"<function name='aero/coefficient/CDi'><product>{FORCE}{prop('aero/cl-squared')}<value>0.08</value></product></function>"
+    body = f"<axis name='LIFT'><function name='aero/coefficient/CLalpha'><product>{FORCE}{ALPHA}</product></function></axis>"
+    db = aerodb.exchange.import_jsbsim(file(tmp_path, body + f"<axis name='DRAG'>{induced}</axis>"))
+    assert aerodb.terms(db)["CD/CDi"].attrs["regressors"] == "CL CL"
+    assert float(aerodb.evaluate(db, "CD", alpha=0.5)) == pytest.approx(0.08 * 4.0, rel=1e-15)
+    axial = f"<axis name='AXIAL'>{induced}</axis>"
+    with pytest.raises(SchemaError, match="CX -> CX"):
+        aerodb.exchange.import_jsbsim(file(tmp_path, body.replace("LIFT", "NORMAL") + axial))
+
+
+def test_a_polar_is_written_as_the_square_of_the_lift(tmp_path):
+    polar = {"CD/polar": make(0.05, regressors=["CL", "CL"])}
+    db = aerodb.replace_terms(writing.synthetic("wind"), polar)
+    aerodb.exchange.export_jsbsim(db, tmp_path / "polar.xml", writing.craft())
+    back = aerodb.exchange.import_jsbsim(tmp_path / "polar.xml")
+    assert aerodb.terms(back)["CD/polar"].equals(polar["CD/polar"])
+    table = aerodb.replace_terms(db, {"CD/polar": make([0.02, 0.05], {"CL": [0.0, 1.0]})})
+    with pytest.raises(SchemaError, match="CL is nothing that JSBSim knows"):
+        aerodb.exchange.export_jsbsim(table, tmp_path / "table.xml", writing.craft())
+
+
+def test_the_travel_that_a_file_states(tmp_path):
+    """A scaling of the position to its fraction: 35 deg of flap; what differs by side, or starts elsewhere, states none."""
+    flap, elevator = (
+        f"<aerosurface_scale><input>fcs/{name}-pos-{unit}</input>{ends}<output>fcs/{name}-pos-norm</output></aerosurface_scale>"
+        for name, unit, ends in (
+            ("flap", "deg", "<domain><min>0</min><max>35</max></domain><range><min>0</min><max>1</max></range>"),
+            ("elevator", "rad", "<domain><min>-0.4</min><max>0.3</max></domain>"),
+        )
+    )
+    path = file(tmp_path, f"<axis name='LIFT'><function name='a'><product>{FORCE}{prop('fcs/flap-pos-norm')}</product></function></axis>")
+    text = path.read_text()
+    path.write_text(text.replace("<aerodynamics>", f"<flight_control>{flap}{elevator}</flight_control><aerodynamics>"))
+    assert value(aerodb.exchange.import_jsbsim(path), delta_f=35 * DEGREE) == pytest.approx(1.0, rel=1e-14)
+    assert value(aerodb.exchange.import_jsbsim(path, travel={"delta_f": 0.5}), delta_f=0.5) == pytest.approx(1.0, rel=1e-14)
+    path.write_text(path.read_text().replace("fcs/flap-pos-norm</property>", "fcs/elevator-pos-norm</property>"))
+    with pytest.raises(SchemaError, match="fcs/elevator-pos-norm is a fraction and the file does not state of which angle"):
+        aerodb.exchange.import_jsbsim(path)

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 import aerodb
-from flightmech.errors import OutOfRange, UnknownName
+from flightmech.errors import OutOfRange, SchemaError, UnknownName
+from flightmech.terms import make
 
 
 def test_contributions_by_hand(small):
@@ -31,3 +32,53 @@ def test_missing_conditions_and_unknown_coefficients_are_named(small):
         aerodb.evaluate(small, "CL", mach=0.3, alpha=0.0, delta_f=0.0)
     with pytest.raises(UnknownName, match="unknown coefficient 'CX'"):
         aerodb.evaluate(small, "CX")
+
+
+def polar(root, force_axes="stability"):
+    """Drag as a table over lift and a square of it, and a moment that depends on the drag."""
+    axial, normal = ("CX", "CZ") if force_axes == "body" else ("CD", "CL")
+    return aerodb.store.database(
+        {
+            f"{normal}/basic": make([0.1, 0.9], {"alpha": [0.0, 0.2]}),
+            f"{axial}/polar": make([0.02, 0.05], {normal: [0.0, 1.0]}),
+            f"{axial}/induced": make(0.1, regressors=[normal, normal]),
+            "Cm/drag": make(2.0, regressors=["CD"]),
+        },
+        **root | {"force_axes": force_axes},
+    )
+
+
+def test_a_drag_polar_follows_the_lift(root):
+    """CL = 0.5: CD = 0.035 + 0.1 CL^2 = 0.06, Cm = 2 CD; a lift that is given counts instead."""
+    db = polar(root)
+    assert float(aerodb.evaluate(db, "CD", alpha=0.1)) == pytest.approx(0.06, rel=1e-14)
+    assert float(aerodb.evaluate(db, "Cm", alpha=0.1)) == pytest.approx(0.12, rel=1e-14)
+    assert float(aerodb.evaluate(db, "Cm", CL=1.0)) == pytest.approx(0.3, rel=1e-14)
+    assert aerodb.contributions(db, "CD", {"alpha": 0.1})["induced"] == pytest.approx(0.025, rel=1e-14)
+
+
+def test_drag_of_a_database_in_body_axes(root):
+    """CZ = 0.5, CX = 0.06 at 0.1 rad: CD = -CX cos - CZ sin."""
+    db = polar(root, "body")
+    expected = -0.06 * np.cos(0.1) - 0.5 * np.sin(0.1)
+    assert float(aerodb.evaluate(db, "Cm", alpha=0.1)) == pytest.approx(2.0 * expected, rel=1e-14)
+
+
+def test_a_loop_among_coefficients_is_refused_with_its_path(root):
+    leaves = {
+        "CL/flow": make(0.1, regressors=["Cm"]),
+        "CD/polar": make(0.1, regressors=["CL", "CL"]),
+        "Cm/drag": make(1.0, regressors=["CD"]),
+    }
+    with pytest.raises(
+        SchemaError, match=r"CL -> CD -> Cm -> CL \(terms CD/polar, Cm/drag, CL/flow\): a coefficient cannot depend on itself"
+    ):
+        aerodb.store.database(leaves, **root)
+
+
+def test_a_polar_keeps_through_a_file_and_its_check_cases(root, tmp_path):
+    db = aerodb.store.with_checks(polar(root), 5)
+    aerodb.save(db, tmp_path / "polar.nc")
+    back = aerodb.open(tmp_path / "polar.nc")
+    assert not aerodb.check(back)
+    assert back.identical(db)
