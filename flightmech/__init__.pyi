@@ -24,5 +24,6 @@ from .simulation import SimModel as SimModel
 from .simulation import compile as compile
 from .simulation import simulate as simulate
 from .simulation import simulate_batch as simulate_batch
+from .simulation import simulate_closed_loop as simulate_closed_loop
 from .trimming import start_of as start_of
 from .trimming import trim as trim

@@ -1,6 +1,7 @@
 """Public names of `flightmech.simulation` and where they are defined; ``__init__.py`` loads them from this list."""
 
 from .batch import simulate_batch as simulate_batch
+from .closed_loop import simulate_closed_loop as simulate_closed_loop
 from .compiler import SimModel as SimModel
 from .compiler import compile as compile
 from .kernel import Simulation as Simulation

@@ -76,7 +76,7 @@ def simulate(
         columns["contribution"] = (("time", "term"), parts, {"long_name": "contribution of each term to its coefficient"})
         coords["term"] = ("term", list(sim.terms))
     return xr.Dataset(
-        columns, coords, {"title": sim.title, "step": float(values["mode.step"]), "hold": hold, "out_of_range": _left(sim, run)}
+        columns, coords, {"title": sim.title, "step": float(values["mode.step"]), "hold": hold, "out_of_range": axes_left(sim, run)}
     )
 
 
@@ -163,7 +163,7 @@ def _in_vocabulary(name: str) -> bool:
     return True
 
 
-def _left(sim: SimModel, run: Simulation) -> str:
+def axes_left(sim: SimModel, run: Simulation) -> str:
     """Return a short text per axis that was left: where and how long."""
     texts = []
     for row, below, above in zip(sim.entries(AXIS), *run.out_of_range()):

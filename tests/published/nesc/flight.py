@@ -1,4 +1,4 @@
-"""Flying the F-16 scenarios: trim over the rotating Earth, the control law in the loop of the kernel's steps.
+"""Flying the F-16 scenarios: trim over the rotating Earth, the control law in the loop of `flightmech.simulate_closed_loop`.
 
 The tools take the damping of the F-16 from the body rates relative to the rotating Earth, with which the air turns (mode.rates 1).
 """
@@ -12,6 +12,7 @@ from functools import cache
 import numpy as np
 import xarray as xr
 
+import flightmech
 from aerodb.exchange import daveml
 from flightmech.simulation.kernel import OUTPUT, Simulation
 from flightmech.simulation.run import attributes
@@ -50,7 +51,7 @@ def level_turn(lat: float, h: float, vn: float, ve: float) -> np.ndarray:
 
 
 class Flight:
-    """One simulation with its inputs; outputs by name."""
+    """One simulation of the kernel, step by step: the trim, and integration as tool 5 does it."""
 
     def __init__(self, start: Mapping[str, float], step: float):
         self.model = compiled()
@@ -143,25 +144,47 @@ def fly(case: str, hold: float = 0.0, adams: bool = False) -> xr.Dataset:
     scenario = SCENARIOS[case]
     hold, start = hold or scenario.hold, start_of(case)
     steady = trim(start)
-    law = _law(scenario, scenario.commands, steady) if scenario.commands else None
+    law = Autopilot(scenario, steady, hold) if scenario.commands else None
+    if adams:
+        return _adams(scenario, start, steady, law, hold)
+    level = {**start, "init.alpha": steady["alpha"], "init.theta": steady["alpha"], "mode.earth": 1.0, "mode.rates": 1.0, "mode.step": hold}
+    controls = {"delta_e": steady["delta_e"], "engine1.throttle": steady["lever"]}
+    at = xr.Dataset({name: ((), value) for name, value in controls.items()}, {"time": 0.1 * np.arange(round(scenario.duration / 0.1) + 1)})
+    fixed = {**dict.fromkeys(("delta_e", "delta_a", "delta_r"), 0.0), **controls}
+    return flightmech.simulate_closed_loop(compiled(), at, law or (lambda t, y, u: fixed), hold, level).rename(
+        {"engine1.throttle": "lever"}
+    )
+
+
+def _adams(scenario: Scenario, start: Mapping[str, float], steady: Mapping[str, float], law: Autopilot | None, hold: float) -> xr.Dataset:
+    """Return a scenario with the derivative of the kernel integrated as tool 5 does; the law at every step, as in the closed loop."""
     flight = Flight(start, hold)
     flight.put(delta_e=steady["delta_e"], lever=steady["lever"])
     flight.begin(steady["alpha"])
-    every, rows, deviation = round(0.1 / hold), [], 0.0
+    every, rows = round(0.1 / hold), []
     for i in range(round(scenario.duration / hold) + 1):
-        t = i * hold
-        y = flight.outputs()
         if law is not None:
-            flight.put(**law(t, y, deviation))
+            flight.put(**law(i * hold, flight.outputs(), {}))
             flight.run.set_inputs(flight.u)
         if i % every == 0:
-            rows.append([t, *flight.run.outputs(), *flight.u])
-        deviation += hold * _drift(y, scenario)
-        if adams:
-            flight.adams_step(hold)
-        else:
-            flight.run.step(t, hold, flight.u, flight.u)
+            rows.append([i * hold, *flight.run.outputs(), *flight.u])
+        flight.adams_step(hold)
     return _dataset(flight, np.array(rows))
+
+
+class Autopilot:
+    """The control law of a scenario, with the deviation to the right of the course of the start, which it sums up. [ft]"""
+
+    def __init__(self, scenario: Scenario, steady: Mapping[str, float], hold: float):
+        assert scenario.commands is not None
+        self.scenario, self.hold, self.deviation = scenario, hold, 0.0
+        self.controls = _law(scenario, scenario.commands, steady)
+
+    def __call__(self, t: float, y: Mapping[str, float], u: Mapping[str, float]) -> dict[str, float]:
+        """Return the controls from the outputs of the kernel."""
+        found = self.controls(t, y, self.deviation)
+        self.deviation += self.hold * _drift(y, self.scenario)
+        return found
 
 
 def _drift(y: Mapping[str, float], scenario: Scenario) -> float:
@@ -178,7 +201,12 @@ def _law(scenario: Scenario, commands: Commands, steady: Mapping[str, float]) ->
     def controls(t: float, y: Mapping[str, float], deviation: float) -> dict[str, float]:
         rates = np.array([y["p"], y["q"], y["r"]]) - axes(y["phi"], y["theta"], y["psi"]) @ earth_turn(y["lat"])
         found = law({**fixed, **_sensed(y), **dict(zip(("pb", "qb", "rb"), rates, strict=True)), **commands(t, y, deviation)})
-        return {"delta_e": found["el"] * DEG, "delta_a": found["ail"] * DEG, "delta_r": found["rdr"] * DEG, "lever": found["PWR"] / 100.0}
+        return {
+            "delta_e": found["el"] * DEG,
+            "delta_a": found["ail"] * DEG,
+            "delta_r": found["rdr"] * DEG,
+            "engine1.throttle": found["PWR"] / 100.0,
+        }
 
     return controls
 
