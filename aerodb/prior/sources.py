@@ -167,6 +167,7 @@ def source(role: str, given: Any, powered: bool = False) -> Source:
     looped = {name for tree in trees for name, leaf in tree.children.items() if leaf.sizes.get("condition", 1) > 1}
     if role == "clean" and "static" in joined.children:
         _report_pairs(role, joined.children["static"].to_dataset(inherit=False))
+        _report_suspects(role, joined)
     return Source(role, joined, {key: float(joined.attrs[key]) for key in REFERENCES}, frozenset(looped), decks, powered)
 
 
@@ -203,6 +204,16 @@ def _report_pairs(role: str, static: xr.Dataset) -> None:
     if _paired(static):
         places = ", ".join(f"{mach:g} at {h:.0f} m" for mach, h in zip(static["mach"].values, static["h"].values))
         warn(f"{role}: every Mach number stands at an altitude of its own ({places}); the tables go over Mach number alone")
+
+
+def _report_suspects(role: str, joined: xr.DataTree) -> None:
+    """Warn of pages in free air that hold suspect cells."""
+    suspect = datcom_io.FLAGS.index("suspect")
+    leaves = [joined.children[name].to_dataset(inherit=False) for name in ("static", "dynamic") if name in joined.children]
+    leaves = [leaf.sel(ground_height=np.inf) if "ground_height" in leaf.dims else leaf for leaf in leaves]
+    count = sum(int((leaf[name] == suspect).sum()) for leaf in leaves for name in leaf.data_vars if str(name).endswith("_flag"))
+    if count:
+        warn(f"{role}: {count} numbers of {joined.attrs.get('file')} are suspect; its messages state why (datcom show)")
 
 
 def known(tables: Mapping[str, xr.DataArray]) -> dict[str, xr.DataArray]:

@@ -46,7 +46,12 @@ class Stacker:
 
     def placed(self, name: str) -> list[tuple[Spot, Page, Table]]:
         """Return place, page and table of every table of a kind that has a place."""
-        return [(self.spots[page.first], page, table) for page, table in self.case.tables(name) if page.first in self.spots]
+        most = len(self.alphas()) or None  # rows of angles that NALPHA counts and the cards do not give have no place
+        return [
+            (self.spots[page.first], page, table.first_rows(most) if table.layout.rows == ("FLTCON", "NALPHA") else table)
+            for page, table in self.case.tables(name)
+            if page.first in self.spots
+        ]
 
     def placed_values(self, name: str) -> list[tuple[Spot, Page, Values]]:
         """Return place, page and group of every group of a kind that has a place."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..cells import BLANK, OK, read_cell
+from ..cells import BLANK, NDM, OK, read_cell
 
 if TYPE_CHECKING:
     from .columns import Column
@@ -57,7 +57,8 @@ def cuts(columns: Sequence[Column]) -> list[Cut]:
 def read_row(text: str, windows: list[Cut], keys: int) -> Cells | None:
     """Return values and flags of a row, or None when the line does not cut into the columns.
 
-    It cuts when every window holds a cell, no text straddles two windows or stands outside of them, and the keys are numbers.
+    It cuts when every window holds a cell, no text straddles two windows or stands outside of them, and the keys are numbers.  A single
+    key may be NDM: the program prints an angle of attack so that NALPHA counts and the cards do not give.
     """
     if "_" in text or not text.isascii():  # float() would take 1_0, and digits of other scripts
         return None
@@ -70,7 +71,7 @@ def read_row(text: str, windows: list[Cut], keys: int) -> Cells | None:
             return None
         values.append(cell[0])
         flags.append(cell[1])
-    if any(flags[:keys]) or text[windows[-1].stop :].strip():
+    if (any(flags[:keys]) and (keys > 1 or flags[0] != NDM)) or text[windows[-1].stop :].strip():
         return None
     return values, flags
 

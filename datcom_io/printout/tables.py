@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -76,6 +76,14 @@ class Table:
     def flags(self) -> np.ndarray:
         """Codes of `datcom_io.FLAGS` (row, column), uint8."""
         return self.cells[1]
+
+    def first_rows(self, count: int | None) -> Table:
+        """Return the table with so many rows at the most, all with None."""
+        if count is None or len(self.rows) <= count:
+            return self
+        given = None if self.given is None else (self.given[0][:count], self.given[1][:count])
+        suspect = None if self.suspect is None else self.suspect[:count]
+        return replace(self, lines=self.lines[:count], rows=self.rows[:count], given=given, suspect=suspect)
 
     def number(self, row: int, column: int) -> float:
         """Return one printed number, NaN where there is none; the others need not be read for it. [as printed]"""

@@ -27,6 +27,34 @@ _TRIMMED = ("delta_trim", "dCL", "dCLmax", "dCDi", "dCDmin")
 _TAKEN_FOR_FLAPS = (3, 4, 5)  # values of STYPE that are slotted and split flaps as FTYPE
 
 
+def flag_missing_angles(case: Case) -> None:
+    """Flag the rows of angles of attack that NALPHA counts and ALSCHD does not give, and what the program interpolates over them.
+
+    The program takes them as 1E-30 and prints NDM; its interpolation in alpha needs rising angles.  Increments of flaps and ailerons
+    are computed angle by angle.
+    """
+    given = case.deck.schedule("FLTCON", "ALSCHD", "NALPHA")
+    counted = case.deck.count("FLTCON", "NALPHA") or 0
+    if not 0 < len(given) < counted:
+        return
+    rising = max(given) < 0.0
+    lines: list[int] = []
+    for i, page in enumerate(case.pages):
+        for table in page.tables:
+            if table.layout.rows == ("FLTCON", "NALPHA"):
+                first = len(given) if rising or table.layout.across is not None else 0
+                page = _with_suspects(page, table.name, None, slice(first, None))
+                lines += table.lines[len(given) :]
+        case.pages[i] = page
+    if lines:
+        what = "their rows" if rising else "their rows, and all others of pages that the program interpolates over them (CL a third off),"
+        text = (
+            f"NALPHA counts {counted} angles of attack, the input cards give {len(given)}: the program takes the others as 1E-30; {what} "
+            "are flagged suspect; correct NALPHA and run the deck again"
+        )
+        case.messages.append(Message(lines[0], text, "reader"))
+
+
 def flag_ground_pages(case: Case) -> None:
     """Flag the pages over ground that the effect of an earlier deflection is in."""
     flagged: list[int] = []
@@ -90,15 +118,16 @@ def flag_flap_moments(case: Case, before: int) -> int:
     return before
 
 
-def _with_suspects(page: Page, name: str, quantities: tuple[str, ...], rows: slice = slice(None)) -> Page:
-    """Return a page whose tables of a kind have the flag ``suspect`` in some columns."""
+def _with_suspects(page: Page, name: str, quantities: tuple[str, ...] | None, rows: slice = slice(None)) -> Page:
+    """Return a page whose tables of a kind have the flag ``suspect`` in some columns, all but the keys with None."""
     if page.table(name) is None:
         return page
     printed = tuple(_flagged(item, quantities, rows) if isinstance(item, Table) and item.name == name else item for item in page.printed)
     return replace(page, printed=printed)
 
 
-def _flagged(table: Table, quantities: tuple[str, ...], rows: slice) -> Table:
+def _flagged(table: Table, quantities: tuple[str, ...] | None, rows: slice) -> Table:
     suspect = np.zeros((len(table.rows), len(table.columns)), bool) if table.suspect is None else table.suspect.copy()
-    suspect[rows, [k for k, column in enumerate(table.columns) if column.quantity in quantities]] = True
+    columns = enumerate(table.columns)
+    suspect[rows, [k for k, column in columns if (k >= table.layout.keys if quantities is None else column.quantity in quantities)]] = True
     return replace(table, suspect=suspect)

@@ -13,7 +13,7 @@ from ..cells import OK
 from ..listing import Case
 from ..printout.content import Message
 from ..printout.layouts.special import HYPERSONIC_FROM
-from .carried import flag_flap_moments, flag_ground_pages
+from .carried import flag_flap_moments, flag_ground_pages, flag_missing_angles
 
 _FAILED = re.compile("NaN|Inf|#")
 
@@ -30,6 +30,7 @@ class Observer:
         _last_mach_in_static_pages(case)
         _pressure_on_control_pages(case)
         _weight(case)
+        flag_missing_angles(case)
         flag_ground_pages(case)
         _flaps_in_ground_effect(case)
         _power_on_missing_cells(case)

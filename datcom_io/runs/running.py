@@ -45,7 +45,8 @@ class Run:
     files : dict of str to Path
         ``out``, and ``for013``, ``for014`` where they were written.
     messages : tuple of Message
-        What the program printed on its console, every text once, and (origin ``reader``) where the echoed cards differ from the deck.
+        What the program printed on its console, every text once, and (origin ``reader``) what could not be read of a complete print and
+        where the echoed cards differ from the deck.
     seconds : float
         Elapsed time.
     """
@@ -201,10 +202,11 @@ def _collect(scratch: Path, attempt: _Attempt) -> dict[str, bytes] | None:
 
 
 def _listing(content: bytes, attempt: _Attempt) -> Listing:
+    """Read a print; one that the program has ended and the reader cannot take whole is kept, with the reader's messages."""
+    ended = b"END OF JOB" in content and not attempt.broken
     try:
-        return read(content.decode("latin-1").split("\n"))
+        return read(content.decode("latin-1").split("\n"), partial=ended)
     except ParseError as error:
-        ended = b"END OF JOB" in content
         why = attempt.failure if attempt.broken else str(error) if ended else "it has no END OF JOB"
         raise SimulationError(
             f"the print of the program is not complete: {why}; nothing was written. Run datcom check on the deck"
@@ -212,9 +214,10 @@ def _listing(content: bytes, attempt: _Attempt) -> Listing:
 
 
 def _messages(listing: Listing, deck: DeckFile) -> Iterator[Message]:
-    """Yield what the program printed on its console, every text once, and where its echo differs from the deck."""
+    """Yield what the program printed on its console, every text once, what the reader left out, and where the echo differs."""
     texts = {message.text: message for message in reversed(listing.messages) if message.origin == "program"}
     yield from sorted(texts.values())
+    yield from (message for message in listing.messages if message.text.endswith(": left out"))
     for number, (printed, wanted) in enumerate(zip(listing, deck), 1):
         if printed.deck.meaning() != wanted.meaning():
             yield Message(printed.line, f"case {number}: the cards in the print differ from those of the deck", "reader")

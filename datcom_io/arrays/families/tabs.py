@@ -44,12 +44,13 @@ def _add_stream(stacker: Stacker, found: Leaf, layout: Layout, shape: tuple[int,
     """Add the streams of one kind as a variable (condition, alpha, delta)."""
     column, placed = layout.columns[0], stacker.placed(layout.name)
     count = shape[1] * shape[2]
+    wanted = max(shape[1], stacker.case.deck.count("FLTCON", "NALPHA") or 0) * shape[2]
     value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
     for spot, page, table in placed:
         printed = table.flags.ravel() != BLANK
-        if printed.sum() != count or not printed[:count].all():
+        if printed.sum() != wanted or not printed[:count].all():
             text = f"{printed.sum()} values in the {layout.name} table"
-            raise ParseError(stacker.case.file, table.lines[-1], text, f"{count} values, alphas x deflections of the input cards")
+            raise ParseError(stacker.case.file, table.lines[-1], text, f"{wanted} values, alphas x deflections of the input cards")
         numbers, codes = (array.ravel()[:count].reshape(shape[1:]) for array in (table.values, table.flags))
         value[spot.condition], flag[spot.condition] = stacker.si(column, page, numbers, codes), codes
     found.add(column, ("condition", "alpha", "delta"), value, flag)

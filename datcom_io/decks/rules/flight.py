@@ -25,7 +25,8 @@ def counts(deck: Deck) -> Iterator[DeckFinding]:
             yield DeckFinding(line, ERROR, f"${name}: {counter}={wanted:g}; allowed are whole numbers from 1 to {most}")
         else:
             for array in given:
-                yield from _filled(deck, name, array, f"{counter}={wanted:g}", int(wanted), ERROR if array in needed else WARNING)
+                severity = ERROR if array in needed and array != "ALSCHD" else WARNING
+                yield from _filled(deck, name, array, f"{counter}={wanted:g}", int(wanted), severity)
 
 
 def _filled(deck: Deck, name: str, array: str, required: str, wanted: int, severity: str) -> Iterator[DeckFinding]:
@@ -34,6 +35,8 @@ def _filled(deck: Deck, name: str, array: str, required: str, wanted: int, sever
     missing = [i + 1 for i, value in enumerate(values[:wanted]) if value is None]
     if len(values) < wanted:
         text = f"${name}: {array} has {len(values)} values, {required}; the program takes the missing ones as 1E-30"
+        if array == "ALSCHD":
+            text += ", prints NDM for these angles, and interpolates wrongly at the others unless all are below zero: correct NALPHA"
         yield DeckFinding(line, severity, text)
     elif missing:
         yield DeckFinding(line, severity, f"${name}: {array} has no value at place {missing[0]}; the program takes it as 1E-30")

@@ -140,6 +140,8 @@ def test_counts():
     one("MACH has 3 values, NMACH=2; the rest is not used", severity="note", FLTCON=f"{flight},NMACH=2.0,MACH(1)=0.2,0.3,0.4")
     one("NX=21; allowed are whole numbers from 1 to 20", BODY="NX=21.0,X(1)=0.0,1.0,R(1)=0.0,1.0")
     one("CPRMEI has 1 values, NDELTA=2", severity="warning", SYMFLP=f"{FLAP},CPRMEI(1)=2.0", FLTCON=ONE_CONDITION)
+    few = "LOOP=2.0,NMACH=1.0,MACH(1)=0.3,NALT=1.0,ALT(1)=0.0,NALPHA=3.0,ALSCHD(1)=0.0,2.0"
+    one("ALSCHD has 2 values, NALPHA=3; the program takes the missing ones as 1E-30, prints NDM", severity="warning", FLTCON=few)
     one("NGH=11; allowed are whole numbers from 1 to 10", GRNDEF="NGH=11.0,GRDHT(1)=2.0,3.0")
 
 

@@ -82,3 +82,36 @@ def test_ailerons_over_ground_are_taken_for_flaps_on_a_wing(ground_flap_lines):
 @pytest.fixture
 def ground_flap_lines():
     return (Path(__file__).parents[3] / "data" / "t37" / "datcom" / "t37_ground_flap.out").read_text().split("\n")
+
+
+LISTINGS = Path(__file__).parents[1] / "listings"
+
+
+def test_an_angle_that_the_cards_do_not_give():
+    """The sixth angle is printed as NDM; CL at 8 deg is 0.903, with NALPHA=5 it is 0.929: the other rows are not right either."""
+    listing = datcom_io.read(LISTINGS / "missing_angle.out")
+    assert listing.unread == []
+    static = next(table for _, table in listing[0].tables("static"))
+    assert static.text(5, 0) == "NDM"
+    assert static.values[:5, 0].tolist() == [-4.0, 0.0, 4.0, 8.0, 12.0]
+    assert static.values[:, 2].tolist() == [-0.224, 0.143, 0.518, 0.903, 1.302, 0.143]
+    assert (static.flags[:, 2] == SUSPECT).all()
+    assert [message.text.split(":")[0] for message in listing.messages if "NALPHA" in message.text] == [
+        "NALPHA counts 6 angles of attack, the input cards give 5"
+    ]
+    (case,) = listing.to_datatree().children.values()
+    for leaf in ("static", "downwash", "dynamic"):
+        np.testing.assert_allclose(case[leaf]["alpha"], np.radians([-4.0, 0.0, 4.0, 8.0, 12.0]))
+    assert (case["symflp"]["dCDi_flag"] == OK).all()  # computed angle by angle
+    assert case["symflp"].sizes["alpha"] == 5
+
+
+def test_a_missing_angle_behind_negative_ones_spoils_its_row_only():
+    """It counts as zero, and the angles rise: all rows but the last are those of NALPHA=5 within what a further point changes."""
+    listing = datcom_io.read(LISTINGS / "missing_angle_below_zero.out")
+    for name in ("static", "downwash", "dynamic"):
+        table = next(table for _, table in listing[0].tables(name))
+        assert (table.flags[:5] != SUSPECT).all()
+        assert (table.flags[5] != OK).all()
+    (case,) = listing.to_datatree().children.values()
+    assert (case["static"]["CL_flag"] == OK).all()

@@ -103,6 +103,24 @@ def test_a_datcom_plus_deck_is_rewritten_first(program, deck, results):
     assert datcom_io.run_deck(deck, program(body), results).listing.case_names
 
 
+def test_a_complete_print_is_kept_when_the_reader_cannot_take_all_of_it(program, deck, results):
+    """The last row of a table is lost; the program itself came to END OF JOB."""
+    row = next(line for line in LISTING.read_text().split("\n") if line.startswith("   20.0    0."))
+    body = f"""
+        open("for006.dat", "wb").write(LISTING.replace({row.encode()!r} + b"\\n", b"", 1))
+        """
+    done = datcom_io.run_deck(deck, program(body), results)
+    assert done.files["out"].read_text().count(row) == LISTING.read_text().count(row) - 1
+    assert any("18 rows in the static table instead of 19 rows" in message.text for message in done.listing.messages)
+    assert any("18 rows in the static table" in message.text for message in done.messages)
+
+
+def test_a_print_with_an_angle_that_the_cards_do_not_give(program, deck, results):
+    source = Path(__file__).parents[1] / "listings" / "missing_angle.out"
+    done = datcom_io.run_deck(deck, program(f'open("for006.dat", "wb").write(pathlib.Path({str(source)!r}).read_bytes())'), results)
+    assert done.files["out"].read_bytes() == source.read_bytes()
+
+
 FAILURES = {
     "writes nothing": ("", r"datcom made no result \(tried with for005.dat.*: it ended without a print of unit 6; nothing was written"),
     "states why": ('print("no licence"); sys.exit(3)', "it ended with code 3; its output: no licence; nothing was written"),
