@@ -257,6 +257,7 @@ def test_errors_of_the_pick_ups_are_carried_on_as_a_refit_would(found, loading, 
         assert carried == pytest.approx(abs(moved.value(name)[0] - found.value(name)[0]), rel=0.15)
 
 
+@pytest.mark.slow
 def test_drawings_hold_masses_that_are_lost_in_noise(loading, records):
     rng = np.random.default_rng(1)
     noisy = [

@@ -75,6 +75,7 @@ def test_along_a_flight_the_shares_are_printed(files, path):
     assert json.loads(run("compare", *files, "--along", path, "--json").stdout)["along"] == path
 
 
+@pytest.mark.slow
 def test_figures_of_what_differs(files, path, tmp_path):
     folder = tmp_path / "figures"
     text = run("compare", *files, "--along", path, "--figures", str(folder)).stdout

@@ -104,6 +104,7 @@ def test_json_holds_findings_and_figures(quality):
     assert {row["relation"] for row in found["kinematics"]} >= {"phi_rate", "force_z"}
 
 
+@pytest.mark.slow
 def test_command_of_a_wrong_record(wrong_names, tmp_path):
     done = call(RECORD, "--names", wrong_names, "-o", tmp_path / "q.html", "--json")
     assert done.exit_code == 1

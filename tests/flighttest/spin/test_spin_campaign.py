@@ -47,6 +47,7 @@ def flown(spin, cz150):
     return record, errors, truth
 
 
+@pytest.mark.slow
 def test_a_record_shows_the_truth_with_the_errors_drawn(flown, cz150):
     record, errors, truth = flown
     imu = record["imu"].to_dataset()

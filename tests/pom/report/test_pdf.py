@@ -84,6 +84,7 @@ def test_it_is_pdf_a_3b_and_pdf_ua_1(folder):
     assert b"/Outlines" in whole
 
 
+@pytest.mark.slow
 def test_equal_input_gives_equal_bytes(folder, tmp_path):
     pom.write_report(fixture.results(), tmp_path, title="T-37", provenance=fixture.PROVENANCE, revision="A")
     for name in ("report.pdf", "manifest.json", "results.nc", "results.xml", "csv/roll_response_clean.csv"):

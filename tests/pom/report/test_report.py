@@ -41,6 +41,7 @@ class Table(HTMLParser):
             self.row = None
 
 
+@pytest.mark.slow
 def test_equal_input_gives_equal_bytes(tmp_path):
     first, second = write(tmp_path / "a"), write(tmp_path / "b")
     assert first.read_bytes() == second.read_bytes()
