@@ -19,8 +19,8 @@ ERROR, WARNING, NOTE = "error", "warning", "note"
 class DeckFinding(NamedTuple):
     """What a check found: line number from 1 (0: the whole deck), severity ``error``, ``warning`` or ``note``, and text.
 
-    An error stops the program, makes it leave out the case, or makes it print ERROR and change or drop what was requested; with a
-    warning it runs and the result needs care.
+    An error stops the program, makes it leave out the case, or makes it print ERROR and drop what was requested; with a warning it
+    runs, if need be with a value that it corrects itself, and the result needs care.
     """
 
     line: int

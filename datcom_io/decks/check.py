@@ -30,7 +30,8 @@ def check_deck(deck: DeckFile | Deck | str | os.PathLike[str] | Iterable[Deck]) 
     -------
     list of DeckFinding
         By line: ``line``, ``severity`` and ``text``.  An ``error`` stops the program, makes it leave out the case, or makes it
-        print ERROR and change or drop what was requested; with a ``warning`` it runs and the result needs care.
+        print ERROR and drop what was requested; with a ``warning`` it runs, if need be with a value that it corrects itself, and the
+        result needs care.
 
     Examples
     --------

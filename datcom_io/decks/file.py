@@ -2,22 +2,25 @@
 
 DATCOM+ decks hold comments (``*`` or ``#`` in column 1, ``!`` to the end of the line), blank lines, tabs and long lines, which a
 pre-processor of theirs takes away before the program runs.  They are accepted here and reported: the program alone stumbles over them.
+The pre-processor also repeats DAMP and PART in the cases that SAVE continues, which the program itself does not: so does this reader in
+a deck with comments of DATCOM+ or the suffix ``.dcm``.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from flightmech.errors import ParseError
 from flightmech.support.file_kinds import file_kind
 from flightmech.support.input_files.text import marked_encoding, read_bytes, with_line_feeds
 
-from .cards import ERROR, WARNING, DeckFinding
+from .cards import ERROR, NOTE, WARNING, Card, DeckFinding
 from .deck import Deck, parse_cards
 from .names import CARD_COLUMNS
 
+_KEPT = ("DAMP", "PART")  # control cards that DATCOM+ repeats
 _DECK = "an input deck (unit 5): namelists $NAME ... $ and control cards"
 
 
@@ -100,7 +103,23 @@ def read_deck(source: str | os.PathLike[str] | Iterable[str]) -> DeckFile:
         _add_last(cases, cards, text)
     if not cases:
         raise ParseError(file, 0, "no card" if text.lines else "an empty file", _DECK)
+    if text.comments or file.lower().endswith(".dcm"):
+        cases = _with_cards_kept(cases, text)
     return DeckFile(file, tuple(cases), tuple(text.comments), tuple(text.findings))
+
+
+def _with_cards_kept(cases: list[Deck], text: _Text) -> list[Deck]:
+    """Return the cases with DAMP and PART in every case that SAVE continues from one that has them."""
+    kept = cases[:1]
+    for case in cases[1:]:
+        cards = [Card(case.line, word, "") for word in _KEPT if kept[-1].has("SAVE") and kept[-1].has(word) and not case.has(word)]
+        if cards:
+            words = " and ".join(card.name for card in cards)
+            text.report(
+                case.line, NOTE, f"{words} of the case before: DATCOM+ repeats it after SAVE, the program does not; write_deck writes it"
+            )
+        kept.append(replace(case, items=(*cards, *case.items), cards=(*case.cards, *cards)))
+    return kept
 
 
 def _lines(source: str | os.PathLike[str] | Iterable[str]) -> Iterator[str]:

@@ -40,6 +40,8 @@ DEVICES = {
     "differential_tail": ("ASYFLP", True),
 }
 _KEYWORDS = {"FLAP": "flaps", "SLAT": "slats", "ELEVATOR": "elevator"}
+_ROUNDING, _CORRECTED = 1e-3, 0.1  # of the half span: a flap may begin so far inside the body; the program moves it to the side
+_ANY_DEVICE = ("SYMFLP", "SYMMETRIC")  # of headings such as SYMMETRICAL FLAP DEFLECTION PARAMETERS, which stand above elevators too
 _SPOILERS, _AILERON, _DIFFERENTIAL_TAIL = (1, 2, 3), 4, 5
 _KEYS: dict[str, type] = {"deck": str, "title": str, "devices": list, "runs": dict}
 _RUN_KEYS: dict[str, type] = {"caseid": str, "cards": str, "separate": bool}
@@ -173,22 +175,33 @@ def _name(deck: DeckFile, group: tuple[Namelist, ...]) -> str:
         return (
             "aileron" if kind == _AILERON else "spoiler" if kind in _SPOILERS else "differential_tail" if kind == _DIFFERENTIAL_TAIL else ""
         )
-    above = max((item.line for item in deck[0].items if item.line < group[0].line), default=0)
-    for line, text in reversed(deck.comments):
-        if above < line < group[0].line:
-            for keyword, name in _KEYWORDS.items():
-                if keyword in text.upper():
-                    return name
-    there = [(name, surface) for name, surface in (("flaps", "WGPLNF"), ("elevator", "HTPLNF")) if surface in deck[0].namelists]
-    fits = [name for name, surface in there if len(there) == 1 or _fits(deck[0], surface, values)]
-    return fits[0] if len(fits) == 1 else ""
+    there = {name: surface for name, surface in (("flaps", "WGPLNF"), ("elevator", "HTPLNF")) if surface in deck[0].namelists}
+    named = _named_above(deck, group[0].line)
+    for inside in (_ROUNDING, _CORRECTED):
+        fits = [name for name, surface in there.items() if len(there) == 1 or _fits(deck[0], surface, values, inside)]
+        if len(fits) == 1:
+            return named if named and is_on_tail(named) == is_on_tail(fits[0]) else fits[0]
+        if fits:
+            break
+    return named
 
 
-def _fits(base: Deck, surface: str, values: dict) -> bool:
-    """Return whether the span of a flap lies between the body side and the tip of a surface."""
+def _named_above(deck: DeckFile, line: int) -> str:
+    """Return the device that the comment next above a line names; a heading that holds for any symmetrical flap names none."""
+    above = max((item.line for item in deck[0].items if item.line < line), default=0)
+    for at, text in reversed(deck.comments):
+        words = text.upper()
+        if above < at < line and not any(generic in words for generic in _ANY_DEVICE):
+            found = [name for keyword, name in _KEYWORDS.items() if keyword in words]
+            if len(found) == 1:
+                return found[0]
+    return ""
+
+
+def _fits(base: Deck, surface: str, values: dict, inside: float) -> bool:
+    """Return whether a flap ends within the tip of a surface and begins no farther inside the body than a share of the half span."""
     tip, exposed = base.value(surface, "SSPN"), base.value(surface, "SSPNE")
     if tip is None or exposed is None:
         return False
     inner, outer = float(values.get("SPANFI", 0.0)), float(values.get("SPANFO", 0.0))
-    margin = 1e-3 * tip
-    return inner >= tip - exposed - margin and outer <= tip + margin
+    return inner >= tip - exposed - inside * tip and outer <= tip + _ROUNDING * tip

@@ -100,7 +100,7 @@ def flap_span(deck: Deck) -> Iterator[DeckFinding]:
     if inner < side:
         rounding = " (by rounding alone: write a little more)" if float(side) - float(inner) < 1e-5 * tip else ""
         text = f"${name}: SPANFI={inner:g} lies inside the body, which reaches to SSPN - SSPNE = {side:g} of ${surface}{rounding}"
-        yield DeckFinding(deck.line_of(name, "SPANFI"), ERROR, f"{text}; the program takes {side:g} and prints ERROR")
+        yield DeckFinding(deck.line_of(name, "SPANFI"), WARNING, f"{text}; the program prints ERROR and computes with {side:g}: write it")
     outer = deck.value(name, "SPANFO")
     if outer is not None and outer > tip * 1.0001:
         text = f"${name}: SPANFO={outer:g} lies beyond the tip, SSPN={tip:g} of ${surface}"

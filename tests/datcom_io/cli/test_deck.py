@@ -52,11 +52,11 @@ def test_deck_shows_and_writes(bad, tmp_path):
 
 def test_split_writes_one_deck_per_run(tmp_path):
     output = call("split", T37 / "t37_study.toml", "-o", tmp_path / "runs")
-    assert output.endswith(f"8 run decks in {tmp_path / 'runs'}\n")
-    assert len(list((tmp_path / "runs").iterdir())) == 8
+    assert output.endswith(f"10 run decks in {tmp_path / 'runs'}\n")
+    assert len(list((tmp_path / "runs").iterdir())) == 10
     assert datcom_io.read_deck(tmp_path / "runs" / "aileron.inp")[0].caseid == "T-37 OWN DECK WING-BODY AILERONS"
     document = json.loads(call("split", T37 / "t37_study.toml", "-o", tmp_path / "runs", "--json"))
-    assert [row["conditions"] for row in document["runs"]] == [18, 4, 3, 5, 6, 1, 1, 1]
+    assert [row["conditions"] for row in document["runs"]] == [18, 4, 3, 5, 6, 1, 1, 1, 1, 1]
 
 
 def test_run_collects_and_reports(tmp_path):

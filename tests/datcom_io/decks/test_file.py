@@ -210,3 +210,54 @@ def test_any_layout_of_a_namelist_is_read(pair):
     found = datcom_io.read_deck(text.split("\n"))
     assert found[0].meaning()["namelists"] == make_deck([item]).meaning()["namelists"]
     assert not any(finding.severity == "error" for finding in found[0].findings)
+
+
+PLUS = """DIM FT
+DAMP
+PART
+ $FLTCON NMACH=1.0,MACH(1)=0.2$
+CASEID ----- Flaps -----
+SAVE
+NEXT CASE
+ $ASYFLP STYPE=4.0$
+CASEID ----- Ailerons -----
+SAVE
+NEXT CASE
+ $SYMFLP FTYPE=1.0$
+DAMP
+CASEID ----- Total -----
+NEXT CASE
+ $FLTCON NMACH=1.0,MACH(1)=0.3$
+CASEID another aircraft"""
+
+
+def test_datcom_plus_repeats_damp_and_part_after_save(tmp_path):
+    """The program itself forgets them: of a deck of three cases it would print the dynamic and auxiliary pages of the first only."""
+    path = tmp_path / "jet.dcm"
+    path.write_text(PLUS)
+    deck = datcom_io.read_deck(path)
+    assert [[word for word in ("DAMP", "PART") if case.has(word)] for case in deck] == [["DAMP", "PART"]] * 3 + [[]]
+    assert [finding for finding in deck.findings if finding.severity == "note"] == [
+        (8, "note", "DAMP and PART of the case before: DATCOM+ repeats it after SAVE, the program does not; write_deck writes it"),
+        (12, "note", "PART of the case before: DATCOM+ repeats it after SAVE, the program does not; write_deck writes it"),
+    ]
+    written = again(deck)
+    assert [case.meaning() for case in written] == [case.meaning() for case in deck]
+    assert [sum(card.name in ("DAMP", "PART") for card in case.cards) for case in written] == [2, 2, 2, 0]
+    with_comment = datcom_io.read_deck(["* Comments make it a deck of DATCOM+", *PLUS.split("\n")])
+    assert with_comment[2].has("PART")
+    plain = datcom_io.read_deck(PLUS.split("\n"))
+    assert [[word for word in ("DAMP", "PART") if case.has(word)] for case in plain] == [["DAMP", "PART"], [], ["DAMP"], []]
+
+
+def test_names_of_cards_in_comments_are_no_cards():
+    lines = [
+        "**********",
+        "* CASEID of the flaps: SAVE",
+        "**********",
+        " $FLTCON NMACH=1.0,MACH(1)=0.2$  ! CASEID none",
+        "#NEXT CASE",
+        "CASEID ONE",
+    ]
+    (case,) = datcom_io.read_deck(lines)
+    assert (case.caseid, [card.name for card in case.cards]) == ("ONE", ["CASEID"])

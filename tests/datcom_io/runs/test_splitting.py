@@ -150,12 +150,33 @@ def test_tabs_go_with_the_elevator():
 
 def test_a_study_that_would_not_run_is_refused_with_all_faults():
     with pytest.raises(SchemaError) as caught:
-        datcom_io.split_deck(study(NACA="NACA W 4 2412", flap=FLAP.replace("SPANFI=1.0", "SPANFI=0.1"), HTPLNF=None))
-    assert len(caught.value.problems) == 1
-    assert any(
-        "run flaps_m0.2_h0_d0 and 3 more: line 11 of the study: $SYMFLP: SPANFI=0.1 lies inside the body" in problem
-        for problem in caught.value.problems
-    )
+        datcom_io.split_deck(study(NACA="NACA W 4 2412", BODY=" $BODY NX=3.0,X(1)=0.0,6.0,13.0$", flap=FLAP))
+    text = "line 8 of the study: $BODY: of R, S and P there is none of them"
+    assert [problem.split(";")[0] for problem in caught.value.problems[:1]] == [f"run clean and 4 more: {text}"]
+    assert "run clean: line 10 of the study: $HTPLNF without section" in caught.value.problems[1]
+
+
+def test_a_value_that_the_program_corrects_is_no_reason_to_refuse():
+    """The program moves a flap that begins inside the body to its side and computes."""
+    decks = datcom_io.split_deck(study(flap=FLAP.replace("SPANFI=1.0", "SPANFI=0.7")))
+    assert decks["flaps_m0.2_h0_d0"][0].value("SYMFLP", "SPANFI") == 0.7
+    assert any("lies inside the body" in finding.text for finding in datcom_io.check_deck(decks["flaps_m0.2_h0_d0"]))
+
+
+BANNER = "***************\n*  Symmetrical Flap Deflection parameters\n***************\n"
+
+
+def test_a_heading_above_a_device_is_no_name():
+    """Above the elevator of a DATCOM+ deck stands what SYMFLP means; its span fits the tail only."""
+    elevator = f"{BANNER} $SYMFLP FTYPE=1.0,NDELTA=2.0,DELTA(1)=0.0,10.0,SPANFI=0.2,SPANFO=2.8$"
+    assert list(datcom_io.split_deck(study(flap=elevator)))[1] == "elevator_m0.2_h0"
+    inside = elevator.replace("SPANFI=0.2", "SPANFI=0.0")  # the program takes 0.1
+    assert list(datcom_io.split_deck(study(flap=inside)))[1] == "elevator_m0.2_h0"
+    assert list(datcom_io.split_deck(study(flap=inside.replace("Symmetrical Flap", "Wing flap"))))[1] == "elevator_m0.2_h0"
+    with pytest.raises(SchemaError, match="it may be on the wing or on the tail; name it in a study file"):
+        datcom_io.split_deck(study(flap=elevator.replace("SPANFI=0.2", "SPANFI=1.0")))
+    slats = FLAP.replace("FTYPE=1.0", "FTYPE=7.0")
+    assert list(datcom_io.split_deck(study(flap=f"* SLATS\n{slats}")))[1] == "slats_m0.2_h0_d0"
 
 
 def test_what_is_no_study():
