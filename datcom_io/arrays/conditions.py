@@ -82,7 +82,9 @@ def control_surface(deck: Deck) -> str:
 def arrange(case: PrintedCase) -> tuple[list[Condition], dict[int, Spot]]:
     """Return the flight conditions of a case in order, and the place of each page by its first line.
 
-    Dynamic and auxiliary pages that repeat an earlier one, and pages without flight condition, have no place.
+    Dynamic and auxiliary pages that repeat an earlier one, and pages without flight condition, have no place.  Ailerons and spoilers
+    have no part in the ground effect, but the heights come again for each of their deflections: the first page has the place, the later
+    ones hold the ground effect of those before.
     """
     occurrences = _occurrences(case)
     keys: dict[int, tuple[Group, int]] = {}  # page to printed condition and its occurrence
@@ -92,7 +94,7 @@ def arrange(case: PrintedCase) -> tuple[list[Condition], dict[int, Spot]]:
         times = occurrences.get(group, 1)
         each = max(1, len(pages) // times)  # pages of this heading within one condition
         for i, page in enumerate(pages):
-            if page.kind in ("dynamic", "auxiliary") and i % each:
+            if i % each and (page.kind in ("dynamic", "auxiliary") or (page.kind == "static" and "ASYFLP" in case.deck.namelists)):
                 continue
             if page.kind == "static" and math.isfinite(page.ground_height):
                 keys[page.first], deltas[page.first] = (group, i // each), _ground_delta(case.deck, page, i % each, each)

@@ -17,14 +17,13 @@ from flightmech.support.input_files.text import demand_regular
 from ..cells import FILLED, FLAGS, OK, SUSPECT
 from ..listing import Case, Listing
 from .datcom_plus import read_datcom_plus_csv
-from .plot_files.records import LOGICALS
+from .plot_files.records import is_line_of_plot
 from .plot_files.unit13 import read_plot
 from .plot_files.unit14 import read_for014
 
 _NUMBERS = (OK, FILLED, SUSPECT)
 _HEAD = 4096
 _CSV_HEADING = re.compile(r"^ *(?:Alpha|Delta\w+) *, *[A-Za-z]\w* *,? *$", re.MULTILINE)
-_NUMBERED_LINE = 20
 
 
 def read_other(path: str | os.PathLike[str], deriv: Literal["DEG", "RAD"] | None) -> xr.DataTree | None:
@@ -39,12 +38,11 @@ def read_other(path: str | os.PathLike[str], deriv: Literal["DEG", "RAD"] | None
     with Path(path).open("rb") as stream:
         head = stream.read(_HEAD).decode("latin-1")
     lines = head.splitlines()
-    words = lines[_NUMBERED_LINE - 1].split() if len(lines) >= _NUMBERED_LINE else []
     if head.startswith("MATLAB ") or Path(path).suffix.lower() == ".mat":
         from .matlab.read import read_matlab
 
         return read_matlab(path)
-    if len(words) == len(LOGICALS) and {"T", "F"}.issuperset(words):
+    if lines and is_line_of_plot(lines[0]):
         return read_plot(path)
     if re.match(r"RUN +\d+ +\d+ +\w+ ", head):
         return read_for014(path)

@@ -43,7 +43,7 @@ def flag_missing_angles(case: Case) -> None:
         for table in page.tables:
             if table.layout.rows == ("FLTCON", "NALPHA"):
                 first = len(given) if rising or table.layout.across is not None else 0
-                page = _with_suspects(page, table.name, None, slice(first, None))
+                page = with_suspects(page, table.name, None, slice(first, None))
                 lines += table.lines[len(given) :]
         case.pages[i] = page
     if lines:
@@ -67,7 +67,7 @@ def flag_ground_pages(case: Case) -> None:
             continue
         place = (page.configuration, page.ground_height)
         if place in seen or _is_aileron_taken_for_flap(case):
-            case.pages[i] = _with_suspects(page, "static", _OVER_GROUND)
+            case.pages[i] = with_suspects(page, "static", _OVER_GROUND)
             flagged.append(page.first)
         seen.add(place)
     if flagged:
@@ -102,12 +102,12 @@ def flag_flap_moments(case: Case, before: int) -> int:
         symflp = page.table("symflp")
         if symflp is not None:
             first = 0 if before else 1
-            page = _with_suspects(page, "symflp", ("dCm",), slice(first, None))
+            page = with_suspects(page, "symflp", ("dCm",), slice(first, None))
             flagged += symflp.lines[first:]
             before += len(symflp.rows)
         if before > 1:
             for name in ("trim", "trim_level"):
-                page = _with_suspects(page, name, _TRIMMED)
+                page = with_suspects(page, name, _TRIMMED)
         case.pages[i] = page
     if flagged:
         text = (
@@ -118,7 +118,7 @@ def flag_flap_moments(case: Case, before: int) -> int:
     return before
 
 
-def _with_suspects(page: Page, name: str, quantities: tuple[str, ...] | None, rows: slice = slice(None)) -> Page:
+def with_suspects(page: Page, name: str, quantities: tuple[str, ...] | None, rows: slice | np.ndarray = slice(None)) -> Page:
     """Return a page whose tables of a kind have the flag ``suspect`` in some columns, all but the keys with None."""
     if page.table(name) is None:
         return page
@@ -126,8 +126,9 @@ def _with_suspects(page: Page, name: str, quantities: tuple[str, ...] | None, ro
     return replace(page, printed=printed)
 
 
-def _flagged(table: Table, quantities: tuple[str, ...] | None, rows: slice) -> Table:
+def _flagged(table: Table, quantities: tuple[str, ...] | None, rows: slice | np.ndarray) -> Table:
     suspect = np.zeros((len(table.rows), len(table.columns)), bool) if table.suspect is None else table.suspect.copy()
-    columns = enumerate(table.columns)
-    suspect[rows, [k for k, column in columns if (k >= table.layout.keys if quantities is None else column.quantity in quantities)]] = True
+    for k, column in enumerate(table.columns):
+        if k >= table.layout.keys if quantities is None else column.quantity in quantities:
+            suspect[rows, k] = True
     return replace(table, suspect=suspect)

@@ -8,12 +8,14 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
+
 from ..arrays.conditions import control_surface, printed_condition
-from ..cells import OK
+from ..cells import NA, NDM, OK
 from ..listing import Case
 from ..printout.content import Message
 from ..printout.layouts.special import HYPERSONIC_FROM
-from .carried import flag_flap_moments, flag_ground_pages, flag_missing_angles
+from .carried import flag_flap_moments, flag_ground_pages, flag_missing_angles, with_suspects
 
 _FAILED = re.compile("NaN|Inf|#")
 
@@ -115,13 +117,22 @@ def _flaps_in_ground_effect(case: Case) -> None:
 
 
 def _power_on_missing_cells(case: Case) -> None:
-    pages = [page for page in case.pages if page.power != "off"]
-    if pages:
+    """Flag numbers of pages with power that are the increment alone: power has no part in the slopes, which show what is missing."""
+    first = next((page for page in case.pages if page.power != "off"), None)
+    for i, page in enumerate(case.pages):
+        static = page.table("static")
+        if page.power == "off" or static is None:
+            continue
+        slopes = {column.quantity: static.flags[:, k] for k, column in enumerate(static.columns)}
+        for slope, quantities in (("Cm_alpha", ("Cm", "xcp")), ("CL_alpha", ("CD", "CL", "CN", "CA", "xcp"))):
+            page = with_suspects(page, "static", quantities, np.isin(slopes[slope], (NA, NDM)))
+        case.pages[i] = page
+    if first is not None:
         _report(
             case,
-            pages[0].first,
-            f"{pages[0].power} power is added to cells that have no value without power: "
-            "where the page without power shows NA or NDM, the number here is the increment alone",
+            first.first,
+            f"{first.power} power is added to cells that have no value without power: where the page without power shows NA or NDM, the "
+            "number here is the increment alone; it is flagged suspect where the slope of its row shows NA or NDM",
         )
 
 

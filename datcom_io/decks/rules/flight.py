@@ -55,7 +55,7 @@ def essentials(deck: Deck) -> Iterator[DeckFinding]:
     if "FLTCON" not in deck.namelists:
         return
     line = deck.line_of("FLTCON")
-    if not deck.values("FLTCON", "ALSCHD"):
+    if not deck.values("FLTCON", "ALSCHD") and "TRNJET" not in deck.namelists:  # the page of a transverse jet needs none
         yield DeckFinding(line, ERROR, "$FLTCON: no angles of attack, so the program computes nothing; write NALPHA and ALSCHD(1)=...")
     if deck.value("FLTCON", "MACH") is None and deck.value("FLTCON", "VINF") is None:
         yield DeckFinding(line, ERROR, "$FLTCON: no speed, neither MACH nor VINF; the program leaves the case out")

@@ -1,14 +1,18 @@
 """The records of a plot file (unit 13), as the program wrote them.
 
 FORMAT (1P10E12.4): ten fields of twelve columns, five significant digits, the common blocks of the program in feet, pounds,
-degrees Rankine and degrees.  Nothing in the file indicates what comes next, but the records differ in length: a case opens with
-sixteen lines of ten numbers that end in 10, 9 and 4 numbers and a line of logicals; the record of a control device has eight
-numbers in its fourteenth line.
+degrees Rankine and degrees.  Nothing in the file indicates what comes next, but the records differ in length:
+
+* a case opens with sixteen lines of ten numbers, and holds nothing else when it prints no static page (hypersonic flap, transverse jet);
+* lines of 10, 9 and 4 numbers and a line of logicals stand before the first page of the case, and before its pages over ground;
+* a static page has 231 lines of ten numbers and one of one;
+* a control device behind it has eight numbers in its fourteenth line.
 """
 
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,7 +32,11 @@ LOGICALS = (
 )
 CONFIGURATIONS = ("BODY", "WING", "HT", "VT", "VF", "BW", "BH", "BV", "BWH", "BWV", "BWHV")
 _WIDTH = 12
-_CASE = {"FLC": 160, "SYNA": 19, "OPT": 4}
+_MOST_MACHS = 20
+_CASE = {"FLC": 160}
+_HEADING = {"SYNA": 19, "OPT": 4}
+_LAST_LINES = {1: "page", 8: "control", 9: "heading"}  # by the numbers in the first line that has not ten
+_TEN_NUMBERS = re.compile(r"(?: {1,2}-?\d\.\d{4}E[-+]\d\d| {12}|\*{12}|[ +-]*(?:NaN|Infinity)){10} *")
 _CONDITION = {**dict.fromkeys(CONFIGURATIONS, 200), "DWASH": 60, "FACT": 40, "CDO": 11}
 _CONTROL = {"F": 138, "BODY_CONTROL": 200, "WING_CONTROL": 200, "HT_CONTROL": 180, "VT_CONTROL": 180}
 _MARKS = {1.0e-30: NDM, 2.0e-30: NA, -1.0e-30: BLANK}
@@ -54,12 +62,15 @@ class Record:
 
 @dataclass(eq=False)
 class PlotCase:
-    """One case: what holds for all of it, and a dict of records per flight condition."""
+    """One case: what holds for all of it, and a dict of records per static page; without such a page it has no logicals.
+
+    Page by page the program overwrites the blocks, so those of a page over ground hold the coefficients over ground.
+    """
 
     line: int
     records: dict[str, Record]
-    logicals: dict[str, bool]
-    conditions: list[dict[str, Record]] = field(default_factory=list)
+    logicals: dict[str, bool] = field(default_factory=dict)
+    pages: list[dict[str, Record]] = field(default_factory=list)
 
 
 def read_records(path: str | os.PathLike[str]) -> list[PlotCase]:
@@ -75,30 +86,58 @@ def read_records(path: str | os.PathLike[str]) -> list[PlotCase]:
         lines.pop()
     file, at = Path(path).name, 0
     cases: list[PlotCase] = []
-    if not _opens_case(lines, 0):
-        found = f"a file of {len(lines)} lines whose 20th is no line of 34 logicals"
+    if not lines or not is_line_of_plot(lines[0]):
+        found = f"a file of {len(lines)} lines whose first is no line of ten numbers of twelve columns"
         raise ParseError(file, 0, found, "a plot file (unit 13, written with card PLOT)")
     while at < len(lines):
-        if _opens_case(lines, at):
+        expected = "case" if not cases else "page" if cases[-1].logicals and not cases[-1].pages else ""
+        kind = expected or _kind(lines, at)
+        if kind == "case":
             records, after = _take(file, lines, at, _CASE)
-            cases.append(PlotCase(at + 1, records, dict(zip(LOGICALS, (word == "T" for word in lines[after].split())))))
+            cases.append(PlotCase(at + 1, records))
+            at = after
+        elif kind == "heading":
+            heading, after = _take(file, lines, at, _HEADING)
+            cases[-1].records.update(heading)
+            cases[-1].logicals = _logicals(file, lines, after)
             at = after + 1
-            continue
-        condition, at = _take(file, lines, at, _CONDITION)
-        if _opens_control(lines, at):
+        elif kind == "page":
+            page, at = _take(file, lines, at, _CONDITION)
+            cases[-1].pages.append(page)
+        else:
             control, at = _take(file, lines, at, _CONTROL)
-            condition |= control
-        cases[-1].conditions.append(condition)
+            cases[-1].pages[-1].update(control)
+    for case in cases:
+        if case.pages and not case.logicals:
+            raise ParseError(file, case.line, "static pages without a line of logicals", "34 logicals before the first of them; run again")
     return cases
 
 
-def _opens_case(lines: Sequence[str], at: int) -> bool:
-    words = lines[at + 19].split() if at + 19 < len(lines) else []
-    return len(words) == len(LOGICALS) and {"T", "F"}.issuperset(words)
+def is_line_of_plot(line: str) -> bool:
+    """Return whether a line is ten numbers as the program writes them."""
+    return _TEN_NUMBERS.fullmatch(line.rstrip("\r\n\x1a")) is not None
 
 
-def _opens_control(lines: Sequence[str], at: int) -> bool:
-    return at + 13 < len(lines) and len(_fields(lines[at + 13])) == 8
+def _kind(lines: Sequence[str], at: int) -> str:
+    """Return what begins at a line: ``case heading page control``."""
+    end = next((k for k in range(at, len(lines)) if len(_fields(lines[k])) != 10), len(lines))
+    count, last = end - at, len(_fields(lines[end])) if end < len(lines) else 0
+    if last == 9 and count > 1:
+        return "case"
+    return _LAST_LINES.get(last, "case" if _counts_machs(lines[at]) else "page")
+
+
+def _counts_machs(line: str) -> bool:
+    """Return whether a line begins with the number of Mach numbers of a case, not with a coefficient."""
+    found = read_cell(line[:_WIDTH])
+    return found is not None and found[0] in range(1, _MOST_MACHS + 1)
+
+
+def _logicals(file: str, lines: Sequence[str], at: int) -> dict[str, bool]:
+    words = lines[at].split() if at < len(lines) else []
+    if len(words) != len(LOGICALS) or not {"T", "F"}.issuperset(words):
+        raise ParseError(file, at + 1, f"{' '.join(words)[:40]!r}", f"a line of {len(LOGICALS)} logicals, T or F; run the program again")
+    return dict(zip(LOGICALS, (word == "T" for word in words)))
 
 
 def _fields(line: str) -> list[str]:

@@ -14,8 +14,8 @@ import xarray as xr
 
 from flightmech.units import DEGREE, FOOT
 
-from ...arrays.leaf import Leaf
-from ...cells import ABSENT, BLANK, FILLED, OK
+from ...arrays.leaf import LONG_NAMES, Leaf
+from ...cells import ABSENT, BLANK, FILLED, OK, SUSPECT
 from ...printout.columns import Column
 from ...printout.layouts import BY_NAME
 from ..configurations import printed_name
@@ -37,6 +37,7 @@ _MADE_OF = dict(
 )
 _MOST = 20  # angles of attack in a block
 _MOST_DELTAS = 10
+_MOST_HEIGHTS = 10
 _AREA = FOOT**2
 # names of SYNA in the order of the file; lengths in feet, angles in degrees
 _SYNTHESIS = (
@@ -62,8 +63,10 @@ def read_plot(path: str | os.PathLike[str]) -> xr.DataTree:
 
         ``static`` (configuration, condition, alpha) and ``zero_lift`` (configuration, condition) for every configuration the
         case has, printed or not; ``downwash`` (condition, alpha); ``symflp`` (condition, delta), ``dCDi`` (condition, alpha, delta);
-        ``records``: all numbers as written, in feet, pounds, degrees Rankine and degrees, each with its flag.  A deflection of
-        zero is written as 0.01 deg, as the program uses it.
+        ``ground`` (configuration, condition, deflection, ground_height, alpha): the coefficients over ground, from the second
+        deflection on flagged ``suspect`` as in the print; ``records`` and ``ground_records``: all numbers as written, in feet, pounds,
+        degrees Rankine and degrees, each with its flag.  A deflection of zero is written as 0.01 deg, as the program uses it.
+        A case without a static page (hypersonic flap, transverse jet) has ``records`` of its flight conditions alone.
 
     Raises
     ------
@@ -78,10 +81,20 @@ def read_plot(path: str | os.PathLike[str]) -> xr.DataTree:
 
 
 def _case_tree(case: PlotCase, file: str, name: str) -> xr.DataTree:
+    if not case.pages:
+        root = xr.Dataset(
+            attrs={"case": name, "file": file, "line": case.line, "messages": f"line {case.line}: no static page in this case"}
+        )
+        return xr.DataTree.from_dict({"/": root, "records": _records(case, "condition", [])}, name=name)
     leaves = {"static": _static(case), "zero_lift": _zero_lift(case), "downwash": _downwash(case), "symflp": _symflp(case)}
+    leaves["ground"] = _ground(case)
     root = xr.Dataset(attrs=_attrs(case, file, name))
     made = {key: leaf.dataset() for key, leaf in leaves.items() if leaf is not None}
-    return xr.DataTree.from_dict({"/": root, **made, "records": _records(case)}, name=name)
+    records = {"records": _records(case, "condition", _conditions(case))}
+    if "ground" in made:
+        over_ground = [page for pages in _by_condition(case) for page in pages[1:]]
+        records["ground_records"] = _records(case, "page", over_ground)
+    return xr.DataTree.from_dict({"/": root, **made, **records}, name=name)
 
 
 def _attrs(case: PlotCase, file: str, name: str) -> dict[str, str | float]:
@@ -104,7 +117,7 @@ def _attrs(case: PlotCase, file: str, name: str) -> dict[str, str | float]:
         value = synthesis.number(place[word])
         if word not in ("XCG", "ZCG", *_NO_LENGTH) and not np.isnan(value):
             found[word] = value * (DEGREE if word in _ANGLES else FOOT)
-    count = len(case.conditions)
+    count = len(_conditions(case))
     if len(_schedule(case)) != count:
         found["messages"] = (
             f"line {case.line}: {count} flight conditions are written, {len(_schedule(case))} are specified by NMACH, NALT and LOOP; "
@@ -130,14 +143,34 @@ def _schedule(case: PlotCase) -> list[tuple[float, float]]:
     return list(zip(machs, heights))
 
 
+def _heights(case: PlotCase) -> np.ndarray:
+    """Return the heights over ground of the case. [ft]"""
+    count = case.records["FLC"].number(63)
+    return case.records["FLC"].numbers(64, 73)[0][: int(count) if 0 < count <= _MOST_HEIGHTS else 0]
+
+
+def _by_condition(case: PlotCase) -> list[list[dict[str, Record]]]:
+    """Return the pages of each flight condition: the one in free air, then deflection by deflection those over ground."""
+    heights, count = len(_heights(case)), len(_schedule(case))
+    each, rest = divmod(len(case.pages), count) if heights and count else (1, 0)
+    if rest or each < 1 or (heights and (each - 1) % heights):
+        each = 1
+    return [case.pages[k : k + each] for k in range(0, len(case.pages), each)]
+
+
+def _conditions(case: PlotCase) -> list[dict[str, Record]]:
+    """Return the page in free air of each flight condition."""
+    return [pages[0] for pages in _by_condition(case)]
+
+
 def _coords(case: PlotCase) -> dict[str, xr.Variable]:
-    count, schedule = len(case.conditions), _schedule(case)
+    count, schedule = len(_conditions(case)), _schedule(case)
     pairs = np.array(schedule if len(schedule) == count else [(np.nan, np.nan)] * count, float).reshape(count, 2)
     return {
         "condition": xr.Variable("condition", np.arange(count)),
         "mach": xr.Variable("condition", pairs[:, 0], {"units": "1"}),
         "h": xr.Variable("condition", pairs[:, 1] * FOOT, {"units": "m"}),
-        "line": xr.Variable("condition", np.array([condition["BODY"].line for condition in case.conditions], int)),
+        "line": xr.Variable("condition", np.array([condition["BODY"].line for condition in _conditions(case)], int)),
     }
 
 
@@ -178,34 +211,59 @@ def _transonic(case: PlotCase) -> list[bool]:
     flight = case.records["FLC"]
     low, high = flight.number(94), flight.number(95)
     machs = [mach for mach, _ in _schedule(case)]
-    return [low < mach < high for mach in machs] if len(machs) == len(case.conditions) else [True] * len(case.conditions)
+    return [low < mach < high for mach in machs] if len(machs) == len(_conditions(case)) else [True] * len(_conditions(case))
 
 
 def _static(case: PlotCase) -> Leaf | None:
     real = _real(case)
-    if not case.conditions or not real:
+    if not real:
         return None
-    count, transonic = len(_alphas(case)), _transonic(case)
     found = Leaf({**_coords(case), **_alpha_coord(case), "configuration": xr.Variable("configuration", list(real.values()))})
-    shape = (len(real), len(case.conditions), count)
-    for k, name in enumerate(_STATIC):
-        value, flag = np.empty(shape), np.empty(shape, np.uint8)
-        for i, block in enumerate(real):
-            for j, condition in enumerate(case.conditions):
-                part_value, part_flag = condition[block].numbers(_MOST * k + 1, _MOST * k + count)
-                _filled(_COLUMNS[name], part_value, part_flag, transonic[j])
-                value[i, j], flag[i, j] = _si(_COLUMNS[name], part_value), part_flag
-        found.add(_COLUMNS[name], ("configuration", "condition", "alpha"), value, flag)
+    for name in _STATIC:
+        value, flag = _stacked(case, name, [pages[:1] for pages in _by_condition(case)])
+        found.add(_COLUMNS[name], ("configuration", "condition", "alpha"), value[:, :, 0], flag[:, :, 0])
     return found
+
+
+def _ground(case: PlotCase) -> Leaf | None:
+    """Return the coefficients over ground; those of the second and later deflections hold the ground effect of the ones before."""
+    real, heights = _real(case), _heights(case)
+    pages = [pages[1:] for pages in _by_condition(case)]
+    if not real or not pages[0]:
+        return None
+    coords = {**_coords(case), **_alpha_coord(case), "configuration": xr.Variable("configuration", list(real.values()))}
+    coords["ground_height"] = xr.Variable("ground_height", heights * FOOT, {"units": "m", "long_name": LONG_NAMES["ground_height"]})
+    found, alphas = Leaf(coords), len(_alphas(case))
+    shape = (len(real), len(pages), len(pages[0]) // len(heights), len(heights), alphas)
+    for name in _STATIC:
+        value, flag = (part.reshape(shape) for part in _stacked(case, name, pages))
+        later = flag[:, :, 1:]
+        later[later == OK] = SUSPECT
+        found.add(_COLUMNS[name], ("configuration", "condition", "deflection", "ground_height", "alpha"), value, flag)
+    return found
+
+
+def _stacked(case: PlotCase, name: str, pages: list[list[dict[str, Record]]]) -> tuple[np.ndarray, np.ndarray]:
+    """Return a coefficient in SI and its flags (configuration, condition, page, alpha)."""
+    real, count, transonic = _real(case), len(_alphas(case)), _transonic(case)
+    shape, first = (len(real), len(pages), len(pages[0]), count), _MOST * _STATIC.index(name)
+    value, flag = np.empty(shape), np.empty(shape, np.uint8)
+    for i, block in enumerate(real):
+        for j, of_condition in enumerate(pages):
+            for k, page in enumerate(of_condition):
+                part_value, part_flag = page[block].numbers(first + 1, first + count)
+                _filled(_COLUMNS[name], part_value, part_flag, transonic[j])
+                value[i, j, k], flag[i, j, k] = _si(_COLUMNS[name], part_value), part_flag
+    return value, flag
 
 
 def _zero_lift(case: PlotCase) -> Leaf | None:
     real = _real(case)
-    if not case.conditions or not real:
+    if not real:
         return None
     found = Leaf({**_coords(case), "configuration": xr.Variable("configuration", list(real.values()))})
     places = [CONFIGURATIONS.index(block) for block in real]
-    parts = [condition["CDO"].numbers(1, len(CONFIGURATIONS)) for condition in case.conditions]
+    parts = [condition["CDO"].numbers(1, len(CONFIGURATIONS)) for condition in _conditions(case)]
     value, flag = (np.array([part[which][places] for part in parts]).T for which in (0, 1))
     found.add(_CD0, ("configuration", "condition"), value, flag)
     found["CD0"].attrs["long_name"] = "drag coefficient at zero lift"
@@ -213,11 +271,11 @@ def _zero_lift(case: PlotCase) -> Leaf | None:
 
 
 def _downwash(case: PlotCase) -> Leaf | None:
-    if not (case.conditions and case.logicals["WGPL"] and case.logicals["HTPL"]):
+    if not (case.logicals["WGPL"] and case.logicals["HTPL"]):
         return None
     found, count = Leaf({**_coords(case), **_alpha_coord(case)}), len(_alphas(case))
     for k, name in enumerate(_DOWNWASH):
-        parts = [condition["DWASH"].numbers(_MOST * k + 1, _MOST * k + count) for condition in case.conditions]
+        parts = [condition["DWASH"].numbers(_MOST * k + 1, _MOST * k + count) for condition in _conditions(case)]
         value, flag = (np.array([part[which] for part in parts]) for which in (0, 1))
         found.add(_COLUMNS[name], ("condition", "alpha"), _si(_COLUMNS[name], value), flag)
     return found
@@ -225,23 +283,23 @@ def _downwash(case: PlotCase) -> Leaf | None:
 
 def _symflp(case: PlotCase) -> Leaf | None:
     """Return the control tables: WING(201...) holds one block of ten deflections per column, BODY(201...) D(CDI) alpha by alpha."""
-    written = [condition for condition in case.conditions if "F" in condition]
+    written = [condition for condition in _conditions(case) if "F" in condition]
     if not written or not case.logicals["SYMFP"]:
         return None
     count, deltas = written[0]["F"].number(16), written[0]["F"].numbers(1, _MOST_DELTAS)[0]
     deltas = deltas[: int(count) if 0 < count < _MOST_DELTAS else 0]
     coords = {**_coords(case), **_alpha_coord(case), "delta": xr.Variable("delta", deltas * DEGREE, {"units": "rad"})}
     found, alphas = Leaf(coords), len(_alphas(case))
-    shape = (len(case.conditions), len(deltas))
+    shape = (len(_conditions(case)), len(deltas))
     for k, name in enumerate(_SYMFLP):
         value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
-        for j, condition in enumerate(case.conditions):
+        for j, condition in enumerate(_conditions(case)):
             if "F" in condition:
                 value[j], flag[j] = condition["WING_CONTROL"].numbers(_MOST_DELTAS * k + 1, _MOST_DELTAS * k + len(deltas))
                 _filled(_COLUMNS[name], value[j], flag[j], transonic=False)
         found.add(_COLUMNS[name], ("condition", "delta"), _si(_COLUMNS[name], value), flag)
     value, flag = np.full((*shape, alphas), np.nan), np.full((*shape, alphas), ABSENT, np.uint8)
-    for j, condition in enumerate(case.conditions):
+    for j, condition in enumerate(_conditions(case)):
         if "F" in condition:
             value[j], flag[j] = (part.reshape(shape[1], alphas) for part in condition["BODY_CONTROL"].numbers(1, shape[1] * alphas))
     found.add(_DCDI, ("condition", "alpha", "delta"), value.swapaxes(1, 2), flag.swapaxes(1, 2))
@@ -250,13 +308,13 @@ def _symflp(case: PlotCase) -> Leaf | None:
     return found.described({}, surface=surface)
 
 
-def _records(case: PlotCase) -> xr.Dataset:
-    """Return every number as written; index 1 of the program is item 0."""
-    found = Leaf({"condition": xr.Variable("condition", np.arange(len(case.conditions)))})
+def _records(case: PlotCase, dim: str, pages: list[dict[str, Record]]) -> xr.Dataset:
+    """Return every number of the case and of some of its pages as written; index 1 of the program is item 0."""
+    found = Leaf({dim: xr.Variable(dim, np.arange(len(pages)))})
     for name, record in case.records.items():
         _add_record(found, name, [record], ())
-    for name in dict.fromkeys(name for condition in case.conditions for name in condition):
-        _add_record(found, name, [condition.get(name) for condition in case.conditions], ("condition",))
+    for name in dict.fromkeys(name for page in pages for name in page):
+        _add_record(found, name, [page.get(name) for page in pages], (dim,))
     return found.described({}, units="feet, pounds, degrees Rankine, degrees, per degree").dataset()
 
 

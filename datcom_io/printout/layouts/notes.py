@@ -14,6 +14,7 @@ from ..tables import Values
 # first words of every line that continues a footnote or a message
 _CONTINUED = (
     "TAIL EFFECTS IGNORED]",
+    "BOATTAIL EFFECTS IGNORED]",
     "APPLICABLE TO THE LINEAR LIFT REGION.",
     "ALL NAMES REFER TO NAMELIST",
     "FUSELAGE. FOR THIS CASE",
