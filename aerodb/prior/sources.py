@@ -207,10 +207,11 @@ def _report_pairs(role: str, static: xr.Dataset) -> None:
 
 
 def _report_suspects(role: str, joined: xr.DataTree) -> None:
-    """Warn of pages in free air that hold suspect cells."""
+    """Warn of pages in free air without power that hold suspect cells; of those with power they are taken out (`power`)."""
     suspect = datcom_io.FLAGS.index("suspect")
     leaves = [joined.children[name].to_dataset(inherit=False) for name in ("static", "dynamic") if name in joined.children]
     leaves = [leaf.sel(ground_height=np.inf) if "ground_height" in leaf.dims else leaf for leaf in leaves]
+    leaves = [leaf for leaf in leaves if "power" not in leaf.coords or bool((leaf["power"] == "off").all())]
     count = sum(int((leaf[name] == suspect).sum()) for leaf in leaves for name in leaf.data_vars if str(name).endswith("_flag"))
     if count:
         warn(f"{role}: {count} numbers of {joined.attrs.get('file')} are suspect; its messages state why (datcom show)")
