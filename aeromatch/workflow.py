@@ -383,7 +383,8 @@ def perform(
             aircraft = submodels.gear.aircraft(aircraft)
     final = with_submodels(final, submodels, project.ground_effect is not None and project.ground_effect.tables)
     with step(f"swap terms on {len(cases)} cases, build the corrected database"):
-        diagnoses = diagnose_all(cases, paths, datcom, final, aircraft, apriori, jobs)
+        alone = [case for case in cases if not case.law]  # the kernel flies no FMU of a control law
+        diagnoses = diagnose_all(alone, paths, datcom, final, aircraft, apriori, jobs)
         corrected = pom.corrected_database(datcom, final, diagnoses)
     databases = {"datcom": datcom, "corrected": corrected, "final": final}
     flown = {"datcom": apriori, "corrected": pom.corrected_aircraft(apriori, aircraft, diagnoses), "final": aircraft}

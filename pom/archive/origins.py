@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from ..cases.case import PomCase
     from .provenance_record import Provenance
 
-FILES = ("path", "record", "names", "aircraft")
+FILES = ("path", "record", "names", "aircraft", "law", "law_names")
 SOFTWARE = ("aeromatch", "fmpy", "numpy", "scipy", "typst", "xarray")
 
 

@@ -119,6 +119,10 @@ class PomCase:
         Where the flight data come from: document, pages, flight, run, filters ...
     models : dict of str to str
         By model: the table of its names, when its names, units or signs are not the canonical ones.
+    law, law_names : str
+        FMU of the control law and the table of its names; empty for none.
+    law_moves : tuple of str
+        Controls that the control law moves, in place of the record.
     objective, procedure, manual, evaluation, notes : str
         What the test shows, how it is flown automatically and by hand, how it is evaluated, remarks.
     """
@@ -150,6 +154,9 @@ class PomCase:
     rationale: dict[str, str] = field(default_factory=dict)
     source: dict[str, str] = field(default_factory=dict)
     models: dict[str, str] = field(default_factory=dict)
+    law: str = ""
+    law_names: str = ""
+    law_moves: tuple[str, ...] = ()
     objective: str = ""
     procedure: str = ""
     manual: str = ""
@@ -158,7 +165,9 @@ class PomCase:
 
     def files(self) -> list[str]:
         """Return the case file and the files it names."""
-        return [name for name in (self.path, self.record, self.names, self.aircraft, *self.models.values()) if name]
+        return [
+            name for name in (self.path, self.record, self.names, self.aircraft, *self.models.values(), self.law, self.law_names) if name
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Return the case as plain data."""
@@ -174,15 +183,16 @@ class PomCase:
                 "drive": Drive.from_dict(item["drive"]),
                 "features": tuple(item["features"]),
                 "show": tuple(item["show"]),
+                "law_moves": tuple(item.get("law_moves", ())),
                 "criteria": tuple(Criterion.from_dict(c) for c in item["criteria"]),
             }
         )
 
 
 def driven(case: PomCase) -> set[str]:
-    """Return the quantities that the record sets, so that they cannot be judged; what a math pilot moves is not among them."""
+    """Return the quantities that the record sets, so that they cannot be judged; what math pilot or control law move is not among them."""
     names = set(INPUTS).difference(*PRIMARY.values()).union(PRIMARY[case.drive.level])
-    moved = {loop.control for loop in case.drive.pilot}
+    moved = {loop.control for loop in case.drive.pilot}.union(case.law_moves)
     if "throttle" not in moved:
         names |= {f"engine{n}.{name}" for n in range(1, 9) for name in _POWER[case.drive.engine]}
     return names - moved
@@ -241,6 +251,9 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
     drive = _drive(file, found, problems)
     as_written: dict[str, Any] = {key: getattr(case, key) for key in _AS_WRITTEN}
     as_written |= {key: parts.place(path, getattr(case, key), f"case.{key}", problems) for key in ("record", "names", "aircraft")}
+    law = file.control_law
+    if law is not None and file.drive.surfaces != "recorded":
+        problems.append(f'control_law: it drives surfaces, and drive.surfaces is "{file.drive.surfaces}"; make it "recorded"')
     resolved = PomCase(
         **as_written,
         path=str(path),
@@ -255,6 +268,9 @@ def _resolved(path: Path, file: CaseFile) -> tuple[PomCase, list[str]]:
         ticks=dict(file.ticks),
         rationale=dict(file.rationale),
         source=dict(file.source),
+        law=parts.place(path, law.fmu, "control_law.fmu", problems) if law is not None else "",
+        law_names=parts.place(path, law.names, "control_law.names", problems) if law is not None else "",
+        law_moves=law.moves if law is not None else (),
         models={name: parts.place(path, place, f"models.{name}", problems) for name, place in file.models.items()},
     )
     return resolved, problems

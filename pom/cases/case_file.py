@@ -134,11 +134,31 @@ class DriveTable(Strict):
     pilot: tuple[LoopTable, ...] = Field(default=(), description="Loops of the math pilot.")
 
 
+_Moved = Literal["delta_e", "delta_a", "delta_r", "delta_t", "delta_ta", "delta_tr", "delta_f", "delta_s", "delta_d", "speedbrake"]
+
+
+class ControlLawTable(Strict):
+    """A control law of the airplane, such as a yaw damper or a flight-control computer: an FMU that moves controls of the model."""
+
+    fmu: str = Field(description="FMU of the control law, FMI 1.0 to 3.0. Relative to this file.", examples=["yaw_damper.fmu"])
+    names: str = Field(
+        default="",
+        examples=["yaw_damper.toml"],
+        description="Table of its names, when names, units or signs are not the canonical ones. Relative to this file.",
+    )
+    moves: tuple[_Moved, ...] = Field(
+        min_length=1,
+        examples=[["delta_r"]],
+        description="Outputs of the FMU that drive the model, in place of the record: whole deflections, not parts to be added.",
+    )
+
+
 class CaseFile(Strict):
     """A case of `aeromatch pom`: one row of the tolerance table, one window of one flight record, and how the model is driven."""
 
     case: CaseTable
     drive: DriveTable = DriveTable()
+    control_law: ControlLawTable | None = Field(default=None, description="Control law between the recorded pilot and the model.")
     conditions: dict[str, Quantity] = _table("Values against the record: inputs held constant, parts of the initial state, mass, air.")
     events: dict[str, float] = _table("Instants that bound the windows of rows, on the clock of the record [s].")
     models: Texts = _table(

@@ -14,7 +14,7 @@ from flightmech.errors import OutOfRange, UnknownName
 from flightmech.units import DEGREE
 
 from .case import PRIMARY, PomCase
-from .case_file import BRAKES, INPUTS, WIND
+from .case_file import BRAKES, FORCES, INPUTS, TRAVEL, WIND
 from .initial_state import initial_state, line_at_start, mass_and_air
 from .pilot import Loop
 
@@ -36,6 +36,7 @@ DRIVEN_BY = {
 }
 RELEASED = 0.02  # [1] brake pedal under which it counts as up
 NEEDED = ("init.V", "init.phi", "init.theta", "init.psi", "init.p", "init.q", "init.r", "init.h")
+_LEVER = re.compile(r"^engine\d+\.(throttle|pla)$")
 _ENGINE = re.compile(r"^engine(\d+)\.(thrust|n1|throttle)$")
 
 
@@ -67,6 +68,26 @@ class Job:
     needed_parameters: tuple[str, ...]
     pilot: tuple[Loop, ...] = ()
     targets: dict[str, np.ndarray] = field(default_factory=dict)
+    law: LawInputs | None = None
+
+
+@dataclass(frozen=True)
+class LawInputs:
+    """What the record holds for a control law.
+
+    Attributes
+    ----------
+    moves : tuple of str
+        Controls that it moves; they are among the inputs of the job, zero.
+    recorded : dict of str to array (time,)
+        Controls of the cockpit and positions that no law moves, by canonical name. [SI]
+    start : dict of str to float
+        All that was recorded, at the first sample: what the law is initialised with before the model has outputs. [SI]
+    """
+
+    moves: tuple[str, ...]
+    recorded: dict[str, np.ndarray]
+    start: dict[str, float]
 
 
 def job_of(case: PomCase, states: xr.Dataset) -> Job:
@@ -91,12 +112,12 @@ def job_of(case: PomCase, states: xr.Dataset) -> Job:
     for name, value in parameters.items():
         if not np.isfinite(value):
             raise OutOfRange(f"case {case.name}: {name} has no value at the start of the window, t = {time[0]:g} s; move the window")
-    moved = {loop.control for loop in loops}
+    moved = {loop.control for loop in loops}.union(case.law_moves)
     moving = tuple(name for name, values in inputs.items() if name in moved or (values.any() and name not in _held(case)))
     for values in inputs.values():
         values[0] = line_at_start(time, values)[0]  # the sample on which the model is trimmed
     modes = (name for name in parameters if name in ("mode.engine", "mode.trim", "runway.condition"))
-    return Job(time, inputs, parameters, moving, (*NEEDED, *modes), loops, targets)
+    return Job(time, inputs, parameters, moving, (*NEEDED, *modes), loops, targets, _law_inputs(case, states))
 
 
 def _demand_numbers(case: PomCase, name: str, time: np.ndarray, values: np.ndarray) -> None:
@@ -112,10 +133,12 @@ def _demand_numbers(case: PomCase, name: str, time: np.ndarray, values: np.ndarr
 def _inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
     count, level = states.sizes["time"], case.drive.level
     moved = {loop.control for loop in case.drive.pilot}
-    found = {}
+    found = {name: np.zeros(count) for name in case.law_moves}
     devices = sorted(str(name) for name in states.data_vars if str(name).startswith(DEVICE))
     wind = WIND if case.wind != "none" else ()
     for name in (*PRIMARY[level], *(name for name in INPUTS if name not in PRIMARY[level]), *wind, *devices):
+        if name in case.law_moves:
+            continue
         if name in case.conditions:
             found[name] = np.full(count, case.conditions[name])
         elif name in states:
@@ -131,6 +154,22 @@ def _inputs(case: PomCase, states: xr.Dataset) -> dict[str, np.ndarray]:
     for name in _held(case).intersection(found):
         found[name][:] = line_at_start(states["time"].values.astype(float), found[name])[0]
     return {**found, **_engine_inputs(case, states)}
+
+
+def _law_inputs(case: PomCase, states: xr.Dataset) -> LawInputs | None:
+    if not case.law:
+        return None
+    count, time = states.sizes["time"], states["time"].values.astype(float)
+    names = [str(name) for name, item in states.data_vars.items() if item.ndim < 2]
+    values = {name: np.broadcast_to(states[name].values.astype(float), count) for name in names}
+    values |= {name: np.full(count, value) for name, value in case.conditions.items()}
+    recorded = {name: column for name, column in values.items() if is_recorded(name) and name not in case.law_moves}
+    return LawInputs(case.law_moves, recorded, {name: float(line_at_start(time, column)[0]) for name, column in values.items()})
+
+
+def is_recorded(name: str) -> bool:
+    """Whether an input of a control law comes from the record: what a pilot sets.  All else is an output of the model."""
+    return name in (*INPUTS, *TRAVEL, *FORCES, *BRAKES) or _LEVER.match(name) is not None or name.startswith(DEVICE)
 
 
 def _held(case: PomCase) -> set[str]:

@@ -105,6 +105,7 @@ def _cases(places: tuple[Path, ...]) -> list[PomCase]:
 
     found = [read_case(file) for file in case_files(places)]
     problems = [f"{case.path}: case.aircraft: missing; the kernel flies an aircraft, give its file" for case in found if not case.aircraft]
+    problems += [f"{case.path}: control_law: the kernel flies no FMU of a control law; leave the case out" for case in found if case.law]
     names = [case.name for case in found]
     problems += [f"case name {name!r} is given twice" for name in dict.fromkeys(names) if names.count(name) > 1]
     if problems:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.metadata import version
@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from flightmech.errors import SchemaError
+from flightmech.errors import OutOfRange, SchemaError
 
 from ..cases.case import PomCase
-from ..cases.job import Job
+from ..cases.job import Job, is_recorded
 from ..tolerances.parameter_channels import WRAPPED
 from .content_hashes import content_hash
-from .description import read_fmu
+from .description import check, read_fmu
 from .file_state import FileState
 from .fmu_file import Fmu
 from .process import hired
@@ -33,10 +33,11 @@ Found = dict[str, np.ndarray]
 
 @dataclass(frozen=True)
 class Model:
-    """An FMU and how its variables are reached."""
+    """An FMU and how its variables are reached; with the control law of the case, if it has one."""
 
     fmu: Fmu
     links: Links
+    law: Model | None = None
 
     def origin(self) -> str:
         """Return file, version and hash, as the attributes of a result keep it."""
@@ -71,6 +72,7 @@ class Models:
             raise SchemaError("names", [f"{name}: no such model; there are {', '.join(runs)}" for name in unknown])
         self._fmus = {name: read_fmu(file) for name, file in runs.items()}
         self._links: dict[tuple[str, str | None], Links] = {}
+        self._laws: dict[tuple[str, str], Model] = {}
 
     def of(self, case: PomCase) -> dict[str, Model]:
         """Return the models as they speak in a case.
@@ -83,7 +85,14 @@ class Models:
             A table that does not fit its FMU.
         """
         tables = {**case.models, **self.names}
-        return {name: Model(fmu, self._joined(name, tables.get(name))) for name, fmu in self._fmus.items()}
+        law = self._law(case.law, case.law_names) if case.law else None
+        return {name: Model(fmu, self._joined(name, tables.get(name)), law) for name, fmu in self._fmus.items()}
+
+    def _law(self, file: str, names: str) -> Model:
+        if (file, names) not in self._laws:
+            fmu = read_fmu(file)
+            self._laws[file, names] = Model(fmu, links_of(fmu, names or None))
+        return self._laws[file, names]
 
     def _joined(self, name: str, table: str | None) -> Links:
         if (name, table) not in self._links:
@@ -108,22 +117,26 @@ def fly(model: Model, job: Job, wanted: Collection[str], timeout: float, store: 
     Returns
     -------
     found : dict of str to array (time,)
-        Outputs by canonical name, and the controls that the math pilot moved; NaN where the run did not come. [SI]
+        Outputs by canonical name, and the controls that the math pilot or the control law moved; NaN where the run did not come. [SI]
     failure : str
         Empty when all went well.
     """
-    outputs = [name for name in model.links.outputs if name in {*wanted, *job.targets}]
+    outputs = [name for name in model.links.outputs if name in {*wanted, *job.targets, *feedback(model)}]
     time = _points(model.fmu, job.time)
+    if model.law is not None:
+        time = _common_points(model, model.law, time)
     task = _task(model, job, outputs, time)
     key = content_hash(_program(), model.fmu.sha256, task) if store else ""
     columns, failure = store.read(key, (len(time), len(outputs) + len(moved_controls(task)))) if store else None, ""
     if columns is None:
-        before = _as_read(model.fmu)
+        fmus = [model.fmu, *([model.law.fmu] if model.law is not None else [])]
+        before = [_as_read(fmu) for fmu in fmus]
         with hired(model.fmu.path) as child:
-            reply = child.run(task, timeout, model.fmu.once)
+            reply = child.run(task, timeout, any(fmu.once for fmu in fmus))
         columns, failure = np.column_stack([reply.outputs, *_moved(task, reply.moved)]), reply.error
-        if before is None or _state(model.fmu) != before:  # what flew may be neither the file that was read nor the one that is there
-            columns, failure = np.full_like(columns, np.nan), f"{model.fmu.path.name} changed after it was read; run the batch again"
+        for fmu, state in zip(fmus, before, strict=True):
+            if state is None or _state(fmu) != state:  # what flew may be neither the file that was read nor the one that is there
+                columns, failure = np.full_like(columns, np.nan), f"{fmu.path.name} changed after it was read; run the batch again"
         if store and not failure:
             store.write(key, columns)
     return _found(model, job, outputs, time, task, columns), failure
@@ -152,6 +165,94 @@ def _points(fmu: Fmu, time: np.ndarray) -> np.ndarray:
     return time[0] + step * np.arange(int(np.ceil((time[-1] - time[0]) / step - 1e-6)) + 1)
 
 
+def feedback(model: Model) -> list[str]:
+    """Return the outputs of a model that its control law sees, by canonical name."""
+    return [] if model.law is None else [name for name in seen_by(model.law) if not is_recorded(name)]
+
+
+def seen_by(law: Model) -> list[str]:
+    """Return the inputs of a control law by canonical name, those apart that its table of names fixes."""
+    return [name for name, link in law.links.inputs.items() if link.variable not in law.links.fixed]
+
+
+def check_law(model: Model, job: Job) -> None:
+    """Check that a control law, its model and the record fit together.
+
+    Raises
+    ------
+    SchemaError
+        With every name that one of them lacks and every unit that does not fit.
+    OutOfRange
+        An input of the law has no value in the record.
+    """
+    law, given = model.law, job.law
+    if law is None or given is None:
+        return
+    names = seen_by(law)
+    check(law.fmu, law.links, names, given.moves, ())
+    problems = []
+    for name in names:
+        if is_recorded(name) and name not in given.recorded:
+            problems.append(f"input {name}: the record has no such channel; map it, or hold it by [conditions]")
+        elif not is_recorded(name) and name not in model.links.outputs:
+            problems.append(f"input {name}: the model {model.fmu.path.name} has no such output, and it is no control that is recorded")
+        elif not is_recorded(name) and not np.isfinite(given.start.get(name, np.nan)):
+            problems.append(f"input {name}: no value at the first sample, with which the law starts; map the channel")
+    if problems:
+        raise SchemaError(f"control law {law.fmu.path}", problems)
+    for name in names:
+        bad = ~np.isfinite(given.recorded[name]) if is_recorded(name) else np.zeros(1, bool)
+        if bad.any():
+            raise OutOfRange(
+                f"control law: input {name} has no value in {int(bad.sum())} samples; repair the record or move the window", bad
+            )
+
+
+def _common_points(model: Model, law: Model, time: np.ndarray) -> np.ndarray:
+    """Return the communication points of a model and its control law. [s]"""
+    points = _points(law.fmu, time)
+    if model.fmu.even and not (len(points) == len(time) and np.allclose(points, time, atol=1e-9)):
+        raise SchemaError(
+            f"control law {law.fmu.path}",
+            [f"it takes steps of {law.fmu.step:g} s only, the model {model.fmu.path.name} others; export one of them with variable steps"],
+        )
+    return points
+
+
+def _law_task(model: Model, job: Job, outputs: list[str], inputs: list[str], at_points: Callable) -> dict[str, Any]:
+    """Return the control law as the worker takes it, everything in the units of the FMUs."""
+    law, given = model.law, job.law
+    assert law is not None
+    assert given is not None
+    names, links = seen_by(law), law.links
+    fixed = {name: value for name, value in links.fixed.items() if name in law.fmu.inputs}
+    count = len(at_points(job.time))
+    columns = [links.inputs[name].to_fmu(at_points(given.recorded[name])) if is_recorded(name) else np.zeros(count) for name in names]
+    columns += [np.full(count, value) for value in fixed.values()]
+    start = [links.inputs[name].to_fmu(given.recorded[name][0] if is_recorded(name) else given.start[name]) for name in names]
+    rows = []
+    for i, name in enumerate(names):
+        if not is_recorded(name):
+            out, into = model.links.outputs[name], links.inputs[name]
+            rows.append((i, outputs.index(name), out.factor / into.factor, (out.offset - into.offset) / into.factor))
+    moves = {}
+    for name in given.moves:
+        out, into = links.outputs[name], model.links.inputs[name]
+        place = inputs.index(into.variable)
+        moves[name] = place, out.factor / into.factor, (out.offset - into.offset) / into.factor, out.factor, out.offset
+    return {
+        "fmu": str(law.fmu.path),
+        "sha256": law.fmu.sha256,
+        "inputs": [*(links.inputs[name].variable for name in names), *fixed],
+        "values": np.column_stack(columns) if columns else np.zeros((count, 0)),
+        "start": [*map(float, start), *fixed.values()],
+        "parameters": {name: value for name, value in links.fixed.items() if name not in law.fmu.inputs},
+        "feedback": rows,
+        "outputs": [links.outputs[name].variable for name in given.moves],
+        "moves": moves,
+    }
+
+
 def _task(model: Model, job: Job, outputs: list[str], time: np.ndarray) -> dict[str, Any]:
     """Return the job as the worker takes it: names, units and signs of the FMU, at its communication points."""
     links = model.links
@@ -170,6 +271,8 @@ def _task(model: Model, job: Job, outputs: list[str], time: np.ndarray) -> dict[
     inputs |= {name: np.full(len(time), value) for name, value in links.fixed.items() if name in model.fmu.inputs}
     parameters |= {name: value for name, value in links.fixed.items() if name not in model.fmu.inputs}
     task = {"time": time, "inputs": inputs, "parameters": parameters, "outputs": [links.outputs[name].variable for name in outputs]}
+    if model.law is not None and job.law is not None:
+        task["law"] = _law_task(model, job, outputs, list(inputs), at_points)
     if job.pilot:
         targets = {name: at_points(values) for name, values in job.targets.items()}
         task["pilot"] = {"targets": targets, **_hand(links, job, outputs, list(inputs))}

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 import flightmech
-from flightmech.errors import SimulationError
+from flightmech.errors import SchemaError, SimulationError
 from flightmech.simulation.run import output_indices, prepared, read_inputs
 
 from ..cases.job import Job
@@ -40,7 +40,14 @@ def fly(
         NaN throughout for a run that did not go to its end.
     failures : list of str
         Why a run did not; empty for one that did.
+
+    Raises
+    ------
+    SchemaError
+        The case has a control law.
     """
+    if job.law is not None:
+        raise SchemaError("control law", ["its FMU is not flown by the kernel alone; diagnose a case without [control_law]"])
     names = list(sim.outputs) if channels is None else [name for name in channels if name in sim.outputs]
     choices = [{name: value for name, value in choice.items() if name in sim.parameters} for choice in choices]
     flown = _piloted if job.pilot else _batch

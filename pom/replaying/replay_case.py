@@ -19,7 +19,7 @@ from ..cases.case import PomCase
 from ..cases.job import Job, configuration, job_of
 from ..fmu.description import check
 from ..fmu.run_cache import Store
-from ..fmu.simulate import Model, Models, fly
+from ..fmu.simulate import Model, Models, check_law, fly
 from ..judging.applicability import settled
 from ..judging.evidence import Evidence, evidence_remarks
 from ..judging.signals import Signals, signals_of, traces_of
@@ -129,12 +129,13 @@ def check_plan(plan: Plan, model: Model) -> None:
         With every name that is missing and every unit that does not fit.
     """
     job, links = plan.job, model.links
-    moved = {loop.control for loop in job.pilot}
+    moved = {loop.control for loop in job.pilot}.union(job.law.moves if job.law is not None else ())
     inputs = _taken(job.inputs, links.inputs, {*job.needed_inputs, *moved} - ({*links.waived} - moved))
     shown, judged = (_outputs(names, links.outputs) for names in (shown_channels(plan.case, plan.states), judged_channels(plan.case)))
     recorded = {*map(str, plan.states.data_vars)}
     needed = {name for name in judged if output_of(name, recorded) in recorded}
     outputs = _taken([*shown, *job.targets], links.outputs, {*needed, *job.targets})
+    check_law(model, job)
     check(
         model.fmu,
         links,
@@ -158,6 +159,8 @@ def perform(
         found[name], failures[name] = fly(model, job, wanted, timeout, store)
         failures[name] = refused or failures[name]
     attrs = {f"model.{name}": model.origin() for name, model in models.items()}
+    laws = [model.law for model in models.values() if model.law is not None]
+    attrs |= {"control_law": laws[0].origin()} if laws else {}
     attrs |= {f"names.{name}": model.links.table for name, model in models.items() if model.links.table}
     compared = _compared(evidence, plan, models)
     more = {
@@ -192,7 +195,7 @@ def judged_channels(case: PomCase) -> list[str]:
 
 def shown_channels(case: PomCase, states: xr.Dataset) -> list[str]:
     """Return every channel of the result: judged, requested, moved by the math pilot, and the thrust of each engine."""
-    moved = [loop.control for loop in case.drive.pilot]
+    moved = [*(loop.control for loop in case.drive.pilot), *case.law_moves]
     engines = sorted(str(name) for name in states.data_vars if str(name).startswith("engine") and str(name).endswith(".thrust"))
     helping = [name for c in case.criteria if c.applies and not unjudged(case, c) for name in helpful(c)]
     return list(dict.fromkeys([*judged_channels(case), *case.show, *moved, *engines, *helping]))
@@ -233,6 +236,7 @@ def assemble(
     kept = {CALIBRATION: states.attrs[CALIBRATION]} if CALIBRATION in states.attrs else {}
     if job.pilot:
         kept[PILOT] = json.dumps(plain(_pilot(job, found)))
+    if job.pilot or job.law is not None:
         found = {run: _as_applied(job, outputs) for run, outputs in found.items()}
     rows, limits = [], trim_limits(case, flight)
     signals = _signals([*shown_channels(case, states), *formed_channels(case, flight)], flight, found)
@@ -276,7 +280,8 @@ def _pilot(job: Job, found: Mapping[str, Traces]) -> list[dict[str, Any]]:
 
 def _as_applied(job: Job, outputs: Traces) -> dict[str, np.ndarray]:
     """Return outputs with what the math pilot moves at its true position, bias of the trim included, where the model reports it."""
-    moved = {loop.control for loop in job.pilot if f"applied.{loop.control}" in outputs}
+    controls = {loop.control for loop in job.pilot}.union(job.law.moves if job.law is not None else ())
+    moved = {name for name in controls if f"applied.{name}" in outputs}
     return {**outputs, **{name: outputs[f"applied.{name}"] for name in moved}}
 
 

@@ -123,6 +123,36 @@ def bad(tmp_path_factory):
     return lambda kind: write_fmu(folder / f"{kind.replace(':', '_')}.fmu", describe(kind, True, {}, {}), library)
 
 
+LAW_ROW = '<ScalarVariable name="{}" valueReference="{}" causality="{}" variability="continuous"><Real unit="{}" {}/></ScalarVariable>'
+LAW_ABOUT = """<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="law" guid="{guid}">
+<CoSimulation modelIdentifier="toy" canHandleVariableCommunicationStepSize="{any_step}"/>
+<DefaultExperiment stepSize="0.01"/>
+<UnitDefinitions><Unit name="rad"/><Unit name="deg"/><Unit name="rad/s"/><Unit name="deg/s"/>
+<Unit name="m"/><Unit name="s"/></UnitDefinitions>
+<ModelVariables>{rows}<ScalarVariable name="gain" valueReference="3" causality="parameter" variability="fixed"><Real unit="s" start="0.1"/>
+</ScalarVariable></ModelVariables><ModelStructure/></fmiModelDescription>"""
+
+
+@pytest.fixture(scope="session")
+def law_library(tmp_path_factory):
+    """The shared library of a control law, compiled once."""
+    return compiled("law.c", tmp_path_factory.mktemp("law"))
+
+
+@pytest.fixture
+def law(law_library, tmp_path):
+    """Write the FMU of the law next to the case."""
+
+    def write(guid="plain", any_step=True, names=("column", "q", "delta_e"), units=("m", "rad/s", "rad")):
+        causes = ("input", "input", "output")
+        starts = ('start="0"', 'start="0"', "")
+        rows = "".join(LAW_ROW.format(*row) for row in zip(names, range(3), causes, units, starts, strict=True))
+        return write_fmu(tmp_path / "law.fmu", LAW_ABOUT.format(guid=guid, any_step=str(any_step).lower(), rows=rows), law_library)
+
+    return write
+
+
 @pytest.fixture
 def lag_states():
     """Flight states of the toy itself for an elevator ramp, exact at the samples: 10 s at 50 Hz."""

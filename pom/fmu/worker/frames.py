@@ -14,8 +14,8 @@ _LONGEST = 65536  # bytes of a text
 
 
 def moved_controls(job: Mapping[str, Any]) -> list[str]:
-    """Return the controls that the math pilot moves, in the order of their columns behind the outputs."""
-    return list(job["pilot"]["move"]) if job.get("pilot") else []
+    """Return the controls that the math pilot and the control law move, in the order of their columns behind the outputs."""
+    return [*(job["pilot"]["move"] if job.get("pilot") else ()), *(job["law"]["moves"] if job.get("law") else ())]
 
 
 def columns_of(job: Mapping[str, Any], reply: Mapping[str, Any]) -> np.ndarray:

@@ -34,6 +34,8 @@ class Model:
         Model exchange: there is no co-simulation, so an integrator of ours steps it.
     takes_records : bool
         The arrays ``replay.n replay.t replay.u replay.y``, as `flightmech.write_fmu` makes them, take a whole record in one step.
+    most : int
+        As given. [byte]
     messages : deque of str
         The last messages of the FMU in warnings and errors.
     """
@@ -42,6 +44,7 @@ class Model:
         from fmpy import extract
 
         demand_size(path, most)
+        self.most = most
         self.description = read_description(path)
         self.folder = extract(path, folder)
         self.variables = {v.name: v for v in self.description.modelVariables}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ _SURFACES = {
     "force": "recorded pilot forces drive the control system of the model",
     "pilot": "the recorded controls drive the model, a math pilot adds to them",
 }
+_LAW = "the control law moves what it is named for, recorded surface positions drive the rest"
 _ENGINE = {
     "thrust": "recorded thrust drives the model",
     "n1": "the recorded fan speed drives the engine model",
@@ -42,7 +44,7 @@ def driving(result: PomResult) -> dict[str, Any]:
     """Return how the models were driven: in words, input by input, loop by loop."""
     drive = result.case.drive
     how = [
-        ("controls", _SURFACES.get(drive.surfaces, drive.surfaces)),
+        ("controls", _LAW if result.case.law else _SURFACES.get(drive.surfaces, drive.surfaces)),
         ("engine", _ENGINE.get(drive.engine, drive.engine)),
         ("start", _START.get(drive.trim, str(drive.trim))),
         ("wind", _WIND.get(result.case.wind, result.case.wind)),
@@ -56,6 +58,10 @@ def driving(result: PomResult) -> dict[str, Any]:
 
 
 def _feedback(result: PomResult) -> str:
+    if result.case.law:
+        moved = ", ".join(label(name).words or name for name in result.case.law_moves)
+        law = result.signals.attrs.get("control_law", Path(result.case.law).name)
+        return f"closed loop: the control law of the airplane ({law}) moves {moved}; it sees the outputs of the model one sample late"
     if not result.case.drive.pilot:
         return "none: open loop, nothing corrects the model during the run"
     moved = ", ".join(dict.fromkeys(label(loop.control).words or loop.control for loop in result.case.drive.pilot))
@@ -67,6 +73,8 @@ def _source(result: PomResult, name: str) -> str:
     drive = result.case.drive
     if name in {loop.control for loop in drive.pilot}:
         return "recorded, plus math pilot"
+    if name in result.case.law_moves:
+        return "control law"
     if name in result.case.conditions:
         return "case file, held"
     if name in PRIMARY.get(drive.level, ()):

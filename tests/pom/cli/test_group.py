@@ -1,11 +1,13 @@
 """``aeromatch pom`` as a user runs it: words in, text and exit code out."""
 
+import hashlib
 import json
 import sys
 from types import SimpleNamespace
 
 import pytest
 
+import pom
 from aeromatch.cli import main
 
 
@@ -42,6 +44,23 @@ def test_run_passes_with_code_0_and_writes_the_report(aeromatch, case, toy, tmp_
     assert found["provenance"]["command"].startswith("aeromatch pom run ")
     assert set(found["provenance"]["inputs"]) == {"case.toml", "record.nc"}
     assert set(found["provenance"]["models"]) == {"toy"}
+
+
+@pytest.mark.slow
+def test_a_control_law_is_hashed_with_the_inputs_and_a_changed_one_is_found(aeromatch, write_case, law, toy, lag_states, tmp_path):
+    law()
+    case = write_case(more='trim = false\n[control_law]\nfmu = "law.fmu"\nmoves = ["delta_e"]\n')
+    flown = lag_states.assign(column=-lag_states["delta_e"] / 1.2)
+    flown.to_netcdf(tmp_path / "record.nc", engine="h5netcdf")
+    done = aeromatch("pom", "run", case, "--model", f"toy={toy()}", "-o", tmp_path / "out")
+    assert done.returncode in (0, 1), done.stderr
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    inputs = {item["name"]: item for item in manifest["predicate"]["buildDefinition"]["resolvedDependencies"]}
+    assert inputs["law.fmu"]["digest"]["sha256"] == hashlib.sha256((tmp_path / "law.fmu").read_bytes()).hexdigest()
+    assert inputs["law.fmu"]["uri"] == "../law.fmu"
+    assert {item.state for item in pom.verify(tmp_path / "out")} == {"same"}
+    law("degrees")
+    assert [(item.kind, item.name) for item in pom.verify(tmp_path / "out") if item.state != "same"] == [("input", "law.fmu")]
 
 
 def test_a_failed_match_is_code_1(aeromatch, case, toy):
