@@ -90,6 +90,8 @@ class Aircraft:
         Wheels, skids, steering and runway; ``[gear]`` in the file.
     fuel : Fuel, optional
         Fuel on board, part of `mass`; without it the mass does not change.
+    earth_outputs : bool
+        Whether its models have outputs in Earth-fixed and inertial axes, and the gravitation.
     history : str
         Where the numbers come from when they were computed, one line per step.
     """
@@ -115,6 +117,7 @@ class Aircraft:
     circuits: dict[str, Circuit] = field(default_factory=dict)
     gear: LandingGear | None = None
     fuel: Fuel | None = None
+    earth_outputs: bool = False
     history: str = ""
 
     def _repr_html_(self) -> str:
@@ -242,6 +245,10 @@ class _File(_Entry):
     circuit: CircuitsTable = Field(default=CircuitsTable(), description="Control circuits: what moves with column, wheel and pedal.")
     gear: GearTable | None = Field(default=None, description="Landing gear: wheels, skids, steering, brakes and runway.")
     fuel: FuelTable | None = Field(default=None, description="Fuel on board, part of the mass; without it the mass does not change.")
+    earth_outputs: bool = Field(
+        default=False,
+        description="Whether models have outputs in Earth-fixed and inertial axes (earth.x, inertial.vx) and the gravitation.",
+    )
     history: str = Field(
         default="", examples=["rescaled to a span of 11 m"], description="Where computed numbers come from, one line per step."
     )

@@ -38,6 +38,7 @@ def write_aircraft(aircraft: Aircraft, path: str | Path) -> Path:
     lines = [f"{name} = {_value(getattr(aircraft, name))}" for name in _PLAIN if getattr(aircraft, name) is not None]
     if aircraft.history:
         lines.append(f"history = {_value(aircraft.history)}")
+    lines += ["earth_outputs = true"] if aircraft.earth_outputs else []
     for engine, file in zip(aircraft.engines, files, strict=True):
         lines += ["", "[[engine]]", f"position = {_value(engine.position)}", f"direction = {_value(engine.direction)}"]
         lines += [f"{name} = {_value(getattr(engine, name))}" for name in ("time_constant", "angular_momentum")]

@@ -19,20 +19,27 @@ from .description import CHOICES, REPLAY, TIME, Description, Variable
 # relative tolerance for the importer's solver: the position is Earth-centred, 1e-9 of it are 6 mm
 TOLERANCE = 1e-9
 
+_PARTIAL = ("providesDirectionalDerivatives", "providesAdjointDerivatives")
 _INTERFACES: dict[str, dict[str, tuple[str, ...]]] = {
     "2.0": {
-        "ModelExchange": ("canNotUseMemoryManagementFunctions", "canGetAndSetFMUstate", "canSerializeFMUstate"),
+        "ModelExchange": (
+            "canNotUseMemoryManagementFunctions",
+            "canGetAndSetFMUstate",
+            "canSerializeFMUstate",
+            "providesDirectionalDerivative",
+        ),
         "CoSimulation": (
             "canHandleVariableCommunicationStepSize",
             "canInterpolateInputs",
             "canNotUseMemoryManagementFunctions",
             "canGetAndSetFMUstate",
             "canSerializeFMUstate",
+            "providesDirectionalDerivative",
         ),
     },
     "3.0": {
-        "ModelExchange": ("canGetAndSetFMUState", "canSerializeFMUState", "needsCompletedIntegratorStep"),
-        "CoSimulation": ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState"),
+        "ModelExchange": ("canGetAndSetFMUState", "canSerializeFMUState", "needsCompletedIntegratorStep", *_PARTIAL),
+        "CoSimulation": ("canHandleVariableCommunicationStepSize", "canGetAndSetFMUState", "canSerializeFMUState", *_PARTIAL),
     },
 }
 _LOCAL = ("state", "derivative")

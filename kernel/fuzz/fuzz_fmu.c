@@ -52,6 +52,12 @@ int fmi3GetFloat64(fmu *, const uint32_t *, size_t, double *, size_t),
     fmi3SetFloat64(fmu *, const uint32_t *, size_t, const double *, size_t);
 int fmi3GetInt64(fmu *, const uint32_t *, size_t, int64_t *, size_t),
     fmi3SetInt64(fmu *, const uint32_t *, size_t, const int64_t *, size_t);
+int fmi2GetDirectionalDerivative(fmu *, const uint32_t *, size_t, const uint32_t *, size_t,
+                                 const double *, double *);
+int fmi3GetDirectionalDerivative(fmu *, const uint32_t *, size_t, const uint32_t *, size_t,
+                                 const double *, size_t, double *, size_t),
+    fmi3GetAdjointDerivative(fmu *, const uint32_t *, size_t, const uint32_t *, size_t,
+                             const double *, size_t, double *, size_t);
 int fmi3DoStep(fmu *, double, double, bool, bool *, bool *, bool *, double *);
 int fmi3UpdateDiscreteStates(fmu *, bool *, bool *, bool *, bool *, bool *, double *),
     fmi3CompletedIntegratorStep(fmu *, bool, bool *, bool *);
@@ -189,6 +195,22 @@ static void get_and_set(slave_t *slave, bytes_t *bytes) {
         expect(fmi3GetInt64(slave->instance, vr, n, longs, n));
     }
     free(to);
+}
+
+/* Unknowns, knowns and seeds of any kind; of both kinds there are at most four. */
+static void partials(const slave_t *slave, bytes_t *bytes) {
+    uint32_t unknowns[4], knowns[4];
+    double seed[4], to[4];
+    const size_t nu = take_references(slave, bytes, unknowns);
+    const size_t nk = take_references(slave, bytes, knowns);
+    for (int i = 0; i < 4; i++) seed[i] = take_value(bytes);
+    if (slave->second) {
+        expect(fmi2GetDirectionalDerivative(slave->instance, unknowns, nu, knowns, nk, seed, to));
+        return;
+    }
+    expect(fmi3GetDirectionalDerivative(slave->instance, unknowns, nu, knowns, nk, seed, nk, to,
+                                        take_byte(bytes) % 4 ? nu : nk));
+    expect(fmi3GetAdjointDerivative(slave->instance, unknowns, nu, knowns, nk, seed, nu, to, nk));
 }
 
 static double short_time(bytes_t *bytes) {
@@ -349,6 +371,9 @@ static void call(slave_t *slave, slave_t *other, bytes_t *bytes) {
         break;
     case 13:
         restore(slave, bytes);
+        break;
+    case 14:
+        partials(slave, bytes);
         break;
     default:
         exchange(slave, bytes);

@@ -141,6 +141,13 @@ AM_API fmi2Status fmi2SetRealInputDerivatives(fmu *f, const fmi2ValueReference v
     return fmu_set_slopes(f, vr, n, values);
 }
 
+AM_API fmi2Status fmi2GetDirectionalDerivative(fmu *f, const fmi2ValueReference unknowns[],
+                                               size_t nu, const fmi2ValueReference knowns[],
+                                               size_t nk, const double seed[],
+                                               double sensitivity[]) {
+    return fmu_directional(f, unknowns, nu, knowns, nk, seed, sensitivity);
+}
+
 /* ---- steps ----------------------------------------------------------------------------------- */
 
 AM_API fmi2Status fmi2DoStep(fmu *f, double t, double dt, fmi2Boolean no_set_state_prior) {
@@ -254,6 +261,3 @@ AM_API fmi2Status fmi2CancelStep(fmu *f) { return fmu_refuse(f, "fmi2CancelStep:
 
 NOT_OFFERED(fmi2GetRealOutputDerivatives, "no output derivatives are given",
             const fmi2ValueReference vr[], size_t n, const int order[], double values[])
-NOT_OFFERED(fmi2GetDirectionalDerivative, "no directional derivatives are given",
-            const fmi2ValueReference unknowns[], size_t nu, const fmi2ValueReference knowns[],
-            size_t nk, const double seed[], double sensitivity[])

@@ -155,6 +155,29 @@ AM_API fmi3Status fmi3SetUInt64(fmu *f, const fmi3ValueReference vr[], size_t n,
 AM_API fmi3Status fmi3EnterConfigurationMode(fmu *f) { return fmu_begin_configuration(f); }
 AM_API fmi3Status fmi3ExitConfigurationMode(fmu *f) { return fmu_end_configuration(f); }
 
+static int one_to_one(const fmu *f, size_t nseed, size_t seeded, size_t nto, size_t found) {
+    if (nseed == seeded && nto == found) return FMU_OK;
+    return fmu_refuse(
+        f, "%lu seeds and %lu sensitivities; every variable is a scalar: give %lu and %lu",
+        (unsigned long)nseed, (unsigned long)nto, (unsigned long)seeded, (unsigned long)found);
+}
+
+AM_API fmi3Status fmi3GetDirectionalDerivative(fmu *f, const fmi3ValueReference unknowns[],
+                                               size_t nu, const fmi3ValueReference knowns[],
+                                               size_t nk, const double seed[], size_t nseed,
+                                               double sensitivity[], size_t nsensitivity) {
+    if (one_to_one(f, nseed, nk, nsensitivity, nu)) return FMU_ERROR;
+    return fmu_directional(f, unknowns, nu, knowns, nk, seed, sensitivity);
+}
+
+AM_API fmi3Status fmi3GetAdjointDerivative(fmu *f, const fmi3ValueReference unknowns[], size_t nu,
+                                           const fmi3ValueReference knowns[], size_t nk,
+                                           const double seed[], size_t nseed,
+                                           double sensitivity[], size_t nsensitivity) {
+    if (one_to_one(f, nseed, nu, nsensitivity, nk)) return FMU_ERROR;
+    return fmu_adjoint(f, unknowns, nu, knowns, nk, seed, sensitivity);
+}
+
 /* ---- steps ----------------------------------------------------------------------------------- */
 
 AM_API fmi3Status fmi3DoStep(fmu *f, double t, double dt, bool no_set_state_prior,
@@ -266,7 +289,6 @@ AM_API fmi3Status fmi3DeserializeFMUState(fmu *f, const uint8_t bytes[], size_t 
 #define NO_TYPE "the FMU has no variable of this type"
 #define NO_CLOCKS "the FMU has no clocks"
 #define NO_STEPS "co-simulation has no event mode here"
-#define NO_DERIVATIVES "no partial derivatives are given"
 #define VRS const fmi3ValueReference vr[], size_t n
 
 NO_VARIABLES(Float32, float)
@@ -311,9 +333,3 @@ NOT_OFFERED(fmi3GetVariableDependencies, "dependencies do not change; see modelD
 
 NOT_OFFERED(fmi3GetOutputDerivatives, "no output derivatives are given", VRS,
             const int32_t orders[], double values[], size_t nvalues)
-NOT_OFFERED(fmi3GetDirectionalDerivative, NO_DERIVATIVES, VRS, const fmi3ValueReference knowns[],
-            size_t nknowns, const double seed[], size_t nseed, double sensitivity[],
-            size_t nsensitivity)
-NOT_OFFERED(fmi3GetAdjointDerivative, NO_DERIVATIVES, VRS, const fmi3ValueReference knowns[],
-            size_t nknowns, const double seed[], size_t nseed, double sensitivity[],
-            size_t nsensitivity)

@@ -93,6 +93,15 @@ int fmu_check_integers(const fmu *f, const uint32_t vr[], size_t n);
 /* Time derivatives of inputs at the start of the next step; they act in that step only. */
 int fmu_set_slopes(fmu *f, const uint32_t vr[], size_t n, const double slopes[]);
 
+/* ---- partials.c: partial derivatives --------------------------------------------------------- */
+
+/* Of outputs and state derivatives (unknowns) over inputs and states (knowns): to[nu] = J seed[nk],
+ * and to[nk] = J^T seed[nu]. */
+int fmu_directional(fmu *f, const uint32_t unknowns[], size_t nu, const uint32_t knowns[],
+                    size_t nk, const double seed[], double to[]);
+int fmu_adjoint(fmu *f, const uint32_t unknowns[], size_t nu, const uint32_t knowns[], size_t nk,
+                const double seed[], double to[]);
+
 /* ---- replay.c: a whole record in one step ---------------------------------------------------- */
 
 int fmu_get_samples(fmu *f, const uint32_t vr[], size_t n, uint64_t counts[]);

@@ -109,3 +109,16 @@ def test_attitude_against_the_local_horizon_of_the_rotating_sphere(stone):
     turn = RATE * 600.0 + float(y.lon)
     assert float(y.phi) == pytest.approx(-turn, abs=1e-12)
     assert float(y.theta) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_outputs_in_earth_axes_on_request(stone):
+    """Without the request there are none; over a flat Earth the axes are north, east and down and do not turn."""
+    assert not [name for name in stone.outputs if name.startswith(("earth.", "inertial."))]
+    body = flightmech.Aircraft("stone", 1.0, 1.0, 1.0, 10.0, 1.0, 1.0, 1.0, earth_outputs=True)
+    sim = flightmech.compile(body, xr.DataTree.from_dict({"/CD/basic": make(0.0)}))
+    y = fly(sim, [0.0, 2.0], init__V=50.0, init__h=1000.0, init__psi=0.3, mode__earth=0.0)
+    np.testing.assert_allclose([y[f"earth.v{axis}"][-1] for axis in "xyz"], [y[name][-1] for name in ("vn", "ve", "vd")], rtol=1e-14)
+    assert float(y["earth.z"][-1]) == -float(y["h"][-1])
+    for axis in ("x", "y", "z", "vx", "vy", "vz"):
+        assert (y[f"inertial.{axis}"] == y[f"earth.{axis}"]).all()
+    np.testing.assert_allclose(y["gravitation"], 9.80665, rtol=1e-15)

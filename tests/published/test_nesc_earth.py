@@ -24,6 +24,7 @@ SLUG, SLUG_FT2 = 14.593902937, 1.3558179483  # NASA/TM-2015-218675
 AREA = 0.1963495 * FT**2
 RATE, MU, A, F, J2, SPHERE = 7.292115e-5, 3.986004418e14, 6378137.0, 1.0 / 298.257223563, 0.00108262982, 6371007.1809
 HEIGHT, VELOCITY, ATTITUDE, RATES = 2e-3, 1e-4, 1e-6, 1e-7  # of acceptance: ft, ft/s, deg, deg/s
+EARTH_FIXED, INERTIAL = ([f"{group}.{name}" for name in ("x", "y", "z", "vx", "vy", "vz")] for group in ("earth", "inertial"))
 TIMES = np.linspace(0.0, 30.0, 31)
 DROP = {"init.V": 0.0, "init.h": 30000.0 * FT}
 TUMBLE = {**DROP, "init.p": 10.0 * DEG, "init.q": 20.0 * DEG, "init.r": 30.0 * DEG}
@@ -41,7 +42,7 @@ CASES = {
 @cache
 def ball() -> flightmech.SimModel:
     inertia = 3.6 * SLUG_FT2
-    body = flightmech.Aircraft("sphere", AREA, FT, FT, SLUG, inertia, inertia, inertia)
+    body = flightmech.Aircraft("sphere", AREA, FT, FT, SLUG, inertia, inertia, inertia, earth_outputs=True)
     db = xr.DataTree.from_dict({"/CD/basic": make(0.1)})
     db.attrs["force_axes"] = "wind"
     return flightmech.compile(body, db)
@@ -93,7 +94,7 @@ def about_axis(angle: float) -> np.ndarray:
 
 @cache
 def expected(case: int) -> dict[str, np.ndarray]:
-    """Height, latitude, longitude, velocity over ground and attitude of the reference; SI and radians."""
+    """Height, latitude, longitude, velocity over ground, attitude, motion in Earth-fixed and inertial axes of the reference; SI, rad."""
     given = CASES[case]
     earth = given.get("mode.earth", 1.0)
     round_earth, rate = earth in (2.0, 3.0), 0.0 if earth == 2.0 else RATE
@@ -124,8 +125,10 @@ def expected(case: int) -> dict[str, np.ndarray]:
         # no moment on equal moments of inertia: the body turns about a fixed axis in space
         body_to_space = ned(0.0, 0.0).T @ Rotation.from_rotvec(w * t).as_matrix()
         psi, theta, phi = Rotation.from_matrix(local @ turn.T @ body_to_space).as_euler("ZYX")
-        rows.append([h, lat, lon, *v, phi, theta, psi])
-    return dict(zip(("h", "lat", "lon", "vn", "ve", "vd", "phi", "theta", "psi"), np.array(rows).T, strict=True))
+        moving = turn.T @ y[3:] - np.cross(spin, r)
+        rows.append([h, lat, lon, *v, phi, theta, psi, *r, *moving, *y, np.linalg.norm(attraction(r, round_earth))])
+    names = ("h", "lat", "lon", "vn", "ve", "vd", "phi", "theta", "psi", *EARTH_FIXED, *INERTIAL, "gravitation")
+    return dict(zip(names, np.array(rows).T, strict=True))
 
 
 def largest(found: xr.Dataset, other: dict[str, np.ndarray], *names: str) -> float:
@@ -174,6 +177,10 @@ def test_trajectory_is_that_of_the_reference(case):
     assert largest(found, other, "vn", "ve", "vd") < 1e-7 * FT
     assert largest(found, other, "lat", "lon") < 1e-12
     assert largest(found, other, "phi", "theta", "psi") < 3e-9 * DEG
+    for place, velocity in (EARTH_FIXED[:3], EARTH_FIXED[3:]), (INERTIAL[:3], INERTIAL[3:]):
+        assert largest(found, other, *place) < 2e-6 * FT
+        assert largest(found, other, *velocity) < 1e-7 * FT
+    assert largest(found, other, "gravitation") < 1e-11
     for name in "pqr":
         np.testing.assert_allclose(found[name], CASES[case].get(f"init.{name}", 0.0), rtol=0.0, atol=1e-15)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from . import controls, devices, engine, fuel, landing_gear, weather
+from . import controls, devices, earth_axes, engine, fuel, landing_gear, weather
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from ...aircraft.aircraft import Aircraft
     from ..kernel import Entry
 
-MODULES = (weather, engine, fuel, landing_gear, controls, devices)
+MODULES = (weather, engine, fuel, landing_gear, controls, devices, earth_axes)
 _OWNER = {
     "weather": weather,
     "engine": engine,
@@ -27,6 +27,7 @@ _OWNER = {
     "contact": landing_gear,
     "circuit": controls,
     "device": devices,
+    "earth": earth_axes,
 }
 
 

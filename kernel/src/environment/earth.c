@@ -167,3 +167,23 @@ void gravitation(const double position[3], int earth, double g[3]) {
     g[1] = k * position[1] * (1.0 - j * (5.0 * z2 - 1.0));
     g[2] = k * position[2] * (1.0 - j * (5.0 * z2 - 3.0));
 }
+
+void earth_outputs(const am_sim *sim, double *y) {
+    if (!items(sim->model, G_EARTH)) return;
+    double *to = output_of(sim, y, G_EARTH, 0);
+    const double *r = sim->x + X_X;
+    const double *v = sim->x + X_VX;
+    /* turn of the Earth since the time zero; velocity with it, in Earth-fixed axes */
+    double s, c, g[3];
+    am_sincos(sim->omega * sim->time, &s, &c);
+    const double vx = v[0] - sim->omega * r[1];
+    const double vy = v[1] + sim->omega * r[0];
+    for (int i = 0; i < 3; i++) {
+        to[Y_EARTH_X + i] = r[i];
+        to[Y_EARTH_VX + i] = v[i];
+    }
+    set3(to + Y_INERTIAL_X, c * r[0] - s * r[1], s * r[0] + c * r[1], r[2]);
+    set3(to + Y_INERTIAL_VX, c * vx - s * vy, s * vx + c * vy, v[2]);
+    gravitation(r, sim->earth, g);
+    to[Y_GRAVITATION] = sqrt(dot(g, g));
+}

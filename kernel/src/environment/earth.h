@@ -22,4 +22,7 @@ void locate_angles(const am_sim *sim, const double position[3], now_t *now);
 /* Mass attraction in Earth axes, without the centrifugal part. [m s-2] */
 void gravitation(const double position[3], int earth, double g[3]);
 
+/* Outputs in Earth-fixed and inertial axes, where the model has them. */
+void earth_outputs(const am_sim *sim, double *y);
+
 #endif

@@ -90,6 +90,7 @@ static void write_outputs(am_sim *sim, double *y) {
     memcpy(y + Y_TRIM_U_DOT, sim->trim.residual, sizeof sim->trim.residual);
     y[Y_OUT_OF_RANGE] = 0.0;
     for (uint32_t i = 0; i < m->axes; i++) y[Y_OUT_OF_RANGE] += sim->below[i] + sim->above[i];
+    earth_outputs(sim, y);
     weather_outputs(sim, y);
     fuel_outputs(sim, y);
     engine_outputs(sim, y);

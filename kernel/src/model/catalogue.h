@@ -10,6 +10,7 @@
 
 #include "control_names.h"
 #include "device_names.h"
+#include "earth_names.h"
 #include "engine_names.h"
 #include "fuel_names.h"
 #include "gear_names.h"
@@ -256,7 +257,8 @@ enum {
     G(G_GEAR, GEAR, "gear") \
     G(G_CONTACT, CONTACT, "contact") \
     G(G_CIRCUIT, CIRCUIT, "circuit") \
-    G(G_DEVICE, DEVICE, "device")
+    G(G_DEVICE, DEVICE, "device") \
+    G(G_EARTH, EARTH, "earth")
 
 #define AM_GROUP_ENUM(group, lists, word) group,
 enum { AM_GROUP_LIST(AM_GROUP_ENUM) GROUPS };
@@ -285,6 +287,7 @@ AM_ITEM_CODES(GEAR)
 AM_ITEM_CODES(CONTACT)
 AM_ITEM_CODES(CIRCUIT)
 AM_ITEM_CODES(DEVICE)
+AM_ITEM_CODES(EARTH)
 #undef AM_ITEM_CODES
 #undef AM_CODES
 #undef AM_ENUM_STAGED

@@ -41,6 +41,7 @@ def craft() -> Aircraft:
         limits={"delta_e": (-0.35, 0.3), "throttle": (0.0, 1.0)},
         instruments={"imu": {"position": [0.9, 0.2, 0.3], "noise": {"q": 1e-3}, "lag": [0.05, 0.02], "maximum": 700}, "gps": {}},
         controls={"delta_e": Control(1.6, 0.34, -1.1), "delta_r": Control(0.9, 0.4)},
+        earth_outputs=True,
         history="first\nsecond",
     )
 

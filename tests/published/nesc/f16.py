@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -35,4 +36,4 @@ def aircraft() -> flightmech.Aircraft:
 @cache
 def compiled() -> flightmech.SimModel:
     """The model that flies."""
-    return flightmech.compile(aircraft(), database())
+    return flightmech.compile(replace(aircraft(), earth_outputs=True), database())

@@ -23,7 +23,7 @@ GROUPS = {  # columns by the start of their names
 LOADS = ("aero_bodyForce_lbf_", "aero_bodyMoment_ftlbf_")
 ANGLES = ("longitude_deg", "eulerAngle_deg_Yaw", "eulerAngle_deg_Roll")  # compared modulo one turn
 PSF, DENSITY = LBF / FT**2, SLUG / FT**3
-MU, J2, EARTH_RADIUS, ECCENTRICITY_2, EARTH_RATE = 3.986004418e14, 0.00108262982, 6378137.0, 0.0066943799901413165, 7.292115e-5
+EARTH_RADIUS, ECCENTRICITY_2, EARTH_RATE = 6378137.0, 0.0066943799901413165, 7.292115e-5
 
 Columns = dict[str, np.ndarray]
 
@@ -66,7 +66,7 @@ def as_recorded(run: xr.Dataset, craft: flightmech.Aircraft | None = None) -> Co
         "speedOfSound_ft_s": np.divide(y["V"], y["mach"], out=np.full(len(y["V"]), np.nan), where=y["mach"] > 0.0) / FT,
     }
     found |= {"airDensity_slug_ft3": y["rho"] / DENSITY, "ambientPressure_lbf_ft2": y["p_static"] / PSF}
-    found |= {"ambientTemperature_dgR": y["temperature"] * 1.8, **_place(y, run.time.values)}
+    found |= {"ambientTemperature_dgR": y["temperature"] * 1.8, **_place(y)}
     return found if craft is None else found | _loads(y, craft)
 
 
@@ -85,26 +85,13 @@ def _loads(y: Mapping[str, np.ndarray], craft: flightmech.Aircraft) -> Columns:
     return found | {f"aero_bodyMoment_ftlbf_{axis}": values / (LBF * FT) for axis, values in zip("LMN", moment, strict=True)}
 
 
-def _place(y: Mapping[str, np.ndarray], time: np.ndarray) -> Columns:
+def _place(y: Mapping[str, np.ndarray]) -> Columns:
     """Position in Earth-fixed and inertial axes, which coincide at the start, inertial velocity, and the size of the gravitation."""
-    lat, lon, turned = y["lat"], y["lon"], y["lon"] + EARTH_RATE * time
-    N = EARTH_RADIUS / np.sqrt(1.0 - ECCENTRICITY_2 * np.sin(lat) ** 2)
-    rho, z = (N + y["h"]) * np.cos(lat), (N * (1.0 - ECCENTRICITY_2) + y["h"]) * np.sin(lat)
-    fixed, inertial = ((rho * np.cos(angle), rho * np.sin(angle), z) for angle in (lon, turned))
-    out, east = -y["vn"] * np.sin(lat) - y["vd"] * np.cos(lat), y["ve"] + EARTH_RATE * rho
-    velocity = (
-        out * np.cos(turned) - east * np.sin(turned),
-        out * np.sin(turned) + east * np.cos(turned),
-        y["vn"] * np.cos(lat) - y["vd"] * np.sin(lat),
-    )
-    found = {}
-    for i, axis in enumerate("XYZ"):
-        found[f"gePosition_ft_{axis}"], found[f"eiPosition_ft_{axis}"] = fixed[i] / FT, inertial[i] / FT
-        found[f"eiVelocity_ft_s_{axis}"] = velocity[i] / FT
-    r2 = rho**2 + z**2
-    scale, bulge = -MU / r2**1.5, 1.5 * J2 * EARTH_RADIUS**2 / r2
-    out, up = scale * rho * (1.0 - bulge * (5.0 * z**2 / r2 - 1.0)), scale * z * (1.0 - bulge * (5.0 * z**2 / r2 - 3.0))
-    return found | {"localGravity_ft_s2": np.hypot(out, up) / FT}
+    found = {"localGravity_ft_s2": y["gravitation"] / FT}
+    for axis in "XYZ":
+        found[f"gePosition_ft_{axis}"], found[f"eiPosition_ft_{axis}"] = y[f"earth.{axis.lower()}"] / FT, y[f"inertial.{axis.lower()}"] / FT
+        found[f"eiVelocity_ft_s_{axis}"] = y[f"inertial.v{axis.lower()}"] / FT
+    return found
 
 
 def differences(a: Columns, b: Columns, until: float = np.inf) -> dict[str, float]:

@@ -1,0 +1,40 @@
+"""Catalogue rows of place and motion in Earth-fixed and inertial axes, which a model has on request."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from ...aircraft.systems.fuel import MOST
+from ..kernel import Entry
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from ...aircraft.aircraft import Aircraft
+
+_FIXED = "Earth-fixed axes: z towards the North Pole, x towards the equator at longitude zero"
+_INERTIAL = "inertial axes, which are the Earth-fixed ones at the time zero"
+_OUTPUTS = {
+    **{f"earth.{axis}": ("m", f"position of the c.g. along {axis} of {_FIXED}") for axis in "xyz"},
+    **{f"earth.v{axis}": ("m s-1", f"velocity over the turning Earth along {axis} of the Earth-fixed axes") for axis in "xyz"},
+    **{f"inertial.{axis}": ("m", f"position of the c.g. along {axis} of {_INERTIAL}") for axis in "xyz"},
+    **{f"inertial.v{axis}": ("m s-1", f"velocity along {axis} of the inertial axes, turn of the Earth included") for axis in "xyz"},
+    "gravitation": ("m s-2", "size of the mass attraction, without the centrifugal part"),
+}
+
+
+def items(aircraft: Aircraft) -> dict[str, tuple[str, ...]]:
+    """Return the items of the group: one where the aircraft has these outputs."""
+    return {"earth": ("",) if aircraft.earth_outputs else ()}
+
+
+def row(kind: int, group: str, item: str, name: str, aircraft: Aircraft) -> Entry:
+    """Return the catalogue row of an output."""
+    units, text = _OUTPUTS[name]
+    return Entry(name, units, units, text, 0.0, -MOST, MOST, 0)
+
+
+def terms(aircraft: Aircraft) -> Iterator[tuple[str, str, xr.Dataset]]:
+    """Return no tables."""
+    return iter(())
