@@ -20,4 +20,5 @@ from .listing import Listing as Listing
 from .reading import iterate as iterate
 from .reading import read as read
 from .runs import run_deck as run_deck
+from .runs import run_folder as run_folder
 from .runs import split_deck as split_deck

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 
 import numpy as np
 import xarray as xr
@@ -10,7 +10,7 @@ import xarray as xr
 from ..cells import ABSENT
 
 AXES = ("delta_f", "delta_e", "delta")  # of static and downwash pages over ground, and of symmetrical flaps
-_NEAR = 1e-9  # [rad]
+_DIGITS = 9  # of a deflection in radians that distinguish it
 
 
 def over_deflections(trees: Sequence[xr.DataTree]) -> list[xr.DataTree]:
@@ -18,31 +18,26 @@ def over_deflections(trees: Sequence[xr.DataTree]) -> list[xr.DataTree]:
 
     A leaf that has no axis of deflection is taken from the first tree.
     """
-    groups: list[list[xr.DataTree]] = []
-    for tree in trees:
-        group = next((group for group in groups if _extends(tree, group)), None)
-        if group is None:
-            groups.append([tree])
-        else:
-            group.append(tree)
-    return [_together(group) if len(group) > 1 else group[0] for group in groups]
+    groups: dict[Hashable, list[xr.DataTree]] = {}
+    seen: set[tuple[Hashable, float]] = set()
+    for number, tree in enumerate(trees):
+        kind, deflections = _kind(tree)
+        places = {(kind, delta) for delta in deflections}
+        if kind is None or places & seen:  # no flap, or a deflection that another tree gives
+            kind = number
+        seen |= places
+        groups.setdefault(kind, []).append(tree)
+    return [_together(group) if len(group) > 1 else group[0] for group in groups.values()]
 
 
-def _extends(tree: xr.DataTree, group: list[xr.DataTree]) -> bool:
-    """Return whether a tree gives the conditions and the kind of flap of a group, and only deflections that none of the group gives."""
-    if set(tree.children) != set(group[0].children) or "symflp" not in tree.children:
-        return False
-    own, first, *others = (part.children["symflp"].to_dataset(inherit=False) for part in (tree, *group))
-    alike = own.attrs == first.attrs and _conditions(own) == _conditions(first)
-    return alike and not any(_deflections(own) & _deflections(other) for other in (first, *others))
-
-
-def _conditions(leaf: xr.Dataset) -> list[tuple[float, float]]:
-    return list(zip(leaf["mach"].values.tolist(), leaf["h"].values.tolist()))
-
-
-def _deflections(leaf: xr.Dataset) -> set[float]:
-    return set(np.round(leaf["delta"].values, 9).tolist())
+def _kind(tree: xr.DataTree) -> tuple[Hashable, list[float]]:
+    """Return what trees of one flap at the same flight conditions have in common, and the deflections; None without symmetrical flap."""
+    if "symflp" not in tree.children:
+        return None, []
+    leaf = tree.children["symflp"].to_dataset(inherit=False)
+    conditions = zip(leaf["mach"].values.tolist(), leaf["h"].values.tolist())
+    kind = (tuple(sorted(tree.children)), tuple(sorted(leaf.attrs.items())), tuple(conditions))
+    return kind, np.round(leaf["delta"].values, _DIGITS).tolist()
 
 
 def _together(trees: list[xr.DataTree]) -> xr.DataTree:
@@ -59,48 +54,66 @@ def _together(trees: list[xr.DataTree]) -> xr.DataTree:
 
 def _merged(parts: list[xr.Dataset], axis: str) -> xr.Dataset:
     """Return one leaf over all deflections, NaN and ``absent`` where no part gives them."""
-    every = np.concatenate([np.atleast_1d(part[axis].values) for part in parts])
-    rising = np.sort(every)
-    values = rising[np.concatenate([[True], np.diff(rising) > _NEAR])]
-    if len(values) == 1 and axis not in parts[0].dims:
-        return parts[0]
-    first, *others = [_spread(part, axis, values) for part in parts]
-    for other in others:
-        first = _completed(first, other)
-    return first
+    given = np.concatenate([np.atleast_1d(part[axis].values) for part in parts])
+    every, at = np.unique(np.round(given, _DIGITS), return_index=True)
+    first = parts[0]
+    if len(every) == 1 and axis not in first.dims:
+        return first
+    places = [np.searchsorted(every, np.round(np.atleast_1d(part[axis].values), _DIGITS)) for part in parts]
+    variables: dict[str, xr.Variable] = {axis: xr.Variable(axis, given[at], first[axis].attrs)}
+    for name in map(str, first.variables):
+        if name == axis or name.endswith("_flag"):
+            continue
+        items = [_over(part, name, axis) for part in parts]
+        if axis not in items[0].dims:
+            variables[name] = _texts_joined(items) if items[0].dtype.kind == "U" and name in first.coords else items[0]
+        elif f"{name}_flag" in first:
+            flags = [_over(part, f"{name}_flag", axis) for part in parts]
+            variables[name], variables[f"{name}_flag"] = _filled(items, flags, places, len(every), axis)
+        else:
+            variables[name] = _placed_texts(items, places, len(every), axis)
+    coords = {name: variables.pop(name) for name in list(variables) if name in first.coords or name == axis}
+    return xr.Dataset(variables, coords, first.attrs)
 
 
-def _spread(part: xr.Dataset, axis: str, values: np.ndarray) -> xr.Dataset:
-    """Return a leaf on more deflections than it gives."""
-    part = part if axis in part.dims else _with_dimension(part, axis)
-    fill = {
-        name: np.uint8(ABSENT) if str(name).endswith("_flag") else "" if item.dtype.kind == "U" else np.nan
-        for name, item in part.variables.items()
-        if axis in item.dims and name != axis
-    }
-    return part.reindex({axis: values}, method="nearest", tolerance=_NEAR, fill_value=fill)
+def _over(part: xr.Dataset, name: str, axis: str) -> xr.Variable:
+    """Return a variable with the deflection as a dimension, before the angle of attack, where it is a table or names the place of one."""
+    item = part.variables[name]
+    tabled = name in ("lines", "notes") or ("alpha" in item.dims and name != "alpha")
+    if axis in item.dims or axis in part.dims or not tabled:
+        return item
+    at = item.dims.index("alpha") if "alpha" in item.dims else item.ndim
+    return xr.Variable((*item.dims[:at], axis, *item.dims[at:]), np.expand_dims(item.values, at), item.attrs)
 
 
-def _with_dimension(part: xr.Dataset, axis: str) -> xr.Dataset:
-    """Return a leaf with its only deflection as a dimension of the tables and of what names their place, before the angle of attack."""
-    wide = part.drop_vars(axis)
-    for name in (name for name, item in part.variables.items() if name in ("lines", "notes") or ("alpha" in item.dims and name != "alpha")):
-        item = part[name].variable
-        at = item.dims.index("alpha") if "alpha" in item.dims else item.ndim
-        wide[name] = xr.Variable((*item.dims[:at], axis, *item.dims[at:]), np.expand_dims(item.values, at), item.attrs)
-    return wide.assign_coords({axis: (axis, [float(part[axis])], part[axis].attrs)})
+def _filled(
+    items: list[xr.Variable], flags: list[xr.Variable], places: list[np.ndarray], count: int, axis: str
+) -> tuple[xr.Variable, xr.Variable]:
+    """Return values and flags over all deflections; of several cells for one place the first that is printed counts."""
+    at = items[0].dims.index(axis)
+    shape = (*items[0].shape[:at], count, *items[0].shape[at + 1 :])
+    value, flag = np.full(shape, np.nan), np.full(shape, ABSENT, np.uint8)
+    for item, codes, place in zip(items, flags, places):
+        where = (slice(None),) * at + (place,)
+        missing = flag[where] == ABSENT
+        value[where] = np.where(missing, item.values, value[where])
+        flag[where] = np.where(missing, codes.values, flag[where])
+    return xr.Variable(items[0].dims, value, items[0].attrs), xr.Variable(items[0].dims, flag, flags[0].attrs)
 
 
-def _completed(first: xr.Dataset, other: xr.Dataset) -> xr.Dataset:
-    """Return the first leaf with the cells of another one where it has none."""
-    first = first.copy()
-    for name in (str(name) for name in first.data_vars if not str(name).endswith("_flag") and name in other):
-        flag = f"{name}_flag"
-        missing = first[flag].values == ABSENT
-        for key in (name, flag):
-            first[key] = first[key].copy(data=np.where(missing, other[key].transpose(*first[key].dims).values, first[key].values))
-    for name in (str(name) for name, item in first.coords.items() if item.dtype.kind == "U" and name in other.coords):
-        texts = zip(first[name].values.ravel(), other[name].transpose(*first[name].dims).values.ravel())
-        joined = [", ".join(dict.fromkeys(text for text in pair if text)) for pair in texts]
-        first[name] = first[name].copy(data=np.array(joined, dtype=str).reshape(first[name].shape))
-    return first
+def _placed_texts(items: list[xr.Variable], places: list[np.ndarray], count: int, axis: str) -> xr.Variable:
+    """Return texts over all deflections, empty where no part gives one, joined where several do."""
+    at = items[0].dims.index(axis)
+    spread = []
+    for item, place in zip(items, places):
+        texts = np.full((*item.shape[:at], count, *item.shape[at + 1 :]), "", dtype=object)
+        texts[(slice(None),) * at + (place,)] = item.values
+        spread.append(xr.Variable(item.dims, texts, item.attrs))
+    return _texts_joined(spread)
+
+
+def _texts_joined(items: list[xr.Variable]) -> xr.Variable:
+    """Return the different texts of each place."""
+    rows = zip(*(item.values.ravel() for item in items))
+    joined = [", ".join(dict.fromkeys(text for text in row if text)) for row in rows]
+    return xr.Variable(items[0].dims, np.array(joined, dtype=str).reshape(items[0].shape), items[0].attrs)

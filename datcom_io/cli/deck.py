@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from flightmech.support import console
 
+if TYPE_CHECKING:
+    from ..runs.running import Run
+
 _DECK = click.argument("deck", type=console.InputFile())
 _FOLDER = click.Path(file_okay=False)
+
+
+class _DeckOrFolder(console.InputFile):
+    """An input deck, or a folder of them."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the name when the file or folder is there."""
+        return str(value) if Path(value).is_dir() else super().convert(value, param, ctx)
 
 
 @click.command("deck")
@@ -114,36 +126,81 @@ def split(study: str, folder: str, as_json: bool) -> None:
 
 
 @click.command()
-@_DECK
+@click.argument("deck", type=_DeckOrFolder())
 @click.option("--program", required=True, type=click.Path(), help="Your Digital DATCOM executable.")
 @click.option("-o", "--output", "folder", type=_FOLDER, help="Folder for the results; default: the folder of the deck.")
-@click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=600.0, show_default=True, help="Longest time. [s]")
+@click.option("--timeout", type=click.FloatRange(min=0, min_open=True), default=600.0, show_default=True, help="Longest time of a run. [s]")
 @console.json_option
 @click.pass_context
 def run(ctx: click.Context, deck: str, program: str, folder: str | None, timeout: float, as_json: bool) -> None:
-    """Run a deck with your Digital DATCOM program and collect its files; exit code 1 when the program left out a case."""
+    """Run a deck, or all decks of a folder, with your Digital DATCOM program and collect the files.
+
+    Exit code 1 when the program left out a case or a run failed.
+    """
     from ..runs.running import run_deck
 
     if folder is not None:
         Path(folder).mkdir(parents=True, exist_ok=True)
+    if Path(deck).is_dir():
+        _run_folder(ctx, deck, program, folder, timeout, as_json)
+        return
     with console.progress(f"run {Path(deck).name}"):
         done = run_deck(deck, program, folder, timeout=timeout)
-    empty = [case.name for case in done.listing if not case.pages]
+    row = _run_row(Path(deck), done)
     if as_json:
-        files = {key: str(path) for key, path in done.files.items()}
-        messages = [message._asdict() for message in done.messages]
-        console.document(
-            {"files": files, "cases": done.listing.case_names, "without_pages": empty, "messages": messages, "seconds": done.seconds}
-        )
+        console.document({key: row[key] for key in ("files", "cases", "without_pages", "messages", "seconds")})
     else:
         for message in done.messages:
             click.echo(f"line {message.line}: {message.text}")
         cases = f"{_count(len(done.listing), 'case')}, {_count(len(done.listing.pages), 'page')}"
         click.echo(f"{cases} in {done.seconds:.1f} s; written: {', '.join(str(path) for path in done.files.values())}")
-        for name in empty:
+        for name in row["without_pages"]:
             click.echo(f"case without a page: {name}")
-    if empty:
+    if row["without_pages"]:
         ctx.exit(1)
+
+
+def _run_row(deck: Path, done: Run) -> dict[str, Any]:
+    """Return what a run made, of plain numbers and texts."""
+    return {
+        "deck": deck.name,
+        "files": {key: str(path) for key, path in done.files.items()},
+        "cases": done.listing.case_names,
+        "pages": len(done.listing.pages),
+        "without_pages": [case.name for case in done.listing if not case.pages],
+        "messages": [message._asdict() for message in done.messages],
+        "seconds": done.seconds,
+    }
+
+
+def _run_folder(ctx: click.Context, decks: str, program: str, folder: str | None, timeout: float, as_json: bool) -> None:
+    """Run all decks of a folder and print a line for each."""
+    from ..runs.running import Run, run_folder
+
+    rows = []
+    with console.progress(f"run the decks of {decks}"):
+        for deck, done in run_folder(decks, program, folder, timeout=timeout):
+            rows.append(_run_row(deck, done) if isinstance(done, Run) else {"deck": deck.name, "error": str(done)})
+    failed = sum("error" in row or bool(row["without_pages"]) for row in rows)
+    if as_json:
+        console.document({"folder": decks, "runs": rows, "failed": failed})
+    else:
+        head = ["deck", "cases", "pages", "without pages", "messages", "result"]
+        console.table(head, [_run_line(row) for row in rows], right=["cases", "pages", "without pages", "messages"])
+        click.echo(
+            f"{_count(len(rows), 'deck')} run, {failed} with a failure or a case without a page"
+            if failed
+            else f"{_count(len(rows), 'deck')} run"
+        )
+    if failed:
+        ctx.exit(1)
+
+
+def _run_line(row: dict[str, Any]) -> tuple[str, ...]:
+    if "error" in row:
+        return (row["deck"], "", "", "", "", f"error: {row['error']}")
+    counts = (len(row["cases"]), row["pages"], len(row["without_pages"]), len(row["messages"]))
+    return (row["deck"], *map(str, counts), row["files"]["out"])
 
 
 def _count(number: int, word: str) -> str:

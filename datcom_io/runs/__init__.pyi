@@ -2,4 +2,5 @@
 
 from .running import Run as Run
 from .running import run_deck as run_deck
+from .running import run_folder as run_folder
 from .splitting import split_deck as split_deck

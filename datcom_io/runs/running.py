@@ -12,12 +12,14 @@ import signal
 import subprocess
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from flightmech.errors import ParseError, SimulationError
+from flightmech.errors import AeromatchError, ParseError, SchemaError, SimulationError
 from flightmech.support.atomic_write import written_atomically
+from flightmech.support.file_kinds import file_kind
 from flightmech.support.input_files.text import marked_encoding
 
 from ..decks.cards import ERROR
@@ -118,6 +120,54 @@ def run_deck(
             listing.file = files["out"].name
             return Run(listing, files, tuple(_messages(listing, given_deck)), time.monotonic() - began)
     raise SimulationError(_refusal(command, failures))
+
+
+def run_folder(
+    folder: str | os.PathLike[str],
+    program: str | os.PathLike[str] | Sequence[str],
+    results: str | os.PathLike[str] | None = None,
+    *,
+    timeout: float = 600.0,
+) -> Iterator[tuple[Path, Run | AeromatchError]]:
+    """Run every input deck of a folder, such as `split_deck` leaves, one after the other.
+
+    Parameters
+    ----------
+    folder : path
+        Its files with a namelist FLTCON are the decks; others, and folders in it, are left alone.
+    program, timeout
+        As for `run_deck`; the time is that of one attempt with one deck. [s]
+    results : path, optional
+        Where the results go, under the names of the decks.  Default: `folder`.
+
+    Yields
+    ------
+    deck : Path
+        The decks by name.
+    result : Run or AeromatchError
+        What `run_deck` returns, or why it failed; the other decks are run all the same.
+
+    Raises
+    ------
+    SchemaError
+        The folder holds no deck, or decks that differ in their suffix only, whose results would have one name.
+    OSError
+        The program or the folder cannot be opened.
+    """
+    folder = Path(folder)
+    decks = [path for path in sorted(folder.iterdir()) if path.is_file() and file_kind(path).startswith("an input deck")]
+    stems = Counter(path.stem for path in decks)
+    problems = [f"several decks are named {stem}; rename all but one" for stem, count in stems.items() if count > 1]
+    if not decks:
+        problems.append("no input deck in it (a file with a namelist $FLTCON); make some with datcom split")
+    if problems:
+        raise SchemaError(str(folder), problems)
+    _command(program)
+    for deck in decks:
+        try:
+            yield deck, run_deck(deck, program, results, timeout=timeout)
+        except AeromatchError as error:
+            yield deck, error
 
 
 def _command(program: str | os.PathLike[str] | Sequence[str]) -> list[str]:

@@ -69,3 +69,20 @@ def test_run_collects_and_reports(tmp_path):
     document = json.loads(call("run", T37 / "t37_aileron.inp", "--program", program, "-o", tmp_path / "results", "--json"))
     assert document["cases"] == ["T-37 OWN DECK WING-BODY AILERONS"]
     assert document["without_pages"] == []
+
+
+def test_run_of_a_folder(tmp_path):
+    program = tmp_path / "datcom"
+    copy = f"shutil.copy({str(T37 / 't37_aileron.out')!r}, 'for006.dat')"
+    program.write_text(f"#!{sys.executable}\nimport shutil\nif 'BROKEN' not in open('for005.dat').read():\n    {copy}\n")
+    program.chmod(0o755)
+    (tmp_path / "decks").mkdir()
+    for name in ("one", "two"):
+        (tmp_path / "decks" / f"{name}.inp").write_text((T37 / "t37_aileron.inp").read_text())
+    output = call("run", tmp_path / "decks", "--program", program, "-o", tmp_path / "results")
+    assert output.endswith("2 decks run\n")
+    assert sorted(path.name for path in (tmp_path / "results").iterdir()) == ["one.out", "two.out"]
+    (tmp_path / "decks" / "two.inp").write_text((T37 / "t37_aileron.inp").read_text().replace("CASEID", "CASEID BROKEN"))
+    document = json.loads(call("run", tmp_path / "decks", "--program", program, "-o", tmp_path / "results", "--json", code=1))
+    assert (document["failed"], [row["deck"] for row in document["runs"]]) == (1, ["one.inp", "two.inp"])
+    assert "ended without a print of unit 6" in document["runs"][1]["error"]

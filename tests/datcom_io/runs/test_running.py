@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import datcom_io
-from flightmech.errors import SimulationError
+from flightmech.errors import SchemaError, SimulationError
 
 T37 = Path(__file__).parents[3] / "data" / "t37" / "datcom"
 LISTING = T37 / "t37_aileron.out"
@@ -176,3 +176,37 @@ def test_what_is_not_there(deck, results, tmp_path):
         datcom_io.run_deck(deck, tmp_path / "text", results)
     with pytest.raises(FileNotFoundError, match="no such folder; make it first"):
         datcom_io.run_deck(deck, sys.executable, tmp_path / "nowhere")
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder of two decks, with files of other kinds among them."""
+    place = tmp_path / "decks"
+    (place / "older").mkdir(parents=True)
+    for name in ("aileron", "broken"):
+        (place / f"{name}.inp").write_text((T37 / "t37_aileron.inp").read_text())
+    (place / "notes.txt").write_text("flaps tomorrow")
+    (place / "t37_clean.out").write_bytes((T37 / "t37_ground.out").read_bytes())
+    return place
+
+
+def test_all_decks_of_a_folder_are_run_whatever_becomes_of_one(program, folder, results):
+    text = (folder / "broken.inp").read_text()
+    (folder / "broken.inp").write_text(text.replace("CASEID", "CASEID CRASH "))
+    body = "assert 'CRASH' not in open('for005.dat').read()\n" + textwrap.dedent(BUILDS["fixed names"])
+    (aileron, done), (broken, error) = datcom_io.run_folder(folder, program(body), results)
+    assert (aileron.name, broken.name) == ("aileron.inp", "broken.inp")
+    assert done.files["out"] == results / "aileron.out"
+    assert isinstance(error, SimulationError)
+    assert sorted(path.name for path in results.iterdir()) == ["aileron.for013", "aileron.out"]
+
+
+def test_folders_that_cannot_be_run(program, folder, tmp_path):
+    path = program(BUILDS["fixed names"])
+    with pytest.raises(SchemaError, match=r"no input deck in it \(a file with a namelist \$FLTCON\)"):
+        next(datcom_io.run_folder(folder / "older", path))
+    with pytest.raises(FileNotFoundError, match="no such program"):
+        next(datcom_io.run_folder(folder, tmp_path / "missing"))
+    (folder / "aileron.dcm").write_text((folder / "aileron.inp").read_text())
+    with pytest.raises(SchemaError, match="several decks are named aileron; rename all but one"):
+        next(datcom_io.run_folder(folder, path))
