@@ -160,7 +160,7 @@ class Scanner:
     def _remark(self, number: int, line: str) -> None:
         """Sort a line between the pages: with a word in it, it is a message."""
         text = line[1:].strip()
-        if not text.strip("*") or text.startswith(_DIMENSIONS):
+        if not text.strip("*^") or text.startswith(_DIMENSIONS):  # a caret stands below the wrong word of a card
             return
         if not any(word.isalpha() and len(word) > 2 for word in re.split(r"[^A-Za-z]+", text)):
             self.listing.unread.append(number)

@@ -128,6 +128,17 @@ def trim(deck: Deck) -> Iterator[DeckFinding]:
         )
 
 
+def _ground_by_regime(deck: Deck) -> Iterator[DeckFinding]:
+    """Yield Mach numbers without pages over ground."""
+    machs = deck.schedule("FLTCON", "MACH", "NMACH")
+    for regime, severity, effect in (
+        ("supersonic", ERROR, "the program prints no static page at all, and no message; take out $GRNDEF or the Mach number"),
+        ("transonic", WARNING, "the program prints the page in free air only"),
+    ):
+        if found := [f"{mach:g}" for mach in machs if deck.regime(mach) == regime]:
+            yield DeckFinding(deck.line_of("GRNDEF"), severity, f"$GRNDEF at Mach {', '.join(found)} ({regime}): {effect}")
+
+
 def ground(deck: Deck) -> Iterator[DeckFinding]:
     """Yield ground pages that are wrong, or that cannot be distinguished."""
     heights = deck.values("GRNDEF", "GRDHT")
@@ -146,6 +157,8 @@ def ground(deck: Deck) -> Iterator[DeckFinding]:
             f"but the first holds the ground effect of those before; {advice}"
         )
         yield DeckFinding(deck.line_of("GRNDEF"), WARNING, text)
+    if heights:
+        yield from _ground_by_regime(deck)
     if heights and deck.dim in DIMENSIONS[1:]:
         yield DeckFinding(deck.line_of("GRNDEF"), WARNING, f"$GRNDEF with DIM {deck.dim}: the program prints ground heights in feet")
 

@@ -56,7 +56,9 @@ def essentials(deck: Deck) -> Iterator[DeckFinding]:
         return
     line = deck.line_of("FLTCON")
     if not deck.values("FLTCON", "ALSCHD") and "TRNJET" not in deck.namelists:  # the page of a transverse jet needs none
-        yield DeckFinding(line, ERROR, "$FLTCON: no angles of attack, so the program computes nothing; write NALPHA and ALSCHD(1)=...")
+        yield DeckFinding(
+            line, ERROR, "$FLTCON: no angles of attack, so the tables have no row with a number; write NALPHA and ALSCHD(1)=..."
+        )
     if deck.value("FLTCON", "MACH") is None and deck.value("FLTCON", "VINF") is None:
         yield DeckFinding(line, ERROR, "$FLTCON: no speed, neither MACH nor VINF; the program leaves the case out")
     loop = deck.value("FLTCON", "LOOP")
