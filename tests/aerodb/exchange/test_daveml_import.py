@@ -527,3 +527,35 @@ def test_jumps_and_functions_of_too_many_variables_cannot_be_sampled(tmp_path):
     ranges = dict.fromkeys(("alpha", "beta", "mach", "delta_r", "delta_e"), (0.0, 0.1))
     with pytest.raises(SchemaError, match="it depends on alpha, beta, delta_e, delta_r, mach; a table has at most 4 axes"):
         aerodb.exchange.import_daveml(one(tmp_path, many), sample=1e-3, grid=ranges)
+
+
+def test_surfaces_of_a_lifting_body_are_sampled_and_the_powers_of_alpha_stay_exact(tmp_path):
+    """Cubics in alpha over tables of the mean of two elevons, and of a body flap that the elevon limits."""
+    surfaces = ("WEL", "WER", "FLAP")
+    variables = "".join(variable(name, "<isInput/>", name, units="deg", minValue="-30", maxValue="30") for name in surfaces)
+    mean = apply("times", cn(0.5), apply("plus", ci("WEL"), ci("WER")))
+    variables += variable("mean", made(mean, ""), "DE", units="deg")
+    variables += variable("limited", made(apply("min", ci("FLAP"), apply("plus", ci("WEL"), cn(20.0))), ""), "BF", units="deg")
+    points, functions, total = [-30.0, -15.0, 0.0, 15.0, 30.0], "", []
+    for name, surface, size in (("E", "DE", 0.3), ("B", "BF", 0.05)):
+        cubic = ci(f"{name}3")
+        for i in range(4):
+            variables += variable(f"{name}{i}")
+            shape = np.outer(np.tanh(np.array(points) / 25.0), 1.0 / (1.0 + np.array(MACHS))) * size * 0.03**i
+            functions += table(f"{name}{i}", shape.ravel().tolist(), **{surface: points, "XMACH": MACHS})
+        for i in (2, 1, 0):
+            cubic = apply("plus", ci(f"{name}{i}"), apply("times", ci("AL"), cubic))
+        total.append(cubic)
+    path = one(tmp_path, apply("plus", *total), variables, functions)
+    with pytest.warns(AeromatchWarning, match="WEL is device"):
+        db = aerodb.exchange.import_daveml(path, sample=0.02, grid={"alpha": (-0.15, 0.45)})
+    leaves = aerodb.terms(db)
+    assert {leaf.attrs["regressors"] for leaf in leaves.values()} == {"", "alpha", "alpha alpha"}  # alpha is no sampled axis
+    random, count = np.random.default_rng(3), 3000
+    state = {f"device.{name}.deflection": random.uniform(-30, 30, count) * DEGREE for name in surfaces}
+    state |= {"alpha": random.uniform(-0.15, 0.45, count), "mach": random.uniform(0.3, 2.0, count)}
+    given = {name: state[f"device.{name}.deflection"] / DEGREE for name in surfaces}
+    expected = read(path).values(["OUT"], given | {"AL": state["alpha"] / DEGREE, "XMACH": state["mach"]})["OUT"]
+    gap = np.abs(aerodb.evaluate(db, "CL", outside="clamp", **state) - expected).max()
+    assert 1e-6 < gap <= 0.02
+    assert np.abs(expected).max() > 0.4

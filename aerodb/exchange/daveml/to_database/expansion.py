@@ -14,7 +14,7 @@ from ..document.tables import Axis, Gridded
 from . import piecewise_linear, polynomials
 from .piecewise_linear import PiecewiseLinear
 from .polynomials import Grid, GridAxis, Inexact, Sum
-from .sampler import Sampler, magnitude
+from .sampler import Sampler
 
 _TURNED = {"lt": "gt", "gt": "lt", "leq": "geq", "geq": "leq"}
 
@@ -112,7 +112,7 @@ def _product(factors: list[mathml.Expression], of: _Approximation, weight: float
         product = product if one is None else polynomials.multiply(product, one)
     for factor, one in zip(factors, found, strict=True):
         if one is None:
-            product = polynomials.multiply(product, _approximated(factor, of, weight * magnitude(product)))
+            product = polynomials.multiply(product, _approximated(factor, of, weight * of.sampler.magnitude(product)))
     return product
 
 

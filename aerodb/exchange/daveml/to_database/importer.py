@@ -165,7 +165,7 @@ def _sampled_terms(
     for attempt in range(_ATTEMPTS):
         sampler = Sampler(source.model, source.mine, source.sums, bound, grid)
         leaves = _terms(source, sampler)
-        gaps = _prove(put(leaves), source, sampler.box, np.inf if attempt + 1 < _ATTEMPTS else sample)
+        gaps = _prove(put(leaves), source, sampler.ranges(), np.inf if attempt + 1 < _ATTEMPTS else sample)
         worst = max(gaps.values(), default=0.0)
         if worst <= sample:
             break

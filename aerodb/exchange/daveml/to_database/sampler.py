@@ -61,6 +61,31 @@ class Sampler:
         names = tuple(mathml.names(expression))
         return self._table(f"part of {label}", names, lambda values: mathml.evaluate(expression, values), weight)
 
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Return the range of every quantity as far as it is known: where it was sampled, given, or covered by tables. [SI]"""
+        found: dict[str, tuple[float, float]] = {}
+        for name in self.mine.values():
+            try:
+                points = self._start(name, ())
+            except Inexact:
+                continue
+            found[name] = float(points[0]), float(points[-1])
+        return {**found, **self.box}
+
+    def magnitude(self, one: Sum) -> float:
+        """Return the size that a sum does not exceed: tables at their largest node, variables at the end of their range."""
+        total = 0.0
+        for (grids, powers), coefficient in one.products.items():
+            largest = [float(np.abs(grid.values).max(initial=0.0)) for grid in grids]
+            total += abs(coefficient) * float(np.prod(largest + [self._size(name) ** abs(power) for name, power in powers]))
+        return total
+
+    def _size(self, quantity: str) -> float:
+        try:
+            return float(np.abs(self._start(quantity, ())).max())
+        except Inexact:  # what no table is over has a usual range
+            return sample_states.size(quantity)
+
     def joined(self, grids: list[Grid], powers: Mapping[str, int], factor: float) -> Iterator[Factors]:
         """Yield a product, a number apart, with the factors that share variables on one table, then with all of them on one.
 
@@ -76,7 +101,7 @@ class Sampler:
             own = {name: power for name, power in powers.items() if name in chosen}
             rest = {name: power for name, power in powers.items() if name not in chosen}
             others = [grid for grid in grids if grid not in mine]
-            yield [*others, self._product(mine, own, magnitude(Sum({(tuple(others), tuple(rest.items())): factor})))], rest
+            yield [*others, self._product(mine, own, self.magnitude(Sum({(tuple(others), tuple(rest.items())): factor})))], rest
 
     def _table(self, what: str, names: Iterable[str], of_values: Callable[[Mapping], np.ndarray], weight: float) -> Sum:
         model, needed = self.model, self.model.rests_on(names)
@@ -172,12 +197,3 @@ class Sampler:
             low, high = sorted(((variable.low - offset) / factor, (variable.high - offset) / factor))
         ends = np.clip([points[0], points[-1]], low, high) if len(points) else np.array([low, high])
         return ends if np.isfinite(ends).all() else np.zeros(0)
-
-
-def magnitude(one: Sum) -> float:
-    """Return the size that a sum usually does not exceed: tables at their largest node, variables at the end of their usual range."""
-    total = 0.0
-    for (grids, powers), coefficient in one.products.items():
-        largest = [float(np.abs(grid.values).max(initial=0.0)) for grid in grids]
-        total += abs(coefficient) * float(np.prod(largest + [sample_states.size(name) ** abs(power) for name, power in powers]))
-    return total
