@@ -222,6 +222,16 @@ def test_ground():
     one("the program prints ground heights in feet", "NACA H 4 0012", "DIM M", severity="warning", **ground)
 
 
+def test_deflections_over_ground():
+    """The program adds the ground effect of each deflection to those after it."""
+    wing = {"GRNDEF": "NGH=2.0,GRDHT(1)=2.0,3.0", "FLTCON": ONE_CONDITION}
+    one("but the first holds the ground effect of those before; make one deck per deflection", severity="warning", SYMFLP=FLAP, **wing)
+    alone = FLAP.replace("NDELTA=2.0,DELTA(1)=0.0,10.0", "NDELTA=1.0,DELTA(1)=10.0")
+    assert found(SYMFLP=alone, **wing) == []
+    aileron = "STYPE=4.0,NDELTA=2.0,DELTAL(1)=5.0,10.0,DELTAR(1)=-5.0,-10.0,SPANFI=1.0,SPANFO=2.0"
+    one("2 deflections of $ASYFLP: the heights are printed 2 times with identical headings", severity="warning", ASYFLP=aileron, **wing)
+
+
 def test_no_damping_is_reported_once_for_a_run():
     tail = {"HTPLNF": TAIL, "FLTCON": ONE_CONDITION}
     one("no DAMP card: the program prints no derivatives with q, alpha dot, p and r", "NACA H 4 0012", severity="warning", **tail)
