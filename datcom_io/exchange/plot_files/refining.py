@@ -55,7 +55,7 @@ def refine(tree: xr.DataTree, plot: xr.DataTree) -> xr.DataTree:
     leaves = {name: leaf.to_dataset(inherit=False) for name, leaf in tree.children.items()}
     for name in ("static", "downwash", "symflp"):
         if name in leaves and name in plot.children:
-            written = plot.children[name].to_dataset(inherit=False)
+            written = _with_angles(plot.children[name].to_dataset(inherit=False), leaves[name])
             faults = _axes(name, leaves[name], written)
             if not faults:
                 per_degree = name == "symflp" or tree.attrs.get("deriv") == "DEG"
@@ -64,6 +64,13 @@ def refine(tree: xr.DataTree, plot: xr.DataTree) -> xr.DataTree:
     if problems:
         raise SchemaError(f"{plot.attrs.get('file')} is not the plot file of {tree.attrs.get('file')}: {tree.attrs.get('case')}", problems)
     return xr.DataTree.from_dict({"/": tree.to_dataset(inherit=False), **leaves}, name=tree.name)
+
+
+def _with_angles(written: xr.Dataset, printed: xr.Dataset) -> xr.Dataset:
+    """Return a leaf of the plot file without angles that NALPHA counts and the cards do not give, where the print has no row for them."""
+    if written.sizes.get("alpha") == printed.sizes.get("alpha") or "alpha" not in written.dims:
+        return written
+    return written.isel(alpha=np.flatnonzero(np.isfinite(written["alpha"].values)))
 
 
 def _axes(name: str, printed: xr.Dataset, written: xr.Dataset) -> list[str]:
