@@ -270,6 +270,17 @@ def test_what_cannot_be_written_leaves_no_file(rich, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_term_over_a_coefficient_is_refused(root, tmp_path):
+    """The file would have the coefficient as an output and as an input of the same name."""
+    leaves = {
+        "CL/basic": terms.make(0.4),
+        "CD/polar": terms.make([0.02, 0.05], {"CL": [0.0, 1.0]}),
+        "Cm/drag": terms.make(0.1, regressors=["CD"]),
+    }
+    with pytest.raises(SchemaError, match=r"CD/polar: CL is an output of the file and no input(.|\n)*Cm/drag: CD is an output"):
+        aerodb.exchange.export_daveml(aerodb.store.database(leaves, **root), tmp_path / "polar.dml")
+
+
 def test_body_axes_and_contributions_with_like_names(root, tmp_path):
     root["force_axes"] = "body"
     leaves = {f"CX/{name}": terms.make([0.1, 0.2], {"alpha": [0.0, 1.0]}) for name in ("basic", "basic__value", "basic__K1")}

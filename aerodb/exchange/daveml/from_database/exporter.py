@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
+from flightmech.build_up import used
 from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.support.atomic_write import write_text
-from flightmech.terms import power, regressors, variables
+from flightmech.terms import power, regressors
 
 from ....store.schema import require, terms
 from .. import sample_states
@@ -64,7 +65,7 @@ def export_daveml(db: xr.DataTree, path: str | os.PathLike, aircraft: Aircraft |
     Raises
     ------
     SchemaError
-        A database with faults, one of another aircraft, or a term with a power factor or the lift coefficient as a factor.
+        A database with faults, one of another aircraft, or a term with a power factor or one that depends on a coefficient, such as ``CL``.
     """
     require(db)
     if shots < 1:
@@ -87,8 +88,8 @@ def _demand_tables(db: xr.DataTree) -> None:
                 f"{name}: the factor {power(leaf)} is a formula, and the file takes tables; "
                 "make it one first (aerodb.transform.with_height_table)"
             )
-        if "CL" in variables(leaf):
-            problems.append(f"{name}: the lift coefficient is an output of the file and no input; leave the term out (aerodb.delete_terms)")
+        for word in sorted(used(leaf)):
+            problems.append(f"{name}: {word} is an output of the file and no input; leave the term out (aerodb.delete_terms)")
     if problems:
         raise SchemaError("DAVE-ML file", problems)
 
