@@ -24,6 +24,7 @@ _SUBMODELS = {
     "gear": "landing gear as a whole: brakes, steering, runway condition",
     "contact": "strut and tyre, or a point that touches the ground",
     "circuit": "control system from the pilot's hand to the surface: masses, cable, friction, stops, hinge moments",
+    "device": "further controls that only the tables know: an input each, without dynamics",
 }
 LONG = 200  # characters that a cell of a table shows at once
 _TERM_TEXTS = ("axes", "regressors", "source", "references", "history", "comment")
@@ -105,7 +106,7 @@ def _items(description: Description, group: str) -> list[str]:
     starred = [pattern for pattern in patterns if "*" in pattern]
     if not starred:
         return [""] if patterns and names.issuperset(patterns) else []
-    form = re.compile(re.escape(starred[0]).replace(r"\*", r"(\w+)"), re.ASCII)
+    form = re.compile(re.escape(starred[0]).replace(r"\*", r"([\w.]+)"), re.ASCII)
     found = [match[1] for v in description.variables if (match := form.fullmatch(v.name))]
     return [item for item in dict.fromkeys(found) if names.issuperset(pattern.replace("*", item) for pattern in patterns)]
 

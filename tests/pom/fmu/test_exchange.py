@@ -82,3 +82,19 @@ def test_an_event_that_differs_from_a_sample_by_rounding_is_that_sample(case, mo
     assert 0.0 < abs(result.signals["time"].values[sample] - 1.0 - 3.01) < 1e-14
     q = result.signals["q"]
     assert float(q[1][sample] - q[0][sample]) == pytest.approx(0.05, abs=1e-6)
+
+
+def test_a_control_law_in_model_exchange_is_integrated_next_to_the_model(toys, toy, write_case, lag_states, tmp_path):
+    """A lag of the column as the law: its output after a step of the column is known in closed form, at the samples."""
+    law = toys("law_me", exchanged(tools.describe("lag", False, {"delta_e": ""}, {})))
+    (tmp_path / "law.toml").write_text(
+        '[inputs]\ncolumn = "delta_e"\n[outputs]\ndelta_e = "theta"\n[fixed]\n"engine1.thrust_drive" = 0.0\ndelta_s = 0.0\n'
+    )
+    (tmp_path / "law.fmu").write_bytes(law.read_bytes())
+    more = 'trim = false\n[control_law]\nfmu = "law.fmu"\nnames = "law.toml"\nmoves = ["delta_e"]\n'
+    case = read_case(write_case(case='show = ["theta"]', more=more))
+    result = replay(case, {"cs": toy()}, lag_states.drop_vars("delta_e").assign(column=("time", np.full(lag_states.sizes["time"], 0.01))))
+    assert result.failure == ""
+    elapsed = result.signals["time"].values - result.signals["time"].values[0]
+    elevator = result.signals["delta_e"].values[1]
+    assert np.abs(elevator - 2.0 * 0.01 * (1.0 - np.exp(-elapsed / 0.5))).max() < 5e-7  # CVode, as above
