@@ -8,7 +8,7 @@ import xarray as xr
 
 import flightmech
 from flightmech import axes, terms
-from flightmech.build_up import levels
+from flightmech.build_up import level, levels
 from flightmech.errors import SchemaError
 from flightmech.simulation.kernel import Simulation
 from flightmech.terms import Power, make
@@ -148,3 +148,24 @@ def test_trim_and_linear_model_follow_the_polar(make_aircraft, make_tree):
     expected, found = (flightmech.linearisation.linearize(sim, flight) for sim in (one, two))
     np.testing.assert_allclose(found["y"], expected["y"], atol=1e-10)  # where the search of the trim ends
     np.testing.assert_allclose(found["A"], expected["A"], rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("leaves", "shift", "text"),
+    [
+        ({"CL/a": make(0.1, regressors=["CD"]), "CD/a": make(0.1, regressors=["CL"])}, 0, "coefficients depend on each other in a loop"),
+        ({"CL/a": make(0.1), "CD/a": make([0.0, 1.0], {"CL": [0.0, 1.0]})}, -1, "CL is not yet known where a table needs it"),
+        ({"CL/a": make(0.1), "CD/a": make([0.0, 1.0], {"CL": [0.0, 1.0]})}, 1, "term CD/a refers to a table outside its stage"),
+        ({"CL/a": make(0.1), "CD/a": make(0.1, regressors=["CZ"])}, 0, "term CD/a depends on a coefficient of other force axes"),
+    ],
+)
+def test_the_kernel_checks_the_order_by_itself(leaves, shift, text, make_aircraft, make_tree, monkeypatch):
+    """A block of another writer: what the compiler refuses, and tables looked up a level too early or too late."""
+
+    def unchecked(found, force_axes):
+        of, _ = levels({term.name: term.leaf for term in found}, force_axes)
+        return [term._replace(level=level(term.leaf, of, force_axes) + shift) for term in found], []
+
+    monkeypatch.setattr("flightmech.simulation.compiler._in_order", unchecked)
+    with pytest.raises(SchemaError, match=text):
+        flightmech.compile(make_aircraft(engines=()), make_tree(leaves))
