@@ -315,6 +315,10 @@ class Simulation:
         self._demand(library().am_derivative(self.handle, _pointer(state), _pointer(inputs), _pointer(dx)))
         return dx
 
+    def complete_step(self, time: float) -> None:
+        """Let the clock and what is stepped discretely (weather, circuits) follow a state that was integrated outside. [s]"""
+        self._demand(library().am_complete_step(self.handle, time))
+
     def evaluate(self, variables: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return coefficients (n, 6) and contributions (n, terms) at model variables (n, variables)."""
         v = np.atleast_2d(variables)  # a model of constants has no variables: (n, 0)

@@ -79,12 +79,13 @@ class Flight:
         """Return the outputs by name."""
         return dict(zip(self.names, self.run.outputs().tolist(), strict=True))
 
-    def adams_step(self, dt: float) -> None:
-        """Advance by the second-order Adams-Bashforth formula; the first step is Euler's."""
+    def adams_step(self, t: float, dt: float) -> None:
+        """Advance from t to t + dt by the second-order Adams-Bashforth formula; the first step is Euler's."""
         x = self.run.state
         rate = self.run.derivative(x, self.u)
         self.run.state = x + dt * (rate if self.last_rate is None else 1.5 * rate - 0.5 * self.last_rate)
         self.last_rate = rate
+        self.run.complete_step(t + dt)
 
 
 def start_of(case: str) -> dict[str, float]:
@@ -168,7 +169,7 @@ def _adams(scenario: Scenario, start: Mapping[str, float], steady: Mapping[str, 
             flight.run.set_inputs(flight.u)
         if i % every == 0:
             rows.append([i * hold, *flight.run.outputs(), *flight.u])
-        flight.adams_step(hold)
+        flight.adams_step(i * hold, hold)
     return _dataset(flight, np.array(rows))
 
 
