@@ -28,7 +28,7 @@ from flightmech.support.console import table
 ROOT = Path(__file__).parents[1]
 T37 = ROOT / "data" / "t37" / "datcom"
 REPEATS = 3
-LARGE = 200_000_000  # bytes
+SMALL, LARGE = 100_000, 200_000_000  # bytes
 
 # ends of the columns, as the format statements of the program set them
 STATIC = dict(
@@ -177,6 +177,7 @@ def main() -> None:
     files = sorted(corpus.rglob("*.out")) or sorted(T37.glob("*.out"))
     time_ways([T37 / "t37_clean.out"], "T-37")
     time_ways(files, "corpus")
+    time_ways([file for file in files if file.stat().st_size < SMALL], "its files below 100 kB")
     with TemporaryDirectory() as folder:
         memory(files, Path(folder))
 
