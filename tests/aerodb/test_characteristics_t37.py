@@ -170,6 +170,7 @@ def files(prior, tmp_path):
     return str(tmp_path / "db.nc"), str(DATA / "aircraft.toml"), tmp_path
 
 
+@pytest.mark.slow
 def test_command_prints_and_gives_json(files, found):
     db, craft, _ = files
     arguments = ["characteristics", db, craft, "--speed", "90 m/s", "--altitude", "1524"]

@@ -119,6 +119,7 @@ def test_a_case_outside_its_record(refused, made, write_case, tmp_path):
     assert "the window 0 ... 9 s lies outside the record 0 ... 5 s" in message
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the crash is a signal of Linux")
 def test_an_fmu_that_crashes(refused, made, write_case, tmp_path):
     (tmp_path / "crash.c").write_text(CRASH)

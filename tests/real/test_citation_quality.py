@@ -12,7 +12,10 @@ from flightmech.units import DEGREE
 
 HERE = Path(__file__).parent
 FLIGHTS = HERE.parents[1] / ".." / "shared" / "data" / "flight" / "citation_phlab"
-pytestmark = pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the Citation II flights (../shared/data/flight/citation_phlab) are not here")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not FLIGHTS.is_dir(), reason="the Citation II flights (../shared/data/flight/citation_phlab) are not here"),
+]
 FILES = {2018: "flight_20180312_1", 2019: "flight_20190305_2_partial", 2020: "flight_20200310_2"}
 MORE = {
     2018: '\n[more]\nF_column = "column_fe"\nhdot = { column = "Dadc1_altRate", unit = "ft/min" }\n',

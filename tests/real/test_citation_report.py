@@ -17,6 +17,7 @@ def report(*words):
     return CliRunner().invoke(flight, ["report", *map(str, words)], catch_exceptions=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("year", [2019, *(pytest.param(year, marks=pytest.mark.slow) for year in (2018, 2020))])
 def test_every_figure_is_inside_its_bounds(citation, year, tmp_path):
     page = tmp_path / "page.html"

@@ -86,6 +86,7 @@ def test_figures_of_what_differs(files, path, tmp_path):
         run("compare", *files, "--figures", str(folder))
 
 
+@pytest.mark.slow
 def test_two_axis_terms_get_a_map(small, tmp_path):
     leaf = aerodb.terms(small)["CL/basic"]
     databases = {"a": small, "b": aerodb.replace_terms(small, {"CL/basic": leaf.assign(value=leaf["value"] * 1.1)})}

@@ -76,6 +76,7 @@ def study():
     return leaves, found
 
 
+@pytest.mark.slow
 def test_two_standard_errors_cover_the_nodes(study):
     """95 % measured, 79 nodes per seed; nodes of one seed are strongly correlated, so allow 90 to 99 %."""
     _, found = study
@@ -83,6 +84,7 @@ def test_two_standard_errors_cover_the_nodes(study):
     assert 0.90 < np.mean(np.abs(np.concatenate([x.ravel() for x in z])) < 2) < 0.99
 
 
+@pytest.mark.slow
 def test_nodes_from_flight_are_covered_and_better_than_the_prior(study):
     leaves, found = study
     z, after, before = [], [], []
@@ -98,6 +100,7 @@ def test_nodes_from_flight_are_covered_and_better_than_the_prior(study):
     assert np.std(np.concatenate(after)) < 0.2 * np.std(np.concatenate(before))  # 0.08 measured
 
 
+@pytest.mark.slow
 def test_only_flown_nodes_change_their_source(study):
     leaves, found = study
     _, new = found[0]
@@ -122,6 +125,7 @@ def test_a_prior_that_was_overconfident_is_inflated_everywhere():
     assert float(after["stderr"].sel(mach=0.6)) > float(leaves["CL/qhat"]["stderr"].sel(mach=0.6))
 
 
+@pytest.mark.slow
 def test_the_new_tables_fit_the_flown_samples_down_to_the_noise(study):
     _, found = study
     points = pd.concat([new.points for _, new in found])
@@ -130,6 +134,7 @@ def test_the_new_tables_fit_the_flown_samples_down_to_the_noise(study):
     assert not points["suspect"].any()
 
 
+@pytest.mark.slow
 def test_the_compatibility_statistic_is_chi_squared(study):
     """Fits against a prior that is true, 30 estimates: the mean of 20 values scatters by sqrt(60/20) = 1.7; standard errors
     of single records are 10 to 15 % small (coverage 91 %), which lifts it a little."""
@@ -354,6 +359,7 @@ def kinked():
     return np.array(z), np.array(flown)
 
 
+@pytest.mark.slow
 def test_static_terms_are_honest_about_a_bias_that_all_fits_share(kinked):
     """Two hundred independent draws: 95.4 % scatters by 1.5 %; without the common error the same nodes have z of 5 and more."""
     z, flown = kinked
@@ -362,6 +368,7 @@ def test_static_terms_are_honest_about_a_bias_that_all_fits_share(kinked):
     assert 0.8 < np.sqrt((z[flown] ** 2).mean()) < 1.2
 
 
+@pytest.mark.slow
 def test_confidence_does_not_leak_past_a_kink_at_the_edge_of_the_flown_region(kinked):
     z, flown = kinked
     assert not flown[:, [0, 1, 2, 9, 10, 11, 12]].any()

@@ -222,6 +222,7 @@ def test_transonic_pages_are_filled_only_when_asked(elevator_lines):
     assert filled == [OK] + [FILLED] * 18
 
 
+@pytest.mark.slow
 def test_listing_tree_is_written_completely_and_read_again(t37, tmp_path):
     from datcom_io.export.netcdf import write_tree
 

@@ -111,6 +111,7 @@ def test_a_quiet_stretch_gives_no_figure(tau):
     assert passed <= 3
 
 
+@pytest.mark.slow
 def test_a_slow_curve_is_no_oscillation():
     """Speed that drifts along random bends in a minute: a cycle explains up to 99 % of it, and a cubic as much; one of 25 passed."""
     passed, shares, t = 0, [], 0.1 * np.arange(600)

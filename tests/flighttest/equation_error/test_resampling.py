@@ -42,6 +42,7 @@ def test_the_bootstrap_scatters_as_the_fit_states(fitted):
     assert "300 replicates" in found.report()
 
 
+@pytest.mark.slow
 def test_the_bootstrap_is_the_same_however_it_is_shared_out():
     fit = regress(LIFT, record(np.random.default_rng(2), 15.0))
     one, two = bootstrap(fit, 40, seed=7), bootstrap(fit, 40, seed=7, jobs=2)

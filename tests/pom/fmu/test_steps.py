@@ -62,6 +62,7 @@ def test_a_step_that_divides_the_samples_is_exact_at_them(case, fixed, lag_state
     assert np.abs(result.signals["nz"][1] - result.signals["nz"][0]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_an_fmu_that_lives_once_per_process_gets_a_new_process_every_time(fixed):
     path = fixed(**{"<CoSimulation ": '<CoSimulation canBeInstantiatedOnlyOncePerProcess="true" '})
     assert read_fmu(path).once
