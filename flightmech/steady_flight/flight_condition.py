@@ -13,11 +13,14 @@ from ..simulation.compiler import SimModel
 
 SPEEDS = ("V", "mach", "V_cas", "V_eas")
 _MASS = ("mass", "x_cg_b", "y_cg_b", "z_cg_b", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")
+_FREE_AIR = 1e4  # height above the ground unless the condition gives one [m]
 _START = ("gamma", "phi", "psi", "lat", "lon")
 
 
 def parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[str, float]:
     """Return the parameters and inputs of the simulation at a condition over a flat Earth.
+
+    The flight is out of ground effect, at sea level too, unless the condition gives ``env.runway_elevation``.
 
     Parameters
     ----------
@@ -44,6 +47,7 @@ def parameters(sim: SimModel, condition: Mapping[str, float]) -> dict[str, float
     for name, value in condition.items():
         if name not in SPEEDS:
             found[_word(sim, name)] = float(value)
+    found.setdefault("env.runway_elevation", found["init.h"] - _FREE_AIR)
     found["init.V"] = _true_airspeed(given[0], float(condition[given[0]]), found)
     return found
 

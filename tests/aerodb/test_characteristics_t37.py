@@ -144,7 +144,7 @@ def test_performance_against_the_published_aeroplane(aircraft, prior):
 def test_performance_of_the_identified_aeroplane(aircraft, demo):
     """At sea level, 2994 kg, against the aerodynamics that were flown, those of the package jsbsim, with the same engines.
 
-    The aeroplane that was flown climbs with 17.1 m/s; the T-37's data sheet has 3020 ft/min, 15.3 m/s.
+    The aeroplane that was flown climbs with 13.9 m/s out of ground effect; the T-37's data sheet has 3020 ft/min, 15.3 m/s.
     """
     jsbsim = pytest.importorskip("jsbsim")
     file = Path(jsbsim.__file__).parent / "aircraft" / "T37" / "T37.xml"
@@ -152,7 +152,7 @@ def test_performance_of_the_identified_aeroplane(aircraft, demo):
     flown.attrs.update(S=aircraft.S, cbar=aircraft.cbar, b=aircraft.b, x_ref=aircraft.reference[0])  # AERORP is the origin there
     condition = {"V": 110.0, "h": 0.0, "mass": 2994.0}
     final, truth = (flightmech.characteristics(aircraft, db, condition).table["value"] for db in (aerodb.open(demo[0] / "final.nc"), flown))
-    # the fastest speed lies at the end of the Mach numbers that were flown; found 3.7, 2.4 and 1.8 % above
+    # the fastest speed lies at the end of the Mach numbers that were flown; found 1.1 % below, 2.8 and 2.5 % above
     for name in ("climb_rate_max", "service_ceiling", "V_max"):
         assert final[name] == pytest.approx(truth[name], rel=0.05), name
 
