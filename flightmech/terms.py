@@ -20,6 +20,7 @@ A leaf is a plain ``xarray.Dataset``:
 ``K1``, ``K2``  optional factor tables, over other axes
 ``stderr``      optional, shape of ``value``: standard error of each node
 ``source``      optional, shape of ``value``: 0 datcom, 1 flight, 2 judgement
+`POSTERIOR`     optional: the joint covariance of the nodes after a flight (`aerodb.update.posterior`)
 ==============  ====================================================================================
 
 Attributes: ``regressors`` (names), ``outside`` (``hold`` or ``linear``: what the simulation does beyond the last
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
 
 SOURCES = ("datcom", "flight", "judgement")
 SOURCE_ATTRS = {"flag_values": " ".join(str(code) for code, _ in enumerate(SOURCES)), "flag_meanings": " ".join(SOURCES)}
+POSTERIOR = ("prior_error", "flown_distance", "posterior_factor", "posterior_sign")  # all or none of them
 MAX_AXES = 4
 MAX_REGRESSORS = 2
 MAX_EXPONENT = 10
@@ -187,6 +189,7 @@ def check(leaf: xr.Dataset) -> list[str]:
     for name in ("stderr", "source"):
         if name in leaf:
             problems += _check_companion(leaf, name)
+    problems += _check_posterior(leaf)
     names = regressors(leaf)
     if len(names) > MAX_REGRESSORS:
         problems.append(f"has {len(names)} regressors ({' '.join(names)}); at most {MAX_REGRESSORS} are allowed")
@@ -218,6 +221,28 @@ def _check_companion(leaf: xr.Dataset, name: str) -> list[str]:
     elif name == "source" and not np.isin(table.values, range(len(SOURCES))).all():
         codes = ", ".join(f"{code} {name}" for code, name in enumerate(SOURCES))
         problems.append(f"source holds codes other than {codes}")
+    return problems
+
+
+def _check_posterior(leaf: xr.Dataset) -> list[str]:
+    """Return the faults of the joint covariance of the nodes."""
+    held = [name for name in POSTERIOR if name in leaf]
+    if not held:
+        return []
+    missing = [name for name in (*POSTERIOR, "stderr") if name not in leaf]
+    if missing:
+        return [f"has {held[0]} and no {', '.join(missing)}; the covariance of the nodes needs all of {', '.join(POSTERIOR)}"]
+    problems = []
+    dims = leaf["value"].dims
+    for name, wanted in zip(POSTERIOR, (("kind", *dims), dims, ("component", *dims), ("component",)), strict=True):
+        if leaf[name].dims != wanted:
+            problems.append(f"{name} has dimensions {leaf[name].dims}, {wanted} are needed")
+        elif not _numeric(leaf[name]) or not np.isfinite(leaf[name].values).all():
+            problems.append(f"{name} holds NaN, infinite values or no numbers")
+    if leaf.sizes.get("kind", 2) != 2:
+        problems.append(f"prior_error has {leaf.sizes['kind']} parts; there are 2, the proportional and the constant one")
+    if not isinstance(leaf["posterior_factor"].attrs.get("origin"), str):
+        problems.append("posterior_factor has no attribute origin; it names the tables with which this one is jointly distributed")
     return problems
 
 

@@ -35,9 +35,11 @@ from ..transform.grids import (
     with_table,
     within,
 )
+from ..update.posterior import followed
 from .terms import matching
 
-_Work = Callable[[xr.Dataset, xr.Dataset], tuple[np.ndarray, np.ndarray | None]]  # leaf and table on one grid to value and stderr
+# leaf and table on one grid to value, stderr, and the factor on the nodes that were there
+_Work = Callable[[xr.Dataset, xr.Dataset], tuple[np.ndarray, np.ndarray | None, np.ndarray | float]]
 
 
 def scale(
@@ -83,10 +85,10 @@ def scale(
     """
     by = table(factor, axes, stderr, "factor")
 
-    def scaled(leaf: xr.Dataset, times: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None]:
+    def scaled(leaf: xr.Dataset, times: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
         value, f, sd = leaf["value"].values, times["value"].values, times["stderr"].values
         own = leaf["stderr"].values if "stderr" in leaf else 0.0
-        return f * value, np.hypot(f * own, sd * value) if "stderr" in leaf or sd.any() else None
+        return f * value, np.hypot(f * own, sd * value) if "stderr" in leaf or sd.any() else None, f
 
     return _worked(db, names, by, scaled, "scale", f"by {_described(by)}", source, note)
 
@@ -128,10 +130,10 @@ def shift(
     for name in matching(db, names):
         _warn_of_zeros(name, leaf_of(db, name), by)
 
-    def shifted(leaf: xr.Dataset, more: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None]:
+    def shifted(leaf: xr.Dataset, more: xr.Dataset) -> tuple[np.ndarray, np.ndarray | None, float]:
         sd = more["stderr"].values
         own = leaf["stderr"].values if "stderr" in leaf else 0.0
-        return leaf["value"].values + more["value"].values, np.hypot(own, sd) if "stderr" in leaf or sd.any() else None
+        return leaf["value"].values + more["value"].values, np.hypot(own, sd) if "stderr" in leaf or sd.any() else None, 1.0
 
     return _worked(db, names, by, shifted, "shift", f"by {_described(by)}", source, note)
 
@@ -265,9 +267,10 @@ def _worked(db: xr.DataTree, names, by: xr.Dataset, work: _Work, verb: str, summ
             leaf, other = _common(leaves[name], by)
         except SchemaError as error:
             raise SchemaError(f"{verb} {name}", error.problems) from None
-        value, stderr = work(leaf, other)
+        value, stderr, times = work(leaf, other)
         codes = np.where(value == leaf["value"].values, known_source(leaf), _terms.SOURCES.index(source))
-        leaves[name] = noted(with_table(leaf, axes_of(leaf), value, stderr, codes), f"{verb}: {summary}{remark(note)}")
+        edited = followed(leaves[name], with_table(leaf, axes_of(leaf), value, stderr, codes), times)
+        leaves[name] = noted(edited, f"{verb}: {summary}{remark(note)}")
     return recorded(db, leaves, verb, f"{' '.join(chosen)} {summary}", note)
 
 

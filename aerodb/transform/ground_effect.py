@@ -24,6 +24,8 @@ from flightmech.errors import SchemaError
 from flightmech.names import attrs
 from flightmech.terms import Power
 
+from ..update.posterior import followed
+
 _ROLL = "[LR743] eq. (14)"
 _LIFT = "[LR743] eq. (13)"
 
@@ -68,6 +70,7 @@ def in_ground_effect(free: xr.Dataset, k: float, exponent: float, floor: float) 
     leaf = free.assign(value=free["value"] * k)
     if "stderr" in free:
         leaf["stderr"] = free["stderr"] * abs(k)
+    leaf = followed(free, leaf, k)
     summary = f"in_ground_effect: {k:g} of the term in free air, {_LIFT}"
     history = "\n".join(text for text in (str(free.attrs.get("history", "")), summary) if text)
     leaf.attrs = {**free.attrs, "power": "h_agl", "exponent": float(exponent), "floor": float(floor), "history": history}

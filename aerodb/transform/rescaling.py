@@ -16,6 +16,7 @@ from flightmech.aircraft.aircraft import Aircraft, reference_in
 from flightmech.errors import SchemaError, UnknownName
 
 from ..store.schema import database, require, terms
+from ..update.posterior import followed
 from .grids import without_formula
 
 # coefficient: (relative, absolute); the absolute one for the basic term only, increments are zero without their cause
@@ -129,7 +130,7 @@ def _scaled(name: str, leaf: xr.Dataset, by: float, span: float, wide: tuple[flo
     value = leaf["value"].values * by
     stderr = leaf["stderr"].values * abs(by) if "stderr" in leaf else np.zeros_like(value)
     absolute = wide[1] if name.endswith("/basic") else 0.0
-    dims = leaf["value"].dims
+    dims, times = leaf["value"].dims, by
     new = leaf.assign(value=leaf["value"].copy(data=value), stderr=(dims, np.sqrt(stderr**2 + (wide[0] * value) ** 2 + absolute**2)))
     new["source"] = dims, np.full(value.shape, _terms.SOURCES.index("judgement"), np.uint8)
     new["source"].attrs = {"flag_values": "0 1 2", "flag_meanings": " ".join(_terms.SOURCES)}
@@ -142,5 +143,7 @@ def _scaled(name: str, leaf: xr.Dataset, by: float, span: float, wide: tuple[flo
     if power is not None and power.variable == "h_agl":  # max(h/span, floor)^s
         part = span**-power.exponent
         new = new.assign(value=new["value"] * part, stderr=new["stderr"] * part).assign_attrs(floor=power.floor * span)
+        times *= part
+    new = followed(leaf, new, times)
     history = str(leaf.attrs.get("history", ""))
     return new.assign_attrs(history=f"{history}\n{line}" if history else line)

@@ -1,4 +1,7 @@
 """Public names of `aerodb.update` and where they are defined; ``__init__.py`` loads them from this list."""
 
+from .posterior import covariance as covariance
+from .posterior import draw as draw
+from .posterior import drawn as drawn
 from .standard_errors import standard_error as standard_error
 from .tabulation import tabulate as tabulate

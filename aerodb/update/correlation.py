@@ -86,17 +86,41 @@ def prior_parts(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, flo
         As in `prior_covariance`.
     """
     lengths = LENGTHS if lengths is None else lengths
-    count = leaf["value"].size
-    nodes = np.arange(count)
-    distance, squares = np.zeros((2, count, count))
-    for x in _scaled_places(leaf["value"], lengths):
-        apart = np.abs(x[:, None] - x)
-        distance += apart
-        squares += apart**2
-    away = _away(distance, sampled)
-    fade = np.exp(-np.abs(away[:, None] - away) / _REACH)
-    factors = [np.ones((count, count)), fade, fade * np.exp(-squares / (2.0 * _LONG**2)), np.exp(-distance)]
+    nodes = np.arange(leaf["value"].size)
+    factors = kernel(leaf["value"], flown_distance(leaf, sampled, lengths), nodes[:, None], nodes, lengths)
     return _alike(leaf, nodes[:, None], nodes) * np.stack(factors)
+
+
+def kernel(value: xr.DataArray, distance: np.ndarray, i: np.ndarray, j: np.ndarray, lengths: Mapping[str, float]) -> list[np.ndarray]:
+    """Return the correlations of single pairs of nodes in each of the `PARTS`, without s_i s_j c_ij.
+
+    Parameters
+    ----------
+    value : DataArray
+        The table.
+    distance : array (nodes,)
+        Of every node from the flown region, in correlation lengths (`flown_distance`).
+    i, j : array of int
+        Places of the nodes in ``value.ravel()``, broadcast against each other.
+    lengths : mapping of str to float
+        Correlation lengths by axis. [SI]
+    """
+    sums, squares = np.zeros((2, *np.broadcast_shapes(i.shape, j.shape)))
+    for x in _scaled_places(value, lengths):
+        apart = np.abs(x[i] - x[j])
+        sums += apart
+        squares += apart**2
+    fade = np.exp(-np.abs(distance[i] - distance[j]) / _REACH)
+    return [np.ones_like(sums), fade, fade * np.exp(-squares / (2.0 * _LONG**2)), np.exp(-sums)]
+
+
+def flown_distance(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float]) -> np.ndarray:
+    """Return the distance of every node from the flown region, (nodes,) in correlation lengths; `sampled` as in `prior_parts`."""
+    nodes = np.arange(leaf["value"].size)
+    distance = np.zeros((len(nodes), len(nodes)))
+    for x in _scaled_places(leaf["value"], lengths):
+        distance += np.abs(x[:, None] - x)
+    return _away(distance, sampled)
 
 
 def _away(distance: np.ndarray, sampled: np.ndarray) -> np.ndarray:
@@ -144,6 +168,19 @@ def _alike(leaf: xr.Dataset, i: np.ndarray, j: np.ndarray) -> np.ndarray:
     size = np.sqrt(r2 * v**2 + a2)
     size[size == 0.0] = 1.0
     return sd[i] * sd[j] * (r2 * v[i] * v[j] + a2) / (size[i] * size[j])
+
+
+def error_kinds(leaf: xr.Dataset) -> np.ndarray:
+    """Return the a-priori standard errors of the nodes as vectors (2, nodes): the part proportional to the value, and the constant part.
+
+    The scalar product of two of them is s_i s_j c_ij.
+    """
+    v, sd = leaf["value"].values.ravel(), leaf["stderr"].values.ravel()
+    r2, a2 = _kind(v, sd)
+    parts = np.stack([np.sqrt(r2) * v, np.full(len(v), np.sqrt(a2))])
+    size = np.sqrt((parts**2).sum(axis=0))
+    size[size == 0.0] = 1.0
+    return sd * parts / size
 
 
 def _kind(v: np.ndarray, sd: np.ndarray) -> tuple[float, float]:

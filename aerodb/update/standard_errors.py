@@ -1,10 +1,8 @@
-"""Standard errors of terms and coefficients at conditions, from the standard errors of the nodes.
+"""Standard errors of coefficients, of their derivatives and of terms at conditions, from the joint covariance of the nodes.
 
-A contribution is linear in the nodes, c = B g (`flightmech.terms.basis`), so its variance is B P B'.  P are the standard errors
-of the nodes of the term with the correlation that `aerodb.update.correlation` gives an a-priori table.  A file keeps standard errors and no
-correlation; for an identified table this one is therefore an assumption as well, and between nodes it makes the band run
-smoothly from node to node, where independent errors would make it dip.  Terms are taken as independent of each other, factor
-tables K as known.
+A contribution is linear in the nodes, c = B g (`flightmech.terms.basis`), so its variance is B V B'.  V is the covariance that the
+tables hold (`aerodb.update.posterior`): after a flight the joint one of all terms of a coefficient.  A table without it has the correlation
+that `aerodb.update.correlation` gives an a-priori table, and is independent of the others.  Factor tables K are taken as known.
 """
 
 from __future__ import annotations
@@ -19,16 +17,17 @@ from flightmech import terms as _terms
 from flightmech.errors import UnknownName
 
 from ..store.schema import terms
-from .correlation import covariance_between
+from .posterior import between, beyond, factor_of, origin
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+_STEP = float(np.finfo(float).eps ** (1.0 / 3.0))  # half the width of a central difference, of a variable of the size of one
 _CHUNK = 4096  # samples at a time: 16 x 16 corners of each
 
 
-def standard_error(db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any]) -> np.ndarray:
-    """Return the standard error of a coefficient at given conditions.
+def standard_error(db: xr.DataTree, coefficient: str, conditions: Mapping[str, Any], derivative: str | None = None) -> np.ndarray:
+    """Return the standard error of a coefficient, or of one of its derivatives, at given conditions.
 
     Parameters
     ----------
@@ -38,25 +37,56 @@ def standard_error(db: xr.DataTree, coefficient: str, conditions: Mapping[str, A
         Such as ``"CL"``.
     conditions : mapping of str to array
         Every variable the terms need, broadcast against each other; beyond a table the rule of the leaf. [SI]
+    derivative : str, optional
+        One of the conditions, such as ``"alpha"``: that of the derivative with respect to it, a central difference as the derivatives
+        of `flightmech.characteristics` are.
 
     Returns
     -------
     array (broadcast shape of the conditions used)
-        Root of the sum of the variances of the terms; a term without ``stderr`` counts as exact. [1]
+        Root of the variance of the sum of all terms; a term without ``stderr`` counts as exact.  [1, or 1 per unit of the variable]
 
     Raises
     ------
     UnknownName
         The database has no term of the coefficient, or a variable is missing in `conditions`.
     """
-    leaves = [leaf for name, leaf in terms(db).items() if name.split("/")[0] == coefficient]
+    leaves = {name: leaf for name, leaf in terms(db).items() if name.split("/")[0] == coefficient}
     if not leaves:
         raise UnknownName(coefficient, {name.split("/")[0] for name in terms(db)}, "coefficient")
-    variance: Any = 0.0
-    for leaf in leaves:
-        value = _terms.evaluate(leaf, conditions, "clamp")
-        variance = variance + spread(_terms.basis(leaf, conditions, "clamp"), leaf).reshape(value.shape) ** 2
-    return np.sqrt(variance)
+    if derivative is not None and derivative not in conditions:
+        raise UnknownName(derivative, conditions, "condition")
+    shape = np.broadcast_shapes(*(_terms.evaluate(leaf, conditions, "clamp").shape for leaf in leaves.values()))
+    used = {name for leaf in leaves.values() for name in _terms.variables(leaf)}
+    whole = {name: np.broadcast_to(np.asarray(x, float), shape).ravel() for name, x in conditions.items() if name in used}
+    if derivative not in (None, *used):
+        return np.zeros(shape)
+    variance = np.zeros(int(np.prod(shape)))
+    joint: dict[str, np.ndarray] = {}
+    signs: dict[str, np.ndarray] = {}
+    for leaf in (leaf for leaf in leaves.values() if "stderr" in leaf):
+        B = _map(leaf, whole, derivative, len(variance))
+        variance += _own_variance(B, leaf)
+        if mark := origin(leaf):
+            F, signs[mark] = factor_of(leaf)
+            joint[mark] = joint.get(mark, 0.0) + B @ F
+    for mark, parts in joint.items():
+        variance += parts**2 @ signs[mark]
+    return np.sqrt(np.maximum(variance, 0.0)).reshape(shape)
+
+
+def _map(leaf: xr.Dataset, conditions: Mapping[str, np.ndarray], derivative: str | None, count: int) -> csr_array:
+    """Return the linear map from the nodes of a term to its contribution at every condition, or to the derivative of it."""
+    if derivative is None:
+        return _repeated(_terms.basis(leaf, conditions, "clamp"), count)
+    steps = [{**conditions, derivative: conditions[derivative] + side * _STEP} for side in (1.0, -1.0)]
+    after, before = (_repeated(_terms.basis(leaf, at, "clamp"), count) for at in steps)
+    return (after - before) / (2.0 * _STEP)
+
+
+def _repeated(B: csr_array, count: int) -> csr_array:
+    """Return a map with a row for every condition: that of a term without variables has a single one."""
+    return B if B.shape[0] == count else type(B)(np.repeat(B.toarray(), count, axis=0))
 
 
 def spread(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
@@ -73,15 +103,26 @@ def spread(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
     -------
     array (samples,)
     """
-    variance = np.zeros(B.shape[0])
     if "stderr" not in leaf:
-        return variance
+        return np.zeros(B.shape[0])
+    variance = _own_variance(B, leaf)
+    if origin(leaf):
+        F, sign = factor_of(leaf)
+        variance += (B @ F) ** 2 @ sign
+    return np.sqrt(np.maximum(variance, 0.0))
+
+
+def _own_variance(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
+    """Return B P B' sample by sample, and what ``stderr`` has beyond the stored covariance."""
+    variance = np.zeros(B.shape[0])
     corners = np.diff(B.indptr)
     for count in np.unique(corners):
         rows = np.flatnonzero(corners == count)
         for part in np.array_split(rows, -(-len(rows) // _CHUNK)):
             at = B.indptr[part][:, None] + np.arange(count)
             nodes, weights = B.indices[at], B.data[at]
-            P = covariance_between(leaf, nodes[:, :, None], nodes[:, None, :])
+            P = between(leaf, nodes[:, :, None], nodes[:, None, :])
             variance[part] = np.einsum("ni,nij,nj->n", weights, P, weights)
-    return np.sqrt(np.maximum(variance, 0.0))
+    if origin(leaf):
+        variance += B.power(2) @ beyond(leaf)
+    return variance

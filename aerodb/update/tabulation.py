@@ -23,8 +23,8 @@ means, which for a term that no fit informs are the a-priori shares.  What the f
 holds where they were flown: the second part hardly follows the fits and never counts less than a priori, so that outside the flown
 region the standard errors go back to those of the handbook.  What the whole handbook method is wrong by is the first part,
 which may grow by much, and carries a correction to nodes that were not flown.
-Nodes of different terms are independent a priori; after the flight they are not, which a leaf cannot hold: the standard
-errors are those of single nodes.
+Nodes of different terms are independent a priori; after the flight they are not.  The term tables keep their joint covariance
+(`aerodb.update.posterior`); ``stderr`` is that of single nodes.
 
 What no fit separates stays divided by the priors: a fit with one term for pitch rate and rate of incidence informs
 ``qhat`` and ``alphadothat`` together.
@@ -44,7 +44,8 @@ from flightmech import terms as _terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 
 from ..store.schema import coefficients, terms
-from .correlation import LENGTHS, PARTS, SHARES, SPREADS, prior_covariance, prior_parts
+from .correlation import LENGTHS, PARTS, SHARES, SPREADS, flown_distance, prior_parts
+from .posterior import joint_covariance, of_one_origin, with_posterior
 
 REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the first identified, below the second corrected
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
@@ -170,6 +171,8 @@ class _Posterior:
     parts: dict[str, np.ndarray]  # weights of the parts of the prior covariance, by term
     inflation: float
     chi2: float
+    taken: np.ndarray  # (nodes, estimates): W of `aerodb.update.posterior`
+    common: np.ndarray  # (nodes, common errors): Z
 
 
 def _one_coefficient(coefficient, fits, leaves, held, lengths, tables) -> dict[str, xr.Dataset]:
@@ -184,8 +187,11 @@ def _one_coefficient(coefficient, fits, leaves, held, lengths, tables) -> dict[s
     for (name, leaf), nodes in zip(free.items(), _slices([leaf["value"].size for leaf in free.values()])):
         if touched[nodes].any():
             flown = ((sampled >= FLOWN) & touched)[nodes]
-            new[name] = _leaf(leaf, found.value[nodes], found.stderr[nodes], flown, _contributors(fits, observed, nodes))
+            made = _leaf(leaf, found.value[nodes], found.stderr[nodes], flown, _contributors(fits, observed, nodes))
+            away = flown_distance(leaf, (sampled * touched)[nodes], lengths)
+            new[name] = with_posterior(leaf, made, found.parts[name], away, lengths, found.taken[nodes], found.common[nodes])
             tables["report"].append(_term_row(name, leaf, new[name], found.parts[name]))
+    new = of_one_origin(new)
     tables["points"].append(_point_rows(coefficient, fits, observed, leaves, {**leaves, **new}, found))
     tables["compatibility"].append(_compatibility_row(coefficient, sum(len(o.theta) for o in observed), found))
     return new
@@ -217,7 +223,7 @@ def _factor(leaf: xr.Dataset) -> np.ndarray:
     """Return independent errors of a term that is held, (nodes, errors): their covariance is that a priori."""
     if "stderr" not in leaf:
         return np.zeros((leaf["value"].size, 0))
-    size, shape = np.linalg.eigh(prior_covariance(leaf))
+    size, shape = np.linalg.eigh(joint_covariance({"": leaf})[1])
     known = size > _NEGLIGIBLE * size.max()
     return shape[:, known] * np.sqrt(size[known])
 
@@ -258,7 +264,9 @@ def _posterior(observed: Sequence[_Observation], free: Mapping[str, xr.Dataset],
     declared = np.einsum("k,kij->ij", np.tile(list(SHARES.values()), len(free)), expected)
     chi2 = float(y @ _inverse(declared + D @ D.T + _block_diagonal([o.C for o in observed])) @ y)
     stderr = np.sqrt(np.maximum(variance, 0.0))
-    return _Posterior(g0 + gain @ y, stderr, weight, distance, dict(zip(free, weights)), float(np.sqrt(factors[-1])), chi2)
+    taken, common = gain @ _root(np.einsum("k,kij->ij", factors[:-1], expected) + noise + own_errors), gain @ D[:, D.any(axis=0)]
+    parts, inflation = dict(zip(free, weights)), float(np.sqrt(factors[-1]))
+    return _Posterior(g0 + gain @ y, stderr, weight, distance, parts, inflation, chi2, taken, common)
 
 
 def _learnt(y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
@@ -339,6 +347,12 @@ def _inverse(S: np.ndarray) -> np.ndarray:
     return np.linalg.inv(S / np.outer(scale, scale)) / np.outer(scale, scale)
 
 
+def _root(S: np.ndarray) -> np.ndarray:
+    """Lower Cholesky factor of a covariance, scaled to unit diagonal first."""
+    scale = np.sqrt(np.diag(S))
+    return scale[:, None] * np.linalg.cholesky(S / np.outer(scale, scale))
+
+
 def _distance(residual: np.ndarray, C: np.ndarray) -> float:
     """Rms of a residual in its own standard errors, correlations taken into account."""
     sd = np.sqrt(np.diag(C))
@@ -358,7 +372,6 @@ def _leaf(leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, flown: np.ndarray
     words = [str(leaf.attrs.get("comment", "")), f"{int(flown.sum())} of {flown.size} nodes from flight: {', '.join(contributors)}."]
     if set(_terms.regressors(leaf)) & {"qhat", "alphadothat"}:
         words.append("Pitch rate and rate of incidence move alike in flight; between their terms the a-priori errors decide.")
-    words.append("Standard errors are of single nodes; their correlation is not kept.")
     new.attrs["comment"] = " ".join(word for word in words if word)
     line = f"tabulate: joined with {len(contributors)} fits"
     new.attrs["history"] = f"{leaf.attrs['history']}\n{line}" if leaf.attrs.get("history") else line

@@ -161,7 +161,7 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
     UnknownName
         The database has no such coefficient, or the samples lack a variable of its tables.
     """
-    from aerodb.update.correlation import prior_covariance
+    from aerodb.update.posterior import joint_covariance
     from aerodb.update.tabulation import basis_at
     from flightmech.terms import variables
 
@@ -172,11 +172,9 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
     if without_error := [f"{name} has no stderr" for name, leaf in leaves.items() if "stderr" not in leaf]:
         raise SchemaError("database as a prior", without_error)
     A = least_squares.estimator(fit.design.values)
-    theta, C = np.zeros(len(A)), np.zeros((len(A), len(A)))
-    for leaf in leaves.values():
-        H = (basis_at(leaf, fit.data).T @ A.T).T
-        theta = theta + H @ leaf["value"].values.ravel()
-        C = C + H @ prior_covariance(leaf) @ H.T
+    H = np.hstack([(basis_at(leaf, fit.data).T @ A.T).T for leaf in leaves.values()])
+    theta = H @ np.concatenate([leaf["value"].values.ravel() for leaf in leaves.values()])
+    C = H @ joint_covariance(leaves)[1] @ H.T
     known = set().union(*(variables(leaf) for leaf in leaves.values()))
     terms = [str(term) for term in fit.estimates["term"].values]
     spoken = [least_squares.constants([term])[0] or {variable_of(factor) for factor in powers(term)} <= known for term in terms]
