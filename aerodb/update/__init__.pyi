@@ -3,5 +3,6 @@
 from .posterior import covariance as covariance
 from .posterior import draw as draw
 from .posterior import drawn as drawn
+from .regression import regress_tables as regress_tables
 from .standard_errors import standard_error as standard_error
 from .tabulation import tabulate as tabulate

@@ -32,7 +32,7 @@ What no fit separates stays divided by the priors: a fit with one term for pitch
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -135,23 +135,41 @@ def tabulate(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] = (), 
     .. [Searle1992] Searle, Casella, McCulloch, Variance Components, Wiley 1992, chapter 8.
     .. [Schmidt1966] Schmidt, Application of state-space methods to navigation problems, Advances in Control Systems 3, 1966.
     """
-    leaves = terms(prior)
-    _demand(fits, prior, leaves, held)
+    if not fits:
+        raise IdentificationError("no fit; tabulate needs at least one")
     lengths = {**LENGTHS, **(lengths or {})}
-    new: dict[str, xr.Dataset] = {}
-    tables: dict[str, list] = {"report": [], "points": [], "compatibility": []}
-    for coefficient in dict.fromkeys(_coefficient(fit) for fit in fits):
-        mine = {name: leaf for name, leaf in leaves.items() if name.startswith(f"{coefficient}/")}
-        local = [fit for fit in fits if _coefficient(fit) == coefficient]
-        new |= _one_coefficient(coefficient, local, mine, held, lengths, tables)
-    frames = {name: pd.concat(parts) for name, parts in tables.items()}
-    return Tabulation(new, **frames)
+    findings = []
+    for known in known_terms([_coefficient(fit) for fit in fits], prior, held):
+        local = [fit for fit in fits if _coefficient(fit) == known.coefficient]
+        sources = list(dict.fromkeys(str(name) for fit in local for name in fit.estimates["error"].values))
+        findings.append(joined(known, [_observe(fit, known, sources) for fit in local], lengths))
+    return together(findings)
 
 
 @dataclass(frozen=True)
-class _Observation:
-    """One fit, as linear in the free nodes."""
+class Known:
+    """The terms of one coefficient: those that the flights may change, and those that are held with their independent errors."""
 
+    coefficient: str
+    leaves: Mapping[str, xr.Dataset]
+    free: Mapping[str, xr.Dataset]
+    fixed: Mapping[str, tuple[xr.Dataset, np.ndarray]]
+
+    def bases_at(self, data: xr.Dataset) -> dict[str, Any]:
+        """Return the linear maps from the nodes of every term to samples, the free ones first."""
+        return {name: basis_at(self.leaves[name], data) for name in (*self.free, *self.fixed)}
+
+    def sampled(self, data: xr.Dataset) -> np.ndarray:
+        """Return the largest weight that a sample gives to each free node, (free nodes,)."""
+        return np.concatenate([_nearest(leaf, data) for leaf in self.free.values()])
+
+
+@dataclass(frozen=True)
+class Observation:
+    """A fit, or directions of the samples of a manoeuvre, as linear in the free nodes."""
+
+    name: str
+    data: xr.Dataset
     theta: np.ndarray  # estimates less what the held terms contribute
     H: np.ndarray  # (estimates, free nodes)
     D: np.ndarray  # (estimates, common errors)
@@ -175,48 +193,52 @@ class _Posterior:
     common: np.ndarray  # (nodes, common errors): Z
 
 
-def _one_coefficient(coefficient, fits, leaves, held, lengths, tables) -> dict[str, xr.Dataset]:
-    free = {name: leaf for name, leaf in leaves.items() if name not in held}
-    sources = list(dict.fromkeys(str(name) for fit in fits for name in fit.estimates["error"].values))
-    fixed = {name: (leaf, _factor(leaf)) for name, leaf in leaves.items() if name in held}
-    observed = [_observe(fit, free, fixed, sources) for fit in fits]
+def joined(
+    known: Known, observed: Sequence[Observation], lengths: Mapping[str, float], history: str = "tabulate: joined with {} fits"
+) -> Tabulation:
+    """Return the terms of one coefficient given all observations of it."""
+    leaves, free = known.leaves, known.free
     sampled = np.max([o.sampled for o in observed], axis=0)
     touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
     found = _posterior(observed, free, sampled * touched, lengths)
-    new = {}
-    for (name, leaf), nodes in zip(free.items(), _slices([leaf["value"].size for leaf in free.values()])):
+    new, rows = {}, []
+    for (name, leaf), nodes in zip(free.items(), slices_of(free.values())):
         if touched[nodes].any():
             flown = ((sampled >= FLOWN) & touched)[nodes]
-            made = _leaf(leaf, found.value[nodes], found.stderr[nodes], flown, _contributors(fits, observed, nodes))
+            made = _leaf(leaf, found.value[nodes], found.stderr[nodes], flown, _contributors(observed, nodes), history)
             away = flown_distance(leaf, (sampled * touched)[nodes], lengths)
             new[name] = with_posterior(leaf, made, found.parts[name], away, lengths, found.taken[nodes], found.common[nodes])
-            tables["report"].append(_term_row(name, leaf, new[name], found.parts[name]))
+            rows.append(_term_row(name, leaf, new[name], found.parts[name]))
     new = of_one_origin(new)
-    tables["points"].append(_point_rows(coefficient, fits, observed, leaves, {**leaves, **new}, found))
-    tables["compatibility"].append(_compatibility_row(coefficient, sum(len(o.theta) for o in observed), found))
-    return new
+    points = _point_rows(known.coefficient, observed, leaves, {**leaves, **new}, found)
+    return Tabulation(new, pd.concat(rows), points, _compatibility_row(known.coefficient, sum(len(o.theta) for o in observed), found))
 
 
-def _observe(
-    fit, free: Mapping[str, xr.Dataset], fixed: Mapping[str, tuple[xr.Dataset, np.ndarray]], sources: Sequence[str]
-) -> _Observation:
+def together(findings: Sequence[Tabulation]) -> Tabulation:
+    """Return what was found of several coefficients as one."""
+    new = {name: leaf for one in findings for name, leaf in one.items()}
+    return Tabulation(new, *(pd.concat([getattr(one, name) for one in findings]) for name in ("report", "points", "compatibility")))
+
+
+def _observe(fit, known: Known, sources: Sequence[str]) -> Observation:
     Q, R = np.linalg.qr(fit.design.values)
 
     def local(samples: np.ndarray) -> np.ndarray:
         """Return what the local model makes of (columns of) samples."""
         return np.linalg.solve(R, Q.T @ samples)
 
-    bases = {name: basis_at(leaf, fit.data) for name, leaf in [*free.items(), *((name, leaf) for name, (leaf, _) in fixed.items())]}
+    bases = known.bases_at(fit.data)
     e = fit.estimates
     theta, common = e["estimate"].values, np.zeros((Q.shape[1], len(sources)))
     common[:, [sources.index(str(name)) for name in e["error"].values]] = e["systematic"].values
     D = [common]
-    for name, (leaf, factor) in fixed.items():
+    for name, (leaf, factor) in known.fixed.items():
         theta = theta - local(bases[name] @ leaf["value"].values.ravel())
         D.append(local(bases[name] @ factor))
-    H = [np.linalg.solve(R, (bases[name].T @ Q).T) for name in free]
-    sampled = np.concatenate([_nearest(leaf, fit.data) for leaf in free.values()])
-    return _Observation(theta, np.hstack(H), np.hstack(D), e["covariance"].values, sampled, bases)
+    H = [np.linalg.solve(R, (bases[name].T @ Q).T) for name in known.free]
+    return Observation(
+        str(e.attrs.get("name", "")), fit.data, theta, np.hstack(H), np.hstack(D), e["covariance"].values, known.sampled(fit.data), bases
+    )
 
 
 def _factor(leaf: xr.Dataset) -> np.ndarray:
@@ -235,12 +257,12 @@ def _nearest(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
     return np.asarray(B.max(axis=0).todense()).ravel() if B.shape[0] else np.zeros(leaf["value"].size)
 
 
-def _posterior(observed: Sequence[_Observation], free: Mapping[str, xr.Dataset], sampled: np.ndarray, lengths) -> _Posterior:
+def _posterior(observed: Sequence[Observation], free: Mapping[str, xr.Dataset], sampled: np.ndarray, lengths) -> _Posterior:
     """Nodes given the fits; fits far from the tables that the others support lose weight, the prior covariance is learnt."""
     H, D = np.vstack([o.H for o in observed]), np.vstack([o.D for o in observed])
     g0 = np.concatenate([leaf["value"].values.ravel() for leaf in free.values()])
     y = np.concatenate([o.theta for o in observed]) - H @ g0
-    columns = _slices([leaf["value"].size for leaf in free.values()])
+    columns = slices_of(free.values())
     slices = _slices([len(o.theta) for o in observed])
     priors = [prior_parts(leaf, sampled[at], lengths) for leaf, at in zip(free.values(), columns)]
     PH = [P @ H[:, at].T for P, at in zip(priors, columns)]  # (parts, nodes, estimates)
@@ -336,6 +358,11 @@ def _cost(y, parts, fixed, mean, spread, u) -> tuple[float, np.ndarray]:
     return float(np.log(scale * np.diag(L)).sum() + z @ z / 2.0 + (((u - mean) / spread) ** 2).sum() / 2.0), S
 
 
+def slices_of(leaves: Iterable[xr.Dataset]) -> list[slice]:
+    """Return where the nodes of each of several terms are among those of all."""
+    return _slices([leaf["value"].size for leaf in leaves])
+
+
 def _slices(sizes: Sequence[int]) -> list[slice]:
     ends = np.cumsum(sizes)
     return [slice(end - size, end) for end, size in zip(ends, sizes)]
@@ -360,7 +387,7 @@ def _distance(residual: np.ndarray, C: np.ndarray) -> float:
     return float(np.sqrt((residual / sd) @ np.linalg.solve(correlation, residual / sd) / len(sd)))
 
 
-def _leaf(leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, flown: np.ndarray, contributors: Sequence[str]) -> xr.Dataset:
+def _leaf(leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, flown: np.ndarray, contributors: Sequence[str], history: str) -> xr.Dataset:
     shape = leaf["value"].shape
     flown = flown.reshape(shape) & (sd.reshape(shape) < CORRECTED * leaf["stderr"].values)
     known = leaf["source"].values if "source" in leaf else np.full(shape, _terms.SOURCES.index("judgement"), np.uint8)
@@ -373,17 +400,13 @@ def _leaf(leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, flown: np.ndarray
     if set(_terms.regressors(leaf)) & {"qhat", "alphadothat"}:
         words.append("Pitch rate and rate of incidence move alike in flight; between their terms the a-priori errors decide.")
     new.attrs["comment"] = " ".join(word for word in words if word)
-    line = f"tabulate: joined with {len(contributors)} fits"
+    line = history.format(len(contributors))
     new.attrs["history"] = f"{leaf.attrs['history']}\n{line}" if leaf.attrs.get("history") else line
     return new
 
 
-def _contributors(fits: Sequence[Any], observed: Sequence[_Observation], nodes: slice) -> list[str]:
-    return [
-        str(fit.estimates.attrs.get("name") or f"fit {k}")
-        for k, (fit, o) in enumerate(zip(fits, observed))
-        if np.abs(o.H[:, nodes]).max() > 0
-    ]
+def _contributors(observed: Sequence[Observation], nodes: slice) -> list[str]:
+    return [o.name or f"fit {k}" for k, o in enumerate(observed) if np.abs(o.H[:, nodes]).max() > 0]
 
 
 def _term_row(name: str, before: xr.Dataset, after: xr.Dataset, weights: np.ndarray) -> pd.DataFrame:
@@ -407,22 +430,22 @@ def _term_row(name: str, before: xr.Dataset, after: xr.Dataset, weights: np.ndar
     return pd.DataFrame(row, index=pd.Index([name], name="term"))
 
 
-def _point_rows(coefficient: str, fits, observed, before, after, found: _Posterior) -> pd.DataFrame:
+def _point_rows(coefficient: str, observed: Sequence[Observation], before, after, found: _Posterior) -> pd.DataFrame:
     rows = []
-    for k, (fit, o) in enumerate(zip(fits, observed)):
-        z = fit.data[coefficient].values
+    for k, o in enumerate(observed):
+        z = o.data[coefficient].values
         prior, new = (z - sum(B @ leaves[name]["value"].values.ravel() for name, B in o.bases.items()) for leaves in (before, after))
         rows.append(
             {
                 "coefficient": coefficient,
-                "fit": str(fit.estimates.attrs.get("name", "")),
+                "fit": o.name,
                 "rms_prior": np.sqrt((prior**2).mean()),
                 "rms": np.sqrt((new**2).mean()),
                 "range": np.ptp(z),
                 "distance": found.distance[k],
                 "weight": found.weight[k],
                 "suspect": bool(found.weight[k] < SUSPECT),
-                "clamped": max(_clamped(leaf, fit.data) for leaf in before.values()),
+                "clamped": max(_clamped(leaf, o.data) for leaf in before.values()),
             }
         )
     return pd.DataFrame(rows).set_index(["coefficient", "fit"])
@@ -435,13 +458,21 @@ def _compatibility_row(coefficient: str, count: int, found: _Posterior) -> pd.Da
     return pd.DataFrame(row, index=pd.Index([coefficient], name="coefficient"))
 
 
-def _demand(fits: Sequence[Any], prior: xr.DataTree, leaves: Mapping[str, xr.Dataset], held: Sequence[str]) -> None:
-    if not fits:
-        raise IdentificationError("no fit; tabulate needs at least one")
+def known_terms(wanted: Iterable[str], prior: xr.DataTree, held: Sequence[str]) -> list[Known]:
+    """Return the terms of every coefficient wanted.
+
+    Raises
+    ------
+    SchemaError
+        Terms without standard errors, or force axes other than those of the flights; all faults.
+    UnknownName
+        A held term or a coefficient that the database does not have.
+    """
+    leaves = terms(prior)
     for name in held:
         if name not in leaves:
             raise UnknownName(name, leaves, "held term")
-    wanted = list(dict.fromkeys(_coefficient(fit) for fit in fits))
+    wanted = list(dict.fromkeys(wanted))
     for name in wanted:
         if name not in coefficients(prior):
             raise UnknownName(name, coefficients(prior), "coefficient", "the database does not hold it with its force axes")
@@ -453,6 +484,12 @@ def _demand(fits: Sequence[Any], prior: xr.DataTree, leaves: Mapping[str, xr.Dat
             problems.append(f"{name} has no stderr; give one to every node, or hold the term")
     if problems:
         raise SchemaError("prior", problems)
+    found = []
+    for coefficient in wanted:
+        mine = {name: leaf for name, leaf in leaves.items() if name.startswith(f"{coefficient}/")}
+        fixed = {name: (leaf, _factor(leaf)) for name, leaf in mine.items() if name in held}
+        found.append(Known(coefficient, mine, {name: leaf for name, leaf in mine.items() if name not in held}, fixed))
+    return found
 
 
 def _conditions(leaf: xr.Dataset, data: xr.Dataset) -> dict[str, Any]:

@@ -3,6 +3,8 @@
 from .data_partition import Partition as Partition
 from .data_partition import bins as bins
 from .data_partition import fit_bins as fit_bins
+from .direct_regression import coloured_covariance as coloured_covariance
+from .direct_regression import table_samples as table_samples
 from .joined_fits import Joined as Joined
 from .joined_fits import join_fits as join_fits
 from .mixed_estimation import Mixed as Mixed

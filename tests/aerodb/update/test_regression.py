@@ -1,0 +1,129 @@
+"""Nodes estimated directly from samples, on simulated records of known tables."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from aerodb.store.schema import database
+from aerodb.update import regression
+from aerodb.update.correlation import PARTS, prior_parts
+from aerodb.update.regression import regress_tables
+from flightmech import terms
+from flightmech.errors import IdentificationError, SchemaError, UnknownName
+
+DEG = np.pi / 180
+ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+NOISE = 0.002
+
+
+def leaves():
+    alpha = np.arange(-4, 13, 2.0) * DEG
+    sd = np.hypot(0.05, 0.4 * np.abs(alpha))
+    return {
+        "CL/basic": terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=sd, source="datcom"),
+        "CL/elevator": terms.make(0.5, {}, ("delta_e",), stderr=0.1, source="datcom"),
+    }
+
+
+def moved(prior, by=0.05, slope=-0.4):
+    """A truth with another lift curve and elevator."""
+    basic = prior["CL/basic"]
+    return {
+        "CL/basic": basic.assign(value=basic["value"] + by + slope * basic["alpha"]),
+        "CL/elevator": prior["CL/elevator"].assign(value=prior["CL/elevator"]["value"] + by),
+    }
+
+
+def flown(truth, seed, low=0.0, high=6.0, count=800, **attrs):
+    """Samples over incidence and elevator, with white noise."""
+    rng = np.random.default_rng(seed)
+    alpha = rng.uniform(low, high, count) * DEG
+    data = {"alpha": alpha, "delta_e": rng.uniform(-0.1, 0.1, count)}
+    data["CL"] = sum(terms.evaluate(leaf, data, "clamp") for leaf in truth.values()) + NOISE * rng.normal(size=count)
+    return xr.Dataset({name: ("sample", x) for name, x in data.items()}, attrs={"coefficient": "CL", "name": f"flight {seed}", **attrs})
+
+
+def white(samples, X, v):
+    return NOISE**2 * np.linalg.inv(X.T @ X)
+
+
+def test_the_nodes_are_those_of_the_information_form():
+    """Three nodes, all of whose directions are kept: (P^-1 + B'B/sigma^2)^-1 written out, with the weights that were learnt."""
+    prior = {"CL/basic": terms.make([0.2, 0.3, 0.5], {"alpha": [0.0, 0.05, 0.1]}, stderr=[0.05, 0.06, 0.07], source="datcom")}
+    one = flown(prior, 1, 0.5, 5.0).drop_vars("delta_e")
+    found = regress_tables([one], database(prior, **ROOT), white)
+    assert found.compatibility.loc["CL", "count"] == 3
+    P = np.einsum("k,kij->ij", found.report.loc["CL/basic", list(PARTS)].to_numpy(float), prior_parts(prior["CL/basic"], np.ones(3)))
+    B = terms.basis(prior["CL/basic"], {"alpha": one["alpha"].values}, "clamp").toarray()
+    information = B.T @ B / (NOISE * found.compatibility.loc["CL", "inflation"]) ** 2
+    posterior = np.linalg.inv(np.linalg.inv(P) + information)
+    g0 = prior["CL/basic"]["value"].values
+    g = g0 + posterior @ B.T @ (one["CL"].values - B @ g0) / (NOISE * found.compatibility.loc["CL", "inflation"]) ** 2
+    np.testing.assert_allclose(found["CL/basic"]["value"], g, atol=1e-8)
+    np.testing.assert_allclose(found["CL/basic"]["stderr"], np.sqrt(np.diag(posterior)), atol=1e-8)
+
+
+def test_a_known_aeroplane_is_found_where_it_was_flown():
+    prior = leaves()
+    truth = moved(prior)
+    found = regress_tables([flown(truth, k) for k in (2, 3)], database(prior, **ROOT), white)
+    z = (found["CL/basic"]["value"] - truth["CL/basic"]["value"]) / found["CL/basic"]["stderr"]
+    assert float(np.abs(z).max()) < 3.0
+    here = dict(alpha=[0.0, 2 * DEG, 4 * DEG, 6 * DEG], method="nearest")
+    assert float(np.abs(found["CL/basic"]["value"] - truth["CL/basic"]["value"]).sel(**here).max()) < 0.002  # of 0.05; 0.0005 measured
+    assert float(np.abs(found["CL/elevator"]["value"] - truth["CL/elevator"]["value"])) < 0.01
+    assert (found["CL/basic"]["source"].sel(**here) == terms.SOURCES.index("flight")).all()
+    assert int(found["CL/basic"]["source"].sel(alpha=12 * DEG, method="nearest")) == terms.SOURCES.index("datcom")
+    assert found["CL/basic"].attrs["history"].endswith("regress_tables: from the samples of 2 groups of manoeuvres")
+    assert list(found.points.index) == [("CL", "flight 2"), ("CL", "flight 3")]
+
+
+def test_an_error_of_a_variable_is_common_to_all_samples():
+    """An incidence that may be wrong by 0.1 deg leaves lift open by 0.1 deg of slope, however many samples there are."""
+    prior = leaves()
+    wrong = 0.1 * DEG
+    errors = {"CL_error": (("error", "sample"), np.zeros((1, 800))), "alpha_error": (("error", "sample"), np.full((1, 800), wrong))}
+    several = [flown(prior, k, name=str(k)).assign_coords(error=["bias.alpha"]).assign(errors) for k in (2, 3, 4)]
+    found = regress_tables(several, database(prior, **ROOT), white)["CL/basic"]
+    at = dict(alpha=[2 * DEG, 4 * DEG], method="nearest")
+    np.testing.assert_allclose(found["stderr"].sel(**at), 5.0 * wrong, rtol=0.1)  # less what the prior knows of it, 0.94 and 0.96
+
+
+def test_a_held_term_stays_and_its_error_counts():
+    prior = leaves()
+    several = [flown(prior, k) for k in (2, 3)]
+    held = {**prior, "CL/altitude": terms.make(0.0, {}, stderr=0.02, source="datcom")}
+    found = regress_tables(several, database(held, **ROOT), white, held=["CL/altitude"])
+    assert "CL/altitude" not in found
+    assert float(found["CL/basic"]["stderr"].sel(alpha=2 * DEG, method="nearest")) == pytest.approx(0.02, rel=0.1)
+
+
+def test_portions_of_the_samples_give_the_same(monkeypatch):
+    prior = leaves()
+    several = [flown(moved(prior), 2)]
+    db = database(prior, **ROOT)
+    whole = regress_tables(several, db, white)
+    monkeypatch.setattr(regression, "_PORTION", 1000)
+    parts = regress_tables(several, db, white)
+    for name in whole:
+        np.testing.assert_allclose(parts[name]["value"], whole[name]["value"], atol=1e-9)
+        np.testing.assert_allclose(parts[name]["stderr"], whole[name]["stderr"], rtol=1e-6)
+
+
+def test_unusable_input_is_refused():
+    prior = leaves()
+    db = database(prior, **ROOT)
+    with pytest.raises(IdentificationError, match="no samples"):
+        regress_tables([], db, white)
+    with pytest.raises(IdentificationError, match=r"flight 2: 5 samples in 5 directions"):
+        regress_tables([flown(prior, 2, count=5)], db, white)
+    with pytest.raises(UnknownName, match="unknown held term 'CL/tab'"):
+        regress_tables([flown(prior, 2)], db, white, held=["CL/tab"])
+    with pytest.raises(SchemaError, match="CL/basic has no stderr"):
+        regress_tables([flown(prior, 2)], database({**prior, "CL/basic": prior["CL/basic"].drop_vars("stderr")}, **ROOT), white)
+    with pytest.raises(UnknownName, match="delta_e"):
+        regress_tables(
+            [flown(prior, 2).drop_vars("delta_e")],
+            database({"CL/x": terms.make([0.0, 1.0], {"delta_e": [0.0, 0.1]}, stderr=0.1)}, **ROOT),
+            white,
+        )
