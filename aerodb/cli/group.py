@@ -121,6 +121,7 @@ def show(file: str, term: str | None, as_json: bool) -> None:
     from ..store.files import open
     from ..store.overview import describe, leaf_rows, summary
     from ..store.schema import leaf_of
+    from ..update.posterior import without_posterior
 
     tree = open(file)
     if term is None:
@@ -128,14 +129,32 @@ def show(file: str, term: str | None, as_json: bool) -> None:
         return
     leaf = leaf_of(tree, term)
     if as_json:
-        document({"term": term, **leaf.to_dict()})
+        document({"term": term, **without_posterior(leaf).to_dict()})
         return
     head, rows = leaf_rows(leaf)
     table(head, rows, title=term, right=head)
-    texts = {key: leaf.attrs.get(key) for key in ("regressors", "comment", "references", "history")}
+    texts = {key: leaf.attrs.get(key) for key in ("regressors", "decision", "reason", "comment", "references", "history")}
     for key, text in {"power": power(leaf), **texts}.items():
         if text:
             click.echo(f"{key}: {text}")
+
+
+@db.command()
+@click.argument("file", type=_LISTING)
+@json_option
+def decisions(file: str, as_json: bool) -> None:
+    """Show what the flights decided about each term: replace, correct, keep or delete (not identifiable), and why."""
+    from ..store.files import open
+    from ..update.term_decisions import DECISIONS
+    from ..update.term_decisions import decisions as decided
+
+    found = decided(open(file))
+    if as_json:
+        document({"file": file, "terms": found.reset_index().to_dict("records")})
+        return
+    table(("term", "decision", "reason"), [(name, row["decision"], row["reason"]) for name, row in found.iterrows()])
+    counts = found["decision"].value_counts()
+    click.echo(", ".join(f"{word} {counts.get(word, 0)}" for word in DECISIONS))
 
 
 @db.command()

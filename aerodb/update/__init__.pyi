@@ -6,3 +6,4 @@ from .posterior import drawn as drawn
 from .regression import regress_tables as regress_tables
 from .standard_errors import standard_error as standard_error
 from .tabulation import tabulate as tabulate
+from .term_decisions import decisions as decisions

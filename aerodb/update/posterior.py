@@ -4,8 +4,9 @@ After `aerodb.tabulate` the nodes of all terms of one coefficient have the covar
 
     V = P - W W' + Z Z'
 
-with P the a-priori covariance with the learnt weights (terms independent of each other), W what the fits took from it and Z what the errors
-common to all fits added.  Flights determine sums of terms better than each term: the standard errors of single nodes do not show it, V does.
+with P the a-priori covariance with the learnt weights (terms independent of each other), W what the fits took from it and Z what the
+errors common to all fits added.  Flights determine sums of terms better than each term: the standard errors of single nodes do not
+show it, V does.
 Each term table keeps its rows of V in four variables:
 
 ===================  ======================  =====================================================================================

@@ -46,8 +46,8 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from ..store.schema import coefficients, terms
 from .correlation import LENGTHS, PARTS, SHARES, SPREADS, flown_distance, prior_parts
 from .posterior import joint_covariance, of_one_origin, with_posterior
+from .term_decisions import CORRECTED, REPLACED, decided
 
-REPLACED, CORRECTED = 0.5, 0.9  # posterior over prior standard error: below the first identified, below the second corrected
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
 FLOWN = 0.25  # least weight that some sample gives to a node from flight: half a cell away on each of two axes
 _UNKNOWN = "a table needs it and the data of the fit do not hold it; map its column, or state it in [constants] of the name map"
@@ -75,7 +75,7 @@ class Tabulation(Mapping):
         posterior to prior standard error below 0.9 and 0.5), ``ratio_least``, ``ratio_median``, ``change_rms``,
         ``change_largest``, ``change_in_sd`` (largest change, in a-priori standard errors), ``prior_inflation`` (factor on the
         a-priori standard errors; above 1 they were too small), ``level reach long short`` (weights of the parts of the
-        prior covariance).
+        prior covariance), ``decision`` and ``reason`` (`aerodb.update.term_decisions`; also attributes of the term).
     points : DataFrame
         Index (coefficient, fit): ``rms_prior``, ``rms`` of measured minus tables with the prior and the new ones,
         ``range`` of the coefficient, ``distance`` of the fit from the tables in its own standard errors, ``weight``,
@@ -201,15 +201,16 @@ def joined(
     sampled = np.max([o.sampled for o in observed], axis=0)
     touched = np.any([np.abs(o.H).max(axis=0) > 0 for o in observed], axis=0)
     found = _posterior(observed, free, sampled * touched, lengths)
-    new, rows = {}, []
+    new, places = {}, {}
     for (name, leaf), nodes in zip(free.items(), slices_of(free.values())):
         if touched[nodes].any():
             flown = ((sampled >= FLOWN) & touched)[nodes]
             made = _leaf(leaf, found.value[nodes], found.stderr[nodes], flown, _contributors(observed, nodes), history)
             away = flown_distance(leaf, (sampled * touched)[nodes], lengths)
             new[name] = with_posterior(leaf, made, found.parts[name], away, lengths, found.taken[nodes], found.common[nodes])
-            rows.append(_term_row(name, leaf, new[name], found.parts[name]))
-    new = of_one_origin(new)
+            places[name] = flown.reshape(leaf["value"].shape)
+    new = decided(leaves, of_one_origin(new), places)
+    rows = [_term_row(name, leaves[name], leaf, found.parts[name]) for name, leaf in new.items()]
     points = _point_rows(known.coefficient, observed, leaves, {**leaves, **new}, found)
     return Tabulation(new, pd.concat(rows), points, _compatibility_row(known.coefficient, sum(len(o.theta) for o in observed), found))
 
@@ -426,6 +427,8 @@ def _term_row(name: str, before: xr.Dataset, after: xr.Dataset, weights: np.ndar
         "change_in_sd": in_sd.max(),
         "prior_inflation": np.sqrt(weights.sum()),
         **dict(zip(PARTS, weights)),
+        "decision": after.attrs["decision"],
+        "reason": after.attrs["reason"],
     }
     return pd.DataFrame(row, index=pd.Index([name], name="term"))
 
