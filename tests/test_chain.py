@@ -76,6 +76,7 @@ ORDER = {
         "ground_effect",
         "control_loading",
         "input_design",
+        "planning",
         "quality",
         "manoeuvre_finding",
         "maximum_likelihood",

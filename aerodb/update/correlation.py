@@ -72,7 +72,9 @@ def prior_covariance(leaf: xr.Dataset, lengths: Mapping[str, float] | None = Non
     return covariance_between(leaf, nodes[:, None], nodes, lengths, level)
 
 
-def prior_parts(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float] | None = None) -> np.ndarray:
+def prior_parts(
+    leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float] | None = None, nodes: np.ndarray | None = None
+) -> np.ndarray:
     """Return the parts of the a-priori covariance of a term of which some nodes were flown, (`PARTS`, nodes, nodes).
 
     Parameters
@@ -84,10 +86,13 @@ def prior_parts(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, flo
         on the node, 0 without samples in the cells about it.  Without any, `reach` is a level.
     lengths : mapping, optional
         As in `prior_covariance`.
+    nodes : array of int, optional
+        Places of the nodes whose covariance is returned; all nodes without it.
     """
     lengths = LENGTHS if lengths is None else lengths
-    nodes = np.arange(leaf["value"].size)
-    factors = kernel(leaf["value"], flown_distance(leaf, sampled, lengths), nodes[:, None], nodes, lengths)
+    distance = flown_distance(leaf, sampled, lengths)
+    nodes = np.arange(leaf["value"].size) if nodes is None else nodes
+    factors = kernel(leaf["value"], distance, nodes[:, None], nodes, lengths)
     return _alike(leaf, nodes[:, None], nodes) * np.stack(factors)
 
 
@@ -116,24 +121,24 @@ def kernel(value: xr.DataArray, distance: np.ndarray, i: np.ndarray, j: np.ndarr
 
 def flown_distance(leaf: xr.Dataset, sampled: np.ndarray, lengths: Mapping[str, float]) -> np.ndarray:
     """Return the distance of every node from the flown region, (nodes,) in correlation lengths; `sampled` as in `prior_parts`."""
-    nodes = np.arange(leaf["value"].size)
-    distance = np.zeros((len(nodes), len(nodes)))
+    near = np.flatnonzero(sampled > 0)
+    distance = np.zeros((leaf["value"].size, len(near)))
     for x in _scaled_places(leaf["value"], lengths):
-        distance += np.abs(x[:, None] - x)
-    return _away(distance, sampled)
+        distance += np.abs(x[:, None] - x[near])
+    return _away(distance, sampled, near)
 
 
-def _away(distance: np.ndarray, sampled: np.ndarray) -> np.ndarray:
-    """Return the distance of every node from the flown region.
+def _away(distance: np.ndarray, sampled: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Return the distance of every node from the flown region; `distance` is that from the nodes `near`, in whose cells samples are.
 
     Nodes with `_WITHIN` of the weight of a sample are in the region.  The distance of one with less, of a cell that holds some
     samples, is that from the nearest of these in proportion to the weight it lacks: the region grows with the samples without a step.
     """
-    inside = sampled >= _WITHIN
+    inside = sampled[near] >= _WITHIN
     if not inside.any():
         return np.zeros(len(sampled))
     away = distance[:, inside].min(axis=1) * (1.0 - np.minimum(sampled / _WITHIN, 1.0))
-    return (away + distance)[:, sampled > 0].min(axis=1)
+    return (away[near] + distance).min(axis=1)
 
 
 def _scaled_places(value: xr.DataArray, lengths: Mapping[str, float]) -> list[np.ndarray]:

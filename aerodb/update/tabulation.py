@@ -139,10 +139,10 @@ def tabulate(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] = (), 
         raise IdentificationError("no fit; tabulate needs at least one")
     lengths = {**LENGTHS, **(lengths or {})}
     findings = []
-    for known in known_terms([_coefficient(fit) for fit in fits], prior, held):
-        local = [fit for fit in fits if _coefficient(fit) == known.coefficient]
-        sources = list(dict.fromkeys(str(name) for fit in local for name in fit.estimates["error"].values))
-        findings.append(joined(known, [_observe(fit, known, sources) for fit in local], lengths))
+    for known in known_terms([coefficient_of(fit) for fit in fits], prior, held):
+        local = [fit for fit in fits if coefficient_of(fit) == known.coefficient]
+        sources = common_errors(local)
+        findings.append(joined(known, [observe(fit, known, sources) for fit in local], lengths))
     return together(findings)
 
 
@@ -221,7 +221,13 @@ def together(findings: Sequence[Tabulation]) -> Tabulation:
     return Tabulation(new, *(pd.concat([getattr(one, name) for one in findings]) for name in ("report", "points", "compatibility")))
 
 
-def _observe(fit, known: Known, sources: Sequence[str]) -> Observation:
+def common_errors(fits: Sequence[Any]) -> list[str]:
+    """Return the names of the common errors of fits."""
+    return list(dict.fromkeys(str(name) for fit in fits for name in fit.estimates["error"].values))
+
+
+def observe(fit: Any, known: Known, sources: Sequence[str]) -> Observation:
+    """Return what a fit observes of the terms of its coefficient; `sources` are the common errors of the first columns of D."""
     Q, R = np.linalg.qr(fit.design.values)
 
     def local(samples: np.ndarray) -> np.ndarray:
@@ -546,7 +552,8 @@ def _outside(leaf: xr.Dataset, data: xr.Dataset) -> np.ndarray:
     return outside
 
 
-def _coefficient(fit: Any) -> str:
+def coefficient_of(fit: Any) -> str:
+    """Return the coefficient that a fit is of."""
     return str(fit.estimates.attrs["coefficient"])
 
 

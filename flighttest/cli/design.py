@@ -1,4 +1,4 @@
-"""The verb ``aeromatch flight design``: a test input from its TOML description."""
+"""The verbs ``aeromatch flight design`` and ``plan``: a test input, and a flight-test programme, from their TOML descriptions."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from flightmech.support.console import InputFile, document, json_option, progress, table
+from flightmech.support.console import InputFile, NewFolder, document, jobs_option, json_option, progress, table
 
 if TYPE_CHECKING:
     from ..input_design.design import Designed
@@ -83,3 +83,34 @@ def _print(made: Designed) -> None:
         click.echo(f"a larger input: {made.amplitude.binding}" if made.amplitude.binding else "together they reach no limit")
     for expected in made.expected:
         click.echo(f"\n{expected.report()}")
+
+
+@click.command()
+@click.argument("catalogue_file", metavar="CATALOGUE", type=_FILE)
+@click.option("--aircraft", "aircraft_file", required=True, type=_FILE, help="Aircraft with its instruments, TOML.")
+@click.option("--database", "database_file", required=True, type=_FILE, help="A-priori database with standard errors, netCDF.")
+@jobs_option
+@click.option("-o", "--output", required=True, type=NewFolder(), help="Folder for order, expected errors, inputs and test cards.")
+@json_option
+def plan(catalogue_file: str, aircraft_file: str, database_file: str, jobs: int, output: str, as_json: bool) -> None:
+    """Plan a flight-test programme from CATALOGUE (TOML): which manoeuvres bring every wanted node below its bound in the least time."""
+    import aerodb
+    import flightmech
+
+    from ..planning.catalogue import read_catalogue
+    from ..planning.plan import plan_of
+    from ..planning.plan_files import save_plan
+    from ..planning.prediction import predict, with_assumed
+
+    catalogue, aircraft, database = read_catalogue(catalogue_file), flightmech.read_aircraft(aircraft_file), aerodb.open(database_file)
+    sim = flightmech.compile(aircraft, with_assumed(database, catalogue))
+    with progress(f"fly {len(catalogue.flyable())} manoeuvres at {len(catalogue.condition)} conditions on the a-priori model"):
+        prediction = predict(catalogue, sim, aircraft, jobs)
+    with progress("choose the manoeuvres"):
+        found = plan_of(prediction, database)
+    files = save_plan(found, output)
+    if as_json:
+        document({**found.summary(), "files": [str(file) for file in files]})
+        return
+    click.echo(found.report())
+    click.echo(f"written: {output}")

@@ -20,6 +20,7 @@ _ELSEWHERE = {
     "plot": "records",
     "identify": "identify",
     "design": "design",
+    "plan": "design",
     "select": "identify",
     "join": "identify",
     "partition": "identify",

@@ -189,7 +189,7 @@ def amplitude_within(
             response = predict_response(sim, signal, start, scale, list(limits))
         except SimulationError as error:
             return f"the motion diverges ({error})"
-        return _first_broken(response, narrow)
+        return first_broken(response, narrow)
 
     low, high, binding = 0.0, largest, broken(largest)
     if not binding:
@@ -240,8 +240,8 @@ def _model_axes(sim: SimModel, axis: str) -> list[tuple[str, float]]:
     return shares
 
 
-def _first_broken(response: xr.Dataset, limits: Mapping[str, tuple[float, ...]]) -> str:
-    """The limit that is broken first, in words, or nothing."""
+def first_broken(response: xr.Dataset, limits: Mapping[str, tuple[float, ...]]) -> str:
+    """Return the limit that a response breaks first, in words; empty for none."""
     found: list[tuple[float, str]] = []
     for name, (low, high) in limits.items():
         x = response[name].values

@@ -1,0 +1,10 @@
+"""Public names of `flighttest.planning` and where they are defined; ``__init__.py`` loads them from this list."""
+
+from .catalogue import Catalogue as Catalogue
+from .catalogue import read_catalogue as read_catalogue
+from .plan import Plan as Plan
+from .plan import plan_programme as plan_programme
+from .plan_files import save_plan as save_plan
+from .prediction import Prediction as Prediction
+from .prediction import predict as predict
+from .prediction import with_assumed as with_assumed

@@ -1,0 +1,89 @@
+"""Standard errors expected of fits: those of `tabulate` when its weights are the a-priori ones."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from aerodb.store.schema import database
+from aerodb.update import tabulation
+from aerodb.update.correlation import SHARES, prior_parts
+from aerodb.update.expectation import Expectation
+from aerodb.update.tabulation import tabulate
+from flightmech import terms
+from flighttest.equation_error.model import Model
+from flighttest.equation_error.time_domain import regress
+
+DEG = np.pi / 180
+ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+
+
+@pytest.fixture(scope="module")
+def prior():
+    alpha, mach = np.arange(-4, 13, 4.0) * DEG, np.array([0.2, 0.4])
+    basic = np.repeat(0.2 + 5.0 * alpha[:, None], 2, axis=1)
+    leaves = {
+        "CL/basic": terms.make(basic, {"alpha": alpha, "mach": mach}, stderr=np.full(basic.shape, 0.05), source="datcom"),
+        "CL/qhat": terms.make(np.full(2, 8.0), {"mach": mach}, ("qhat",), stderr=2.0, source="datcom"),
+        "CL/elevator": terms.make(0.5, {}, ("delta_e",), stderr=0.1, source="datcom"),
+    }
+    return database(leaves, **ROOT)
+
+
+def fit(seed, alpha, mach, bias=0.0):
+    """A local fit whose lift and incidence have an error of the instruments in common."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 8.0, 0.05)
+    d = {"alpha": alpha + 2 * DEG * np.sin(t), "mach": mach + 0.0 * t, "qhat": 0.002 * np.sin(2.3 * t), "delta_e": 0.05 * np.cos(3.1 * t)}
+    d["CL"] = 0.25 + 5.2 * d["alpha"] + 7.0 * d["qhat"] + 0.45 * d["delta_e"] + 0.005 * rng.normal(size=len(t))
+    data = xr.Dataset({name: ("time", x) for name, x in d.items()}, {"time": t})
+    if bias:
+        shares = {"CL_error": 0.01 * d["CL"], "alpha_error": np.full(len(t), bias)}
+        data = data.assign({name: (("error", "time"), x[None]) for name, x in shares.items()}).assign_coords(error=["bias.alpha"])
+    return regress(Model.parse("CL = 1 + alpha + qhat + delta_e"), data, f"fit {seed}")
+
+
+@pytest.mark.parametrize("held", [(), ("CL/elevator",)])
+def test_it_is_what_tabulate_gives_with_the_weights_before_learning(prior, held, monkeypatch):
+    fits = [fit(1, 1 * DEG, 0.22, bias=0.003), fit(2, 5 * DEG, 0.36, bias=0.003), fit(3, 3 * DEG, 0.3)]
+    tables = 3 - len(held)
+    monkeypatch.setattr(tabulation, "_learnt", lambda y, *_: (np.append(np.tile(list(SHARES.values()), tables), 1.0), None))
+    monkeypatch.setattr(tabulation, "_HUBER", 1e9)
+    expected = Expectation(prior, held).stderr(fits)
+    found = tabulate(fits, prior, held)
+    assert set(expected) == set(found)
+    for name, leaf in found.items():
+        np.testing.assert_allclose(expected[name], leaf["stderr"].values, rtol=1e-9)
+
+
+def test_some_nodes_are_what_they_are_among_all(prior):
+    fits = [fit(1, 1 * DEG, 0.22), fit(2, 5 * DEG, 0.36)]
+    some = np.zeros((5, 2), bool)
+    some[2, 1] = some[4, 0] = True
+    every, chosen = (Expectation(prior).stderr(fits, wanted) for wanted in (None, {"CL/basic": some}))
+    assert set(chosen) == {"CL/basic"}
+    np.testing.assert_allclose(chosen["CL/basic"][some], every["CL/basic"][some], rtol=1e-9)
+    assert np.isnan(chosen["CL/basic"][~some]).all()
+
+
+def test_without_fits_nothing_changes(prior):
+    wanted = {"CL/basic": np.ones((5, 2), bool)}
+    np.testing.assert_array_equal(Expectation(prior).stderr([], wanted)["CL/basic"], 0.05)
+
+
+def test_a_second_fit_adds_and_the_flown_region_is_that_of_tabulate(prior):
+    fits = [fit(1, 1 * DEG, 0.22), fit(2, 5 * DEG, 0.36)]
+    expectation = Expectation(prior)
+    one, both = expectation.stderr(fits[:1])["CL/basic"], expectation.stderr(fits)["CL/basic"]
+    assert both[2, 1] < 0.5 * one[2, 1]  # alpha 4 deg, Mach 0.4: flown by the second
+    flown = expectation.flown(fits)["CL/basic"]
+    source = tabulate(fits, prior)["CL/basic"]["source"].values == terms.SOURCES.index("flight")
+    assert (source <= flown).all()
+    assert source.any()
+
+
+def test_parts_of_some_nodes_are_those_of_all(prior):
+    leaf = prior["CL/basic"].to_dataset()
+    sampled = np.array([0.0, 0.0, 0.4, 0.02, 0.9, 0.0, 0.3, 0.0, 0.0, 0.0])
+    nodes = np.array([1, 3, 4, 9])
+    every, some = prior_parts(leaf, sampled), prior_parts(leaf, sampled, nodes=nodes)
+    np.testing.assert_allclose(some, every[:, nodes][:, :, nodes], rtol=1e-12)

@@ -1,0 +1,97 @@
+"""The choice of manoeuvres: against all choices there are, on fits of known information."""
+
+from itertools import combinations
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from aerodb.store.schema import database
+from flightmech import terms
+from flightmech.errors import SchemaError
+from flighttest.equation_error.model import Model
+from flighttest.equation_error.time_domain import regress
+from flighttest.planning.plan import plan_of
+from flighttest.planning.selection import Goal, bounds_of, choose, time_of
+
+DEG = np.pi / 180
+ROOT = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+# manoeuvre: incidence, its amplitude, noise, time
+MANOEUVRES = {
+    ("slow", "long"): (8.0, 2.0, 0.004, 60.0),
+    ("slow", "short"): (8.0, 2.0, 0.012, 20.0),
+    ("fast", "long"): (2.0, 2.0, 0.004, 60.0),
+    ("fast", "short"): (2.0, 2.0, 0.012, 20.0),
+    ("fast", "level"): (2.0, 0.3, 0.004, 15.0),
+}
+
+
+@pytest.fixture(scope="module")
+def prior():
+    alpha = np.arange(-4, 17, 4.0) * DEG
+    basic = terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=np.full(len(alpha), 0.05), source="datcom")
+    return database({"CL/basic": basic}, **ROOT)
+
+
+def fit(item, seed):
+    alpha, amplitude, noise, _ = MANOEUVRES[item]
+    t = np.arange(0.0, 6.0, 0.05)
+    x = (alpha + amplitude * np.sin(3.0 * t)) * DEG
+    y = 0.2 + 5.0 * x + noise * np.random.default_rng(seed).normal(size=len(t))
+    data = xr.Dataset({"alpha": ("time", x), "CL": ("time", y)}, {"time": t})
+    return regress(Model.parse("CL = 1 + alpha"), data, f"{item[0]}: lift")
+
+
+class Predicted(SimpleNamespace):
+    """Flights in which every manoeuvre is a fit of its own."""
+
+    def fits(self, items):
+        return [self.known[item] for item in items]
+
+
+def predicted(wanted):
+    conditions = [SimpleNamespace(name=name, setup=30.0) for name in ("slow", "fast")]
+    catalogue = SimpleNamespace(title="test", held=(), condition=conditions, wanted=wanted, fit=())
+    known = {item: fit(item, k) for k, item in enumerate(MANOEUVRES)}
+    candidates = {item: SimpleNamespace(item=item, time=row[3], fuel=0.01 * row[3]) for item, row in MANOEUVRES.items()}
+    return Predicted(catalogue=catalogue, candidates=candidates, known=known, refused={})
+
+
+def want(ratio, low=0.0, high=8.0, term="CL/basic"):
+    return SimpleNamespace(term=term, within={"alpha": (low * DEG, high * DEG)}, stderr=None, ratio=ratio)
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.3, 0.2, 0.1, 0.07])
+def test_the_choice_is_the_shortest_of_all(prior, ratio):
+    flights = predicted([want(ratio)])
+    goal = Goal(flights, prior)
+    chosen = choose(goal)
+    enough = [c for n in range(6) for c in combinations(MANOEUVRES, n) if goal.missing(c) <= max(goal.missing(list(MANOEUVRES)), 1e-5)]
+    assert goal.missing(chosen) <= 1e-5
+    assert time_of(flights, chosen) == min(time_of(flights, c) for c in enough)
+
+
+def test_what_no_manoeuvre_reaches_is_stated_and_does_not_count(prior):
+    flights = predicted([want(0.2, 0.0, 16.0)])
+    plan = plan_of(flights, prior)
+    states = plan.nodes.set_index("alpha")["state"]
+    assert states[16 * DEG] == "unreachable"
+    assert (states[[0.0, 4 * DEG, 8 * DEG]] == "reached").all()
+    assert plan.order["clock"].iloc[-1] == pytest.approx(plan.time)
+    assert "unreachable" in plan.report()
+
+
+def test_what_is_flown_already_counts(prior):
+    flights = predicted([want(0.2)])
+    rest = plan_of(flights, prior, flown=[flights.known["fast", "long"]])
+    assert rest.time < plan_of(flights, prior).time
+    assert all(condition == "slow" for condition, _ in rest.items)
+
+
+def test_wanted_terms_that_are_not_there(prior):
+    flights = predicted([want(0.2, term="CL/qhat"), want(0.2, 30.0, 40.0)])
+    flights.catalogue.wanted[1].within["mach"] = (0.1, 0.2)
+    with pytest.raises(SchemaError) as caught:
+        bounds_of(flights.catalogue, prior)
+    assert len(caught.value.problems) == 3

@@ -1,0 +1,115 @@
+"""``aeromatch flight plan`` on the T-37: one condition, four manoeuvres, from the a-priori model to cards."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+
+import aerodb
+import flightmech
+from aeromatch import workflow
+from aeromatch.project import read_project
+from flighttest.cli.group import flight
+
+PROJECT = Path(__file__).parents[1] / "data" / "t37" / "aeromatch.toml"
+pytestmark = pytest.mark.filterwarnings("ignore:flaps:flightmech.errors.AeromatchWarning")
+CATALOGUE = """
+title = "T-37"
+margin = 0.8
+cutoff = "4 Hz"
+errors = { mass = 0.005, thrust = 0.015, inertia = 0.0 }
+assumed = { "Cn/rudder" = -0.06, "CY/rudder" = 0.2 }
+rates = { gps = "5 Hz" }
+[limits]
+alpha = ["-6 deg", "14 deg"]
+beta = ["-10 deg", "10 deg"]
+nz = [0.0, 2.5]
+[[condition]]
+name = "clean cruise"
+setup = "60 s"
+fixed = { V = "194 kt", h = "5000 ft" }
+[[condition]]
+name = "too slow"
+setup = "60 s"
+fixed = { V = "40 kt", h = "5000 ft" }
+[[manoeuvre]]
+name = "3211 elevator"
+kind = "multistep"
+setup = "15 s"
+[manoeuvre.axis.delta_e]
+amplitude = "5 deg"
+pattern = "3-2-1-1"
+step = "0.6 s"
+free = "6 s"
+[[manoeuvre]]
+name = "doublet rudder"
+kind = "multistep"
+[manoeuvre.axis.delta_r]
+amplitude = "6 deg"
+pattern = "doublet"
+step = "1 s"
+free = "6 s"
+[[manoeuvre]]
+name = "sideslips"
+kind = "sideslip"
+amplitude = "8 deg"
+duration = "9 s"
+[[manoeuvre]]
+name = "level speed"
+kind = "level_speed"
+amplitude = "12 kt"
+duration = "14 s"
+[[fit]]
+name = "pitch"
+manoeuvres = ["3211 elevator", "level speed"]
+models = ["CL = 1 + alpha + qhat + delta_e", "Cm = 1 + alpha + qhat + delta_e"]
+[[fit]]
+name = "yaw"
+manoeuvres = ["doublet rudder", "sideslips"]
+models = ["Cn = 1 + beta + rhat + delta_r"]
+[[wanted]]
+term = "CL/basic"
+within = { alpha = ["0 deg", "3 deg"], mach = [0.25, 0.35] }
+ratio = 0.3
+[[wanted]]
+term = "Cn/rudder"
+ratio = 0.05
+"""
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("plan")
+    project = replace(read_project(PROJECT), engine=None, controls={}, gear=None, ground_effect=None)
+    aircraft = flightmech.read_aircraft(project.aircraft)
+    aerodb.save(workflow.opened(project, workflow.a_priori(project, aircraft)), folder / "prior.nc")
+    (folder / "catalogue.toml").write_text(CATALOGUE, encoding="utf-8")
+    files = ["--aircraft", str(project.aircraft), "--database", str(folder / "prior.nc"), "-o", str(folder / "plan")]
+    found = CliRunner().invoke(flight, ["plan", str(folder / "catalogue.toml"), *files], catch_exceptions=False)
+    return found, folder / "plan"
+
+
+@pytest.mark.slow
+def test_a_plan_is_reached_in_less_than_the_catalogue_takes(planned):
+    found, folder = planned
+    assert found.exit_code == 0
+    order, nodes = pd.read_csv(folder / "order.csv"), pd.read_csv(folder / "nodes.csv")
+    assert set(nodes["state"]) == {"reached"}
+    assert (nodes["expected"] <= nodes["bound"]).all()
+    assert 0 < len(order) < 4
+    assert np.isfinite(order["fuel"]).all()
+    assert "cannot be flown: too slow, sideslips" in found.output
+
+
+@pytest.mark.slow
+def test_every_manoeuvre_has_its_card_and_every_input_its_files(planned):
+    _, folder = planned
+    order = pd.read_csv(folder / "order.csv")
+    cards = sorted(file.name for file in (folder / "cards").iterdir())
+    assert len(cards) == len(order)
+    assert all((folder / "cards" / card).read_bytes().startswith(b"%PDF") for card in cards)
+    inputs = {file.stem for file in (folder / "inputs").iterdir()}
+    assert inputs == {Path(card).stem for card in cards if "3211" in card or "doublet" in card}
