@@ -16,6 +16,7 @@ import aerodb
 import flightmech
 import flighttest
 import pom
+from aerodb.figures.lr743_set.flown import FLOWN
 from datcom_io.reading import read_place
 from flightmech import Aircraft
 from flightmech.aircraft.parts import different_parts
@@ -25,6 +26,7 @@ from flighttest.control_loading import replace_hinge_moments
 from flighttest.ground_effect import replace_ground_effect
 from pom.diagnosis import by_submodel, differing, joint_terms
 
+from .flown import flown_tree
 from .project import Project
 from .submodels import (
     Spans,
@@ -41,7 +43,7 @@ from .submodels import (
 
 Step = Callable[[str], AbstractContextManager[None]]
 REPORT = "report"
-_OURS = re.compile(r"(datcom|corrected|final)(\.nc|\.toml|\.fmu|_engine\d+\.nc|_fuel\.nc)")
+_OURS = re.compile(r"(datcom|corrected|final)(\.nc|\.toml|\.fmu|_engine\d+\.nc|_fuel\.nc)|" + re.escape(FLOWN))
 
 
 def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
@@ -321,7 +323,8 @@ def perform(
     ----------
     project : Project
     folder : path
-        Gets ``datcom.nc corrected.nc final.nc``, the aircraft that belong to them as ``.toml``, both as ``.fmu``, and ``report/``.
+        Gets ``datcom.nc corrected.nc final.nc``, the aircraft that belong to them as ``.toml``, both as ``.fmu``, ``flown.nc`` (what
+        they were identified from, for the figures of LR-743), and ``report/``.
         What else is in it stays.
     jobs : int
         Processes for reconstruction, diagnosis and replay.
@@ -396,6 +399,9 @@ def perform(
                 aerodb.save(db, new / f"{name}.nc")
                 flightmech.write_aircraft(flown[name], new / f"{name}.toml")
                 fmus[name] = flightmech.write_fmu(flightmech.compile(flown[name], db), new / f"{name}.fmu")
+            spans = [*windows.fits, windows.submodels.get("ground_effect.flown", {})]
+            evidence = flown_tree(project.title, data, spans, marks_of(project, records, []), fits, submodels)
+            evidence.to_netcdf(new / FLOWN, engine="h5netcdf")
         fmus |= project.models
         custody.take(fmus.values())
         with step(f"replay {len(cases)} cases by {len(fmus)} FMUs"):

@@ -105,6 +105,7 @@ ORDER = {
         "project",
         "schemas",
         "submodels",
+        "flown",
         "workflow",
         "drafting",
         "init",

@@ -12,6 +12,7 @@ from .characteristics import characteristics, rescale
 from .compare import compare, plot
 from .edit import edit, forget, history, previous
 from .exchange import export_database, import_database
+from .figures import figures
 from .import_aircraft import import_aircraft
 from .listings import ListingPath, aircraft_and_places, read_all, role_rows
 from .scheme import scheme
@@ -174,6 +175,7 @@ db.add_command(characteristics)
 db.add_command(compare)
 db.add_command(edit)
 db.add_command(export_database)
+db.add_command(figures)
 db.add_command(history)
 db.add_command(import_aircraft)
 db.add_command(import_database)

@@ -5,3 +5,6 @@ from .drawing import save_figure as save_figure
 from .figure_folder import write_comparison as write_comparison
 from .figures import plot_comparison as plot_comparison
 from .figures import plot_term as plot_term
+from .lr743_set.flown import Flown as Flown
+from .lr743_set.flown import read_flown as read_flown
+from .lr743_set.report_set import write_lr743 as write_lr743

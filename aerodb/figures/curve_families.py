@@ -121,7 +121,7 @@ def family(
     """
     source = _source(databases, name)
     over, by, held = _layout(source, by, over, at)
-    members = _thinned(source.points[by]) if by else (0.0,)
+    members = thinned(source.points[by]) if by else (0.0,)
     curves = {label: [source.curve(label, over, {**held, **({by: x} if by else {})}) for x in members] for label in source.labels}
     if by:
         members, curves = _distinct(members, curves)
@@ -164,7 +164,7 @@ def surface(
     if len(source.labels) < 2:
         raise SchemaError(name, [f"is in {source.labels[0]} only; a difference needs two"])
     first, last = source.labels[0], source.labels[-1]
-    x, y = _fine(source.points[over]), _fine(source.points[by])
+    x, y = fine(source.points[over]), fine(source.points[by])
     difference, stderr = np.full((2, len(y), len(x)), np.nan)
     for i, member in enumerate(y):
         a, b = (source.curve(label, over, {**held, by: float(member)}) for label in (first, last))
@@ -250,7 +250,7 @@ class _TermSource:
         own = axes_of(leaf)
         if any(not own[axis][0] <= value <= own[axis][-1] for axis, value in place.items() if axis in own):
             return None
-        x = _fine(own.get(over, self.points[over][[0, -1]]))
+        x = fine(own.get(over, self.points[over][[0, -1]]))
         y, stderr = _values(leaf, {**place, over: x}, len(x))
         nodes = _nodes_on(leaf, over, place)
         return Curve(x, y, stderr, *nodes)
@@ -284,7 +284,7 @@ class _CoefficientSource:
         return float(points[(len(points) - 1) // 2]) if axis == "mach" else neutral(axis, points)
 
     def curve(self, label: str, over: str, place: Mapping[str, float]) -> Curve:
-        x = _fine(self.points[over])
+        x = fine(self.points[over])
         parts = [_values(leaf, {**place, over: x}, len(x)) for leaf in self.leaves[label]]
         return Curve(x, np.sum([y for y, _ in parts], axis=0), np.sqrt(np.sum([s**2 for _, s in parts], axis=0)))
 
@@ -322,15 +322,17 @@ def _chosen(wanted: str | None, points: Mapping[str, Any], order: Sequence[str],
     return next((axis for axis in order if axis in points), next(iter(points)))
 
 
-def _fine(points: np.ndarray) -> np.ndarray:
+def fine(points: np.ndarray) -> np.ndarray:
+    """Return breakpoints with places in between, where standard errors bend."""
     if len(points) == 1:
         return points
     between = [np.linspace(low, high, _FINE, endpoint=False) for low, high in pairwise(points)]
     return np.concatenate([*between, points[-1:]])
 
 
-def _thinned(points: np.ndarray) -> tuple[float, ...]:
-    kept = np.unique(np.linspace(0, len(points) - 1, min(len(points), MOST_MEMBERS)).round().astype(int))
+def thinned(points: np.ndarray, most: int = MOST_MEMBERS) -> tuple[float, ...]:
+    """Return breakpoints, at most so many, evenly chosen."""
+    kept = np.unique(np.linspace(0, len(points) - 1, min(len(points), most)).round().astype(int))
     return tuple(float(x) for x in points[kept])
 
 

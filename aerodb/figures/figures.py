@@ -242,11 +242,11 @@ def _families(sheet: Sheet, f: Family, code: Mapping[str, Pen], top: float) -> N
         _frame(axes, f, limits, k == 0)
         axes.set_title(name, fontsize=7.5, loc="left", pad=3)
         axes.text(1.0 + _LEADER / width, 1.05, f"${symbol(f.by)}$", transform=axes.transAxes, va="bottom", fontsize=7)
-        _end_labels(axes, ends, limits, (width, _FAMILY))
+        end_labels(axes, ends, limits, (width, _FAMILY))
         axes.set_xlabel(axis_label(f.over), labelpad=1)
 
 
-def _end_labels(axes: Axes, ends: Sequence[tuple[float, float, str]], limits: tuple[float, float], size: tuple[float, float]) -> None:
+def end_labels(axes: Axes, ends: Sequence[tuple[float, float, str]], limits: tuple[float, float], size: tuple[float, float]) -> None:
     """Write the member at the end of each curve, moved apart where curves end close together; `size` of the panel. [in]"""
     (low, high), (width, height) = limits, size
     order = np.argsort([y for _, y, _ in ends], kind="stable")

@@ -19,7 +19,7 @@ def test_the_demo_writes_what_it_promises(demo):
     assert len(results) == 19
     report = {"report.html", "report.pdf", "results.json", "results.nc", "results.xml", "manifest.json"}
     report |= {f"csv/{item['case']['name']}.csv" for item in results}
-    assert names == models | {f"report/{name}" for name in report}
+    assert names == models | {"flown.nc"} | {f"report/{name}" for name in report}
     assert {item.state for item in pom.verify(folder / "report")} == {"same"}
     for name in ("datcom", "corrected", "final"):
         assert aerodb.check(aerodb.open(folder / f"{name}.nc")) == []

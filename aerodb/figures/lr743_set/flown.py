@@ -1,0 +1,114 @@
+"""What was flown, as ``aeromatch match`` writes it next to its databases: samples, manoeuvres, local estimates, submodels."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from flightmech.errors import ParseError
+
+from ..symbols import number, printed_unit, shown
+
+FLOWN = "flown.nc"
+"""Name of the file in the folder that ``aeromatch match`` writes."""
+
+_COLUMNS = {
+    "samples": ("manoeuvre", "alpha", "mach", "CL"),
+    "manoeuvres": ("record", "label", "h", "mach", "CL", "alpha", "mass", "delta_f", "gear", "speedbrake", "h_agl"),
+    "estimates": ("fit", "coefficient", "term", "estimate", "stderr", "alpha", "mach", "delta_f", "gear", "speedbrake", "h_agl"),
+    "submodels": ("submodel", "part", "technique", "residual"),
+}
+_GROUND = ("coefficient", "term", "y_inf", "k", "k_stderr", "s", "s_stderr", "correlation", "note")
+_AT_REST = 0.01  # of an extension or a flap angle [1, rad]
+_FREE = 100.0  # height above the ground from which there is no ground effect, more than one span of any aeroplane [m]
+_APART = 300.0  # between two heights that were flown [m]
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What was flown.
+
+    Attributes
+    ----------
+    source : str
+        What the data come from, in words.
+    samples : DataFrame
+        ``manoeuvre`` (row of `manoeuvres`) and variables and coefficients along it. [SI]
+    manoeuvres : DataFrame
+        ``record label start end`` and the means over the first half second: the steady condition from which it begins. [SI]
+    estimates : DataFrame
+        One row per local estimate: ``fit coefficient term estimate stderr`` and the means of its samples. [SI]
+    submodels : DataFrame
+        [LR743] table 1: ``submodel part technique residual``.
+    ground : DataFrame
+        [LR743] table 2; empty where no ground effect was identified.
+    """
+
+    source: str
+    samples: pd.DataFrame
+    manoeuvres: pd.DataFrame
+    estimates: pd.DataFrame
+    submodels: pd.DataFrame
+    ground: pd.DataFrame
+
+
+def read_flown(path: str | os.PathLike) -> Flown:
+    """Return what was flown from a file that ``aeromatch match`` wrote.
+
+    Raises
+    ------
+    ParseError
+        Not such a file.
+    FileNotFoundError
+        It is not there.
+    """
+    if not Path(path).exists():
+        raise FileNotFoundError(f"{path}: no such file; `aeromatch match` writes {FLOWN} next to its databases")
+    try:
+        with xr.open_datatree(path, engine="h5netcdf") as tree:
+            held = tree.load()
+    except Exception as error:  # a damaged file makes HDF5 raise OSError, KeyError, RuntimeError, ValueError ...
+        raise ParseError(str(path), 0, f"no netCDF-4 file ({type(error).__name__}: {error})", f"{FLOWN} of `aeromatch match`") from error
+    tables = {name: held[name].to_dataset().to_dataframe() if name in held.children else pd.DataFrame() for name in (*_COLUMNS, "ground")}
+    lacking = [f"{name}/{column}" for name, columns in _COLUMNS.items() for column in columns if column not in tables[name]]
+    if len(tables["ground"]):
+        lacking += [f"ground/{column}" for column in _GROUND if column not in tables["ground"]]
+    if lacking:
+        raise ParseError(str(path), 0, f"a file without {', '.join(lacking)}", f"{FLOWN} of `aeromatch match`")
+    return Flown(str(held.attrs.get("title", Path(path).name)), **tables)
+
+
+def is_clean(table: pd.DataFrame) -> pd.Series:
+    """Whether rows are of the clean aeroplane in free air."""
+    return is_free(table) & (table["delta_f"].abs() < _AT_REST) & (table["gear"] < _AT_REST) & (table["speedbrake"] < _AT_REST)
+
+
+def is_free(table: pd.DataFrame) -> pd.Series:
+    """Whether rows are out of ground effect."""
+    return table["h_agl"] >= _FREE
+
+
+def configuration(row: pd.Series) -> str:
+    """Return the configuration in words: ``clean``, ``flaps 40 deg, gear``."""
+    words = [f"flaps {number(float(np.round(shown('delta_f', row['delta_f']))))} deg"] if abs(row["delta_f"]) >= _AT_REST else []
+    words += [word for word, name in (("gear", "gear"), ("speed brake", "speedbrake")) if row[name] >= 0.5]
+    return ", ".join(words) or "clean"
+
+
+def heights(table: pd.DataFrame) -> np.ndarray:
+    """Return the height at which each row was flown, those within 300 m of each other as their mean. [m]"""
+    h = table["h"].to_numpy(float)
+    order = np.argsort(h, kind="stable")
+    group = np.empty(len(h), int)
+    group[order] = np.concatenate([[0], np.cumsum(np.diff(h[order]) > _APART)]) if len(h) else []
+    return np.array([h[group == one].mean() for one in group])
+
+
+def height_text(h: float) -> str:
+    """Return a height as it is named: to the nearest hundred of its display unit."""
+    return f"{number(float(np.round(shown('h', h), -2)))} {printed_unit('h')}"
