@@ -7,7 +7,7 @@ that `aerodb.update.correlation` gives an a-priori table, and is independent of 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -61,30 +61,45 @@ def standard_error(db: xr.DataTree, coefficient: str, conditions: Mapping[str, A
     whole = {name: np.broadcast_to(np.asarray(x, float), shape).ravel() for name, x in conditions.items() if name in used}
     if derivative not in (None, *used):
         return np.zeros(shape)
-    variance = np.zeros(int(np.prod(shape)))
+    count = int(np.prod(shape))
+    return spread_of_sum([(_map(leaf, whole, derivative, count), leaf) for leaf in leaves.values()]).reshape(shape)
+
+
+def spread_of_sum(parts: Sequence[tuple[csr_array, xr.Dataset]]) -> np.ndarray:
+    """Return the standard errors of sums of linear combinations of the nodes of several terms of one coefficient.
+
+    Parameters
+    ----------
+    parts : sequence of (sparse array (samples, nodes), Dataset)
+        From `flightmech.terms.basis`, or a linear combination of several of them, and the term; one without ``stderr`` counts as exact.
+
+    Returns
+    -------
+    array (samples,)
+    """
+    variance = np.zeros(parts[0][0].shape[0])
     joint: dict[str, np.ndarray] = {}
     signs: dict[str, np.ndarray] = {}
-    for leaf in (leaf for leaf in leaves.values() if "stderr" in leaf):
-        B = _map(leaf, whole, derivative, len(variance))
+    for B, leaf in ((B, leaf) for B, leaf in parts if "stderr" in leaf):
         variance += _own_variance(B, leaf)
         if mark := origin(leaf):
             F, signs[mark] = factor_of(leaf)
             joint[mark] = joint.get(mark, 0.0) + B @ F
-    for mark, parts in joint.items():
-        variance += parts**2 @ signs[mark]
-    return np.sqrt(np.maximum(variance, 0.0)).reshape(shape)
+    for mark, moved in joint.items():
+        variance += moved**2 @ signs[mark]
+    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def _map(leaf: xr.Dataset, conditions: Mapping[str, np.ndarray], derivative: str | None, count: int) -> csr_array:
     """Return the linear map from the nodes of a term to its contribution at every condition, or to the derivative of it."""
     if derivative is None:
-        return _repeated(_terms.basis(leaf, conditions, "clamp"), count)
+        return repeated(_terms.basis(leaf, conditions, "clamp"), count)
     steps = [{**conditions, derivative: conditions[derivative] + side * _STEP} for side in (1.0, -1.0)]
-    after, before = (_repeated(_terms.basis(leaf, at, "clamp"), count) for at in steps)
+    after, before = (repeated(_terms.basis(leaf, at, "clamp"), count) for at in steps)
     return (after - before) / (2.0 * _STEP)
 
 
-def _repeated(B: csr_array, count: int) -> csr_array:
+def repeated(B: csr_array, count: int) -> csr_array:
     """Return a map with a row for every condition: that of a term without variables has a single one."""
     return B if B.shape[0] == count else type(B)(np.repeat(B.toarray(), count, axis=0))
 
@@ -103,13 +118,7 @@ def spread(B: csr_array, leaf: xr.Dataset) -> np.ndarray:
     -------
     array (samples,)
     """
-    if "stderr" not in leaf:
-        return np.zeros(B.shape[0])
-    variance = _own_variance(B, leaf)
-    if origin(leaf):
-        F, sign = factor_of(leaf)
-        variance += (B @ F) ** 2 @ sign
-    return np.sqrt(np.maximum(variance, 0.0))
+    return spread_of_sum([(B, leaf)])
 
 
 def _own_variance(B: csr_array, leaf: xr.Dataset) -> np.ndarray:

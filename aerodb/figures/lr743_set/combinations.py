@@ -14,7 +14,7 @@ from flightmech.build_up import COEFFICIENTS
 from ...comparison.common_grid import axes_of, breakpoints, coefficient_points, neutral
 from ...store.evaluation import evaluate
 from ...store.schema import terms
-from ...update.standard_errors import spread
+from ...update.standard_errors import repeated, spread_of_sum
 from .chart import NotDrawn
 
 Condition = Mapping[str, Any]
@@ -76,19 +76,18 @@ def combined(db: xr.DataTree, coefficient: str, *parts: tuple[float, Condition])
     Returns
     -------
     value, stderr : array (points,)
-        The map from nodes to the sum is linear: var = sum over the terms of B P B' with B = sum_i w_i B_i (`aerodb.update`), terms
-        independent.
+        The map from the nodes to the sum is linear, sum_i w_i B_i, so that its standard error is that of any other one
+        (`aerodb.update.standard_errors`).
     """
     leaves = leaves_of(db, coefficient)
     rest = at_rest(db, coefficient)
     count = np.broadcast_shapes(*(np.shape(value) for _, given in parts for value in given.values()), (1,))
     whole = [(weight, _complete(db, leaves, {**rest, **given}, count)) for weight, given in parts]
-    value, variance = np.zeros(count), np.zeros(count)
+    maps: list[Any] = []
     for leaf in leaves:
-        B: Any = sum(weight * _terms.basis(leaf, conditions, "clamp") for weight, conditions in whole)
-        value += B @ leaf["value"].values.ravel()
-        variance += spread(B, leaf) ** 2
-    return value, np.sqrt(variance)
+        maps.append(sum(weight * repeated(_terms.basis(leaf, conditions, "clamp"), count[0]) for weight, conditions in whole))
+    value = np.sum([B @ leaf["value"].values.ravel() for B, leaf in zip(maps, leaves)], axis=0)
+    return value, spread_of_sum(list(zip(maps, leaves)))
 
 
 def _complete(db: xr.DataTree, leaves: list[xr.Dataset], given: Condition, count: tuple[int, ...]) -> dict[str, np.ndarray]:

@@ -6,6 +6,7 @@ from scipy.linalg import block_diag
 
 import aerodb
 from aerodb.edit import regrid, scale, shift
+from aerodb.figures.lr743_set.combinations import combined
 from aerodb.store.schema import database
 from aerodb.transform.ground_effect import in_ground_effect
 from aerodb.update.correlation import PARTS, prior_covariance, prior_parts
@@ -172,3 +173,14 @@ def test_two_standard_errors_cover_the_coefficient():
         z.append(error / standard_error(after, "CL", FLOWN))
     assert 0.88 < np.mean(np.abs(z) < 2) < 0.99
     assert 0.7 < np.sqrt(np.mean(np.square(z))) < 1.3
+
+
+def test_a_difference_of_conditions_has_the_joint_covariance_of_all_terms(flown):
+    """Increments and chords, as the figures of LR-743 show them."""
+    _, _, _, db = flown
+    after, before = ({**FLOWN, "alpha": FLOWN["alpha"] + step} for step in (2.0 * DEG, 0.0))
+    value, stderr = combined(db, "CL", (0.5, after), (-0.5, before))
+    B, (_, V) = 0.5 * (basis(db, after) - basis(db, before)), covariance(db, "CL")
+    nodes = np.concatenate([leaf["value"].values.ravel() for name, leaf in aerodb.terms(db).items() if name.startswith("CL/")])
+    np.testing.assert_allclose(value, B @ nodes)
+    np.testing.assert_allclose(stderr, np.sqrt(np.einsum("ij,jk,ik->i", B, V, B)), rtol=1e-6)
