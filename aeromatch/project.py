@@ -128,6 +128,11 @@ class _File(Strict):
     )
     models: dict[str, ThirdPartyModel] = Field(default={}, description="Models from elsewhere that are replayed as well, by name.")
     fit: tuple[Fit, ...] = Field(description="Local models: what is fitted to which manoeuvres.")
+    published: tuple[str, ...] = Field(
+        default=(),
+        examples=[["literature/local_models.csv"]],
+        description="Local models from elsewhere with standard errors, CSV; they identify as the fits do.",
+    )
     engine: Engine | None = Field(default=None, description="Identification of the engine; without it that of the aircraft file.")
     controls: Controls = Field(default=Controls(), description="Identification of the control loading, by control.")
     gear: Gear | None = Field(default=None, description="Identification of the landing gear; without it that of the aircraft file.")
@@ -191,6 +196,8 @@ class Project:
         Table of the manoeuvres of records that carry no marks (`flighttest.records.read_manoeuvres`).
     stated : dict of str to bool
         What is stated about the listings: `STATED`.
+    published : tuple of Path
+        Files of local models from elsewhere (`flighttest.combining.read_published`).
     """
 
     title: str
@@ -216,6 +223,7 @@ class Project:
     points: dict[str, Path] = field(default_factory=dict)
     manoeuvres: Path | None = None
     stated: dict[str, bool] = field(default_factory=dict)
+    published: tuple[Path, ...] = ()
 
     @property
     def submodels(self) -> dict[str, tuple[Flown, ...]]:
@@ -315,6 +323,7 @@ def read_project(path: str | Path) -> Project:
         engine_files,
         existing(content.manoeuvres, "manoeuvres") if content.manoeuvres else None,
         {name: getattr(content.listings, name) for name in STATED},
+        tuple(existing(name, "published") for name in content.published),
     )
     if problems:
         raise SchemaError(str(path), problems)

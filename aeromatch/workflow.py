@@ -22,6 +22,7 @@ from flightmech import Aircraft
 from flightmech.aircraft.parts import different_parts
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.atomic_write import exchangeable, folder_written_atomically
+from flighttest.combining import read_published
 from flighttest.control_loading import replace_hinge_moments
 from flighttest.ground_effect import replace_ground_effect
 from pom.diagnosis import by_submodel, differing, joint_terms
@@ -104,6 +105,7 @@ def inputs_of(project: Project, names: Iterable[str]) -> list[Path]:
         *project.cases,
         *project.tables.values(),
         *([project.manoeuvres] if project.manoeuvres else []),
+        *project.published,
     ]
 
 
@@ -204,13 +206,13 @@ def rests_on(project: Project, windows: Windows, cases: Sequence[Any]) -> dict[s
 
 
 def identify(project: Project, data: Mapping[str, xr.Dataset], windows: Windows) -> list[Any]:
-    """Return one `flighttest.Fit` per record and model of every fit of the project; `data` from `coefficients_of`."""
+    """Return one `flighttest.Fit` per record and model of every fit, and those published; `data` from `coefficients_of`."""
     found = []
     for fit, places in zip(project.fits, windows.fits, strict=True):
         for record, spans in places.items():
             parts = [flighttest.between(data[record], *span) for span in spans]
             found += [flighttest.regress(flighttest.Model.parse(model), parts, name=f"{record}: {fit.name}") for model in fit.models]
-    return found
+    return [*found, *(fit for file in project.published for fit in read_published(file))]
 
 
 def final_database(project: Project, start: xr.DataTree, fits: Sequence[Any]) -> tuple[xr.DataTree, Any]:

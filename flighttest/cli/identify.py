@@ -203,24 +203,26 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
 @click.option("-o", "--output", required=True, type=NewFile(), help="Write the database with the new tables.")
 @json_option
 def tabulate(fits, database_file, held, output, as_json) -> None:
-    """Join FITS of any coefficients (files of identify, select or join) with the tables of a database."""
+    """Join FITS of any coefficients (files of identify, select or join; CSV files of published models) with the tables of a database."""
     import aerodb
 
+    from ..combining.published_table import read_published
     from ..equation_error.fit import open_fit
 
     prior = aerodb.open(database_file)
-    with progress(f"join {len(fits)} fits with the tables"):
-        found = aerodb.tabulate([open_fit(path) for path in fits], prior, held)
+    given = [fit for path in fits for fit in (read_published(path) if path.lower().endswith(".csv") else [open_fit(path)])]
+    with progress(f"join {len(given)} fits with the tables"):
+        found = aerodb.tabulate(given, prior, held)
     aerodb.save(aerodb.replace_terms(prior, found, note="identified from flight"), output)
     report = found.report
     points = found.points.reset_index()
     if as_json:
-        terms = {str(name): {str(key): float(value) for key, value in row.items()} for name, row in report.iterrows()}
+        terms = {str(name): row.to_dict() for name, row in report.iterrows()}
         document({"terms": terms, "fits": points, "compatibility": found.compatibility.reset_index(), "file": output})
         return
     formats = [f".{2 if key.startswith('ratio') else 0}f" for key in _TABULATED]
-    rows = [(name, *(f"{row[key]:{form}}" for key, form in zip(_TABULATED, formats))) for name, row in report.iterrows()]
-    table(["term", *_TABULATED.values()], rows, right=list(_TABULATED.values()))
+    rows = [(name, *(f"{row[key]:{form}}" for key, form in zip(_TABULATED, formats)), row["decision"]) for name, row in report.iterrows()]
+    table(["term", *_TABULATED.values(), "decision"], rows, right=list(_TABULATED.values()))
     click.echo()
     rows = [
         (row.coefficient, row.fit, f"{row.rms_prior:.4g}", f"{row.rms:.4g}", f"{row.distance:.1f}", "suspect" if row.suspect else "")

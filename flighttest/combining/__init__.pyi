@@ -13,3 +13,4 @@ from .mixed_estimation import prior_of as prior_of
 from .pooling import pool as pool
 from .pooling import pool_fits as pool_fits
 from .published import published_fit as published_fit
+from .published_table import read_published as read_published
