@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from flightmech.support.console import InputFile, NewFolder, command_line, document, jobs_option, json_option, remark, step, table
+from pom.cli.arguments import samples_options
 
 
 @click.command()
@@ -29,21 +30,24 @@ def demo(output: Path, jobs: int, as_json: bool) -> None:
 @click.option(
     "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
 )
+@samples_options
 @json_option
-def match(project: Path, output: Path, jobs: int, scheduler: str | None, resume: Path | None, as_json: bool) -> None:
+def match(
+    project: Path, output: Path, jobs: int, scheduler: str | None, resume: Path | None, samples: int, seed: int, as_json: bool
+) -> None:
     """Perform the whole job of a PROJECT file: databases, FMUs and the Proof-of-Match report.
 
     Exit code 0 when the job was done: failed rows are its result.
     """
-    _match(project, output, jobs, as_json, scheduler, resume)
+    _match(project, output, jobs, as_json, scheduler=scheduler, resume=resume, samples=samples, seed=seed)
 
 
-def _match(file: Path, output: Path, jobs: int, as_json: bool, scheduler: str | None = None, resume: Path | None = None) -> None:
+def _match(file: Path, output: Path, jobs: int, as_json: bool, **options: Any) -> None:
     from .project import read_project
     from .workflow import perform
 
     project = read_project(file)
-    outcome = perform(project, output, jobs, step, command_line(), scheduler, resume)
+    outcome = perform(project, output, jobs, step, command_line(), **options)
     if as_json:
         document(outcome.to_dict())
         return
@@ -51,6 +55,8 @@ def _match(file: Path, output: Path, jobs: int, as_json: bool, scheduler: str | 
 
 
 def _print(outcome: Any) -> None:
+    from pom.report.run_notes import sampled_line
+
     runs = list(outcome.results[0].runs)
     rows = [(result.case.id, result.case.title, *(_cell(result, run) for run in runs)) for result in outcome.results]
     table(("row", "case", *runs), rows, title="Verdicts: worst difference / tolerance, of the alternatives the better one")
@@ -59,6 +65,9 @@ def _print(outcome: Any) -> None:
         beyond = statuses.count("limits_exceeded")
         more = f", {beyond} more with a trim beyond its limits (LIMITS)" if beyond else ""
         click.echo(f"{run:>10}: {statuses.count('pass')} of {len(statuses)} pass{more}")
+    for result in outcome.results:
+        for run in result.samples:
+            click.echo(f"{result.case.id:<8}{result.case.title:<44} {run}: {sampled_line(result, run)}")
     click.echo(f"corrected = datcom with {len(outcome.corrected_terms)} of the {outcome.differing} terms and parts of final that differ")
     for submodel, names in outcome.corrected_submodels.items():
         click.echo(f"{submodel:>15}: {', '.join(names)}")

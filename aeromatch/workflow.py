@@ -302,6 +302,7 @@ class Outcome:
                     "status": {run: result.status(run) for run in result.runs},
                     "verdict": result.verdict_records(),
                     "failure": result.failure,
+                    "samples": {run: found.numbers() for run, found in result.samples.items()},
                 }
                 for result in self.results
             ],
@@ -316,6 +317,8 @@ def perform(
     command: str = "",
     scheduler: str | None = None,
     resume: str | Path | None = None,
+    samples: int = 0,
+    seed: int = 0,
 ) -> Outcome:
     """Do the whole job of a project and write databases, FMUs and report into a folder.
 
@@ -336,6 +339,8 @@ def perform(
         Command line, for the report.
     scheduler, resume : str, optional
         Of `pom.replay_all`: the address of a cluster for the replay, and the folder that keeps its flights.
+    samples, seed : int
+        Draws of the final model (`pom.replay_sampled`); none without.
 
     Returns
     -------
@@ -407,9 +412,13 @@ def perform(
         fmus |= project.models
         custody.take(fmus.values())
         with step(f"replay {len(cases)} cases by {len(fmus)} FMUs"):
-            results = pom.replay_all(
-                cases, fmus, paths, names=project.tables, evidence=final, jobs=jobs, scheduler=scheduler, resume=resume
-            )
+            options: dict[str, Any] = {"names": project.tables, "evidence": final, "jobs": jobs, "scheduler": scheduler, "resume": resume}
+            if samples:
+                results = pom.replay_sampled(
+                    cases, fmus, {"final": new / "final.nc"}, samples, seed, paths, errors=project.errors, **options
+                )
+            else:
+                results = pom.replay_all(cases, fmus, paths, **options)
         custody.check()
         with step("write the report"):
             made_from = pom.provenance(inputs_of(project, names), fmus, command, digest=custody.sha256)

@@ -8,6 +8,7 @@ from . import fmu as fmu
 from . import judging as judging
 from . import replaying as replaying
 from . import report as report
+from . import sampling as sampling
 from . import tolerances as tolerances
 from .archive import provenance as provenance
 from .archive import read_archive as read_archive
@@ -26,3 +27,5 @@ from .replaying import replay as replay
 from .replaying import replay_all as replay_all
 from .report import write_report as write_report
 from .result import PomResult as PomResult
+from .samples import Samples as Samples
+from .sampling import replay_sampled as replay_sampled

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from flightmech.support.display import html_table
 
 from .cases.case import PomCase
 from .result_figure import result_figure
+from .samples import Samples
 from .tolerances.remarks import row_remarks
 
 if TYPE_CHECKING:
@@ -97,6 +98,8 @@ class PomResult:
         samples inside; ``verdict`` one of `VERDICTS`; ``remarks`` a tuple of `RowRemark`.
     failure : str
         Which model crashed, hung or refused, and how; empty when all ran.  Its rows are ``invalid`` and carry the text.
+    samples : dict of str to Samples
+        By model: replays by draws from the posterior of its database and of the instruments (`pom.sampling`); empty without any.
     """
 
     case: PomCase
@@ -107,6 +110,7 @@ class PomResult:
     trim: pd.DataFrame
     verdict: pd.DataFrame
     failure: str = ""
+    samples: Mapping[str, Samples] = field(default_factory=dict)
 
     @property
     def runs(self) -> list[str]:
@@ -188,6 +192,7 @@ class PomResult:
             "trim": self.trim.to_dict("split"),
             "verdict": self.verdict_records(),
             "failure": self.failure,
+            "samples": {run: {**found.document(), "fan": _dataset_to_dict(found.fan)} for run, found in self.samples.items()},
         }
 
     @classmethod
@@ -205,6 +210,7 @@ class PomResult:
             trim=trim,
             verdict=verdict_table(item["verdict"]),
             failure=item["failure"],
+            samples={run: Samples.of_document(one, _dataset_from_dict(one["fan"])) for run, one in item.get("samples", {}).items()},
         )
 
 

@@ -21,8 +21,12 @@ from .problem.assembly import Setup
 from .problem.constants import PER_RUN
 from .problem.trajectory import Solution, linearise, moved
 
-# states that coefficients and regressors are made of
-STATES = ("V", "qbar", "mach", "alpha", "beta", "alpha_dot", "beta_dot", "p", "q", "r", "ax", "ay", "az", "phi", "h", "h_agl")
+STATES = (
+    # that coefficients and regressors are made of
+    *("V", "qbar", "mach", "alpha", "beta", "alpha_dot", "beta_dot", "p", "q", "r", "ax", "ay", "az", "phi", "h", "h_agl"),
+    # that replays start from or are judged on
+    *("theta", "psi", "gamma", "V_cas", "nz"),
+)
 
 
 def state_errors(record: xr.DataTree, aircraft: Any, setup: Setup, solution: Solution) -> xr.Dataset:

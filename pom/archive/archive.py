@@ -2,7 +2,8 @@
 
 Layout: the text ``document`` of the root is JSON (title, revision, provenance, diagnoses, order of the cases); the group of a case
 holds ``signals(run, channel, time)``, ``tolerance(banded, time)`` and ``inputs(input, time)`` with the names along these dimensions,
-and its own ``document`` (case, conditions, trim, verdicts, failure).  SI and radians; the verdicts are in the unit of the tolerance
+and its own ``document`` (case, conditions, trim, verdicts, failure).  Models flown with draws have ``samples`` in that document and
+their quantiles in ``fan0(channel, quantile, time)`` and so on.  SI and radians; the verdicts are in the unit of the tolerance
 table.  Files are named from the folder of the report.  Few large variables instead of many small ones: a hundred cases are read in seconds.
 """
 
@@ -26,6 +27,7 @@ from flightmech.support.self_contained import demand_self_contained
 
 from ..cases.case import PomCase
 from ..result import PomResult, verdict_table
+from ..samples import Samples
 from .origins import case_found_from, case_seen_from
 
 _NAMES = {"signals": "channel", "tolerance": "banded", "inputs": "input"}  # part of a result -> the dimension of its names
@@ -109,9 +111,13 @@ def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
         "attrs": {part: data.attrs for part, data in parts.items()},
         "channels": {part: {str(name): item.attrs for name, item in data.data_vars.items()} for part, data in parts.items()},
     }
+    if result.samples:
+        head["samples"] = {run: found.document() for run, found in result.samples.items()}
     _write_document(group, head)
     run = _scale(group, "run", [str(name) for name in result.signals["run"].values])
     time = _scale(group, "time", result.signals["time"].values)
+    for number, found in enumerate(result.samples.values()):
+        _write_fan(group, number, found.fan, time)
     for part, data in parts.items():
         names = _scale(group, _NAMES[part], list(head["channels"][part]))
         own = np.array_equal(data["time"].values, result.signals["time"].values)
@@ -121,6 +127,16 @@ def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:
         table = group.create_dataset(part, data=np.moveaxis(values, 0, axes.index(names)), **_squeeze(values))
         for i, axis in enumerate(axes):
             table.dims[i].attach_scale(axis)
+
+
+def _write_fan(group: h5py.Group, number: int, fan: xr.Dataset, time: h5py.Dataset) -> None:
+    """Write the quantiles of the draws of one model: ``fan0(fan0_channel, quantile, time)`` and so on, in the order of the models."""
+    names = _scale(group, f"fan{number}_channel", list(map(str, fan.data_vars)))
+    quantile = _scale(group, f"fan{number}_quantile", fan["quantile"].values)
+    values = np.array([item.values for item in fan.data_vars.values()], float).reshape(-1, len(quantile), len(time))
+    table = group.create_dataset(f"fan{number}", data=values, **_squeeze(values))
+    for i, axis in enumerate((names, quantile, time)):
+        table.dims[i].attach_scale(axis)
 
 
 def _squeeze(values: np.ndarray) -> dict[str, Any]:
@@ -147,7 +163,14 @@ def _read_result(group: h5py.Group, folder: Path) -> PomResult:
         signals=_read_part(group, head, "signals"),
         tolerance=_read_part(group, head, "tolerance"),
         inputs=_read_part(group, head, "inputs"),
+        samples={run: Samples.of_document(item, _read_fan(group, k)) for k, (run, item) in enumerate(head.get("samples", {}).items())},
     )
+
+
+def _read_fan(group: h5py.Group, number: int) -> xr.Dataset:
+    values, names = group[f"fan{number}"][()], group[f"fan{number}_channel"].asstr()[()]
+    coords = {"quantile": group[f"fan{number}_quantile"][()], "time": group["time"][()]}
+    return xr.Dataset({name: (("quantile", "time"), values[k]) for k, name in enumerate(names)}, coords)
 
 
 def _read_part(group: h5py.Group, head: Mapping[str, Any], part: str) -> xr.Dataset:

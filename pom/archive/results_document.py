@@ -40,6 +40,7 @@ def results_json(archive: Archive, modes: Sequence[pd.DataFrame], folder: str | 
 
 
 def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
+    samples = {run: found.numbers() for run, found in result.samples.items()}
     return plain(
         {
             "case": case_seen_from(result.case, folder).to_dict(),
@@ -53,6 +54,7 @@ def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:
             "drift": drift(result).to_dict("records"),
             "verdict": result.verdict_records(),
             "failure": result.failure,
+            **({"samples": samples} if samples else {}),
         }
     )
 

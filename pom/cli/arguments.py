@@ -19,6 +19,19 @@ biases_option = click.option(
 )
 
 
+def samples_options(command: Any) -> Any:
+    """Add the options ``--samples`` and ``--seed`` to a command."""
+    number = click.IntRange(0)
+    command = click.option("--seed", default=0, show_default=True, type=number, help="Of the draws of --samples.")(command)
+    return click.option(
+        "--samples",
+        default=0,
+        show_default=True,
+        type=number,
+        help="Draws from the posterior of database and instruments: probability of a pass, spread of the ratio, which errors make it.",
+    )(command)
+
+
 def read_biases(file: str | None) -> Any:
     """Return the instrument constants of `biases_option`; None without a file."""
     if file is None:

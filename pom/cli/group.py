@@ -9,7 +9,7 @@ import click
 
 from flightmech.support.console import InputFile, NewFile, NewFolder, command_line, document, jobs_option, json_option, progress, table
 
-from .arguments import biases_option, case_files, cases_argument, read_biases
+from .arguments import biases_option, case_files, cases_argument, read_biases, samples_options
 from .case import init, schema
 from .diagnose import diagnose
 from .report import report, report_options, verify
@@ -92,6 +92,14 @@ def _print_criteria(case: Any) -> None:
     type=InputFile(),
     help="Identified database with standard errors: how far do the terms of each model lie from what flight found?",
 )
+@samples_options
+@click.option(
+    "--database",
+    "databases",
+    multiple=True,
+    metavar="NAME=FILE.nc",
+    help="With --samples: the database that a model was made from, with standard errors.",
+)
 @click.option("-v", "--verbose", is_flag=True, help="Also print trim, math pilot and drift of every model.")
 @json_option
 @click.pass_context
@@ -113,6 +121,9 @@ def run(
     resume: Path | None,
     biases_file: str | None,
     evidence: str | None,
+    samples: int,
+    seed: int,
+    databases: tuple[str, ...],
     verbose: bool,
     as_json: bool,
 ):
@@ -131,14 +142,18 @@ def run(
     from ..result import status_text
 
     runs, names = files_by_name("--model", models, "final=out/final.fmu"), files_by_name("--names", tables, "simulator=names.toml")
+    stated = files_by_name("--database", databases, "final=out/final.nc")
+    if bool(samples) != bool(stated):
+        raise click.UsageError("--samples and --database go together: the number of draws, and the database of each model to draw from")
     custody = Custody()
     named = case_files(cases)
-    for file in (*runs.values(), *names.values()):
+    for file in (*runs.values(), *names.values(), *stated.values()):
         InputFile().convert(file, None, None)
     custody.take([*named, *runs.values()])
     with progress(f"read {len(named)} case{'s' if len(named) > 1 else ''}"):
         read = [read_case(file) for file in named]
-    files = [*(file for case in read for file in case.files()), *map(str, names.values()), *filter(None, (evidence, biases_file))]
+    files = [*(file for case in read for file in case.files()), *map(str, (*names.values(), *stated.values()))]
+    files += filter(None, (evidence, biases_file))
     custody.take(files)
     waiting: list[str] = []
     flown = False
@@ -156,7 +171,13 @@ def run(
     biases = read_biases(biases_file)
     text = f"replay {len(read)} case{'s' if len(read) > 1 else ''} by {len(runs)} model{'s' if len(runs) > 1 else ''}"
     with progress(text, lines=not as_json):
-        results = replay_all(read, runs, names=names, biases=biases, timeout=timeout, progress=finished, **shared)
+        given: dict[str, Any] = {"names": names, "biases": biases, "timeout": timeout, "progress": finished, **shared}
+        if samples:
+            from ..sampling.sampled_batch import replay_sampled
+
+            results = replay_sampled(read, runs, stated, samples, seed, **given)
+        else:
+            results = replay_all(read, runs, **given)
     if not flown:
         raise SimulationError("no model could be replayed: " + results[0].failure)
     custody.check()
@@ -185,7 +206,7 @@ def run(
 
 def _lines(result: Any, verbose: bool = False) -> list[str]:
     """Return one line per model, e.g. ``2.c.10  Short period  datcom  FAIL  1.6 x tolerance  theta +2.41 deg at 4.3 s (1.5 deg)``."""
-    from ..report.run_notes import run_notes
+    from ..report.run_notes import run_notes, sampled_line
     from ..result import notices, status_text, trim_remarks
     from ..tolerances.remarks import text_of
 
@@ -205,6 +226,7 @@ def _lines(result: Any, verbose: bool = False) -> list[str]:
             text += f"  {text_of(rows.iloc[0]['remarks'])}" if len(rows) else ""
         lines.append(f"{case.id:<8}{case.title:<44} {name:<12} {text}")
         lines += [f"{'':8}notice {text}" for text in notices(result, name)] if status != "fail" or verbose else []
+        lines += [f"{'':8}{sampled_line(result, name)}"] if name in result.samples else []
         lines += [f"{'':8}{text}" for text in run_notes(result, name)] if verbose else []
     return lines
 
@@ -225,4 +247,5 @@ def _summary(result: Any) -> dict[str, Any]:
         "pilot": pilot_activity(result),
         "drift": drift(result),
         "calibration": calibration(result),
+        "samples": {name: samples.numbers() for name, samples in result.samples.items()},
     }

@@ -95,7 +95,7 @@ def replay_all(
     for case in cases:
         models.of(case)  # a table that does not fit is reported before records are reconstructed, which takes long
     kept = Path(resume).resolve() if resume is not None else None
-    plans = _plans(cases, paths or {}, KeptStates(kept, biases), jobs)
+    plans = [plan_of(case, states) for case, states in zip(cases, flown(cases, paths or {}, KeptStates(kept, biases), jobs), strict=True)]
     _check(plans, models)
     store = Store(kept) if kept is not None else None
     calls = ((plan, models.of(plan.case), timeout, store, evidence) for plan in plans)
@@ -107,10 +107,11 @@ def replay_all(
     return results
 
 
-def _plans(cases: Sequence[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int) -> list[Plan]:
+def flown(cases: Sequence[PomCase], paths: Mapping[str, Any], records: KeptStates, jobs: int) -> list[Any]:
+    """Return the path of every case: the one given, else that of its record, read or reconstructed once; parameters as `replay_all`."""
     given = [paths.get(case.record, paths.get(Path(case.record).stem)) for case in cases]
     read = _states([case for case, path in zip(cases, given, strict=True) if path is None], records, jobs)
-    return [plan_of(case, read[_source(case)] if path is None else path) for case, path in zip(cases, given, strict=True)]
+    return [read[_source(case)] if path is None else path for case, path in zip(cases, given, strict=True)]
 
 
 def _source(case: PomCase) -> tuple[str, str, str]:

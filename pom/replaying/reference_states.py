@@ -17,6 +17,9 @@ from ..cases.case_file import WIND
 from ..tolerances.parameter_channels import WRAPPED
 from .offsets import CALIBRATION, calibration_text
 
+ERROR = "error."
+"""Before the name of a channel: what one standard error of each constant of the instruments changes in it, dimensions (error, time)."""
+
 
 def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
     """Return the corrected flight states of a case over its window.
@@ -79,7 +82,15 @@ def _states(case: PomCase, path: Any) -> xr.Dataset:
 
 
 def _calibrated(path: Any) -> xr.Dataset:
-    return path.states.assign_attrs({CALIBRATION: calibration_text(path.biases)})
+    return _with_errors(path.states.assign_attrs({CALIBRATION: calibration_text(path.biases)}), path.errors)
+
+
+def _with_errors(states: xr.Dataset, errors: xr.Dataset | None) -> xr.Dataset:
+    """Return states with what the constants of the instruments leave open in them, as variables named `ERROR` and the channel."""
+    if errors is None:
+        return states
+    named = {f"{ERROR}{name}": (item.dims, item.values, item.attrs) for name, item in errors.data_vars.items()}
+    return states.assign(named).assign_coords(error=errors["error"].values)
 
 
 def measured_wind(case: PomCase, time: np.ndarray) -> dict[str, Any]:
@@ -141,11 +152,12 @@ def path_states(record: str) -> xr.Dataset | None:
     if Path(record).suffix != ".nc":
         return None
     try:
-        found = flighttest.dynamics.open_states(record)
+        path = flighttest.dynamics.open_path(record)
     except ParseError:
         return None
-    if not {"V", "alpha", "theta"} <= set(found.data_vars):
+    if not {"V", "alpha", "theta"} <= set(path.states.data_vars):
         return None
+    found = _with_errors(path.states, path.errors)
     try:
         return found.assign_attrs({CALIBRATION: calibration_text(flighttest.reconstruction.open_biases(record))})
     except ParseError:  # states of another program, which hold no constants

@@ -292,13 +292,13 @@ def _signals(names: list[str], flight: Signals, found: Mapping[str, Traces]) -> 
     for name in dict.fromkeys(names):
         traces = [np.asarray(run[name], float) if name in run else np.full(time.size, np.nan) for run in runs.values()]
         if name in WRAPPED:
-            traces = [_unwrapped(trace, traces[0]) for trace in traces]
+            traces = [unwrapped_near(trace, traces[0]) for trace in traces]
         data[name] = (("run", "time"), np.stack(traces), {"units": lookup(name).units, "long_name": lookup(name).long_name})
     return xr.Dataset(data, coords={"run": list(runs), "time": time})
 
 
-def _unwrapped(angle: np.ndarray, flight: np.ndarray) -> np.ndarray:
-    """Return a wrapped angle without jumps, starting less than half a turn from the flight."""
+def unwrapped_near(angle: np.ndarray, flight: np.ndarray) -> np.ndarray:
+    """Return a wrapped angle (time,) without jumps, starting less than half a turn from the flight. [rad]"""
     if not np.isfinite(angle).all() or not np.isfinite(flight[0]):
         return angle
     smooth = np.unwrap(angle)

@@ -10,8 +10,18 @@ from ..replaying.offsets import drift
 from ..replaying.piloting import pilot_activity
 from ..replaying.trim_state import FOUND, LEFT, SHOWN_UNITS, limits_of
 from ..result import PomResult
+from .case.probability import probability, sources, spread
 
 _RATES = ("V_cas", "h", "psi")
+
+
+def sampled_line(result: PomResult, run: str) -> str:
+    """Return what the draws of a model show of a case, in one line: probability, spread, and what makes that of the deciding criterion."""
+    samples, worst = result.samples[run], result.worst(run)
+    decides = str(worst["criterion"]) if worst is not None else ""
+    made = sources(samples, decides, 3) if decides in samples.ratio else ""
+    text = f"probability of a pass {probability(samples)} ({samples.count} draws), ratio {spread(samples)}"
+    return f"{text}; {decides}: {made}" if made else text
 
 
 def run_notes(result: PomResult, run: str) -> list[str]:

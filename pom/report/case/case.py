@@ -15,7 +15,7 @@ from pom.result import PomResult, notices
 from ..models.diagnosis import cause
 from ..presentation.quantities import fixed
 from ..presentation.verdict_text import MODAL, Verdict, reason, verdict_table, words
-from . import case_data, initial_conditions, remarks
+from . import case_data, initial_conditions, probability, remarks
 from . import modes as modal
 from .case_figure import figures
 from .cross_plots import crosses
@@ -79,6 +79,7 @@ def page(
         "drift": initial_conditions.drift(result),
         "verdicts": verdict_table(result),
         "modes": modal.table(result, modes, styles),
+        "probability": probability.table(result),
         "cause": cause(result, diagnosis),
         "notes": remarks.notes(result),
         "rationales": remarks.rationales(result),

@@ -72,6 +72,7 @@ def _panel(panel: Panel, pack: Pack, rows: Sequence[Mapping[str, Any]]) -> dict[
         "verdicts": [row for row in rows if row["channel"] == panel.channel and row["measure"] == "trace"] if panel.rows else [],
         "traces": {run: pack.add(values, step) for run, values in panel.traces.items()},
         "half": None if panel.half is None else pack.add(panel.half, step),
+        "fans": {f"{run} {k}": pack.add(values, step) for run, fan in panel.fans.items() for k, values in enumerate(fan)},
     }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from flightmech.support.svg_chart import WIDTH, Frame, area, axes, clipped, curve, line, rect, spaced, svg, text
 
 from ..presentation.quantities import SYMBOLS, fixed
-from ..presentation.trace_marks import LANE, beyond, exit_ticks
+from ..presentation.trace_marks import LANE, beyond, exit_ticks, fan
 from .panels import Panel, description
 
 LEFT, RIGHT, HEAD, FOOT = 54.0, 12.0, 17.0, 30.0
@@ -138,6 +138,7 @@ def _inside(frame: Frame, time, panel: Panel, styles) -> str:
         for run, values in panel.traces.items():
             if panel.exits.get(run):
                 parts.append(_exceedance(frame, time, values, low, high))
+    parts += [fan(frame, time, quantiles, styles[run]) for run, quantiles in panel.fans.items()]
     if panel.window:
         parts += [line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window") for t in panel.window]
     for run, values in panel.traces.items():

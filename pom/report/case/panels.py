@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -46,6 +46,8 @@ class Panel:
         Scale over the whole record. [display unit]
     scale : tuple of float
         That, or the scale of the window where the rest of the record would squeeze it: an angle of attack at standstill.
+    fans : dict of str to array (quantile, time)
+        Run name to the quantiles of its draws, the lowest first. [display unit]
     """
 
     kind: str
@@ -57,6 +59,7 @@ class Panel:
     rows: Sequence[Mapping[Hashable, Any]]
     limits: tuple[float, float]
     scale: tuple[float, float]
+    fans: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def channel(self) -> str:
@@ -117,7 +120,8 @@ def _compared(result: PomResult, name: str, kind: str, rows: Sequence[Mapping[Ha
     inside = np.isfinite(half) if half is not None else np.zeros(len(time), bool)
     window = (float(time[inside][0]), float(time[inside][-1])) if inside.any() else _window(rows)
     whole = limits(traces, half, shown.least_span)
-    return Panel(kind, shown, traces, half, window, exits, rows, whole, _scale(whole, traces, half, shown.least_span))
+    fans = {run: shown.shown(found.fan[name].values) for run, found in result.samples.items() if name in found.fan}
+    return Panel(kind, shown, traces, half, window, exits, rows, whole, _scale(whole, traces, half, shown.least_span), fans)
 
 
 def _scale(whole: tuple[float, float], traces: dict[str, np.ndarray], half: np.ndarray | None, least_span: float) -> tuple[float, float]:

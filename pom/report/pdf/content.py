@@ -10,7 +10,7 @@ import xarray as xr
 
 from pom.report import overview
 from pom.report import provenance as origin
-from pom.report.case import initial_conditions, remarks
+from pom.report.case import initial_conditions, probability, remarks
 from pom.report.case import modes as modal
 from pom.report.case.case import digests, line_styles, outcomes
 from pom.report.case.inputs import driving
@@ -99,6 +99,7 @@ def case(
         "left_out": [(block["criterion"], block["printed"], block["left_out"]) for block in table["left_out"]],
         "values": table["values"],
         "modes": [_mode(block) for block in modal.table(result, modes, styles)],
+        "probability": probability.table(result),
         "story": story(diagnosis) if diagnosis is not None and len(diagnosis) else "",
         "notes": remarks.notes(result),
         "rationales": remarks.rationales(result),

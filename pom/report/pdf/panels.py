@@ -15,7 +15,7 @@ import numpy as np
 from flightmech.support.svg_chart import WIDTH, Frame, area, axes, clipped, curve, line, rect, spaced, text
 from pom.report.case.panels import Panel, description, limits
 from pom.report.presentation.quantities import fixed, pretty_unit
-from pom.report.presentation.trace_marks import LANE, beyond, exit_ticks
+from pom.report.presentation.trace_marks import LANE, beyond, exit_ticks, fan
 from pom.report.presentation.verdict_text import WORDS
 
 from .style import defs
@@ -137,6 +137,7 @@ def _inside(frame: Frame, time: np.ndarray, panel: Panel, styles: Mapping[str, s
         low, high = flight - panel.half, flight + panel.half
         parts.append(area(frame, time, low, high, "band"))
         parts += [_exceedance(frame, time, values, low, high) for run, values in panel.traces.items() if panel.exits.get(run)]
+    parts += [fan(frame, time, quantiles, styles[run]) for run, quantiles in panel.fans.items()]
     parts.append(_scalars(frame, time, panel))
     if panel.window:
         parts += [line(float(frame.px(t)), frame.top, float(frame.px(t)), frame.bottom, "window") for t in panel.window]

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from flightmech.support.svg_chart import Frame, arrow, line, text
+from flightmech.support.svg_chart import Frame, area, arrow, line, text
 
 from .quantities import number
 
@@ -27,6 +27,12 @@ def exit_ticks(frame: Frame, exits: Mapping[str, Sequence[tuple[float, float]]],
         parts.append(line(x, frame.bottom - 9 - LANE * lane, x, frame.bottom + 4, "tickmark"))
         lane += 1
     return "".join(parts)
+
+
+def fan(frame: Frame, time: np.ndarray, quantiles: np.ndarray, css: str) -> str:
+    """Return nested areas between the quantiles (quantile, time) of the draws of a run: the outermost pair, the next pair inside it."""
+    pairs = zip(quantiles[: len(quantiles) // 2], quantiles[::-1], strict=False)
+    return "".join(area(frame, time, low, high, f"fan {css}-area") for low, high in pairs)
 
 
 def beyond(frame: Frame, time: np.ndarray, values: np.ndarray, css: str, with_value: bool = True) -> str:

@@ -97,6 +97,7 @@ function sheetPanel(data, panel, top, scale, last) {
   const frame = frameOf(SHEET.left, top + SHEET.head, SHEET.width - SHEET.left - SHEET.right, height, x, limits(panel, new Set(), time, x));
   let inside = "", marks = "", lane = 0;
   if (banded) inside += areaBetween(frame, time, ...edges(flight, half), "band") + models.filter(({ name }) => panel.exits[name]).map(({ name }) => exitArea(frame, time, traces[name], flight, half)).join("");
+  for (const { name, style } of models) if (`${name} 0` in panel.fans) inside += [[0, 4], [1, 3]].map(([low, high]) => areaBetween(frame, time, panel.fans[`${name} ${low}`], panel.fans[`${name} ${high}`], `fan ${style}-area`)).join("");
   for (const t of panel.window || []) inside += straight(frame.px(t), frame.top, frame.px(t), frame.bottom, "window");
   inside += lines.map(({ name, style }) => curve(frame, time, traces[name], `trace ${style}`)).join("");
   for (const { name, style } of models) {

@@ -48,12 +48,20 @@ function drawPanel(panel, host, width, withTime) {
   const series = [], data = [time], bands = [];
   if (half) { data.push(...edges(flight, half)); series.push(edgeLine(), edgeLine()); bands.push(band()); }
   const styles = Object.fromEntries(runs.map((run) => [run.name, run.style]));
+  for (const { name } of runs) if (`${name} 0` in panel.fans) drawFan(panel.fans, name, styles[name], data, series, bands);
   if (flight || applied) { data.push(flight || applied); series.push({ ...lineOf("run-0", WIDTH[panel.kind]), show: !flight || !view.hidden.has("flight") }); }
   for (const { name } of runs) if (name !== "flight" && panel.traces[name]) { data.push(panel.traces[name]); series.push({ ...lineOf(styles[name]), show: !view.hidden.has(name), run: name }); }
   const setting = options(width, HEIGHT[panel.kind], withTime && !half, series, bands, () => limits(panel, view.hidden, time, view.span));
   setting.hooks = { ...hooks, drawAxes: [...hooks.drawAxes, (plot) => drawExceedance(plot, panel, time)], draw: [(plot) => drawMarks(plot, panel, time)] };
   view.plots.push(new uPlot(setting, data, host));
   if (half) view.plots.push(drawResidual(panel, host, width, withTime, styles));
+}
+function drawFan(fans, name, style, data, series, bands) {   // quantiles 5, 25, 50, 75, 95 %: two nested areas
+  for (const [high, low] of [[4, 0], [3, 1]]) {
+    data.push(fans[`${name} ${high}`], fans[`${name} ${low}`]);
+    for (const _ of [high, low]) series.push({ width: 0, points: { show: false }, show: !view.hidden.has(name) });
+    bands.push({ series: [series.length - 1, series.length], fill: () => `color-mix(in srgb, ${colour(style)} 16%, transparent)` });
+  }
 }
 function drawResidual(panel, host, width, withTime, styles) {
   const { time, runs } = view.data, { traces, half } = panel;

@@ -1,0 +1,164 @@
+"""One case replayed by the draws of one model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import xarray as xr
+
+from flightmech import Aircraft, SimModel
+from flightmech.errors import SchemaError
+
+from ..cases.job import Job
+from ..judging.verdict import bands, judge_all
+from ..replaying.kernel_replay import fly
+from ..replaying.replay_case import Plan, shown_channels, unwrapped_near
+from ..replaying.trim_state import OBSERVED, TrimLimit, beyond_limits, trim_limits
+from ..result import group_verdicts, status_of
+from ..samples import QUANTILES, Samples
+from ..tolerances.bands import Outcome
+from ..tolerances.derived_channels import output_of
+from ..tolerances.parameter_channels import WRAPPED
+from .drawn_models import DrawnModels
+from .instruments import Instruments
+from .shares import contributions, regressors, shares
+
+Traces = dict[str, np.ndarray]
+
+
+def sampled(
+    plan: Plan,
+    models: DrawnModels,
+    aircraft: Aircraft | None = None,
+    errors: Mapping[str, float] | None = None,
+    jobs: int = 1,
+) -> Samples:
+    """Replay a case by every draw of a model and judge each replay as `pom.replay` judges the model.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of `pom.replaying.plan_of`; its trim surfaces stay as they are.
+    models : DrawnModels
+    aircraft, errors
+        Of `Instruments.of`.
+    jobs : int
+        Threads; -1 for one per core.  The samples do not depend on it.
+
+    Raises
+    ------
+    SchemaError
+        The case has a control law, whose FMU the kernel does not fly.
+    """
+    from joblib import Parallel, delayed
+
+    if plan.job.law is not None:
+        raise SchemaError("samples", [f"case {plan.case.name}: its control law is an FMU, which the kernel does not fly"])
+    bench = _Bench.of(plan, models.model, Instruments.of(plan.job, plan.states, aircraft, errors))
+    sizes = bench.instruments.draws(models.count, models.seed)
+    with Parallel(n_jobs=jobs, backend="threading") as pool:
+        runs = list(pool(delayed(bench.run)(model, size) for model, size in zip(models.models, sizes, strict=True)))
+    names = [criterion.name for criterion in plan.case.criteria if any(np.isfinite(run.signed(criterion.name)) for run in runs)]
+    changes = contributions(models.database, models.nodes, plan.states, plan.case.drive.level != "recorded")
+    found = regressors(changes, dict(zip(bench.instruments.names, sizes.T, strict=True)))
+    return Samples(
+        seed=models.seed,
+        database=models.source,
+        status=tuple(run.status for run in runs),
+        decides=np.array([run.decides for run in runs]),
+        ratio=pd.DataFrame({name: [run.ratio(name) for run in runs] for name in names}, dtype=float),
+        shares=shares({name: bench.signed(name, runs) for name in names}, found),
+        fan=bench.fan(runs),
+    )
+
+
+class _Run:
+    """One draw, flown and judged."""
+
+    def __init__(self, outputs: Traces, difference: Traces, outcomes: Mapping[str, Outcome], status: str, groups: Mapping[str, str]):
+        self.outputs, self.difference, self.outcomes, self.status = outputs, difference, outcomes, status
+        best: dict[str, float] = {}
+        for name, group in groups.items():
+            if math.isfinite(ratio := self.ratio(name)):
+                best[group] = min(best.get(group, math.inf), ratio)
+        self.decides = max(best.values(), default=math.nan)
+
+    def ratio(self, criterion: str) -> float:
+        """Return the ratio of a criterion; NaN where it is not judged."""
+        outcome = self.outcomes.get(criterion)
+        return outcome.worst_ratio if outcome is not None and outcome.verdict in ("pass", "fail") else math.nan
+
+    def signed(self, criterion: str) -> float:
+        """Return the ratio with the sign of model minus flight."""
+        ratio = self.ratio(criterion)
+        return math.copysign(ratio, self.outcomes[criterion].worst) if math.isfinite(ratio) else ratio
+
+
+class _Bench:
+    """A case on which draws are flown."""
+
+    def __init__(self, plan: Plan, channels: list[str], flight: Traces, limits: dict[str, TrimLimit], instruments: Instruments):
+        self.plan, self.channels, self.flight, self.limits, self.instruments = plan, channels, flight, limits, instruments
+        self.tolerance = bands(plan.case, plan.job.time, flight)
+        judged = [c for c in plan.case.criteria if c.applies and c.measure != "setup"]
+        self.groups = {criterion.name: criterion.group for criterion in judged}
+        self.traced = {c.name: c.channel for c in judged if c.measure == "trace" and c.channel in self.tolerance}
+
+    @classmethod
+    def of(cls, plan: Plan, model: SimModel, instruments: Instruments) -> _Bench:
+        count = plan.job.time.size
+        flight = {str(name): np.broadcast_to(item.values, count) for name, item in plan.states.items() if item.ndim < 2}
+        wanted = {*(output_of(channel, model.outputs) for channel in shown_channels(plan.case, plan.states)), *OBSERVED}
+        channels = sorted(name for name in wanted if name in model.outputs)
+        return cls(plan, channels, flight, trim_limits(plan.case, flight), instruments)
+
+    def run(self, model: SimModel, draw: np.ndarray) -> _Run:
+        """Return one draw of model and instruments, flown and judged."""
+        case, job = self.plan.case, self.instruments.job(self.plan.job, draw)
+        flight = self.instruments.recorded(self.flight, draw)
+        found, (failure,) = fly(model, job, ({},), self.channels)
+        outputs = _as_applied({name: values[0] for name, values in found.items()}, job)
+        outcomes = judge_all(case, job.time, flight, outputs)
+        refused = bool(failure or beyond_limits(self.limits, outputs, demanded=True))
+        exceeded = bool([remark for remark in beyond_limits(self.limits, outputs, demanded=False) if remark.kind == "trim"])
+        verdicts = {c.name: "invalid" if refused and c.applies else outcomes[c.name].verdict for c in case.criteria}
+        if refused:
+            outcomes = {name: replace(outcome, verdict=verdicts[name]) for name, outcome in outcomes.items()}
+        difference = {c: outputs[c] - flight[c] for c in self.traced.values() if c in outputs and c in flight}
+        kept = {name: outputs[name] for name in self.tolerance if name in outputs}
+        return _Run(kept, difference, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups)
+
+    def signed(self, criterion: str, runs: list[_Run]) -> np.ndarray:
+        """Return the signed ratio of a criterion over the draws.
+
+        Of a time history at the instant where its mean square over the draws is largest: the instant of the worst changes from draw to
+        draw, and its ratio, which has no sign, is not linear in the errors.
+        """
+        channel = self.traced.get(criterion, "")
+        if not all(channel in run.difference for run in runs):
+            return np.array([run.signed(criterion) for run in runs])
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.stack([run.difference[channel] for run in runs]) / self.tolerance[channel].values
+        ratio[:, ~np.isfinite(self.tolerance[channel].values)] = 0.0
+        square = np.nanmean(np.square(ratio), axis=0) if np.isfinite(ratio).any() else np.zeros(ratio.shape[1])
+        return ratio[:, int(np.argmax(square))]
+
+    def fan(self, runs: list[_Run]) -> xr.Dataset:
+        """Return the quantiles of the channels with a band."""
+        found = {}
+        for name in map(str, self.tolerance):
+            traces = [run.outputs[name] for run in runs if name in run.outputs and np.isfinite(run.outputs[name]).all()]
+            if traces:
+                values = np.stack([unwrapped_near(trace, self.flight[name]) if name in WRAPPED else trace for trace in traces])
+                found[name] = (("quantile", "time"), np.quantile(values, QUANTILES, axis=0))
+        return xr.Dataset(found, coords={"quantile": list(QUANTILES), "time": self.plan.job.time})
+
+
+def _as_applied(outputs: Traces, job: Job) -> Traces:
+    """Return outputs with what the math pilot moves at its true position."""
+    moved = [loop.control for loop in job.pilot if f"applied.{loop.control}" in outputs]
+    return {**outputs, **{name: outputs[f"applied.{name}"] for name in moved}}
