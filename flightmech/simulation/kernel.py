@@ -174,6 +174,10 @@ class Model:
             self._entries[kind] = tuple(self._read(kind))
         return self._entries[kind]
 
+    def share_entries(self, other: Model) -> None:
+        """Take the catalogues that are read, or will be, of a model that differs in values of tables only."""
+        self._entries = other._entries
+
     def _read(self, kind: int) -> Iterator[Entry]:
         row = _Entry()
         for i in range(self.count(kind)):

@@ -65,7 +65,9 @@ def with_table_values(sim: SimModel, tables: Mapping[str, np.ndarray]) -> SimMod
     for name, place in places.items():
         nodes[place] = tables[name]
     struct.pack_into("<I", block, _CHECKSUM, zlib.crc32(memoryview(block)[_CHECKED:]))
-    return SimModel(bytes(block))
+    found = SimModel(bytes(block))
+    found.model.share_entries(sim.model)
+    return found
 
 
 def _nodes(block: bytes | bytearray) -> np.ndarray:

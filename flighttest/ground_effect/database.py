@@ -77,10 +77,11 @@ def ground_terms_of(one: CoefficientOverGround, database: xr.DataTree, tables: b
         ``ground_<term in free air>``, of a part of it ``ground_<term>_alpha``; ``ground`` for the rolling moment of bank.
     """
     from aerodb.store.schema import terms
+    from aerodb.update.posterior import without_posterior
 
     name = one.model.coefficient
-    free = {
-        term.partition("/")[2]: leaf
+    free = {  # a multiple of a table is not one more table that was estimated with it
+        term.partition("/")[2]: without_posterior(leaf)
         for term, leaf in terms(database).items()
         if term.startswith(f"{name}/") and HEIGHT not in _terms.variables(leaf)
     }

@@ -49,13 +49,23 @@ def contributions(db: xr.DataTree, nodes: Mapping[str, np.ndarray], states: xr.D
     leaves = {name: leaf for name, leaf in aerodb.terms(db).items() if name in names}
     if not leaves:
         return {}
-    whole, _ = completed(states.isel(time=slice(None, None, every)), db)
+    whole, _ = completed(_with_rates(states, db).isel(time=slice(None, None, every)), db)
     samples, *_ = flat(whole, leaves.values())
     found = {}
     for name, leaf in leaves.items():
         dg = (nodes[name] - leaf["value"].values).reshape(len(nodes[name]), -1)
         found[name] = (_terms.basis(leaf, samples, "clamp") @ dg.T).T
     return found
+
+
+def _with_rates(states: xr.Dataset, db: xr.DataTree) -> xr.Dataset:
+    """Return states with the reduced rates that they lack, as the reference lengths of the database make them."""
+    half, time = 1.0 / (2.0 * np.maximum(states["V"].values, 1.0)), states["time"].values
+    lengths = {"p": "b", "q": "cbar", "r": "b", "alpha_dot": "cbar", "beta_dot": "b"}
+    rates = {name: states[name].values for name in lengths if name in states}
+    rates |= {f"{name}_dot": np.gradient(states[name].values, time) for name in ("alpha", "beta") if f"{name}_dot" not in states}
+    reduced = {f"{name.replace('_', '')}hat": rate * float(db.attrs[lengths[name]]) * half for name, rate in rates.items()}
+    return states.assign({name: ("time", rate) for name, rate in reduced.items() if name not in states})
 
 
 def regressors(changes: Mapping[str, np.ndarray], errors: Mapping[str, np.ndarray]) -> list[tuple[str, np.ndarray]]:

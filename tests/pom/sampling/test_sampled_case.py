@@ -1,0 +1,157 @@
+"""Draws of a model are flown and judged like models; the probability, its spread and its causes are those of the errors put in."""
+
+from statistics import NormalDist
+
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+import aerodb
+import flightmech
+import pom
+from flightmech.errors import SchemaError
+from pom.archive.archive import Archive, read_archive, write_archive
+from pom.cases.case import read_case
+from pom.replaying.replay_case import plan_of
+from pom.result import PomResult
+from pom.sampling import DrawnModels, Instruments, sampled
+from pom.sampling.shares import regressors, shares
+
+PULSE = {"delta_e": [(0.0, 0.0), (2.0, 0.0), (2.06, -0.06), (4.0, -0.06), (4.06, 0.0)]}
+
+
+@pytest.fixture(scope="module")
+def flight(trainer):
+    return trainer.flight(trainer.database(), duration=9.5, **PULSE)
+
+
+def uncertain(db, **stderr):
+    """Return `db` with standard errors on some terms: ``uncertain(db, Cm_elevator=0.1)``."""
+    leaves = aerodb.terms(db)
+    new = {key.replace("_", "/", 1): size for key, size in stderr.items()}
+    return aerodb.replace_terms(db, {n: leaves[n].assign(stderr=xr.full_like(leaves[n]["value"], size)) for n, size in new.items()})
+
+
+def models(trainer, db, count, seed=0):
+    model = flightmech.compile(trainer.AIRCRAFT, db)
+    return DrawnModels(model, db, aerodb.update.draw(db, count, seed), seed, "test")
+
+
+@pytest.fixture
+def plan(write_case, flight):
+    return plan_of(read_case(write_case()), flight)
+
+
+def test_a_draw_is_judged_as_the_model_with_its_values(plan, trainer, tmp_path):
+    db = uncertain(trainer.database(), Cm_elevator=0.3, Cm_basic=0.01)
+    drawn = models(trainer, db, 3)
+    found = sampled(plan, drawn, errors={"mass": 0.0, "thrust": 0.0})
+    for k in range(3):
+        one = aerodb.update.drawn(db, {name: values[k] for name, values in drawn.nodes.items()})
+        fmu = flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, one), tmp_path / f"{k}.fmu")
+        result = pom.replay(plan.case, {"final": fmu}, plan.states)
+        worst = result.worst("final")
+        assert found.decides[k] == pytest.approx(worst["worst_ratio"], rel=1e-9)
+        assert found.status[k] == result.status("final")
+
+
+@pytest.mark.slow
+def test_the_probability_is_that_of_the_error(plan, trainer):
+    """A moment of the elevator in error by e gives a ratio of c |e|: within tolerance with the probability of |e| < 1/c."""
+    spoilt = trainer.scaled(trainer.database(), Cm_elevator=0.95)
+    (one,) = sampled(plan, models(trainer, uncertain(spoilt, Cm_elevator=1e-12), 1)).decides
+    c = one / (0.05 * 1.1)
+    sigma = 1.0 / (1.3 * c)
+    found = sampled(plan, models(trainer, uncertain(trainer.database(), Cm_elevator=sigma), 200, seed=4))
+    wanted = 2.0 * NormalDist().cdf(1.3) - 1.0
+    assert abs(found.probability - wanted) < 3.0 * found.stderr
+    low, middle, high = found.spread()
+    assert low < middle < 1.0 < high
+    assert middle == pytest.approx(c * sigma * NormalDist().inv_cdf(0.75), rel=0.25)  # median of |e|
+
+
+def test_the_share_belongs_to_the_term_whose_error_it_is(plan, trainer):
+    found = sampled(plan, models(trainer, uncertain(trainer.database(), Cm_elevator=0.05, Cm_qhat=0.3, Cl_phat=0.1), 60))
+    for criterion in found.ratio:
+        (first, share), *_ = found.dominant(criterion)
+        assert first == "Cm/elevator"
+        assert share > 0.9
+        assert 0.97 < found.shares.loc[found.shares["criterion"] == criterion, "share"].sum() < 1.0 + 1e-9
+        assert not found.shares["source"].eq("Cl/phat").any() or abs(found.dominant(criterion, 99)[-1][1]) < 0.05
+
+
+def test_draws_depend_on_the_seed_and_not_on_the_threads(plan, trainer):
+    db = uncertain(trainer.database(), Cm_elevator=0.05)
+    one, two = (sampled(plan, models(trainer, db, 6), jobs=jobs) for jobs in (1, 2))
+    assert np.array_equal(one.decides, two.decides)
+    assert one.fan.identical(two.fan)
+    pd.testing.assert_frame_equal(one.shares, two.shares)
+    other = sampled(plan, models(trainer, db, 6, seed=1))
+    assert not np.array_equal(one.decides, other.decides)
+
+
+def test_the_fan_holds_the_model(plan, trainer):
+    found = sampled(plan, models(trainer, uncertain(trainer.database(), Cm_elevator=0.05), 40))
+    assert list(found.fan["quantile"].values) == [0.05, 0.25, 0.5, 0.75, 0.95]
+    for name, quantiles in found.fan.items():
+        assert (np.diff(quantiles.values, axis=0) >= 0.0).all()
+        inside = (quantiles.values[0] <= plan.states[name].values + 1e-6) & (plan.states[name].values <= quantiles.values[-1] + 1e-6)
+        assert inside.mean() > 0.9
+
+
+def test_instruments_move_start_drive_and_flight_together(plan, trainer):
+    time = plan.job.time
+    shift = np.stack([np.full(time.size, 0.5), np.linspace(0.0, 1.0, time.size)])
+    states = plan.states.assign({"error.V": (("error", "time"), shift)}).assign_coords(error=["bias.V", "wind_n of run"])
+    found = Instruments.of(plan.job, states, trainer.AIRCRAFT, {"mass": 0.01})
+    draw = np.array([2.0 if name in ("bias.V", "mass", "thrust1", "bias.delta_e") else 0.0 for name in found.names])
+    job = found.job(plan.job, draw)
+    assert job.parameters["init.V"] == pytest.approx(plan.job.parameters["init.V"] + 1.0)
+    assert job.parameters["mass.mass"] == pytest.approx(1.02 * plan.job.parameters["mass.mass"])
+    assert np.allclose(job.inputs["engine1.thrust_drive"], 1.04 * plan.job.inputs["engine1.thrust_drive"])
+    assert np.ptp(job.inputs["delta_e"] - plan.job.inputs["delta_e"]) < 1e-12
+    assert job.inputs["delta_e"][0] > plan.job.inputs["delta_e"][0]
+    assert np.allclose(found.recorded({"V": states["V"].values}, draw)["V"], states["V"].values + 1.0)
+    draws = found.draws(500, 3)
+    assert np.array_equal(draws, found.draws(500, 3))
+    assert np.abs(draws.mean(axis=0)).max() < 4.0 / np.sqrt(500)
+
+
+def test_shares_of_errors_that_take_each_other_back_add_up():
+    rng = np.random.default_rng(1)
+    a = rng.standard_normal(400)
+    b = -0.8 * a + 0.6 * rng.standard_normal(400)  # estimated together: their sum is known better than each
+    changes = {"CL/basic": np.outer(a, [1.0, 1.0]), "CL/elevator": np.outer(b, [1.0, 1.0])}
+    found = shares({"row": a + b}, regressors(changes, {}))
+    assert found["share"].sum() == pytest.approx(1.0, abs=0.01)
+    var = np.cov(a, b)
+    wanted = (var[0, 0] + var[0, 1]) / (var.sum())
+    assert found.set_index("source").loc["CL/basic", "share"] == pytest.approx(wanted, abs=0.02)
+
+
+def test_a_database_of_another_model_is_refused(trainer, tmp_path):
+    db = uncertain(trainer.database(), Cm_elevator=0.05)
+    fmu = flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, trainer.scaled(db, Cm_elevator=0.9)), tmp_path / "final.fmu")
+    with pytest.raises(SchemaError, match="1 terms have other values than in"):
+        DrawnModels.of(fmu, db, 3)
+    with pytest.raises(SchemaError, match="no term has standard errors"):
+        DrawnModels.of(fmu, trainer.database(), 3)
+
+
+def test_samples_are_kept_with_the_result(plan, trainer, tmp_path):
+    db = uncertain(trainer.database(), Cm_elevator=0.05, Cm_qhat=1.0)
+    aerodb.save(db, tmp_path / "final.nc")
+    fmu = flightmech.write_fmu(flightmech.compile(trainer.AIRCRAFT, db), tmp_path / "final.fmu")
+    paths = {plan.case.record: plan.states}
+    (result,) = pom.replay_sampled([plan.case], {"final": fmu}, {"final": tmp_path / "final.nc"}, 8, 2, paths, jobs=1)
+    found = result.samples["final"]
+    assert (found.count, found.seed) == (8, 2)
+    assert found.database.startswith("final.nc, sha256 ")
+    write_archive(tmp_path / "results.nc", Archive([result]), ["a"])
+    for again in (read_archive(tmp_path / "results.nc").results[0], PomResult.from_json(result.to_json())):
+        kept = again.samples["final"]
+        assert kept.numbers() == found.numbers()
+        assert np.array_equal(kept.decides, found.decides)
+        for name in found.fan:
+            assert np.allclose(kept.fan[name], found.fan[name], rtol=1e-8)
