@@ -47,7 +47,7 @@ def combine_biases(paths: Sequence[Any]) -> xr.Dataset:
     sets = [getattr(path, "biases", path) for path in paths]
     if not sets:
         raise SchemaError("combination of biases", ["no reconstruction given; give one at least"])
-    shared = [_instrument_part(found) for found in sets]
+    shared = [instrument_constants(found) for found in sets]
     names = list(dict.fromkeys(str(n) for found in shared for n in found["parameter"].values))
     prior_mean, prior, units = _common_prior(shared, names)
     base = inverse(prior)
@@ -139,7 +139,8 @@ def reconstruct_programme(
         ]
 
 
-def _instrument_part(found: xr.Dataset) -> xr.Dataset:
+def instrument_constants(found: xr.Dataset) -> xr.Dataset:
+    """Return constants without those of a single run (wind, reference pressure)."""
     keep = [name not in PER_RUN for name in map(str, found["parameter"].values)]
     return found.isel(parameter=keep, parameter_=keep)
 

@@ -58,7 +58,7 @@ def sampled(
 
     if plan.job.law is not None:
         raise SchemaError("samples", [f"case {plan.case.name}: its control law is an FMU, which the kernel does not fly"])
-    bench = _Bench.of(plan, models.model, Instruments.of(plan.job, plan.states, aircraft, errors))
+    bench = Bench.of(plan, models.model, Instruments.of(plan.job, plan.states, aircraft, errors))
     sizes = bench.instruments.draws(models.count, models.seed)
     with Parallel(n_jobs=jobs, backend="threading") as pool:
         runs = list(pool(delayed(bench.run)(model, size) for model, size in zip(models.models, sizes, strict=True)))
@@ -76,7 +76,7 @@ def sampled(
     )
 
 
-class _Run:
+class Run:
     """One draw, flown and judged."""
 
     def __init__(self, outputs: Traces, difference: Traces, outcomes: Mapping[str, Outcome], status: str, groups: Mapping[str, str]):
@@ -98,7 +98,7 @@ class _Run:
         return math.copysign(ratio, self.outcomes[criterion].worst) if math.isfinite(ratio) else ratio
 
 
-class _Bench:
+class Bench:
     """A case on which draws are flown."""
 
     def __init__(self, plan: Plan, channels: list[str], flight: Traces, limits: dict[str, TrimLimit], instruments: Instruments):
@@ -109,14 +109,15 @@ class _Bench:
         self.traced = {c.name: c.channel for c in judged if c.measure == "trace" and c.channel in self.tolerance}
 
     @classmethod
-    def of(cls, plan: Plan, model: SimModel, instruments: Instruments) -> _Bench:
+    def of(cls, plan: Plan, model: SimModel, instruments: Instruments) -> Bench:
+        """Return the bench of a case; any model of the same aircraft and terms can be flown on it."""
         count = plan.job.time.size
         flight = {str(name): np.broadcast_to(item.values, count) for name, item in plan.states.items() if item.ndim < 2}
         wanted = {*(output_of(channel, model.outputs) for channel in shown_channels(plan.case, plan.states)), *OBSERVED}
         channels = sorted(name for name in wanted if name in model.outputs)
         return cls(plan, channels, flight, trim_limits(plan.case, flight), instruments)
 
-    def run(self, model: SimModel, draw: np.ndarray) -> _Run:
+    def run(self, model: SimModel, draw: np.ndarray) -> Run:
         """Return one draw of model and instruments, flown and judged."""
         case, job = self.plan.case, self.instruments.job(self.plan.job, draw)
         flight = self.instruments.recorded(self.flight, draw)
@@ -130,9 +131,17 @@ class _Bench:
             outcomes = {name: replace(outcome, verdict=verdicts[name]) for name, outcome in outcomes.items()}
         difference = {c: outputs[c] - flight[c] for c in self.traced.values() if c in outputs and c in flight}
         kept = {name: outputs[name] for name in self.tolerance if name in outputs}
-        return _Run(kept, difference, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups)
+        return Run(kept, difference, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups)
 
-    def signed(self, criterion: str, runs: list[_Run]) -> np.ndarray:
+    def deciding(self, run: Run) -> list[str]:
+        """Return the criterion of every group that is the best of its alternatives in a run."""
+        best: dict[str, str] = {}
+        for name, group in self.groups.items():
+            if math.isfinite(run.ratio(name)) and (group not in best or run.ratio(name) < run.ratio(best[group])):
+                best[group] = name
+        return list(best.values())
+
+    def signed(self, criterion: str, runs: list[Run]) -> np.ndarray:
         """Return the signed ratio of a criterion over the draws.
 
         Of a time history at the instant where its mean square over the draws is largest: the instant of the worst changes from draw to
@@ -147,7 +156,7 @@ class _Bench:
         square = np.nanmean(np.square(ratio), axis=0) if np.isfinite(ratio).any() else np.zeros(ratio.shape[1])
         return ratio[:, int(np.argmax(square))]
 
-    def fan(self, runs: list[_Run]) -> xr.Dataset:
+    def fan(self, runs: list[Run]) -> xr.Dataset:
         """Return the quantiles of the channels with a band."""
         found = {}
         for name in map(str, self.tolerance):

@@ -44,18 +44,21 @@ def contributions(db: xr.DataTree, nodes: Mapping[str, np.ndarray], states: xr.D
     -------
     dict of str to array (draw, samples)
     """
-    every = max(1, states.sizes["time"] // _SAMPLES)
     names = [name for name in nodes if hinges or name.split("/")[0] not in HINGE]
     leaves = {name: leaf for name, leaf in aerodb.terms(db).items() if name in names}
-    if not leaves:
-        return {}
-    whole, _ = completed(_with_rates(states, db).isel(time=slice(None, None, every)), db)
-    samples, *_ = flat(whole, leaves.values())
+    samples = flown_conditions(db, leaves, states) if leaves else {}
     found = {}
     for name, leaf in leaves.items():
         dg = (nodes[name] - leaf["value"].values).reshape(len(nodes[name]), -1)
         found[name] = (_terms.basis(leaf, samples, "clamp") @ dg.T).T
     return found
+
+
+def flown_conditions(db: xr.DataTree, leaves: Mapping[str, xr.Dataset], states: xr.Dataset) -> dict[str, np.ndarray]:
+    """Return the variables of terms along a flight at about 200 of its samples. [SI]"""
+    every = max(1, states.sizes["time"] // _SAMPLES)
+    whole, _ = completed(_with_rates(states, db).isel(time=slice(None, None, every)), db)
+    return flat(whole, leaves.values())[0]
 
 
 def _with_rates(states: xr.Dataset, db: xr.DataTree) -> xr.Dataset:

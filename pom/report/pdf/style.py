@@ -32,7 +32,7 @@ text{{font-family:"{FAMILY}";font-size:10.6px;fill:#000}}
 .band{{fill:{BAND};stroke:{EDGE};stroke-width:.6}}
 .exit{{fill:url(#hatching)}}
 .trace{{fill:none;stroke-linejoin:round}}
-.fan{{stroke:none;fill-opacity:.16}}
+.fan{{stroke:none;fill-opacity:.24}}
 .hair{{fill:none;stroke:#000;stroke-width:.45;stroke-linejoin:round}}
 .lane{{stroke-width:2.4}}
 .error{{stroke:none;fill-opacity:.18}}

@@ -60,7 +60,7 @@ function drawFan(fans, name, style, data, series, bands) {   // quantiles 5, 25,
   for (const [high, low] of [[4, 0], [3, 1]]) {
     data.push(fans[`${name} ${high}`], fans[`${name} ${low}`]);
     for (const _ of [high, low]) series.push({ width: 0, points: { show: false }, show: !view.hidden.has(name) });
-    bands.push({ series: [series.length - 1, series.length], fill: () => `color-mix(in srgb, ${colour(style)} 16%, transparent)` });
+    bands.push({ series: [series.length - 1, series.length], fill: () => `color-mix(in srgb, ${colour(style)} 24%, transparent)` });
   }
 }
 function drawResidual(panel, host, width, withTime, styles) {
@@ -142,6 +142,8 @@ function drawLegend() {
   const box = { width: 26, height: 12 };
   const swatch = (words, css) => element("span", { class: "swatch" }, drawing({ viewBox: "0 0 26 12" }, ["rect", { class: css, ...box }]), words);
   if (view.data.panels.some((panel) => panel.half)) host.append(swatch("tolerance", "band"), swatch("outside", "exit"));
+  const drawn = view.data.runs.find(({ name }) => view.data.panels.some((panel) => `${name} 0` in panel.fans));
+  if (drawn) host.append(swatch("draws, 5 to 95 %", `fan ${drawn.style}-area`));
 }
 function toggle(name) {
   if (!view?.data || !view.data.runs.some((run) => run.name === name)) return;
