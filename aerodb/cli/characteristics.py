@@ -34,9 +34,22 @@ class Pairs(click.ParamType):
 @click.option(
     "--set", "further", multiple=True, type=Pairs(), help="More of the condition: delta_f='20 deg', gear=1, mass=2400, x_cg_b=-0.05 ..."
 )
+@click.option(
+    "--samples", type=int, default=0, help="Draw so many databases from the standard errors of DB, 10 or more; adds standard errors."
+)
+@click.option("--seed", type=int, default=1, show_default=True, help="Of the draws.")
 @json_option
 def characteristics(
-    database: str, aircraft: str, speed: str | None, cas: str | None, mach: float | None, altitude: str, further: tuple, as_json: bool
+    database: str,
+    aircraft: str,
+    speed: str | None,
+    cas: str | None,
+    mach: float | None,
+    altitude: str,
+    further: tuple,
+    samples: int,
+    seed: int,
+    as_json: bool,
 ) -> None:
     """Compute the flying qualities and performance of AIRCRAFT (TOML) with DB (netCDF) at one condition."""
     from flightmech import characteristics as compute
@@ -44,13 +57,18 @@ def characteristics(
     from flightmech.units import quantity
 
     from ..store.files import open
+    from ..update.characteristics_errors import with_standard_errors
 
     condition: dict[str, float] = {"h": quantity(_number(altitude), "m")}
     condition |= {name: quantity(_number(text), "m s-1") for name, text in (("V", speed), ("V_cas", cas)) if text is not None}
     condition |= {} if mach is None else {"mach": mach}
     condition |= {name: _si(name, text) for name, text in further}
     with progress("compute the characteristics"):
-        found = compute(read_aircraft(aircraft), open(database), condition)
+        craft, db = read_aircraft(aircraft), open(database)
+        found = compute(craft, db, condition)
+    if samples:
+        with progress(f"compute those of {samples} databases drawn from the standard errors"):
+            found = with_standard_errors(found, craft, db, condition, samples, seed)
     if not as_json:
         click.echo(found.report())
         return

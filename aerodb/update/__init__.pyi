@@ -1,5 +1,6 @@
 """Public names of `aerodb.update` and where they are defined; ``__init__.py`` loads them from this list."""
 
+from .characteristics_errors import with_standard_errors as with_standard_errors
 from .expectation import Expectation as Expectation
 from .posterior import covariance as covariance
 from .posterior import draw as draw

@@ -30,9 +30,10 @@ class Characteristics:
     Parameters
     ----------
     table : DataFrame
-        Index ``quantity``; columns ``group value units remark absent``: ``absent`` states why a value is NaN.
+        Index ``quantity``; columns ``group value units remark absent``: ``absent`` states why a value is NaN; ``stderr`` where the standard
+        errors of the database were carried through (`aerodb.update.with_standard_errors`). [unit of the value]
     modes : DataFrame
-        As from `flightmech.modes`.
+        As from `flightmech.modes`; then with ``omega_n_stderr`` and ``damping_ratio_stderr``.
     linear : Dataset
         As from `flightmech.linearize`, at the condition.
     derivatives : Dataset
@@ -63,7 +64,8 @@ class Characteristics:
         for group, part in self.table.groupby("group", sort=False):
             lines += ["", str(group)]
             for name, row in part.iterrows():
-                lines.append(f"  {name:24} {_number(row['value'], row['units'])}  {row['absent'] or row['remark']}")
+                error = f"{_error(row['stderr'], row['units']):12}" if "stderr" in part else ""
+                lines.append(f"  {name:24} {_number(row['value'], row['units'])}  {error}{row['absent'] or row['remark']}")
         lines += ["", "modes"]
         for _, row in self.modes.iterrows():
             lines.append(f"  {row['mode']:24} {_mode(row)}")
@@ -149,7 +151,17 @@ def _number(value: float, units: str) -> str:
     return f"{value if shown == units else from_si(value, shown):10.4g} {'' if shown == '1' else shown:10}"
 
 
+def _error(stderr: float, units: str) -> str:
+    shown = _DISPLAY.get(units, units)
+    return "" if np.isnan(stderr) else f"+- {stderr if shown == units else from_si(stderr, shown):.2g}"
+
+
 def _mode(row: pd.Series) -> str:
     times = [f"{name} {row[name]:.4g} s" for name in ("period", "t_half", "t_double") if np.isfinite(row[name])]
-    words = [f"omega_n {row['omega_n']:.4g} rad/s", f"damping ratio {row['damping_ratio']:.3g}", *times]
+    errors = {name: f" +- {row[f'{name}_stderr']:.2g}" if f"{name}_stderr" in row else "" for name in ("omega_n", "damping_ratio")}
+    words = [
+        f"omega_n {row['omega_n']:.4g}{errors['omega_n']} rad/s",
+        f"damping ratio {row['damping_ratio']:.3g}{errors['damping_ratio']}",
+        *times,
+    ]
     return ", ".join([*words, *([row["remark"]] if row["remark"] else [])])

@@ -61,8 +61,25 @@ def _fastest(climb: Callable[[float], float], best: float, speeds: tuple[float, 
         return absent(CLIMB, {"V_max": "m s-1"}, "full throttle does not hold level flight at this height")
     if climb(speeds[1]) > 0.0:
         return absent(CLIMB, {"V_max": "m s-1"}, f"beyond {speeds[1]:.4g} m/s, the end of the speeds examined: thrust exceeds drag there")
-    V = brentq(climb, best, speeds[1], xtol=TOLERANCE * best)
-    return [Row(CLIMB, "V_max", float(V), "m s-1", "full throttle, level")]
+    V = _root(climb, best, speeds[1], TOLERANCE * best)
+    if np.isnan(V):
+        return absent(CLIMB, {"V_max": "m s-1"}, f"not every level flight from {best:.4g} to {speeds[1]:.4g} m/s can be trimmed")
+    return [Row(CLIMB, "V_max", V, "m s-1", "full throttle, level")]
+
+
+def _root(f: Callable[[float], float], low: float, high: float, xtol: float) -> float:
+    """Return where a function passes through zero; NaN when it has no value at one of the places looked at."""
+    unknown: list[float] = []
+
+    def known(x: float) -> float:
+        y = f(x)
+        if np.isnan(y):
+            unknown.append(x)
+            return 0.0  # ends the search
+        return y
+
+    x = float(brentq(known, low, high, xtol=xtol))
+    return np.nan if unknown else x
 
 
 def _ceilings(point: Point) -> list[Row]:
@@ -86,12 +103,17 @@ def _ceilings(point: Point) -> list[Row]:
     for name, left in names.items():
         if not low < top:
             rows += absent(CLIMB, {name: "m"}, f"the flight is above the thrust tables, which end at {top:.5g} m")
+        elif np.isnan(ends).any():
+            rows += absent(CLIMB, {name: "m"}, f"no level flight can be trimmed at {low if np.isnan(ends[0]) else top:.5g} m")
         elif ends[1] > left:
             rows += absent(CLIMB, {name: "m"}, f"above the thrust tables: at their end, {top:.5g} m, it still climbs {ends[1]:.3g} m/s")
         elif ends[0] < left:
             rows += absent(CLIMB, {name: "m"}, f"below this height: it climbs {ends[0]:.3g} m/s here")
         else:
-            h = brentq(lambda h, left=left: best(h) - left, low, top, xtol=_NEAR)
+            h = _root(lambda h: best(h) - left, low, top, _NEAR)  # noqa: B023
+            if np.isnan(h):
+                rows += absent(CLIMB, {name: "m"}, f"not at every height from {low:.5g} to {top:.5g} m a level flight can be trimmed")
+                continue
             beyond = f"; above the tables of the deck, which end at {reach.end:.5g} m: corrected thrust held" if h > reach.end else ""
             rows.append(Row(CLIMB, name, float(h), "m", f"{left:.3g} m/s of climb left, constant true airspeed{beyond}"))
     return rows

@@ -399,3 +399,14 @@ def test_report_in_words(found):
     assert "Dutch roll" in text
     assert "deg/s" in text
     assert found.derivatives["value"].sel(coefficient="Cm", variable="qhat") == pytest.approx(-14.0)
+
+
+def test_speeds_that_cannot_be_trimmed_are_no_fault_of_the_search():
+    """A table may be such that level flights between two speeds have no trim: the highest level speed is absent with the reason."""
+    from flightmech.performance.climb import _fastest, _root
+
+    row = _fastest(lambda V: 2.0 if V < 120.0 else np.nan if V < 150.0 else -1.0, 100.0, (40.0, 180.0))[0]
+    assert np.isnan(row.value)
+    assert row.absent == "not every level flight from 100 to 180 m/s can be trimmed"
+    assert _fastest(lambda V: 150.0 - V, 100.0, (40.0, 180.0))[0].value == pytest.approx(150.0)
+    assert np.isnan(_root(lambda V: np.nan, 0.0, 1.0, 1e-3))

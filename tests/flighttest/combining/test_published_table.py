@@ -109,7 +109,7 @@ def points_of(truth, rng, wrong):
 
 
 def test_thirty_six_points_of_which_one_is_wrong_reduce_the_error_of_the_tables(tmp_path):
-    """Rms error in the flown region below 40 % of that of the prior for each of eight truths (4 to 30 % measured); most of the wrong points are suspect."""
+    """Rms error in the flown region below 40 % of that of the prior for each of eight truths (4 to 30 %); most wrong points are suspect."""
     alpha, mach = np.arange(-4, 13, 2.0) * DEG, np.array([0.15, 0.3, 0.45, 0.6])
     known = 0.15 + (5.2 + 0.5 * mach) * alpha[:, None]
     prior = terms.make(known, {"alpha": alpha, "mach": mach}, stderr=np.hypot(0.05, 0.1 * np.abs(known)), source="datcom")
