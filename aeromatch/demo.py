@@ -30,16 +30,25 @@ def demo(output: Path, jobs: int, as_json: bool) -> None:
 @click.option(
     "--resume", type=click.Path(file_okay=False, path_type=Path), help="Folder that keeps flights; what is there is not flown again."
 )
+@click.option("--compare-tables", is_flag=True, help="Make the tables in all ways and write tables_compared.csv, node by node.")
 @samples_options
 @json_option
 def match(
-    project: Path, output: Path, jobs: int, scheduler: str | None, resume: Path | None, samples: int, seed: int, as_json: bool
+    project: Path,
+    output: Path,
+    jobs: int,
+    scheduler: str | None,
+    resume: Path | None,
+    compare_tables: bool,
+    samples: int,
+    seed: int,
+    as_json: bool,
 ) -> None:
     """Perform the whole job of a PROJECT file: databases, FMUs and the Proof-of-Match report.
 
     Exit code 0 when the job was done: failed rows are its result.
     """
-    _match(project, output, jobs, as_json, scheduler=scheduler, resume=resume, samples=samples, seed=seed)
+    _match(project, output, jobs, as_json, scheduler=scheduler, resume=resume, samples=samples, seed=seed, compare=compare_tables)
 
 
 def _match(file: Path, output: Path, jobs: int, as_json: bool, **options: Any) -> None:

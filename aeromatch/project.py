@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from glob import glob
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import xarray as xr
@@ -117,6 +117,11 @@ class _File(Strict):
     listings: Listings = Field(description="Digital DATCOM listings by role: FILE, FILE:CASE, or several.")
     cases: tuple[str, ...] = Field(description="Patterns of Proof-of-Match cases.")
     cutoff: si("Hz") | None = Field(default=None, description="Low-pass before coefficients are formed; none without it.")  # type: ignore[valid-type]
+    tabulation: Literal["tabulate", "direct", "join"] = Field(
+        default="tabulate",
+        description="How flights enter the tables: local models projected on the nodes, nodes estimated directly from the samples, or "
+        "local models joined by regression.",
+    )
     held: tuple[str, ...] = Field(default=(), examples=[["Cm/qhat"]], description="Terms that keep their a-priori value.")
     errors: dict[str, Annotated[float, Field(ge=0.0)]] = Field(
         default={},
@@ -198,6 +203,8 @@ class Project:
         What is stated about the listings: `STATED`.
     published : tuple of Path
         Files of local models from elsewhere (`flighttest.combining.read_published`).
+    tabulation : str
+        How the flights enter the tables: a key of `aeromatch.workflow.WAYS`.
     """
 
     title: str
@@ -224,6 +231,7 @@ class Project:
     manoeuvres: Path | None = None
     stated: dict[str, bool] = field(default_factory=dict)
     published: tuple[Path, ...] = ()
+    tabulation: str = "tabulate"
 
     @property
     def submodels(self) -> dict[str, tuple[Flown, ...]]:
@@ -324,6 +332,7 @@ def read_project(path: str | Path) -> Project:
         existing(content.manoeuvres, "manoeuvres") if content.manoeuvres else None,
         {name: getattr(content.listings, name) for name in STATED},
         tuple(existing(name, "published") for name in content.published),
+        content.tabulation,
     )
     if problems:
         raise SchemaError(str(path), problems)

@@ -22,7 +22,7 @@ from flightmech import Aircraft
 from flightmech.aircraft.parts import different_parts
 from flightmech.errors import SchemaError, UnknownName
 from flightmech.support.atomic_write import exchangeable, folder_written_atomically
-from flighttest.combining import read_published
+from flighttest.combining import coloured_covariance, read_published, table_samples
 from flighttest.control_loading import replace_hinge_moments
 from flighttest.ground_effect import replace_ground_effect
 from pom.diagnosis import by_submodel, differing, joint_terms
@@ -44,7 +44,9 @@ from .submodels import (
 
 Step = Callable[[str], AbstractContextManager[None]]
 REPORT = "report"
-_OURS = re.compile(r"(datcom|corrected|final)(\.nc|\.toml|\.fmu|_engine\d+\.nc|_fuel\.nc)|" + re.escape(FLOWN))
+_TABLES_STEP = {"tabulate": "join {} local models", "direct": "regress samples", "join": "join {} local models by regression"}
+COMPARED = "tables_compared.csv"
+_OURS = re.compile(rf"(datcom|corrected|final)(\.nc|\.toml|\.fmu|_engine\d+\.nc|_fuel\.nc)|{re.escape(FLOWN)}|{re.escape(COMPARED)}")
 
 
 def a_priori(project: Project, aircraft: Aircraft) -> xr.DataTree:
@@ -215,12 +217,61 @@ def identify(project: Project, data: Mapping[str, xr.Dataset], windows: Windows)
     return [*found, *(fit for file in project.published for fit in read_published(file))]
 
 
-def final_database(project: Project, start: xr.DataTree, fits: Sequence[Any]) -> tuple[xr.DataTree, Any]:
-    """Return the database after the flights, and the tabulation behind it; `start` from `opened`."""
-    tabulation = aerodb.tabulate(fits, start, held=project.held)
+def samples_of(project: Project, start: xr.DataTree, data: Mapping[str, xr.Dataset], windows: Windows) -> list[xr.Dataset]:
+    """Return the samples behind every fit of the project, for tables estimated directly from them; names as those of `identify`."""
+    found = []
+    for fit, places in zip(project.fits, windows.fits, strict=True):
+        coefficients = dict.fromkeys(flighttest.Model.parse(model).coefficient for model in fit.models)
+        for record, spans in places.items():
+            parts = [flighttest.between(data[record], *span) for span in spans]
+            found += [table_samples(coefficient, start, parts, f"{record}: {fit.name}") for coefficient in coefficients]
+    return found
+
+
+WAYS: dict[str, Callable[[Project, xr.DataTree, Sequence[Any], Sequence[xr.Dataset]], Any]] = {
+    "tabulate": lambda project, start, fits, samples: aerodb.tabulate(fits, start, held=project.held),
+    "direct": lambda project, start, fits, samples: aerodb.update.regress_tables(
+        samples, start, coloured_covariance, project.held, fits=_without_samples(fits, samples)
+    ),
+    "join": lambda project, start, fits, samples: aerodb.update.join_submodels(fits, start, held=project.held),
+}
+"""How flights enter the tables, by the key ``tabulation`` of a project; from fits (`identify`) and samples (`samples_of`)."""
+
+
+def _without_samples(fits: Sequence[Any], samples: Sequence[xr.Dataset]) -> list[Any]:
+    """Return the fits of which there are no samples: those published."""
+    known = {(one.attrs["coefficient"], one.attrs["name"]) for one in samples}
+    return [fit for fit in fits if (fit.estimates.attrs["coefficient"], fit.name) not in known]
+
+
+def final_database(
+    project: Project, start: xr.DataTree, fits: Sequence[Any], samples: Sequence[xr.Dataset] = ()
+) -> tuple[xr.DataTree, Any]:
+    """Return the database after the flights, and the tabulation behind it.
+
+    Parameters
+    ----------
+    project : Project
+        Its `tabulation` is one of `WAYS`.
+    start : DataTree
+        From `opened`.
+    fits : sequence of Fit
+        From `identify`.
+    samples : sequence of Dataset
+        From `samples_of`; used by the way ``direct`` only.
+    """
+    tabulation = WAYS[project.tabulation](project, start, fits, samples)
     final = aerodb.replace_terms(start, tabulation, note="identified from flight")
     final.attrs["title"] = f"{project.title}: database after flight"
     return final, tabulation
+
+
+def compare_tables(
+    project: Project, start: xr.DataTree, fits: Sequence[Any], samples: Sequence[xr.Dataset], known: Mapping[str, Any] | None = None
+) -> pd.DataFrame:
+    """Return the nodes of all `WAYS` side by side (`aerodb.update.compare_ways`); `known` holds tabulations that are there already."""
+    found = dict(known or {})
+    return aerodb.update.compare_ways({way: found.get(way) or make(project, start, fits, samples) for way, make in WAYS.items()}, start)
 
 
 def with_submodels(database: xr.DataTree, found: Submodels, tables: bool = False) -> xr.DataTree:
@@ -319,6 +370,7 @@ def perform(
     resume: str | Path | None = None,
     samples: int = 0,
     seed: int = 0,
+    compare: bool = False,
 ) -> Outcome:
     """Do the whole job of a project and write databases, FMUs and report into a folder.
 
@@ -341,6 +393,8 @@ def perform(
         Of `pom.replay_all`: the address of a cluster for the replay, and the folder that keeps its flights.
     samples, seed : int
         Draws of the final model (`pom.replay_sampled`); none without.
+    compare : bool
+        Whether the tables are made in all `WAYS` and compared node by node, in ``tables_compared.csv``.
 
     Returns
     -------
@@ -381,8 +435,13 @@ def perform(
     with step(f"identify coefficients on {len(dict.fromkeys(name for spans in windows.fits for name in spans))} flight records"):
         data = coefficients_of(project, aircraft, paths, windows)
         fits = identify(project, data, windows)
-    with step(f"join {len(fits)} local models and the prior into tables"):
-        final, tabulation = final_database(project, start, fits)
+    with step(f"{_TABLES_STEP[project.tabulation].format(len(fits))} and the prior into tables"):
+        behind = samples_of(project, start, data, windows) if compare or project.tabulation == "direct" else []
+        final, tabulation = final_database(project, start, fits, behind)
+    compared = None
+    if compare:
+        with step(f"make the tables in all {len(WAYS)} ways and compare them"):
+            compared = compare_tables(project, start, fits, behind, {project.tabulation: tabulation})
     if project.ground_effect is not None:  # after the aerodynamics, whose lift in free air it multiplies
         with step("identify the ground effect"):
             submodels = replace(submodels, ground_effect=identified_ground_effect(project, data, windows.submodels, final))
@@ -402,6 +461,8 @@ def perform(
     with folder_written_atomically(folder, _is_ours) as new:
         with step("write three databases, aircraft and FMUs"):
             fmus = {}
+            if compared is not None:
+                compared.to_csv(new / COMPARED)
             for name, db in databases.items():
                 aerodb.save(db, new / f"{name}.nc")
                 flightmech.write_aircraft(flown[name], new / f"{name}.toml")

@@ -1,6 +1,6 @@
 """Tables from flight against the aeroplane that was flown: are the standard errors of the nodes true?
 
-    python benchmarks/table_coverage.py FOLDER --seeds 1-20 [--make] [--jobs 2]
+    python benchmarks/table_coverage.py FOLDER --seeds 1-20 [--make] [--jobs 2] [--way tabulate|direct|join|all]
 
 Simulated T-37 programmes of other seeds (the script ``t37_flight_test.py`` next to the repository, ``--make``), each through the
 identification of ``data/t37``; then every node of the final database against the value of the aircraft of the pip package ``jsbsim``.
@@ -252,31 +252,42 @@ def main() -> None:
     parser.add_argument("--seeds", default="1-20")
     parser.add_argument("--make", action="store_true", help="fly and reconstruct what is not there")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--way", choices=[*workflow.WAYS, "all"], default="tabulate", help="how the flights enter the tables")
     given = parser.parse_args()
     warnings.simplefilter("ignore", flightmech.errors.AeromatchWarning)
     # the sixteen runs of the free-air aerodynamics; engine, controls, gear and ground effect need others
     project = replace(read_project(ROOT / "data" / "t37" / "aeromatch.toml"), engine=None, controls={}, gear=None, ground_effect=None)
     aircraft = flightmech.read_aircraft(project.aircraft)
     start = workflow.opened(project, workflow.a_priori(project, aircraft))
-    found, truth = [], {}
+    ways = list(workflow.WAYS) if given.way == "all" else [given.way]
+    found, truth = {way: [] for way in ways}, {}
     for seed in seeds_of(given.seeds):
         flown = programme(given.folder, seed, project, aircraft, given.make, given.jobs)
         windows = workflow.windows_of(project, flown["records"])
-        fits = workflow.identify(project, workflow.coefficients_of(project, aircraft, flown["paths"], windows), windows)
-        _, tabulation = workflow.final_database(project, start, fits)
-        truth |= true_tables(start, [name for name in tabulation if name not in truth])
-        found.append(nodes_of(seed, start, tabulation, truth))
-        print(
-            seed,
-            *(f"{100 * float((part['error'].abs() < 2 * part['stderr']).mean()):.1f}" for _, part in found[-1].groupby("flight")),
-            flush=True,
-        )
-    nodes = pd.concat(found)
-    nodes["coefficient"] = nodes["term"].str.partition("/")[0]
-    nodes["all"] = "all"
-    with pd.option_context("display.width", 200, "display.max_rows", None, "display.float_format", "{:.4g}".format):
-        for by in ("term", "coefficient", "all"):
-            print(summary(nodes, by), end="\n\n")
+        data = workflow.coefficients_of(project, aircraft, flown["paths"], windows)
+        fits = workflow.identify(project, data, windows)
+        samples = workflow.samples_of(project, start, data, windows) if "direct" in ways else []
+        for way in ways:
+            _, tabulation = workflow.final_database(replace(project, tabulation=way), start, fits, samples)
+            truth |= true_tables(start, [name for name in tabulation if name not in truth])
+            found[way].append(nodes_of(seed, start, tabulation, truth))
+            print(seed, way, line(found[way][-1]), flush=True)
+    for way in ways:
+        nodes = pd.concat(found[way])
+        nodes["coefficient"] = nodes["term"].str.partition("/")[0]
+        nodes["all"] = "all"
+        print(f"\n{way}: {line(nodes)}")
+        with pd.option_context("display.width", 200, "display.max_rows", None, "display.float_format", "{:.4g}".format):
+            for by in ("term", "coefficient", "all"):
+                print(summary(nodes, by), end="\n\n")
+
+
+def line(nodes: pd.DataFrame) -> str:
+    """Return what counts in one line: coverage of nodes from flight and of others, rms error over the a-priori standard error."""
+    inside = [f"{100 * float((part['error'].abs() < 2 * part['stderr']).mean()):.1f}" for _, part in nodes.groupby("flight")]
+    return (
+        f"within 2: others {inside[0]}, flight {inside[-1]}; error {np.sqrt(((nodes['error'] / nodes['stderr_before']) ** 2).mean()):.3f}"
+    )
 
 
 if __name__ == "__main__":

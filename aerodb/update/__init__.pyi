@@ -1,6 +1,7 @@
 """Public names of `aerodb.update` and where they are defined; ``__init__.py`` loads them from this list."""
 
 from .characteristics_errors import with_standard_errors as with_standard_errors
+from .classical_join import join_submodels as join_submodels
 from .expectation import Expectation as Expectation
 from .posterior import covariance as covariance
 from .posterior import draw as draw
@@ -9,3 +10,4 @@ from .regression import regress_tables as regress_tables
 from .standard_errors import standard_error as standard_error
 from .tabulation import tabulate as tabulate
 from .term_decisions import decisions as decisions
+from .ways_compared import compare_ways as compare_ways

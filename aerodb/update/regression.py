@@ -20,6 +20,7 @@ what it leaves out does not scatter its estimates, and no term needs to be in al
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -28,7 +29,19 @@ from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
 from .correlation import LENGTHS, SHARES, prior_parts
-from .tabulation import Known, Observation, Tabulation, basis_at, joined, known_terms, slices_of, together
+from .tabulation import (
+    Known,
+    Observation,
+    Tabulation,
+    basis_at,
+    coefficient_of,
+    common_errors,
+    joined,
+    known_terms,
+    observe,
+    slices_of,
+    together,
+)
 
 KEEP = 4.0  # a-priori standard error of a direction over that of its measurement from which on it is kept
 _HISTORY = "regress_tables: from the samples of {} groups of manoeuvres"
@@ -44,6 +57,7 @@ def regress_tables(
     covariance: Covariance,
     held: Sequence[str] = (),
     lengths: Mapping[str, float] | None = None,
+    fits: Sequence[Any] = (),
 ) -> Tabulation:
     """Return the terms of a database estimated from samples, without local models.
 
@@ -60,11 +74,13 @@ def regress_tables(
         are the residuals; such as `flighttest.combining.coloured_covariance`.
     held, lengths
         As in `tabulate`.
+    fits : sequence of Fit
+        Estimates whose samples are not at hand, such as published values; they count as in `tabulate`.
 
     Returns
     -------
     Tabulation
-        As that of `tabulate`; a row of ``points`` for each of `samples`.
+        As that of `tabulate`; a row of ``points`` for each of `samples`, then of `fits`.
 
     Raises
     ------
@@ -82,12 +98,15 @@ def regress_tables(
         raise IdentificationError("no samples; regress_tables needs those of at least one manoeuvre")
     lengths = {**LENGTHS, **(lengths or {})}
     findings = []
-    for known in known_terms([str(one.attrs["coefficient"]) for one in samples], prior, held):
+    for known in known_terms([*(str(one.attrs["coefficient"]) for one in samples), *map(coefficient_of, fits)], prior, held):
         mine = [one for one in samples if one.attrs["coefficient"] == known.coefficient]
-        sources = list(dict.fromkeys(str(name) for one in mine if "error" in one.coords for name in one["error"].values))
-        sampled = np.max([known.sampled(one) for one in mine], axis=0)
+        given = [fit for fit in fits if coefficient_of(fit) == known.coefficient]
+        of_samples = [str(name) for one in mine if "error" in one.coords for name in one["error"].values]
+        sources = list(dict.fromkeys([*of_samples, *common_errors(given)]))
+        sampled = np.max([known.sampled(data) for data in (*mine, *(fit.data for fit in given))], axis=0)
         priors = [_declared(leaf, sampled[at], lengths) for leaf, at in zip(known.free.values(), slices_of(known.free.values()))]
-        findings.append(joined(known, [_observe(one, known, priors, sources, covariance) for one in mine], lengths, _HISTORY))
+        observed = [_observe(one, known, priors, sources, covariance) for one in mine] + [observe(fit, known, sources) for fit in given]
+        findings.append(joined(known, observed, lengths, _HISTORY))
     return together(findings)
 
 

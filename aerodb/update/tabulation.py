@@ -138,12 +138,7 @@ def tabulate(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] = (), 
     if not fits:
         raise IdentificationError("no fit; tabulate needs at least one")
     lengths = {**LENGTHS, **(lengths or {})}
-    findings = []
-    for known in known_terms([coefficient_of(fit) for fit in fits], prior, held):
-        local = [fit for fit in fits if coefficient_of(fit) == known.coefficient]
-        sources = common_errors(local)
-        findings.append(joined(known, [observe(fit, known, sources) for fit in local], lengths))
-    return together(findings)
+    return together([joined(known, observed, lengths) for known, observed in observations(fits, prior, held)])
 
 
 @dataclass(frozen=True)
@@ -205,20 +200,29 @@ def joined(
     for (name, leaf), nodes in zip(free.items(), slices_of(free.values())):
         if touched[nodes].any():
             flown = ((sampled >= FLOWN) & touched)[nodes]
-            made = _leaf(leaf, found.value[nodes], found.stderr[nodes], flown, _contributors(observed, nodes), history)
+            made = new_leaf(leaf, found.value[nodes], found.stderr[nodes], flown, contributors(observed, nodes), history)
             away = flown_distance(leaf, (sampled * touched)[nodes], lengths)
             new[name] = with_posterior(leaf, made, found.parts[name], away, lengths, found.taken[nodes], found.common[nodes])
             places[name] = flown.reshape(leaf["value"].shape)
     new = decided(leaves, of_one_origin(new), places)
-    rows = [_term_row(name, leaves[name], leaf, found.parts[name]) for name, leaf in new.items()]
-    points = _point_rows(known.coefficient, observed, leaves, {**leaves, **new}, found)
-    return Tabulation(new, pd.concat(rows), points, _compatibility_row(known.coefficient, sum(len(o.theta) for o in observed), found))
+    rows = [term_row(name, leaves[name], leaf, found.parts[name]) for name, leaf in new.items()]
+    points = point_rows(known.coefficient, observed, leaves, {**leaves, **new}, found.distance, found.weight)
+    count = sum(len(o.theta) for o in observed)
+    return Tabulation(new, pd.concat(rows), points, compatibility_row(known.coefficient, count, found.chi2, found.inflation))
 
 
 def together(findings: Sequence[Tabulation]) -> Tabulation:
     """Return what was found of several coefficients as one."""
     new = {name: leaf for one in findings for name, leaf in one.items()}
     return Tabulation(new, *(pd.concat([getattr(one, name) for one in findings]) for name in ("report", "points", "compatibility")))
+
+
+def observations(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str]) -> Iterator[tuple[Known, list[Observation]]]:
+    """Yield the terms of every coefficient and the fits of it; raises as `known_terms` does."""
+    for known in known_terms([coefficient_of(fit) for fit in fits], prior, held):
+        local = [fit for fit in fits if coefficient_of(fit) == known.coefficient]
+        sources = common_errors(local)
+        yield known, [observe(fit, known, sources) for fit in local]
 
 
 def common_errors(fits: Sequence[Any]) -> list[str]:
@@ -394,7 +398,10 @@ def _distance(residual: np.ndarray, C: np.ndarray) -> float:
     return float(np.sqrt((residual / sd) @ np.linalg.solve(correlation, residual / sd) / len(sd)))
 
 
-def _leaf(leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, flown: np.ndarray, contributors: Sequence[str], history: str) -> xr.Dataset:
+def new_leaf(
+    leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, flown: np.ndarray, contributors: Sequence[str], history: str
+) -> xr.Dataset:
+    """Return a term with its new nodes, their sources, and what made them."""
     shape = leaf["value"].shape
     flown = flown.reshape(shape) & (sd.reshape(shape) < CORRECTED * leaf["stderr"].values)
     known = leaf["source"].values if "source" in leaf else np.full(shape, _terms.SOURCES.index("judgement"), np.uint8)
@@ -412,11 +419,13 @@ def _leaf(leaf: xr.Dataset, value: np.ndarray, sd: np.ndarray, flown: np.ndarray
     return new
 
 
-def _contributors(observed: Sequence[Observation], nodes: slice) -> list[str]:
+def contributors(observed: Sequence[Observation], nodes: slice) -> list[str]:
+    """Return the names of the fits that some of the nodes enter."""
     return [o.name or f"fit {k}" for k, o in enumerate(observed) if np.abs(o.H[:, nodes]).max() > 0]
 
 
-def _term_row(name: str, before: xr.Dataset, after: xr.Dataset, weights: np.ndarray) -> pd.DataFrame:
+def term_row(name: str, before: xr.Dataset, after: xr.Dataset, weights: np.ndarray) -> pd.DataFrame:
+    """Return the row of `Tabulation.report` of a term."""
     sd0, change = before["stderr"].values.ravel(), (after["value"] - before["value"]).values.ravel()
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(sd0 > 0, after["stderr"].values.ravel() / sd0, 1.0)
@@ -439,7 +448,8 @@ def _term_row(name: str, before: xr.Dataset, after: xr.Dataset, weights: np.ndar
     return pd.DataFrame(row, index=pd.Index([name], name="term"))
 
 
-def _point_rows(coefficient: str, observed: Sequence[Observation], before, after, found: _Posterior) -> pd.DataFrame:
+def point_rows(coefficient: str, observed: Sequence[Observation], before, after, distance: np.ndarray, weight: np.ndarray) -> pd.DataFrame:
+    """Return the rows of `Tabulation.points` of a coefficient."""
     rows = []
     for k, o in enumerate(observed):
         z = o.data[coefficient].values
@@ -451,19 +461,20 @@ def _point_rows(coefficient: str, observed: Sequence[Observation], before, after
                 "rms_prior": np.sqrt((prior**2).mean()),
                 "rms": np.sqrt((new**2).mean()),
                 "range": np.ptp(z),
-                "distance": found.distance[k],
-                "weight": found.weight[k],
-                "suspect": bool(found.weight[k] < SUSPECT),
+                "distance": distance[k],
+                "weight": weight[k],
+                "suspect": bool(weight[k] < SUSPECT),
                 "clamped": max(_clamped(leaf, o.data) for leaf in before.values()),
             }
         )
     return pd.DataFrame(rows).set_index(["coefficient", "fit"])
 
 
-def _compatibility_row(coefficient: str, count: int, found: _Posterior) -> pd.DataFrame:
+def compatibility_row(coefficient: str, count: int, chi2: float, inflation: float) -> pd.DataFrame:
+    """Return the row of `Tabulation.compatibility` of a coefficient."""
     from scipy.stats import chi2 as chi2_distribution
 
-    row = {"chi2": found.chi2, "count": count, "probability": float(chi2_distribution.sf(found.chi2, count)), "inflation": found.inflation}
+    row = {"chi2": chi2, "count": count, "probability": float(chi2_distribution.sf(chi2, count)), "inflation": inflation}
     return pd.DataFrame(row, index=pd.Index([coefficient], name="coefficient"))
 
 

@@ -85,7 +85,9 @@ def _significance(old: xr.Dataset, new: xr.Dataset, known: np.ndarray) -> list[s
 
 
 def _partner(name: str, after: Mapping[str, xr.Dataset], flown: Mapping[str, np.ndarray]) -> list[str]:
-    """Return the term that a term is most correlated with at its flown nodes, when it is from `_JOINT`."""
+    """Return the term that a term is most correlated with at its flown nodes, when it is from `_JOINT`; none without a joint covariance."""
+    if "posterior_factor" not in after[name]:
+        return []
     rows = {}
     for term, leaf in after.items():
         at = flown[term].ravel()

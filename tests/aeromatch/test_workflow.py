@@ -14,6 +14,7 @@ import pom
 from aeromatch import workflow
 from aeromatch.project import NewTerm, read_project
 from aeromatch.sections import Flown, GroundEffect
+from flightmech import terms
 from flightmech.errors import SchemaError
 
 DATA = Path(__file__).parents[2] / "data" / "t37"
@@ -189,6 +190,30 @@ def test_a_project_without_new_terms_keeps_the_database(project, prior):
 def test_a_held_term_that_is_not_there(project, prior):
     with pytest.raises(SchemaError, match="held: unknown term 'CL/altitud'; near it: CL/altitude"):
         workflow.opened(replace(project, held=("CL/altitud",)), prior)
+
+
+def test_flights_enter_the_tables_in_the_way_that_the_project_names(project):
+    """Lift of 0.02 and 0.4 per rad more than the tables have, in each way; the comparison is that of all."""
+    alpha = np.arange(0.0, 0.13, 0.04)
+    leaf = terms.make(0.2 + 5.0 * alpha, {"alpha": alpha}, stderr=0.05, source="datcom")
+    root = dict(title="test", aircraft="test", S=16.0, cbar=1.6, b=10.0, x_ref=0.0, y_ref=0.0, z_ref=0.0, force_axes="stability")
+    start = aerodb.database({"CL/basic": leaf}, **root)
+    t = np.arange(0.0, 4.0, 0.02)
+    flown = 0.04 + 0.035 * np.sin(2.0 * t)
+    noise = 0.002 * np.random.default_rng(1).normal(size=len(t))
+    data = xr.Dataset({"alpha": ("time", flown), "CL": ("time", 0.22 + 5.4 * flown + noise)}, {"time": t})
+    windows = workflow.Windows([{"run_1": [(0.0, 4.0)]}], {})
+    fits = workflow.identify(project, {"run_1": data}, windows)
+    samples = workflow.samples_of(project, start, {"run_1": data}, windows)
+    assert [one.attrs["name"] for one in samples] == [fit.name for fit in fits] == ["run_1: pitch"]
+    found = {}
+    for way in workflow.WAYS:
+        final, tabulation = workflow.final_database(replace(project, tabulation=way), start, fits, samples)
+        found[way] = tabulation
+        assert float(aerodb.terms(final)["CL/basic"]["value"].sel(alpha=0.04)) == pytest.approx(0.436, abs=0.005)
+    table = workflow.compare_tables(project, start, fits, samples, {"tabulate": found["tabulate"]})
+    for way, tabulation in found.items():
+        np.testing.assert_array_equal(table[f"value {way}"], tabulation["CL/basic"]["value"])
 
 
 def test_the_inputs_are_every_file_of_the_project(shipped):

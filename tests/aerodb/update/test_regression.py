@@ -1,5 +1,7 @@
 """Nodes estimated directly from samples, on simulated records of known tables."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import xarray as xr
@@ -96,6 +98,22 @@ def test_a_held_term_stays_and_its_error_counts():
     found = regress_tables(several, database(held, **ROOT), white, held=["CL/altitude"])
     assert "CL/altitude" not in found
     assert float(found["CL/basic"]["stderr"].sel(alpha=2 * DEG, method="nearest")) == pytest.approx(0.02, rel=0.1)
+
+
+def test_published_values_count_as_they_do_among_fits():
+    """A lift of 0.30 +/- 0.001 at 1 deg, known from elsewhere, next to a flight at 6 deg and above."""
+    prior = leaves()
+    values = xr.Dataset(
+        {"estimate": ("term", [0.30]), "covariance": (("term", "term_"), [[1e-6]]), "systematic": (("term", "error"), np.zeros((1, 0)))},
+        coords={"term": ["1"], "term_": ["1"], "error": np.array([], dtype=str)},
+        attrs={"coefficient": "CL", "name": "report"},
+    )
+    data = xr.Dataset({"alpha": ("sample", [1 * DEG]), "delta_e": ("sample", [0.0]), "CL": ("sample", [0.30])})
+    one = SimpleNamespace(estimates=values, data=data, design=xr.DataArray([[1.0]], dims=("sample", "term")))
+    found = regress_tables([flown(prior, 2, 6.0, 10.0)], database(prior, **ROOT), white, fits=[one])
+    lift = 0.5 * float(found["CL/basic"]["value"].sel(alpha=[0.0, 2 * DEG], method="nearest").sum())
+    assert lift == pytest.approx(0.30, abs=0.002)  # the tables have 0.287
+    assert list(found.points.index) == [("CL", "flight 2"), ("CL", "report")]
 
 
 def test_portions_of_the_samples_give_the_same(monkeypatch):
