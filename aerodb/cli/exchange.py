@@ -47,19 +47,33 @@ grid_option = click.option(
 )
 
 
-def sampling_options(verb: Any) -> Any:
-    """Return a verb with ``--sample`` and ``--grid``."""
-    return sample_option(grid_option(verb))
+def reading_options(verb: Any) -> Any:
+    """Return a verb with the options of `reader_options`."""
+    without = click.option("--without", multiple=True, help="jsbsim: a function to leave out; daveml: a coefficient to leave out.")
+    travel = click.option(
+        "--travel", multiple=True, help="jsbsim: full deflection of a control that moves as a fraction, such as 'delta_f=40 deg'."
+    )
+    return without(travel(sample_option(grid_option(verb))))
 
 
-def sampling(key: str, sample: float | None, grid: tuple[tuple[str, list[float]], ...]) -> dict[str, Any]:
-    """Return the options of a reader; `key` is what it calls the grid."""
-    if sample is None:
-        raise click.UsageError("--grid states where functions are sampled; give --sample, the largest difference allowed, with it")
-    for name, points in grid:
-        if key == "box" and len(points) != 2:
-            raise click.UsageError(f"--grid {name} has {len(points)} numbers; for jsbsim give the two ends of a range")
-    return {"sample": sample, key: dict(grid)}
+def reader_options(
+    fmt: str, without: tuple[str, ...], travel: tuple[str, ...], sample: float | None, grid: tuple[tuple[str, list[float]], ...]
+) -> dict[str, Any]:
+    """Return the options of the reader of a format; those that belong to another format are refused."""
+    options: dict[str, Any] = {}
+    if without:
+        options[_only("--without", fmt, {"jsbsim": "leave_out", "daveml": "without"})] = without
+    if travel:
+        options[_only("--travel", fmt, {"jsbsim": "travel"})] = dict(_deflection(text) for text in travel)
+    if sample is not None or grid:
+        key = _only("--sample", fmt, {"jsbsim": "box", "daveml": "grid"})
+        if sample is None:
+            raise click.UsageError("--grid states where functions are sampled; give --sample, the largest difference allowed, with it")
+        for name, points in grid:
+            if key == "box" and len(points) != 2:
+                raise click.UsageError(f"--grid {name} has {len(points)} numbers; for jsbsim give the two ends of a range")
+        options |= {"sample": sample, key: dict(grid)}
+    return options
 
 
 def imported(fmt: str, file: str, options: Mapping[str, Any]) -> xr.DataTree:
@@ -154,33 +168,16 @@ def _with_height_tables(db: xr.DataTree, height: str) -> xr.DataTree:
 @click.command("import")
 @click.argument("file", type=click.Path(exists=True))
 @click.option("-o", "--output", required=True, type=NewFile(), help="The database, netCDF-4.")
-@click.option("--without", multiple=True, help="jsbsim: a function to leave out; daveml: a coefficient to leave out.")
-@click.option("--travel", multiple=True, help="jsbsim: full deflection of a control that moves as a fraction, such as 'delta_f=40 deg'.")
-@sampling_options
+@reading_options
 @json_option
-def import_database(
-    file: str,
-    output: str,
-    without: tuple[str, ...],
-    travel: tuple[str, ...],
-    sample: float | None,
-    grid: tuple[tuple[str, list[float]], ...],
-    as_json: bool,
-) -> None:
+def import_database(file: str, output: str, as_json: bool, **options: Any) -> None:
     """Read a database from FILE, a folder of CSV files or a file of another program; the format is recognised by content."""
     from ..exchange.recognition import recognized
     from ..store.files import save
     from ..store.overview import describe, summary
 
     fmt = recognized(Path(file))
-    options: dict[str, Any] = {}
-    if without:
-        options[_only("--without", fmt, {"jsbsim": "leave_out", "daveml": "without"})] = without
-    if travel:
-        options[_only("--travel", fmt, {"jsbsim": "travel"})] = dict(deflection(text) for text in travel)
-    if sample is not None or grid:
-        options |= sampling(_only("--sample", fmt, {"jsbsim": "box", "daveml": "grid"}), sample, grid)
-    tree = imported(fmt, file, options)
+    tree = imported(fmt, file, reader_options(fmt, **options))
     save(tree, output)
     if as_json:
         document({"file": output, "format": fmt, "attributes": tree.attrs, "terms": describe(tree)})
@@ -197,7 +194,7 @@ def _only(option: str, fmt: str, names: dict[str, str]) -> str:
     return names[fmt]
 
 
-def deflection(text: str) -> tuple[str, float]:
+def _deflection(text: str) -> tuple[str, float]:
     """Return control and angle [rad] of ``delta_f=40 deg``."""
     from flightmech.units import quantity
 

@@ -9,7 +9,7 @@ import click
 
 from flightmech.support.console import InputFile, NewFile, document, json_option
 
-from .exchange import deflection, imported, print_sampled, sampling, sampling_options
+from .exchange import imported, print_sampled, reader_options, reading_options
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -26,9 +26,7 @@ _OF_DAVEML = ("inertia", "propulsion", "at", "names")
 @click.option("--inertia", type=InputFile(), help="daveml: the file of mass properties, which is needed.")
 @click.option("--propulsion", type=InputFile(), help="daveml: the file of the thrust.")
 @click.option("--at", multiple=True, help="daveml: an input of the inertia file in its units, such as CG_PCT_MAC=25.")
-@click.option("--without", multiple=True, help="jsbsim: a function to leave out; daveml: a coefficient to leave out.")
-@click.option("--travel", multiple=True, help="jsbsim: full deflection of a control that moves as a fraction, such as 'delta_f=40 deg'.")
-@sampling_options
+@reading_options
 @click.option("--x-ref-mac", type=float, default=0.25, show_default=True, help="Moment reference behind the leading edge, in chords.")
 @click.option("--name", default="", help="Name of the aircraft; that of the file unless given.")
 @click.option("--force", is_flag=True, help="Overwrite older files.")
@@ -62,11 +60,9 @@ def import_aircraft(
     fmt = recognized(Path(file))
     if fmt not in ("jsbsim", "daveml"):
         raise click.UsageError(f"{file} is a file of the format {fmt}, which holds no aircraft; give a JSBSim or DAVE-ML file")
-    options: dict[str, Any] = {}
-    if sample is not None or grid:
-        options |= sampling("box" if fmt == "jsbsim" else "grid", sample, grid)
+    options = reader_options(fmt, without, travel, sample, grid)
     read = _jsbsim if fmt == "jsbsim" else _daveml
-    tree, aircraft = read(file, options, without, travel, daveml, {"name": name, "x_ref_mac": x_ref_mac})
+    tree, aircraft = read(file, options, daveml, {"name": name, "x_ref_mac": x_ref_mac})
     sim = flightmech.compile(aircraft, tree)
     save(tree, path)
     written = write_aircraft(aircraft, path.with_suffix(".toml"))
@@ -89,28 +85,25 @@ def _demand_new(path: Path, force: bool) -> None:
         raise click.UsageError(f"{', '.join(map(str, older))}: already there; give another name, or --force to overwrite")
 
 
-def _jsbsim(file: str, options: dict, without: tuple, travel: tuple, daveml: dict, own: dict) -> tuple[xr.DataTree, Aircraft]:
+def _jsbsim(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataTree, Aircraft]:
     from ..exchange.jsbsim.mass_properties import import_jsbsim_aircraft
 
     for key in _OF_DAVEML:
         if daveml[key]:
             raise click.UsageError(f"--{key} belongs to daveml; leave it out for jsbsim")
-    options |= {"leave_out": without, "travel": dict(deflection(text) for text in travel)}
     return imported("jsbsim", file, options), import_jsbsim_aircraft(file, **own)
 
 
-def _daveml(file: str, options: dict, without: tuple, travel: tuple, daveml: dict, own: dict) -> tuple[xr.DataTree, Aircraft]:
+def _daveml(file: str, options: dict, daveml: dict, own: dict) -> tuple[xr.DataTree, Aircraft]:
     from ..exchange.daveml.to_database.airframe import import_daveml_aircraft
 
-    if travel:
-        raise click.UsageError("--travel belongs to jsbsim; leave it out for daveml")
     if daveml["inertia"] is None:
         raise click.UsageError(
             "--inertia is needed: a DAVE-ML file of aerodynamics holds no mass; without an aircraft use aeromatch db import"
         )
     names = dict(_pair(text, "--names", "ALPHA_TOT_D=alpha [deg]") for text in daveml["names"])
     inputs = {key: _number(value) for key, value in (_pair(text, "--at", "CG_PCT_MAC=25") for text in daveml["at"])}
-    tree = imported("daveml", file, {**options, "without": without, "names": names})
+    tree = imported("daveml", file, {**options, "names": names})
     return tree, import_daveml_aircraft(tree, daveml["inertia"], daveml["propulsion"], inputs, **own)
 
 
