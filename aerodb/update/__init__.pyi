@@ -7,6 +7,7 @@ from .posterior import covariance as covariance
 from .posterior import draw as draw
 from .posterior import drawn as drawn
 from .regression import regress_tables as regress_tables
+from .shapes import Shape as Shape
 from .standard_errors import standard_error as standard_error
 from .tabulation import tabulate as tabulate
 from .term_decisions import decisions as decisions

@@ -28,7 +28,9 @@ import xarray as xr
 from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
+from ..store.schema import terms
 from .correlation import LENGTHS, SHARES, prior_parts
+from .shapes import Shape, demand_shapes
 from .tabulation import (
     Known,
     Observation,
@@ -58,6 +60,7 @@ def regress_tables(
     held: Sequence[str] = (),
     lengths: Mapping[str, float] | None = None,
     fits: Sequence[Any] = (),
+    shapes: Mapping[str, Sequence[Shape]] | None = None,
 ) -> Tabulation:
     """Return the terms of a database estimated from samples, without local models.
 
@@ -72,7 +75,7 @@ def regress_tables(
     covariance : callable
         ``covariance(samples, X, v)``: the covariance of the least-squares estimate with the regressors X (sample, term), of which v
         are the residuals; such as `flighttest.combining.coloured_covariance`.
-    held, lengths
+    held, lengths, shapes
         As in `tabulate`.
     fits : sequence of Fit
         Estimates whose samples are not at hand, such as published values; they count as in `tabulate`.
@@ -97,6 +100,7 @@ def regress_tables(
     if not samples:
         raise IdentificationError("no samples; regress_tables needs those of at least one manoeuvre")
     lengths = {**LENGTHS, **(lengths or {})}
+    demand_shapes(shapes or {}, {name: leaf for name, leaf in terms(prior).items() if name not in held})
     findings = []
     for known in known_terms([*(str(one.attrs["coefficient"]) for one in samples), *map(coefficient_of, fits)], prior, held):
         mine = [one for one in samples if one.attrs["coefficient"] == known.coefficient]
@@ -106,7 +110,7 @@ def regress_tables(
         sampled = np.max([known.sampled(data) for data in (*mine, *(fit.data for fit in given))], axis=0)
         priors = [_declared(leaf, sampled[at], lengths) for leaf, at in zip(known.free.values(), slices_of(known.free.values()))]
         observed = [_observe(one, known, priors, sources, covariance) for one in mine] + [observe(fit, known, sources) for fit in given]
-        findings.append(joined(known, observed, lengths, _HISTORY))
+        findings.append(joined(known, observed, lengths, shapes, _HISTORY))
     return together(findings)
 
 

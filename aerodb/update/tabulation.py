@@ -46,6 +46,7 @@ from flightmech.errors import IdentificationError, SchemaError, UnknownName
 from ..store.schema import coefficients, terms
 from .correlation import LENGTHS, PARTS, SHARES, SPREADS, flown_distance, prior_parts
 from .posterior import joint_covariance, of_one_origin, with_posterior
+from .shapes import Shape, demand_shapes, shaped
 from .term_decisions import CORRECTED, REPLACED, decided
 
 SUSPECT = 0.3  # weight below which a fit is listed as suspect
@@ -100,7 +101,13 @@ class Tabulation(Mapping):
         return len(self.terms)
 
 
-def tabulate(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] = (), lengths: Mapping[str, float] | None = None) -> Tabulation:
+def tabulate(
+    fits: Sequence[Any],
+    prior: xr.DataTree,
+    held: Sequence[str] = (),
+    lengths: Mapping[str, float] | None = None,
+    shapes: Mapping[str, Sequence[Shape]] | None = None,
+) -> Tabulation:
     """Return the terms of a database after the fits have been heard.
 
     Parameters
@@ -116,6 +123,9 @@ def tabulate(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] = (), 
         the others.
     lengths : mapping, optional
         Correlation lengths by axis that differ from `LENGTHS`; ``inf`` for fully correlated. [SI]
+    shapes : mapping of str to sequence of Shape, optional
+        What the table of a term must be, by ``"CL/basic"``: `aerodb.update.Shape`.  Values meet it, standard errors stay; ``report`` has
+        the inequalities at their bound (``shape_bounds``) and what they would make of the standard errors (``shape_ratio``).
 
     Returns
     -------
@@ -138,7 +148,8 @@ def tabulate(fits: Sequence[Any], prior: xr.DataTree, held: Sequence[str] = (), 
     if not fits:
         raise IdentificationError("no fit; tabulate needs at least one")
     lengths = {**LENGTHS, **(lengths or {})}
-    return together([joined(known, observed, lengths) for known, observed in observations(fits, prior, held)])
+    demand_shapes(shapes or {}, {name: leaf for name, leaf in terms(prior).items() if name not in held})
+    return together([joined(known, observed, lengths, shapes) for known, observed in observations(fits, prior, held)])
 
 
 @dataclass(frozen=True)
@@ -189,7 +200,11 @@ class _Posterior:
 
 
 def joined(
-    known: Known, observed: Sequence[Observation], lengths: Mapping[str, float], history: str = "tabulate: joined with {} fits"
+    known: Known,
+    observed: Sequence[Observation],
+    lengths: Mapping[str, float],
+    shapes: Mapping[str, Sequence[Shape]] | None = None,
+    history: str = "tabulate: joined with {} fits",
 ) -> Tabulation:
     """Return the terms of one coefficient given all observations of it."""
     leaves, free = known.leaves, known.free
@@ -204,8 +219,9 @@ def joined(
             away = flown_distance(leaf, (sampled * touched)[nodes], lengths)
             new[name] = with_posterior(leaf, made, found.parts[name], away, lengths, found.taken[nodes], found.common[nodes])
             places[name] = flown.reshape(leaf["value"].shape)
-    new = decided(leaves, of_one_origin(new), places)
+    new, effect = shaped(decided(leaves, of_one_origin(new), places), shapes or {})
     rows = [term_row(name, leaves[name], leaf, found.parts[name]) for name, leaf in new.items()]
+    rows = [row.assign(**effect.get(name, {})) for name, row in zip(new, rows)]
     points = point_rows(known.coefficient, observed, leaves, {**leaves, **new}, found.distance, found.weight)
     count = sum(len(o.theta) for o in observed)
     return Tabulation(new, pd.concat(rows), points, compatibility_row(known.coefficient, count, found.chi2, found.inflation))

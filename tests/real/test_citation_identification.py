@@ -10,6 +10,7 @@ import pytest
 import aerodb
 import flighttest
 from flightmech import terms
+from flighttest.combining import coloured_covariance, table_samples
 
 ALPHAS = np.radians([2.0, 4.0, 6.0, 8.0])
 LIFT_SLOPE = {2018: 4.585, 2020: 4.44}  # 1/rad, against the vane reading
@@ -136,6 +137,25 @@ def test_lift_table_moves_to_the_flight(citation, prior):
         point = tabulation.points.iloc[0]
         assert point["rms"] < 0.35 * point["rms_prior"]
         assert int(tabulation.report.loc["CL/basic", "flight"]) > 5
+
+
+@pytest.mark.slow
+def test_three_ways_to_tables_agree_on_the_flight(citation, prior):
+    """Flown nodes within two combined standard errors of each other, all from the same samples (0.91 measured)."""
+    lateral = [citation.coefficients(2018, "dutch_roll", -3.0, 16.0), citation.coefficients(2018, "aperiodic_roll", -3.0, 20.0)]
+    flown = {"CL": (0, citation.stationary_parts(2018)), "CY": (3, lateral), "Cl": (4, lateral), "Cn": (5, lateral)}
+    fits = [citation.fits_of(2018)[number] for number, _ in flown.values()]
+    samples = [table_samples(name, prior, data, name) for name, (_, data) in flown.items()]
+    found = {
+        "tabulate": aerodb.tabulate(fits, prior, held=["CL/altitude"]),
+        "direct": aerodb.update.regress_tables(samples, prior, coloured_covariance, held=["CL/altitude"]),
+        "join": aerodb.update.join_submodels(fits, prior, held=["CL/altitude"]),
+    }
+    table = aerodb.update.compare_ways(found, prior)
+    table = table[table["source direct"] == "flight"]
+    assert set(table.index.get_level_values("term")) >= {"CL/basic", "CY/beta", "Cl/beta", "Cn/beta", "Cn/rudder"}
+    for pair in ("tabulate - direct", "tabulate - join", "direct - join"):
+        assert float(table[pair].abs().max()) < 2.0
 
 
 def frequency(citation, model, data, band):

@@ -9,7 +9,9 @@ import xarray as xr
 from aerodb.store.schema import database
 from aerodb.update import regression
 from aerodb.update.correlation import PARTS, prior_parts
+from aerodb.update.posterior import joint_covariance
 from aerodb.update.regression import regress_tables
+from aerodb.update.shapes import Shape
 from flightmech import terms
 from flightmech.errors import IdentificationError, SchemaError, UnknownName
 
@@ -145,3 +147,79 @@ def test_unusable_input_is_refused():
             database({"CL/x": terms.make([0.0, 1.0], {"delta_e": [0.0, 0.1]}, stderr=0.1)}, **ROOT),
             white,
         )
+
+
+def wavy():
+    """A lift curve that falls between 4 and 6 deg."""
+    truth = moved(leaves())
+    basic = truth["CL/basic"]
+    return {**truth, "CL/basic": basic.assign(value=basic["value"] - 0.25 * (basic["alpha"] > 5 * DEG))}
+
+
+def found(shapes=None, truth=None):
+    samples = [flown(truth or wavy(), k, 0.0, 8.0) for k in (2, 3)]
+    return regress_tables(samples, database(leaves(), **ROOT), white, shapes=shapes)
+
+
+def test_a_shape_that_the_flights_support_changes_nothing():
+    true = moved(leaves())
+    plain, risen = (found(shapes, true) for shapes in (None, {"CL/basic": [Shape("rising", "alpha", high=8 * DEG)]}))
+    for name in plain:
+        np.testing.assert_array_equal(risen[name]["value"], plain[name]["value"])
+    assert risen.report.loc["CL/basic", "shape_bounds"] == 0
+    assert risen.report.loc["CL/basic", "shape_ratio"] == pytest.approx(1.0)
+    assert "shape_bounds" not in plain.report
+
+
+def test_nodes_are_the_most_probable_ones_that_rise():
+    """Against the quadratic programme solved by SciPy's general solver."""
+    from scipy.optimize import minimize
+
+    plain, risen = found(), found({"CL/basic": [Shape("rising", "alpha")]})
+    names, V = joint_covariance(plain.terms)
+    g = np.concatenate([plain[name]["value"].values.ravel() for name in names])
+    scale = np.sqrt(np.diag(V))
+    P = np.linalg.inv(V / np.outer(scale, scale))
+    rise = [{"type": "ineq", "fun": lambda x, k=k: (g + scale * x)[k + 1] - (g + scale * x)[k]} for k in range(8)]
+    best = minimize(
+        lambda x: 0.5 * x @ P @ x,
+        np.zeros(len(g)),
+        jac=lambda x: P @ x,
+        constraints=rise,
+        method="SLSQP",
+        options={"maxiter": 500, "ftol": 1e-14},
+    )
+    value = np.concatenate([risen[name]["value"].values.ravel() for name in names])
+    cost = 0.5 * ((value - g) / scale) @ P @ ((value - g) / scale)
+    assert cost == pytest.approx(best.fun, rel=1e-3)
+    assert np.diff(risen["CL/basic"]["value"]).min() > -1e-9
+    assert risen.report.loc["CL/basic", "shape_bounds"] >= 1
+    assert risen.report.loc["CL/basic", "shape_ratio"] < 1.0
+    np.testing.assert_array_equal(risen["CL/basic"]["stderr"], plain["CL/basic"]["stderr"])
+    assert "Shape rising alpha: " in risen["CL/basic"].attrs["comment"]
+
+
+def test_a_sign_is_kept_where_it_is_demanded():
+    shape = Shape("not_negative", "alpha", low=-5 * DEG, high=0.0)
+    low = leaves()
+    low["CL/basic"] = low["CL/basic"].assign(value=low["CL/basic"]["value"] - 0.3)
+    plain, kept = found(truth=low), found({"CL/basic": [shape]}, low)
+    assert float(plain["CL/basic"]["value"].sel(alpha=0.0)) < -0.05
+    assert float(kept["CL/basic"]["value"].sel(alpha=slice(None, 0.001)).min()) > -1e-9
+
+
+def test_a_demand_that_makes_no_sense_is_refused():
+    with pytest.raises(UnknownName, match="unknown kind of shape 'convex'"):
+        Shape("convex", "alpha")
+    with pytest.raises(IdentificationError, match="rising: no axis"):
+        Shape("rising")
+    with pytest.raises(UnknownName, match="unknown term with a shape 'CL/basics'"):
+        found({"CL/basics": [Shape("rising", "alpha")]})
+    with pytest.raises(UnknownName, match="unknown axis of CL/basic 'mach'"):
+        found({"CL/basic": [Shape("rising", "mach")]})
+    known = leaves()
+    known["CL/basic"] = terms.make(
+        -known["CL/basic"]["value"].values, {"alpha": known["CL/basic"]["alpha"].values}, stderr=0.0, source="datcom"
+    )
+    with pytest.raises(IdentificationError, match="CL/basic: nodes with standard error 0 contradict"):
+        regress_tables([flown(known, 2)], database(known, **ROOT), white, shapes={"CL/basic": [Shape("rising", "alpha")]})
