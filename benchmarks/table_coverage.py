@@ -277,7 +277,9 @@ def main() -> None:
         nodes["coefficient"] = nodes["term"].str.partition("/")[0]
         nodes["all"] = "all"
         print(f"\n{way}: {line(nodes)}")
-        with pd.option_context("display.width", 200, "display.max_rows", None, "display.float_format", "{:.4g}".format):
+        with pd.option_context(
+            "display.width", 200, "display.max_rows", None, "display.max_columns", None, "display.float_format", "{:.4g}".format
+        ):
             for by in ("term", "coefficient", "all"):
                 print(summary(nodes, by), end="\n\n")
 

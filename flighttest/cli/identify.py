@@ -200,9 +200,16 @@ def inertia(ctx, paths, aircraft_file, models, scale, windows, cutoff, as_json) 
 @click.argument("fits", nargs=-1, required=True, type=InputFile())
 @click.option("--database", "database_file", required=True, type=InputFile(), help="A-priori tables.")
 @click.option("--hold", "held", multiple=True, help="A term that keeps its values, such as CL/altitude.")
+@click.option(
+    "--way",
+    type=click.Choice(["tabulate", "join"]),
+    default="tabulate",
+    show_default=True,
+    help="Local models projected on the nodes, or joined by regression, clean configuration first.",
+)
 @click.option("-o", "--output", required=True, type=NewFile(), help="Write the database with the new tables.")
 @json_option
-def tabulate(fits, database_file, held, output, as_json) -> None:
+def tabulate(fits, database_file, held, way, output, as_json) -> None:
     """Join FITS of any coefficients (files of identify, select or join; CSV files of published models) with the tables of a database."""
     import aerodb
 
@@ -212,7 +219,7 @@ def tabulate(fits, database_file, held, output, as_json) -> None:
     prior = aerodb.open(database_file)
     given = [fit for path in fits for fit in (read_published(path) if path.lower().endswith(".csv") else [open_fit(path)])]
     with progress(f"join {len(given)} fits with the tables"):
-        found = aerodb.tabulate(given, prior, held)
+        found = aerodb.tabulate(given, prior, held) if way == "tabulate" else aerodb.update.join_submodels(given, prior, held)
     aerodb.save(aerodb.replace_terms(prior, found, note="identified from flight"), output)
     report = found.report
     points = found.points.reset_index()

@@ -192,6 +192,11 @@ def test_fits_join_the_tables_of_a_database(files):
     held = CliRunner().invoke(tabulate, [*words, "--hold", "CY/beta", "-o", str(folder / "held.nc"), "--json"], catch_exceptions=False)
     assert set(json.loads(held.output)["terms"]) == {"CY/rudder"}
     assert float(aerodb.terms(aerodb.open(folder / "held.nc"))["CY/beta"]["value"]) == -0.4
+    joined = CliRunner().invoke(tabulate, [*words, "--way", "join", "-o", str(folder / "joined.nc"), "--json"], catch_exceptions=False)
+    assert json.loads(joined.output)["terms"]["CY/beta"]["level"] is None  # no part of a prior covariance is learnt
+    beta = aerodb.terms(aerodb.open(folder / "joined.nc"))["CY/beta"]
+    assert beta.attrs["history"].startswith("join_submodels: joined with 1 fits")
+    assert float(beta["value"]) == pytest.approx(-0.5, abs=3 * float(beta["stderr"]))
     with pytest.raises(UnknownName, match="unknown held term 'CY/bet'; near it: CY/beta"):
         CliRunner().invoke(tabulate, [*words, "--hold", "CY/bet", "-o", str(folder / "no.nc")], catch_exceptions=False)
     assert not (folder / "no.nc").exists()
