@@ -8,6 +8,7 @@ delayed and nothing folds down.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import xarray as xr
@@ -57,16 +58,23 @@ def lowpass(x, rate: float, cutoff: float = SMOOTHING) -> np.ndarray:
     Two passes give -6 dB at the design frequency; it is raised by (sqrt(2) - 1)^(-1/8) = 1.117.  Both ends are padded by
     odd reflection over three time constants of the slowest pole (at least 0.5/cutoff); treat 0.5 s at each end as lost.
     """
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
     design = cutoff / (math.sqrt(2.0) - 1.0) ** 0.125
     if not 0.0 < design < 0.5 * rate:
         raise OutOfRange(f"cut-off {cutoff:g} Hz at {rate:g} samples per second; it must lie between 0 and {0.5 * rate * 0.895:g} Hz")
     x = np.asarray(x, float)
-    sections = butter(4, design, fs=rate, output="sos")
     slowest = 1.0 / (2.0 * math.pi * design * math.sin(math.pi / 8.0))
     pad = math.ceil(rate * max(0.5 / cutoff, 3.0 * slowest))
-    return sosfiltfilt(sections, x, padtype="odd", padlen=min(pad, len(x) - 1))
+    return sosfiltfilt(_butterworth(design, rate), x, padtype="odd", padlen=min(pad, len(x) - 1))
+
+
+@lru_cache(maxsize=256)  # one design takes as long as filtering a manoeuvre
+def _butterworth(cutoff: float, rate: float) -> np.ndarray:
+    """Return the second-order sections of the Butterworth filter of order 4; not to be written to."""
+    from scipy.signal import butter
+
+    return butter(4, cutoff, fs=rate, output="sos")
 
 
 def resample(time, x, grid, name: str) -> np.ndarray:
