@@ -10,6 +10,7 @@ from . import replaying as replaying
 from . import report as report
 from . import sampling as sampling
 from . import tolerances as tolerances
+from . import tuning as tuning
 from .archive import provenance as provenance
 from .archive import read_archive as read_archive
 from .archive import verify as verify

@@ -99,6 +99,7 @@ ORDER = {
         "drafting",
         "archive",
         "sampling",
+        "tuning",
         "report",
         "cli",
     ],

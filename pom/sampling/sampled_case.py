@@ -77,10 +77,25 @@ def sampled(
 
 
 class Run:
-    """One draw, flown and judged."""
+    """One draw, flown and judged.
+
+    Attributes
+    ----------
+    outputs, difference : dict of str to array (time,)
+        Channels with a band, and how far they are from the flight. [SI]
+    outcomes : mapping of str to Outcome
+        By criterion.
+    status : str
+        One of `pom.result.STATUSES`.
+    decides : float
+        Ratio that decides. [1]
+    trim : dict of str to float
+        Trim quantities over their limits. [1]
+    """
 
     def __init__(self, outputs: Traces, difference: Traces, outcomes: Mapping[str, Outcome], status: str, groups: Mapping[str, str]):
         self.outputs, self.difference, self.outcomes, self.status = outputs, difference, outcomes, status
+        self.trim: dict[str, float] = {}
         best: dict[str, float] = {}
         for name, group in groups.items():
             if math.isfinite(ratio := self.ratio(name)):
@@ -103,6 +118,8 @@ class Bench:
 
     def __init__(self, plan: Plan, channels: list[str], flight: Traces, limits: dict[str, TrimLimit], instruments: Instruments):
         self.plan, self.channels, self.flight, self.limits, self.instruments = plan, channels, flight, limits, instruments
+        sizes = {name: limit.size if limit.allowed else min(limit.size, limit.usual) for name, limit in limits.items()}
+        self.trim_sizes = {name: size for name, size in sizes.items() if math.isfinite(size)}
         self.tolerance = bands(plan.case, plan.job.time, flight)
         judged = [c for c in plan.case.criteria if c.applies and c.measure != "setup"]
         self.groups = {criterion.name: criterion.group for criterion in judged}
@@ -131,7 +148,9 @@ class Bench:
             outcomes = {name: replace(outcome, verdict=verdicts[name]) for name, outcome in outcomes.items()}
         difference = {c: outputs[c] - flight[c] for c in self.traced.values() if c in outputs and c in flight}
         kept = {name: outputs[name] for name in self.tolerance if name in outputs}
-        return Run(kept, difference, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups)
+        run = Run(kept, difference, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups)
+        run.trim = {name: float(outputs[f"trim.{name}"][0]) / size for name, size in self.trim_sizes.items() if f"trim.{name}" in outputs}
+        return run
 
     def deciding(self, run: Run) -> list[str]:
         """Return the criterion of every group that is the best of its alternatives in a run."""

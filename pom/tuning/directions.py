@@ -1,0 +1,89 @@
+"""Directions of the nodes of a database that matter along flights, each one standard error long.
+
+Along a flight a coefficient changes by B dg, with B the interpolation weights of its nodes, and V is the covariance of these.  The smallest
+change, in the metric of V, that makes given changes of the coefficient lies in the span of V B'.  With the eigenvectors u_k and
+eigenvalues l_k of B V B', the directions V B' u_k/sqrt(l_k) are orthonormal in that metric: sum z_k d_k has the Mahalanobis distance |z|.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+import aerodb
+from aerodb.store.schema import HINGE
+from flightmech import terms as _terms
+
+from ..sampling.shares import flown_conditions
+
+LEAST = 1e-4  # of the largest eigenvalue
+MOST = 12  # of a coefficient
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Directions of node changes.
+
+    Attributes
+    ----------
+    of : tuple of str
+        The coefficient that each changes (direction,).
+    nodes : dict of str to array (direction, nodes)
+        By term, in the order of ``value.ravel()``: change of the nodes for one standard error.
+    """
+
+    of: tuple[str, ...]
+    nodes: Mapping[str, np.ndarray]
+
+    @classmethod
+    def along(cls, db: xr.DataTree, flights: Sequence[xr.Dataset], hinges: bool) -> Directions:
+        """Return the directions that flights determine.
+
+        Parameters
+        ----------
+        db : DataTree
+            With standard errors.
+        flights : sequence of Dataset (time,)
+            States of the cases. [SI]
+        hinges : bool
+            Whether hinge moments are among them.
+        """
+        leaves = {name: leaf for name, leaf in aerodb.terms(db).items() if "stderr" in leaf}
+        heads = [head for head in dict.fromkeys(name.split("/")[0] for name in leaves) if hinges or head not in HINGE]
+        found = {head: _of(db, head, leaves, flights) for head in heads}
+        of = tuple(head for head in heads for _ in range(len(found[head][0])))
+        nodes: dict[str, np.ndarray] = {}
+        first = 0
+        for head in heads:
+            D, slices = found[head]
+            for name, rows in slices.items():
+                nodes[name] = np.zeros((len(of), rows.stop - rows.start))
+                nodes[name][first : first + len(D)] = D[:, rows]
+            first += len(D)
+        return cls(of, nodes)
+
+    def change(self, z: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the change of the nodes (nodes,) by term for the amounts z (direction,), in standard errors."""
+        return {name: z @ D for name, D in self.nodes.items()}
+
+
+def _of(db: xr.DataTree, head: str, leaves: Mapping[str, xr.Dataset], flights: Sequence[xr.Dataset]) -> tuple[np.ndarray, dict[str, slice]]:
+    """Return the directions (direction, nodes) of one coefficient, and the nodes of its terms."""
+    slices, V = aerodb.update.covariance(db, head)
+    own = {name: leaves[name] for name in slices}
+    rows = []
+    for states in flights:
+        samples = flown_conditions(db, own, states)
+        count = len(next(iter(samples.values()), (0,)))
+        weights = [_terms.basis(leaf, samples, "clamp").toarray() for leaf in own.values()]
+        rows.append(np.hstack([np.broadcast_to(part, (count, part.shape[1])) for part in weights]))  # a constant has one row
+    B = np.vstack(rows)
+    VB = V @ B.T
+    values, vectors = np.linalg.eigh(B @ VB)
+    kept = [k for k in range(len(values))[::-1] if values[k] > LEAST * max(values[-1], 1e-300)][:MOST]
+    D = np.array([(VB @ vectors[:, k]) / np.sqrt(values[k]) for k in kept]).reshape(len(kept), len(V))
+    signs = np.sign(D[np.arange(len(D)), np.abs(D).argmax(axis=1)])  # an eigenvector has no sign of its own
+    return D * signs[:, None], slices
