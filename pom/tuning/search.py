@@ -251,7 +251,8 @@ class _Tuner:
         sizes = self.sizes(self.nodes(z), {name: leaf["value"].values for name, leaf in self.evidence.items()})
         far = {name: size for name, size in sorted(sizes.items(), key=lambda item: -item[1]) if size > bound}
         price = ", ".join(f"{name} {size:.1f}" for name, size in far.items() if name not in self.rationale)
-        return f"{wanted}: cannot pass within {bound:g} standard errors; it would take {price} standard errors: write a rationale for these terms"
+        what = f"it would take {price} standard errors: write a rationale for these terms"
+        return f"{wanted}: cannot pass within {bound:g} standard errors; {what}"
 
     def sizes(self, new: Mapping[str, np.ndarray], old: Mapping[str, np.ndarray]) -> dict[str, float]:
         """Return the largest change of a node by term. [standard errors of the evidence]"""
