@@ -1,5 +1,6 @@
 """``aeromatch flight plan`` on the T-37: one condition, four manoeuvres, from the a-priori model to cards."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,12 @@ import flightmech
 from aeromatch import workflow
 from aeromatch.project import read_project
 from flighttest.cli.group import flight
+from flighttest.input_design.predicted_response import trimmed_start
+from flighttest.planning.catalogue import read_catalogue
+from flighttest.planning.pilot import fly
+from flighttest.planning.predicted_record import predicted_record
+from flighttest.planning.prediction import with_assumed
+from flighttest.records.files import save_record
 
 PROJECT = Path(__file__).parents[1] / "data" / "t37" / "aeromatch.toml"
 pytestmark = pytest.mark.filterwarnings("ignore:flaps:flightmech.errors.AeromatchWarning")
@@ -113,3 +120,28 @@ def test_every_manoeuvre_has_its_card_and_every_input_its_files(planned):
     assert all((folder / "cards" / card).read_bytes().startswith(b"%PDF") for card in cards)
     inputs = {file.stem for file in (folder / "inputs").iterdir()}
     assert inputs == {Path(card).stem for card in cards if "3211" in card or "doublet" in card}
+
+
+@pytest.mark.slow
+def test_coverage_after_one_card(planned):
+    """The first card as flown with other noise: done, its nodes better than before the flight, the others still needed."""
+    _, folder = planned
+    order = pd.read_csv(folder / "order.csv")
+    catalogue, aircraft = read_catalogue(folder.parent / "catalogue.toml"), flightmech.read_aircraft(read_project(PROJECT).aircraft)
+    database = aerodb.open(folder.parent / "prior.nc")
+    sim = flightmech.compile(aircraft, with_assumed(database, catalogue))
+    first = next(m for m in catalogue.manoeuvre if m.name == order["manoeuvre"][0])
+    start = trimmed_start(sim, {}, "level", catalogue.condition[0].fixed)
+    signal = first.design.signal() if first.design else None
+    record = predicted_record(fly(sim, start, [(first, signal)]), aircraft, "flown", catalogue.rates, seed=99)
+    save_record(record, folder.parent / "flown.nc")
+    files = ["--plan", str(folder), "--aircraft", str(read_project(PROJECT).aircraft), "--database", str(folder.parent / "prior.nc")]
+    arguments = ["coverage", str(folder.parent / "catalogue.toml"), str(folder.parent / "flown.nc"), *files, "--json"]
+    found = json.loads(CliRunner().invoke(flight, arguments, catch_exceptions=False).output)
+    assert found["records"] == {"flown": "clean cruise"}
+    assert found["done"] == [f"clean cruise, {first.name}"]
+    assert [row["manoeuvre"] for row in found["needed"]] == [name for name in order["manoeuvre"] if name != first.name]
+    nodes = pd.DataFrame(found["nodes"])
+    assert {"achieved", "open"} >= set(nodes["state"])
+    assert (nodes["expected"] <= nodes["bound"] * (1 + 1e-9)).all()
+    assert (nodes["achieved"] < 0.6 * nodes["before"]).any()

@@ -1,4 +1,4 @@
-"""The verbs ``aeromatch flight design`` and ``plan``: a test input, and a flight-test programme, from their TOML descriptions."""
+"""The verbs ``aeromatch flight design``, ``plan`` and ``coverage``: a test input, a flight-test programme, and how much of it is done."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from flightmech.support.console import InputFile, NewFolder, document, jobs_option, json_option, progress, table
+
+from .options import names_option
 
 if TYPE_CHECKING:
     from ..input_design.design import Designed
@@ -114,3 +116,50 @@ def plan(catalogue_file: str, aircraft_file: str, database_file: str, jobs: int,
         return
     click.echo(found.report())
     click.echo(f"written: {output}")
+
+
+@click.command()
+@click.argument("catalogue_file", metavar="CATALOGUE", type=_FILE)
+@click.argument("record_files", metavar="RECORD...", nargs=-1, required=True, type=_FILE)
+@click.option(
+    "--plan", "plan_folder", required=True, type=click.Path(exists=True, file_okay=False), help="Folder that `flight plan` wrote."
+)
+@click.option("--aircraft", "aircraft_file", required=True, type=_FILE, help="Aircraft with its instruments, TOML.")
+@click.option("--database", "database_file", required=True, type=_FILE, help="A-priori database with standard errors, netCDF.")
+@names_option
+@jobs_option
+@json_option
+def coverage(
+    catalogue_file: str,
+    record_files: tuple[str, ...],
+    plan_folder: str,
+    aircraft_file: str,
+    database_file: str,
+    names: str | None,
+    jobs: int,
+    as_json: bool,
+) -> None:
+    """State what the RECORDs flown so far have achieved of a plan from CATALOGUE, and which of its cards are still needed."""
+    import aerodb
+    import flightmech
+
+    from ..planning.catalogue import read_catalogue
+    from ..planning.coverage import coverage_of, flights_of
+    from ..planning.plan_files import read_order
+    from ..planning.prediction import with_assumed
+    from ..reconstruction.flight_programme import reconstruct_programme
+    from ..records.record import read
+
+    catalogue, aircraft, database = read_catalogue(catalogue_file), flightmech.read_aircraft(aircraft_file), aerodb.open(database_file)
+    planned = read_order(plan_folder)
+    with progress(f"read and reconstruct {len(record_files)} records"):
+        records = {Path(file).name.split(".")[0]: read(file, names) for file in record_files}
+        paths = dict(zip(records, reconstruct_programme(list(records.values()), aircraft, jobs=jobs), strict=True))
+    with progress("fit what is flown, predict and choose what is not"):
+        flights = flights_of(catalogue, records, paths, aircraft)
+        sim = flightmech.compile(aircraft, with_assumed(database, catalogue))
+        found = coverage_of(catalogue, planned, flights, sim, aircraft, database, jobs)
+    if as_json:
+        document(found.summary())
+    else:
+        click.echo(found.report())

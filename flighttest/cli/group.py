@@ -21,6 +21,7 @@ _ELSEWHERE = {
     "identify": "identify",
     "design": "design",
     "plan": "design",
+    "coverage": "design",
     "select": "identify",
     "join": "identify",
     "partition": "identify",

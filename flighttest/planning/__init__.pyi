@@ -2,9 +2,15 @@
 
 from .catalogue import Catalogue as Catalogue
 from .catalogue import read_catalogue as read_catalogue
+from .coverage import Coverage as Coverage
+from .coverage import coverage_of as coverage_of
+from .coverage import flights_of as flights_of
 from .plan import Plan as Plan
 from .plan import plan_programme as plan_programme
 from .plan_files import save_plan as save_plan
 from .prediction import Prediction as Prediction
 from .prediction import predict as predict
 from .prediction import with_assumed as with_assumed
+from .running_estimate import RunningEstimate as RunningEstimate
+from .running_estimate import may_end as may_end
+from .running_estimate import running_estimate as running_estimate

@@ -32,6 +32,7 @@
     amplitude = "8 deg"
     duration = "9 s"                    # each
     conditions = ["clean, 170 kt, 5000 ft"]     # all without it
+    marks = ["steady_sideslip"]         # what flight records call it, next to its name
     abort = ["beta above 12 deg"]
 
     [[fit]]                             # formed at every condition from those of its manoeuvres that are flown there
@@ -52,7 +53,7 @@ Kinds besides ``multisine``, ``multistep`` and ``sweep``: ``sideslip``, ``pull_u
 from __future__ import annotations
 
 import os
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -64,6 +65,9 @@ from flightmech.units import quantity
 from ..dynamics.force_coefficients import ERRORS
 from ..equation_error.model import Model
 from ..input_design.specification import ConditionTable, Design, design_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 INPUTS = ("multisine", "multistep", "sweep")
 STEADY = ("sideslip", "pull_up_push_down", "level_speed", "device")
@@ -87,6 +91,7 @@ class Manoeuvre(Strict):
     kind: Literal["multisine", "multistep", "sweep", "sideslip", "pull_up_push_down", "level_speed", "device"]
     setup: _Time = Field(default=0.0, ge=0.0)  # type: ignore[valid-type]
     conditions: tuple[str, ...] = ()
+    marks: tuple[str, ...] = ()
     abort: tuple[str, ...] = ()
     amplitude: float = 0.0
     duration: _Time = 0.0  # type: ignore[valid-type]
@@ -101,6 +106,15 @@ class Manoeuvre(Strict):
         if (self.kind == "device") != bool(self.device):
             raise ValueError("device belongs to the kind 'device'; name the input that moves, such as gear")
         return self
+
+    def marked(self, table: pd.DataFrame) -> pd.DataFrame:
+        """Return the rows of a table of manoeuvres that are this one: by its name, or by one of its marks.
+
+        A mark is the kind of a manoeuvre, or kind and control, as in the fits of a project.
+        """
+        labels = (table["manoeuvre"] + " " + table["control"].fillna("")).str.strip()
+        wanted = (self.name, *self.marks)
+        return table[labels.isin(wanted) | table["manoeuvre"].isin(wanted)]
 
     @property
     def feedback(self) -> float:
@@ -209,7 +223,7 @@ def read_catalogue(path: str | os.PathLike) -> Catalogue:
 
 def _with_design(item: dict[str, Any]) -> dict[str, Any]:
     """Move the keys of a test input into a `Design`, and bring the amplitude of the other kinds to SI."""
-    own = {"name", "kind", "setup", "conditions", "abort", "hold"}
+    own = {"name", "kind", "setup", "conditions", "marks", "abort", "hold"}
     if item.get("kind") in INPUTS:
         try:
             design = design_of({"kind": item["kind"], **{key: value for key, value in item.items() if key not in own}}, "test input")

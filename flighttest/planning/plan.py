@@ -116,7 +116,9 @@ def plan_of(
     items = [item for item in prediction.candidates if item in chosen]
     fits = [*flown, *prediction.fits(items)]
     undetermined = [f"{c}: {fit.name}" for c, fit in _undetermined(prediction, items)]
-    return Plan(prediction, items, _order(prediction, items), nodes_of(goal, items, database), goal.expectation.stderr(fits), undetermined)
+    return Plan(
+        prediction, items, order_of(prediction, items), nodes_of(goal, items, database), goal.expectation.stderr(fits), undetermined
+    )
 
 
 def nodes_of(goal: Goal, items: Sequence[Item], database: xr.DataTree) -> pd.DataFrame:
@@ -138,7 +140,8 @@ def nodes_of(goal: Goal, items: Sequence[Item], database: xr.DataTree) -> pd.Dat
     return pd.DataFrame(rows)[[*columns, "before", "expected", "bound", "state"]]
 
 
-def _order(prediction: Prediction, items: Sequence[Item]) -> pd.DataFrame:
+def order_of(prediction: Prediction, items: Sequence[Item]) -> pd.DataFrame:
+    """Return the cards of a choice of manoeuvres, as in `Plan.order`."""
     setups = {c.name: float(c.setup) for c in prediction.catalogue.condition}
     rows, clock, fuel, seen = [], 0.0, 0.0, set()
     for condition, manoeuvre in items:

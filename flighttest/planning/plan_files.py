@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from flightmech.errors import ParseError
 from flightmech.support.atomic_write import folder_written_atomically, write_text
 
 from ..input_design.timetable import save_csv, save_timetable
@@ -56,6 +57,22 @@ def save_plan(plan: Plan, folder: str | os.PathLike) -> list[Path]:
             name = card_name(number, item)
             (part / "cards" / f"{name}.pdf").write_bytes(card_page(plan, number, name))
     return sorted(path for path in Path(folder).rglob("*") if path.is_file())
+
+
+def read_order(folder: str | os.PathLike) -> list[Item]:
+    """Return condition and manoeuvre of the cards of a plan from its folder.
+
+    Raises
+    ------
+    ParseError
+        The folder holds no ``order.csv`` with columns ``condition`` and ``manoeuvre``.
+    """
+    file = Path(folder) / "order.csv"
+    try:
+        table = pd.read_csv(file, dtype=str)
+        return list(zip(table["condition"], table["manoeuvre"], strict=True))
+    except (OSError, ValueError, KeyError) as error:
+        raise ParseError(str(file), 0, str(error), "the order of a plan as `aeromatch flight plan` writes it") from error
 
 
 def card_name(number: int, item: Item) -> str:

@@ -121,11 +121,12 @@ class Prediction:
             chosen = marks[marks["manoeuvre"].isin(used)]
             spans = zip(chosen["start"].astype(float), chosen["end"].astype(float), strict=True)
             parts = [between(self.data[condition], *span) for span in spans]
-            self._fits[key] = [one for text in fit.models if (one := _regressed(text, parts, f"{condition}: {fit.name}")) is not None]
+            self._fits[key] = [one for text in fit.models if (one := regressed(text, parts, f"{condition}: {fit.name}")) is not None]
         return self._fits[key]
 
 
-def _regressed(text: str, parts: list[xr.Dataset], name: str) -> Any:
+def regressed(text: str, parts: list[xr.Dataset], name: str) -> Any:
+    """Return the fit of a model to manoeuvres, None where they do not determine it."""
     try:
         return regress(Model.parse(text), parts, name=name)
     except IdentificationError:
@@ -153,7 +154,7 @@ def with_assumed(database: xr.DataTree, catalogue: Catalogue) -> xr.DataTree:
     )
 
 
-def predict(catalogue: Catalogue, sim: SimModel, aircraft: Aircraft, jobs: int = 1) -> Prediction:
+def predict(catalogue: Catalogue, sim: SimModel, aircraft: Aircraft, jobs: int = 1, only: Sequence[Item] | None = None) -> Prediction:
     """Return the predicted flights of all manoeuvres of a catalogue, each condition one record.
 
     Parameters
@@ -165,6 +166,8 @@ def predict(catalogue: Catalogue, sim: SimModel, aircraft: Aircraft, jobs: int =
         For instruments, limits of surfaces, mass and lengths.
     jobs : int
         Processes for the reconstruction.
+    only : sequence of (str, str), optional
+        Condition and manoeuvre of those that are flown; all without it.
 
     Returns
     -------
@@ -182,7 +185,9 @@ def predict(catalogue: Catalogue, sim: SimModel, aircraft: Aircraft, jobs: int =
     records, marks = {}, {}
     trims: dict[str, dict[str, float]] = {}
     for number, condition in enumerate(catalogue.condition):
-        wanted = [m for c, m in catalogue.flyable() if c.name == condition.name]
+        wanted = [m for c, m in catalogue.flyable() if c.name == condition.name and (only is None or (c.name, m.name) in only)]
+        if not wanted:
+            continue
         flown = _condition(catalogue, condition, wanted, sim, aircraft, candidates, refused, trims)
         if flown is not None:
             marks[condition.name] = pd.DataFrame(flown.marks)
