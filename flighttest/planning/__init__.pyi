@@ -11,6 +11,6 @@ from .plan_files import save_plan as save_plan
 from .prediction import Prediction as Prediction
 from .prediction import predict as predict
 from .prediction import with_assumed as with_assumed
-from .running_estimate import RunningEstimate as RunningEstimate
-from .running_estimate import may_end as may_end
-from .running_estimate import running_estimate as running_estimate
+from .recursive_fourier import RunningEstimate as RunningEstimate
+from .recursive_fourier import may_end as may_end
+from .recursive_fourier import running_estimate as running_estimate

@@ -5,7 +5,7 @@ import pytest
 
 from flighttest.equation_error.frequency_domain import regress_frequency
 from flighttest.equation_error.model import Model
-from flighttest.planning.running_estimate import may_end, running_estimate
+from flighttest.planning.recursive_fourier import may_end, running_estimate
 
 MODEL, BAND = Model.parse("Cm = 1 + alpha + qhat + delta_e"), (0.1, 1.5)
 
