@@ -1,21 +1,25 @@
 """One RK4 step of the kernel (four derivatives) against one frame of JSBSim's T37, in the same run.
 
-    python benchmarks/kernel_step.py
+    python benchmarks/kernel_step.py [out/t37]
 
 Two models, two engines with thrust tables and lags each, WGS-84 Earth.  One has the size of a Citation's: 6 tables of one axis,
 28 of two, 7 of three, 2 of four in 36 terms.  The other has that of the whole build-up of LR-743: 16, 72, 26 and 6 tables, 120 in
-113 terms.  Seven terms of each have a factor table.  Needs the package ``jsbsim`` (``pip install aeromatch[dev]``).
+113 terms.  Seven terms of each have a factor table.  With the folder that `./run demo` has written the identified T-37 flies beside
+them, whole: its terms, two engine decks, landing gear and three control circuits.  Needs the package ``jsbsim`` (``pip install aeromatch[dev]``).
 """
 
 from __future__ import annotations
 
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
 import flightmech
 from flightmech.simulation.kernel import Simulation
+from flightmech.simulation.model_files import compile_files
 from flightmech.terms import make
 
 ALPHA, MACH = np.linspace(-0.15, 0.35, 14), np.linspace(0.1, 0.75, 8)
@@ -98,15 +102,19 @@ def frame(fdm, frames: int = 7200) -> float:
     return (time.process_time() - start) / frames
 
 
-def main(repeats: int = 20) -> None:
-    small, whole, fdm = citation_like(), citation_like(WHOLE), trimmed_t37()
-    # in turn, so that what else the machine does meets all three alike
-    step, large, peer = np.min([(flight(small), flight(whole), frame(fdm)) for _ in range(repeats)], axis=0)
+def main(demo: Path | None = None, repeats: int = 20) -> None:
+    models, fdm = [citation_like(), citation_like(WHOLE)], trimmed_t37()
+    if demo:
+        models.append(compile_files(str(demo / "final.toml"), str(demo / "final.nc")))
+    # in turn, so that what else the machine does meets all alike
+    step, large, *t37, peer = np.min([[*map(flight, models), frame(fdm)] for _ in range(repeats)], axis=0)
     print(f"kernel RK4 step, 43 tables  {1e6 * step:6.2f} us   ({0.01 / step:.0f} times real time)")
     print(f"kernel RK4 step, 120 tables {1e6 * large:6.2f} us   ({large / step:.2f} times 43 tables)")
     print(f"JSBSim T37, one frame       {1e6 * peer:6.2f} us")
+    for whole in t37:
+        print(f"kernel RK4 step, T-37 whole {1e6 * whole:6.2f} us   (JSBSim's frame is {peer / whole:.1f} times as long)")
     print(f"ratio                       {peer / step:6.1f}    per derivative {4.0 * peer / step:.0f}")
 
 
 if __name__ == "__main__":
-    main()
+    main(*map(Path, sys.argv[1:2]))

@@ -21,7 +21,7 @@ size_t sim_size(const am_model *m) {
     const size_t na = m->axes;
     const size_t doubles = np + 3 * nu + (size_t)m->count[AM_OUTPUT] + 6 * nx
                            + m->total[AM_VARIABLE] + m->slots + m->places + m->total[AM_TARGET]
-                           + 3 * na + 2 * (size_t)m->memories + m->works;
+                           + 3 * na + 2 * (size_t)m->memories + m->works + LAST_POWER;
     return sizeof(am_sim) + doubles * sizeof(double) + (na + m->bundles) * sizeof(uint32_t);
 }
 
@@ -49,6 +49,7 @@ am_sim *am_new(const am_model *m) {
     sim->memory = take(&at, m->memories);
     sim->memory_before = take(&at, m->memories);
     sim->work = take(&at, m->works);
+    sim->last_power = take(&at, LAST_POWER);
     sim->fraction = take(&at, na);
     sim->below = take(&at, na);
     sim->above = take(&at, na);

@@ -32,6 +32,14 @@ bool read_entries(reader *r, int section, am_kind kind) {
     return true;
 }
 
+static int control_of(const char *circuit) {
+    static const char *const NAME[] = {"column", "wheel", "pedal"};
+    for (int i = 0; i <= U_DELTA_R - U_DELTA_E; i++) {
+        if (strcmp(circuit, NAME[i]) == 0) return U_DELTA_E + i;
+    }
+    return -1;
+}
+
 /* Items of the groups, sorted by group; core and weather have exactly one, which has no name. */
 bool read_items(reader *r) {
     am_model *m = r->model;
@@ -63,6 +71,9 @@ bool read_items(reader *r) {
     }
     if (m->items[G_CONTACT] && !m->items[G_GEAR]) {
         return refuse_block(r, "model block: contacts without a gear");
+    }
+    for (uint32_t i = 0; i < m->items[G_CIRCUIT]; i++) {
+        m->control[i] = control_of(m->item[G_CIRCUIT][i]);
     }
     return true;
 }

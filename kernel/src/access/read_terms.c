@@ -208,9 +208,10 @@ static void list_term(am_model *m, uint32_t i) {
     const term_t *t = &m->term[i];
     const uint32_t v = t->v1 == A_ONE ? t->v2 : t->v1;
     if (t->target < COEFFICIENTS && is_special(m, t)) return;
-    if (t->K2 || t->power || (t->v1 != A_ONE && t->v2 != A_ONE)) m->mixed[m->mixeds++] = i;
-    else if (t->K1) m->factored[m->factoreds++] = (factored_t){i, t->place, t->T, v, t->K1};
-    else m->plain[m->plains++] = (plain_t){i, t->place, t->T, v};
+    const bool plain = !t->K1 && (t->v1 == A_ONE || t->v2 == A_ONE);
+    if (t->K2 || t->power) m->mixed[m->mixeds++] = i;
+    else if (plain) m->plain[m->plains++] = (plain_t){i, t->place, t->T, v};
+    else m->factored[m->factoreds++] = (factored_t){i, t->place, t->T, t->v1, t->v2, t->K1};
 }
 
 static void end_stage(am_model *m, uint32_t stage, uint32_t end) {

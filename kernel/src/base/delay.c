@@ -1,32 +1,30 @@
-/* The knots of a piecewise linear signal in a ring.  A knot on the line between its neighbours
+/* The knots of a piecewise linear signal, oldest first.  A knot on the line between its neighbours
  * is not kept, so the line is the same for any steps that describe the same signal; knots older
  * than the delay are dropped.  With more than DELAY_KNOTS / 2 knots within the delay the finest
  * are thinned. */
 #include "delay.h"
 
 #include <math.h>
+#include <string.h>
 
 #define STRAIGHT 1e-13 /* of the value: rounding of inputs blended between samples */
 /* times that count as one, for a jump: sums of steps round differently [s] */
 #define NEAR 1e-9
 
-enum { FIRST, COUNT, KNOT };
+enum { COUNT, KNOT };
 
-static double *knot(double *line, int i) {
-    return line + KNOT + 2 * (((int)line[FIRST] + i) % DELAY_KNOTS);
-}
+static double *knot(double *line, int i) { return line + KNOT + 2 * i; }
 
-static const double *knot_at(const double *line, int i) {
-    return line + KNOT + 2 * (((int)line[FIRST] + i) % DELAY_KNOTS);
-}
+static const double *knot_at(const double *line, int i) { return line + KNOT + 2 * i; }
 
-static void drop_first(double *line) {
-    line[FIRST] = ((int)line[FIRST] + 1) % DELAY_KNOTS;
-    line[COUNT]--;
+static void drop_first(double *line, int n) {
+    if (n == 0) return;
+    line[COUNT] -= n;
+    memmove(knot(line, 0), knot(line, n), sizeof(double) * 2 * (size_t)line[COUNT]);
 }
 
 static void append(double *line, double t, double value) {
-    if (line[COUNT] >= DELAY_KNOTS) drop_first(line);
+    if (line[COUNT] >= DELAY_KNOTS) drop_first(line, 1);
     double *last = knot(line, (int)line[COUNT]);
     last[0] = t;
     last[1] = value;
@@ -34,7 +32,7 @@ static void append(double *line, double t, double value) {
 }
 
 void delay_start(double *line, double t, double value) {
-    line[FIRST] = line[COUNT] = 0.0;
+    line[COUNT] = 0.0;
     append(line, t, value);
 }
 
@@ -61,16 +59,18 @@ void delay_record(double *line, double t, double value, double delay) {
     if (last[0] > t) t = last[0];
     if (last[0] == t && last[1] == value) return;
     if (needless(line, t, value, delay * (2.5 / DELAY_KNOTS))) line[COUNT]--;
-    while (line[COUNT] > 1.0 && knot(line, 1)[0] < oldest) drop_first(line);
+    int old = 0;
+    while (old + 1 < (int)line[COUNT] && knot(line, old + 1)[0] < oldest) old++;
+    drop_first(line, old);
     append(line, t, value);
 }
 
 bool delay_valid(const double *line, bool started) {
-    const double first = line[FIRST];
     const double count = line[COUNT];
-    return first >= 0.0 && first < DELAY_KNOTS && first == floor(first)
-           && count >= (started ? 1.0 : 0.0) && count <= DELAY_KNOTS && count == floor(count);
+    return count >= (started ? 1.0 : 0.0) && count <= DELAY_KNOTS && count == floor(count);
 }
+
+size_t delay_used(const double *line) { return KNOT + 2 * (size_t)line[COUNT]; }
 
 double delay_read(const double *line, double t, bool after) {
     const double limit = after ? t + NEAR : t - NEAR;

@@ -4,15 +4,17 @@
 #define AEROMATCH_DELAY_H
 
 #include <stdbool.h>
+#include <stddef.h>
 
 #define DELAY_KNOTS 512
-#define DELAY_DOUBLES (2 + 2 * DELAY_KNOTS) /* what a delay needs of the discrete memory */
+#define DELAY_DOUBLES (1 + 2 * DELAY_KNOTS) /* what a delay needs of the discrete memory */
 
 void delay_start(double *line, double t, double value); /* value since ever */
 /* linear from the knot before; a second one at the same t jumps */
 void delay_record(double *line, double t, double value, double delay);
-/* bytes from outside: whether no knot lies beyond the ring */
+/* bytes from outside: whether no knot lies beyond the last place */
 bool delay_valid(const double *line, bool started);
+size_t delay_used(const double *line); /* doubles that hold something, from the first on */
 /* at a jump: the value after or before it */
 double delay_read(const double *line, double t, bool after);
 

@@ -26,14 +26,6 @@
 /* of the gearing at s = 0: beyond, a quadratic gearing would turn back */
 #define LEAST_SLOPE 0.1
 
-int circuit_control(const am_model *m, uint32_t item) {
-    static const char *const NAME[MAX_CIRCUITS] = {"column", "wheel", "pedal"};
-    for (int i = 0; i < MAX_CIRCUITS; i++) {
-        if (strcmp(m->item[G_CIRCUIT][item], NAME[i]) == 0) return U_DELTA_E + i;
-    }
-    return -1;
-}
-
 int circuit_bodies(const double *p) { return (int)p[P_CIRCUIT_ORDER] / 2; }
 
 double surface_deflection(const double *p, double s) {

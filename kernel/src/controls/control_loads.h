@@ -24,7 +24,7 @@ static inline double biased_deflection(const am_sim *sim, double deflection, int
 }
 
 /* The control that an item moves: U_DELTA_E, U_DELTA_A or U_DELTA_R; -1 for an unknown name. */
-int circuit_control(const am_model *m, uint32_t item);
+static inline int circuit_control(const am_model *m, uint32_t item) { return m->control[item]; }
 int circuit_bodies(const double *p);
 
 /* Deflection of the surface over the travel of its end of the linkage, its slope, and back. */

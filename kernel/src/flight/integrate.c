@@ -3,6 +3,7 @@
 
 #include "access.h"
 #include "control_step.h"
+#include "delay.h"
 #include "earth.h"
 #include "engine.h"
 #include "error.h"
@@ -36,6 +37,19 @@ void advance_memory(am_sim *sim, double t, double h, const double *u0, const dou
     weather_advance(sim, t, h, u0, u1);
     engine_advance(sim, t, h, u0, u1);
     control_advance(sim, t, h, u0, u1);
+}
+
+/* The memory of a step that is taken back: all of it but the places that the delays of the levers
+ * do not use. */
+static void copy_memory(const am_model *m, double *to, const double *from) {
+    const uint32_t first = m->first_memory[G_SPOOL];
+    const uint32_t size = m->per_memory[G_SPOOL];
+    const uint32_t end = first + items(m, G_SPOOL) * size;
+    memcpy(to, from, sizeof *to * first);
+    for (uint32_t i = first; i < end; i += size) {
+        memcpy(to + i, from + i, sizeof *to * delay_used(from + i));
+    }
+    memcpy(to + end, from + end, sizeof *to * (m->memories - end));
 }
 
 static void slope(am_sim *sim, double t, double h, double part, const double *x, const double *u,
@@ -126,12 +140,11 @@ int am_step(am_sim *sim, double t, double dt, const double *u0, const double *u1
     for (long i = 0; i < n; i++) {
         const double s0 = (double)i / (double)n;
         const double s1 = (double)(i + 1) / (double)n;
-        const size_t memory = sizeof(double) * sim->model->memories;
-        memcpy(sim->memory_before, sim->memory, memory);
+        copy_memory(sim->model, sim->memory_before, sim->memory);
         runge_kutta(sim, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
         sim->time = t + dt * s1;
         if ((status = check_finite(sim, AM_STATE, sim->x_work)) != AM_OK) {
-            memcpy(sim->memory, sim->memory_before, memory);
+            copy_memory(sim->model, sim->memory, sim->memory_before);
             return status;
         }
         memcpy(sim->x, sim->x_work, sizeof(double) * (size_t)am_state_count(sim->model));

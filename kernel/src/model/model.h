@@ -82,13 +82,13 @@ typedef struct {
     uint32_t place;
 } term_t;
 
-/* The frequent forms of a term, T v and K T v. */
+/* The frequent forms of a term, T v and T v1 v2 K. */
 typedef struct {
     uint32_t term, place, T, v;
 } plain_t;
 
 typedef struct {
-    uint32_t term, place, T, v, K;
+    uint32_t term, place, T, v1, v2, K;
 } factored_t;
 
 /* A factor max(v, floor)^exponent; the exponent is a parameter. */
@@ -118,6 +118,7 @@ struct am_model {
     uint32_t first_memory[GROUPS], first_work[GROUPS], per_memory[GROUPS], per_work[GROUPS],
         memories, works;
     const char *item[GROUPS][MAX_ITEMS];
+    int control[MAX_ITEMS]; /* that each circuit moves: U_DELTA_E ... U_DELTA_R, -1 none */
     uint32_t *variable; /* code of each catalogued variable */
     axis_t *axis;
     cell_t *cell;

@@ -18,7 +18,7 @@ void evaluate_terms(am_sim *sim, int stage) {
     for (const factored_t *t = m->factored + m->first_factored[stage],
                           *end = m->factored + m->first_factored[stage + 1];
          t < end; t++) {
-        term[t->place] = scale[t->term] * slot[t->T] * var[t->v] * slot[t->K];
+        term[t->place] = scale[t->term] * slot[t->T] * (var[t->v1] * var[t->v2]) * slot[t->K];
     }
     for (uint32_t k = m->first_mixed[stage]; k < m->first_mixed[stage + 1]; k++) {
         term[m->term[m->mixed[k]].place] = term_value(sim, m->mixed[k]);

@@ -5,11 +5,19 @@
 #include "elementary.h"
 #include "simulation.h"
 
-/* max(w, floor)^exponent of the power factor at a place. */
+/* max(w, floor)^exponent of the power factor at a place; the last one is kept, since the terms of
+ * an effect share it. */
 static inline double power_value(const am_sim *sim, uint32_t place) {
     const power_t *power = &sim->model->power[place];
     const double v = sim->var[power->variable];
-    return am_pow(v > power->floor ? v : power->floor, sim->exponent[place]);
+    const double base = v > power->floor ? v : power->floor;
+    double *last = sim->last_power;
+    if (last[0] != base || last[1] != sim->exponent[place]) {
+        last[0] = base;
+        last[1] = sim->exponent[place];
+        last[2] = am_pow(base, last[1]);
+    }
+    return last[2];
 }
 
 /* scale T v1 v2 K1 K2 power of term i, with tables and variables as they stand. */
