@@ -4,8 +4,8 @@
 
 Two models, two engines with thrust tables and lags each, WGS-84 Earth.  One has the size of a Citation's: 6 tables of one axis,
 28 of two, 7 of three, 2 of four in 36 terms.  The other has that of the whole build-up of LR-743: 16, 72, 26 and 6 tables, 120 in
-113 terms.  Seven terms of each have a factor table.  With the folder that `./run demo` has written the identified T-37 flies beside
-them, whole: its terms, two engine decks, landing gear and three control circuits.  Needs the package ``jsbsim`` (``pip install aeromatch[dev]``).
+113 terms.  Seven terms of each have a factor table.  With the folder of `./run demo` the identified T-37 flies with them: its terms,
+two engine decks, landing gear and three control circuits.  Needs the package ``jsbsim`` (``pip install aeromatch[dev]``).
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def main(demo: Path | None = None, repeats: int = 20) -> None:
     print(f"kernel RK4 step, 120 tables {1e6 * large:6.2f} us   ({large / step:.2f} times 43 tables)")
     print(f"JSBSim T37, one frame       {1e6 * peer:6.2f} us")
     for whole in t37:
-        print(f"kernel RK4 step, T-37 whole {1e6 * whole:6.2f} us   (JSBSim's frame is {peer / whole:.1f} times as long)")
+        print(f"kernel RK4 step, T-37 complete {1e6 * whole:6.2f} us   (JSBSim's frame is {peer / whole:.1f} times as long)")
     print(f"ratio                       {peer / step:6.1f}    per derivative {4.0 * peer / step:.0f}")
 
 
