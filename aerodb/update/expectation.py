@@ -2,7 +2,8 @@
 
 The posterior covariance of `aerodb.tabulate` does not depend on the estimates but through the weights that it learns.  Here the
 parts of the prior covariance have their a-priori weights, the errors of the fits are taken as declared, and no fit is an outlier: what
-flights will give when the declared errors are right.
+flights will give when the declared errors are right.  Once some flights have been tabulated, what `tabulate` learnt from them takes the
+place of both.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ import numpy as np
 import xarray as xr
 
 from ..store.schema import terms
-from .correlation import LENGTHS, SHARES, prior_parts
-from .tabulation import FLOWN, Known, Observation, coefficient_of, common_errors, known_terms, observe, slices_of
+from .correlation import LENGTHS, PARTS, SHARES, prior_parts
+from .tabulation import FLOWN, Known, Observation, Tabulation, coefficient_of, common_errors, known_terms, observe, slices_of
 
 _WEIGHTS = np.array(list(SHARES.values()))
 
@@ -32,14 +33,28 @@ class Expectation:
         Terms that keep their values, as in `aerodb.tabulate`.
     lengths : mapping, optional
         As in `aerodb.tabulate`. [SI]
+    learnt : Tabulation, optional
+        Of flights done already, with the same prior: weights of the parts of the prior covariance by term, and the factor on the standard
+        errors of fits by coefficient.  What it does not have keeps the a-priori ones.
 
     References
     ----------
     .. [Pukelsheim2006] Pukelsheim, Optimal Design of Experiments, SIAM 2006, chapter 11 (Bayesian designs).
     """
 
-    def __init__(self, prior: xr.DataTree, held: Sequence[str] = (), lengths: Mapping[str, float] | None = None):
+    def __init__(
+        self,
+        prior: xr.DataTree,
+        held: Sequence[str] = (),
+        lengths: Mapping[str, float] | None = None,
+        learnt: Tabulation | None = None,
+    ):
         self.prior, self.held, self.lengths = prior, held, {**LENGTHS, **(lengths or {})}
+        self._weights: dict[str, np.ndarray] = {}
+        self._inflation: dict[str, float] = {}
+        if learnt is not None:
+            self._weights = {str(name): row.to_numpy(float) for name, row in learnt.report[list(PARTS)].iterrows()}
+            self._inflation = {str(name): float(factor) for name, factor in learnt.compatibility["inflation"].items()}
         self._leaves = terms(prior)
         self._known: dict[str, Known] = {}
         self._observed: dict[int, tuple[Any, Observation, list[str]]] = {}
@@ -118,12 +133,12 @@ class Expectation:
             asked = np.zeros(leaf["value"].size, bool) if asked is None else asked.ravel()
             chosen = np.flatnonzero(asked | touched[nodes] | (sampled[nodes] > 0))
             parts = prior_parts(leaf, (sampled * touched)[nodes], self.lengths, chosen)
-            P, h = np.einsum("k,kij->ij", _WEIGHTS, parts), H[:, nodes][:, chosen]
+            P, h = np.einsum("k,kij->ij", self._weights.get(name, _WEIGHTS), parts), H[:, nodes][:, chosen]
             PH = P @ h.T
             prior = prior + h @ PH
             blocks.append((name, chosen, asked[chosen], np.diag(P), PH))
         own = _blocks([o.D @ o.D.T for o in observed])
-        noise = _blocks([o.C for o in observed]) + own
+        noise = self._inflation.get(coefficient, 1.0) ** 2 * _blocks([o.C for o in observed]) + own
         scale = np.sqrt(np.diag(prior + noise))
         inverse = np.linalg.inv((prior + noise) / np.outer(scale, scale)) / np.outer(scale, scale)
         for name, chosen, asked, before, PH in blocks:

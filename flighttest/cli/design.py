@@ -146,7 +146,6 @@ def coverage(
     from ..planning.catalogue import read_catalogue
     from ..planning.coverage import coverage_of, flights_of
     from ..planning.plan_files import read_order
-    from ..planning.prediction import with_assumed
     from ..reconstruction.flight_programme import reconstruct_programme
     from ..records.record import read
 
@@ -157,8 +156,7 @@ def coverage(
         paths = dict(zip(records, reconstruct_programme(list(records.values()), aircraft, jobs=jobs), strict=True))
     with progress("fit what is flown, predict and choose what is not"):
         flights = flights_of(catalogue, records, paths, aircraft)
-        sim = flightmech.compile(aircraft, with_assumed(database, catalogue))
-        found = coverage_of(catalogue, planned, flights, sim, aircraft, database, jobs)
+        found = coverage_of(catalogue, planned, flights, aircraft, database, jobs)
     if as_json:
         document(found.summary())
     else:

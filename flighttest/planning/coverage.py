@@ -1,7 +1,9 @@
 """A flight-test programme while it is flown: what the records so far determine, and what of the plan is still needed.
 
 The records go through the same reconstruction and fits as the prediction.  A record belongs to the condition of the catalogue that is
-nearest to its median flight; manoeuvres are found by the marks of the record.
+nearest to its median flight; manoeuvres are found by the marks of the record.  What is still to be flown is predicted with the database
+as these flights have identified it, and with the weights of its prior covariance that they have taught `aerodb.tabulate`: how much of
+a standard error a flight removes depends on both.
 """
 
 from __future__ import annotations
@@ -14,17 +16,18 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
+from aerodb.update.tabulation import Tabulation, tabulate
 from flightmech.errors import SchemaError
 from flightmech.units import DEGREE
 
 from ..dynamics.force_coefficients import between, coefficients
 from .catalogue import Catalogue, Condition
 from .plan import clock_text, nodes_of, order_of
-from .prediction import Item, Prediction, predict, regressed
+from .prediction import Item, Prediction, predict, regressed, with_assumed
 from .selection import Goal, choose, time_of
 
 if TYPE_CHECKING:
-    from flightmech import Aircraft, SimModel
+    from flightmech import Aircraft
 
 # how far the mean of a record may be from a condition: a part of the value, and an absolute distance [SI]
 _NEAR = {
@@ -159,7 +162,6 @@ def coverage_of(
     catalogue: Catalogue,
     planned: Sequence[Item],
     flights: Flights,
-    sim: SimModel,
     aircraft: Aircraft,
     database: xr.DataTree,
     jobs: int = 1,
@@ -173,7 +175,7 @@ def coverage_of(
         Condition and manoeuvre of the cards of the plan.
     flights : Flights
         From `flights_of`.
-    sim, aircraft, database, jobs
+    aircraft, database, jobs
         As in `plan_programme`.
 
     Raises
@@ -185,8 +187,9 @@ def coverage_of(
     if unknown := [item for item in planned if item not in flyable]:
         raise SchemaError("plan", [f"{c}, {m}: no manoeuvre of the catalogue" for c, m in unknown])
     rest = [item for item in planned if item not in flights.done]
-    prediction = _rest(catalogue, rest, sim, aircraft, jobs)
-    goal = Goal(prediction, database, flights.fits)
+    learnt = tabulate(flights.fits, database, catalogue.held)
+    prediction = _rest(catalogue, rest, aircraft, identified(learnt, database, catalogue), jobs)
+    goal = Goal(prediction, database, flights.fits, learnt)
     needed = choose(goal) if rest else []
     items = [item for item in prediction.candidates if item in needed]
     now, then = nodes_of(goal, [], database), nodes_of(goal, items, database)
@@ -197,11 +200,31 @@ def coverage_of(
     return Coverage(flights, nodes, order_of(prediction, items), superfluous, time_of(prediction, items))
 
 
-def _rest(catalogue: Catalogue, rest: Sequence[Item], sim: SimModel, aircraft: Aircraft, jobs: int) -> Prediction:
+def identified(learnt: Tabulation, database: xr.DataTree, catalogue: Catalogue) -> xr.DataTree:
+    """Return the database as some flights have identified it; a term that they do not inform keeps the value that the catalogue assumes.
+
+    Parameters
+    ----------
+    learnt : Tabulation
+        Of the flights.
+    database : DataTree
+        The prior.
+    catalogue : Catalogue
+    """
+    from aerodb.edit import replace_terms
+
+    informed = learnt.report.index[learnt.report["corrected"] > 0]
+    found = {name: leaf for name, leaf in learnt.items() if name not in catalogue.assumed or name in informed}
+    return replace_terms(with_assumed(database, catalogue), found)
+
+
+def _rest(catalogue: Catalogue, rest: Sequence[Item], aircraft: Aircraft, database: xr.DataTree, jobs: int) -> Prediction:
     """Return the predicted flights of the cards that are still to be flown, of no other."""
+    import flightmech
+
     if not rest:
         return Prediction(catalogue, {}, {}, {}, {}, {})
-    return predict(catalogue, sim, aircraft, jobs, rest)
+    return predict(catalogue, flightmech.compile(aircraft, database), aircraft, jobs, rest)
 
 
 def _report(found: Coverage) -> str:

@@ -26,7 +26,7 @@ import numpy as np
 import xarray as xr
 
 from aerodb.update.expectation import Expectation
-from aerodb.update.tabulation import coefficient_of
+from aerodb.update.tabulation import Tabulation, coefficient_of
 from flightmech.errors import SchemaError, UnknownName
 
 from .catalogue import Catalogue
@@ -45,6 +45,8 @@ class Goal:
         The prior with its standard errors.
     flown : sequence of Fit
         Fits of flights that are done already; they count with every choice.
+    learnt : Tabulation, optional
+        Of these flights, as in `aerodb.update.Expectation`.
 
     Attributes
     ----------
@@ -59,9 +61,9 @@ class Goal:
         A wanted term or axis that the database does not have, or bounds without a node.
     """
 
-    def __init__(self, prediction: Prediction, database: xr.DataTree, flown: Sequence[Any] = ()):
+    def __init__(self, prediction: Prediction, database: xr.DataTree, flown: Sequence[Any] = (), learnt: Tabulation | None = None):
         self.prediction, self.flown = prediction, list(flown)
-        self.expectation = Expectation(database, prediction.catalogue.held)
+        self.expectation = Expectation(database, prediction.catalogue.held, learnt=learnt)
         self.bounds = bounds_of(prediction.catalogue, database)
         self._known: dict[Any, dict[str, np.ndarray]] = {}
         self.unreachable: dict[str, np.ndarray] = {}

@@ -29,12 +29,12 @@ def prior():
     return database(leaves, **ROOT)
 
 
-def fit(seed, alpha, mach, bias=0.0):
-    """A local fit whose lift and incidence have an error of the instruments in common."""
+def fit(seed, alpha, mach, bias=0.0, shift=0.0):
+    """A local fit whose lift and incidence have an error of the instruments in common; `shift` is of the lift of this flight alone."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 8.0, 0.05)
     d = {"alpha": alpha + 2 * DEG * np.sin(t), "mach": mach + 0.0 * t, "qhat": 0.002 * np.sin(2.3 * t), "delta_e": 0.05 * np.cos(3.1 * t)}
-    d["CL"] = 0.25 + 5.2 * d["alpha"] + 7.0 * d["qhat"] + 0.45 * d["delta_e"] + 0.005 * rng.normal(size=len(t))
+    d["CL"] = shift + 0.25 + 5.2 * d["alpha"] + 7.0 * d["qhat"] + 0.45 * d["delta_e"] + 0.005 * rng.normal(size=len(t))
     data = xr.Dataset({name: ("time", x) for name, x in d.items()}, {"time": t})
     if bias:
         shares = {"CL_error": 0.01 * d["CL"], "alpha_error": np.full(len(t), bias)}
@@ -53,6 +53,25 @@ def test_it_is_what_tabulate_gives_with_the_weights_before_learning(prior, held,
     assert set(expected) == set(found)
     for name, leaf in found.items():
         np.testing.assert_allclose(expected[name], leaf["stderr"].values, rtol=1e-9)
+
+
+@pytest.mark.parametrize("held", [(), ("CL/elevator",)])
+@pytest.mark.parametrize("shift", [0.0, 0.05])
+def test_with_what_tabulate_learnt_it_is_what_tabulate_gives(prior, held, shift):
+    """Also where the fits disagree, and `tabulate` takes their errors for larger than declared."""
+    fits = [
+        fit(1, 1 * DEG, 0.22, bias=0.003),
+        fit(2, 5 * DEG, 0.36, bias=0.003),
+        *(fit(k, 1 * DEG, 0.22, shift=(2 * k - 7) * shift) for k in (3, 4)),
+    ]
+    found = tabulate(fits, prior, held)
+    assert (found.points["weight"] == 1.0).all()  # no outlier, which an expectation does not know
+    assert (found.compatibility["inflation"] > 1.5).all() == bool(shift)
+    learnt = Expectation(prior, held, learnt=found).stderr(fits)
+    a_priori = Expectation(prior, held).stderr(fits)
+    for name, leaf in found.items():
+        np.testing.assert_allclose(learnt[name], leaf["stderr"].values, rtol=1e-7)  # differences of close variances
+    assert max(np.abs(a_priori[name] / leaf["stderr"].values - 1.0).max() for name, leaf in found.items()) > 0.05
 
 
 def test_some_nodes_are_what_they_are_among_all(prior):
