@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
@@ -68,6 +69,11 @@ def with_table_values(sim: SimModel, tables: Mapping[str, np.ndarray]) -> SimMod
     found = SimModel(bytes(block))
     found.model.share_entries(sim.model)
     return found
+
+
+def nodes_digest(sim: SimModel) -> str:
+    """Return the SHA-256 of the values at the nodes of all tables: models whose files were written and read again have the same."""
+    return hashlib.sha256(_nodes(sim.block).tobytes()).hexdigest()
 
 
 def _nodes(block: bytes | bytearray) -> np.ndarray:

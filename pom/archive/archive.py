@@ -1,6 +1,7 @@
 """``results.nc``: whole results in exact doubles, one group per case, readable by any netCDF-4 or HDF5 tool.
 
-Layout: the text ``document`` of the root is JSON (title, revision, provenance, diagnoses, order of the cases); the group of a case
+Layout: the text ``document`` of the root is JSON (title, revision, provenance, diagnoses, logs of tunings, order of the
+cases); the group of a case
 holds ``signals(run, channel, time)``, ``tolerance(banded, time)`` and ``inputs(input, time)`` with the names along these dimensions,
 and its own ``document`` (case, conditions, trim, verdicts, failure).  Models flown with draws have ``samples`` in that document and
 their quantiles in ``fan0(channel, quantile, time)`` and so on.  SI and radians; the verdicts are in the unit of the tolerance
@@ -49,6 +50,8 @@ class Archive:
         Case name to the table of `pom.diagnose`.
     paper : str or None
         Of ``report.pdf``, empty without one; None: not stated.
+    tunings : dict of str to dict
+        Name of a model to the log of its tuning (`pom.tuning.Tuning.document`).
     """
 
     results: list[PomResult]
@@ -57,6 +60,7 @@ class Archive:
     provenance: dict[str, Any] = field(default_factory=dict)
     diagnoses: dict[str, pd.DataFrame] = field(default_factory=dict)
     paper: str | None = None
+    tunings: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
 def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]) -> None:
@@ -68,6 +72,7 @@ def write_archive(path: str | os.PathLike, archive: Archive, keys: Sequence[str]
         "diagnoses": {name: _table_to_json(table) for name, table in archive.diagnoses.items()},
         "cases": list(keys),
         "paper": archive.paper,
+        **({"tunings": plain(archive.tunings)} if archive.tunings else {}),
     }
     with h5py.File(path, "w") as file:
         _write_document(file, head)
@@ -97,7 +102,7 @@ def read_archive(path: str | os.PathLike) -> Archive:
     except (OSError, KeyError, ValueError, TypeError) as error:
         raise SchemaError(str(path), [f"not a results.nc of a report, or damaged ({error}); write the report again"]) from error
     diagnoses = {name: _table_from_json(table) for name, table in head["diagnoses"].items()}
-    return Archive(results, head["title"], head["revision"], head["provenance"], diagnoses, head.get("paper"))
+    return Archive(results, head["title"], head["revision"], head["provenance"], diagnoses, head.get("paper"), head.get("tunings", {}))
 
 
 def _write_result(group: h5py.Group, result: PomResult, folder: Path) -> None:

@@ -45,7 +45,9 @@ def joined(paths: Iterable[str | os.PathLike]) -> Archive:
     if records := {what: names for _, part in parts for what, names in part.provenance.get("records", {}).items()}:
         provenance["records"] = records
     diagnoses = {name: table for _, part in parts for name, table in part.diagnoses.items()}
-    return Archive([result for _, part in parts for result in part.results], first.title, first.revision, provenance, diagnoses)
+    tunings = {run: log for _, part in parts for run, log in part.tunings.items()}
+    results = [result for _, part in parts for result in part.results]
+    return Archive(results, first.title, first.revision, provenance, diagnoses, tunings=tunings)
 
 
 def _unambiguous(found: Mapping[tuple[str, str], tuple[Any, Path]]) -> dict[str, tuple[str, Any]]:

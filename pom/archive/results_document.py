@@ -30,6 +30,7 @@ def results_document(archive: Archive, modes: Sequence[pd.DataFrame], folder: st
         "results": [_numbers(result, folder) for result in archive.results],
         "modes": {result.case.name: _records(table) for result, table in zip(archive.results, modes, strict=True) if len(table)},
         "diagnoses": {name: _records(table) for name, table in archive.diagnoses.items()},
+        **({"tunings": plain(archive.tunings)} if archive.tunings else {}),
     }
 
 

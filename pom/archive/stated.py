@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from flightmech.support.console import plain
 
 from ..cases.case import PomCase
 from ..judging.modal import mode_table
+from ..result import PomResult
 from ..tolerances import rows
 from .archive import Archive, read_archive
 from .manifest import NAME, manifest, place, text_of
@@ -22,6 +23,8 @@ from .results_document import results_document
 
 CLOSE = 1e-6
 """Relative difference of a number that still counts as the same: another processor rounds a fit differently."""
+FLOWN_ALIKE = 1e-3
+"""Difference of a ratio to the tolerance that still counts as the same: tuning flies the kernel, the report an FMU of it."""
 
 
 def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
@@ -60,6 +63,8 @@ def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, st
     yield "statement", "manifest: all else", "; ".join(_all_else(folder, statement, archive))
     due = results_document(archive, [mode_table(result) for result in archive.results], folder)
     yield "statement", "results.json", "; ".join(islice(_unlike_numbers(_with_cases(due), _with_cases(document)), 5))
+    for run, log in archive.tunings.items():
+        yield "statement", f"tuning of {run}", "; ".join(unlike_the_log(archive.results, run, log))
     for result in archive.results:
         yield "tolerance", result.case.name, "; ".join(unlike_the_table(result.case))
 
@@ -139,6 +144,19 @@ def _short(value: Any) -> str:
 def run_of(item: Mapping[str, Any]) -> str:
     """Return the run of a dependency that is a model; empty for an input."""
     return str(item.get("annotations", {}).get("run", ""))
+
+
+def unlike_the_log(results: Iterable[PomResult], run: str, log: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the cases in which a tuned model does otherwise here than its log states."""
+    due = {row["case"]: row for row in log["rows"]}
+    for result in results:
+        row, worst = due.get(result.case.name), result.worst(run) if run in result.runs else None
+        if row is None or run not in result.runs:
+            continue
+        if row["after"] != result.status(run):
+            yield f"{result.case.name}: {row['after']} in the log, {result.status(run)} here"
+        elif worst is not None and abs(worst["worst_ratio"] - (row["ratio_after"] or 0.0)) > FLOWN_ALIKE:
+            yield f"{result.case.name}: ratio {row['ratio_after']:.4g} in the log, {worst['worst_ratio']:.4g} here"
 
 
 def unlike_the_table(case: PomCase) -> Iterator[str]:

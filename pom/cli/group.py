@@ -13,6 +13,7 @@ from .arguments import biases_option, case_files, cases_argument, read_biases, s
 from .case import init, schema
 from .diagnose import diagnose
 from .report import report, report_options, verify
+from .tune import tune, tuning_logs
 
 
 @click.group()
@@ -25,6 +26,7 @@ pom.add_command(schema)
 pom.add_command(diagnose)
 pom.add_command(report)
 pom.add_command(verify)
+pom.add_command(tune)
 
 
 @pom.command()
@@ -100,6 +102,9 @@ def _print_criteria(case: Any) -> None:
     metavar="NAME=FILE.nc",
     help="With --samples: the database that a model was made from, with standard errors.",
 )
+@click.option(
+    "--tuning", "tunings", multiple=True, metavar="NAME=FILE.json", help="Log by which a model was tuned, of aeromatch pom tune; needs -o."
+)
 @click.option("-v", "--verbose", is_flag=True, help="Also print trim, math pilot and drift of every model.")
 @json_option
 @click.pass_context
@@ -124,6 +129,7 @@ def run(
     samples: int,
     seed: int,
     databases: tuple[str, ...],
+    tunings: tuple[str, ...],
     verbose: bool,
     as_json: bool,
 ):
@@ -145,16 +151,20 @@ def run(
     stated = files_by_name("--database", databases, "final=out/final.nc")
     if bool(samples) != bool(stated):
         raise click.UsageError("--samples and --database go together: the number of draws, and the database of each model to draw from")
+    tuned = files_by_name("--tuning", tunings, "tuned=out/tuning.json")
+    if tuned and output is None:
+        raise click.UsageError("--tuning needs -o: the log is a chapter of the report")
     custody = Custody()
     named = case_files(cases)
-    for file in (*runs.values(), *names.values(), *stated.values()):
+    for file in (*runs.values(), *names.values(), *stated.values(), *tuned.values()):
         InputFile().convert(file, None, None)
     custody.take([*named, *runs.values()])
     with progress(f"read {len(named)} case{'s' if len(named) > 1 else ''}"):
         read = [read_case(file) for file in named]
-    files = [*(file for case in read for file in case.files()), *map(str, (*names.values(), *stated.values()))]
+    files = [*(file for case in read for file in case.files()), *map(str, (*names.values(), *stated.values(), *tuned.values()))]
     files += filter(None, (evidence, biases_file))
     custody.take(files)
+    logs = tuning_logs(tuned, runs)
     waiting: list[str] = []
     flown = False
 
@@ -188,7 +198,9 @@ def run(
 
         made_from = provenance(files, runs, command_line(), date, custody.sha256)
         with progress("write the report"):
-            written = write_report(results, output, title=title, provenance=made_from, revision=revision, paper=None if no_pdf else paper)
+            written = write_report(
+                results, output, title=title, provenance=made_from, tunings=logs, revision=revision, paper=None if no_pdf else paper
+            )
     if junit is not None:
         from ..report.exports import write_junit
 

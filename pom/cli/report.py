@@ -71,6 +71,7 @@ def report(
             ),
             databases=opened,
             diagnoses=found.diagnoses,
+            tunings=found.tunings,
             revision=revision or found.revision,
             paper=None if no_pdf else paper,
         )

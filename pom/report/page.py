@@ -13,7 +13,7 @@ from ..tolerances.rows import rows as tolerance_rows
 from . import overview
 from . import provenance as origin
 from .case import case
-from .models import database_comparison, identification
+from .models import database_comparison, identification, tuning
 from .presentation.traces import parcel
 from .submodels import page as submodel_page
 
@@ -28,7 +28,7 @@ _SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper",
 MOST_WITH_FIGURES = 30
 
 
-def html_page(results, title, revision, provenance, databases, diagnoses, support, modes, fits=(), submodels=()) -> str:
+def html_page(results, title, revision, provenance, databases, diagnoses, support, modes, fits=(), submodels=(), tunings=()) -> str:
     """Return the text of ``report.html``; the arguments are those of `pom.write_report`, `modes` a table for every result."""
     pages = environment(FunctionLoader(_template))
     pages.globals["parts"] = pages.get_template("parts.html").module
@@ -55,6 +55,10 @@ def html_page(results, title, revision, provenance, databases, diagnoses, suppor
     if submodels:
         chapter = {"submodels": submodel_page.context(submodels), "needed": submodel_page.needed(diagnoses, databases)}
         more["submodels"] = parcel({"page": pages.get_template("submodels.html").render(common, **chapter)})
+    if tunings:
+        found_styles = case.line_styles(list(dict.fromkeys(run for result in results for run in result.runs)))
+        text = pages.get_template("tuning.html").render(common, tunings=tunings, note=tuning.NOTE, styles=found_styles)
+        more["tuning"] = parcel({"page": text})
     return pages.get_template("report.html").render(
         common,
         matrix=overview.matrix(keys, results, found),

@@ -19,6 +19,7 @@ from ..archive.provenance_record import Provenance
 from ..archive.provenance_record import check as check_provenance
 from ..judging.modal import mode_table
 from .case.case import keys
+from .models import tuning
 from .page import html_page
 
 if TYPE_CHECKING:
@@ -47,6 +48,7 @@ def write_report(
     submodels: Mapping[str, Any] | None = None,
     free_motion: Mapping[str, Sequence[Any]] | None = None,
     driven_motion: Mapping[str, Sequence[xr.Dataset]] | None = None,
+    tunings: Mapping[str, Mapping[str, Any]] | None = None,
     revision: str = "",
     paper: str | None = "a4",
 ) -> Path:
@@ -81,6 +83,8 @@ def write_report(
         By submodel: the free motion of a control, of `IdentifiedLoading.fly`.
     driven_motion : mapping of str to sequence of Dataset (time,), optional
         By submodel: records of the slow motion of a control, whose force is drawn over the travel.
+    tunings : mapping of str to mapping, optional
+        Name of a model to the log of its tuning (`pom.tuning.read_log`): a chapter of page and PDF.
     revision : str
         Revision of the report, as the user counts them.
     paper : {"a4", "letter"}, optional
@@ -96,7 +100,7 @@ def write_report(
     SchemaError
         No results, another paper, or a submodel of another kind.
     UnknownName
-        A diagnosis for a case that is not there, or a misspelt key of `provenance`.
+        A diagnosis for a case or a tuning of a model that is not there, or a misspelt key of `provenance`.
     OSError
         The folder is read-only, a mount point, or the one that this process works in.
     """
@@ -107,11 +111,12 @@ def write_report(
 
     results, diagnoses, databases = list(results), dict(diagnoses or {}), dict(databases or {})
     located: dict[str, Any] = {**(provenance or {})}
-    _check(results, located, diagnoses, paper)
+    logs: dict[str, dict[str, Any]] = {run: dict(log) for run, log in (tunings or {}).items()}
+    _check(results, located, diagnoses, logs, paper)
     made_from = without_places(located)
     chapter = sections(submodels or {}, free_motion or {}, driven_motion)
-    modes = [mode_table(result) for result in results]
-    archive, names = Archive(results, title, revision, made_from, diagnoses, paper or ""), keys(results)
+    modes, tuned = [mode_table(result) for result in results], tuning.context(logs, results)
+    archive, names = Archive(results, title, revision, made_from, diagnoses, paper or "", logs), keys(results)
     folder = Path(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with folder_written_atomically(folder, PARTS.__contains__) as new:
@@ -120,7 +125,7 @@ def write_report(
             outputs = {file.relative_to(new).as_posix(): sha256(file) for file in new.rglob("*") if file.is_file()}
             return manifest(results, outputs, new, title=title, revision=revision, paper=paper, provenance=located)
 
-        page = html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits, chapter)
+        page = html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits, chapter, tuned)
         _write(new / HTML, page)
         _write(new / JSON, results_json(archive, modes, new))
         _write(new / JUNIT, junit(results, title))
@@ -132,13 +137,15 @@ def write_report(
             from .pdf import pdf_pages
 
             attached = {JSON: (new / JSON).read_bytes(), NAME: manifested().encode("utf-8")}
-            pages = pdf_pages(results, title, revision, made_from, databases, diagnoses, modes, paper, attached, chapter)
+            pages = pdf_pages(results, title, revision, made_from, databases, diagnoses, modes, paper, attached, chapter, tuned)
             (new / PDF).write_bytes(pages)
         _write(new / NAME, manifested())
     return folder / HTML
 
 
-def _check(results: Sequence[PomResult], provenance: Mapping[str, Any], diagnoses: Mapping[str, Any], paper: str | None) -> None:
+def _check(
+    results: Sequence[PomResult], provenance: Mapping[str, Any], diagnoses: Mapping[str, Any], tunings: Mapping[str, Any], paper: str | None
+) -> None:
     if not results:
         raise SchemaError("report", ["no results came; give the outcome of at least one case"])
     if paper is not None and paper not in PAPERS:
@@ -148,6 +155,10 @@ def _check(results: Sequence[PomResult], provenance: Mapping[str, Any], diagnose
     for name in diagnoses:
         if name not in names:
             raise UnknownName(name, names, "case", "diagnoses are named after cases")
+    runs = {run for result in results for run in result.runs}
+    for run in tunings:
+        if run not in runs:
+            raise UnknownName(run, runs, "model", "a tuning is that of a model")
 
 
 def _write(path: Path, text: str) -> None:

@@ -91,11 +91,14 @@ class Run:
         Ratio that decides. [1]
     trim : dict of str to float
         Trim quantities over their limits. [1]
+    failure : str
+        Why it carries no judgement; empty when it does.
     """
 
     def __init__(self, outputs: Traces, difference: Traces, outcomes: Mapping[str, Outcome], status: str, groups: Mapping[str, str]):
         self.outputs, self.difference, self.outcomes, self.status = outputs, difference, outcomes, status
         self.trim: dict[str, float] = {}
+        self.failure = ""
         best: dict[str, float] = {}
         for name, group in groups.items():
             if math.isfinite(ratio := self.ratio(name)):
@@ -141,7 +144,7 @@ class Bench:
         found, (failure,) = fly(model, job, ({},), self.channels)
         outputs = _as_applied({name: values[0] for name, values in found.items()}, job)
         outcomes = judge_all(case, job.time, flight, outputs)
-        refused = bool(failure or beyond_limits(self.limits, outputs, demanded=True))
+        refused = failure or "; ".join(remark.text for remark in beyond_limits(self.limits, outputs, demanded=True))
         exceeded = bool([remark for remark in beyond_limits(self.limits, outputs, demanded=False) if remark.kind == "trim"])
         verdicts = {c.name: "invalid" if refused and c.applies else outcomes[c.name].verdict for c in case.criteria}
         if refused:
@@ -149,6 +152,7 @@ class Bench:
         difference = {c: outputs[c] - flight[c] for c in self.traced.values() if c in outputs and c in flight}
         kept = {name: outputs[name] for name in self.tolerance if name in outputs}
         run = Run(kept, difference, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups)
+        run.failure = refused
         run.trim = {name: float(outputs[f"trim.{name}"][0]) / size for name, size in self.trim_sizes.items() if f"trim.{name}" in outputs}
         return run
 
@@ -159,6 +163,10 @@ class Bench:
             if math.isfinite(run.ratio(name)) and (group not in best or run.ratio(name) < run.ratio(best[group])):
                 best[group] = name
         return list(best.values())
+
+    def decides(self, run: Run) -> str:
+        """Return the criterion whose ratio decides a run; empty when none is judged."""
+        return max(self.deciding(run), key=run.ratio, default="")
 
     def signed(self, criterion: str, runs: list[Run]) -> np.ndarray:
         """Return the signed ratio of a criterion over the draws.

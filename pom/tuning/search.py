@@ -7,8 +7,7 @@ linear limits is taken (`least_distance`), flown, and linearised again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -17,61 +16,28 @@ import xarray as xr
 import aerodb
 import flightmech
 from flightmech import Aircraft
+from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
+from flightmech.names import lookup
 from flightmech.simulation import with_table_values
+from flightmech.units import from_si
 
 from ..replaying.replay_case import Plan
 from ..sampling.instruments import Instruments
 from ..sampling.sampled_case import Bench, Run
 from .directions import Directions
 from .least_distance import least_distance
+from .tuning_log import Tuning
 
 BOUND = 2.0  # standard errors of a node, without a rationale for its term
 MARGIN = 0.98  # of the tolerance
 PROBE = 0.5  # standard errors
 ITERATIONS = 8
 SAMPLES = 60  # of a time history at which it is limited
+STATED = 0.01  # standard errors: a node that moved less keeps its source
+ROUNDING = 1e-9  # standard errors
 _STILL = 1e-6  # standard errors
-
-
-@dataclass(frozen=True)
-class Tuning:
-    """Outcome of `tune`.
-
-    Attributes
-    ----------
-    database : DataTree or None
-        The tuned one, with its moves in history and undo history; None when it was refused.
-    moves : DataFrame
-        Index term: ``from_evidence`` and ``moved``, the largest change of a node against evidence and model, ``share`` of the squared
-        distance from the model that the term takes, ``rationale``.  [standard errors, 1]
-    rows : DataFrame
-        Index case: ``wanted``, ``before`` and ``after`` (status), ``ratio_before`` and ``ratio_after``. [1]
-    distance : float
-        Mahalanobis distance of the tuned model from the evidence.
-    refusal : str
-        Why the rows cannot pass inside the bounds, with what it would take; empty when they pass.
-    """
-
-    database: xr.DataTree | None
-    moves: pd.DataFrame
-    rows: pd.DataFrame
-    distance: float
-    refusal: str = ""
-
-    def log(self) -> list[str]:
-        """Return what moved and what it did, line by line."""
-        lines = [self.refusal] if self.refusal else []
-        for name, row in self.moves.iterrows():
-            why = f"; {row['rationale']}" if row["rationale"] else ""
-            lines.append(
-                f"{name}: moved by {row['moved']:.2f} standard errors, {row['from_evidence']:.2f} from the evidence, "
-                f"{100.0 * row['share']:.0f} % of the distance{why}"
-            )
-        for name, row in self.rows.iterrows():
-            ratios = f"{row['ratio_before']:.2f} -> {row['ratio_after']:.2f} x tolerance"
-            lines.append(f"{name}: {row['before']} -> {row['after']}, {ratios}{', wanted' if row['wanted'] else ''}")
-        return lines
+_JUDGEMENT = _terms.SOURCES.index("judgement")
 
 
 def tune(
@@ -93,7 +59,8 @@ def tune(
         The model.
     aircraft : Aircraft
     wanted : sequence of str, optional
-        Names of the cases that must pass; all without it.  What becomes of the others is reported.
+        Names of the cases that must pass; without it those that fail.  Cases that pass must go on doing so; what becomes of every
+        case is reported.
     evidence : DataTree, optional
         What flight found, with standard errors and the axes of the model; the model itself without it.
     rationale : mapping of str to str, optional
@@ -104,37 +71,61 @@ def tune(
     Returns
     -------
     Tuning
-        With a refusal, and no database, when the rows cannot pass inside the bounds; ``moves`` then are what it would take.
+        With a refusal, and no database, when the rows cannot pass inside the bounds; ``moves`` and ``rows`` then are what it would
+        take.  Nothing moves where the wanted cases pass.
 
     Raises
     ------
     UnknownName
         A wanted case or a term with a rationale that is not there.
     SchemaError
-        A case with a control law, an evidence without standard errors or with a table that the model does not have.
+        A case with a control law or with trim surfaces to solve for, a wanted case that cannot be flown or judged, an evidence without
+        standard errors or with a table that the model does not have, a rationale without words; a bound that is not positive.
     """
-    bench = _Tuner.of(plans, database, aircraft, wanted, evidence, dict(rationale or {}))
-    z, passed = bench.search(bound)
+    if not bound > 0.0:
+        raise SchemaError("tuning", [f"the bound is {bound:g} standard errors; give a number above 0"])
+    tuner = _Tuner.of(plans, database, aircraft, evidence, dict(rationale or {}))
+    before = tuner.fly(None, tuner.benches)
+    tuner.demanded = wanted = _wanted(before, wanted)
+    if _pass({name: before[name] for name in wanted}):
+        return Tuning(database, tuner.moves(None), tuner.rows(wanted, before, before), 0.0, bound)
+    z, after, passed = tuner.reached(before, bound)
     refusal = ""
     if not passed:
-        z, passed = bench.search(np.inf)
-        refusal = bench.refusal(z, passed, bound)
-    moves = bench.moves(z)
-    rows = bench.rows(z)
-    tuned = None if refusal else bench.tuned(z, moves)
-    return Tuning(tuned, moves, rows, float(np.linalg.norm(z)), refusal)
+        z, after, passed = tuner.reached(before, np.inf)
+        refusal = tuner.refusal(z, passed, wanted, bound)
+    moves, rows = tuner.moves(z), tuner.rows(wanted, before, after)
+    tuned = None if refusal else tuner.tuned(z, moves, wanted)
+    return Tuning(tuned, moves, rows, float(np.linalg.norm(z)), bound, refusal)
 
 
 def _pass(runs: Mapping[str, Run]) -> bool:
     return all(run.status == "pass" for run in runs.values())
 
 
-class _Tuner:
-    """Cases, model and evidence."""
+def _wanted(before: Mapping[str, Run], wanted: Sequence[str] | None) -> list[str]:
+    """Return the cases that must pass: those named, else those that fail."""
+    if wanted is None:
+        return [name for name, run in before.items() if run.status in ("fail", "limits_exceeded")]
+    problems = []
+    for name in wanted:
+        if name not in before:
+            raise UnknownName(name, before, "case")
+        if before[name].status == "invalid":
+            problems.append(f"{name}: the model cannot be flown or judged: {before[name].failure or 'the record lacks what is judged'}")
+        elif before[name].status == "not_tested":
+            problems.append(f"{name}: nothing of it is judged, no change of the model can make it pass")
+    if problems:
+        raise SchemaError("rows to tune", problems)
+    return list(dict.fromkeys(wanted))
 
-    def __init__(self, benches, wanted, database, evidence, directions, sim, rationale):
+
+class _Tuner:
+    """Cases, model and evidence; `demanded` are the cases that must pass."""
+
+    def __init__(self, benches, database, evidence, directions, sim, rationale):
         self.benches: dict[str, Bench] = benches
-        self.wanted: list[str] = wanted
+        self.demanded: list[str] = []
         self.database: xr.DataTree = database
         self.evidence: dict[str, xr.Dataset] = {n: leaf for n, leaf in aerodb.terms(evidence).items() if n in directions.nodes}
         self.found: xr.DataTree = evidence
@@ -143,14 +134,34 @@ class _Tuner:
         self.rationale: dict[str, str] = rationale
 
     @classmethod
-    def of(cls, plans, database, aircraft, wanted, evidence, rationale) -> _Tuner:
-        laws = [plan.case.name for plan in plans if plan.job.law is not None]
-        if laws:
-            raise SchemaError("cases to tune", [f"{name}: the kernel flies no FMU of a control law; leave the case out" for name in laws])
+    def of(cls, plans, database, aircraft, evidence, rationale) -> _Tuner:
+        problems = [f"{p.case.name}: the kernel flies no FMU of a control law; leave the case out" for p in plans if p.job.law is not None]
+        problems += [
+            f"{p.case.name}: its trim surfaces are solved for on an FMU, which tuning does not fly; leave the case out"
+            for p in plans
+            if p.case.drive.trim_surfaces
+        ]
+        problems += [
+            f"{name}: a rationale without words; write why the term may leave the bound"
+            for name, why in rationale.items()
+            if not why.strip()
+        ]
         names = [plan.case.name for plan in plans]
-        for name in wanted or ():
-            if name not in names:
-                raise UnknownName(name, names, "case")
+        problems += [
+            f"{names.count(name)} cases are named {name!r}; give each a name of its own"
+            for name in dict.fromkeys(names)
+            if names.count(name) > 1
+        ]
+        if problems:
+            raise SchemaError("cases to tune", problems)
+        leaves = aerodb.terms(database)
+        problems = [
+            f"{name}: {'the model has no such term' if name not in leaves else 'the evidence has other breakpoints than the model'}"
+            for name, leaf in aerodb.terms(database if evidence is None else evidence).items()
+            if "stderr" in leaf and (name not in leaves or not _same_axes(leaf["value"], leaves[name]["value"]))
+        ]
+        if problems:
+            raise SchemaError("evidence", [f"{problem}; give the evidence on the breakpoints of the model" for problem in problems])
         found = database if evidence is None else evidence
         sim = flightmech.compile(aircraft, database)
         none = Instruments((), {}, {}, {})
@@ -158,34 +169,47 @@ class _Tuner:
         hinges = any(plan.case.drive.level != "recorded" for plan in plans)
         directions = Directions.along(found, [plan.states for plan in plans], hinges)
         if not directions.of:
-            raise SchemaError("evidence", ["no term has standard errors; give an identified database"])
+            raise SchemaError("evidence", ["no term has standard errors, nothing bounds a move; give an identified database (--evidence)"])
         for name in rationale:
             if name not in directions.nodes:
                 raise UnknownName(name, directions.nodes, "term with standard errors")
-        return cls(benches, list(wanted or names), database, found, directions, sim, rationale)
+        return cls(benches, database, found, directions, sim, rationale)
 
     def nodes(self, z: np.ndarray) -> dict[str, np.ndarray]:
         """Return the values of the terms for amounts z of the directions, from the evidence."""
         change = self.directions.change(z)
         return {name: leaf["value"].values + change[name].reshape(leaf["value"].shape) for name, leaf in self.evidence.items()}
 
-    def fly(self, z: np.ndarray | None, names: Sequence[str]) -> dict[str, Run]:
+    def fly(self, z: np.ndarray | None, names: Iterable[str]) -> dict[str, Run]:
         """Return the runs of cases; of the model itself without z."""
         sim = self.sim if z is None else with_table_values(self.sim, self.nodes(z))
         return {name: self.benches[name].run(sim, np.zeros(0)) for name in names}
 
+    def reached(self, before: Mapping[str, Run], bound: float) -> tuple[np.ndarray, dict[str, Run], bool]:
+        """Return the amounts, the runs of all cases with them, and whether the demanded cases pass.
+
+        Cases that pass with the model as it is, and no longer with the amounts, are demanded too.
+        """
+        while True:
+            z, passed = self.search(bound)
+            after = self.fly(z, self.benches)
+            lost = [name for name, run in after.items() if before[name].status == "pass" != run.status and name not in self.demanded]
+            if not passed or not lost:
+                return z, after, passed
+            self.demanded = [*self.demanded, *lost]
+
     def search(self, bound: float) -> tuple[np.ndarray, bool]:
-        """Return the amounts, and whether the wanted cases pass with them."""
+        """Return the amounts, and whether the demanded cases pass with them."""
         z = np.zeros(len(self.directions.of))
         for _ in range(ITERATIONS):
-            runs = self.fly(z, self.wanted)
+            runs = self.fly(z, self.demanded)
             if _pass(runs):
                 return z, True
             step = self.step(z, runs, bound)
             if step is None or np.abs(step - z).max() < _STILL:
                 return z, False
             z = step
-        return z, _pass(self.fly(z, self.wanted))
+        return z, _pass(self.fly(z, self.demanded))
 
     def step(self, z: np.ndarray, runs: Mapping[str, Run], bound: float) -> np.ndarray | None:
         """Return the shortest amounts inside all limits linearised about z; None when there are none."""
@@ -194,7 +218,7 @@ class _Tuner:
         for k in range(len(z)):
             there = z.copy()
             there[k] += PROBE
-            slopes[:, k] = (self.limited(self.fly(there, self.wanted), runs) - now) / PROBE
+            slopes[:, k] = (self.limited(self.fly(there, self.demanded), runs) - now) / PROBE
         slopes[~np.isfinite(slopes)] = 0.0
         level = now - slopes @ z
         G, h = np.vstack([-slopes, slopes]), np.concatenate([level - MARGIN, -level - MARGIN])
@@ -243,38 +267,47 @@ class _Tuner:
                 rows.append(np.sign(size[worst]) * D[:, worst] / sd[worst])
         return np.array(rows).reshape(len(rows), len(z))
 
-    def refusal(self, z: np.ndarray, passed: bool, bound: float) -> str:
+    def refusal(self, z: np.ndarray, passed: bool, wanted: Sequence[str], bound: float) -> str:
         """Return why the rows cannot pass inside the bound, and the price."""
-        wanted = ", ".join(self.wanted)
+        kept = [name for name in self.demanded if name not in wanted]
+        rows = ", ".join(wanted) + (f" (with {', '.join(kept)} still passing)" if kept else "")
         if not passed:
-            return f"{wanted}: no change of the terms with standard errors makes them pass; the cause lies in what has none"
+            return f"{rows}: no change of the terms with standard errors was found that makes all pass; look for the cause in what has none"
         sizes = self.sizes(self.nodes(z), {name: leaf["value"].values for name, leaf in self.evidence.items()})
         far = {name: size for name, size in sorted(sizes.items(), key=lambda item: -item[1]) if size > bound}
         price = ", ".join(f"{name} {size:.1f}" for name, size in far.items() if name not in self.rationale)
-        what = f"it would take {price} standard errors: write a rationale for these terms"
-        return f"{wanted}: cannot pass within {bound:g} standard errors; {what}"
+        what = f"it would take {price} standard errors, distance {np.linalg.norm(z):.1f}: write a rationale for these terms"
+        return f"{rows}: cannot pass within {bound:g} standard error{'' if bound == 1.0 else 's'}; {what}"
 
     def sizes(self, new: Mapping[str, np.ndarray], old: Mapping[str, np.ndarray]) -> dict[str, float]:
         """Return the largest change of a node by term. [standard errors of the evidence]"""
-        found = {}
-        for name, leaf in self.evidence.items():
-            sd = leaf["stderr"].values
-            ratio = np.divide(np.abs(new[name] - old[name]), sd, out=np.zeros(sd.shape), where=sd > 0.0)
-            found[name] = float(ratio.max(initial=0.0))
-        return found
+        return {name: float(self.size(name, new[name], old[name]).max(initial=0.0)) for name in self.evidence}
 
-    def moves(self, z: np.ndarray) -> pd.DataFrame:
-        """Return what moved, the largest share first."""
-        new, leaves = self.nodes(z), aerodb.terms(self.database)
+    def size(self, name: str, new: np.ndarray, old: np.ndarray) -> np.ndarray:
+        """Return the change of the nodes of a term. [standard errors of the evidence]"""
+        sd = self.evidence[name]["stderr"].values
+        return np.divide(np.abs(new - old), sd, out=np.zeros(sd.shape), where=sd > 0.0)
+
+    def moves(self, z: np.ndarray | None) -> pd.DataFrame:
+        """Return what moved, the largest share first; nothing without z."""
+        leaves = aerodb.terms(self.database)
         model = {name: leaves[name]["value"].values for name in self.evidence}
+        new = model if z is None else self.nodes(z)
         away = self.sizes(new, {name: leaf["value"].values for name, leaf in self.evidence.items()})
-        moved, shares = self.sizes(new, model), self.shares({name: new[name] - model[name] for name in new})
-        rows = {
-            name: {"moved": moved[name], "from_evidence": away[name], "share": shares[name], "rationale": self.rationale.get(name, "")}
-            for name in sorted(new, key=lambda name: -shares[name])
-            if moved[name] > 1e-3
-        }
-        return pd.DataFrame.from_dict(rows, orient="index", columns=["moved", "from_evidence", "share", "rationale"])
+        shares = self.shares({name: new[name] - model[name] for name in new})
+        rows = {}
+        for name in sorted(new, key=lambda name: -shares[name]):
+            size = self.size(name, new[name], model[name])
+            if size.max(initial=0.0) > ROUNDING:
+                rows[name] = {
+                    "moved": float(size.max()),
+                    "from_evidence": away[name],
+                    "share": shares[name],
+                    "nodes": int((size > STATED).sum()),
+                    "at": _place(leaves[name]["value"], size),
+                    "rationale": self.rationale.get(name, ""),
+                }
+        return pd.DataFrame.from_dict(rows, orient="index", columns=["moved", "from_evidence", "share", "nodes", "at", "rationale"])
 
     def shares(self, change: Mapping[str, np.ndarray]) -> dict[str, float]:
         """Return the share of every term in the squared Mahalanobis distance of a change of the nodes."""
@@ -293,27 +326,48 @@ class _Tuner:
         total = sum(parts.values())
         return {name: part / total if total > 0.0 else 0.0 for name, part in parts.items()}
 
-    def rows(self, z: np.ndarray) -> pd.DataFrame:
+    def rows(self, wanted: Sequence[str], before: Mapping[str, Run], after: Mapping[str, Run]) -> pd.DataFrame:
         """Return what became of every case."""
-        names = list(self.benches)
-        before, after = self.fly(None, names), self.fly(z, names)
         found = {
             name: {
-                "wanted": name in self.wanted,
+                "id": bench.plan.case.id,
+                "title": bench.plan.case.title,
+                "wanted": name in wanted,
                 "before": before[name].status,
                 "after": after[name].status,
                 "ratio_before": before[name].decides,
                 "ratio_after": after[name].decides,
+                "criterion_before": bench.decides(before[name]),
+                "criterion_after": bench.decides(after[name]),
             }
-            for name in names
+            for name, bench in self.benches.items()
         }
         return pd.DataFrame.from_dict(found, orient="index")
 
-    def tuned(self, z: np.ndarray, moves: pd.DataFrame) -> xr.DataTree:
-        """Return the tuned database; every moved term states why and by how much."""
+    def tuned(self, z: np.ndarray, moves: pd.DataFrame, wanted: Sequence[str]) -> xr.DataTree:
+        """Return the tuned database; every moved term states by how much and why, and its moved nodes have the source judgement."""
         leaves, nodes = aerodb.terms(self.database), self.nodes(z)
-        new = {name: leaves[name].assign(value=leaves[name]["value"].copy(data=nodes[name])) for name in moves.index}
-        if not new:
-            return self.database
-        note = "; ".join(f"{name} {row['moved']:.2f} standard errors" for name, row in moves.iterrows())
-        return aerodb.replace_terms(self.database, new, f"pom tune for {', '.join(self.wanted)}: {note}")
+        rows, new = ", ".join(wanted), {}
+        for name, move in zip(map(str, moves.index), moves.to_dict("records"), strict=True):
+            leaf = leaves[name].assign(value=leaves[name]["value"].copy(data=nodes[name]))
+            if "source" in leaf:
+                far = self.size(name, nodes[name], leaves[name]["value"].values) > STATED
+                leaf["source"] = leaf["source"].copy(data=np.where(far, _JUDGEMENT, leaf["source"]).astype(np.uint8))
+            why = f"; rationale: {move['rationale']}" if move["rationale"] else ""
+            text = f"{move['nodes']} of {leaf['value'].size} nodes moved, by {move['moved']:.2f} standard errors at most"
+            line = f"pom tune for {rows}: {text}, {move['from_evidence']:.2f} from the evidence{why}"
+            new[name] = leaf.assign_attrs(history="\n".join(filter(None, (leaf.attrs.get("history", ""), line))))
+        note = f"pom tune for {rows}: {len(new)} terms moved, distance {np.linalg.norm(z):.2f} from the evidence"
+        return aerodb.replace_terms(self.database, new, note)
+
+
+def _same_axes(one: xr.DataArray, other: xr.DataArray) -> bool:
+    return one.dims == other.dims and all(np.array_equal(one[axis], other[axis]) for axis in one.dims)
+
+
+def _place(value: xr.DataArray, size: np.ndarray) -> str:
+    """Return the breakpoints of the node that moved most: ``mach 0.2, alpha 4 deg``."""
+    at = np.unravel_index(int(size.argmax()), size.shape)
+    units = {axis: lookup(str(axis)).display_units for axis in value.dims}
+    points = {axis: from_si(float(value[axis][k]), units[axis]) for axis, k in zip(value.dims, at, strict=True)}
+    return ", ".join(f"{axis} {x:.4g}{'' if units[axis] == '1' else f' {units[axis]}'}" for axis, x in points.items())

@@ -9,6 +9,7 @@ from pom.cases.case import PomCase
 from pom.result import PomResult, verdict_table
 from pom.tolerances.criteria import Band, Criterion, Limit
 from pom.tolerances.remarks import RowRemark, reasons
+from pom.tuning.tuning_log import KIND
 
 STANDARD, EDITION = "FAA 14 CFR Part 60 App A Table A2A", "2014-01-01"
 DEG = np.pi / 180.0
@@ -162,6 +163,30 @@ def crashed_result():
     tolerance, verdict = judge(good.case, data, RUNS)
     text = "corrected: the FMU stopped at 6.42 s: fmi2DoStep returned error"
     return PomResult(good.case, good.conditions, data, tolerance, good.inputs, good.trim, verdict, failure=text)
+
+
+def tuning(results, run="final"):
+    """Return a log of `aeromatch pom tune` that states of `run` what the results show."""
+    rows = []
+    for result in results:
+        worst = result.worst(run)
+        after = {"after": result.status(run), "ratio_after": worst["worst_ratio"], "criterion_after": worst["criterion"]}
+        before = {"before": "fail", "ratio_before": 1.7, "criterion_before": worst["criterion"]}
+        rows.append({"case": result.case.name, "id": result.case.id, "title": result.case.title, "wanted": True, **before, **after})
+    far = {"moved": 1.31, "from_evidence": 1.24, "share": 0.93, "nodes": 12, "at": "mach 0.2, alpha 4 deg"}
+    near = {"moved": 0.02, "from_evidence": 0.02, "share": 0.07, "nodes": 1, "at": ""}
+    moves = [{"term": "Cm/elevator", "rationale": "horn <worn>", **far}, {"term": "Cm/qhat", "rationale": "", **near}]
+    files = {"database": {"name": "old.nc", "sha256": "ab" * 32}}
+    return {
+        "kind": KIND,
+        "refusal": "",
+        "bound": 2.0,
+        "distance": 1.4,
+        "model": "cd" * 32,
+        "files": files,
+        "moves": moves,
+        "rows": rows,
+    }
 
 
 def results():

@@ -145,6 +145,14 @@ def submodel(section: Section) -> dict[str, Any]:
     return {"name": section.name, "techniques": section.techniques, "grids": grids, "remarks": section.remarks}
 
 
+def tuning(one: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the chapter on tuning shows of one model."""
+    grids = [
+        {**(table_of(grid) or {}), "align": ["right" if cell in one["numbers"] else "left" for cell in grid.head]} for grid in one["grids"]
+    ]
+    return {"run": one["run"], "headline": one["headline"], "grids": grids, "remarks": one["remarks"]}
+
+
 def table_of(grid: Grid | None) -> dict[str, Any] | None:
     """Return a table of the chapter on submodels."""
     return {"caption": grid.caption, "head": grid.head, "rows": grid.rows} if grid else None

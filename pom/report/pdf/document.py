@@ -21,6 +21,7 @@ from flightmech.support.console import plain
 from pom.report.case.case import keys, line_styles
 from pom.report.case.cross_plots import crosses
 from pom.report.case.panels import Panel, panels
+from pom.report.models.tuning import NOTE
 from pom.report.submodels.page import needed
 from pom.report.submodels.section import Section
 from pom.result import PomResult
@@ -60,6 +61,7 @@ def pdf_pages(
     paper: str,
     attached: Mapping[str, bytes],
     submodels: Sequence[Section] = (),
+    tunings: Sequence[Mapping[str, Any]] = (),
 ) -> bytes:
     """Return ``report.pdf``; the arguments are those of `pom.write_report`, `modes` a table per result, `attached` files by name.
 
@@ -83,6 +85,8 @@ def pdf_pages(
             **front,
             "cases": cases,
             "submodels": chapter,
+            "tunings": [content.tuning(one) for one in tunings],
+            "tuning_note": NOTE,
             "needed": content.table_of(needed(diagnoses, databases)),
             "paper": {"a4": "a4", "letter": "us-letter"}[paper],
         }

@@ -18,6 +18,7 @@ from flightmech.errors import SchemaError, UnknownName
 from tests.aerodb.update.test_tabulation import DEG, ROOT, local_fits, prior_leaves
 from tests.aerodb.update.test_tabulation import drawn as truth_of
 
+RELATIVE_ROUNDING = 1e-12  # of the largest eigenvalue, a hundred at most: 1000 nodes in double precision
 FLOWN = {"alpha": np.linspace(0, 7, 15) * DEG, "mach": 0.35, "qhat": 0.001, "delta_e": -0.02}
 
 
@@ -184,3 +185,33 @@ def test_a_difference_of_conditions_has_the_joint_covariance_of_all_terms(flown)
     nodes = np.concatenate([leaf["value"].values.ravel() for name, leaf in aerodb.terms(db).items() if name.startswith("CL/")])
     np.testing.assert_allclose(value, B @ nodes)
     np.testing.assert_allclose(stderr, np.sqrt(np.einsum("ij,jk,ik->i", B, V, B)), rtol=1e-6)
+
+
+def least_eigenvalues(db):
+    """Return the least eigenvalue over the largest of the correlation of the nodes, by coefficient."""
+    found = {}
+    for coefficient in dict.fromkeys(name.split("/")[0] for name in aerodb.terms(db)):
+        _, V = covariance(db, coefficient)
+        assert (np.diag(V) >= 0.0).all()
+        sd = np.sqrt(np.diag(V))
+        free = sd > 0.0
+        if free.any():
+            R = V[np.ix_(free, free)] / np.outer(sd[free], sd[free])
+            np.testing.assert_allclose(R, R.T, rtol=0.0, atol=RELATIVE_ROUNDING)
+            values = np.linalg.eigvalsh(R)
+            found[coefficient] = values[0] / values[-1]
+    return found
+
+
+@pytest.mark.slow
+def test_every_covariance_of_the_demo_is_positive_semidefinite(demo):
+    """Tables of ground effect and hinge moments have standard errors and no posterior of their own; they stand next to tables that have."""
+    db = aerodb.open(demo[0] / "final.nc")
+    leaves = aerodb.terms(db)
+    assert "stderr" in leaves["CL/ground"]
+    assert origin(leaves["CL/ground"]) is None
+    assert origin(leaves["CL/basic"])
+    found = least_eigenvalues(db)
+    assert {"CL", "CD", "Cm", "CY", "Cl", "Cn", "Ch_e"} <= set(found)
+    assert min(found.values()) > -RELATIVE_ROUNDING
+    assert all(np.isfinite(values).all() for values in draw(db, 2, 1).values())
