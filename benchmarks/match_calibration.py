@@ -4,9 +4,9 @@
 
 Simulated T-37 programmes of other seeds, as `benchmarks/table_coverage.py` keeps them in PROGRAMMES (runs 01 to 16); the proving
 runs 21, 22, 26, 27, 29, 30 and 32 of the same aeroplane and instruments are made and reconstructed in VALIDATION when they are not
-there.  Every programme is identified, its final model flown against the proving runs, and against them draws of its posterior.  Event:
-the row is within a share of its tolerance.  Printed per share: Brier score of the probabilities over all rows and seeds, that of the
-frequencies of each row over the seeds, and how often rows of a stated probability came true.
+there.  Every programme is identified, its final model flown against the proving runs, and against the flights that draws of its
+posterior give there.  Event: the row is within a share of its tolerance.  Printed per share: Brier score of the probabilities over
+all rows and seeds, that of the frequencies of each row over the seeds, and how often rows of a stated probability came true.
 """
 
 from __future__ import annotations
@@ -99,7 +99,9 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=100)
     given = parser.parse_args()
     warnings.simplefilter("ignore", flightmech.errors.AeromatchWarning)
-    project = replace(read_project(ROOT / "data" / "t37" / "aeromatch.toml"), engine=None, controls={}, gear=None, ground_effect=None)
+    project = read_project(ROOT / "data" / "t37" / "aeromatch.toml")
+    errors = {**(project.errors or {}), "timing": 0.0}  # accelerations and states of the simulated recordings have one clock
+    project = replace(project, engine=None, controls={}, gear=None, ground_effect=None, errors=errors)
     aircraft = flightmech.read_aircraft(project.aircraft)
     start = workflow.opened(project, workflow.a_priori(project, aircraft))
     found = []
@@ -108,6 +110,8 @@ def main() -> None:
         kept = here / f"ratios{given.draws}.json"
         if not kept.exists():
             flown = programme(given.programmes, seed, project, aircraft, False, 1)
+            if any(path.errors is None for path in flown["paths"].values()):
+                raise SystemExit(f"seed {seed}: paths without the errors of their states; delete its paths.pickle and reconstruct it again")
             paths = proving(here, given.programmes, seed, flown["paths"], project, aircraft)
             kept.write_text(json.dumps(ratios(identified(flown, project, aircraft, start), paths, project, aircraft, given.draws)))
         found.append(json.loads(kept.read_text()))

@@ -99,7 +99,7 @@ class PomResult:
     failure : str
         Which model crashed, hung or refused, and how; empty when all ran.  Its rows are ``invalid`` and carry the text.
     samples : dict of str to Samples
-        By model: replays by draws from the posterior of its database and of the instruments (`pom.sampling`); empty without any.
+        By model: flights by draws from the posterior of its database and of the instruments (`pom.sampling`); empty without any.
     """
 
     case: PomCase

@@ -18,7 +18,7 @@ QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
 @dataclass(frozen=True)
 class Samples:
-    """One case replayed by draws of one model from the posterior of its database and of the instruments.
+    """One model against the flights that draws of the aeroplane, from the posterior of its database and of the instruments, give in a case.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Samples:
 
     @property
     def probability(self) -> float:
-        """Share of the draws within tolerance; one that cannot be flown is not."""
+        """Share of the draws that the model matches within tolerance; one that cannot be flown or judged is not."""
         return sum(status in WITHIN for status in self.status) / self.count
 
     @property

@@ -3,6 +3,7 @@
 from .characteristics_errors import with_standard_errors as with_standard_errors
 from .classical_join import join_submodels as join_submodels
 from .expectation import Expectation as Expectation
+from .posterior import common_errors as common_errors
 from .posterior import covariance as covariance
 from .posterior import draw as draw
 from .posterior import drawn as drawn

@@ -14,7 +14,7 @@ Each term table keeps its rows of V in four variables:
                                              value, and the constant part (`aerodb.update.correlation`)
 ``flown_distance``   (axes)                  distance of each node from the flown region, in correlation lengths
 ``posterior_factor`` (``component``, axes)   W and Z side by side
-``posterior_sign``   (``component``)         -1 for a column of W, 1 for one of Z
+``posterior_sign``   (``component``)         -1 for a column of W, 1 for one of Z; attribute ``errors``: names of the columns of Z
 ===================  ======================  =====================================================================================
 
 The attributes of ``prior_error`` are the weights of the parts of P and the correlation lengths.  ``posterior_factor`` has the attribute
@@ -39,6 +39,8 @@ from flightmech.errors import SchemaError, UnknownName
 from ..store.schema import terms
 from .correlation import PARTS, covariance_between, error_kinds, kernel, prior_covariance
 
+ERRORS = "errors"
+"""Attribute of ``posterior_sign``: one line for each of the last components, the name of the error common to all fits that makes it."""
 _ROUNDING = 1e-6  # of a variance
 _JITTER = 1e-10  # of the variance of a node: the parts of P that are common to a whole table leave directions without variance
 
@@ -51,6 +53,7 @@ def with_posterior(
     lengths: Mapping[str, float],
     W: np.ndarray,
     Z: np.ndarray,
+    errors: Sequence[str],
 ) -> xr.Dataset:
     """Return a term table with its rows of the joint covariance.
 
@@ -66,6 +69,8 @@ def with_posterior(
         Correlation lengths by axis. [SI]
     W, Z : array (nodes, components)
         Rows of the nodes of this term.
+    errors : sequence of str
+        Name of the error that makes each column of Z, such as ``mass``; empty for one without a name.
     """
     dims, shape = after["value"].dims, after["value"].shape
     axes = [str(axis) for axis in dims]
@@ -76,7 +81,7 @@ def with_posterior(
         prior_error=(("kind", *dims), error_kinds(before).reshape(2, *shape), attributes),
         flown_distance=(dims, distance.reshape(shape)),
         posterior_factor=(("component", *dims), factor.reshape(len(sign), *shape)),
-        posterior_sign=("component", sign),
+        posterior_sign=("component", sign, {ERRORS: "\n".join(errors)}),
     )
 
 
@@ -209,7 +214,9 @@ def joint_covariance(leaves: Mapping[str, xr.Dataset]) -> tuple[dict[str, slice]
     return slices, V
 
 
-def draw(db: xr.DataTree, count: int, seed: int, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+def draw(
+    db: xr.DataTree, count: int, seed: int, names: Sequence[str] | None = None, common: Mapping[str, np.ndarray] | None = None
+) -> dict[str, np.ndarray]:
     """Return node values drawn from the distribution that a database states: its values, standard errors and correlation.
 
     Parameters
@@ -222,6 +229,9 @@ def draw(db: xr.DataTree, count: int, seed: int, names: Sequence[str] | None = N
         Of the random numbers; the same seed gives the same draws.
     names : sequence of str, optional
         Coefficients to draw, such as ``["CL", "Cm"]``; by default all.  The draws of a coefficient do not depend on which others are drawn.
+    common : mapping of str to array (count,), optional
+        Standard normal numbers of errors common to all fits, such as ``mass`` (`common_errors`), in place of drawn ones: truth less
+        reading, in standard errors.
 
     Returns
     -------
@@ -243,11 +253,38 @@ def draw(db: xr.DataTree, count: int, seed: int, names: Sequence[str] | None = N
         slices, V = covariance(db, coefficient)
         # a stream of its own for each coefficient
         random = np.random.default_rng([seed, *coefficient.encode()])
-        errors = random.standard_normal((count, len(V))) @ _root(V).T
+        G, z = _made_by(common or {}, leaves, slices)
+        errors = random.standard_normal((count, len(V))) @ _root(V - G @ G.T).T + z.T @ G.T
         for name, rows in slices.items():
             value = leaves[name]["value"].values
             found[name] = value + errors[:, rows].reshape(count, *value.shape)
     return found
+
+
+def common_errors(db: xr.DataTree) -> list[str]:
+    """Return the names of the errors common to all fits (``mass``, ``bias.delta_e``) that the joint covariance of the nodes holds."""
+    return sorted({error for leaf in terms(db).values() for error in _errors(leaf) if error})
+
+
+def _errors(leaf: xr.Dataset) -> list[str]:
+    """Return the names of the errors that make the last components of a term table; empty for those without a name."""
+    return str(leaf["posterior_sign"].attrs.get(ERRORS, "")).split("\n") if origin(leaf) else []
+
+
+def _made_by(
+    common: Mapping[str, np.ndarray], leaves: Mapping[str, xr.Dataset], slices: Mapping[str, slice]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return what one standard error of common errors makes of the nodes, (nodes, errors), and their numbers (errors, draws)."""
+    nodes = max((rows.stop for rows in slices.values()), default=0)
+    columns: dict[str, np.ndarray] = {}
+    for name, rows in slices.items():
+        leaf = leaves[name]
+        made = _errors(leaf)
+        for k, error in enumerate(made, -len(made)):
+            if error in common:
+                columns.setdefault(error, np.zeros(nodes))[rows] = factor_of(leaf)[0][:, k]
+    G = np.stack(list(columns.values()), axis=1) if columns else np.zeros((nodes, 0))
+    return G, np.array([common[name] for name in columns]) if columns else np.zeros((0, 1))
 
 
 def drawn(db: xr.DataTree, values: Mapping[str, np.ndarray]) -> xr.DataTree:

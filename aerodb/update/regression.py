@@ -143,7 +143,7 @@ def _observe(
     H = np.zeros((len(s), len(g0)))
     H[:, touched] = (B[:, touched].T @ U).T
     D = [common, *(U.T @ (bases[name] @ factor) for name, (_, factor) in known.fixed.items())]
-    return Observation(str(samples.attrs.get("name", "")), samples, U.T @ z, H, np.hstack(D), C, known.sampled(samples), bases)
+    return Observation(str(samples.attrs.get("name", "")), samples, U.T @ z, H, np.hstack(D), C, known.sampled(samples), bases, sources)
 
 
 def _moved(bases: Sequence, priors: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -182,6 +182,7 @@ class Observation:
     C: np.ndarray  # (estimates, estimates)
     sampled: np.ndarray  # (free nodes,), largest weight of each at a sample
     bases: dict[str, Any]  # of all terms, free and held: (samples, nodes)
+    errors: Sequence[str]  # names of the common errors, the first columns of D; those of held terms have none
 
 
 @dataclass(frozen=True)
@@ -197,6 +198,7 @@ class _Posterior:
     chi2: float
     taken: np.ndarray  # (nodes, estimates): W of `aerodb.update.posterior`
     common: np.ndarray  # (nodes, common errors): Z
+    errors: list[str]  # their names
 
 
 def joined(
@@ -217,7 +219,7 @@ def joined(
             flown = ((sampled >= FLOWN) & touched)[nodes]
             made = new_leaf(leaf, found.value[nodes], found.stderr[nodes], flown, contributors(observed, nodes), history)
             away = flown_distance(leaf, (sampled * touched)[nodes], lengths)
-            new[name] = with_posterior(leaf, made, found.parts[name], away, lengths, found.taken[nodes], found.common[nodes])
+            new[name] = with_posterior(leaf, made, found.parts[name], away, lengths, found.taken[nodes], found.common[nodes], found.errors)
             places[name] = flown.reshape(leaf["value"].shape)
     new, effect = shaped(decided(leaves, of_one_origin(new), places), shapes or {})
     rows = [term_row(name, leaves[name], leaf, found.parts[name]) for name, leaf in new.items()]
@@ -264,7 +266,15 @@ def observe(fit: Any, known: Known, sources: Sequence[str]) -> Observation:
         D.append(local(bases[name] @ factor))
     H = [np.linalg.solve(R, (bases[name].T @ Q).T) for name in known.free]
     return Observation(
-        str(e.attrs.get("name", "")), fit.data, theta, np.hstack(H), np.hstack(D), e["covariance"].values, known.sampled(fit.data), bases
+        str(e.attrs.get("name", "")),
+        fit.data,
+        theta,
+        np.hstack(H),
+        np.hstack(D),
+        e["covariance"].values,
+        known.sampled(fit.data),
+        bases,
+        sources,
     )
 
 
@@ -313,9 +323,11 @@ def _posterior(observed: Sequence[Observation], free: Mapping[str, xr.Dataset], 
     declared = np.einsum("k,kij->ij", np.tile(list(SHARES.values()), len(free)), expected)
     chi2 = float(y @ _inverse(declared + D @ D.T + _block_diagonal([o.C for o in observed])) @ y)
     stderr = np.sqrt(np.maximum(variance, 0.0))
-    taken, common = gain @ _root(np.einsum("k,kij->ij", factors[:-1], expected) + noise + own_errors), gain @ D[:, D.any(axis=0)]
+    acting = np.flatnonzero(D.any(axis=0))
+    taken, common = gain @ _root(np.einsum("k,kij->ij", factors[:-1], expected) + noise + own_errors), gain @ D[:, acting]
+    names = [*observed[0].errors, *[""] * (D.shape[1] - len(observed[0].errors))]
     parts, inflation = dict(zip(free, weights)), float(np.sqrt(factors[-1]))
-    return _Posterior(g0 + gain @ y, stderr, weight, distance, parts, inflation, chi2, taken, common)
+    return _Posterior(g0 + gain @ y, stderr, weight, distance, parts, inflation, chi2, taken, common, [names[k] for k in acting])
 
 
 def _learnt(y: np.ndarray, parts: np.ndarray, fixed: np.ndarray, start: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:

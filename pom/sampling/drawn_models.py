@@ -16,6 +16,7 @@ from flightmech.simulation import table_values, with_table_values
 
 from ..archive.origins import sha256
 from ..judging.evidence import flown_model
+from .instruments import standard_normal
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,8 @@ class DrawnModels:
             raise SchemaError(str(fmu), ["the FMU holds no tables of this program; samples need a model of `aeromatch`"])
         db = database if isinstance(database, xr.DataTree) else aerodb.open(database)
         called = str(db.attrs.get("title", "")) if isinstance(database, xr.DataTree) else _called(Path(database))
-        nodes = aerodb.update.draw(db, count, seed)
+        common = {name: standard_normal(name, count, seed) for name in aerodb.update.common_errors(db)}
+        nodes = aerodb.update.draw(db, count, seed, common=common)
         if not nodes:
             raise SchemaError(called, ["no term has standard errors, there is nothing to draw; give the identified database"])
         leaves = aerodb.terms(db)

@@ -1,33 +1,56 @@
-"""Errors of the instruments that a replay inherits: where it starts, what drives it, and what it is compared with.
+"""Errors of the instruments: between what a record states of start, drive and motion and what an aeroplane did.
 
 The constants of a reconstruction leave common errors in its states (`flighttest.reconstruction.state_errors`); pick-ups of controls have a
-bias and a scale, mass and thrust a relative error, as `flighttest.coefficients` takes them.  All are linear, so that a draw of a replay is
-the replay with a sum of shifts.  Constants of one name are one error in all records of a programme.
+bias and a scale, mass, inertia and thrust a relative error, as `flighttest.coefficients` takes them.  All are linear, so that a draw of a
+flight is one with a sum of shifts.  An error of one name is one error in all records of a programme, and in the tables that were identified
+from them (`aerodb.update.draw`).  Channels that are not smoothed have noise, which is that of the record.
 """
 
 from __future__ import annotations
 
 import re
 import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import xarray as xr
 
 from flightmech import Aircraft
 from flighttest.dynamics.force_coefficients import ERRORS
+from flighttest.dynamics.kinematics import rotation
 from flighttest.sensors.instruments import pick_up_errors
 
-from ..cases.job import Job
+from ..cases.case_file import WIND
+from ..cases.job import TRIM_GROUND, Job
 from ..replaying.reference_states import ERROR
 
+MEDIAN = 1.4826  # standard deviation over median of the absolute value of a normal distribution
 _THRUST = re.compile(r"^engine(\d+)\.thrust_drive$")
+INERTIA = ("mass.Ixx", "mass.Iyy", "mass.Izz", "mass.Ixy", "mass.Ixz", "mass.Iyz")
+_AIR = ("V", "alpha", "beta", "phi", "theta", "psi")
+_FOUND_ON_GROUND = ("V", "alpha", "beta", "gamma", "phi", "theta", "p", "q", "r", "h")
+"""What a start on the wheels does not take from the states that the constants move: the speed is that over the ground."""
+_PART = 1e-3  # of an error, over which a difference is taken
+
+
+def standard_normal(error: str, count: int, seed: int) -> np.ndarray:
+    """Return the draws (count,) of an error: the same for its name wherever it acts."""
+    return np.random.default_rng([seed, zlib.crc32(error.encode())]).standard_normal(count)
+
+
+def noise_of(y: np.ndarray) -> float:
+    """Return the standard deviation of the white noise of a channel (time,): of its third differences, by their median.
+
+    A motion at 1 Hz in 50 samples per second has third differences of 0.2 % of its amplitude, noise of 4.5 of its standard deviations.
+    """
+    steps = np.diff(y, 3)
+    return float(np.median(np.abs(steps)) * MEDIAN / np.sqrt(20.0)) if np.isfinite(steps).all() and steps.size else 0.0
 
 
 @dataclass(frozen=True)
 class Instruments:
-    """What one standard error of each independent error changes in a replay.
+    """What one standard error of each independent error changes: truth less record.
 
     Attributes
     ----------
@@ -39,15 +62,25 @@ class Instruments:
         By error, by input. [SI]
     parameters : dict of str to dict of str to float
         By error, by parameter. [SI]
+    noise : dict of str to float
+        Standard deviation of the white noise of the channels of the flight that have any. [SI]
     """
 
     constants: Sequence[str]
     flight: Mapping[str, np.ndarray]
     inputs: Mapping[str, Mapping[str, np.ndarray]]
     parameters: Mapping[str, Mapping[str, float]]
+    noise: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, job: Job, states: xr.Dataset, aircraft: Aircraft | None, errors: Mapping[str, float] | None = None) -> Instruments:
+    def of(
+        cls,
+        job: Job,
+        states: xr.Dataset,
+        aircraft: Aircraft | None,
+        errors: Mapping[str, float] | None = None,
+        compared: Collection[str] | None = None,
+    ) -> Instruments:
         """Return the errors of a case.
 
         Parameters
@@ -58,15 +91,19 @@ class Instruments:
         aircraft : Aircraft or None
             Its instruments have the errors of the pick-ups; without it these are taken as exact.
         errors : mapping, optional
-            Relative standard errors of ``mass`` and ``thrust`` other than the defaults of `flighttest.coefficients`.
+            Relative standard errors of ``mass``, ``inertia`` and ``thrust`` other than the defaults of `flighttest.coefficients`.
+        compared : collection of str, optional
+            Channels whose noise counts; all without it.
         """
         constants = [str(name) for name in states["error"].values] if "error" in states.coords else []
         moved = [str(name).removeprefix(ERROR) for name in states.data_vars if str(name).startswith(ERROR)]
         flight = {name: states[ERROR + name].values.astype(float) for name in moved if name in states}
         starts = [name for name in flight if f"init.{name}" in job.parameters]
+        if job.parameters.get("mode.trim") == TRIM_GROUND:
+            starts = [name for name in starts if name not in _FOUND_ON_GROUND]
         parameters = {error: {f"init.{name}": float(flight[name][k, 0]) for name in starts} for k, error in enumerate(constants)}
         sizes = {**ERRORS, **(errors or {})}
-        inputs = {}
+        inputs = _wind(constants, flight, states) if WIND[0] in job.inputs else {}
         for name, (bias, scale) in pick_up_errors(aircraft.instruments).items() if aircraft else ():
             if name in job.inputs:
                 inputs[f"bias.{name}"] = {name: np.full(job.time.size, bias)}
@@ -74,9 +111,12 @@ class Instruments:
         for name, values in job.inputs.items():
             if match := _THRUST.match(name):
                 inputs[f"thrust{match.group(1)}"] = {name: sizes["thrust"] * values}
-        if "mass.mass" in job.parameters:
-            parameters["mass"] = {"mass.mass": sizes["mass"] * job.parameters["mass.mass"]}
-        return cls(constants, flight, inputs, parameters)
+        for error, names in {"mass": ("mass.mass",), "inertia": INERTIA}.items():
+            if found := {name: sizes[error] * job.parameters[name] for name in names if name in job.parameters}:
+                parameters[error] = found
+        channels = [str(name) for name, item in states.data_vars.items() if item.dims == ("time",) and (not compared or name in compared)]
+        noise = {name: size for name in channels if (size := noise_of(states[name].values))}
+        return cls(constants, flight, inputs, parameters, noise)
 
     @property
     def names(self) -> list[str]:
@@ -85,20 +125,57 @@ class Instruments:
 
     def draws(self, count: int, seed: int) -> np.ndarray:
         """Return standard normal numbers (count, error); an error of one name has the same ones in every case."""
-        columns = [np.random.default_rng([seed, zlib.crc32(name.encode())]).standard_normal(count) for name in self.names]
+        columns = [standard_normal(name, count, seed) for name in self.names]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
     def job(self, job: Job, draw: np.ndarray) -> Job:
-        """Return a job as one draw (error,) of the errors gives it."""
+        """Return the drive of an aeroplane whose record is `job`, with one draw (error,) of the errors."""
         inputs, parameters = dict(job.inputs), dict(job.parameters)
         for name, size in zip(self.names, draw, strict=True):
             for key, shift in self.inputs.get(name, {}).items():
-                inputs[key] = inputs[key] + size * shift
+                if key in inputs:
+                    inputs[key] = inputs[key] + size * shift
             for key, step in self.parameters.get(name, {}).items():
                 parameters[key] += size * step
         return replace(job, inputs=inputs, parameters=parameters)
 
-    def recorded(self, flight: Mapping[str, np.ndarray], draw: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the channels of the flight (time,) as one draw (error,) of the errors gives them."""
-        sizes = draw[[self.names.index(name) for name in self.constants]]
-        return {**flight, **{name: flight[name] + sizes @ change for name, change in self.flight.items() if name in flight}}
+    def recorded(self, motion: Mapping[str, np.ndarray], draw: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
+        """Return a motion (time,) as the instruments with one draw (error,) of their errors, and with noise, record it.
+
+        A draw of an error is what the truth has beyond the reading, so that the reading has its negative beyond the truth.
+        """
+        found = dict(motion)
+        sizes = dict(zip(self.names, draw, strict=True))
+        constants = np.array([sizes[name] for name in self.constants])
+        for name, change in self.flight.items():
+            if name in found:
+                found[name] = found[name] - constants @ change
+        for name, shifts in self.inputs.items():
+            for key, shift in shifts.items():
+                channel = key.replace("thrust_drive", "thrust")
+                if channel in found:
+                    found[channel] = found[channel] - sizes[name] * shift
+        noise = {name: size * random.standard_normal(motion[name].size) for name, size in self.noise.items() if name in motion}
+        return {**found, **{name: found[name] + values for name, values in noise.items()}}
+
+
+def _wind(constants: Sequence[str], flight: Mapping[str, np.ndarray], states: xr.Dataset) -> dict[str, dict[str, np.ndarray]]:
+    """Return what the error of each constant changes in the wind (time,). [m s-1]
+
+    The velocity over the ground is measured by itself and the error of a constant hardly moves it: what it moves in the velocity
+    through the air is wind.
+    """
+    if not set(_AIR) <= set(flight):
+        return {}
+    still = _air_velocity(*(states[name].values for name in _AIR))
+    found = {}
+    for k, error in enumerate(constants):
+        moved = _air_velocity(*(states[name].values + _PART * flight[name][k] for name in _AIR))
+        found[error] = dict(zip(WIND, (still - moved).T / _PART, strict=True))
+    return found
+
+
+def _air_velocity(V: np.ndarray, alpha: np.ndarray, beta: np.ndarray, phi: np.ndarray, theta: np.ndarray, psi: np.ndarray) -> np.ndarray:
+    """Return the velocity through the air in north-east-down axes, (time, 3). [m s-1]"""
+    U = V[:, None] * np.stack([np.cos(alpha) * np.cos(beta), np.sin(beta), np.sin(alpha) * np.cos(beta)], axis=1)
+    return (rotation(np.stack([phi, theta, psi], axis=1)) @ U[:, :, None])[:, :, 0]

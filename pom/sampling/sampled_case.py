@@ -1,10 +1,17 @@
-"""One case replayed by the draws of one model."""
+"""One case flown by the draws of one model.
+
+Given the flights, the aeroplane is a draw of the posterior.  Each draw is flown in the place of the aeroplane: with the inputs, start and
+mass that the record states less the errors of the instruments, recorded with these errors, and the model is judged against it.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import math
+import zlib
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -12,19 +19,24 @@ import xarray as xr
 
 from flightmech import Aircraft, SimModel
 from flightmech.errors import SchemaError
+from flightmech.simulation.kernel import PARAMETER
 
+from ..cases.case import PomCase
 from ..cases.job import Job
+from ..judging.comparison import Match
+from ..judging.events import find
+from ..judging.signals import signals_of
 from ..judging.verdict import bands, judge_all
 from ..replaying.kernel_replay import fly
 from ..replaying.replay_case import Plan, shown_channels, unwrapped_near
-from ..replaying.trim_state import OBSERVED, TrimLimit, beyond_limits, trim_limits
+from ..replaying.trim_state import OBSERVED, beyond_limits, trim_limits
 from ..result import group_verdicts, status_of
 from ..samples import QUANTILES, Samples
-from ..tolerances.bands import Outcome
-from ..tolerances.derived_channels import output_of
+from ..tolerances.bands import Invalid, NotJudged, Outcome, difference
+from ..tolerances.derived_channels import output_of, sources
 from ..tolerances.parameter_channels import WRAPPED
 from .drawn_models import DrawnModels
-from .instruments import Instruments
+from .instruments import INERTIA, Instruments
 from .shares import contributions, regressors, shares
 
 Traces = dict[str, np.ndarray]
@@ -37,7 +49,7 @@ def sampled(
     errors: Mapping[str, float] | None = None,
     jobs: int = 1,
 ) -> Samples:
-    """Replay a case by every draw of a model and judge each replay as `pom.replay` judges the model.
+    """Fly a case by every draw of the aeroplane and judge the model against each as `pom.replay` judges it against the flight.
 
     Parameters
     ----------
@@ -58,10 +70,14 @@ def sampled(
 
     if plan.job.law is not None:
         raise SchemaError("samples", [f"case {plan.case.name}: its control law is an FMU, which the kernel does not fly"])
-    bench = Bench.of(plan, models.model, Instruments.of(plan.job, plan.states, aircraft, errors))
+    plan = replace(plan, job=with_inertia(plan.job, models.model))
+    compared = {source for channel in shown_channels(plan.case, plan.states) for source in (channel, *sources(channel))}
+    bench = Bench.of(plan, models.model, Instruments.of(plan.job, plan.states, aircraft, errors, compared))
+    bench.own  # noqa: B018 - once, before the threads
     sizes = bench.instruments.draws(models.count, models.seed)
     with Parallel(n_jobs=jobs, backend="threading") as pool:
-        runs = list(pool(delayed(bench.run)(model, size) for model, size in zip(models.models, sizes, strict=True)))
+        noise = np.random.default_rng([models.seed, zlib.crc32(plan.case.name.encode())]).spawn(models.count)
+        runs = list(pool(delayed(bench.matched)(*draw) for draw in zip(models.models, sizes, noise, strict=True)))
     names = [criterion.name for criterion in plan.case.criteria if any(np.isfinite(run.signed(criterion.name)) for run in runs)]
     changes = contributions(models.database, models.nodes, plan.states, plan.case.drive.level != "recorded")
     found = regressors(changes, dict(zip(bench.instruments.names, sizes.T, strict=True)))
@@ -77,12 +93,12 @@ def sampled(
 
 
 class Run:
-    """One draw, flown and judged.
+    """One model, flown and judged.
 
     Attributes
     ----------
     outputs, difference : dict of str to array (time,)
-        Channels with a band, and how far they are from the flight. [SI]
+        Channels with a band of what was flown, and how far the model is from the record. [SI]
     outcomes : mapping of str to Outcome
         By criterion.
     status : str
@@ -90,9 +106,7 @@ class Run:
     decides : float
         Ratio that decides. [1]
     trim : dict of str to float
-        Trim quantities over their limits. [1]
-    failure : str
-        Why it carries no judgement; empty when it does.
+        Trim quantities, against a draw what they differ by, over their limits. [1]
     """
 
     def __init__(self, outputs: Traces, difference: Traces, outcomes: Mapping[str, Outcome], status: str, groups: Mapping[str, str]):
@@ -117,11 +131,12 @@ class Run:
 
 
 class Bench:
-    """A case on which draws are flown."""
+    """A case on which models are judged: against its flight, and against those that draws of the aeroplane would have given."""
 
-    def __init__(self, plan: Plan, channels: list[str], flight: Traces, limits: dict[str, TrimLimit], instruments: Instruments):
-        self.plan, self.channels, self.flight, self.limits, self.instruments = plan, channels, flight, limits, instruments
-        sizes = {name: limit.size if limit.allowed else min(limit.size, limit.usual) for name, limit in limits.items()}
+    def __init__(self, plan: Plan, model: SimModel, channels: list[str], flight: Traces, instruments: Instruments):
+        self.plan, self.model, self.channels, self.flight, self.instruments = plan, model, channels, flight, instruments
+        self.limits = trim_limits(plan.case, flight)
+        sizes = {name: limit.size if limit.allowed else min(limit.size, limit.usual) for name, limit in self.limits.items()}
         self.trim_sizes = {name: size for name, size in sizes.items() if math.isfinite(size)}
         self.tolerance = bands(plan.case, plan.job.time, flight)
         judged = [c for c in plan.case.criteria if c.applies and c.measure != "setup"]
@@ -134,27 +149,62 @@ class Bench:
         count = plan.job.time.size
         flight = {str(name): np.broadcast_to(item.values, count) for name, item in plan.states.items() if item.ndim < 2}
         wanted = {*(output_of(channel, model.outputs) for channel in shown_channels(plan.case, plan.states)), *OBSERVED}
-        channels = sorted(name for name in wanted if name in model.outputs)
-        return cls(plan, channels, flight, trim_limits(plan.case, flight), instruments)
+        return cls(plan, model, sorted(name for name in wanted if name in model.outputs), flight, instruments)
+
+    @cached_property
+    def own(self) -> tuple[Traces, str]:
+        """Outputs of the model itself, and why it did not come to the end."""
+        return self.flown(self.model, self.plan.job)
+
+    def flown(self, model: SimModel, job: Job) -> tuple[Traces, str]:
+        """Return the outputs of a model, and why it did not come to the end."""
+        found, (failure,) = fly(model, job, ({},), self.channels)
+        return _as_applied({name: values[0] for name, values in found.items()}, job), failure
 
     def run(self, model: SimModel, draw: np.ndarray) -> Run:
-        """Return one draw of model and instruments, flown and judged."""
-        case, job = self.plan.case, self.instruments.job(self.plan.job, draw)
-        flight = self.instruments.recorded(self.flight, draw)
-        found, (failure,) = fly(model, job, ({},), self.channels)
-        outputs = _as_applied({name: values[0] for name, values in found.items()}, job)
-        outcomes = judge_all(case, job.time, flight, outputs)
-        refused = failure or "; ".join(remark.text for remark in beyond_limits(self.limits, outputs, demanded=True))
-        exceeded = bool([remark for remark in beyond_limits(self.limits, outputs, demanded=False) if remark.kind == "trim"])
+        """Return a model, flown with the drive of one draw (error,) of the instruments and judged against the flight."""
+        outputs, failure = self.flown(model, self.instruments.job(self.plan.job, draw))
+        trim = {name: values for name, values in outputs.items() if name.startswith("trim.")}
+        return self._judged(self.plan.case, self.flight, outputs, outputs, trim, failure)
+
+    def matched(self, model: SimModel, draw: np.ndarray, random: np.random.Generator) -> Run:
+        """Return the model itself, judged against the record of a draw: an aeroplane `model` and errors (error,) of the instruments."""
+        own, refused = self.own
+        outputs, failure = self.flown(model, self.instruments.job(self.plan.job, draw))
+        flight = self.instruments.recorded(self._as_flight(outputs), draw, random)
+        trim = {name: own[name] - values for name, values in outputs.items() if name.startswith("trim.")}
+        return self._judged(self._with_events(outputs), flight, own, outputs, trim, refused or failure)
+
+    def _judged(self, case: PomCase, flight: Traces, model: Traces, shown: Traces, trim: Traces, failure: str) -> Run:
+        """Return a model judged against a flight; a failed run and a trim beyond what the case demands carry no judgement."""
+        outcomes = judge_all(case, self.plan.job.time, flight, model)
+        refused = failure or "; ".join(remark.text for remark in beyond_limits(self.limits, trim, demanded=True))
+        exceeded = bool([remark for remark in beyond_limits(self.limits, trim, demanded=False) if remark.kind == "trim"])
         verdicts = {c.name: "invalid" if refused and c.applies else outcomes[c.name].verdict for c in case.criteria}
         if refused:
             outcomes = {name: replace(outcome, verdict=verdicts[name]) for name, outcome in outcomes.items()}
-        difference = {c: outputs[c] - flight[c] for c in self.traced.values() if c in outputs and c in flight}
-        kept = {name: outputs[name] for name in self.tolerance if name in outputs}
-        run = Run(kept, difference, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups)
+        off = {c: difference(c, flight[c], model[c]) for c in self.traced.values() if c in model and c in flight}
+        kept = {name: shown[name] for name in self.tolerance if name in shown}
+        run = Run(kept, off, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups)
         run.failure = refused
-        run.trim = {name: float(outputs[f"trim.{name}"][0]) / size for name, size in self.trim_sizes.items() if f"trim.{name}" in outputs}
+        run.failure = refused
+        run.trim = {name: float(trim[f"trim.{name}"][0]) / size for name, size in self.trim_sizes.items() if f"trim.{name}" in trim}
         return run
+
+    def _as_flight(self, outputs: Traces) -> Traces:
+        """Return the channels that the flight has, of the draw where it has or forms them."""
+        seen = signals_of(self.plan.case, outputs, self.plan.job.time)
+        return {name: seen.get(name, values) for name, values in self.flight.items()}
+
+    def _with_events(self, outputs: Traces) -> PomCase:
+        """Return the case with what the aeroplane does (touchdown, full stop) at the instants of the draw."""
+        case, time = self.plan.case, self.plan.job.time
+        events = dict(case.events)
+        match = Match.of(case, time, self.flight, outputs)
+        for event in events:
+            with contextlib.suppress(NotJudged, Invalid):
+                events[event] = find(match, event).model
+        return replace(case, events=events)
 
     def deciding(self, run: Run) -> list[str]:
         """Return the criterion of every group that is the best of its alternatives in a run."""
@@ -192,6 +242,12 @@ class Bench:
                 values = np.stack([unwrapped_near(trace, self.flight[name]) if name in WRAPPED else trace for trace in traces])
                 found[name] = (("quantile", "time"), np.quantile(values, QUANTILES, axis=0))
         return xr.Dataset(found, coords={"quantile": list(QUANTILES), "time": self.plan.job.time})
+
+
+def with_inertia(job: Job, model: SimModel) -> Job:
+    """Return a job that states the moments of inertia which it leaves to the model."""
+    stated = {row.name: row.value for row in model.entries(PARAMETER) if row.name in INERTIA}
+    return replace(job, parameters={**stated, **job.parameters})
 
 
 def _as_applied(outputs: Traces, job: Job) -> Traces:

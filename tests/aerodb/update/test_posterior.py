@@ -1,5 +1,7 @@
 """Joint covariance of the nodes of an identified database: stored, drawn from, followed through edits."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.linalg import block_diag
@@ -10,7 +12,7 @@ from aerodb.figures.lr743_set.combinations import combined
 from aerodb.store.schema import database
 from aerodb.transform.ground_effect import in_ground_effect
 from aerodb.update.correlation import PARTS, prior_covariance, prior_parts
-from aerodb.update.posterior import covariance, draw, drawn, origin
+from aerodb.update.posterior import common_errors, covariance, draw, drawn, origin
 from aerodb.update.standard_errors import spread, standard_error
 from aerodb.update.tabulation import basis_at, tabulate
 from flightmech import terms
@@ -111,6 +113,29 @@ def test_draws_have_the_covariance_and_repeat(flown):
     np.testing.assert_array_equal(db["CL/basic"]["value"], aerodb.terms(flown[3])["CL/basic"]["value"])
     with pytest.raises(UnknownName, match="CX"):
         draw(db, 3, seed=1, names=["CX"])
+
+
+def test_draws_follow_the_errors_that_all_fits_share(flown):
+    """A bias of 0.02 in the constant of every fit: what its number moves and the remainder are the covariance together."""
+    prior, fits, _, _ = flown
+    shared = np.zeros((len(fits[0].estimates["term"]), 1))
+    shared[0] = 0.02
+    biased = []
+    for fit in fits:
+        estimates = fit.estimates.drop_dims("error").assign(systematic=(("term", "error"), shared)).assign_coords(error=["bias"])
+        biased.append(SimpleNamespace(estimates=estimates, data=fit.data, design=fit.design))
+    db = aerodb.replace_terms(prior, tabulate(biased, prior))
+    assert common_errors(db) == ["bias"]
+    slices, _ = covariance(db, "CL")
+    moved, still = (draw(db, 3000, 5, ["CL"], {"bias": np.full(3000, size)}) for size in (1.0, 0.0))
+    z, left = (np.hstack([(one[name] - sign * still[name]).reshape(3000, -1) for name in slices]) for one, sign in ((moved, 1), (still, 0)))
+    assert np.allclose(z, z[0], atol=1e-12)  # the same in every draw
+    B = basis(db, FLOWN)
+    assert 0.015 < (B @ z[0]).mean() < 0.025
+    np.testing.assert_allclose(np.sqrt((left @ B.T).var(axis=0) + (B @ z[0]) ** 2), standard_error(db, "CL", FLOWN), rtol=0.05)
+    assert np.median((left @ B.T).std(axis=0)) < 0.3 * np.median(standard_error(db, "CL", FLOWN))
+    for name, values in draw(db, 3, 5, ["CL"], {"other": np.ones(3)}).items():
+        np.testing.assert_array_equal(values, draw(db, 3, 5, ["CL"])[name])
 
 
 def test_file_keeps_it(flown, tmp_path):
