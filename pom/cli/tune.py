@@ -82,6 +82,7 @@ def tune(
     import aerodb
     from flightmech import compile as compile_model
     from flightmech import read_aircraft
+    from flightmech.errors import UnknownName
     from flightmech.simulation import nodes_digest
 
     from ..archive.custody import Custody
@@ -96,6 +97,10 @@ def tune(
     custody, named = Custody(), case_files(cases)
     custody.take([*named, *filter(None, (database, evidence, written, biases_file))])
     read = [read_case(file) for file in named]
+    names = [case.name for case in read]
+    for name in wanted:
+        if name not in names:
+            raise UnknownName(name, names, "case")
     aircraft = aircraft or _aircraft_of(database, read)
     files = dict(zip(BASES, (database, aircraft, evidence, written, biases_file), strict=True))
     for case in read:
@@ -107,7 +112,7 @@ def tune(
         plans = [plan_of(case, states) for case, states in zip(read, flown(read, {}, kept, jobs), strict=True)]
     airplane = read_aircraft(aircraft)
     with progress("search the least move"):
-        tuning = search(plans, model, airplane, list(wanted) or None, found, reasons, bound)
+        tuning = search(plans, model, airplane, list(wanted) or None, found, reasons, bound, jobs)
     tuned = nodes_digest(compile_model(airplane, tuning.database)) if tuning.database is not None else ""
     custody.check()
     log = tuning.document(tuned, {role: {"name": Path(file).name, "sha256": custody.sha256(file)} for role, file in files.items() if file})

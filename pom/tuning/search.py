@@ -48,6 +48,7 @@ def tune(
     evidence: xr.DataTree | None = None,
     rationale: Mapping[str, str] | None = None,
     bound: float = BOUND,
+    jobs: int = 1,
 ) -> Tuning:
     """Move terms so that rows pass, inside the standard errors of the evidence.
 
@@ -67,6 +68,8 @@ def tune(
         By term: why it may leave the bound.
     bound : float
         Of every node of a term without a rationale. [standard errors]
+    jobs : int
+        Threads; -1 for one per core.  The tuning does not depend on it.
 
     Returns
     -------
@@ -84,7 +87,7 @@ def tune(
     """
     if not bound > 0.0:
         raise SchemaError("tuning", [f"the bound is {bound:g} standard errors; give a number above 0"])
-    tuner = _Tuner.of(plans, database, aircraft, evidence, dict(rationale or {}))
+    tuner = _Tuner.of(plans, database, aircraft, evidence, dict(rationale or {}), jobs)
     before = tuner.fly(None, tuner.benches)
     tuner.demanded = wanted = _wanted(before, wanted)
     if _pass({name: before[name] for name in wanted}):
@@ -123,7 +126,7 @@ def _wanted(before: Mapping[str, Run], wanted: Sequence[str] | None) -> list[str
 class _Tuner:
     """Cases, model and evidence; `demanded` are the cases that must pass."""
 
-    def __init__(self, benches, database, evidence, directions, sim, rationale):
+    def __init__(self, benches, database, evidence, directions, sim, rationale, jobs):
         self.benches: dict[str, Bench] = benches
         self.demanded: list[str] = []
         self.database: xr.DataTree = database
@@ -132,9 +135,10 @@ class _Tuner:
         self.directions: Directions = directions
         self.sim = sim
         self.rationale: dict[str, str] = rationale
+        self.jobs: int = jobs
 
     @classmethod
-    def of(cls, plans, database, aircraft, evidence, rationale) -> _Tuner:
+    def of(cls, plans, database, aircraft, evidence, rationale, jobs) -> _Tuner:
         problems = [f"{p.case.name}: the kernel flies no FMU of a control law; leave the case out" for p in plans if p.job.law is not None]
         problems += [
             f"{p.case.name}: its trim surfaces are solved for on an FMU, which tuning does not fly; leave the case out"
@@ -173,7 +177,7 @@ class _Tuner:
         for name in rationale:
             if name not in directions.nodes:
                 raise UnknownName(name, directions.nodes, "term with standard errors")
-        return cls(benches, database, found, directions, sim, rationale)
+        return cls(benches, database, found, directions, sim, rationale, jobs)
 
     def nodes(self, z: np.ndarray) -> dict[str, np.ndarray]:
         """Return the values of the terms for amounts z of the directions, from the evidence."""
@@ -213,12 +217,15 @@ class _Tuner:
 
     def step(self, z: np.ndarray, runs: Mapping[str, Run], bound: float) -> np.ndarray | None:
         """Return the shortest amounts inside all limits linearised about z; None when there are none."""
+        from joblib import Parallel, delayed
+
         now = self.limited(runs)
-        slopes = np.zeros((len(now), len(z)))
-        for k in range(len(z)):
-            there = z.copy()
-            there[k] += PROBE
-            slopes[:, k] = (self.limited(self.fly(there, self.demanded), runs) - now) / PROBE
+
+        def slope(along: np.ndarray) -> np.ndarray:
+            return (self.limited(self.fly(z + PROBE * along, self.demanded), runs) - now) / PROBE
+
+        with Parallel(n_jobs=self.jobs, backend="threading") as pool:
+            slopes = np.stack(list(pool(delayed(slope)(along) for along in np.eye(len(z)))), axis=1)
         slopes[~np.isfinite(slopes)] = 0.0
         level = now - slopes @ z
         G, h = np.vstack([-slopes, slopes]), np.concatenate([level - MARGIN, -level - MARGIN])
