@@ -82,7 +82,6 @@ def tune(
     import aerodb
     from flightmech import compile as compile_model
     from flightmech import read_aircraft
-    from flightmech.errors import UnknownName
     from flightmech.simulation import nodes_digest
 
     from ..archive.custody import Custody
@@ -90,6 +89,7 @@ def tune(
     from ..replaying.batch import flown
     from ..replaying.replay_case import plan_of
     from ..replaying.state_cache import KeptStates
+    from ..tuning.demands import demand_cases, demand_evidence
     from ..tuning.search import tune as search
     from ..tuning.tuning_log import BASES
 
@@ -97,16 +97,14 @@ def tune(
     custody, named = Custody(), case_files(cases)
     custody.take([*named, *filter(None, (database, evidence, written, biases_file))])
     read = [read_case(file) for file in named]
-    names = [case.name for case in read]
-    for name in wanted:
-        if name not in names:
-            raise UnknownName(name, names, "case")
+    demand_cases(read, wanted)
     aircraft = aircraft or _aircraft_of(database, read)
     files = dict(zip(BASES, (database, aircraft, evidence, written, biases_file), strict=True))
     for case in read:
         files |= {f"case {case.name}": case.path, f"record of {case.name}": case.record}
     custody.take(filter(None, files.values()))
     model, found = aerodb.open(database), aerodb.open(evidence) if evidence else None
+    demand_evidence(model, model if found is None else found, reasons)
     kept = KeptStates(resume.resolve() if resume is not None else None, read_biases(biases_file))
     with progress(f"read the flights of {len(read)} case{'s' if len(read) > 1 else ''}"):
         plans = [plan_of(case, states) for case, states in zip(read, flown(read, {}, kept, jobs), strict=True)]

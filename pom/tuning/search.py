@@ -17,7 +17,7 @@ import aerodb
 import flightmech
 from flightmech import Aircraft
 from flightmech import terms as _terms
-from flightmech.errors import SchemaError, UnknownName
+from flightmech.errors import SchemaError
 from flightmech.names import lookup
 from flightmech.simulation import with_table_values
 from flightmech.units import from_si
@@ -25,6 +25,7 @@ from flightmech.units import from_si
 from ..replaying.replay_case import Plan
 from ..sampling.instruments import Instruments
 from ..sampling.sampled_case import Bench, Run
+from .demands import demand_cases, demand_evidence
 from .directions import Directions
 from .least_distance import least_distance
 from .tuning_log import Tuning
@@ -87,7 +88,7 @@ def tune(
     """
     if not bound > 0.0:
         raise SchemaError("tuning", [f"the bound is {bound:g} standard errors; give a number above 0"])
-    tuner = _Tuner.of(plans, database, aircraft, evidence, dict(rationale or {}), jobs)
+    tuner = _Tuner.of(plans, database, aircraft, wanted, evidence, dict(rationale or {}), jobs)
     before = tuner.fly(None, tuner.benches)
     tuner.demanded = wanted = _wanted(before, wanted)
     if _pass({name: before[name] for name in wanted}):
@@ -112,8 +113,6 @@ def _wanted(before: Mapping[str, Run], wanted: Sequence[str] | None) -> list[str
         return [name for name, run in before.items() if run.status in ("fail", "limits_exceeded")]
     problems = []
     for name in wanted:
-        if name not in before:
-            raise UnknownName(name, before, "case")
         if before[name].status == "invalid":
             problems.append(f"{name}: the model cannot be flown or judged: {before[name].failure or 'the record lacks what is judged'}")
         elif before[name].status == "not_tested":
@@ -138,45 +137,17 @@ class _Tuner:
         self.jobs: int = jobs
 
     @classmethod
-    def of(cls, plans, database, aircraft, evidence, rationale, jobs) -> _Tuner:
-        problems = [f"{p.case.name}: the kernel flies no FMU of a control law; leave the case out" for p in plans if p.job.law is not None]
-        problems += [
-            f"{p.case.name}: its trim surfaces are solved for on an FMU, which tuning does not fly; leave the case out"
-            for p in plans
-            if p.case.drive.trim_surfaces
-        ]
-        problems += [
-            f"{name}: a rationale without words; write why the term may leave the bound"
-            for name, why in rationale.items()
-            if not why.strip()
-        ]
-        names = [plan.case.name for plan in plans]
-        problems += [
-            f"{names.count(name)} cases are named {name!r}; give each a name of its own"
-            for name in dict.fromkeys(names)
-            if names.count(name) > 1
-        ]
-        if problems:
-            raise SchemaError("cases to tune", problems)
-        leaves = aerodb.terms(database)
-        problems = [
-            f"{name}: {'the model has no such term' if name not in leaves else 'the evidence has other breakpoints than the model'}"
-            for name, leaf in aerodb.terms(database if evidence is None else evidence).items()
-            if "stderr" in leaf and (name not in leaves or not _same_axes(leaf["value"], leaves[name]["value"]))
-        ]
-        if problems:
-            raise SchemaError("evidence", [f"{problem}; give the evidence on the breakpoints of the model" for problem in problems])
+    def of(cls, plans, database, aircraft, wanted, evidence, rationale, jobs) -> _Tuner:
         found = database if evidence is None else evidence
+        demand_cases([plan.case for plan in plans], wanted)
+        demand_evidence(database, found, rationale)
         sim = flightmech.compile(aircraft, database)
         none = Instruments((), {}, {}, {})
         benches = {plan.case.name: Bench.of(plan, sim, none) for plan in plans}
         hinges = any(plan.case.drive.level != "recorded" for plan in plans)
         directions = Directions.along(found, [plan.states for plan in plans], hinges)
         if not directions.of:
-            raise SchemaError("evidence", ["no term has standard errors, nothing bounds a move; give an identified database (--evidence)"])
-        for name in rationale:
-            if name not in directions.nodes:
-                raise UnknownName(name, directions.nodes, "term with standard errors")
+            raise SchemaError("evidence", ["no term that the cases use has standard errors, nothing can be moved"])
         return cls(benches, database, found, directions, sim, rationale, jobs)
 
     def nodes(self, z: np.ndarray) -> dict[str, np.ndarray]:
@@ -366,10 +337,6 @@ class _Tuner:
             new[name] = leaf.assign_attrs(history="\n".join(filter(None, (leaf.attrs.get("history", ""), line))))
         note = f"pom tune for {rows}: {len(new)} terms moved, distance {np.linalg.norm(z):.2f} from the evidence"
         return aerodb.replace_terms(self.database, new, note)
-
-
-def _same_axes(one: xr.DataArray, other: xr.DataArray) -> bool:
-    return one.dims == other.dims and all(np.array_equal(one[axis], other[axis]) for axis in one.dims)
 
 
 def _place(value: xr.DataArray, size: np.ndarray) -> str:
