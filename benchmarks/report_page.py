@@ -27,7 +27,7 @@ from pom.cases.case import PomCase
 from pom.cases.job import Job
 from pom.judging.modal import mode_table
 from pom.replaying.replay_case import assemble
-from pom.report.page import html_page
+from pom.report.page import PAGE, html_files
 from pom.result import PomResult
 from pom.tolerances import rows as tolerances
 
@@ -135,15 +135,16 @@ def main() -> None:
     judged = time.perf_counter()
     modes = [mode_table(one) for one in results]
     fitted = time.perf_counter()
-    text = html_page(results, "Page of a large report", "", {}, {}, {}, {}, modes)
+    files = html_files(results, "Page of a large report", "", {}, {}, {}, {}, modes)
     made = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        page = (options.output or Path(folder)) / "report.html"
-        page.parent.mkdir(parents=True, exist_ok=True)
-        page.write_text(text, encoding="utf-8")
+        page = (options.output or Path(folder)) / PAGE
+        for name, text in files.items():
+            (page.parent / name).parent.mkdir(parents=True, exist_ok=True)
+            (page.parent / name).write_text(text, encoding="utf-8")
         rows = [
             ["cases x models x samples", f"{len(results)} x {len(MODELS)} x {results[0].signals.sizes['time']}"],
-            ["size", f"{page.stat().st_size / 1e6:.2f} MB"],
+            ["size of the page, of all", f"{page.stat().st_size / 1e6:.2f} MB, {sum(map(len, files.values())) / 1e6:.2f} MB"],
             ["responses and verdicts", f"{judged - begin:.1f} s"],
             ["modes", f"{fitted - judged:.1f} s"],
             ["page made in", f"{made - fitted:.1f} s"],

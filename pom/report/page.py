@@ -1,4 +1,7 @@
-"""The HTML page of the report: one self-contained file that loads nothing from outside."""
+"""The HTML page of the report: one self-contained file that loads nothing from outside.
+
+In a long report each case is packed into a file of its own next to the page, which then stays small whatever their number.
+"""
 
 from __future__ import annotations
 
@@ -26,10 +29,15 @@ _STATIC = {
 _SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper", "fits", "pages")
 # figures for readers without a script take 10 kB a case: only a report that is short enough to be read that way has them
 MOST_WITH_FIGURES = 30
+MOST_PACKED = 2_500_000  # characters of packed pages that ``report.html`` holds itself
+PAGE, PAGES = "report.html", "pages"
 
 
-def html_page(results, title, revision, provenance, databases, diagnoses, support, modes, fits=(), submodels=(), tunings=()) -> str:
-    """Return the text of ``report.html``; the arguments are those of `pom.write_report`, `modes` a table for every result."""
+def html_files(results, title, revision, provenance, databases, diagnoses, support, modes, fits=(), submodels=(), tunings=()) -> dict[str, str]:
+    """Return the texts of ``report.html`` and of the files that it loads, by name.
+
+    The arguments are those of `pom.write_report`, `modes` a table for every result.
+    """
     pages = environment(FunctionLoader(_template))
     pages.globals["parts"] = pages.get_template("parts.html").module
     keys = case.keys(results)
@@ -43,8 +51,13 @@ def html_page(results, title, revision, provenance, databases, diagnoses, suppor
         texts = {name: template.render(common, page={**page, "position": i}) for name, template in (("page", inner), ("brief", brief))}
         packed = parcel({**page["head"], "page": texts["page"]}, page["body"])
         fail = any(cell["status"] in ("fail", "limits_exceeded") for cell in outcome)
-        cases.append({"key": key, "fail": fail, "brief": Markup(texts["brief"]), "parcel": packed})
+        cases.append({"key": key, "fail": fail, "brief": Markup(texts["brief"]), "parcel": packed, "file": ""})
     more = {}
+    files = {}
+    if sum(len(entry["parcel"]) for entry in cases) > MOST_PACKED:
+        for entry in cases:
+            name = entry["file"] = f"{PAGES}/{entry['key']}.js"
+            files[name] = f'(window.parcels ??= {{}})["{name}"] = "{entry["parcel"]}";\n'
     if databases:
         more["models"] = parcel({"page": pages.get_template("models.html").render(common)})
     if fits:
@@ -59,7 +72,7 @@ def html_page(results, title, revision, provenance, databases, diagnoses, suppor
         found_styles = case.line_styles(list(dict.fromkeys(run for result in results for run in result.runs)))
         text = pages.get_template("tuning.html").render(common, tunings=tunings, note=tuning.NOTE, styles=found_styles)
         more["tuning"] = parcel({"page": text})
-    return pages.get_template("report.html").render(
+    text = pages.get_template("report.html").render(
         common,
         matrix=overview.matrix(keys, results, found),
         coverage=overview.coverage(results, tolerance_rows()),
@@ -68,6 +81,7 @@ def html_page(results, title, revision, provenance, databases, diagnoses, suppor
         report_js=Markup("\n".join(_static(f"script/{name}.js") for name in _SCRIPT)),
         **{name: Markup(_static(file)) for name, file in _STATIC.items()},
     )
+    return {PAGE: text, **files}
 
 
 def _static(name: str) -> str:

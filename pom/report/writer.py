@@ -20,7 +20,7 @@ from ..archive.provenance_record import check as check_provenance
 from ..judging.modal import mode_table
 from .case.case import keys
 from .models import tuning
-from .page import html_page
+from .page import PAGE, PAGES, html_files
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from ..result import PomResult
 
 PAPERS = ("a4", "letter")
-HTML, PDF, JSON, SAMPLES, JUNIT, CSV = "report.html", "report.pdf", "results.json", "results.nc", "results.xml", "csv"
-PARTS = (HTML, PDF, JSON, SAMPLES, JUNIT, CSV, NAME)
+PDF, JSON, SAMPLES, JUNIT, CSV = "report.pdf", "results.json", "results.nc", "results.xml", "csv"
+PARTS = (PAGE, PAGES, PDF, JSON, SAMPLES, JUNIT, CSV, NAME)
 
 
 def write_report(
@@ -55,7 +55,8 @@ def write_report(
     """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
 
     Next to the two: ``results.json`` (every printed number), ``results.nc`` (samples as exact doubles), ``results.xml`` (JUnit),
-    ``csv/`` (one file per case) and ``manifest.json`` (SHA-256 of every input and output).
+    ``csv/`` (one file per case) and ``manifest.json`` (SHA-256 of every input and output).  A long report has ``pages/`` too, the cases
+    that ``report.html`` loads when they are opened.
 
     Parameters
     ----------
@@ -125,8 +126,10 @@ def write_report(
             outputs = {file.relative_to(new).as_posix(): sha256(file) for file in new.rglob("*") if file.is_file()}
             return manifest(results, outputs, new, title=title, revision=revision, paper=paper, provenance=located)
 
-        page = html_page(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits, chapter, tuned)
-        _write(new / HTML, page)
+        page = html_files(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits, chapter, tuned)
+        for name, text in page.items():
+            (new / name).parent.mkdir(exist_ok=True)
+            _write(new / name, text)
         _write(new / JSON, results_json(archive, modes, new))
         _write(new / JUNIT, junit(results, title))
         write_archive(new / SAMPLES, archive, names)
@@ -140,7 +143,7 @@ def write_report(
             pages = pdf_pages(results, title, revision, made_from, databases, diagnoses, modes, paper, attached, chapter, tuned)
             (new / PDF).write_bytes(pages)
         _write(new / NAME, manifested())
-    return folder / HTML
+    return folder / PAGE
 
 
 def _check(

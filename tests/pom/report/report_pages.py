@@ -6,7 +6,7 @@ import report_fixture as fixture
 
 import pom
 from pom.judging.modal import mode_table
-from pom.report.page import html_page
+from pom.report.page import html_files
 from pom.report.presentation import traces
 
 
@@ -38,7 +38,7 @@ def texts(html):
 def page(results, fits=(), databases=None, support=None):
     """The page alone, as text with its packed parts unpacked."""
     modes = [mode_table(result) for result in results]
-    html = html_page(results, "T-37", "A", {}, databases or {}, {}, support or {}, modes, fits)
+    html = html_files(results, "T-37", "A", {}, databases or {}, {}, support or {}, modes, fits)["report.html"]
     return texts(html)
 
 

@@ -10,8 +10,10 @@ from report_pages import page, set_rows, texts, write
 
 import pom
 from flightmech.errors import SchemaError, UnknownName
+from pom.judging.modal import mode_table
 from pom.report import overview
 from pom.report.case import case
+from pom.report.page import html_files
 from pom.report.presentation import verdict_text
 from pom.tolerances.remarks import RowRemark, reasons
 
@@ -144,6 +146,25 @@ def test_reports_of_many_cases_leave_out_the_figures_for_readers_without_script(
     assert many.count("<noscript>") == 2
     assert many.count("<figure><svg") == 0
     assert few.count("<figure><svg") == 1
+
+
+def test_a_long_report_packs_each_case_into_a_file(monkeypatch, tmp_path):
+    results = [fixture.roll_result()]
+    whole = html_files(results, "T-37", "", {}, {}, {}, {}, [mode_table(results[0])])
+    monkeypatch.setattr("pom.report.page.MOST_PACKED", 0)
+    parts = html_files(results, "T-37", "", {}, {}, {}, {}, [mode_table(results[0])])
+    ((name, script),) = [item for item in parts.items() if item[0] != "report.html"]
+    packed = re.search(r'"([A-Za-z0-9+/=]+)";\n$', script)[1]
+    assert list(whole) == ["report.html"]
+    assert packed in whole["report.html"]
+    assert packed not in parts["report.html"]
+    assert f'data-file="{name}"' in parts["report.html"]
+    folder = pom.write_report(results, tmp_path / "report", title="T-37", paper=None).parent
+    assert (folder / name).read_text(encoding="utf-8") == script
+    assert {item.state for item in pom.verify(folder) if item.name == name} == {"same"}
+    monkeypatch.undo()
+    pom.write_report(results, folder, title="T-37", paper=None)
+    assert not (folder / "pages").exists()
 
 
 def test_coverage_counts_entries_of_the_table(report):

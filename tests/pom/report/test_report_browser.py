@@ -15,7 +15,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
 
 from pom.judging.modal import mode_table
-from pom.report.page import html_page
+from pom.report.page import html_files
 
 CHROMIUM = shutil.which("chromium")
 pytestmark = [
@@ -70,6 +70,35 @@ def open_case(page, address, case=CASE):
     page.goto(address + case)
     page.wait_for_selector(f"{case.partition('&')[0]} .panel canvas")
     page.wait_for_timeout(200)
+
+
+@pytest.fixture(scope="module")
+def long_report(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("long")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pom.report.page.MOST_PACKED", 0)
+        return pom.write_report(fixture.results(), folder, title="T-37 flight model", provenance=fixture.PROVENANCE, paper=None)
+
+
+def test_a_long_report_loads_a_case_when_it_is_opened(chromium, long_report):
+    page, (asked, complaints) = chromium.new_page(), ([], [])
+    page.on("request", lambda request: asked.append(Path(request.url.partition("#")[0]).name))
+    page.on("console", lambda message: complaints.append(message.text))
+    page.goto(long_report.as_uri())
+    page.wait_for_function("report.unpacked.then(() => true)")
+    assert asked == ["report.html"]
+    open_case(page, long_report.as_uri())
+    file = f"{CASE.removeprefix('#case-')}.js"
+    assert file in asked
+    assert page.locator(f"{CASE} .panel canvas").count() == 10
+    other = next(path for path in (long_report.parent / "pages").iterdir() if path.name != file)
+    kept = other.read_bytes()
+    other.unlink()
+    page.goto(f"{long_report.as_uri()}#case-{other.stem}")
+    page.wait_for_function(f"document.querySelector('#case-{other.stem} .body').textContent.includes('results.json')")
+    other.write_bytes(kept)
+    assert any(f"pages/{other.name} is not next to report.html" in text for text in complaints)
+    page.close()
 
 
 def spans(page):
@@ -366,7 +395,7 @@ def test_a_term_of_the_cause_leads_to_its_tables(page, address):
 def test_a_sweep_is_a_cross_plot_on_screen_and_paper(page, tmp_path):
     result = fixture.column_sweep_result()
     document = tmp_path / "report.html"
-    document.write_text(html_page([result], "T-37", "", {}, {}, {}, {}, [mode_table(result)]), encoding="utf-8")
+    document.write_text(html_files([result], "T-37", "", {}, {}, {}, {}, [mode_table(result)])["report.html"], encoding="utf-8")
     page.goto(document.as_uri() + "#case-column_sweep")
     page.wait_for_selector("#case-column_sweep .crosses svg path.trace")
     lines = page.locator("#case-column_sweep .crosses path.trace")

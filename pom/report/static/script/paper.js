@@ -181,5 +181,5 @@ function layOutPaper() {
   }
 }
 async function unpackAll() {
-  for (const page of pages) if ($("script.parcel", page)) await unpack(page);
+  for (const page of pages) if ($("script.parcel:not([data-file])", page)) await unpack(page);
 }

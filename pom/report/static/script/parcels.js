@@ -3,9 +3,21 @@
 const KINDS = { int8: [Int8Array, 1, -(2 ** 7)], int16: [Int16Array, 2, -(2 ** 15)], int32: [Int32Array, 4, -(2 ** 31)] };
 const opened = new Map();   // page -> { head, body }
 
+// A long report keeps the parcel of a case in a file of its own, a script: pages from disk may load nothing else.
+function load(file) {
+  return new Promise((done, failed) => {
+    const script = document.createElement("script");
+    script.src = file;
+    script.onload = () => { script.remove(); done(window.parcels[file]); };
+    script.onerror = () => failed(new Error(`${file} is not next to report.html`));
+    document.head.append(script);
+  });
+}
 async function unpack(page) {
   if (opened.has(page)) return opened.get(page);
-  const packed = Uint8Array.from(atob($("script.parcel", page).textContent), (c) => c.charCodeAt(0));
+  const holder = $("script.parcel", page), { file } = holder.dataset;
+  const packed = Uint8Array.from(atob(file ? await load(file) : holder.textContent), (c) => c.charCodeAt(0));
+  if (file) delete window.parcels[file];
   const bytes = new Uint8Array(await new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer());
   const end = bytes.indexOf(0), text = new TextDecoder().decode(bytes.subarray(0, end < 0 ? bytes.length : end));
   const found = { head: JSON.parse(text), body: end < 0 ? null : bytes.buffer.slice(end + 1) };
