@@ -6,6 +6,7 @@ In a long report each case is packed into a file of its own next to the page, wh
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from jinja2 import FunctionLoader
 from markupsafe import Markup
@@ -33,7 +34,9 @@ MOST_PACKED = 2_500_000  # characters of packed pages that ``report.html`` holds
 PAGE, PAGES = "report.html", "pages"
 
 
-def html_files(results, title, revision, provenance, databases, diagnoses, support, modes, fits=(), submodels=(), tunings=()) -> dict[str, str]:
+def html_files(
+    results, title, revision, provenance, databases, diagnoses, support, modes, fits=(), submodels=(), tunings=()
+) -> dict[str, str]:
     """Return the texts of ``report.html`` and of the files that it loads, by name.
 
     The arguments are those of `pom.write_report`, `modes` a table for every result.
@@ -44,7 +47,8 @@ def html_files(results, title, revision, provenance, databases, diagnoses, suppo
     found = [case.outcomes(result, case.line_styles(result.runs)) for result in results]
     common = {"title": title, "revision": revision, "origin": origin.page(provenance, results, databases), "count": len(results)}
     common["models"] = database_comparison.page(databases, support, case.line_styles(databases)) if databases else None
-    inner, brief, cases = pages.get_template("case.html"), pages.get_template("brief.html"), []
+    inner, brief = pages.get_template("case.html"), pages.get_template("brief.html")
+    cases: list[dict[str, Any]] = []
     for i, (key, result, outcome, table) in enumerate(zip(keys, results, found, modes, strict=True), 1):
         diagnosis = diagnoses.get(result.case.name)
         page = case.page(key, result, outcome, provenance, diagnosis, table, with_figures=len(results) <= MOST_WITH_FIGURES)
@@ -52,8 +56,7 @@ def html_files(results, title, revision, provenance, databases, diagnoses, suppo
         packed = parcel({**page["head"], "page": texts["page"]}, page["body"])
         fail = any(cell["status"] in ("fail", "limits_exceeded") for cell in outcome)
         cases.append({"key": key, "fail": fail, "brief": Markup(texts["brief"]), "parcel": packed, "file": ""})
-    more = {}
-    files = {}
+    more, files = {}, {}
     if sum(len(entry["parcel"]) for entry in cases) > MOST_PACKED:
         for entry in cases:
             name = entry["file"] = f"{PAGES}/{entry['key']}.js"

@@ -85,7 +85,7 @@ def test_a_long_report_loads_a_case_when_it_is_opened(chromium, long_report):
     page.on("request", lambda request: asked.append(Path(request.url.partition("#")[0]).name))
     page.on("console", lambda message: complaints.append(message.text))
     page.goto(long_report.as_uri())
-    page.wait_for_function("report.unpacked.then(() => true)")
+    page.evaluate("report.unpacked")
     assert asked == ["report.html"]
     open_case(page, long_report.as_uri())
     file = f"{CASE.removeprefix('#case-')}.js"
@@ -95,7 +95,7 @@ def test_a_long_report_loads_a_case_when_it_is_opened(chromium, long_report):
     kept = other.read_bytes()
     other.unlink()
     page.goto(f"{long_report.as_uri()}#case-{other.stem}")
-    page.wait_for_function(f"document.querySelector('#case-{other.stem} .body').textContent.includes('results.json')")
+    page.locator(f"#case-{other.stem} .body", has_text="results.json").wait_for()
     other.write_bytes(kept)
     assert any(f"pages/{other.name} is not next to report.html" in text for text in complaints)
     page.close()
