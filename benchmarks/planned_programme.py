@@ -1,13 +1,15 @@
 """A planned programme against the shipped one: flown time, rows that pass, standard errors predicted and achieved.
 
-    python benchmarks/planned_programme.py FOLDER [--seed 18] [--jobs 2] [--free-air]
+    python benchmarks/planned_programme.py FOLDER [--seed 18] [--jobs 2] [--first 3] [--shipped]
 
-``--free-air`` leaves out control loading and landing gear, whose runs no plan changes and which take most of the time, with their cases.
+`flighttest.planning` chooses the free-air manoeuvres of the T-37 from ``planned_programme.toml``, knowing the fits of the runs that no
+plan changes: gear and speed brake (09), low passes and descent (12 to 16).  The script ``t37_flight_test.py`` next to the repository
+flies the plan with the same instruments, wind and noise as everything else of the seed: those runs, the ones of the control loading and of
+the landing gear, and those of the cases.  The project is that of ``data/t37`` with the flights and fits of the plan; ``--shipped`` performs
+that of ``data/t37`` itself with the flights of the seed, for comparison.
 
-`aeromatch flight plan` chooses the free-air manoeuvres of the T-37 from ``planned_programme.toml``; the script ``t37_flight_test.py``
-next to the repository flies them, with the same instruments, wind and noise as everything else of the seed: gear and speed brake (09),
-low passes and descent (12 to 16), the runs of the control loading and of the landing gear, and those of the cases.  The project is
-that of ``data/t37`` with the flights and fits of the plan.  FOLDER keeps recordings and plan; what is there is not made again.
+Standard errors of the nodes are compared with those predicted before the flights, and with those predicted after the first of the planned
+conditions (``--first``), as `flight coverage` does.  FOLDER keeps recordings and plan; what is there is not made again.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import shutil
 import sys
 import warnings
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,9 +33,11 @@ import xarray as xr
 
 import aerodb
 import flightmech
+import flighttest
 from aeromatch import workflow
-from aeromatch.project import read_project
+from aeromatch.project import Project, read_project
 from flighttest.planning.catalogue import read_catalogue
+from flighttest.planning.coverage import identified
 from flighttest.planning.plan import Plan, plan_of
 from flighttest.planning.prediction import predict, with_assumed
 
@@ -43,6 +48,7 @@ KEPT = range(9, 17)  # of the shipped programme, without 10 and 11: gear and spe
 FREE_AIR = (*range(1, 12),)
 STOPS = {"delta_e": (0.35, 0.30, 1.0), "delta_a": (0.35, 0.35, -1.0), "delta_r": (0.35, 0.35, 1.0)}  # rad at the stops, sign of the command
 CONTROL = {"delta_e": "elevator", "delta_a": "aileron", "delta_r": "rudder"}
+LEAVES = {"Reversible": "cockpit", "Rolling": "ground"}  # that the scripts of other aeroplanes add to every recording
 KNOT, FEET = 1852.0 / 3600.0, 0.3048
 
 
@@ -73,8 +79,12 @@ def record(folder: Path, run: dict[str, Any], errors: dict[str, Any], *aeroplane
     if not file.exists():
         folder.mkdir(parents=True, exist_ok=True)
         T = tool("t37_flight_test")
+        groups = dict(T.GROUPS)
+        foreign = set(LEAVES.values()) - {LEAVES.get(one.__name__) for one in aeroplane}
+        T.GROUPS = {name: leaf for name, leaf in groups.items() if name not in foreign}
         truth, log = T.fly(run, errors, *aeroplane)
         T.save_recording(str(file), run, T.measure(truth, errors, run["number"]), log)
+        T.GROUPS = groups
     with xr.open_dataset(file, group="imu") as data:
         return float(data["time"][-1])
 
@@ -156,27 +166,30 @@ def fits_of(plan: Plan) -> str:
     return "\n".join(text)
 
 
-def project_of(folder: Path, plan: Plan, free_air: bool) -> Path:
-    """Write the project of a planned programme: that of the example with other flights and fits."""
-    place = folder / "project"
+def place_of(folder: Path, *flights: str) -> Path:
+    """Return a folder with the files of the example and links to some flights of a programme."""
+    place = folder / f"project_{flights[-1]}"
     shutil.rmtree(place, ignore_errors=True)
     shutil.copytree(EXAMPLE, place, ignore=shutil.ignore_patterns("flight"))
     (place / "flight").mkdir()
-    for file in [*(folder / "shared").glob("*.nc"), *(folder / "planned").glob("*.nc")]:
+    for file in [one for name in flights for one in (folder / name).glob("*.nc")]:
         (place / "flight" / file.name).symlink_to(file.resolve())
-    text = (EXAMPLE / "aeromatch.toml").read_text(encoding="utf-8")
-    sections = re.split(r"(?m)^(?=\[)", text)
+    return place
+
+
+def project_of(folder: Path, plan: Plan) -> Path:
+    """Write the project of a planned programme: that of the example with other flights and fits."""
+    place = place_of(folder, "shared", "planned")
+    sections = re.split(r"(?m)^(?=\[)", (EXAMPLE / "aeromatch.toml").read_text(encoding="utf-8"))
     dropped = tuple(f"t37_{number:02d}_" for number in FREE_AIR if number not in KEPT or number in (10, 11))
     kept = [
         part for part in sections if not (part.startswith(("[[fit]]", "[[ground_effect.flown]]")) and any(name in part for name in dropped))
     ]
-    if free_air:
-        kept = [part for part in kept if not part.startswith(("[controls", "[[controls", "[gear", "[[gear"))]
-        kept[0] = kept[0].replace('"cases/*.toml"', '"cases/[23]*.toml"')
     landing = next(c.name for c in plan.prediction.catalogue.condition if c.fixed.get("gear"))
     number = [c for c in dict.fromkeys(c for c, _ in plan.items)].index(landing)
     run = runs_of(plan)[number]
-    marks = [m for c, name in plan.items if c == landing for m in marks_of(plan, c, name) if m != "steady_sideslip"]
+    pitch = {name for fit in plan.prediction.catalogue.fit if fit.name == "pitch" for name in fit.manoeuvres}
+    marks = [mark for c, name in plan.items if c == landing and name in pitch for mark in marks_of(plan, c, name)]
     free = f'[[ground_effect.flown]]\nrecords = ["t37_{run["number"]:02d}_{run["title"]}"]\nmanoeuvres = {json.dumps(marks)}\n\n'
     at = max(k for k, part in enumerate(kept) if part.startswith("[[ground_effect.flown]]")) + 1
     first = next(k for k, part in enumerate(kept) if part.startswith("[[fit]]"))
@@ -185,33 +198,61 @@ def project_of(folder: Path, plan: Plan, free_air: bool) -> Path:
     return place / "aeromatch.toml"
 
 
-def planned(folder: Path, jobs: int) -> tuple[Plan, xr.DataTree]:
-    """Return the plan, made when it is not there, and the database before the flights."""
-    project = read_project(EXAMPLE / "aeromatch.toml")
-    start = workflow.opened(project, workflow.a_priori(project, flightmech.read_aircraft(project.aircraft)))
+def local_fits(project: Project, jobs: int) -> list[Any]:
+    """Return the fits of a project, from its free-air records alone."""
+    project = replace(project, engine=None, controls={}, gear=None, ground_effect=None, cases=[])
+    aircraft = flightmech.read_aircraft(project.aircraft)
+    records = {name: flighttest.read(project.flights[name], project.names) for name in workflow.records_of(project)}
+    windows = workflow.windows_of(project, records)
+    data = workflow.coefficients_of(project, aircraft, workflow.reconstructed(project, aircraft, records, jobs), windows)
+    return workflow.identify(project, data, windows)
+
+
+def before(project: Project) -> tuple[Any, xr.DataTree]:
+    """Return aircraft and database as they are before the flights."""
+    aircraft = flightmech.read_aircraft(project.aircraft)
+    return workflow.before_flight(project, aircraft), workflow.opened(project, workflow.a_priori(project, aircraft))
+
+
+def planned(folder: Path, jobs: int) -> Plan:
+    """Return the plan, made when it is not there; it knows the fits of the runs that it does not change."""
     file = folder / "plan.pickle"
     if not file.exists():
-        catalogue = read_catalogue(Path(__file__).with_suffix(".toml"))
-        aircraft = flightmech.read_aircraft(project.aircraft)
-        sim = flightmech.compile(workflow.before_flight(project, aircraft), with_assumed(start, catalogue))
-        file.write_bytes(pickle.dumps(plan_of(predict(catalogue, sim, aircraft, jobs), start)))
-    return pickle.loads(file.read_bytes()), start
+        project = read_project(EXAMPLE / "aeromatch.toml")
+        unchanged = [f"t37_{number:02d}_" for number in KEPT]
+        flights = {path.stem: path for path in (folder / "shared").glob("*.nc")}
+        fits = [fit for fit in project.fits if all(name.startswith(tuple(unchanged)) for name in fit.records)]
+        flown = local_fits(replace(project, flights=flights, fits=[fit for fit in fits if fit.name[:9] != "multisine"]), jobs)
+        catalogue, (known, start) = read_catalogue(Path(__file__).with_suffix(".toml")), before(project)
+        sim, aircraft = flightmech.compile(known, with_assumed(start, catalogue)), flightmech.read_aircraft(project.aircraft)
+        file.write_bytes(pickle.dumps(plan_of(predict(catalogue, sim, aircraft, jobs), start, flown)))
+    found: Plan = pickle.loads(file.read_bytes())
+    return found
 
 
-def compared(plan: Plan, start: xr.DataTree, final: xr.DataTree) -> pd.DataFrame:
-    """Return predicted and achieved standard errors of the wanted nodes, and of all that the plan informs."""
+def after_first(plan: Plan, project: Project, fits: list[Any], first: int, jobs: int) -> dict[str, np.ndarray]:
+    """Return the standard errors predicted after the first planned conditions, with what these have identified."""
+    known, start = before(project)
+    catalogue, conditions = plan.prediction.catalogue, list(dict.fromkeys(c for c, _ in plan.items))
+    later = {f"t37_{run['number']:02d}_{run['title']}" for run in runs_of(plan)[first:]}
+    flown = [fit for fit in fits if str(fit.name).split(":")[0] not in later]
+    learnt = aerodb.tabulate(flown, start, catalogue.held)
+    rest = [item for item in plan.items if item[0] in conditions[first:]]
+    sim = flightmech.compile(known, identified(learnt, start, catalogue))
+    prediction = predict(catalogue, sim, flightmech.read_aircraft(project.aircraft), jobs, rest)
+    return aerodb.update.Expectation(start, catalogue.held, learnt=learnt).stderr([*flown, *prediction.fits(rest)])
+
+
+def compared(expected: dict[str, np.ndarray], start: xr.DataTree, final: xr.DataTree, flown: dict[str, np.ndarray]) -> pd.DataFrame:
+    """Return predicted and achieved standard errors of all nodes that had one before and whose table the final database keeps."""
     before, after, rows = aerodb.terms(start), aerodb.terms(final), []
-    flown = plan_flown(plan, start)
-    for name, expected in plan.expected.items():
-        ratio = (after[name]["stderr"].values / expected)[before[name]["stderr"].values > 0]
-        where = flown.get(name, np.zeros(expected.shape, bool))[before[name]["stderr"].values > 0]
-        rows.append(pd.DataFrame({"term": name, "achieved/expected": ratio, "flown": where}))
+    for name, errors in expected.items():
+        known = before[name]["stderr"].values > 0
+        if name in after and "stderr" in after[name] and after[name]["stderr"].shape == errors.shape:
+            ratio = after[name]["stderr"].values[known] / errors[known]
+            where = flown.get(name, np.zeros(errors.shape, bool))[known]
+            rows.append(pd.DataFrame({"term": name, "achieved/expected": ratio, "flown": where}))
     return pd.concat(rows, ignore_index=True)
-
-
-def plan_flown(plan: Plan, start: xr.DataTree) -> dict[str, np.ndarray]:
-    """Return which nodes the planned manoeuvres fly."""
-    return aerodb.update.Expectation(start, plan.prediction.catalogue.held).flown(plan.prediction.fits(plan.items))
 
 
 def within(ratio: pd.Series, part: float = 0.2) -> float:
@@ -219,52 +260,65 @@ def within(ratio: pd.Series, part: float = 0.2) -> float:
     return 100.0 * float(((ratio > 1.0 - part) & (ratio < 1.0 + part)).mean())
 
 
+def shares(title: str, table: pd.DataFrame, by_term: bool = False) -> None:
+    """Print how many nodes came out within 20 % of their prediction."""
+    groups = table.groupby("term") if by_term else ()
+    for name, part in [*groups, ("all", table), ("flown", table[table["flown"]]), ("not flown", table[~table["flown"]])]:
+        r = part["achieved/expected"]
+        ratios = " ".join(f"{r.quantile(q):.2f}" for q in (0.05, 0.5, 0.95))
+        print(f"{title}: {name:20s} {len(part):5d} nodes, within 20 %: {within(r):5.1f} %, achieved/expected {ratios}")
+
+
+def performed(toml: Path, folder: Path, jobs: int) -> Project:
+    """Do the whole job of a project and print the worst of every case."""
+    project = read_project(toml)
+    outcome = workflow.perform(project, folder, jobs, lambda text: print(text, flush=True) or nullcontext())
+    for result in outcome.results:
+        worst = {run: (result.status(run), result.worst(run)) for run in result.runs}
+        print(
+            f"{result.case.id:8s} {result.case.title:62s}",
+            *(f"{run} {s} {w['worst_ratio']:.2f} {w['criterion']}" if w else f"{run} {s}" for run, (s, w) in worst.items()),
+        )
+    return project
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seed", type=int, default=18)
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--free-air", action="store_true")
+    parser.add_argument("--first", type=int, default=3)
+    parser.add_argument("--shipped", action="store_true")
     given = parser.parse_args()
     warnings.simplefilter("ignore", flightmech.errors.AeromatchWarning)
-    given.folder.mkdir(parents=True, exist_ok=True)
-    errors, T = errors_of(given.folder, given.seed), tool("t37_flight_test")
-    plan, start = planned(given.folder, given.jobs)
+    folder: Path = given.folder
+    folder.mkdir(parents=True, exist_ok=True)
+    free_air = list(tool("t37_flight_test").PROGRAMME)  # the other scripts put theirs in its place
+    errors = errors_of(folder, given.seed)
+    changed = [run for run in free_air if run["number"] in FREE_AIR and run["number"] != 9]
+    shipped = sum(record(folder / "shipped", run, errors) for run in changed)
+    kept = sum(record(folder / "shared", run, errors) for run in free_air if run["number"] in KEPT and run not in changed)
+    used = "".join(file.read_text(encoding="utf-8") for file in [EXAMPLE / "aeromatch.toml", *(EXAMPLE / "cases").glob("*.toml")])
+    control, ground = tool("t37_control_forces"), tool("t37_ground_handling")
+    for programme, aeroplane in ((free_air, ()), (control.PROGRAMME, (control.Reversible,)), (ground.PROGRAMME, (ground.Rolling,))):
+        for run in programme:
+            if f"t37_{run['number']:02d}_" in used and run not in changed:
+                record(folder / "shared", run, errors, *aeroplane)
+    if given.shipped:
+        performed(place_of(folder, "shared", "shipped") / "aeromatch.toml", folder / "out_shipped", given.jobs)
+        return
+    plan = planned(folder, given.jobs)
     print(plan.report(), flush=True)
-    shipped = sum(
-        record(given.folder / "shipped", run, errors) for run in T.PROGRAMME if run["number"] in (*FREE_AIR,) and run["number"] != 9
-    )
-    kept = sum(
-        record(given.folder / "shared", run, errors) for run in T.PROGRAMME if run["number"] in KEPT and run["number"] not in (10, 11)
-    )
-    for run in T.PROGRAMME:
-        if run["purpose"] == "validation":
-            record(given.folder / "shared", run, errors)
-    new = sum(record(given.folder / "planned", run, errors) for run in runs_of(plan))
+    new = sum(record(folder / "planned", run, errors) for run in runs_of(plan))
     share = (new + kept) / (shipped + kept)
-    print(
-        f"flown: {new + kept:.0f} s with gear, speed brake and ground effect, shipped {shipped + kept:.0f} s: {100 * share:.1f} %",
-        flush=True,
-    )
-    others = () if given.free_air else (("t37_control_forces", "Reversible"), ("t37_ground_handling", "Rolling"))
-    for name, aeroplane in others:  # these scripts add channels to the recorder: after all other flights
-        module = tool(name)
-        for run in module.PROGRAMME:
-            record(given.folder / "shared", run, errors, getattr(module, aeroplane))
-    project = read_project(project_of(given.folder, plan, given.free_air))
-    outcome = workflow.perform(project, given.folder / "out", given.jobs, lambda text: print(text, flush=True) or nullcontext())
-    for result in outcome.results:
-        worst = {run: (result.status(run), result.worst(run)) for run in result.runs}
-        print(
-            f"{result.case.id:12s} {result.case.title[:40]:40s}",
-            *(f"{run} {s} {w['worst_ratio'] if w else float('nan'):.2f}" for run, (s, w) in worst.items()),
-        )
-    table = compared(plan, start, aerodb.open(given.folder / "out" / "final.nc"))
-    table.to_csv(given.folder / "compared.csv", index=False)
-    for name, part in [*table.groupby("term"), ("all", table), ("flown", table[table["flown"]]), ("not flown", table[~table["flown"]])]:
-        r = part["achieved/expected"]
-        low, middle, high = (r.quantile(q) for q in (0.05, 0.5, 0.95))
-        print(f"{name:20s} {len(part):5d} nodes, within 20 %: {within(r):5.1f} %, achieved/expected {low:.2f} {middle:.2f} {high:.2f}")
+    text = f"flown: {new + kept:.0f} s with gear, speed brake and ground effect, shipped {shipped + kept:.0f} s: {100 * share:.1f} %"
+    print(text, flush=True)
+    project = performed(project_of(folder, plan), folder / "out", given.jobs)
+    fits, (_, start), final = local_fits(project, given.jobs), before(project), aerodb.open(folder / "out" / "final.nc")
+    flown = aerodb.update.Expectation(start, plan.prediction.catalogue.held).flown(fits)
+    shares("before the flights", compared(plan.expected, start, final, flown))
+    later = after_first(plan, project, fits, given.first, given.jobs)
+    shares(f"after {given.first} conditions", compared(later, start, final, flown), by_term=True)
 
 
 if __name__ == "__main__":
