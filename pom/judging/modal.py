@@ -119,16 +119,24 @@ def _project(t: np.ndarray, y: np.ndarray, sigma: float, wd: float) -> tuple[np.
 
 def _search(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Return (sigma, wd) of the best point on a grid from half a cycle in the record to eight samples a cycle."""
+    sigma, wd, X, normal = _grid(t.tobytes())
+    b = np.einsum("kti,t->ki", X, y)
+    theta = np.linalg.solve(normal, b[:, :, None])[:, :, 0]
+    best = int(np.argmax(np.einsum("ki,ki->k", theta, b)))  # largest share explained
+    return float(sigma[best]), float(wd[best])
+
+
+@lru_cache(maxsize=8)
+def _grid(times: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return sigma, wd, scaled regressors and their normal matrices on the grid of a search over samples `times`, for all its traces."""
+    t = np.frombuffer(times)
     fastest = max(2.0 * math.pi / (8.0 * float(np.median(np.diff(t)))), 4.0 * math.pi / t[-1])
     wd, ratio = (x.ravel() for x in np.meshgrid(np.geomspace(math.pi / t[-1], fastest, 60), _RATIOS))
     decay, angle = np.exp(-np.clip(np.outer(ratio * wd, t), -50.0, 50.0)), np.outer(wd, t)
     level = np.ones_like(angle)
     X = np.stack([level, level * t / t[-1], decay * np.cos(angle), decay * np.sin(angle)], axis=2)
     X /= np.linalg.norm(X, axis=1, keepdims=True)
-    b = np.einsum("kti,t->ki", X, y)
-    theta = np.linalg.solve(X.transpose(0, 2, 1) @ X + 1e-9 * np.eye(4), b[:, :, None])[:, :, 0]
-    best = int(np.argmax(np.einsum("ki,ki->k", theta, b)))  # largest share explained
-    return float(ratio[best] * wd[best]), float(wd[best])
+    return ratio * wd, wd, X, X.transpose(0, 2, 1) @ X + 1e-9 * np.eye(4)
 
 
 def modal(criterion: Criterion, match: Match) -> Outcome:

@@ -10,7 +10,7 @@ import xarray as xr
 
 import flightmech
 from flightmech.errors import SchemaError, SimulationError
-from flightmech.simulation.run import output_indices, prepared, read_inputs
+from flightmech.simulation.run import constant_inputs, output_indices, prepared, read_inputs
 
 from ..cases.job import Job
 from ..cases.pilot import Pilot
@@ -56,6 +56,33 @@ def fly(
     values = np.concatenate([found for found, _ in parts])
     values[[bool(text) for text in failures]] = np.nan
     return {name: values[:, :, k] for k, name in enumerate(names)}, failures
+
+
+def fly_once(sim: Any, job: Job, channels: Sequence[str]) -> tuple[dict[str, np.ndarray], str]:
+    """Replay a job once, as `fly` does, without its tables of runs: for many models with one run each.
+
+    Returns
+    -------
+    outputs : dict of str to array (time,)
+        Of the channels that the model has; NaN throughout for a run that did not go to its end.
+    failure : str
+        Why it did not; empty for one that did.
+    """
+    names = [name for name in channels if name in sim.outputs]
+    parameters = _parameters(sim, job, {})
+    try:
+        if job.pilot:
+            found = _closed(sim, job, parameters, names)
+        else:
+            u = np.tile(constant_inputs(sim, parameters), (job.time.size, 1))
+            for name, values in job.inputs.items():
+                if name in sim.inputs:
+                    u[:, sim.inputs.index(name)] = values
+            run = prepared(sim, parameters, u[0], float(job.time[0]))
+            found, _ = run.record(job.time, u, False, output_indices(sim, names), False)
+    except SimulationError as error:
+        return {name: np.full(job.time.size, np.nan) for name in names}, str(error)
+    return dict(zip(names, found.T, strict=True)), ""
 
 
 def _batch(sim: Any, job: Job, choices: Sequence[Mapping[str, float]], names: list[str]) -> tuple[np.ndarray, list[str]]:

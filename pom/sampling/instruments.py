@@ -12,6 +12,7 @@ import re
 import zlib
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import xarray as xr
@@ -118,7 +119,7 @@ class Instruments:
         noise = {name: size for name in channels if (size := noise_of(states[name].values))}
         return cls(constants, flight, inputs, parameters, noise)
 
-    @property
+    @cached_property
     def names(self) -> list[str]:
         """Names of the errors."""
         return sorted({*self.constants, *self.inputs, *self.parameters})
@@ -128,16 +129,23 @@ class Instruments:
         columns = [standard_normal(name, count, seed) for name in self.names]
         return np.stack(columns, axis=1) if columns else np.zeros((count, 0))
 
+    @cached_property
+    def _shifts(self) -> dict[str, tuple[list[int], np.ndarray]]:
+        """By input: the errors that move it, and what one standard error of each changes (error, time). [SI]"""
+        moved: dict[str, dict[int, np.ndarray]] = {}
+        for k, error in enumerate(self.names):
+            for name, shift in self.inputs.get(error, {}).items():
+                moved.setdefault(name, {})[k] = shift
+        return {name: (list(shifts), np.stack(list(shifts.values()))) for name, shifts in moved.items()}
+
     def job(self, job: Job, draw: np.ndarray) -> Job:
         """Return the drive of an aeroplane whose record is `job`, with one draw (error,) of the errors."""
-        inputs, parameters = dict(job.inputs), dict(job.parameters)
+        shifted = {name: job.inputs[name] + draw[errors] @ shifts for name, (errors, shifts) in self._shifts.items() if name in job.inputs}
+        parameters = dict(job.parameters)
         for name, size in zip(self.names, draw, strict=True):
-            for key, shift in self.inputs.get(name, {}).items():
-                if key in inputs:
-                    inputs[key] = inputs[key] + size * shift
             for key, step in self.parameters.get(name, {}).items():
                 parameters[key] += size * step
-        return replace(job, inputs=inputs, parameters=parameters)
+        return replace(job, inputs={**job.inputs, **shifted}, parameters=parameters)
 
     def recorded(self, motion: Mapping[str, np.ndarray], draw: np.ndarray, random: np.random.Generator) -> dict[str, np.ndarray]:
         """Return a motion (time,) as the instruments with one draw (error,) of their errors, and with noise, record it.
@@ -145,16 +153,14 @@ class Instruments:
         A draw of an error is what the truth has beyond the reading, so that the reading has its negative beyond the truth.
         """
         found = dict(motion)
-        sizes = dict(zip(self.names, draw, strict=True))
-        constants = np.array([sizes[name] for name in self.constants])
+        constants = draw[[self.names.index(name) for name in self.constants]]
         for name, change in self.flight.items():
             if name in found:
                 found[name] = found[name] - constants @ change
-        for name, shifts in self.inputs.items():
-            for key, shift in shifts.items():
-                channel = key.replace("thrust_drive", "thrust")
-                if channel in found:
-                    found[channel] = found[channel] - sizes[name] * shift
+        for name, (errors, shifts) in self._shifts.items():
+            channel = name.replace("thrust_drive", "thrust")
+            if channel in found:
+                found[channel] = found[channel] - draw[errors] @ shifts
         noise = {name: size * random.standard_normal(motion[name].size) for name, size in self.noise.items() if name in motion}
         return {**found, **{name: found[name] + values for name, values in noise.items()}}
 

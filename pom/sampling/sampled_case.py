@@ -27,7 +27,7 @@ from ..judging.comparison import Match
 from ..judging.events import find
 from ..judging.signals import signals_of
 from ..judging.verdict import bands, judge_all
-from ..replaying.kernel_replay import fly
+from ..replaying.kernel_replay import fly_once
 from ..replaying.replay_case import Plan, shown_channels, unwrapped_near
 from ..replaying.trim_state import OBSERVED, beyond_limits, trim_limits
 from ..result import group_verdicts, status_of
@@ -158,8 +158,8 @@ class Bench:
 
     def flown(self, model: SimModel, job: Job) -> tuple[Traces, str]:
         """Return the outputs of a model, and why it did not come to the end."""
-        found, (failure,) = fly(model, job, ({},), self.channels)
-        return _as_applied({name: values[0] for name, values in found.items()}, job), failure
+        found, failure = fly_once(model, job, self.channels)
+        return _as_applied(found, job), failure
 
     def run(self, model: SimModel, draw: np.ndarray) -> Run:
         """Return a model, flown with the drive of one draw (error,) of the instruments and judged against the flight."""

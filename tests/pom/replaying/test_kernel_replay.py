@@ -10,7 +10,7 @@ import flightmech
 from pom.cases.case import read_case
 from pom.cases.job import job_of
 from pom.cases.pilot import Loop
-from pom.replaying.kernel_replay import fly
+from pom.replaying.kernel_replay import fly, fly_once
 from pom.replaying.reference_states import flight_states
 
 
@@ -44,6 +44,19 @@ def test_a_run_that_fails_has_no_values(sim, job):
     assert failures[1]
     assert np.isfinite(outputs["q"][0]).all()
     assert np.isnan(outputs["q"][1]).all()
+
+
+def test_one_run_is_the_same_to_the_last_bit(sim, job):
+    bank = {"phi": 0.05 * np.sin(job.time)}
+    piloted = replace(job, pilot=(Loop("delta_a", "phi", gain=-2.0, limit=0.2),), targets=bank)
+    failing = replace(job, inputs={**job.inputs, "delta_e": np.where(job.time > 3.0, np.inf, job.inputs["delta_e"])})
+    for one in (job, piloted, failing):
+        many, (why,) = fly(sim, one, channels=["q", "phi", "no_such"])
+        found, failure = fly_once(sim, one, ["q", "phi", "no_such"])
+        assert list(found) == ["q", "phi"]
+        assert bool(failure) == bool(why) == (one is failing)
+        for name in found:
+            assert np.array_equal(found[name], many[name][0], equal_nan=True)
 
 
 def test_the_math_pilot_flies_in_the_kernel(sim, job):
