@@ -81,9 +81,11 @@ def _of(db: xr.DataTree, head: str, leaves: Mapping[str, xr.Dataset], flights: S
         weights = [_terms.basis(leaf, samples, "clamp").toarray() for leaf in own.values()]
         rows.append(np.hstack([np.broadcast_to(part, (count, part.shape[1])) for part in weights]))  # a constant has one row
     B = np.vstack(rows)
-    VB = V @ B.T
-    values, vectors = np.linalg.eigh(B @ VB)
+    used = np.flatnonzero(B.any(axis=0))
+    _, R = np.linalg.qr(B[:, used])  # B = Q R: R V R' has the eigenvalues of B V B', and V B' u = V R' w with u = Q w
+    VR = V[:, used] @ R.T
+    values, vectors = np.linalg.eigh(R @ VR[used])
     kept = [k for k in range(len(values))[::-1] if values[k] > LEAST * max(values[-1], 1e-300)][:MOST]
-    D = np.array([(VB @ vectors[:, k]) / np.sqrt(values[k]) for k in kept]).reshape(len(kept), len(V))
+    D = np.array([(VR @ vectors[:, k]) / np.sqrt(values[k]) for k in kept]).reshape(len(kept), len(V))
     signs = np.sign(D[np.arange(len(D)), np.abs(D).argmax(axis=1)])  # an eigenvector has no sign of its own
     return D * signs[:, None], slices
