@@ -34,20 +34,8 @@ from flightmech import terms as _terms
 from flightmech.errors import IdentificationError
 
 from .correlation import LENGTHS, PARTS, error_kinds, flown_distance, prior_parts
-from .tabulation import (
-    FLOWN,
-    Known,
-    Observation,
-    Tabulation,
-    compatibility_row,
-    contributors,
-    new_leaf,
-    observations,
-    point_rows,
-    slices_of,
-    term_row,
-    together,
-)
+from .observations import Known, Observation, observations
+from .tabulation import FLOWN, Tabulation, compatibility_row, contributors, new_leaf, point_rows, slices_of, term_row, together
 from .term_decisions import decided
 
 DEVICES = ("delta_f", "gear", "speedbrake", "h_agl")

@@ -17,7 +17,8 @@ import xarray as xr
 
 from ..store.schema import terms
 from .correlation import LENGTHS, PARTS, SHARES, prior_parts
-from .tabulation import FLOWN, Known, Observation, Tabulation, coefficient_of, common_errors, known_terms, observe, slices_of
+from .observations import Known, Observation, coefficient_of, common_errors, known_terms, observe
+from .tabulation import FLOWN, Tabulation, slices_of
 
 _WEIGHTS = np.array(list(SHARES.values()))
 

@@ -30,20 +30,9 @@ from flightmech.errors import IdentificationError
 
 from ..store.schema import terms
 from .correlation import LENGTHS, SHARES, prior_parts
+from .observations import Known, Observation, basis_at, coefficient_of, common_errors, known_terms, observe
 from .shapes import Shape, demand_shapes
-from .tabulation import (
-    Known,
-    Observation,
-    Tabulation,
-    basis_at,
-    coefficient_of,
-    common_errors,
-    joined,
-    known_terms,
-    observe,
-    slices_of,
-    together,
-)
+from .tabulation import Tabulation, joined, slices_of, together
 
 KEEP = 4.0  # a-priori standard error of a direction over that of its measurement from which on it is kept
 _HISTORY = "regress_tables: from the samples of {} groups of manoeuvres"

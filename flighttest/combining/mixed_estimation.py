@@ -161,8 +161,8 @@ def prior_of(fit: Fit, database: xr.DataTree) -> xr.Dataset:
     UnknownName
         The database has no such coefficient, or the samples lack a variable of its tables.
     """
+    from aerodb.update.observations import basis_at
     from aerodb.update.posterior import joint_covariance
-    from aerodb.update.tabulation import basis_at
     from flightmech.terms import variables
 
     coefficient = fit.model.coefficient

@@ -26,7 +26,8 @@ import numpy as np
 import xarray as xr
 
 from aerodb.update.expectation import Expectation
-from aerodb.update.tabulation import Tabulation, coefficient_of
+from aerodb.update.observations import coefficient_of
+from aerodb.update.tabulation import Tabulation
 from flightmech.errors import SchemaError, UnknownName
 
 from .catalogue import Catalogue

@@ -12,9 +12,10 @@ from aerodb.figures.lr743_set.combinations import combined
 from aerodb.store.schema import database
 from aerodb.transform.ground_effect import in_ground_effect
 from aerodb.update.correlation import PARTS, prior_covariance, prior_parts
+from aerodb.update.observations import basis_at
 from aerodb.update.posterior import common_errors, covariance, draw, drawn, origin
 from aerodb.update.standard_errors import spread, standard_error
-from aerodb.update.tabulation import basis_at, tabulate
+from aerodb.update.tabulation import tabulate
 from flightmech import terms
 from flightmech.errors import SchemaError, UnknownName
 from tests.aerodb.update.test_tabulation import DEG, ROOT, local_fits, prior_leaves
@@ -230,12 +231,12 @@ def least_eigenvalues(db):
 
 @pytest.mark.slow
 def test_every_covariance_of_the_demo_is_positive_semidefinite(demo):
-    """Tables of ground effect and hinge moments have standard errors and no posterior of their own; they stand next to tables that have."""
+    """Terms of the drag near the ground and of hinge moments have standard errors and no posterior of their own; they stand next to tables that have."""
     db = aerodb.open(demo[0] / "final.nc")
     leaves = aerodb.terms(db)
-    assert "stderr" in leaves["CL/ground"]
-    assert origin(leaves["CL/ground"]) is None
-    assert origin(leaves["CL/basic"])
+    assert "stderr" in leaves["CD/ground_basic"]
+    assert origin(leaves["CD/ground_basic"]) is None
+    assert origin(leaves["CD/basic"])
     found = least_eigenvalues(db)
     assert {"CL", "CD", "Cm", "CY", "Cl", "Cn", "Ch_e"} <= set(found)
     assert min(found.values()) > -RELATIVE_ROUNDING

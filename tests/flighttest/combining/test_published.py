@@ -6,7 +6,7 @@ import xarray as xr
 
 import aerodb
 import flighttest
-from aerodb.update.tabulation import basis_at
+from aerodb.update.observations import basis_at
 from flightmech import terms
 from flightmech.errors import AeromatchWarning, IdentificationError, SchemaError, UnknownName
 
