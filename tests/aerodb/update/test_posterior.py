@@ -231,7 +231,7 @@ def least_eigenvalues(db):
 
 @pytest.mark.slow
 def test_every_covariance_of_the_demo_is_positive_semidefinite(demo):
-    """Terms of the drag near the ground and of hinge moments have standard errors and no posterior of their own; they stand next to tables that have."""
+    """Terms of the drag near the ground have standard errors and no posterior of their own; they stand next to terms that have."""
     db = aerodb.open(demo[0] / "final.nc")
     leaves = aerodb.terms(db)
     assert "stderr" in leaves["CD/ground_basic"]
