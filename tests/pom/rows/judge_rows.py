@@ -12,6 +12,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import aerodb
@@ -47,21 +48,22 @@ def demo_rows(demo: Path) -> list[dict[str, str]]:
 
 def own_rows(demo: Path) -> list[dict[str, str]]:
     found = [read_case(file) for folder in (CASES, SHIPPED) for file in sorted(folder.glob("*.toml"))]
-    models = {"": demo / "final.fmu", "steered": _steered(demo)}
     rows = []
-    for kind, model in models.items():
-        cases = [case for case in found if (case.id in PEDAL_STEERING) == (kind == "steered")]
-        for case, result in zip(cases, replay_all(cases, {"final": model}), strict=True):
-            rows.append(_row(case.to_dict(), result.status("final"), result.verdict.reset_index().to_dict("records")))
+    with TemporaryDirectory() as folder:
+        models = {"": demo / "final.fmu", "steered": _steered(demo, Path(folder))}
+        for kind, model in models.items():
+            cases = [case for case in found if (case.id in PEDAL_STEERING) == (kind == "steered")]
+            for case, result in zip(cases, replay_all(cases, {"final": model}), strict=True):
+                rows.append(_row(case.to_dict(), result.status("final"), result.verdict.reset_index().to_dict("records")))
     return rows
 
 
-def _steered(demo: Path) -> Path:
+def _steered(demo: Path, folder: Path) -> Path:
     """Write the final model with a nose wheel that follows the rudder."""
     craft = flightmech.read_aircraft(demo / "final.toml")
     steering = replace(craft.gear.steering, rudder=0.25)
     linked = replace(craft, gear=replace(craft.gear, steering=steering))
-    file = demo / "final_pedal_steering.fmu"
+    file = folder / "final_pedal_steering.fmu"
     flightmech.write_fmu(flightmech.compile(linked, aerodb.open(demo / "final.nc")), file)
     return file
 
