@@ -81,6 +81,7 @@ def html_files(
         coverage=overview.coverage(results, tolerance_rows()),
         cases=cases,
         more=more.items(),
+        apart=bool(files),
         report_js=Markup("\n".join(_static(f"script/{name}.js") for name in _SCRIPT)),
         **{name: Markup(_static(file)) for name, file in _STATIC.items()},
     )

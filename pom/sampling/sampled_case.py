@@ -187,7 +187,6 @@ class Bench:
         kept = {name: shown[name] for name in self.tolerance if name in shown}
         run = Run(kept, off, outcomes, status_of(group_verdicts(case, verdicts), exceeded), self.groups)
         run.failure = refused
-        run.failure = refused
         run.trim = {name: float(trim[f"trim.{name}"][0]) / size for name, size in self.trim_sizes.items() if f"trim.{name}" in trim}
         return run
 

@@ -89,9 +89,11 @@ def headline(log: Mapping[str, Any]) -> str:
     """Return the outcome of a tuning in one sentence."""
     if log["refusal"]:
         return f"refused: {log['refusal']}"
-    if not log["moves"]:
-        return "nothing moved: the wanted rows pass as they are"
     wanted = ", ".join(row["case"] for row in log["rows"] if row["wanted"])
+    if not log["moves"]:
+        found = "the wanted rows pass as they are" if wanted else "no row fails"
+        left = [f"{status_text(row['before'])} {row['case']}" for row in log["rows"] if row["before"] in ("invalid", "not_tested")]
+        return "; ".join([f"nothing moved: {found}", *left])
     far = max(log["moves"], key=lambda move: move["from_evidence"])
     largest = f"largest move from it {far['from_evidence']:.2f} standard errors, {far['term']}"
     return f"tuned for {wanted}: distance {log['distance']:.2f} from the evidence, {largest}; bound {log['bound']:g}"

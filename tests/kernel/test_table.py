@@ -94,12 +94,16 @@ def test_many_rows_at_once_give_the_numbers_of_single_rows(outside, content, mak
         name: make(rng.normal(size=[len(points[axis]) for axis in axes]), {axis: points[axis] for axis in axes}, outside=outside)
         for name, axes in grids.items()
     }
-    more["CL/powered"] = make(0.3).assign_attrs(power="h_agl", exponent=-1.5, floor=0.5)
+    powers = {"CL": ("h_agl", -1.5), "CD": ("h_agl", -1.5), "CY": ("h_agl", 0.7), "Cl": ("mach", 0.7), "Cm": ("h_agl", -1.5)}
+    for head, (variable, exponent) in powers.items():  # one that follows itself, and others between
+        more[f"{head}/powered"] = make(0.3).assign_attrs(power=variable, exponent=exponent, floor=0.5)
     sim = flightmech.compile(make_aircraft(), make_tree({**content, **more}))
     v = rng.uniform(-1.5, 4.0, (150, len(sim.variables)))
     v[3, 0], v[70, 1], v[90, 2] = np.nan, np.inf, -np.inf
     together = Simulation(sim.model).evaluate(v)
-    alone = [Simulation(sim.model).evaluate(row[None]) for row in v]
-    for found, rows in zip(together, zip(*alone, strict=True), strict=True):
+    alone, run = [Simulation(sim.model).evaluate(row[None]) for row in v], Simulation(sim.model)
+    in_turn = [run.evaluate(row[None]) for row in v]
+    for found, rows, later in zip(together, zip(*alone, strict=True), zip(*in_turn, strict=True), strict=True):
         assert np.array_equal(found, np.concatenate(rows), equal_nan=True)
+        assert np.array_equal(found, np.concatenate(later), equal_nan=True)
         assert np.isfinite(found).sum() > 0.9 * found.size

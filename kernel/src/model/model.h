@@ -119,7 +119,7 @@ struct am_model {
         memories, works;
     const char *item[GROUPS][MAX_ITEMS];
     int control[MAX_ITEMS]; /* that each circuit moves: U_DELTA_E ... U_DELTA_R, -1 none */
-    uint32_t *variable; /* code of each catalogued variable */
+    uint32_t *variable;     /* code of each catalogued variable */
     axis_t *axis;
     cell_t *cell;
     const double *node;

@@ -4,7 +4,7 @@
 
 #include "model.h"
 
-#define LAST_POWER 3
+#define LAST_POWER 3    /* base, exponent, value */
 #define MAX_PATCHES 256 /* changed nodes, scales and offsets of tables in one simulation */
 
 /* Layers of the standard atmosphere below 84.852 km (geopotential), moved by env.delta_T and
@@ -60,7 +60,7 @@ struct am_sim {
     double *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *below, *above;
     /* discrete part of the submodels, and what it was before the present step */
     double *memory, *memory_before;
-    double *work; /* what the submodels found in the last derivative */
+    double *work;       /* what the submodels found in the last derivative */
     double *last_power; /* base (positive, zero before the first), exponent and value */
     double *x_work, *k, *u_work, *u_end, *y_work;
     uint32_t *cell;   /* of each axis */

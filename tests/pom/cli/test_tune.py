@@ -53,7 +53,7 @@ def test_cases_that_pass_move_nothing(aeromatch, files, tmp_path):
     done = aeromatch("tune", *files, "-o", "tuned")
     assert done.exit_code == 0, done.output
     lines = done.output.splitlines()
-    assert lines[0] == "nothing moved: the wanted rows pass as they are"
+    assert lines[0] == "nothing moved: no row fails"
     assert lines[-1] == "written: tuned"
     assert {file.name for file in (tmp_path / "tuned").iterdir()} == {"tuned.nc", "tuned.toml", "tuning.json", "tuning.txt"}
     log = read_log(tmp_path / "tuned" / "tuning.json")
@@ -95,7 +95,10 @@ def test_a_model_that_cannot_be_flown_is_named(aeromatch, files, trainer, tmp_pa
     assert re.search("a_case: the model cannot be flown or judged: .* is not finite at t = ", str(done.exception))
     done = aeromatch("tune", *files, "--database", "wild.nc")
     assert done.exit_code == 0
-    assert "INVALID" in done.output  # no row fails, so that none is wanted
+    assert done.output.splitlines()[0].startswith("nothing moved: no row fails; ")  # so that none is wanted
+    assert re.match(".*; invalid a_case$", done.output.splitlines()[0], re.IGNORECASE)
+    done = aeromatch("tune", *files, "--row", "a_case")
+    assert done.output.splitlines()[0] == "nothing moved: the wanted rows pass as they are"
 
 
 @pytest.mark.parametrize(

@@ -159,6 +159,8 @@ def test_a_long_report_packs_each_case_into_a_file(monkeypatch, tmp_path):
     assert packed in whole["report.html"]
     assert packed not in parts["report.html"]
     assert f'data-file="{name}"' in parts["report.html"]
+    assert "'self'" in parts["report.html"]
+    assert "'self'" not in whole["report.html"]  # which loads nothing
     folder = pom.write_report(results, tmp_path / "report", title="T-37", paper=None).parent
     assert (folder / name).read_text(encoding="utf-8") == script
     assert {item.state for item in pom.verify(folder) if item.name == name} == {"same"}

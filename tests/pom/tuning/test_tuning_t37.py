@@ -2,6 +2,7 @@
 
 import json
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -9,7 +10,7 @@ import aerodb
 import pom
 from aeromatch.cli import main
 
-CASES = pom.__path__[0] + "/../data/t37/cases"
+CASES = Path(__file__).parents[3] / "data" / "t37" / "cases"
 
 
 @pytest.mark.slow
