@@ -81,6 +81,7 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
         c_int,
         [c_void_p, c_size_t, _doubles, _doubles, c_int, POINTER(c_int), c_size_t, _doubles, _doubles, POINTER(c_size_t)],
     ),
+    "am_lanes": (c_int, [c_void_p]),
     "am_batch": (c_int, [c_void_p, c_void_p, c_size_t, c_size_t, POINTER(c_int), POINTER(c_size_t), c_void_p]),
     "am_state_count": (c_int, [c_void_p]),
     "am_get_state": (c_int, [c_void_p, _doubles]),

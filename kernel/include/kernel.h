@@ -255,23 +255,30 @@ AM_API int am_run(am_sim *sim, size_t n, const double *t, const double *u, int h
 AM_API int am_record(am_sim *sim, size_t n, const double *t, const double *u, int hold,
                      const int *output, size_t outputs, double *y, double *terms, size_t *done);
 
-/* Runs of one record from one simulation, each with its own parameters.  The arrays belong to the
- * caller; y is written. */
+/* Runs of one record from one simulation, each with its own parameters and, where each_inputs is
+ * 1, its own inputs.  The arrays belong to the caller; y is written. */
 typedef struct {
     size_t samples, parameters, outputs;
-    const double *t, *u;  /* t[samples] [s], u[samples * inputs] */
+    const double *t, *u;  /* t[samples] [s], u[samples * inputs], or u[runs * samples * inputs] */
     const int *parameter; /* indices; values[runs * parameters] */
     const double *values;
     const int *output; /* indices */
     double *y;         /* y[runs * samples * outputs] */
     int hold;          /* as am_run */
+    int each_inputs;   /* 0: one u for all runs */
+    /* most runs side by side: 0 as many as the processor has lanes for, 1 one after the other; the
+     * results have the same bits */
+    int lanes;
 } am_batch_task;
 
-/* Fly runs first ... last - 1 of a task, so that threads can share a batch; each starts with
- * am_initialize at t[0].  base is not changed.  status, done and text have one place per run.
+/* Fly runs first ... last - 1 of a task, so that threads can share a batch, best by multiples of
+ * am_lanes; each starts with am_initialize at t[0].  base is not changed.  status, done and text have one place per run.
  * AM_NOT_READY: no memory. */
 AM_API int am_batch(const am_sim *base, const am_batch_task *task, size_t first, size_t last,
                     int *status, size_t *done, char (*text)[AM_TEXT]);
+
+/* Runs that this processor flies side by side: 8 (AVX-512), 4 (AVX2) or 1. */
+AM_API int am_lanes(const am_model *model);
 
 /* ---- state access: linearisation, model exchange --------------------------------------------- */
 

@@ -5,29 +5,6 @@
 
 #include <math.h>
 
-/* Turns reference to body axes; exact for any length of q. */
-void quaternion_matrix(const double q[4], double C[3][3]) {
-    const double s = 2.0 / (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    const double xx = s * q[1] * q[1];
-    const double yy = s * q[2] * q[2];
-    const double zz = s * q[3] * q[3];
-    const double xy = s * q[1] * q[2];
-    const double xz = s * q[1] * q[3];
-    const double yz = s * q[2] * q[3];
-    const double wx = s * q[0] * q[1];
-    const double wy = s * q[0] * q[2];
-    const double wz = s * q[0] * q[3];
-    C[0][0] = 1.0 - yy - zz;
-    C[0][1] = xy + wz;
-    C[0][2] = xz - wy;
-    C[1][0] = xy - wz;
-    C[1][1] = 1.0 - xx - zz;
-    C[1][2] = yz + wx;
-    C[2][0] = xz + wy;
-    C[2][1] = yz - wx;
-    C[2][2] = 1.0 - xx - yy;
-}
-
 /* Inverse of quaternion_matrix, by the largest component, so that no small number is divided by. */
 void matrix_quaternion(const double C[3][3], double q[4]) {
     const double trace = C[0][0] + C[1][1] + C[2][2];

@@ -1,24 +1,10 @@
-/* Elementary functions.  A number that needs more than 53 bits is a pair: high + low, |low| <=
- * ulp(high) / 2.
- *
- * Taylor coefficients throughout: the tables and reductions make the intervals short enough. */
+/* Elementary functions of one number. */
 #include "elementary.h"
 
-#include "elementary_tables.h"
+#include "elementary_real.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <string.h>
-
-typedef struct {
-    double high, low;
-} pair_t;
-
-/* adding and subtracting it rounds to an integer, |x| < 2^51 */
-static const double TO_INTEGER = 0x1.8p52;
-static const pair_t PI = {0x1.921fb54442d18p+1, 0x1.1a62633145c07p-53};
-/* high: multiple of 2^-42 */
-static const pair_t LN2 = {0x1.62e42fefa3800p-1, 0x1.ef35793c76730p-45};
 
 static inline uint64_t bits_of(double x) {
     uint64_t bits;
@@ -34,25 +20,6 @@ static inline double of_bits(uint64_t bits) {
 
 /* -1022 ... 1023 */
 static inline double power_of_two(int e) { return of_bits((uint64_t)(e + 1023) << 52); }
-
-/* The leading 26 bits: products of two such numbers are exact. */
-static inline double leading(double x) { return of_bits(bits_of(x) & ~(uint64_t)0x7ffffff); }
-
-/* a + b exactly; |a| >= |b| or a = 0 */
-static inline pair_t sum(double a, double b) {
-    const double s = a + b;
-    return (pair_t){s, b - (s - a)};
-}
-
-/* a b exactly (Dekker 1971), unless a part of it underflows */
-static inline pair_t product(double a, double b) {
-    const double p = a * b;
-    const double a1 = leading(a);
-    const double a2 = a - a1;
-    const double b1 = leading(b);
-    const double b2 = b - b1;
-    return (pair_t){p, ((a1 * b1 - p) + a1 * b2 + a2 * b1) + a2 * b2};
-}
 
 /* ---- sine and cosine ------------------------------------------------------------------------- */
 
@@ -240,37 +207,6 @@ double am_tan(double x) {
 
 /* ---- inverse functions ----------------------------------------------------------------------- */
 
-/* atan(n / d) for 0 <= n <= d, d normal and far from overflow: Taylor series about the nearest j
- * / 64, about 0 below 1/16. */
-static inline pair_t arctangent(double n, double d) {
-    const double t = n / d;
-    const double inverse = 1.0 / d;
-    const pair_t back = product(t, d);
-    const double low = ((n - back.high) - back.low) * inverse; /* n / d = t + low */
-    if (t < 0x1p-4) {
-        const double z = t * t;
-        const double z2 = z * z;
-        const double a = 0x1.999999999999ap-3 - z * 0x1.2492492492492p-3;
-        const double b = 0x1.c71c71c71c71cp-4 - z * 0x1.745d1745d1746p-4;
-        /* 1/5 1/7, 1/9 1/11, 1/13 1/15 */
-        const double c = 0x1.3b13b13b13b14p-4 - z * 0x1.1111111111111p-4;
-        return (pair_t){t, low - z * t * (0x1.5555555555555p-2 - z * (a + z2 * (b + z2 * c)))};
-    }
-    const int j = (int)(t * 64.0 + 0.5);
-    const double *a = ARCTANGENT[j];
-    const double h = t - j * 0x1p-6;
-    const double h2 = h * h;
-    const double second = (a[3] + h * a[4])
-                          + h2 * ((a[5] + h * a[6]) + h2 * ((a[7] + h * a[8]) + h2 * a[9]));
-    return (pair_t){a[0], a[1] + ((h + low) * a[2] + h2 * second)};
-}
-
-/* part of pi less an angle below it */
-static inline pair_t rest_of(double part, pair_t angle) {
-    const pair_t s = sum(part * PI.high, -angle.high);
-    return (pair_t){s.high, s.low + (part * PI.low - angle.low)};
-}
-
 /* Zeros, infinities and NaN; -x or +x only counts by its sign. */
 static double atan2_special(double y, double x) {
     if (y != y || x != x) return NAN;
@@ -300,10 +236,7 @@ double am_atan2(double y, double x) {
         n *= scale;
         d *= scale;
     }
-    pair_t angle = arctangent(n, d);
-    if (steep) angle = rest_of(0.5, angle);
-    if (x < 0.0) angle = rest_of(1.0, angle);
-    return copysign(angle.high + angle.low, y);
+    return angle_of(n, d, steep, y, x);
 }
 
 double am_asin(double x) {
@@ -328,50 +261,16 @@ double am_asin(double x) {
 
 /* e^(high + low), |high| < 746 */
 static inline double exponential(double high, double low) {
-    const double n = (high * 0x1.71547652b82fep+6 + TO_INTEGER) - TO_INTEGER; /* of ln 2 / 64 */
-    const int k = (int)n;
-    const int e = k >> 6;
-    const double r = ((high - n * 0x1.62e42fefa0000p-7) - n * 0x1.cf79abc9e3b3ap-46) + low;
-    const double r2 = r * r;
-    /* 1/4! 1/5! 1/6! */
-    const double fourth = 0x1.5555555555555p-5 + r * 0x1.1111111111111p-7
-                          + r2 * 0x1.6c16c16c16c17p-10;
-    const double more = r + r2 * ((0.5 + r * 0x1.5555555555555p-3) + r2 * fourth);
-    const double *two = POWER_OF_TWO[k & 63];
-    const double value = two[0] + (two[1] + two[0] * more);
-    if (e > -1022 && e < 1024) return value * power_of_two(e);
-    return e > 0 ? value * power_of_two(e - 1) * 2.0 : value * power_of_two(e + 200) * 0x1p-200;
+    int64_t e;
+    const double value = exponential_parts(high, low, &e);
+    if (e > -1022 && e < 1024) return value * power_of_two((int)e);
+    return e > 0 ? value * power_of_two((int)e - 1) * 2.0
+                 : value * power_of_two((int)e + 200) * 0x1p-200;
 }
 
 /* of a positive finite number */
 static inline pair_t logarithm(double x) {
-    uint64_t bits = bits_of(x);
-    int e = 0;
-    if (bits < 0x10000000000000) {
-        bits = bits_of(x * 0x1p52);
-        e = -52;
-    }
-    const unsigned j = (unsigned)((bits >> 44 & 0xff) + 1) >> 1;
-    const unsigned half = j >= 54;
-    e += (int)(bits >> 52) - 1023 + (int)half;
-    const double m = of_bits((bits & 0xfffffffffffff) | (uint64_t)(1023 - half) << 52);
-    const double m1 = leading(m);
-    const double *c = LOGARITHM[j];
-    /* m / c = 1 + r exactly; log x = e log 2 + log c + r - r^2 / 2 + ... */
-    const pair_t r = sum(m1 * c[0] - 1.0, (m - m1) * c[0]);
-    const pair_t r2 = product(r.high, r.high);
-    const double h = r.high;
-    const double h2 = r2.high;
-    const double third =
-        (0x1.5555555555555p-2 - h * 0.25)
-        + h2
-              * ((0x1.999999999999ap-3 - h * 0x1.5555555555555p-3)
-                 + h2 * ((0x1.2492492492492p-3 - h * 0.125) + h2 * 0x1.c71c71c71c71cp-4));
-    const pair_t s = sum(e * LN2.high + c[1], h);
-    const pair_t t = sum(s.high, -0.5 * h2);
-    const double rest = (e * LN2.low + c[2]) + ((r.low - h * r.low) - 0.5 * r2.low)
-                        + (s.low + t.low) + h * h2 * third;
-    return sum(t.high, rest);
+    return x < 0x1p-1022 ? logarithm_of(x * 0x1p52, -52) : logarithm_of(x, 0);
 }
 
 double am_exp(double x) {

@@ -7,7 +7,7 @@
  * kg/kmol gives the 1.225 kg m-3 at sea level that the US document prints. */
 #include "air_data.h"
 
-#include "elementary.h"
+#include "elementary_real.h"
 
 #include <math.h>
 
@@ -44,25 +44,29 @@ static const double TOP = 84852.0;
 
 /* (1 + u)^K for |u| <= 1/4, where the terms left out are below 2e-17: twice as fast as a power,
  * as flight below 11 km needs it. */
-static double troposphere(double u) {
-    const double u2 = u * u;
-    const double u4 = u2 * u2;
-    const double u8 = u4 * u4;
-    const double q0 = (1.0 + K * u) + u2 * (B2 + B3 * u);
-    const double q4 = (B4 + B5 * u) + u2 * (B6 + B7 * u);
-    const double q8 = (B8 + B9 * u) + u2 * (B10 + B11 * u);
-    const double q12 = (B12 + B13 * u) + u2 * (B14 + B15 * u);
+static real troposphere(real u) {
+    const real u2 = u * u;
+    const real u4 = u2 * u2;
+    const real u8 = u4 * u4;
+    const real q0 = (1.0 + K * u) + u2 * (B2 + B3 * u);
+    const real q4 = (B4 + B5 * u) + u2 * (B6 + B7 * u);
+    const real q8 = (B8 + B9 * u) + u2 * (B10 + B11 * u);
+    const real q12 = (B12 + B13 * u) + u2 * (B14 + B15 * u);
     return (q0 + u4 * q4) + u8 * ((q8 + u4 * q12) + u8 * (B16 + u * (B17 + u * B18)));
 }
 
-static double layer_pressure(const atmosphere_t *atm, int i, double H) {
-    const double dH = H - BASE[i];
-    if (GRADIENT[i] == 0.0) return atm->p[i] * am_exp(-G0 * dH / (R_AIR * atm->T[i]));
-    const double u = GRADIENT[i] * dH / atm->T[i];
-    return atm->p[i]
-           * (i == 0 && fabs(u) <= 0.25 ? troposphere(u)
-                                        : am_pow(1.0 + u, -G0 / (R_AIR * GRADIENT[i])));
+/* Pressure at H in layer i. */
+static real layer_pressure(const layers_r *atm, int i, real H) {
+    const real dH = H - BASE[i];
+    if (GRADIENT[i] == 0.0) return atm->p[i] * EXP(-G0 * dH / (R_AIR * atm->T[i]));
+    const real u = GRADIENT[i] * dH / atm->T[i];
+    const mask_t near = size_of(u) <= (i == 0 ? 0.25 : -1.0);
+    if (EVERY(near)) return atm->p[i] * troposphere(u);
+    const real power = POW(1.0 + u, (real)(-G0 / (R_AIR * GRADIENT[i])));
+    return atm->p[i] * (ANY(near) ? PICK(near, troposphere(u), power) : power);
 }
+
+#if LANES == 1
 
 void set_atmosphere(atmosphere_t *atm, double delta_T, double qnh) {
     atm->T[0] = T_SEA + delta_T;
@@ -73,76 +77,96 @@ void set_atmosphere(atmosphere_t *atm, double delta_T, double qnh) {
     }
 }
 
+void set_standard(atmosphere_t *atm) { set_atmosphere(atm, 0.0, P_SEA); }
+
+#endif
+
 /* Above the top layer the values of its upper end hold; below sea level the first layer goes on
  * to -5 km. */
-void atmosphere_at(const atmosphere_t *atm, double h, double *T, double *p, double *rho,
-                   double *a) {
-    double H = EARTH_RADIUS * h / (EARTH_RADIUS + h);
-    H = H > TOP ? TOP : H < -5000.0 ? -5000.0 : H;
-    int i = 0;
-    while (i + 1 < LAYERS && H > BASE[i + 1]) i++;
-    *T = atm->T[i] + GRADIENT[i] * (H - BASE[i]);
-    *p = layer_pressure(atm, i, H);
+void atmosphere_at(const layers_r *atm, real h, real *T, real *p, real *rho, real *a) {
+    real H = EARTH_RADIUS * h / (EARTH_RADIUS + h);
+    H = PICK(H > TOP, TOP, PICK(H < -5000.0, -5000.0, H));
+    *T = *p = 0.0;
+    for (int i = 0; i < LAYERS; i++) {
+        const mask_t above = H > BASE[i];
+        if (i > 0 && !ANY(above)) break;
+        if (i + 1 < LAYERS && EVERY(H > BASE[i + 1])) continue;
+        const real T_here = atm->T[i] + GRADIENT[i] * (H - BASE[i]);
+        const real p_here = layer_pressure(atm, i, H);
+        *T = i == 0 ? T_here : PICK(above, T_here, *T);
+        *p = i == 0 ? p_here : PICK(above, p_here, *p);
+    }
     *rho = *p / (R_AIR * *T);
-    *a = sqrt(RATIO * R_AIR * *T);
+    *a = root(RATIO * R_AIR * *T);
 }
 
 /* Height of the standard atmosphere with this pressure: what an altimeter set to 1013.25 hPa
  * shows. */
-double pressure_altitude(const atmosphere_t *standard, double p) {
-    int i = 0;
-    while (i + 1 < LAYERS && p < standard->p[i + 1]) i++;
-    const double ratio = p / standard->p[i];
-    if (GRADIENT[i] == 0.0) return BASE[i] - R_AIR * standard->T[i] / G0 * am_log(ratio);
-    return BASE[i]
-           + standard->T[i] / GRADIENT[i] * (am_pow(ratio, -R_AIR * GRADIENT[i] / G0) - 1.0);
+real pressure_altitude(const layers_r *standard, real p) {
+    real h = 0.0;
+    for (int i = 0; i < LAYERS; i++) {
+        const mask_t above = p < standard->p[i];
+        if (i > 0 && !ANY(above)) break;
+        if (i + 1 < LAYERS && EVERY(p < standard->p[i + 1])) continue;
+        const real ratio = p / standard->p[i];
+        const real here = GRADIENT[i] == 0.0
+                              ? BASE[i] - R_AIR * standard->T[i] / G0 * LOG(ratio)
+                              : BASE[i]
+                                    + standard->T[i] / GRADIENT[i]
+                                          * (POW(ratio, (real)(-R_AIR * GRADIENT[i] / G0)) - 1.0);
+        h = i == 0 ? here : PICK(above, here, h);
+    }
+    return h;
 }
-
-void set_standard(atmosphere_t *atm) { set_atmosphere(atm, 0.0, P_SEA); }
 
 /* From the velocity relative to the air in body axes.  Nothing is divided by V, so that rest and
  * 90 degrees are safe. */
-void air_data(now_t *now, const double velocity[3]) {
-    const double u = velocity[0];
-    const double v = velocity[1];
-    const double w = velocity[2];
+void air_data(now_r *now, const real velocity[3]) {
+    const real u = velocity[0];
+    const real v = velocity[1];
+    const real w = velocity[2];
     now->u = u;
     now->v = v;
     now->w = w;
-    now->Vxz = sqrt(u * u + w * w);
-    now->V = sqrt(u * u + v * v + w * w);
-    now->per_Vxz = now->Vxz > 0.0 ? 1.0 / now->Vxz : 0.0;
-    now->per_V = now->V > 0.0 ? 1.0 / now->V : 0.0;
-    now->ca = now->Vxz > 0.0 ? u * now->per_Vxz : 1.0;
+    now->Vxz = root(u * u + w * w);
+    now->V = root(u * u + v * v + w * w);
+    now->per_Vxz = PICK(now->Vxz > 0.0, 1.0 / now->Vxz, 0.0);
+    now->per_V = PICK(now->V > 0.0, 1.0 / now->V, 0.0);
+    now->ca = PICK(now->Vxz > 0.0, u * now->per_Vxz, 1.0);
     now->sa = w * now->per_Vxz;
-    now->cb = now->V > 0.0 ? now->Vxz * now->per_V : 1.0;
+    now->cb = PICK(now->V > 0.0, now->Vxz * now->per_V, 1.0);
     now->sb = v * now->per_V;
-    now->alpha = am_atan2(w, u);
-    now->beta = am_atan2(v, now->Vxz);
+    now->alpha = ATAN2(w, u);
+    now->beta = ATAN2(v, now->Vxz);
     now->mach = now->V / now->a;
     now->qbar = 0.5 * now->rho * now->V * now->V;
 }
 
-static double power_2_5(double x) { return x * x * sqrt(x); }
-static double power_3_5(double x) { return x * x * x * sqrt(x); }
+static real power_2_5(real x) { return x * x * root(x); }
+static real power_3_5(real x) { return x * x * x * root(x); }
 
 /* Impact pressure over static pressure: isentropic below Mach 1, Rayleigh's pitot formula above. */
-static double impact_ratio(double mach) {
-    const double M2 = mach * mach;
-    if (mach <= 1.0) return power_3_5(1.0 + 0.2 * M2) - 1.0;
-    return power_3_5(1.2 * M2) * power_2_5(6.0 / (7.0 * M2 - 1.0)) - 1.0;
+static real impact_ratio(real mach) {
+    const real M2 = mach * mach;
+    const mask_t slow = mach <= 1.0;
+    const real below = power_3_5(1.0 + 0.2 * M2) - 1.0;
+    if (EVERY(slow)) return below;
+    return PICK(slow, below, power_3_5(1.2 * M2) * power_2_5(6.0 / (7.0 * M2 - 1.0)) - 1.0);
 }
 
-double calibrated_airspeed(double mach, double p) {
-    const double ratio = p * impact_ratio(mach) / P_SEA;
-    double M = sqrt(5.0 * (am_pow(1.0 + ratio, 1.0 / 3.5) - 1.0));
+real calibrated_airspeed(real mach, real p) {
+    const real ratio = p * impact_ratio(mach) / P_SEA;
+    const real low = root(5.0 * (POW(1.0 + ratio, (real)(1.0 / 3.5)) - 1.0));
+    const mask_t fast = low > 1.0;
+    if (!ANY(fast)) return low * A_SEA;
     /* Rayleigh's formula solved for the leading Mach number; a contraction, 1e-15 after 40
      * rounds at M = 1 */
-    if (M > 1.0) {
-        for (int i = 0; i < 40; i++) {
-            M = sqrt((1.0 + ratio) * power_2_5(7.0 - 1.0 / (M * M))
-                     / (power_2_5(6.0) * power_3_5(1.2)));
-        }
+    real M = low;
+    for (int i = 0; i < 40; i++) {
+        M = root((1.0 + ratio) * power_2_5(7.0 - 1.0 / (M * M))
+                 / (power_2_5((real)6.0) * power_3_5((real)1.2)));
     }
-    return M * A_SEA;
+    return PICK(fast, M, low) * A_SEA;
 }
+
+#undef K

@@ -2,7 +2,7 @@
 #ifndef AEROMATCH_AIR_DATA_H
 #define AEROMATCH_AIR_DATA_H
 
-#include "simulation.h"
+#include "flight.h"
 
 /* US Standard Atmosphere 1976 with a temperature offset [K] and pressure at sea level [Pa]. */
 void set_atmosphere(atmosphere_t *atm, double delta_T, double qnh);
@@ -10,16 +10,16 @@ void set_standard(atmosphere_t *atm);
 
 /* Height of the standard atmosphere with the static pressure p [Pa]: what an altimeter set to
  * 1013.25 hPa shows. [m] */
-double pressure_altitude(const atmosphere_t *standard, double p);
+real pressure_altitude(const layers_r *standard, real p);
 
 /* Temperature [K], pressure [Pa], density [kg m-3] and speed of sound [m s-1] at height h [m]. */
-void atmosphere_at(const atmosphere_t *atm, double h, double *T, double *p, double *rho, double *a);
+void atmosphere_at(const layers_r *atm, real h, real *T, real *p, real *rho, real *a);
 
 /* V, alpha, beta, mach, qbar and their trigonometry from the velocity relative to the air in body
  * axes [m s-1]; now->rho and now->a are set. */
-void air_data(now_t *now, const double velocity[3]);
+void air_data(now_r *now, const real velocity[3]);
 
 /* Calibrated airspeed [m s-1] at a Mach number and static pressure [Pa]. */
-double calibrated_airspeed(double mach, double p);
+real calibrated_airspeed(real mach, real p);
 
 #endif

@@ -3,7 +3,7 @@
 #include "earth.h"
 
 #include "algebra.h"
-#include "elementary.h"
+#include "elementary_real.h"
 
 #include <math.h>
 
@@ -18,23 +18,27 @@ static const double NEAR = 30.0; /* of an anchor [m] */
 
 static bool spherical(int earth) { return earth == SPHERE_FIXED || earth == SPHERE_ROTATING; }
 
-static void set3(double to[3], double x, double y, double z) {
+static inline void set3(real to[3], real x, real y, real z) {
     to[0] = x;
     to[1] = y;
     to[2] = z;
 }
 
-static void local_axes(double sin_lat, double cos_lat, double sin_lon, double cos_lon, now_t *now) {
+static inline void local_axes(real sin_lat, real cos_lat, real sin_lon, real cos_lon, now_r *now) {
     set3(now->north, -sin_lat * cos_lon, -sin_lat * sin_lon, cos_lat);
-    set3(now->east, -sin_lon, cos_lon, 0.0);
+    set3(now->east, -sin_lon, cos_lon, (real)0.0);
     set3(now->down, -cos_lat * cos_lon, -cos_lat * sin_lon, -sin_lat);
 }
 
-static void flat_axes(now_t *now) {
-    set3(now->north, 1.0, 0.0, 0.0);
-    set3(now->east, 0.0, 1.0, 0.0);
-    set3(now->down, 0.0, 0.0, 1.0);
+static void flat_axes(now_r *now) {
+    for (int i = 0; i < 3; i++) {
+        now->north[i] = i == 0 ? 1.0 : 0.0;
+        now->east[i] = i == 1 ? 1.0 : 0.0;
+        now->down[i] = i == 2 ? 1.0 : 0.0;
+    }
 }
+
+#if LANES == 1
 
 void place_at(double lat, double lon, double h, int earth, double position[3], now_t *now) {
     if (earth == FLAT_EARTH) {
@@ -51,54 +55,56 @@ void place_at(double lat, double lon, double h, int earth, double position[3], n
     local_axes(s, c, sin_lon, cos_lon, now);
 }
 
+#endif
+
 /* Sine and cosine of the geodetic latitude, P from the axis.  Bowring (1976), one iteration:
  * 3e-9 m in height up to 20 km. */
-static double ellipsoid_height(double P, double z, double *s, double *c) {
+static real ellipsoid_height(real P, real z, real *s, real *c) {
     const double e2 = F * (2.0 - F);
     const double B = A * (1.0 - F);
     /* parametric latitude: tan = z / (P (1 - f)) */
-    const double tc = P * (1.0 - F);
-    const double tn = 1.0 / sqrt(z * z + tc * tc);
-    const double sb = z * tn;
-    const double cb = tc * tn;
-    const double ls = z + e2 * A * A / B * sb * sb * sb;
-    const double lc = P - e2 * A * cb * cb * cb;
-    const double ln = 1.0 / sqrt(ls * ls + lc * lc);
+    const real tc = P * (1.0 - F);
+    const real tn = 1.0 / root(z * z + tc * tc);
+    const real sb = z * tn;
+    const real cb = tc * tn;
+    const real ls = z + e2 * A * A / B * sb * sb * sb;
+    const real lc = P - e2 * A * cb * cb * cb;
+    const real ln = 1.0 / root(ls * ls + lc * lc);
     *s = ls * ln;
     *c = lc * ln;
-    return P * *c + z * *s - A * sqrt(1.0 - e2 * *s * *s);
+    return P * *c + z * *s - A * root(1.0 - e2 * *s * *s);
 }
 
-static double sphere_height(double P, double z, double *s, double *c) {
-    const double r = sqrt(P * P + z * z);
+static real sphere_height(real P, real z, real *s, real *c) {
+    const real r = root(P * P + z * z);
     *s = z / r;
     *c = P / r;
     return r - SPHERE;
 }
 
 /* Height and local axes. */
-void place_of(const double position[3], int earth, now_t *now) {
+void place_of(const real position[3], int earth, now_r *now) {
     if (earth == FLAT_EARTH) {
         flat_axes(now);
         now->h = -position[2];
         return;
     }
-    const double x = position[0];
-    const double y = position[1];
-    const double z = position[2];
-    const double P = sqrt(x * x + y * y);
-    const double from_axis = P > 0.0 ? 1.0 / P : 0.0;
-    double s, c;
+    const real x = position[0];
+    const real y = position[1];
+    const real z = position[2];
+    const real P = root(x * x + y * y);
+    const real from_axis = PICK(P > 0.0, 1.0 / P, 0.0);
+    real s, c;
     now->h = spherical(earth) ? sphere_height(P, z, &s, &c) : ellipsoid_height(P, z, &s, &c);
-    local_axes(s, c, y * from_axis, P > 0.0 ? x * from_axis : 1.0, now);
+    local_axes(s, c, y * from_axis, PICK(P > 0.0, x * from_axis, 1.0), now);
 }
 
 /* now holds the place of the position. */
-void set_anchor(const double position[3], int earth, const now_t *now, anchor_t *anchor) {
+void set_anchor(const real position[3], int earth, const now_r *now, anchor_r *anchor) {
     const double e2 = spherical(earth) ? 0.0 : F * (2.0 - F);
-    const double s = now->down[2];
-    const double w = 1.0 - e2 * s * s;
-    const double N = spherical(earth) ? SPHERE : A / sqrt(w);
+    const real s = now->down[2];
+    const real w = 1.0 - e2 * s * s;
+    const real N = spherical(earth) ? (real)SPHERE : A / root(w);
     for (int i = 0; i < 3; i++) {
         anchor->position[i] = position[i];
         anchor->north[i] = now->north[i];
@@ -113,71 +119,89 @@ void set_anchor(const double position[3], int earth, const now_t *now, anchor_t 
 /* place_of by the second order of the displacement d, for the later slopes of a step: a third of
  * the time.  What is neglected is d^3 / R^2 of the height, 7e-10 m at NEAR, and 0.01 (d / R)^2 of
  * the directions, 2e-13. */
-bool place_near(const double position[3], const anchor_t *anchor, now_t *now) {
-    const double d[3] = {position[0] - anchor->position[0], position[1] - anchor->position[1],
-                         position[2] - anchor->position[2]};
-    const double n = dot(d, anchor->north);
-    const double e = dot(d, anchor->east);
-    const double down = dot(d, anchor->down);
-    if (!(dot(d, d) < NEAR * NEAR)) return false;
-    const double a = n / (anchor->meridian - down);
-    const double b = e / (anchor->transverse - down);
-    const double c = 1.0 - 0.5 * (a * a + b * b);
-    const double x = position[0];
-    const double y = position[1];
-    const double P = sqrt(x * x + y * y);
-    const double from_axis = P > 0.0 ? 1.0 / P : 0.0;
+static void place_by(const real position[3], const real d[3], const anchor_r *anchor,
+                     now_r *now) {
+    const real n = dot(d, anchor->north);
+    const real e = dot(d, anchor->east);
+    const real down = dot(d, anchor->down);
+    const real a = n / (anchor->meridian - down);
+    const real b = e / (anchor->transverse - down);
+    const real c = 1.0 - 0.5 * (a * a + b * b);
+    const real x = position[0];
+    const real y = position[1];
+    const real P = root(x * x + y * y);
+    const real from_axis = PICK(P > 0.0, 1.0 / P, 0.0);
     now->h = anchor->h - down + 0.5 * (n * a + e * b);
     for (int i = 0; i < 3; i++) {
         now->down[i] = c * anchor->down[i] - a * anchor->north[i] - b * anchor->east[i];
     }
-    set3(now->east, -y * from_axis, P > 0.0 ? x * from_axis : 1.0, 0.0);
+    set3(now->east, -y * from_axis, PICK(P > 0.0, x * from_axis, 1.0), (real)0.0);
     cross(now->east, now->down, now->north);
-    return true;
+}
+
+void place_near(const real position[3], int earth, const anchor_r *anchor, now_r *now) {
+    const real d[3] = {position[0] - anchor->position[0], position[1] - anchor->position[1],
+                       position[2] - anchor->position[2]};
+    const mask_t near = dot(d, d) < NEAR * NEAR;
+    if (EVERY(near)) {
+        place_by(position, d, anchor, now);
+        return;
+    }
+    place_of(position, earth, now);
+    if (!ANY(near)) return;
+    const now_r far = *now;
+    place_by(position, d, anchor, now);
+    now->h = PICK(near, now->h, far.h);
+    for (int i = 0; i < 3; i++) {
+        now->north[i] = PICK(near, now->north[i], far.north[i]);
+        now->east[i] = PICK(near, now->east[i], far.east[i]);
+        now->down[i] = PICK(near, now->down[i], far.down[i]);
+    }
 }
 
 /* Latitude and longitude; on the flat Earth by the radii of curvature at the start. */
-void locate_angles(const am_sim *sim, const double position[3], now_t *now) {
+void locate_angles(const flight_t *sim, const real position[3], now_r *now) {
     if (sim->earth != FLAT_EARTH) {
-        now->lat = am_atan2(-now->down[2], now->north[2]);
-        now->lon = am_atan2(-now->east[0], now->east[1]);
+        now->lat = ATAN2(-now->down[2], now->north[2]);
+        now->lon = ATAN2(-now->east[0], now->east[1]);
         return;
     }
-    double s, c;
-    am_sincos(sim->par[P_LAT], &s, &c);
-    const double h = sim->par[P_H];
+    real s, c;
+    SINCOS(sim->par[P_LAT], &s, &c);
+    const real h = sim->par[P_H];
     const double e2 = F * (2.0 - F);
-    const double n = 1.0 - e2 * s * s;
-    now->lat = sim->par[P_LAT] + position[0] / (A * (1.0 - e2) / (n * sqrt(n)) + h);
-    now->lon = sim->par[P_LON] + position[1] / ((A / sqrt(n) + h) * c);
+    const real n = 1.0 - e2 * s * s;
+    now->lat = sim->par[P_LAT] + position[0] / (A * (1.0 - e2) / (n * root(n)) + h);
+    now->lon = sim->par[P_LON] + position[1] / ((A / root(n) + h) * c);
 }
 
 /* Mass attraction without the centrifugal part. */
-void gravitation(const double position[3], int earth, double g[3]) {
+void gravitation(const real position[3], int earth, real g[3]) {
     if (earth == FLAT_EARTH) {
-        set3(g, 0.0, 0.0, G0);
+        set3(g, (real)0.0, (real)0.0, (real)G0);
         return;
     }
-    const double r2 = dot(position, position);
-    const double r = sqrt(r2);
-    const double z2 = position[2] * position[2] / r2;
-    const double k = -MU / (r2 * r);
-    const double j = spherical(earth) ? 0.0 : 1.5 * J2 * A * A / r2;
+    const real r2 = dot(position, position);
+    const real r = root(r2);
+    const real z2 = position[2] * position[2] / r2;
+    const real k = -MU / (r2 * r);
+    const real j = spherical(earth) ? (real)0.0 : 1.5 * J2 * A * A / r2;
     g[0] = k * position[0] * (1.0 - j * (5.0 * z2 - 1.0));
     g[1] = k * position[1] * (1.0 - j * (5.0 * z2 - 1.0));
     g[2] = k * position[2] * (1.0 - j * (5.0 * z2 - 3.0));
 }
 
-void earth_outputs(const am_sim *sim, double *y) {
+void earth_outputs(const flight_t *sim, real *y) {
     if (!items(sim->model, G_EARTH)) return;
-    double *to = output_of(sim, y, G_EARTH, 0);
-    const double *r = sim->x + X_X;
-    const double *v = sim->x + X_VX;
+    real *to = y + place(sim->model, AM_OUTPUT, G_EARTH, 0);
+    const real *r = sim->x + X_X;
+    const real *v = sim->x + X_VX;
     /* turn of the Earth since the time zero; velocity with it, in Earth-fixed axes */
-    double s, c, g[3];
+    real g[3];
+    double s, c;
     am_sincos(sim->omega * sim->time, &s, &c);
-    const double vx = v[0] - sim->omega * r[1];
-    const double vy = v[1] + sim->omega * r[0];
+    const real vx = v[0] - sim->omega * r[1];
+    const real vy = v[1] + sim->omega * r[0];
     for (int i = 0; i < 3; i++) {
         to[Y_EARTH_X + i] = r[i];
         to[Y_EARTH_VX + i] = v[i];
@@ -185,5 +209,5 @@ void earth_outputs(const am_sim *sim, double *y) {
     set3(to + Y_INERTIAL_X, c * r[0] - s * r[1], s * r[0] + c * r[1], r[2]);
     set3(to + Y_INERTIAL_VX, c * vx - s * vy, s * vx + c * vy, v[2]);
     gravitation(r, sim->earth, g);
-    to[Y_GRAVITATION] = sqrt(dot(g, g));
+    to[Y_GRAVITATION] = root(dot(g, g));
 }

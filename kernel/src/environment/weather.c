@@ -145,8 +145,7 @@ static void add_rows(const double *row, int rows, double h, double wind[3]) {
 
 void steady_wind(const am_sim *sim, const double *u, double h, double wind[3]) {
     const double *par = par_of(sim, G_WEATHER, 0);
-    const double above = h - par[P_SHEAR_H];
-    for (int i = 0; i < 3; i++) wind[i] = u[U_WIND_N + i] + par[P_SHEAR_N + i] * above;
+    sheared_wind(par, u, h, wind);
     if (par[P_WIND_W20] > 0.0) add_boundary_layer(par, h - sim->par[P_RUNWAY], wind);
     if (par[P_WIND_ROWS] > 0.0) add_rows(par + P_WIND_H1, (int)par[P_WIND_ROWS], h, wind);
 }
@@ -411,16 +410,5 @@ void weather_wind(am_sim *sim, const double *u, double wind[3]) {
 
 void weather_outputs(am_sim *sim, double *y) {
     const double *work = work_of(sim, G_WEATHER, 0);
-    const double *gust = work + W_GUST;
-    const now_t *now = &sim->now;
-    double *out = output_of(sim, y, G_WEATHER, 0);
-    double earth[3];
-    for (int i = 0; i < 3; i++) {
-        earth[i] = gust[0] * now->north[i] + gust[1] * now->east[i] + gust[2] * now->down[i];
-    }
-    to_body(now->C, earth, out + Y_AIR_GUST_U);
-    for (int i = 0; i < 3; i++) {
-        out[Y_AIR_WIND_N + i] = work[W_WIND + i];
-        out[Y_AIR_GUST_P + i] = now->gust_rate[i];
-    }
+    air_outputs(&sim->now, work + W_WIND, work + W_GUST, output_of(sim, y, G_WEATHER, 0));
 }

@@ -2,7 +2,8 @@
 #ifndef AEROMATCH_WEATHER_H
 #define AEROMATCH_WEATHER_H
 
-#include "simulation.h"
+#include "algebra.h"
+#include "flight.h"
 
 /* Check the parameters. */
 int weather_check(am_sim *sim);
@@ -21,5 +22,25 @@ void weather_wind(am_sim *sim, const double *u, double wind[3]);
 void steady_wind(const am_sim *sim, const double *u, double h, double wind[3]);
 
 void weather_outputs(am_sim *sim, double *y);
+
+/* Wind of the inputs with a shear; par: parameters of the weather. */
+static inline void sheared_wind(const real *par, const real *u, real h, real wind[3]) {
+    const real above = h - par[P_SHEAR_H];
+    for (int i = 0; i < 3; i++) wind[i] = u[U_WIND_N + i] + par[P_SHEAR_N + i] * above;
+}
+
+/* Outputs of the weather from wind and gust, north east down. */
+static inline void air_outputs(const now_r *now, const real wind[3], const real gust[3],
+                               real *out) {
+    real earth[3];
+    for (int i = 0; i < 3; i++) {
+        earth[i] = gust[0] * now->north[i] + gust[1] * now->east[i] + gust[2] * now->down[i];
+    }
+    to_body(now->C, earth, out + Y_AIR_GUST_U);
+    for (int i = 0; i < 3; i++) {
+        out[Y_AIR_WIND_N + i] = wind[i];
+        out[Y_AIR_GUST_P + i] = now->gust_rate[i];
+    }
+}
 
 #endif

@@ -17,23 +17,23 @@
 #define AGREED 1e-15 /* of the coefficients from turn to turn, against one plus their sum */
 
 /* CL, CD (stability axes) and CY (body axis) to body axes. */
-static void lift_drag_to_body(const now_t *now, const double c[3], double f[3]) {
+static void lift_drag_to_body(const now_r *now, const real c[3], real f[3]) {
     f[0] = c[0] * now->sa - c[1] * now->ca;
     f[1] = c[2];
     f[2] = -c[0] * now->ca - c[1] * now->sa;
 }
 
 /* Force coefficients of the database to CL, CD (stability axes) and CY (body axis). */
-static void to_lift_drag(const am_sim *sim, double c[3]) {
-    const now_t *now = &sim->now;
-    double f[3];
+static void to_lift_drag(const flight_t *sim, real c[3]) {
+    const now_r *now = &sim->now;
+    real f[3];
     if (sim->model->force_axes == STABILITY_AXES) return;
     if (sim->model->force_axes == BODY_AXES) {
         f[0] = c[0];
         f[1] = c[2];
         f[2] = c[1];
     } else {
-        const double x = -c[1] * now->cb - c[2] * now->sb;
+        const real x = -c[1] * now->cb - c[2] * now->sb;
         f[0] = c[0] * now->sa + x * now->ca;
         f[1] = -c[1] * now->sb + c[2] * now->cb;
         f[2] = -c[0] * now->ca + x * now->sa;
@@ -44,15 +44,15 @@ static void to_lift_drag(const am_sim *sim, double c[3]) {
 }
 
 /* The coefficients as variables of terms: in the force axes of the database. */
-static void know_coefficients(am_sim *sim, const double c[COEFFICIENTS]) {
-    const now_t *now = &sim->now;
-    double *var = sim->var;
+static void know_coefficients(flight_t *sim, const real c[COEFFICIENTS]) {
+    const now_r *now = &sim->now;
+    real *var = sim->var;
     memcpy(var + A_CL, c, COEFFICIENTS * sizeof *c);
     if (sim->model->force_axes == WIND_AXES) {
         var[A_CD] = c[1] * now->cb - c[2] * now->sb;
         var[A_CY] = c[1] * now->sb + c[2] * now->cb;
     } else if (sim->model->force_axes == BODY_AXES) {
-        double f[3];
+        real f[3];
         lift_drag_to_body(now, c, f);
         var[A_CX] = f[0];
         var[A_CZ] = f[2];
@@ -61,10 +61,10 @@ static void know_coefficients(am_sim *sim, const double c[COEFFICIENTS]) {
 
 /* The terms that depend on coefficients, one level after the other: each level finds those that
  * it needs complete. */
-static void add_late(am_sim *sim, double c[COEFFICIENTS]) {
+static void add_late(flight_t *sim, real c[COEFFICIENTS]) {
     const am_model *m = sim->model;
     for (uint32_t level = 0; level < m->levels; level++) {
-        double found[COEFFICIENTS] = {0.0};
+        real found[COEFFICIENTS] = {0.0};
         know_coefficients(sim, c);
         look_up(sim, STAGE_LATE + (int)level);
         for (uint32_t k = m->first_late[level]; k < m->first_late[level + 1]; k++) {
@@ -77,9 +77,10 @@ static void add_late(am_sim *sim, double c[COEFFICIENTS]) {
 
 /* What alpha-dot (0) or beta-dot (1) takes from the acceleration of the air-relative velocity.
  * [rad/s per m/s2] */
-static void flow_rate(const now_t *now, uint32_t kind, double row[3]) {
+static void flow_rate(const now_r *now, uint32_t kind, real row[3]) {
+    const mask_t calm = now->Vxz < FLOW_FLOOR;
     row[0] = row[1] = row[2] = 0.0;
-    if (now->Vxz < FLOW_FLOOR) return;
+    if (EVERY(calm)) return;
     if (kind == 0) {
         row[0] = -now->sa * now->per_Vxz;
         row[2] = now->ca * now->per_Vxz;
@@ -88,38 +89,40 @@ static void flow_rate(const now_t *now, uint32_t kind, double row[3]) {
         row[1] = now->cb * now->per_V;
         row[2] = -now->sa * now->sb * now->per_V;
     }
+    if (!ANY(calm)) return;
+    for (int i = 0; i < 3; i++) row[i] = PICK(calm, 0.0, row[i]);
 }
 
 /* An implicit variable is apart + row . force / mass; returns apart. */
-static double implicit_row(const am_sim *sim, uint32_t kind, const double free_fall[3],
-                           double row[3]) {
-    const now_t *now = &sim->now;
+static real implicit_row(const flight_t *sim, uint32_t kind, const real free_fall[3],
+                           real row[3]) {
+    const now_r *now = &sim->now;
     if (A_ALPHADOTHAT + kind == A_DNZ) {
         row[0] = row[1] = 0.0;
         row[2] = -1.0 / G0;
         return -1.0;
     }
     /* no rate below FLOW_FLOOR */
-    const double half = 0.5 * (kind == 0 ? sim->model->cbar : sim->model->b) * now->per_V;
+    const real half = 0.5 * (kind == 0 ? sim->model->cbar : sim->model->b) * now->per_V;
     flow_rate(now, kind, row);
     for (int i = 0; i < 3; i++) row[i] *= half;
     return dot(row, free_fall);
 }
 
 /* A row over forces to one over CL, CD, CY: the transpose of lift_drag_to_body. */
-static void row_to_lift_drag(const now_t *now, const double row[3], double factor, double to[3]) {
+static void row_to_lift_drag(const now_r *now, const real row[3], real factor, real to[3]) {
     to[0] = factor * (row[0] * now->sa - row[2] * now->ca);
     to[1] = factor * (-row[0] * now->ca - row[2] * now->sa);
     to[2] = factor * row[1];
 }
 
 /* A x = x in place, without pivoting: A is the unit matrix minus small couplings. */
-static inline void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], uint32_t n) {
-    double per[IMPLICIT];
+static inline void eliminate(real A[IMPLICIT][IMPLICIT], real x[IMPLICIT], uint32_t n) {
+    real per[IMPLICIT];
     for (uint32_t k = 0; k < n; k++) {
         per[k] = 1.0 / A[k][k];
         for (uint32_t i = k + 1; i < n; i++) {
-            const double factor = A[i][k] * per[k];
+            const real factor = A[i][k] * per[k];
             for (uint32_t j = k; j < n; j++) A[i][j] -= factor * A[k][j];
             x[i] -= factor * x[k];
         }
@@ -132,12 +135,12 @@ static inline void eliminate(double A[IMPLICIT][IMPLICIT], double x[IMPLICIT], u
 
 /* Adds the implicit terms to the coefficients c; applied are the other forces, n is the number
  * of unknowns.  What does not wait for c comes first. */
-static inline void add_implicit(am_sim *sim, const double applied[3], const double free_fall[3],
-                                double c[COEFFICIENTS], uint32_t n) {
+static inline void add_implicit(flight_t *sim, const real applied[3], const real free_fall[3],
+                                real c[COEFFICIENTS], uint32_t n) {
     const am_model *m = sim->model;
-    const double per_mass = 1.0 / sim->now.mass;
-    const double qS = sim->now.qbar * m->S;
-    double slope[IMPLICIT][COEFFICIENTS], gain[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
+    const real per_mass = 1.0 / sim->now.mass;
+    const real qS = sim->now.qbar * m->S;
+    real slope[IMPLICIT][COEFFICIENTS], gain[IMPLICIT][3], A[IMPLICIT][IMPLICIT], x[IMPLICIT];
     /* slope of the coefficients over each implicit variable: its terms at the value one */
     for (uint32_t j = 0; j < n; j++) {
         sim->var[A_ALPHADOTHAT + m->unknown[j]] = 1.0;
@@ -151,10 +154,10 @@ static inline void add_implicit(am_sim *sim, const double applied[3], const doub
     /* x_i = apart_i + row_i . F / m and c = c_0 + slope x make (I - gain slope) x = apart + gain
      * c_0 */
     for (uint32_t i = 0; i < n; i++) {
-        double row[3];
+        real row[3];
         x[i] = implicit_row(sim, m->unknown[i], free_fall, row) + dot(row, applied) * per_mass;
         row_to_lift_drag(&sim->now, row, qS * per_mass, gain[i]);
-        for (uint32_t j = 0; j < n; j++) A[i][j] = (i == j) - dot(gain[i], slope[j]);
+        for (uint32_t j = 0; j < n; j++) A[i][j] = (double)(i == j) - dot(gain[i], slope[j]);
     }
     for (uint32_t i = 0; i < n; i++) x[i] += dot(gain[i], c);
     eliminate(A, x, n);
@@ -165,26 +168,28 @@ static inline void add_implicit(am_sim *sim, const double applied[3], const doub
 }
 
 /* The compiler unrolls each. */
-static void solve_implicit(am_sim *sim, const double applied[3], const double free_fall[3],
-                           double c[COEFFICIENTS]) {
+static void solve_implicit(flight_t *sim, const real applied[3], const real free_fall[3],
+                           real c[COEFFICIENTS]) {
     const uint32_t n = sim->model->unknowns;
     if (n == 1) add_implicit(sim, applied, free_fall, c, 1);
     else if (n == 2) add_implicit(sim, applied, free_fall, c, 2);
     else add_implicit(sim, applied, free_fall, c, 3);
 }
 
+#if LANES == 1
+
 /* Forces that depend on coefficients which in turn depend on the implicit variables: both are found
  * by turns.  What the coefficients add changes the implicit variables by a part of a thousandth
  * (the air that the aircraft displaces against its mass), so that each turn gives three digits
  * or more.  Without an end the coefficients are not finite, which stops the run. */
-static void solve_by_turns(am_sim *sim, const double applied[3], const double free_fall[3],
-                           double c[COEFFICIENTS]) {
-    double added[3] = {0.0, 0.0, 0.0};
-    double start[COEFFICIENTS], apart[COEFFICIENTS];
+static void solve_by_turns(flight_t *sim, const real applied[3], const real free_fall[3],
+                           real c[COEFFICIENTS]) {
+    real added[3] = {0.0, 0.0, 0.0};
+    real start[COEFFICIENTS], apart[COEFFICIENTS];
     memcpy(start, c, sizeof start);
     for (int turn = 0; turn < MOST_TURNS; turn++) {
-        double change = 0.0;
-        double size = 1.0;
+        real change = 0.0;
+        real size = 1.0;
         memcpy(apart, start, sizeof apart);
         for (int k = 0; k < 3; k++) apart[k] += added[k];
         solve_implicit(sim, applied, free_fall, apart);
@@ -192,7 +197,7 @@ static void solve_by_turns(am_sim *sim, const double applied[3], const double fr
         memcpy(c, apart, sizeof apart);
         add_late(sim, c);
         for (int k = 0; k < 3; k++) {
-            const double now = c[k] - apart[k];
+            const real now = c[k] - apart[k];
             change += fabs(now - added[k]);
             size += fabs(c[k]);
             added[k] = now;
@@ -202,9 +207,11 @@ static void solve_by_turns(am_sim *sim, const double applied[3], const double fr
     for (int k = 0; k < COEFFICIENTS; k++) c[k] = NAN;
 }
 
-static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const double applied[3],
-                      double F[3]) {
-    const double qS = sim->now.qbar * sim->model->S;
+#endif
+
+static void forces_of(const flight_t *sim, const real c[COEFFICIENTS], const real applied[3],
+                      real F[3]) {
+    const real qS = sim->now.qbar * sim->model->S;
     lift_drag_to_body(&sim->now, c, F);
     for (int i = 0; i < 3; i++) F[i] = qS * F[i] + applied[i];
 }
@@ -212,32 +219,34 @@ static void forces_of(const am_sim *sim, const double c[COEFFICIENTS], const dou
 /* Sets coefficients, force, aerodynamic moment about the reference point and the flow rates.
  * applied: the other forces but gravity (thrust, gear); free_fall: acceleration of the
  * air-relative velocity in body axes without any force but gravity. */
-void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]) {
+void aero_forces(flight_t *sim, const real applied[3], const real free_fall[3]) {
     const am_model *m = sim->model;
-    now_t *now = &sim->now;
-    double row[3], a[3];
+    now_r *now = &sim->now;
+    real row[3], a[3];
     /* coefficients: sum of the terms, to CL and CD, biases on top, then the implicit terms */
     look_up(sim, STAGE_AERO);
     evaluate_terms(sim, STAGE_AERO);
     sum_coefficients(sim, now->c);
     to_lift_drag(sim, now->c);
     for (int k = 0; k < COEFFICIENTS; k++) now->c[k] += sim->par[P_BIAS_CL + k];
-    if (m->unknowns && m->late_force) {
-        solve_by_turns(sim, applied, free_fall, now->c);
-    } else {
+#if LANES == 1 /* such a model flies alone: the number of turns is that of a run */
+    if (m->unknowns && m->late_force) solve_by_turns(sim, applied, free_fall, now->c);
+    else
+#endif
+    {
         if (m->unknowns) solve_implicit(sim, applied, free_fall, now->c);
         add_late(sim, now->c);
     }
     forces_of(sim, now->c, applied, now->F);
     /* (u, v, w)' = F / m + free fall; alpha-dot and beta-dot follow */
-    const double per_mass = 1.0 / sim->now.mass;
+    const real per_mass = 1.0 / sim->now.mass;
     for (int i = 0; i < 3; i++) a[i] = now->acceleration[i] = now->F[i] * per_mass + free_fall[i];
     flow_rate(now, 0, row);
     now->alpha_dot = dot(row, a);
     flow_rate(now, 1, row);
     now->beta_dot = dot(row, a);
     /* M = qbar S (b Cl, cbar Cm, b Cn) about the reference point */
-    const double qS = now->qbar * m->S;
+    const real qS = now->qbar * m->S;
     now->M[0] = qS * m->b * now->c[3];
     now->M[1] = qS * m->cbar * now->c[4];
     now->M[2] = qS * m->b * now->c[5];

@@ -2,12 +2,12 @@
 #ifndef AEROMATCH_AERO_H
 #define AEROMATCH_AERO_H
 
-#include "simulation.h"
+#include "flight.h"
 
 /* Set coefficients, force [N], aerodynamic moment about the reference point [N m] and the flow
  * rates [rad s-1] in now.  applied: the other forces but gravity (thrust, gear) [N]; free_fall:
  * acceleration of the air-relative velocity without any force but gravity [m s-2]; both in body
  * axes. */
-void aero_forces(am_sim *sim, const double applied[3], const double free_fall[3]);
+void aero_forces(flight_t *sim, const real applied[3], const real free_fall[3]);
 
 #endif

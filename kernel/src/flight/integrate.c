@@ -4,25 +4,15 @@
 #include "access.h"
 #include "control_step.h"
 #include "delay.h"
-#include "earth.h"
 #include "engine.h"
 #include "error.h"
 #include "outputs.h"
 #include "prepare.h"
-#include "sixdof.h"
+#include "runge_kutta.h"
 #include "weather.h"
 
 #include <math.h>
 #include <string.h>
-
-static void blend(const am_model *m, const double *u0, const double *u1, double s, double *u) {
-    for (int i = 0; i < m->count[AM_INPUT]; i++) u[i] = u0[i] + (u1[i] - u0[i]) * s;
-}
-
-static void advance(int n, const double *restrict x, double h, const double *restrict dx,
-                    double *restrict to) {
-    for (int i = 0; i < n; i++) to[i] = x[i] + h * dx[i];
-}
 
 void count_outside(am_sim *sim) {
     for (uint32_t i = 0; i < sim->model->axes; i++) {
@@ -52,57 +42,19 @@ static void copy_memory(const am_model *m, double *to, const double *from) {
     memcpy(to + end, from + end, sizeof *to * (m->memories - end));
 }
 
-static void slope(am_sim *sim, double t, double h, double part, const double *x, const double *u,
-                  double *k) {
-    sim->part = part;
-    sim->clock = t + part * h;
-    derivative(sim, x, u, k);
+static void advance_parts(am_sim *sim, double t, double h, const double *u0, const double *u1) {
+    if (sim->model->memories) advance_memory(sim, t, h, u0, u1);
 }
 
-/* Inputs at a part of u0 ... u1; u0 itself when they are held. */
-static const double *inputs_at(const am_sim *sim, const double *u0, const double *u1, double s,
-                               double *u) {
-    if (u0 == u1) return u0;
-    blend(sim->model, u0, u1, s, u);
-    return u;
-}
-
-/* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step from t
- * covers. */
-static void runge_kutta(am_sim *sim, double t, double h, const double *u0, const double *u1,
-                        double s0, double s1) {
-    const am_model *m = sim->model;
-    const int n = am_state_count(m);
-    double *k1 = sim->k;
-    double *k2 = k1 + n;
-    double *k3 = k2 + n;
-    double *k4 = k3 + n;
-    double *x = sim->x;
-    double *to = sim->x_work;
-    const double *u_end = inputs_at(sim, u0, u1, s1, sim->u_end);
-    const double *u = inputs_at(sim, u0, u1, s0, sim->u_work);
-    /* the discrete part goes first: it stands still in the derivatives of this step */
-    if (m->memories) advance_memory(sim, t, h, u, u_end);
-    /* the first slope, unless the last call left it */
-    if (!sim->fresh || memcmp(u, sim->u, sizeof(double) * (size_t)m->count[AM_INPUT]) != 0) {
-        slope(sim, t, h, 0.0, x, u, k1);
-        set_anchor(x, sim->earth, &sim->now, &sim->anchor);
+static void first_slope(am_sim *sim, double t, double h, const double *u) {
+    if (!sim->fresh || memcmp(u, sim->u, sizeof *u * (size_t)sim->model->count[AM_INPUT]) != 0) {
+        slope(sim, t, h, 0.0, sim->x, u, sim->k);
+        set_anchor(sim->x, sim->earth, &sim->now, &sim->anchor);
     }
     sim->fresh = false;
-    sim->anchored = sim->earth != FLAT_EARTH;
-    count_outside(sim);
-    /* two slopes at the middle, one at the end */
-    u = inputs_at(sim, u0, u1, 0.5 * (s0 + s1), sim->u_work);
-    advance(n, x, 0.5 * h, k1, to);
-    slope(sim, t, h, 0.5, to, u, k2);
-    advance(n, x, 0.5 * h, k2, to);
-    slope(sim, t, h, 0.5, to, u, k3);
-    advance(n, x, h, k3, to);
-    slope(sim, t, h, 1.0, to, u_end, k4);
-    sim->anchored = false;
-    /* x + h (k1 + 2 k2 + 2 k3 + k4) / 6 */
-    for (int i = 0; i < n; i++) to[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
 }
+
+static void count_steps_outside(am_sim *sim) { count_outside(sim); }
 
 int check_inputs(am_sim *sim, const double *u) {
     for (int i = 0; i < sim->model->count[AM_INPUT]; i++) {

@@ -3,44 +3,49 @@
 
 #include "air_data.h"
 #include "algebra.h"
-#include "control_drive.h"
-#include "control_outputs.h"
 #include "earth.h"
-#include "elementary.h"
-#include "engine.h"
+#include "elementary_real.h"
+#include "parts.h"
+
+#if LANES == 1
+#include "control_outputs.h"
 #include "error.h"
-#include "fuel.h"
-#include "gear.h"
 #include "prepare.h"
 #include "sixdof.h"
-#include "weather.h"
+#endif
 
-#include <math.h>
 #include <string.h>
 
-int refresh(am_sim *sim) {
-    const int status = ready(sim);
-    if (status != AM_OK || sim->fresh) return status;
-    sim->clock = sim->time;
-    sim->part = 1.0;
-    derivative(sim, sim->x, sim->u, sim->k);
-    set_anchor(sim->x, sim->earth, &sim->now, &sim->anchor);
-    sim->fresh = true;
-    return AM_OK;
+#if LANES == 1
+
+static double steps_outside(const am_sim *sim) {
+    double steps = 0.0;
+    for (uint32_t i = 0; i < sim->model->axes; i++) steps += sim->below[i] + sim->above[i];
+    return steps;
 }
 
-static void attitude_outputs(const now_t *now, double *y) {
-    const double n = dot(now->C[0], now->north);
-    const double e = dot(now->C[0], now->east);
-    const double d = dot(now->C[0], now->down);
-    y[Y_PHI] = am_atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
-    y[Y_THETA] = am_atan2(-d, sqrt(n * n + e * e));
-    y[Y_PSI] = am_atan2(e, n);
+static void part_outputs(am_sim *sim, double *y) {
+    weather_outputs(sim, y);
+    fuel_outputs(sim, y);
+    engine_outputs(sim, y);
+    gear_outputs(sim, y);
+    control_outputs(sim, y);
 }
 
-static void ground_outputs(am_sim *sim, double *y) {
-    now_t *now = &sim->now;
-    const double *v = sim->x + 3;
+#endif
+
+static void attitude_outputs(const now_r *now, real *y) {
+    const real n = dot(now->C[0], now->north);
+    const real e = dot(now->C[0], now->east);
+    const real d = dot(now->C[0], now->down);
+    y[Y_PHI] = ATAN2(dot(now->C[1], now->down), dot(now->C[2], now->down));
+    y[Y_THETA] = ATAN2(-d, root(n * n + e * e));
+    y[Y_PSI] = ATAN2(e, n);
+}
+
+static void ground_outputs(flight_t *sim, real *y) {
+    now_r *now = &sim->now;
+    const real *v = sim->x + 3;
     locate_angles(sim, sim->x, now);
     y[Y_H] = now->h;
     y[Y_H_AGL] = sim->var[A_H_AGL];
@@ -50,12 +55,11 @@ static void ground_outputs(am_sim *sim, double *y) {
     y[Y_VE] = dot(v, now->east);
     y[Y_VD] = dot(v, now->down);
     y[Y_HDOT] = -y[Y_VD];
-    y[Y_GAMMA] = am_atan2(-y[Y_VD], sqrt(y[Y_VN] * y[Y_VN] + y[Y_VE] * y[Y_VE]));
+    y[Y_GAMMA] = ATAN2(-y[Y_VD], root(y[Y_VN] * y[Y_VN] + y[Y_VE] * y[Y_VE]));
 }
 
-static void write_outputs(am_sim *sim, double *y) {
-    const am_model *m = sim->model;
-    const now_t *now = &sim->now;
+void write_outputs(flight_t *sim, real *y) {
+    const now_r *now = &sim->now;
     y[Y_V] = now->V;
     y[Y_V_CAS] = calibrated_airspeed(now->mach, now->p);
     y[Y_MACH] = now->mach;
@@ -82,20 +86,28 @@ static void write_outputs(am_sim *sim, double *y) {
     y[Y_TEMPERATURE] = now->T;
     y[Y_H_BARO] = pressure_altitude(&sim->standard, now->p);
     y[Y_MASS] = now->mass;
-    for (int i = 0; i <= U_DELTA_D; i++) y[Y_APPLIED_DELTA_E + i] = applied(sim, sim->u, i);
+    for (int i = 0; i <= U_DELTA_D; i++) y[Y_APPLIED_DELTA_E + i] = deflection(sim, sim->u, i);
     y[Y_TRIM_ALPHA] = sim->trim.alpha;
     y[Y_TRIM_BETA] = sim->trim.beta;
     y[Y_TRIM_THRUST] = sim->trim.thrust;
     y[Y_TRIM_THROTTLE] = sim->trim.throttle;
     memcpy(y + Y_TRIM_U_DOT, sim->trim.residual, sizeof sim->trim.residual);
-    y[Y_OUT_OF_RANGE] = 0.0;
-    for (uint32_t i = 0; i < m->axes; i++) y[Y_OUT_OF_RANGE] += sim->below[i] + sim->above[i];
+    y[Y_OUT_OF_RANGE] = steps_outside(sim);
     earth_outputs(sim, y);
-    weather_outputs(sim, y);
-    fuel_outputs(sim, y);
-    engine_outputs(sim, y);
-    gear_outputs(sim, y);
-    control_outputs(sim, y);
+    part_outputs(sim, y);
+}
+
+#if LANES == 1
+
+int refresh(am_sim *sim) {
+    const int status = ready(sim);
+    if (status != AM_OK || sim->fresh) return status;
+    sim->clock = sim->time;
+    sim->part = 1.0;
+    derivative(sim, sim->x, sim->u, sim->k);
+    set_anchor(sim->x, sim->earth, &sim->now, &sim->anchor);
+    sim->fresh = true;
+    return AM_OK;
 }
 
 int am_outputs(am_sim *sim, double *y) {
@@ -104,3 +116,5 @@ int am_outputs(am_sim *sim, double *y) {
     write_outputs(sim, y);
     return check_finite(sim, AM_OUTPUT, y);
 }
+
+#endif

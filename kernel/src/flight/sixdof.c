@@ -15,22 +15,18 @@
 #include "air_data.h"
 #include "algebra.h"
 #include "axes.h"
-#include "control_drive.h"
 #include "earth.h"
-#include "elementary.h"
-#include "engine.h"
-#include "fuel.h"
-#include "gear.h"
-#include "weather.h"
+#include "elementary_real.h"
+#include "parts.h"
 
-static void set_variables(am_sim *sim, const double *x, const double *u) {
+static void set_variables(flight_t *sim, const real *x, const real *u) {
     const am_model *m = sim->model;
-    const now_t *now = &sim->now;
-    const double per_V = now->V > V_FLOOR ? now->per_V : 1.0 / V_FLOOR;
-    const double span = 0.5 * m->b * per_V;
-    const double chord = 0.5 * m->cbar * per_V;
-    double *var = sim->var;
-    double below[3];
+    const now_r *now = &sim->now;
+    const real per_V = PICK(now->V > V_FLOOR, now->per_V, 1.0 / V_FLOOR);
+    const real span = 0.5 * m->b * per_V;
+    const real chord = 0.5 * m->cbar * per_V;
+    real *var = sim->var;
+    real below[3];
     /* the reference point lies above the c.g. by this much along down */
     from_body(now->C, now->cg, below);
     var[A_ALPHA] = now->alpha;
@@ -42,35 +38,37 @@ static void set_variables(am_sim *sim, const double *x, const double *u) {
     var[A_QBAR] = now->qbar;
     /* as gyros show them, which flight-test data reduction uses, or relative to the Earth and
      * its air */
-    const double *rate = sim->par[P_RATES] == RATES_OF_EARTH ? now->rate : x + X_P;
-    const double p = rate[0] - now->gust_rate[0];
-    const double q = rate[1] - now->gust_rate[1];
-    const double r = rate[2] - now->gust_rate[2];
+    const real *rate = ANY(sim->par[P_RATES] == RATES_OF_EARTH) ? now->rate : x + X_P;
+    const real p = rate[0] - now->gust_rate[0];
+    const real q = rate[1] - now->gust_rate[1];
+    const real r = rate[2] - now->gust_rate[2];
     var[A_PHAT] = p * span;
     var[A_QHAT] = q * chord;
     var[A_RHAT] = r * span;
     var[A_P] = p;
     var[A_Q] = q;
     var[A_R] = r;
-    for (int i = 0; i <= U_DELTA_D; i++) var[A_DELTA_E + i] = applied(sim, u, i);
+    for (int i = 0; i <= U_DELTA_D; i++) var[A_DELTA_E + i] = deflection(sim, u, i);
     var[A_GEAR] = u[U_GEAR];
     var[A_SPEEDBRAKE] = u[U_SPEEDBRAKE];
     for (uint32_t i = 0; i < items(m, G_DEVICE); i++) {
-        var_of(sim, G_DEVICE, i)[A_DEVICE] = input_of(sim, u, G_DEVICE, i)[U_DEVICE];
+        var[place(m, AM_VARIABLE, G_DEVICE, i) + A_DEVICE] =
+            u[place(m, AM_INPUT, G_DEVICE, i) + U_DEVICE];
     }
     var[A_X_CG] = m->x_ref_mac - now->cg[0] / m->cbar;
-    if (m->uses_phi) var[A_PHI] = am_atan2(dot(now->C[1], now->down), dot(now->C[2], now->down));
+    if (m->uses_phi) var[A_PHI] = ATAN2(dot(now->C[1], now->down), dot(now->C[2], now->down));
 }
 
 /* Air, attitude, motion relative to the air, mass and the variables of the tables from the
  * state. */
-void set_flight_condition(am_sim *sim, const double *x, const double *u) {
-    now_t *now = &sim->now;
-    double air[3], velocity[3], wind[3];
-    if (!sim->anchored || !place_near(x, &sim->anchor, now)) place_of(x, sim->earth, now);
+void set_flight_condition(flight_t *sim, const real *x, const real *u) {
+    now_r *now = &sim->now;
+    real air[3], velocity[3], wind[3];
+    if (sim->anchored) place_near(x, sim->earth, &sim->anchor, now);
+    else place_of(x, sim->earth, now);
     atmosphere_at(&sim->atmosphere, now->h, &now->T, &now->p, &now->rho, &now->a);
     quaternion_matrix(x + X_Q0, now->C);
-    weather_wind(sim, u, wind);
+    wind_of(sim, u, wind);
     for (int i = 0; i < 3; i++) {
         air[i] = x[X_VX + i]
                  - (wind[0] * now->north[i] + wind[1] * now->east[i] + wind[2] * now->down[i]);
@@ -78,12 +76,12 @@ void set_flight_condition(am_sim *sim, const double *x, const double *u) {
     to_body(now->C, air, velocity);
     air_data(now, velocity);
     for (int i = 0; i < 3; i++) now->rate[i] = x[X_P + i] - now->C[i][2] * sim->omega;
-    mass_now(sim, x);
+    mass_of(sim, x, u);
     set_variables(sim, x, u);
 }
 
-static void quaternion_rate(const double q[4], const double w[3], double dq[4]) {
-    const double pull = 1.0 - (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+static void quaternion_rate(const real q[4], const real w[3], real dq[4]) {
+    const real pull = 1.0 - (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     dq[0] = 0.5 * (-q[1] * w[0] - q[2] * w[1] - q[3] * w[2]) + pull * q[0];
     dq[1] = 0.5 * (q[0] * w[0] - q[3] * w[1] + q[2] * w[2]) + pull * q[1];
     dq[2] = 0.5 * (q[3] * w[0] + q[0] * w[1] - q[1] * w[2]) + pull * q[2];
@@ -91,38 +89,38 @@ static void quaternion_rate(const double q[4], const double w[3], double dq[4]) 
 }
 
 /* Gravitation, Coriolis and centrifugal acceleration in Earth axes. */
-static void field(const am_sim *sim, const double *x, double g[3]) {
+static void field(const flight_t *sim, const real *x, real g[3]) {
     const double W = sim->omega;
     gravitation(x, sim->earth, g);
     g[0] += 2.0 * W * x[4] + W * W * x[0];
     g[1] += -2.0 * W * x[3] + W * W * x[1];
 }
 
-static void set_thrust_coefficient(am_sim *sim) {
-    const double qbar = sim->now.qbar > QBAR_FLOOR ? sim->now.qbar : QBAR_FLOOR;
-    double thrust = 0.0;
+static void set_thrust_coefficient(flight_t *sim) {
+    const real qbar = PICK(sim->now.qbar > QBAR_FLOOR, sim->now.qbar, QBAR_FLOOR);
+    real thrust = 0.0;
     for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) thrust += sim->now.thrust[i];
     sim->var[A_CT] = thrust / (qbar * sim->model->S);
 }
 
-void derivative(am_sim *sim, const double *x, const double *u, double *dx) {
-    now_t *now = &sim->now;
-    const double *w = x + X_P;
-    double g[3], fall[3], turn[3], push[3], moment[3], H[3], ground[3], ground_moment[3], aero[3],
+void derivative(flight_t *sim, const real *x, const real *u, real *dx) {
+    now_r *now = &sim->now;
+    const real *w = x + X_P;
+    real g[3], fall[3], turn[3], push[3], moment[3], H[3], ground[3], ground_moment[3], aero[3],
         arm[3], Jw[3];
     set_flight_condition(sim, x, u);
-    const double per_mass = 1.0 / now->mass;
+    const real per_mass = 1.0 / now->mass;
     /* force and moment of engines and gear; tables of the gear may use the thrust */
-    engine_forces(sim, x, u, push, moment, H, dx);
+    engine_loads(sim, x, u, push, moment, H, dx);
     set_thrust_coefficient(sim);
-    gear_forces(sim, x, u, ground, ground_moment, dx);
+    gear_loads(sim, x, u, ground, ground_moment, dx);
     for (int i = 0; i < 3; i++) {
         push[i] += ground[i];
         moment[i] += ground_moment[i];
     }
     /* velocity rate relative to the air without any force: C g - (w - C W) x v */
     field(sim, x, g);
-    const double velocity[3] = {now->u, now->v, now->w};
+    const real velocity[3] = {now->u, now->v, now->w};
     to_body(now->C, g, fall);
     cross(now->rate, velocity, turn);
     for (int i = 0; i < 3; i++) fall[i] -= turn[i];

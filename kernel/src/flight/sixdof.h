@@ -2,13 +2,13 @@
 #ifndef AEROMATCH_SIXDOF_H
 #define AEROMATCH_SIXDOF_H
 
-#include "simulation.h"
+#include "flight.h"
 
 /* Air, attitude, motion relative to the air, mass and the variables of the tables from the
  * state. */
-void set_flight_condition(am_sim *sim, const double *x, const double *u);
+void set_flight_condition(flight_t *sim, const real *x, const real *u);
 
 /* Rate dx[am_state_count] of the state x under the inputs u; what it found stands in now. */
-void derivative(am_sim *sim, const double *x, const double *u, double *dx);
+void derivative(flight_t *sim, const real *x, const real *u, real *dx);
 
 #endif

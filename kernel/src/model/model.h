@@ -97,12 +97,14 @@ typedef struct {
     double floor;
 } power_t;
 
-/* The loops over tables, in the version that the processor allows (versions.c). */
+/* The loops over tables, in the version that the processor allows (versions.c), and how many
+ * simulations it flies side by side at most: 1, 4 or 8 (lanes.h). */
 struct block;
 typedef struct {
     void (*interpolate)(am_sim *sim, int stage);
     void (*evaluate)(const struct block *block, size_t rows, const double *v, double *coefficients,
                      double *terms);
+    int lanes;
 } versions_t;
 
 struct am_model {

@@ -10,41 +10,51 @@
 /* Layers of the standard atmosphere below 84.852 km (geopotential), moved by env.delta_T and
  * env.qnh. */
 #define LAYERS 7
-typedef struct {
-    double T[LAYERS], p[LAYERS];
-} atmosphere_t;
+#define ATMOSPHERE(real) \
+    struct { \
+        real T[LAYERS], p[LAYERS]; \
+    }
 
 /* What one evaluation of the derivative found; the outputs read it. */
-typedef struct {
-    double lat, lon, h;                /* lat and lon only after locate_angles */
-    double north[3], east[3], down[3]; /* in Earth axes */
-    double T, p, rho, a;
-    double C[3][3]; /* Earth to body */
-    double u, v, w, V, Vxz, alpha, beta, mach, qbar;
-    double per_V, per_Vxz; /* their reciprocals, 0 at rest */
-    double ca, sa, cb, sb; /* cosine and sine of alpha and beta */
-    double rate[3];        /* body rates relative to Earth and air */
-    double gust_rate[3];   /* rotation of the air about the body axes */
-    /* of the moment; cg from the moment reference point */
-    double mass, cg[3], J[3][3], J_inverse[3][3];
-    /* non-gravitational force, moment about the c.g., body axes */
-    double F[3], M[3];
-    /* d(u, v, w)/dt relative to the air, d(p, q, r)/dt */
-    double acceleration[3], angular[3];
-    double alpha_dot, beta_dot;
-    /* CL CD stability axes, CY body axis, Cl Cm Cn body axes at the reference */
-    double c[COEFFICIENTS];
-    double thrust[MAX_ENGINES];
-} now_t;
+#define NOW(real) \
+    struct { \
+        real lat, lon, h;                /* lat and lon only after locate_angles */ \
+        real north[3], east[3], down[3]; /* in Earth axes */ \
+        real T, p, rho, a; \
+        real C[3][3]; /* Earth to body */ \
+        real u, v, w, V, Vxz, alpha, beta, mach, qbar; \
+        real per_V, per_Vxz; /* their reciprocals, 0 at rest */ \
+        real ca, sa, cb, sb; /* cosine and sine of alpha and beta */ \
+        real rate[3];        /* body rates relative to Earth and air */ \
+        real gust_rate[3];   /* rotation of the air about the body axes */ \
+        /* of the moment; cg from the moment reference point */ \
+        real mass, cg[3], J[3][3], J_inverse[3][3]; \
+        /* non-gravitational force, moment about the c.g., body axes */ \
+        real F[3], M[3]; \
+        /* d(u, v, w)/dt relative to the air, d(p, q, r)/dt */ \
+        real acceleration[3], angular[3]; \
+        real alpha_dot, beta_dot; \
+        /* CL CD stability axes, CY body axis, Cl Cm Cn body axes at the reference */ \
+        real c[COEFFICIENTS]; \
+        real thrust[MAX_ENGINES]; \
+    }
 
 /* A place, and the radii of curvature there plus its height, north-south and east-west. */
-typedef struct {
-    double position[3], north[3], east[3], down[3], h, meridian, transverse;
-} anchor_t;
+#define ANCHOR(real) \
+    struct { \
+        real position[3], north[3], east[3], down[3], h, meridian, transverse; \
+    }
 
-typedef struct {
-    double alpha, beta, delta[3], thrust, throttle, residual[6];
-} trim_t;
+#define TRIM(real) \
+    struct { \
+        real alpha, beta, delta[3], thrust, throttle, residual[6]; \
+    }
+
+/* Of one simulation; flight.h makes them for several that fly side by side. */
+typedef ATMOSPHERE(double) atmosphere_t;
+typedef NOW(double) now_t;
+typedef ANCHOR(double) anchor_t;
+typedef TRIM(double) trim_t;
 
 /* A changed node, or a scale or offset of a whole table (slot). */
 enum { PATCH_NODE, PATCH_SCALE, PATCH_OFFSET };

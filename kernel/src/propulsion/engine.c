@@ -6,11 +6,11 @@
  * velocity of the aircraft, at the inlet. */
 #include "engine.h"
 
-#include "algebra.h"
 #include "error.h"
 #include "fuel.h"
 #include "spool.h"
 #include "terms.h"
+#include "thrust.h"
 
 #define SETTLED 30 /* most passes to the steady state; a cascade of two spools needs three */
 
@@ -64,17 +64,6 @@ static void look_at_engines(am_sim *sim, const double *x, const double *u) {
     if (again) evaluate_stage(sim, STAGE_ENGINE);
 }
 
-static void push(const double force[3], const double at[3], const double cg[3],
-                 double F[restrict 3], double M[restrict 3]) {
-    const double arm[3] = {at[0] - cg[0], at[1] - cg[1], at[2] - cg[2]};
-    double moment[3];
-    cross(arm, force, moment);
-    for (int k = 0; k < 3; k++) {
-        F[k] += force[k];
-        M[k] += moment[k];
-    }
-}
-
 static void ram_force(am_sim *sim, uint32_t i, double air_flow, double F[3], double M[3]) {
     const now_t *now = &sim->now;
     const double force[3] = {-air_flow * now->u, -air_flow * now->v, -air_flow * now->w};
@@ -87,7 +76,6 @@ static double run_engine(am_sim *sim, uint32_t i, const double *x, const double 
                          double *dx) {
     now_t *now = &sim->now;
     const double *p = par_of(sim, G_ENGINE, i);
-    const double *line = p + P_DIRECTION_X;
     const deck_t deck = decked(sim) ? spool_deck(sim, i, x, u, dx)
                                     : (deck_t){.thrust = sum_of(sim, G_ENGINE, i)[T_THRUST]};
     const bool recorded = sim->drive == THRUST_DRIVEN;
@@ -101,13 +89,7 @@ static double run_engine(am_sim *sim, uint32_t i, const double *x, const double 
                                 : deck.thrust;
     const double thrust = own + sim->par[P_BIAS_THRUST] + sim->trim.thrust;
     const double air_flow = recorded ? 0.0 : deck.air_flow;
-    /* along the thrust line at the engine; the rotors add momentum, and torque as they spin up */
-    const double force[3] = {thrust * line[0], thrust * line[1], thrust * line[2]};
-    push(force, p + P_ENGINE_X, now->cg, F, M);
-    for (int k = 0; k < 3; k++) {
-        H[k] += (p[P_ANGULAR_MOMENTUM] + deck.momentum) * line[k];
-        M[k] -= deck.torque * line[k];
-    }
+    add_thrust(p, thrust, deck.momentum, deck.torque, now->cg, F, M, H);
     /* net thrust: gross thrust less the momentum of the air taken in */
     now->thrust[i] = var_of(sim, G_ENGINE, i)[A_THRUST] = thrust - air_flow * now->V;
     if (!decked(sim)) return 0.0;

@@ -1,34 +1,131 @@
-/* Many runs of one record, each with its own parameters, as an estimation needs them. */
+/* Many runs of one record, each with its own parameters, as an estimation needs them: side by side
+ * in the lanes of the processor where they keep step with each other, else one after the other. */
+#include "control_drive.h"
 #include "error.h"
+#include "lanes.h"
 
+#include <math.h>
 #include <stdio.h>
 
-static int one_run(am_sim *sim, const am_batch_task *task, size_t run, size_t *done) {
+int am_lanes(const am_model *model) { return model->versions.lanes; }
+
+static const double *inputs_of(const am_batch_task *task, const am_model *m, size_t run) {
+    return task->u + run * (task->each_inputs != 0) * task->samples * (size_t)m->count[AM_INPUT];
+}
+
+/* Parameters, start and the samples up to `samples`. */
+static int fly_one(am_sim *sim, const am_batch_task *task, size_t run, size_t samples,
+                   size_t *done) {
     if (task->samples == 0) {
         return fail(sim, AM_BAD_ARGUMENT, "a batch needs a record of at least one sample");
     }
     const double *values = task->values + run * task->parameters;
+    const double *u = inputs_of(task, sim->model, run);
     for (size_t i = 0; i < task->parameters; i++) {
         const int status = am_set_parameter(sim, task->parameter[i], values[i]);
         if (status != AM_OK) return status;
     }
-    int status = am_set_inputs(sim, task->u);
+    int status = am_set_inputs(sim, u);
     if (status == AM_OK) status = am_initialize(sim, task->t[0]);
     if (status != AM_OK) return status;
-    return am_record(sim, task->samples, task->t, task->u, task->hold, task->output, task->outputs,
+    return am_record(sim, samples, task->t, u, task->hold, task->output, task->outputs,
                      task->y + run * task->samples * task->outputs, NULL, done);
+}
+
+static void alone(am_sim *sim, const am_sim *base, const group_t *g, size_t run, size_t samples) {
+    am_copy(sim, base);
+    g->done[run] = 0;
+    g->status[run] = fly_one(sim, g->task, run, samples, &g->done[run]);
+    snprintf(g->text[run], AM_TEXT, "%s", g->status[run] == AM_OK ? "" : am_error(sim));
+}
+
+/* ---- side by side ---------------------------------------------------------------------------- */
+
+/* Rising finite times and finite inputs, so that only what a run computes can end it, and a model
+ * whose equations take the same way in every run. */
+static bool regular(const am_sim *base, const am_batch_task *task, size_t first, size_t last) {
+    const am_model *m = base->model;
+    const size_t n = task->samples * (size_t)m->count[AM_INPUT];
+    const size_t records = task->each_inputs ? last : first + 1;
+    if (task->samples < 2 || (m->unknowns && m->late_force)) return false;
+    for (size_t k = 0; k < task->samples; k++) {
+        if (!(fabs(task->t[k]) <= LATEST) || (k && !(task->t[k] > task->t[k - 1]))) return false;
+    }
+    for (size_t run = first; run < records; run++) {
+        if (!all_finite(inputs_of(task, m, run), n)) return false;
+    }
+    return true;
+}
+
+/* The same modes, and steps that few enough make a sample. */
+static bool fit_together(const am_sim *a, const am_sim *b, const am_batch_task *task) {
+    const double step = a->par[P_STEP];
+    for (size_t k = 1; k < task->samples; k++) {
+        if (!((task->t[k] - task->t[k - 1]) / step <= 1e9)) return false;
+    }
+    return a->earth == b->earth && a->drive == b->drive && a->controls == b->controls
+           && a->par[P_STEP] == b->par[P_STEP] && a->par[P_RATES] == b->par[P_RATES]
+           && (a->controls == SURFACE_DRIVEN || !circuits(a));
+}
+
+#if defined(__x86_64__) && !defined(AM_PLAIN)
+static fly_t *fly_of(int lanes) { return lanes == 8 ? fly_8 : fly_4; }
+#else
+static bool fly_none(const group_t *group) {
+    (void)group;
+    return false;
+}
+static fly_t *fly_of(int lanes) {
+    (void)lanes;
+    return fly_none;
+}
+#endif
+
+/* Runs from `run` on; those that failed at the start are done. */
+static void side_by_side(am_sim **sim, const am_sim *base, group_t *g, size_t run, int runs,
+                         int lanes) {
+    g->runs = 0;
+    for (int i = 0; i < runs; i++) {
+        am_sim *here = g->sim[g->runs] = sim[g->runs];
+        alone(here, base, g, run + (size_t)i, 1);
+        if (g->status[run + (size_t)i] == AM_OK) g->run[g->runs++] = run + (size_t)i;
+    }
+    bool together = g->runs > 1;
+    for (int i = 0; i < g->runs && together; i++) {
+        together = fit_together(sim[0], sim[i], g->task);
+    }
+    for (int i = g->runs; i < lanes && together; i++) {
+        g->sim[i] = sim[i];
+        am_copy(sim[i], sim[0]);
+    }
+    if (together && fly_of(lanes)(g)) return;
+    for (int i = 0; i < g->runs; i++) alone(sim[0], base, g, g->run[i], g->task->samples);
+}
+
+static int new_sims(am_sim **sim, const am_model *m, int n) {
+    for (int i = 0; i < n; i++) {
+        if (!(sim[i] = am_new(m))) return i;
+    }
+    return n;
 }
 
 int am_batch(const am_sim *base, const am_batch_task *task, size_t first, size_t last, int *status,
              size_t *done, char (*text)[AM_TEXT]) {
-    am_sim *sim = am_new(base->model);
-    if (!sim) return AM_NOT_READY;
-    for (size_t run = first; run < last; run++) {
-        am_copy(sim, base);
-        done[run] = 0;
-        status[run] = one_run(sim, task, run, &done[run]);
-        snprintf(text[run], AM_TEXT, "%s", status[run] == AM_OK ? "" : am_error(sim));
+    const int most = base->model->versions.lanes;
+    const int wanted = task->lanes > 0 && task->lanes < most ? task->lanes : most;
+    const bool together = wanted >= 4 && last - first > 1 && regular(base, task, first, last);
+    const int lanes = !together ? 1 : wanted >= 8 ? 8 : 4;
+    am_sim *sim[MOST_LANES];
+    group_t group = {.task = task, .status = status, .done = done, .text = text};
+    const int made = new_sims(sim, base->model, lanes);
+    for (size_t run = first; run < last && made == lanes;) {
+        const size_t left = last - run;
+        const int width = lanes == 8 && left <= 4 ? 4 : lanes;
+        const int runs = left < (size_t)width ? (int)left : width;
+        if (runs > 1) side_by_side(sim, base, &group, run, runs, width);
+        else alone(sim[0], base, &group, run, task->samples);
+        run += (size_t)runs;
     }
-    am_delete(sim);
-    return AM_OK;
+    for (int i = 0; i < made; i++) am_delete(sim[i]);
+    return made == lanes ? AM_OK : AM_NOT_READY;
 }

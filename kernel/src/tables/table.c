@@ -39,8 +39,7 @@ static bool locate(am_sim *sim, uint32_t first, uint32_t end) {
     return moved;
 }
 
-/* First node of the present cell of every bundle of a stage. */
-static void find_corners(am_sim *sim, int stage) {
+void find_corners(am_sim *sim, int stage) {
     const am_model *m = sim->model;
     for (uint32_t i = m->first_bundle[stage]; i < m->first_bundle[stage + 1]; i++) {
         const bundle_t *bundle = &m->bundle[i];

@@ -2,13 +2,16 @@
 #ifndef AEROMATCH_TABLE_H
 #define AEROMATCH_TABLE_H
 
-#include "simulation.h"
+#include "flight.h"
 
 /* Cell of an axis that holds x; any x, NaN in cell 0. */
 uint32_t find_cell(const axis_t *axis, double x);
 
+/* First node of the present cell of every bundle of a stage. */
+void find_corners(am_sim *sim, int stage);
+
 /* Values of all tables of a stage, from sim->var to sim->slot, changes of nodes included. */
-void look_up(am_sim *sim, int stage);
+void look_up(flight_t *sim, int stage);
 
 /* First nodes of all bundles for cells that came from outside; a cell that is not there becomes the
  * first. */

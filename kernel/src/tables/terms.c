@@ -3,12 +3,12 @@
 
 #include "table.h"
 
-void evaluate_terms(am_sim *sim, int stage) {
+void evaluate_terms(flight_t *sim, int stage) {
     const am_model *m = sim->model;
-    const double *scale = sim->scale;
-    const double *slot = sim->slot;
-    const double *var = sim->var;
-    double *term = sim->term;
+    const real *scale = sim->scale;
+    const real *slot = sim->slot;
+    const real *var = sim->var;
+    real *term = sim->term;
 #pragma clang loop unroll_count(4)
     for (const plain_t *t = m->plain + m->first_plain[stage],
                        *end = m->plain + m->first_plain[stage + 1];
@@ -25,7 +25,7 @@ void evaluate_terms(am_sim *sim, int stage) {
     }
 }
 
-void evaluate_special(am_sim *sim) {
+void evaluate_special(flight_t *sim) {
     const am_model *m = sim->model;
     for (uint32_t k = 0; k < m->implicits; k++) {
         sim->term[m->term[m->implicit[k][0]].place] = term_value(sim, m->implicit[k][0]);
@@ -35,7 +35,7 @@ void evaluate_special(am_sim *sim) {
     }
 }
 
-void leave_out_special(am_sim *sim) {
+void leave_out_special(flight_t *sim) {
     const am_model *m = sim->model;
     for (uint32_t k = 0; k < m->implicits; k++) sim->term[m->term[m->implicit[k][0]].place] = 0.0;
     for (uint32_t k = 0; k < m->lates; k++) sim->term[m->term[m->late[k]].place] = 0.0;
@@ -43,14 +43,14 @@ void leave_out_special(am_sim *sim) {
 
 /* One value after another: they have just been written one by one, and a load of several would
  * wait for the stores. */
-void sum_coefficients(const am_sim *sim, double c[COEFFICIENTS]) {
-    double CL = 0.0;
-    double CD = 0.0;
-    double CY = 0.0;
-    double Cl = 0.0;
-    double Cm = 0.0;
-    double Cn = 0.0;
-    for (const double *term = sim->term, *end = term + ROW * (size_t)sim->model->rows; term < end;
+void sum_coefficients(const flight_t *sim, real c[COEFFICIENTS]) {
+    real CL = 0.0;
+    real CD = 0.0;
+    real CY = 0.0;
+    real Cl = 0.0;
+    real Cm = 0.0;
+    real Cn = 0.0;
+    for (const real *term = sim->term, *end = term + ROW * (size_t)sim->model->rows; term < end;
          term += ROW) {
         CL += term[T_CL];
         CD += term[T_CD];
@@ -67,20 +67,20 @@ void sum_coefficients(const am_sim *sim, double c[COEFFICIENTS]) {
     c[T_YAW] = Cn;
 }
 
-void evaluate_stage(am_sim *sim, int stage) {
+void evaluate_stage(flight_t *sim, int stage) {
     const am_model *m = sim->model;
     look_up(sim, stage);
     evaluate_terms(sim, stage);
-    double *sum = sim->sum;
-    const double *term = sim->term;
+    real *sum = sim->sum;
+    const real *term = sim->term;
     for (const term_t *t = m->term + m->first_term[stage],
                       *end = m->term + m->first_term[stage + 1];
          t < end; t++) {
-        sum[t->target] = (t->first ? 0.0 : sum[t->target]) + term[t->place];
+        sum[t->target] = (t->first ? (real)0.0 : sum[t->target]) + term[t->place];
     }
 }
 
-void contributions(const am_sim *sim, double *term) {
+void contributions(const flight_t *sim, real *term) {
     const am_model *m = sim->model;
     for (uint32_t i = 0; i < m->terms; i++) term[i] = sim->term[m->term[i].place];
     for (uint32_t i = 0; i < m->implicits; i++) {

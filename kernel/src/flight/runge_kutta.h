@@ -1,0 +1,71 @@
+/* Classical Runge-Kutta with a fixed step. */
+#ifndef AEROMATCH_RUNGE_KUTTA_H
+#define AEROMATCH_RUNGE_KUTTA_H
+
+#include "earth.h"
+#include "sixdof.h"
+
+static inline void blend(const am_model *m, const real *u0, const real *u1, double s, real *u) {
+    for (int i = 0; i < m->count[AM_INPUT]; i++) u[i] = u0[i] + (u1[i] - u0[i]) * s;
+}
+
+static inline void advance(int n, const real *restrict x, double h, const real *restrict dx,
+                    real *restrict to) {
+    for (int i = 0; i < n; i++) to[i] = x[i] + h * dx[i];
+}
+
+static inline void slope(flight_t *sim, double t, double h, double part, const real *x, const real *u,
+                  real *k) {
+    sim->part = part;
+    sim->clock = t + part * h;
+    derivative(sim, x, u, k);
+}
+
+/* Inputs at a part of u0 ... u1; u0 itself when they are held. */
+static inline const real *inputs_at(const flight_t *sim, const real *u0, const real *u1, double s,
+                               real *u) {
+    if (u0 == u1) return u0;
+    blend(sim->model, u0, u1, s, u);
+    return u;
+}
+
+/* Of the unit that includes this: the discrete part of the submodels from t to t + h; the slope at
+ * the start of a step in k; steps outside the tables. */
+static void advance_parts(flight_t *sim, double t, double h, const real *u0, const real *u1);
+static void first_slope(flight_t *sim, double t, double h, const real *u);
+static void count_steps_outside(flight_t *sim);
+
+/* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step from t
+ * covers. */
+static inline void runge_kutta(flight_t *sim, double t, double h, const real *u0, const real *u1,
+                        double s0, double s1) {
+    const am_model *m = sim->model;
+    const int n = am_state_count(m);
+    real *k1 = sim->k;
+    real *k2 = k1 + n;
+    real *k3 = k2 + n;
+    real *k4 = k3 + n;
+    real *x = sim->x;
+    real *to = sim->x_work;
+    const real *u_end = inputs_at(sim, u0, u1, s1, sim->u_end);
+    const real *u = inputs_at(sim, u0, u1, s0, sim->u_work);
+    /* the discrete part goes first: it stands still in the derivatives of this step */
+    advance_parts(sim, t, h, u, u_end);
+    /* the first slope, unless the last call left it */
+    first_slope(sim, t, h, u);
+    sim->anchored = sim->earth != FLAT_EARTH;
+    count_steps_outside(sim);
+    /* two slopes at the middle, one at the end */
+    u = inputs_at(sim, u0, u1, 0.5 * (s0 + s1), sim->u_work);
+    advance(n, x, 0.5 * h, k1, to);
+    slope(sim, t, h, 0.5, to, u, k2);
+    advance(n, x, 0.5 * h, k2, to);
+    slope(sim, t, h, 0.5, to, u, k3);
+    advance(n, x, h, k3, to);
+    slope(sim, t, h, 1.0, to, u_end, k4);
+    sim->anchored = false;
+    /* x + h (k1 + 2 k2 + 2 k3 + k4) / 6 */
+    for (int i = 0; i < n; i++) to[i] = x[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+}
+
+#endif

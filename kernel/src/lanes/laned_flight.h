@@ -1,0 +1,297 @@
+/* The flight of LANES runs side by side: arrays, steps, outputs and the end of each run. */
+#ifndef AEROMATCH_LANED_FLIGHT_H
+#define AEROMATCH_LANED_FLIGHT_H
+
+#include "control_outputs.h"
+#include "engine.h"
+#include "error.h"
+#include "integrate.h"
+#include "laned_parts.h"
+#include "laned_tables.h"
+#include "lanes.h"
+#include "outputs.h"
+#include "runge_kutta.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- arrays ---------------------------------------------------------------------------------- */
+
+/* The wind of a simulation is more than its inputs and a shear. */
+static bool windy(const am_sim *sim) {
+    const double *par = par_of(sim, G_WEATHER, 0);
+    return par[P_WIND_W20] > 0.0 || par[P_WIND_ROWS] > 0.0 || par[P_TURBULENCE] != 0.0
+           || par[P_GUST_U] != 0.0 || par[P_GUST_V] != 0.0 || par[P_GUST_W] != 0.0;
+}
+
+static real *piece(real **at, size_t n) {
+    real *from = *at;
+    *at += n;
+    return from;
+}
+
+static size_t reals(const am_model *m) {
+    return (size_t)m->count[AM_PARAMETER] + 5 * (size_t)m->count[AM_INPUT]
+           + (size_t)m->count[AM_OUTPUT] + 6 * (size_t)am_state_count(m) + m->total[AM_VARIABLE]
+           + m->slots + m->places + m->total[AM_TARGET] + LAST_POWER + m->axes
+           + sizeof(cells_r) / sizeof(real) * m->axes;
+}
+
+/* at: aligned memory of reals(m). */
+static void lay_out(flight_t *f, const am_model *m, real *at) {
+    const size_t nu = (size_t)m->count[AM_INPUT];
+    const size_t nx = (size_t)am_state_count(m);
+    f->model = m;
+    f->par = piece(&at, (size_t)m->count[AM_PARAMETER]);
+    f->u = piece(&at, nu);
+    f->u_work = piece(&at, nu);
+    f->u_end = piece(&at, nu);
+    f->u0 = piece(&at, nu);
+    f->u1 = piece(&at, nu);
+    f->y_work = piece(&at, (size_t)m->count[AM_OUTPUT]);
+    f->x = piece(&at, nx);
+    f->x_work = piece(&at, nx);
+    f->k = piece(&at, 4 * nx);
+    f->var = piece(&at, m->total[AM_VARIABLE]);
+    f->slot = piece(&at, m->slots);
+    f->term = piece(&at, m->places);
+    f->sum = piece(&at, m->total[AM_TARGET]);
+    f->last_power = piece(&at, LAST_POWER);
+    f->fraction = piece(&at, m->axes);
+    f->cells = (cells_r *)at;
+    f->scale = f->par + m->total[AM_PARAMETER];
+    f->exponent = f->scale + m->terms;
+}
+
+/* A simulation that stands at the first sample, its outputs found. */
+static void board(flight_t *f, int l, am_sim *sim) {
+    const am_model *m = f->model;
+    const size_t nx = (size_t)am_state_count(m);
+    f->lane[l] = sim;
+    take(sim->par, (size_t)m->count[AM_PARAMETER], l, f->par);
+    take(sim->u, (size_t)m->count[AM_INPUT], l, f->u);
+    take(sim->x, nx, l, f->x);
+    take(sim->k, nx, l, f->k);
+    take(sim->var, m->total[AM_VARIABLE], l, f->var);
+    take(sim->slot, m->slots, l, f->slot);
+    take(sim->term, m->places, l, f->term);
+    take(sim->sum, m->total[AM_TARGET], l, f->sum);
+    take(sim->last_power, LAST_POWER, l, f->last_power);
+    take((const double *)&sim->now, sizeof(now_t) / sizeof(double), l, (real *)&f->now);
+    take((const double *)&sim->atmosphere, 2 * LAYERS, l, (real *)&f->atmosphere);
+    take((const double *)&sim->standard, 2 * LAYERS, l, (real *)&f->standard);
+    take((const double *)&sim->anchor, sizeof(anchor_t) / sizeof(double), l, (real *)&f->anchor);
+    take((const double *)&sim->trim, sizeof(trim_t) / sizeof(double), l, (real *)&f->trim);
+    take(work_of(sim, G_WEATHER, 0) + W_WIND, 3, l, f->wind);
+    take(work_of(sim, G_WEATHER, 0) + W_GUST, 3, l, f->gust);
+    f->fresh[l] = sim->fresh ? -1 : 0;
+    for (uint32_t i = 0; i < m->axes; i++) f->cells[i].from[l] = INFINITY; /* to be found */
+    f->windy = f->windy || windy(sim);
+}
+
+/* A lane without a run repeats another, so that no number that is not finite slows all down. */
+static void repeat(flight_t *f, int from, int to) {
+    real *at = f->par;
+    real *now = (real *)&f->now;
+    for (size_t i = 0, n = reals(f->model); i < n; i++) at[i][to] = at[i][from];
+    const size_t more = (offsetof(flight_t, omega) - offsetof(flight_t, now)) / sizeof(real);
+    for (size_t i = 0; i < more; i++) now[i][to] = now[i][from];
+    am_copy(f->lane[to], f->lane[from]);
+}
+
+/* ---- a step ---------------------------------------------------------------------------------- */
+
+static void advance_parts(flight_t *f, double t, double h, const real *u0, const real *u1) {
+    const am_model *m = f->model;
+    const size_t nu = (size_t)m->count[AM_INPUT];
+    if (!f->windy && !f->whole) return;
+    for (int l = 0; l < LANES; l++) {
+        am_sim *sim = f->lane[l];
+        sim->fresh = f->fresh[l];
+        give(f->x, (size_t)am_state_count(m), l, sim->x);
+        advance_memory(sim, t, h, give(u0, nu, l, sim->u_work), give(u1, nu, l, sim->u_end));
+        f->fresh[l] = sim->fresh ? -1 : 0;
+    }
+}
+
+/* Lanes whose last call left their slope keep it. */
+static void first_slope(flight_t *f, double t, double h, const real *u) {
+    const int n = am_state_count(f->model);
+    mask_t kept = f->fresh;
+    for (int i = 0; i < f->model->count[AM_INPUT]; i++) kept &= words_of(u[i]) == words_of(f->u[i]);
+    if (!EVERY(kept)) {
+        real *k = f->k;
+        real *before = f->k + n; /* the slope to come */
+        memcpy(before, k, sizeof *k * (size_t)n);
+        slope(f, t, h, 0.0, f->x, u, k);
+        for (int i = 0; i < n; i++) k[i] = PICK(kept, before[i], k[i]);
+        set_anchor(f->x, f->earth, &f->now, &f->anchor);
+    }
+    f->fresh = 0;
+}
+
+static void count_steps_outside(flight_t *f) {
+    for (int l = 0; l < LANES; l++) count_outside(f->lane[l]);
+}
+
+/* ---- outputs --------------------------------------------------------------------------------- */
+
+static real steps_outside(const flight_t *f) {
+    real steps = 0.0;
+    for (int l = 0; l < LANES; l++) {
+        const am_sim *sim = f->lane[l];
+        for (uint32_t i = 0; i < f->model->axes; i++) steps[l] += sim->below[i] + sim->above[i];
+    }
+    return steps;
+}
+
+static void part_outputs(flight_t *f, real *y) {
+    const am_model *m = f->model;
+    const uint32_t first = m->first[AM_OUTPUT][G_ENGINE];
+    const uint32_t end = m->first[AM_OUTPUT][G_EARTH];
+    air_outputs(&f->now, f->wind, f->gust, y + place(m, AM_OUTPUT, G_WEATHER, 0));
+    if (!f->whole) {
+        for (uint32_t i = 0; i < items(m, G_ENGINE); i++) {
+            y[place(m, AM_OUTPUT, G_ENGINE, i) + Y_THRUST] = f->now.thrust[i];
+        }
+        return;
+    }
+    for (int l = 0; l < LANES; l++) {
+        am_sim *sim = f->lane[l];
+        give_condition(f, l, f->x, f->u);
+        give(f->x, (size_t)am_state_count(m), l, sim->x);
+        give(f->u, (size_t)m->count[AM_INPUT], l, sim->u);
+        fuel_outputs(sim, sim->y_work);
+        engine_outputs(sim, sim->y_work);
+        gear_outputs(sim, sim->y_work);
+        control_outputs(sim, sim->y_work);
+        take(sim->y_work + first, end - first, l, y + first);
+    }
+}
+
+static void refresh_lanes(flight_t *f) {
+    f->clock = f->time;
+    f->part = 1.0;
+    derivative(f, f->x, f->u, f->k);
+    set_anchor(f->x, f->earth, &f->now, &f->anchor);
+    f->fresh = -1;
+}
+
+/* ---- runs ------------------------------------------------------------------------------------ */
+
+typedef struct {
+    const group_t *group;
+    bool flies[LANES];
+    int flying; /* how many */
+} course_t;
+
+/* Ends the runs with a number that is not finite, each with its text. */
+static void end_runs(flight_t *f, course_t *course, am_kind kind, const real *values) {
+    const group_t *g = course->group;
+    const size_t n = (size_t)f->model->count[kind];
+    real nothing = 0.0;
+    for (size_t i = 0; i < n; i++) nothing += values[i] * 0.0;
+    if (EVERY(nothing == 0.0)) return;
+    for (int l = 0; l < LANES; l++) {
+        am_sim *sim = f->lane[l];
+        if (nothing[l] == 0.0 || !course->flies[l]) continue;
+        sim->time = f->time;
+        const size_t run = g->run[l];
+        g->status[run] = check_finite(
+            sim, kind, give(values, n, l, kind == AM_STATE ? sim->x_work : sim->y_work));
+        memcpy(g->text[run], sim->text, AM_TEXT);
+        course->flies[l] = false;
+        course->flying--;
+    }
+    int good = 0;
+    while (good < LANES && !course->flies[good]) good++;
+    for (int l = 0; l < LANES && good < LANES; l++) {
+        if (!course->flies[l]) repeat(f, good, l);
+    }
+}
+
+static void load_inputs(const flight_t *f, const course_t *course, size_t k, real *u) {
+    const am_batch_task *task = course->group->task;
+    const size_t nu = (size_t)f->model->count[AM_INPUT];
+    for (int l = 0; l < LANES; l++) {
+        const size_t run = course->group->run[l < course->group->runs ? l : 0];
+        take(task->u + (run * (task->each_inputs != 0) * task->samples + k) * nu, nu, l, u);
+    }
+}
+
+static void store_outputs(const flight_t *f, const course_t *course, size_t k) {
+    const group_t *g = course->group;
+    const am_batch_task *task = g->task;
+    for (int l = 0; l < g->runs; l++) {
+        if (!course->flies[l]) continue;
+        double *y = task->y + (g->run[l] * task->samples + k) * task->outputs;
+        for (size_t i = 0; i < task->outputs; i++) y[i] = f->y_work[task->output[i]][l];
+        g->done[g->run[l]] = k + 1;
+    }
+}
+
+/* As am_step; false when no run is left. */
+static bool step(flight_t *f, course_t *course, double t, double dt, const real *u0,
+                 const real *u1) {
+    const size_t nx = (size_t)am_state_count(f->model);
+    const double parts = ceil(dt / f->lane[0]->par[P_STEP] - 1e-9);
+    const long n = parts < 1.0 ? 1 : (long)parts;
+    for (long i = 0; i < n; i++) {
+        const double s0 = (double)i / (double)n;
+        const double s1 = (double)(i + 1) / (double)n;
+        runge_kutta(f, t + dt * s0, dt / (double)n, u0, u1, s0, s1);
+        f->time = t + dt * s1;
+        end_runs(f, course, AM_STATE, f->x_work);
+        if (!course->flying) return false;
+        memcpy(f->x, f->x_work, sizeof(real) * nx);
+    }
+    memcpy(f->u, u1, sizeof(real) * (size_t)f->model->count[AM_INPUT]);
+    f->fresh = 0;
+    return true;
+}
+
+static void fly_record(flight_t *f, course_t *course) {
+    const am_batch_task *task = course->group->task;
+    const double *t = task->t;
+    load_inputs(f, course, 0, f->u1);
+    for (size_t k = 1; k < task->samples && course->flying; k++) {
+        real *u0 = f->u1;
+        real *u1 = f->u0;
+        f->u0 = u0;
+        f->u1 = u1;
+        load_inputs(f, course, k, u1);
+        if (!step(f, course, t[k - 1], t[k] - t[k - 1], u0, task->hold ? u0 : u1)) return;
+        refresh_lanes(f);
+        write_outputs(f, f->y_work);
+        end_runs(f, course, AM_OUTPUT, f->y_work);
+        store_outputs(f, course, k);
+    }
+}
+
+bool LANED(fly)(const group_t *g) {
+    const am_model *m = g->sim[0]->model;
+    course_t course = {.group = g, .flying = g->runs};
+    const size_t bytes = sizeof(real) * (reals(m) + 1) + sizeof(flight_t) + sizeof(real);
+    char *memory = malloc(bytes);
+    if (!memory) return false;
+    memset(memory, 0, bytes);
+    const uintptr_t over = (uintptr_t)memory % sizeof(real);
+    flight_t *f = (flight_t *)(memory + (over ? sizeof(real) - over : 0));
+    lay_out(f, m, (real *)(f + 1));
+    for (int l = 0; l < LANES; l++) {
+        course.flies[l] = l < g->runs;
+        board(f, l, g->sim[l]);
+    }
+    const am_sim *first = g->sim[0];
+    f->omega = first->omega;
+    f->time = first->time;
+    f->earth = first->earth;
+    f->drive = first->drive;
+    f->controls = first->controls;
+    f->whole = items(m, G_SPOOL) || items(m, G_FUEL) || items(m, G_GEAR) || items(m, G_CIRCUIT);
+    fly_record(f, &course);
+    free(memory);
+    return true;
+}
+
+#endif

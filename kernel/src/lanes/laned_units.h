@@ -1,0 +1,9 @@
+/* All units over flight_t for LANES simulations. */
+#include "laned_flight.h"
+
+#include "aero.c"
+#include "air_data.c"
+#include "earth.c"
+#include "outputs.c"
+#include "sixdof.c"
+#include "terms.c"

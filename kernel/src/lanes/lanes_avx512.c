@@ -1,0 +1,23 @@
+/* 8 simulations side by side, for x86-64 with AVX-512; without fused multiply-add, which would round
+ * once where others round twice. */
+#if defined(__x86_64__) && !defined(AM_PLAIN)
+
+#define LANES 8
+
+#include "access.h"
+#include "elementary.h"
+#include "engine.h"
+#include "error.h"
+#include "fuel.h"
+#include "gear.h"
+#include "lanes.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#pragma clang attribute push(__attribute__((target("avx512f,avx512dq,avx512vl,avx512bw"))), apply_to = function)
+#include "laned_units.h"
+#pragma clang attribute pop
+
+#endif

@@ -1,0 +1,76 @@
+/* The simulations that a unit advances: one, or LANES of one model side by side, each with its own
+ * parameters, inputs and state.
+ *
+ * flight_t has the members of am_sim that the equations use, under the same names. */
+#ifndef AEROMATCH_FLIGHT_H
+#define AEROMATCH_FLIGHT_H
+
+#include "real.h"
+#include "simulation.h"
+
+#if LANES == 1
+
+typedef am_sim flight_t;
+typedef atmosphere_t layers_r;
+typedef now_t now_r;
+typedef anchor_t anchor_r;
+
+#else
+
+typedef ATMOSPHERE(real) layers_r;
+typedef NOW(real) now_r;
+typedef ANCHOR(real) anchor_r;
+typedef TRIM(real) trim_r;
+
+/* The functions over flight_t, which exist once for each number of lanes. */
+#define aero_forces LANED(aero_forces)
+#define air_data LANED(air_data)
+#define atmosphere_at LANED(atmosphere_at)
+#define calibrated_airspeed LANED(calibrated_airspeed)
+#define contributions LANED(contributions)
+#define derivative LANED(derivative)
+#define earth_outputs LANED(earth_outputs)
+#define evaluate_special LANED(evaluate_special)
+#define evaluate_stage LANED(evaluate_stage)
+#define evaluate_terms LANED(evaluate_terms)
+#define gravitation LANED(gravitation)
+#define leave_out_special LANED(leave_out_special)
+#define locate_angles LANED(locate_angles)
+#define look_up LANED(look_up)
+#define place_near LANED(place_near)
+#define place_of LANED(place_of)
+#define pressure_altitude LANED(pressure_altitude)
+#define set_anchor LANED(set_anchor)
+#define set_flight_condition LANED(set_flight_condition)
+#define sum_coefficients LANED(sum_coefficients)
+#define write_outputs LANED(write_outputs)
+
+/* Where the axes of the tables stand: the cell of each lane. */
+typedef struct {
+    real from, to, point, per_step, start;
+} cells_r;
+
+/* The arrays lie behind the struct, as those of am_sim.  Parts that are rare or full of branches
+ * run in the simulation of each lane, which also holds its cells, corners and discrete memory. */
+typedef struct {
+    const am_model *model;
+    real *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *last_power;
+    real *x_work, *k, *u_work, *u_end, *y_work, *u0, *u1;
+    cells_r *cells; /* of each axis */
+    now_r now;
+    layers_r atmosphere, standard;
+    anchor_r anchor;
+    trim_r trim;
+    real wind[3], gust[3]; /* north, east, down */
+    mask_t fresh;
+    double omega, time, clock, part;
+    int earth, drive, controls;
+    bool anchored;
+    bool windy; /* the wind of a lane is more than its inputs and a shear */
+    bool whole; /* the model has decks, fuel, gear or circuits */
+    am_sim *lane[LANES];
+} flight_t;
+
+#endif
+
+#endif
