@@ -58,7 +58,8 @@ static void lay_out(flight_t *f, const am_model *m, real *at) {
     f->sum = piece(&at, m->total[AM_TARGET]);
     f->last_power = piece(&at, LAST_POWER);
     f->fraction = piece(&at, m->axes);
-    f->cells = (cells_r *)at;
+    f->cells = (cells_r *)piece(&at, sizeof(cells_r) / sizeof(real) * m->axes);
+    f->shared = (bool *)at;
     f->scale = f->par + m->total[AM_PARAMETER];
     f->exponent = f->scale + m->terms;
 }
@@ -97,6 +98,7 @@ static void repeat(flight_t *f, int from, int to) {
     const size_t more = (offsetof(flight_t, omega) - offsetof(flight_t, now)) / sizeof(real);
     for (size_t i = 0; i < more; i++) now[i][to] = now[i][from];
     am_copy(f->lane[to], f->lane[from]);
+    for (int stage = 0; stage < STAGES; stage++) find_shared(f, stage);
 }
 
 /* ---- a step ---------------------------------------------------------------------------------- */
@@ -271,7 +273,7 @@ static void fly_record(flight_t *f, course_t *course) {
 bool LANED(fly)(const group_t *g) {
     const am_model *m = g->sim[0]->model;
     course_t course = {.group = g, .flying = g->runs};
-    const size_t bytes = sizeof(real) * (reals(m) + 1) + sizeof(flight_t) + sizeof(real);
+    const size_t bytes = sizeof(flight_t) + sizeof(real) * (reals(m) + 1) + m->bundles;
     char *memory = malloc(bytes);
     if (!memory) return false;
     memset(memory, 0, bytes);
@@ -282,6 +284,7 @@ bool LANED(fly)(const group_t *g) {
         course.flies[l] = l < g->runs;
         board(f, l, g->sim[l]);
     }
+    for (int stage = 0; stage < STAGES; stage++) find_shared(f, stage);
     const am_sim *first = g->sim[0];
     f->omega = first->omega;
     f->time = first->time;

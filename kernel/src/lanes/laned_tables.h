@@ -1,10 +1,12 @@
-/* Look-up of the tables of a stage for all lanes: axes are searched only in lanes that have left
- * their cell; the tables of a bundle lie side by side, so that each lane interpolates several at
- * once (interpolate.h), and the results are turned into lanes. */
+/* Look-up of the tables of a stage for all lanes.
+ *
+ * Axes are searched only in lanes that have left their cell, and the weights of the corners are
+ * found in lanes.  A bundle whose lanes are all in one cell goes on in lanes.  Else each lane takes
+ * four tables of its cell at a time, and four lanes of them are turned. */
 #ifndef AEROMATCH_LANED_TABLES_H
 #define AEROMATCH_LANED_TABLES_H
 
-#include "interpolate.h"
+#include "four.h"
 #include "laned.h"
 #include "nodes.h"
 #include "table.h"
@@ -27,6 +29,18 @@ static bool settle(flight_t *f, uint32_t i, int l, real *x) {
     return moved;
 }
 
+/* Whether all lanes look at the same corner of the same tables. */
+static void find_shared(flight_t *f, int stage) {
+    const am_model *m = f->model;
+    for (uint32_t b = m->first_bundle[stage]; b < m->first_bundle[stage + 1]; b++) {
+        f->shared[b] = true;
+        for (int l = 1; l < LANES; l++) {
+            f->shared[b] &= f->lane[l]->corner[b] == f->lane[0]->corner[b]
+                            && f->lane[l]->model->node == f->lane[0]->model->node;
+        }
+    }
+}
+
 static void locate_lanes(flight_t *f, int stage) {
     const am_model *m = f->model;
     bool moved[LANES] = {false};
@@ -40,16 +54,145 @@ static void locate_lanes(flight_t *f, int stage) {
         }
         f->fraction[i] = c->start + (x - c->point) * c->per_step;
     }
-    for (int l = 0; l < LANES && any; l++) {
+    if (!any) return;
+    for (int l = 0; l < LANES; l++) {
         if (moved[l]) find_corners(f->lane[l], stage);
+    }
+    find_shared(f, stage);
+}
+
+/* ---- interpolation --------------------------------------------------------------------------- */
+
+/* The operations of interpolate.h: a corner weighs the product over the axes, first axis first,
+ * and the corners are added in pairs. */
+#define CORNERS (1 << MAX_AXES)
+
+typedef struct {
+    real weight[CORNERS];
+    size_t offset[CORNERS]; /* of a corner from the first */
+} corners_t;
+
+__attribute__((always_inline)) static inline void find_weights(const flight_t *f,
+                                                               const bundle_t *bundle,
+                                                               uint32_t axes, corners_t *c) {
+    c->weight[0] = 1.0;
+    c->offset[0] = 0;
+    for (uint32_t k = 0; k < axes; k++) {
+        const real x = f->fraction[bundle->axis[k]];
+        for (uint32_t i = 1u << k; i-- > 0;) {
+            const real w = c->weight[i];
+            const size_t o = c->offset[i];
+            c->weight[2 * i] = w * (1.0 - x);
+            c->weight[2 * i + 1] = w * x;
+            c->offset[2 * i] = o;
+            c->offset[2 * i + 1] = o + bundle->stride[k];
+        }
     }
 }
 
-static void change_tables(flight_t *f, int stage, int l) {
+#define ADD_PAIRS(value, axes)                         \
+    for (uint32_t n = 1u << (axes); n > 1; n /= 2) {   \
+        for (uint32_t i = 0; i < n / 2; i++) {         \
+            value[i] = value[2 * i] + value[2 * i + 1]; \
+        }                                              \
+    }
+
+/* All lanes in one cell. */
+__attribute__((always_inline)) static inline void interpolate_shared(const double *node,
+                                                                     const bundle_t *bundle,
+                                                                     uint32_t axes,
+                                                                     const corners_t *c,
+                                                                     real *to) {
+    for (uint32_t t = 0; t < bundle->width; t++, node++) {
+        real value[CORNERS];
+        for (uint32_t i = 0; i < 1u << axes; i++) value[i] = c->weight[i] * node[c->offset[i]];
+        ADD_PAIRS(value, axes)
+        to[t] = value[0];
+    }
+}
+
+/* Four tables of one lane. */
+__attribute__((always_inline)) static inline four four_tables(const double *node, uint32_t axes,
+                                                              const corners_t *c, int l) {
+    four value[CORNERS];
+    for (uint32_t i = 0; i < 1u << axes; i++) {
+        value[i] = c->weight[i][l] * AT(node + c->offset[i]);
+    }
+    ADD_PAIRS(value, axes)
+    return value[0];
+}
+
+/* From tables in each lane to lanes in each table. */
+static inline void turn(const four from[4], four to[4]) {
+    const four a = __builtin_shufflevector(from[0], from[1], 0, 4, 2, 6);
+    const four b = __builtin_shufflevector(from[0], from[1], 1, 5, 3, 7);
+    const four c = __builtin_shufflevector(from[2], from[3], 0, 4, 2, 6);
+    const four d = __builtin_shufflevector(from[2], from[3], 1, 5, 3, 7);
+    to[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5);
+    to[1] = __builtin_shufflevector(b, d, 0, 1, 4, 5);
+    to[2] = __builtin_shufflevector(a, c, 2, 3, 6, 7);
+    to[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
+}
+
+__attribute__((always_inline)) static inline void interpolate_apart(
+    const double *const node[LANES], const bundle_t *bundle, uint32_t axes, const corners_t *c,
+    real *to) {
+    for (int l = 0; l < LANES; l += 4) {
+        for (uint32_t t = 0; t < bundle->width; t += 4) {
+            four value[4], turned[4];
+            for (int i = 0; i < 4; i++) value[i] = four_tables(node[l + i] + t, axes, c, l + i);
+            turn(value, turned);
+            for (uint32_t i = 0; i < 4 && t + i < bundle->width; i++) {
+                PUT((double *)(to + t + i) + l) = turned[i];
+            }
+        }
+    }
+}
+
+/* A table that is alone. */
+__attribute__((always_inline)) static inline real interpolate_alone(
+    const double *const node[LANES], uint32_t axes, const corners_t *c) {
+    real value[CORNERS];
+    for (uint32_t i = 0; i < 1u << axes; i++) {
+        real corner = 0.0;
+        for (int l = 0; l < LANES; l++) corner[l] = node[l][c->offset[i]];
+        value[i] = c->weight[i] * corner;
+    }
+    ADD_PAIRS(value, axes)
+    return value[0];
+}
+
+/* The compiler unrolls each number of axes. */
+__attribute__((always_inline)) static inline void interpolate_lanes(const flight_t *f, uint32_t b,
+                                                                    uint32_t axes) {
+    const bundle_t *bundle = &f->model->bundle[b];
+    real *to = f->slot + bundle->slot;
+    const double *node[LANES];
+    corners_t corners;
+    find_weights(f, bundle, axes, &corners);
+    for (int l = 0; l < LANES; l++) node[l] = f->lane[l]->model->node + f->lane[l]->corner[b];
+    if (f->shared[b]) interpolate_shared(node[0], bundle, axes, &corners, to);
+    else if (bundle->width == 1) *to = interpolate_alone(node, axes, &corners);
+    else interpolate_apart(node, bundle, axes, &corners, to);
+}
+
+static void interpolate_bundle(const flight_t *f, uint32_t b) {
+    const uint32_t axes = f->model->bundle[b].axes;
+    if (axes == 0) interpolate_lanes(f, b, 0);
+    else if (axes == 1) interpolate_lanes(f, b, 1);
+    else if (axes == 2) interpolate_lanes(f, b, 2);
+    else if (axes == 3) interpolate_lanes(f, b, 3);
+    else interpolate_lanes(f, b, 4);
+}
+
+/* Changed nodes, scales and offsets of a lane. */
+static void change_tables(flight_t *f, int stage, int l, uint32_t first, uint32_t slots) {
     am_sim *sim = f->lane[l];
     if (!sim->patches) return;
     give(f->fraction, f->model->axes, l, sim->fraction);
+    give(f->slot + first, slots, l, sim->slot + first);
     apply_patches(sim, stage);
+    take(sim->slot + first, slots, l, f->slot + first);
 }
 
 void look_up(flight_t *f, int stage) {
@@ -58,23 +201,10 @@ void look_up(flight_t *f, int stage) {
     const uint32_t end = m->first_bundle[stage + 1];
     if (first == end) return;
     locate_lanes(f, stage);
-    for (int l = 0; l < LANES; l++) {
-        am_sim *sim = f->lane[l];
-        const double *node = sim->model->node;
-        for (uint32_t b = first; b < end; b++) {
-            interpolate(&m->bundle[b], node + sim->corner[b], (const double *)f->fraction + l,
-                        LANES, sim->slot + m->bundle[b].slot);
-        }
-        change_tables(f, stage, l);
-    }
+    for (uint32_t b = first; b < end; b++) interpolate_bundle(f, b);
+    const uint32_t slot = m->bundle[first].slot;
     const uint32_t last = m->bundle[end - 1].slot + m->bundle[end - 1].width;
-    const double *from[LANES];
-    for (int l = 0; l < LANES; l++) from[l] = f->lane[l]->slot;
-    for (uint32_t s = m->bundle[first].slot; s < last; s++) {
-        real value = 0.0;
-        for (int l = 0; l < LANES; l++) value[l] = from[l][s];
-        f->slot[s] = value;
-    }
+    for (int l = 0; l < LANES; l++) change_tables(f, stage, l, slot, last - slot);
 }
 
 #endif

@@ -57,6 +57,7 @@ typedef struct {
     real *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *last_power;
     real *x_work, *k, *u_work, *u_end, *y_work, *u0, *u1;
     cells_r *cells; /* of each axis */
+    bool *shared;   /* of each bundle: all lanes look at one cell of one model */
     now_r now;
     layers_r atmosphere, standard;
     anchor_r anchor;
