@@ -272,8 +272,8 @@ typedef struct {
 } am_batch_task;
 
 /* Fly runs first ... last - 1 of a task, so that threads can share a batch, best by multiples of
- * am_lanes; each starts with am_initialize at t[0].  base is not changed.  status, done and text have one place per run.
- * AM_NOT_READY: no memory. */
+ * am_lanes; each starts with am_initialize at t[0].  base is not changed.  status, done and text
+ * have one place per run.  AM_NOT_READY: no memory. */
 AM_API int am_batch(const am_sim *base, const am_batch_task *task, size_t first, size_t last,
                     int *status, size_t *done, char (*text)[AM_TEXT]);
 

@@ -23,6 +23,7 @@ FOLDERS = (
     "controls",
     "flight",
     "trim",
+    "lanes",
     "runs",
     "shell",
 )

@@ -1,7 +1,7 @@
 /* Elementary functions of one number. */
 #include "elementary.h"
 
-#include "elementary_real.h"
+#include "series.h"
 
 #include <math.h>
 #include <string.h>

@@ -21,7 +21,12 @@
 
 #else
 
-#include "laned_parts.h"
+static real deflection(const flight_t *f, const real *u, int control);
+static void wind_of(flight_t *f, const real *u, real wind[3]);
+static void mass_of(flight_t *f, const real *x, const real *u);
+static void engine_loads(flight_t *f, const real *x, const real *u, real F[3], real M[3],
+                         real H[3], real *dx);
+static void gear_loads(flight_t *f, const real *x, const real *u, real F[3], real M[3], real *dx);
 
 #endif
 

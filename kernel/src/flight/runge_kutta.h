@@ -10,12 +10,12 @@ static inline void blend(const am_model *m, const real *u0, const real *u1, doub
 }
 
 static inline void advance(int n, const real *restrict x, double h, const real *restrict dx,
-                    real *restrict to) {
+                           real *restrict to) {
     for (int i = 0; i < n; i++) to[i] = x[i] + h * dx[i];
 }
 
-static inline void slope(flight_t *sim, double t, double h, double part, const real *x, const real *u,
-                  real *k) {
+static inline void slope(flight_t *sim, double t, double h, double part, const real *x,
+                         const real *u, real *k) {
     sim->part = part;
     sim->clock = t + part * h;
     derivative(sim, x, u, k);
@@ -23,7 +23,7 @@ static inline void slope(flight_t *sim, double t, double h, double part, const r
 
 /* Inputs at a part of u0 ... u1; u0 itself when they are held. */
 static inline const real *inputs_at(const flight_t *sim, const real *u0, const real *u1, double s,
-                               real *u) {
+                                    real *u) {
     if (u0 == u1) return u0;
     blend(sim->model, u0, u1, s, u);
     return u;
@@ -38,7 +38,7 @@ static void count_steps_outside(flight_t *sim);
 /* Leaves the new state in x_work; s0 ... s1 is the part of u0 ... u1 that this step from t
  * covers. */
 static inline void runge_kutta(flight_t *sim, double t, double h, const real *u0, const real *u1,
-                        double s0, double s1) {
+                               double s0, double s1) {
     const am_model *m = sim->model;
     const int n = am_state_count(m);
     real *k1 = sim->k;

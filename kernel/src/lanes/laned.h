@@ -4,24 +4,33 @@
 
 #include "flight.h"
 
+/* Number by number: a vector that is loaded for one of its lanes, or stored for one, costs more. */
+typedef double number_t __attribute__((may_alias));
+
 static inline double *give(const real *from, size_t n, int lane, double *to) {
-    for (size_t i = 0; i < n; i++) to[i] = from[i][lane];
+    const number_t *at = (const number_t *)from + lane;
+    for (size_t i = 0; i < n; i++) to[i] = at[i * LANES];
     return to;
 }
 
 static inline void take(const double *from, size_t n, int lane, real *to) {
-    for (size_t i = 0; i < n; i++) to[i][lane] = from[i];
+    number_t *at = (number_t *)to + lane;
+    for (size_t i = 0; i < n; i++) at[i * LANES] = from[i];
 }
 
-/* now_r is made of real, as now_t of double. */
-static inline void give_now(const flight_t *f, int lane) {
-    give((const real *)&f->now, sizeof(now_t) / sizeof(double), lane, (double *)&f->lane[lane]->now);
+/* The first n numbers of now; now_r is made of real, as now_t of double. */
+static inline void give_now(const flight_t *f, int lane, size_t n) {
+    double *now = (double *)&f->lane[lane]->now;
+    give((const real *)&f->now, n, lane, now);
 }
+
+#define BEFORE_FORCES (offsetof(now_t, F) / sizeof(double))
+#define ALL_OF_NOW (sizeof(now_t) / sizeof(double))
 
 /* What the submodels look at in a derivative: state and inputs stand in x_work and u_work. */
 static inline void give_condition(const flight_t *f, int lane, const real *x, const real *u) {
     am_sim *sim = f->lane[lane];
-    give_now(f, lane);
+    give_now(f, lane, BEFORE_FORCES);
     give(f->var, f->model->total[AM_VARIABLE], lane, sim->var);
     give(x, (size_t)am_state_count(f->model), lane, sim->x_work);
     give(u, (size_t)f->model->count[AM_INPUT], lane, sim->u_work);

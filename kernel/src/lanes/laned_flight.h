@@ -161,6 +161,7 @@ static void part_outputs(flight_t *f, real *y) {
     for (int l = 0; l < LANES; l++) {
         am_sim *sim = f->lane[l];
         give_condition(f, l, f->x, f->u);
+        give_now(f, l, ALL_OF_NOW);
         give(f->x, (size_t)am_state_count(m), l, sim->x);
         give(f->u, (size_t)m->count[AM_INPUT], l, sim->u);
         fuel_outputs(sim, sim->y_work);

@@ -6,12 +6,13 @@
 #include "fuel.h"
 #include "gear.h"
 #include "laned.h"
+#include "parts.h"
 #include "terms.h"
 #include "thrust.h"
 #include "weather.h"
 
 /* As control_drive.h, where recorded surfaces drive. [rad] */
-static inline real deflection(const flight_t *f, const real *u, int control) {
+static real deflection(const flight_t *f, const real *u, int control) {
     const real trim = control <= U_DELTA_R ? f->trim.delta[control] : (real)0.0;
     return u[control] + f->par[P_BIAS_DELTA_E + control] + trim;
 }
@@ -30,7 +31,7 @@ static void wind_of(flight_t *f, const real *u, real wind[3]) {
     for (int l = 0; l < LANES; l++) {
         am_sim *sim = f->lane[l];
         double air[3];
-        give_now(f, l);
+        give_now(f, l, BEFORE_FORCES);
         sim->part = f->part;
         weather_wind(sim, give(u, (size_t)f->model->count[AM_INPUT], l, sim->u_work), air);
         take(air, 3, l, wind);
@@ -119,14 +120,19 @@ static void engine_loads(flight_t *f, const real *x, const real *u, real F[3], r
 }
 
 static void gear_loads(flight_t *f, const real *x, const real *u, real F[3], real M[3], real *dx) {
+    const size_t states = (size_t)am_state_count(f->model);
     for (int k = 0; k < 3; k++) F[k] = M[k] = 0.0;
     if (!items(f->model, G_GEAR)) return;
     for (int l = 0; l < LANES; l++) {
         am_sim *sim = f->lane[l];
         double loads[2][3];
-        give_condition(f, l, x, u);
-        give(dx + X_PER_CORE, (size_t)am_state_count(f->model) - X_PER_CORE, l,
-             sim->k + X_PER_CORE);
+        if (items(f->model, G_SPOOL)) {
+            give(f->var + A_CT, 1, l, sim->var + A_CT); /* the rest stands there */
+        } else {
+            give_condition(f, l, x, u);
+            give(f->now.thrust, items(f->model, G_ENGINE), l, sim->now.thrust);
+            give(dx + X_PER_CORE, states - X_PER_CORE, l, sim->k + X_PER_CORE);
+        }
         gear_forces(sim, sim->x_work, sim->u_work, loads[0], loads[1], sim->k);
         take(loads[0], 3, l, F);
         take(loads[1], 3, l, M);

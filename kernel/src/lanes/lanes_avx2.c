@@ -1,5 +1,5 @@
-/* 4 simulations side by side, for x86-64 with AVX2; without fused multiply-add, which would round
- * once where others round twice. */
+/* Four simulations side by side, for x86-64 with AVX2; without fused multiply-add, which would
+ * round once where others round twice. */
 #if defined(__x86_64__) && !defined(AM_PLAIN)
 
 #define LANES 4
