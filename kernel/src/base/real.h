@@ -11,6 +11,7 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
+#include <string.h>
 
 #ifndef LANES
 #define LANES 1
@@ -29,15 +30,12 @@ typedef int64_t whole_t;
 #define REAL(i) ((double)(i))
 #define ONE_WHERE(condition) ((int64_t)(condition))
 
-static inline real root(real x) { return sqrt(x); }
-static inline real size_of(real x) { return fabs(x); }
-static inline real with_sign(real x, real sign) { return copysign(x, sign); }
-
 #else
 
 typedef double real __attribute__((ext_vector_type(LANES)));
-typedef int64_t mask_t __attribute__((ext_vector_type(LANES))); /* -1: true */
-typedef int64_t whole_t __attribute__((ext_vector_type(LANES)));
+/* what a comparison gives, 64 bits by whatever name the platform has for them; -1: true */
+typedef __typeof__((real){0.0} > (real){0.0}) mask_t;
+typedef mask_t whole_t;
 
 #define EVERY(condition) (__builtin_reduce_and(condition) != 0)
 #define ANY(condition) (__builtin_reduce_or(condition) != 0)
@@ -46,14 +44,47 @@ typedef int64_t whole_t __attribute__((ext_vector_type(LANES)));
 #define REAL(i) (__builtin_convertvector(i, real))
 #define ONE_WHERE(condition) (-(condition))
 
-#define root(x) __builtin_elementwise_sqrt(x)
-#define size_of(x) __builtin_elementwise_abs(x)
-#define with_sign(x, sign) __builtin_elementwise_copysign(x, sign)
-
 /* A unit may be compiled for several numbers of lanes: names with the number behind them. */
 #define LANED_(name, lanes) name##_##lanes
 #define LANED2(name, lanes) LANED_(name, lanes)
 #define LANED(name) LANED2(name, LANES)
+
+#endif
+
+static inline whole_t words_of(real x) {
+    whole_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+
+static inline real of_words(whole_t bits) {
+    real x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+#if LANES == 1
+
+static inline real root(real x) { return sqrt(x); }
+static inline real size_of(real x) { return fabs(x); }
+static inline real with_sign(real x, real sign) { return copysign(x, sign); }
+
+#else
+
+static inline real root(real x) {
+#if __has_builtin(__builtin_elementwise_sqrt)
+    return __builtin_elementwise_sqrt(x);
+#else
+    for (int i = 0; i < LANES; i++) x[i] = sqrt(x[i]);
+    return x;
+#endif
+}
+
+static inline real size_of(real x) { return of_words(words_of(x) & INT64_MAX); }
+
+static inline real with_sign(real x, real sign) {
+    return of_words((words_of(x) & INT64_MAX) | (words_of(sign) & INT64_MIN));
+}
 
 #endif
 
@@ -66,18 +97,6 @@ static inline real gather(const double *from, whole_t at) {
     for (int i = 0; i < LANES; i++) to[i] = from[at[i]];
     return to;
 #endif
-}
-
-static inline real of_words(whole_t bits) {
-    real x;
-    __builtin_memcpy(&x, &bits, sizeof x);
-    return x;
-}
-
-static inline whole_t words_of(real x) {
-    whole_t bits;
-    __builtin_memcpy(&bits, &x, sizeof bits);
-    return bits;
 }
 
 #endif
