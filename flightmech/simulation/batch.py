@@ -96,7 +96,7 @@ def simulate_batch(
     values = _table(varied)
     time = read_time(inputs)
     constant = {"mode.step": step, **(parameters or {})}
-    u = read_inputs(sim, inputs, constant, len(time))
+    u = read_inputs(sim, inputs, constant, len(time), len(values))
     base = Simulation(sim.model)
     for name, value in constant.items():
         if name not in sim.inputs:

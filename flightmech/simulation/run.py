@@ -138,19 +138,27 @@ def read_time(inputs: xr.Dataset) -> np.ndarray:
     return time
 
 
-def read_inputs(sim: SimModel, inputs: xr.Dataset, values: Mapping[str, float], count: int) -> np.ndarray:
-    """Return the inputs (time, inputs): recorded ones, else the constant ones of `values`, else their start values."""
+def read_inputs(sim: SimModel, inputs: xr.Dataset, values: Mapping[str, float], count: int, runs: int = 0) -> np.ndarray:
+    """Return the inputs (time, inputs): recorded ones, else the constant ones of `values`, else their start values.
+
+    With `runs`, inputs may have the dimensions (run, time); if one has, the result is (run, time, inputs).
+    """
     u = np.tile(constant_inputs(sim, values), (count, 1))
+    if runs and any("run" in inputs[name].dims for name in inputs.variables if name in sim.inputs):
+        u = np.tile(u, (runs, 1, 1))
     for name in map(str, inputs.variables):
         if name in sim.inputs:
-            u[:, sim.inputs.index(name)] = _column(inputs[name])
+            u[..., sim.inputs.index(name)] = _column(inputs[name], runs if u.ndim == 3 else 0)
         elif not _in_vocabulary(name):
             raise UnknownName(name, sim.inputs, "input")
     return u
 
 
-def _column(item: xr.DataArray) -> Any:
-    if item.dims not in ((), ("time",)):
+def _column(item: xr.DataArray, runs: int = 0) -> Any:
+    if runs and item.dims == ("run", "time"):
+        if item.sizes["run"] != runs:
+            raise SchemaError("inputs", [f"{item.name} has {item.sizes['run']} runs, the varied parameters {runs}"])
+    elif item.dims not in ((), ("time",)):
         raise SchemaError("inputs", [f"{item.name} has the dimensions {item.dims}; allowed are ('time',) and none"])
     return item.values.astype(float)
 

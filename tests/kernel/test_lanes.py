@@ -1,0 +1,139 @@
+"""Runs side by side in the lanes of the processor: the bits of runs one after the other, whatever the runs do."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import flightmech
+from flightmech.simulation.kernel import library
+
+MODELS = Path(__file__).parents[2] / "kernel" / "fuzz" / "models.py"
+RUNS = 11  # a group of eight and one of three
+TIME = np.arange(0.0, 3.0, 0.02)
+
+
+@pytest.fixture(scope="module")
+def models() -> dict[str, flightmech.SimModel]:
+    """The models of the fuzzers: every submodel; one engine and body axes; one constant; no term."""
+    spec = importlib.util.spec_from_file_location("models", MODELS)
+    found = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(found)
+    return found.compiled()
+
+
+@pytest.fixture(scope="module")
+def record() -> xr.Dataset:
+    moves = {"delta_e": 0.03 * np.sin(3.0 * TIME), "delta_a": 0.02 * np.cos(2.0 * TIME), "delta_r": np.where(TIME > 1.0, 0.02, 0.0)}
+    return xr.Dataset({name: ("time", values) for name, values in moves.items()}, {"time": TIME})
+
+
+def spread(low: float, high: float) -> np.ndarray:
+    return np.linspace(low, high, RUNS)
+
+
+AIR = {"init.V": spread(70.0, 150.0), "init.h": spread(900.0, 13000.0), "init.alpha": spread(-0.1, 0.3), "init.beta": spread(0.0, 0.1)}
+
+
+def demand_same(sim: flightmech.SimModel, *arguments, **options) -> xr.Dataset:
+    """Fly with every number of lanes, demand the same bits and reasons, and return the result."""
+    alone = flightmech.simulate_batch(sim, *arguments, failed="nan", lanes=1, **options)
+    for lanes in (4, 8):
+        found = flightmech.simulate_batch(sim, *arguments, failed="nan", lanes=lanes, **options)
+        assert found["failure"].values.tolist() == alone["failure"].values.tolist()
+        differing = [name for name in sim.outputs if found[name].values.tobytes() != alone[name].values.tobytes()]
+        assert not differing, f"{lanes} lanes"
+    return alone
+
+
+def test_this_processor_says_how_many_lanes_it_has(sim):
+    assert library().am_lanes(sim.model.handle) in (1, 4, 8)
+
+
+@pytest.mark.parametrize("earth", [0.0, 1.0, 2.0, 3.0])
+@pytest.mark.parametrize("trim", [0.0, 1.0])
+def test_table_aircraft_on_every_earth(sim, record, earth, trim):
+    found = demand_same(sim, record, AIR, {"mode.earth": earth, "mode.trim": trim})
+    assert float(np.ptp(found["alpha"].values[:, -1])) > 0.01
+
+
+@pytest.mark.parametrize("name", ["plain", "bare", "empty"])
+@pytest.mark.parametrize("drive", [0.0, 2.0])
+def test_small_models(models, record, name, drive):
+    demand_same(models[name], record, AIR | {"env.delta_T": spread(-20.0, 20.0)}, {"mode.engine": drive * (name == "plain"), "mode.rates": 1.0})
+
+
+@pytest.fixture(scope="module")
+def together() -> flightmech.SimModel:
+    """Every submodel, and coefficients that depend on no other: what flies in lanes with its parts in the simulation of each."""
+    spec = importlib.util.spec_from_file_location("models", MODELS)
+    found = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(found)
+    leaves = {name: leaf for name, leaf in found.air().items() if name != "CD/polar"}
+    return flightmech.compile(found.whole(), found._tree(leaves))
+
+
+MODES = {
+    "calm": {},
+    "trimmed": {"mode.trim": 1.0},
+    "shear": {"wind_n": 5.0, "wind.shear_e": 0.01},
+    "boundary layer": {"wind.W20": 8.0, "env.runway_elevation": 100.0},
+    "turbulence": {"turbulence.mode": 1.0, "turbulence.seed": 3.0, "turbulence.W20": 12.0},
+    "gust": {"gust.peak_w": 8.0, "gust.start": 1.0, "gust.rise": 0.5},
+    "thrust": {"mode.engine": 2.0, "engine1.thrust_drive": 3000.0},
+    "N1": {"mode.engine": 1.0, "engine1.n1_drive": 0.7},
+    "positions": {"mode.controls": 1.0},
+    "forces": {"mode.controls": 2.0, "F_column": 10.0},
+}
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_whole_aircraft_in_flight(together, record, mode):
+    known = {*together.parameters, *together.inputs}
+    assert MODES[mode].keys() <= known, MODES[mode].keys() - known
+    throttle = {f"engine{i}.throttle": ("time", 0.6 + 0.3 * np.sin(i * TIME)) for i in (1, 2)}
+    demand_same(together, record.assign(throttle), AIR | {"mass.mass": spread(2200.0, 2500.0)}, MODES[mode])
+
+
+def test_whole_aircraft_on_the_ground(together, record):
+    rolling = {"init.V": spread(0.0, 25.0), "env.runway_elevation": spread(0.0, 50.0)}
+    found = demand_same(together, record.assign(gear=1.0), rolling, {"mode.trim": 3.0})
+    assert (found["failure"] == "").all()
+    assert float(abs(found["h_agl"]).max()) < 5.0
+
+
+def test_a_force_that_depends_on_coefficients(models, record):
+    demand_same(models["whole"], record, AIR)
+
+
+def test_a_run_that_fails_leaves_the_others_alone(sim, record):
+    mass = spread(2200.0, 2500.0)
+    mass[2] = -1.0
+    inertia = np.full(RUNS, 30000.0)
+    inertia[[4, 9]] = 1e-9  # the motion diverges
+    found = demand_same(sim, record, {"mass.mass": mass, "mass.Iyy": inertia} | AIR, {"mass.Ixz": 0.0, "mass.Ixy": 0.0, "mass.Iyz": 0.0})
+    assert "must be positive" in found["failure"].values[2]
+    failed = [bool(text) for text in found["failure"].values]
+    assert 1 < sum(failed) < RUNS
+    assert np.isfinite(found["V"].values[[not text for text in failed]]).all()
+
+
+def test_mixed_modes_and_changed_tables(sim, record):
+    earth = np.where(np.arange(RUNS) % 3, 1.0, 0.0)
+    demand_same(sim, record, AIR | {"mode.earth": earth})
+    term = next(name for name in sim.parameters if name.startswith("term.Cm")).removeprefix("term.")
+    demand_same(sim, record, AIR | {f"table.{term}": spread(0.9, 1.1), f"offset.{term}": spread(-0.01, 0.01)})
+
+
+def test_inputs_of_each_run_and_held_inputs(sim, record):
+    own = record.assign(delta_e=(("run", "time"), np.outer(spread(0.5, 1.5), record["delta_e"].values)))
+    for hold in ("linear", "zero"):
+        found = demand_same(sim, own, AIR, {"init.gamma": 0.02}, hold=hold, step=0.007)
+        for run in (0, RUNS - 1):
+            held = {name: values[run] for name, values in AIR.items()} | {"init.gamma": 0.02}
+            one = flightmech.simulate(sim, own.isel(run=run), held, hold=hold, step=0.007)
+            assert np.array_equal(one["q"], found["q"][run])
