@@ -11,7 +11,7 @@
 #define LONGEST 0.1   /* of a step, so that no input takes more than seconds [s] */
 #define MOST_STEPS 50 /* of mode.step in one call */
 #define SAMPLES 4
-#define RUNS 2
+#define RUNS 6 /* more than four: two groups of lanes */
 
 /* ---- choices --------------------------------------------------------------------------------- */
 
@@ -248,28 +248,38 @@ static void batch(const am_model *m, am_sim *sim, bytes_t *bytes) {
     const int output[] = {0, 5};
     double t[SAMPLES];
     double *u = values(bytes, SAMPLES * count(m, AM_INPUT));
-    double changed[RUNS * 2], y[RUNS * SAMPLES * 2];
+    double changed[RUNS * 2], y[RUNS * SAMPLES * 2], alone[RUNS * SAMPLES * 2];
     int status[RUNS];
     size_t done[RUNS];
     char text[RUNS][AM_TEXT];
     rise(t, m, sim, bytes);
     for (int i = 0; i < RUNS * 2; i++) changed[i] = take_value(bytes);
-    const am_batch_task task = {.samples = SAMPLES - (take_byte(bytes) % 8 == 0 ? SAMPLES : 0),
-                                .parameters = 2,
-                                .outputs = 2,
-                                .t = t,
-                                .u = u,
-                                .parameter = parameter,
-                                .values = changed,
-                                .output = output,
-                                .y = y,
-                                .hold = take_byte(bytes) % 2};
+    am_batch_task task = {.samples = SAMPLES - (take_byte(bytes) % 8 == 0 ? SAMPLES : 0),
+                          .parameters = 2,
+                          .outputs = 2,
+                          .t = t,
+                          .u = u,
+                          .parameter = parameter,
+                          .values = changed,
+                          .output = output,
+                          .y = y,
+                          .hold = take_byte(bytes) % 2};
     promise(am_batch(sim, &task, 0, RUNS, status, done, text) == AM_OK,
             "a batch states per run what went wrong");
     for (int i = 0; i < RUNS; i++) {
         promise((status[i] == AM_OK) == !text[i][0], "a run that failed has a text");
         all_finite_or_die(y + (size_t)i * SAMPLES * 2, 2 * done[i],
                           "outputs of a batch are finite");
+    }
+    /* one after the other: the same bits */
+    task.lanes = 1;
+    task.y = alone;
+    memset(alone, 0, sizeof alone);
+    promise(am_batch(sim, &task, 0, RUNS, status, done, text) == AM_OK, "as well alone");
+    for (int i = 0; i < RUNS; i++) {
+        const size_t first = (size_t)i * SAMPLES * 2;
+        promise(memcmp(y + first, alone + first, sizeof *y * 2 * done[i]) == 0,
+                "runs side by side have the bits of runs alone");
     }
     free(u);
 }
