@@ -5,7 +5,9 @@
 Two models, two engines with thrust tables and lags each, WGS-84 Earth.  One has the size of a Citation's: 6 tables of one axis,
 28 of two, 7 of three, 2 of four in 36 terms.  The other has that of the whole build-up of LR-743: 16, 72, 26 and 6 tables, 120 in
 113 terms.  Seven terms of each have a factor table.  With the folder of `./run demo` the identified T-37 flies with them: its terms,
-two engine decks, landing gear and three control circuits.  Needs the package ``jsbsim`` (``pip install aeromatch[dev]``).
+two engine decks, landing gear and three control circuits.  Then the step of one of eight runs, one after the other and side by
+side in the lanes of the processor, with masses, speeds and heights 20 % apart (tables in different cells) and 1e-6 apart.  Needs
+the package ``jsbsim`` (``pip install aeromatch[dev]``).
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import numpy as np
 import xarray as xr
 
 import flightmech
-from flightmech.simulation.kernel import Simulation
+from flightmech.simulation.kernel import PARAMETER, Simulation
 from flightmech.simulation.model_files import compile_files
 from flightmech.terms import make
 
@@ -28,6 +30,7 @@ SEQUENCE = ("CL", "CD", "CY", "Cl", "Cm", "Cn")
 REGRESSORS = (("qhat",), ("delta_e",), ("beta",), ("phat",), ("rhat",), ("delta_a",), ("delta_r",), ("alphadothat",), ())
 
 
+RUNS = 8  # side by side
 CLASS, WHOLE = (0, 21, 7, 2), (10, 65, 26, 6)  # tables of one to four axes in addition to the six that make it fly
 
 
@@ -79,6 +82,23 @@ def flight(sim: flightmech.SimModel, seconds: float = 60.0) -> float:
     return (time.process_time() - start) / (seconds / 0.01)
 
 
+def side_by_side(sim: flightmech.SimModel, spread: float, fdm, repeats: int, seconds: float = 10.0) -> list[float]:
+    """CPU time of one step of one of eight runs, their starts left out, in 1, 4 and 8 lanes, and of a frame of JSBSim. [s]"""
+    around = np.linspace(1.0 - spread, 1.0 + spread, RUNS)
+    mass = next(row.value for row in sim.entries(PARAMETER) if row.name == "mass.mass")
+    varied = {"mass.mass": mass * around, "init.V": 120.0 * around, "init.h": 3000.0 * around}
+
+    def batch(lanes: int, end: float) -> float:
+        record = xr.Dataset(coords={"time": np.arange(0.0, end + 0.5)})
+        start = time.process_time()
+        flightmech.simulate_batch(sim, record, varied, outputs=["V"], threads=1, lanes=lanes)
+        return time.process_time() - start
+
+    times = [[frame(fdm, 600), *(batch(lanes, end) for lanes in (1, 4, 8) for end in (1.0, 1.0 + seconds))] for _ in range(repeats)]
+    peer, *least = np.min(times, axis=0)
+    return [*(np.diff(least)[::2] / (RUNS * seconds / 0.01)), peer]
+
+
 def trimmed_t37():
     """JSBSim's T37 in level flight with its engines running."""
     import jsbsim
@@ -114,6 +134,13 @@ def main(demo: Path | None = None, repeats: int = 20) -> None:
     for whole in t37:
         print(f"kernel RK4 step, T-37 complete {1e6 * whole:6.2f} us   (JSBSim's frame is {peer / whole:.1f} times as long)")
     print(f"ratio                       {peer / step:6.1f}    per derivative {4.0 * peer / step:.0f}")
+    names = ["43 tables", "120 tables", "T-37"]
+    for name, model in zip(names, models, strict=False):
+        for spread in (0.2, 1e-6):
+            alone, four, eight, peer = side_by_side(model, spread, fdm, repeats)
+            lanes = f"{1e6 * four:.2f} in four lanes ({alone / four:.1f}), {1e6 * eight:.2f} in up to eight ({alone / eight:.1f})"
+            print(f"{name}, runs {spread:g} apart: step of a run {1e6 * alone:.2f} us alone, {lanes}")
+            print(f"    JSBSim's frame is {peer / four:.1f} and {peer / eight:.1f} times as long")
 
 
 if __name__ == "__main__":

@@ -64,7 +64,9 @@ def test_table_aircraft_on_every_earth(sim, record, earth, trim):
 @pytest.mark.parametrize("name", ["plain", "bare", "empty"])
 @pytest.mark.parametrize("drive", [0.0, 2.0])
 def test_small_models(models, record, name, drive):
-    demand_same(models[name], record, AIR | {"env.delta_T": spread(-20.0, 20.0)}, {"mode.engine": drive * (name == "plain"), "mode.rates": 1.0})
+    demand_same(
+        models[name], record, AIR | {"env.delta_T": spread(-20.0, 20.0)}, {"mode.engine": drive * (name == "plain"), "mode.rates": 1.0}
+    )
 
 
 @pytest.fixture(scope="module")
