@@ -50,7 +50,7 @@ def demand_same(sim: flightmech.SimModel, *arguments, **options) -> xr.Dataset:
     return alone
 
 
-def test_this_processor_says_how_many_lanes_it_has(sim):
+def test_this_processor_has_lanes(sim):
     assert library().am_lanes(sim.model.handle) in (1, 4, 8)
 
 

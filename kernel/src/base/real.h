@@ -1,4 +1,4 @@
-/* A number of every run that flies side by side: LANES of them in a unit that says so before its
+/* A number of every run that flies side by side: LANES of them in a unit that defines it before its
  * first include, one in all others.
  *
  * The equations are written once over `real`.  With one lane that is double, and the compiler
