@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import weakref
 from collections.abc import Iterator, Sequence
-from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_size_t, c_void_p
+from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_longlong, c_size_t, c_void_p
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -90,6 +90,10 @@ _SIGNATURES: dict[str, tuple[type | None, list]] = {
     "am_complete_step": (c_int, [c_void_p, c_double]),
     "am_evaluate": (c_int, [c_void_p, c_size_t, _doubles, _doubles, _doubles]),
     "am_out_of_range": (c_int, [c_void_p, _doubles, _doubles]),
+    "am_add_steps": (c_int, [c_void_p, c_void_p, c_size_t, _doubles, _doubles]),
+    "am_eliminate": (c_longlong, [c_void_p, c_size_t, _doubles, _doubles, _doubles]),
+    "am_substitute": (None, [c_int, c_int, c_size_t, _doubles, _doubles, c_size_t, _doubles]),
+    "am_add_readings": (c_int, [c_void_p, c_void_p, c_size_t, POINTER(c_longlong), _doubles, _doubles]),
 }
 
 

@@ -259,7 +259,7 @@ def _hidden_by_gusts(problem: Problem) -> tuple[str, ...]:
 def _settle(problem: Problem, solution: Solution, held: Sequence[str] = ()) -> Solution:
     """Return the settled solution, iterating on where it is not."""
     if not solution.settled:
-        more = estimate(problem, solution.x, solution.c, held=held)
+        more = estimate(problem, solution.x, solution.c, held=held, known=solution.equations)
         solution = replace(more, iterations=solution.iterations + more.iterations)
     if not solution.settled:
         raise IdentificationError(

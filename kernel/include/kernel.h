@@ -313,6 +313,52 @@ AM_API int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficie
 /* Internal steps since am_initialize that lay outside each axis: below[axes], above[axes]. */
 AM_API int am_out_of_range(const am_sim *sim, double *below, double *above);
 
+/* ---- normal equations of a trajectory --------------------------------------------------------- */
+
+enum { AM_MOST_UNKNOWNS = 64 }; /* states of a sample, and constants behind one residual */
+
+/* Sums over residuals of a trajectory with constants, all of the caller, which clears them: of each
+ * sample the block D[samples * states * states] and that with the next sample (rows) O[(samples -
+ * 1) * states * states], the border G[samples * states * constants], C[constants * constants], the
+ * gradients gx[samples * states] and gc[constants], the sum of squares cost. */
+typedef struct {
+    int states, constants;
+    double *D, *O, *G, *C, *gx, *gc, *cost;
+} am_normal;
+
+/* Residuals r[n * rows] with their derivatives J[n * rows * columns] by the constants of the indices
+ * column[columns], each to be multiplied by weight[n * rows].  Derivatives by the state go to the
+ * first `states` of a sample. */
+typedef struct {
+    int rows, states, columns;
+    const int *column;
+    const double *r, *weight, *J;
+} am_residuals;
+
+/* Add residuals between neighbouring samples; A and B[steps * rows * states] are their derivatives
+ * by the state before and after.  AM_BAD_ARGUMENT: more unknowns than AM_MOST_UNKNOWNS. */
+AM_API int am_add_steps(const am_normal *e, const am_residuals *given, size_t steps,
+                        const double *A, const double *B);
+
+/* Add residuals of readings at the states (1 - f) x[k] + f x[k + 1], with the derivatives
+ * A[readings * rows * states]; k < samples, and k < samples - 1 where f is not zero. */
+AM_API int am_add_readings(const am_normal *e, const am_residuals *given, size_t readings,
+                           const long long *k, const double *f, const double *A);
+
+/* Eliminate the states, by Cholesky's factors of the block-tridiagonal matrix: T = F F'.
+ *
+ * L[samples * states * states]: its diagonal blocks, lower halves; M[samples * states * width],
+ * width = states + constants + 1: behind the transposed blocks below the diagonal of F stands
+ * F^-1 [G, gx]; border[(constants + 1)^2], of which the caller clears the lower half: the products
+ * of these columns are added to it.  Returns -1, or the number of the state that nothing determines.
+ */
+AM_API long long am_eliminate(const am_normal *e, size_t samples, double *L, double *M,
+                              double *border);
+
+/* x[samples * states * columns] = F'^-1 x, with what am_eliminate left. */
+AM_API void am_substitute(int states, int constants, size_t samples, const double *L,
+                          const double *M, size_t columns, double *x);
+
 #ifdef __cplusplus
 }
 #endif

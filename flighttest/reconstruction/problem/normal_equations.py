@@ -6,7 +6,7 @@ most, so the normal matrix is ::
     [ T   G ]   T: N x N blocks of n x n, block-tridiagonal, symmetric
     [ G'  C ]   G: N blocks of n x nc;  C: nc x nc
 
-T is factored as a band (LAPACK ``pbtrf``), the constants follow from the Schur complement S = C - G' T^-1 G, whose
+T is factored by blocks, the constants follow from the Schur complement S = C - G' T^-1 G, whose
 inverse is their posterior covariance.  One step costs O(N n^2 (n + nc)).  On a trajectory this is the iterated
 extended Kalman smoother of [Bell1994] without its recursions.
 
@@ -20,6 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from flightmech.errors import IdentificationError
+from flightmech.simulation.normal_sums import Elimination, NormalSums
 
 
 class NormalEquations:
@@ -32,61 +33,37 @@ class NormalEquations:
     """
 
     def __init__(self, samples: int, states: int, constants: int):
-        self.D = np.zeros((samples, states, states))
-        self.O = np.zeros((samples - 1, states, states))
-        self.G = np.zeros((samples, states, constants))
-        self.C = np.zeros((constants, constants))
-        self.gx = np.zeros((samples, states))
-        self.gc = np.zeros(constants)
-        self.cost = 0.0
+        self.sums = NormalSums(samples, states, constants)
+        self.D, self.O, self.G, self.C = self.sums.D, self.sums.O, self.sums.G, self.sums.C
+        self.gx, self.gc = self.sums.gx, self.sums.gc
 
-    def add_steps(self, r, A, B, columns, Jc) -> None:
-        """Add residuals between neighbours: r (N-1, m), A = dr/dx_k, B = dr/dx_k+1 (N-1, m, n), Jc (N-1, m, columns)."""
-        At, Bt = _t(A), _t(B)
-        self.D[:-1] += At @ A
-        self.D[1:] += Bt @ B
-        self.O += Bt @ A
-        self.gx[:-1] += (At @ r[..., None])[..., 0]
-        self.gx[1:] += (Bt @ r[..., None])[..., 0]
-        self.G[:-1, :, columns] += At @ Jc
-        self.G[1:, :, columns] += Bt @ Jc
-        self._add_constants(r, columns, Jc)
+    @property
+    def cost(self) -> float:
+        """Twice the negative log density, but for a constant."""
+        return self.sums.cost
 
-    def add_samples(self, r, k, f, J, columns, Jc) -> None:
-        """Add residuals of outputs at the state (1-f) x_k + f x_k+1: r (M, m), k and f (M,), J (M, m, n), Jc (M, m, columns)."""
-        JJ, Jr, JJc = _t(J) @ J, (_t(J) @ r[..., None])[..., 0], _t(J) @ Jc
-        for index, weight in ((k, 1.0 - f), (k + 1, f)):
-            hit = weight > 0.0
-            if not hit.any():
-                continue
-            chosen = slice(None) if hit.all() else hit
-            at, share = index[chosen], weight[chosen]
-            add_at(self.D, at, JJ[chosen] * (share**2)[:, None, None])
-            add_at(self.gx, at, Jr[chosen] * share[:, None])
-            add_at(self.G, at, JJc[chosen] * share[:, None, None], columns)
-        between = f * (1.0 - f) > 0.0
-        if between.any():
-            add_at(self.O, k[between], JJ[between] * (f * (1.0 - f))[between, None, None])
-        self._add_constants(r, columns, Jc)
+    def add_steps(self, r, A, B, columns, Jc, weight) -> None:
+        """Add residuals between neighbours, and what they are multiplied by: r, weight (N-1, m), Jc (N-1, m, columns).
+
+        A = dr/dx_k and B = dr/dx_k+1 (N-1, m, q) are the derivatives by the first q of the state.
+        """
+        self.sums.steps(r, weight, A, B, columns, Jc)
+
+    def add_samples(self, r, k, f, J, columns, Jc, weight) -> None:
+        """Add residuals of outputs at the state (1-f) x_k + f x_k+1: r (M, m), k and f (M,), J (M, m, n), Jc (M, m, columns), weight (m,)."""
+        self.sums.readings(r, weight, k, f, J, columns, Jc)
 
     def add_state(self, k: int, r, weight) -> None:
         """Add a prior on one state: residual r (n,) already divided by its standard error, weight = 1/standard error (n,)."""
         self.D[k] += np.diag(weight**2)
         self.gx[k] += weight * r
-        self.cost += float(r @ r)
+        self.sums.cost += float(r @ r)
 
     def add_prior(self, deviation, precision) -> None:
         """Add a prior on the constants: deviation from its mean (nc,) and the inverse of its covariance (nc, nc)."""
         self.C += precision
         self.gc += precision @ deviation
-        self.cost += float(deviation @ precision @ deviation)
-
-    def _add_constants(self, r, columns, Jc) -> None:
-        self.cost += float(np.vdot(r, r))
-        if len(columns):
-            flat = Jc.reshape(-1, len(columns))
-            self.C[np.ix_(columns, columns)] += flat.T @ flat
-            self.gc[columns] += flat.T @ r.ravel()
+        self.sums.cost += float(deviation @ precision @ deviation)
 
     def solve(self, free: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the Gauss-Newton step of states (N, n) and constants (nc,), and the information on the constants (nc, nc).
@@ -102,16 +79,10 @@ class NormalEquations:
             The normal matrix is singular: something is neither measured nor bounded by a prior.
         """
         from scipy.linalg import cho_factor, cho_solve
-        from scipy.linalg.lapack import dtbtrs
 
-        samples, states, constants = self.G.shape
-        factor = self._factor()
-        right = np.empty((samples * states, constants + 1), order="F")
-        right[:, :constants] = self.G.reshape(-1, constants)
-        right[:, constants] = self.gx.ravel()
-        Y, _ = dtbtrs(factor, right, uplo="L", trans="N", overwrite_b=1)
-        YY = Y.T @ Y
-        schur = self.C - YY[:-1, :-1]
+        constants = len(self.C)
+        rest = self._eliminated()
+        schur = self.C - rest.border[:-1, :-1]
         dc = np.zeros(constants)
         move = np.arange(constants) if free is None else np.flatnonzero(free)
         if len(move):
@@ -122,10 +93,9 @@ class NormalEquations:
                 raise IdentificationError(
                     "the constants are not determined: two of them do the same and have no prior; give one a prior"
                 ) from error
-            dc[move] = -scale * cho_solve(root, scale * (self.gc - YY[:-1, -1])[move])
-        rest = np.asfortranarray((-Y[:, -1] - Y[:, :-1] @ dc)[:, None])
-        dx, _ = dtbtrs(factor, rest, uplo="L", trans="T", overwrite_b=1)
-        return dx.reshape(samples, states), dc, schur
+            dc[move] = -scale * cho_solve(root, scale * (self.gc - rest.border[:-1, -1])[move])
+        dx = rest.back(-(rest.right @ np.append(dc, 1.0))[..., None])
+        return dx[..., 0], dc, schur
 
     def following(self) -> np.ndarray:
         """Return how the states follow the constants, dx/dc = -T^-1 G (N, n, nc).
@@ -135,38 +105,15 @@ class NormalEquations:
         IdentificationError
             As `solve`.
         """
-        from scipy.linalg.lapack import dpbtrs
+        rest = self._eliminated()
+        return rest.back(-rest.right[..., :-1])
 
-        samples, states, constants = self.G.shape
-        factor = self._factor()
-        follow, _ = dpbtrs(factor, np.asfortranarray(-self.G.reshape(-1, constants)), lower=1, overwrite_b=1)
-        return follow.reshape(samples, states, constants)
-
-    def _factor(self) -> np.ndarray:
-        """Return the Cholesky factor of T in band storage."""
-        from scipy.linalg.lapack import dpbtrf
-
-        states = self.D.shape[1]
-        factor, fault = dpbtrf(self._band(), lower=1, overwrite_ab=1)
-        if fault:
-            k, i = divmod(fault - 1, states)
-            raise IdentificationError(f"the trajectory is not determined at sample {k}, state {i}; give a sensor or a prior for it")
-        return factor
-
-    def _band(self) -> np.ndarray:
-        """Return T in lower band storage: band[i - j, j]."""
-        samples, n, _ = self.D.shape
-        band = np.zeros((2 * n, samples * n), order="F")
-        for i in range(n):
-            for j in range(n):
-                if i >= j:
-                    band[i - j, j::n] = self.D[:, i, j]
-                band[n + i - j, j : (samples - 1) * n : n] = self.O[:, i, j]
-        return band
-
-
-def _t(matrices: np.ndarray) -> np.ndarray:
-    return np.swapaxes(matrices, -1, -2)
+    def _eliminated(self) -> Elimination:
+        try:
+            return self.sums.eliminate()
+        except np.linalg.LinAlgError as error:
+            k, i = error.args
+            raise IdentificationError(f"the trajectory is not determined at sample {k}, state {i}; give a sensor or a prior for it") from error
 
 
 def add_at(target: np.ndarray, index: np.ndarray, values: np.ndarray, columns: np.ndarray | None = None) -> None:

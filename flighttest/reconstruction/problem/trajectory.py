@@ -40,7 +40,10 @@ ITERATIONS = 20
 
 @dataclass(frozen=True)
 class Solution:
-    """Estimate of the trajectory x (N, n) and the constants c (nc,), with the covariance of c."""
+    """Estimate of the trajectory x (N, n) and the constants c (nc,), with the covariance of c.
+
+    One that has not settled keeps the equations about it, from which `estimate` goes on.
+    """
 
     x: np.ndarray
     c: np.ndarray
@@ -48,9 +51,17 @@ class Solution:
     cost: float
     iterations: int
     settled: bool
+    equations: NormalEquations | None = None
 
 
-def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = ITERATIONS, held: Sequence[str] = ()) -> Solution:
+def estimate(
+    problem: Problem,
+    x: np.ndarray,
+    c: np.ndarray,
+    iterations: int = ITERATIONS,
+    held: Sequence[str] = (),
+    known: NormalEquations | None = None,
+) -> Solution:
     """Minimise the joint negative log density by Gauss-Newton, halving steps that overshoot.
 
     Parameters
@@ -63,12 +74,14 @@ def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = I
     held : sequence of str
         Constants that stay at their start value: the data do not inform them, and their prior uncertainty is passed on
         to the others (Schmidt's "consider" parameters).
+    known : NormalEquations, optional
+        Those about the start.
 
     Returns
     -------
     Solution
-        ``settled`` when the last step promised to lower the cost (twice the negative log density) by less than 0.01, or
-        promised less than one, a standard error, and brought less than 0.01: a latency that crosses a sample is a kink.
+        ``settled`` when the last step promised to lower the cost (twice the negative log density) by less than 0.01, and is taken
+        unseen, or promised less than one, a standard error, and brought less than 0.01: a latency that crosses a sample is a kink.
 
     Raises
     ------
@@ -76,13 +89,16 @@ def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = I
         No fraction of a step lowers the cost.
     """
     free = np.array([name not in held for name in problem.constants.names])
-    equations, step, settled = linearise(problem, x, c), 0, False
+    equations, step, settled = known or linearise(problem, x, c), 0, False
     while step < iterations and not settled:
         step += 1
         far = equations.cost > FAR * len(x)  # the readings only start the path: constants that multiply it wait
         moving = free & ~np.array([name.startswith(_MULTIPLY) for name in problem.constants.names]) if far else free
         dx, dc, information = equations.solve(moving)
         gain = -float(np.vdot(equations.gx, dx) + equations.gc @ dc)
+        if not far and gain < GAIN:
+            x, c, settled = moved(x, dx), c + dc, True
+            break
         trial, share = _line_search(problem, x, c, dx, dc, equations.cost, gain)
         gained = equations.cost - trial.cost
         if gained < -GAIN and gain > 1.0:
@@ -91,8 +107,9 @@ def estimate(problem: Problem, x: np.ndarray, c: np.ndarray, iterations: int = I
             )
         if gained > -GAIN:
             x, c, equations = moved(x, share * dx), c + share * dc, trial
-        settled = not far and (gain < GAIN or (gain < 1.0 and gained < GAIN))
-    return Solution(x, c, _covariance(information, free, problem.constants.covariance), equations.cost, step, settled)
+        settled = not far and gain < 1.0 and gained < GAIN
+    covariance = _covariance(information, free, problem.constants.covariance)
+    return Solution(x, c, covariance, equations.cost, step, settled, None if settled else equations)
 
 
 def moved(x: np.ndarray, dx: np.ndarray) -> np.ndarray:
@@ -151,7 +168,7 @@ def linearise(problem: Problem, x: np.ndarray, c: np.ndarray) -> NormalEquations
 
 
 def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
-    dt, n = problem.dt, problem.states
+    dt = problem.dt
     difference, middle = np.diff(x[:, :7], axis=0) / dt, (x[1:, :7] + x[:-1, :7]) / 2.0
     omega, force = body_rates(problem, c), specific_force(problem, c)
     r = np.zeros((len(middle), 7))
@@ -166,7 +183,7 @@ def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: N
     r[:, VELOCITY] = U - over_steps(problem, force)
     r[:, HEIGHT] = difference[:, HEIGHT] + middle[:, 5]
     # half of the derivative with respect to the middle, and the one with respect to the difference
-    half, slope = np.zeros((len(middle), 7, n)), np.zeros((len(middle), 7, n))
+    half, slope = np.zeros((len(middle), 7, 7)), np.zeros((len(middle), 7, 7))
     half[:, ATTITUDE, ATTITUDE] = change / 2.0
     slope[:, ATTITUDE, ATTITUDE] = rate_matrix(middle[:, ATTITUDE]) / dt
     half[:, VELOCITY, ATTITUDE] = turn / 2.0
@@ -178,8 +195,7 @@ def _inertial_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: N
     columns, D = input_derivatives(problem, c)
     Jc = np.zeros((len(middle), 7, len(columns)))
     Jc[:, :6] = -(D[1:] + D[:-1]) / 2.0
-    w = weight[..., None]
-    equations.add_steps(r * weight, (half - slope) * w, (half + slope) * w, columns, Jc * w)
+    equations.add_steps(r, half - slope, half + slope, columns, Jc, weight)
 
 
 def input_derivatives(problem: Problem, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -250,8 +266,7 @@ def _vane_steps(problem: Problem, x: np.ndarray, c: np.ndarray, equations: Norma
         r[slow, i] = (lagged[1:] - lagged[:-1])[slow, i]
         A[slow, i, first + i], B[slow, i, first + i] = -1.0, 1.0
     weight = problem.linked[:, None] / np.where(slow[:, None], LOOSE, problem.vane_noise)
-    w = weight[..., None]
-    equations.add_steps(r * weight, A * w, B * w, columns, Jc * w)
+    equations.add_steps(r, A, B, columns, Jc, weight)
 
 
 def _gust_steps(problem: Problem, x: np.ndarray, equations: NormalEquations) -> None:
@@ -262,8 +277,8 @@ def _gust_steps(problem: Problem, x: np.ndarray, equations: NormalEquations) -> 
     gust = x[:, problem.gusts]
     A, B = np.zeros((len(x) - 1, 3, problem.states)), np.zeros((len(x) - 1, 3, problem.states))
     places = np.arange(problem.gusts.start, problem.gusts.stop)
-    A[:, np.arange(3), places], B[:, np.arange(3), places] = -keep * weight, weight
-    equations.add_steps((gust[1:] - keep * gust[:-1]) * weight, A, B, np.zeros(0, int), np.zeros((len(x) - 1, 3, 0)))
+    A[:, np.arange(3), places], B[:, np.arange(3), places] = -keep, 1.0
+    equations.add_steps(gust[1:] - keep * gust[:-1], A, B, np.zeros(0, int), np.zeros((len(x) - 1, 3, 0)), weight)
 
 
 def place(problem: Problem, sensor: Sensor, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -326,8 +341,7 @@ def shown(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray):
 
 def _add_sensor(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray, equations: NormalEquations) -> None:
     r, k, f, J, columns, Jc = shown(problem, sensor, x, c)
-    w = 1.0 / sensor.sigma
-    equations.add_samples(r * w, k, f, J * w[:, None], columns, Jc * w[:, None])
+    equations.add_samples(r, k, f, J, columns, Jc, 1.0 / sensor.sigma)
 
 
 def residuals(problem: Problem, sensor: Sensor, x: np.ndarray, c: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -26,12 +26,12 @@ def test_solution_of_a_small_system():
             right.append(r[i])
 
     r, A, B, Jc = (rng.normal(size=s) for s in ((N - 1, 3), (N - 1, 3, n), (N - 1, 3, n), (N - 1, 3, nc)))
-    equations.add_steps(r, A, B, np.arange(nc), Jc)
+    equations.add_steps(r, A, B, np.arange(nc), Jc, np.ones_like(r))
     for k in range(N - 1):
         dense((k, k + 1), (A[k], B[k]), Jc[k], r[k])
     k, f = np.array([0, 2, 2, 4, 5]), np.array([0.0, 0.25, 0.75, 0.5, 0.0])  # two readings in one step, one on the last sample
     r, J, Jc = rng.normal(size=(5, 2)), rng.normal(size=(5, 2, n)), rng.normal(size=(5, 2, 1))
-    equations.add_samples(r, k, f, J, np.array([1]), Jc)
+    equations.add_samples(r, k, f, J, np.array([1]), Jc, np.ones(2))
     for i in range(5):
         blocks = ((1 - f[i]) * J[i], f[i] * J[i])
         dense((k[i], min(k[i] + 1, N - 1)), blocks, np.column_stack([np.zeros(2), Jc[i]]), r[i])
