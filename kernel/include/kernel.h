@@ -313,7 +313,7 @@ AM_API int am_evaluate(am_sim *sim, size_t n, const double *v, double *coefficie
 /* Internal steps since am_initialize that lay outside each axis: below[axes], above[axes]. */
 AM_API int am_out_of_range(const am_sim *sim, double *below, double *above);
 
-/* ---- normal equations of a trajectory --------------------------------------------------------- */
+/* ---- normal equations of a trajectory -------------------------------------------------------- */
 
 enum { AM_MOST_UNKNOWNS = 64 }; /* states of a sample, and constants behind one residual */
 
@@ -326,9 +326,9 @@ typedef struct {
     double *D, *O, *G, *C, *gx, *gc, *cost;
 } am_normal;
 
-/* Residuals r[n * rows] with their derivatives J[n * rows * columns] by the constants of the indices
- * column[columns], each to be multiplied by weight[n * rows].  Derivatives by the state go to the
- * first `states` of a sample. */
+/* Residuals r[n * rows] with their derivatives J[n * rows * columns] by the constants of the
+ * indices column[columns], each to be multiplied by weight[n * rows].  Derivatives by the state go
+ * to the first `states` of a sample. */
 typedef struct {
     int rows, states, columns;
     const int *column;
@@ -349,9 +349,8 @@ AM_API int am_add_readings(const am_normal *e, const am_residuals *given, size_t
  *
  * L[samples * states * states]: its diagonal blocks, lower halves; M[samples * states * width],
  * width = states + constants + 1: behind the transposed blocks below the diagonal of F stands
- * F^-1 [G, gx]; border[(constants + 1)^2], of which the caller clears the lower half: the products
- * of these columns are added to it.  Returns -1, or the number of the state that nothing determines.
- */
+ * F^-1 [G, gx]; border[(constants + 1)^2], which the caller clears: the products of these columns
+ * are added to its lower half.  Returns -1, or the number of the state that nothing determines. */
 AM_API long long am_eliminate(const am_normal *e, size_t samples, double *L, double *M,
                               double *border);
 

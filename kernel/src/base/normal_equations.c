@@ -160,7 +160,10 @@ static inline void add_products(int n, int width, const double *M, double sign, 
     }
     for (; c < count; c++) {
         double sum = 0.0;
-        for (int i = 0; i < n; i++) sum += M[(size_t)i * width + at] * M[(size_t)i * width + from + c];
+        for (int i = 0; i < n; i++) {
+            const double *row = M + (size_t)i * width;
+            sum += row[at] * row[from + c];
+        }
         to[c] += sign * sum;
     }
 }

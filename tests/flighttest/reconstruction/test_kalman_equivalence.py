@@ -22,13 +22,16 @@ class TakenDown(NormalEquations):
         super().__init__(*sizes)
         self.steps, self.samples, self.start, self.prior = [], [], [], []
 
-    def add_steps(self, *step):
-        super().add_steps(*step)
-        self.steps.append(step)
+    def add_steps(self, r, A, B, columns, Jc, weight):
+        super().add_steps(r, A, B, columns, Jc, weight)
+        w = np.broadcast_to(weight, r.shape)[..., None]
+        unused = np.zeros((*r.shape, self.D.shape[1] - A.shape[-1]))
+        A, B = (np.concatenate([item * w, unused], axis=-1) for item in (A, B))
+        self.steps.append((r * w[..., 0], A, B, columns, Jc * w))
 
-    def add_samples(self, *sample):
-        super().add_samples(*sample)
-        self.samples.append(sample)
+    def add_samples(self, r, k, f, J, columns, Jc, weight):
+        super().add_samples(r, k, f, J, columns, Jc, weight)
+        self.samples.append((r * weight, k, f, J * weight[:, None], columns, Jc * weight[:, None]))
 
     def add_state(self, *state):
         super().add_state(*state)

@@ -329,7 +329,7 @@ def test_what_has_not_settled_is_named(flown, aircraft, monkeypatch):
     """A single iteration and no more: the constants that still move are reported with how far."""
     monkeypatch.setattr(smoother, "CALM_STEPS", 1)
     whole = smoother.estimate
-    monkeypatch.setattr(smoother, "estimate", lambda problem, x, c, iterations=1, held=(): whole(problem, x, c, 1, held))
+    monkeypatch.setattr(smoother, "estimate", lambda problem, x, c, iterations=1, held=(), known=None: whole(problem, x, c, 1, held))
     with pytest.raises(IdentificationError, match=r"did not settle in 2 iterations: still moving are \S+ by \S+ .*standard errors\)"):
         flighttest.reconstruct(flown(0)[0], aircraft)
 
