@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-from ctypes import POINTER, byref, c_double, c_int
+from ctypes import POINTER, byref, c_int
 from typing import Any
 
 import numpy as np
 
-from .kernel import library
-
-_doubles = POINTER(c_double)
+from .kernel import _checked, _doubles, _pointer, library
 
 
 class _Sums(ctypes.Structure):
@@ -72,15 +70,16 @@ class NormalSums:
             Derivatives by them.
         """
         given, _kept = self._given(r, weight, A.shape[-1], columns, J)
-        A, B = (np.ascontiguousarray(item, float) for item in (A, B))
+        A, B = (_checked(item, (len(self.D) - 1, r.shape[1], A.shape[-1])) for item in (A, B))
         self._demand(library().am_add_steps(byref(self._sums), byref(given), len(r), _pointer(A), _pointer(B)))
 
     def readings(self, r, weight, k, f, A, columns, J) -> None:
         """Add residuals of readings at (1 - f) x_k + f x_k+1: k and f (M,), the others as in `steps` with M for N - 1."""
         given, _kept = self._given(r, weight, A.shape[-1], columns, J)
-        before, share, A = np.ascontiguousarray(k, np.int64), np.ascontiguousarray(f, float), np.ascontiguousarray(A, float)
-        if len(before) and not 0 <= before.min() <= (before + (share != 0.0)).max() < len(self.D):
-            raise IndexError(f"readings at samples {before.min()} ... {before.max()} of {len(self.D)}")
+        before, share, A = np.ascontiguousarray(k, np.int64), _checked(f, (len(r),)), _checked(A, (*r.shape, A.shape[-1]))
+        last = before + (share != 0.0)
+        if len(before) != len(r) or (len(before) and not 0 <= before.min() <= last.max() < len(self.D)):
+            raise IndexError(f"{len(r)} readings at samples {before.min()} ... {last.max()} of {len(self.D)}")
         places = before.ctypes.data_as(POINTER(ctypes.c_longlong))
         self._demand(library().am_add_readings(byref(self._sums), byref(given), len(before), places, _pointer(share), _pointer(A)))
 
@@ -104,9 +103,10 @@ class NormalSums:
     def _given(self, r, weight, states: int, columns, J) -> tuple[_Residuals, Any]:
         r = np.ascontiguousarray(r, float)
         weight = np.ascontiguousarray(np.broadcast_to(weight, r.shape), float)
-        column, J = np.ascontiguousarray(columns, np.intc), np.ascontiguousarray(J, float)
-        if J.shape != (*r.shape, len(column)):
-            raise ValueError(f"derivatives by the constants have the shape {J.shape}, expected {(*r.shape, len(column))}")
+        column = np.ascontiguousarray(columns, np.intc)
+        J = _checked(J, (*r.shape, len(column)))
+        if len(column) and not 0 <= column.min() <= column.max() < len(self.C):
+            raise IndexError(f"constants {column.min()} ... {column.max()} of {len(self.C)}")
         pointers = column.ctypes.data_as(POINTER(c_int)), _pointer(r), _pointer(weight), _pointer(J)
         return _Residuals(r.shape[1], states, len(column), *pointers), (r, weight, column, J)
 
@@ -142,7 +142,3 @@ class Elimination:
         sizes = states, self.M.shape[2] - states - 1, samples
         library().am_substitute(*sizes, _pointer(self.L), _pointer(self.M), columns, _pointer(x))
         return x
-
-
-def _pointer(array: np.ndarray) -> Any:
-    return array.ctypes.data_as(_doubles)

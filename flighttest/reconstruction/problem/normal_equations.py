@@ -50,7 +50,10 @@ class NormalEquations:
         self.sums.steps(r, weight, A, B, columns, Jc)
 
     def add_samples(self, r, k, f, J, columns, Jc, weight) -> None:
-        """Add residuals of outputs at the state (1-f) x_k + f x_k+1: r (M, m), k and f (M,), J (M, m, n), Jc (M, m, columns), weight (m,)."""
+        """Add residuals of outputs at the state (1-f) x_k + f x_k+1, and what they are multiplied by.
+
+        r (M, m), k and f (M,), J (M, m, n), Jc (M, m, columns), weight (m,).
+        """
         self.sums.readings(r, weight, k, f, J, columns, Jc)
 
     def add_state(self, k: int, r, weight) -> None:
@@ -113,7 +116,9 @@ class NormalEquations:
             return self.sums.eliminate()
         except np.linalg.LinAlgError as error:
             k, i = error.args
-            raise IdentificationError(f"the trajectory is not determined at sample {k}, state {i}; give a sensor or a prior for it") from error
+            raise IdentificationError(
+                f"the trajectory is not determined at sample {k}, state {i}; give a sensor or a prior for it"
+            ) from error
 
 
 def add_at(target: np.ndarray, index: np.ndarray, values: np.ndarray, columns: np.ndarray | None = None) -> None:

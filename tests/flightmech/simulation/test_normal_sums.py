@@ -1,0 +1,92 @@
+"""Sums of normal equations and the elimination of the states by the kernel, against dense matrices."""
+
+import numpy as np
+import pytest
+
+from flightmech.simulation.normal_sums import NormalSums
+
+SAMPLES, STATES, CONSTANTS = 7, 5, 6
+
+
+@pytest.fixture
+def system():
+    """Return sums over steps and readings, and the same residuals as dense rows (residuals, unknowns) with their values."""
+    rng = np.random.default_rng(3)
+    sums, rows, values = NormalSums(SAMPLES, STATES, CONSTANTS), [], []
+
+    def row(blocks, columns, J, value):
+        made = np.zeros(SAMPLES * STATES + CONSTANTS)
+        for k, d in blocks:
+            made[k * STATES : k * STATES + len(d)] += d
+        made[SAMPLES * STATES + columns] += J
+        rows.append(made)
+        values.append(value)
+
+    r, weight = rng.normal(size=(2, SAMPLES - 1, 4))
+    weight[2, 1] = 0.0
+    A, B = rng.normal(size=(2, SAMPLES - 1, 4, 3))  # by the first three states only
+    columns, J = np.array([4, 0, 2]), rng.normal(size=(SAMPLES - 1, 4, 3))
+    sums.steps(r, weight, A, B, columns, J)
+    for k, m in np.ndindex(r.shape):
+        w = weight[k, m]
+        row([(k, w * A[k, m]), (k + 1, w * B[k, m])], columns, w * J[k, m], w * r[k, m])
+    k, f = np.array([6, 0, 3, 3, 5, 0]), np.array([0.0, 0.0, 0.25, 0.5, 0.75, 0.125])  # in any order, repeated, one on the last sample
+    r, J = rng.normal(size=(6, 2)), rng.normal(size=(6, 2, 1))
+    A, sigma = rng.normal(size=(6, 2, STATES)), np.array([0.5, 2.0])
+    sums.readings(r, 1.0 / sigma, k, f, A, np.array([5]), J)
+    for i, m in np.ndindex(r.shape):
+        blocks = [(at, share * A[i, m] / sigma[m]) for at, share in ((k[i], 1.0 - f[i]), (k[i] + 1, f[i])) if share]
+        row(blocks, np.array([5]), J[i, m] / sigma[m], r[i, m] / sigma[m])
+    return sums, np.array(rows), np.array(values)
+
+
+def test_sums_are_those_of_dense_rows(system):
+    sums, X, y = system
+    n, normal, gradient = SAMPLES * STATES, X.T @ X, X.T @ y
+    for k in range(SAMPLES):
+        at = slice(k * STATES, (k + 1) * STATES)
+        np.testing.assert_allclose(sums.D[k], normal[at, at], atol=1e-13)
+        np.testing.assert_allclose(sums.G[k], normal[at, n:], atol=1e-13)
+        if k:
+            np.testing.assert_allclose(sums.O[k - 1], normal[at, at.start - STATES : at.start], atol=1e-13)
+    np.testing.assert_allclose(sums.C, normal[n:, n:], atol=1e-13)
+    np.testing.assert_allclose(np.append(sums.gx.ravel(), sums.gc), gradient, atol=1e-13)
+    assert sums.cost == pytest.approx(y @ y, rel=1e-14)
+
+
+def test_states_are_eliminated(system):
+    sums, X, _ = system
+    sums.D += np.eye(STATES)
+    n, normal = SAMPLES * STATES, X.T @ X
+    T, G = normal[:n, :n] + np.eye(n), np.column_stack([sums.G.reshape(n, -1), sums.gx.ravel()])
+    rest = sums.eliminate()
+    np.testing.assert_allclose(rest.border, G.T @ np.linalg.solve(T, G), rtol=1e-11)
+    right = rest.right.copy()
+    np.testing.assert_allclose(rest.back(right).reshape(n, -1), np.linalg.solve(T, G), rtol=1e-11, atol=1e-13)
+    np.testing.assert_array_equal(rest.right, right)
+
+
+def test_what_nothing_determines_is_named(system):
+    sums, _, _ = system
+    sums.D[4, 3] = sums.D[4, :, 3] = 0.0
+    sums.O[3:5] = 0.0
+    for k in range(SAMPLES):
+        sums.D[k] += np.eye(STATES) * (k != 4)
+    sums.D[4] = np.diag([1.0, 1.0, 1.0, 0.0, 1.0])
+    with pytest.raises(np.linalg.LinAlgError) as found:
+        sums.eliminate()
+    assert found.value.args == (4, 3)
+
+
+def test_wrong_arrays_are_refused(system):
+    sums, _, _ = system
+    nothing = np.zeros((SAMPLES, 1, 0))
+    with pytest.raises(IndexError, match=r"samples 6 \.\.\. 7 of 7"):
+        sums.readings(np.zeros((1, 1)), 1.0, np.array([6]), np.array([0.5]), np.zeros((1, 1, STATES)), np.zeros(0, int), nothing[:1])
+    with pytest.raises(ValueError, match="expected"):
+        sums.readings(np.zeros((1, 1)), 1.0, np.array([0]), np.array([0.0]), np.zeros((1, 1, STATES)), np.arange(2), nothing[:1])
+    with pytest.raises(IndexError, match=r"constants 6 \.\.\. 6 of 6"):
+        sums.readings(np.zeros((1, 1)), 1.0, np.array([0]), np.array([0.0]), np.zeros((1, 1, STATES)), np.array([6]), np.zeros((1, 1, 1)))
+    many = NormalSums(2, 65, 0)
+    with pytest.raises(ValueError, match="more than the kernel sums at once, 64"):
+        many.readings(np.zeros((1, 1)), 1.0, np.array([0]), np.array([0.0]), np.zeros((1, 1, 65)), np.zeros(0, int), nothing[:1])
