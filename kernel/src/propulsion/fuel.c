@@ -48,7 +48,8 @@ static void fuel_moments(am_sim *sim, double fuel, double moment[MOMENTS]) {
     for (int k = 0; k < MOMENTS; k++) moment[k] += table[k];
 }
 
-/* Tensor and its inverse from moments and products; false when it is not positive definite. */
+/* Tensor and its inverse from moments and products, both symmetric to the last bit; false when it
+ * is not positive definite. */
 static bool set_tensor(now_t *now, const double i[6]) {
     const double J[3][3] = {{i[0], -i[3], -i[4]}, {-i[3], i[1], -i[5]}, {-i[4], -i[5], i[2]}};
     double n[3][3];
@@ -58,7 +59,7 @@ static bool set_tensor(now_t *now, const double i[6]) {
     const double det = dot(J[0], n[0]);
     memcpy(now->J, J, sizeof J);
     for (int r = 0; r < 3; r++) {
-        for (int c = 0; c < 3; c++) now->J_inverse[r][c] = n[c][r] / det;
+        for (int c = r; c < 3; c++) now->J_inverse[r][c] = now->J_inverse[c][r] = n[c][r] / det;
     }
     return J[0][0] > 0.0 && J[0][0] * J[1][1] - J[0][1] * J[1][0] > 0.0 && det > 0.0;
 }

@@ -30,25 +30,43 @@
 
 enum { N1, N2, SPOOLS };
 
-static double summed(const am_sim *sim, uint32_t i, int target) {
-    return sum_of(sim, G_SPOOL, i)[target];
+/* What one engine consists of, where it stands. */
+typedef struct {
+    const double *par, *var, *state, *in, *sum;
+    const uint32_t *first, *end; /* terms of its targets */
+    double root;                 /* of the temperature ratio */
+    bool n1_driven, fuel;
+} spool_t;
+
+static double root_theta(const double *v) { return sqrt(v[A_TEMPERATURE_RATIO]); }
+
+static inline spool_t spool_of(const am_sim *sim, uint32_t i, const double *x, const double *u) {
+    const am_model *m = sim->model;
+    const uint32_t target = place(m, AM_TARGET, G_SPOOL, i);
+    const double *v = var_of(sim, G_SPOOL, i);
+    return (spool_t){.par = par_of(sim, G_SPOOL, i),
+                     .var = v,
+                     .state = state_of(sim, x, G_SPOOL, i),
+                     .in = input_of(sim, u, G_SPOOL, i),
+                     .sum = sim->sum + target,
+                     .first = m->first_of + target,
+                     .end = m->end_of + target,
+                     .root = root_theta(v),
+                     .n1_driven = sim->drive == N1_DRIVEN,
+                     .fuel = fuel_left(sim, x)};
 }
 
-static bool given(const am_sim *sim, uint32_t i, int target) {
-    return has_terms(sim->model, G_SPOOL, i, target);
+static inline bool given(const spool_t *e, int target) {
+    return e->first[target] < e->end[target];
 }
 
-static bool governed(const am_sim *sim, uint32_t i, int s) {
-    return given(sim, i, T_N1_COMMAND + s) || given(sim, i, T_CORRECTED_N1_COMMAND + s);
+static inline bool governed(const spool_t *e, int s) {
+    return given(e, T_N1_COMMAND + s) || given(e, T_CORRECTED_N1_COMMAND + s);
 }
 
 /* The spool of the gas generator, which the starter turns: N2, or N1 in an engine with one
  * spool. */
-static int core_spool(const am_sim *sim, uint32_t i) { return governed(sim, i, N2) ? N2 : N1; }
-
-static double root_theta(const am_sim *sim, uint32_t i) {
-    return sqrt(var_of(sim, G_SPOOL, i)[A_TEMPERATURE_RATIO]);
-}
+static inline int core_spool(const spool_t *e) { return governed(e, N2) ? N2 : N1; }
 
 double delayed_lever(const am_sim *sim, const double *u, uint32_t i) {
     const double delay = par_of(sim, G_SPOOL, i)[P_LEVER_DELAY];
@@ -68,125 +86,123 @@ void spool_variables(am_sim *sim, uint32_t i, const double *x, const double *u) 
                + var_of(sim, G_ENGINE, i)[A_THROTTLE] * (p[P_PLA_FULL] - p[P_PLA_IDLE]);
     v[A_N1] = sim->drive == N1_DRIVEN ? input_of(sim, u, G_SPOOL, i)[U_N1_DRIVE] : s[X_N1];
     v[A_N2] = s[X_N2];
-    const double root = root_theta(sim, i);
+    const double root = root_theta(v);
     v[A_CORRECTED_N1] = v[A_N1] / root;
     v[A_CORRECTED_N2] = v[A_N2] / root;
 }
 
 bool spool_driven(am_sim *sim, uint32_t i) {
-    if (sim->drive != N1_DRIVEN || !given(sim, i, T_CORRECTED_N2_DRIVEN)) return false;
+    if (sim->drive != N1_DRIVEN || !has_terms(sim->model, G_SPOOL, i, T_CORRECTED_N2_DRIVEN)) {
+        return false;
+    }
     double *v = var_of(sim, G_SPOOL, i);
-    v[A_CORRECTED_N2] = summed(sim, i, T_CORRECTED_N2_DRIVEN);
-    v[A_N2] = v[A_CORRECTED_N2] * root_theta(sim, i);
+    v[A_CORRECTED_N2] = sum_of(sim, G_SPOOL, i)[T_CORRECTED_N2_DRIVEN];
+    v[A_N2] = v[A_CORRECTED_N2] * root_theta(v);
     return true;
 }
 
 /* Whether the speed is given and not a matter of the dynamics. */
-static bool held(const am_sim *sim, uint32_t i, int s) {
-    return sim->drive == N1_DRIVEN && (s == N1 || given(sim, i, T_CORRECTED_N2_DRIVEN));
+static inline bool held(const spool_t *e, int s) {
+    return e->n1_driven && (s == N1 || given(e, T_CORRECTED_N2_DRIVEN));
 }
 
-static double command(const am_sim *sim, uint32_t i, int s) {
-    return summed(sim, i, T_N1_COMMAND + s)
-           + root_theta(sim, i) * summed(sim, i, T_CORRECTED_N1_COMMAND + s);
+static inline double command(const spool_t *e, int s) {
+    return e->sum[T_N1_COMMAND + s] + e->root * e->sum[T_CORRECTED_N1_COMMAND + s];
 }
 
-static double burning_rate(const am_sim *sim, uint32_t i, int s, double n) {
-    if (!governed(sim, i, s)) return 0.0;
-    const double gap = command(sim, i, s) - n;
+static inline double burning_rate(const spool_t *e, int s, double n) {
+    if (!governed(e, s)) return 0.0;
+    const double gap = command(e, s) - n;
     const bool down = gap < 0.0;
-    const int time = (down && given(sim, i, T_N1_DOWN_TIME + s) ? T_N1_DOWN_TIME : T_N1_UP_TIME)
-                     + s;
+    const int time = (down && given(e, T_N1_DOWN_TIME + s) ? T_N1_DOWN_TIME : T_N1_UP_TIME) + s;
     const int limit = (down ? T_N1_DOWN_LIMIT : T_N1_UP_LIMIT) + s;
-    const double rate = gap / fmax(summed(sim, i, time), QUICKEST);
-    if (!given(sim, i, limit)) return rate;
-    const double most = fmax(summed(sim, i, limit), 0.0);
+    const double rate = gap / fmax(e->sum[time], QUICKEST);
+    if (!given(e, limit)) return rate;
+    const double most = fmax(e->sum[limit], 0.0);
     return fmax(fmin(rate, most), -most);
 }
 
-static bool cranked(const am_sim *sim, const double *u, uint32_t i, int s) {
-    return s == core_spool(sim, i) && input_of(sim, u, G_SPOOL, i)[U_STARTER] > ON;
+static bool cranked(const spool_t *e, int s) {
+    return s == core_spool(e) && e->in[U_STARTER] > ON;
 }
 
 /* Where a spool settles without a flame: windmilling, or turned by the starter. */
-static double idle_run(const am_sim *sim, const double *u, uint32_t i, int s) {
-    const double windmill = fmax(root_theta(sim, i) * summed(sim, i, T_CORRECTED_N1_WINDMILL + s),
-                                 0.0);
-    return cranked(sim, u, i, s) ? fmax(windmill, par_of(sim, G_SPOOL, i)[P_STARTER_SPEED])
-                                 : windmill;
+static double idle_run(const spool_t *e, int s) {
+    const double windmill = fmax(e->root * e->sum[T_CORRECTED_N1_WINDMILL + s], 0.0);
+    return cranked(e, s) ? fmax(windmill, e->par[P_STARTER_SPEED]) : windmill;
 }
 
-static double idle_rate(const am_sim *sim, const double *u, uint32_t i, int s, double n) {
-    const double *p = par_of(sim, G_SPOOL, i);
-    const double gap = idle_run(sim, u, i, s) - n;
-    return gap / (gap > 0.0 && cranked(sim, u, i, s) ? p[P_STARTER_TIME] : p[P_N1_RUNDOWN + s]);
+static double idle_rate(const spool_t *e, int s, double n) {
+    const double gap = idle_run(e, s) - n;
+    return gap / (gap > 0.0 && cranked(e, s) ? e->par[P_STARTER_TIME] : e->par[P_N1_RUNDOWN + s]);
 }
 
-static bool inside(const am_sim *sim, uint32_t i, int margin) {
-    return !given(sim, i, margin) || summed(sim, i, margin) >= 0.0;
+/* Of a spool that is not held; nothing of the idle run where all of the flame burns. */
+static inline double spool_rate(const spool_t *e, int s, double n) {
+    const double b = e->state[X_BURNING];
+    const double rate = b * burning_rate(e, s, n);
+    return b == 1.0 ? rate : rate + (1.0 - b) * idle_rate(e, s, n);
 }
 
-static bool fed(const am_sim *sim, const double *x, const double *u, uint32_t i) {
-    const double *in = input_of(sim, u, G_SPOOL, i);
-    return !(in[U_CUTOFF] > ON) && !(in[U_FLAMEOUT] > ON) && fuel_left(sim, x);
+static inline bool inside(const spool_t *e, int margin) {
+    return !given(e, margin) || e->sum[margin] >= 0.0;
+}
+
+static inline bool fed(const spool_t *e) {
+    return !(e->in[U_CUTOFF] > ON) && !(e->in[U_FLAMEOUT] > ON) && e->fuel;
 }
 
 /* Whether the flame burns on, or lights. */
-static bool burns(const am_sim *sim, uint32_t i, const double *x, const double *u) {
-    const double *in = input_of(sim, u, G_SPOOL, i);
-    const double *p = par_of(sim, G_SPOOL, i);
-    const double core = var_of(sim, G_SPOOL, i)[A_N1 + core_spool(sim, i)];
-    if (!fed(sim, x, u, i) || core < p[P_SUSTAIN_SPEED] || !inside(sim, i, T_BURN_MARGIN)) {
-        return false;
-    }
-    if (state_of(sim, x, G_SPOOL, i)[X_BURNING] > 0.5) return true;
-    return (in[U_STARTER] > ON || in[U_IGNITION] > ON) && core >= p[P_LIGHT_SPEED]
-           && inside(sim, i, T_LIGHT_MARGIN);
+static inline bool burns(const spool_t *e) {
+    const double *in = e->in;
+    const double core = e->var[A_N1 + core_spool(e)];
+    if (!fed(e) || core < e->par[P_SUSTAIN_SPEED] || !inside(e, T_BURN_MARGIN)) return false;
+    if (e->state[X_BURNING] > 0.5) return true;
+    return (in[U_STARTER] > ON || in[U_IGNITION] > ON) && core >= e->par[P_LIGHT_SPEED]
+           && inside(e, T_LIGHT_MARGIN);
 }
 
-static double steady_itt(const am_sim *sim, uint32_t i, double b) {
-    const double theta = var_of(sim, G_SPOOL, i)[A_TEMPERATURE_RATIO];
-    return b * (summed(sim, i, T_ITT) + theta * summed(sim, i, T_CORRECTED_ITT))
-           + (1.0 - b) * theta * T_STANDARD;
+static inline double steady_itt(const spool_t *e) {
+    const double b = e->state[X_BURNING];
+    const double theta = e->var[A_TEMPERATURE_RATIO];
+    return b * (e->sum[T_ITT] + theta * e->sum[T_CORRECTED_ITT]) + (1.0 - b) * theta * T_STANDARD;
+}
+
+/* plain: what the tables of thrust that is not corrected give. */
+static inline double thrust_of(const spool_t *e, double plain) {
+    const double b = e->state[X_BURNING];
+    const double lit = plain + e->var[A_PRESSURE_RATIO] * e->sum[T_CORRECTED_THRUST];
+    return b * lit + (1.0 - b) * e->sum[T_WINDMILL_THRUST];
 }
 
 double spool_thrust(const am_sim *sim, uint32_t i, const double *x) {
-    const double b = state_of(sim, x, G_SPOOL, i)[X_BURNING];
-    const double delta = var_of(sim, G_SPOOL, i)[A_PRESSURE_RATIO];
-    const double lit = sum_of(sim, G_ENGINE, i)[T_THRUST]
-                       + delta * summed(sim, i, T_CORRECTED_THRUST);
-    return b * lit + (1.0 - b) * summed(sim, i, T_WINDMILL_THRUST);
+    const spool_t e = spool_of(sim, i, x, sim->u);
+    return thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
 }
 
 deck_t spool_deck(am_sim *sim, uint32_t i, const double *x, const double *u, double *dx) {
-    const double *p = par_of(sim, G_SPOOL, i);
-    const double *s = state_of(sim, x, G_SPOOL, i);
-    const double *v = var_of(sim, G_SPOOL, i);
+    const spool_t e = spool_of(sim, i, x, u);
+    const double *p = e.par;
+    const double *s = e.state;
     const double b = s[X_BURNING];
-    const double delta = v[A_PRESSURE_RATIO];
-    const double root = root_theta(sim, i);
-    const double itt = steady_itt(sim, i, b);
+    const double delta = e.var[A_PRESSURE_RATIO];
+    const double itt = steady_itt(&e);
     double *rate = rate_of(sim, dx, G_SPOOL, i);
     double *work = work_of(sim, G_SPOOL, i);
     deck_t deck = {0};
     for (int k = 0; k < SPOOLS; k++) {
-        const double n = s[X_N1 + k];
         const double full = p[P_N1_INERTIA + k] * p[P_N1_RATED + k];
-        rate[X_N1 + k] = held(sim, i, k) ? 0.0
-                                         : b * burning_rate(sim, i, k, n)
-                                               + (1.0 - b) * idle_rate(sim, u, i, k, n);
-        deck.momentum += full * v[A_N1 + k];
+        rate[X_N1 + k] = held(&e, k) ? 0.0 : spool_rate(&e, k, s[X_N1 + k]);
+        deck.momentum += full * e.var[A_N1 + k];
         deck.torque += full * rate[X_N1 + k];
     }
-    rate[X_BURNING] = ((burns(sim, i, x, u) ? 1.0 : 0.0) - b) / p[P_FLAME_TIME];
+    rate[X_BURNING] = ((burns(&e) ? 1.0 : 0.0) - b) / p[P_FLAME_TIME];
     rate[X_ITT] = p[P_ITT_TIME] > 0.0 ? (itt - s[X_ITT]) / p[P_ITT_TIME] : 0.0;
-    deck.thrust = spool_thrust(sim, i, x);
-    deck.air_flow = fmax(
-        summed(sim, i, T_AIR_FLOW) + delta / root * summed(sim, i, T_CORRECTED_AIR_FLOW), 0.0);
-    deck.fuel_flow =
-        b
-        * fmax(summed(sim, i, T_FUEL_FLOW) + delta * root * summed(sim, i, T_CORRECTED_FUEL_FLOW),
-               0.0);
+    deck.thrust = thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
+    deck.air_flow = fmax(e.sum[T_AIR_FLOW] + delta / e.root * e.sum[T_CORRECTED_AIR_FLOW], 0.0);
+    deck.fuel_flow = b
+                     * fmax(e.sum[T_FUEL_FLOW] + delta * e.root * e.sum[T_CORRECTED_FUEL_FLOW],
+                            0.0);
     work[W_ITT] = p[P_ITT_TIME] > 0.0 ? s[X_ITT] : itt;
     work[W_FUEL_FLOW] = deck.fuel_flow;
     return deck;
@@ -196,23 +212,24 @@ void spool_start(am_sim *sim, uint32_t i, double t) {
     double *s = rate_of(sim, sim->x, G_SPOOL, i);
     delay_start(memory_of(sim, G_SPOOL, i), t, input_of(sim, sim->u, G_ENGINE, i)[U_THROTTLE]);
     for (int k = 0; k < SPOOLS; k++) s[X_N1 + k] = 0.0;
-    s[X_BURNING] = fed(sim, sim->x, sim->u, i);
+    const spool_t e = spool_of(sim, i, sim->x, sim->u);
+    s[X_BURNING] = fed(&e);
     s[X_ITT] = 0.0;
 }
 
 bool spool_settle(am_sim *sim, uint32_t i, double *x, const double *u) {
+    const spool_t e = spool_of(sim, i, x, u);
     double *s = rate_of(sim, x, G_SPOOL, i);
-    const double b = s[X_BURNING];
     bool moved = false;
     for (int k = 0; k < SPOOLS; k++) {
-        const double n = held(sim, i, k) ? var_of(sim, G_SPOOL, i)[A_N1 + k]
-                         : b > 0.0       ? command(sim, i, k)
-                                         : idle_run(sim, u, i, k);
+        const double n = held(&e, k)          ? e.var[A_N1 + k]
+                         : s[X_BURNING] > 0.0 ? command(&e, k)
+                                              : idle_run(&e, k);
         moved = moved || fabs(n - s[X_N1 + k]) > STILL;
         s[X_N1 + k] = n;
     }
-    s[X_ITT] = steady_itt(sim, i, b);
-    if (moved || !(b > 0.0) || burns(sim, i, x, u)) return moved;
+    s[X_ITT] = steady_itt(&e);
+    if (moved || !(s[X_BURNING] > 0.0) || burns(&e)) return moved;
     s[X_BURNING] = 0.0;
     return true;
 }
