@@ -268,7 +268,7 @@ static void advance_circuit(am_sim *sim, uint32_t item, double h, const double *
         advance_bodies(sim, item, h, course, 0.0);
     } else {
         const double from = driven_travel(sim, item, u0);
-        const double to = driven_travel(sim, item, u1);
+        const double to = u1 == u0 ? from : driven_travel(sim, item, u1);
         const double rate = (to - from) / h;
         d[D_ACCELERATION] = acceleration(d, rate, h);
         d[D_TRAVEL] = from;

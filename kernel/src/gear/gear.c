@@ -325,17 +325,20 @@ static void place_contacts(am_sim *sim, const double *x, const double down[3],
 /* True when nothing can touch the ground at any attitude and no strut or tyre has anything left
  * to give back. */
 static bool clear(const am_sim *sim, const double *x) {
+    const uint32_t n = items(sim->model, G_CONTACT);
+    const double *own = state_of(sim, x, G_CONTACT, 0);
+    const double *p = par_of(sim, G_CONTACT, 0);
+    const uint32_t size = sim->model->per[AM_PARAMETER][G_CONTACT];
     const double *cg = sim->now.cg;
-    const double height = sim->now.h - sim->par[P_RUNWAY];
-    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
-        const double *p = par_of(sim, G_CONTACT, i);
-        const double *own = state_of(sim, x, G_CONTACT, i);
-        double reach = 2.0 * p[P_CONTACT_RADIUS];
-        for (int k = 0; k < 3; k++) reach += fabs(p[P_CONTACT_X + k]) + fabs(cg[k]);
-        if (height < reach) return false;
-        for (int k = 0; k < X_PER_CONTACT; k++) {
-            if (fabs(own[k]) > NOTHING) return false;
+    const double height = sim->now.h - sim->par[P_RUNWAY] - fabs(cg[0]) - fabs(cg[1]) - fabs(cg[2]);
+    for (uint32_t i = 0; i < n; i++, p += size) {
+        const double *at = p + P_CONTACT_X;
+        if (height < 2.0 * p[P_CONTACT_RADIUS] + fabs(at[0]) + fabs(at[1]) + fabs(at[2])) {
+            return false;
         }
+    }
+    for (uint32_t k = 0; k < n * X_PER_CONTACT; k++) {
+        if (fabs(own[k]) > NOTHING) return false;
     }
     return true;
 }
@@ -343,12 +346,11 @@ static bool clear(const am_sim *sim, const double *x) {
 /* Away from the ground only the steering moves. */
 static void fly(am_sim *sim, const double *x, const double *u, double *dx) {
     const steered_t airborne = {0};
+    const uint32_t n = items(sim->model, G_CONTACT);
     double *found = work_of(sim, G_GEAR, 0);
-    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
-        memset(rate_of(sim, dx, G_CONTACT, i), 0, sizeof(double) * X_PER_CONTACT);
-        memset(work_of(sim, G_CONTACT, i), 0, sizeof(double) * W_PER_CONTACT);
-        var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.0;
-    }
+    memset(rate_of(sim, dx, G_CONTACT, 0), 0, sizeof(double) * X_PER_CONTACT * n);
+    memset(work_of(sim, G_CONTACT, 0), 0, sizeof(double) * W_PER_CONTACT * n);
+    for (uint32_t i = 0; i < n; i++) var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.0;
     evaluate_stage(sim, STAGE_GEAR);
     memset(found, 0, sizeof(double) * W_PER_GEAR);
     found[Y_GEAR_STEERING] = steering_angle(sim, x);

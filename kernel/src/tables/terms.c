@@ -69,6 +69,7 @@ void sum_coefficients(const flight_t *sim, real c[COEFFICIENTS]) {
 
 void evaluate_stage(flight_t *sim, int stage) {
     const am_model *m = sim->model;
+    if (m->first_term[stage] == m->first_term[stage + 1]) return;
     look_up(sim, stage);
     evaluate_terms(sim, stage);
     real *sum = sim->sum;
