@@ -65,11 +65,16 @@ int fmu_step(fmu *f, double t, double dt) {
         return fmu_refuse(f, "step size is %g s; give a positive, finite step", dt);
     }
     if (replay_waiting(f)) return replay_run(f, t, dt);
+    /* inputs without a slope are held, which the kernel need not blend */
+    const double *u1 = f->u0;
     am_get_inputs(f->sim, f->u0);
-    for (size_t i = 0; i < f->inputs; i++) f->u1[i] = f->u0[i] + f->slopes[i] * dt;
+    for (size_t i = 0; i < f->inputs; i++) {
+        f->u1[i] = f->u0[i] + f->slopes[i] * dt;
+        if (f->slopes[i] != 0.0) u1 = f->u1;
+    }
     memset(f->slopes, 0, f->inputs * sizeof(double));
     f->fresh = 0;
-    if (am_step(f->sim, t, dt, f->u0, f->u1) == AM_OK) return FMU_OK;
+    if (am_step(f->sim, t, dt, f->u0, u1) == AM_OK) return FMU_OK;
     f->phase = FMU_FAILED;
     return fmu_refuse(f, "step from t = %.9g s to %.9g s failed: %s", t, t + dt, am_error(f->sim));
 }

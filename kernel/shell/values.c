@@ -15,23 +15,23 @@ typedef struct {
     size_t size; /* elements: more than one for the arrays of a replay */
 } place;
 
-static int locate(const fmu *f, uint32_t vr, place *at) {
-    const struct {
-        uint32_t base;
-        size_t count;
-    } group[] = {{FMU_INPUTS, f->inputs},
-                 {FMU_OUTPUTS, f->outputs},
-                 {FMU_PARAMETERS, f->parameters},
-                 {FMU_STATES, f->states},
-                 {FMU_DERIVATIVES, f->states},
-                 {FMU_REPLAY_T, 3},
-                 {FMU_TIME, 1}};
-    for (int k = INPUT; k <= TIME; k++) {
-        if (vr >= group[k].base && vr - group[k].base < group[k].count) {
-            *at = (place){(value_kind)k, (int)(vr - group[k].base),
-                          k == REPLAY ? replay_elements(f, vr) : 1};
-            return FMU_OK;
-        }
+static inline int find(uint32_t vr, uint32_t base, size_t count, value_kind kind, place *at) {
+    if (vr < base || vr - base >= count) return 0;
+    *at = (place){kind, (int)(vr - base), 1};
+    return 1;
+}
+
+static inline int locate(const fmu *f, uint32_t vr, place *at) {
+    if (find(vr, FMU_INPUTS, f->inputs, INPUT, at) || find(vr, FMU_OUTPUTS, f->outputs, OUTPUT, at)
+        || find(vr, FMU_PARAMETERS, f->parameters, PARAMETER, at)
+        || find(vr, FMU_STATES, f->states, STATE, at)
+        || find(vr, FMU_DERIVATIVES, f->states, DERIVATIVE, at)
+        || find(vr, FMU_TIME, 1, TIME, at)) {
+        return FMU_OK;
+    }
+    if (find(vr, FMU_REPLAY_T, 3, REPLAY, at)) {
+        at->size = replay_elements(f, vr);
+        return FMU_OK;
     }
     return fmu_refuse(f, "no variable has the value reference %lu; modelDescription.xml lists them",
                       (unsigned long)vr);
@@ -109,12 +109,13 @@ int fmu_get(fmu *f, const uint32_t vr[], size_t n, double values[], size_t nvalu
 
 /* A parameter acts between steps, or in event mode; one that acts at initialisation only before. */
 static int check_settable(const fmu *f, place at) {
+    if (at.kind == INPUT) return FMU_OK;
     const am_entry entry = entry_of(f, at);
-    if (at.kind != INPUT && at.kind != PARAMETER
+    if (at.kind != PARAMETER
         && !(at.kind == REPLAY && at.i != FMU_REPLAY_Y - FMU_REPLAY_T)) {
         return fmu_refuse(f, "%s is computed by the model and cannot be set", entry.name);
     }
-    if (at.kind == INPUT || f->phase <= FMU_INITIALIZING) return FMU_OK;
+    if (f->phase <= FMU_INITIALIZING) return FMU_OK;
     if (entry.flags & AM_FIXED) {
         return fmu_refuse(
             f,

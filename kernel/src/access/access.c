@@ -84,6 +84,8 @@ int am_set_input(am_sim *sim, int i, double value) {
         return fail(sim, AM_BAD_INDEX, "there is no input %d", i);
     }
     if (!isfinite(value)) return refuse_value(sim, AM_INPUT, i, value);
+    /* the same bits again: what has been found stays */
+    if (memcmp(&sim->u[i], &value, sizeof value) == 0) return AM_OK;
     sim->u[i] = value;
     sim->fresh = false;
     return AM_OK;
