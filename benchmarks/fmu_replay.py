@@ -127,18 +127,18 @@ def _advance(fmu, second: bool, t: np.ndarray, u: np.ndarray, references_in: lis
     wanted = (ctypes.c_uint * len(references_out))(*references_out)
     n_in, n_out = ctypes.c_size_t(len(given)), ctypes.c_size_t(len(wanted))
     y = np.empty((len(t), len(wanted)))
-    rows_in = [ctypes.c_void_p(u.ctypes.data + 8 * u.shape[1] * k) for k in range(len(t))]
-    rows_out = [ctypes.c_void_p(y.ctypes.data + 8 * y.shape[1] * k) for k in range(len(t))]
-    points, sizes = [ctypes.c_double(x) for x in t], [ctypes.c_double(x) for x in np.diff(t)]
+    # one object for each argument that changes: only its value does
+    row_in, row_out, point, size = ctypes.c_void_p(), ctypes.c_void_p(y.ctypes.data), ctypes.c_double(), ctypes.c_double()
+    at_in, at_out = (range(a.ctypes.data, a.ctypes.data + a.nbytes, a.strides[0]) for a in (u, y))
     flags = [ctypes.byref(ctypes.c_bool()) for _ in range(3)]
     tail = () if second else (*flags, ctypes.byref(ctypes.c_double()))
     prior = ctypes.c_int(1) if second else ctypes.c_bool(True)
     extra_in, extra_out = ((), ()) if second else ((n_in,), (n_out,))
-    status = get(instance, wanted, n_out, rows_out[0], *extra_out)
-    for k in range(len(t) - 1):
-        status |= put(instance, given, n_in, rows_in[k], *extra_in)
-        status |= step(instance, points[k], sizes[k], prior, *tail)
-        status |= get(instance, wanted, n_out, rows_out[k + 1], *extra_out)
+    status = get(instance, wanted, n_out, row_out, *extra_out)
+    for row_in.value, row_out.value, point.value, size.value in zip(at_in, at_out[1:], t.tolist(), np.diff(t).tolist(), strict=False):
+        status |= put(instance, given, n_in, row_in, *extra_in)
+        status |= step(instance, point, size, prior, *tail)
+        status |= get(instance, wanted, n_out, row_out, *extra_out)
     if status:
         raise RuntimeError(f"a call of the FMU returned {status}")
     return y
