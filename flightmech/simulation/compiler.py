@@ -235,7 +235,9 @@ def _variable_problems(name: str, known: Mapping[str, int], stage: int) -> list[
 
 
 def _meta(db: xr.DataTree, terms: list[Term]) -> str:
-    plain = {key: item for key, item in db.attrs.items() if isinstance(item, str | int | float)}
+    # numbers read from a file are NumPy's own
+    attributes = {key: item.item() if isinstance(item, np.generic) else item for key, item in db.attrs.items()}
+    plain = {key: item for key, item in attributes.items() if isinstance(item, str | int | float)}
     texts = {t.name: _texts(t.leaf) for t in terms}
     return json.dumps({"database": plain, "force_axes": _force_axes(db), "terms": texts}, sort_keys=True, ensure_ascii=False)
 

@@ -138,6 +138,16 @@ def test_provenance_travels_in_the_block():
     assert sim.meta["terms"]["CL/basic"] == {"comment": "guess"}
 
 
+def test_a_tree_and_its_file_compile_to_the_same_block(tmp_path):
+    written = tree({"S": 15, "revision": 3, "flights": 12.5, "source": "wind tunnel"}, CL__basic=make(0.4))
+    written.to_netcdf(tmp_path / "db.nc", engine="h5netcdf")
+    read = xr.open_datatree(tmp_path / "db.nc", engine="h5netcdf")
+    assert isinstance(read.attrs["revision"], np.integer)
+    blocks = [flightmech.compile(aircraft(), db) for db in (written, read)]
+    assert blocks[1].meta["database"] == {"S": 15, "revision": 3, "flights": 12.5, "source": "wind tunnel"}
+    assert blocks[0].block == blocks[1].block
+
+
 def test_range_and_sources_of_each_term_travel_in_the_block():
     flap = xr.DataArray([0.5, 1.0], {"delta_f": np.radians([0.0, 40.0])}, ("delta_f",))
     alpha = np.radians([-8.0, 0.0, 20.0])
