@@ -67,6 +67,21 @@ def test_a_damaged_state_is_refused(slave):
     ]
 
 
+@pytest.mark.parametrize("version", VERSIONS)
+def test_reading_outputs_and_setting_inputs_again_changes_no_bit(version, instance):
+    silent, watched = instance(version).start(), instance(version).start()
+    inputs = {"delta_e": -0.02, "delta_a": 0.0, "engine1.throttle": 0.4}
+    for k in range(40):
+        now = inputs | {"delta_e": -0.02 if k < 20 else 0.01}
+        if k in (0, 20):
+            silent.set(now)
+        watched.get(*TRACE)
+        watched.set(now)
+        for one in (silent, watched):
+            one.step(0.01 * k, 0.01)
+    assert watched.get(*TRACE) == silent.get(*TRACE)
+
+
 def test_instances_do_not_touch_each_other(instance):
     quiet, alone = instance("2.0").start(), instance("2.0").start()
     busy = instance("3.0").start({"init.h": 6000.0})
