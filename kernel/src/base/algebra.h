@@ -5,8 +5,8 @@
 #include "real.h"
 
 /* x, or the limit it lies beyond. */
-static inline double clamp(double x, double low, double high) {
-    return x < low ? low : x > high ? high : x;
+static inline real clamp(real x, real low, real high) {
+    return PICK(x < low, low, PICK(x > high, high, x));
 }
 
 static inline real dot(const real a[3], const real b[3]) {

@@ -26,6 +26,7 @@ typedef int64_t whole_t;
 #define EVERY(condition) (condition)
 #define ANY(condition) (condition)
 #define PICK(condition, yes, no) ((condition) ? (yes) : (no))
+#define NOT(condition) (!(condition))
 #define WHOLE(x) ((int64_t)(x))
 #define REAL(i) ((double)(i))
 #define ONE_WHERE(condition) ((int64_t)(condition))
@@ -40,6 +41,7 @@ typedef mask_t whole_t;
 #define EVERY(condition) (__builtin_reduce_and(condition) != 0)
 #define ANY(condition) (__builtin_reduce_or(condition) != 0)
 #define PICK(condition, yes, no) ((condition) ? (real)(yes) : (real)(no))
+#define NOT(condition) (~(condition))
 #define WHOLE(x) (__builtin_convertvector(x, whole_t))
 #define REAL(i) (__builtin_convertvector(i, real))
 #define ONE_WHERE(condition) (-(condition))
@@ -50,6 +52,12 @@ typedef mask_t whole_t;
 #define LANED(name) LANED2(name, LANES)
 
 #endif
+
+/* The same in every lane. */
+static inline mask_t everywhere(bool yes) {
+    const mask_t none = {0};
+    return yes ? NOT(none) : none;
+}
 
 static inline whole_t words_of(real x) {
     whole_t bits;
@@ -87,6 +95,10 @@ static inline real with_sign(real x, real sign) {
 }
 
 #endif
+
+/* The larger and the smaller; b where a is no number. */
+static inline real larger(real a, real b) { return PICK(a > b, a, b); }
+static inline real smaller(real a, real b) { return PICK(a < b, a, b); }
 
 /* One column of a table of doubles, at a row of each lane. */
 static inline real gather(const double *from, whole_t at) {

@@ -76,7 +76,7 @@ void set_flight_condition(flight_t *sim, const real *x, const real *u) {
     to_body(now->C, air, velocity);
     air_data(now, velocity);
     for (int i = 0; i < 3; i++) now->rate[i] = x[X_P + i] - now->C[i][2] * sim->omega;
-    mass_of(sim, x, u);
+    mass_now(sim, x);
     set_variables(sim, x, u);
 }
 
@@ -111,7 +111,7 @@ void derivative(flight_t *sim, const real *x, const real *u, real *dx) {
     set_flight_condition(sim, x, u);
     const real per_mass = 1.0 / now->mass;
     /* force and moment of engines and gear; tables of the gear may use the thrust */
-    engine_loads(sim, x, u, push, moment, H, dx);
+    engine_forces(sim, x, u, push, moment, H, dx);
     set_thrust_coefficient(sim);
     gear_loads(sim, x, u, ground, ground_moment, dx);
     for (int i = 0; i < 3; i++) {

@@ -40,6 +40,55 @@
 
 enum { DRY, WET, ICY };
 
+/* True when nothing can touch the ground at any attitude and no strut or tyre has anything left
+ * to give back. */
+mask_t gear_clear(const flight_t *sim, const real *x) {
+    const uint32_t n = items(sim->model, G_CONTACT);
+    const real *own = state_of(sim, x, G_CONTACT, 0);
+    const real *p = par_of(sim, G_CONTACT, 0);
+    mask_t clear = everywhere(true);
+    const uint32_t size = sim->model->per[AM_PARAMETER][G_CONTACT];
+    const real *cg = sim->now.cg;
+    const real height = sim->now.h - sim->par[P_RUNWAY] - size_of(cg[0]) - size_of(cg[1])
+                        - size_of(cg[2]);
+    for (uint32_t i = 0; i < n; i++, p += size) {
+        const real *at = p + P_CONTACT_X;
+        clear &= NOT(height < 2.0 * p[P_CONTACT_RADIUS] + size_of(at[0]) + size_of(at[1])
+                                  + size_of(at[2]));
+        if (!ANY(clear)) return clear;
+    }
+    for (uint32_t k = 0; k < n * X_PER_CONTACT; k++) {
+        clear &= NOT(size_of(own[k]) > NOTHING);
+        if (!ANY(clear)) return clear;
+    }
+    return clear;
+}
+
+/* Away from the ground only the steering moves. */
+void gear_away(flight_t *sim, const real *x, const real *u, real *dx) {
+    const steered_t airborne = {.side = 0.0};
+    const uint32_t n = items(sim->model, G_CONTACT);
+    real *found = work_of(sim, G_GEAR, 0);
+    memset(rate_of(sim, dx, G_CONTACT, 0), 0, sizeof(real) * X_PER_CONTACT * n);
+    memset(work_of(sim, G_CONTACT, 0), 0, sizeof(real) * W_PER_CONTACT * n);
+    for (uint32_t i = 0; i < n; i++) var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.0;
+    evaluate_stage(sim, STAGE_GEAR);
+    memset(found, 0, sizeof *found * W_PER_GEAR);
+    found[Y_GEAR_STEERING] = steering_angle(sim, x);
+    found[Y_GEAR_STEERING_MOMENT] = steering_derivative(sim, x, u, &airborne, dx);
+}
+
+void gear_outputs(const flight_t *sim, real *y) {
+    if (!items(sim->model, G_GEAR)) return;
+    memcpy(output_of(sim, y, G_GEAR, 0), work_of(sim, G_GEAR, 0), sizeof(real) * Y_PER_GEAR);
+    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
+        memcpy(output_of(sim, y, G_CONTACT, i), work_of(sim, G_CONTACT, i),
+               sizeof(real) * Y_PER_CONTACT);
+    }
+}
+
+#if LANES == 1
+
 typedef struct {
     double arm[3];               /* from the c.g. to the point on the ground */
     double deflection, sink;     /* of leg and tyre together along the leg, and its rate */
@@ -322,41 +371,6 @@ static void place_contacts(am_sim *sim, const double *x, const double down[3],
     evaluate_stage(sim, STAGE_GEAR);
 }
 
-/* True when nothing can touch the ground at any attitude and no strut or tyre has anything left
- * to give back. */
-static bool clear(const am_sim *sim, const double *x) {
-    const uint32_t n = items(sim->model, G_CONTACT);
-    const double *own = state_of(sim, x, G_CONTACT, 0);
-    const double *p = par_of(sim, G_CONTACT, 0);
-    const uint32_t size = sim->model->per[AM_PARAMETER][G_CONTACT];
-    const double *cg = sim->now.cg;
-    const double height = sim->now.h - sim->par[P_RUNWAY] - fabs(cg[0]) - fabs(cg[1]) - fabs(cg[2]);
-    for (uint32_t i = 0; i < n; i++, p += size) {
-        const double *at = p + P_CONTACT_X;
-        if (height < 2.0 * p[P_CONTACT_RADIUS] + fabs(at[0]) + fabs(at[1]) + fabs(at[2])) {
-            return false;
-        }
-    }
-    for (uint32_t k = 0; k < n * X_PER_CONTACT; k++) {
-        if (fabs(own[k]) > NOTHING) return false;
-    }
-    return true;
-}
-
-/* Away from the ground only the steering moves. */
-static void fly(am_sim *sim, const double *x, const double *u, double *dx) {
-    const steered_t airborne = {0};
-    const uint32_t n = items(sim->model, G_CONTACT);
-    double *found = work_of(sim, G_GEAR, 0);
-    memset(rate_of(sim, dx, G_CONTACT, 0), 0, sizeof(double) * X_PER_CONTACT * n);
-    memset(work_of(sim, G_CONTACT, 0), 0, sizeof(double) * W_PER_CONTACT * n);
-    for (uint32_t i = 0; i < n; i++) var_of(sim, G_CONTACT, i)[A_CONTACT_COMPRESSION] = 0.0;
-    evaluate_stage(sim, STAGE_GEAR);
-    memset(found, 0, sizeof(double) * W_PER_GEAR);
-    found[Y_GEAR_STEERING] = steering_angle(sim, x);
-    found[Y_GEAR_STEERING_MOMENT] = steering_derivative(sim, x, u, &airborne, dx);
-}
-
 /* Force and moment about the c.g., body axes; rates of the states of gear and contacts. */
 void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3],
                  double *dx) {
@@ -365,8 +379,8 @@ void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], dou
     double down[3];
     for (int k = 0; k < 3; k++) F[k] = M[k] = 0.0;
     if (!items(sim->model, G_GEAR)) return;
-    if (clear(sim, x)) {
-        fly(sim, x, u, dx);
+    if (gear_clear(sim, x)) {
+        gear_away(sim, x, u, dx);
         return;
     }
     to_body(sim->now.C, sim->now.down, down);
@@ -386,15 +400,6 @@ void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], dou
     for (int k = 0; k < 3; k++) {
         found[Y_GEAR_FX + k] = F[k];
         found[Y_GEAR_MX + k] = M[k];
-    }
-}
-
-void gear_outputs(am_sim *sim, double *y) {
-    if (!items(sim->model, G_GEAR)) return;
-    memcpy(output_of(sim, y, G_GEAR, 0), work_of(sim, G_GEAR, 0), sizeof(double) * Y_PER_GEAR);
-    for (uint32_t i = 0; i < items(sim->model, G_CONTACT); i++) {
-        memcpy(output_of(sim, y, G_CONTACT, i), work_of(sim, G_CONTACT, i),
-               sizeof(double) * Y_PER_CONTACT);
     }
 }
 
@@ -433,3 +438,5 @@ void gear_start(am_sim *sim) {
         }
     }
 }
+
+#endif

@@ -2,7 +2,7 @@
 #ifndef AEROMATCH_GEAR_H
 #define AEROMATCH_GEAR_H
 
-#include "simulation.h"
+#include "flight.h"
 
 /* Check the parameters of runway, steering and contacts. */
 int gear_check(am_sim *sim);
@@ -14,6 +14,11 @@ void gear_start(am_sim *sim);
 void gear_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3],
                  double *dx);
 
-void gear_outputs(am_sim *sim, double *y);
+/* True when nothing can touch the ground at any attitude and no strut or tyre has anything left
+ * to give back; then only the steering moves, and there is no force. */
+mask_t gear_clear(const flight_t *sim, const real *x);
+void gear_away(flight_t *sim, const real *x, const real *u, real *dx);
+
+void gear_outputs(const flight_t *sim, real *y);
 
 #endif

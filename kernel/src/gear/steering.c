@@ -27,6 +27,16 @@
 
 enum { QUASI_STATIC = 0, SECOND_ORDER = 2, FOURTH_ORDER = 4 };
 
+static real steering_command(const flight_t *sim, const real *u) {
+    const real *p = par_of(sim, G_GEAR, 0);
+    const real limit = p[P_STEERING_LIMIT];
+    return clamp(
+        input_of(sim, u, G_GEAR, 0)[U_DELTA_NW] - p[P_STEERING_RUDDER] * sim->var[A_DELTA_R],
+        -limit, limit);
+}
+
+#if LANES == 1
+
 int steering_check(am_sim *sim) {
     const double *p = par_of(sim, G_GEAR, 0);
     const double order = p[P_STEERING_ORDER];
@@ -60,55 +70,54 @@ int steering_check(am_sim *sim) {
     return AM_OK;
 }
 
-static double command(const am_sim *sim, const double *u) {
-    const double *p = par_of(sim, G_GEAR, 0);
-    const double limit = p[P_STEERING_LIMIT];
-    return clamp(
-        input_of(sim, u, G_GEAR, 0)[U_DELTA_NW] - p[P_STEERING_RUDDER] * sim->var[A_DELTA_R],
-        -limit, limit);
-}
-
 void steering_start(am_sim *sim, double *x) {
     double *own = rate_of(sim, x, G_GEAR, 0);
     for (int i = 0; i < X_PER_GEAR; i++) own[i] = 0.0;
     if (par_of(sim, G_GEAR, 0)[P_STEERING_STIFFNESS] > 0.0) {
-        own[X_STEERING] = own[X_ARM] = command(sim, sim->u);
+        own[X_STEERING] = own[X_ARM] = steering_command(sim, sim->u);
     }
 }
 
-double steering_angle(const am_sim *sim, const double *x) {
-    const double limit = par_of(sim, G_GEAR, 0)[P_STEERING_LIMIT];
+#endif
+
+real steering_angle(const flight_t *sim, const real *x) {
+    const real limit = par_of(sim, G_GEAR, 0)[P_STEERING_LIMIT];
     return clamp(state_of(sim, x, G_GEAR, 0)[X_STEERING], -limit, limit);
 }
 
 /* The wheel runs after its pivot: across = 0 for a contact a trail behind. */
-static double castor_rate(const double *p, const steered_t *wheel, double angle) {
-    const double limit = p[P_STEERING_LIMIT];
-    if (!(wheel->grip > 0.0)) return -angle / TYRE_LAG;
-    const double rate = wheel->across / fmax(p[P_STEERING_TRAIL], TYRE_LAG * wheel->speed)
-                        - wheel->yaw;
-    return clamp(rate, (-limit - angle) / TYRE_LAG, (limit - angle) / TYRE_LAG);
+static real castor_rate(const real *p, const steered_t *wheel, real angle) {
+    const real limit = p[P_STEERING_LIMIT];
+    const mask_t stands = wheel->grip > 0.0;
+    const real centring = -angle / TYRE_LAG;
+    if (!ANY(stands)) return centring;
+    const real rate = wheel->across / larger(p[P_STEERING_TRAIL], TYRE_LAG * wheel->speed)
+                      - wheel->yaw;
+    const real least = (-limit - angle) / TYRE_LAG;
+    return PICK(stands, clamp(rate, least, (limit - angle) / TYRE_LAG), centring);
 }
 
-static double quasi_static_rate(const double *p, const steered_t *wheel, double angle, double aim) {
-    const double K = p[P_STEERING_STIFFNESS];
-    const double limit = p[P_STEERING_LIMIT];
-    if (!(K > 0.0)) return castor_rate(p, wheel, angle);
-    const double held = wheel->grip * p[P_STEERING_SCRUB] / K;
-    const double off = clamp(aim - p[P_STEERING_TRAIL] * wheel->side / K, -limit, limit) - angle;
-    const double beyond = off - clamp(off, -held, held);
-    return beyond / TYRE_LAG + wheel->renewal * (off - beyond);
+static real quasi_static_rate(const real *p, const steered_t *wheel, real angle, real aim) {
+    const real K = p[P_STEERING_STIFFNESS];
+    const real limit = p[P_STEERING_LIMIT];
+    const mask_t castor = NOT(K > 0.0);
+    if (EVERY(castor)) return castor_rate(p, wheel, angle);
+    const real held = wheel->grip * p[P_STEERING_SCRUB] / K;
+    const real off = clamp(aim - p[P_STEERING_TRAIL] * wheel->side / K, -limit, limit) - angle;
+    const real beyond = off - clamp(off, -held, held);
+    const real rate = beyond / TYRE_LAG + wheel->renewal * (off - beyond);
+    return ANY(castor) ? PICK(castor, castor_rate(p, wheel, angle), rate) : rate;
 }
 
-static double wheel_acceleration(const double *p, const steered_t *wheel, const double *own,
-                                 double spring) {
-    const double I = p[P_STEERING_INERTIA];
-    const double angle = own[X_STEERING];
-    const double rate = own[X_STEERING_RATE];
-    const double limit = p[P_STEERING_LIMIT];
-    const double over = angle - clamp(angle, -limit, limit);
-    const double stop = over != 0.0 ? I * STOP_RATE * (STOP_RATE * over + 2.0 * rate) : 0.0;
-    const double scrub = wheel->grip * p[P_STEERING_SCRUB] * own[X_TWIST] / TWIST;
+static real wheel_acceleration(const real *p, const steered_t *wheel, const real *own,
+                                 real spring) {
+    const real I = p[P_STEERING_INERTIA];
+    const real angle = own[X_STEERING];
+    const real rate = own[X_STEERING_RATE];
+    const real limit = p[P_STEERING_LIMIT];
+    const real over = angle - clamp(angle, -limit, limit);
+    const real stop = PICK(over != 0.0, I * STOP_RATE * (STOP_RATE * over + 2.0 * rate), 0.0);
+    const real scrub = wheel->grip * p[P_STEERING_SCRUB] * own[X_TWIST] / TWIST;
     return (spring - p[P_STEERING_DAMPING] * rate - p[P_STEERING_TRAIL] * wheel->side - scrub
             - stop)
            / I;
@@ -116,26 +125,27 @@ static double wheel_acceleration(const double *p, const steered_t *wheel, const 
 
 /* An airborne wheel has arrived: without this it would go on for ever by ever smaller, and
  * slower, numbers. */
-static void arrive(const steered_t *wheel, double *rate) {
-    if (wheel->grip > 0.0) return;
+static void arrive(const steered_t *wheel, real *rate) {
+    mask_t moves = wheel->grip > 0.0;
     for (int i = 0; i < X_PER_GEAR; i++) {
-        if (fabs(rate[i]) > ARRIVED) return;
+        if (EVERY(moves)) return;
+        moves |= size_of(rate[i]) > ARRIVED;
     }
-    for (int i = 0; i < X_PER_GEAR; i++) rate[i] = 0.0;
+    for (int i = 0; i < X_PER_GEAR; i++) rate[i] = PICK(moves, rate[i], 0.0);
 }
 
 /* Rates of the states; returns the moment of the spring on the wheel. */
-double steering_derivative(am_sim *sim, const double *x, const double *u, const steered_t *wheel,
-                           double *dx) {
-    const double *p = par_of(sim, G_GEAR, 0);
-    const double *own = state_of(sim, x, G_GEAR, 0);
-    const double aim = command(sim, u);
-    double *rate = rate_of(sim, dx, G_GEAR, 0);
-    const double order = p[P_STEERING_ORDER];
-    const double from = order == FOURTH_ORDER ? own[X_ARM] : aim;
-    const double spring = p[P_STEERING_STIFFNESS] * (from - own[X_STEERING]);
+real steering_derivative(flight_t *sim, const real *x, const real *u, const steered_t *wheel,
+                           real *dx) {
+    const real *p = par_of(sim, G_GEAR, 0);
+    const real *own = state_of(sim, x, G_GEAR, 0);
+    const real aim = steering_command(sim, u);
+    real *rate = rate_of(sim, dx, G_GEAR, 0);
+    const real order = p[P_STEERING_ORDER]; /* one for all lanes */
+    const real from = ANY(order == FOURTH_ORDER) ? own[X_ARM] : aim;
+    const real spring = p[P_STEERING_STIFFNESS] * (from - own[X_STEERING]);
     for (int i = 0; i < X_PER_GEAR; i++) rate[i] = 0.0;
-    if (order == QUASI_STATIC) {
+    if (ANY(order == QUASI_STATIC)) {
         rate[X_STEERING] = quasi_static_rate(p, wheel, own[X_STEERING], aim);
         arrive(wheel, rate);
         return spring;
@@ -146,7 +156,7 @@ double steering_derivative(am_sim *sim, const double *x, const double *u, const 
         (clamp(own[X_TWIST] + TYRE_LAG * own[X_STEERING_RATE], -TWIST, TWIST) - own[X_TWIST])
         / TYRE_LAG;
     rate[X_TWIST] -= wheel->renewal * own[X_TWIST];
-    if (order == FOURTH_ORDER) {
+    if (ANY(order == FOURTH_ORDER)) {
         rate[X_ARM] = own[X_ARM_RATE];
         rate[X_ARM_RATE] =
             (p[P_ARM_STIFFNESS] * (aim - own[X_ARM]) - p[P_ARM_DAMPING] * own[X_ARM_RATE] - spring)

@@ -3,6 +3,7 @@
 #define AEROMATCH_LANED_FLIGHT_H
 
 #include "control_outputs.h"
+#include "control_step.h"
 #include "engine.h"
 #include "error.h"
 #include "integrate.h"
@@ -11,6 +12,7 @@
 #include "lanes.h"
 #include "outputs.h"
 #include "runge_kutta.h"
+#include "spool.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -33,7 +35,8 @@ static real *piece(real **at, size_t n) {
 static size_t reals(const am_model *m) {
     return (size_t)m->count[AM_PARAMETER] + 5 * (size_t)m->count[AM_INPUT]
            + (size_t)m->count[AM_OUTPUT] + 6 * (size_t)am_state_count(m) + m->total[AM_VARIABLE]
-           + m->slots + m->places + m->total[AM_TARGET] + LAST_POWER + m->axes
+           + m->slots + m->places + m->total[AM_TARGET] + LAST_POWER + m->axes + m->memories
+           + m->works
            + sizeof(cells_r) / sizeof(real) * m->axes;
 }
 
@@ -56,6 +59,8 @@ static void lay_out(flight_t *f, const am_model *m, real *at) {
     f->slot = piece(&at, m->slots);
     f->term = piece(&at, m->places);
     f->sum = piece(&at, m->total[AM_TARGET]);
+    f->memory = piece(&at, m->memories);
+    f->work = piece(&at, m->works);
     f->last_power = piece(&at, LAST_POWER);
     f->fraction = piece(&at, m->axes);
     f->cells = (cells_r *)piece(&at, sizeof(cells_r) / sizeof(real) * m->axes);
@@ -77,6 +82,9 @@ static void board(flight_t *f, int l, am_sim *sim) {
     take(sim->slot, m->slots, l, f->slot);
     take(sim->term, m->places, l, f->term);
     take(sim->sum, m->total[AM_TARGET], l, f->sum);
+    const uint32_t own = m->first_memory[G_FUEL];
+    take(sim->memory + own, m->memories - own, l, f->memory + own);
+    take(sim->work, m->works, l, f->work);
     take(sim->last_power, LAST_POWER, l, f->last_power);
     take((const double *)&sim->now, sizeof(now_t) / sizeof(double), l, (real *)&f->now);
     take((const double *)&sim->atmosphere, 2 * LAYERS, l, (real *)&f->atmosphere);
@@ -103,16 +111,31 @@ static void repeat(flight_t *f, int from, int to) {
 
 /* ---- a step ---------------------------------------------------------------------------------- */
 
+static void advance_levers(flight_t *f, double t, double h, const real *u0, const real *u1) {
+    for (uint32_t i = 0; i < items(f->model, G_SPOOL); i++) {
+        const real from = input_of(f, u0, G_ENGINE, i)[U_THROTTLE];
+        const real to = input_of(f, u1, G_ENGINE, i)[U_THROTTLE];
+        for (int l = 0; l < LANES; l++) {
+            am_sim *sim = f->lane[l];
+            sim->fresh = f->fresh[l];
+            spool_advance(sim, i, t, h, from[l], to[l]);
+            f->fresh[l] = sim->fresh ? -1 : 0;
+        }
+    }
+}
+
 static void advance_parts(flight_t *f, double t, double h, const real *u0, const real *u1) {
     const am_model *m = f->model;
     const size_t nu = (size_t)m->count[AM_INPUT];
-    if (!f->windy && !f->whole) return;
+    advance_levers(f, t, h, u0, u1);
+    if (!f->windy && !items(m, G_CIRCUIT)) return;
     for (int l = 0; l < LANES; l++) {
         am_sim *sim = f->lane[l];
-        sim->fresh = f->fresh[l];
         give(f->x, (size_t)am_state_count(m), l, sim->x);
-        advance_memory(sim, t, h, give(u0, nu, l, sim->u_work), give(u1, nu, l, sim->u_end));
-        f->fresh[l] = sim->fresh ? -1 : 0;
+        give(u0, nu, l, sim->u_work);
+        give(u1, nu, l, sim->u_end);
+        weather_advance(sim, t, h, sim->u_work, sim->u_end);
+        control_advance(sim, t, h, sim->u_work, sim->u_end);
     }
 }
 
@@ -149,24 +172,20 @@ static real steps_outside(const flight_t *f) {
 
 static void part_outputs(flight_t *f, real *y) {
     const am_model *m = f->model;
-    const uint32_t first = m->first[AM_OUTPUT][G_ENGINE];
-    const uint32_t end = m->first[AM_OUTPUT][G_EARTH];
+    const uint32_t first = m->first[AM_OUTPUT][G_CIRCUIT];
+    const uint32_t end = m->first[AM_OUTPUT][G_DEVICE];
     air_outputs(&f->now, f->wind, f->gust, y + place(m, AM_OUTPUT, G_WEATHER, 0));
-    if (!f->whole) {
-        for (uint32_t i = 0; i < items(m, G_ENGINE); i++) {
-            y[place(m, AM_OUTPUT, G_ENGINE, i) + Y_THRUST] = f->now.thrust[i];
-        }
-        return;
-    }
+    fuel_outputs(f, y);
+    engine_outputs(f, y);
+    gear_outputs(f, y);
+    if (!items(m, G_CIRCUIT)) return;
     for (int l = 0; l < LANES; l++) {
         am_sim *sim = f->lane[l];
         give_condition(f, l, f->x, f->u);
         give_now(f, l, ALL_OF_NOW);
         give(f->x, (size_t)am_state_count(m), l, sim->x);
         give(f->u, (size_t)m->count[AM_INPUT], l, sim->u);
-        fuel_outputs(sim, sim->y_work);
-        engine_outputs(sim, sim->y_work);
-        gear_outputs(sim, sim->y_work);
+        give(f->work, m->works, l, sim->work);
         control_outputs(sim, sim->y_work);
         take(sim->y_work + first, end - first, l, y + first);
     }
@@ -275,9 +294,8 @@ bool LANED(fly)(const group_t *g) {
     const am_model *m = g->sim[0]->model;
     course_t course = {.group = g, .flying = g->runs};
     const size_t bytes = sizeof(flight_t) + sizeof(real) * (reals(m) + 1) + m->bundles;
-    char *memory = malloc(bytes);
+    char *memory = calloc(1, bytes);
     if (!memory) return false;
-    memset(memory, 0, bytes);
     const uintptr_t over = (uintptr_t)memory % sizeof(real);
     flight_t *f = (flight_t *)(memory + (over ? sizeof(real) - over : 0));
     lay_out(f, m, (real *)(f + 1));
@@ -292,7 +310,6 @@ bool LANED(fly)(const group_t *g) {
     f->earth = first->earth;
     f->drive = first->drive;
     f->controls = first->controls;
-    f->whole = items(m, G_SPOOL) || items(m, G_FUEL) || items(m, G_GEAR) || items(m, G_CIRCUIT);
     fly_record(f, &course);
     free(memory);
     return true;

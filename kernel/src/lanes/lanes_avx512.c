@@ -6,10 +6,7 @@
 
 #include "access.h"
 #include "elementary.h"
-#include "engine.h"
 #include "error.h"
-#include "fuel.h"
-#include "gear.h"
 #include "lanes.h"
 
 #include <math.h>

@@ -26,22 +26,37 @@ typedef TRIM(real) trim_r;
 #define aero_forces LANED(aero_forces)
 #define air_data LANED(air_data)
 #define atmosphere_at LANED(atmosphere_at)
+#define burn_fuel LANED(burn_fuel)
 #define calibrated_airspeed LANED(calibrated_airspeed)
 #define contributions LANED(contributions)
+#define delayed_lever LANED(delayed_lever)
 #define derivative LANED(derivative)
 #define earth_outputs LANED(earth_outputs)
+#define engine_forces LANED(engine_forces)
+#define engine_outputs LANED(engine_outputs)
 #define evaluate_special LANED(evaluate_special)
 #define evaluate_stage LANED(evaluate_stage)
 #define evaluate_terms LANED(evaluate_terms)
+#define fuel_left LANED(fuel_left)
+#define fuel_outputs LANED(fuel_outputs)
+#define gear_away LANED(gear_away)
+#define gear_clear LANED(gear_clear)
+#define gear_outputs LANED(gear_outputs)
 #define gravitation LANED(gravitation)
 #define leave_out_special LANED(leave_out_special)
 #define locate_angles LANED(locate_angles)
 #define look_up LANED(look_up)
+#define mass_now LANED(mass_now)
 #define place_near LANED(place_near)
 #define place_of LANED(place_of)
 #define pressure_altitude LANED(pressure_altitude)
 #define set_anchor LANED(set_anchor)
 #define set_flight_condition LANED(set_flight_condition)
+#define spool_deck LANED(spool_deck)
+#define spool_driven LANED(spool_driven)
+#define spool_variables LANED(spool_variables)
+#define steering_angle LANED(steering_angle)
+#define steering_derivative LANED(steering_derivative)
 #define sum_coefficients LANED(sum_coefficients)
 #define write_outputs LANED(write_outputs)
 
@@ -55,6 +70,8 @@ typedef struct {
 typedef struct {
     const am_model *model;
     real *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *last_power;
+    real *memory; /* of fuel and circuits; the rest stands in each simulation */
+    real *work;
     real *x_work, *k, *u_work, *u_end, *y_work, *u0, *u1;
     cells_r *cells; /* of each axis */
     bool *shared;   /* of each bundle: all lanes look at one cell of one model */
@@ -68,7 +85,6 @@ typedef struct {
     int earth, drive, controls;
     bool anchored;
     bool windy; /* the wind of a lane is more than its inputs and a shear */
-    bool whole; /* the model has decks, fuel, gear or circuits */
     am_sim *lane[LANES];
 } flight_t;
 

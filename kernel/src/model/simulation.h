@@ -94,41 +94,24 @@ struct am_sim {
     patch_t patch[MAX_PATCHES];
 };
 
-/* The piece of an array that belongs to an item. */
-static inline double *par_of(const am_sim *sim, int group, uint32_t item) {
-    return sim->par + place(sim->model, AM_PARAMETER, group, item);
+/* The piece of an array that belongs to an item, of a simulation or of several that fly side by
+ * side (flight.h). */
+#define par_of(sim, group, item) ((sim)->par + place((sim)->model, AM_PARAMETER, group, item))
+#define var_of(sim, group, item) ((sim)->var + place((sim)->model, AM_VARIABLE, group, item))
+#define sum_of(sim, group, item) ((sim)->sum + place((sim)->model, AM_TARGET, group, item))
+#define input_of(sim, u, group, item) ((u) + place((sim)->model, AM_INPUT, group, item))
+#define output_of(sim, y, group, item) ((y) + place((sim)->model, AM_OUTPUT, group, item))
+#define state_of(sim, x, group, item) ((x) + place((sim)->model, AM_STATE, group, item))
+#define rate_of(sim, dx, group, item) ((dx) + place((sim)->model, AM_STATE, group, item))
+#define memory_of(sim, group, item) ((sim)->memory + memory_place((sim)->model, group, item))
+#define work_of(sim, group, item) ((sim)->work + work_place((sim)->model, group, item))
+
+static inline uint32_t memory_place(const am_model *m, int group, uint32_t item) {
+    return m->first_memory[group] + item * m->per_memory[group];
 }
 
-static inline double *var_of(const am_sim *sim, int group, uint32_t item) {
-    return sim->var + place(sim->model, AM_VARIABLE, group, item);
-}
-
-static inline double *sum_of(const am_sim *sim, int group, uint32_t item) {
-    return sim->sum + place(sim->model, AM_TARGET, group, item);
-}
-
-static inline const double *input_of(const am_sim *sim, const double *u, int group, uint32_t item) {
-    return u + place(sim->model, AM_INPUT, group, item);
-}
-
-static inline double *output_of(const am_sim *sim, double *y, int group, uint32_t item) {
-    return y + place(sim->model, AM_OUTPUT, group, item);
-}
-
-static inline const double *state_of(const am_sim *sim, const double *x, int group, uint32_t item) {
-    return x + place(sim->model, AM_STATE, group, item);
-}
-
-static inline double *rate_of(const am_sim *sim, double *dx, int group, uint32_t item) {
-    return dx + place(sim->model, AM_STATE, group, item);
-}
-
-static inline double *memory_of(const am_sim *sim, int group, uint32_t item) {
-    return sim->memory + sim->model->first_memory[group] + item * sim->model->per_memory[group];
-}
-
-static inline double *work_of(const am_sim *sim, int group, uint32_t item) {
-    return sim->work + sim->model->first_work[group] + item * sim->model->per_work[group];
+static inline uint32_t work_place(const am_model *m, int group, uint32_t item) {
+    return m->first_work[group] + item * m->per_work[group];
 }
 
 #endif

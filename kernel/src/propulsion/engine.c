@@ -14,12 +14,30 @@
 
 #define SETTLED 30 /* most passes to the steady state; a cascade of two spools needs three */
 
+static bool decked(const flight_t *sim) { return items(sim->model, G_SPOOL) > 0; }
+
+/* Variables and tables of all engines. */
+static void look_at_engines(flight_t *sim, const real *x, const real *u) {
+    const uint32_t n = items(sim->model, G_ENGINE);
+    bool again = false;
+    for (uint32_t i = 0; i < n; i++) {
+        const real lever = decked(sim) ? delayed_lever(sim, u, i)
+                                         : input_of(sim, u, G_ENGINE, i)[U_THROTTLE];
+        var_of(sim, G_ENGINE, i)[A_THROTTLE] = lever + sim->par[P_BIAS_THROTTLE]
+                                               + sim->trim.throttle;
+        if (decked(sim)) spool_variables(sim, i, x, u);
+    }
+    evaluate_stage(sim, STAGE_ENGINE);
+    for (uint32_t i = 0; decked(sim) && i < n; i++) again = spool_driven(sim, i) || again;
+    if (again) evaluate_stage(sim, STAGE_ENGINE);
+}
+
+#if LANES == 1
+
 double applied_throttle(const am_sim *sim, const double *u, uint32_t i) {
     return input_of(sim, u, G_ENGINE, i)[U_THROTTLE] + sim->par[P_BIAS_THROTTLE]
            + sim->trim.throttle;
 }
-
-static bool decked(const am_sim *sim) { return items(sim->model, G_SPOOL) > 0; }
 
 static bool has_thrust(const am_sim *sim, uint32_t i) {
     return has_terms(sim->model, G_ENGINE, i, T_THRUST)
@@ -46,70 +64,6 @@ int engine_check(am_sim *sim) {
         if (status != AM_OK) return status;
     }
     return AM_OK;
-}
-
-/* Variables and tables of all engines. */
-static void look_at_engines(am_sim *sim, const double *x, const double *u) {
-    const uint32_t n = items(sim->model, G_ENGINE);
-    bool again = false;
-    for (uint32_t i = 0; i < n; i++) {
-        const double lever = decked(sim) ? delayed_lever(sim, u, i)
-                                         : input_of(sim, u, G_ENGINE, i)[U_THROTTLE];
-        var_of(sim, G_ENGINE, i)[A_THROTTLE] = lever + sim->par[P_BIAS_THROTTLE]
-                                               + sim->trim.throttle;
-        if (decked(sim)) spool_variables(sim, i, x, u);
-    }
-    evaluate_stage(sim, STAGE_ENGINE);
-    for (uint32_t i = 0; decked(sim) && i < n; i++) again = spool_driven(sim, i) || again;
-    if (again) evaluate_stage(sim, STAGE_ENGINE);
-}
-
-static void ram_force(am_sim *sim, uint32_t i, double air_flow, double F[3], double M[3]) {
-    const now_t *now = &sim->now;
-    const double force[3] = {-air_flow * now->u, -air_flow * now->v, -air_flow * now->w};
-    push(force, par_of(sim, G_SPOOL, i) + P_INLET_X, now->cg, F, M);
-}
-
-/* Force and moment of one engine; returns the fuel flow. */
-static double run_engine(am_sim *sim, uint32_t i, const double *x, const double *u,
-                         double F[restrict 3], double M[restrict 3], double H[restrict 3],
-                         double *dx) {
-    now_t *now = &sim->now;
-    const double *p = par_of(sim, G_ENGINE, i);
-    const deck_t deck = decked(sim) ? spool_deck(sim, i, x, u, dx)
-                                    : (deck_t){.thrust = sum_of(sim, G_ENGINE, i)[T_THRUST]};
-    const bool recorded = sim->drive == THRUST_DRIVEN;
-    const bool lags = p[P_TIME_CONSTANT] > 0.0;
-    const double state = state_of(sim, x, G_ENGINE, i)[X_LAGGED];
-    /* lag of first order: T' = (T_steady - T) / tau; a recorded thrust has none */
-    double *rate = rate_of(sim, dx, G_ENGINE, i);
-    rate[X_LAGGED] = lags && !recorded ? (deck.thrust - state) / p[P_TIME_CONSTANT] : 0.0;
-    const double own = recorded ? input_of(sim, u, G_ENGINE, i)[U_THRUST_DRIVE]
-                       : lags   ? state
-                                : deck.thrust;
-    const double thrust = own + sim->par[P_BIAS_THRUST] + sim->trim.thrust;
-    const double air_flow = recorded ? 0.0 : deck.air_flow;
-    add_thrust(p, thrust, deck.momentum, deck.torque, now->cg, F, M, H);
-    /* net thrust: gross thrust less the momentum of the air taken in */
-    now->thrust[i] = var_of(sim, G_ENGINE, i)[A_THRUST] = thrust - air_flow * now->V;
-    if (!decked(sim)) return 0.0;
-    ram_force(sim, i, air_flow, F, M);
-    double *work = work_of(sim, G_SPOOL, i);
-    work[W_GROSS_THRUST] = thrust;
-    work[W_RAM_DRAG] = air_flow * now->V;
-    work[W_AIR_FLOW] = deck.air_flow;
-    return deck.fuel_flow;
-}
-
-void engine_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3],
-                   double H[3], double *dx) {
-    double flow = 0.0;
-    for (int k = 0; k < 3; k++) F[k] = M[k] = H[k] = 0.0;
-    look_at_engines(sim, x, u);
-    for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) {
-        flow += run_engine(sim, i, x, u, F, M, H, dx);
-    }
-    burn_fuel(sim, x, flow, dx);
 }
 
 void engine_start(am_sim *sim, double t) {
@@ -143,14 +97,64 @@ void engine_advance(am_sim *sim, double t, double h, const double *u0, const dou
     }
 }
 
-void engine_outputs(am_sim *sim, double *y) {
+#endif
+
+static void ram_force(flight_t *sim, uint32_t i, real air_flow, real F[3], real M[3]) {
+    const now_r *now = &sim->now;
+    const real force[3] = {-air_flow * now->u, -air_flow * now->v, -air_flow * now->w};
+    push(force, par_of(sim, G_SPOOL, i) + P_INLET_X, now->cg, F, M);
+}
+
+/* Force and moment of one engine; returns the fuel flow. */
+static real run_engine(flight_t *sim, uint32_t i, const real *x, const real *u,
+                         real F[restrict 3], real M[restrict 3], real H[restrict 3],
+                         real *dx) {
+    now_r *now = &sim->now;
+    const real *p = par_of(sim, G_ENGINE, i);
+    const deck_t deck = decked(sim) ? spool_deck(sim, i, x, u, dx)
+                                    : (deck_t){.thrust = sum_of(sim, G_ENGINE, i)[T_THRUST]};
+    const bool recorded = sim->drive == THRUST_DRIVEN;
+    const mask_t lags = p[P_TIME_CONSTANT] > 0.0;
+    const real state = state_of(sim, x, G_ENGINE, i)[X_LAGGED];
+    /* lag of first order: T' = (T_steady - T) / tau; a recorded thrust has none */
+    real *rate = rate_of(sim, dx, G_ENGINE, i);
+    rate[X_LAGGED] = recorded ? (real)0.0
+                              : PICK(lags, (deck.thrust - state) / p[P_TIME_CONSTANT], 0.0);
+    const real own = recorded ? input_of(sim, u, G_ENGINE, i)[U_THRUST_DRIVE]
+                              : PICK(lags, state, deck.thrust);
+    const real thrust = own + sim->par[P_BIAS_THRUST] + sim->trim.thrust;
+    const real air_flow = recorded ? (real)0.0 : deck.air_flow;
+    add_thrust(p, thrust, deck.momentum, deck.torque, now->cg, F, M, H);
+    /* net thrust: gross thrust less the momentum of the air taken in */
+    now->thrust[i] = var_of(sim, G_ENGINE, i)[A_THRUST] = thrust - air_flow * now->V;
+    if (!decked(sim)) return (real)0.0;
+    ram_force(sim, i, air_flow, F, M);
+    real *work = work_of(sim, G_SPOOL, i);
+    work[W_GROSS_THRUST] = thrust;
+    work[W_RAM_DRAG] = air_flow * now->V;
+    work[W_AIR_FLOW] = deck.air_flow;
+    return deck.fuel_flow;
+}
+
+void engine_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[3],
+                   real H[3], real *dx) {
+    real flow = 0.0;
+    for (int k = 0; k < 3; k++) F[k] = M[k] = H[k] = 0.0;
+    look_at_engines(sim, x, u);
+    for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) {
+        flow += run_engine(sim, i, x, u, F, M, H, dx);
+    }
+    burn_fuel(sim, x, flow, dx);
+}
+
+void engine_outputs(const flight_t *sim, real *y) {
     for (uint32_t i = 0; i < items(sim->model, G_ENGINE); i++) {
         output_of(sim, y, G_ENGINE, i)[Y_THRUST] = sim->now.thrust[i];
     }
     for (uint32_t i = 0; i < items(sim->model, G_SPOOL); i++) {
-        const double *v = var_of(sim, G_SPOOL, i);
-        const double *work = work_of(sim, G_SPOOL, i);
-        double *to = output_of(sim, y, G_SPOOL, i);
+        const real *v = var_of(sim, G_SPOOL, i);
+        const real *work = work_of(sim, G_SPOOL, i);
+        real *to = output_of(sim, y, G_SPOOL, i);
         to[Y_N1] = v[A_N1];
         to[Y_N2] = v[A_N2];
         to[Y_PLA] = v[A_PLA];

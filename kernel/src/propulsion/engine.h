@@ -2,7 +2,7 @@
 #ifndef AEROMATCH_ENGINE_H
 #define AEROMATCH_ENGINE_H
 
-#include "simulation.h"
+#include "flight.h"
 
 /* Check the parameters under the present drive (mode.engine). */
 int engine_check(am_sim *sim);
@@ -16,12 +16,12 @@ void engine_advance(am_sim *sim, double t, double h, const double *u0, const dou
 
 /* Force [N] and moment about the c.g. [N m] of all engines, angular momentum of the rotors
  * [kg m2 s-1], all in body axes; rates of the states. */
-void engine_forces(am_sim *sim, const double *x, const double *u, double F[3], double M[3],
-                   double H[3], double *dx);
+void engine_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[3], real H[3],
+                   real *dx);
 
 /* Lever with bias and trim, 0 ... 1. */
 double applied_throttle(const am_sim *sim, const double *u, uint32_t engine);
 
-void engine_outputs(am_sim *sim, double *y);
+void engine_outputs(const flight_t *sim, real *y);
 
 #endif

@@ -17,17 +17,16 @@
 #include "error.h"
 #include "terms.h"
 
-#include <math.h>
 #include <string.h>
 
 /* S: x y z; I: xx yy zz xy xz yz, products as integrals of xy dm and so on */
 enum { S = 0, I = 3, MOMENTS = 9 };
 
 /* Adds m times the second moments of a point at r. */
-static void add_point(double m, const double r[3], double moment[6]) {
-    const double xx = r[0] * r[0];
-    const double yy = r[1] * r[1];
-    const double zz = r[2] * r[2];
+static void add_point(real m, const real r[3], real moment[6]) {
+    const real xx = r[0] * r[0];
+    const real yy = r[1] * r[1];
+    const real zz = r[2] * r[2];
     moment[0] += m * (yy + zz);
     moment[1] += m * (xx + zz);
     moment[2] += m * (xx + yy);
@@ -36,10 +35,10 @@ static void add_point(double m, const double r[3], double moment[6]) {
     moment[5] += m * (r[1] * r[2]);
 }
 
-static void fuel_moments(am_sim *sim, double fuel, double moment[MOMENTS]) {
-    const double *p = par_of(sim, G_FUEL, 0);
-    const double *r = p + P_FUEL_X;
-    const double *table = sum_of(sim, G_FUEL, 0) + T_MOMENT_X;
+static void fuel_moments(flight_t *sim, real fuel, real moment[MOMENTS]) {
+    const real *p = par_of(sim, G_FUEL, 0);
+    const real *r = p + P_FUEL_X;
+    const real *table = sum_of(sim, G_FUEL, 0) + T_MOMENT_X;
     var_of(sim, G_FUEL, 0)[A_FUEL] = fuel;
     evaluate_stage(sim, STAGE_MASS);
     for (int k = 0; k < 3; k++) moment[S + k] = fuel * r[k];
@@ -50,28 +49,28 @@ static void fuel_moments(am_sim *sim, double fuel, double moment[MOMENTS]) {
 
 /* Tensor and its inverse from moments and products, both symmetric to the last bit; false when it
  * is not positive definite. */
-static bool set_tensor(now_t *now, const double i[6]) {
-    const double J[3][3] = {{i[0], -i[3], -i[4]}, {-i[3], i[1], -i[5]}, {-i[4], -i[5], i[2]}};
-    double n[3][3];
+static mask_t set_tensor(now_r *now, const real i[6]) {
+    const real J[3][3] = {{i[0], -i[3], -i[4]}, {-i[3], i[1], -i[5]}, {-i[4], -i[5], i[2]}};
+    real n[3][3];
     cross(J[1], J[2], n[0]);
     cross(J[2], J[0], n[1]);
     cross(J[0], J[1], n[2]);
-    const double det = dot(J[0], n[0]);
+    const real det = dot(J[0], n[0]);
     memcpy(now->J, J, sizeof J);
     for (int r = 0; r < 3; r++) {
         for (int c = r; c < 3; c++) now->J_inverse[r][c] = now->J_inverse[c][r] = n[c][r] / det;
     }
-    return J[0][0] > 0.0 && J[0][0] * J[1][1] - J[0][1] * J[1][0] > 0.0 && det > 0.0;
+    return (J[0][0] > 0.0) & (J[0][0] * J[1][1] - J[0][1] * J[1][0] > 0.0) & (det > 0.0);
 }
 
 /* Mass properties with `fuel` on board. */
-static bool set_mass(am_sim *sim, double fuel) {
-    const double *p = sim->par;
-    const double *cg0 = p + P_X_CG_B;
-    const double *start = memory_of(sim, G_FUEL, 0);
-    const double burnt = par_of(sim, G_FUEL, 0)[P_FUEL_START] - fuel;
-    now_t *now = &sim->now;
-    double moment[MOMENTS], inertia[6];
+static mask_t set_mass(flight_t *sim, real fuel) {
+    const real *p = sim->par;
+    const real *cg0 = p + P_X_CG_B;
+    const real *start = memory_of(sim, G_FUEL, 0);
+    const real burnt = par_of(sim, G_FUEL, 0)[P_FUEL_START] - fuel;
+    now_r *now = &sim->now;
+    real moment[MOMENTS], inertia[6];
     fuel_moments(sim, fuel, moment);
     now->mass = p[P_MASS] - burnt;
     for (int k = 0; k < 3; k++) {
@@ -80,12 +79,14 @@ static bool set_mass(am_sim *sim, double fuel) {
     for (int k = 0; k < 6; k++) inertia[k] = p[P_IXX + k] - (start[I + k] - moment[I + k]);
     add_point(p[P_MASS], cg0, inertia);
     add_point(-now->mass, now->cg, inertia);
-    return set_tensor(now, inertia) && now->mass > 0.0;
+    return set_tensor(now, inertia) & (now->mass > 0.0);
 }
 
-void mass_now(am_sim *sim, const double *x) {
-    if (items(sim->model, G_FUEL)) set_mass(sim, fmax(state_of(sim, x, G_FUEL, 0)[X_FUEL], 0.0));
+void mass_now(flight_t *sim, const real *x) {
+    if (items(sim->model, G_FUEL)) set_mass(sim, larger(state_of(sim, x, G_FUEL, 0)[X_FUEL], 0.0));
 }
+
+#if LANES == 1
 
 int fuel_check(am_sim *sim) {
     if (!items(sim->model, G_FUEL)) return AM_OK;
@@ -111,20 +112,22 @@ void fuel_start(am_sim *sim) {
     }
 }
 
-bool fuel_left(const am_sim *sim, const double *x) {
-    return !items(sim->model, G_FUEL) || state_of(sim, x, G_FUEL, 0)[X_FUEL] > 0.0;
+#endif
+
+mask_t fuel_left(const flight_t *sim, const real *x) {
+    return items(sim->model, G_FUEL) ? state_of(sim, x, G_FUEL, 0)[X_FUEL] > 0.0 : everywhere(true);
 }
 
-void burn_fuel(const am_sim *sim, const double *x, double flow, double *dx) {
+void burn_fuel(const flight_t *sim, const real *x, real flow, real *dx) {
     if (items(sim->model, G_FUEL)) {
-        rate_of(sim, dx, G_FUEL, 0)[X_FUEL] = fuel_left(sim, x) ? -flow : 0.0;
+        rate_of(sim, dx, G_FUEL, 0)[X_FUEL] = PICK(fuel_left(sim, x), -flow, 0.0);
     }
 }
 
-void fuel_outputs(am_sim *sim, double *y) {
+void fuel_outputs(const flight_t *sim, real *y) {
     if (!items(sim->model, G_FUEL)) return;
-    const now_t *now = &sim->now;
-    double *to = output_of(sim, y, G_FUEL, 0);
+    const now_r *now = &sim->now;
+    real *to = output_of(sim, y, G_FUEL, 0);
     to[Y_FUEL] = var_of(sim, G_FUEL, 0)[A_FUEL];
     for (int k = 0; k < 3; k++) {
         to[Y_X_CG_B + k] = now->cg[k];

@@ -2,7 +2,7 @@
 #ifndef AEROMATCH_FUEL_H
 #define AEROMATCH_FUEL_H
 
-#include "simulation.h"
+#include "flight.h"
 
 /* Check the parameters and keep the moments of the fuel at the start. */
 int fuel_check(am_sim *sim);
@@ -10,13 +10,13 @@ int fuel_check(am_sim *sim);
 void fuel_start(am_sim *sim);
 
 /* Mass [kg], c.g. [m], inertia tensor [kg m2] and its inverse in now, with the fuel of state x. */
-void mass_now(am_sim *sim, const double *x);
+void mass_now(flight_t *sim, const real *x);
 
-bool fuel_left(const am_sim *sim, const double *x);
+mask_t fuel_left(const flight_t *sim, const real *x);
 
 /* Set the rate of the fuel on board from the flow to the engines [kg s-1]. */
-void burn_fuel(const am_sim *sim, const double *x, double flow, double *dx);
+void burn_fuel(const flight_t *sim, const real *x, real flow, real *dx);
 
-void fuel_outputs(am_sim *sim, double *y);
+void fuel_outputs(const flight_t *sim, real *y);
 
 #endif

@@ -32,18 +32,19 @@ enum { N1, N2, SPOOLS };
 
 /* What one engine consists of, where it stands. */
 typedef struct {
-    const double *par, *var, *state, *in, *sum;
+    const real *par, *var, *state, *in, *sum;
     const uint32_t *first, *end; /* terms of its targets */
-    double root;                 /* of the temperature ratio */
-    bool n1_driven, fuel;
+    real root_theta;             /* root of the temperature ratio */
+    mask_t fuel;
+    bool n1_driven;
 } spool_t;
 
-static double root_theta(const double *v) { return sqrt(v[A_TEMPERATURE_RATIO]); }
+static real root_theta(const real *v) { return root(v[A_TEMPERATURE_RATIO]); }
 
-static inline spool_t spool_of(const am_sim *sim, uint32_t i, const double *x, const double *u) {
+static inline spool_t spool_of(const flight_t *sim, uint32_t i, const real *x, const real *u) {
     const am_model *m = sim->model;
     const uint32_t target = place(m, AM_TARGET, G_SPOOL, i);
-    const double *v = var_of(sim, G_SPOOL, i);
+    const real *v = var_of(sim, G_SPOOL, i);
     return (spool_t){.par = par_of(sim, G_SPOOL, i),
                      .var = v,
                      .state = state_of(sim, x, G_SPOOL, i),
@@ -51,7 +52,7 @@ static inline spool_t spool_of(const am_sim *sim, uint32_t i, const double *x, c
                      .sum = sim->sum + target,
                      .first = m->first_of + target,
                      .end = m->end_of + target,
-                     .root = root_theta(v),
+                     .root_theta = root_theta(v),
                      .n1_driven = sim->drive == N1_DRIVEN,
                      .fuel = fuel_left(sim, x)};
 }
@@ -68,34 +69,56 @@ static inline bool governed(const spool_t *e, int s) {
  * spool. */
 static inline int core_spool(const spool_t *e) { return governed(e, N2) ? N2 : N1; }
 
-double delayed_lever(const am_sim *sim, const double *u, uint32_t i) {
-    const double delay = par_of(sim, G_SPOOL, i)[P_LEVER_DELAY];
-    if (!(delay > 0.0)) return input_of(sim, u, G_ENGINE, i)[U_THROTTLE];
+static double lever_now(const am_sim *sim, uint32_t i, double clock, double part, double delay,
+                        double present) {
+    if (!(delay > 0.0)) return present;
     /* a jump belongs to the step that begins with it */
-    return delay_read(memory_of(sim, G_SPOOL, i), sim->clock - delay, sim->part < 1.0);
+    return delay_read(memory_of(sim, G_SPOOL, i), clock - delay, part < 1.0);
 }
 
-void spool_variables(am_sim *sim, uint32_t i, const double *x, const double *u) {
-    const double *p = par_of(sim, G_SPOOL, i);
-    const double *s = state_of(sim, x, G_SPOOL, i);
-    const double mach = sim->now.mach;
-    double *v = var_of(sim, G_SPOOL, i);
+#if LANES == 1
+
+double delayed_lever(const am_sim *sim, const double *u, uint32_t i) {
+    return lever_now(sim, i, sim->clock, sim->part, par_of(sim, G_SPOOL, i)[P_LEVER_DELAY],
+                     input_of(sim, u, G_ENGINE, i)[U_THROTTLE]);
+}
+
+#else
+
+real delayed_lever(const flight_t *f, const real *u, uint32_t i) {
+    const real delay = par_of(f, G_SPOOL, i)[P_LEVER_DELAY];
+    const real present = input_of(f, u, G_ENGINE, i)[U_THROTTLE];
+    real lever = present;
+    if (!ANY(delay > 0.0)) return lever;
+    for (int l = 0; l < LANES; l++) {
+        lever[l] = lever_now(f->lane[l], i, f->clock, f->part, delay[l], present[l]);
+    }
+    return lever;
+}
+
+#endif
+
+void spool_variables(flight_t *sim, uint32_t i, const real *x, const real *u) {
+    const real *p = par_of(sim, G_SPOOL, i);
+    const real *s = state_of(sim, x, G_SPOOL, i);
+    const real mach = sim->now.mach;
+    real *v = var_of(sim, G_SPOOL, i);
     v[A_TEMPERATURE_RATIO] = sim->now.T / T_STANDARD * (1.0 + GAS_HALF * mach * mach);
     v[A_PRESSURE_RATIO] = sim->now.p / P_STANDARD;
     v[A_PLA] = p[P_PLA_IDLE]
                + var_of(sim, G_ENGINE, i)[A_THROTTLE] * (p[P_PLA_FULL] - p[P_PLA_IDLE]);
     v[A_N1] = sim->drive == N1_DRIVEN ? input_of(sim, u, G_SPOOL, i)[U_N1_DRIVE] : s[X_N1];
     v[A_N2] = s[X_N2];
-    const double root = root_theta(v);
-    v[A_CORRECTED_N1] = v[A_N1] / root;
-    v[A_CORRECTED_N2] = v[A_N2] / root;
+    const real theta = root_theta(v);
+    v[A_CORRECTED_N1] = v[A_N1] / theta;
+    v[A_CORRECTED_N2] = v[A_N2] / theta;
 }
 
-bool spool_driven(am_sim *sim, uint32_t i) {
+bool spool_driven(flight_t *sim, uint32_t i) {
     if (sim->drive != N1_DRIVEN || !has_terms(sim->model, G_SPOOL, i, T_CORRECTED_N2_DRIVEN)) {
         return false;
     }
-    double *v = var_of(sim, G_SPOOL, i);
+    real *v = var_of(sim, G_SPOOL, i);
     v[A_CORRECTED_N2] = sum_of(sim, G_SPOOL, i)[T_CORRECTED_N2_DRIVEN];
     v[A_N2] = v[A_CORRECTED_N2] * root_theta(v);
     return true;
@@ -106,106 +129,119 @@ static inline bool held(const spool_t *e, int s) {
     return e->n1_driven && (s == N1 || given(e, T_CORRECTED_N2_DRIVEN));
 }
 
-static inline double command(const spool_t *e, int s) {
-    return e->sum[T_N1_COMMAND + s] + e->root * e->sum[T_CORRECTED_N1_COMMAND + s];
+static inline real command(const spool_t *e, int s) {
+    return e->sum[T_N1_COMMAND + s] + e->root_theta * e->sum[T_CORRECTED_N1_COMMAND + s];
 }
 
-static inline double burning_rate(const spool_t *e, int s, double n) {
-    if (!governed(e, s)) return 0.0;
-    const double gap = command(e, s) - n;
-    const bool down = gap < 0.0;
-    const int time = (down && given(e, T_N1_DOWN_TIME + s) ? T_N1_DOWN_TIME : T_N1_UP_TIME) + s;
-    const int limit = (down ? T_N1_DOWN_LIMIT : T_N1_UP_LIMIT) + s;
-    const double rate = gap / fmax(e->sum[time], QUICKEST);
+static inline real within_limit(const spool_t *e, int limit, real rate) {
     if (!given(e, limit)) return rate;
-    const double most = fmax(e->sum[limit], 0.0);
-    return fmax(fmin(rate, most), -most);
+    const real most = larger(e->sum[limit], 0.0);
+    return larger(smaller(rate, most), -most);
 }
 
-static bool cranked(const spool_t *e, int s) {
-    return s == core_spool(e) && e->in[U_STARTER] > ON;
+static inline real burning_rate(const spool_t *e, int s, real n) {
+    if (!governed(e, s)) return 0.0;
+    const real gap = command(e, s) - n;
+    const mask_t down = gap < 0.0;
+    const real up_time = e->sum[T_N1_UP_TIME + s];
+    const real down_time = given(e, T_N1_DOWN_TIME + s) ? e->sum[T_N1_DOWN_TIME + s] : up_time;
+    const real rate = gap / larger(PICK(down, down_time, up_time), QUICKEST);
+    return PICK(down, within_limit(e, T_N1_DOWN_LIMIT + s, rate),
+                within_limit(e, T_N1_UP_LIMIT + s, rate));
+}
+
+static mask_t cranked(const spool_t *e, int s) {
+    return s == core_spool(e) ? e->in[U_STARTER] > ON : everywhere(false);
 }
 
 /* Where a spool settles without a flame: windmilling, or turned by the starter. */
-static double idle_run(const spool_t *e, int s) {
-    const double windmill = fmax(e->root * e->sum[T_CORRECTED_N1_WINDMILL + s], 0.0);
-    return cranked(e, s) ? fmax(windmill, e->par[P_STARTER_SPEED]) : windmill;
+static real idle_run(const spool_t *e, int s) {
+    const real windmill = larger(e->root_theta * e->sum[T_CORRECTED_N1_WINDMILL + s], 0.0);
+    return PICK(cranked(e, s), larger(windmill, e->par[P_STARTER_SPEED]), windmill);
 }
 
-static double idle_rate(const spool_t *e, int s, double n) {
-    const double gap = idle_run(e, s) - n;
-    return gap / (gap > 0.0 && cranked(e, s) ? e->par[P_STARTER_TIME] : e->par[P_N1_RUNDOWN + s]);
+static real idle_rate(const spool_t *e, int s, real n) {
+    const real gap = idle_run(e, s) - n;
+    const mask_t starting = (gap > 0.0) & cranked(e, s);
+    return gap / PICK(starting, e->par[P_STARTER_TIME], e->par[P_N1_RUNDOWN + s]);
 }
 
 /* Of a spool that is not held; nothing of the idle run where all of the flame burns. */
-static inline double spool_rate(const spool_t *e, int s, double n) {
-    const double b = e->state[X_BURNING];
-    const double rate = b * burning_rate(e, s, n);
-    return b == 1.0 ? rate : rate + (1.0 - b) * idle_rate(e, s, n);
+static inline real spool_rate(const spool_t *e, int s, real n) {
+    const real b = e->state[X_BURNING];
+    const real rate = b * burning_rate(e, s, n);
+    if (EVERY(b == 1.0)) return rate;
+    return PICK(b == 1.0, rate, rate + (1.0 - b) * idle_rate(e, s, n));
 }
 
-static inline bool inside(const spool_t *e, int margin) {
-    return !given(e, margin) || e->sum[margin] >= 0.0;
+static inline mask_t inside(const spool_t *e, int margin) {
+    return given(e, margin) ? e->sum[margin] >= 0.0 : everywhere(true);
 }
 
-static inline bool fed(const spool_t *e) {
-    return !(e->in[U_CUTOFF] > ON) && !(e->in[U_FLAMEOUT] > ON) && e->fuel;
+static inline mask_t fed(const spool_t *e) {
+    return NOT(e->in[U_CUTOFF] > ON) & NOT(e->in[U_FLAMEOUT] > ON) & e->fuel;
 }
 
 /* Whether the flame burns on, or lights. */
-static inline bool burns(const spool_t *e) {
-    const double *in = e->in;
-    const double core = e->var[A_N1 + core_spool(e)];
-    if (!fed(e) || core < e->par[P_SUSTAIN_SPEED] || !inside(e, T_BURN_MARGIN)) return false;
-    if (e->state[X_BURNING] > 0.5) return true;
-    return (in[U_STARTER] > ON || in[U_IGNITION] > ON) && core >= e->par[P_LIGHT_SPEED]
-           && inside(e, T_LIGHT_MARGIN);
+static inline mask_t burns(const spool_t *e) {
+    const real *in = e->in;
+    const real core = e->var[A_N1 + core_spool(e)];
+    const mask_t lit = e->state[X_BURNING] > 0.5;
+    const mask_t fuelled = fed(e);
+    const mask_t margin = inside(e, T_BURN_MARGIN);
+    const mask_t can = fuelled & margin & NOT(core < e->par[P_SUSTAIN_SPEED]);
+    if (EVERY(lit)) return can;
+    const mask_t lights = ((in[U_STARTER] > ON) | (in[U_IGNITION] > ON))
+                          & (core >= e->par[P_LIGHT_SPEED]) & inside(e, T_LIGHT_MARGIN);
+    return can & (lit | lights);
 }
 
-static inline double steady_itt(const spool_t *e) {
-    const double b = e->state[X_BURNING];
-    const double theta = e->var[A_TEMPERATURE_RATIO];
+static inline real steady_itt(const spool_t *e) {
+    const real b = e->state[X_BURNING];
+    const real theta = e->var[A_TEMPERATURE_RATIO];
     return b * (e->sum[T_ITT] + theta * e->sum[T_CORRECTED_ITT]) + (1.0 - b) * theta * T_STANDARD;
 }
 
 /* plain: what the tables of thrust that is not corrected give. */
-static inline double thrust_of(const spool_t *e, double plain) {
-    const double b = e->state[X_BURNING];
-    const double lit = plain + e->var[A_PRESSURE_RATIO] * e->sum[T_CORRECTED_THRUST];
+static inline real thrust_of(const spool_t *e, real plain) {
+    const real b = e->state[X_BURNING];
+    const real lit = plain + e->var[A_PRESSURE_RATIO] * e->sum[T_CORRECTED_THRUST];
     return b * lit + (1.0 - b) * e->sum[T_WINDMILL_THRUST];
 }
+
+deck_t spool_deck(flight_t *sim, uint32_t i, const real *x, const real *u, real *dx) {
+    const spool_t e = spool_of(sim, i, x, u);
+    const real *p = e.par;
+    const real *s = e.state;
+    const real b = s[X_BURNING];
+    const real delta = e.var[A_PRESSURE_RATIO];
+    const real itt = steady_itt(&e);
+    real *rate = rate_of(sim, dx, G_SPOOL, i);
+    real *work = work_of(sim, G_SPOOL, i);
+    deck_t deck = {.momentum = 0.0, .torque = 0.0};
+    for (int k = 0; k < SPOOLS; k++) {
+        const real full = p[P_N1_INERTIA + k] * p[P_N1_RATED + k];
+        rate[X_N1 + k] = held(&e, k) ? (real)0.0 : spool_rate(&e, k, s[X_N1 + k]);
+        deck.momentum += full * e.var[A_N1 + k];
+        deck.torque += full * rate[X_N1 + k];
+    }
+    rate[X_BURNING] = (PICK(burns(&e), 1.0, 0.0) - b) / p[P_FLAME_TIME];
+    rate[X_ITT] = PICK(p[P_ITT_TIME] > 0.0, (itt - s[X_ITT]) / p[P_ITT_TIME], 0.0);
+    deck.thrust = thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
+    deck.air_flow = larger(e.sum[T_AIR_FLOW] + delta / e.root_theta * e.sum[T_CORRECTED_AIR_FLOW], 0.0);
+    deck.fuel_flow = b
+                     * larger(e.sum[T_FUEL_FLOW] + delta * e.root_theta * e.sum[T_CORRECTED_FUEL_FLOW],
+                            0.0);
+    work[W_ITT] = PICK(p[P_ITT_TIME] > 0.0, s[X_ITT], itt);
+    work[W_FUEL_FLOW] = deck.fuel_flow;
+    return deck;
+}
+
+#if LANES == 1
 
 double spool_thrust(const am_sim *sim, uint32_t i, const double *x) {
     const spool_t e = spool_of(sim, i, x, sim->u);
     return thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
-}
-
-deck_t spool_deck(am_sim *sim, uint32_t i, const double *x, const double *u, double *dx) {
-    const spool_t e = spool_of(sim, i, x, u);
-    const double *p = e.par;
-    const double *s = e.state;
-    const double b = s[X_BURNING];
-    const double delta = e.var[A_PRESSURE_RATIO];
-    const double itt = steady_itt(&e);
-    double *rate = rate_of(sim, dx, G_SPOOL, i);
-    double *work = work_of(sim, G_SPOOL, i);
-    deck_t deck = {0};
-    for (int k = 0; k < SPOOLS; k++) {
-        const double full = p[P_N1_INERTIA + k] * p[P_N1_RATED + k];
-        rate[X_N1 + k] = held(&e, k) ? 0.0 : spool_rate(&e, k, s[X_N1 + k]);
-        deck.momentum += full * e.var[A_N1 + k];
-        deck.torque += full * rate[X_N1 + k];
-    }
-    rate[X_BURNING] = ((burns(&e) ? 1.0 : 0.0) - b) / p[P_FLAME_TIME];
-    rate[X_ITT] = p[P_ITT_TIME] > 0.0 ? (itt - s[X_ITT]) / p[P_ITT_TIME] : 0.0;
-    deck.thrust = thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
-    deck.air_flow = fmax(e.sum[T_AIR_FLOW] + delta / e.root * e.sum[T_CORRECTED_AIR_FLOW], 0.0);
-    deck.fuel_flow = b
-                     * fmax(e.sum[T_FUEL_FLOW] + delta * e.root * e.sum[T_CORRECTED_FUEL_FLOW],
-                            0.0);
-    work[W_ITT] = p[P_ITT_TIME] > 0.0 ? s[X_ITT] : itt;
-    work[W_FUEL_FLOW] = deck.fuel_flow;
-    return deck;
 }
 
 void spool_start(am_sim *sim, uint32_t i, double t) {
@@ -271,3 +307,5 @@ int spool_check(am_sim *sim, uint32_t i) {
     }
     return AM_OK;
 }
+
+#endif

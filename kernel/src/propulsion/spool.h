@@ -2,15 +2,15 @@
 #ifndef AEROMATCH_SPOOL_H
 #define AEROMATCH_SPOOL_H
 
-#include "simulation.h"
+#include "flight.h"
 
 typedef struct {
     /* along the thrust line: gross where the deck gives an air flow, else net [N] */
-    double thrust;
-    double air_flow;  /* what makes ram drag [kg s-1] */
-    double fuel_flow; /* [kg s-1] */
+    real thrust;
+    real air_flow;  /* what makes ram drag [kg s-1] */
+    real fuel_flow; /* [kg s-1] */
     /* of the rotors, along the thrust line, and its rate [kg m2 s-1, N m] */
-    double momentum, torque;
+    real momentum, torque;
 } deck_t;
 
 int spool_check(am_sim *sim, uint32_t engine);
@@ -19,11 +19,11 @@ void spool_start(am_sim *sim, uint32_t engine, double t);
 void spool_advance(am_sim *sim, uint32_t engine, double t, double h, double lever0, double lever1);
 /* one move to the steady state; false when it is there */
 bool spool_settle(am_sim *sim, uint32_t engine, double *x, const double *u);
-void spool_variables(am_sim *sim, uint32_t engine, const double *x, const double *u);
+void spool_variables(flight_t *sim, uint32_t engine, const real *x, const real *u);
 /* N2 of the present N1 in N1 drive; true when that changed it */
-bool spool_driven(am_sim *sim, uint32_t engine);
-deck_t spool_deck(am_sim *sim, uint32_t engine, const double *x, const double *u, double *dx);
-double delayed_lever(const am_sim *sim, const double *u, uint32_t engine);
+bool spool_driven(flight_t *sim, uint32_t engine);
+deck_t spool_deck(flight_t *sim, uint32_t engine, const real *x, const real *u, real *dx);
+real delayed_lever(const flight_t *sim, const real *u, uint32_t engine);
 /* along the thrust line */
 double spool_thrust(const am_sim *sim, uint32_t engine, const double *x);
 

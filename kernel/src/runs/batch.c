@@ -57,6 +57,19 @@ static bool regular(const am_sim *base, const am_batch_task *task, size_t first,
     return true;
 }
 
+/* Linkages with as many bodies, wheels steered by equations of the same order. */
+static bool same_orders(const am_sim *a, const am_sim *b) {
+    for (uint32_t i = 0; i < items(a->model, G_GEAR); i++) {
+        const double order = par_of(a, G_GEAR, i)[P_STEERING_ORDER];
+        if (par_of(b, G_GEAR, i)[P_STEERING_ORDER] != order) return false;
+    }
+    for (uint32_t i = 0; i < circuits(a); i++) {
+        const double order = par_of(a, G_CIRCUIT, i)[P_CIRCUIT_ORDER];
+        if (par_of(b, G_CIRCUIT, i)[P_CIRCUIT_ORDER] != order) return false;
+    }
+    return true;
+}
+
 /* The same modes, and steps that few enough make a sample. */
 static bool fit_together(const am_sim *a, const am_sim *b, const am_batch_task *task) {
     const double step = a->par[P_STEP];
@@ -65,7 +78,7 @@ static bool fit_together(const am_sim *a, const am_sim *b, const am_batch_task *
     }
     return a->earth == b->earth && a->drive == b->drive && a->controls == b->controls
            && a->par[P_STEP] == b->par[P_STEP] && a->par[P_RATES] == b->par[P_RATES]
-           && (a->controls == SURFACE_DRIVEN || !circuits(a));
+           && (a->controls == SURFACE_DRIVEN || !circuits(a)) && same_orders(a, b);
 }
 
 #if defined(__x86_64__) && !defined(AM_PLAIN)
