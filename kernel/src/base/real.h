@@ -27,6 +27,7 @@ typedef int64_t whole_t;
 #define ANY(condition) (condition)
 #define PICK(condition, yes, no) ((condition) ? (yes) : (no))
 #define NOT(condition) (!(condition))
+#define FIRST(x) (x)
 #define WHOLE(x) ((int64_t)(x))
 #define REAL(i) ((double)(i))
 #define ONE_WHERE(condition) ((int64_t)(condition))
@@ -42,6 +43,7 @@ typedef mask_t whole_t;
 #define ANY(condition) (__builtin_reduce_or(condition) != 0)
 #define PICK(condition, yes, no) ((condition) ? (real)(yes) : (real)(no))
 #define NOT(condition) (~(condition))
+#define FIRST(x) ((x)[0]) /* of what is the same in all lanes */
 #define WHOLE(x) (__builtin_convertvector(x, whole_t))
 #define REAL(i) (__builtin_convertvector(i, real))
 #define ONE_WHERE(condition) (-(condition))

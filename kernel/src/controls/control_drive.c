@@ -19,41 +19,41 @@
 #include "algebra.h"
 
 /* Biases that the core adds to the deflection of a control. */
-double control_bias(const am_sim *sim, int control) {
+real control_bias(const flight_t *sim, int control) {
     return sim->par[P_BIAS_DELTA_E + control] + sim->trim.delta[control];
 }
 
 /* What the air sees beyond the deflection of the linkage. */
-double circuit_offset(const am_sim *sim, uint32_t item) {
-    if (sim->controls == SURFACE_DRIVEN) return 0.0;
+real circuit_offset(const flight_t *sim, uint32_t item) {
+    if (sim->controls == SURFACE_DRIVEN) return (real)0.0;
     return control_bias(sim, circuit_control(sim->model, item))
            - memory_of(sim, G_CIRCUIT, item)[D_OFFSET];
 }
 
-double cockpit_travel(const am_sim *sim, uint32_t item, const double *u) {
-    const double *p = par_of(sim, G_CIRCUIT, item);
+real cockpit_travel(const flight_t *sim, uint32_t item, const real *u) {
+    const real *p = par_of(sim, G_CIRCUIT, item);
     return clamp(input_of(sim, u, G_CIRCUIT, item)[U_CIRCUIT_TRAVEL], p[P_CIRCUIT_LOW],
                  p[P_CIRCUIT_HIGH]);
 }
 
-void set_rigid(double *q, double s) {
+void set_rigid(real *q, real s) {
     for (int i = 0; i < LINKAGE_BODIES; i++) q[i] = s;
 }
 
-bool rigid_drive(const am_sim *sim, uint32_t item) {
+bool rigid_drive(const flight_t *sim, uint32_t item) {
     return sim->controls == POSITION_DRIVEN && circuit_bodies(par_of(sim, G_CIRCUIT, item)) == 1;
 }
 
 /* A circuit whose bodies move by their own equations. */
-bool circuit_moves(const am_sim *sim, uint32_t item) {
+bool circuit_moves(const flight_t *sim, uint32_t item) {
     return sim->controls != SURFACE_DRIVEN && !rigid_drive(sim, item);
 }
 
-double control_deflection(const am_sim *sim, const double *u, int control) {
+real control_deflection(const flight_t *sim, const real *u, int control) {
     for (uint32_t i = 0; i < circuits(sim); i++) {
         if (circuit_control(sim->model, i) != control) continue;
-        const double *d = memory_of(sim, G_CIRCUIT, i);
-        double q[LINKAGE_BODIES];
+        const real *d = memory_of(sim, G_CIRCUIT, i);
+        real q[LINKAGE_BODIES];
         set_rigid(q, cockpit_travel(sim, i, u));
         if (rigid_drive(sim, i)) return control_of_travel(sim, i, q);
         return d[D_FROM] + sim->part * (d[D_TO] - d[D_FROM]) - d[D_OFFSET];
@@ -62,15 +62,37 @@ double control_deflection(const am_sim *sim, const double *u, int control) {
 }
 
 /* Travel of the cockpit end of a circuit that is driven, mode 0 or 1. */
-double driven_travel(const am_sim *sim, uint32_t item, const double *u) {
-    const double *p = par_of(sim, G_CIRCUIT, item);
+real driven_travel(const flight_t *sim, uint32_t item, const real *u) {
+    const real *p = par_of(sim, G_CIRCUIT, item);
     const int control = circuit_control(sim->model, item);
     if (sim->controls == POSITION_DRIVEN) return cockpit_travel(sim, item, u);
-    const double delta = applied(sim, u, control);
+    const real delta = applied(sim, u, control);
     return control == U_DELTA_A ? delta / p[P_CIRCUIT_GEARING] : surface_travel(p, delta);
 }
 
-double pilot_force(const am_sim *sim, uint32_t item, const double *u) {
+/* Second difference of a driven travel, for the force that accelerates it; none at the start. */
+static real acceleration(const real *d, real rate, double h) {
+    return PICK(d[D_STEP] > 0.0, 2.0 * (rate - d[D_RATE]) / (h + d[D_STEP]), 0.0);
+}
+
+drive_t begin_drive(flight_t *sim, uint32_t item, double h, const real *u0, const real *u1) {
+    real *d = memory_of(sim, G_CIRCUIT, item);
+    const real from = driven_travel(sim, item, u0);
+    const real to = u1 == u0 ? from : driven_travel(sim, item, u1);
+    const real rate = (to - from) / h;
+    d[D_ACCELERATION] = acceleration(d, rate, h);
+    d[D_TRAVEL] = from;
+    return (drive_t){to, rate};
+}
+
+void end_drive(flight_t *sim, uint32_t item, double h, const drive_t *drive) {
+    real *d = memory_of(sim, G_CIRCUIT, item);
+    d[D_TRAVEL] = drive->to;
+    d[D_RATE] = drive->rate;
+    d[D_STEP] = h;
+}
+
+real pilot_force(const flight_t *sim, uint32_t item, const real *u) {
     return input_of(sim, u, G_CIRCUIT, item)[U_CIRCUIT_FORCE]
            + par_of(sim, G_CIRCUIT, item)[P_CIRCUIT_BIAS_FORCE]
            + memory_of(sim, G_CIRCUIT, item)[D_TRIM_FORCE];

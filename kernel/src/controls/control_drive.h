@@ -3,39 +3,48 @@
 #define AEROMATCH_CONTROL_DRIVE_H
 
 #include "control_loads.h"
-#include "simulation.h"
+#include "flight.h"
 
-static inline uint32_t circuits(const am_sim *sim) { return items(sim->model, G_CIRCUIT); }
+static inline uint32_t circuits(const flight_t *sim) { return items(sim->model, G_CIRCUIT); }
 
 /* A circuit without cables whose travel is recorded: it has no motion of its own. */
-bool rigid_drive(const am_sim *sim, uint32_t item);
+bool rigid_drive(const flight_t *sim, uint32_t item);
 
 /* A circuit whose bodies move by their own equations. */
-bool circuit_moves(const am_sim *sim, uint32_t item);
+bool circuit_moves(const flight_t *sim, uint32_t item);
 
 /* Bias and trim on top of the deflection of a control, and what the air sees of them beyond the
  * deflection of the linkage. [rad] */
-double control_bias(const am_sim *sim, int control);
-double circuit_offset(const am_sim *sim, uint32_t item);
+real control_bias(const flight_t *sim, int control);
+real circuit_offset(const flight_t *sim, uint32_t item);
 
 /* Recorded travel of the cockpit control inside its stops; that of a driven circuit in
  * mode.controls 0 or 1. [m or rad] */
-double cockpit_travel(const am_sim *sim, uint32_t item, const double *u);
-double driven_travel(const am_sim *sim, uint32_t item, const double *u);
+real cockpit_travel(const flight_t *sim, uint32_t item, const real *u);
+real driven_travel(const flight_t *sim, uint32_t item, const real *u);
+
+/* A driven circuit over a step of h [s]: the travel at its end and the rate.  The first puts travel
+ * and acceleration at the start of the step, the second those two at its end; bodies on cables move
+ * in between. */
+typedef struct {
+    real to, rate;
+} drive_t;
+drive_t begin_drive(flight_t *sim, uint32_t item, double h, const real *u0, const real *u1);
+void end_drive(flight_t *sim, uint32_t item, double h, const drive_t *drive);
 
 /* All bodies at the same travel. */
-void set_rigid(double *q, double s);
+void set_rigid(real *q, real s);
 
 /* Force of the pilot with its bias and what the trim added. [N or N m] */
-double pilot_force(const am_sim *sim, uint32_t item, const double *u);
+real pilot_force(const flight_t *sim, uint32_t item, const real *u);
 
 /* Deflection of a control that its circuit moves, without bias. [rad] */
-double control_deflection(const am_sim *sim, const double *u, int control);
+real control_deflection(const flight_t *sim, const real *u, int control);
 
 /* Deflection of a control in the air: recorded or from its circuit, with bias and trim. [rad] */
-static inline double applied(const am_sim *sim, const double *u, int control) {
+static inline real applied(const flight_t *sim, const real *u, int control) {
     const bool driven = control <= U_DELTA_R && sim->controls != SURFACE_DRIVEN;
-    const double deflection = driven ? control_deflection(sim, u, control) : u[control];
+    const real deflection = driven ? control_deflection(sim, u, control) : u[control];
     return biased_deflection(sim, deflection, control);
 }
 

@@ -5,16 +5,16 @@
 
 #include <string.h>
 
-static double sign(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
+static real sign(real x) { return PICK(x > 0.0, 1.0, PICK(x < 0.0, -1.0, 0.0)); }
 
 /* Inertia, dampers and friction on a body of a circuit that is driven, against its motion. */
-static double resistance(const linkage_t *c, const double *d, int i, double friction) {
+static real resistance(const linkage_t *c, const real *d, int i, real friction) {
     return c->mass[i] * d[D_ACCELERATION + i] + c->damping[i] * d[D_RATE + i] + friction;
 }
 
 /* Bodies of a driven circuit: their friction, and in mode 0 the cockpit end and the rates of the
  * other bodies. */
-static void complete(const am_sim *sim, const linkage_t *c, const loads_t *at, double *d) {
+static void complete(const flight_t *sim, const linkage_t *c, const loads_t *at, real *d) {
     const bool surfaces = sim->controls == SURFACE_DRIVEN;
     for (int i = 0; i < c->bodies; i++) {
         if (surfaces) {
@@ -27,7 +27,7 @@ static void complete(const am_sim *sim, const linkage_t *c, const loads_t *at, d
         }
     }
     if (!surfaces || c->bodies == 1) return;
-    double stretch = 0.0;
+    real stretch = 0.0;
     for (int i = 1; i < c->bodies; i++) {
         stretch += (resistance(c, d, i, d[D_FRICTION + i]) - at->on[i]) / c->cable_stiffness
                    / (c->bodies - 1);
@@ -35,21 +35,21 @@ static void complete(const am_sim *sim, const linkage_t *c, const loads_t *at, d
     d[D_TRAVEL] += stretch;
 }
 
-static void write_circuit(am_sim *sim, uint32_t item, double *y) {
-    const double *p = par_of(sim, G_CIRCUIT, item);
-    double d[D_PER_CIRCUIT];
-    double *to = output_of(sim, y, G_CIRCUIT, item);
+static void write_circuit(flight_t *sim, uint32_t item, real *y) {
+    const real *p = par_of(sim, G_CIRCUIT, item);
+    real d[D_PER_CIRCUIT];
+    real *to = output_of(sim, y, G_CIRCUIT, item);
     linkage_t c;
     loads_t at;
     memcpy(d, memory_of(sim, G_CIRCUIT, item), sizeof d);
-    circuit_linkage(sim, item, &c);
+    circuit_masses(sim, item, &c);
     if (!circuit_moves(sim, item)) set_rigid(d + D_TRAVEL, driven_travel(sim, item, sim->u));
     to[Y_CIRCUIT_DEFLECTION] = control_of_travel(sim, item, d + D_TRAVEL);
     to[Y_CIRCUIT_SYMMETRIC] = symmetric_deflection(sim, item, d + D_TRAVEL);
     circuit_loads(sim, item, sim->x, sim->u, d + D_TRAVEL, circuit_offset(sim, item), &at);
-    double force = pilot_force(sim, item, sim->u);
-    double friction = 0.0;
-    double stop = 0.0;
+    real force = pilot_force(sim, item, sim->u);
+    real friction = 0.0;
+    real stop = 0.0;
     if (sim->controls != FORCE_DRIVEN) {
         complete(sim, &c, &at, d);
         force = p[P_CIRCUIT_PRELOAD] * sign(d[D_TRAVEL] - circuit_neutral(sim, item, sim->u));
@@ -76,6 +76,6 @@ static void write_circuit(am_sim *sim, uint32_t item, double *y) {
     to[Y_CIRCUIT_TRIM_FORCE] = d[D_TRIM_FORCE];
 }
 
-void control_outputs(am_sim *sim, double *y) {
+void control_outputs(flight_t *sim, real *y) {
     for (uint32_t i = 0; i < circuits(sim); i++) write_circuit(sim, i, y);
 }

@@ -2,9 +2,9 @@
 #ifndef AEROMATCH_CONTROL_OUTPUTS_H
 #define AEROMATCH_CONTROL_OUTPUTS_H
 
-#include "simulation.h"
+#include "flight.h"
 
 /* Travel, rate, forces and their parts of all circuits. */
-void control_outputs(am_sim *sim, double *y);
+void control_outputs(flight_t *sim, real *y);
 
 #endif

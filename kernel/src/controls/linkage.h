@@ -4,7 +4,7 @@
 #ifndef AEROMATCH_LINKAGE_H
 #define AEROMATCH_LINKAGE_H
 
-#include <stdbool.h>
+#include "real.h"
 
 #define LINKAGE_BODIES 3
 
@@ -15,25 +15,25 @@
  *     - [body 0] preload Sgn(q - neutral) - stop */
 typedef struct {
     int bodies;
-    double mass[LINKAGE_BODIES], damping[LINKAGE_BODIES];
-    double load[LINKAGE_BODIES], load_rate[LINKAGE_BODIES];
+    real mass[LINKAGE_BODIES], damping[LINKAGE_BODIES];
+    real load[LINKAGE_BODIES], load_rate[LINKAGE_BODIES];
     /* negative for a surface that the air drives out */
-    double stiffness[LINKAGE_BODIES], origin[LINKAGE_BODIES];
+    real stiffness[LINKAGE_BODIES], origin[LINKAGE_BODIES];
     /* in motion; from rest, not smaller */
-    double friction[LINKAGE_BODIES], breakout[LINKAGE_BODIES];
-    double preload, neutral;
+    real friction[LINKAGE_BODIES], breakout[LINKAGE_BODIES];
+    real preload, neutral;
     /* stops; speed after over speed before the impact */
-    double low[LINKAGE_BODIES], high[LINKAGE_BODIES], restitution;
-    double cable_stiffness, cable_damping;
+    real low[LINKAGE_BODIES], high[LINKAGE_BODIES], restitution;
+    real cable_stiffness, cable_damping;
     bool driven; /* body 0 moves with the velocity `drive`, whatever force that takes */
-    double drive;
+    real drive;
 } linkage_t;
 
 typedef struct {
-    double q[LINKAGE_BODIES], v[LINKAGE_BODIES];
+    real q[LINKAGE_BODIES], v[LINKAGE_BODIES];
     /* mean forces against the motion in the last part of the last step */
-    double friction[LINKAGE_BODIES], stop[LINKAGE_BODIES];
-    double lost[3]; /* energy taken by friction, by dampers and by stops, added up [J] */
+    real friction[LINKAGE_BODIES], stop[LINKAGE_BODIES];
+    real lost[3]; /* energy taken by friction, by dampers and by stops, added up [J] */
 } motion_t;
 
 /* Move by h in `parts` equal sub-steps. */

@@ -234,11 +234,6 @@ static void set_loads(const am_sim *sim, uint32_t item, double h, const course_t
     c->load_rate[0] += (course->force[1] - course->force[0]) / h;
 }
 
-/* Second difference of a driven travel, for the force that accelerates it; none at the start. */
-static double acceleration(const double *d, double rate, double h) {
-    return d[D_STEP] > 0.0 ? 2.0 * (rate - d[D_RATE]) / (h + d[D_STEP]) : 0.0;
-}
-
 static void advance_bodies(am_sim *sim, uint32_t item, double h, const course_t *course,
                            double drive) {
     double *d = memory_of(sim, G_CIRCUIT, item);
@@ -263,20 +258,14 @@ static void advance_bodies(am_sim *sim, uint32_t item, double h, const course_t 
 
 static void advance_circuit(am_sim *sim, uint32_t item, double h, const double *u0,
                             const double *u1, const course_t *course) {
-    double *d = memory_of(sim, G_CIRCUIT, item);
     if (sim->controls == FORCE_DRIVEN) {
         advance_bodies(sim, item, h, course, 0.0);
-    } else {
-        const double from = driven_travel(sim, item, u0);
-        const double to = u1 == u0 ? from : driven_travel(sim, item, u1);
-        const double rate = (to - from) / h;
-        d[D_ACCELERATION] = acceleration(d, rate, h);
-        d[D_TRAVEL] = from;
-        if (circuit_moves(sim, item)) advance_bodies(sim, item, h, course, rate);
-        d[D_TRAVEL] = to;
-        d[D_RATE] = rate;
+        memory_of(sim, G_CIRCUIT, item)[D_STEP] = h;
+        return;
     }
-    d[D_STEP] = h;
+    const drive_t drive = begin_drive(sim, item, h, u0, u1);
+    if (circuit_moves(sim, item)) advance_bodies(sim, item, h, course, drive.rate);
+    end_drive(sim, item, h, &drive);
 }
 
 void control_advance(am_sim *sim, double t, double h, const double *u0, const double *u1) {

@@ -86,7 +86,7 @@ void write_outputs(flight_t *sim, real *y) {
     y[Y_TEMPERATURE] = now->T;
     y[Y_H_BARO] = pressure_altitude(&sim->standard, now->p);
     y[Y_MASS] = now->mass;
-    for (int i = 0; i <= U_DELTA_D; i++) y[Y_APPLIED_DELTA_E + i] = deflection(sim, sim->u, i);
+    for (int i = 0; i <= U_DELTA_D; i++) y[Y_APPLIED_DELTA_E + i] = applied(sim, sim->u, i);
     y[Y_TRIM_ALPHA] = sim->trim.alpha;
     y[Y_TRIM_BETA] = sim->trim.beta;
     y[Y_TRIM_THRUST] = sim->trim.thrust;

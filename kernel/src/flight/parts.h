@@ -5,22 +5,20 @@
 
 #include "flight.h"
 
+#include "control_drive.h"
 #include "engine.h"
 #include "fuel.h"
 #include "gear.h"
 
 #if LANES == 1
 
-#include "control_drive.h"
 #include "weather.h"
 
-#define deflection applied
 #define wind_of weather_wind
 #define gear_loads gear_forces
 
 #else
 
-static real deflection(const flight_t *f, const real *u, int control);
 static void wind_of(flight_t *f, const real *u, real wind[3]);
 static void gear_loads(flight_t *f, const real *x, const real *u, real F[3], real M[3], real *dx);
 

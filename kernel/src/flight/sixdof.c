@@ -48,7 +48,7 @@ static void set_variables(flight_t *sim, const real *x, const real *u) {
     var[A_P] = p;
     var[A_Q] = q;
     var[A_R] = r;
-    for (int i = 0; i <= U_DELTA_D; i++) var[A_DELTA_E + i] = deflection(sim, u, i);
+    for (int i = 0; i <= U_DELTA_D; i++) var[A_DELTA_E + i] = applied(sim, u, i);
     var[A_GEAR] = u[U_GEAR];
     var[A_SPEEDBRAKE] = u[U_SPEEDBRAKE];
     for (uint32_t i = 0; i < items(m, G_DEVICE); i++) {

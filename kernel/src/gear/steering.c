@@ -110,7 +110,7 @@ static real quasi_static_rate(const real *p, const steered_t *wheel, real angle,
 }
 
 static real wheel_acceleration(const real *p, const steered_t *wheel, const real *own,
-                                 real spring) {
+                               real spring) {
     const real I = p[P_STEERING_INERTIA];
     const real angle = own[X_STEERING];
     const real rate = own[X_STEERING_RATE];
@@ -136,16 +136,16 @@ static void arrive(const steered_t *wheel, real *rate) {
 
 /* Rates of the states; returns the moment of the spring on the wheel. */
 real steering_derivative(flight_t *sim, const real *x, const real *u, const steered_t *wheel,
-                           real *dx) {
+                         real *dx) {
     const real *p = par_of(sim, G_GEAR, 0);
     const real *own = state_of(sim, x, G_GEAR, 0);
     const real aim = steering_command(sim, u);
     real *rate = rate_of(sim, dx, G_GEAR, 0);
-    const real order = p[P_STEERING_ORDER]; /* one for all lanes */
-    const real from = ANY(order == FOURTH_ORDER) ? own[X_ARM] : aim;
+    const double order = FIRST(p[P_STEERING_ORDER]);
+    const real from = order == FOURTH_ORDER ? own[X_ARM] : aim;
     const real spring = p[P_STEERING_STIFFNESS] * (from - own[X_STEERING]);
     for (int i = 0; i < X_PER_GEAR; i++) rate[i] = 0.0;
-    if (ANY(order == QUASI_STATIC)) {
+    if (order == QUASI_STATIC) {
         rate[X_STEERING] = quasi_static_rate(p, wheel, own[X_STEERING], aim);
         arrive(wheel, rate);
         return spring;
@@ -156,7 +156,7 @@ real steering_derivative(flight_t *sim, const real *x, const real *u, const stee
         (clamp(own[X_TWIST] + TYRE_LAG * own[X_STEERING_RATE], -TWIST, TWIST) - own[X_TWIST])
         / TYRE_LAG;
     rate[X_TWIST] -= wheel->renewal * own[X_TWIST];
-    if (ANY(order == FOURTH_ORDER)) {
+    if (order == FOURTH_ORDER) {
         rate[X_ARM] = own[X_ARM_RATE];
         rate[X_ARM_RATE] =
             (p[P_ARM_STIFFNESS] * (aim - own[X_ARM]) - p[P_ARM_DAMPING] * own[X_ARM_RATE] - spring)

@@ -25,7 +25,6 @@ static inline void give_now(const flight_t *f, int lane, size_t n) {
 }
 
 #define BEFORE_FORCES (offsetof(now_t, F) / sizeof(double))
-#define ALL_OF_NOW (sizeof(now_t) / sizeof(double))
 
 /* What the submodels look at in a derivative: state and inputs stand in x_work and u_work. */
 static inline void give_condition(const flight_t *f, int lane, const real *x, const real *u) {

@@ -2,8 +2,8 @@
 #ifndef AEROMATCH_LANED_FLIGHT_H
 #define AEROMATCH_LANED_FLIGHT_H
 
+#include "control_drive.h"
 #include "control_outputs.h"
-#include "control_step.h"
 #include "engine.h"
 #include "error.h"
 #include "integrate.h"
@@ -36,8 +36,7 @@ static size_t reals(const am_model *m) {
     return (size_t)m->count[AM_PARAMETER] + 5 * (size_t)m->count[AM_INPUT]
            + (size_t)m->count[AM_OUTPUT] + 6 * (size_t)am_state_count(m) + m->total[AM_VARIABLE]
            + m->slots + m->places + m->total[AM_TARGET] + LAST_POWER + m->axes + m->memories
-           + m->works
-           + sizeof(cells_r) / sizeof(real) * m->axes;
+           + m->works + sizeof(cells_r) / sizeof(real) * m->axes;
 }
 
 /* at: aligned memory of reals(m). */
@@ -124,19 +123,27 @@ static void advance_levers(flight_t *f, double t, double h, const real *u0, cons
     }
 }
 
-static void advance_parts(flight_t *f, double t, double h, const real *u0, const real *u1) {
-    const am_model *m = f->model;
-    const size_t nu = (size_t)m->count[AM_INPUT];
-    advance_levers(f, t, h, u0, u1);
-    if (!f->windy && !items(m, G_CIRCUIT)) return;
-    for (int l = 0; l < LANES; l++) {
+static void advance_weather(flight_t *f, double t, double h, const real *u0, const real *u1) {
+    const size_t nu = (size_t)f->model->count[AM_INPUT];
+    for (int l = 0; l < LANES && f->windy; l++) {
         am_sim *sim = f->lane[l];
-        give(f->x, (size_t)am_state_count(m), l, sim->x);
-        give(u0, nu, l, sim->u_work);
-        give(u1, nu, l, sim->u_end);
-        weather_advance(sim, t, h, sim->u_work, sim->u_end);
-        control_advance(sim, t, h, sim->u_work, sim->u_end);
+        give(f->x, (size_t)am_state_count(f->model), l, sim->x);
+        weather_advance(sim, t, h, give(u0, nu, l, sim->u_work), give(u1, nu, l, sim->u_end));
     }
+}
+
+/* Circuits that move do not fly side by side. */
+static void advance_circuits(flight_t *f, double h, const real *u0, const real *u1) {
+    for (uint32_t i = 0; i < circuits(f); i++) {
+        const drive_t drive = begin_drive(f, i, h, u0, u1);
+        end_drive(f, i, h, &drive);
+    }
+}
+
+static void advance_parts(flight_t *f, double t, double h, const real *u0, const real *u1) {
+    advance_weather(f, t, h, u0, u1);
+    advance_levers(f, t, h, u0, u1);
+    advance_circuits(f, h, u0, u1);
 }
 
 /* Lanes whose last call left their slope keep it. */
@@ -171,24 +178,11 @@ static real steps_outside(const flight_t *f) {
 }
 
 static void part_outputs(flight_t *f, real *y) {
-    const am_model *m = f->model;
-    const uint32_t first = m->first[AM_OUTPUT][G_CIRCUIT];
-    const uint32_t end = m->first[AM_OUTPUT][G_DEVICE];
-    air_outputs(&f->now, f->wind, f->gust, y + place(m, AM_OUTPUT, G_WEATHER, 0));
+    air_outputs(&f->now, f->wind, f->gust, output_of(f, y, G_WEATHER, 0));
     fuel_outputs(f, y);
     engine_outputs(f, y);
     gear_outputs(f, y);
-    if (!items(m, G_CIRCUIT)) return;
-    for (int l = 0; l < LANES; l++) {
-        am_sim *sim = f->lane[l];
-        give_condition(f, l, f->x, f->u);
-        give_now(f, l, ALL_OF_NOW);
-        give(f->x, (size_t)am_state_count(m), l, sim->x);
-        give(f->u, (size_t)m->count[AM_INPUT], l, sim->u);
-        give(f->work, m->works, l, sim->work);
-        control_outputs(sim, sim->y_work);
-        take(sim->y_work + first, end - first, l, y + first);
-    }
+    control_outputs(f, y);
 }
 
 static void refresh_lanes(flight_t *f) {

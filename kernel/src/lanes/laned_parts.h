@@ -10,12 +10,6 @@
 #include "terms.h"
 #include "weather.h"
 
-/* As control_drive.h, where recorded surfaces drive. [rad] */
-static real deflection(const flight_t *f, const real *u, int control) {
-    const real trim = control <= U_DELTA_R ? f->trim.delta[control] : (real)0.0;
-    return u[control] + f->par[P_BIAS_DELTA_E + control] + trim;
-}
-
 /* ---- wind ------------------------------------------------------------------------------------ */
 
 static void wind_of(flight_t *f, const real *u, real wind[3]) {

@@ -3,6 +3,9 @@
 
 #include "aero.c"
 #include "air_data.c"
+#include "control_drive.c"
+#include "control_loads.c"
+#include "control_outputs.c"
 #include "earth.c"
 #include "engine.c"
 #include "fuel.c"

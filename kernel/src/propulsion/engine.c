@@ -22,7 +22,7 @@ static void look_at_engines(flight_t *sim, const real *x, const real *u) {
     bool again = false;
     for (uint32_t i = 0; i < n; i++) {
         const real lever = decked(sim) ? delayed_lever(sim, u, i)
-                                         : input_of(sim, u, G_ENGINE, i)[U_THROTTLE];
+                                       : input_of(sim, u, G_ENGINE, i)[U_THROTTLE];
         var_of(sim, G_ENGINE, i)[A_THROTTLE] = lever + sim->par[P_BIAS_THROTTLE]
                                                + sim->trim.throttle;
         if (decked(sim)) spool_variables(sim, i, x, u);
@@ -106,9 +106,8 @@ static void ram_force(flight_t *sim, uint32_t i, real air_flow, real F[3], real 
 }
 
 /* Force and moment of one engine; returns the fuel flow. */
-static real run_engine(flight_t *sim, uint32_t i, const real *x, const real *u,
-                         real F[restrict 3], real M[restrict 3], real H[restrict 3],
-                         real *dx) {
+static real run_engine(flight_t *sim, uint32_t i, const real *x, const real *u, real F[restrict 3],
+                       real M[restrict 3], real H[restrict 3], real *dx) {
     now_r *now = &sim->now;
     const real *p = par_of(sim, G_ENGINE, i);
     const deck_t deck = decked(sim) ? spool_deck(sim, i, x, u, dx)
@@ -136,8 +135,8 @@ static real run_engine(flight_t *sim, uint32_t i, const real *x, const real *u,
     return deck.fuel_flow;
 }
 
-void engine_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[3],
-                   real H[3], real *dx) {
+void engine_forces(flight_t *sim, const real *x, const real *u, real F[3], real M[3], real H[3],
+                   real *dx) {
     real flow = 0.0;
     for (int k = 0; k < 3; k++) F[k] = M[k] = H[k] = 0.0;
     look_at_engines(sim, x, u);

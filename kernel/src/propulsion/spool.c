@@ -57,9 +57,7 @@ static inline spool_t spool_of(const flight_t *sim, uint32_t i, const real *x, c
                      .fuel = fuel_left(sim, x)};
 }
 
-static inline bool given(const spool_t *e, int target) {
-    return e->first[target] < e->end[target];
-}
+static inline bool given(const spool_t *e, int target) { return e->first[target] < e->end[target]; }
 
 static inline bool governed(const spool_t *e, int s) {
     return given(e, T_N1_COMMAND + s) || given(e, T_CORRECTED_N1_COMMAND + s);
@@ -228,10 +226,10 @@ deck_t spool_deck(flight_t *sim, uint32_t i, const real *x, const real *u, real 
     rate[X_BURNING] = (PICK(burns(&e), 1.0, 0.0) - b) / p[P_FLAME_TIME];
     rate[X_ITT] = PICK(p[P_ITT_TIME] > 0.0, (itt - s[X_ITT]) / p[P_ITT_TIME], 0.0);
     deck.thrust = thrust_of(&e, sum_of(sim, G_ENGINE, i)[T_THRUST]);
-    deck.air_flow = larger(e.sum[T_AIR_FLOW] + delta / e.root_theta * e.sum[T_CORRECTED_AIR_FLOW], 0.0);
-    deck.fuel_flow = b
-                     * larger(e.sum[T_FUEL_FLOW] + delta * e.root_theta * e.sum[T_CORRECTED_FUEL_FLOW],
-                            0.0);
+    deck.air_flow = larger(e.sum[T_AIR_FLOW] + delta / e.root_theta * e.sum[T_CORRECTED_AIR_FLOW],
+                           0.0);
+    deck.fuel_flow =
+        b * larger(e.sum[T_FUEL_FLOW] + delta * e.root_theta * e.sum[T_CORRECTED_FUEL_FLOW], 0.0);
     work[W_ITT] = PICK(p[P_ITT_TIME] > 0.0, s[X_ITT], itt);
     work[W_FUEL_FLOW] = deck.fuel_flow;
     return deck;
