@@ -71,7 +71,7 @@ def test_small_models(models, record, name, drive):
 
 @pytest.fixture(scope="module")
 def together() -> flightmech.SimModel:
-    """Every submodel, and coefficients that depend on no other: what flies in lanes with its parts in the simulation of each."""
+    """Every submodel, and coefficients that depend on no other."""
     spec = importlib.util.spec_from_file_location("models", MODELS)
     found = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(found)
@@ -106,6 +106,75 @@ def test_whole_aircraft_on_the_ground(together, record):
     found = demand_same(together, record.assign(gear=1.0), rolling, {"mode.trim": 3.0})
     assert (found["failure"] == "").all()
     assert float(abs(found["h_agl"]).max()) < 5.0
+
+
+def of_each_run(**inputs: np.ndarray) -> dict[str, tuple]:
+    return {name: (("run", "time"), values) for name, values in inputs.items()}
+
+
+def test_engines_that_light_burn_and_run_down_together(together, record):
+    """Levers, starters and shut-downs of their own; engines that burn next to some that windmill, are cranked, light and go out."""
+    after = TIME[None, :] > spread(0.2, 2.6)[:, None]
+    odd = (np.arange(RUNS) % 2 == 1)[:, None]
+    own = of_each_run(
+        **{
+            "engine1.throttle": 0.5 + 0.4 * np.sin(np.outer(spread(1.0, 4.0), TIME)),
+            "engine2.throttle": np.where(after, 0.9, 0.3),
+            "engine1.cutoff": 1.0 * (after & odd),
+            "engine2.flameout": 1.0 * ((TIME > 0.3) & (TIME < 0.5) & odd),
+            "engine2.starter": 1.0 * (after & odd),
+            "engine2.ignition": 1.0 * after,
+        }
+    )
+    loads = {"init.fuel": np.where(np.arange(RUNS) % 4 == 2, 0.05, 300.0), "engine1.lever_delay": np.where(odd[:, 0], 0.0, 0.3)}
+    limits = {"engine1.itt_time": np.where(odd[:, 0], 0.0, 1.5), "engine2.time_constant": np.where(odd[:, 0], 0.4, 0.0)}
+    found = demand_same(together, record.assign(own), AIR | loads | limits)
+    assert (found["failure"] == "").all()
+    for engine in ("engine1", "engine2"):
+        burning = found[f"{engine}.burning"].values
+        assert ((burning > 0.9).any(axis=0) & (burning < 0.1).any(axis=0)).any()
+    assert 0 < int((found["fuel"].values[:, -1] <= 0.0).sum()) < RUNS
+
+
+def test_one_run_touches_the_ground_next_to_others_that_fly(together, record):
+    heights = np.where(np.arange(RUNS) == 5, 1.5, spread(3.0, 3000.0))
+    controls = {"gear": 1.0, "brake_left": 0.4, "delta_nw": ("time", 0.05 * np.sin(TIME))}
+    low = {"init.V": spread(45.0, 60.0), "init.h": heights, "pedal.nose_spring": np.where(np.arange(RUNS) % 2, 0.0, 2000.0)}
+    found = demand_same(together, record.assign(controls), low, {"init.gamma": -0.04, "init.alpha": 0.1})
+    touched = np.any([found[name].values.any(axis=1) for name in found if str(name).startswith("wow_")], axis=0)
+    assert touched[5]
+    assert 0 < int(touched.sum()) < RUNS
+
+
+@pytest.mark.parametrize("order", [0.0, 2.0, 4.0])
+def test_steered_wheels_in_the_air(together, record, order):
+    """Wheels on a spring next to castors."""
+    command = record.assign(delta_nw=("time", np.where(TIME > 0.5, 0.3, 0.0)))
+    stiffness = {"steering.stiffness": np.where(np.arange(RUNS) % 3, 3000.0, 0.0)}
+    found = demand_same(together, command, AIR | stiffness, {"steering.order": order, "steering.trail": 0.1})
+    assert (found["failure"] == "").all()
+    assert float(np.ptp(found["gear.steering"].values[:, -1])) > 0.1
+
+
+def test_circuits_and_wheels_of_different_orders(together, record):
+    """Such runs fly alone; circuits of one order and different geometry side by side."""
+    even = np.arange(RUNS) % 2 == 0
+    geometry = {"column.gearing_slope": spread(-0.1, 0.1), "column.bob_weight": spread(0.0, 3.0), "wheel.friction": spread(0.0, 20.0)}
+    held = demand_same(together, record, AIR | geometry)
+    assert float(np.ptp(held["applied.F_column"].values[:, -1])) > 1.0
+    for orders in ({"column.order": np.where(even, 2.0, 4.0)}, {"steering.order": np.where(even, 0.0, 2.0)}):
+        assert (demand_same(together, record, AIR | orders)["failure"] == "").all()
+
+
+def test_a_whole_aircraft_that_fails_leaves_the_others_alone(together, record):
+    """Deflections without meaning in two runs, in one of them from one second on."""
+    start = np.where(np.arange(RUNS) == 1, 0.0, np.where(np.arange(RUNS) == 6, 1.0, np.inf))
+    own = of_each_run(delta_e=np.where(start[:, None] < TIME, 1e200, record["delta_e"].values))
+    found = demand_same(together, record.assign(own), AIR)
+    assert np.flatnonzero(found["failure"].values != "").tolist() == [1, 6]
+    known = np.isfinite(found["V"].values)
+    assert known[1].sum() < 3 < known[6].sum() < TIME.size
+    assert known[[0, 2, 3, 4, 5]].all()
 
 
 def test_a_force_that_depends_on_coefficients(models, record):

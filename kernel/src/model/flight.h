@@ -88,7 +88,7 @@ typedef struct {
 } cells_r;
 
 /* The arrays lie behind the struct, as those of am_sim.  Parts that are rare or full of branches
- * run in the simulation of each lane, which also holds its cells, corners and discrete memory. */
+ * run in the simulation of each lane, which also holds its cells, corners, delays and gusts. */
 typedef struct {
     const am_model *model;
     real *par, *scale, *exponent, *u, *x, *var, *slot, *term, *sum, *fraction, *last_power;
