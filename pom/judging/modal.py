@@ -23,6 +23,7 @@ from ..tolerances.criteria import Criterion
 from ..tolerances.parameter_channels import WRAPPED, plain_id
 from ..tolerances.remarks import RowRemark
 from .comparison import Match
+from .signals import trace_of
 
 MINIMUM_CYCLES = {"2.c.9": 3.0, "2.d.7": 6.0}
 """Full cycles that the table requires; time to half or double in the record will do instead."""
@@ -282,7 +283,7 @@ def _mode_row(result: PomResult, run: str, channel: str, window: tuple[float, fl
     time = result.signals["time"].values[mask]
 
     def samples(who: str, name: str) -> np.ndarray:
-        return result.signals[name].sel(run=who).values[mask]
+        return trace_of(result.signals, who, name)[mask]
 
     row: dict[str, object] = {"run": run, "channel": channel, "window_start": window[0], "window_stop": window[1], "note": ""}
     try:

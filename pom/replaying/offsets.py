@@ -14,6 +14,7 @@ import xarray as xr
 
 from flightmech.names import lookup
 
+from ..judging.signals import trace_of
 from ..result import PomResult
 
 CALIBRATION = "calibration"  # attribute of flight states and of the signals of a result: JSON
@@ -59,9 +60,9 @@ def drift(result: PomResult) -> pd.DataFrame:
     time = result.signals["time"].values
     rows = []
     for name in (name for name in DRIFTING if name in result.signals):
-        flight = result.signals[name].sel(run="flight").values
+        flight = trace_of(result.signals, "flight", name)
         for run in result.runs:
-            difference = result.signals[name].sel(run=run).values - flight
+            difference = trace_of(result.signals, run, name) - flight
             if np.isfinite(difference).all() and time.size > 2:
                 slope, start = np.polyfit(time - time[0], difference, 1)
                 spread = float(np.std(difference - start - slope * (time - time[0])))

@@ -53,7 +53,8 @@ def flight_states(case: PomCase, path: Any = None) -> xr.Dataset:
             f"case {case.name}: the window {start:g} ... {stop:g} s lies outside the record {time[0]:g} ... {time[-1]:g} s "
             f"({case.record}); choose one inside"
         )
-    inside = unwrapped(states.isel(time=(time >= start - 1e-9) & (time <= stop + 1e-9)))
+    first, behind = np.searchsorted(time, start - 1e-9), np.searchsorted(time, stop + 1e-9, side="right")
+    inside = unwrapped(states.isel(time=slice(first, behind)))  # no copy: a batch holds the states of all its cases
     return inside.assign(measured_wind(case, inside["time"].values)) if case.wind == "measured" else inside
 
 
@@ -166,5 +167,6 @@ def path_states(record: str) -> xr.Dataset | None:
 
 def unwrapped(states: xr.Dataset) -> xr.Dataset:
     """Return the states with angles that jump by a full turn made continuous."""
-    names = WRAPPED & set(map(str, states.data_vars))
-    return states.assign({name: (states[name].dims, np.unwrap(states[name].values), states[name].attrs) for name in names})
+    items = {name: states.variables[name] for name in states.data_vars}
+    smooth = {name: (items[name].dims, np.unwrap(items[name].values), items[name].attrs) for name in WRAPPED & items.keys()}
+    return xr.Dataset({**items, **smooth}, states.coords, states.attrs)

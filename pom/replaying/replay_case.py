@@ -115,7 +115,8 @@ def plan_of(case: PomCase, path: Any = None) -> Plan:
 
 def _samples(states: xr.Dataset) -> dict[str, np.ndarray]:
     """Return what the flight holds, per sample. [SI]"""
-    return {str(name): np.broadcast_to(item.values, states.sizes["time"]) for name, item in states.data_vars.items() if item.ndim < 2}
+    items = ((str(name), states.variables[name]) for name in states.data_vars)
+    return {name: np.broadcast_to(item.values, states.sizes["time"]) for name, item in items if item.ndim < 2}
 
 
 def check_plan(plan: Plan, model: Model) -> None:
@@ -240,8 +241,9 @@ def assemble(
         found = {run: _as_applied(job, outputs) for run, outputs in found.items()}
     rows, limits = [], trim_limits(case, flight)
     signals = _signals([*shown_channels(case, states), *formed_channels(case, flight)], flight, found)
+    recorded = traces_of(signals, "flight")
     for name, outputs in found.items():
-        seen = () if failures.get(name) else watch(case, job.time, traces_of(signals, "flight"), traces_of(signals, name))
+        seen = () if failures.get(name) else watch(case, job.time, recorded, traces_of(signals, name))
         remarks = (*beyond_limits(limits, outputs, demanded=False), *seen, *(more or {}).get(name, ()))
         failure = _failed(failures.get(name, "")) or beyond_limits(limits, outputs, demanded=True)
         outcomes = judge_all(case, job.time, flight, outputs)

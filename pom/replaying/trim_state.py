@@ -17,6 +17,7 @@ from flightmech.units import DEGREE, POUND_FORCE, from_si
 
 from ..cases.case import PomCase
 from ..cases.resolve import BIASES, LIMIT_UNITS, REMAINDERS
+from ..judging.signals import trace_of
 from ..result import PomResult
 from ..tolerances.remarks import ALLOWED, RowRemark
 
@@ -81,8 +82,8 @@ def trim_limits(case: PomCase, flight: Mapping[str, np.ndarray]) -> dict[str, Tr
 
 def limits_of(result: PomResult) -> dict[str, TrimLimit]:
     """Return the limits that the trim of a result was held against."""
-    signals = result.signals.sel(run="flight")
-    return trim_limits(result.case, {name: signals[name].values for name in map(str, signals.data_vars) if _THRUST.match(name)})
+    names = [name for name in map(str, result.signals.data_vars) if _THRUST.match(name)]
+    return trim_limits(result.case, {name: trace_of(result.signals, "flight", name) for name in names})
 
 
 def beyond_limits(limits: Mapping[str, TrimLimit], outputs: Mapping[str, np.ndarray], demanded: bool) -> tuple[RowRemark, ...]:

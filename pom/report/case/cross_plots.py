@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pom.judging.signals import Signals, signals_of
+from pom.judging.signals import Signals, signals_of, traces_of
 from pom.result import PomResult
 from pom.tolerances.bands import NotJudged, half_width, inside_window
 from pom.tolerances.criteria import Criterion
@@ -59,8 +59,7 @@ def crosses(result: PomResult) -> list[Cross]:
 
 def _signals(result: PomResult, run: str, time: np.ndarray) -> Signals:
     """Return what a run holds of the channels of a result."""
-    raw = {str(name): item.sel(run=run).values for name, item in result.signals.items()}
-    return signals_of(result.case, {name: values for name, values in raw.items() if np.isfinite(values).any()}, time)
+    return signals_of(result.case, traces_of(result.signals, run), time)
 
 
 def _cross(result: PomResult, criterion: Criterion, runs: Mapping[str, Signals], inside: np.ndarray) -> Cross:
