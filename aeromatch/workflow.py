@@ -494,6 +494,7 @@ def perform(
                 submodels=submodels.found,
                 free_motion=submodels.free_motion,
                 driven_motion=submodels.driven_motion,
+                jobs=jobs,
             )
     taken = pom.corrected_terms(diagnoses.values())
     different = len(differing(datcom, final)) + len(different_parts(apriori, aircraft))

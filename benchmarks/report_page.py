@@ -27,6 +27,8 @@ from pom.cases.case import PomCase
 from pom.cases.job import Job
 from pom.judging.modal import mode_table
 from pom.replaying.replay_case import assemble
+from pom.report.case.case import keys
+from pom.report.case.packed_page import Heading, packed_page
 from pom.report.page import PAGE, html_files
 from pom.result import PomResult
 from pom.tolerances import rows as tolerances
@@ -135,7 +137,10 @@ def main() -> None:
     judged = time.perf_counter()
     modes = [mode_table(one) for one in results]
     fitted = time.perf_counter()
-    files = html_files(results, "Page of a large report", "", {}, {}, {}, {}, modes)
+    title = "Page of a large report"
+    heading, named = Heading(title, "", len(results), {}, False), zip(keys(results), results, modes, strict=True)
+    cases = [packed_page(i, key, one, heading, None, table) for i, (key, one, table) in enumerate(named, 1)]
+    files = html_files(results, cases, title, "", {}, {}, {}, {})
     made = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
         page = (options.output or Path(folder)) / PAGE

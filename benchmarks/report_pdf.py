@@ -19,7 +19,9 @@ from report_page import MODELS, result
 import pom
 from flightmech.support.console import table
 from pom.judging.modal import mode_table
+from pom.report.case.case import keys
 from pom.report.pdf import pdf_pages
+from pom.report.pdf.case_pages import case_on_paper
 
 
 def main() -> None:
@@ -30,10 +32,17 @@ def main() -> None:
     options = parser.parse_args()
     results = [result(number) for number in range(options.cases)]
     modes = [mode_table(one) for one in results]
+    names, dated = keys(results), {"date": "2026-11-21"}
     times, made = [], set()
     for _ in range(2):
         begin, worked = time.perf_counter(), time.process_time()
-        document = pdf_pages(results, "Report on paper", "A", {"date": "2026-11-21"}, {}, {}, modes, options.paper, {})
+        with tempfile.TemporaryDirectory() as place:
+            folder = Path(place)
+            cases = [
+                case_on_paper(folder, i, name, one, dated, None, table, options.paper)
+                for i, (name, one, table) in enumerate(zip(names, results, modes, strict=True), 1)
+            ]
+            document = pdf_pages(folder, results, names, cases, "Report on paper", "A", dated, {}, {}, options.paper, {})
         times.append((time.perf_counter() - begin, time.process_time() - worked))
         made.add(document)
     found = re.search(rb"NPages>(\d+)<", document)
@@ -46,15 +55,15 @@ def main() -> None:
         ["processor time", f"{times[1][1]:.1f} s, {1e3 * times[1][1] / max(pages, 1):.0f} ms a page"],
         ["twice the same bytes", "yes" if len(made) == 1 else "NO"],
     ]
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory() as output:
         for paper in (None, options.paper):
             begin = time.perf_counter()
-            pom.write_report(results, folder, title="Report on paper", paper=paper)
+            pom.write_report(results, output, title="Report on paper", paper=paper)
             rows.append([f"whole report, {'PDF' if paper else 'no PDF'}", f"{time.perf_counter() - begin:.1f} s"])
-        rows += [[path.name, f"{path.stat().st_size / 1e6:.2f} MB"] for path in sorted(Path(folder).iterdir()) if path.is_file()]
-        rows.append(["csv", f"{sum(path.stat().st_size for path in Path(folder, 'csv').iterdir()) / 1e6:.2f} MB"])
+        rows += [[path.name, f"{path.stat().st_size / 1e6:.2f} MB"] for path in sorted(Path(output).iterdir()) if path.is_file()]
+        rows.append(["csv", f"{sum(path.stat().st_size for path in Path(output, 'csv').iterdir()) / 1e6:.2f} MB"])
         begin = time.perf_counter()
-        findings = pom.verify(folder)
+        findings = pom.verify(output)
         rows.append(
             ["verified in", f"{time.perf_counter() - begin:.1f} s, {sum(x.state != 'same' for x in findings)} of {len(findings)} differ"]
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -111,6 +111,10 @@ class PomResult:
     verdict: pd.DataFrame
     failure: str = ""
     samples: Mapping[str, Samples] = field(default_factory=dict)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what another process gets: the fields, without what was made of them."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
 
     @property
     def runs(self) -> list[str]:

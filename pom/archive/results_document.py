@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -17,27 +17,41 @@ from .archive import Archive
 from .origins import case_seen_from
 
 
-def results_document(archive: Archive, modes: Sequence[pd.DataFrame], folder: str | os.PathLike) -> dict[str, Any]:
-    """Return every number that the report prints, as plain data.
+class CaseText(NamedTuple):
+    """JSON of one case: its name, all numbers, and the table of its modes, empty where it has none."""
 
-    The samples are in ``results.nc``; files are named from `folder`.  `modes` holds the table of `pom.judging.mode_table` per result.
-    """
-    return {
-        "title": archive.title,
-        "revision": archive.revision,
-        "provenance": plain(archive.provenance),
-        "samples": "results.nc",
-        "results": [_numbers(result, folder) for result in archive.results],
-        "modes": {result.case.name: _records(table) for result, table in zip(archive.results, modes, strict=True) if len(table)},
-        "diagnoses": {name: _records(table) for name, table in archive.diagnoses.items()},
-        **({"tunings": plain(archive.tunings)} if archive.tunings else {}),
+    name: str
+    numbers: str
+    modes: str
+
+
+def case_text(result: PomResult, modes: pd.DataFrame, folder: str | os.PathLike) -> CaseText:
+    """Return what ``results.json`` holds of a case; files are named from `folder`, `modes` is its `pom.judging.mode_table`."""
+    return CaseText(result.case.name, _json(_numbers(result, folder)), _json(_records(modes)) if len(modes) else "")
+
+
+def results_json(archive: Archive, cases: Sequence[CaseText]) -> str:
+    """Return the text of ``results.json``, the keys of every object in their order; the samples are in ``results.nc``."""
+    parts = {
+        "title": _json(archive.title),
+        "revision": _json(archive.revision),
+        "provenance": _json(plain(archive.provenance)),
+        "samples": '"results.nc"',
+        "results": f"[{','.join(case.numbers for case in cases)}]",
+        "modes": _joined({case.name: case.modes for case in cases if case.modes}),
+        "diagnoses": _json({name: _records(table) for name, table in archive.diagnoses.items()}),
+        **({"tunings": _json(plain(archive.tunings))} if archive.tunings else {}),
     }
+    return _joined(parts) + "\n"
 
 
-def results_json(archive: Archive, modes: Sequence[pd.DataFrame], folder: str | os.PathLike) -> str:
-    """Return the text of ``results.json``."""
-    document = results_document(archive, modes, folder)
-    return json.dumps(document, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False) + "\n"
+def _json(item: Any) -> str:
+    return json.dumps(item, sort_keys=True, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+
+
+def _joined(texts: dict[str, str]) -> str:
+    """Return an object of JSON texts, as `_json` writes it."""
+    return f"{{{','.join(f'{_json(name)}:{text}' for name, text in sorted(texts.items()))}}}"
 
 
 def _numbers(result: PomResult, folder: str | os.PathLike) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from ..tolerances import rows
 from .archive import Archive, read_archive
 from .manifest import NAME, manifest, place, text_of
 from .origins import case_seen_from
-from .results_document import results_document
+from .results_document import case_text, results_json
 
 CLOSE = 1e-6
 """Relative difference of a number that still counts as the same: another processor rounds a fit differently."""
@@ -61,7 +61,7 @@ def stated(folder: Path, statement: Mapping[str, Any]) -> Iterator[tuple[str, st
     named = {run_of(item) or item["name"]: item["digest"]["sha256"] for item in definition["resolvedDependencies"]}
     yield _compared("manifest", "hashes of inputs and models", hashes, named)
     yield "statement", "manifest: all else", "; ".join(_all_else(folder, statement, archive))
-    due = results_document(archive, [mode_table(result) for result in archive.results], folder)
+    due = json.loads(results_json(archive, [case_text(result, mode_table(result), folder) for result in archive.results]))
     yield "statement", "results.json", "; ".join(islice(_unlike_numbers(_with_cases(due), _with_cases(document)), 5))
     for run, log in archive.tunings.items():
         yield "statement", f"tuning of {run}", "; ".join(unlike_the_log(archive.results, run, log))

@@ -199,7 +199,14 @@ def run(
         made_from = provenance(files, runs, command_line(), date, custody.sha256)
         with progress("write the report"):
             written = write_report(
-                results, output, title=title, provenance=made_from, tunings=logs, revision=revision, paper=None if no_pdf else paper
+                results,
+                output,
+                title=title,
+                provenance=made_from,
+                tunings=logs,
+                revision=revision,
+                paper=None if no_pdf else paper,
+                jobs=jobs,
             )
     if junit is not None:
         from ..report.exports import write_junit

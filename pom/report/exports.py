@@ -96,9 +96,17 @@ def case_csv(result: PomResult) -> str:
         columns[_head(f"{name} input", item.attrs)] = values
     head = io.StringIO()
     csv.writer(head, lineterminator="\n").writerow(columns)
-    line = ",".join(["%.9g"] * len(columns))
-    rows = [line % row for row in zip(*(values.tolist() for values in columns.values()), strict=True)]
+    still = [values is not time and _still(values) for values in columns.values()]  # what does not move is written into the line once
+    line = ",".join(f"{values[0]:.9g}" if same else "%.9g" for values, same in zip(columns.values(), still, strict=True))
+    moving = (values.tolist() for values, same in zip(columns.values(), still, strict=True) if not same)
+    rows = [line % row for row in zip(*moving, strict=True)]
     return head.getvalue() + "\n".join(rows).replace("nan", "") + "\n"
+
+
+def _still(values: np.ndarray) -> bool:
+    """Whether all samples are the same number to the bit."""
+    bits = np.ascontiguousarray(values, float).view(np.int64)
+    return bool((bits == bits[0]).all())
 
 
 def _head(name: str, attrs: Mapping[Hashable, Any]) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from flightmech.errors import SchemaError, UnknownName
@@ -17,8 +18,9 @@ from ..archive.manifest import NAME, manifest
 from ..archive.origins import sha256, without_places
 from ..archive.provenance_record import Provenance
 from ..archive.provenance_record import check as check_provenance
-from ..judging.modal import mode_table
 from .case.case import keys
+from .case.packed_page import Heading
+from .case_parts import CSV, Place, parts_of_cases
 from .models import tuning
 from .page import PAGE, PAGES, html_files
 
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
     from ..result import PomResult
 
 PAPERS = ("a4", "letter")
-PDF, JSON, SAMPLES, JUNIT, CSV = "report.pdf", "results.json", "results.nc", "results.xml", "csv"
+PDF, JSON, SAMPLES, JUNIT = "report.pdf", "results.json", "results.nc", "results.xml"
 PARTS = (PAGE, PAGES, PDF, JSON, SAMPLES, JUNIT, CSV, NAME)
 
 
@@ -51,6 +53,7 @@ def write_report(
     tunings: Mapping[str, Mapping[str, Any]] | None = None,
     revision: str = "",
     paper: str | None = "a4",
+    jobs: int = -1,
 ) -> Path:
     """Write a report into a folder: ``report.html``, ``report.pdf`` and the numbers behind them.
 
@@ -90,6 +93,8 @@ def write_report(
         Revision of the report, as the user counts them.
     paper : {"a4", "letter"}, optional
         Paper of ``report.pdf``; None leaves it out, and removes one of an earlier report.
+    jobs : int
+        Processes that share the cases of a long report; -1 for one per core.  The bytes are the same for any number.
 
     Returns
     -------
@@ -107,7 +112,7 @@ def write_report(
     """
     from ..archive.archive import Archive, write_archive
     from ..archive.results_document import results_json
-    from .exports import case_csv, junit
+    from .exports import junit
     from .submodels.page import sections
 
     results, diagnoses, databases = list(results), dict(diagnoses or {}), dict(databases or {})
@@ -115,33 +120,35 @@ def write_report(
     logs: dict[str, dict[str, Any]] = {run: dict(log) for run, log in (tunings or {}).items()}
     _check(results, located, diagnoses, logs, paper)
     made_from = without_places(located)
-    chapter = sections(submodels or {}, free_motion or {}, driven_motion)
-    modes, tuned = [mode_table(result) for result in results], tuning.context(logs, results)
+    chapter, tuned = sections(submodels or {}, free_motion or {}, driven_motion), tuning.context(logs, results)
     archive, names = Archive(results, title, revision, made_from, diagnoses, paper or "", logs), keys(results)
+    heading = Heading(title, revision, len(results), made_from, bool(databases))
     folder = Path(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    with folder_written_atomically(folder, PARTS.__contains__) as new:
+    with folder_written_atomically(folder, PARTS.__contains__) as new, TemporaryDirectory() as drawings:
 
         def manifested() -> str:
             outputs = {file.relative_to(new).as_posix(): sha256(file) for file in new.rglob("*") if file.is_file()}
             return manifest(results, outputs, new, title=title, revision=revision, paper=paper, provenance=located)
 
-        page = html_files(results, title, revision, made_from, databases, diagnoses, dict(support or {}), modes, fits, chapter, tuned)
+        (new / CSV).mkdir()
+        begun = parts_of_cases(results, names, heading, diagnoses, Place(new.resolve(), paper, Path(drawings)), jobs)
+        write_archive(new / SAMPLES, archive, names)  # while other processes make the parts
+        _write(new / JUNIT, junit(results, title))
+        parts = list(begun)
+        pages = [part.page for part in parts]
+        page = html_files(results, pages, title, revision, made_from, databases, diagnoses, dict(support or {}), fits, chapter, tuned)
         for name, text in page.items():
             (new / name).parent.mkdir(exist_ok=True)
             _write(new / name, text)
-        _write(new / JSON, results_json(archive, modes, new))
-        _write(new / JUNIT, junit(results, title))
-        write_archive(new / SAMPLES, archive, names)
-        (new / CSV).mkdir()
-        for name, result in zip(names, results, strict=True):
-            _write(new / CSV / f"{name}.csv", case_csv(result))
+        _write(new / JSON, results_json(archive, [part.text for part in parts]))
         if paper is not None:
             from .pdf import pdf_pages
 
             attached = {JSON: (new / JSON).read_bytes(), NAME: manifested().encode("utf-8")}
-            pages = pdf_pages(results, title, revision, made_from, databases, diagnoses, modes, paper, attached, chapter, tuned)
-            (new / PDF).write_bytes(pages)
+            on_paper = [part.on_paper for part in parts]
+            common: Any = (title, revision, made_from, databases, diagnoses, paper, attached, chapter, tuned)
+            (new / PDF).write_bytes(pdf_pages(Path(drawings), results, names, on_paper, *common))
         _write(new / NAME, manifested())
     return folder / PAGE
 

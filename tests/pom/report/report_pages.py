@@ -1,12 +1,18 @@
 """Helpers of the tests of the page: written, unpacked, with other verdicts."""
 
 import re
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import report_fixture as fixture
 
 import pom
 from pom.judging.modal import mode_table
+from pom.report.case.case import keys
+from pom.report.case.packed_page import Heading, packed_page
 from pom.report.page import html_files
+from pom.report.pdf import pdf_pages
+from pom.report.pdf.case_pages import case_on_paper
 from pom.report.presentation import traces
 
 
@@ -37,9 +43,29 @@ def texts(html):
 
 def page(results, fits=(), databases=None, support=None):
     """The page alone, as text with its packed parts unpacked."""
-    modes = [mode_table(result) for result in results]
-    html = html_files(results, "T-37", "A", {}, databases or {}, {}, support or {}, modes, fits)["report.html"]
-    return texts(html)
+    return texts(html(results, fits, databases, support)["report.html"])
+
+
+def html(results, fits=(), databases=None, support=None):
+    """The page and what it loads."""
+    heading = Heading("T-37", "A", len(results), {}, bool(databases))
+    named = zip(keys(results), results, strict=True)
+    cases = [packed_page(i, key, result, heading, None, mode_table(result)) for i, (key, result) in enumerate(named, 1)]
+    return html_files(results, cases, "T-37", "A", {}, databases or {}, {}, support or {}, fits)
+
+
+def paper(results, form="a4", **more):
+    """The document for paper; further arguments are those of `pdf_pages`."""
+    common = {"title": "T-37", "revision": "A", "provenance": {}, "databases": {}, "diagnoses": {}, "attached": {}, **more}
+    names = keys(results)
+    with TemporaryDirectory() as folder:
+        cases = [
+            case_on_paper(
+                Path(folder), i, name, result, common["provenance"], common["diagnoses"].get(result.case.name), mode_table(result), form
+            )
+            for i, (name, result) in enumerate(zip(names, results, strict=True), 1)
+        ]
+        return pdf_pages(Path(folder), results, names, cases, paper=form, **common)
 
 
 def set_rows(table, column, value, **cells):

@@ -19,7 +19,7 @@ from pom.judging.modal import mode_table
 from pom.report.case.case import line_styles
 from pom.report.case.cross_plots import Cross
 from pom.report.case.panels import panels
-from pom.report.pdf import content, document, style
+from pom.report.pdf import case_pages, content, document, style
 from pom.report.pdf import panels as figure
 from pom.report.pdf.cross_plots import cross_drawing
 from pom.report.pdf.waterfall import waterfall
@@ -27,14 +27,14 @@ from pom.report.presentation.quantities import label
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
+import report_pages
 
 SVG = "{http://www.w3.org/2000/svg}"
 PAPER_WIDTH = {"a4": 210.0, "letter": 215.9}  # mm, ISO 216 and ANSI/ASME Y14.1
 
 
-def paper(results, form="a4", attached=None, **more):
-    arguments = {"title": "T-37", "revision": "A", "provenance": fixture.PROVENANCE, "databases": {}, "diagnoses": {}, **more}
-    return document.pdf_pages(results, modes=[mode_table(r) for r in results], paper=form, attached=attached or {}, **arguments)
+def paper(results, form="a4", **more):
+    return report_pages.paper(results, form, **{"provenance": fixture.PROVENANCE, **more})
 
 
 @pytest.fixture(scope="module")
@@ -132,14 +132,14 @@ def test_more_than_seven_panels_go_on(tmp_path):
     result = fixture.short_period_result()
     again = {f"engine{n}.thrust": result.signals["theta"] for n in range(1, 9)}
     many = replace(result, signals=result.signals.assign(again))
-    drawn = document._drawings(tmp_path, 1, many, None, 800.0, 1000.0)["pages"]
+    drawn = case_pages._drawings(tmp_path, 1, many, None, 800.0, 1000.0)["pages"]
     assert sum(map(len, drawn)) == len(panels(many))
     assert max(map(len, drawn)) == 7
     assert len(drawn) > 2
 
 
 def test_where_tables_fill_the_page_panels_take_the_next(tmp_path):
-    drawn = document._drawings(tmp_path, 1, fixture.short_period_result(), None, 100.0, 1000.0)["pages"]
+    drawn = case_pages._drawings(tmp_path, 1, fixture.short_period_result(), None, 100.0, 1000.0)["pages"]
     assert drawn[0] == []
     assert sum(map(len, drawn)) == len(panels(fixture.short_period_result()))
     result = fixture.short_period_result()

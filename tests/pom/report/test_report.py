@@ -6,14 +6,12 @@ from html.parser import HTMLParser
 
 import pytest
 import report_fixture as fixture
-from report_pages import page, set_rows, texts, write
+from report_pages import html, page, set_rows, texts, write
 
 import pom
 from flightmech.errors import SchemaError, UnknownName
-from pom.judging.modal import mode_table
 from pom.report import overview
 from pom.report.case import case
-from pom.report.page import html_files
 from pom.report.presentation import verdict_text
 from pom.tolerances.remarks import RowRemark, reasons
 
@@ -112,6 +110,16 @@ def test_a_report_takes_the_place_of_all_files_of_an_earlier_one_and_of_no_other
     assert (folder / "manifest.json.minisig").read_text() == "signed"
 
 
+def test_a_report_of_several_processes_has_the_bytes_of_one(tmp_path, monkeypatch):
+    alone = files(write(tmp_path / "alone", paper="a4", jobs=1).parent)
+    monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
+    monkeypatch.delattr("pom.report.case_parts.case_csv")  # of this process: the others make the parts
+    assert files(write(tmp_path / "shared", paper="a4", jobs=2).parent) == alone
+    assert {"report.pdf", "results.nc", "csv/roll_response_clean.csv"} <= alone.keys()
+    with pytest.raises(NameError):
+        write(tmp_path / "here", jobs=1)
+
+
 def test_bad_arguments_are_reported(tmp_path):
     with pytest.raises(SchemaError, match="no results came"):
         pom.write_report([], tmp_path, title="x")
@@ -140,7 +148,7 @@ def test_coverage_states_what_of_an_entry_was_not_judged_and_why():
 
 
 def test_reports_of_many_cases_leave_out_the_figures_for_readers_without_script(monkeypatch):
-    monkeypatch.setattr("pom.report.page.MOST_WITH_FIGURES", 1)
+    monkeypatch.setattr("pom.report.case.packed_page.MOST_WITH_FIGURES", 1)
     result = fixture.roll_result()
     many, few = page([result, result]), page([result])
     assert many.count("<noscript>") == 2
@@ -150,9 +158,9 @@ def test_reports_of_many_cases_leave_out_the_figures_for_readers_without_script(
 
 def test_a_long_report_packs_each_case_into_a_file(monkeypatch, tmp_path):
     results = [fixture.roll_result()]
-    whole = html_files(results, "T-37", "", {}, {}, {}, {}, [mode_table(results[0])])
+    whole = html(results)
     monkeypatch.setattr("pom.report.page.MOST_PACKED", 0)
-    parts = html_files(results, "T-37", "", {}, {}, {}, {}, [mode_table(results[0])])
+    parts = html(results)
     ((name, script),) = [item for item in parts.items() if item[0] != "report.html"]
     packed = re.search(r'"([A-Za-z0-9+/=]+)";\n$', script)[1]
     assert list(whole) == ["report.html"]
@@ -161,7 +169,7 @@ def test_a_long_report_packs_each_case_into_a_file(monkeypatch, tmp_path):
     assert f'data-file="{name}"' in parts["report.html"]
     assert "'self'" in parts["report.html"]
     assert "'self'" not in whole["report.html"]  # which loads nothing
-    folder = pom.write_report(results, tmp_path / "report", title="T-37", paper=None).parent
+    folder = pom.write_report(results, tmp_path / "report", title="T-37", revision="A", paper=None).parent
     assert (folder / name).read_text(encoding="utf-8") == script
     assert {item.state for item in pom.verify(folder) if item.name == name} == {"same"}
     monkeypatch.undo()

@@ -13,9 +13,7 @@ import pom
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 import report_fixture as fixture
-
-from pom.judging.modal import mode_table
-from pom.report.page import html_files
+from report_pages import html
 
 CHROMIUM = shutil.which("chromium")
 pytestmark = [
@@ -395,7 +393,7 @@ def test_a_term_of_the_cause_leads_to_its_tables(page, address):
 def test_a_sweep_is_a_cross_plot_on_screen_and_paper(page, tmp_path):
     result = fixture.column_sweep_result()
     document = tmp_path / "report.html"
-    document.write_text(html_files([result], "T-37", "", {}, {}, {}, {}, [mode_table(result)])["report.html"], encoding="utf-8")
+    document.write_text(html([result])["report.html"], encoding="utf-8")
     page.goto(document.as_uri() + "#case-column_sweep")
     page.wait_for_selector("#case-column_sweep .crosses svg path.trace")
     lines = page.locator("#case-column_sweep .crosses path.trace")

@@ -10,14 +10,12 @@ import pom
 from flightmech.errors import UnknownName
 from pom.archive.merge_reports import joined
 from pom.archive.stated import unlike_the_log
-from pom.judging.modal import mode_table
 from pom.report.models.tuning import context
-from pom.report.pdf import document
 
 sys.path.insert(0, str(Path(__file__).parents[1]))  # for report_fixture
 sys.path.insert(0, str(Path(__file__).parent))  # for report_pages
 import report_fixture as fixture
-from report_pages import texts, write
+from report_pages import paper, texts, write
 from test_pdf import everything
 
 
@@ -49,8 +47,7 @@ def test_the_log_is_a_chapter_and_kept(tmp_path):
 def test_the_chapter_on_paper():
     results = [fixture.roll_result()]
     chapter = context({"final": fixture.tuning(results)}, results)
-    given = {"title": "T-37", "revision": "", "provenance": {}, "databases": {}, "diagnoses": {}, "attached": {}}
-    pdf = document.pdf_pages(results, modes=[mode_table(results[0])], paper="a4", tunings=chapter, **given)
+    pdf = paper(results, tunings=chapter)
     assert b"Tuning inside the standard errors" in everything(pdf)
 
 
