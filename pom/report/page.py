@@ -1,10 +1,13 @@
 """The HTML page of the report: one self-contained file that loads nothing from outside.
 
-In a long report each case is packed into a file of its own next to the page, which then stays small whatever their number.
+In a long report each case and chapter is packed into a file of its own next to the page, in a very long one the list of the cases
+too: the page stays below 3 MB whatever their number.
 """
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
 
 from markupsafe import Markup
@@ -25,8 +28,14 @@ _STATIC = {
     "uplot_js": "uplot/uPlot.iife.min.js",
 }
 _SCRIPT = ("basics", "parcels", "scales", "marks", "plots", "fraction", "paper", "fits", "pages")
-MOST_PACKED = 2_500_000  # characters of packed pages that ``report.html`` holds itself
+MOST_HELD = 2_500_000  # characters of packed pages and of lists that ``report.html`` holds itself
 PAGE, PAGES = "report.html", "pages"
+INDEX = f"{PAGES}/index.js"
+# a script, for a page from disk may load nothing else; it runs before that of the page, which finds everything in its place
+_INDEX = """document.querySelector("#matrix tbody").innerHTML = {rows};
+document.querySelector("#inputs").innerHTML = {inputs};
+document.querySelector("#overview").insertAdjacentHTML("afterend", {articles});
+"""
 
 
 def html_files(
@@ -38,13 +47,9 @@ def html_files(
     """
     pages = page_templates()
     common = {"title": title, "revision": revision, "origin": origin.page(provenance, results, databases), "count": len(results)}
+    table = overview.matrix([page.key for page in cases], results, [page.outcome for page in cases])
     common["models"] = database_comparison.page(databases, support, case.line_styles(databases)) if databases else None
-    more, files = {}, {}
-    entries = [{"key": page.key, "fail": page.fail, "brief": Markup(page.brief), "parcel": page.parcel, "file": ""} for page in cases]
-    if sum(len(page.parcel) for page in cases) > MOST_PACKED:
-        for entry in entries:
-            name = entry["file"] = f"{PAGES}/{entry['key']}.js"
-            files[name] = f'(window.parcels ??= {{}})["{name}"] = "{entry["parcel"]}";\n'
+    more = {}
     if databases:
         more["models"] = parcel({"page": pages.get_template("models.html").render(common)})
     if fits:
@@ -59,17 +64,42 @@ def html_files(
         found_styles = case.line_styles(list(dict.fromkeys(run for result in results for run in result.runs)))
         text = pages.get_template("tuning.html").render(common, tunings=tunings, note=tuning.NOTE, styles=found_styles)
         more["tuning"] = parcel({"page": text})
+    lists = {
+        "rows": pages.get_template("matrix_rows.html").render(matrix=table),
+        "inputs": pages.get_template("input_rows.html").render(common),
+    }
+    packed = {**{f"case-{page.key}": page.parcel for page in cases}, **more}
+
+    def articles(files: Mapping[str, str]) -> str:
+        held = {name: {"id": name, "file": files.get(name, ""), "parcel": text} for name, text in packed.items()}
+        entries = [held[f"case-{page.key}"] | {"key": page.key, "fail": page.fail, "brief": Markup(page.brief)} for page in cases]
+        return pages.get_template("articles.html").render(cases=entries, more=[held[name] for name in more])
+
+    files = {}
+    lists["articles"] = articles({})
+    if apart := _long(lists):
+        names = {name: f"{PAGES}/{name}.js" for name in packed}
+        files = {file: f'(window.parcels ??= {{}})["{file}"] = "{packed[name]}";\n' for name, file in names.items()}
+        lists["articles"] = articles(names)
+    if listed := _long(lists):
+        files[INDEX] = _INDEX.format(**{name: json.dumps(text, ensure_ascii=False) for name, text in lists.items()})
+        lists = dict.fromkeys(lists, "")
     text = pages.get_template("report.html").render(
         common,
-        matrix=overview.matrix([page.key for page in cases], results, [page.outcome for page in cases]),
+        matrix=table,
         coverage=overview.coverage(results, tolerance_rows()),
-        cases=entries,
-        more=more.items(),
-        apart=bool(files),
+        more=[{"id": name} for name in more],
+        apart=apart,
+        index=INDEX if listed else "",
         report_js=Markup("\n".join(_static(f"script/{name}.js") for name in _SCRIPT)),
+        **{name: Markup(item) for name, item in lists.items()},
         **{name: Markup(_static(file)) for name, file in _STATIC.items()},
     )
     return {PAGE: text, **files}
+
+
+def _long(lists: Mapping[str, str]) -> bool:
+    return sum(map(len, lists.values())) > MOST_HELD
 
 
 def _static(name: str) -> str:

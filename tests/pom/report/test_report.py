@@ -48,6 +48,9 @@ def test_equal_input_gives_equal_bytes(tmp_path):
     assert (tmp_path / "a/results.json").read_bytes() == (tmp_path / "b/results.json").read_bytes()
 
 
+HELD = 10_000  # more than a list of few cases has, less than their packed pages
+
+
 def test_every_verdict_of_the_page_is_the_one_in_json(report):
     html, document = report
     table = Table()
@@ -159,7 +162,7 @@ def test_reports_of_many_cases_leave_out_the_figures_for_readers_without_script(
 def test_a_long_report_packs_each_case_into_a_file(monkeypatch, tmp_path):
     results = [fixture.roll_result()]
     whole = html(results)
-    monkeypatch.setattr("pom.report.page.MOST_PACKED", 0)
+    monkeypatch.setattr("pom.report.page.MOST_HELD", HELD)
     parts = html(results)
     ((name, script),) = [item for item in parts.items() if item[0] != "report.html"]
     packed = re.search(r'"([A-Za-z0-9+/=]+)";\n$', script)[1]
@@ -175,6 +178,19 @@ def test_a_long_report_packs_each_case_into_a_file(monkeypatch, tmp_path):
     monkeypatch.undo()
     pom.write_report(results, folder, title="T-37", paper=None)
     assert not (folder / "pages").exists()
+
+
+def test_the_page_of_any_number_of_cases_stays_small(monkeypatch):
+    case = fixture.roll_result()
+    monkeypatch.setattr("pom.report.page.MOST_HELD", HELD)
+    long, longer = (len(html([case] * count)["report.html"]) for count in (1, 2))
+    monkeypatch.setattr("pom.report.page.MOST_HELD", 0)
+    small, many = html([case]), html([case] * 20)
+    assert longer > long + 500  # a case is listed in the page itself
+    assert len(many["report.html"]) - len(small["report.html"]) < 20  # counts have more digits
+    assert many["pages/index.js"].count('<article class=\\"page case\\"') == 20
+    assert "pages/index.js" in many["report.html"]
+    assert len(many["report.html"]) + HELD < 3_000_000
 
 
 def test_coverage_counts_entries_of_the_table(report):

@@ -70,12 +70,13 @@ def open_case(page, address, case=CASE):
     page.wait_for_timeout(200)
 
 
-@pytest.fixture(scope="module")
-def long_report(tmp_path_factory):
+@pytest.fixture(scope="module", params=[20_000, 0], ids=["cases apart", "list of the cases apart"])
+def long_report(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("long")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pom.report.page.MOST_PACKED", 0)
-        return pom.write_report(fixture.results(), folder, title="T-37 flight model", provenance=fixture.PROVENANCE, paper=None)
+        patch.setattr("pom.report.page.MOST_HELD", request.param)
+        given = {"title": "T-37 flight model", "provenance": fixture.PROVENANCE, "databases": fixture.databases()}
+        return pom.write_report(fixture.results(), folder, paper=None, **given)
 
 
 def test_a_long_report_loads_a_case_when_it_is_opened(chromium, long_report):
@@ -84,16 +85,22 @@ def test_a_long_report_loads_a_case_when_it_is_opened(chromium, long_report):
     page.on("console", lambda message: complaints.append(message.text))
     page.goto(long_report.as_uri())
     page.evaluate("report.unpacked")
-    assert asked == ["report.html"]
+    listed = [path.name for path in (long_report.parent / "pages").glob("index.js")]
+    assert asked == ["report.html", *listed]
+    assert page.locator("#matrix tbody tr").count() == page.locator("main > .case").count() == len(fixture.results())
+    assert page.locator("#inputs tr").count() > 1
     open_case(page, long_report.as_uri())
-    file = f"{CASE.removeprefix('#case-')}.js"
+    file = f"{CASE.removeprefix('#')}.js"
     assert file in asked
     assert page.locator(f"{CASE} .panel canvas").count() == 10
-    other = next(path for path in (long_report.parent / "pages").iterdir() if path.name != file)
+    page.goto(f"{long_report.as_uri()}#models")
+    page.locator("#models .body table").first.wait_for()
+    assert "models.js" in asked
+    other = next(path for path in (long_report.parent / "pages").glob("case-*.js") if path.name != file)
     kept = other.read_bytes()
     other.unlink()
-    page.goto(f"{long_report.as_uri()}#case-{other.stem}")
-    page.locator(f"#case-{other.stem} .body", has_text="results.json").wait_for()
+    page.goto(f"{long_report.as_uri()}#{other.stem}")
+    page.locator(f"#{other.stem} .body", has_text="results.json").wait_for()
     other.write_bytes(kept)
     assert any(f"pages/{other.name} is not next to report.html" in text for text in complaints)
     page.close()
