@@ -11,6 +11,8 @@ import xarray as xr
 from flightmech.errors import ParseError
 from flightmech.support.self_contained import demand_self_contained
 
+from ..records.plain_groups import plain_group
+
 
 @dataclass(frozen=True)
 class SavedPath:
@@ -37,6 +39,9 @@ def open_path(path: str | os.PathLike) -> SavedPath:
         Not a netCDF file, or one without states over time.
     """
     demand_self_contained(path)
+    plain = _plain(path)
+    if plain is not None:
+        return plain
     try:
         with xr.open_datatree(path, engine="h5netcdf", decode_timedelta=False) as tree:
             states = tree.children.get("states", tree).to_dataset(inherit=False).load()
@@ -48,6 +53,20 @@ def open_path(path: str | os.PathLike) -> SavedPath:
     if "time" not in states.dims:
         raise ParseError(str(path), 0, "no states over time", "a path as `aeromatch flight reconstruct -o` writes it")
     return SavedPath(states, errors)
+
+
+def _plain(path: str | os.PathLike) -> SavedPath | None:
+    """Return what a file of plain numbers holds; None of any other, which xarray reads or refuses."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            states = plain_group(file.get("states", file))
+            errors = plain_group(file["errors"]) if "errors" in file else None
+            whole = states is not None and "time" in states.dims and (errors is not None or "errors" not in file)
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+    return SavedPath(states, errors) if states is not None and whole else None
 
 
 def open_states(path: str | os.PathLike) -> xr.Dataset:

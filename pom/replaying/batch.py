@@ -98,7 +98,7 @@ def replay_all(
     plans = [plan_of(case, states) for case, states in zip(cases, flown(cases, paths or {}, KeptStates(kept, biases), jobs), strict=True)]
     _check(plans, models)
     store = Store(kept) if kept is not None else None
-    calls = ((plan, models.of(plan.case), timeout, store, evidence) for plan in plans)
+    calls = ((plan, models.of(plan.case), timeout, store, evidence) for plan in _let_go(plans))
     results = []
     for result in _on_cluster(calls, scheduler) if scheduler else _here(calls, jobs):
         results.append(result)
@@ -150,6 +150,13 @@ def _check(plans: Iterable[Plan], models: Models) -> None:
     if cases:
         problems = [f"{what} ({name}): {text}; case {', '.join(dict.fromkeys(found))}" for (what, name, text), found in cases.items()]
         raise SchemaError("replay", problems)
+
+
+def _let_go(plans: list[Plan]) -> Iterator[Plan]:
+    """Give the plans in their order and keep none: the result of a case takes the place of its states in memory."""
+    plans.reverse()
+    while plans:
+        yield plans.pop()
 
 
 def _here(calls: Iterable[tuple[Any, ...]], jobs: int) -> Iterator[PomResult]:

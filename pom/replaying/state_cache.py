@@ -8,11 +8,13 @@ from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
+import h5py
 import xarray as xr
 
 import flightmech
 import flighttest
 from flightmech.support.atomic_write import written_atomically
+from flighttest.records.plain_groups import plain_group
 
 from ..cases.case import PomCase
 from ..fmu.content_hashes import content_hash
@@ -39,7 +41,11 @@ class KeptStates:
     def read(self, case: PomCase) -> xr.Dataset | None:
         """Return the states of the record of a case; None when they are not kept."""
         file = self._file(case)
-        return xr.load_dataset(file, engine="h5netcdf") if file is not None and file.is_file() else None
+        if file is None or not file.is_file():
+            return None
+        with h5py.File(file, "r") as content:
+            states = plain_group(content)
+        return xr.load_dataset(file, engine="h5netcdf") if states is None else states
 
     def make(self, case: PomCase) -> xr.Dataset:
         """Reconstruct the record of a case and keep its states.

@@ -1,0 +1,72 @@
+"""Groups of plain numbers are read as xarray reads them; all others are left to it."""
+
+import h5py
+import numpy as np
+import pytest
+import xarray as xr
+
+from flighttest.dynamics import open_path
+from flighttest.records.plain_groups import plain_group
+
+TIME = np.arange(5) / 50.0
+
+
+def states():
+    data = {
+        "V": ("time", np.array([80.0, 81.0, np.nan, -0.0, 84.0]), {"units": "m s-1", "long_name": "true airspeed"}),
+        "alpha": ("time", np.linspace(0.0, 0.1, 5), {"units": "rad"}),
+        "theta": ("time", np.linspace(0.1, 0.2, 5), {"units": "rad", "limits": np.array([-1.0, 1.0]), "column": 3}),
+        "error.alpha": (("error", "time"), np.ones((2, 5), np.float32)),
+        "mass": ((), 2200.0),
+        "held": ("error", np.array([0, 1], np.int8)),
+        "unit": ("error", ["rad", "Pa"]),
+        "bare": ("axis", np.arange(3.0)),  # a dimension without a coordinate
+    }
+    return xr.Dataset(data, {"time": ("time", TIME, {"units": "s"}), "error": ["bias.q", "vane"]}, {"title": "a flight", "step": 0.02})
+
+
+def read(path, group="/"):
+    with h5py.File(path) as file:
+        return plain_group(file[group])
+
+
+def test_a_group_is_what_xarray_reads(tmp_path):
+    packed = {"V": {"zlib": True}}
+    states().to_netcdf(tmp_path / "path.nc", group="states", engine="h5netcdf", encoding=packed)
+    found, due = read(tmp_path / "path.nc", "states"), xr.load_dataset(tmp_path / "path.nc", group="states", engine="h5netcdf")
+    assert found.identical(due)
+    assert list(found.variables) == list(due.variables)
+    assert found["V"].values.tobytes() == due["V"].values.tobytes()
+    assert {name: item.dtype for name, item in found.variables.items()} == {name: item.dtype for name, item in due.variables.items()}
+    assert [type(x) for x in found["theta"].attrs.values()] == [type(x) for x in due["theta"].attrs.values()]
+    kept = open_path(tmp_path / "path.nc")
+    assert kept.states.identical(due)
+    assert kept.errors is None
+
+
+OTHERS = {
+    "scaled": (("time", TIME), {"scale_factor": 0.1, "dtype": "int16", "_FillValue": -1}),
+    "with a missing value": (("time", TIME), {"_FillValue": -9999.0}),
+    "dates": (("time", np.array(["2026-01-01"] * 5, "datetime64[ns]")), {}),
+    "durations": (("time", TIME, {"units": "seconds"}), {}),
+    "flags": (("time", TIME > 0.05), {}),
+}
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_what_needs_decoding_is_left_to_xarray(kind, tmp_path):
+    item, encoding = OTHERS[kind]
+    xr.Dataset({"V": ("time", TIME), "more": item}, {"time": TIME}).to_netcdf(
+        tmp_path / "path.nc", engine="h5netcdf", encoding={"more": encoding}
+    )
+    assert read(tmp_path / "path.nc") is None
+    due = xr.load_dataset(tmp_path / "path.nc", engine="h5netcdf", decode_timedelta=False)
+    assert open_path(tmp_path / "path.nc").states.identical(due)
+
+
+def test_a_scale_of_another_group_is_left_to_xarray(tmp_path):
+    xr.Dataset(coords={"time": TIME}).to_netcdf(tmp_path / "path.nc", engine="h5netcdf")
+    with h5py.File(tmp_path / "path.nc", "a") as file:
+        values = file.create_group("states").create_dataset("V", data=TIME)
+        values.dims[0].attach_scale(file["time"])
+    assert read(tmp_path / "path.nc", "states") is None
