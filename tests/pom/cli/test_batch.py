@@ -2,6 +2,7 @@
 
 import json
 
+import joblib
 import pytest
 from click.testing import CliRunner
 
@@ -50,3 +51,18 @@ def test_faulty_words_for_a_table_are_reported(run, toy):
     done = run("--model", f"a={toy()}", "--names", "names.toml")
     assert isinstance(done.exception, SchemaError)
     assert "'names.toml': write name=file.toml, such as simulator=names.toml" in str(done.exception)
+
+
+def test_jobs_share_out_the_report_too_and_change_no_byte(run, toy, tmp_path, monkeypatch):
+    monkeypatch.setattr("pom.report.case_parts.LEAST_SHARE", 1)
+    effective, asked = joblib.effective_n_jobs, []
+    monkeypatch.setattr(joblib, "effective_n_jobs", lambda jobs: asked.append(jobs) or effective(jobs))
+    reports = []
+    for jobs in (1, 2):
+        folder = tmp_path / f"report{jobs}"
+        done = run("--model", f"toy={toy()}", "-j", jobs, "-o", folder, "--date", "2026-11-21", "--title", "Toy", "--json")
+        assert done.exit_code == 0, done.output
+        reports.append({file.relative_to(folder).as_posix(): file.read_bytes() for file in folder.rglob("*") if file.is_file()})
+    assert {1, 2} <= set(asked)
+    assert {"report.html", "report.pdf", "results.nc", "csv/case_2.csv"} <= reports[0].keys()
+    assert reports[0] == reports[1]
