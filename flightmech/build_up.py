@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from .terms import variables
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _MOMENTS = ("Cl", "Cm", "Cn")
 FORCES = {"stability": ("CL", "CD", "CY"), "wind": ("CL", "CD", "CY"), "body": ("CX", "CY", "CZ")}

@@ -35,7 +35,6 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import xarray as xr
 
 from .errors import SchemaError, UnitError, UnknownName
 from .interpolation import Place, demand_inside, inside, multilinear, place
@@ -43,6 +42,7 @@ from .names import attrs, lookup
 from .units import parse
 
 if TYPE_CHECKING:
+    import xarray as xr
     from scipy.sparse import csr_array
 
 SOURCES = ("datcom", "flight", "judgement")
@@ -111,6 +111,8 @@ def make(
     SchemaError
         With all faults of the leaf.
     """
+    import xarray as xr
+
     coords = {name: np.asarray(points, float) for name, points in (axes or {}).items()}
     array = np.asarray(value, float)
     leaf = xr.Dataset({"value": (tuple(coords), array)}, coords=coords)
@@ -388,7 +390,7 @@ def _get(name: str, conditions: Mapping[str, Any]):
     if name not in conditions:
         raise UnknownName(name, map(str, conditions), "condition", "the term needs it; pass it with the conditions")
     item = conditions[name]
-    return item.values if isinstance(item, xr.DataArray) else item
+    return item.values if hasattr(item, "dims") else item  # of a DataArray or a variable of a Dataset
 
 
 def _values(name: str, conditions: Mapping[str, Any], shape: tuple[int, ...]) -> np.ndarray:

@@ -117,27 +117,36 @@ def build(
 @json_option
 def show(file: str, term: str | None, as_json: bool) -> None:
     """Show what a database holds, or the numbers of one term."""
+    from flightmech.errors import UnknownName
     from flightmech.terms import power
 
-    from ..store.files import open
-    from ..store.overview import describe, leaf_rows, summary
-    from ..store.schema import leaf_of
-    from ..update.posterior import without_posterior
+    from ..store.files import look
+    from ..store.overview import SHOWN, facts, leaf_rows, text_of
 
-    tree = open(file)
+    if term is not None and as_json:
+        _term_document(file, term)
+        return
+    attributes, leaves = look(file, *(SHOWN if term is None else ["value"]))
     if term is None:
-        document({"attributes": tree.attrs, "terms": describe(tree)}) if as_json else click.echo(summary(tree))
+        document({"attributes": attributes, "terms": facts(leaves)}) if as_json else click.echo(text_of(attributes, leaves))
         return
-    leaf = leaf_of(tree, term)
-    if as_json:
-        document({"term": term, **without_posterior(leaf).to_dict()})
-        return
+    if term not in leaves:
+        raise UnknownName(term, leaves, "term")
+    leaf = leaves[term]
     head, rows = leaf_rows(leaf)
     table(head, rows, title=term, right=head)
     texts = {key: leaf.attrs.get(key) for key in ("regressors", "decision", "reason", "comment", "references", "history")}
     for key, text in {"power": power(leaf), **texts}.items():
         if text:
             click.echo(f"{key}: {text}")
+
+
+def _term_document(file: str, term: str) -> None:
+    from ..store.files import open
+    from ..store.schema import leaf_of
+    from ..update.posterior import without_posterior
+
+    document({"term": term, **without_posterior(leaf_of(open(file), term)).to_dict()})
 
 
 @db.command()

@@ -14,16 +14,16 @@ def scheme(coefficient: str | None, as_json: bool) -> None:
     """Print the build-up of LR-743, equations (1) to (11): what each term is and where it can come from."""
     from flightmech.errors import UnknownName
 
-    from ..store.templates import scheme_table
+    from ..store.templates import scheme_texts
 
-    rows = scheme_table()
-    of = rows.index.str.split("/").str[0]
+    rows = scheme_texts()
     if coefficient is not None:
-        if coefficient not in of:
-            raise UnknownName(coefficient, dict.fromkeys(of), "coefficient")
-        rows = rows[of == coefficient]
+        known = dict.fromkeys(name.split("/")[0] for name in rows)
+        if coefficient not in known:
+            raise UnknownName(coefficient, known, "coefficient")
+        rows = {name: row for name, row in rows.items() if name.split("/")[0] == coefficient}
     if as_json:
-        document(rows)
+        document([{"term": name, **row} for name, row in rows.items()])
         return
     head = ["term", "K1", "axes", "times", "LR-743", "meaning", "from DATCOM", "identified (4.5)"]
-    table(head, [[str(name), *(text or "-" for text in row)] for name, row in zip(rows.index, rows.itertuples(index=False))])
+    table(head, [[name, *(text or "-" for text in row.values())] for name, row in rows.items()])

@@ -9,18 +9,22 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import h5py
-import xarray as xr
 
 from flightmech.errors import ParseError, SchemaError
 from flightmech.names import COEFFICIENTS
 from flightmech.support.atomic_write import written_atomically
 from flightmech.support.file_kinds import file_kind
 
-from .netcdf import faults, image, read
-from .schema import CHECKS, check
+from .netcdf import Leaf, faults, image, read, read_leaves
+from .schema import CHECKS, GROUPS, check, terms
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _SEAL = b"\nsha256 of the bytes above: %s\n"
 _END_AT = {0: 40, 1: 44, 2: 28, 3: 28}  # byte of the superblock, by its version, with addresses of eight bytes
@@ -70,11 +74,7 @@ def open(path: str | os.PathLike) -> xr.DataTree:
         A netCDF file that is not a database, or one with faults; all of them.
     """
     path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: no such file; `aeromatch db build` writes a database")
-    if not path.is_file() or not h5py.is_hdf5(path):
-        raise ParseError(str(path), 0, f"no netCDF-4 (HDF5) signature: {file_kind(path)}", "a database, as `aeromatch db build` writes it")
-    digest = _unbroken(path)
+    digest, _ = _unbroken(path)
     _demand_database(path)
     try:
         db, problems = read(path)
@@ -88,6 +88,23 @@ def open(path: str | os.PathLike) -> xr.DataTree:
         raise SchemaError(str(path), list(dict.fromkeys(problems)))
     _known[_key(path)] = digest
     return db
+
+
+def look(path: str | os.PathLike, *variables: str) -> tuple[Mapping, Mapping[str, xr.Dataset | Leaf]]:
+    """Return the root attributes and the terms of a database for a look at it, errors as `open`.
+
+    The seal stands for the checks that the file passed when it was saved: of a sealed file the given variables of each term are read,
+    with the breakpoints of their axes, and no Dataset is made.  A file of another program, or one with faults, is opened.
+    """
+    path = Path(path)
+    _, sealed = _unbroken(path)
+    _demand_database(path)
+    leaves, problems = read_leaves(path, variables, GROUPS) if sealed else ({}, [])
+    if problems or not sealed:
+        db = open(path)
+        return db.attrs, terms(db)
+    root = leaves.pop("/")
+    return root.attrs, {place.strip("/"): leaf for place, leaf in leaves.items() if leaf}
 
 
 _known: dict[str, bytes] = {}  # file -> digest of what this process read or wrote there last
@@ -136,8 +153,13 @@ def _sealed(content: bytes) -> bytes:
     return content + _SEAL % hashlib.sha256(content).hexdigest().encode()
 
 
-def _unbroken(path: Path) -> bytes:
-    """Return the digest of a file; what stands behind the HDF5 content must be the seal, or nothing: a file of another program."""
+def _unbroken(path: Path) -> tuple[bytes, bool]:
+    """Return the digest of a file and whether it is sealed; what stands behind the HDF5 content must be the seal, or nothing: a file of
+    another program."""
+    if not path.exists():
+        raise FileNotFoundError(f"{path}: no such file; `aeromatch db build` writes a database")
+    if not path.is_file() or not h5py.is_hdf5(path):
+        raise ParseError(str(path), 0, f"no netCDF-4 (HDF5) signature: {file_kind(path)}", "a database, as `aeromatch db build` writes it")
     size, digest = path.stat().st_size, hashlib.sha256()
     with path.open("rb") as file:
         end = _end_of_content(file.read(_ENDS + 8))
@@ -148,7 +170,7 @@ def _unbroken(path: Path) -> bytes:
     if size != end and rest != seal:
         raise ParseError(str(path), 0, "a damaged file (its SHA-256 is not that of its seal)", "a database; build or copy it again")
     digest.update(rest)
-    return digest.digest()
+    return digest.digest(), rest == seal
 
 
 def _end_of_content(head: bytes) -> int:

@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import io
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
-import xarray as xr
 
 from flightmech.errors import SchemaError
 from flightmech.support.self_contained import MOST_GROUPS
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _DEPTH = 20  # groups inside each other
 LARGEST = 2**27  # bytes of one table, far above any aero table; a damaged or hostile size is refused before memory is allocated
@@ -95,6 +98,23 @@ def _write(node: xr.DataTree, group: h5py.Group, scales: dict[str, h5py.Dataset]
         _write(child, group.create_group(str(name), track_order=True), scales, numbers)
 
 
+@dataclass(frozen=True)
+class Variable:
+    """A variable as it stands in a file: names of its dimensions, numbers, attributes."""
+
+    dims: tuple[str, ...]
+    values: np.ndarray
+    attrs: dict[str, str | int | float]
+
+
+class Leaf(dict[str, Variable]):
+    """A group as it stands in a file: its variables by name and its attributes; what reads a Dataset this way, can read a leaf too."""
+
+    def __init__(self, variables: Mapping[str, Variable], attrs: dict[str, str | int | float]) -> None:
+        super().__init__(variables)
+        self.attrs = attrs
+
+
 def read(path: Path) -> tuple[xr.DataTree, list[str]]:
     """Return the tree of a file, and what of the file is no part of a database.
 
@@ -105,18 +125,50 @@ def read(path: Path) -> tuple[xr.DataTree, list[str]]:
     Exception
         Of any kind that HDF5 finds for a damaged file.
     """
+    import xarray as xr
+
+    reader = _walked(path)
+    nodes = {}
+    for place, leaf in reader.leaves.items():
+        further = str(leaf.attrs.pop(_COORDINATES, "")).split()
+        # plain arrays need no conversion; without `fastpath` xarray imports dask, where that is installed, to look for its arrays
+        variables = {name: xr.Variable(item.dims, item.values, item.attrs, fastpath=True) for name, item in leaf.items()}
+        nodes[place] = xr.Dataset()
+        try:
+            nodes[place] = xr.Dataset(variables, attrs=leaf.attrs).set_coords([name for name in further if name in variables])
+        except ValueError as error:  # lengths along one dimension differ
+            reader.problems.append(f"{_place(place)}: {error}")
+    return xr.DataTree.from_dict(nodes), reader.problems
+
+
+def read_leaves(path: Path, variables: Collection[str], without: Collection[str]) -> tuple[dict[str, Leaf], list[str]]:
+    """Return the groups of a file by their paths, without what an overview does not need, and what of them is no part of a database.
+
+    Parameters
+    ----------
+    variables : collection of str
+        Variables to read, with the breakpoints of their axes.
+    without : collection of str
+        Groups at the root that are left out.
+    """
+    reader = _walked(path, variables, without)
+    return reader.leaves, reader.problems
+
+
+def _walked(path: Path, variables: Collection[str] | None = None, without: Collection[str] = ()) -> _Reader:
+    reader = _Reader(variables, without)
     with h5py.File(path, "r", locking=False) as file:  # files are replaced, never changed in place
-        reader = _Reader()
         reader.group(file, "/", {})
-    return xr.DataTree.from_dict(reader.nodes), reader.problems
+    return reader
 
 
 class _Reader:
     """Walks through a file; whatever is no part of a tree of tables becomes a problem with its place."""
 
-    def __init__(self) -> None:
-        self.nodes: dict[str, xr.Dataset] = {}
+    def __init__(self, variables: Collection[str] | None, without: Collection[str]) -> None:
+        self.leaves: dict[str, Leaf] = {}
         self.problems: list[str] = []
+        self._variables, self._without = variables, without
         self._seen: set[int] = set()
 
     def group(self, group: h5py.Group, path: str, axes: Mapping[int, str]) -> None:
@@ -125,10 +177,11 @@ class _Reader:
             raise SchemaError(
                 "database", [f"groups inside each other more than {_DEPTH} deep, {path[:40]!r} ...; a term stands two levels down"]
             )
-        self.nodes[path] = xr.Dataset()  # parents first
         self._seen.add(_address(group))
         tables, below = {}, []
         for name in _names(group):
+            if path == "/" and name in self._without:
+                continue
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 self.problems.append(f"{_place(path, name)} is a link to another place; a database holds its tables itself")
                 continue
@@ -146,19 +199,19 @@ class _Reader:
             else:
                 self.problems.append(f"{_place(path, name)} is a named type of HDF5; a database holds tables")
         axes = {**axes, **{_address(item): name for name, item in tables.items() if item.is_scale}}
-        tables = {name: item for name, item in tables.items() if not (item.is_scale and _is_bare(item))}
+        tables = {name: item for name, item in tables.items() if self._is_wanted(name, item)}
         read = {name: self._variable(item, name, _place(path, name), axes) for name, item in tables.items()}
-        attributes = self._attributes(group, _place(path))
-        further = str(attributes.pop(_COORDINATES, "")).split()
-        try:
-            leaf = xr.Dataset({name: variable for name, variable in read.items() if variable is not None}, attrs=attributes)
-            self.nodes[path] = leaf.set_coords([name for name in further if name in leaf])
-        except ValueError as error:  # lengths along one dimension differ
-            self.problems.append(f"{_place(path)}: {error}")
+        found = {name: variable for name, variable in read.items() if variable is not None}
+        self.leaves[path] = Leaf(found, self._attributes(group, _place(path)))
         for name, item in below:
             self.group(item, f"{path.rstrip('/')}/{name}", axes)
 
-    def _variable(self, item: h5py.Dataset, name: str, place: str, axes: Mapping[int, str]) -> xr.Variable | None:
+    def _is_wanted(self, name: str, item: h5py.Dataset) -> bool:
+        if item.is_scale:
+            return not _is_bare(item)
+        return self._variables is None or name in self._variables
+
+    def _variable(self, item: h5py.Dataset, name: str, place: str, axes: Mapping[int, str]) -> Variable | None:
         before = len(self.problems)
         if item.dtype.kind not in _NUMBERS:
             self.problems.append(f"{place} holds {'objects or texts' if item.dtype.kind == 'O' else item.dtype}; tables hold numbers")
@@ -180,8 +233,7 @@ class _Reader:
         if len(self.problems) > before:
             return None
         numbers = item[()]
-        # a plain array needs no conversion; without `fastpath` xarray imports dask, where that is installed, to look for its arrays
-        return xr.Variable(tuple(dims), np.asarray(numbers, numbers.dtype.newbyteorder("=")), attributes, fastpath=True)
+        return Variable(tuple(dims), np.asarray(numbers, numbers.dtype.newbyteorder("=")), attributes)
 
     def _attributes(self, owner: h5py.Group | h5py.Dataset, place: str) -> dict[str, str | int | float]:
         found = {}

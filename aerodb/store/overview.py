@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.names import lookup
 from flightmech.units import from_si
 
+from .netcdf import Leaf
 from .schema import terms
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 _FEW = 12  # absent terms that are listed one by one
+SHOWN = ("value", "K1", "K2", "stderr", "source")  # variables of a term that an overview needs
 HEAD = ("term", "axes", "times", "values", "stderr", "source")
 
 
@@ -27,20 +32,29 @@ def describe(db: xr.DataTree) -> list[dict[str, Any]]:
         empty), ``value`` and ``stderr`` (smallest and
         largest, or None), ``source`` (name to share of the nodes).
     """
-    return [_facts(name, leaf) for name, leaf in terms(db).items()]
+    return facts(terms(db))
+
+
+def facts(leaves: Mapping[str, xr.Dataset | Leaf]) -> list[dict[str, Any]]:
+    """Return the rows of `describe` of terms by name, also as they stand in a file."""
+    return [_facts(name, leaf) for name, leaf in leaves.items()]
 
 
 def summary(db: xr.DataTree) -> str:
     """Return a table of the terms as text: axes with ranges (angles in degrees), regressors, values, standard errors, source."""
-    rows = [_texts(row) for row in describe(db)]
+    return text_of(db.attrs, terms(db))
+
+
+def text_of(attributes: Mapping, leaves: Mapping[str, xr.Dataset | Leaf]) -> str:
+    """Return the text of `summary` from root attributes and terms by name, also as they stand in a file."""
+    rows = [_texts(row) for row in facts(leaves)]
     widths = [max(len(line[i]) for line in [HEAD, *rows]) for i in range(len(HEAD))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in [HEAD, *rows]]
-    return "\n".join([*heading(db), "", *lines])
+    return "\n".join([*heading(attributes), "", *lines])
 
 
-def heading(db: xr.DataTree) -> list[str]:
-    """Return the lines about the whole database: title, reference quantities, axes, absent terms."""
-    a = db.attrs
+def heading(a: Mapping) -> list[str]:
+    """Return the lines about the whole database from its root attributes: title, reference quantities, axes, absent terms."""
     point = ", ".join(f"{a[key]:.4f}" for key in ("x_ref", "y_ref", "z_ref"))
     return [
         str(a["title"]),
@@ -64,24 +78,24 @@ def _absent(names: list[str]) -> str:
     return "; ".join(f"{coefficients}: {' '.join(words)}" for coefficients, words in groups.items())
 
 
-def _facts(name: str, leaf: xr.Dataset) -> dict[str, Any]:
-    axes = [leaf[key][str(axis)] for key in ("value", "K1", "K2") if key in leaf for axis in leaf[key].dims]
+def _facts(name: str, leaf: xr.Dataset | Leaf) -> dict[str, Any]:
+    axes = [(str(axis), leaf[str(axis)].values) for key in ("value", "K1", "K2") if key in leaf for axis in leaf[key].dims]
     return {
         "term": name,
-        "axes": [{"name": str(p.name), "points": p.values.astype(float).tolist(), "units": lookup(str(p.name)).units} for p in axes],
+        "axes": [{"name": axis, "points": points.astype(float).tolist(), "units": lookup(axis).units} for axis, points in axes],
         "regressors": list(_terms.regressors(leaf)),
         "power": str(_terms.power(leaf) or ""),
-        "value": _ends(leaf["value"]),
-        "stderr": _ends(leaf["stderr"]) if "stderr" in leaf else None,
+        "value": _ends(leaf["value"].values),
+        "stderr": _ends(leaf["stderr"].values) if "stderr" in leaf else None,
         "source": _shares(leaf),
     }
 
 
-def _ends(table: xr.DataArray) -> list[float]:
-    return [float(table.values.min()), float(table.values.max())]
+def _ends(table: np.ndarray) -> list[float]:
+    return [float(table.min()), float(table.max())]
 
 
-def _shares(leaf: xr.Dataset) -> dict[str, float]:
+def _shares(leaf: xr.Dataset | Leaf) -> dict[str, float]:
     if "source" not in leaf:
         return {}
     codes, counts = np.unique(leaf["source"].values, return_counts=True)
@@ -112,17 +126,17 @@ def _span(ends: list[float]) -> str:
     return f"{low:.4g}" if low == high else f"{low:.4g} ... {high:.4g}"
 
 
-def leaf_rows(leaf: xr.Dataset) -> tuple[list[str], list[tuple[str, ...]]]:
+def leaf_rows(leaf: xr.Dataset | Leaf) -> tuple[list[str], list[tuple[str, ...]]]:
     """Return one term as a table of texts: a row per node of all axes but the last, whose breakpoints head the columns."""
-    value = leaf["value"]
-    if not value.ndim:
-        return ["value"], [(f"{float(value):.6g}",)]
-    *rows_over, across = (str(axis) for axis in value.dims)
-    head = [_label(axis) for axis in rows_over] + [f"{across} {_show(across, x)}" for x in value[across].values]
+    values = leaf["value"].values
+    if not values.ndim:
+        return ["value"], [(f"{float(values):.6g}",)]
+    *rows_over, across = (str(axis) for axis in leaf["value"].dims)
+    head = [_label(axis) for axis in rows_over] + [f"{across} {_show(across, x)}" for x in leaf[across].values]
     rows = []
-    for node in np.ndindex(*(value.sizes[axis] for axis in rows_over)):
-        place = tuple(_show(axis, value[axis].values[i]) for axis, i in zip(rows_over, node))
-        rows.append(place + tuple(f"{x:.5g}" for x in np.atleast_1d(value.values[node])))
+    for node in np.ndindex(values.shape[:-1]):
+        place = tuple(_show(axis, leaf[axis].values[i]) for axis, i in zip(rows_over, node))
+        rows.append(place + tuple(f"{x:.5g}" for x in np.atleast_1d(values[node])))
     return head, rows
 
 

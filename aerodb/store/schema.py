@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.build_up import levels
 from flightmech.errors import SchemaError, UnknownName
 
 from .templates import HINGE, lr743
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 FORCE_AXES = {
     "stability": ("CL", "CD", "CY", "Cl", "Cm", "Cn"),
@@ -52,6 +55,8 @@ def database(leaves: Mapping[str, xr.Dataset], **attributes: str | float) -> xr.
     SchemaError
         With all faults.
     """
+    import xarray as xr
+
     tree = xr.DataTree.from_dict({"/": xr.Dataset(attrs=attributes), **{f"/{name}": leaf for name, leaf in leaves.items()}})
     require(tree)
     return tree

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from flightmech import terms as _terms
 from flightmech.errors import SchemaError, UnknownName
@@ -21,6 +20,7 @@ from .scheme_rows import HINGES, LATERAL, LONGITUDINAL, Row
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
 HINGE = tuple(HINGES)  # hinge moments of elevator, ailerons, rudder: coefficients with any force axes
 _COEFFICIENTS = ("CL", "CD", "Cm", "CY", "Cl", "Cn")
@@ -84,7 +84,12 @@ def scheme_table() -> pd.DataFrame:
     """Return the scheme as a DataFrame: a row per term, the fields of `Slot` as columns, lists as words."""
     import pandas as pd
 
-    rows = {
+    return pd.DataFrame.from_dict(scheme_texts(), orient="index").rename_axis("term")
+
+
+def scheme_texts() -> dict[str, dict[str, str]]:
+    """Return the rows of `scheme_table` by term."""
+    return {
         name: {
             "K1": slot.K1,
             "axes": " ".join(slot.axes),
@@ -96,7 +101,6 @@ def scheme_table() -> pd.DataFrame:
         }
         for name, slot in lr743().items()
     }
-    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("term")
 
 
 def make(
@@ -154,6 +158,8 @@ def make(
     words = [word for word in slot.regressors if word not in axes or word in slot.axes]
     if slot.K1 in _CAUSES and not given and slot.K1 not in axes:
         words.append(slot.K1)
+    import xarray as xr
+
     factors = {axis: xr.DataArray(np.asarray(pair[1], float), {axis: np.asarray(pair[0], float)}, axis) for axis, pair in given.items()}
     filled = np.broadcast_to(array, shape).copy()
     leaf = _terms.make(filled, axes, words, K1=factors.get(slot.K1), power=power, stderr=stderr, source=source)

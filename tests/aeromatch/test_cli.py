@@ -7,6 +7,9 @@ import warnings
 
 import pytest
 
+import aerodb
+from flightmech import terms
+
 HEAVY = {"numpy", "scipy", "pandas", "xarray", "fmpy", "pydantic", "rich", "h5py"}
 
 
@@ -31,6 +34,18 @@ def test_help_imports_nothing_heavy():
 @pytest.mark.parametrize("group", ["datcom", "db", "flight", "fmu", "pom"])
 def test_group_help_imports_nothing_heavy(group):
     assert not modules_after(group, "--help") & HEAVY
+
+
+@pytest.mark.parametrize("options", [(), ("--json",), ("--term", "CL/basic")])
+def test_a_look_at_a_database_makes_no_dataset(tmp_path, options):
+    about = {"title": "one term", "aircraft": "test", "S": 16.9, "cbar": 1.667, "b": 10.31, "x_ref": -3.0, "y_ref": 0.0, "z_ref": 0.0}
+    leaf = terms.make([0.1, 0.9], {"alpha": [0.0, 0.2]}, source="datcom")
+    aerodb.save(aerodb.database({"CL/basic": leaf}, **about, force_axes="stability"), tmp_path / "db.nc")
+    assert not modules_after("db", "show", str(tmp_path / "db.nc"), *options) & {"xarray", "pandas", "scipy"}
+
+
+def test_the_scheme_is_printed_without_pandas():
+    assert not modules_after("db", "scheme") & {"xarray", "pandas", "scipy"}
 
 
 def test_unknown_command_names_the_near_one():

@@ -1,11 +1,14 @@
+import hashlib
 import json
+from pathlib import Path
 
+import h5py
 import pytest
 from click.testing import CliRunner
 
 import aerodb
 from aerodb.cli.group import db
-from flightmech.errors import ParseError, UnknownName
+from flightmech.errors import ParseError, SchemaError, UnknownName
 
 
 @pytest.fixture
@@ -37,6 +40,26 @@ def test_show_as_json(file):
     assert mach == {"name": "mach", "points": [0.2, 0.4], "units": "1"}
     assert (alpha["units"], len(alpha["points"])) == ("rad", 4)
     assert found["terms"][0]["source"] == {"datcom": 1.0}
+
+
+@pytest.mark.parametrize("options", [(), ("--json",), *(("--term", name) for name in ("CL/basic", "CL/qhat", "CL/flap", "Cm/qhat"))])
+def test_show_prints_what_the_whole_reading_prints(file, options, tmp_path):
+    """Without its seal a file is one of another program, which is read and checked whole."""
+    content = Path(file).read_bytes()
+    (tmp_path / "unsealed.nc").write_bytes(content[: content.rindex(b"\nsha256 of the bytes above")])
+    assert run("show", file, *options).stdout == run("show", str(tmp_path / "unsealed.nc"), *options).stdout
+
+
+def test_show_states_the_faults_of_a_sealed_file(file):
+    """Sealed by hand: content that `save` refuses."""
+    content = Path(file).read_bytes()
+    Path(file).write_bytes(content[: content.rindex(b"\nsha256 of the bytes above")])
+    with h5py.File(file, "a") as changed:
+        changed["CL/flap/value"].attrs["scale_factor"] = 2.0
+    content = Path(file).read_bytes()
+    Path(file).write_bytes(content + b"\nsha256 of the bytes above: %s\n" % hashlib.sha256(content).hexdigest().encode())
+    with pytest.raises(SchemaError, match="CL/flap/value is packed"):
+        run("show", file)
 
 
 def test_show_one_term_with_its_numbers(file):
