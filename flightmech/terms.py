@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -53,6 +53,12 @@ MAX_REGRESSORS = 2
 MAX_EXPONENT = 10
 _TABLES = ("value", "K1", "K2")
 _NUMBER = int | float | np.integer | np.floating
+
+
+class _Marked(Protocol):
+    """A Dataset, or a leaf as it stands in a file: what its attributes say is read of either."""
+
+    attrs: dict
 
 
 class Power(NamedTuple):
@@ -135,12 +141,12 @@ def make(
     return leaf
 
 
-def regressors(leaf: xr.Dataset) -> tuple[str, ...]:
+def regressors(leaf: _Marked) -> tuple[str, ...]:
     """Return the regressors of a leaf, in order."""
     return tuple(str(leaf.attrs.get("regressors", "")).split())
 
 
-def power(leaf: xr.Dataset) -> Power | None:
+def power(leaf: _Marked) -> Power | None:
     """Return the power factor of a leaf, or None."""
     if not leaf.attrs.get("power"):
         return None
